@@ -155,9 +155,9 @@ fn encode(
     let tag = Tag::Unknown;
     let mut encoder = TiffEncoder::new(writer)?;
     let mut exif = encoder.extra_directory()?;
-    exif.write_tag(tag(33_434), Rationals(fractions(&[image.exposure_s])))?;
+    exif.write_tag(tag(EXPOSURE_TIME), Rationals(fractions(&[image.exposure_s])))?;
     // Base gain is called ISO 100: a name, not a measured sensitivity.
-    exif.write_tag(tag(34_855), (100.0 * image.gain).round().clamp(1.0, 65_535.0) as u16)?;
+    exif.write_tag(tag(ISO), (100.0 * image.gain).round().clamp(1.0, 65_535.0) as u16)?;
     let exif = exif.finish_with_offsets()?;
 
     let (width, height) = (image.width as u32, image.height as u32);
@@ -223,7 +223,7 @@ pub(super) fn is_dng(bytes: &[u8]) -> bool {
 /// `read_noise_dn`) is 0. A description beside it wins over its tags.
 pub(super) fn read_dng(path: &Path) -> Result<Loaded<SensorImage>, FormatError> {
     let bytes = read_file(path, MAX_IMAGE_BYTES)?;
-    let (inner, data) = read_dng_description(path, &bytes)?;
+    let DngFrame { description: inner, data, .. } = read_dng_description(path, &bytes)?;
     let (width, height) = (inner.width as usize, inner.height as usize);
     let description = match sidecar_path(path).exists() {
         true => read_sidecar(path, &FileFormat::RAW_FRAME)?,
@@ -233,10 +233,21 @@ pub(super) fn read_dng(path: &Path) -> Result<Loaded<SensorImage>, FormatError> 
 }
 
 /// What a DNG tells of itself, and its pixels.
-pub(super) fn read_dng_description(
-    path: &Path,
-    bytes: &[u8],
-) -> Result<(Description, Vec<u16>), FormatError> {
+pub(super) struct DngFrame {
+    pub(super) description: Description,
+    pub(super) data: Vec<u16>,
+    pub(super) told: Told,
+}
+
+/// Which values the tags of a DNG tell; the others are those that the format has without them.
+pub(super) struct Told {
+    pub(super) black_level: bool,
+    pub(super) white_level: bool,
+    pub(super) gain: bool,
+}
+
+/// Reads a DNG without what may be described beside it.
+pub(super) fn read_dng_description(path: &Path, bytes: &[u8]) -> Result<DngFrame, FormatError> {
     let damaged = |what: &str| FormatError::malformed(path, what, "Was it copied completely?");
     let tiff = TiffBytes::new(bytes).ok_or_else(|| damaged("this does not begin as a DNG does"))?;
     let directories = tiff.directories();
@@ -260,11 +271,12 @@ pub(super) fn read_dng_description(
             );
             return Err(FormatError::malformed(path, what, "Was it changed by another program?"));
         }
-        return Ok((description, pixels.data));
+        let told = Told { black_level: true, white_level: true, gain: true };
+        return Ok(DngFrame { description, data: pixels.data, told });
     }
     let label = path.file_stem().map_or_else(|| "raw".into(), |s| s.to_string_lossy().into_owned());
-    let description = from_tags(path, &tiff, first, raw, &pixels, label)?;
-    Ok((description, pixels.data))
+    let (description, told) = from_tags(path, &tiff, first, raw, &pixels, label)?;
+    Ok(DngFrame { description, data: pixels.data, told })
 }
 
 /// The largest directory with a mosaic or with linear channels: previews are smaller.
@@ -290,15 +302,22 @@ fn from_tags(
     raw: &Directory<'_>,
     pixels: &DngPixels,
     label: String,
-) -> Result<Description, FormatError> {
-    let bits = raw.first(258).unwrap_or(16).clamp(1, 16) as u8;
-    let most = ((1u32 << bits) - 1) as u16;
-    let white_level = raw.first(50_717).unwrap_or(u64::from(most)).clamp(1, 65_535) as u16;
+) -> Result<(Description, Told), FormatError> {
+    let stored_bits = raw.first(258).unwrap_or(16).clamp(1, 16) as u8;
+    let white_tag = raw.first(50_717).map(|white| white.clamp(1, 65_535) as u16);
+    let white_level = white_tag.unwrap_or(((1u32 << stored_bits) - 1) as u16);
+    // Many cameras store 12 bits in 16; a table that linearizes makes larger numbers than the stored ones
+    let is_linearized = raw.data(50_712).is_some();
+    let most_bits = if is_linearized { 16 } else { stored_bits };
+    let bits = white_tag.map_or(stored_bits, |white| bits_of(white).min(most_bits));
     let black_level = pixels.black_level;
-    let exif = first.first(34_665).and_then(|offset| tiff.directory(offset));
-    let exif_number = |tag: u16| exif.as_ref().and_then(|exif| exif.numbers(tag).first().copied());
-    let exposure_s = exif_number(33_434).filter(|v| v.is_finite()).unwrap_or(0.0);
-    let gain = exif_number(34_855).filter(|iso| *iso > 0.0).map_or(1.0, |iso| iso / 100.0);
+    let exposure_s = camera_number(tiff, &[raw, first], EXPOSURE_TIME).unwrap_or(0.0);
+    let gain = camera_number(tiff, &[raw, first], ISO).map(|iso| iso / 100.0);
+    let told = Told {
+        black_level: raw.data(50_714).is_some(),
+        white_level: white_tag.is_some(),
+        gain: gain.is_some(),
+    };
     let range = f64::from(white_level) - black_level;
     let profile = [raw, first].map(|d| d.numbers(51_041)).into_iter().find(|p| p.len() >= 2);
     let noise = |index: usize| profile.as_ref().map_or(0.0, |p| p[index]).max(0.0);
@@ -316,15 +335,36 @@ fn from_tags(
         };
         (rows, Samples::Developed)
     };
-    Ok(Description::of_camera(
+    let description = Description::of_camera(
         label,
         [pixels.width, pixels.height],
         mosaic,
         samples,
-        [black_level, exposure_s, gain, noise(0) * range, noise(1).sqrt() * range],
+        [black_level, exposure_s, gain.unwrap_or(1.0), noise(0) * range, noise(1).sqrt() * range],
         white_level,
         bits,
-    ))
+    );
+    Ok((description, told))
+}
+
+/// Exposure time, s, and sensitivity (ISO 12232).
+pub(super) const EXPOSURE_TIME: u16 = 33_434;
+pub(super) const ISO: u16 = 34_855;
+
+/// A number above 0 that a camera tells of its frame: in the Exif directory that one of the directories points to, as most do, else
+/// among their own tags, as TIFF/EP (ISO 12234-2) has it.
+pub(super) fn camera_number(tiff: &TiffBytes<'_>, directories: &[&Directory<'_>], tag: u16) -> Option<f64> {
+    let number = |directory: &Directory<'_>| {
+        let value = directory.numbers(tag).first().copied();
+        value.filter(|value| value.is_finite() && *value > 0.0)
+    };
+    let in_exif = directories.iter().find_map(|d| number(&tiff.directory(d.first(34_665)?)?));
+    in_exif.or_else(|| directories.iter().find_map(|d| number(d)))
+}
+
+/// The fewest bits that hold a number.
+pub(super) fn bits_of(value: u16) -> u8 {
+    (u16::BITS - value.leading_zeros()).max(1) as u8
 }
 
 /// Names of the channels of color frames.

@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::FormatError;
-use super::dng::{is_dng, read_dng_description};
+use super::dng::{DngFrame, EXPOSURE_TIME, ISO, Told, bits_of, camera_number, is_dng, read_dng_description};
 use super::file::{MAX_IMAGE_BYTES, read_file, sidecar_path, write_sidecar};
 use super::input::open_plain;
 use super::raw::{Description, Samples, read_frame_png};
@@ -83,6 +83,8 @@ pub struct FrameDescription {
     description: Description,
     /// Its values.
     pub facts: Vec<FrameFact>,
+    /// What of it is doubtful.
+    pub warnings: Vec<String>,
 }
 
 impl FrameDescription {
@@ -133,8 +135,8 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
     } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
         let bytes = read_file(path, MAX_IMAGE_BYTES)?;
         if is_dng(&bytes) {
-            let (description, data) = read_dng_description(path, &bytes)?;
-            (facts.of_dng(description), data)
+            let DngFrame { description, data, told } = read_dng_description(path, &bytes)?;
+            (facts.of_dng(description, &told), data)
         } else {
             let (file, length) = open_plain(path)?;
             let pixels = read_tiff_pixels(path, file, length)?;
@@ -151,10 +153,46 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
     };
     facts.of_levels(&mut description);
     facts.warn_of_mosaic(&description, &data);
-    let found = FrameDescription { frame: path.into(), description, facts: facts.list };
+    let is_assumed = |fact: &FrameFact| fact.key == "black_level" && fact.source == FactSource::Assumed;
+    let doubt = facts.list.iter().any(is_assumed).then(|| {
+        let doubt = black_level_doubt(&data, description.black_level, description.white_level)?;
+        Some(format!("{doubt}. Give --black-level, the mean of a frame with the cap on the lens"))
+    });
+    let warnings = doubt.flatten().into_iter().collect();
+    let found = FrameDescription { frame: path.into(), description, facts: facts.list, warnings };
     // What the reader would refuse is refused here.
     super::raw::image_of_parts(path, data, &found.description)?;
     Ok(found)
+}
+
+/// The largest number of some bits.
+fn largest_of(bits: u8) -> f64 {
+    f64::from(((1u32 << bits.clamp(1, 16)) - 1) as u16)
+}
+
+/// What to do about a black level that is assumed.
+const OTHER_BLACK_LEVEL: &str =
+    "--black-level gives another; dark frames given to `analyze --dark` replace it";
+
+/// Share of the darkest pixels, which may be defect, that tell nothing of a black level.
+const DEFECT_SHARE: f64 = 1e-3;
+/// Part of the range that the darkest pixels lie above a black level of 0 where there is one: sensors have 1.5 % (64 of 4095) and more.
+const DOUBTFUL_PART: f64 = 0.01;
+
+/// Why a black level of 0 can hardly be that of a frame, if so: even its darkest pixels lie far above.
+#[must_use]
+pub fn black_level_doubt(data: &[u16], black_level: f64, white_level: u16) -> Option<String> {
+    if black_level != 0.0 || data.is_empty() {
+        return None;
+    }
+    let mut values = data.to_vec();
+    let (_, darkest, _) = values.select_nth_unstable((DEFECT_SHARE * data.len() as f64) as usize);
+    (f64::from(*darkest) > DOUBTFUL_PART * f64::from(white_level)).then(|| {
+        format!(
+            "The black level is 0, but even the darkest pixels have {darkest} DN. Unless all of the frame is lit, the camera has a black \
+             level: all light would count as larger than it is"
+        )
+    })
 }
 
 /// Facts while they are collected.
@@ -199,7 +237,7 @@ impl Facts<'_> {
     }
 
     /// The description of a DNG, whose tags tell most.
-    fn of_dng(&mut self, mut description: Description) -> Description {
+    fn of_dng(&mut self, mut description: Description, told: &Told) -> Description {
         let given = self.given;
         self.say_label(&mut description.label);
         let [width, height] = [description.width, description.height];
@@ -215,17 +253,24 @@ impl Facts<'_> {
             known(description.dn_per_electron),
             known(description.read_noise_dn),
         ];
+        let told_by = |is_told: bool, value: f64| is_told.then_some(value);
+        let black = told_by(told.black_level, description.black_level);
         description.black_level =
-            self.number("black_level", " DN", [given.black_level, Some(description.black_level)], (0.0, ""));
-        let white = given.white_level.unwrap_or(description.white_level);
-        let source = if given.white_level.is_some() { FactSource::Given } else { FactSource::Tag };
-        self.say("white_level", format!("{white} DN"), source, "");
-        description.white_level = white;
+            self.number("black_level", " DN", [given.black_level, black], (0.0, OTHER_BLACK_LEVEL));
         let bits = given.bit_depth.unwrap_or(description.bit_depth);
+        let remark = format!("the largest number of {bits} bits; --white-level gives another");
+        let white = self.number(
+            "white_level",
+            " DN",
+            [given.white_level.map(f64::from), told_by(told.white_level, f64::from(description.white_level))],
+            (largest_of(bits), &remark),
+        );
+        description.white_level = white.clamp(1.0, 65_535.0) as u16;
         let source = if given.bit_depth.is_some() { FactSource::Given } else { FactSource::Tag };
         self.say("bit_depth", bits.to_string(), source, "");
         description.bit_depth = bits;
-        description.gain = self.number("gain", "", [given.gain, Some(description.gain)], (1.0, ""));
+        let gain = told_by(told.gain, description.gain);
+        description.gain = self.number("gain", "", [given.gain, gain], (1.0, "--gain gives another"));
         [description.exposure_s, description.dn_per_electron, description.read_noise_dn] =
             tags.map(|tag| tag.unwrap_or(0.0));
         description
@@ -236,8 +281,7 @@ impl Facts<'_> {
         let given = self.given;
         let directories = tags.map(TiffBytes::directories).unwrap_or_default();
         let first = directories.first();
-        let exif = first.and_then(|d| tags?.directory(d.first(34_665)?));
-        let in_exif = |tag: u16| exif.as_ref().and_then(|exif| exif.numbers(tag).first().copied());
+        let of_camera = |tag: u16| camera_number(tags?, &[first?], tag);
         let in_first = |tag: u16| first.and_then(|d| d.numbers(tag).first().copied());
         let mut label = path.file_stem().map_or_else(|| "raw".into(), |s| s.to_string_lossy().into_owned());
         self.say_label(&mut label);
@@ -251,29 +295,29 @@ impl Facts<'_> {
             .find(fits)
             .unwrap_or(pixels.bits);
         let remark = format!("the fewest bits that hold the largest value, {most}; --bit-depth gives others");
-        let bits = given.bit_depth.unwrap_or(guess);
-        let (source, remark) = match given.bit_depth {
-            Some(_) => (FactSource::Given, String::new()),
-            None => (FactSource::Assumed, remark),
+        let of_white = in_first(50_717).map(|white| bits_of(white.clamp(1.0, 65_535.0) as u16));
+        let (bits, source, remark) = match (given.bit_depth, of_white) {
+            (Some(bits), _) => (bits, FactSource::Given, ""),
+            (None, Some(bits)) => (bits.min(pixels.bits), FactSource::Tag, ""),
+            (None, None) => (guess, FactSource::Assumed, remark.as_str()),
         };
-        self.say("bit_depth", bits.to_string(), source, &remark);
+        self.say("bit_depth", bits.to_string(), source, remark);
         let black_level = self.number(
             "black_level",
             " DN",
             [given.black_level, in_first(50_714)],
-            (0.0, "--black-level gives another; dark frames given to `analyze --dark` replace it"),
+            (0.0, OTHER_BLACK_LEVEL),
         );
-        let full = f64::from(((1u32 << bits.clamp(1, 16)) - 1) as u16);
         let remark = format!("the largest number of {bits} bits; --white-level gives another");
         let white = self.number(
             "white_level",
             " DN",
             [given.white_level.map(f64::from), in_first(50_717)],
-            (full, &remark),
+            (largest_of(bits), &remark),
         );
-        let gain = in_exif(34_855).filter(|iso| *iso > 0.0).map(|iso| iso / 100.0);
+        let gain = of_camera(ISO).map(|iso| iso / 100.0);
         let gain = self.number("gain", "", [given.gain, gain], (1.0, "--gain gives another"));
-        let exposure_s = in_exif(33_434).filter(|time| time.is_finite() && *time > 0.0).unwrap_or(0.0);
+        let exposure_s = of_camera(EXPOSURE_TIME).unwrap_or(0.0);
         Description::of_camera(
             label,
             [pixels.width, pixels.height],

@@ -108,6 +108,8 @@ pub(super) struct RawPng {
     pub(super) color: ColorType,
     pub(super) depth: BitDepth,
     pub(super) bytes: Vec<u8>,
+    /// Whether the file says that its numbers are not proportional to light: an sRGB chunk, or a gamma other than 1.
+    pub(super) has_tone_curve: bool,
 }
 
 /// Bytes of memory that the pixels of any PNG may take, whatever the size of its file.
@@ -148,6 +150,9 @@ pub(super) fn read_png(path: &Path, value_bytes: u64) -> Result<RawPng, FormatEr
         let mut reader = decoder.read_info().map_err(damaged)?;
         let (width, height) = reader.info().size();
         let (color, depth) = reader.output_color_type();
+        let info = reader.info();
+        let is_curved = |gamma: png::ScaledFloat| (gamma.into_value() - 1.0).abs() > 0.01;
+        let has_tone_curve = info.srgb.is_some() || info.gama_chunk.is_some_and(is_curved);
         let samples = color.samples() as u64;
         let bytes_per_pixel = samples * if depth == BitDepth::Sixteen { 2 } else { 1 };
         check_memory(path, width, height, bytes_per_pixel + samples * value_bytes, length)?;
@@ -156,7 +161,7 @@ pub(super) fn read_png(path: &Path, value_bytes: u64) -> Result<RawPng, FormatEr
         let mut bytes = vec![0; size];
         let frame = reader.next_frame(&mut bytes).map_err(damaged)?;
         bytes.truncate(frame.buffer_size());
-        Ok(RawPng { width: width as usize, height: height as usize, color, depth, bytes })
+        Ok(RawPng { width: width as usize, height: height as usize, color, depth, bytes, has_tone_curve })
     })
 }
 

@@ -427,6 +427,12 @@ pub(super) fn read_frame_png(path: &Path) -> Result<(usize, usize, Vec<u16>), Fo
         let hint = "Raw frames are gray mosaics or linear RGB of 8 or 16 bits; export it as such";
         return Err(FormatError::unsupported(path, what, hint));
     }
+    if raw.has_tone_curve {
+        let what =
+            "its numbers lie on a tone curve (sRGB or a gamma), so that they are not proportional to light";
+        let hint = "Give the raw frame, or export it linear (gamma 1); of this program that is raw_NAME, not preview_NAME";
+        return Err(FormatError::unsupported(path, what, hint));
+    }
     let data = match raw.depth {
         BitDepth::Sixteen => {
             raw.bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect()

@@ -13,7 +13,7 @@ use fluorspar::pipeline::{
 };
 use fluorspar::study::{AnalysisPlan, Capture, Study};
 use fluorspar_experiment::{Experiment, KeptAnalysis, ResolvedExperiment, Warning, kept_analysis, resolve};
-use fluorspar_format::{OutputFolder, read_sensor_image, write_atomically, write_map_npy};
+use fluorspar_format::{OutputFolder, black_level_doubt, read_sensor_image, write_atomically, write_map_npy};
 use fluorspar_report::figures::porphyrin_maps;
 use fluorspar_report::{FrameOrigin, name_target};
 use rayon::prelude::*;
@@ -428,6 +428,12 @@ fn named_frames(options: &Options, study: &Study, wanted: &str) -> Result<Vec<Ra
             )));
         };
         let raw = read_raw(study, Path::new(file), Some(label))?;
+        if options.dark.is_empty()
+            && let Some(doubt) = black_level_doubt(&raw.data, raw.black_level, raw.white_level)
+        {
+            let what = "Describe the frame with --black-level, or give dark frames with --dark";
+            Messages::default().warnings(&[Warning::from(format!("{file}: {doubt}. {what}"))]);
+        }
         match frames.iter_mut().find(|frame| frame.raw.label == **capture) {
             Some(frame) if label != *capture => frame.bracket.push(raw),
             Some(_) => {

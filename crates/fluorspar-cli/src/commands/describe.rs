@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::image::Mosaic;
+use fluorspar_experiment::Warning;
 use fluorspar_format::{
     FactSource, FrameDescription, FrameFact, FrameFacts, Output, Outputs, describe_frame, description_path,
 };
@@ -52,6 +53,9 @@ pub(crate) struct Options {
     /// Noise of a dark pixel, digital numbers rms [default: from the tags, else the sensor of the experiment tells].
     #[arg(long, value_name = "DN", value_parser = values::number, allow_negative_numbers = true)]
     read_noise_dn: Option<f64>,
+    /// Replace the description that exists.
+    #[arg(long)]
+    replace: bool,
     #[command(flatten)]
     answer: Answer,
 }
@@ -93,17 +97,24 @@ fn facts(options: &Options) -> Result<FrameFacts, CliError> {
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let given = facts(options)?;
     let path = description_path(&options.frame);
-    if path.exists() {
+    if path.exists() && !options.replace {
         return Err(CliError::Input(format!(
-            "{}: the frame is described already; change the file by hand, or remove it first",
+            "{}: the frame is described already; --replace describes it anew, from its tags and the options of this call alone",
             path.display()
         )));
     }
     let found = describe_frame(&options.frame, &given)?;
-    let set = Outputs::new()
-        .and(Output::file("the description", &path))
-        .reading(std::slice::from_ref(&options.frame))
-        .declare()?;
+    if found.facts.iter().any(|fact| fact.key == "exposure_s" && fact.source == FactSource::Unknown) {
+        return Err(CliError::Input(format!(
+            "{}: no tag of the file tells its exposure time; give --exposure-ms",
+            options.frame.display()
+        )));
+    }
+    let output = match options.replace {
+        true => Output::continued("the description", &path),
+        false => Output::file("the description", &path),
+    };
+    let set = Outputs::new().and(output).reading(std::slice::from_ref(&options.frame)).declare()?;
     found.write()?;
     set.finish()?;
     if options.answer.json {
@@ -111,12 +122,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     } else {
         super::print_text(&text_of(&found))?;
     }
-    let is_unknown = |fact: &FrameFact| fact.key == "exposure_s" && fact.source == FactSource::Unknown;
-    let next = match found.facts.iter().any(is_unknown) {
-        true => "Next: write exposure_s into it",
-        false => "Next: fluorspar analyze --experiment EXPERIMENT --frame CAPTURE=FRAME --out FOLDER",
-    };
-    Messages::default().status(format!("Wrote {}. {next}", path.display()));
+    let warnings: Vec<Warning> = found.warnings.iter().cloned().map(Warning::from).collect();
+    Messages::default().warnings(&warnings);
+    Messages::default().status(format!(
+        "Wrote {}. Next: fluorspar analyze --experiment EXPERIMENT --frame CAPTURE=FRAME --out FOLDER",
+        path.display()
+    ));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -138,5 +149,5 @@ fn json_of(path: &Path, found: &FrameDescription) -> Result<serde_json::Value, C
         json!({ "key": fact.key, "value": fact.value, "source": fact.source.word(), "remark": fact.remark })
     });
     let facts: Vec<serde_json::Value> = facts.collect();
-    Ok(json!({ "file": path, "description": found.to_json()?, "facts": facts }))
+    Ok(json!({ "file": path, "description": found.to_json()?, "facts": facts, "warnings": found.warnings }))
 }

@@ -89,6 +89,11 @@ fn a_plain_frame_is_described_and_analyzed() {
     let told = fluorspar(folder, analyze);
     assert_eq!(told.code, Some(2));
     assert!(told.stderr.contains("fluorspar describe FRAME"), "{}", told.stderr);
+    // Without an exposure nothing is written.
+    let told = fluorspar(folder, ["describe", "linear_rgb.tiff", "--capture", "violet"]);
+    assert_eq!(told.code, Some(2));
+    assert!(told.stderr.contains("give --exposure-ms"), "{}", told.stderr);
+    assert!(!folder.join("linear_rgb.tiff.json").exists());
     let describe = ["describe", "linear_rgb.tiff", "--capture", "violet", "--exposure-ms", "40"];
     let told = fluorspar(folder, describe).well();
     assert!(told.stdout.contains("exposure_s") && told.stdout.contains("given"), "{}", told.stdout);
@@ -99,7 +104,15 @@ fn a_plain_frame_is_described_and_analyzed() {
     // What was described stays.
     let again = fluorspar(folder, describe);
     assert_eq!(again.code, Some(2));
-    assert!(again.stderr.contains("described already"), "{}", again.stderr);
+    assert!(again.stderr.contains("described already; --replace"), "{}", again.stderr);
+    let deeper = ["--exposure-ms", "20", "--bit-depth", "14", "--replace"];
+    let again =
+        fluorspar(folder, [&["describe", "linear_rgb.tiff", "--capture", "violet"][..], &deeper].concat());
+    assert!(again.well().stdout.contains("0.02 s"));
+    // Another depth than the sensor's.
+    let told = fluorspar(folder, analyze);
+    assert_eq!(told.code, Some(2));
+    assert!(told.stderr.contains("fluorspar describe FRAME --bit-depth 12 --replace"), "{}", told.stderr);
     let wrong = fluorspar(folder, ["describe", "violet.toml"]);
     assert_eq!(wrong.code, Some(2));
     assert!(!folder.join("violet.toml.json").exists());

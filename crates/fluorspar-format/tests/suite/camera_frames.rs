@@ -6,7 +6,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use fluorspar::image::Mosaic;
-use fluorspar_format::{FactSource, FrameFacts, describe_frame, read_mask, read_sensor_image};
+use fluorspar_format::{
+    FactSource, FrameDescription, FrameFacts, describe_frame, read_mask, read_sensor_image,
+};
 
 fn camera(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/camera").join(name)
@@ -142,6 +144,125 @@ fn a_dng_can_be_described_anew() {
     let image = read_sensor_image(&path).unwrap().image;
     assert_eq!((image.exposure_s, image.gain, image.label.as_str()), (0.5, 2.0, "blue"));
     assert_eq!(image.data[0], 63);
+}
+
+/// A little-endian DNG of 8 x 4 pixels in 16 bits, `values` given, with further tags, each with the bytes of its values.
+fn plain_dng(path: &Path, values: &[u16], tags: &[(u16, u16, u32, Vec<u8>)]) {
+    let long = |tag: u16, value: u32| (tag, 4, 1, value.to_le_bytes().to_vec());
+    let pixels_at = 1024u32;
+    let mut all = vec![
+        long(256, 8),
+        long(257, 4),
+        long(258, 16),
+        long(259, 1),
+        long(262, 32_803),
+        long(273, pixels_at),
+        long(277, 1),
+        long(279, 64),
+        (33_421, 3, 2, [2u16, 2].map(u16::to_le_bytes).concat()),
+        (33_422, 1, 4, vec![0, 1, 1, 2]),
+        (50_706, 1, 4, vec![1, 4, 0, 0]),
+    ];
+    all.extend_from_slice(tags);
+    all.sort_by_key(|tag| tag.0);
+    let mut bytes = b"II*\0\x08\0\0\0".to_vec();
+    bytes.extend((all.len() as u16).to_le_bytes());
+    let mut beyond = Vec::new();
+    let beyond_at = 8 + 2 + 12 * all.len() + 4;
+    for (tag, kind, count, data) in &all {
+        bytes.extend(tag.to_le_bytes());
+        bytes.extend(kind.to_le_bytes());
+        bytes.extend(count.to_le_bytes());
+        if data.len() > 4 {
+            bytes.extend(((beyond_at + beyond.len()) as u32).to_le_bytes());
+            beyond.extend_from_slice(data);
+        } else {
+            let mut cell = data.clone();
+            cell.resize(4, 0);
+            bytes.extend(cell);
+        }
+    }
+    bytes.extend([0; 4]);
+    bytes.extend(beyond);
+    assert!(bytes.len() <= pixels_at as usize);
+    bytes.resize(pixels_at as usize, 0);
+    bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    fs::write(path, bytes).unwrap();
+}
+
+/// A value of a description in words, and where it comes from.
+fn fact(found: &FrameDescription, key: &str) -> (String, FactSource) {
+    let fact = found.facts.iter().find(|fact| fact.key == key).unwrap();
+    (fact.value.clone(), fact.source)
+}
+
+/// Exposure and sensitivity beside the pixels, as TIFF/EP has them, and twelve bits in sixteen.
+#[test]
+fn tags_beside_the_pixels_of_a_dng_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.dng");
+    let values: Vec<u16> = (0..32).map(|i| 256 + 100 * i).collect();
+    let exposure = (33_434, 5, 1, [1u32, 25].map(u32::to_le_bytes).concat());
+    let iso = (34_855, 3, 1, 400u16.to_le_bytes().to_vec());
+    let black = (50_714, 3, 1, 256u16.to_le_bytes().to_vec());
+    let white = (50_717, 3, 1, 4095u16.to_le_bytes().to_vec());
+    plain_dng(&path, &values, &[exposure, iso, black, white]);
+    let image = read_sensor_image(&path).unwrap().image;
+    assert_eq!((image.exposure_s, image.gain, image.bit_depth), (0.04, 4.0, 12));
+    assert_eq!((image.black_level, image.white_level), (256.0, 4095));
+    assert_eq!(image.data, values);
+    let found = describe_frame(&path, &FrameFacts::default()).unwrap();
+    for (key, value) in [("exposure_s", "0.04 s"), ("gain", "4"), ("bit_depth", "12")] {
+        assert_eq!(fact(&found, key), (value.into(), FactSource::Tag), "{key}");
+    }
+    assert!(found.warnings.is_empty(), "{:?}", found.warnings);
+}
+
+/// What no tag tells is assumed, and said to be; pixels that all lie far above a black level of 0 are told.
+#[test]
+fn a_dng_without_tags_says_what_is_assumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.dng");
+    plain_dng(&path, &[700; 32], &[]);
+    let found = describe_frame(&path, &FrameFacts::default()).unwrap();
+    for (key, value) in [("black_level", "0 DN"), ("white_level", "65535 DN"), ("gain", "1")] {
+        assert_eq!(fact(&found, key), (value.into(), FactSource::Assumed), "{key}");
+    }
+    assert_eq!(fact(&found, "exposure_s").1, FactSource::Unknown);
+    // 700 of 65535 are more than a hundredth, of twelve bits all the more.
+    assert!(found.warnings[0].contains("even the darkest pixels have 700 DN"), "{:?}", found.warnings);
+    let twelve = FrameFacts { bit_depth: Some(12), ..FrameFacts::default() };
+    let found = describe_frame(&path, &twelve).unwrap();
+    assert_eq!(fact(&found, "white_level"), ("4095 DN".into(), FactSource::Assumed));
+    assert_eq!(found.warnings.len(), 1);
+    let black = FrameFacts { black_level: Some(256.0), ..FrameFacts::default() };
+    assert!(describe_frame(&path, &black).unwrap().warnings.is_empty());
+    plain_dng(&path, &[600; 32], &[]);
+    assert!(describe_frame(&path, &FrameFacts::default()).unwrap().warnings.is_empty());
+}
+
+/// A preview for the screen is no frame.
+#[test]
+fn a_png_on_a_tone_curve_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("preview.png");
+    let write = |change: fn(&mut png::Encoder<'_, fs::File>)| {
+        let mut encoder = png::Encoder::new(fs::File::create(&path).unwrap(), 2, 1);
+        encoder.set_color(png::ColorType::Rgb);
+        change(&mut encoder);
+        encoder.write_header().unwrap().write_image_data(&[9; 6]).unwrap();
+        describe_frame(&path, &FrameFacts::default())
+    };
+    write(|_| ()).unwrap();
+    write(|encoder| encoder.set_source_gamma(png::ScaledFloat::new(1.0))).unwrap();
+    let curves: [fn(&mut png::Encoder<'_, fs::File>); 2] = [
+        |encoder| encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual),
+        |encoder| encoder.set_source_gamma(png::ScaledFloat::new(0.45)),
+    ];
+    for curve in curves {
+        let said = write(curve).unwrap_err().to_string();
+        assert!(said.contains("tone curve"), "{said}");
+    }
 }
 
 #[test]

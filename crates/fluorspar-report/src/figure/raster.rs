@@ -45,6 +45,8 @@ impl Raster {
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_compression(png::Compression::High);
         encoder.set_filter(png::Filter::Adaptive);
+        // Colors for a screen are no measurement: readers of frames know by it
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
         encoder.add_text_chunk("Software".into(), "fluorspar".into()).ok()?;
         let mut writer = encoder.write_header().ok()?;
         writer.write_image_data(self.pixels.as_flattened()).ok()?;

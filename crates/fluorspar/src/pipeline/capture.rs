@@ -50,7 +50,10 @@ impl RawExposures {
 /// In words: an exposure time that is missing, a sensor that is not there, channels that the sensor does not have.
 pub fn complete_raw(study: &Study, raw: &mut SensorImage) -> Result<(), String> {
     if raw.exposure_s <= 0.0 {
-        return Err("its exposure time is not known; describe it in a JSON file next to it".into());
+        return Err(
+            "its exposure time is not known; give it with `fluorspar describe FRAME --exposure-ms MS --replace`"
+                .into(),
+        );
     }
     if raw.dn_per_electron > 0.0 {
         return Ok(());
@@ -63,8 +66,9 @@ pub fn complete_raw(study: &Study, raw: &mut SensorImage) -> Result<(), String> 
     let model = sensor.model();
     if raw.bit_depth != model.bit_depth {
         return Err(format!(
-            "its conversion gain is not known, and the sensor of the experiment has {} bits where the frame has {}; set \
-             sensor.bit_depth, or describe dn_per_electron",
+            "its conversion gain is not known, and the sensor of the experiment has {0} bits where the frame has {1}. Where the frame holds \
+             numbers of {0} bits, say so with `fluorspar describe FRAME --bit-depth {0} --replace`; where the sensor has {1} bits, set \
+             sensor.bit_depth={1}; or describe --dn-per-electron",
             model.bit_depth, raw.bit_depth
         ));
     }
