@@ -81,6 +81,9 @@ pub(super) fn lesions(
             );
             let blood_um = lesion.blood_um;
             if let Some(recipe) = materials.recipes.get(&object.material).cloned() {
+                if object.name == lesion.part {
+                    recipe.check_lesion(context, &at, lesion)?;
+                }
                 let inside = |texture: &ScalarTexture, value: f32| {
                     bake(texture, &mask, |around, m| around * (1.0 - m) + value * m)
                 };

@@ -39,6 +39,8 @@ const HEMOGLOBIN_NM: [f64; 2] = [350.0, 750.0];
 pub(crate) struct TissueRecipe {
     at: Place,
     tissue: NamedTissue,
+    /// Names of the fluorophores that it holds.
+    held: Vec<String>,
     /// What changes over the surface.
     variations: Vec<Variation>,
     /// Factors on what the tissue holds of a fluorophore.
@@ -160,16 +162,7 @@ impl TissueRecipe {
         let mut factors = Vec::new();
         for (name, reference) in &section.concentrations {
             let at = at.field("concentrations").field(name);
-            if !held.contains(name) {
-                let hint = did_you_mean(name, held.iter().map(String::as_str));
-                let message = format!(
-                    "tissue \"{}\" holds no {}{hint} It holds: {}. Give it a strength in a [[tissue]]",
-                    named.name(),
-                    excerpt(name),
-                    held.join(", ")
-                );
-                return context.fail(&at, message);
-            }
+            check_held(context, &at, &named, &held, name)?;
             factors.push((name.clone(), context.texture(&at, reference, MAX_CONCENTRATION)?));
         }
         let gloss_at = at.field("gloss");
@@ -186,9 +179,21 @@ impl TissueRecipe {
             );
             return context.fail(&gloss_at.field("refractive_index"), message);
         }
-        let recipe = Self { at: at.clone(), tissue: named, variations, factors, coat };
+        let recipe = Self { at: at.clone(), tissue: named, held, variations, factors, coat };
         recipe.check_number(context, &at.field("vary"))?;
         Ok(recipe)
+    }
+
+    /// Refuses a lesion with a factor on what the tissue does not hold.
+    pub(super) fn check_lesion(
+        &self,
+        context: &Context<'_>,
+        at: &Place,
+        lesion: &LesionSection,
+    ) -> Resolved<()> {
+        let at = at.field("concentrations");
+        let mut names = lesion.concentrations.keys();
+        names.try_for_each(|name| check_held(context, &at.field(name), &self.tissue, &self.held, name))
     }
 
     /// The same with a lesion where `mask` is 1. `bake` combines a texture with its value inside.
@@ -435,6 +440,37 @@ fn fluorophores_of(tissue: &LayeredTissue) -> Vec<String> {
         }
     }
     names
+}
+
+/// Refuses a factor on a fluorophore that the tissue does not hold: it would change nothing.
+fn check_held(
+    context: &Context<'_>,
+    at: &Place,
+    tissue: &NamedTissue,
+    held: &[String],
+    name: &str,
+) -> Resolved<()> {
+    if held.iter().any(|known| known == name) {
+        return Ok(());
+    }
+    let hint = did_you_mean(name, held.iter().map(String::as_str));
+    let remedy = match tissue {
+        NamedTissue::Layers { .. } => "Give it a strength in a layer of the [[tissue]]",
+        NamedTissue::Site(site) if site.fluorophores().contains(&name) => {
+            "Its strength is 0: give it one among the parameters of a [[tissue]]"
+        }
+        NamedTissue::Site(_) => {
+            "A site takes no others: for another dye describe the tissue by its layers, [[tissue.layer]], or lay the dye on surfaces, as \
+             oraleye-2021-surface has them"
+        }
+    };
+    let message = format!(
+        "tissue \"{}\" holds no {}{hint} It holds: {}. {remedy}",
+        tissue.name(),
+        excerpt(name),
+        held.join(", ")
+    );
+    context.fail(at, message)
 }
 
 /// Refuses the name of a parameter that the tissue does not have.
