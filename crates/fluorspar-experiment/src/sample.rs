@@ -256,6 +256,8 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
     let camera = camera(context, file, &grid)?;
     let exposure = exposure(context, file)?;
     let (resolved_toml, sha256) = write_out(context, file)?;
+    let used = material.fluorophores.iter().map(|(fluorophore, _)| fluorophore);
+    fluorophore::note_cut_data(context, &file.fluorophore, used, &grid);
     let warnings = context.take_warnings(&grid);
     let sample = FlatSample {
         grid,

@@ -38,6 +38,12 @@ pub(crate) struct KnownFluorophore {
     pub(super) sha256: String,
 }
 
+/// Whether a grid sees more of a range of wavelengths, nm, than half a usual bin.
+pub(super) fn is_seen([from, to]: [f64; 2], grid: &WavelengthGrid) -> bool {
+    const TOLERANCE_NM: f64 = 5.0;
+    to.min(grid.end_nm()) - from.max(grid.start_nm()) > TOLERANCE_NM
+}
+
 pub(crate) struct Context<'a> {
     pub(crate) document: &'a Document,
     pub(crate) warnings: Vec<Warning>,
@@ -93,13 +99,17 @@ impl<'a> Context<'a> {
 
     /// Notes a spectrum where the grid reaches beyond its data by more than half a usual bin.
     pub(crate) fn note_range(&mut self, at: &[Step], [first, last]: [f64; 2], grid: &WavelengthGrid) {
-        const TOLERANCE_NM: f64 = 5.0;
-        if grid.start_nm() >= first - TOLERANCE_NM && grid.end_nm() <= last + TOLERANCE_NM {
+        if !is_seen([f64::NEG_INFINITY, first], grid) && !is_seen([last, f64::INFINITY], grid) {
             return;
         }
         let place = self.document.error(at, "").0;
         let parts = [place.entry, place.field, place.value];
         let what = parts.into_iter().flatten().collect::<Vec<_>>().join(" ");
+        self.note_exceeded(what, [first, last], grid);
+    }
+
+    /// Notes a spectrum, in words, whose data end within the grid.
+    pub(crate) fn note_exceeded(&mut self, what: String, [first, last]: [f64; 2], grid: &WavelengthGrid) {
         let range = [first.max(grid.start_nm()), last.min(grid.end_nm())];
         if !self.exceeded.contains(&(what.clone(), range)) {
             self.exceeded.push((what, range));

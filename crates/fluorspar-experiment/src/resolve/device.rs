@@ -221,9 +221,9 @@ pub(super) fn camera(
             (width as f64 / height as f64, sensor.model().width_mm() / sensor.model().height_mm());
         if (image / chip - 1.0).abs() > 0.01 {
             let message = format!(
-                "the image has {width} x {height} pixels, but the sensor is {:.3} times as wide as high; parts of one of \
-                 the two see nothing of the other",
-                chip
+                "the image has {width} x {height} pixels, but the sensor is {chip:.3} times as wide as high; parts of one of \
+                 the two see nothing of the other. Give render.height_px = {:.0}",
+                (width as f64 / chip).round().max(1.0)
             );
             context.warn(&steps!["render"], message);
         }

@@ -1,6 +1,6 @@
 //! Fluorophores.
 
-use super::context::{Context, Resolved};
+use super::context::{Context, Resolved, is_seen};
 use crate::error::{Message, Place, steps};
 use crate::preset::{self, PresetKind};
 use crate::schema::{
@@ -8,7 +8,8 @@ use crate::schema::{
 };
 use fluorspar::quote::excerpt;
 use fluorspar::spectral::{
-    Curve, EemTable, EnergyEem, Fluorophore, PhotonEem, SeparableTerm, Stokes, YieldUnit,
+    Curve, EemTable, EnergyEem, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid, YieldDensity,
+    YieldUnit,
 };
 use fluorspar_format::{
     AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, FormatError, Negative, read_eem_csv,
@@ -170,13 +171,73 @@ fn of_catalogue(
     Ok(fluorophore)
 }
 
+/// Part of its peak that a measured spectrum may have at an end of its data: more is a spectrum that goes on.
+const CUT_PART: f64 = 0.05;
+
+/// Notes measured fluorophores that go on where their data end, within the wavelengths of an experiment.
+pub(crate) fn note_cut_data<'a>(
+    context: &mut Context<'_>,
+    sections: &[FluorophoreSection],
+    used: impl Iterator<Item = &'a Fluorophore>,
+    grid: &WavelengthGrid,
+) {
+    for fluorophore in used {
+        let of_file = |section: &&FluorophoreSection| {
+            section.name == fluorophore.name && !matches!(section.source, FluorophoreSource::Catalogue(_))
+        };
+        if !sections.iter().any(|section| of_file(&section)) {
+            continue;
+        }
+        for (which, nm, values) in profiles(&fluorophore.eem) {
+            let peak = values.iter().copied().fold(0.0, f64::max);
+            let ([first, .., last], [at_first, .., at_last]) = (nm.as_slice(), values.as_slice()) else {
+                continue;
+            };
+            let cut = [(*at_first, [f64::NEG_INFINITY, *first]), (*at_last, [*last, f64::INFINITY])];
+            for (value, beyond) in cut {
+                let end = if beyond[0].is_finite() { *last } else { *first };
+                if value > CUT_PART * peak && is_seen(beyond, grid) {
+                    let percent = 100.0 * value / peak;
+                    let what = format!(
+                        "{which} of {}, {percent:.0} % of its peak at {end} nm",
+                        excerpt(&fluorophore.name)
+                    );
+                    context.note_exceeded(what, [*first, *last], grid);
+                }
+            }
+        }
+    }
+}
+
+/// Excitation over all emission, and emission over all excitation, with their wavelengths.
+fn profiles(eem: &PhotonEem) -> Vec<(&'static str, Vec<f64>, Vec<f64>)> {
+    match eem.density() {
+        YieldDensity::Table(table) => {
+            let columns = table.excitation_nm.len().max(1);
+            let row_sums = table.values.chunks_exact(columns).map(|row| row.iter().sum()).collect();
+            let column_sum = |column| table.values.iter().skip(column).step_by(columns).sum();
+            vec![
+                ("excitation", table.excitation_nm.clone(), (0..columns).map(column_sum).collect()),
+                ("emission", table.emission_nm.clone(), row_sums),
+            ]
+        }
+        YieldDensity::Separable(terms) => {
+            let of_term = |term: &SeparableTerm| {
+                [("excitation", &term.excitation), ("emission", &term.emission)]
+                    .map(|(which, curve)| (which, curve.wavelengths_nm().to_vec(), curve.values().to_vec()))
+            };
+            terms.iter().flat_map(of_term).collect()
+        }
+    }
+}
+
 fn ranges(eem: &PhotonEem) -> ((f64, f64), (f64, f64)) {
     match eem.density() {
-        fluorspar::spectral::YieldDensity::Table(table) => {
+        YieldDensity::Table(table) => {
             let ends = |axis: &[f64]| (axis[0], axis[axis.len() - 1]);
             (ends(&table.excitation_nm), ends(&table.emission_nm))
         }
-        fluorspar::spectral::YieldDensity::Separable(terms) => terms
+        YieldDensity::Separable(terms) => terms
             .first()
             .map_or(((0.0, 0.0), (0.0, 0.0)), |term| (term.excitation.range_nm(), term.emission.range_nm())),
     }

@@ -368,6 +368,29 @@ fn a_fluorophore_from_files_has_the_stated_yield() {
     assert!((best(1) - 0.02).abs() < 1e-4, "{}", best(1));
 }
 
+/// Excitation that ends at 460 nm with 15 % of its peak, emission that ends in zeros: only the former is told.
+#[test]
+fn measured_fluorophores_that_go_on_beyond_their_data_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let matrix = "# unit: photons\nem_nm\\ex_nm,380,400,460\n480,0,0,0\n500,0,2,0.3\n520,0,0,0\n";
+    fs::write(folder.path().join("eem.csv"), matrix).unwrap();
+    let text = format!(
+        "{SPHERE}[[fluorophore]]\nname = \"dye\"\nsource = {{ eem_csv = \"eem.csv\" }}\nphoton_yield = 0.02\n"
+    );
+    let warned = |last_nm: u32| {
+        let overrides = [
+            "material.gray.concentrations={ dye = 1.0 }".to_string(),
+            "spectral.first_nm=380".to_string(),
+            format!("spectral.last_nm={last_nm}"),
+        ];
+        let experiment = parse(&text, "t", folder.path(), &overrides).unwrap();
+        let warnings = resolve(&experiment).unwrap().record.warnings;
+        assert!(warnings_with(&warnings, "emission of dye").is_empty(), "{warnings:?}");
+        warnings_with(&warnings, "excitation of dye, 15 % of its peak at 460 nm (380 to 460 nm)").len()
+    };
+    assert_eq!([warned(600), warned(460)], [1, 0]);
+}
+
 #[test]
 fn a_dye_is_the_same_as_a_matrix_and_as_two_spectra_in_either_unit() {
     let folder = tempfile::tempdir().unwrap();
@@ -430,6 +453,9 @@ fn another_sensor_takes_the_place_of_the_whole_section() {
         &[],
     );
     let of_catalogue = |name: &str| EfficiencyReference::Text(NameOrTable::Name(name.into()));
+    // An image of another shape than the sensor's is told with the number to set.
+    let wide = resolved(FLAT, &["render.width_px=320", "render.height_px=100"]).record.warnings;
+    assert_eq!(warnings_with(&wide, "Give render.height_px = 240").len(), 1, "{wide:?}");
     let no_analysis = FLAT.replace("flat-patch", "velscope-like");
     for text in [FLAT, &no_analysis] {
         let experiment =
