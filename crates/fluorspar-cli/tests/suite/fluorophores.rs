@@ -103,6 +103,20 @@ fn imported_files_work_in_experiments() {
     }
     let section = fs::read_to_string(folder.join("work/flat.toml")).unwrap();
     assert!(section.contains("eem_csv = \"../data/flat.csv\""), "{section}");
+    // What was imported is shown and drawn from anywhere.
+    let shown = fluorspar(folder, ["fluorophore", "show", "work/flat.toml", "--json"]).json();
+    assert_eq!(shown["excitation_peak_nm"], 380.0);
+    let args = ["fluorophore", "plot", "work/flat.toml", "fad", "--out", "both.svg"];
+    fluorspar(folder, args).well();
+    assert!(fs::read_to_string(folder.join("both.svg")).unwrap().contains("flat"));
+    fs::write(folder.join("work/two.toml"), section.replace("\"flat\"", "\"other\"") + &section).unwrap();
+    for (args, word) in [
+        (&["fluorophore", "show", "work/two.toml"][..], "several [[fluorophore]] sections"),
+        (&["fluorophore", "show", "work/flat.toml", "--photon-yield", "0.1"], "--photon-yield applies to"),
+    ] {
+        let said = fluorspar(folder, args);
+        assert!(said.code == Some(2) && said.stderr.contains(word), "{said:?}");
+    }
     let found = predicted(&folder.join("work"), &section, "flat");
     // At 385 nm the yield is 0.2 * 1.75 / 2 photons; each carries 385/lambda of the energy.
     let radiance = found["radiance"]["fluorescence"]["flat"].as_array().unwrap();

@@ -10,11 +10,13 @@ use fluorspar_experiment::schema::{
     FilePath, FluorophoreSection, FluorophoreSource, MatSource, MatrixSource, TableSource,
 };
 use serde::Serialize;
+use serde_json::json;
 
 use super::measured::{Kind, Measured, read};
 use super::{FileOptions, StokesChoice, Unit};
 use crate::commands::quoted;
 use crate::error::CliError;
+use crate::experiment_source::read_text;
 
 /// Scale of a file that gives none: that of the catalogue.
 const ASSUMED_PHOTON_YIELD: f64 = 1e-3;
@@ -39,13 +41,17 @@ pub(super) fn section_toml(section: &FluorophoreSection) -> Result<String, CliEr
         .map_err(|error| CliError::Failed(format!("the section can't be written: {error}")))
 }
 
-/// By name of the catalogue, or from a file.
-pub(super) fn load(name: &str, options: &FileOptions) -> Result<Loaded, CliError> {
+/// By name of the catalogue, or from a file: one that holds measured values, or all of the `[[fluorophore]]` sections of a TOML file.
+pub(super) fn load(name: &str, options: &FileOptions) -> Result<Vec<Loaded>, CliError> {
     let path = Path::new(name);
     let looks_like_file = path.extension().is_some() || name.contains(['/', '\\']) || path.is_file();
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
+        return from_toml(path, options);
+    }
     if looks_like_file {
         let (section, measured) = from_file(path, None, options)?;
-        return Ok(Loaded { fluorophore: checked(path, &section)?, preset: None, measured: Some(measured) });
+        let fluorophore = checked(path, &section)?;
+        return Ok(vec![Loaded { fluorophore, preset: None, measured: Some(measured) }]);
     }
     let preset = preset::fluorophore(name)?;
     if let Some(option) = options.first_given() {
@@ -53,7 +59,33 @@ pub(super) fn load(name: &str, options: &FileOptions) -> Result<Loaded, CliError
             "{option}: applies to files only, and {name} is in the catalogue; leave it out"
         )));
     }
-    Ok(Loaded { fluorophore: preset.fluorophore(), preset: Some(preset), measured: None })
+    Ok(vec![Loaded { fluorophore: preset.fluorophore(), preset: Some(preset), measured: None }])
+}
+
+/// The fluorophores of the sections of a file, as `import` writes it; an experiment has them, too.
+fn from_toml(path: &Path, options: &FileOptions) -> Result<Vec<Loaded>, CliError> {
+    let failed = |what: String| CliError::Input(format!("{}: {what}", path.display()));
+    if let Some(option) = options.first_given() {
+        return Err(failed(format!(
+            "{option} applies to files of measured values; change the section in this file"
+        )));
+    }
+    let file: toml::Table = toml::from_str(&read_text(path)?).map_err(|error| failed(error.to_string()))?;
+    let sections = file.get("fluorophore").and_then(toml::Value::as_array).map_or(&[][..], Vec::as_slice);
+    if sections.is_empty() {
+        return Err(failed(
+            "the file has no [[fluorophore]] section; give one that `fluorophore import` wrote".into(),
+        ));
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let load = |section: &toml::Value| -> Result<Loaded, CliError> {
+        let name = section.get("name").and_then(toml::Value::as_str);
+        let name = name.ok_or_else(|| failed("a [[fluorophore]] has no name; give it one".into()))?;
+        let text = toml::to_string(&json!({ "fluorophore": [section] }))
+            .map_err(|error| CliError::Failed(format!("the section can't be read: {error}")))?;
+        Ok(Loaded { fluorophore: as_sample(path, name, &text, folder)?, preset: None, measured: None })
+    };
+    sections.iter().map(load).collect()
 }
 
 /// Reads a file strictly and makes its section, with an absolute path.
@@ -108,13 +140,17 @@ pub(super) fn from_file(
 
 /// The fluorophore that an experiment makes of a section: on a black surface, at concentration 1.
 pub(super) fn checked(path: &Path, section: &FluorophoreSection) -> Result<Fluorophore, CliError> {
+    as_sample(path, &section.name, &section_toml(section)?, Path::new("."))
+}
+
+/// The same of a section as TOML, whose paths start at a folder.
+fn as_sample(path: &Path, name: &str, section: &str, folder: &Path) -> Result<Fluorophore, CliError> {
     let text = format!(
         "format = 1\n[light]\nspectrum = \"equal_energy\"\nstrength.irradiance_w_per_m2 = 1.0\n[sample]\nreflectance = 0.0\n\
-         [sample.concentrations]\n{} = 1.0\n{}",
-        quoted(&section.name),
-        section_toml(section)?
+         [sample.concentrations]\n{} = 1.0\n{section}",
+        quoted(name)
     );
-    let sample = parse_sample(&text, &path.display().to_string(), Path::new("."), &[]).map_err(|error| {
+    let sample = parse_sample(&text, &path.display().to_string(), folder, &[]).map_err(|error| {
         let details = error.details();
         CliError::Input(format!("{}: {}", path.display(), details.message))
     })?;

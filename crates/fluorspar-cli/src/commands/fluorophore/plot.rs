@@ -24,7 +24,7 @@ const IRRADIANCE_W_PER_M2: f64 = 1000.0;
 /// Options of `fluorophore plot`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Options {
-    /// Names of the catalogue, or files: matrix CSV, excitation and emission CSV, ISET .mat.
+    /// Names of the catalogue, or files: matrix CSV, excitation and emission CSV, ISET .mat, .toml with [[fluorophore]] sections.
     #[arg(value_name = "NAME|FILE", required = true)]
     names: Vec<String>,
     /// File of the figure, .svg or .png.
@@ -46,11 +46,10 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     }
     let inputs: Vec<PathBuf> = options.names.iter().chain(&options.light).map(PathBuf::from).collect();
     let set = outputs.reading(&inputs).declare()?;
-    let fluorophores = options
-        .names
-        .iter()
-        .map(|name| load(name, &options.file).map(|loaded| loaded.fluorophore))
-        .collect::<Result<Vec<Fluorophore>, CliError>>()?;
+    let mut fluorophores: Vec<Fluorophore> = Vec::new();
+    for name in &options.names {
+        fluorophores.extend(load(name, &options.file)?.into_iter().map(|loaded| loaded.fluorophore));
+    }
     let light = options.light.as_deref().map(curves::light).transpose()?;
 
     let mut figures = vec![(options.out.clone(), eem_figure(&fluorophores, light.as_ref()))];

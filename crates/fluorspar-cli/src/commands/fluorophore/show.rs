@@ -16,7 +16,7 @@ const LIGHTS_NM: [f64; 4] = [365.0, 385.0, 405.0, 450.0];
 /// Options of `fluorophore show`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Options {
-    /// Name of the catalogue, or a file: matrix CSV, excitation and emission CSV, ISET .mat.
+    /// Name of the catalogue, or a file: matrix CSV, excitation and emission CSV, ISET .mat, .toml with a [[fluorophore]] section.
     #[arg(value_name = "NAME|FILE")]
     name: String,
     #[command(flatten)]
@@ -27,7 +27,11 @@ pub(super) struct Options {
 }
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
-    let loaded = load(&options.name, &options.file)?;
+    let mut all = load(&options.name, &options.file)?;
+    let Some(loaded) = all.pop().filter(|_| all.is_empty()) else {
+        let message = "the file has several [[fluorophore]] sections; `fluorophore plot` draws all, `show` wants a file with one";
+        return Err(CliError::Input(format!("{}: {message}", options.name)));
+    };
     if options.json { print_json(&as_json(&loaded)?) } else { print_text(&describe(&loaded)) }
 }
 
