@@ -119,7 +119,12 @@ pub(crate) fn study() -> Result<Study, Box<dyn Error>> {
         render: RenderSettings { samples_per_pixel: 16, max_depth: 2, ..RenderSettings::default() },
         camera,
         captures: vec![dark, lit],
-        safety: Some(SafetyPlan::new(DISTANCE_MM)),
+        // No mouth: limits are those of skin
+        safety: Some(SafetyPlan {
+            mucosa_safety_factor: 1.0,
+            is_mouth: false,
+            ..SafetyPlan::new(DISTANCE_MM)
+        }),
         analysis: Some(analysis),
         ..Study::new(scene)
     })

@@ -128,7 +128,7 @@ fn a_render_is_kept_when_a_later_stage_fails() {
         folder,
         ["analyze", "frames", "--component-image", "out/components.exr", "--set=analysis.parts=[\"patch\"]"],
     );
-    assert!(said.well().stdout.contains("Porphyrin fraction a_p/(a_b+a_p)"));
+    assert!(said.well().stdout.contains("Ratio of amounts a_p/(a_b+a_p)"));
 }
 
 #[test]

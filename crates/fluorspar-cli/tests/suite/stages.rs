@@ -68,7 +68,7 @@ fn every_stage_continues_from_the_files_of_the_one_before() {
     let compared = fluorspar(folder, args).json();
     let spots = compared["spots"].as_array().unwrap();
     assert!(spots.iter().any(|spot| spot["d_prime"].as_f64().unwrap() > 0.0), "{compared}");
-    for name in ["fraction", "low", "high", "limit"] {
+    for name in ["share", "low", "high", "limit"] {
         assert!(bytes(folder, &format!("maps/porphyrin_{name}.npy")).starts_with(b"\x93NUMPY"), "{name}");
     }
     assert!(folder.join("maps/porphyrin_limit_map.png").is_file());

@@ -194,7 +194,7 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
             (format!("{:.3}", posterior.median), format!("95 %: {low:.3} to {high:.3}, {held}"))
         } else {
             let limit = format!("at most {:.3}", posterior.upper_limit);
-            (limit, "(95 %). Whether there is any, this measurement can't tell.".into())
+            (limit, "(95 %), perhaps none: this can't tell".into())
         };
         let width = high - low;
         let mut budget: Vec<(String, f64)> = posterior
@@ -420,22 +420,21 @@ fn target_cards(analysis: &Analysis) -> Vec<Number> {
 
 /// The smallest share that is told from the blank.
 fn detection_card(analysis: &Analysis) -> Option<Number> {
-    const LIMIT: &str = "Detection limit, noise alone";
+    const LIMIT: &str = "Detection limit";
     let unknown = match analysis.posterior {
-        Some(_) => "; what is not known of the tissue hides more",
+        Some(_) => "; unknown tissue hides more",
         None => "",
     };
     if let Some(budget) = &analysis.budget {
         let blank = format!("{:.4}", budget.blank).replace('-', "−");
-        let meaning = format!(
-            "share of the region beyond the blank ({blank}) that sensor noise hides in 5 % of frames{unknown}"
-        );
+        let meaning =
+            format!("share beyond the blank ({blank}) that noise alone hides in 5 % of frames{unknown}");
         return Some(Number::computed(LIMIT, format!("{:.4}", budget.detection_limit), "", meaning));
     }
     let estimate = analysis.mixture.as_ref()?.region?.estimate;
     // Currie 1968: 5 % of errors of either kind
     let limit = 2.0 * 1.645 * estimate.position_standard_error;
-    let meaning = format!("share of the region that sensor noise hides in 5 % of frames{unknown}");
+    let meaning = format!("share that noise alone hides in 5 % of frames{unknown}");
     Some(Number::computed(LIMIT, format!("{limit:.4}"), "", meaning))
 }
 
@@ -495,10 +494,7 @@ fn assumed(run: &RunResults<'_>, words: &Words<'_>) -> Vec<String> {
     let mut sentences = Vec::new();
     let powers = words.powers();
     if !powers.is_empty() {
-        sentences.push(format!(
-            "Powers of the emitters before their filters, as the experiment states them ({}).",
-            powers.join(", ")
-        ));
+        sentences.push(format!("Powers of emitters before filters, as stated ({}).", powers.join(", ")));
     }
     let fluorophores = study.scene.fluorophores.len();
     if fluorophores > 0 {

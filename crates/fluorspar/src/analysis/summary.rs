@@ -531,7 +531,9 @@ mod tests {
         let (analysis, _, map) =
             analyze_region(&image(5, 1000.0), None, Some(&model), None, &settings()).unwrap();
         assert!(analysis.mixture.is_none() && map.is_none());
-        assert!(analysis.warnings[0].starts_with("No porphyrin share on a mixture line: the porphyrin response"));
+        assert!(
+            analysis.warnings[0].starts_with("No porphyrin share on a mixture line: the porphyrin response")
+        );
         assert_eq!(analysis.fluorophores[2].chromaticity, None);
     }
 
