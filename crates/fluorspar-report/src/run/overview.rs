@@ -194,7 +194,7 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
             (format!("{:.3}", posterior.median), format!("95 %: {low:.3} to {high:.3}, {held}"))
         } else {
             let limit = format!("at most {:.3}", posterior.upper_limit);
-            (limit, "(95 %), perhaps none: this can't tell".into())
+            (limit, "(95 %); there may be none".into())
         };
         let width = high - low;
         let mut budget: Vec<(String, f64)> = posterior
