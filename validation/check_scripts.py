@@ -15,7 +15,7 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-DATA = ROOT / "crates" / "fluorspar" / "data"
+DATA = ROOT / "crates" / "fluorspar-experiment" / "data"
 
 # The library evaluates the same equations in double precision at the same wavelengths.
 CURVE_TOLERANCE = 1e-9

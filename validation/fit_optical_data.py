@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 ROOT = Path(__file__).resolve().parent.parent
-DATA = ROOT / "crates" / "fluorspar" / "data"
+DATA = ROOT / "crates" / "fluorspar-experiment" / "data"
 HEMOGLOBIN = ROOT / "crates" / "fluorspar" / "src" / "spectral" / "hemoglobin.rs"
 LN2 = np.log(2.0)
 GRID = np.arange(350.0, 750.5, 0.5)
