@@ -43,15 +43,24 @@ impl ComponentRows for ComponentImage {
             || vec![0.0_f32; width * bands],
             |lines, (component, row)| {
                 let spectra = &self.component(component)[row * width * bands..][..width * bands];
-                for (col, spectrum) in spectra.chunks_exact(bands).enumerate() {
-                    for (line, value) in lines.chunks_exact_mut(width).zip(spectrum) {
-                        line[col] = *value;
-                    }
-                }
+                transpose(spectra, bands, lines);
                 (component, row, visit(component, row, lines))
             },
         );
         Ok(found.collect())
+    }
+}
+
+/// Spectra of a row, `[col][band]`, as `[band][col]`.
+fn transpose(spectra: &[f32], bands: usize, lines: &mut [f32]) {
+    /// Columns at once: one line of the cache on the side that is written, few enough streams on the side that is read.
+    const COLUMNS: usize = 16;
+    let width = spectra.len() / bands.max(1);
+    for (block, spectra) in spectra.chunks(COLUMNS * bands.max(1)).enumerate() {
+        for (band, line) in lines.chunks_exact_mut(width).enumerate() {
+            let values = spectra[band..].iter().step_by(bands);
+            line[block * COLUMNS..].iter_mut().zip(values).for_each(|(to, value)| *to = *value);
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! What lens, filters and sensor of one capture make of the spectra of a render: electrons at the samples of the film.
 
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
@@ -35,6 +35,8 @@ pub struct FilmResponse {
     lens: IdealLens,
     spread: Option<Spread>,
     veil: Option<Veil>,
+    /// `[row][col]`, when first asked for.
+    places: OnceLock<Vec<HeightPlace>>,
     digest: String,
 }
 
@@ -112,6 +114,7 @@ impl FilmResponse {
             veil: own.map(|own| Veil { own, field_sr: projected_solid_angle(half_width, half_height) }),
             grid,
             lens,
+            places: OnceLock::new(),
             digest: String::new(),
         };
         response.digest = response.digest();
@@ -235,15 +238,15 @@ impl FilmResponse {
     fn row_behind_lens(&self, row: usize, tables: &[Vec<f64>], lines: &[f32]) -> Vec<f32> {
         let width = self.size[0];
         let (channels, bands) = (self.sensor.len(), 0..lines.len() / width.max(1));
-        let places: Vec<HeightPlace> = (0..width).map(|col| self.place(row, col)).collect();
+        let places = &self.places()[row * width..][..width];
         let mut sums = vec![0.0; channels * width];
+        let mut right = sums.clone();
         // Columns between the same two heights share their tables
         for run in places.chunk_by(|a, b| a.left == b.left) {
             let first = run[0].col;
             let columns = first..first + run.len();
             self.add_bands(&tables[run[0].left], bands.clone(), lines, columns.clone(), &mut sums);
             if run.iter().any(|place| place.part > 0.0) {
-                let mut right = vec![0.0; channels * width];
                 self.add_bands(&tables[run[0].left + 1], bands.clone(), lines, columns, &mut right);
                 for place in run {
                     for channel in 0..channels {
@@ -269,7 +272,7 @@ impl FilmResponse {
         /// Bands that are summed in single precision before they join the sum in double precision.
         const AT_ONCE: usize = 8;
         /// Columns whose sums stay in registers.
-        const COLUMNS: usize = 32;
+        const COLUMNS: usize = 16;
         let width = self.size[0];
         let bands = lines.len() / width.max(1);
         for first in columns.clone().step_by(COLUMNS) {
@@ -280,14 +283,26 @@ impl FilmResponse {
                     let mut partial = [0.0_f32; COLUMNS];
                     for band in block.clone().filter(|band| weights[*band] != 0.0) {
                         let weight = weights[band] as f32;
-                        let line = &lines[band * width..][part.clone()];
-                        partial.iter_mut().zip(line).for_each(|(sum, value)| *sum += weight * value);
+                        let add = |(sum, value): (&mut f32, &f32)| *sum += weight * value;
+                        let line = &lines[band * width + first..];
+                        // Values behind the part are not read out
+                        match line.first_chunk::<COLUMNS>() {
+                            Some(line) => partial.iter_mut().zip(line).for_each(add),
+                            None => partial.iter_mut().zip(line).for_each(add),
+                        }
                     }
                     let sums = &mut sums[channel * width..][part.clone()];
                     sums.iter_mut().zip(partial).for_each(|(sum, value)| *sum += f64::from(value));
                 }
             }
         }
+    }
+
+    /// Where the samples of the film lie between the heights of the tables, `[row][col]`.
+    fn places(&self) -> &[HeightPlace] {
+        let [width, height] = self.size;
+        let all = || (0..width * height).map(|pixel| self.place(pixel / width, pixel % width)).collect();
+        self.places.get_or_init(all)
     }
 
     /// Where a sample of the film lies between the heights of the tables.
@@ -344,12 +359,11 @@ impl FilmResponse {
                 }
             }
             let imaged = spread.lens.lens_values(group, &seen, self.size, spread.tan_half_width);
-            let places: Vec<_> =
-                (0..width * height).map(|pixel| self.place(pixel / width, pixel % width)).collect();
+            let places = self.places();
             for component in batch.clone() {
                 for channel in 0..channels {
                     let plane = planes.plane_mut(component, channel);
-                    for (pixel, (rate, place)) in plane.iter_mut().zip(&places).enumerate() {
+                    for (pixel, (rate, place)) in plane.iter_mut().zip(places).enumerate() {
                         let of = &imaged[pixel * values + (component - batch.start) * own..][..own];
                         let (left, right) = place.tables(of, channels);
                         let between = left[channel] + place.part as f32 * (right[channel] - left[channel]);

@@ -225,6 +225,28 @@ impl PhotonEem {
             }
     }
 
+    /// Yield density at some wavelengths, 1/nm, `[emission][excitation]`: what [`Self::at`] gives for each pair, bit for bit, with
+    /// each curve looked up once for a wavelength.
+    pub fn densities(&self, emission_nm: &[f64], excitation_nm: &[f64]) -> Vec<f64> {
+        let pairs = || emission_nm.iter().flat_map(|m| excitation_nm.iter().map(move |x| (*m, *x)));
+        let YieldDensity::Separable(terms) = &self.density else {
+            return pairs().map(|(m, x)| self.at(m, x)).collect();
+        };
+        let mut sums = vec![0.0; emission_nm.len() * excitation_nm.len()];
+        for term in terms {
+            let excited: Vec<f64> = excitation_nm.iter().map(|nm| term.excitation.at(*nm)).collect();
+            for (row, nm) in sums.chunks_exact_mut(excited.len().max(1)).zip(emission_nm) {
+                let emitted = term.emission.at(*nm);
+                row.iter_mut().zip(&excited).for_each(|(sum, excited)| *sum += excited * emitted);
+            }
+        }
+        let is_masked = |(m, x): (f64, f64)| self.stokes == Stokes::Mask && m <= x;
+        sums.into_iter()
+            .zip(pairs())
+            .map(|(sum, pair)| if is_masked(pair) { 0.0 } else { self.scale * sum })
+            .collect()
+    }
+
     /// Yield density, 1/nm.
     pub fn at(&self, emission_nm: f64, excitation_nm: f64) -> f64 {
         if self.stokes == Stokes::Mask && emission_nm <= excitation_nm {
@@ -393,6 +415,21 @@ mod tests {
         let ratio = energy.at(500.0, 385.0) / eem.at(500.0, 385.0);
         assert!((ratio - 385.0 / 500.0).abs() < 1e-12);
         assert_eq!(energy.to_photon(), eem);
+    }
+
+    #[test]
+    fn densities_are_those_of_pairs() {
+        let one = sample().scaled(0.7);
+        let YieldDensity::Separable(terms) = &one.density else { panic!("a sum of products") };
+        let second = SeparableTerm { excitation: gaussian(420.0, 20.0), emission: gaussian(620.0, 9.0) };
+        let two = PhotonEem::separable(vec![terms[0].clone(), second], Stokes::Mask).scaled(0.3);
+        let (emission_nm, excitation_nm) = ([250.0, 398.0, 455.5, 500.0, 619.0], [300.0, 385.25, 460.0]);
+        for eem in [one, two.clone(), two.with_stokes(Stokes::Off)] {
+            let all = eem.densities(&emission_nm, &excitation_nm);
+            let pairs = emission_nm.iter().flat_map(|m| excitation_nm.iter().map(|x| eem.at(*m, *x)));
+            assert!(all.iter().copied().eq(pairs), "{all:?}");
+            assert!(all.iter().any(|density| *density > 0.0));
+        }
     }
 
     #[test]

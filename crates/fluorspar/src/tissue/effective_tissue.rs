@@ -285,20 +285,27 @@ impl EffectiveTissue {
         emission_nm: &[f64],
         level: Level,
     ) -> Vec<f64> {
-        let Some(contents) = self.contents(part) else { return vec![0.0; emission_nm.len()] };
-        let (eem, scale) = (&contents.fluorophore.eem, contents.scale_per_mm());
+        let Some(contents) = self.contents(part).filter(|_| !light.is_empty()) else {
+            return vec![0.0; emission_nm.len()];
+        };
+        let scale = contents.scale_per_mm();
         let escape = self.escape_weights(part.layer);
         let excited = |&(nm, photons): &(f64, f64)| {
             let fluence = self.fluence(part.layer, nm, level);
-            (nm, fluence.iter().zip(&escape).map(|(x, w)| scale * photons * x * w).collect::<Vec<f64>>())
+            fluence.iter().zip(&escape).map(|(x, w)| scale * photons * x * w).collect::<Vec<f64>>()
         };
-        let excited: Vec<(f64, Vec<f64>)> = light.iter().map(excited).collect();
-        let emitted = |&nm: &f64| {
-            let leaving = self.fluence(part.layer, nm, level);
+        let excited: Vec<Vec<f64>> = light.iter().map(excited).collect();
+        let light_nm: Vec<f64> = light.iter().map(|(nm, _)| *nm).collect();
+        let yields = contents.fluorophore.eem.densities(emission_nm, &light_nm);
+        let emitted = |(nm, yields): (&f64, &[f64])| {
+            if yields.iter().all(|density| *density == 0.0) {
+                return 0.0;
+            }
+            let leaving = self.fluence(part.layer, *nm, level);
             let overlap = |arriving: &[f64]| arriving.iter().zip(&leaving).map(|(x, m)| x * m).sum::<f64>();
-            excited.iter().map(|(x, arriving)| eem.at(nm, *x) * overlap(arriving)).sum()
+            yields.iter().zip(&excited).map(|(density, arriving)| density * overlap(arriving)).sum()
         };
-        emission_nm.iter().map(emitted).collect()
+        emission_nm.iter().zip(yields.chunks(light.len())).map(emitted).collect()
     }
 
     /// The fluorescence of a part as the excitation-emission matrix of a surface, a sum of few products that is within
