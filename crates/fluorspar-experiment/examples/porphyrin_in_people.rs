@@ -16,7 +16,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fluorspar::analysis::{LightFamily, SharePosterior, fit_attenuated};
+use fluorspar::analysis::{BloodBefore, LightFamily, MixtureComponent, SharePosterior, SpectralMixture};
 use fluorspar::optics::IdealLens;
 use fluorspar::pipeline::{CameraResponse, FamilyFrame, tissue_family};
 use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
@@ -219,16 +219,11 @@ fn family(
 
 /// The terms with which the authors of the data describe their spectra: collagen below blood, FAD, porphyrin, chlorophyll, and a broad
 /// band, center and standard deviation in nm.
-struct SpectralFit {
-    terms: Vec<Vec<f64>>,
-    extinction: Vec<f64>,
-}
+struct SpectralFit(SpectralMixture);
 
 const TERMS: [&str; 4] = ["collagen1_smooth", "fad_webfluor", "porphyrinbjurshammar", "chlorophylla_7"];
 const PORPHYRIN: usize = 2;
 const BROAD_NM: [f64; 2] = [425.1, 386.7];
-/// Distance over which residuals of a fit go together, nm: they are smooth, not noise.
-const CORRELATION_NM: f64 = 20.0;
 const STEP_NM: f64 = 2.0;
 
 fn fitted_nm() -> impl Iterator<Item = f64> + Clone {
@@ -241,19 +236,22 @@ impl SpectralFit {
         let mut terms = Vec::new();
         for name in TERMS {
             let columns = spectra(&folder.join(format!("fluorophores/toolbox/{name}.csv")))?;
-            terms.push(at(columns.get("emission").ok_or("an emission spectrum")?));
+            let values = at(columns.get("emission").ok_or("an emission spectrum")?);
+            terms.push(MixtureComponent { name: name.into(), values });
         }
         let [center, sd] = BROAD_NM;
-        terms.push(fitted_nm().map(|nm| (-0.5 * ((nm - center) / sd).powi(2)).exp()).collect());
+        let broad = fitted_nm().map(|nm| (-0.5 * ((nm - center) / sd).powi(2)).exp()).collect();
+        terms.push(MixtureComponent { name: "broad".into(), values: broad });
         let blood = spectra(&folder.join("blood/hemoglobin_oxy_molar_extinction.csv"))?;
         let blood = blood.into_values().next().ok_or("an extinction")?;
         let extinction = at(&blood).into_iter().map(|e| e / blood.max()).collect();
-        Ok(Self { terms, extinction })
+        let blood = BloodBefore::Layer { extinction, below: vec![0], largest: 40.0 };
+        Ok(Self(SpectralMixture::new(fitted_nm().collect(), terms, blood)?))
     }
 
     /// Share of the porphyrin in the electrons of a camera that counts, and its standard error.
     fn share(&self, record: &Record, bare: &CameraResponse, grid: &WavelengthGrid) -> Fallible<[f64; 2]> {
-        let found = fit_attenuated(&self.terms, &self.extinction, &record.shape, 40.0)?.fit;
+        let found = self.0.fit(&record.shape, None)?;
         let counted = bare.rgb().map_or_else(|| bare.seeing_channels(), Vec::from);
         let nm: Vec<f64> = fitted_nm().collect();
         let electrons = |spectrum: Vec<f64>| -> Fallible<f64> {
@@ -261,10 +259,9 @@ impl SpectralFit {
             Ok(counted.iter().map(|c| bare.channel_electrons(*c, &radiance, 1.0)).sum())
         };
         let all = electrons(found.fitted.clone())?;
-        let of_one = electrons(self.terms[PORPHYRIN].clone())? / all;
-        let term = &found.terms[PORPHYRIN];
-        let independent = (CORRELATION_NM / STEP_NM).sqrt();
-        Ok([term.weight * of_one, independent * term.standard_error * of_one])
+        let of_one = electrons(self.0.components()[PORPHYRIN].values.clone())? / all;
+        let porphyrin = &found.weights[PORPHYRIN];
+        Ok([porphyrin.weight * of_one, porphyrin.standard_error.unwrap_or(f64::INFINITY) * of_one])
     }
 }
 

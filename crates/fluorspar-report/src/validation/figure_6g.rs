@@ -2,15 +2,14 @@
 //! published later stand in for them.
 
 use fluorspar::analysis::{
-    FitError, FittedTerm, NonnegativeFit, common_optical_density, fit_attenuated, fit_nonnegative,
+    BloodBefore, FitError, FittedWeight, MixtureComponent, MixtureFit, SpectralMixture,
 };
-use fluorspar::pipeline::predict;
-use fluorspar::spectral::{Curve, blood_transmittance};
+use fluorspar::spectral::oxyhemoglobin_extinction;
 use fluorspar_format::NamedCurve;
 
 use super::check::{Check, Outcome, Verdict, number};
 use super::people::{self, Measured, SPECTRA};
-use super::setup::{BULK, PORPHYRIN, Setup, ValidationError};
+use super::setup::{BULK, PORPHYRIN, Setup, ValidationError, fluorophore};
 use crate::{Axis, Dash, Figure, Ink, Panel, Series, SeriesShape};
 
 /// Where the measured spectra are valid, nm; they are scaled to 1 at 520 nm.
@@ -26,6 +25,10 @@ const PEOPLE: [(&str, &str); 2] =
 /// What tongues are made of besides: fluorophores of deposits and of the coating, and blood before deep collagen.
 const BESIDES: [&str; 3] = ["lipopigment", BIOFILM, "biofilm_chlorophyll"];
 const BIOFILM: &str = "biofilm_porphyrin";
+/// Deep collagen, below blood; the other one is that of the paper's five.
+const DEEP: &str = "collagen below blood";
+/// Largest optical density that is looked for.
+const LARGEST_DENSITY: f64 = 40.0;
 
 /// The terms of the published fit and its blood.
 const BLOOD: &str = "blood/hemoglobin_oxy_molar_extinction.csv";
@@ -56,12 +59,13 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
         .iter()
         .map(|&(title, column)| {
             let curve = people.iter().find(|curve| curve.name == column);
-            terms.fit(title, curve.ok_or(ValidationError::Lacks("column of the measured tongue"))?)
+            let curve = curve.ok_or(ValidationError::Lacks("column of the measured tongue"))?;
+            fitted(terms.fit(title, curve))
         })
         .collect::<Result<Vec<_>, ValidationError>>()?;
     let densities: Vec<Check> =
         DENSITIES.iter().map(|density| spectra.check(density)).collect::<Result<_, _>>()?;
-    let [little, much] = [0, 1].map(|person: usize| mixtures[person].fit.terms[terms.porphyrin]);
+    let [little, much] = [0, 1].map(|person: usize| &mixtures[person].fit.weights[terms.porphyrin]);
     let rms = |fit: &dyn Fn(&Mixture) -> f64| mixtures.iter().map(fit).fold(0.0, f64::max);
     let what = "lower end of porphyrin in the tongue with much, over the upper end in that with little";
     let ratio = much.interval[0] / little.interval[1];
@@ -74,10 +78,10 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
         .check(better)
         .checks(densities)
         .lacks("the two spectra of Fig. 6 (g) under the 385 nm LED, which are not public")
-        .show("figure_6g_mixtures", figure(&terms, &mixtures)))
+        .show("figure_6g_mixtures", figure(&mixtures)))
 }
 
-fn reason(mixtures: &[Mixture], porphyrin: [FittedTerm; 2], densities: &[Check]) -> String {
+fn reason(mixtures: &[Mixture], porphyrin: [&FittedWeight; 2], densities: &[Check]) -> String {
     let off = |(check, (_, _, _, printed)): (&Check, (_, _, _, f64))| (check.computed / printed - 1.0).abs();
     let close = densities.iter().zip(DENSITIES).map(off).filter(|off| *off <= 0.01).count();
     let rms = |fit: &dyn Fn(&Mixture) -> f64| number(mixtures.iter().map(fit).fold(0.0, f64::max));
@@ -102,11 +106,9 @@ struct Mixture {
     title: &'static str,
     data: Vec<f64>,
     /// By the paper's five fluorophores.
-    five: NonnegativeFit,
+    five: MixtureFit,
     /// By those of a tongue, blood before deep collagen.
-    fit: NonnegativeFit,
-    /// The terms of that fit, attenuated.
-    terms: Vec<Vec<f64>>,
+    fit: MixtureFit,
 }
 
 impl Mixture {
@@ -135,59 +137,52 @@ fn people_nm() -> Vec<f64> {
 /// Emission of the catalogue's fluorophores under a 405 nm LED at the wavelengths of the two tongues.
 struct Terms {
     /// The paper's five.
-    five: Vec<Vec<f64>>,
+    five: SpectralMixture,
     /// Those of a tongue; the first, collagen, lies below blood.
-    names: Vec<&'static str>,
-    tongue: Vec<Vec<f64>>,
+    tongue: SpectralMixture,
     porphyrin: usize,
-    /// Extinction of blood, 1 at 414 nm.
-    blood: Vec<f64>,
 }
 
 impl Terms {
     fn new(setup: &Setup<'_>) -> Result<Self, ValidationError> {
-        let all: Vec<&'static str> = BULK.iter().copied().chain([PORPHYRIN]).chain(BESIDES).collect();
-        let amounts: Vec<(&str, f64)> = all.iter().map(|&name| (name, 1.0)).collect();
-        let mut sample = setup.glowing(&amounts)?;
         let light = ["light.spectrum=\"led_405\"", "light.filters=[\"short_pass_450\"]"];
-        sample.irradiance = setup.sample(&light)?.irradiance;
-        let prediction = predict(&sample)?;
-        let emission = |name: &&str| {
-            let values = prediction.radiance.fluorescence.get(*name).cloned().unwrap_or_default();
-            let curve = Curve::new(prediction.wavelength_nm.clone(), values);
-            let curve = curve.map_err(|_| ValidationError::Lacks("fluorescence"))?;
-            Ok(people_nm().iter().map(|&nm| curve.at(nm)).collect::<Vec<f64>>())
+        let irradiance = setup.sample(&light)?.irradiance;
+        let of = |names: &[&str]| {
+            let component = |name: &&str| {
+                let of_catalogue = if *name == DEEP { "collagen" } else { name };
+                let values = fluorophore(of_catalogue)?.radiance_under(&irradiance, &people_nm());
+                Ok(MixtureComponent { name: (*name).to_string(), values })
+            };
+            names.iter().map(component).collect::<Result<Vec<_>, ValidationError>>()
         };
-        let of =
-            |names: &[&'static str]| names.iter().map(emission).collect::<Result<Vec<_>, ValidationError>>();
-        let names: Vec<&'static str> = ["collagen"].into_iter().chain(BULK).chain(BESIDES).collect();
-        let density = |nm: f64| blood_transmittance(nm, 1.0).ln();
+        let five: Vec<&str> = BULK.into_iter().chain([PORPHYRIN]).collect();
+        let tongue: Vec<&str> = [DEEP].into_iter().chain(BULK).chain(BESIDES).collect();
+        let blood = BloodBefore::Layer {
+            extinction: people_nm().into_iter().map(oxyhemoglobin_extinction).collect(),
+            below: vec![0],
+            largest: LARGEST_DENSITY,
+        };
         Ok(Self {
-            five: of(&all[..=BULK.len()])?,
-            tongue: of(&names)?,
-            porphyrin: names.iter().position(|name| *name == BIOFILM).unwrap_or_default(),
-            blood: people_nm().into_iter().map(|nm| density(nm) / density(414.0)).collect(),
-            names,
+            porphyrin: tongue.iter().position(|name| *name == BIOFILM).unwrap_or_default(),
+            five: fitted(SpectralMixture::new(people_nm(), of(&five)?, BloodBefore::None))?,
+            tongue: fitted(SpectralMixture::new(people_nm(), of(&tongue)?, blood))?,
         })
     }
 
-    fn fit(&self, title: &'static str, measured: &NamedCurve) -> Result<Mixture, ValidationError> {
+    fn fit(&self, title: &'static str, measured: &NamedCurve) -> Result<Mixture, FitError> {
         let norm = measured.curve.at(PEOPLE_NM[0] as f64);
         let data: Vec<f64> = people_nm().into_iter().map(|nm| measured.curve.at(nm) / norm).collect();
-        let found = fitted(fit_attenuated(&self.tongue, &self.blood, &data, 40.0))?;
-        let mut terms = self.tongue.clone();
-        let dim =
-            |(value, extinction): (&mut f64, &f64)| *value *= 10f64.powf(-found.optical_density * extinction);
-        terms.first_mut().into_iter().for_each(|covered| covered.iter_mut().zip(&self.blood).for_each(dim));
-        Ok(Mixture { title, five: fitted(fit_nonnegative(&self.five, &data))?, fit: found.fit, data, terms })
+        let (five, fit) = (self.five.fit(&data, None)?, self.tongue.fit(&data, None)?);
+        Ok(Mixture { title, five, fit, data })
     }
 }
 
 /// The spectra of the later study.
 struct Spectra {
     measured: Vec<Measured>,
-    /// Emission terms, and extinction of oxygenated blood, 1 at its largest.
-    terms: Vec<Vec<f64>>,
+    /// Emission terms.
+    terms: Vec<MixtureComponent>,
+    /// Extinction of oxygenated blood, 1 at its largest.
     extinction: Vec<f64>,
 }
 
@@ -203,10 +198,12 @@ impl Spectra {
             let columns = setup.measured(&format!("fluorophores/toolbox/{name}.csv"))?;
             let emission = columns.into_iter().flatten().find(|column| column.name == "emission");
             let Some(emission) = emission else { return Ok(None) };
-            terms.push(wavelengths().map(|nm| emission.curve.at(nm)).collect());
+            let values = wavelengths().map(|nm| emission.curve.at(nm)).collect();
+            terms.push(MixtureComponent { name: name.into(), values });
         }
         let [center, deviation] = PSEUDO_KERATIN_NM;
-        terms.push(wavelengths().map(|nm| (-0.5 * ((nm - center) / deviation).powi(2)).exp()).collect());
+        let broad = wavelengths().map(|nm| (-0.5 * ((nm - center) / deviation).powi(2)).exp());
+        terms.push(MixtureComponent { name: "pseudo-keratin".into(), values: broad.collect() });
         let largest = blood.curve.max();
         Ok(Some(Self {
             measured,
@@ -230,7 +227,13 @@ impl Spectra {
             return Err(ValidationError::Lacks("measured spectrum of each site of each subject"));
         }
         let scaled: Vec<Vec<f64>> = curves.iter().map(|curve| samples(curve)).collect();
-        let density = fitted(common_optical_density(&self.terms[..terms], &self.extinction, &scaled, 40.0))?;
+        let (extinction, below) = (self.extinction.clone(), vec![0]);
+        let blood = BloodBefore::Layer { extinction, below, largest: LARGEST_DENSITY };
+        let nm = wavelengths().collect();
+        let mixture = fitted(SpectralMixture::new(nm, self.terms[..terms].to_vec(), blood))?;
+        let spectra: Vec<(&[f64], Option<&[f64]>)> =
+            scaled.iter().map(|spectrum| (spectrum.as_slice(), None)).collect();
+        let density = fitted(mixture.common_blood(&spectra))?;
         let why = format!("1 %: one density for {} spectra, each with weights of its own", curves.len());
         let what = format!("optical density of blood before collagen, {site} of {subject}");
         Ok(Check::near(what, printed, 0.01 * printed, density, "", why))
@@ -238,12 +241,8 @@ impl Spectra {
 }
 
 /// Above: measured spectrum, fits and terms of each tongue. Below: residuals.
-fn figure(terms: &Terms, mixtures: &[Mixture]) -> Figure {
-    let panels = mixtures
-        .iter()
-        .map(|mixture| spectrum(terms, mixture))
-        .chain(mixtures.iter().map(residual))
-        .collect();
+fn figure(mixtures: &[Mixture]) -> Figure {
+    let panels = mixtures.iter().map(spectrum).chain(mixtures.iter().map(residual)).collect();
     Figure::grid("Measured tongues as sums of fluorophores", panels, mixtures.len().max(1)).explained(
         "Above: dots are radiance measured on two tongues under a 405 nm LED. The dashed line is the best sum of the paper's five \
          fluorophores with weights that are not negative, the solid one that with blood before deep collagen (the first collagen) \
@@ -260,7 +259,7 @@ fn wavelength_axis() -> Axis {
     Axis::wavelength([PEOPLE_NM[0] as f64, PEOPLE_NM[1] as f64])
 }
 
-fn spectrum(terms: &Terms, mixture: &Mixture) -> Panel {
+fn spectrum(mixture: &Mixture) -> Panel {
     let y = Axis::from_zero(
         "radiance, 1 at 540 nm",
         "",
@@ -273,13 +272,12 @@ fn spectrum(terms: &Terms, mixture: &Mixture) -> Panel {
         .with(Series { name: Some("measured".into()), ink: Ink::Text, shape: dots })
         .with(Series::dashed("the paper's five", Ink::Muted, points(&mixture.five.fitted), Dash::Dashed))
         .with(Series::line("with blood and coating", Ink::Text, points(&mixture.fit.fitted)));
-    let inks = Ink::of_fluorophores(terms.names.iter().copied());
-    let parts = terms.names.iter().zip(&mixture.terms).zip(mixture.fit.terms.iter().zip(inks)).enumerate();
-    for (place, ((name, values), (term, ink))) in parts.filter(|(_, (_, (term, _)))| term.is_free) {
-        let weighted: Vec<f64> = values.iter().map(|value| term.weight * value).collect();
-        let name = if place == 0 { format!("{name} below blood") } else { (*name).to_owned() };
-        let shape = SeriesShape::Line { points: points(&weighted), width: 1.2, dash: ink.fluorophore_dash() };
-        panel = panel.with(Series { name: Some(name), ink, shape });
+    let weights = &mixture.fit.weights;
+    let inks = Ink::of_fluorophores(weights.iter().map(|weight| weight.name.as_str()));
+    let parts = weights.iter().zip(&mixture.fit.contributions).zip(inks);
+    for ((weight, values), ink) in parts.filter(|((weight, _), _)| weight.is_free) {
+        let shape = SeriesShape::Line { points: points(values), width: 1.2, dash: ink.fluorophore_dash() };
+        panel = panel.with(Series { name: Some(weight.name.clone()), ink, shape });
     }
     panel
 }

@@ -12,7 +12,7 @@
 //! | [`ErrorBudget`] | what moves the estimate, its blank and its detection limit |
 //! | [`LightFamily::posterior`] | the share of the porphyrin in tissue of which only a family is known, as a [`SharePosterior`] |
 //! | [`FamilyAverage::posterior`] | the same where the tissue may be another than the named one |
-//! | [`fit_nonnegative`], [`fit_attenuated`], [`common_optical_density`] | a measured spectrum as a sum of known ones, with intervals |
+//! | [`SpectralMixture`] | a measured spectrum as a sum of known ones, with intervals, and the sets of them that describe it as well |
 //! | [`spectral_overlap`] | how alike two spectra are |
 //! | [`SpotSeparation::new`] | how well the pixels of two spots are told apart |
 //! | [`d_prime_of_rates`], [`auc_of_d_prime`], [`auc_of_scores`] | how well scores tell two groups apart |
@@ -31,12 +31,12 @@ mod error_budget;
 mod family_average;
 mod light_family;
 mod mixture_line;
-mod nonnegative_fit;
 mod pixel_mean;
 mod region_light;
 mod region_of_interest;
 mod region_shape;
 mod share_posterior;
+mod spectral_mixture;
 mod spectral_overlap;
 mod spot_separation;
 mod statistics;
@@ -57,15 +57,15 @@ pub use mixture_line::{
     FluorophoreResponse, LineEstimate, MixtureError, MixtureLine, PorphyrinLayers, PorphyrinMap,
     channel_response,
 };
-pub use nonnegative_fit::{
-    AttenuatedFit, FitError, FittedTerm, NonnegativeFit, common_optical_density, fit_attenuated,
-    fit_nonnegative,
-};
 pub use pixel_mean::{PixelMean, mean_of_pixels};
 pub use region_light::{PorphyrinTruth, RegionLight};
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
 pub use region_shape::{PixelMask, Polygon};
 pub use share_posterior::{BlindDirection, IntervalWithout, ShareInterval, SharePosterior};
+pub use spectral_mixture::{
+    BloodBefore, ComponentSet, ComponentSets, FitChiSquare, FitError, FittedBlood, FittedWeight,
+    MixtureComponent, MixtureFit, ResidualCorrelation, ResidualScatter, SetMembership, SpectralMixture,
+};
 pub use spectral_overlap::spectral_overlap;
 pub use spot_separation::SpotSeparation;
 pub use statistics::{CovarianceEllipse, RegionStatistics, Statistics};

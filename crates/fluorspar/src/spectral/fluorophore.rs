@@ -132,6 +132,20 @@ impl Fluorophore {
         }
     }
 
+    /// Radiance at some wavelengths of a surface that holds it at concentration 1 under an irradiance, W/(m² nm): W/(sr m² nm). Light
+    /// is emitted evenly in all directions, `L = M / pi`.
+    pub fn radiance_under(&self, irradiance: &Curve, wavelengths_nm: &[f64]) -> Vec<f64> {
+        let (Some(&first), Some(&last)) = (wavelengths_nm.first(), wavelengths_nm.last()) else {
+            return Vec::new();
+        };
+        let (from_nm, to_nm) = irradiance.range_nm();
+        // In units of 1/(h c): photons = energy * lambda.
+        let photons = irradiance.times(&Curve::from_fn(from_nm, to_nm, |nm| nm));
+        // Curves are sampled finely between their ends, which must differ.
+        let exitance = self.eem.photon_exitance(&photons, (first - 1.0, last + 1.0));
+        wavelengths_nm.iter().map(|nm| exitance.at(*nm) / (nm * std::f64::consts::PI)).collect()
+    }
+
     /// Photons emitted between two wavelengths per photon of `excitation_nm`, at concentration 1.
     pub fn photon_yield(&self, excitation_nm: f64, from_nm: f64, to_nm: f64) -> f64 {
         self.eem.photon_yield(excitation_nm, from_nm, to_nm)

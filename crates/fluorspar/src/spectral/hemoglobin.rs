@@ -48,6 +48,9 @@ const MOLAR_EXTINCTION: [[f64; 3]; 91] = [
     [750.0, 518.0, 1_405.2],
 ];
 
+/// Largest extinction of oxygenated hemoglobin, nm.
+const PEAK_NM: f64 = 414.0;
+
 /// Molar extinction (HbO2, Hb) in 1/(cm M), base 10, by linear interpolation.
 ///
 /// Outside 350 to 750 nm the value at the nearer end is returned: the caller states its own range of validity.
@@ -69,6 +72,13 @@ pub(crate) fn absorption_per_cm(wavelength_nm: f64, grams_per_litre: f64, satura
     let (oxy, deoxy) = molar_extinction(wavelength_nm);
     std::f64::consts::LN_10 * grams_per_litre / MOLAR_MASS_G_PER_MOL
         * (saturation * oxy + (1.0 - saturation) * deoxy)
+}
+
+/// Extinction of oxygenated hemoglobin, base 10, over that at its largest, 414 nm: a layer of optical density `D` passes
+/// `10^(-D extinction)`. Outside 350 to 750 nm that of the nearer end.
+#[must_use]
+pub fn oxyhemoglobin_extinction(wavelength_nm: f64) -> f64 {
+    molar_extinction(wavelength_nm).0 / molar_extinction(PEAK_NM).0
 }
 
 /// Transmittance of a layer of whole blood (150 g/l hemoglobin, saturation 0.9) of this thickness, µm, without

@@ -32,7 +32,7 @@ pub(crate) use excitation_nodes::power_and_moment;
 pub use excitation_nodes::{ExcitationNodes, NodesError};
 pub use fluorophore::{BandTerm, Fluorophore, LogNormalBand, YieldUnit};
 pub(crate) use hemoglobin::absorption_per_cm as blood_absorption_per_cm;
-pub use hemoglobin::blood_transmittance;
+pub use hemoglobin::{blood_transmittance, oxyhemoglobin_extinction};
 pub use quantity::{
     Dimensionless, Irradiance, Quantity, QuantumEfficiency, Radiance, RadiantPower, Reflectance,
     Transmittance,
