@@ -24,6 +24,7 @@
 //! | one region for one design, in about a microsecond | [`estimate_porphyrin`] | [`PorphyrinEstimate`] |
 //! | the same region, should it be other tissue | [`other_tissue_families`] | [`crate::analysis::LightFamily`], each |
 //! | a region of tissue of a known site, its share of porphyrin with everything unknown | [`tissue_family`] | [`crate::analysis::LightFamily`] |
+//! | fluorophores of layered tissue as components of a measured spectrum | [`tissue_mixture`] | [`crate::analysis::SpectralMixture`] |
 //! | images larger than the memory | [`render_row_bands`] | rows for a [`BandStore`] |
 //! | everything after the render, each result once | [`evaluate`] | [`Evaluation`] |
 //! | all of it for a flat sample | [`predict`] | [`Prediction`] |
@@ -60,6 +61,7 @@ mod surface_view;
 mod targets;
 mod tissue_estimate;
 mod tissue_family;
+mod tissue_mixture;
 
 pub use analyze::{AnalyzedFrame, analyze, analyze_seen};
 pub use calibration::Calibration;
@@ -95,6 +97,7 @@ pub use spot_separations::spot_separations;
 pub use surface_view::{SurfaceView, depth_range_m, part_color, surface_view};
 pub use targets::TargetLabels;
 pub use tissue_family::{FamilyFrame, other_tissue_families, tissue_family};
+pub use tissue_mixture::{TISSUE_BLOOD, TissueView, tissue_mixture};
 
 use crate::analysis::AnalysisError;
 use crate::image::SpectrumOutOfSpan;
