@@ -55,7 +55,7 @@ fn tiny(words: &[String], folder: &Path) -> Vec<String> {
     all
 }
 
-/// A folder with the examples, and with a table of a dye.
+/// A folder with the examples, with a table of a dye and with a spectrum.
 fn workshop() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("examples")).unwrap();
@@ -66,6 +66,9 @@ fn workshop() -> tempfile::TempDir {
     let dye =
         "wavelength_nm,excitation,emission\n350,0.4,0\n400,1.0,0\n450,0.3,0.02\n520,0.0,1.0\n680,0.0,0.0\n";
     fs::write(folder.path().join("dye.csv"), dye).unwrap();
+    let line = |nm: i32| format!("{nm},{}\n", (-(f64::from(nm - 530) / 40.0).powi(2)).exp());
+    let spectrum: String = (480..=680).step_by(5).map(line).collect();
+    fs::write(folder.path().join("spectrum.csv"), format!("wavelength_nm,leaf\n{spectrum}")).unwrap();
     folder
 }
 

@@ -14,6 +14,7 @@ mod kills;
 mod lenses;
 mod memory;
 mod messages;
+mod mixture_fits;
 mod mouths;
 mod old_calls;
 mod out_folder;

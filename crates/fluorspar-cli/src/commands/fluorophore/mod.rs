@@ -1,5 +1,8 @@
-//! `fluorspar fluorophore`: list, show, plot, import.
+//! `fluorspar fluorophore`: list, show, plot, import, fit.
 
+mod fit;
+mod fit_components;
+mod fit_output;
 mod import;
 mod list;
 mod loading;
@@ -22,6 +25,8 @@ actions! {
     Plot(plot::Options) => plot::run,
     /// Check a measured fluorophore and write its section of an experiment.
     Import(import::Options) => import::run,
+    /// Fit measured spectra as sums of fluorophores: weights with intervals, and which sets describe them as well.
+    Fit(fit::Options) => fit::run,
 }
 
 /// How a file is read.

@@ -11,6 +11,8 @@ mod solve;
 mod solve_output;
 mod source;
 
+pub(crate) use source::{find, site_named};
+
 use crate::commands::actions::actions;
 use crate::commands::table::ListOptions;
 

@@ -17,7 +17,7 @@ use crate::values::{self, check_range};
 const WAVELENGTH_NM: [f64; 2] = [350.0, 1000.0];
 
 /// A fluorophore of the catalogue.
-pub(super) fn find(name: &str) -> Option<Arc<Fluorophore>> {
+pub(crate) fn find(name: &str) -> Option<Arc<Fluorophore>> {
     Some(Arc::new(fluorophore(name).ok()?.fluorophore()))
 }
 
@@ -92,6 +92,12 @@ impl SiteArgs {
             }
         }
     }
+}
+
+/// A site of the catalogue, or that of a file.
+pub(crate) fn site_named(text: &str) -> Result<Site, CliError> {
+    let args = SiteArgs { site: text.into(), state: Vec::new(), set: Vec::new() };
+    Ok(args.resolve_site()?.1)
 }
 
 /// The tissue of the text of a file with a `[[tissue]]` section.
