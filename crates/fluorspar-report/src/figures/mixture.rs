@@ -41,7 +41,7 @@ pub fn mixture_fit(plot: &MixturePlot) -> Figure {
     }
     let values = plot.residual.value.iter().filter(|value| value.is_finite());
     let largest = values.fold(0.0f64, |largest, value| largest.max(value.abs()));
-    let largest = if largest > 0.0 { 1.1 * largest } else { 1.0 };
+    let largest = if largest > 0.0 { rounded_up(largest) } else { 1.0 };
     let zero = x.limits.map(|nm| [nm, 0.0]).to_vec();
     let left = SeriesShape::Dots { points: plot.residual.points(), radius: 1.8, opacity: 0.9 };
     let residual = Panel::new(x, Axis::linear(plot.residual.name.clone(), unit, [-largest, largest]))
@@ -55,6 +55,16 @@ pub fn mixture_fit(plot: &MixturePlot) -> Figure {
         "Above: dots are what was measured, the black line is the nearest sum of components with weights that are not negative, colored \
          lines are what each adds to it; components at zero are left out. Below: what the sum leaves of the measurement.",
     )
+}
+
+/// The next of 1, 2 and 5 with zeros: its half is a tick.
+fn rounded_up(value: f64) -> f64 {
+    let decade = 10f64.powf(value.log10().floor());
+    [1.0, 2.0, 5.0]
+        .map(|factor| factor * decade)
+        .into_iter()
+        .find(|round| value <= *round)
+        .unwrap_or(10.0 * decade)
 }
 
 #[cfg(test)]
@@ -78,6 +88,10 @@ mod tests {
         for text in ["tongue 1", "W/(sr m² nm)", "my own", "measured less sum", "wavelength"] {
             assert!(svg.contains(text), "{text}");
         }
+        // 2 % of 1 at most.
+        assert!(
+            (figure.panels[1].y.limits[1] - 0.02).abs() < 1e-12 && (rounded_up(0.021) - 0.05).abs() < 1e-12
+        );
         assert_eq!(figure.panels[1].y.limits[0], -figure.panels[1].y.limits[1]);
         for odd in [[0.0; 3], [f64::NAN, -1.0, f64::INFINITY]] {
             let svg = mixture_fit(&plot(odd)).to_svg();
