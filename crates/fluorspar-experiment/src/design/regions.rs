@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use fluorspar::design::{
-    Cohort, ExcitationBasis, FluorescenceResponse, RegionModel, RegionResponse, ResponseChange,
+    ChangeGrowth, Cohort, ExcitationBasis, FluorescenceResponse, RegionModel, RegionResponse, ResponseChange,
 };
 use fluorspar::sampling::random::Key;
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid, blood_transmittance};
@@ -82,7 +82,12 @@ fn surface_region(
     let mut model = RegionModel::known(response);
     if file.unknown.blood_um > 0.0 {
         let moved = below_blood(&model.response, file.unknown.blood_um);
-        model.changes.extend(ResponseChange::between("blood", &model.response, &moved));
+        model.changes.extend(ResponseChange::between(
+            "blood",
+            &model.response,
+            &moved,
+            ChangeGrowth::Attenuation,
+        ));
     }
     Ok(model)
 }
@@ -156,7 +161,12 @@ fn tissue_region(
             }
             let moved = NamedTissue::Site(moved);
             let moved = respond(&flat_layers(context, &at_tissue, &layers, &moved, axes.grid)?);
-            model.changes.extend(ResponseChange::between(variation.name, &model.response, &moved));
+            model.changes.extend(ResponseChange::between(
+                variation.name,
+                &model.response,
+                &moved,
+                ChangeGrowth::Linear,
+            ));
         }
     }
     Ok(model)

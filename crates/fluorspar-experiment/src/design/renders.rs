@@ -4,8 +4,8 @@ use std::path::Path;
 
 use fluorspar::analysis::{Rectangle, RegionOfInterest};
 use fluorspar::design::{
-    DesignProblem, FluorescenceResponse, GeometryChoice, LightChoice, RegionModel, RegionResponse,
-    ResponseChange,
+    ChangeGrowth, DesignProblem, FluorescenceResponse, GeometryChoice, LightChoice, RegionModel,
+    RegionResponse, ResponseChange,
 };
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::Study;
@@ -81,7 +81,12 @@ impl DesignRenders {
                 }
                 if self.blood_um > 0.0 {
                     let moved = below_blood(&model.response, self.blood_um);
-                    model.changes.extend(ResponseChange::between("blood", &model.response, &moved));
+                    model.changes.extend(ResponseChange::between(
+                        "blood",
+                        &model.response,
+                        &moved,
+                        ChangeGrowth::Attenuation,
+                    ));
                 }
                 geometry.regions.push(model);
             }

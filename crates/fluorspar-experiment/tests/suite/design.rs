@@ -329,3 +329,43 @@ fn a_wheel_makes_channels_of_a_monochrome_sensor() {
         parse_design(text_of("two-lights"), "two-lights", Path::new("."), &color).unwrap_err().to_string();
     assert!(error.contains("sensor of one channel"), "{error}");
 }
+
+/// What the report says of a quarter more of an assumed number is what the file with that number gives. The two ways differ in rounding,
+/// and in a layer of blood by the interpolation of its curve: 1e-4 of the loss.
+#[test]
+fn sensitivities_are_what_a_changed_file_gives() {
+    let text = "format = 1\ncriterion = \"contrast\"\n\
+                [[region]]\nname = \"tongue\"\n\
+                material = { reflectance = \"tongue_dorsum\", concentrations = { elastin = 1.0, fad = 0.3, biofilm_porphyrin = 0.1 } }\n\
+                [led]\npeaks_nm = [385.0, 405.0]\nirradiance_w_per_m2 = 20.0\n\
+                [[view_filter]]\nname = \"long-pass\"\nlong_pass_nm = [475.0]\n\
+                [[sensor]]\nname = \"RGB\"\npreset = \"pi_camera_3\"\n\
+                [exposure]\ncounts = [2]\ntotal_ms = 60.0\n\
+                [unknown]\ngain = 0.2\nblood_um = 50.0\nemission_shift_nm = 3.0\nleak = 0.3\n\
+                [[contrast]]\nname = \"porphyrin fraction\"\npart = [\"biofilm_porphyrin\"]\n";
+    let of = |change: Option<&str>| {
+        let changes: Vec<String> = change.into_iter().map(String::from).collect();
+        let problem = parse_design(text, "blood", Path::new("."), &changes).unwrap().problem;
+        let space = DesignSpace::new(problem).unwrap();
+        let design = space.design(0);
+        (space.evaluate(&design).loss, space, design)
+    };
+    let (before, space, design) = of(None);
+    let told = fluorspar::design::sensitivities(space.problem(), &[design]).unwrap();
+    let held = "region.tongue.material.concentrations";
+    for (assumption, change) in [
+        ("biofilm_porphyrin", format!("{held}.biofilm_porphyrin=0.125")),
+        ("elastin", format!("{held}.elastin=1.25")),
+        ("fad", format!("{held}.fad=0.375")),
+        ("spread of blood", "unknown.blood_um=62.5".into()),
+        ("unknown gain", "unknown.gain=0.25".into()),
+        ("unknown leak", "unknown.leak=0.375".into()),
+        ("shift of emission", "unknown.emission_shift_nm=3.75".into()),
+        ("pixels of a region", "unknown.pixels=1250".into()),
+        ("time or electrons in all", "exposure.total_ms=75".into()),
+    ] {
+        let expected = of(Some(&change)).0 / before - 1.0;
+        let found = told.iter().find(|s| s.assumption == assumption).unwrap().loss_change;
+        assert!((found - expected).abs() < 1e-4, "{assumption}: {found} told, {expected} of a changed file");
+    }
+}

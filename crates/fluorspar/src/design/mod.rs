@@ -3,7 +3,7 @@
 //! | step | type or call | file |
 //! |---|---|---|
 //! | what a region sends, for any light | [`RegionResponse`], [`ExcitationBasis`] | `region_response.rs`, `rendered_region.rs` |
-//! | what about it is not known | [`RegionModel`], [`LightUnit`], [`LibraryError`], [`ResponseChange`] | `region_model.rs` |
+//! | what about it is not known | [`RegionModel`], [`LightUnit`], [`LibraryError`], [`ResponseChange`], [`ChangeGrowth`] | `region_model.rs` |
 //! | what a camera behind a filter makes of it | [`DesignCamera`], [`LitRegion`], [`SignalRates`] | `design_camera.rs`, `region_model.rs` |
 //! | Fisher information, nuisances by Schur complement | [`Information`], [`UncertainData`], [`Bound`] | `fisher.rs` |
 //! | figures of merit | [`Criterion`], [`Contrast`] | `criterion.rs` |
@@ -46,7 +46,9 @@ pub use problem::{
     Budget, Cohort, ContrastDefinition, DesignProblem, FilterChoice, GeometryChoice, LensChoice, LightChoice,
     Limits, LongPass, LongPassEdge, Split, WhiteFrame,
 };
-pub use region_model::{LibraryError, LightUnit, LitRegion, RegionModel, ResponseChange, SignalRates};
+pub use region_model::{
+    ChangeGrowth, LibraryError, LightUnit, LitRegion, RegionModel, ResponseChange, SignalRates,
+};
 pub use region_response::{ExcitationBasis, FluorescenceResponse, RegionResponse};
 pub use robustness::{Sensitivity, Tolerances, WorstCase, sensitivities, worst_case};
 pub use score::{Score, pareto_front};

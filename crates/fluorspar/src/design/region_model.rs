@@ -4,7 +4,7 @@ use crate::spectral::Curve;
 
 use super::design_camera::{FilteredCamera, FineBands};
 use super::problem::LightChoice;
-use super::region_response::{RegionResponse, bands_of};
+use super::region_response::{FluorescenceResponse, RegionResponse, bands_of};
 
 /// How wrong the library of fluorophores may be: standard deviations of independent errors of each fluorophore.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -24,30 +24,70 @@ pub struct LibraryError {
 pub struct ResponseChange {
     /// What moves.
     pub name: String,
-    /// Change of the fluorescence of all fluorophores together, `[band][number of the basis]`.
-    pub fluorescence: Vec<f64>,
+    /// Change of the fluorescence of each fluorophore, `[band][number of the basis]`; empty is none.
+    pub fluorescence: Vec<Vec<f64>>,
     /// Change of the reflected light; `None` is none.
     pub reflected: Option<Curve>,
+    /// How it grows with the unknown.
+    pub growth: ChangeGrowth,
+}
+
+/// How a change grows when its unknown moves by more than one standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChangeGrowth {
+    /// In proportion.
+    Linear,
+    /// As what light passes twice as thick a layer does: the share that is left is raised to the power of the thickness.
+    Attenuation,
 }
 
 impl ResponseChange {
     /// The difference between two responses of the same region, one with something moved. `None` where they differ in bands,
     /// basis or fluorophores.
-    pub fn between(name: &str, region: &RegionResponse, moved: &RegionResponse) -> Option<Self> {
+    pub fn between(
+        name: &str,
+        region: &RegionResponse,
+        moved: &RegionResponse,
+        growth: ChangeGrowth,
+    ) -> Option<Self> {
         let alike = region.grid == moved.grid
             && region.excitation == moved.excitation
             && region.fluorescence.len() == moved.fluorescence.len();
         if !alike {
             return None;
         }
-        let mut fluorescence = vec![0.0; region.grid.len() * region.excitation.len()];
-        for (before, after) in region.fluorescence.iter().zip(&moved.fluorescence) {
-            let both = after.radiance.iter().zip(&before.radiance);
-            fluorescence.iter_mut().zip(both).for_each(|(sum, (after, before))| *sum += after - before);
-        }
+        let difference = |(before, after): (&FluorescenceResponse, &FluorescenceResponse)| {
+            after.radiance.iter().zip(&before.radiance).map(|(after, before)| after - before).collect()
+        };
+        let fluorescence = region.fluorescence.iter().zip(&moved.fluorescence).map(difference).collect();
         let (first, last) = region.reflected.range_nm();
         let reflected = Curve::from_fn(first, last, |nm| moved.reflected.at(nm) - region.reflected.at(nm));
-        Some(Self { name: name.into(), fluorescence, reflected: Some(reflected) })
+        Some(Self { name: name.into(), fluorescence, reflected: Some(reflected), growth })
+    }
+
+    /// The change when the unknown moves by `factor` standard deviations.
+    #[must_use]
+    pub(super) fn grown(&self, factor: f64, region: &RegionResponse) -> Self {
+        let grown = |change: f64, whole: f64| match self.growth {
+            ChangeGrowth::Attenuation if whole > 0.0 => {
+                whole * ((1.0 + change / whole).max(0.0).powf(factor) - 1.0)
+            }
+            _ => factor * change,
+        };
+        let of = |(j, change): (usize, &Vec<f64>)| {
+            let whole = &region.fluorescence[j].radiance;
+            change.iter().zip(whole).map(|(change, whole)| grown(*change, *whole)).collect()
+        };
+        let reflected = self.reflected.as_ref().map(|change| {
+            let values = change.wavelengths_nm().iter().zip(change.values());
+            let values = values.map(|(&nm, &value)| grown(value, region.reflected.at(nm))).collect();
+            Curve::new(change.wavelengths_nm().to_vec(), values).unwrap_or_else(|_| change.scaled(factor))
+        });
+        Self {
+            fluorescence: self.fluorescence.iter().enumerate().map(of).collect(),
+            reflected,
+            ..self.clone()
+        }
     }
 }
 
@@ -122,7 +162,12 @@ impl RegionModel {
                 .changes
                 .iter()
                 .map(|change| {
-                    (bands_of(&change.fluorescence, &coefficients), change.reflected.as_ref().map(reflected))
+                    let mut all = vec![0.0; self.response.grid.len()];
+                    for part in change.fluorescence.iter().filter(|part| !part.is_empty()) {
+                        let bands = bands_of(part, &coefficients);
+                        all.iter_mut().zip(bands).for_each(|(sum, value)| *sum += value);
+                    }
+                    (all, change.reflected.as_ref().map(reflected))
                 })
                 .collect(),
         }
@@ -180,13 +225,16 @@ fn library_changes(region: &RegionResponse, error: &LibraryError) -> Vec<Respons
     let nodes = region.excitation.centers_nm();
     let bands = region.grid.centers_nm();
     let mut changes = Vec::new();
-    for fluorescence in &region.fluorescence {
+    for (number, fluorescence) in region.fluorescence.iter().enumerate() {
         let matrix = &fluorescence.radiance;
         let mut add = |what: String, values: Vec<f64>| {
+            let mut of_each = vec![Vec::new(); region.fluorescence.len()];
+            of_each[number] = values;
             changes.push(ResponseChange {
                 name: format!("{} {what}", fluorescence.name),
-                fluorescence: values,
+                fluorescence: of_each,
                 reflected: None,
+                growth: ChangeGrowth::Linear,
             });
         };
         if error.emission_shift_nm > 0.0 {
@@ -251,7 +299,7 @@ mod tests {
     use super::*;
     use crate::spectral::WavelengthGrid;
 
-    use super::super::{ExcitationBasis, FluorescenceResponse};
+    use super::super::ExcitationBasis;
 
     fn region() -> RegionResponse {
         let grid = WavelengthGrid::uniform(400.0, 700.0, 5.0).unwrap();
@@ -276,7 +324,7 @@ mod tests {
         let k = 20 * nodes + 12;
         let variance = |kind: &str| {
             let held = changes.iter().filter(|change| change.name.contains(kind));
-            held.map(|change| (change.fluorescence[k] / region.fluorescence[0].radiance[k]).powi(2))
+            held.map(|change| (change.fluorescence[0][k] / region.fluorescence[0].radiance[k]).powi(2))
                 .sum::<f64>()
         };
         for kind in ["emission near", "excitation near"] {
@@ -289,7 +337,7 @@ mod tests {
         let largest = region.fluorescence[0].radiance.iter().copied().fold(0.0, f64::max);
         for (row, nm) in bands.iter().enumerate().skip(1) {
             let bell = |nm: f64| (-((nm - 520.0) / 40.0).powi(2)).exp();
-            let (got, expected) = (changes[0].fluorescence[row * nodes + 12], bell(nm - 2.0) - bell(*nm));
+            let (got, expected) = (changes[0].fluorescence[0][row * nodes + 12], bell(nm - 2.0) - bell(*nm));
             assert!((got - expected).abs() < 4e-3 * largest, "{nm}: {got} {expected}");
         }
     }
@@ -300,10 +348,17 @@ mod tests {
         let mut moved = region.clone();
         moved.fluorescence[0].radiance.iter_mut().for_each(|value| *value *= 0.9);
         moved.reflected = Curve::constant(0.08);
-        let change = ResponseChange::between("blood", &region, &moved).unwrap();
-        assert!((change.fluorescence[500] + 0.1 * region.fluorescence[0].radiance[500]).abs() < 1e-12);
-        assert!((change.reflected.unwrap().at(500.0) + 0.02).abs() < 1e-12);
+        let between = |moved: &RegionResponse| {
+            ResponseChange::between("blood", &region, moved, ChangeGrowth::Attenuation)
+        };
+        let change = between(&moved).unwrap();
+        assert!((change.fluorescence[0][500] + 0.1 * region.fluorescence[0].radiance[500]).abs() < 1e-12);
+        assert!((change.reflected.as_ref().unwrap().at(500.0) + 0.02).abs() < 1e-12);
+        // Twice the thickness leaves 0.81 of the fluorescence and 0.64 of the reflected light; in proportion it would be 0.8 and 0.6.
+        let twice = change.grown(2.0, &region);
+        assert!((twice.fluorescence[0][500] + 0.19 * region.fluorescence[0].radiance[500]).abs() < 1e-12);
+        assert!((twice.reflected.unwrap().at(500.0) + 0.036).abs() < 1e-12);
         moved.fluorescence.clear();
-        assert!(ResponseChange::between("blood", &region, &moved).is_none());
+        assert!(between(&moved).is_none());
     }
 }

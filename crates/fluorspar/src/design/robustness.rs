@@ -111,10 +111,17 @@ fn changes(problem: &DesignProblem, best: &Design) -> Vec<(String, DesignProblem
             add_of(part.name.clone(), &|region| {
                 region.response.fluorescence[j].radiance.iter_mut().for_each(|v| *v *= RAISED);
                 region.response.fluorescence[j].amount *= RAISED;
+                // More of a fluorophore is also more of what its unknowns change of it
+                for change in &mut region.changes {
+                    change.fluorescence[j].iter_mut().for_each(|v| *v *= RAISED);
+                }
             });
         }
         add_of("reflected light".into(), &|region| {
             region.response.reflected = region.response.reflected.scaled(RAISED);
+            for change in &mut region.changes {
+                change.reflected = change.reflected.as_ref().map(|reflected| reflected.scaled(RAISED));
+            }
         });
         for (k, change) in region.changes.iter().enumerate() {
             add_of(format!("spread of {}", change.name), &|region| raise(region, k));
@@ -124,9 +131,7 @@ fn changes(problem: &DesignProblem, best: &Design) -> Vec<(String, DesignProblem
 }
 
 fn raise(region: &mut RegionModel, change: usize) {
-    let change = &mut region.changes[change];
-    change.fluorescence.iter_mut().for_each(|value| *value *= RAISED);
-    change.reflected = change.reflected.as_ref().map(|reflected| reflected.scaled(RAISED));
+    region.changes[change] = region.changes[change].grown(RAISED, &region.response);
 }
 
 /// Tolerances of manufacture.
