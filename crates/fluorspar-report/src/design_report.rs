@@ -30,6 +30,8 @@ pub struct DesignFindings<'a> {
     pub criterion: &'a str,
     /// How designs were chosen, in words.
     pub search: &'a str,
+    /// The action of `fluorspar design` that chose them.
+    pub action: &'a str,
     /// All designs.
     pub space: &'a DesignSpace,
     /// Those that were evaluated, by number.
@@ -67,7 +69,7 @@ pub fn design_figures(found: &DesignFindings<'_>) -> Vec<(&'static str, Figure)>
         ("spectra", spectra_figure(found.space, best)),
         ("captures", captures_figure(found, best)),
         ("designs", front_figure(found)),
-        ("lights", light_map(found)),
+        ("lights", lights_figure(found)),
     ]
 }
 
@@ -95,7 +97,7 @@ pub fn design_report(found: &DesignFindings<'_>) -> ReportData {
             ("version".into(), env!("CARGO_PKG_VERSION").into()),
         ],
         experiment_toml: found.design_toml.into(),
-        rerun_command: "fluorspar design optimize DESIGN.toml".into(),
+        rerun_command: format!("fluorspar design {} DESIGN.toml", found.action),
     }
 }
 
@@ -192,8 +194,8 @@ fn best_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section {
             section = section.with(item);
         }
     }
-    let caption = "Everything relative to its own peak. Where a channel sees two fluorophores at once, only their ratio \
-                   between channels and lights tells them apart.";
+    let caption = "Lights, filters and channels are relative to their own peaks; the fluorophores under a light to the highest of \
+                   them. Where a channel sees two fluorophores at once, only their ratio between channels and lights tells them apart.";
     section.show(spectra_figure(found.space, best), caption)
 }
 
@@ -248,8 +250,8 @@ fn spectra_figure(space: &DesignSpace, judged: &JudgedDesign) -> Figure {
         panels.push(panel);
     }
     Figure::grid("Spectra of the best design", panels, 1).explained(
-        "Above: lights, the filters in front of the sensor and the sensitivity of its channels. Below: what each fluorophore of \
-         the first region emits under each light, all on one scale.",
+        "Above: lights, the filters in front of the sensor and the sensitivity of its channels, each relative to its own peak. Below: \
+         what each fluorophore of the first region emits under a light, relative to the highest of them.",
     )
 }
 
@@ -379,31 +381,57 @@ fn choices_section(found: &DesignFindings<'_>) -> Section {
     };
     Section::new("All designs")
         .show(front_figure(found), "")
-        .show(light_map(found), "")
+        .show(lights_figure(found), "")
         .with(ReportItem::Table(best))
         .with(ReportItem::Table(front))
 }
 
-/// A quantity of a design that is drawn.
-type Objective = fn(&Score) -> f64;
+/// What designs are drawn against.
+struct Across {
+    label: &'static str,
+    unit: &'static str,
+    of: Box<dyn Fn(&Score) -> f64>,
+    /// What that is, in words.
+    words: &'static str,
+}
 
-/// Loss against the objective that varies most: price, time, or the number of exposures.
+impl Across {
+    /// Price, time, or the number of exposures, whichever varies most; the place by loss where none does.
+    fn of(seen: &[&Score]) -> Self {
+        let objectives: [(&str, &str, fn(&Score) -> f64); 3] = [
+            ("price", "", |s| s.cost),
+            ("time", "ms", |s| s.time_s * 1e3),
+            ("exposures", "", |s| s.exposures as f64),
+        ];
+        let distinct = |pick: fn(&Score) -> f64| {
+            let mut values: Vec<u64> =
+                seen.iter().take(5000).map(|s| (pick(s) * 1e6).round() as u64).collect();
+            values.sort_unstable();
+            values.dedup();
+            values.len()
+        };
+        let counts = objectives.map(|(_, _, pick)| distinct(pick));
+        let chosen = (0..3).fold(2, |best, k| if counts[k] > counts[best] { k } else { best });
+        if counts[chosen] > 1 {
+            let (label, unit, pick) = objectives[chosen];
+            let words = "Of price, time and number of exposures the one that varies most is drawn.";
+            return Self { label, unit, of: Box::new(pick), words };
+        }
+        let mut losses: Vec<f64> = seen.iter().map(|s| s.loss).collect();
+        losses.sort_by(f64::total_cmp);
+        let place = move |s: &Score| 1.0 + losses.partition_point(|loss| *loss < s.loss) as f64;
+        let words = "All cost the same, in the same time and as many exposures, so they stand in the order of their loss.";
+        Self { label: "place by loss", unit: "", of: Box::new(place), words }
+    }
+}
+
+/// Designs whose names are written beside their marks, at most.
+const MOST_NAMES: usize = 12;
+
+/// Loss against what varies most among designs.
 fn front_figure(found: &DesignFindings<'_>) -> Figure {
-    let objectives: [(&str, &str, Objective); 3] = [
-        ("price", "", |s| s.cost),
-        ("time", "ms", |s| s.time_s * 1e3),
-        ("exposures", "", |s| s.exposures as f64),
-    ];
     let seen: Vec<&Score> = found.scores.iter().map(|(_, s)| s).filter(|s| s.loss.is_finite()).collect();
-    let distinct = |pick: Objective| {
-        let mut values: Vec<u64> = seen.iter().take(5000).map(|s| (pick(s) * 1e6).round() as u64).collect();
-        values.sort_unstable();
-        values.dedup();
-        values.len()
-    };
-    let counts = objectives.map(|(_, _, pick)| distinct(pick));
-    let chosen = (0..3).fold(2, |best, k| if counts[k] > counts[best] { k } else { best });
-    let (label, unit, pick) = objectives[chosen];
+    let Across { label, unit, of: pick, words } = Across::of(&seen);
     let points: Vec<[f64; 2]> = seen.iter().map(|s| [pick(s), s.loss]).collect();
     let (low, high) = points.iter().fold((f64::INFINITY, 0.0f64), |(a, b), p| (a.min(p[1]), b.max(p[1])));
     let y = Axis::log10("loss", "", [low * 0.8, (high * 1.2).min(low * 1e4)]);
@@ -419,22 +447,65 @@ fn front_figure(found: &DesignFindings<'_>) -> Figure {
     };
     let front = SeriesShape::Markers { points: marks(found.front), radius: 5.0, hollow: false };
     let other = SeriesShape::Markers { points: marks(found.compared), radius: 6.0, hollow: true };
-    let label = found
-        .best
-        .first()
-        .map(|best| Label { at: marks(std::slice::from_ref(best))[0], text: best.name.clone() });
+    // In their order by loss marks lie apart, and few have room for their names
+    let is_in_order = unit.is_empty() && label.starts_with("place");
+    let named = if is_in_order && seen.len() <= MOST_NAMES { found.best.len() } else { 1 };
+    let labels = found.best.iter().take(named).flat_map(|judged| {
+        let at = marks(std::slice::from_ref(judged));
+        at.into_iter().map(|at| Label { at, text: judged.name.clone() })
+    });
+    let labels = labels.collect();
     let mut panel = Panel::new(x, y)
         .with(Series::unnamed(Ink::Muted, SeriesShape::Dots { points, radius: 1.5, opacity: 0.5 }))
         .with(Series { name: Some("front".into()), ink: Ink::cycle(0), shape: front })
         .with(Series { name: Some("compared".into()), ink: Ink::cycle(1), shape: other });
-    panel = panel.with(Series::unnamed(Ink::Text, SeriesShape::Labels(label.into_iter().collect())));
-    Figure::new("Loss of all designs", panel).explained(
+    panel = panel.with(Series::unnamed(Ink::Text, SeriesShape::Labels(labels)));
+    Figure::new("Loss of all designs", panel).explained(format!(
         "Each dot is a design that keeps to all limits. Those of the front are not beaten in loss, time, price and number of \
-         exposures at once.",
-    )
+         exposures at once. {words}"
+    ))
 }
 
 /// The least loss with each light, or with each pair of lights.
+fn lights_figure(found: &DesignFindings<'_>) -> Figure {
+    let mut designs = found.scores.iter().map(|(number, _)| found.space.design(*number));
+    if designs.all(|design| design.lights.len() == 1) { single_lights(found) } else { light_map(found) }
+}
+
+/// The least loss of the designs with each light, where each design has one.
+fn single_lights(found: &DesignFindings<'_>) -> Figure {
+    let lights = &found.space.problem().lights;
+    let mut least = vec![f64::INFINITY; lights.len()];
+    for (number, score) in found.scores {
+        let cell = &mut least[found.space.design(*number).lights[0]];
+        *cell = cell.min(score.loss);
+    }
+    let seen = || least.iter().copied().enumerate().filter(|(_, loss)| loss.is_finite());
+    let (low, high) = seen().fold((f64::INFINITY, 0.0f64), |(a, b), (_, loss)| (a.min(loss), b.max(loss)));
+    let (low, high) = if low.is_finite() { (low, high) } else { (1.0, 10.0) };
+    let points = seen().map(|(light, loss)| [lights[light].peak_nm, loss]).collect();
+    let step = seen().count().div_ceil(MOST_NAMES).max(1);
+    let name = |(light, loss): (usize, f64)| Label {
+        at: [lights[light].peak_nm, loss],
+        text: format!("{}: {}", lights[light].name, digits(loss)),
+    };
+    let labels = seen().step_by(step).map(name).collect();
+    let peaks = || lights.iter().map(|light| light.peak_nm);
+    let (first, last) = (peaks().fold(f64::INFINITY, f64::min), peaks().fold(0.0, f64::max));
+    // Names stand to the right of their marks
+    let margin_nm = (0.1 * (last - first)).max(5.0);
+    let x = Axis::linear("peak of the light", "nm", [first - margin_nm, last + 3.0 * margin_nm]);
+    let y = Axis::log10("least loss", "", [low * 0.8, high * 1.2]);
+    let marks = SeriesShape::Markers { points, radius: 5.0, hollow: false };
+    let panel = Panel::new(x, y)
+        .with(Series::unnamed(Ink::cycle(0), marks))
+        .with(Series::unnamed(Ink::Text, SeriesShape::Labels(labels)));
+    Figure::new("Which light", panel).explained(
+        "The least loss of all designs with this light. A light that is not seen, or breaks a limit in every design, is left out.",
+    )
+}
+
+/// The least loss with each pair of lights.
 fn light_map(found: &DesignFindings<'_>) -> Figure {
     let lights = &found.space.problem().lights;
     let count = lights.len();
@@ -467,27 +538,39 @@ fn light_map(found: &DesignFindings<'_>) -> Figure {
     });
     let peaks_nm: Vec<f64> = lights.iter().map(|light| light.peak_nm).collect();
     let even = even_peaks(&peaks_nm);
-    let (range, words, unit) = match even {
-        Some(range_nm) => (range_nm, "peak", "nm"),
-        None => ([0.0, count as f64], "number", ""),
+    let picture = |range: [f64; 2], x: Axis, y: Axis| {
+        let picture = SeriesShape::Picture { x: range, y: range, raster: raster.clone() };
+        Panel::new(x, y).sized(480.0, 480.0).with(Series::unnamed(Ink::Text, picture))
     };
-    // Names where the axes count lights
-    let names = (0..if even.is_some() { 0 } else { count })
-        .map(|k| Label { at: [k as f64 + 1.1, k as f64 + 0.5], text: lights[k].name.clone() });
-    let shown = names.step_by(count.div_ceil(9).max(1)).collect();
-    let axis = |which: &str| Axis::linear(format!("{words} of the {which} light"), unit, range);
-    let (x, y) = (axis("shorter"), axis("longer"));
-    let mut panel = Panel::new(x, y)
-        .sized(480.0, 480.0)
-        .with(Series::unnamed(Ink::Text, SeriesShape::Picture { x: range, y: range, raster }))
-        .with(Series::unnamed(Ink::Text, SeriesShape::Labels(shown)));
+    let mut panel = match even {
+        Some(range_nm) => {
+            let axis = |which: &str| Axis::linear(format!("peak of the {which} light"), "nm", range_nm);
+            picture(range_nm, axis("shorter"), axis("longer"))
+        }
+        // Lights that are not evenly spaced bear their names at the sides
+        None => {
+            let whole = count as f64;
+            let longest = lights.iter().map(|light| light.name.chars().count()).max().unwrap_or(0) as f64;
+            let left = (0.016 * (longest + 1.0)).min(0.4) * whole;
+            let step = count.div_ceil(9).max(1);
+            let beside = (0..count)
+                .step_by(step)
+                .map(|k| Label { at: [-left, k as f64 + 0.5], text: lights[k].name.clone() });
+            let below = (0..count)
+                .step_by(step)
+                .map(|k| Label { at: [k as f64 + 0.1, -0.03 * whole], text: lights[k].name.clone() });
+            let (x, y) = (Axis::hidden([-left, whole]), Axis::hidden([-0.06 * whole, whole]));
+            let names = SeriesShape::Labels(beside.chain(below).collect());
+            picture([0.0, whole], x, y).with(Series::unnamed(Ink::Text, names))
+        }
+    };
     panel.color_bar = Some(ColorBar {
         axis: Axis::log10("inverse of the least loss", "", [1.0 / high, 1.0 / low]),
         map: ColorMap::Viridis,
     });
     Figure::new("Which lights", panel).explained(
-        "The least loss of all designs with these two lights, and of single lights on the diagonal. Bright is good, gray is not \
-         seen or breaks a limit.",
+        "The least loss of all designs with these two lights, the one of the column and the one of the row, and of single lights on \
+         the diagonal. Bright is good, gray is not seen or breaks a limit.",
     )
 }
 

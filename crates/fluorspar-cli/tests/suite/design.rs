@@ -311,3 +311,23 @@ fn a_folder_of_the_user_stands_beside_the_catalogue() {
         fs::remove_file(mine.join(file)).unwrap();
     }
 }
+
+/// Designs of one light each: the page names the command that was typed, the figure of the lights names the lights, and marks stand in
+/// the order of their loss where nothing else tells designs apart.
+#[test]
+fn a_sweep_of_single_lights_names_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/03-four-leds.toml");
+    fluorspar(folder.path(), ["design", "sweep", example.to_str().unwrap(), "--out", "a", "-q"]).well();
+    let read = |name: &str| fs::read_to_string(folder.path().join("a").join(name)).unwrap();
+    assert!(read("report.html").contains("fluorspar design sweep DESIGN.toml"));
+    let lights = read("lights.svg");
+    for name in ["365 nm: ", "385 nm: ", "405 nm: ", "450 nm: ", "peak of the light"] {
+        assert!(lights.contains(name), "{name}");
+    }
+    assert!(!lights.contains("shorter") && !lights.contains("number of"));
+    let designs = read("designs.svg");
+    for name in ["place by loss", "365 nm", "385 nm", "405 nm", "450 nm"] {
+        assert!(designs.contains(name), "{name}");
+    }
+}

@@ -34,6 +34,8 @@ pub(super) struct Found {
     pub(super) scores: Vec<(u64, Score)>,
     /// How they were chosen, in words.
     pub(super) search: String,
+    /// The action that chose them.
+    pub(super) action: &'static str,
 }
 
 /// The best of a search.
@@ -203,6 +205,7 @@ impl Outcome {
             description: &record.description,
             criterion: &criterion_text(&problem.space),
             search: &self.found.search,
+            action: self.found.action,
             space: &problem.space,
             scores: &self.found.scores,
             best: &self.best,

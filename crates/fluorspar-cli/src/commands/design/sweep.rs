@@ -161,11 +161,12 @@ impl<'a> Work<'a> {
 }
 
 /// Scores of all designs in the order of their numbers.
-fn in_order(blocks: BTreeMap<u64, Vec<Score>>) -> Found {
+fn in_order(blocks: BTreeMap<u64, Vec<Score>>, action: &'static str) -> Found {
     let scores = blocks.into_values().flatten().enumerate();
     Found {
         scores: scores.map(|(number, score)| (number as u64, score)).collect(),
         search: "all designs".into(),
+        action,
     }
 }
 
@@ -183,11 +184,10 @@ pub(super) fn sweep(options: &SweepOptions) -> Result<(), CliError> {
     let problem = problem.prepare()?;
     let work = Work::of(&problem)?;
     let Some(shard) = options.shard else {
-        let found = in_order(work.finish(
-            &journal_beside(&shown, &problem.resolved.record.sha256, ""),
-            None,
-            messages,
-        )?);
+        let found = in_order(
+            work.finish(&journal_beside(&shown, &problem.resolved.record.sha256, ""), None, messages)?,
+            "sweep",
+        );
         return Outcome::of(&problem, found)?.write(&problem, folder, &options.answer);
     };
     let journal = shard.journal(&shown, &problem.resolved.record.sha256);
@@ -220,13 +220,16 @@ pub(super) fn optimize(options: &OptimizeOptions) -> Result<(), CliError> {
             result.restarts,
             search.seed
         );
-        Found { scores: result.evaluated, search: text }
+        Found { scores: result.evaluated, search: text, action: "optimize" }
     } else {
-        in_order(Work::of(&problem)?.finish(
-            &journal_beside(&shown, &problem.resolved.record.sha256, ""),
-            None,
-            messages,
-        )?)
+        in_order(
+            Work::of(&problem)?.finish(
+                &journal_beside(&shown, &problem.resolved.record.sha256, ""),
+                None,
+                messages,
+            )?,
+            "optimize",
+        )
     };
     Outcome::of(&problem, found)?.write(&problem, folder, &options.answer)
 }
@@ -252,7 +255,11 @@ pub(super) fn merge(options: &MergeOptions) -> Result<(), CliError> {
         }
         let missing = work.blocks - blocks.len() as u64;
         if missing == 0 {
-            return Outcome::of(&problem, in_order(blocks))?.write(&problem, folder, &options.answer);
+            return Outcome::of(&problem, in_order(blocks, "sweep"))?.write(
+                &problem,
+                folder,
+                &options.answer,
+            );
         }
         if options.wait_for.is_none() {
             return Err(CliError::Input(format!(
