@@ -1,5 +1,6 @@
 //! Exposures and analysis.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
@@ -14,11 +15,11 @@ use super::tissue;
 use crate::error::{Message, Place, Step, steps};
 use crate::kept::kept_solutions;
 use crate::schema::{
-    AnalysisSection, BulkReference, CaptureSection, ConcentrationFactor, ExperimentFile, ExposureTime,
-    TextureReference,
+    AnalysisSection, BulkReference, CaptureSection, ConcentrationFactor, DEFAULT_PORPHYRIN, ExperimentFile,
+    ExposureTime, TextureReference,
 };
 use fluorspar::light::LightGroup;
-use fluorspar::material::ScalarTexture;
+use fluorspar::material::{FluorophoreAmount, ScalarTexture};
 use fluorspar::names::did_you_mean;
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::quote::excerpt;
@@ -230,7 +231,7 @@ pub(super) fn analysis(
     captures: &[Capture],
     seen: &Seen<'_>,
 ) -> Resolved<Option<(AnalysisPlan, Option<OfSurfaces>)>> {
-    let Some(section) = &file.analysis else {
+    let Some(given) = &file.analysis else {
         if !file.target.is_empty() {
             let message =
                 "the analysis tells how well a target is seen; add an [analysis] section with the frame";
@@ -239,6 +240,11 @@ pub(super) fn analysis(
         return Ok(None);
     };
     let at = |key: &str| steps!["analysis", key];
+    let porphyrin = match &given.porphyrin {
+        Some(name) => name.clone(),
+        None => porphyrin_of_scene(context, given, seen)?,
+    };
+    let section = &AnalysisSection { porphyrin: Some(porphyrin), ..given.clone() };
     let labels: Vec<&str> = captures.iter().map(|capture| capture.frame.label.as_str()).collect();
     if !labels.contains(&section.frame.as_str()) {
         let known = labels.iter().copied();
@@ -292,8 +298,13 @@ pub(super) fn analysis(
     fluorophores.extend(absent.list);
     further_frames(context, section, &labels)?;
     let tissue = tissue_prior(context, file, section, seen)?;
-    let of_surfaces =
-        OfSurfaces { bulk: held, fluorophores, tissue, line_ends: line_ends(file, section, seen) };
+    let of_surfaces = OfSurfaces {
+        bulk: held,
+        fluorophores,
+        tissue,
+        line_ends: line_ends(file, section, seen),
+        porphyrin: wanted_share(section).cloned(),
+    };
     let is_plain = polygon.is_none() && mask.is_none() && compared.is_none() && targets.is_empty();
     let plain = plan(file, section, of_surfaces.clone());
     let whole = AnalysisPlan { polygon, mask, compared, targets, ..plain };
@@ -308,6 +319,8 @@ pub(crate) struct OfSurfaces {
     pub(crate) fluorophores: Vec<Fluorophore>,
     pub(crate) tissue: Option<TissuePrior>,
     pub(crate) line_ends: LineEnds,
+    /// The fluorophore whose share is asked for.
+    pub(crate) porphyrin: Option<String>,
 }
 
 /// The analysis of a section that was checked, without shapes and targets.
@@ -322,7 +335,7 @@ pub(crate) fn plan(file: &ExperimentFile, section: &AnalysisSection, of: OfSurfa
         compared: None,
         targets: Vec::new(),
         wanted_d_prime: section.wanted_d_prime,
-        porphyrin: wanted_share(section).cloned(),
+        porphyrin: of.porphyrin,
         further_frames: section.further_frames.clone(),
         tissue: of.tissue,
         line_ends: of.line_ends,
@@ -337,7 +350,40 @@ const NO_SHARE: &str = "none";
 
 /// The fluorophore whose share is asked for.
 fn wanted_share(section: &AnalysisSection) -> Option<&String> {
-    Some(&section.porphyrin).filter(|name| *name != NO_SHARE)
+    section.porphyrin.as_ref().filter(|name| *name != NO_SHARE)
+}
+
+/// The porphyrin that an analysis means that names none: the one that the region holds, else the one of the scene. Where there is none,
+/// that of the catalogue: a control has a line, too.
+fn porphyrin_of_scene(context: &Context<'_>, section: &AnalysisSection, seen: &Seen<'_>) -> Resolved<String> {
+    let held_by = |object: &Object| -> Vec<&str> {
+        let is_there = |held: &&FluorophoreAmount| held.concentration != ScalarTexture::Constant(0.0);
+        let held = seen.materials[object.material].fluorophores.iter().filter(is_there);
+        held.map(|held| seen.fluorophores.list[held.fluorophore].name.as_str()).collect()
+    };
+    let porphyrins = |of_region: bool| -> BTreeSet<&str> {
+        let is_looked_at =
+            |object: &&Object| !of_region || section.parts.is_empty() || section.parts.contains(&object.name);
+        let names = seen.objects.iter().filter(is_looked_at).flat_map(held_by);
+        names.filter(|name| name.contains("porphyrin")).collect()
+    };
+    let (mut found, mut place) = (porphyrins(true), "region");
+    if found.is_empty() {
+        (found, place) = (porphyrins(false), "scene");
+    }
+    let mut names = found.into_iter();
+    match (names.next(), names.next()) {
+        (None, _) => Ok(DEFAULT_PORPHYRIN.into()),
+        (Some(only), None) => Ok(only.into()),
+        (Some(first), Some(second)) => {
+            let all: Vec<&str> = [first, second].into_iter().chain(names).collect();
+            let message = format!(
+                "the {place} holds {}; name the one whose share is asked for: porphyrin = \"{first}\", or \"none\"",
+                all.join(" and ")
+            );
+            context.fail(&steps!["analysis", "porphyrin"], message)
+        }
+    }
 }
 
 /// Amounts of the bulk with the factors on concentrations; those that are given by hand stay as they are.
@@ -390,7 +436,7 @@ fn tissue_prior(
         "",
     )?;
     let site = match &section.tissue {
-        _ if section.porphyrin == NO_SHARE => return Ok(None),
+        _ if wanted_share(section).is_none() => return Ok(None),
         Some(name) if name == "none" => return Ok(None),
         Some(name) => {
             let (tissues, fluorophores) = (&file.tissue, &file.fluorophore);
@@ -510,14 +556,14 @@ fn bulk(
         for (number, fluorophore) in seen.fluorophores.list.iter().enumerate() {
             let held = seen.materials[index].fluorophores.iter().find(|held| held.fluorophore == number);
             let factor = held.map_or(0.0, |held| surface_mean(&held.concentration, shapes()));
-            if factor > 0.0 && fluorophore.name != section.porphyrin {
+            if factor > 0.0 && Some(&fluorophore.name) != section.porphyrin.as_ref() {
                 bulk.push((fluorophore.name.clone(), factor));
             }
         }
         return Ok(bulk);
     }
     for (name, reference) in file.material[seen.original(index)].concentrations().into_iter().flatten() {
-        if *name == section.porphyrin {
+        if Some(name) == section.porphyrin.as_ref() {
             continue;
         }
         let amount = match reference {

@@ -35,6 +35,8 @@ struct Names {
     /// Amounts of the bulk before factors, as bits.
     bulk: Vec<(String, u64)>,
     is_of_scene: bool,
+    /// The fluorophore whose share is asked for.
+    porphyrin: Option<String>,
     site: String,
     /// Parameters of the site, as bits.
     parameters: Vec<(String, u64)>,
@@ -70,7 +72,7 @@ fn key(file: &ExperimentFile) -> Option<String> {
         output: Default::default(),
         ..file.clone()
     };
-    Some(format!("analysis 1 {captures:?} {}", serde_json::to_string(&looked_at).ok()?))
+    Some(format!("analysis 2 {captures:?} {}", serde_json::to_string(&looked_at).ok()?))
 }
 
 /// Keeps what the analysis of an experiment asked of its surfaces. The experiment must have been resolved without error or file.
@@ -83,6 +85,7 @@ pub(crate) fn keep_analysis(file: &ExperimentFile, of: &OfSurfaces, scene: &Scen
     let names = Names {
         bulk: of.bulk.iter().map(|(name, amount)| bits((name, *amount))).collect(),
         is_of_scene: of.line_ends == LineEnds::Scene,
+        porphyrin: of.porphyrin.clone(),
         site: prior.site.name().into(),
         parameters: prior.site.parameters().map(|(of, value)| bits((of.name, value))).collect(),
         fluorophores: of.fluorophores.len(),
@@ -135,6 +138,7 @@ pub fn kept_analysis(experiment: &Experiment) -> Option<KeptAnalysis> {
         fluorophores,
         tissue,
         line_ends: if names.is_of_scene { LineEnds::Scene } else { LineEnds::FlatSample },
+        porphyrin: names.porphyrin.clone(),
     };
     let is_whole = names.of_scene <= of.fluorophores.len()
         && names.parts.iter().all(|(_, material)| *material < names.materials.len())

@@ -149,9 +149,10 @@ pub struct AnalysisSection {
     /// Two regions of the sensor whose pixels are compared: how well the frames tell them apart. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compared_px: Option<[RegionReference; 2]>,
-    /// Fluorophore whose share is estimated; "none" for no such estimate. Default "protoporphyrin_ix".
-    #[serde(default = "porphyrin")]
-    pub porphyrin: String,
+    /// Fluorophore whose share is estimated; "none" for no such estimate. Default: the porphyrin that the region holds, else that of
+    /// the scene; "protoporphyrin_ix" where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub porphyrin: Option<String>,
     /// Fluorophores that form the bulk of the tissue: the name of a material, whose fluorophores count without the
     /// porphyrin (where a concentration is a map, with its mean over the region), or a table of concentrations. Default: the
     /// material of the first part.
@@ -192,10 +193,6 @@ pub enum BulkReference {
     Material(String),
     /// Concentrations by fluorophore.
     Concentrations(BTreeMap<String, f64>),
-}
-
-fn porphyrin() -> String {
-    DEFAULT_PORPHYRIN.into()
 }
 
 fn is_zero(value: &u32) -> bool {

@@ -494,6 +494,20 @@ fn what_only_the_analysis_names_is_still_known_to_it() {
     assert_eq!(control("analysis.bulk={ nadh = 1.0 }"), (vec!["nadh".into()], 5));
 }
 
+/// An analysis that names no porphyrin means the one of the scene, and its bulk is without it.
+#[test]
+fn the_porphyrin_of_the_scene_is_meant_where_none_is_named() {
+    let other = "material.patch.concentrations={ elastin = 1.0, biofilm_porphyrin = 0.1 }";
+    let analysis = resolved(FLAT, &[other]).study.analysis.unwrap();
+    assert_eq!(analysis.porphyrin.as_deref(), Some("biofilm_porphyrin"));
+    assert_eq!(analysis.bulk, [("elastin".to_owned(), 1.0)]);
+    let none = "material.patch.concentrations={ elastin = 1.0 }";
+    let analysis = resolved(FLAT, &[none]).study.analysis.unwrap();
+    assert_eq!(analysis.porphyrin.as_deref(), Some("protoporphyrin_ix"));
+    let named = resolved(FLAT, &[other, "analysis.porphyrin=none"]).study.analysis.unwrap();
+    assert_eq!(named.porphyrin, None);
+}
+
 #[test]
 fn the_bulk_counts_maps_by_their_mean() {
     let bulk = |change: &str| resolved(FLAT, &[change]).study.analysis.unwrap().bulk;

@@ -1787,7 +1787,8 @@ class AnalysisSection(TypedDict, total=False):
     compared_px: list[RegionReference]
     """Two regions of the sensor whose pixels are compared: how well the frames tell them apart. Default: none."""
     porphyrin: str
-    """Fluorophore whose share is estimated; "none" for no such estimate. Default "protoporphyrin_ix"."""
+    """Fluorophore whose share is estimated; "none" for no such estimate. Default: the porphyrin that the region holds, else
+    that of the scene; "protoporphyrin_ix" where there is none."""
     bulk: BulkReference
     """Fluorophores that form the bulk of the tissue: the name of a material, whose fluorophores count without the porphyrin
     (where a concentration is a map, with its mean over the region), or a table of concentrations. Default: the material of the
