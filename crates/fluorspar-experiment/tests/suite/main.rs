@@ -31,6 +31,7 @@ mod steep_filters;
 mod study_from_code;
 #[path = "../../../fluorspar/tests/suite/support.rs"]
 mod support;
+mod target_noise;
 mod tissue;
 mod tissue_sites;
 mod traced_experiment;

@@ -340,9 +340,10 @@ fn target_matrix(targets: &[TargetDetection]) -> NumberMatrix {
             .channels
             .iter()
             .map(|c| c.contrast.map_or_else(|| "dark".into(), |v| format!("{v:+.3}").replace('-', "−")));
+        let px = t.smallest_diameter_px;
         let diameter = match t.smallest_diameter_mm {
-            Some(mm) => format!("{mm:.2} mm"),
-            None => format!("{:.1} px", t.smallest_diameter_px),
+            Some(mm) => format!("{mm:.2} mm ({})", t.diameter_interval(mm / px, 2)),
+            None => format!("{px:.1} px ({})", t.diameter_interval(1.0, 1)),
         };
         let frames = t.frames_needed.map_or_else(|| "never".into(), |count| count.to_string());
         let numbers = [
@@ -364,9 +365,17 @@ fn target_matrix(targets: &[TargetDetection]) -> NumberMatrix {
         note: format!(
             "Contrast: difference over background. d' is the distance of target and background in standard deviations: of one pixel; of the \
              whole target in the noise and structure of the frame, neighbors correlated as they are (Hotelling observer); and in the sensor's \
-             noise alone. Diameter of a disc of this contrast and number of averaged frames for d' {wanted}."
+             noise alone. Diameter of a disc of this contrast on the surface of the target, and number of averaged frames, for d' {wanted}. \
+             Noise of the render is taken out; intervals are 95 % by the noise of frame and render.{}",
+            render_notes(targets)
         ),
     }
+}
+
+/// What the render leaves uncertain in the frames.
+fn render_notes(targets: &[TargetDetection]) -> String {
+    let note = |t: &TargetDetection| Some(format!(" {}, {}: {}.", t.target, t.frame, t.render_words()?));
+    targets.iter().filter_map(note).collect()
 }
 
 /// Names of the channels whose sum counts as light.

@@ -73,4 +73,4 @@ pub use summary::{
     Analysis, AnalysisError, AnalysisSettings, ChannelStatistics, MixtureModel, MixtureSummary,
     PredictedFluorophore, RegionFraction, analyze_region,
 };
-pub use target_detection::{ChannelContrast, TargetDetection};
+pub use target_detection::{ChannelContrast, RenderNoise, TargetDetection};

@@ -59,17 +59,81 @@ pub struct TargetDetection {
     pub d_prime_of_sensor: f64,
     /// d' that is wanted.
     pub wanted_d_prime: f64,
-    /// Diameter of a disc of this contrast that has the wanted d', pixels; at least one.
+    /// Diameter of a disc of this contrast that has the wanted d', pixels; at least one. A spot that lies askew covers as many pixels.
     pub smallest_diameter_px: f64,
-    /// The same on the surface, mm, where its distance is known.
+    /// Least diameter that the noise of frame and render allows for, pixels: 95 % of such measurements lie above it.
+    #[serde(default)]
+    pub smallest_diameter_least_px: f64,
+    /// Largest diameter likewise; `None` where the contrast itself is not told from none.
+    #[serde(default)]
+    pub smallest_diameter_most_px: Option<f64>,
+    /// The same diameter of a disc that lies on the surface of the target, tilted as that is, mm; where its distance is known.
     pub smallest_diameter_mm: Option<f64>,
+    /// Variance of the whole target by the noise of the render over that by everything else; the numbers above are without it. `None`
+    /// without a render.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub render_noise: Option<f64>,
+    /// Samples per pixel with which the noise of the render is a quarter of the rest; `None` where it is less already.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples_needed: Option<u32>,
     /// Frames whose mean has the wanted d'. None where no number does: what stays the same in all of them hides the target.
     pub frames_needed: Option<u64>,
 }
 
+/// Noise of a render in a frame: independent from pixel to pixel of the render.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RenderNoise {
+    /// Covariance of the channels of a pixel of the render, DN², `[channel][channel]`.
+    pub covariance_dn2: Vec<Vec<f64>>,
+    /// Columns and rows of the frame for each of the render.
+    pub frame_per_render: [f64; 2],
+    /// Samples of a pixel.
+    pub samples_per_pixel: u32,
+}
+
+impl RenderNoise {
+    /// Share of a render pixel's variance that a pixel of the frame has. In each direction it averages evenly over `1 / q` pixels of the
+    /// render, wherever it lies: `1 - 1 / (3 q)` for `q >= 1`, `q - q² / 3` below.
+    fn share_of_pixel(&self) -> f64 {
+        let along = |q: f64| if q >= 1.0 { 1.0 - 1.0 / (3.0 * q) } else { q - q * q / 3.0 };
+        self.frame_per_render.map(along).iter().product()
+    }
+
+    /// Pixels of the frame for each pixel of the render.
+    fn frame_pixels(&self) -> f64 {
+        self.frame_per_render.iter().product()
+    }
+
+    fn matrix(&self, channels: usize) -> DMatrix<f64> {
+        DMatrix::from_fn(channels, channels, |i, j| {
+            self.covariance_dn2.get(i).and_then(|row| row.get(j)).copied().unwrap_or(0.0)
+        })
+    }
+}
+
+/// Least noise of a developed pixel over that of a raw one: interpolation averages over up to four.
+const LEAST_DEVELOPED: f64 = 0.25;
+
+/// Covariance of the pixels less that of the render's noise: at least what the sensor leaves of its own after interpolation.
+fn without_render(
+    covariance: &DMatrix<f64>,
+    render: &RenderNoise,
+    of_sensor: &[f64],
+) -> Option<DMatrix<f64>> {
+    let channels = of_sensor.len();
+    let rest = covariance - render.matrix(channels) * render.share_of_pixel();
+    let scale = DVector::from_iterator(channels, of_sensor.iter().map(|v| (LEAST_DEVELOPED * v).sqrt()));
+    let relative = DMatrix::from_fn(channels, channels, |i, j| rest[(i, j)] / (scale[i] * scale[j]));
+    let mut eigen = relative.try_symmetric_eigen(1e-12, 1000)?;
+    eigen.eigenvalues.iter_mut().for_each(|value| *value = value.max(1.0));
+    let kept = eigen.recompose();
+    Some(DMatrix::from_fn(channels, channels, |i, j| kept[(i, j)] * scale[i] * scale[j]))
+}
+
 impl TargetDetection {
     /// Measures a target in a developed frame, of which the pixels of `background` are the rest. Both may lie under uneven light: a plane
-    /// is fitted to each channel. `None` for too few usable pixels, and where nothing varies.
+    /// is fitted to each channel. The noise of a render is taken out of that of the frame. `None` for too few usable pixels, and where
+    /// nothing varies.
     #[must_use]
     pub fn new(
         name: &str,
@@ -77,6 +141,7 @@ impl TargetDetection {
         noise: &ChannelNoise,
         [target, background]: [&PixelSelection; 2],
         wanted_d_prime: f64,
+        render: Option<&RenderNoise>,
     ) -> Option<Self> {
         let usable = |selection: &PixelSelection| -> Vec<usize> {
             let is_usable = |pixel: &usize| image.saturated.get(*pixel) == Some(&false);
@@ -85,10 +150,14 @@ impl TargetDetection {
         let (inside, around) = (usable(target), usable(background));
         let fit = PlaneFit::new(image, &inside, &around)?;
         let n = inside.len() as f64;
+        let sensor = sensor_variances(image, noise, inside.iter().chain(&around).copied());
 
         // The best weights of the channels of a pixel
-        let factor = fit.covariance.clone().cholesky()?;
-        let weights = factor.solve(&fit.difference);
+        let covariance = match render {
+            Some(render) => without_render(&fit.covariance, render, &sensor.0)?,
+            None => fit.covariance.clone(),
+        };
+        let weights = covariance.cholesky()?.solve(&fit.difference);
         let d_prime_pixel = fit.difference.dot(&weights).max(0.0).sqrt();
         if !(d_prime_pixel.is_finite() && d_prime_pixel > 0.0) {
             return None;
@@ -97,24 +166,37 @@ impl TargetDetection {
         let weights = weights / d_prime_pixel;
         let noise_field = fit.weighted(&weights);
         let correlation = Correlation::new(&noise_field, image.width, image.height);
-        let variance = correlation.variance_of_template(&inside, image.width)?;
-        let d_prime = d_prime_pixel / variance.sqrt();
+        let seen = correlation.variance_of_template(&inside, image.width)?;
 
         // The sensor's part in it: independent from raw pixel to raw pixel
-        let (all, temporal) = sensor_variances(image, noise, inside.iter().chain(&around).copied());
         let raw_pixels = |c: usize| n * image.shares.get(c).copied().unwrap_or(1.0);
         let of_sensor: f64 =
-            all.iter().enumerate().map(|(c, var)| raw_pixels(c) * fit.difference[c].powi(2) / var).sum();
-        let temporal: f64 =
-            temporal.iter().enumerate().map(|(c, var)| weights[c].powi(2) * var / raw_pixels(c)).sum();
+            sensor.0.iter().enumerate().map(|(c, var)| raw_pixels(c) * fit.difference[c].powi(2) / var).sum();
+        let of_template = |variances: &[f64]| -> f64 {
+            variances.iter().enumerate().map(|(c, var)| weights[c].powi(2) * var / raw_pixels(c)).sum()
+        };
+        let variances = TemplateVariance {
+            seen,
+            sensor: of_template(&sensor.0),
+            temporal: of_template(&sensor.1),
+            render: render.map(|render| {
+                let matrix = render.matrix(weights.len());
+                weights.dot(&(matrix * &weights)) * render.frame_pixels() / n
+            }),
+            independent: (inside.len() + around.len()) as f64
+                / render.map_or(1.0, |render| render.frame_pixels().max(1.0)),
+        };
+        let variance = variances.without_render();
+        let d_prime = d_prime_pixel / variance.sqrt();
 
-        let wanted_variance = (d_prime_pixel / wanted_d_prime).powi(2);
-        let enough_pixels = n * variance / wanted_variance;
-        // What is left over in a frame stays the same in all of them, where it is more than the error of the variance
-        let least = SIGNIFICANT * (2.0 / (inside.len() + around.len()) as f64).sqrt() * variance;
-        let fixed = if variance - temporal > least { variance - temporal } else { 0.0 };
-        let left = wanted_variance - fixed;
-        let frames = if d_prime >= wanted_d_prime { 1.0 } else { (temporal.min(variance) / left).ceil() };
+        // The disc that has the wanted d', and what noise makes of it
+        let diameter = |variance: f64, d_prime_pixel: f64| {
+            let pixels = n * variance * (wanted_d_prime / d_prime_pixel).powi(2);
+            (2.0 * (pixels / std::f64::consts::PI).sqrt()).max(1.0)
+        };
+        let contrast_error = 2.0 * (seen * (1.0 + n / around.len() as f64)).sqrt();
+        let [least, most] = variances.interval();
+        let weakest = d_prime_pixel - contrast_error;
         Some(Self {
             target: name.into(),
             number: 0,
@@ -126,9 +208,13 @@ impl TargetDetection {
             d_prime,
             d_prime_of_sensor: of_sensor.sqrt(),
             wanted_d_prime,
-            smallest_diameter_px: (2.0 * (enough_pixels / std::f64::consts::PI).sqrt()).max(1.0),
+            smallest_diameter_px: diameter(variance, d_prime_pixel),
+            smallest_diameter_least_px: diameter(least, d_prime_pixel + contrast_error),
+            smallest_diameter_most_px: (weakest > 0.0).then(|| diameter(most, weakest)),
             smallest_diameter_mm: None,
-            frames_needed: (1.0..1e9).contains(&frames).then_some(frames as u64),
+            render_noise: variances.render.map(|render| render / variance),
+            samples_needed: render.and_then(|render| variances.samples_needed(render.samples_per_pixel)),
+            frames_needed: variances.frames_needed((d_prime_pixel / wanted_d_prime).powi(2)),
         })
     }
 
@@ -142,17 +228,8 @@ impl TargetDetection {
             )
         };
         let channels: Vec<String> = self.channels.iter().map(channel).collect();
-        let diameter = match self.smallest_diameter_mm {
-            Some(mm) => format!("{mm:.2} mm ({:.1} pixels)", self.smallest_diameter_px),
-            None => format!("{:.1} pixels", self.smallest_diameter_px),
-        };
-        let frames = match self.frames_needed {
-            Some(1) => "one frame is enough".to_owned(),
-            Some(count) => format!("{count} frames are needed"),
-            None => "no number of frames is enough: the background hides it".to_owned(),
-        };
         format!(
-            "Target \"{}\" in \"{}\", {} pixels: contrast {}; d' {:.2} a pixel, {:.1} the whole ({:.1} by sensor noise alone); for d' {} {frames}, smallest diameter {diameter}",
+            "Target \"{}\" in frame \"{}\", {} pixels: contrast {}; d' {:.2} a pixel, {:.1} the whole ({:.1} by sensor noise alone); {}{}",
             self.target,
             self.frame,
             self.pixels,
@@ -160,8 +237,115 @@ impl TargetDetection {
             self.d_prime_pixel,
             self.d_prime,
             self.d_prime_of_sensor,
-            self.wanted_d_prime,
+            self.verdict(),
+            self.render_words().map_or_else(String::new, |words| format!("; {words}")),
         )
+    }
+
+    /// Whether the target is seen, in how many frames, and how small one like it may be.
+    #[must_use]
+    pub fn verdict(&self) -> String {
+        let frames = match self.frames_needed {
+            Some(1) => format!("one frame shows it (d' {} is wanted)", self.wanted_d_prime),
+            Some(count) => {
+                format!("the mean of {count} frames shows it (d' {} is wanted)", self.wanted_d_prime)
+            }
+            None => format!(
+                "no number of frames shows it (d' {} is wanted): the structure of its background stays",
+                self.wanted_d_prime
+            ),
+        };
+        format!("{frames}; in one frame a disc like it is seen from {} on", self.diameter_words())
+    }
+
+    /// The smallest diameter with its interval: `1.31 mm (1.10 to 1.60) on the surface, 5.2 pixels`.
+    #[must_use]
+    pub fn diameter_words(&self) -> String {
+        let px = self.smallest_diameter_px;
+        match self.smallest_diameter_mm {
+            Some(mm) => {
+                format!("{mm:.2} mm ({}) of the surface, {px:.1} pixels", self.diameter_interval(mm / px, 2))
+            }
+            None => format!("{px:.1} pixels ({})", self.diameter_interval(1.0, 1)),
+        }
+    }
+
+    /// The interval of the smallest diameter, in units of so many to a pixel, with so many digits.
+    #[must_use]
+    pub fn diameter_interval(&self, per_px: f64, digits: usize) -> String {
+        let least = self.smallest_diameter_least_px * per_px;
+        match self.smallest_diameter_most_px {
+            Some(most) => format!("{least:.digits$} to {:.digits$}", most * per_px),
+            None => format!("{least:.digits$} or more"),
+        }
+    }
+
+    /// That the noise of the render was taken out, and how many samples make it small; `None` where it is small.
+    #[must_use]
+    pub fn render_words(&self) -> Option<String> {
+        let (noise, samples) = (self.render_noise?, self.samples_needed?);
+        Some(format!(
+            "noise of the render, {noise:.1} times the rest in variance, was taken out and widens the interval: \
+             render.samples_per_pixel = {samples} makes it a quarter"
+        ))
+    }
+}
+
+/// Variances of the decision variable over a whole target.
+#[derive(Clone, Copy, Debug)]
+struct TemplateVariance {
+    /// In the frame.
+    seen: f64,
+    /// By the noise of the sensor.
+    sensor: f64,
+    /// By that part of it which changes from frame to frame.
+    temporal: f64,
+    /// By the noise of the render.
+    render: Option<f64>,
+    /// Independent values that the variances are found from.
+    independent: f64,
+}
+
+impl TemplateVariance {
+    /// Standard error of a variance.
+    fn error(&self) -> f64 {
+        // What is seen and what is taken out of it are found from the same number of values
+        let render = self.render.unwrap_or(0.0);
+        (2.0 / self.independent).sqrt() * self.seen.hypot(render)
+    }
+
+    /// Variance without the noise of the render: with a render at least that of the sensor.
+    fn without_render(&self) -> f64 {
+        match self.render {
+            Some(render) => (self.seen - render).max(self.sensor),
+            None => self.seen,
+        }
+    }
+
+    /// Two standard errors to both sides.
+    fn interval(&self) -> [f64; 2] {
+        let (variance, error) = (self.without_render(), 2.0 * self.error());
+        let least = if self.render.is_some() { self.sensor.min(variance) } else { 0.1 * variance };
+        [(variance - error).max(least), variance + error]
+    }
+
+    /// Frames whose mean has no more than this variance.
+    fn frames_needed(&self, wanted: f64) -> Option<u64> {
+        let variance = self.without_render();
+        if variance <= wanted {
+            return Some(1);
+        }
+        // What is left over in a frame stays the same in all of them, where it is more than the error of the variance
+        let fixed = variance - self.temporal;
+        let fixed = if fixed > SIGNIFICANT * self.error() { fixed } else { 0.0 };
+        let frames = (self.temporal.min(variance) / (wanted - fixed)).ceil();
+        (1.0..1e9).contains(&frames).then_some(frames as u64)
+    }
+
+    /// Samples per pixel that make the variance of the render a quarter of the rest; `None` where it is no more.
+    fn samples_needed(&self, samples: u32) -> Option<u32> {
+        let factor = 4.0 * self.render? / self.without_render();
+        (factor > 1.0).then(|| (f64::from(samples) * factor).ceil().min(1e6) as u32)
     }
 }
 
@@ -442,7 +626,41 @@ mod tests {
         let noise = ChannelNoise { floor_dn: sigma, dn_per_electron: 0.0, gain_spread: 0.0 };
         let [disc, ring] = disc_and_ring(radius);
         let image = image(difference, sigma, box_px, radius);
-        TargetDetection::new("disc", &image, &noise, [&disc, &ring], wanted).unwrap()
+        TargetDetection::new("disc", &image, &noise, [&disc, &ring], wanted, None).unwrap()
+    }
+
+    /// Noise of a render whose pixels are three by three of the frame, four times as large as that of the sensor in standard deviation,
+    /// hides nothing: it is known and taken out. d' and the diameter are those of the sensor's noise, 4.2 pixels, within the interval that
+    /// is told; left in, noise of this size makes it `sqrt(1 + 9 * 16)` times as wide.
+    #[test]
+    fn noise_of_a_render_is_taken_out() {
+        let (difference, sigma, radius) = (20.0, 25.0, 25.0);
+        let [disc, ring] = disc_and_ring(radius);
+        let mut image = image(difference, sigma, 1, radius);
+        let mut rng = Key::new(12).rng();
+        let coarse: Vec<f64> =
+            (0..40 * 40).map(|_| 4.0 * sigma * rng.sample::<f64, _>(StandardNormal)).collect();
+        for (pixel, value) in image.data.iter_mut().enumerate() {
+            *value += coarse[pixel / SIDE / 3 * 40 + pixel % SIDE / 3] as f32;
+        }
+        let noise = ChannelNoise { floor_dn: sigma, dn_per_electron: 0.0, gain_spread: 0.0 };
+        let render = RenderNoise {
+            covariance_dn2: vec![vec![16.0 * sigma * sigma]],
+            frame_per_render: [3.0; 2],
+            samples_per_pixel: 4,
+        };
+        let measure =
+            |render| TargetDetection::new("disc", &image, &noise, [&disc, &ring], 3.29, render).unwrap();
+        let (left_in, told) = (measure(None), measure(Some(&render)));
+        let expected = 2.0 * ((3.29 * sigma / difference).powi(2) / std::f64::consts::PI).sqrt();
+        let most = told.smallest_diameter_most_px.unwrap();
+        assert!(told.smallest_diameter_least_px < expected && expected < most, "{expected}: {told:?}");
+        assert!(left_in.smallest_diameter_px > 5.0 * expected, "{left_in:?}");
+        // Of 144 times the variance a quarter is left with 4 * 144 times the samples, as far as 144 is known.
+        let ratio = told.render_noise.unwrap();
+        assert!(told.samples_needed == Some((16.0 * ratio).ceil() as u32), "{told:?}");
+        assert!(told.render_words().unwrap().contains("render.samples_per_pixel"), "{told:?}");
+        assert!(left_in.render_words().is_none());
     }
 
     /// A disc of contrast C in white noise: d' = C L sqrt(N) / sigma, one pixel C L / sigma. The difference is known to
@@ -501,11 +719,11 @@ mod tests {
         let nothing = PixelSelection { pixels: Vec::new(), ..disc.clone() };
         let image = image(10.0, 1.0, 1, 10.0);
         let measure = |target: &PixelSelection, background: &PixelSelection| {
-            TargetDetection::new("disc", &image, &noise, [target, background], 3.29)
+            TargetDetection::new("disc", &image, &noise, [target, background], 3.29, None)
         };
         assert!(measure(&nothing, &ring).is_none() && measure(&disc, &nothing).is_none());
         let mut full = image.clone();
         full.saturated.fill(true);
-        assert!(TargetDetection::new("disc", &full, &noise, [&disc, &ring], 3.29).is_none());
+        assert!(TargetDetection::new("disc", &full, &noise, [&disc, &ring], 3.29, None).is_none());
     }
 }

@@ -120,7 +120,7 @@ pub fn analyze_seen(
     }
     analysis.posterior = estimate;
     analysis.spots = spot_separations(study, frames, scene.map(|(scene, _)| scene))?;
-    let targets = measured_targets(study, settings, frames, scene.map(|(scene, _)| scene))?;
+    let targets = measured_targets(study, settings, frames, components, scene.map(|(scene, _)| scene))?;
     analysis.targets = targets.detections;
     analysis.warnings.extend(targets.warnings);
     Ok(Some(AnalyzedFrame { analysis, chromaticity, porphyrin, region, targets: targets.labels }))

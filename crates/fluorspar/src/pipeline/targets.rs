@@ -1,9 +1,11 @@
 //! The targets of a study in its frames: which pixels see them, and how well.
 
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 
-use super::{CapturedFrame, PipelineError};
-use crate::analysis::{AnalysisError, ChannelNoise, PixelSelection, SceneOnSensor, TargetDetection};
+use super::{CapturedFrame, PipelineError, SeenComponents};
+use crate::analysis::{
+    AnalysisError, ChannelNoise, PixelSelection, RenderNoise, SceneOnSensor, TargetDetection,
+};
 use crate::image::ChannelImage;
 use crate::sensor::Sensor;
 use crate::study::{AnalysisPlan, Capture, Develop, Study, Target, TargetPlace};
@@ -54,7 +56,8 @@ pub(super) struct MeasuredTargets {
     pub(super) warnings: Vec<String>,
 }
 
-/// Measures the targets of the analysis of a study in all its frames with light. `scene` tells where parts and spots are.
+/// Measures the targets of the analysis of a study in all its frames with light. `scene` tells where parts and spots are, `components`
+/// what the frames show without the sensor's noise.
 ///
 /// # Errors
 /// A region that does not fit the frames.
@@ -62,6 +65,7 @@ pub(super) fn measured_targets(
     study: &Study,
     plan: &AnalysisPlan,
     frames: &[CapturedFrame],
+    components: Option<&SeenComponents<'_>>,
     scene: Option<SceneOnSensor<'_>>,
 ) -> Result<MeasuredTargets, PipelineError> {
     let mut found = MeasuredTargets::default();
@@ -89,7 +93,10 @@ pub(super) fn measured_targets(
             let image = &frame.developed;
             let noise = noise_of(image, frame.raw.dn_per_electron, &study.develop, sensor);
             let places = [&pixels, &background];
-            match TargetDetection::new(&target.name, image, &noise, places, plan.wanted_d_prime) {
+            let render = components.zip(scene).and_then(|(components, scene)| {
+                render_noise(study, sensor, components, scene, frame, places)
+            });
+            match TargetDetection::new(&target.name, image, &noise, places, plan.wanted_d_prime, render.as_ref()) {
                 Some(measured) => found.detections.push(TargetDetection {
                     number,
                     smallest_diameter_mm: mm_per_px.map(|mm| mm * measured.smallest_diameter_px),
@@ -236,8 +243,76 @@ fn grown(rim: &[usize], reached: &mut [bool], width: usize, height: usize, with_
     next
 }
 
-/// Size of a pixel of the frames on the surface of a target, across the axis of the camera, mm: at the mean distance of its pixels, or
-/// in the plane in focus. `None` where neither is known.
+/// Fewest differences of neighboring pixels of a render that its noise is found from.
+const LEAST_DIFFERENCES: usize = 32;
+
+/// Noise of the render in a frame, on a target and its background: the second differences of neighboring pixels of the render, along rows
+/// and columns, which are `(a - 2 b + c) / sqrt(6)` of independent noise. Structure as fine as a pixel of the render counts as its noise:
+/// no frame of this render shows more of it. `None` for too few neighbors.
+fn render_noise(
+    study: &Study,
+    sensor: &Sensor,
+    components: &SeenComponents<'_>,
+    scene: SceneOnSensor<'_>,
+    frame: &CapturedFrame,
+    places: [&PixelSelection; 2],
+) -> Option<RenderNoise> {
+    let capture = study.capture(&frame.raw.label)?;
+    let rates = |capture: &Capture| {
+        components.film_rates(capture, |component| capture.frame.drive(&component.light_group)).data
+    };
+    let mut seen = rates(capture);
+    // Light that both frames hold is subtracted with its noise
+    if let Some(other) = capture.subtract.as_deref().and_then(|label| study.capture(label)) {
+        seen.iter_mut().zip(rates(other)).for_each(|(value, other)| *value -= other);
+    }
+    let (width, height) = (scene.components.width, scene.components.height);
+    let mut place = vec![0u8; width * height];
+    for (pixels, number) in places.into_iter().zip(1..) {
+        scene.scene_pixels(pixels).into_iter().for_each(|pixel| place[pixel] = number);
+    }
+    let names = sensor.qe().channels();
+    let of_name = |name: &String| names.iter().position(|channel| channel.name == *name);
+    let numbers: Vec<usize> = frame.developed.channels.iter().map(of_name).collect::<Option<_>>()?;
+    let dn = frame.raw.exposure_s * frame.raw.dn_per_electron / 6f64.sqrt();
+    let at = |channel: usize, pixel: usize| f64::from(seen[channel * width * height + pixel]);
+    let mut sums = vec![vec![0.0; numbers.len()]; numbers.len()];
+    let mut count = 0usize;
+    let mut add = |[a, b, c]: [usize; 3]| {
+        if place[b] == 0 || place[a] != place[b] || place[c] != place[b] {
+            return;
+        }
+        let differences: Vec<f64> =
+            numbers.iter().map(|&n| dn * (at(n, a) - 2.0 * at(n, b) + at(n, c))).collect();
+        for (row, x) in sums.iter_mut().zip(&differences) {
+            row.iter_mut().zip(&differences).for_each(|(sum, y)| *sum += x * y);
+        }
+        count += 1;
+    };
+    for pixel in 0..width * height {
+        let (row, col) = (pixel / width, pixel % width);
+        if (1..width - 1).contains(&col) {
+            add([pixel - 1, pixel, pixel + 1]);
+        }
+        if (1..height - 1).contains(&row) {
+            add([pixel - width, pixel, pixel + width]);
+        }
+    }
+    sums.iter_mut().flatten().for_each(|sum| *sum /= count.max(1) as f64);
+    let [of_width, of_height] = scene.film_over_sensor;
+    let image = &frame.developed;
+    (count >= LEAST_DIFFERENCES).then(|| RenderNoise {
+        covariance_dn2: sums,
+        frame_per_render: [
+            image.width as f64 * of_width / width as f64,
+            image.height as f64 * of_height / height as f64,
+        ],
+        samples_per_pixel: scene.components.samples_per_pixel,
+    })
+}
+
+/// Side of a square on the surface of a target that covers one pixel of the frames, mm: at the mean distance of its pixels and tilted as
+/// they are, or in the plane in focus. `None` where neither is known.
 fn mm_per_pixel(
     study: &Study,
     sensor: &Sensor,
@@ -263,7 +338,8 @@ fn mm_per_pixel(
         let depths: Vec<f64> = scene.scene_pixels(pixels).iter().filter_map(depth).collect();
         let mean = depths.iter().sum::<f64>() / depths.len() as f64;
         let across = 2e3 * tan * mean / scene.film_over_sensor[0];
-        Some(across / columns_of_sensor).filter(|mm| mm.is_finite())
+        let tilt = area_over_projection(scene, pixels).unwrap_or(1.0);
+        Some(tilt.sqrt() * across / columns_of_sensor).filter(|mm| mm.is_finite())
     });
     seen.or_else(|| {
         let lens = &study.camera.lens.as_ref()?.equation;
@@ -273,4 +349,28 @@ fn mm_per_pixel(
             lens.film_width_mm(field_deg) / (2.0 * distance_mm * (0.5 * field_deg).to_radians().tan());
         Some(sensor.film_extent().width_mm / columns_of_sensor / magnification)
     })
+}
+
+/// Most that a tilt enlarges a surface over its projection: beyond it the relief hides most of it.
+const MOST_TILT: f64 = 10.0;
+
+/// Area of the surface behind some pixels over that of its projection on a plane across the axis of the camera: the mean cosines of the
+/// rays with the axis over those with the surface. `None` where the surface is not known.
+fn area_over_projection(scene: SceneOnSensor<'_>, pixels: &PixelSelection) -> Option<f64> {
+    let features = &scene.components.features;
+    let view = features.view?;
+    let (forward, right) = (Vec3::from_array(view.forward), Vec3::from_array(view.right));
+    let down = forward.cross(right);
+    let (width, height) = (scene.components.width, scene.components.height);
+    let (mut with_axis, mut with_surface) = (0.0f64, 0.0f64);
+    for pixel in scene.scene_pixels(pixels) {
+        let normal = Vec3::from_array(*features.normal.get(pixel)?);
+        let x = ((pixel % width) as f32 + 0.5) / width as f32 * 2.0 - 1.0;
+        let y = (((pixel / width) as f32 + 0.5) / height as f32 * 2.0 - 1.0) * height as f32 / width as f32;
+        let ray = (forward + (right * x + down * y) * view.tan_half_width).normalize();
+        with_axis += f64::from(ray.dot(forward));
+        with_surface += f64::from(ray.dot(normal).abs());
+    }
+    let ratio = with_axis / with_surface;
+    ratio.is_finite().then(|| ratio.clamp(1.0, MOST_TILT))
 }
