@@ -87,13 +87,14 @@ impl SpectralQe {
     }
 
     /// Channels whose data end inside a grid while still above 1 % of their peak: their name and measured range, nm.
-    /// The efficiency is taken as zero outside its data, so a user should be warned.
+    /// The efficiency is taken as zero outside its data, so a user should be warned. A curve that ends at the center of the first or last
+    /// bin, or beyond it, covers the grid.
     pub fn truncated_on(&self, grid: &WavelengthGrid) -> Vec<(String, [f64; 2])> {
         let is_cut = |curve: &Curve| {
             let (first, last) = curve.range_nm();
             let threshold = 0.01 * curve.max();
-            (first > grid.start_nm() && curve.at(first) > threshold)
-                || (last < grid.end_nm() && curve.at(last) > threshold)
+            (first > grid.center_nm(0) && curve.at(first) > threshold)
+                || (last < grid.center_nm(grid.len() - 1) && curve.at(last) > threshold)
         };
         let cut = self.channels.iter().filter(|channel| is_cut(&channel.curve));
         cut.map(|channel| (channel.name.clone(), channel.curve.range_nm().into())).collect()
