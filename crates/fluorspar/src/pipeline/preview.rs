@@ -36,6 +36,13 @@ pub struct ColorRendering {
 const WHITE_PERCENTILE: f64 = 0.995;
 
 // The next four were chosen by eye on the default experiment; previews depend on them, and no number does.
+/// White is never less than so many times the noise of a dark pixel.
+const LEAST_WHITE: f64 = 50.0;
+/// The same in a frame that holds nothing but noise: its pixels are within two of 256 steps.
+const DARK_WHITE: f64 = 2e4;
+/// Standard deviations of the noise that the brightest pixels of a frame with light exceed. Of noise alone 99.5 % of the largest of
+/// three channels lie below 3.1.
+const NOISE_ALONE: f64 = 5.0;
 /// Lift of a frame under visible light.
 const LIFT_REFLECTED: f64 = 1.8;
 /// Lift of a fluorescence frame, where teeth are ten times brighter than tissue.
@@ -160,9 +167,8 @@ pub fn preview(image: &ChannelImage, rendering: &ColorRendering) -> Preview {
         let values = channels.map(|c| f64::from(image.data[pixel * image.channels.len() + c]));
         rendering.matrix.map(|row| row.iter().zip(values).map(|(m, v)| m * v).sum())
     };
-    // A dark frame must look dark: white is never less than fifty times the noise of a dark pixel.
     let gain = rendering.matrix[1].iter().sum::<f64>().abs().max(f64::MIN_POSITIVE);
-    to_srgb([image.width, image.height], linear, 50.0 * image.noise_floor_dn * gain, rendering.lift)
+    to_srgb([image.width, image.height], linear, image.noise_floor_dn * gain, rendering.lift)
 }
 
 /// Turns a radiance image into the image that an eye would see (CIE 1931), scaled as [`preview`].
@@ -194,11 +200,11 @@ fn balanced(image: &SpectralImage<Radiance>, white: [f64; 3]) -> Preview {
     to_srgb([image.width(), image.height()], |pixel| linear[pixel], 0.0, LIFT_REFLECTED)
 }
 
-/// `linear` gives the color of a pixel. It is asked twice: the colors of a whole frame would take as much memory as all else.
+/// `linear` gives the color of a pixel, `noise` the standard deviation of a dark one, on the same scale. It is asked twice: the colors of a whole frame would take as much memory as all else.
 fn to_srgb(
     [width, height]: [usize; 2],
     linear: impl Fn(usize) -> [f64; 3] + Sync,
-    least_white: f64,
+    noise: f64,
     lift: f64,
 ) -> Preview {
     let largest = |[r, g, b]: [f64; 3]| r.max(g).max(b);
@@ -209,7 +215,9 @@ fn to_srgb(
         1.0
     } else {
         let (_, value, _) = brightest.select_nth_unstable_by(index, f32::total_cmp);
-        f64::from(*value).max(least_white).max(f64::MIN_POSITIVE)
+        // A dark frame must look dark, and one of noise alone black
+        let least = if f64::from(*value) < NOISE_ALONE * noise { DARK_WHITE } else { LEAST_WHITE };
+        f64::from(*value).max(least * noise).max(f64::MIN_POSITIVE)
     };
     let tone = |pixel: usize| -> [u8; 3] {
         let p = linear(pixel);
