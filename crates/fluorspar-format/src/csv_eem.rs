@@ -111,22 +111,73 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
     }
 
     let mut values = Vec::with_capacity(emission_nm.len() * excitation_nm.len());
-    for row in table.rows() {
-        for column in 1..table.header.cells.len() {
-            let value = match table.number(path, row, column)? {
-                Some(value) => value,
-                None if options.empty_as_zero => 0.0,
-                None => {
-                    let excitation_nm = excitation_nm[column - 1];
-                    return Err(FormatError::EmptyCell { path: path.into(), line: row.line, excitation_nm });
+    let mut wrong = WrongCells::default();
+    for (row, emission_nm) in table.rows().zip(&emission_nm) {
+        for (column, excitation_nm) in (1..).zip(&excitation_nm) {
+            let value = match table.number(path, row, column) {
+                Ok(Some(value)) => table.checked_sign(path, row, column, value, options.negative),
+                Ok(None) if options.empty_as_zero => Ok(0.0),
+                Ok(None) => {
+                    let excitation_nm = *excitation_nm;
+                    Err(FormatError::EmptyCell { path: path.into(), line: row.line, excitation_nm })
                 }
+                Err(error) => Err(error),
             };
-            values.push(table.checked_sign(path, row, column, value, options.negative)?);
+            let place = Cell { line: row.line, emission_nm: *emission_nm, excitation_nm: *excitation_nm };
+            values.push(value.unwrap_or_else(|error| {
+                wrong.add(error, place, table.cell(row, column));
+                0.0
+            }));
         }
     }
+    wrong.refused()?;
     let mut eem = MeasuredEem { emission_nm, excitation_nm, values, unit };
     check_stokes(path, &table, &mut eem, options.anti_stokes)?;
     Ok(eem)
+}
+
+/// Wrong cells of a file that are told.
+const MOST_CELLS: usize = 20;
+
+/// Where a value stands.
+struct Cell {
+    line: u64,
+    emission_nm: f64,
+    excitation_nm: f64,
+}
+
+/// The wrong cells of a file, told together: who corrects them needs all.
+#[derive(Default)]
+struct WrongCells {
+    first: Option<FormatError>,
+    next: Vec<String>,
+    more: usize,
+}
+
+impl WrongCells {
+    fn add(&mut self, error: FormatError, place: Cell, text: &str) {
+        let Cell { line, emission_nm, excitation_nm } = place;
+        if self.first.is_none() {
+            self.first = Some(error);
+        } else if self.next.len() + 1 < MOST_CELLS {
+            let held = if text.is_empty() { "nothing".into() } else { excerpt(text) };
+            self.next.push(format!(
+                "line {line} (emission {emission_nm} nm, excitation {excitation_nm} nm) holds {held}"
+            ));
+        } else {
+            self.more += 1;
+        }
+    }
+
+    fn refused(self) -> Result<(), FormatError> {
+        match self.first {
+            None => Ok(()),
+            Some(first) if self.next.is_empty() => Err(first),
+            Some(first) => {
+                Err(FormatError::Cells { first: Box::new(first), next: self.next, more: self.more })
+            }
+        }
+    }
 }
 
 fn check_corner(path: &Path, table: &Table) -> Result<(), FormatError> {
@@ -229,20 +280,23 @@ fn check_stokes(
         return Err(FormatError::Transposed { path: path.into(), percent: 100.0 * below / total });
     }
     let AntiStokes::Refuse(tolerance) = rule else { return Ok(()) };
+    let mut wrong = WrongCells::default();
     for (row, &emission_nm) in eem.emission_nm.iter().enumerate() {
         for (column, &excitation_nm) in eem.excitation_nm.iter().enumerate() {
             let value = eem.values[row * columns + column];
             if emission_nm < excitation_nm && value.abs() > tolerance * peak {
-                return Err(FormatError::AntiStokes {
+                let line = table.line_of(row);
+                let error = FormatError::AntiStokes {
                     path: path.into(),
-                    line: Some(table.line_of(row)),
+                    line: Some(line),
                     emission_nm,
                     excitation_nm,
                     value,
                     percent_of_peak: 100.0 * value / peak,
-                });
+                };
+                wrong.add(error, Cell { line, emission_nm, excitation_nm }, &value.to_string());
             }
         }
     }
-    Ok(())
+    wrong.refused()
 }

@@ -140,7 +140,7 @@ impl Table {
     }
 
     /// Text of a cell.
-    fn cell(&self, row: Row, column: usize) -> &str {
+    pub(super) fn cell(&self, row: Row, column: usize) -> &str {
         let number = row.index * self.header.cells.len() + column;
         let start = if number == 0 { 0 } else { self.ends[number - 1] };
         &self.text[start..self.ends[number]]

@@ -70,6 +70,15 @@ pub enum FormatError {
         /// Excitation wavelength of its column, nm.
         excitation_nm: f64,
     },
+    /// Several cells of a table are wrong.
+    Cells {
+        /// The first of them.
+        first: Box<FormatError>,
+        /// The next ones in words, with their places.
+        next: Vec<String>,
+        /// How many there are besides.
+        more: usize,
+    },
     /// A file of this program's own, of a version that is not read here.
     OtherFormat {
         /// The file.
@@ -180,6 +189,15 @@ impl FormatError {
             | Self::NoRoom { path, .. }
             | Self::Failed { path, .. }
             | Self::Unwritable { path, .. } => path,
+            Self::Cells { first, .. } => first.path(),
+        }
+    }
+
+    /// The error itself, of several cells that of the first.
+    pub fn first(&self) -> &Self {
+        match self {
+            Self::Cells { first, .. } => first,
+            one => one,
         }
     }
 
@@ -188,6 +206,7 @@ impl FormatError {
         match self {
             Self::Malformed { line, .. } | Self::AntiStokes { line, .. } => *line,
             Self::Negative { line, .. } | Self::EmptyCell { line, .. } => Some(*line),
+            Self::Cells { first, .. } => first.line(),
             _ => None,
         }
     }
@@ -215,6 +234,7 @@ impl FormatError {
             | Self::NoRoom { path, .. }
             | Self::Failed { path, .. }
             | Self::Unwritable { path, .. } => path,
+            Self::Cells { first, .. } => first.path_mut(),
         }
     }
 
@@ -319,6 +339,10 @@ impl fmt::Display for Problem<'_> {
                 f,
                 "the cell at excitation {excitation_nm} nm is empty. Fill it, or take empty cells as zero on purpose"
             ),
+            FormatError::Cells { first, next, more } => {
+                write!(f, "{}. Also {}", first.problem(), next.join("; "))?;
+                if *more > 0 { write!(f, "; and {more} more cells") } else { Ok(()) }
+            }
             FormatError::OtherFormat { other, .. } => write!(f, "{other}"),
             FormatError::Json { source, .. } => {
                 write!(f, "{}. Restore the file as it was written", bounded(&source.to_string()))

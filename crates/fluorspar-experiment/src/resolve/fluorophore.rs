@@ -300,7 +300,7 @@ fn negative(section: &FluorophoreSection) -> Negative {
 
 /// The error of a file with the field that lets it pass.
 fn reader_error(context: &Context<'_>, at: &Place, error: &FormatError) -> crate::ExperimentError {
-    let field = match error {
+    let field = match error.first() {
         FormatError::Negative { .. } => "; allow_negative = true in this [[fluorophore]] takes them as zero",
         FormatError::AntiStokes { .. } => ALLOW_ANTI_STOKES,
         FormatError::EmptyCell { .. } => EMPTY_AS_ZERO,

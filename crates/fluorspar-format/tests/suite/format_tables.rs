@@ -302,6 +302,27 @@ fn bad_matrices_are_explained() {
     );
 }
 
+/// All wrong cells of a matrix are told with line and wavelengths, up to twenty of them.
+#[test]
+fn the_wrong_cells_of_a_matrix_are_told_together() {
+    let told = |text: &str| complaint(text.as_bytes(), |path| read_eem_csv(path, &CsvEemOptions::default()));
+    let said = told("# unit: photons\nem_nm\\ex_nm,350,360\n400,-1,2\n410,3,x\n420,,4\n");
+    assert!(said.starts_with("t.csv:3: column \"350\" holds -1, below zero"), "{said}");
+    for part in [
+        "line 4 (emission 410 nm, excitation 360 nm) holds x",
+        "line 5 (emission 420 nm, excitation 350 nm) holds nothing",
+    ] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    let rows: String = (0..30).map(|row| format!("{},-1\n", 400 + row)).collect();
+    let said = told(&format!("# unit: photons\nem_nm\\ex_nm,350\n{rows}"));
+    assert!(said.contains("line 22 (emission 419 nm") && !said.contains("line 23 "), "{said}");
+    assert!(said.ends_with("and 10 more cells"), "{said}");
+    // Light below its excitation
+    let said = told("# unit: photons\nem_nm\\ex_nm,350,400\n340,3,0\n390,1,2\n450,100,100\n");
+    assert!(said.contains("line 4 (emission 390 nm, excitation 400 nm) holds 2"), "{said}");
+}
+
 #[test]
 fn a_unit_that_the_file_does_not_know_is_decided_by_the_reader() {
     let folder = tempfile::tempdir().unwrap();
