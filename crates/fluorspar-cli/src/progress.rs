@@ -4,6 +4,8 @@ use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use fluorspar::image::{ComponentImage, Film, SpectralImage};
@@ -11,7 +13,8 @@ use fluorspar::pipeline::radiance_preview;
 use fluorspar::render::{Checkpoint, FilmRenderer, RenderControl, RenderProgress, RenderSettings, Share};
 use fluorspar::scene::Scene;
 use fluorspar::spectral::Radiance;
-use fluorspar_format::{FormatError, Provenance, write_film, write_rgb_png};
+use fluorspar::units::memory_text;
+use fluorspar_format::{FormatError, Provenance, unfinished_files, write_film, write_rgb_png};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::budget::say_time;
@@ -86,6 +89,42 @@ impl Pace {
         self.last = Some((elapsed.max(before), share.max(held)));
         let known = self.since >= Self::LEAST.0 && self.seconds >= Self::LEAST.1;
         (known && share < 1.0).then(|| (1.0 - share) * self.seconds / self.done)
+    }
+}
+
+/// Time between two words about a file that is being written.
+const WRITING: Duration = Duration::from_secs(10);
+
+/// Tells of the files that are written while it lives how large the largest of them is already: a line every ten seconds.
+pub(crate) struct WritingReport {
+    ends: Option<Sender<()>>,
+    teller: Option<JoinHandle<()>>,
+}
+
+impl WritingReport {
+    /// Of a file of this name.
+    pub(crate) fn begin(path: &Path, messages: Messages) -> Self {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let (ends, end) = mpsc::channel();
+        let tell = move || {
+            while end.recv_timeout(WRITING) == Err(RecvTimeoutError::Timeout) {
+                let lengths =
+                    unfinished_files().into_iter().filter_map(|file| Some(file.metadata().ok()?.len()));
+                let bytes = lengths.max().unwrap_or(0);
+                messages.status(format!("Writing {name}: {} so far", memory_text(bytes)));
+            }
+        };
+        Self { ends: Some(ends), teller: Some(thread::spawn(tell)) }
+    }
+}
+
+impl Drop for WritingReport {
+    fn drop(&mut self) {
+        drop(self.ends.take());
+        if let Some(teller) = self.teller.take() {
+            // It has nothing to say but its words.
+            let _ = teller.join();
+        }
     }
 }
 

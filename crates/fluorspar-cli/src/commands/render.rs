@@ -24,7 +24,7 @@ use crate::error::{CliError, STOPPED};
 use crate::experiment_source::ExperimentSource;
 use crate::interrupt::{Left, interrupted};
 use crate::message::Messages;
-use crate::progress::{Keep, fill_with_progress};
+use crate::progress::{Keep, WritingReport, fill_with_progress};
 use crate::values;
 
 /// Options of `render`.
@@ -209,7 +209,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     let image = film.into_image();
     provenance.samples_per_pixel = image.samples_per_pixel;
+    let writing = WritingReport::begin(&options.output.out, messages);
     options.output.write(&image, &provenance)?;
+    drop(writing);
     set.finish()?;
     if options.answer.json {
         let mut answer = options.output.describe(&image);

@@ -22,7 +22,7 @@ use crate::experiment_source::ExperimentSource;
 use crate::interrupt::Left;
 use crate::message;
 use crate::message::Messages;
-use crate::progress::{Keep, fill_with_progress};
+use crate::progress::{Keep, WritingReport, fill_with_progress};
 
 /// The film of a folder that holds no samples but what belongs to the whole image.
 const WHOLE: &str = "picture.film";
@@ -114,7 +114,9 @@ pub(super) fn render(
     let mean = finished.mean_spectrum();
     let labels = finished.into_labels(layout, features);
     provenance.samples_per_pixel = labels.samples_per_pixel;
+    let writing = WritingReport::begin(&options.output.out, messages);
     options.output.write_spooled(&spool, &labels, &provenance)?;
+    drop(writing);
     set.finish()?;
     if options.answer.json {
         let mut answer = options.output.describe_with(&labels, &mean);

@@ -20,7 +20,7 @@ use crate::error::{CliError, STOPPED};
 use crate::experiment_source::{ExperimentSource, read_text};
 use crate::interrupt::interrupted;
 use crate::message::Messages;
-use crate::progress::render_with_progress;
+use crate::progress::{WritingReport, render_with_progress};
 
 /// Options of `run`.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -95,8 +95,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let planes = planes(study, &components);
     let held = planes.as_ref().map_or(&[][..], |planes| planes.planes.as_slice());
     let kept = (held, basis.as_ref());
+    let writing = WritingReport::begin(Path::new("components.exr"), messages);
     write_run_components(folder.path(), &experiment, &source.text, &components, kept)
         .map_err(|error| CliError::from(error).at_its_place(&folder))?;
+    drop(writing);
     let seen = (&components, planes.as_ref());
     let analyzed = match evaluate_and_write(&experiment, &source.text, seen, folder.path(), messages) {
         Ok(analyzed) => analyzed,

@@ -45,6 +45,11 @@ pub fn write_atomically(
     if in_folder { Ok(()) } else { sync_folder(parent_of(&target)).map_err(failed("write")) }
 }
 
+/// Files that are being written, under the names that they bear until they are complete.
+pub fn unfinished_files() -> Vec<PathBuf> {
+    lock_unfinished().files.iter().cloned().collect()
+}
+
 /// Removes the files and folders that are being written, and lets no thread begin another. To be called once, when the
 /// process is about to end while others write.
 pub fn remove_unfinished_files() {
@@ -190,6 +195,7 @@ mod tests {
         let known = || lock_unfinished().files.iter().filter(|file| file.starts_with(folder.path())).count();
         let failed = write_atomically(&at("b.txt"), |_| {
             assert_eq!(known(), 1);
+            assert!(unfinished_files().iter().any(|file| file.starts_with(folder.path())));
             Err(io::Error::other("no"))
         });
         assert!(failed.is_err() && known() == 0 && names().len() == 4);

@@ -18,7 +18,7 @@ mod set;
 
 pub use claim::Claim;
 pub use disk::{check_room, free_bytes};
-pub use file::{remove_unfinished_files, write_atomically};
+pub use file::{remove_unfinished_files, unfinished_files, write_atomically};
 pub use folder::OutputFolder;
 pub use journal::Journal;
 pub use mark::WRITTEN_BY;
