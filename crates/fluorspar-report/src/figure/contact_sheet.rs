@@ -7,6 +7,7 @@ use super::{Ink, Raster, font};
 /// Height of the strip with a name and size of its letters, px.
 const STRIP: usize = 20;
 const LETTERS: f64 = 13.0;
+const LEAST_LETTERS: f64 = 9.0;
 /// Between neighbors, px.
 const GAP: usize = 4;
 const GROUND: [u8; 3] = [16; 3];
@@ -92,11 +93,24 @@ impl ContactSheet {
 
 /// The name above a picture, in letters as large as the picture is wide enough for.
 fn title(name: &str, [left, top, width]: [f64; 3]) -> Mark {
-    let fitting = LETTERS * (width - 8.0) / font::width(name, LETTERS).max(1.0);
+    let room = width - 8.0;
+    let size = |text: &str| LETTERS * room / font::width(text, LETTERS).max(1.0);
+    // Of a name that is too long for readable letters the end of its first part goes, not the number behind it
+    let (word, number) = match name.rfind(" (") {
+        Some(at) => name.split_at(at),
+        None => (name, ""),
+    };
+    let mut text = name.to_owned();
+    for kept in (0..word.chars().count()).rev() {
+        if size(&text) >= LEAST_LETTERS {
+            break;
+        }
+        text = word.chars().take(kept).chain("..".chars()).chain(number.chars()).collect();
+    }
     Mark::Text {
         at: [left + 0.5 * width, top - 6.0],
-        text: name.to_owned(),
-        size: fitting.clamp(5.0, LETTERS) as u32,
+        size: size(&text).clamp(5.0, LETTERS) as u32,
+        text,
         anchor: Anchor::Middle,
         ink: LETTER_INK,
     }
@@ -124,6 +138,20 @@ mod tests {
                 assert!(rows.len() <= 2, "rows of more than two lengths: {count}");
             }
         }
+    }
+
+    #[test]
+    fn long_names_are_shortened_and_keep_their_numbers() {
+        let text = |name: &str, width: f64| match title(name, [0.0, 20.0, width]) {
+            Mark::Text { text, size, .. } => {
+                assert!(font::width(&text, f64::from(size)) <= width, "{text}");
+                text
+            }
+            _ => String::new(),
+        };
+        assert_eq!(text("elastin (64 %)", 320.0), "elastin (64 %)");
+        let short = text("protoporphyrin_ix_in_tissue (100 %)", 100.0);
+        assert!(short.starts_with("proto") && short.ends_with(".. (100 %)"), "{short}");
     }
 
     #[test]
