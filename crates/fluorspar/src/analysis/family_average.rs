@@ -39,6 +39,9 @@ pub struct TissueEvidence {
     pub bayes_factor: f64,
     /// Probability after the measurement that it is this tissue.
     pub probability: f64,
+    /// How far the measured colors are from its family (chi-square of the data).
+    #[serde(default)]
+    pub misfit: f64,
 }
 
 /// Whether it is the tissue that was named.
@@ -236,6 +239,7 @@ impl<'a> FamilyAverage<'a> {
             },
             bayes_factor: compared.factor(fit),
             probability: compared.probabilities[fit],
+            misfit: compared.fits[fit].misfit,
         };
         let mut tissues: Vec<TissueEvidence> = (0..compared.fits.len()).map(evidence).collect();
         tissues[1..].sort_by(|a, b| b.probability.total_cmp(&a.probability));

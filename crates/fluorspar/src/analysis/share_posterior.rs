@@ -65,11 +65,27 @@ impl SharePosterior {
         let foreign = self.foreign.then(|| {
             format!(
                 "The colors of the region are {:.0} away from the family of {} (chi-square of {} numbers): its light holds something \
-                 that the family does not, or it is other tissue. The porphyrin share is not to be trusted.",
-                self.misfit, self.prior, self.data
+                 that the family does not, or it is other tissue. {}",
+                self.misfit,
+                self.prior,
+                self.data,
+                match self.explained_by() {
+                    Some(tissue) => format!("The estimate is an average over tissues, of which {tissue} explains the light."),
+                    None => "The porphyrin share is not to be trusted.".into(),
+                }
             )
         });
         foreign.into_iter().chain(other).collect()
+    }
+
+    /// The tissue that explains light which is foreign to the named one: the most probable of those that were compared, where its own
+    /// family fits. The estimate, an average over all of them, is then one of this tissue.
+    #[must_use]
+    pub fn explained_by(&self) -> Option<&str> {
+        let (_, others) = self.doubt.as_ref()?.tissues.split_first()?;
+        let best = others.first()?;
+        let is_it = self.foreign && best.probability > 0.5 && best.misfit <= largest_misfit(self.data);
+        is_it.then_some(best.tissue.as_str())
     }
 
     /// Whether the measurement excludes that there is no porphyrin: its 95 % interval begins above 0.
