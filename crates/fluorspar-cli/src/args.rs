@@ -139,6 +139,13 @@ pub(crate) struct ExperimentArgs {
     #[command(flatten)]
     pub(crate) changes: Changes,
     #[command(flatten)]
+    pub(crate) render: RenderOptions,
+}
+
+/// What most renders change.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct RenderOptions {
+    #[command(flatten)]
     pub(crate) seed: Seed,
     /// Samples (paths) per pixel: more samples take longer and give less noise.
     #[arg(long, value_name = "N", value_parser = values::whole::<u32, 1, 1_000_000>, allow_negative_numbers = true)]
@@ -169,11 +176,18 @@ pub(crate) enum StatisticsOption {
 impl ExperimentArgs {
     /// All changes; what has an option of its own wins over `--set`.
     pub(crate) fn overrides(&self) -> Vec<Override> {
+        self.changes.overrides().into_iter().chain(self.render.overrides()).collect()
+    }
+}
+
+impl RenderOptions {
+    /// The options as changes.
+    pub(crate) fn overrides(&self) -> Vec<Override> {
         let whole = |path, value: Option<u32>, option: &str| {
             value.map(|n| Override::of_option(path, n, format!("{option} {n}")))
         };
         let statistics = self.statistics.as_ref().and_then(ValueEnum::to_possible_value);
-        let mut list = self.changes.overrides();
+        let mut list = Vec::new();
         list.extend(whole("render.samples_per_pixel", self.spp, "--spp"));
         list.extend(self.seed.overrides());
         list.extend(whole("render.max_depth", self.depth, "--depth"));

@@ -11,7 +11,7 @@ use fluorspar::units::counted;
 use fluorspar_experiment::{ResolvedExperiment, is_sample};
 use serde_json::json;
 
-use crate::args::{Answer, Changes};
+use crate::args::{Answer, Changes, RenderOptions};
 use crate::budget::{Budget, Limits, render_seconds, say_time};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
@@ -27,6 +27,8 @@ pub(crate) struct Options {
     #[command(flatten)]
     changes: Changes,
     #[command(flatten)]
+    render: RenderOptions,
+    #[command(flatten)]
     limits: Limits,
     #[command(flatten)]
     answer: Answer,
@@ -38,6 +40,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     // They are what is asked for: all of them, as part of the answer or in full.
     let messages = if json { Messages::Quiet } else { Messages::in_full() };
     let mut overrides = options.changes.overrides();
+    overrides.extend(options.render.overrides());
     overrides.extend(options.limits.overrides());
     let shown = options.file.as_ref().unwrap_or(&source.name);
     if is_sample(&source.text) {

@@ -142,7 +142,7 @@ impl PbrtArgs {
         args: &ExperimentArgs,
         limits: &Limits,
     ) -> Result<ResolvedExperiment, CliError> {
-        if args.error.is_some() {
+        if args.render.error.is_some() {
             return Err(CliError::Input(
                 "--error is for experiment files; of a scene of pbrt --set, --spp, --seed, --depth and --statistics change \
                  something"
@@ -158,10 +158,10 @@ impl PbrtArgs {
         let mut study = changed.unwrap_or(study);
         study.time_limit_s = limits.time_limit_s();
         let render = &mut study.render;
-        render.samples_per_pixel = args.spp.unwrap_or(render.samples_per_pixel);
-        render.seed = args.seed.seed.unwrap_or(render.seed);
-        render.max_depth = args.depth.unwrap_or(render.max_depth);
-        render.statistics = match args.statistics {
+        render.samples_per_pixel = args.render.spp.unwrap_or(render.samples_per_pixel);
+        render.seed = args.render.seed.seed.unwrap_or(render.seed);
+        render.max_depth = args.render.depth.unwrap_or(render.max_depth);
+        render.statistics = match args.render.statistics {
             None | Some(StatisticsOption::None) => StatisticsKind::None,
             Some(StatisticsOption::LightGroups) => StatisticsKind::LightGroups,
             Some(StatisticsOption::Components) => StatisticsKind::Components,
