@@ -2,8 +2,9 @@
 
 use super::PipelineError;
 use crate::image::{ComponentFactors, ComponentImage};
+use crate::light::Light;
 use crate::spectral::Curve;
-use crate::study::Study;
+use crate::study::{Capture, Study};
 
 /// Refuses a study whose scene differs from the one that a component image was rendered from: the image would show
 /// the old scene under the new name.
@@ -70,12 +71,54 @@ fn named<'a, T: PartialEq>(
     }
 }
 
+/// Lights that differ in strength alone: a drive of their captures does the same without a render.
+fn stronger_light(rendered: &Study, wanted: &Study) -> Option<String> {
+    let pairs = || rendered.scene.lights.iter().zip(&wanted.scene.lights);
+    let mut changed = pairs().filter(|(old, new)| old != new);
+    let (first_old, first_new) = changed.next()?;
+    let ratio = first_new.spectrum.total() / first_old.spectrum.total();
+    let is_stronger = |(old, new): (&Light, &Light)| {
+        let scaled = Light { spectrum: old.spectrum.scaled(ratio), ..old.clone() };
+        let apart = |a: f64, b: f64| (a - b).abs() > 1e-9 * a.abs().max(b.abs());
+        old.group == first_old.group
+            && Light { spectrum: new.spectrum.clone(), ..scaled.clone() } == *new
+            && new.spectrum.wavelengths_nm() == scaled.spectrum.wavelengths_nm()
+            && !new.spectrum.values().iter().zip(scaled.spectrum.values()).any(|(a, b)| apart(*a, *b))
+    };
+    let group = &rendered.scene.light_groups.get(first_old.group)?.name;
+    let is_whole_group = pairs().filter(|(old, _)| old.group == first_old.group).all(|(old, new)| old != new);
+    let is_it = rendered.scene.lights.len() == wanted.scene.lights.len()
+        && is_whole_group
+        && ratio.is_finite()
+        && pairs().filter(|(old, new)| old != new).all(is_stronger);
+    is_it.then(|| {
+        let captures = wanted.captures.iter().filter(|capture| capture.frame.drive(group) > 0.0);
+        let drive = |capture: &Capture| {
+            let drive = capture.frame.drive(group) * ratio;
+            format!("--set capture.{}.light_groups.{group}={}", capture.frame.label, short(drive))
+        };
+        let drives: Vec<String> = captures.map(drive).collect();
+        format!(
+            "the strength of light \"{}\" (which {} changes without a render)",
+            first_old.name,
+            drives.join(" ")
+        )
+    })
+}
+
+/// Six digits, without zeros at the end.
+fn short(value: f64) -> String {
+    let text = format!("{value:.6}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
 fn difference(rendered: &Study, wanted: &Study) -> Option<String> {
     let (old, new) = (&rendered.scene, &wanted.scene);
     if old.grid != new.grid {
         return Some("the wavelength grid ([spectral])".into());
     }
-    let listed = named("light", &old.lights, &new.lights, |light| &light.name)
+    let listed = stronger_light(rendered, wanted)
+        .or_else(|| named("light", &old.lights, &new.lights, |light| &light.name))
         .or_else(|| named("light group", &old.light_groups, &new.light_groups, |group| &group.name))
         .or_else(|| named("fluorophore", &old.fluorophores, &new.fluorophores, |f| &f.name))
         .or_else(|| named("material", &old.materials, &new.materials, |material| &material.name))
