@@ -1,6 +1,6 @@
 //! The first screen of a report: the frame with region and map, the estimate, and the numbers that decide about a design.
 
-use fluorspar::analysis::{Analysis, PixelSelection, Statistics, TargetDetection, UnmixedTerm, Unmixing};
+use fluorspar::analysis::{Analysis, PixelSelection, Statistics, UnmixedTerm, Unmixing};
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview, preview};
 use fluorspar::study::Capture;
 
@@ -185,7 +185,8 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
     let region = &analysis.region_description;
     if let Some(posterior) = &analysis.posterior {
         let [low, high] = posterior.interval;
-        let (value, interval) = if posterior.foreign {
+        let explained = posterior.explained_by();
+        let (value, interval) = if posterior.foreign && explained.is_none() {
             let data = posterior.data;
             let misfit = format!("chi-square {:.0} of {data} signals", posterior.misfit);
             ("no estimate".into(), format!("The light is not that of the assumed tissue ({misfit})."))
@@ -195,6 +196,12 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
         } else {
             let limit = format!("at most {:.3}", posterior.upper_limit);
             (limit, "(95 %); there may be none".into())
+        };
+        let interval = match explained {
+            Some(tissue) => format!(
+                "{interval}. The light is not that of the named tissue; {tissue} explains it, and the estimate is an average over both"
+            ),
+            None => interval,
         };
         let width = high - low;
         let mut budget: Vec<(String, f64)> = posterior
@@ -375,12 +382,11 @@ fn cards(run: &RunResults<'_>, words: &Words<'_>) -> Vec<Number> {
     cards
 }
 
-/// How well the first target is seen in the analyzed frame.
+/// How well the first target is seen, in the frame that shows it best.
 fn target_cards(analysis: &Analysis) -> Vec<Number> {
-    let in_frame = |target: &&TargetDetection| target.frame == analysis.frame;
-    let Some(t) = analysis.targets.iter().find(in_frame).or(analysis.targets.first()) else {
-        return Vec::new();
-    };
+    let Some(first) = analysis.targets.first() else { return Vec::new() };
+    let of_first = analysis.targets.iter().filter(|t| t.target == first.target);
+    let Some(t) = of_first.max_by(|a, b| a.d_prime.total_cmp(&b.d_prime)) else { return Vec::new() };
     let strongest = t.channels.iter().max_by(|a, b| a.cnr.total_cmp(&b.cnr));
     let contrast = strongest.and_then(|c| Some((c, c.contrast?))).map_or_else(String::new, |(c, value)| {
         format!(
@@ -390,52 +396,75 @@ fn target_cards(analysis: &Analysis) -> Vec<Number> {
             c.cnr
         )
     });
+    let px = t.smallest_diameter_px;
+    let (diameter, unit, interval, what) = match t.smallest_diameter_mm {
+        Some(mm) => {
+            let interval = t.diameter_interval(mm / px, 2);
+            (format!("{mm:.2}"), "mm", interval, format!("of its surface ({px:.1} pixels)"))
+        }
+        None => (format!("{px:.1}"), "px", t.diameter_interval(1.0, 1), "of the frame".into()),
+    };
     let frames = match t.frames_needed {
-        Some(1) => "one frame is enough for".to_owned(),
-        Some(count) => format!("{count} frames are needed for"),
-        None => "no number of frames reaches".to_owned(),
+        Some(1) => String::new(),
+        Some(count) => format!("; the mean of {count} frames shows the target itself"),
+        None => "; no number of frames shows the target itself: the structure of its background stays".into(),
     };
-    let (diameter, unit) = match t.smallest_diameter_mm {
-        Some(mm) => (format!("{mm:.2}"), "mm"),
-        None => (format!("{:.1}", t.smallest_diameter_px), "px"),
-    };
+    let render = t.render_words().map_or_else(String::new, |words| format!("; {words}"));
     vec![
         Number::computed(
             format!("d' of \"{}\"", t.target),
             format!("{:.1}", t.d_prime),
             "",
             format!(
-                "in \"{}\", all its {} pixels; {:.2} one pixel{contrast}",
-                t.frame, t.pixels, t.d_prime_pixel
+                "all its {} pixels in frame \"{}\", where it is seen best; {:.2} one pixel{contrast}",
+                t.pixels, t.frame, t.d_prime_pixel
             ),
         ),
         Number::computed(
             "Smallest visible diameter",
             diameter,
             unit,
-            format!("of a disc like \"{}\" at d' {}; {frames} that", t.target, t.wanted_d_prime),
+            format!(
+                "95 %: {interval} {what}; of a disc like \"{}\" that one frame \"{}\" shows with d' {}{frames}{render}",
+                t.target, t.frame, t.wanted_d_prime
+            ),
         ),
     ]
 }
 
-/// The smallest share that is told from the blank.
+/// The smallest share that is told from the blank: where the simulation knows the share that is there, relative to it. Another light
+/// changes the share of the light of the same amount, so that limits of the share itself tell nothing between lights.
 fn detection_card(analysis: &Analysis) -> Option<Number> {
     const LIMIT: &str = "Detection limit";
     let unknown = match analysis.posterior {
         Some(_) => "; unknown tissue hides more",
         None => "",
     };
-    if let Some(budget) = &analysis.budget {
-        let blank = format!("{:.4}", budget.blank).replace('-', "−");
-        let meaning =
-            format!("share beyond the blank ({blank}) that noise alone hides in 5 % of frames{unknown}");
-        return Some(Number::computed(LIMIT, format!("{:.4}", budget.detection_limit), "", meaning));
-    }
-    let estimate = analysis.mixture.as_ref()?.region?.estimate;
-    // Currie 1968: 5 % of errors of either kind
-    let limit = 2.0 * 1.645 * estimate.position_standard_error;
-    let meaning = format!("share that noise alone hides in 5 % of frames{unknown}");
-    Some(Number::computed(LIMIT, format!("{limit:.4}"), "", meaning))
+    let (limit, beyond) = match &analysis.budget {
+        Some(budget) => {
+            let blank = format!("{:.4}", budget.blank).replace('-', "−");
+            (budget.detection_limit, format!(" beyond the blank ({blank})"))
+        }
+        None => {
+            let estimate = analysis.mixture.as_ref()?.region?.estimate;
+            // Currie 1968: 5 % of errors of either kind
+            (2.0 * 1.645 * estimate.position_standard_error, String::new())
+        }
+    };
+    let hidden = "that noise alone hides in 5 % of frames";
+    let there = analysis.truth.as_ref().map(|truth| truth.share).filter(|share| *share > 0.0);
+    let Some(there) = there else {
+        return Some(Number::computed(
+            LIMIT,
+            format!("{limit:.4}"),
+            "",
+            format!("share{beyond} {hidden}{unknown}"),
+        ));
+    };
+    let meaning = format!(
+        "of the share that is there, {there:.4}, {hidden}: {limit:.4}{beyond}; less is better under any light{unknown}"
+    );
+    Some(Number::computed(LIMIT, percent(limit / there), "%", meaning))
 }
 
 /// How far light with and without the fluorophore lie apart, or two spots.
@@ -509,4 +538,40 @@ fn assumed(run: &RunResults<'_>, words: &Words<'_>) -> Vec<String> {
         sentences.push(format!("Tissue: {}.", posterior.prior));
     }
     sentences
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+    use std::sync::atomic::AtomicBool;
+
+    use fluorspar::{pipeline, render};
+    use fluorspar_experiment::{parse, resolve};
+
+    use super::*;
+
+    /// The limit of the share itself is lowest under the light that excites porphyrin least: at 450 nm a share of the light holds more
+    /// porphyrin than at 405 nm. Relative to the share that is there the limits stand in the order in which the lights show it.
+    #[test]
+    fn the_detection_limit_ranks_lights_as_they_show_porphyrin() {
+        let under = |light: &str| {
+            let changes = [
+                format!("light.blue.spectrum={light}"),
+                "light.blue.filters=[]".into(),
+                "sensor.columns=64".into(),
+                "sensor.rows=48".into(),
+            ];
+            let text = "format = 1\nbase = \"flat-patch\"";
+            let study = resolve(&parse(text, "patch", Path::new("."), &changes).unwrap()).unwrap().study;
+            let control = render::RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
+            let components = render::render(&study.scene, &study.render, &control).unwrap();
+            let analysis = pipeline::evaluate(&study, &components).unwrap().analysis.unwrap().analysis;
+            let card = detection_card(&analysis).unwrap();
+            assert!(card.unit == "%" && card.meaning.contains("of the share that is there"), "{card:?}");
+            (analysis.budget.unwrap().detection_limit, card.value.parse::<f64>().unwrap())
+        };
+        let (by_385, by_405, by_450) = (under("led_385"), under("led_405"), under("led_450"));
+        assert!(by_450.0 < by_385.0 && by_385.0 < by_405.0, "{by_385:?} {by_405:?} {by_450:?}");
+        assert!(by_405.1 < by_385.1 && by_385.1 < by_450.1, "{by_385:?} {by_405:?} {by_450:?}");
+    }
 }

@@ -504,9 +504,10 @@ fn light_curves(scene: &Scene, range: (f64, f64)) -> Vec<PlotCurve> {
     let mut curves: Vec<PlotCurve> = Vec::new();
     for light in &scene.lights {
         let group = &scene.light_groups[light.group].name;
-        if !curves.iter().any(|l| l.name == *group) {
+        let name = format!("light \"{group}\"");
+        if !curves.iter().any(|l| l.name == name) {
             let peak = light.spectrum.max().max(f64::MIN_POSITIVE);
-            curves.push(fine(group, &light.spectrum.scaled(1.0 / peak), range));
+            curves.push(fine(&name, &light.spectrum.scaled(1.0 / peak), range));
         }
     }
     curves

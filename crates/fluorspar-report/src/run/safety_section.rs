@@ -47,7 +47,7 @@ pub(super) fn eye_safe_captures(report: &SafetyReport) -> Option<Number> {
     let Limiting { capture, viewer, assessment, per_day } = limiting(report)?;
     let place = viewer.distance_mm.map_or_else(String::new, |mm| format!(" at {mm:.0} mm"));
     let mut meaning = format!(
-        "\"{}\", limited by {}, {}{place}",
+        "frame \"{}\", limited by {}, {}{place}",
         capture.name,
         name(assessment.hazard),
         viewer.viewer.name(report.is_mouth)
@@ -58,11 +58,32 @@ pub(super) fn eye_safe_captures(report: &SafetyReport) -> Option<Number> {
     if let Some(group) = report.risk_group {
         meaning += &format!("; lights: {}", group_name(group).to_lowercase());
     }
+    if let Some((sequences, whole)) = sequences(report) {
+        let title = if missing.is_empty() { "Eye-safe sequences" } else { "Safe sequences" };
+        return Some(Number::computed(title, sequences, "in 8 h", format!("{whole}; most of it {meaning}")));
+    }
     let title = if missing.is_empty() { "Eye-safe captures" } else { "Safe captures" };
     if (per_day + 1) as f64 * capture.light_on_s > DAY_S {
         return Some(Number::computed(title, "no limit", "in 8 h", meaning));
     }
     Some(Number::computed(title, per_day.to_string(), "in 8 h", meaning))
+}
+
+/// Whole sequences of captures in a day, and what one is made of: where several captures have light, whose doses add. `None` where one
+/// has, and where no viewer is assessed.
+fn sequences(report: &SafetyReport) -> Option<(String, String)> {
+    let lit: Vec<&CaptureSafety> = report.captures.iter().filter(|c| !c.viewers.is_empty()).collect();
+    if lit.len() < 2 {
+        return None;
+    }
+    let fewest = report.program.iter().filter_map(|line| line.sequences_per_day).min()?;
+    let names: Vec<String> = lit.iter().map(|capture| format!("\"{}\"", capture.name)).collect();
+    let light_on_s: f64 = lit.iter().map(|capture| capture.light_on_s).sum();
+    let count = match (fewest + 1) as f64 * light_on_s > DAY_S {
+        true => "no limit".into(),
+        false => fewest.to_string(),
+    };
+    Some((count, format!("each of {}, whose doses add", names.join(" and "))))
 }
 
 /// Viewers whose distance is not known, by name.
@@ -95,10 +116,18 @@ pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
             let place = viewer.distance_mm.map_or_else(String::new, |mm| format!(" at {} mm", number(mm)));
             let hazard = name(assessment.hazard);
             (
-                format!("{per_day} exposures of \"{}\" in 8 hours; limited by {hazard}, {who}", capture.name),
+                match sequences(report) {
+                    Some((count, _)) => {
+                        format!("{count} whole sequences in 8 hours; limited by {hazard}, {who}")
+                    }
+                    None => format!(
+                        "{per_day} exposures of \"{}\" in 8 hours; limited by {hazard}, {who}",
+                        capture.name
+                    ),
+                },
                 format!(
                     "The limiting hazard is {hazard} ({}) for the {who}{place}: one exposure of \"{}\" gives {} {} of the {} {} that are \
-                     allowed, so {per_day} exposures fit into 8 hours.",
+                     allowed, so {per_day} exposures of it alone fit into 8 hours.",
                     explain(assessment.hazard),
                     capture.name,
                     number(assessment.value),
@@ -285,7 +314,7 @@ fn number(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use fluorspar::pipeline::Viewer;
+    use fluorspar::pipeline::{ProgramSafety, Viewer};
 
     use super::*;
 
@@ -326,6 +355,50 @@ mod tests {
         ] {
             assert!(card.meaning.contains(part), "{part}: {}", card.meaning);
         }
+    }
+
+    /// Of two captures that use up the same dose, as many whole sequences fit as the program counts, not as many as of one capture.
+    #[test]
+    fn the_card_counts_whole_sequences() {
+        let viewer = ViewerSafety {
+            viewer: Viewer::PatientEye,
+            distance_mm: Some(200.0),
+            not_assessed: None,
+            irradiance_w_per_m2: None,
+            source_subtense_mrad: None,
+            hazards: vec![blue_light()],
+            smallest_margin: None,
+            governing: None,
+            captures_per_day: Some(212),
+        };
+        let capture = |name: &str| CaptureSafety {
+            name: name.into(),
+            light_on_s: 1.0,
+            light_on_from: String::new(),
+            viewers: vec![viewer.clone()],
+        };
+        let report = SafetyReport {
+            standard: "",
+            caveat: "",
+            is_mouth: true,
+            assumptions: Vec::new(),
+            captures: vec![capture("white"), capture("blue")],
+            program: vec![ProgramSafety { viewer: Viewer::PatientEye, sequences_per_day: Some(106) }],
+            risk_group: None,
+            risk_quantities: Vec::new(),
+        };
+        let card = eye_safe_captures(&report).unwrap();
+        assert_eq!((card.name.as_str(), card.value.as_str()), ("Eye-safe sequences", "106"));
+        assert!(
+            card.meaning.starts_with("each of \"white\" and \"blue\", whose doses add"),
+            "{}",
+            card.meaning
+        );
+        assert!(plain(&safety_section(&report).unwrap()).contains("106 whole sequences in 8 hours"));
+    }
+
+    fn plain(section: &Section) -> String {
+        format!("{section:?}")
     }
 
     fn blue_light() -> Assessment {

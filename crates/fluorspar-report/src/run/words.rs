@@ -80,7 +80,8 @@ impl<'a> Words<'a> {
         lights.iter().find(of_group)?.get(key).cloned()
     }
 
-    /// Power of the emitters of each group as the experiment states it: `blue 8 x 2000 mW`.
+    /// Power of the emitters of each group as the experiment states it, and how the captures drive them:
+    /// `light "blue" 8 x 2000 mW, driven at 2 times that in frame "blue"`.
     pub(super) fn powers(&self) -> Vec<String> {
         let groups = self.experiment.study.scene.light_groups.iter();
         let power = |group: &str| {
@@ -88,12 +89,25 @@ impl<'a> Words<'a> {
             let power = strength.get("power_mw")?;
             let mw = power.as_float().or(power.as_integer().map(|mw| mw as f64))?;
             let emitters = self.light_entry(group, "count").and_then(|count| count.as_integer());
-            Some(match emitters {
-                Some(count) if count > 1 => format!("{group} {count} x {mw} mW"),
-                _ => format!("{group} {mw} mW"),
-            })
+            let stated = match emitters {
+                Some(count) if count > 1 => format!("light \"{group}\" {count} x {mw} mW"),
+                _ => format!("light \"{group}\" {mw} mW"),
+            };
+            Some(stated + &self.drive(group))
         };
         groups.filter_map(|group| power(&group.name)).collect()
+    }
+
+    /// How captures drive a light group where that is not its stated power.
+    fn drive(&self, group: &str) -> String {
+        let captures = &self.experiment.study.captures;
+        let of = |capture: &Capture| (capture.frame.drive(group), capture.frame.label.clone());
+        let driven: Vec<(f64, String)> = captures.iter().map(of).filter(|(drive, _)| *drive > 0.0).collect();
+        if driven.iter().all(|(drive, _)| *drive == 1.0) {
+            return String::new();
+        }
+        let text = |(drive, label): &(f64, String)| format!("{drive} times that in frame \"{label}\"");
+        format!(", driven at {}", driven.iter().map(text).collect::<Vec<_>>().join(" and "))
     }
 
     /// The name of the quantum efficiency, if the experiment names one.
@@ -176,7 +190,20 @@ impl<'a> Words<'a> {
         let lit =
             study.captures.iter().filter(|capture| is_there(capture) && self.lights(capture) != "no light");
         let frames: Vec<String> = lit
-            .map(|capture| format!("\"{}\" under {}", capture.frame.label, self.lights(capture)))
+            .map(|capture| {
+                // Doubled drives are light that the stated power does not tell
+                let drives: Vec<f64> =
+                    capture.frame.lights.values().copied().filter(|drive| *drive > 0.0).collect();
+                let drive = match drives.as_slice() {
+                    [only] if *only != 1.0 => format!(" at {only} times its stated power"),
+                    several if several.iter().any(|drive| *drive != 1.0) => {
+                        let texts: Vec<String> = several.iter().map(f64::to_string).collect();
+                        format!(" at {} times their stated powers", texts.join(" and "))
+                    }
+                    _ => String::new(),
+                };
+                format!("\"{}\" under {}{drive}", capture.frame.label, self.lights(capture))
+            })
             .collect();
         let sensor = study.camera.sensor.as_ref().map(|sensor| {
             let model = sensor.model();
