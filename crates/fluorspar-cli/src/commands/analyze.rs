@@ -12,6 +12,7 @@ use fluorspar::pipeline::{
     develop_frames,
 };
 use fluorspar::study::{AnalysisPlan, Capture, Study};
+use fluorspar::units::number_text;
 use fluorspar_experiment::{Experiment, KeptAnalysis, ResolvedExperiment, Warning, kept_analysis, resolve};
 use fluorspar_format::{OutputFolder, black_level_doubt, read_sensor_image, write_atomically, write_map_npy};
 use fluorspar_report::figures::porphyrin_maps;
@@ -73,9 +74,14 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let default = beside("experiment.toml").map(|path| path.display().to_string());
     let name = options.experiment.clone().or(default).unwrap_or_default();
     let source = ExperimentSource::find(Some(&name))?;
-    let overrides: Vec<Override> =
+    let mut overrides: Vec<Override> =
         sensor_of_frames(options)?.into_iter().chain(options.changes.overrides()).collect();
-    let parsed = source.parse(&overrides)?;
+    let mut parsed = source.parse(&overrides)?;
+    let readout = readout_of_frames(options, &parsed)?;
+    if !readout.is_empty() {
+        overrides.splice(0..0, readout);
+        parsed = source.parse(&overrides)?;
+    }
     let image = options
         .component_image
         .clone()
@@ -153,6 +159,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         experiment_text: &source.text,
         frames,
         analysis: Some(analyzed.clone()),
+        components: None,
         frames_from: if options.frame.is_empty() { FrameOrigin::Simulated } else { FrameOrigin::Given },
         raw_ending: None,
     };
@@ -179,6 +186,30 @@ fn sensor_of_frames(options: &Options) -> Result<Vec<Override>, CliError> {
         sides.extend([side("render.width_px", WIDTH), side("render.height_px", height as usize)]);
     }
     Ok(sides)
+}
+
+/// Mosaic and black level of a real camera's frames, as changes of the experiment's sensor, whose own are those of another camera.
+fn readout_of_frames(options: &Options, parsed: &Experiment) -> Result<Vec<Override>, CliError> {
+    let Some((_, file)) = named_files(options).next().filter(|(_, file)| !file.is_empty()) else {
+        return Ok(Vec::new());
+    };
+    let raw = read_sensor_image(Path::new(file))?.image;
+    let model = parsed.file.sensor.as_ref().map(|section| section.model.clone()).unwrap_or_default();
+    let typed = || format!("--frame {}", options.frame[0]);
+    let mut found = Vec::new();
+    let mosaic = &raw.mosaic;
+    let name = |channel: &u8| mosaic.channels.get(usize::from(*channel)).map_or("", String::as_str);
+    let rows: Vec<Vec<&str>> =
+        mosaic.pattern.chunks(mosaic.cols.max(1)).map(|row| row.iter().map(name).collect()).collect();
+    let is_of_its_channels = |name: &&str| model.mosaic.iter().flatten().any(|own| own == name);
+    if mosaic.is_bayer() && rows.iter().flatten().all(is_of_its_channels) {
+        found.push(Override::of_option("sensor.mosaic", format!("{rows:?}"), typed()));
+    }
+    // Of a converter of other bits it is no level of this sensor
+    if raw.bit_depth == model.bit_depth {
+        found.push(Override::of_option("sensor.black_level_dn", number_text(raw.black_level), typed()));
+    }
+    Ok(found)
 }
 
 /// A frame of a camera is analyzed without one that its experiment subtracts, where that is not given; the user is told.

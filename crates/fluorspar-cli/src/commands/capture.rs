@@ -4,19 +4,20 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{ValueEnum, ValueHint};
-use fluorspar::image::SensorImage;
+use fluorspar::image::{LightPath, SensorImage};
 use fluorspar::pipeline::{
-    CameraColor, CapturedFrame, ColorRendering, analyze_seen, capture_from_planes, check_captures, preview,
+    CameraColor, CapturedFrame, ColorRendering, analyze_seen, capture_from_planes, check_captures,
+    columns_per_render_column, preview,
 };
 use fluorspar::study::{Capture, Study};
-use fluorspar_experiment::{ResolvedExperiment, resolve};
+use fluorspar_experiment::{ResolvedExperiment, Warning, resolve, resolve_captures};
 use fluorspar_format::{
     DngColor, FileFormat, FormatError, OutputFolder, Provenance, RawPacking, write_atomically,
     write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff,
 };
-use fluorspar_report::FrameOrigin;
+use fluorspar_report::{FrameOrigin, evaluation_json};
 use rayon::prelude::*;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 use std::io::Write;
 
 use super::frame_report::{FrameReport, warn_of_darkness};
@@ -132,11 +133,21 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             (text, shown)
         }
     };
-    let ShownByImage { experiment, changes } = shown;
+    let ShownByImage { mut experiment, changes } = shown;
+    if let Some(warning) = coarse_image(&image, &experiment.study) {
+        messages.warnings(std::slice::from_ref(&warning));
+        experiment.record.warnings.push(warning);
+    }
     let ResolvedExperiment { study, record } = &experiment;
     inputs.extend(record.inputs.iter().map(|input| input.path.clone()));
     check_captures(study, image.labels())?;
     let folder = OutputFolder::prepare(&options.out, &inputs, frame_bytes(study))?;
+    let spectra = if options.report { image.spectra(study, &changes)? } else { None };
+    if options.report && spectra.is_none() {
+        messages.status(
+            "The page tells neither leak nor light by origin: the spectra of the image do not fit into render.memory_limit_gib; raise it",
+        );
+    }
     let view = image.seen_by(study, &study.captures, changes)?;
     view.say_uncertainty(study, messages);
     let seen = view.components(&image, &study.captures);
@@ -156,10 +167,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             Ok(list)
         })
         .map_err(|error| folder.at_its_place(error))?;
-    let results = results_json(&options.image, &list)?;
-    write_atomically(&folder.path().join("results.json"), |file| file.write_all(&results))
-        .map_err(|error| folder.at_its_place(error))?;
     let count = frames.len();
+    let mut results = results_json(&options.image, &list);
     if options.report {
         let analysis =
             if study.analysis.is_some() { analyze_seen(study, Some(&seen), &frames)? } else { None };
@@ -168,11 +177,17 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             experiment_text: &text,
             frames,
             analysis,
+            components: spectra.as_ref(),
             frames_from: FrameOrigin::Simulated,
             raw_ending: Some(options.format.ending()),
         };
-        report.write(folder.path()).map_err(|error| error.at_its_place(&folder))?;
+        let found = report.write(folder.path()).map_err(|error| error.at_its_place(&folder))?;
+        results.extend(evaluation_json(&found)?);
+        results.insert("warnings".into(), serde_json::to_value(&record.warnings)?);
     }
+    let results = serde_json::to_vec_pretty(&results)?;
+    write_atomically(&folder.path().join("results.json"), |file| file.write_all(&results))
+        .map_err(|error| folder.at_its_place(error))?;
     let target = folder.finish()?;
     if options.answer.json {
         super::print_json(&json!({ "folder": target, "frames": list }))?;
@@ -192,17 +207,47 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Columns of the sensor that one of a render may cover before its pixels are seen as blocks.
+const MOST_COLUMNS: f64 = 2.0;
+
+/// Warns of a render that is coarser than a sensor, unless it was as coarse for the sensor that it was made for.
+fn coarse_image(image: &RenderedImage, study: &Study) -> Option<Warning> {
+    let labels = image.labels();
+    let covered = columns_per_render_column(study, labels)?;
+    let held: Vec<&str> = labels
+        .components
+        .iter()
+        .filter_map(|component| match &component.light {
+            LightPath::Fluorescence(name) => Some(name.as_str()),
+            _ => None,
+        })
+        .collect();
+    let made_for = image
+        .experiment(&[])
+        .ok()
+        .and_then(|(_, experiment)| resolve_captures(&experiment, &experiment, &held).ok()?)
+        .and_then(|found| columns_per_render_column(&found.study, labels))
+        .unwrap_or(0.0);
+    if covered <= MOST_COLUMNS.max(1.01 * made_for) {
+        return None;
+    }
+    let wanted = (labels.width as f64 * covered / MOST_COLUMNS - 1e-6).ceil();
+    Some(Warning::from(format!(
+        "one pixel of the render covers {covered:.1} x {covered:.1} pixels of the sensor: frames show blocks, and nothing finer. Render \
+         with render.width_px={wanted} or more, or bin the sensor: sensor.binning"
+    )))
+}
+
 /// What the folder of a capture tells: the component image that the frames come from, and the frames.
-fn results_json(image: &Path, frames: &[Value]) -> Result<Vec<u8>, CliError> {
+fn results_json(image: &Path, frames: &[Value]) -> Map<String, Value> {
     let image = image.canonicalize().unwrap_or_else(|_| image.to_path_buf());
-    let value = json!({
-        "format": FileFormat::RESULTS.version(),
-        "program": "fluorspar",
-        "version": env!("CARGO_PKG_VERSION"),
-        "components_file": image,
-        "frames": frames,
-    });
-    Ok(serde_json::to_vec_pretty(&value)?)
+    Map::from_iter([
+        ("format".into(), json!(FileFormat::RESULTS.version())),
+        ("program".into(), json!("fluorspar")),
+        ("version".into(), json!(env!("CARGO_PKG_VERSION"))),
+        ("components_file".into(), json!(image)),
+        ("frames".into(), json!(frames)),
+    ])
 }
 
 /// Writes raw frames and their previews; returns a description of each.

@@ -2,7 +2,11 @@
 
 use std::path::Path;
 
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Evaluation, assess_safety, preview};
+use fluorspar::image::ComponentImage;
+use fluorspar::pipeline::{
+    AnalyzedFrame, CapturedFrame, ColorRendering, Evaluation, assess_safety, evaluate_frames, preview,
+};
+use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
 use fluorspar_report::{FrameOrigin, RunResults, dark_frames, write_frame_report};
 
@@ -15,32 +19,20 @@ pub(super) struct FrameReport<'a> {
     pub(super) experiment_text: &'a str,
     pub(super) frames: Vec<CapturedFrame>,
     pub(super) analysis: Option<AnalyzedFrame>,
+    /// What the frames show, with its spectra; `None` where it is not known.
+    pub(super) components: Option<&'a ComponentImage>,
     pub(super) frames_from: FrameOrigin,
     /// Ending of the raw files beside the report.
     pub(super) raw_ending: Option<&'a str>,
 }
 
 impl FrameReport<'_> {
-    /// Writes `report.html`, previews and figures into a folder.
-    pub(super) fn write(self, folder: &Path) -> Result<(), CliError> {
+    /// Writes `report.html`, previews and figures into a folder. Returns what they are made from.
+    pub(super) fn write(self, folder: &Path) -> Result<Evaluation, CliError> {
         let study = &self.experiment.study;
-        let shown = |frame: &CapturedFrame| {
-            let rendering = study.capture(&frame.raw.label).map(|c| ColorRendering::of_frame(study, c));
-            rendering.map(|rendering| preview(&frame.developed, &rendering))
-        };
-        let evaluation = Evaluation {
-            previews: self.frames.iter().filter_map(shown).collect(),
-            analysis: self.analysis,
-            region_radiance: None,
-            leaks: Vec::new(),
-            depths: Vec::new(),
-            spectra: Vec::new(),
-            // The lights of a recorded frame are not those of the experiment
-            safety: match self.frames_from {
-                FrameOrigin::Simulated => assess_safety(study, &self.frames),
-                FrameOrigin::Given => None,
-            },
-            frames: self.frames,
+        let evaluation = match self.components {
+            Some(components) => evaluate_frames(study, components, self.frames, self.analysis)?,
+            None => without_spectra(study, self.frames, self.analysis, self.frames_from),
         };
         let run = RunResults {
             experiment: self.experiment,
@@ -51,7 +43,34 @@ impl FrameReport<'_> {
             raw_ending: self.raw_ending,
         };
         write_frame_report(folder, &run)?;
-        Ok(())
+        Ok(evaluation)
+    }
+}
+
+/// What frames tell by themselves.
+fn without_spectra(
+    study: &Study,
+    frames: Vec<CapturedFrame>,
+    analysis: Option<AnalyzedFrame>,
+    frames_from: FrameOrigin,
+) -> Evaluation {
+    let shown = |frame: &CapturedFrame| {
+        let rendering = study.capture(&frame.raw.label).map(|c| ColorRendering::of_frame(study, c));
+        rendering.map(|rendering| preview(&frame.developed, &rendering))
+    };
+    Evaluation {
+        previews: frames.iter().filter_map(shown).collect(),
+        analysis,
+        region_radiance: None,
+        leaks: Vec::new(),
+        depths: Vec::new(),
+        spectra: Vec::new(),
+        // The lights of a recorded frame are not those of the experiment
+        safety: match frames_from {
+            FrameOrigin::Simulated => assess_safety(study, &frames),
+            FrameOrigin::Given => None,
+        },
+        frames,
     }
 }
 

@@ -6,7 +6,7 @@ use std::thread::{self, JoinHandle};
 use std::time::UNIX_EPOCH;
 
 use fluorspar::image::{
-    ChannelPlanes, ComponentFactors, ComponentImage, ExcitationImage, PreparedRows, RelitRows,
+    ChannelPlanes, ComponentFactors, ComponentImage, ComponentRows, ExcitationImage, PreparedRows, RelitRows,
 };
 use fluorspar::light::Light;
 use fluorspar::pipeline::{
@@ -195,6 +195,44 @@ impl RenderedImage {
             |component| self.is_lit(component, captures),
         )?;
         Ok(CaptureView { planes, factors, uncertainty, light_errors })
+    }
+
+    /// The image with the spectra that captures see: under changed lights, with changed concentrations but for what these do to light
+    /// that fluoresced twice. Components of other lights stay dark. `None` where the spectra are larger than the
+    /// memory that a study allows.
+    pub(crate) fn spectra(
+        &self,
+        study: &Study,
+        changes: &SceneChanges<'_>,
+    ) -> Result<Option<ComponentImage>, CliError> {
+        let labels = self.labels();
+        let (width, height, bands) = (labels.width, labels.height, labels.grid.len());
+        let values = labels.components.len() * width * height * bands;
+        // The rows that are read, and the image that they are put into
+        if 2 * 4 * values as u64 > study.render.memory_limit_bytes {
+            return Ok(None);
+        }
+        let rows = RelitRows { rows: &self.file, size: [width, height, bands], relit: &changes.relit };
+        let rows = PreparedRows { rows: &rows, factors: &changes.factors, width };
+        let found = rows.map_rows(
+            |component| self.is_lit(component, &study.captures),
+            |component, _, lines| {
+                let factor = changes.factors.even[component] as f32;
+                let mut spectra = vec![0.0; lines.len()];
+                for (band, line) in lines.chunks_exact(width).enumerate() {
+                    line.iter()
+                        .enumerate()
+                        .for_each(|(col, value)| spectra[col * bands + band] = factor * value);
+                }
+                spectra
+            },
+        )?;
+        let mut image = ComponentImage { data: vec![0.0; values], ..labels.clone() };
+        for (component, row, spectra) in found {
+            let start = (component * height + row) * width * bands;
+            image.data[start..start + width * bands].copy_from_slice(&spectra);
+        }
+        Ok(Some(image))
     }
 
     /// Light that no capture switches on need not be read.

@@ -45,6 +45,11 @@ fn a_compressed_dng_with_a_mask_is_analyzed() {
     assert!(told.stdout.contains("Porphyrin share on the mixture line"), "{}", told.stdout);
     let page = fs::read_to_string(folder.join("report/report.html")).unwrap();
     assert!(page.contains("the mask disc.png") && page.contains("<path"), "no outline");
+    // The experiment of the page has the mosaic and the black level of the frame, not of its own sensor.
+    let embedded = page.replace("&quot;", "\"");
+    for line in ["mosaic = [[\"B\", \"G\"], [\"G\", \"R\"]]", "black_level_dn = 63.0"] {
+        assert!(embedded.contains(line), "{line}");
+    }
     // The other forms of the mask say the same.
     for other in ["disc.npy", "disc.tiff"] {
         let set = format!("analysis.mask={other}");
@@ -230,7 +235,7 @@ fn a_target_is_measured_with_its_labels() {
         page.contains("Smallest visible diameter") && page.contains("d&#39; of") || page.contains("d' of")
     );
     let told = fluorspar(folder, ["analyze", "dot", "--set", "analysis.wanted_d_prime=90"]).well().stdout;
-    assert!(told.contains("Target \"spot\" in \"blue\"") && told.contains("for d' 90"), "{told}");
+    assert!(told.contains("Target \"spot\" in frame \"blue\"") && told.contains("d' 90 is wanted"), "{told}");
     // A mask of a real frame is a target, too; a part can't be found there.
     let given = [
         "analyze",
@@ -254,5 +259,5 @@ fn a_target_is_measured_with_its_labels() {
         "target.spot.mask=dot/targets.png",
     ];
     let told = fluorspar(folder, [&given[..], &there].concat()).well().stdout;
-    assert!(told.contains("Target \"spot\" in \"blue\""), "{told}");
+    assert!(told.contains("Target \"spot\" in frame \"blue\""), "{told}");
 }

@@ -152,6 +152,11 @@ exposure_ms = 5.0
 const MOUTH_WORDS: [&str; 8] =
     ["mouth", "teeth", "tooth", "tongue", "mucosa", "patient's", "dentin", "saliva"];
 
+/// The leaf without a question for the share of a fluorophore.
+fn plain_leaf() -> String {
+    LEAF.replace("porphyrin = \"chlorophyll_a\"\nbulk = { wax = 0.5 }", "porphyrin = \"none\"")
+}
+
 /// Runs an experiment and returns the folder.
 fn run(folder: &Path, name: &str, text: Option<&str>) -> PathBuf {
     fs::write(folder.join("chlorophyll.csv"), CHLOROPHYLL).unwrap();
@@ -217,6 +222,7 @@ fn reports_say_what_ran_and_fit_every_screen() {
         ("violet", run(folder, "violet", Some(VIOLET))),
         ("leaf", run(folder, "leaf", Some(LEAF))),
         ("target", run(folder, "target", Some(TARGET))),
+        ("plain", run(folder, "plain", Some(&plain_leaf()))),
     ];
     let text = |name: &str| {
         let page = fs::read_to_string(folder.join(name).join("report.html")).unwrap();
@@ -227,7 +233,14 @@ fn reports_say_what_ran_and_fit_every_screen() {
     for (name, wanted) in [
         (
             "mouth",
-            &["a mouth of", "led_385", "Porphyrin share", "Detection limit", "Leak", "Eye-safe captures"][..],
+            &[
+                "a mouth of",
+                "led_385",
+                "Porphyrin share",
+                "of the share that is there",
+                "Leak",
+                "Eye-safe sequences",
+            ][..],
         ),
         ("violet", &["led_405", "changed", "Porphyrin share"]),
         (
@@ -257,6 +270,9 @@ fn reports_say_what_ran_and_fit_every_screen() {
         &text("leaf"),
         &[&MOUTH_WORDS[..], &["porphyrin", "385 nm", "nadh", "collagen"]].concat(),
     );
+    // Where no share is asked for there is no word of one
+    let shares = ["porphyrin", "mixture line", "blank", "detection limit"];
+    holds_no("plain", &text("plain"), &[&MOUTH_WORDS[..], &shares].concat());
     let absent = ["porphyrin", "chromaticity", "mixture line", "385 nm", "nadh", "r / (r"];
     holds_no("target", &text("target"), &[&MOUTH_WORDS[..], &absent].concat());
 
@@ -281,6 +297,31 @@ fn captures_and_analyses_have_reports_too() {
     let page = fs::read_to_string(folder.join("frames/report.html")).unwrap();
     let told = words(&page);
     assert!(told.contains("Simulated") && told.contains("Chlorophyll a"), "{told}");
+    // What the render knows of the frames stands on the page of a capture as on that of the run
+    for part in ["How much excitation light leaks", "The light of the region, by origin"] {
+        assert!(told.contains(part), "{part}");
+    }
+    let results = |name: &str| -> serde_json::Value {
+        serde_json::from_str(&fs::read_to_string(folder.join(name).join("results.json")).unwrap()).unwrap()
+    };
+    let (of_run, of_capture) = (results("leaf"), results("frames"));
+    for key in
+        ["analysis", "leaks", "leak_ratio", "region_radiance_w_per_sr_m2_nm", "depths_of_light", "safety"]
+    {
+        assert_eq!(of_run[key], of_capture[key], "{key}");
+    }
+    assert!(of_run["leak_ratio"].is_f64() && of_run["analysis"].is_object());
+    // A drive that the capture doubles is told beside the stated power.
+    let doubled = ["capture", "leaf/components.exr", "--report", "--out", "doubled"];
+    let drive = ["--set", "capture.uv.light_groups.violet=2"];
+    fluorspar(folder, doubled.into_iter().chain(drive)).well();
+    let page = words(&fs::read_to_string(folder.join("doubled/report.html")).unwrap());
+    for part in [
+        "light \"violet\" 500 mW, driven at 2 times that in frame \"uv\"",
+        "nm wide (led_365) at 2 times its stated power",
+    ] {
+        assert!(page.contains(part), "{part}: {page}");
+    }
     // A capture knows its component image: regions by part need no further word.
     let said = fluorspar(folder, ["analyze", "frames", "--out", "analyzed"]).well();
     assert!(said.stdout.contains("leaf") && said.stderr.contains("Open analyzed/report.html"), "{said:?}");
@@ -297,6 +338,8 @@ fn captures_and_analyses_have_reports_too() {
             .concat(),
     )
     .well();
+    assert_eq!(results("given")["recorded_frames"], serde_json::json!({ "uv": "frames/raw_uv.tiff" }));
+    assert!(results("analyzed").get("recorded_frames").is_none());
     let told = words(&fs::read_to_string(folder.join("given/report.html")).unwrap());
     assert!(told.contains("Recorded frames") && !told.contains("imulat"), "{told}");
 }

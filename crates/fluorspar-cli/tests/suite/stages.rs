@@ -130,6 +130,19 @@ fn a_finished_render_is_seen_by_other_cameras_and_with_other_concentrations() {
         );
     }
 
+    // The render has 16 columns: one covers 2 of the sensor that it was made for, and 20 of this one
+    let larger =
+        ["--set", "sensor.columns=320", "--set", "sensor.rows=240", "--set", "sensor.pixel_size_um=7.5"];
+    let args = ["capture", "run/components.exr", "--out", "larger"].into_iter().chain(larger);
+    let said = fluorspar(folder, args).well();
+    assert!(
+        said.stderr.contains("one pixel of the render covers 20.0 x 20.0 pixels of the sensor"),
+        "{}",
+        said.stderr
+    );
+    assert!(said.stderr.contains("render.width_px=160"), "{}", said.stderr);
+    let same = fluorspar(folder, ["capture", "run/components.exr", "--out", "same"]).well();
+    assert!(!same.stderr.contains("one pixel of the render"), "{}", same.stderr);
     let half = ["--set", "concentration.elastin=0.5"];
     let args = ["capture", "run/components.exr", "--out", "half"].into_iter().chain(half);
     let said = fluorspar(folder, args).well();
@@ -150,6 +163,10 @@ fn a_finished_render_is_seen_by_other_cameras_and_with_other_concentrations() {
         (vec!["run", "oraleye-2021", "--set", preview], "painted on a finished render"),
         (vec!["capture", "run/components.exr", "--set", "concentration.elastine=2"], "did you mean"),
         (vec!["capture", "run/components.exr", "--set", "mouth.seed=2"], "render the experiment again"),
+        (
+            vec!["capture", "run/components.exr", "--set", "light.blue.strength.power_mw=4000"],
+            "(which --set capture.blue.light_groups.blue=2 changes without a render)",
+        ),
         (vec!["sheet", "run/components.exr", "--panel", "no title"], "write a title, a colon"),
         (vec!["sheet", "run/components.exr", "--capture", "red"], "there is no capture"),
     ] {
@@ -203,6 +220,13 @@ fn files_are_checked_without_being_run() {
     let folder = folder.path();
     let said = fluorspar(folder, ["check", "flat-patch"]).well();
     assert!(said.stdout.starts_with("flat-patch: valid. "), "{}", said.stdout);
+    // What a run may change, a check may
+    let seconds = |samples: &str| {
+        fluorspar(folder, ["check", "flat-patch", "--spp", samples, "--depth", "2", "--seed", "3", "--json"])
+            .json()["render_seconds"]
+            .clone()
+    };
+    assert!(seconds("4000").as_f64() > seconds("1").as_f64());
     let said = fluorspar(folder, ["check", "oraleye-2021", "--json", "--set", "render.seed=3"]).json();
     assert_eq!((&said["kind"], &said["valid"]), (&"experiment".into(), &true.into()));
     let said = fluorspar(folder, ["check"]).well();

@@ -5,14 +5,14 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use fluorspar::image::{ChannelPlanes, ComponentImage, ExcitationImage, SpectralImage};
-use fluorspar::pipeline::{frame_radiance, radiance_preview};
+use fluorspar::pipeline::{Evaluation, frame_radiance, radiance_preview};
 use fluorspar::spectral::Radiance;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{
     ExrCompression, ExrOptions, FileFormat, FormatError, Provenance, write_atomically, write_component_exr,
     write_label_png, write_rgb_png, write_sensor_tiff, write_spectral_exr,
 };
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 use thiserror::Error;
 
 use super::{RunReport, RunResults, run_report};
@@ -195,26 +195,40 @@ fn results_json(run: &RunResults<'_>, components: &ComponentImage) -> Result<Val
             })
         })
         .collect();
-    Ok(json!({
-        "format": FileFormat::RESULTS.version(),
-        "program": "fluorspar",
-        "version": env!("CARGO_PKG_VERSION"),
-        "title": record.title,
-        "experiment_sha256": record.sha256,
-        "seed": study.render.seed,
-        "samples_per_pixel": components.samples_per_pixel,
-        "width_px": components.width,
-        "height_px": components.height,
-        "wavelength_edges_nm": study.scene.grid.edges_nm(),
-        "components": components.components.iter().map(|c| c.label()).collect::<Vec<_>>(),
-        "frames": frames,
-        "analysis": evaluation.analysis.as_ref().map(|a| serde_json::to_value(&a.analysis)).transpose()?,
-        "region_radiance_w_per_sr_m2_nm": evaluation.region_radiance.as_ref().map(serde_json::to_value).transpose()?,
-        "leak_ratio": evaluation.analyzed_leak().and_then(|leak| leak.leak_ratio),
-        "leaks": serde_json::to_value(&evaluation.leaks)?,
-        "depths_of_light": serde_json::to_value(&evaluation.depths)?,
-        "safety": serde_json::to_value(&evaluation.safety)?,
-        "spectroradiometers": serde_json::to_value(&evaluation.spectra)?,
-        "warnings": record.warnings,
-    }))
+    let mut results = Map::from_iter([
+        ("format".into(), json!(FileFormat::RESULTS.version())),
+        ("program".into(), json!("fluorspar")),
+        ("version".into(), json!(env!("CARGO_PKG_VERSION"))),
+        ("title".into(), json!(record.title)),
+        ("experiment_sha256".into(), json!(record.sha256)),
+        ("seed".into(), json!(study.render.seed)),
+        ("samples_per_pixel".into(), json!(components.samples_per_pixel)),
+        ("width_px".into(), json!(components.width)),
+        ("height_px".into(), json!(components.height)),
+        ("wavelength_edges_nm".into(), json!(study.scene.grid.edges_nm())),
+        ("components".into(), json!(components.components.iter().map(|c| c.label()).collect::<Vec<_>>())),
+        ("frames".into(), json!(frames)),
+    ]);
+    results.extend(evaluation_json(evaluation)?);
+    results.insert("warnings".into(), json!(record.warnings));
+    Ok(Value::Object(results))
+}
+
+/// What follows from the frames, as `results.json` of runs and captures has it.
+///
+/// # Errors
+/// Numbers that JSON can't hold.
+pub fn evaluation_json(evaluation: &Evaluation) -> Result<Map<String, Value>, serde_json::Error> {
+    let analysis =
+        evaluation.analysis.as_ref().map(|analyzed| serde_json::to_value(&analyzed.analysis)).transpose()?;
+    let leak_ratio = evaluation.analyzed_leak().and_then(|leak| leak.leak_ratio);
+    Ok(Map::from_iter([
+        ("analysis".into(), json!(analysis)),
+        ("region_radiance_w_per_sr_m2_nm".into(), serde_json::to_value(&evaluation.region_radiance)?),
+        ("leak_ratio".into(), json!(leak_ratio)),
+        ("leaks".into(), serde_json::to_value(&evaluation.leaks)?),
+        ("depths_of_light".into(), serde_json::to_value(&evaluation.depths)?),
+        ("safety".into(), serde_json::to_value(&evaluation.safety)?),
+        ("spectroradiometers".into(), serde_json::to_value(&evaluation.spectra)?),
+    ]))
 }

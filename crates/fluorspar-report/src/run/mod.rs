@@ -11,7 +11,9 @@ mod safety_section;
 mod words;
 
 pub use dark_frames::dark_frames;
-pub use folder::{RunFolderError, write_frame_report, write_run_components, write_run_folder};
+pub use folder::{
+    RunFolderError, evaluation_json, write_frame_report, write_run_components, write_run_folder,
+};
 pub use report::{NamedFigure, RunReport, run_report};
 pub use words::name_target;
 

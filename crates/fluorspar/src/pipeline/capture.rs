@@ -210,6 +210,14 @@ pub(super) fn on_sensor<'a>(study: &Study, components: &'a ComponentImage) -> Op
     Some(SceneOnSensor { components, film_over_sensor })
 }
 
+/// Columns of the frames for each column of a rendered image. Of the image only size and place count. `None` without lens or sensor.
+pub fn columns_per_render_column(study: &Study, components: &ComponentImage) -> Option<f64> {
+    let scene = on_sensor(study, components)?;
+    let model = study.camera.sensor.as_ref()?.model();
+    let columns = model.columns as f64 / model.binning.map_or(1.0, |binning| binning.columns as f64);
+    Some(columns * scene.film_over_sensor[0] / components.width as f64)
+}
+
 /// Irradiance on the film in one capture, in all bands, W/(m² nm): the light of its lights behind lens and filters, and the
 /// extent of the image. Frames are made of [`CapturePlanes`], which join this with the sensor.
 ///

@@ -75,6 +75,20 @@ pub fn evaluate_from_planes(
         }
     };
 
+    evaluate_frames(study, components, frames, analysis)
+}
+
+/// What follows from frames, their analysis and the spectra of a component image: radiance, leaks, depths, previews, readings and
+/// safety.
+///
+/// # Errors
+/// Those of [`evaluate`].
+pub fn evaluate_frames(
+    study: &Study,
+    components: &ComponentImage,
+    frames: Vec<CapturedFrame>,
+    analysis: Option<AnalyzedFrame>,
+) -> Result<Evaluation, PipelineError> {
     // Measure the radiance itself
     let spectra = read_spectroradiometers(study, components)?;
     let region = analysis.as_ref().map(|analyzed| &analyzed.region);

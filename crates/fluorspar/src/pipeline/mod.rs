@@ -68,13 +68,13 @@ pub use calibration::Calibration;
 pub use camera_color::CameraColor;
 pub use capture::{
     CapturedFrame, RawExposures, bracket_label, capture, capture_from_planes, capture_irradiance,
-    check_captures, complete_raw, develop_frames, frame_radiance,
+    check_captures, columns_per_render_column, complete_raw, develop_frames, frame_radiance,
 };
 pub use capture_planes::{CapturePlanes, CaptureResponses, SeenComponents};
 pub use concentration::{MultipleUncertainty, concentration_factors, scale_multiple};
 pub use denoise::{DenoiseError, DenoiseSettings, denoise};
 pub use depth_of_light::{DepthOfLight, LayerShare, depths_of_light};
-pub use evaluate::{Evaluation, evaluate, evaluate_from_planes};
+pub use evaluate::{Evaluation, evaluate, evaluate_frames, evaluate_from_planes};
 pub use excitation_basis::{LightOutsideBasis, RelitImage, relight_with_basis, render_with_basis};
 pub use film_response::FilmResponse;
 pub use filter_leak::{FilterLeak, LeakAtAngle, LeakBehindFilters, filter_leak};
