@@ -1,13 +1,13 @@
 //! From the file of a design problem to the problem.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::OnceLock;
 
 use fluorspar::design::{
     Assumptions, Budget, ContrastDefinition, Criterion, Design, DesignCamera, DesignProblem, ExcitationBasis,
     FilterChoice, FineBands, LensChoice, LibraryError, LightChoice, Limits, LongPass, LongPassEdge, Split,
-    WhiteFrame,
+    WeightPrior, WhiteFrame,
 };
 use fluorspar::digest::sha256_hex;
 use fluorspar::optics::IdealLens;
@@ -135,6 +135,7 @@ pub fn parse_design(
         white: white(context, &file, &grid, &rendered)?,
         library: library(context, &file)?,
         assumptions: assumptions(context, &file)?,
+        weights: weights(context, &file, &regions, &rendered)?,
         limits: limits(context, &file)?,
         tissue_safety_factor: file.limit.tissue_safety_factor,
         regions,
@@ -657,6 +658,46 @@ fn assumptions(context: &Context<'_>, file: &DesignFile) -> Resolved<Assumptions
     })
 }
 
+/// Priors of weights, of fluorophores that some region holds.
+fn weights(
+    context: &Context<'_>,
+    file: &DesignFile,
+    regions: &[fluorspar::design::RegionModel],
+    rendered: &DesignRenders,
+) -> Resolved<Vec<WeightPrior>> {
+    let known = known_weights(regions, rendered);
+    let at = steps!["unknown", "weights"];
+    let mut found = Vec::with_capacity(file.unknown.weights.len());
+    for (name, &relative) in &file.unknown.weights {
+        let at = at.field(name);
+        if !known.contains(&name.as_str()) {
+            let message = Message::unknown("no region holds this fluorophore", name, known.iter().copied());
+            return context.fail(&at, message);
+        }
+        context.within(&at, relative, [1e-6, 1e6], "of the amount that the region holds")?;
+        found.push(WeightPrior { fluorophore: name.clone(), relative });
+    }
+    Ok(found)
+}
+
+/// Names of all weights that regions may have.
+fn known_weights<'a>(
+    regions: &'a [fluorspar::design::RegionModel],
+    rendered: &'a DesignRenders,
+) -> Vec<&'a str> {
+    let mut known: BTreeSet<&str> = BTreeSet::new();
+    for region in regions {
+        known.extend(region.response.fluorescence.iter().map(|f| f.name.as_str()));
+    }
+    for render in &rendered.renders {
+        known.extend(render.study.scene.fluorophores.iter().map(|f| f.name.as_str()));
+    }
+    if rendered.regions.iter().any(|region| !region.apart.is_empty()) {
+        known.insert(BULK);
+    }
+    known.into_iter().collect()
+}
+
 fn limits(context: &Context<'_>, file: &DesignFile) -> Resolved<Limits> {
     let limit = &file.limit;
     let within = |field: &'static str, value: Option<f64>, range| {
@@ -679,17 +720,7 @@ fn contrasts(
     regions: &[fluorspar::design::RegionModel],
     rendered: &DesignRenders,
 ) -> Resolved<Vec<ContrastDefinition>> {
-    let mut known: BTreeMap<&str, ()> = BTreeMap::new();
-    for region in regions {
-        known.extend(region.response.fluorescence.iter().map(|f| (f.name.as_str(), ())));
-    }
-    for render in &rendered.renders {
-        known.extend(render.study.scene.fluorophores.iter().map(|f| (f.name.as_str(), ())));
-    }
-    if rendered.regions.iter().any(|region| !region.apart.is_empty()) {
-        known.insert(BULK, ());
-    }
-    let known: Vec<&str> = known.into_keys().collect();
+    let known = known_weights(regions, rendered);
     let mut found = Vec::new();
     for (index, section) in file.contrast.iter().enumerate() {
         let at = steps!["contrast", index];

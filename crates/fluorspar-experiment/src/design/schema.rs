@@ -1,5 +1,7 @@
 //! The file of a design problem: what may be chosen, what is assumed, what counts.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -500,7 +502,7 @@ fn white_led() -> SpectrumReference {
 }
 
 /// What is not known besides the weights: standard deviations of normal priors; 0 is known exactly.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct UnknownsSection {
     /// Factor common to all exposures, relative, 0 to 10, which is as good as no knowledge: distance, shading. Default 0.
@@ -514,6 +516,10 @@ pub struct UnknownsSection {
     pub tissue: f64,
     /// Thickness of whole blood that light passes on its way into a surface and again out of it, um, 0 to 1000. Default 0.
     pub blood_um: f64,
+    /// What is known of weights before, by fluorophore: standard deviation over the amount that the region holds, 1e-6 to 1e6. With them
+    /// a design of few channels tells more fluorophores apart. Default: nothing.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub weights: BTreeMap<String, f64>,
     /// Shift of the emission of each fluorophore, nm, 0 to 100: libraries differ by 5 to 25 nm. Default 0.
     pub emission_shift_nm: f64,
     /// Shift of its excitation, nm, 0 to 100. Default 0.
@@ -538,6 +544,7 @@ impl Default for UnknownsSection {
             leak: 0.0,
             tissue: 0.0,
             blood_um: 0.0,
+            weights: BTreeMap::new(),
             emission_shift_nm: 0.0,
             excitation_shift_nm: 0.0,
             spectrum: 0.0,

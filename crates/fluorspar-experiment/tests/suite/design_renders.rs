@@ -180,6 +180,8 @@ fn what_can_not_be_rendered_is_told_with_its_cure() {
         (vec!["scene.set=[\"camera.position=3\"]"], "can't be rendered"),
         (vec!["scene.set=[\"spectral.step_nm=10\"]"], "remove spectral"),
         (vec!["geometry=[{ field = \"light.violet.position_mm\", values = [] }]"], "at least one value"),
+        (vec!["unknown.weights={ elastine = 0.5 }"], "did you mean"),
+        (vec!["unknown.weights={ elastin = 0.0 }"], "unknown.weights.elastin"),
         (vec!["spectral.first_nm=380"], "spectral.first_nm"),
         (vec!["led.power_mw=-1"], "between"),
     ] {

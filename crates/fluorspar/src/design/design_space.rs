@@ -48,6 +48,8 @@ pub struct DesignSpace {
 pub(super) struct PreparedGeometry {
     pub(super) regions: Vec<Arc<RegionSignals>>,
     pub(super) contrasts: Vec<Vec<Contrast>>,
+    /// Of each region the standard deviations of the priors of its weights.
+    pub(super) priors: Vec<Vec<f64>>,
     /// Irradiance of the most exposed region, W/m², by light; that of the white frame comes last.
     pub(super) irradiances: Vec<f64>,
 }
@@ -119,6 +121,7 @@ impl DesignSpace {
             PreparedGeometry {
                 regions: flat.iter().cloned().chain(rendered.into_iter().flatten()).collect(),
                 contrasts: regions().map(|region| contrasts_of(&problem, region)).collect(),
+                priors: regions().map(|region| problem.priors_of(region)).collect(),
                 irradiances: problem.lights.iter().chain(white).map(irradiance).collect(),
             }
         };

@@ -80,6 +80,7 @@ fn problem() -> DesignProblem {
         white: None,
         library: LibraryError::default(),
         assumptions: Assumptions { pixels: 1.0, ..Assumptions::default() },
+        weights: Vec::new(),
         contrasts: vec![ContrastDefinition {
             name: "red share".into(),
             part: vec!["red".into()],
@@ -366,4 +367,39 @@ fn a_contrast_counts_where_there_is_something_of_its_part() {
     problem.regions = vec![without];
     let none = DesignSpace::new(problem).unwrap();
     assert_eq!(none.evaluate(&design).loss, f64::INFINITY);
+}
+
+/// What is known of a weight before counts as a datum of it: `C = (I + diag(1/s², 0))^-1` with the information `I` that the data alone
+/// hold. Two dyes of one spectrum are told apart only so.
+#[test]
+fn what_is_known_of_a_weight_adds_to_what_is_measured() {
+    let free = DesignSpace::new(problem()).unwrap();
+    let prior = WeightPrior { fluorophore: "green".into(), relative: 0.02 };
+    let told = DesignSpace::new(DesignProblem { weights: vec![prior.clone()], ..problem() }).unwrap();
+    let design = free.design(30);
+    let bound = free.evaluate(&design).regions.swap_remove(0).bound;
+    let [g, r, both] = [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]].map(|weights| bound.variance_of(&weights));
+    let cross = 0.5 * (both - g - r);
+    let determinant = g * r - cross * cross;
+    // Information: the inverse of a two by two matrix
+    let [a, b, c] = [r / determinant, -cross / determinant, g / determinant];
+    let a = a + 1.0 / (prior.relative * prior.relative);
+    let expected = [c / (a * c - b * b), a / (a * c - b * b)].map(f64::sqrt);
+    let found = told.evaluate(&design).regions.swap_remove(0).weights;
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+    }
+    assert!(found[0] < g.sqrt() && found[1] < r.sqrt());
+
+    // Two dyes of one spectrum: of rank one without, and with the prior of rank two
+    let narrow = |weights: Vec<WeightPrior>| {
+        let mut problem = DesignProblem { weights, ..problem() };
+        let dyes = &mut problem.regions[0].response.fluorescence;
+        dyes[1].radiance = dyes[0].radiance.clone();
+        let space = DesignSpace::new(problem).unwrap();
+        space.evaluate(&space.design(30)).regions.swap_remove(0)
+    };
+    let (blind, seen) = (narrow(Vec::new()), narrow(vec![prior]));
+    assert_eq!((blind.rank, seen.rank), (1, 2));
+    assert!(blind.weights[0].is_infinite() && seen.weights.iter().all(|weight| weight.is_finite()));
 }

@@ -98,12 +98,14 @@ pub struct RegionMerits {
 }
 
 /// Evaluates one region: its signals by exposure, in the order of the exposures. A white frame counts as data as any other;
-/// `is_white` says which, for they need no filter against reflected light.
+/// `is_white` says which, for they need no filter against reflected light. `known` is what was known before: the standard deviation of
+/// the prior of each weight, infinite without one (none at all where the list is empty), and what is taken for granted. A prior counts
+/// as a datum of the weight itself, for the rank, too.
 pub fn evaluate_region(
     signals: &[&SignalRates],
     exposures: &[DesignExposure<'_>],
     is_white: &[bool],
-    assumptions: &Assumptions,
+    (priors, assumptions): (&[f64], &Assumptions),
     contrasts: &[Contrast],
 ) -> RegionMerits {
     let weights = signals.first().map_or(0, |rates| rates.fluorescence.first().map_or(0, Vec::len));
@@ -138,6 +140,10 @@ pub fn evaluate_region(
         }
         electrons.push(means);
         signal_to_noise.push(ratios);
+    }
+    for (weight, &prior) in priors.iter().enumerate().filter(|(_, prior)| prior.is_finite()) {
+        data.observe((0..weights).map(|other| if other == weight { 1.0 } else { 0.0 }), prior * prior);
+        columns.columns.iter_mut().for_each(|column| column.push(0.0));
     }
     let bound = data.bound(&columns.columns);
     let contrast = |contrast: &Contrast| contrast.standard_deviation(&bound).unwrap_or(f64::INFINITY);

@@ -199,10 +199,11 @@ impl DesignSpace {
         let geometry = &self.geometries[design.geometry];
         let by_region: Vec<Vec<&SignalRates>> =
             (0..geometry.regions.len()).map(|region| self.region_signals(region, design)).collect();
-        let of_region = |(signals, contrasts): (&Vec<&SignalRates>, &Vec<Contrast>)| {
-            evaluate_region(signals, &exposures, &is_white, &p.assumptions, contrasts)
+        let of_region = |(number, signals): (usize, &Vec<&SignalRates>)| {
+            let known = (geometry.priors[number].as_slice(), &p.assumptions);
+            evaluate_region(signals, &exposures, &is_white, known, &geometry.contrasts[number])
         };
-        let regions: Vec<RegionMerits> = by_region.iter().zip(&geometry.contrasts).map(of_region).collect();
+        let regions: Vec<RegionMerits> = by_region.iter().enumerate().map(of_region).collect();
         let wants_detection = full || p.criterion == Criterion::Detection;
         let detectability =
             if wants_detection { self.cohort_detectability(design, &exposures) } else { None };

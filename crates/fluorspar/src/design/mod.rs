@@ -44,7 +44,7 @@ pub use fisher::{Bound, Information, UncertainData, WeakDirection};
 pub use merits::Merits;
 pub use problem::{
     Budget, Cohort, ContrastDefinition, DesignProblem, FilterChoice, GeometryChoice, LensChoice, LightChoice,
-    Limits, LongPass, LongPassEdge, Split, WhiteFrame,
+    Limits, LongPass, LongPassEdge, Split, WeightPrior, WhiteFrame,
 };
 pub use region_model::{
     ChangeGrowth, LibraryError, LightUnit, LitRegion, RegionModel, ResponseChange, SignalRates,

@@ -186,6 +186,15 @@ pub struct GeometryChoice {
     pub regions: Vec<RegionModel>,
 }
 
+/// What is known of the weight of a fluorophore before anything is measured: a normal prior about the amount that a region holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WeightPrior {
+    /// Name of the fluorophore.
+    pub fluorophore: String,
+    /// Standard deviation over that amount.
+    pub relative: f64,
+}
+
 /// Everything that a search needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DesignProblem {
@@ -217,6 +226,8 @@ pub struct DesignProblem {
     pub library: LibraryError,
     /// What is taken for granted.
     pub assumptions: Assumptions,
+    /// What is known of weights before. Weights of other fluorophores are not known at all.
+    pub weights: Vec<WeightPrior>,
     /// Ratios of amounts.
     pub contrasts: Vec<ContrastDefinition>,
     /// What designs are ranked by.
@@ -237,6 +248,15 @@ impl DesignProblem {
     pub fn regions_of(&self, geometry: usize) -> impl Iterator<Item = &RegionModel> {
         let rendered = self.geometries.get(geometry).into_iter().flat_map(|choice| &choice.regions);
         self.regions.iter().chain(rendered)
+    }
+
+    /// Standard deviations of the priors of the weights of a region, in the order of its fluorophores; infinite without one.
+    pub(super) fn priors_of(&self, region: &RegionModel) -> Vec<f64> {
+        let of = |name: &String| {
+            let known = self.weights.iter().find(|prior| prior.fluorophore == *name);
+            known.map_or(f64::INFINITY, |prior| prior.relative)
+        };
+        region.response.fluorescence.iter().map(|part| of(&part.name)).collect()
     }
 
     /// One of the regions of [`Self::regions_of`], to change.

@@ -72,6 +72,10 @@ fn changes(problem: &DesignProblem, best: &Design) -> Vec<(String, DesignProblem
     add("unknown gain".into(), assumed.gain > 0.0, &|p| p.assumptions.gain *= RAISED);
     add("unknown drives".into(), assumed.drive > 0.0, &|p| p.assumptions.drive *= RAISED);
     add("unknown leak".into(), assumed.leak > 0.0, &|p| p.assumptions.leak *= RAISED);
+    let has_priors = problem.weights.iter().any(|prior| prior.relative > 0.0);
+    add("priors of weights".into(), has_priors, &|p| {
+        p.weights.iter_mut().for_each(|prior| prior.relative *= RAISED);
+    });
     add("pixels of a region".into(), true, &|p| p.assumptions.pixels *= RAISED);
     add("shift of emission".into(), library.emission_shift_nm > 0.0, &|p| {
         p.library.emission_shift_nm *= RAISED
