@@ -148,28 +148,142 @@ fn tissue_region(
     let spread = file.unknown.tissue;
     if spread > 0.0 {
         let typical = typical.site(context, &at_tissue)?;
-        let population = Population::of(typical);
-        for (number, variation) in population.variations().iter().enumerate() {
-            if variation.name.ends_with(AMOUNT_ENDING) {
-                continue;
-            }
-            let mut deviations = vec![0.0; population.variations().len()];
-            deviations[number] = spread;
-            let moved = population.tissue_at(&deviations);
-            if moved == *typical {
-                continue;
-            }
+        for (variation, moved) in moved_sites(typical, spread) {
             let moved = NamedTissue::Site(moved);
             let moved = respond(&flat_layers(context, &at_tissue, &layers, &moved, axes.grid)?);
-            model.changes.extend(ResponseChange::between(
-                variation.name,
-                &model.response,
-                &moved,
-                ChangeGrowth::Linear,
-            ));
+            let change =
+                ResponseChange::between(variation, &model.response, &moved, ChangeGrowth::Linear);
+            model.changes.extend(change);
         }
     }
     Ok(model)
+}
+
+/// A change of the tissue of a rendered region at one standard deviation, as factors on what the region sends.
+///
+/// Light of a scene meets the same tissue at each of its bounces, and the factor of flat tissue is that of one: the bound is for the light
+/// that comes directly from the lamps, most of it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct TissueFactors {
+    name: String,
+    /// Change of fluorescence over fluorescence, `[band][node]`.
+    fluorescence: Vec<f64>,
+    /// The same of reflected light.
+    reflected: Curve,
+}
+
+impl TissueFactors {
+    /// What it changes of a region.
+    pub(super) fn change_of(&self, region: &RegionResponse) -> ResponseChange {
+        let of_part = |part: &FluorescenceResponse| {
+            self.fluorescence.iter().zip(&part.radiance).map(|(factor, value)| factor * value).collect()
+        };
+        ResponseChange {
+            name: self.name.clone(),
+            fluorescence: region.fluorescence.iter().map(of_part).collect(),
+            reflected: Some(region.reflected.times(&self.reflected)),
+            growth: ChangeGrowth::Linear,
+        }
+    }
+}
+
+/// Fluorescence of all fluorophores, `[band][number of the basis]`.
+fn total_radiance(region: &RegionResponse) -> Vec<f64> {
+    let mut total = vec![0.0; region.grid.len() * region.excitation.len()];
+    for part in &region.fluorescence {
+        total.iter_mut().zip(&part.radiance).for_each(|(sum, value)| *sum += value);
+    }
+    total
+}
+
+/// What is not known of a rendered region that is one of some tissues: how its tissue varies among people and, where there are several,
+/// which it is. Each of `n` tissues is as likely as the others: their differences from the mean, each times `1/sqrt(n)`, have the
+/// covariance of the tissues, and the variations of each among people count by `1/sqrt(n)` as well.
+pub(super) fn tissue_factors(
+    context: &mut Context<'_>,
+    at: &Place,
+    file: &DesignFile,
+    names: &[String],
+    axes: &Axes<'_>,
+) -> Resolved<Vec<TissueFactors>> {
+    check_sections(context, &file.tissue, &file.fluorophore, axes.grid)?;
+    let (spread, share) = (file.unknown.tissue, (names.len() as f64).sqrt().recip());
+    let mut responses: Vec<(Vec<f64>, Curve)> = Vec::new();
+    let mut found = Vec::new();
+    for (index, name) in names.iter().enumerate() {
+        let at = at.index(index);
+        context.unique_name(&at, name, names[..index].iter().map(String::as_str))?;
+        let typical = named_tissue(context, &at, &file.tissue, &file.fluorophore, axes.grid, name)?;
+        let layers = Layers::new(context, &at, &file.fluorophore, &typical)?;
+        let of = |context: &Context<'_>, tissue: &NamedTissue| -> Resolved<(Vec<f64>, Curve)> {
+            let flat = flat_layers(context, &at, &layers, tissue, axes.grid)?;
+            let region = respond(name, &flat, &vec![1.0; flat.fluorophores.len()], axes);
+            Ok((total_radiance(&region), region.reflected))
+        };
+        let own = of(context, &typical)?;
+        let site = typical.site(context, &at)?;
+        for (variation, moved) in moved_sites(site, spread) {
+            let name = if names.len() > 1 { format!("{variation} of {name}") } else { variation.to_owned() };
+            found.push(factors_between(name, &own, &of(context, &NamedTissue::Site(moved))?, share));
+        }
+        responses.push(own);
+    }
+    if responses.len() > 1 {
+        let mean = mean_response(&responses);
+        for (name, response) in names.iter().zip(&responses) {
+            found.push(factors_between(format!("tissue {name}"), &mean, response, spread * share));
+        }
+    }
+    Ok(found)
+}
+
+/// A site with each of its variations among people moved by so many standard deviations, but for amounts, which are weights.
+fn moved_sites(typical: &Site, spread: f64) -> Vec<(&'static str, Site)> {
+    let population = Population::of(typical);
+    let mut found = Vec::new();
+    for (number, variation) in population.variations().iter().enumerate() {
+        if variation.name.ends_with(AMOUNT_ENDING) {
+            continue;
+        }
+        let mut deviations = vec![0.0; population.variations().len()];
+        deviations[number] = spread;
+        let moved = population.tissue_at(&deviations);
+        if moved != *typical {
+            found.push((variation.name, moved));
+        }
+    }
+    found
+}
+
+/// Relative differences of two responses, times a factor.
+fn factors_between(
+    name: String,
+    (fluorescence, reflected): &(Vec<f64>, Curve),
+    (moved, moved_reflected): &(Vec<f64>, Curve),
+    factor: f64,
+) -> TissueFactors {
+    let relative = |before: f64, after: f64| if before > 0.0 { factor * (after / before - 1.0) } else { 0.0 };
+    let (first, last) = reflected.range_nm();
+    TissueFactors {
+        name,
+        fluorescence: fluorescence
+            .iter()
+            .zip(moved)
+            .map(|(before, after)| relative(*before, *after))
+            .collect(),
+        reflected: Curve::from_fn(first, last, |nm| relative(reflected.at(nm), moved_reflected.at(nm))),
+    }
+}
+
+fn mean_response(responses: &[(Vec<f64>, Curve)]) -> (Vec<f64>, Curve) {
+    let count = responses.len() as f64;
+    let mut mean = vec![0.0; responses[0].0.len()];
+    for (values, _) in responses {
+        mean.iter_mut().zip(values).for_each(|(sum, value)| *sum += value / count);
+    }
+    let (first, last) = responses[0].1.range_nm();
+    let of = |nm: f64| responses.iter().map(|(_, curve)| curve.at(nm)).sum::<f64>() / count;
+    (mean, Curve::from_fn(first, last, of))
 }
 
 /// Amounts of what tissue holds have no common unit: in ratios each counts by the light that it sends.
@@ -215,11 +329,7 @@ pub(super) fn cohort(
 fn total_response(name: &str, flat: &FlatTissue, axes: &Axes<'_>) -> RegionResponse {
     let held: Vec<(Fluorophore, f64)> = flat.fluorophores.iter().map(|f| (f.clone(), 1.0)).collect();
     let apart = RegionResponse::flat(name, axes.grid, &axes.nodes_nm, &flat.reflectance, &held);
-    let mut radiance = vec![0.0; axes.grid.len() * axes.nodes_nm.len()];
-    for part in &apart.fluorescence {
-        radiance.iter_mut().zip(&part.radiance).for_each(|(sum, value)| *sum += value);
-    }
-    let all = FluorescenceResponse { name: "all".into(), amount: 1.0, radiance };
+    let all = FluorescenceResponse { name: "all".into(), amount: 1.0, radiance: total_radiance(&apart) };
     RegionResponse {
         excitation: ExcitationBasis::Nodes(axes.nodes_nm.clone()),
         fluorescence: vec![all],

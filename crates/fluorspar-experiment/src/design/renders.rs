@@ -11,7 +11,7 @@ use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::Study;
 use fluorspar_format::read_text_bounded;
 
-use super::regions::below_blood;
+use super::regions::{Axes, TissueFactors, below_blood, tissue_factors};
 use super::schema::{DesignFile, GeometrySection, GeometryValue, RegionSection, RenderedRegionSection};
 use crate::error::{Place, steps};
 use crate::preset;
@@ -53,6 +53,8 @@ pub struct DesignRegion {
     pub renders: Vec<usize>,
     /// Fluorophores that have weights of their own, where not all have: the others are one, `bulk`.
     pub apart: Vec<String>,
+    /// What is not known of its tissue.
+    pub(super) tissue: Vec<TissueFactors>,
 }
 
 /// Renders of a problem, and what is taken from them.
@@ -88,6 +90,7 @@ impl DesignRenders {
                         ChangeGrowth::Attenuation,
                     ));
                 }
+                model.changes.extend(region.tissue.iter().map(|factors| factors.change_of(&model.response)));
                 geometry.regions.push(model);
             }
         }
@@ -164,16 +167,53 @@ pub(super) fn renders(
         let study = &found.renders[numbers[0]].study;
         check_parts(context, &at, &region, study)?;
         check_apart(context, &at, &of_region.apart, study)?;
+        let tissue = unknown_tissue(context, &at, file, of_region, study)?;
         let apart = of_region.apart.clone();
-        found.regions.push(DesignRegion { name: section.name.clone(), region, renders: numbers, apart });
+        found.regions.push(DesignRegion {
+            name: section.name.clone(),
+            region,
+            renders: numbers,
+            apart,
+            tissue,
+        });
     }
     check_lights(context, lights, &found);
-    if file.unknown.tissue > 0.0 {
-        let message = "the spread of tissue among people is for flat regions; in rendered ones the tissue is taken as known: give \
-                       unknown.blood_um, or regions of several people (rendered.set)";
+    let known: Vec<&str> = found
+        .regions
+        .iter()
+        .filter(|region| region.tissue.is_empty())
+        .map(|region| region.name.as_str())
+        .collect();
+    if file.unknown.tissue > 0.0 && !known.is_empty() {
+        let message = format!(
+            "the tissue of these rendered regions is taken as known: {}; say of what tissue they are, such as rendered.tissue = \
+             [\"dorsal_tongue\"], or of which they may be",
+            known.join(", ")
+        );
         context.warn(&steps!["unknown", "tissue"], message);
     }
     Ok(found)
+}
+
+/// What is not known of the tissue of a rendered region.
+fn unknown_tissue(
+    context: &mut Context<'_>,
+    at: &Place,
+    file: &DesignFile,
+    section: &RenderedRegionSection,
+    study: &Study,
+) -> Resolved<Vec<TissueFactors>> {
+    let at = at.field("tissue");
+    if section.tissue.is_empty() {
+        return Ok(Vec::new());
+    }
+    if file.unknown.tissue <= 0.0 {
+        let message = "the tissue counts where its spread is not known; give unknown.tissue, for instance 1";
+        return context.fail(&at, message);
+    }
+    let basis = study.render.excitation_basis.as_ref();
+    let nodes_nm = basis.map_or_else(Vec::new, |basis| basis.nodes.nodes_nm().to_vec());
+    tissue_factors(context, &at, file, &section.tissue, &Axes { grid: &study.scene.grid, nodes_nm })
 }
 
 /// Takes all fluorophores of a region but some together as one.

@@ -136,6 +136,9 @@ pub struct RenderedRegionSection {
     pub apart: Vec<String>,
     /// Changes of the scene for this region, for instance another person or pose: `["mouth.person=3"]`. Default: none.
     pub set: Vec<String>,
+    /// Tissue of the region, for `unknown.tissue`: a `[[tissue]]` of this file or a site of the catalogue; several where it is not known
+    /// which of them it is. Default: none, the tissue is known.
+    pub tissue: Vec<String>,
 }
 
 /// The scene in which rendered regions lie. It is rendered with an excitation basis, once for each combination of the geometry and of what
@@ -511,8 +514,8 @@ pub struct UnknownsSection {
     pub drive: f64,
     /// Reflected light that passes the filters, relative, 0 to 10. Default 0.
     pub leak: f64,
-    /// Factor on the spread of layered tissue among people (blood, oxygen, thickness, melanin), 0 to 10; 0: the tissue is known.
-    /// Default 0.
+    /// Factor on the spread of layered tissue among people (blood, oxygen, thickness, melanin), and among the sites where a rendered
+    /// region may be of several, 0 to 10; 0: the tissue is known. Default 0.
     pub tissue: f64,
     /// Thickness of whole blood that light passes on its way into a surface and again out of it, um, 0 to 1000. Default 0.
     pub blood_um: f64,

@@ -5,7 +5,7 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use fluorspar::design::{Design, DesignSpace, score_all};
+use fluorspar::design::{Design, DesignSpace, RegionModel, ResponseChange, score_all};
 use fluorspar::image::{ComponentImage, ExcitationImage};
 use fluorspar::optics::IdealLens;
 use fluorspar::pipeline::{BasisRender, CameraResponse, render_with_basis, rendered_regions};
@@ -180,6 +180,11 @@ fn what_can_not_be_rendered_is_told_with_its_cure() {
         (vec!["scene.set=[\"camera.position=3\"]"], "can't be rendered"),
         (vec!["scene.set=[\"spectral.step_nm=10\"]"], "remove spectral"),
         (vec!["geometry=[{ field = \"light.violet.position_mm\", values = [] }]"], "at least one value"),
+        (vec!["region.elastin.rendered={ tissue = [\"dorsal_tongue\"] }"], "give unknown.tissue"),
+        (
+            vec!["unknown.tissue=1", "region.elastin.rendered={ tissue = [\"dorsal_tounge\"] }"],
+            "dorsal_tongue",
+        ),
         (vec!["unknown.weights={ elastine = 0.5 }"], "did you mean"),
         (vec!["unknown.weights={ elastin = 0.0 }"], "unknown.weights.elastin"),
         (vec!["spectral.first_nm=380"], "spectral.first_nm"),
@@ -189,4 +194,85 @@ fn what_can_not_be_rendered_is_told_with_its_cure() {
         let error = parse_design(PROBLEM, "spheres", Path::new("."), &changes).unwrap_err().to_string();
         assert!(error.contains(words), "{changes:?}: {error}");
     }
+}
+
+/// What a flat tissue changes relative to what it sends is what a rendered region of that tissue changes; one that may be of two tissues
+/// is known less.
+#[test]
+fn the_tissue_of_a_rendered_region_may_be_unknown() {
+    let tissues = |list: &str| {
+        format!("region.porphyrin.rendered={{ parts = [\"porphyrin_sphere\"], tissue = {list} }}")
+    };
+    let flat = "region=[{ name = \"porphyrin\", rendered = {} }, { name = \"flat\", material = { tissue = \"dorsal_tongue\" } }]";
+    let of = |tissue: &str| {
+        resolved(&[
+            flat,
+            "geometry=[]",
+            &tissues(tissue),
+            "unknown.tissue=1",
+            "unknown.gain=0.2",
+            "scene.set=[\"render.width_px=48\", \"render.height_px=32\", \"render.samples_per_pixel=4\"]",
+        ])
+    };
+    let (one, two) = (of("[\"dorsal_tongue\"]"), of("[\"dorsal_tongue\", \"gingiva\"]"));
+    assert!(one.record.warnings.is_empty(), "{:?}", one.record.warnings);
+    let (space_of_one, space_of_two) = (space(&one), space(&two));
+    let problem = space_of_one.problem();
+    let (flat, rendered) = (&problem.regions[0], &problem.geometries[0].regions[0]);
+    let names =
+        |region: &RegionModel| region.changes.iter().map(|change| change.name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(flat), names(rendered));
+    assert!(names(flat).contains(&"epithelium_thickness_um".to_owned()));
+    let total = |region: &RegionModel, k: usize| -> f64 {
+        region.response.fluorescence.iter().map(|part| part.radiance[k]).sum()
+    };
+    let (of_flat, of_render) =
+        (flat.response.excitation.centers_nm(), rendered.response.excitation.centers_nm());
+    let band = rendered.response.grid.centers_nm().iter().position(|nm| *nm > 600.0).unwrap();
+    let mut compared = 0;
+    for (node, nm) in of_render.iter().enumerate() {
+        // Nodes that both have, but for 1 nm, in which tissue changes by some percent of its change
+        let Some(other) = of_flat.iter().position(|other| (other - nm).abs() <= 1.0) else { continue };
+        let (k, of_k) = (band * of_render.len() + node, band * of_flat.len() + other);
+        for (a, b) in flat.changes.iter().zip(&rendered.changes) {
+            let sum = |change: &ResponseChange, k: usize| -> f64 {
+                change.fluorescence.iter().map(|part| part[k]).sum()
+            };
+            let [flat, rendered] = [sum(a, of_k) / total(flat, of_k), sum(b, k) / total(rendered, k)];
+            assert!(
+                (flat - rendered).abs() < 0.05 * flat.abs() + 2e-3,
+                "{} at {nm}: {flat} {rendered}",
+                a.name
+            );
+            compared += 1;
+        }
+        let reflected = difference_of_reflected(flat, rendered);
+        assert!(reflected < 1e-9, "{reflected}");
+    }
+    assert!(compared > 20, "{compared}");
+    let may_be = names(&space_of_two.problem().geometries[0].regions[0]);
+    for name in ["tissue dorsal_tongue", "tissue gingiva", "epithelium_thickness_um of gingiva"] {
+        assert!(may_be.contains(&name.to_owned()), "{may_be:?}");
+    }
+    let losses = [&space_of_one, &space_of_two].map(|space| {
+        let region = &space.evaluate(&space.design(0)).regions[1];
+        region.weights.iter().copied().fold(0.0, f64::max)
+    });
+    assert!(losses[1] > losses[0], "{losses:?}");
+}
+
+/// Largest difference of the relative changes of reflected light, from 400 to 690 nm.
+fn difference_of_reflected(flat: &RegionModel, rendered: &RegionModel) -> f64 {
+    let mut largest = 0.0_f64;
+    for (a, b) in flat.changes.iter().zip(&rendered.changes) {
+        for nm in (400..690).step_by(10).map(f64::from) {
+            let of = |change: &ResponseChange, region: &RegionModel| {
+                let change = change.reflected.as_ref().map_or(0.0, |curve| curve.at(nm));
+                change / region.response.reflected.at(nm)
+            };
+            let (a, b) = (of(a, flat), of(b, rendered));
+            largest = largest.max((a - b).abs());
+        }
+    }
+    largest
 }
