@@ -66,6 +66,10 @@ pub struct DesignRenders {
     pub regions: Vec<DesignRegion>,
     /// Names of the geometries.
     pub geometries: Vec<String>,
+    /// Working distance of the lens in each geometry, mm, where it has one of its own.
+    pub(super) distances_mm: Vec<Option<f64>>,
+    /// Solid angle of each aperture at that distance, sr, `[geometry][aperture]`; empty without one.
+    pub(super) lens_sr: Vec<Vec<f64>>,
     /// Thickness of whole blood that is not known, um.
     pub(super) blood_um: f64,
 }
@@ -74,8 +78,12 @@ impl DesignRenders {
     /// A problem with its rendered regions, `[region][geometry]`, in the order of [`Self::regions`] and [`Self::geometries`].
     #[must_use]
     pub fn complete(&self, mut problem: DesignProblem, regions: Vec<Vec<RegionModel>>) -> DesignProblem {
-        let choice = |name: &String| GeometryChoice { name: name.clone(), regions: Vec::new() };
-        problem.geometries = self.geometries.iter().map(choice).collect();
+        let choice = |(number, name): (usize, &String)| GeometryChoice {
+            name: name.clone(),
+            regions: Vec::new(),
+            lens_sr: self.lens_sr.get(number).cloned().unwrap_or_default(),
+        };
+        problem.geometries = self.geometries.iter().enumerate().map(choice).collect();
         for (models, region) in regions.into_iter().zip(&self.regions) {
             for (geometry, mut model) in problem.geometries.iter_mut().zip(models) {
                 if !region.apart.is_empty() {
@@ -135,7 +143,8 @@ pub(super) fn renders(
         return context.fail(&steps!["geometry"], message);
     }
     let (text, source, folder) = scene_text(context, file)?;
-    found.geometries = geometries.iter().map(|(name, _)| name.clone()).collect();
+    found.geometries = geometries.iter().map(|geometry| geometry.name.clone()).collect();
+    found.distances_mm = geometries.iter().map(|geometry| geometry.distance_mm).collect();
     let mut known: Vec<Vec<String>> = Vec::new();
     for (index, section, of_region) in rendered {
         let at = steps!["region", index].field("rendered");
@@ -146,7 +155,7 @@ pub(super) fn renders(
         let region =
             RegionOfInterest { parts: of_region.parts.clone(), rectangle, ..RegionOfInterest::default() };
         let mut numbers = Vec::new();
-        for (name, changes) in &geometries {
+        for NamedGeometry { name, changes, .. } in &geometries {
             let mut overrides = file.scene.iter().flat_map(|scene| scene.set.clone()).collect::<Vec<_>>();
             overrides.extend(of_region.set.iter().chain(changes).cloned());
             let number = match known.iter().position(|other| *other == overrides) {
@@ -216,6 +225,15 @@ fn unknown_tissue(
     tissue_factors(context, &at, file, &section.tissue, &Axes { grid: &study.scene.grid, nodes_nm })
 }
 
+/// One combination of the values of the variables.
+#[derive(Clone)]
+struct NamedGeometry {
+    name: String,
+    /// The changes that make it.
+    changes: Vec<String>,
+    distance_mm: Option<f64>,
+}
+
 /// Takes all fluorophores of a region but some together as one.
 fn with_bulk(region: &mut RegionResponse, apart: &[String]) {
     let held = std::mem::take(&mut region.fluorescence);
@@ -246,26 +264,43 @@ fn check_apart(context: &Context<'_>, at: &Place, apart: &[String], study: &Stud
 }
 
 /// All combinations of the values of the variables, by name, with the changes that make them.
-fn geometries(context: &Context<'_>, sections: &[GeometrySection]) -> Resolved<Vec<(String, Vec<String>)>> {
-    let mut found: Vec<(String, Vec<String>)> = vec![(String::new(), Vec::new())];
+fn geometries(context: &Context<'_>, sections: &[GeometrySection]) -> Resolved<Vec<NamedGeometry>> {
+    let mut found = vec![NamedGeometry { name: String::new(), changes: Vec::new(), distance_mm: None }];
     for (index, section) in sections.iter().enumerate() {
         let at = steps!["geometry", index];
         if section.values.is_empty() {
             return context.fail(&at.field("values"), "give at least one value");
         }
+        let distances = &section.working_distance_mm;
+        let at_distances = at.field("working_distance_mm");
+        if !distances.is_empty() && distances.len() != section.values.len() {
+            let message = format!("give one distance for each of the {} values", section.values.len());
+            return context.fail(&at_distances, message);
+        }
+        if !distances.is_empty() && found[0].distance_mm.is_some() {
+            return context
+                .fail(&at_distances, "another geometry gives the distances already; remove one of both");
+        }
         let last = section.field.rsplit('.').next().unwrap_or_default();
         let label = section.name.as_deref().unwrap_or(last);
-        let with = |(name, changes): &(String, Vec<String>), value: &GeometryValue| {
+        let with = |held: &NamedGeometry, number: usize, value: &GeometryValue| {
             let own = format!("{label} {}", value.text());
-            let name = if name.is_empty() { own } else { format!("{name}, {own}") };
             let change = format!("{}={}", section.field, value.text());
-            (name, changes.iter().cloned().chain([change]).collect())
+            NamedGeometry {
+                name: if held.name.is_empty() { own } else { format!("{}, {own}", held.name) },
+                changes: held.changes.iter().cloned().chain([change]).collect(),
+                distance_mm: distances.get(number).copied().or(held.distance_mm),
+            }
         };
-        found =
-            found.iter().flat_map(|held| section.values.iter().map(move |value| with(held, value))).collect();
+        let mut combined = Vec::with_capacity(found.len() * section.values.len());
+        for held in &found {
+            combined
+                .extend(section.values.iter().enumerate().map(|(number, value)| with(held, number, value)));
+        }
+        found = combined;
     }
     if sections.is_empty() {
-        found[0].0 = "as in the scene".into();
+        found[0].name = "as in the scene".into();
     }
     Ok(found)
 }

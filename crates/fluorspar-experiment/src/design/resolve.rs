@@ -86,7 +86,7 @@ pub fn parse_design(
     check_search(context, &file)?;
     fluorophore::check_sections(context, &file.fluorophore)?;
     let mut lights = lights(context, &file, &grid)?;
-    let rendered = renders(context, &file, &lights)?;
+    let mut rendered = renders(context, &file, &lights)?;
     check_grid(context, &grid, &rendered)?;
     give_power(&mut lights, &rendered);
     if !rendered.renders.is_empty() && lights.iter().any(|light| light.power_w <= 0.0) {
@@ -95,6 +95,7 @@ pub fn parse_design(
     }
     let filters = filters(context, &file, &grid)?;
     let (lens, lenses) = lenses(context, &file, &grid)?;
+    rendered.lens_sr = lenses_at(context, &file, &lens, &rendered)?;
     let cameras = cameras(context, &file, &lens, &grid)?;
     let axes = Axes { grid: &grid, nodes_nm: nodes(context, &file)? };
     check_span(context, &lights, &axes);
@@ -404,6 +405,31 @@ fn lenses(
         return context.fail(&at.field("f_numbers"), "give at least one f-number");
     }
     Ok((lens, choices))
+}
+
+/// Solid angles of all apertures at the working distance of each geometry, sr.
+fn lenses_at(
+    context: &Context<'_>,
+    file: &DesignFile,
+    lens: &IdealLens,
+    rendered: &DesignRenders,
+) -> Resolved<Vec<Vec<f64>>> {
+    let section = file.geometry.iter().position(|section| !section.working_distance_mm.is_empty());
+    let mut found = Vec::with_capacity(rendered.distances_mm.len());
+    for distance in &rendered.distances_mm {
+        let Some(distance_mm) = *distance else {
+            found.push(Vec::new());
+            continue;
+        };
+        let focused = IdealLens { object_distance_mm: Some(distance_mm), ..lens.clone() };
+        if let Err(problem) = focused.validate() {
+            let at = steps!["geometry", section.unwrap_or(0)].field("working_distance_mm");
+            return context.fail(&at, format!("{distance_mm} mm: {}", problem.message));
+        }
+        let solid_angle = |f_number: &f64| LensChoice::new(&focused, *f_number).solid_angle_sr;
+        found.push(file.lens.f_numbers.iter().map(solid_angle).collect());
+    }
+    Ok(found)
 }
 
 fn cameras(

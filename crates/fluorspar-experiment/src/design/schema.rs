@@ -171,6 +171,10 @@ pub struct GeometrySection {
     pub field: String,
     /// Its values to choose from: numbers, lists of numbers, or texts.
     pub values: Vec<GeometryValue>,
+    /// Working distance of the lens at each value, mm, where the values move the camera; beyond the focal length. Default: that of
+    /// `[lens]` at all of them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub working_distance_mm: Vec<f64>,
     /// Name in results. Default: the last word of the field.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,

@@ -180,6 +180,18 @@ fn what_can_not_be_rendered_is_told_with_its_cure() {
         (vec!["scene.set=[\"camera.position=3\"]"], "can't be rendered"),
         (vec!["scene.set=[\"spectral.step_nm=10\"]"], "remove spectral"),
         (vec!["geometry=[{ field = \"light.violet.position_mm\", values = [] }]"], "at least one value"),
+        (
+            vec![
+                "geometry=[{ field = \"camera.position_mm\", values = [[0, 90, 260]], working_distance_mm = [1.0] }]",
+            ],
+            "geometry[0].working_distance_mm",
+        ),
+        (
+            vec![
+                "geometry=[{ field = \"camera.position_mm\", values = [[0, 90, 260]], working_distance_mm = [1.0, 2.0] }]",
+            ],
+            "one distance for each of the 1 values",
+        ),
         (vec!["region.elastin.rendered={ tissue = [\"dorsal_tongue\"] }"], "give unknown.tissue"),
         (
             vec!["unknown.tissue=1", "region.elastin.rendered={ tissue = [\"dorsal_tounge\"] }"],
@@ -194,6 +206,37 @@ fn what_can_not_be_rendered_is_told_with_its_cure() {
         let error = parse_design(PROBLEM, "spheres", Path::new("."), &changes).unwrap_err().to_string();
         assert!(error.contains(words), "{changes:?}: {error}");
     }
+}
+
+/// The camera of the same spheres at once and at twice the distance: a quarter of the pixels, and the solid angle of a lens that is focused
+/// there.
+#[test]
+fn the_working_distance_of_a_camera_is_a_variable() {
+    let (near, far) = ([0.0, 50.0, 150.0], [0.0, 85.0, 300.0]);
+    let distance = |place: [f64; 3]| (place[1] - 15.0_f64).hypot(place[2]);
+    assert!((distance(far) / distance(near) - 2.0).abs() < 0.02);
+    let geometry = format!(
+        "geometry=[{{ field = \"camera.position_mm\", name = \"camera\", values = [{near:?}, {far:?}], working_distance_mm = [{}, {}] }}]",
+        distance(near),
+        distance(far)
+    );
+    let resolved = resolved(&[&geometry, "lens={ focal_length_mm = 12.0, f_numbers = [2.0, 4.0] }"]);
+    let space = space(&resolved);
+    let problem = space.problem();
+    for (number, place) in [near, far].into_iter().enumerate() {
+        for (aperture, f_number) in [2.0, 4.0].into_iter().enumerate() {
+            let mut lens = IdealLens::new(12.0, f_number);
+            lens.object_distance_mm = Some(distance(place));
+            assert_eq!(problem.lens_sr(number, aperture), lens.axial_solid_angle_sr());
+        }
+    }
+    // Spheres of some 12 pixels across: their edges are counted to half a pixel, 2 / 6 of the area of the smaller one at most
+    for (near, far) in problem.geometries[0].regions.iter().zip(&problem.geometries[1].regions) {
+        assert_eq!(near.pixel_share, 1.0);
+        assert!((far.pixel_share / 0.25 - 1.0).abs() < 0.34, "{}", far.pixel_share);
+    }
+    let design = Design { geometry: 1, ..space.design(0) };
+    assert!(space.describe(&design).contains("camera [0"), "{}", space.describe(&design));
 }
 
 /// What a flat tissue changes relative to what it sends is what a rendered region of that tissue changes; one that may be of two tissues

@@ -50,6 +50,8 @@ pub(super) struct PreparedGeometry {
     pub(super) contrasts: Vec<Vec<Contrast>>,
     /// Of each region the standard deviations of the priors of its weights.
     pub(super) priors: Vec<Vec<f64>>,
+    /// Of each region the pixels that it covers, over those in the first geometry.
+    pub(super) pixel_shares: Vec<f64>,
     /// Irradiance of the most exposed region, W/m², by light; that of the white frame comes last.
     pub(super) irradiances: Vec<f64>,
 }
@@ -122,6 +124,7 @@ impl DesignSpace {
                 regions: flat.iter().cloned().chain(rendered.into_iter().flatten()).collect(),
                 contrasts: regions().map(|region| contrasts_of(&problem, region)).collect(),
                 priors: regions().map(|region| problem.priors_of(region)).collect(),
+                pixel_shares: regions().map(|region| region.pixel_share).collect(),
                 irradiances: problem.lights.iter().chain(white).map(irradiance).collect(),
             }
         };

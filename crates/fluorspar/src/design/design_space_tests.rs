@@ -322,7 +322,8 @@ fn rendered_regions_of_each_geometry_are_searched() {
         response.reflected = response.reflected.scaled(scale);
         RegionModel::rendered(response, irradiance_per_w)
     };
-    let geometry = |name: &str, region| GeometryChoice { name: name.into(), regions: vec![region] };
+    let geometry =
+        |name: &str, region| GeometryChoice { name: name.into(), regions: vec![region], lens_sr: Vec::new() };
     // 0.1 W at 100 W/m2 for each watt are the 10 W/m2 of the flat region
     problem.geometries =
         vec![geometry("far", rendered(25.0, 25.0)), geometry("near", rendered(100.0, 100.0))];
@@ -402,4 +403,35 @@ fn what_is_known_of_a_weight_adds_to_what_is_measured() {
     let (blind, seen) = (narrow(Vec::new()), narrow(vec![prior]));
     assert_eq!((blind.rank, seen.rank), (1, 2));
     assert!(blind.weights[0].is_infinite() && seen.weights.iter().all(|weight| weight.is_finite()));
+}
+
+/// A camera farther away has another solid angle and fewer pixels on the region: photons of a pixel follow the one, the bound both.
+#[test]
+fn a_working_distance_changes_the_solid_angle_and_the_pixels_of_a_region() {
+    let mut problem = problem();
+    problem.budget = Budget::Time(0.01);
+    problem.assumptions.pixels = 1000.0;
+    (problem.cameras[0].dark_variance_e2, problem.cameras[0].dark_e_per_s) = (0.0, 0.0);
+    let flat = problem.regions.remove(0);
+    let seen =
+        |pixel_share: f64| RegionModel { pixel_share, ..RegionModel::rendered(flat.response.clone(), 100.0) };
+    let geometry = |name: &str, share: f64, lens_sr: Vec<f64>| GeometryChoice {
+        name: name.into(),
+        regions: vec![seen(share)],
+        lens_sr,
+    };
+    problem.geometries = vec![
+        geometry("near", 1.0, Vec::new()),
+        geometry("far", 0.25, vec![0.04]),
+        geometry("same", 1.0, vec![0.05]),
+    ];
+    let space = DesignSpace::new(problem).unwrap();
+    let at = |geometry: usize| space.evaluate(&Design { geometry, ..space.design(7) });
+    let [near, far, same] = [0, 1, 2].map(at);
+    assert_eq!(near, same);
+    assert!((far.electrons / near.electrons - 0.04 / 0.05).abs() < 1e-9);
+    // Photon noise alone: the variance of a mean goes with 1 / (electrons pixels)
+    let ratio = far.regions[0].weights[0] / near.regions[0].weights[0];
+    let expected = (0.05 / 0.04 / 0.25_f64).sqrt();
+    assert!((ratio / expected - 1.0).abs() < 1e-9, "{ratio} {expected}");
 }

@@ -7,7 +7,8 @@ use crate::sampling::random::Key;
 use super::criterion::{Contrast, Criterion};
 use super::design_space::{Design, DesignSpace};
 use super::evaluation::{
-    DesignExposure, RegionMerits, chromaticity_separability, detectability, evaluate_region, sample_pixels,
+    Assumptions, DesignExposure, RegionMerits, chromaticity_separability, detectability, evaluate_region,
+    sample_pixels,
 };
 use super::prepared_signals::RegionSignals;
 use super::problem::{Budget, LightChoice, Split, tissue_margin};
@@ -85,7 +86,7 @@ impl DesignSpace {
         DesignExposure {
             camera: &p.cameras[design.camera],
             light: p.lights[design.lights[exposure]].light * p.drives[design.drive],
-            lens_sr: p.lenses[design.lens].solid_angle_sr,
+            lens_sr: p.lens_sr(design.geometry, design.lens),
             time_s,
         }
     }
@@ -95,7 +96,7 @@ impl DesignSpace {
         let p = &self.problem;
         let white = p.white.as_ref()?;
         let camera = &p.cameras[design.camera];
-        let lens_sr = p.lenses[design.lens].solid_angle_sr;
+        let lens_sr = p.lens_sr(design.geometry, design.lens);
         let mut exposure = DesignExposure { camera, light: white.light.light, lens_sr, time_s: 1.0 };
         let rates = self.geometries[design.geometry].regions[0].white(design.camera)?;
         let brightest = (0..rates.leak.len())
@@ -200,7 +201,9 @@ impl DesignSpace {
         let by_region: Vec<Vec<&SignalRates>> =
             (0..geometry.regions.len()).map(|region| self.region_signals(region, design)).collect();
         let of_region = |(number, signals): (usize, &Vec<&SignalRates>)| {
-            let known = (geometry.priors[number].as_slice(), &p.assumptions);
+            let pixels = p.assumptions.pixels * geometry.pixel_shares[number];
+            let assumptions = Assumptions { pixels, ..p.assumptions };
+            let known = (geometry.priors[number].as_slice(), &assumptions);
             evaluate_region(signals, &exposures, &is_white, known, &geometry.contrasts[number])
         };
         let regions: Vec<RegionMerits> = by_region.iter().enumerate().map(of_region).collect();
@@ -217,7 +220,11 @@ impl DesignSpace {
         let mut merits = Merits {
             loss,
             broken: Vec::new(),
-            color_separability: if full { self.color_separability(&by_region, &exposures) } else { None },
+            color_separability: if full {
+                self.color_separability(&by_region, &exposures, &geometry.pixel_shares)
+            } else {
+                None
+            },
             detectability,
             time_s: times_s.iter().sum(),
             times_s,
@@ -257,11 +264,12 @@ impl DesignSpace {
         &self,
         by_region: &[Vec<&SignalRates>],
         exposures: &[DesignExposure<'_>],
+        pixel_shares: &[f64],
     ) -> Option<f64> {
-        let pixels = self.problem.assumptions.pixels;
+        let pixels = |region: usize| self.problem.assumptions.pixels * pixel_shares[region];
         let pairs = (0..by_region.len()).flat_map(|a| (a + 1..by_region.len()).map(move |b| (a, b)));
         pairs
-            .map(|(a, b)| chromaticity_separability(&by_region[a], &by_region[b], exposures, pixels))
+            .map(|(a, b)| chromaticity_separability(&by_region[a], &by_region[b], exposures, pixels(b)))
             .reduce(f64::min)
     }
 

@@ -184,6 +184,9 @@ pub struct GeometryChoice {
     pub name: String,
     /// Regions as it shows them; every geometry has the same ones.
     pub regions: Vec<RegionModel>,
+    /// Solid angle of each aperture on the axis at the working distance of this geometry, sr, in the order of
+    /// [`DesignProblem::lenses`]; empty where it has no working distance of its own.
+    pub lens_sr: Vec<f64>,
 }
 
 /// What is known of the weight of a fluorophore before anything is measured: a normal prior about the amount that a region holds.
@@ -248,6 +251,12 @@ impl DesignProblem {
     pub fn regions_of(&self, geometry: usize) -> impl Iterator<Item = &RegionModel> {
         let rendered = self.geometries.get(geometry).into_iter().flat_map(|choice| &choice.regions);
         self.regions.iter().chain(rendered)
+    }
+
+    /// Solid angle of an aperture on the axis, sr, at the working distance of a geometry.
+    pub fn lens_sr(&self, geometry: usize, lens: usize) -> f64 {
+        let own = self.geometries.get(geometry).and_then(|choice| choice.lens_sr.get(lens));
+        own.copied().unwrap_or(self.lenses[lens].solid_angle_sr)
     }
 
     /// Standard deviations of the priors of the weights of a region, in the order of its fluorophores; infinite without one.

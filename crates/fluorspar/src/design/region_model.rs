@@ -112,18 +112,21 @@ pub struct RegionModel {
     pub changes: Vec<ResponseChange>,
     /// The light that the response is for.
     pub unit: LightUnit,
+    /// Pixels of the sensor that the region covers over those in the first geometry: fewer where the camera stands farther away.
+    pub pixel_share: f64,
 }
 
 impl RegionModel {
     /// A flat region of which only the weights are not known.
     pub fn known(response: RegionResponse) -> Self {
-        Self { response, changes: Vec::new(), unit: LightUnit::Irradiance }
+        Self { response, changes: Vec::new(), unit: LightUnit::Irradiance, pixel_share: 1.0 }
     }
 
     /// A region of a render of which only the weights are not known, with its largest irradiance for each watt of the first light of
     /// the group.
     pub fn rendered(response: RegionResponse, irradiance_per_w: f64) -> Self {
-        Self { response, changes: Vec::new(), unit: LightUnit::Power { irradiance_per_w } }
+        let unit = LightUnit::Power { irradiance_per_w };
+        Self { response, changes: Vec::new(), unit, pixel_share: 1.0 }
     }
 
     /// Irradiance that a light gives the region, W/m².

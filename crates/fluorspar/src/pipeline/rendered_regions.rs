@@ -41,22 +41,33 @@ pub fn rendered_regions(
         found.push(whole_region(name, region, render)?);
     }
     let mut own: Vec<String> = Vec::new();
-    for (response, _) in &found {
+    let first = found.first().map_or(1, |region| region.pixels).max(1) as f64;
+    for WholeRegion { response, .. } in &found {
         let new = response.own_fluorophores(OWN_SHARE);
         own.extend(new.into_iter().filter(|name| !own.contains(name)).collect::<Vec<_>>());
     }
-    let model = |(response, irradiance_per_w): (RegionResponse, f64)| {
-        RegionModel::rendered(response.with_weights_of(&own).counted_by_light(), irradiance_per_w)
+    let model = |WholeRegion { response, irradiance_per_w, pixels }: WholeRegion| {
+        let response = response.with_weights_of(&own).counted_by_light();
+        let pixel_share = pixels as f64 / first;
+        RegionModel { pixel_share, ..RegionModel::rendered(response, irradiance_per_w) }
     };
     Ok(found.into_iter().map(model).collect())
 }
 
-/// All that a region sends, and its largest irradiance for each watt of the first light of the group.
+/// All that a region sends.
+struct WholeRegion {
+    response: RegionResponse,
+    /// Its largest irradiance for each watt of the first light of the group, W/m².
+    irradiance_per_w: f64,
+    /// Pixels of the render that show it.
+    pixels: usize,
+}
+
 fn whole_region(
     name: &str,
     region: &RegionOfInterest,
     render: &BasisRender<'_>,
-) -> Result<(RegionResponse, f64), RegionError> {
+) -> Result<WholeRegion, RegionError> {
     let (image, camera) = (render.image, &render.study.scene.camera);
     let selected = region.select(image.width, image.height, Some(SceneOnSensor::filling(image)))?.pixels;
     let has_falloff = match &render.study.camera.lens {
@@ -77,8 +88,8 @@ fn whole_region(
         let normal = glam::Vec3::from_array(*image.features.normal.get(pixel)?).as_dvec3().try_normalize()?;
         Some(OrientedPoint { position: (origin + direction * *depth).as_dvec3(), normal })
     });
-    let irradiance = points.map(|point| group_irradiance_per_w(render, point)).fold(0.0, f64::max);
-    Ok((response, irradiance))
+    let irradiance_per_w = points.map(|point| group_irradiance_per_w(render, point)).fold(0.0, f64::max);
+    Ok(WholeRegion { response, irradiance_per_w, pixels: selected.len() })
 }
 
 /// Irradiance of a point by the group, unshaded, for each watt of its first light.
