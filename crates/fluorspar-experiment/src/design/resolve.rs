@@ -794,6 +794,7 @@ fn criterion(
             return context.fail(&at, message);
         }
         CriterionChoice::Detection => Criterion::Detection,
+        CriterionChoice::Leak => Criterion::Leak,
         CriterionChoice::Contrast => {
             let wanted = file.criterion_contrast.as_deref();
             let number =

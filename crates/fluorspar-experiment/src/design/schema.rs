@@ -594,6 +594,8 @@ pub enum CriterionChoice {
     Contrast,
     /// `d'` of the cohort.
     Detection,
+    /// Reflected electrons per fluorescent electron.
+    Leak,
 }
 
 /// What designs must keep to. Default: a pixel does not overflow, nothing else.

@@ -44,6 +44,8 @@ pub enum Criterion {
     Contrast(usize),
     /// `1 / d'` between the states of a cohort.
     Detection,
+    /// Reflected electrons per fluorescent electron, of the worst exposure through a filter.
+    Leak,
 }
 
 impl Criterion {
@@ -57,7 +59,7 @@ impl Criterion {
             Self::E => Some(bound.largest_variance().sqrt()),
             Self::Minimax => Some(deviations.iter().copied().fold(0.0, f64::max)),
             Self::Contrast(number) => contrasts.get(number)?.standard_deviation(bound),
-            Self::Detection => None,
+            Self::Detection | Self::Leak => None,
         }
     }
 }

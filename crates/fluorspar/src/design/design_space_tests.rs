@@ -435,3 +435,25 @@ fn a_working_distance_changes_the_solid_angle_and_the_pixels_of_a_region() {
     let expected = (0.05 / 0.04 / 0.25_f64).sqrt();
     assert!((ratio / expected - 1.0).abs() < 1e-9, "{ratio} {expected}");
 }
+
+/// The design that leaks least is the best by leak, and one that sees no fluorescence is none.
+#[test]
+fn designs_are_ranked_by_leak() {
+    let mut by_leak = DesignProblem { criterion: Criterion::Leak, ..problem() };
+    // One edge lies within the light of 430 nm, the other 40 nm above it
+    if let Some(long_pass) = &mut by_leak.filters[0].long_pass {
+        long_pass.edge = LongPassEdge::At(440.0);
+    }
+    let space = DesignSpace::new(by_leak.clone()).unwrap();
+    for (number, score) in score_all(&space, 0..space.len()).iter().enumerate() {
+        let merits = space.evaluate(&space.design(number as u64));
+        assert_eq!(score.loss, merits.leak);
+        assert!(merits.leak > 0.0 && merits.leak.is_finite());
+    }
+    let of_edge = |filter| space.evaluate(&Design { lights: vec![3], filter, ..space.design(0) }).loss;
+    assert!(of_edge(1) < 0.1 * of_edge(0), "{} {}", of_edge(1), of_edge(0));
+    let mut dark = by_leak;
+    dark.regions[0].response.fluorescence.iter_mut().for_each(|part| part.radiance.fill(0.0));
+    let dark = DesignSpace::new(dark).unwrap();
+    assert_eq!(dark.evaluate(&dark.design(0)).loss, f64::INFINITY);
+}

@@ -88,7 +88,7 @@ pub struct RegionMerits {
     pub electrons: Vec<Vec<f64>>,
     /// Signal to noise ratio of the mean over the region, by exposure and channel.
     pub signal_to_noise: Vec<Vec<f64>>,
-    /// Largest ratio of reflected to fluorescent electrons of an exposure that sees fluorescence through a filter.
+    /// Largest ratio of reflected to fluorescent electrons of an exposure through a filter; infinite where it sees no fluorescence.
     pub leak: f64,
     /// Electrons of the brightest pixel over what it holds.
     pub saturation: f64,
@@ -135,8 +135,9 @@ pub fn evaluate_region(
                 signal * assumptions.brightest_fluorescence + leaked * assumptions.brightest_reflection;
             saturation = saturation.max(brightest / exposure.camera.full_e);
         }
-        if !is_white[k] && fluorescent > 0.0 {
-            worst_leak = worst_leak.max(reflected / fluorescent);
+        if !is_white[k] {
+            let leak = if fluorescent > 0.0 { reflected / fluorescent } else { f64::INFINITY };
+            worst_leak = worst_leak.max(leak);
         }
         electrons.push(means);
         signal_to_noise.push(ratios);

@@ -212,6 +212,7 @@ impl DesignSpace {
             if wants_detection { self.cohort_detectability(design, &exposures) } else { None };
         let loss = match p.criterion {
             Criterion::Detection => detectability.map_or(f64::INFINITY, |d| 1.0 / d),
+            Criterion::Leak => regions.iter().map(|region| region.leak).fold(0.0, f64::max),
             _ => self.worst_loss(&regions, &geometry.contrasts),
         };
         let wants_safety = full || p.limits.safety_margin.is_some();

@@ -36,7 +36,9 @@ pub fn sensitivities(problem: &DesignProblem, designs: &[Design]) -> Result<Vec<
         .map(|(assumption, changed)| {
             let losses = losses(&changed, designs)?;
             let other_best = losses.iter().skip(1).any(|loss| *loss < losses[0]);
-            Ok(Sensitivity { assumption, loss_change: losses[0] / before[0] - 1.0, other_best })
+            // A design that loses nothing, such as one without leak, has nothing to compare with
+            let loss_change = if before[0] > 0.0 { losses[0] / before[0] - 1.0 } else { 0.0 };
+            Ok(Sensitivity { assumption, loss_change, other_best })
         })
         .collect::<Result<_, DesignError>>()?;
     found.sort_by(|a, b| b.loss_change.abs().total_cmp(&a.loss_change.abs()));

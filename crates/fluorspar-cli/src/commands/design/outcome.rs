@@ -250,6 +250,7 @@ pub(super) fn criterion_text(space: &DesignSpace) -> String {
             )
         }
         Criterion::Detection => "1 / d' of the cohort".into(),
+        Criterion::Leak => "the leak, reflected electrons per fluorescent electron".into(),
     }
 }
 
@@ -279,7 +280,7 @@ pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
                 "weights": found.weights.len(),
                 "electrons": found.electrons,
                 "signal_to_noise": found.signal_to_noise,
-                "leak": found.leak,
+                "leak": finite(found.leak),
                 "saturation": found.saturation,
                 "least_told_apart": found.bound.weakest_directions(2),
             })
@@ -300,7 +301,7 @@ pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
         "broken_limits": merits.broken,
         "electrons": merits.electrons,
         "cost": merits.cost,
-        "leak": merits.leak,
+        "leak": finite(merits.leak),
         "saturation": merits.saturation,
         "safety_margin": merits.safety_margin,
         "detectability": merits.detectability,
