@@ -154,13 +154,15 @@ fn headline(found: &DesignFindings<'_>) -> Vec<Number> {
         "",
         "reflected per fluorescent electron, at most",
     ));
-    if let Some(margin) = merits.safety_margin {
-        numbers.push(Number::computed(
-            "safety margin",
-            digits(margin),
-            "",
-            "limit over exposure of the tissue",
-        ));
+    for (name, margin, meaning) in [
+        ("tissue margin", merits.tissue_margin, "limit over exposure of the tissue, all exposures together"),
+        (
+            "eye margin",
+            merits.eye_margin,
+            "limit over exposure of an eye that looks into the lights, all exposures together",
+        ),
+    ] {
+        numbers.extend(margin.map(|margin| Number::computed(name, digits(margin), "", meaning)));
     }
     numbers
 }

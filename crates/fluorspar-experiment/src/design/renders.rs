@@ -7,6 +7,7 @@ use fluorspar::design::{
     ChangeGrowth, DesignProblem, FluorescenceResponse, GeometryChoice, LightChoice, RegionModel,
     RegionResponse, ResponseChange,
 };
+use fluorspar::safety::RetinalObserver;
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::Study;
 use fluorspar_format::read_text_bounded;
@@ -22,8 +23,6 @@ use crate::schema::SpectralSection;
 
 /// Largest experiment file, bytes.
 const MOST_EXPERIMENT_BYTES: u64 = 64 << 20;
-/// Name of all fluorophores together that have no weight of their own.
-pub(super) const BULK: &str = "bulk";
 /// Most renders of one problem.
 const MOST_RENDERS: usize = 1000;
 /// Share of a light that may lie where the render keeps no excitation apart.
@@ -40,6 +39,9 @@ pub struct DesignRender {
     pub record: FileRecord,
     /// The light group whose place the lights of a design take.
     pub light_group: String,
+    /// Where an eye looks into the lights: distance from the camera's pupil along its axis, mm, and whose it is. `None` where neither the
+    /// design nor the scene tells.
+    pub eye: Option<(f64, RetinalObserver)>,
 }
 
 /// A region that is seen in renders.
@@ -82,6 +84,7 @@ impl DesignRenders {
             name: name.clone(),
             regions: Vec::new(),
             lens_sr: self.lens_sr.get(number).cloned().unwrap_or_default(),
+            eye: None,
         };
         problem.geometries = self.geometries.iter().enumerate().map(choice).collect();
         for (models, region) in regions.into_iter().zip(&self.regions) {
@@ -404,7 +407,40 @@ fn design_render(
             return context.fail(&at, message);
         }
     };
-    Ok(DesignRender { name, study, record, light_group })
+    let eye = eye_place(context, file, &study)?;
+    Ok(DesignRender { name, study, record, light_group, eye })
+}
+
+/// Where an eye looks into the lights: distance from the camera, mm, and whose it is. Of the file, or else of the scene.
+fn eye_place(
+    context: &Context<'_>,
+    file: &DesignFile,
+    study: &Study,
+) -> Resolved<Option<(f64, RetinalObserver)>> {
+    let plan = study.safety.as_ref();
+    let of_scene = plan.and_then(|plan| plan.patient_eye_distance_mm);
+    let Some(section) = &file.eye else {
+        let aphakic = plan.is_some_and(|plan| plan.aphakic);
+        return Ok(of_scene.map(|mm| (mm, observer(aphakic))));
+    };
+    let at = steps!["eye"];
+    for (field, is_given) in [
+        ("source_mrad", section.source_mrad.is_some()),
+        ("irradiance_share", section.irradiance_share.is_some()),
+    ] {
+        if is_given {
+            let message =
+                "the scene is rendered and tells it by the place of the eye; give distance_mm instead";
+            return context.fail(&at.field(field), message);
+        }
+    }
+    let own = section.distance_mm.map(|mm| context.within(&at.field("distance_mm"), mm, [1.0, 1e5], "mm"));
+    Ok(own.transpose()?.or(of_scene).map(|mm| (mm, observer(section.aphakic))))
+}
+
+/// An eye with its lens, or without.
+pub(super) fn observer(aphakic: bool) -> RetinalObserver {
+    if aphakic { RetinalObserver::Aphakic } else { RetinalObserver::Normal }
 }
 
 /// Refuses parts that the scene does not have, before it is rendered.
@@ -470,6 +506,7 @@ mod tests {
     use fluorspar::design::ExcitationBasis;
     use fluorspar::spectral::{Curve, WavelengthGrid};
 
+    use super::super::regions::BULK;
     use super::*;
 
     #[test]

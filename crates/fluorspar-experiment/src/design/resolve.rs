@@ -6,16 +6,16 @@ use std::sync::OnceLock;
 
 use fluorspar::design::{
     Assumptions, Budget, ContrastDefinition, Criterion, Design, DesignCamera, DesignProblem, ExcitationBasis,
-    FilterChoice, FineBands, LensChoice, LibraryError, LightChoice, Limits, LongPass, LongPassEdge, Split,
-    WeightPrior, WhiteFrame,
+    ExposedEye, FilterChoice, FineBands, LensChoice, LibraryError, LightChoice, Limits, LongPass,
+    LongPassEdge, Split, WeightPrior, WhiteFrame,
 };
 use fluorspar::digest::sha256_hex;
 use fluorspar::optics::IdealLens;
 use fluorspar::sensor::{EXPOSURE_MS, Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 
-use super::regions::{Axes, cohort, region};
-use super::renders::{BULK, DesignRenders, check_grid, renders};
+use super::regions::{Axes, BULK, cohort, region};
+use super::renders::{DesignRenders, check_grid, observer, renders};
 use super::schema::{
     ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile, IdealBandsSection, LedSeriesSection,
     SearchSection, SensorChoiceSection, SplitChoice, SplitRule, TolerancesSection,
@@ -34,6 +34,7 @@ use fluorspar_format::read_text_bounded;
 const MOST_SENSOR_BYTES: u64 = 1 << 20;
 const WAVELENGTH_NM: [f64; 2] = [MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM];
 const PRICE: [f64; 2] = [0.0, 1e12];
+const MARGIN: [f64; 2] = [1e-3, 1e9];
 
 /// A design of the file to compare the best with.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -138,6 +139,7 @@ pub fn parse_design(
         assumptions: assumptions(context, &file)?,
         weights: weights(context, &file, &regions, &rendered)?,
         limits: limits(context, &file)?,
+        eye: eye(context, &file, &rendered)?,
         tissue_safety_factor: file.limit.tissue_safety_factor,
         regions,
         geometries: Vec::new(),
@@ -724,19 +726,62 @@ fn known_weights<'a>(
     known.into_iter().collect()
 }
 
-fn limits(context: &Context<'_>, file: &DesignFile) -> Resolved<Limits> {
+/// An eye before flat regions. Those of rendered scenes are in their renders.
+fn eye(context: &Context<'_>, file: &DesignFile, rendered: &DesignRenders) -> Resolved<Option<ExposedEye>> {
+    let at = steps!["eye"];
+    if !rendered.renders.is_empty() {
+        if rendered.renders.iter().any(|render| render.eye.is_none()) && file.limit.eye_margin.is_some() {
+            let message = "the place of the eye is not known; give eye.distance_mm, or safety.patient_eye_distance_mm in the scene";
+            return context.fail(&steps!["limit", "eye_margin"], message);
+        }
+        return Ok(None);
+    }
+    let Some(section) = &file.eye else {
+        if file.limit.eye_margin.is_some() {
+            let message = "no eye is described; add [eye] with source_mrad, the angle that the light source subtends for it";
+            return context.fail(&steps!["limit", "eye_margin"], message);
+        }
+        return Ok(None);
+    };
+    if section.distance_mm.is_some() {
+        let message = "flat regions have no place; give source_mrad and irradiance_share instead";
+        return context.fail(&at.field("distance_mm"), message);
+    }
+    let Some(source_mrad) = section.source_mrad else {
+        let message =
+            "give the angle that the light source subtends for the eye, mrad: its diameter over its distance";
+        return context.fail(&at.field("source_mrad"), message);
+    };
+    let source_mrad = context.within(&at.field("source_mrad"), source_mrad, [0.1, 3000.0], "mrad")?;
+    let share = section.irradiance_share.unwrap_or(1.0);
+    let share = context.within(&at.field("irradiance_share"), share, [1e-6, 1e6], "")?;
+    Ok(Some(ExposedEye::before_source(share, 1e-3 * source_mrad, observer(section.aphakic))))
+}
+
+fn limits(context: &mut Context<'_>, file: &DesignFile) -> Resolved<Limits> {
     let limit = &file.limit;
     let within = |field: &'static str, value: Option<f64>, range| {
         value.map(|value| context.within(&steps!["limit", field], value, range, "")).transpose()
     };
     within("tissue_safety_factor", Some(limit.tissue_safety_factor), [1.0, 1000.0])?;
-    Ok(Limits {
-        safety_margin: within("safety_margin", limit.safety_margin, [1e-3, 1e9])?,
+    let former = within("safety_margin", limit.safety_margin, MARGIN)?;
+    if former.is_some() && limit.tissue_margin.is_some() {
+        let message = "it is the former name of tissue_margin, which is given, too; remove it";
+        return context.fail(&steps!["limit", "safety_margin"], message);
+    }
+    let found = Limits {
+        tissue_margin: within("tissue_margin", limit.tissue_margin, MARGIN)?.or(former),
+        eye_margin: within("eye_margin", limit.eye_margin, MARGIN)?,
         leak: within("leak", limit.leak, [0.0, 1e6])?,
         saturation: within("saturation", limit.saturation, [0.0, 1e6])?,
         time_s: within("total_ms", limit.total_ms, [1e-6, 1e9])?.map(|ms| ms * 1e-3),
         cost: within("cost", limit.cost, PRICE)?,
-    })
+    };
+    if former.is_some() {
+        let message = "it is called tissue_margin now, beside eye_margin, and means what it meant";
+        context.warn(&steps!["limit", "safety_margin"], message);
+    }
+    Ok(found)
 }
 
 /// Contrasts whose names are of fluorophores that some region holds.

@@ -79,6 +79,9 @@ pub struct DesignFile {
     /// What designs must keep to.
     #[serde(default)]
     pub limit: LimitsSection,
+    /// An eye that looks into the lights, for their margin. Default: in a rendered scene that of `[safety]`, otherwise none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub eye: Option<EyeSection>,
     /// How designs are searched.
     #[serde(default)]
     pub search: SearchSection,
@@ -604,6 +607,12 @@ pub enum CriterionChoice {
 pub struct LimitsSection {
     /// Smallest photobiological margin of the tissue under all exposures together, 0.001 to 1e9. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub tissue_margin: Option<f64>,
+    /// Smallest photobiological margin of an eye that looks into the lights of all exposures (`[eye]`), 0.001 to 1e9. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub eye_margin: Option<f64>,
+    /// Former name of `tissue_margin`. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub safety_margin: Option<f64>,
     /// Factor by which mucosa is taken to be more sensitive than skin, 1 to 1000. Default 10.
     pub tissue_safety_factor: f64,
@@ -624,6 +633,8 @@ pub struct LimitsSection {
 impl Default for LimitsSection {
     fn default() -> Self {
         Self {
+            tissue_margin: None,
+            eye_margin: None,
             safety_margin: None,
             tissue_safety_factor: 10.0,
             leak: None,
@@ -632,6 +643,25 @@ impl Default for LimitsSection {
             cost: None,
         }
     }
+}
+
+/// An eye that looks into the lights of a design: before flat regions by the light that it gets and the size of its source, in a rendered
+/// scene by its place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct EyeSection {
+    /// Angle that the light source subtends for the eye, mrad, 0.1 to 3000: a small one is worse for the retina. Flat regions need it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub source_mrad: Option<f64>,
+    /// Irradiance of the eye over that of flat regions, 1e-6 to 1e6. Default 1: the eye is where the region is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub irradiance_share: Option<f64>,
+    /// Place of the eye in a rendered scene: distance from the camera's pupil along its axis, mm, 1 to 100 000. Default:
+    /// `safety.patient_eye_distance_mm` of the scene.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distance_mm: Option<f64>,
+    /// Whether it may be that of an infant, or without its lens. Default false.
+    pub aphakic: bool,
 }
 
 /// How designs are searched.

@@ -273,7 +273,7 @@ fn a_camera_for_the_tongue_keeps_to_its_limits() {
     let (design, merits) = best(&space);
     println!("{} {:?}", space.describe(&design), merits.regions[0].contrasts);
     assert!(merits.broken.is_empty() && merits.loss.is_finite(), "{merits:?}");
-    assert!(merits.safety_margin.unwrap() >= 2.0 && merits.leak <= 0.5 && merits.saturation <= 1.0);
+    assert!(merits.tissue_margin.unwrap() >= 2.0 && merits.leak <= 0.5 && merits.saturation <= 1.0);
 }
 
 /// People of a file in two states are told apart, and people who are the same in both are not.
@@ -368,4 +368,33 @@ fn sensitivities_are_what_a_changed_file_gives() {
         let found = told.iter().find(|s| s.assumption == assumption).unwrap().loss_change;
         assert!((found - expected).abs() < 1e-4, "{assumption}: {found} told, {expected} of a changed file");
     }
+}
+
+/// What is wrong with eyes and margins is told with its cure; the former name of the margin of
+/// the tissue means what it meant.
+#[test]
+fn margins_are_told_with_their_cures() {
+    let text = text_of("two-lights");
+    let of = |changes: &[&str]| {
+        let changes: Vec<String> = changes.iter().map(|change| (*change).into()).collect();
+        parse_design(text, "two-lights", Path::new("."), &changes)
+    };
+    for (changes, words) in [
+        (vec!["limit.eye_margin=1.0"], "add [eye] with source_mrad"),
+        (vec!["eye.irradiance_share=1.0"], "its diameter over its distance"),
+        (vec!["eye.source_mrad=0.0"], "between 0.1 and 3000 mrad"),
+        (vec!["eye.source_mrad=5.0", "eye.distance_mm=100.0"], "flat regions have no place"),
+        (vec!["limit.tissue_margin=1.0", "limit.safety_margin=1.0"], "former name of tissue_margin"),
+    ] {
+        let error = of(&changes).unwrap_err().to_string();
+        assert!(error.contains(words), "{changes:?}: {error}");
+    }
+    let former = of(&["limit.safety_margin=3.0"]).unwrap();
+    assert_eq!(former.problem.limits.tissue_margin, Some(3.0));
+    let warnings: Vec<String> = former.record.warnings.iter().map(ToString::to_string).collect();
+    assert!(warnings.iter().any(|w| w.contains("it is called tissue_margin now")), "{warnings:?}");
+    let seen = of(&["eye.source_mrad=5.0", "limit.eye_margin=2.0"]).unwrap().problem;
+    assert_eq!(seen.limits.eye_margin, Some(2.0));
+    let space = DesignSpace::new(seen).unwrap();
+    assert!(space.evaluate(&space.design(0)).eye_margin.unwrap() > 0.0);
 }

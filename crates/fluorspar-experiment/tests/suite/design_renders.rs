@@ -8,8 +8,11 @@ use std::sync::atomic::AtomicBool;
 use fluorspar::design::{Design, DesignSpace, RegionModel, ResponseChange, score_all};
 use fluorspar::image::{ComponentImage, ExcitationImage};
 use fluorspar::optics::IdealLens;
-use fluorspar::pipeline::{BasisRender, CameraResponse, render_with_basis, rendered_regions};
+use fluorspar::pipeline::{
+    BasisRender, CameraResponse, Viewer, assess_safety, eye_before_group, render_with_basis, rendered_regions,
+};
 use fluorspar::render::{Checkpoint, FilmRenderer, RenderControl, RenderSettings, render};
+use fluorspar::safety::RetinalObserver;
 use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedDesign, parse_design, parse_sensor};
 
@@ -184,7 +187,7 @@ fn what_can_not_be_rendered_is_told_with_its_cure() {
             vec![
                 "geometry=[{ field = \"camera.position_mm\", values = [[0, 90, 260]], working_distance_mm = [1.0] }]",
             ],
-            "geometry[0].working_distance_mm",
+            "1 is not beyond the focal length of 3 mm",
         ),
         (
             vec![
@@ -197,8 +200,10 @@ fn what_can_not_be_rendered_is_told_with_its_cure() {
             vec!["unknown.tissue=1", "region.elastin.rendered={ tissue = [\"dorsal_tounge\"] }"],
             "dorsal_tongue",
         ),
+        (vec!["limit.eye_margin=1.0"], "give eye.distance_mm"),
+        (vec!["eye={ source_mrad = 10.0 }"], "give distance_mm instead"),
         (vec!["unknown.weights={ elastine = 0.5 }"], "did you mean"),
-        (vec!["unknown.weights={ elastin = 0.0 }"], "unknown.weights.elastin"),
+        (vec!["unknown.weights={ elastin = 0.0 }"], "of the amount that the region holds"),
         (vec!["spectral.first_nm=380"], "spectral.first_nm"),
         (vec!["led.power_mw=-1"], "between"),
     ] {
@@ -212,15 +217,16 @@ fn what_can_not_be_rendered_is_told_with_its_cure() {
 /// there.
 #[test]
 fn the_working_distance_of_a_camera_is_a_variable() {
-    let (near, far) = ([0.0, 50.0, 150.0], [0.0, 85.0, 300.0]);
+    let (near, far) = ([0.0, 90.0, 260.0], [0.0, 165.0, 520.0]);
     let distance = |place: [f64; 3]| (place[1] - 15.0_f64).hypot(place[2]);
-    assert!((distance(far) / distance(near) - 2.0).abs() < 0.02);
+    assert!((distance(far) / distance(near) - 2.0).abs() < 1e-12);
     let geometry = format!(
         "geometry=[{{ field = \"camera.position_mm\", name = \"camera\", values = [{near:?}, {far:?}], working_distance_mm = [{}, {}] }}]",
         distance(near),
         distance(far)
     );
-    let resolved = resolved(&[&geometry, "lens={ focal_length_mm = 12.0, f_numbers = [2.0, 4.0] }"]);
+    let fine = "scene.set=[\"render.width_px=96\", \"render.height_px=64\", \"render.samples_per_pixel=1\"]";
+    let resolved = resolved(&[&geometry, fine, "lens={ focal_length_mm = 12.0, f_numbers = [2.0, 4.0] }"]);
     let space = space(&resolved);
     let problem = space.problem();
     for (number, place) in [near, far].into_iter().enumerate() {
@@ -230,10 +236,10 @@ fn the_working_distance_of_a_camera_is_a_variable() {
             assert_eq!(problem.lens_sr(number, aperture), lens.axial_solid_angle_sr());
         }
     }
-    // Spheres of some 12 pixels across: their edges are counted to half a pixel, 2 / 6 of the area of the smaller one at most
+    // Spheres of 20 and 10 pixels across, their radii counted to half a pixel: 0.1 and 0.2 of their areas at most
     for (near, far) in problem.geometries[0].regions.iter().zip(&problem.geometries[1].regions) {
         assert_eq!(near.pixel_share, 1.0);
-        assert!((far.pixel_share / 0.25 - 1.0).abs() < 0.34, "{}", far.pixel_share);
+        assert!((far.pixel_share / 0.25 - 1.0).abs() < 0.3, "{}", far.pixel_share);
     }
     let design = Design { geometry: 1, ..space.design(0) };
     assert!(space.describe(&design).contains("camera [0"), "{}", space.describe(&design));
@@ -318,4 +324,33 @@ fn difference_of_reflected(flat: &RegionModel, rendered: &RegionModel) -> f64 {
         }
     }
     largest
+}
+
+/// An eye before the lights of a group gets what `safety` says of a capture under them.
+#[test]
+fn an_eye_before_the_lights_of_a_scene_gets_what_safety_says() {
+    let text = "format = 1\nspectral = { first_nm = 330.0, last_nm = 700.0, step_nm = 10.0 }\n[scene]\npreset = \"flat-patch\"\n\
+        [[region]]\nname = \"patch\"\nrendered = { parts = [\"patch\"] }\n[led]\npeaks_nm = [385.0]\n\
+        [[sensor]]\nname = \"RGB\"\npreset = \"lyu_2021_table_1\"\n[eye]\ndistance_mm = 40.0\naphakic = true\n";
+    let resolved = parse_design(text, "patch", Path::new("."), &[]).unwrap();
+    let render = &resolved.rendered.renders[0];
+    let (distance_mm, observer) = render.eye.unwrap();
+    assert_eq!((distance_mm, observer), (40.0, RetinalObserver::Aphakic));
+    let mut study = render.study.clone();
+    let plan = study.safety.as_mut().unwrap();
+    (plan.patient_eye_distance_mm, plan.aphakic) = (Some(distance_mm), true);
+    let report = assess_safety(&study, &[]).unwrap();
+    let capture = report.captures.iter().find(|capture| capture.name == "blue").unwrap();
+    let expected = capture.viewers.iter().find(|viewer| viewer.viewer == Viewer::PatientEye).unwrap();
+    let eye = eye_before_group(&study, &render.light_group, distance_mm, observer);
+    let scene = &study.scene;
+    let group = scene.light_groups.iter().position(|group| group.name == render.light_group).unwrap();
+    let light = scene.lights.iter().find(|light| light.group == group).unwrap();
+    let irradiance: f64 =
+        eye.sources.iter().map(|source| source.irradiance_factor * light.spectrum.total()).sum();
+    let found = irradiance / expected.irradiance_w_per_m2.unwrap();
+    assert!((found - 1.0).abs() < 1e-9, "{irradiance} {expected:?}");
+    let subtense = eye.sources.iter().map(|source| source.subtense_rad).fold(0.0, f64::max);
+    assert!((1e3 * subtense - expected.source_subtense_mrad.unwrap()).abs() < 1e-9);
+    assert_eq!(eye.observer, observer);
 }

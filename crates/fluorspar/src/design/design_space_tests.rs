@@ -1,6 +1,7 @@
 //! A small problem with everything in it: two dyes, three lights, an ideal sensor of two bands.
 
 use super::*;
+use crate::safety::RetinalObserver;
 use crate::sensor::{Sensor, SensorModel, SpectralQe};
 use crate::spectral::{Curve, WavelengthGrid};
 
@@ -68,6 +69,7 @@ fn problem() -> DesignProblem {
     DesignProblem {
         regions: vec![region],
         geometries: Vec::new(),
+        eye: None,
         cohort: None,
         lights: [365.0, 385.0, 405.0, 430.0].map(light).into(),
         exposures: vec![1, 2],
@@ -221,22 +223,27 @@ fn most_likely(rows: &[[f64; 3]], data: &[f64], read_e2: f64) -> [f64; 2] {
 #[test]
 fn limits_are_named_where_they_are_broken() {
     let limits = Limits {
-        safety_margin: Some(1e9),
+        tissue_margin: Some(1e9),
+        eye_margin: Some(1e12),
         leak: Some(0.0),
         saturation: Some(1e-9),
         time_s: Some(1e-9),
         cost: Some(1.0),
     };
-    let space = DesignSpace::new(DesignProblem { limits, ..problem() }).unwrap();
+    let eye = Some(ExposedEye::before_source(1.0, 0.1, RetinalObserver::Normal));
+    let space = DesignSpace::new(DesignProblem { limits, eye, ..problem() }).unwrap();
     let design = space.design(0);
-    assert_eq!(space.evaluate(&design).broken, ["safety_margin", "leak", "saturation", "time", "cost"]);
+    assert_eq!(
+        space.evaluate(&design).broken,
+        ["tissue_margin", "eye_margin", "leak", "saturation", "time", "cost"]
+    );
     assert!(space.score(&design).loss.is_infinite());
     let free = DesignSpace::new(problem()).unwrap();
     assert!(free.evaluate(&design).broken.is_empty() && free.score(&design).loss.is_finite());
     // Doses add: a light that is as strong for twice as long leaves half of the margin.
     let timed = |seconds: f64| {
         let p = DesignProblem { budget: Budget::Time(seconds), ..problem() };
-        DesignSpace::new(p).unwrap().evaluate(&design).safety_margin.unwrap()
+        DesignSpace::new(p).unwrap().evaluate(&design).tissue_margin.unwrap()
     };
     assert!(timed(20.0) < timed(10.0));
 }
@@ -322,8 +329,12 @@ fn rendered_regions_of_each_geometry_are_searched() {
         response.reflected = response.reflected.scaled(scale);
         RegionModel::rendered(response, irradiance_per_w)
     };
-    let geometry =
-        |name: &str, region| GeometryChoice { name: name.into(), regions: vec![region], lens_sr: Vec::new() };
+    let geometry = |name: &str, region| GeometryChoice {
+        name: name.into(),
+        regions: vec![region],
+        lens_sr: Vec::new(),
+        eye: None,
+    };
     // 0.1 W at 100 W/m2 for each watt are the 10 W/m2 of the flat region
     problem.geometries =
         vec![geometry("far", rendered(25.0, 25.0)), geometry("near", rendered(100.0, 100.0))];
@@ -339,7 +350,7 @@ fn rendered_regions_of_each_geometry_are_searched() {
         let near = space.evaluate(&Design { geometry: 1, ..design });
         assert!((near.loss / expected.loss - 1.0).abs() < 1e-9 && far.loss > near.loss);
         assert!((near.electrons / far.electrons - 4.0).abs() < 1e-9);
-        let margins = [expected.safety_margin, near.safety_margin, far.safety_margin].map(Option::unwrap);
+        let margins = [expected.tissue_margin, near.tissue_margin, far.tissue_margin].map(Option::unwrap);
         assert!((margins[1] / margins[0] - 1.0).abs() < 1e-9 && margins[2] > 2.0 * margins[1], "{margins:?}");
     }
     let best = score_all(&space, 0..space.len()).iter().map(|s| s.loss).fold(f64::INFINITY, f64::min);
@@ -419,6 +430,7 @@ fn a_working_distance_changes_the_solid_angle_and_the_pixels_of_a_region() {
         name: name.into(),
         regions: vec![seen(share)],
         lens_sr,
+        eye: None,
     };
     problem.geometries = vec![
         geometry("near", 1.0, Vec::new()),
@@ -434,6 +446,34 @@ fn a_working_distance_changes_the_solid_angle_and_the_pixels_of_a_region() {
     let ratio = far.regions[0].weights[0] / near.regions[0].weights[0];
     let expected = (0.05 / 0.04 / 0.25_f64).sqrt();
     assert!((ratio / expected - 1.0).abs() < 1e-9, "{ratio} {expected}");
+}
+
+/// An eye that sees the lights as the region does: margins of each hazard by its limit. Those of 365 and 385 nm
+/// are limited by the dose of near ultraviolet, 1e4 J/m², and doses of two exposures add.
+#[test]
+fn an_eye_in_the_place_of_the_region_has_the_margins_of_the_standard() {
+    let budget = Budget::Time(20.0);
+    let eye = |share: f64| Some(ExposedEye::before_source(share, 0.1, RetinalObserver::Normal));
+    let of = |share: f64| DesignSpace::new(DesignProblem { budget, eye: eye(share), ..problem() }).unwrap();
+    let space = of(1.0);
+    let ultraviolet = Design { lights: vec![0], ..space.design(0) };
+    // J/m² at the eye from a light that is on for some seconds
+    let near_uv = |light: usize, seconds: f64| {
+        let light = &space.problem().lights[light];
+        light.light
+            * light.spectrum.integral(315.0, 400.0)
+            * space.problem().drives[ultraviolet.drive]
+            * seconds
+    };
+    let margin = space.evaluate(&ultraviolet).eye_margin.unwrap();
+    // The actinic weight of 365 nm is 1.1e-4: its 30 J/m² are met at 2.7e5 J/m², long after 1e4 J/m²
+    assert!((margin * near_uv(0, 20.0) / 1e4 - 1.0).abs() < 1e-3, "{margin}");
+    assert!((of(0.25).evaluate(&ultraviolet).eye_margin.unwrap() / margin - 4.0).abs() < 1e-9);
+    let both = space.evaluate(&Design { lights: vec![0, 1], split: 0, ..ultraviolet.clone() });
+    let dose = near_uv(0, 10.0) + near_uv(1, 10.0);
+    assert!((both.eye_margin.unwrap() * dose / 1e4 - 1.0).abs() < 1e-3, "{:?} {dose}", both.eye_margin);
+    let blind = DesignSpace::new(problem()).unwrap();
+    assert_eq!(blind.evaluate(&ultraviolet).eye_margin, None);
 }
 
 /// The design that leaks least is the best by leak, and one that sees no fluorescence is none.

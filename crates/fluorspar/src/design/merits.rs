@@ -10,6 +10,7 @@ use super::evaluation::{
     Assumptions, DesignExposure, RegionMerits, chromaticity_separability, detectability, evaluate_region,
     sample_pixels,
 };
+use super::eye::smallest_margin_of_all;
 use super::prepared_signals::RegionSignals;
 use super::problem::{Budget, LightChoice, Split, tissue_margin};
 use super::region_model::SignalRates;
@@ -40,8 +41,10 @@ pub struct Merits {
     pub leak: f64,
     /// Electrons of the brightest pixel over what it holds.
     pub saturation: f64,
-    /// Photobiological margin of all exposures together; null where it was not wanted, or nothing counts.
-    pub safety_margin: Option<f64>,
+    /// Photobiological margin of the tissue under all exposures together; null where it was not wanted, or nothing counts.
+    pub tissue_margin: Option<f64>,
+    /// The same of an eye that looks into the lights; null where the problem says of none.
+    pub eye_margin: Option<f64>,
 }
 
 impl DesignSpace {
@@ -145,7 +148,7 @@ impl DesignSpace {
     }
 
     /// Photobiological margin of the tissue under all exposures together: doses add, so their inverse margins do.
-    fn safety_margin(&self, design: &Design, exposures: &[DesignExposure<'_>]) -> Option<f64> {
+    fn tissue_margin(&self, design: &Design, exposures: &[DesignExposure<'_>]) -> Option<f64> {
         let p = &self.problem;
         let irradiances = &self.geometries[design.geometry].irradiances;
         let lights = design.lights.iter().map(|&k| (&p.lights[k], irradiances[k] * p.drives[design.drive]));
@@ -156,6 +159,21 @@ impl DesignSpace {
         let inverse: f64 =
             lights.chain(white).zip(exposures).filter_map(margin).map(|margin| 1.0 / margin).sum();
         (inverse > 0.0).then(|| 1.0 / inverse)
+    }
+
+    /// Photobiological margin of an eye that looks into the lights in all exposures: doses of a hazard add, burns are judged by
+    /// exposure.
+    fn eye_margin(&self, design: &Design, exposures: &[DesignExposure<'_>]) -> Option<f64> {
+        let p = &self.problem;
+        let (eye, is_rendered) = p.eye_of(design.geometry)?;
+        let drive = p.drives[design.drive];
+        let lights = design.lights.iter().map(|&k| (&p.lights[k], drive));
+        let white = p.white.as_ref().map(|white| (&white.light, 1.0));
+        let of_exposure = |((light, factor), exposure): ((&LightChoice, f64), &DesignExposure<'_>)| {
+            let amount = factor * if is_rendered { light.power_w } else { light.light };
+            eye.hazards(&light.spectrum.scaled(amount), exposure.time_s)
+        };
+        smallest_margin_of_all(lights.chain(white).zip(exposures).map(of_exposure))
     }
 
     /// Pixels of a region in every exposure of a design, `[exposure][channel][pixel]`, e-, with the sensor's noise. Functions of the
@@ -215,7 +233,6 @@ impl DesignSpace {
             Criterion::Leak => regions.iter().map(|region| region.leak).fold(0.0, f64::max),
             _ => self.worst_loss(&regions, &geometry.contrasts),
         };
-        let wants_safety = full || p.limits.safety_margin.is_some();
         let times_s: Vec<f64> = exposures.iter().map(|exposure| exposure.time_s).collect();
         let largest = |pick: fn(&RegionMerits) -> f64| regions.iter().map(pick).fold(0.0, f64::max);
         let mut merits = Merits {
@@ -238,7 +255,12 @@ impl DesignSpace {
             cost: self.cost(design),
             leak: largest(|region| region.leak),
             saturation: largest(|region| region.saturation),
-            safety_margin: if wants_safety { self.safety_margin(design, &exposures) } else { None },
+            tissue_margin: (full || p.limits.tissue_margin.is_some())
+                .then(|| self.tissue_margin(design, &exposures))
+                .flatten(),
+            eye_margin: (full || p.limits.eye_margin.is_some())
+                .then(|| self.eye_margin(design, &exposures))
+                .flatten(),
             regions,
         };
         merits.broken = self.broken_limits(&merits);
@@ -280,7 +302,8 @@ impl DesignSpace {
         let below = |value: Option<f64>, limit: Option<f64>| matches!((value, limit), (Some(value), Some(limit)) if value < limit);
         let mut broken = Vec::new();
         for (name, is_broken) in [
-            ("safety_margin", below(merits.safety_margin, limits.safety_margin)),
+            ("tissue_margin", below(merits.tissue_margin, limits.tissue_margin)),
+            ("eye_margin", below(merits.eye_margin, limits.eye_margin)),
             ("leak", above(merits.leak, limits.leak)),
             ("saturation", above(merits.saturation, limits.saturation)),
             ("time", above(merits.time_s, limits.time_s)),

@@ -11,6 +11,7 @@
 //! | all designs, with signals that are prepared once | [`DesignSpace`], [`Design`] | `design_space.rs`, `prepared_signals.rs` |
 //! | a design of a space in numbers | [`Merits`], [`Score`] | `merits.rs`, `score.rs` |
 //! | search | [`score_all`], [`exchange`], [`pareto_front`] | `search.rs`, `score.rs` |
+//! | an eye that looks into the lights | [`ExposedEye`] | `eye.rs` |
 //! | what it rests on | [`sensitivities`], [`worst_case`] | `robustness.rs` |
 //! | one region in numbers | [`evaluate_region`], [`detectability`], [`chromaticity_separability`] | `evaluation.rs` |
 //!
@@ -23,6 +24,7 @@ mod design_space;
 #[cfg(test)]
 mod design_space_tests;
 mod evaluation;
+mod eye;
 mod fisher;
 mod merits;
 mod prepared_signals;
@@ -40,6 +42,7 @@ pub use design_space::{Design, DesignError, DesignSpace};
 pub use evaluation::{
     Assumptions, DesignExposure, RegionMerits, chromaticity_separability, detectability, evaluate_region,
 };
+pub use eye::ExposedEye;
 pub use fisher::{Bound, Information, UncertainData, WeakDirection};
 pub use merits::Merits;
 pub use problem::{

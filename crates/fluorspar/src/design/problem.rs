@@ -7,6 +7,7 @@ use crate::spectral::Curve;
 use super::criterion::Criterion;
 use super::design_camera::DesignCamera;
 use super::evaluation::Assumptions;
+use super::eye::ExposedEye;
 use super::region_model::{LibraryError, RegionModel};
 
 /// A light that may be chosen.
@@ -143,8 +144,10 @@ pub struct WhiteFrame {
 /// What a design must keep to; `None` is no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Limits {
-    /// Smallest photobiological margin of all exposures together.
-    pub safety_margin: Option<f64>,
+    /// Smallest photobiological margin of the tissue under all exposures together.
+    pub tissue_margin: Option<f64>,
+    /// Smallest photobiological margin of an eye that looks into the lights of all exposures.
+    pub eye_margin: Option<f64>,
     /// Largest ratio of reflected to fluorescent electrons.
     pub leak: Option<f64>,
     /// Largest share of what a pixel holds.
@@ -187,6 +190,8 @@ pub struct GeometryChoice {
     /// Solid angle of each aperture on the axis at the working distance of this geometry, sr, in the order of
     /// [`DesignProblem::lenses`]; empty where it has no working distance of its own.
     pub lens_sr: Vec<f64>,
+    /// An eye that looks into the lights, for each watt of the first light of the group; `None` where the scene says of none.
+    pub eye: Option<ExposedEye>,
 }
 
 /// What is known of the weight of a fluorophore before anything is measured: a normal prior about the amount that a region holds.
@@ -205,6 +210,8 @@ pub struct DesignProblem {
     pub regions: Vec<RegionModel>,
     /// Geometries with their rendered regions; none where all regions are flat.
     pub geometries: Vec<GeometryChoice>,
+    /// An eye that looks into the lights, for each W/m² on a flat region. Rendered geometries have their own.
+    pub eye: Option<ExposedEye>,
     /// Two groups of people.
     pub cohort: Option<Cohort>,
     /// Lights, by rising wavelength.
@@ -251,6 +258,14 @@ impl DesignProblem {
     pub fn regions_of(&self, geometry: usize) -> impl Iterator<Item = &RegionModel> {
         let rendered = self.geometries.get(geometry).into_iter().flat_map(|choice| &choice.regions);
         self.regions.iter().chain(rendered)
+    }
+
+    /// The eye of a geometry, and whether it is of a rendered scene: for each watt, not for each W/m² of a flat region.
+    pub(super) fn eye_of(&self, geometry: usize) -> Option<(&ExposedEye, bool)> {
+        match self.geometries.get(geometry) {
+            Some(choice) => choice.eye.as_ref().map(|eye| (eye, true)),
+            None => self.eye.as_ref().map(|eye| (eye, false)),
+        }
     }
 
     /// Solid angle of an aperture on the axis, sr, at the working distance of a geometry.

@@ -90,7 +90,9 @@ pub use row_bands::{
     BandPlanes, BandStore, BandedRender, FinishedBands, RowBandError, render_row_bands, row_bands,
     tile_rows_at_once,
 };
-pub use safety::{CaptureSafety, ProgramSafety, SafetyReport, Viewer, ViewerSafety, assess_safety};
+pub use safety::{
+    CaptureSafety, ProgramSafety, SafetyReport, Viewer, ViewerSafety, assess_safety, eye_before_group,
+};
 pub use scene_change::{check_same_scene, relight};
 pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
 pub use spot_separations::spot_separations;

@@ -6,6 +6,7 @@ use glam::Vec3;
 use serde::Serialize;
 
 use super::CapturedFrame;
+use crate::design::ExposedEye;
 use crate::geometry::OrientedPoint;
 use crate::light::ApparentSize;
 use crate::safety::{
@@ -303,6 +304,33 @@ fn axis_point(study: &Study, distance_mm: f64) -> OrientedPoint {
 
 /// Everything that shines at a point in a capture.
 fn illumination(study: &Study, capture: &Capture, at: OrientedPoint) -> Illumination {
+    illumination_by(study, at, |light_group| capture.frame.drive(light_group))
+}
+
+/// An eye on the axis of the camera that looks into the lights of one group, for each watt of its first light: what it would get of any
+/// other light in their place.
+pub fn eye_before_group(
+    study: &Study,
+    light_group: &str,
+    distance_mm: f64,
+    observer: RetinalObserver,
+) -> ExposedEye {
+    let own = |name: &str| if name == light_group { 1.0 } else { 0.0 };
+    let light = illumination_by(study, axis_point(study, distance_mm), own);
+    let group = study.scene.light_groups.iter().position(|group| group.name == light_group);
+    let spectra = group.map_or_else(Vec::new, |group| study.scene.group_spectra(group));
+    let first_w = spectra.first().map_or(0.0, |spectrum| spectrum.total()).max(f64::MIN_POSITIVE);
+    let totals: Vec<f64> = light.spectra.iter().map(Curve::total).collect();
+    let per_watt = |source: &ApparentSource| ApparentSource {
+        spectrum: 0,
+        irradiance_factor: source.irradiance_factor * totals[source.spectrum] / first_w,
+        ..source.clone()
+    };
+    ExposedEye { sources: light.sources.iter().map(per_watt).collect(), observer }
+}
+
+/// Everything that shines at a point with the light groups driven like this.
+fn illumination_by(study: &Study, at: OrientedPoint, drive_of: impl Fn(&str) -> f64) -> Illumination {
     let scene = &study.scene;
     let mut light = Illumination::default();
     let mut add = |spectrum: &Curve, factor: f64, size: ApparentSize| {
@@ -323,7 +351,7 @@ fn illumination(study: &Study, capture: &Capture, at: OrientedPoint) -> Illumina
     };
     // Add the lights that are on
     for source in &scene.lights {
-        let drive = capture.frame.drive(&scene.light_groups[source.group].name);
+        let drive = drive_of(&scene.light_groups[source.group].name);
         if drive > 0.0 {
             let factors = source.emitter.irradiance_factors(at);
             let sizes = source.emitter.apparent_sizes(at, &factors);
@@ -335,7 +363,7 @@ fn illumination(study: &Study, capture: &Capture, at: OrientedPoint) -> Illumina
     // Add emissive objects
     for object in &scene.objects {
         let Some(emission) = &object.emission else { continue };
-        let drive = capture.frame.drive(&scene.light_groups[emission.group].name);
+        let drive = drive_of(&scene.light_groups[emission.group].name);
         if drive > 0.0 {
             // Even radiance: irradiance over radiance is the projected solid angle.
             let solid_angle_sr = emission_factor(&object.shape, emission, at);

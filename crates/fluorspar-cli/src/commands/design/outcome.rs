@@ -303,7 +303,8 @@ pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
         "cost": merits.cost,
         "leak": finite(merits.leak),
         "saturation": merits.saturation,
-        "safety_margin": merits.safety_margin,
+        "tissue_margin": merits.tissue_margin,
+        "eye_margin": merits.eye_margin,
         "detectability": merits.detectability,
         "color_separability": merits.color_separability,
         "regions": regions,
@@ -356,8 +357,17 @@ fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
         head.extend(p.contrasts.iter().map(|c| of(&format!("sd {}", c.name))));
     }
     head.extend(
-        ["electrons", "total_ms", "cost", "leak", "saturation", "safety_margin", "detectability"]
-            .map(String::from),
+        [
+            "electrons",
+            "total_ms",
+            "cost",
+            "leak",
+            "saturation",
+            "tissue_margin",
+            "eye_margin",
+            "detectability",
+        ]
+        .map(String::from),
     );
     let mut lines = vec![csv_line(&head)];
     for judged in designs {
@@ -381,7 +391,8 @@ fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
             [merits.electrons, merits.time_s * 1e3, merits.cost, merits.leak, merits.saturation].map(number),
         );
         row.extend(
-            [merits.safety_margin, merits.detectability].map(|value| value.map_or_else(String::new, number)),
+            [merits.tissue_margin, merits.eye_margin, merits.detectability]
+                .map(|value| value.map_or_else(String::new, number)),
         );
         lines.push(csv_line(&row));
     }

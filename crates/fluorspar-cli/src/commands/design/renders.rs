@@ -7,7 +7,7 @@ use std::time::Duration;
 use fluorspar::design::{DesignProblem, RegionModel};
 use fluorspar::digest::sha256_hex;
 use fluorspar::image::ExcitationImage;
-use fluorspar::pipeline::{BasisRender, rendered_regions};
+use fluorspar::pipeline::{BasisRender, eye_before_group, rendered_regions};
 use fluorspar_experiment::{DesignRender, ResolvedDesign};
 use fluorspar_format::{Claim, ComponentFile, ExrOptions, Provenance, check_room, write_component_exr};
 
@@ -50,7 +50,16 @@ pub(super) fn complete(
             .map_err(|error| CliError::Input(format!("region \"{}\": {error}", region.name)))?;
         regions.push(models);
     }
-    Ok(rendered.complete(problem, regions))
+    let mut problem = rendered.complete(problem, regions);
+    for (number, geometry) in problem.geometries.iter_mut().enumerate() {
+        // The lights are those of the geometry, whoever lies in it: the first region's render has them
+        let render = rendered.regions.first().map(|region| &rendered.renders[region.renders[number]]);
+        geometry.eye = render.and_then(|render| {
+            let (distance_mm, observer) = render.eye?;
+            Some(eye_before_group(&render.study, &render.light_group, distance_mm, observer))
+        });
+    }
+    Ok(problem)
 }
 
 /// Where a render lies: by what it was made of, and by the program that made it.
