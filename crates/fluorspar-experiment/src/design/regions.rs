@@ -10,13 +10,16 @@ use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid, blood_transmittanc
 use fluorspar::tissue::{Population, Site, TissueState};
 
 use super::schema::{CohortSection, DesignFile, RegionSection};
-use crate::error::{Place, steps};
+use crate::error::{Message, Place, steps};
 use crate::resolve::context::{Context, Resolved};
 use crate::resolve::fluorophore::Fluorophores;
 use crate::resolve::named_tissue::NamedTissue;
 use crate::resolve::spectrum::Role;
 use crate::resolve::tissue::{FlatTissue, Layers, check_sections, flat_layers, named_tissue};
 use crate::sample::{SampleMaterial, SampleSurface, SampleTissue};
+
+/// Name of all fluorophores together that have no weight of their own.
+pub(super) const BULK: &str = "bulk";
 
 /// Parameters of tissue whose spread is that of weights, which are estimated, end so.
 const AMOUNT_ENDING: &str = "_per_mm";
@@ -40,11 +43,59 @@ pub(super) fn region(
             "give what the region is made of (material), or where it lies in the scene (rendered)",
         );
     };
-    let at = at.field("material");
-    match material {
-        SampleMaterial::Surface(surface) => surface_region(context, &at, file, section, surface, axes),
-        SampleMaterial::Tissue(tissue) => tissue_region(context, &at, file, section, tissue, axes),
+    let at_material = at.field("material");
+    let mut model = match material {
+        SampleMaterial::Surface(surface) => {
+            surface_region(context, &at_material, file, section, surface, axes)
+        }
+        SampleMaterial::Tissue(tissue) => tissue_region(context, &at_material, file, section, tissue, axes),
+    }?;
+    let held = || model.response.fluorescence.iter().map(|part| part.name.as_str());
+    for (index, name) in section.apart.iter().enumerate() {
+        if !held().any(|known| known == name) {
+            let message = Message::unknown("the region holds no such fluorophore", name, held());
+            return context.fail(&at.field("apart").index(index), message);
+        }
     }
+    if !section.apart.is_empty() {
+        let is_apart: Vec<bool> = held().map(|name| section.apart.iter().any(|own| own == name)).collect();
+        with_bulk(&mut model.response, &section.apart);
+        for change in &mut model.changes {
+            change.fluorescence = bulk_first(std::mem::take(&mut change.fluorescence), &is_apart);
+        }
+    }
+    Ok(model)
+}
+
+/// Values of all fluorophores, the sum of those that are not apart first.
+fn bulk_first(parts: Vec<Vec<f64>>, is_apart: &[bool]) -> Vec<Vec<f64>> {
+    let mut bulk: Option<Vec<f64>> = None;
+    let mut own = Vec::new();
+    for (part, is_apart) in parts.into_iter().zip(is_apart) {
+        match &mut bulk {
+            _ if *is_apart => own.push(part),
+            None => bulk = Some(part),
+            Some(sum) => sum.iter_mut().zip(part).for_each(|(sum, value)| *sum += value),
+        }
+    }
+    bulk.into_iter().chain(own).collect()
+}
+
+/// Takes all fluorophores of a region but some together as one.
+pub(super) fn with_bulk(region: &mut RegionResponse, apart: &[String]) {
+    let held = std::mem::take(&mut region.fluorescence);
+    let (own, others): (Vec<_>, Vec<_>) = held.into_iter().partition(|part| apart.contains(&part.name));
+    let mut bulk = FluorescenceResponse {
+        name: BULK.into(),
+        amount: others.iter().map(|part| part.amount).sum(),
+        radiance: vec![0.0; region.grid.len() * region.excitation.len()],
+    };
+    for part in &others {
+        bulk.radiance.iter_mut().zip(&part.radiance).for_each(|(sum, value)| *sum += value);
+    }
+    // A region whose fluorophores are all apart has no other light
+    let bulk = (!others.is_empty()).then_some(bulk);
+    region.fluorescence = bulk.into_iter().chain(own).collect();
 }
 
 /// A surface with fluorophores; blood may lie above it.
@@ -151,8 +202,7 @@ fn tissue_region(
         for (variation, moved) in moved_sites(typical, spread) {
             let moved = NamedTissue::Site(moved);
             let moved = respond(&flat_layers(context, &at_tissue, &layers, &moved, axes.grid)?);
-            let change =
-                ResponseChange::between(variation, &model.response, &moved, ChangeGrowth::Linear);
+            let change = ResponseChange::between(variation, &model.response, &moved, ChangeGrowth::Linear);
             model.changes.extend(change);
         }
     }

@@ -4,15 +4,14 @@ use std::path::Path;
 
 use fluorspar::analysis::{Rectangle, RegionOfInterest};
 use fluorspar::design::{
-    ChangeGrowth, DesignProblem, FluorescenceResponse, GeometryChoice, LightChoice, RegionModel,
-    RegionResponse, ResponseChange,
+    ChangeGrowth, DesignProblem, GeometryChoice, LightChoice, RegionModel, ResponseChange,
 };
 use fluorspar::safety::RetinalObserver;
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::Study;
 use fluorspar_format::read_text_bounded;
 
-use super::regions::{Axes, TissueFactors, below_blood, tissue_factors};
+use super::regions::{Axes, TissueFactors, below_blood, tissue_factors, with_bulk};
 use super::schema::{DesignFile, GeometrySection, GeometryValue, RegionSection, RenderedRegionSection};
 use crate::error::{Place, steps};
 use crate::preset;
@@ -235,21 +234,6 @@ struct NamedGeometry {
     /// The changes that make it.
     changes: Vec<String>,
     distance_mm: Option<f64>,
-}
-
-/// Takes all fluorophores of a region but some together as one.
-fn with_bulk(region: &mut RegionResponse, apart: &[String]) {
-    let held = std::mem::take(&mut region.fluorescence);
-    let (own, others): (Vec<_>, Vec<_>) = held.into_iter().partition(|part| apart.contains(&part.name));
-    let mut bulk = FluorescenceResponse {
-        name: BULK.into(),
-        amount: others.iter().map(|part| part.amount).sum(),
-        radiance: vec![0.0; region.grid.len() * region.excitation.len()],
-    };
-    for part in &others {
-        bulk.radiance.iter_mut().zip(&part.radiance).for_each(|(sum, value)| *sum += value);
-    }
-    region.fluorescence = std::iter::once(bulk).chain(own).collect();
 }
 
 /// Refuses fluorophores that the scene does not have.
@@ -505,6 +489,8 @@ pub(super) fn check_grid(
 mod tests {
     use fluorspar::design::ExcitationBasis;
     use fluorspar::spectral::{Curve, WavelengthGrid};
+
+    use fluorspar::design::{FluorescenceResponse, RegionResponse};
 
     use super::super::regions::BULK;
     use super::*;

@@ -115,6 +115,9 @@ pub fn parse_design(
             regions.push(region(context, &at, &file, section, &axes)?);
         } else if section.material.is_some() {
             return context.fail(&at.field("material"), "the region is rendered already; remove one of both");
+        } else if !section.apart.is_empty() {
+            let message = "the region is rendered; give rendered = { apart = [...] } instead";
+            return context.fail(&at.field("apart"), message);
         }
     }
     let cohort = match &file.cohort {

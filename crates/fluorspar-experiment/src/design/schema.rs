@@ -121,6 +121,9 @@ pub struct RegionSection {
     /// its fluorophores are what is estimated. Default: none, the region is rendered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<SampleMaterial>,
+    /// Fluorophores of a flat region with weights of their own; all others together are one, called "bulk". Default: each has its own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub apart: Vec<String>,
     /// Where the region lies in the rendered `[scene]`. Default: none, the region is flat.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rendered: Option<RenderedRegionSection>,

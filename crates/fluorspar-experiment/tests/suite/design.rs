@@ -370,21 +370,24 @@ fn sensitivities_are_what_a_changed_file_gives() {
     }
 }
 
-/// What is wrong with eyes and margins is told with its cure; the former name of the margin of
+/// What is wrong with eyes, margins and fluorophores that have weights of their own is told with its cure; the former name of the margin of
 /// the tissue means what it meant.
 #[test]
-fn margins_are_told_with_their_cures() {
+fn margins_and_weights_of_their_own_are_told_with_their_cures() {
     let text = text_of("two-lights");
     let of = |changes: &[&str]| {
         let changes: Vec<String> = changes.iter().map(|change| (*change).into()).collect();
         parse_design(text, "two-lights", Path::new("."), &changes)
     };
+    let name = resolved("two-lights", &[]).problem.regions[0].response.name.clone();
+    let apart = |list: &str| format!("region.\"{name}\".apart={list}");
     for (changes, words) in [
         (vec!["limit.eye_margin=1.0"], "add [eye] with source_mrad"),
         (vec!["eye.irradiance_share=1.0"], "its diameter over its distance"),
         (vec!["eye.source_mrad=0.0"], "between 0.1 and 3000 mrad"),
         (vec!["eye.source_mrad=5.0", "eye.distance_mm=100.0"], "flat regions have no place"),
         (vec!["limit.tissue_margin=1.0", "limit.safety_margin=1.0"], "former name of tissue_margin"),
+        (vec![apart("[\"elastine\"]").as_str()], "did you mean \"elastin\""),
     ] {
         let error = of(&changes).unwrap_err().to_string();
         assert!(error.contains(words), "{changes:?}: {error}");
@@ -397,4 +400,46 @@ fn margins_are_told_with_their_cures() {
     assert_eq!(seen.limits.eye_margin, Some(2.0));
     let space = DesignSpace::new(seen).unwrap();
     assert!(space.evaluate(&space.design(0)).eye_margin.unwrap() > 0.0);
+}
+
+/// A flat region with some fluorophores apart sends the same light, and three channels under one light tell porphyrin from the rest where
+/// five weights are too many.
+#[test]
+fn flat_tissue_has_the_weights_that_are_asked_for() {
+    let text = "format = 1\n[[region]]\nname = \"tongue\"\nmaterial = { tissue = \"dorsal_tongue\" }\n\
+        [led]\npeaks_nm = [405.0]\n[[view_filter]]\nname = \"long-pass\"\nlong_pass_nm = [475.0]\n\
+        [[sensor]]\nname = \"RGB\"\npreset = \"lyu_2021_table_1\"\n[unknown]\ntissue = 1.0\n";
+    let of = |changes: &[&str]| {
+        let changes: Vec<String> = changes.iter().map(|change| (*change).into()).collect();
+        parse_design(text, "tongue", Path::new("."), &changes).unwrap().problem
+    };
+    let (all, some) = (of(&[]), of(&["region.tongue.apart=[\"biofilm_porphyrin\"]"]));
+    let names = |p: &fluorspar::design::DesignProblem| -> Vec<String> {
+        p.regions[0].response.fluorescence.iter().map(|part| part.name.clone()).collect()
+    };
+    assert_eq!(names(&some), ["bulk", "biofilm_porphyrin"]);
+    let total = |p: &fluorspar::design::DesignProblem| -> Vec<f64> {
+        let parts = &p.regions[0].response.fluorescence;
+        (0..parts[0].radiance.len()).map(|k| parts.iter().map(|part| part.radiance[k]).sum()).collect()
+    };
+    for (a, b) in total(&all).iter().zip(total(&some)) {
+        // Sums of seven values in another order
+        assert!((a - b).abs() <= 8.0 * f64::EPSILON * a.abs(), "{a} {b}");
+    }
+    for (a, b) in all.regions[0].changes.iter().zip(&some.regions[0].changes) {
+        assert_eq!((&a.name, a.fluorescence.len(), b.fluorescence.len()), (&b.name, 7, 2));
+        let sum = |parts: &[Vec<f64>], k: usize| parts.iter().map(|part| part[k]).sum::<f64>();
+        let size = |k: usize| a.fluorescence.iter().map(|part| part[k].abs()).sum::<f64>();
+        let rounding = |k: usize| 8.0 * f64::EPSILON * size(k);
+        for k in 0..b.fluorescence[0].len() {
+            assert!((sum(&a.fluorescence, k) - sum(&b.fluorescence, k)).abs() <= rounding(k), "{}", a.name);
+        }
+    }
+    let evaluated = |p| {
+        let space = DesignSpace::new(p).unwrap();
+        space.evaluate(&space.design(0)).regions.swap_remove(0)
+    };
+    let (blind, seen) = (evaluated(all), evaluated(some));
+    assert_eq!((blind.rank, seen.rank), (3, 2));
+    assert!(blind.weights.iter().any(|w| w.is_infinite()) && seen.weights.iter().all(|w| w.is_finite()));
 }

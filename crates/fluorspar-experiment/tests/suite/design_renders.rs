@@ -202,6 +202,7 @@ fn what_can_not_be_rendered_is_told_with_its_cure() {
         ),
         (vec!["limit.eye_margin=1.0"], "give eye.distance_mm"),
         (vec!["eye={ source_mrad = 10.0 }"], "give distance_mm instead"),
+        (vec!["region.elastin.apart=[\"elastin\"]"], "give rendered = { apart = [...] } instead"),
         (vec!["unknown.weights={ elastine = 0.5 }"], "did you mean"),
         (vec!["unknown.weights={ elastin = 0.0 }"], "of the amount that the region holds"),
         (vec!["spectral.first_nm=380"], "spectral.first_nm"),
