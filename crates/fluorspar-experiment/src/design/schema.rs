@@ -264,7 +264,8 @@ fn ten() -> f64 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LedSeriesSection {
-    /// Wavelengths of the peaks, nm.
+    /// Wavelengths of the peaks, nm. Default: 340 to 500 nm by 5 nm.
+    #[serde(default = "generic_peaks_nm")]
     pub peaks_nm: Vec<f64>,
     /// Full width at half maximum, nm, 1 to 100. Default 12.
     #[serde(default = "led_width")]
@@ -282,6 +283,10 @@ pub struct LedSeriesSection {
     /// Price of each, in any unit, 0 or more. Default 0.
     #[serde(default)]
     pub cost: f64,
+}
+
+fn generic_peaks_nm() -> Vec<f64> {
+    (0..=32).map(|k| 340.0 + 5.0 * f64::from(k)).collect()
 }
 
 fn led_width() -> f64 {

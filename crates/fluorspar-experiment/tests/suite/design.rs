@@ -443,3 +443,14 @@ fn flat_tissue_has_the_weights_that_are_asked_for() {
     assert_eq!((blind.rank, seen.rank), (3, 2));
     assert!(blind.weights.iter().any(|w| w.is_infinite()) && seen.weights.iter().all(|w| w.is_finite()));
 }
+
+/// An `[led]` section without peaks offers generic LEDs from 340 to 500 nm by 5 nm, all of whose light the nodes of excitation describe.
+#[test]
+fn generic_leds_are_offered_by_five_nanometers() {
+    let text = "format = 1\n[[region]]\nname = \"patch\"\nmaterial = { reflectance = 0.2, concentrations = { elastin = 1.0, fad = 1.0 } }\n\
+        [led]\n[[sensor]]\nname = \"RGB\"\npreset = \"lyu_2021_table_1\"\n";
+    let resolved = parse_design(text, "leds", Path::new("."), &[]).unwrap();
+    let peaks: Vec<f64> = resolved.problem.lights.iter().map(|light| light.peak_nm).collect();
+    assert_eq!((peaks.len(), peaks[0], peaks[1], peaks[32]), (33, 340.0, 345.0, 500.0));
+    assert!(resolved.record.warnings.is_empty(), "{:?}", resolved.record.warnings);
+}
