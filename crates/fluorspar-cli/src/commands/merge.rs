@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::image::Film;
+use fluorspar::image::{ExcitationBin, Film};
+use fluorspar::pipeline::image_and_basis;
 use fluorspar_format::{Output, Provenance, check_room, read_film, write_film};
 
 use super::image_output::ImageOutput;
@@ -55,14 +56,19 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if !options.incomplete {
         check_complete(&film, &provenance, &films)?;
     }
+    let has_basis =
+        film.layout().components.iter().any(|c| matches!(c.excitation, Some(ExcitationBin::Node(_))));
+    if has_basis {
+        options.output.check_for_basis()?;
+    }
     // Values of an image take half of those of its film.
     check_room(&options.output.out, film.layout().memory_bytes() / 2)?;
     if let Some(path) = &options.film {
         write_film(path, &film, Some(&provenance))?;
     }
-    let image = film.into_image();
+    let (image, basis) = image_and_basis(film).map_err(|error| CliError::Input(error.to_string()))?;
     provenance.samples_per_pixel = image.samples_per_pixel;
-    options.output.write(&image, &provenance)?;
+    options.output.write_with(&image, basis.as_ref(), &provenance)?;
     set.finish()?;
     if options.answer.json {
         super::print_json(&options.output.describe(&image))?;

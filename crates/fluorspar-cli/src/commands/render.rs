@@ -6,10 +6,11 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use clap::{ValueEnum, ValueHint};
-use fluorspar::render::{BasisSettings, FilmRenderer, Share, memory_bytes};
+use fluorspar::pipeline::image_and_basis;
+use fluorspar::render::{BasisSettings, FilmRenderer, RenderSettings, Share, memory_bytes};
 use fluorspar::scene::{Scene, Shape};
 use fluorspar::study::Study;
-use fluorspar::units::memory_text;
+use fluorspar::units::{memory_text, memory_texts};
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{Output, OutputSet, Outputs, Provenance, read_film, read_text_bounded};
 use serde_json::json;
@@ -154,10 +155,17 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let needed = memory_bytes(scene, settings);
     let budget = options.budget(study);
     budget.check(&options.limits, study)?;
-    if let Some(basis) = &settings.excitation_basis {
-        return render_basis(options, &source, &experiment, basis);
-    }
     let in_bands = needed > settings.memory_limit_bytes || options.film.as_deref().is_some_and(Path::is_dir);
+    if let Some(basis) = &settings.excitation_basis {
+        if options.shard.is_none() {
+            options.output.check_for_basis()?;
+        }
+        match &options.film {
+            None => return render_basis(options, &source, &experiment, basis),
+            Some(film) if in_bands => return Err(film_of_basis(film, basis, needed, settings)),
+            Some(_) => {}
+        }
+    }
     if in_bands && options.shard.is_none() {
         return row_bands::render(options, &source, &experiment);
     }
@@ -207,10 +215,18 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         return Ok(code);
     }
-    let image = film.into_image();
+    if settings.excitation_basis.is_some() && film.least_samples() == 0 {
+        let path = options.film.as_deref().unwrap_or(Path::new("the film"));
+        return Err(CliError::Stopped(format!(
+            "stopped before every pixel had a sample: an excitation basis needs them, and no image was written; go on with --resume \
+             --film {}",
+            path.display()
+        )));
+    }
+    let (image, basis) = image_and_basis(film).map_err(|error| CliError::Input(error.to_string()))?;
     provenance.samples_per_pixel = image.samples_per_pixel;
     let writing = WritingReport::begin(&options.output.out, messages);
-    options.output.write(&image, &provenance)?;
+    options.output.write_with(&image, basis.as_ref(), &provenance)?;
     drop(writing);
     set.finish()?;
     if options.answer.json {
@@ -226,24 +242,29 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     Ok(code)
 }
 
-/// Renders with an excitation basis.
+/// A film of a render with an excitation basis that is no single file in memory.
+fn film_of_basis(film: &Path, basis: &BasisSettings, needed: u64, settings: &RenderSettings) -> CliError {
+    let [needed_text, limit] = memory_texts(needed, settings.memory_limit_bytes);
+    let instead = if needed > settings.memory_limit_bytes {
+        "raise render.memory_limit_gib, render fewer pixels, or leave --film away: then they are brought into a short form, some rows at a time"
+    } else {
+        "name a file, not a folder"
+    };
+    CliError::Input(format!(
+        "--film {}: the film of a render with an excitation basis (render.excitation_basis_nm) keeps the sums of all {} wavelengths of \
+         excitation in every pixel, here {needed_text}, and the limit is {limit}; {instead}",
+        film.display(),
+        basis.nodes.len()
+    ))
+}
+
+/// Renders with an excitation basis and without a film, in bands of rows.
 fn render_basis(
     options: &Options,
     source: &ExperimentSource,
     experiment: &ResolvedExperiment,
     basis: &BasisSettings,
 ) -> Result<ExitCode, CliError> {
-    options.output.check_for_basis()?;
-    if let Some(film) = &options.film {
-        let study = &experiment.study;
-        let bytes = memory_bytes(&study.scene, &study.render);
-        return Err(CliError::Input(format!(
-            "--film {}: a film keeps every sum of a render, here {:.1} GiB: each of the {} wavelengths of excitation in every pixel. A render              with an excitation basis (render.excitation_basis_nm) brings them into a short form, some rows at a time, and can't be taken              up again; leave one of the two away",
-            film.display(),
-            bytes as f64 / f64::from(1 << 30),
-            basis.nodes.len()
-        )));
-    }
     let (study, messages) = (&experiment.study, Messages::default());
     let budget = options.budget(study);
     let set = options.declare(source, experiment)?;

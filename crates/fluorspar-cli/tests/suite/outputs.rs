@@ -84,13 +84,42 @@ fn every_command_replaces_its_own_files_and_no_others() {
     }
 }
 
+/// Films of a render with an excitation basis: two shards, a resumed render and one in bands of rows give the same bytes. A film that does
+/// not fit, and images that can't hold a basis, are refused.
 #[test]
-fn a_film_of_a_render_with_an_excitation_basis_is_refused_and_told_why() {
+fn films_keep_an_excitation_basis_to_the_last_bit() {
     let folder = tempfile::tempdir().unwrap();
-    let basis =
-        ["--components", "--set=render.excitation_basis_nm=[380, 400]", "--out", "o.exr", "--film", "f.film"];
-    let args = [&RENDER[..RENDER.len() - 1], basis.as_slice()].concat();
-    refused(folder.path(), &args, "keeps every sum of a render, here 0.0 GiB");
+    let folder = folder.path();
+    let small = &RENDER[..RENDER.len() - 1];
+    let basis = ["--components", "--set=render.excitation_basis_nm=[380, 400]"];
+    let render = |args: &[&str]| fluorspar(folder, [small, &basis, args].concat());
+    render(&["--out", "whole.exr"]).well();
+    render(&["--film", "1.film", "--shard", "1/2", "--shard-by", "samples"]).well();
+    render(&["--film", "2.film", "--shard", "2/2", "--shard-by", "samples"]).well();
+    fluorspar(folder, ["merge", "2.film", "1.film", "--components", "--out", "merged.exr"]).well();
+    render(&["--film", "f.film", "--out", "filmed.exr", "--preview", "p.png"]).well();
+    let bytes = |name: &str| fs::read(folder.join(name)).unwrap();
+    assert!(bytes("whole.exr") == bytes("merged.exr") && bytes("whole.exr") == bytes("filmed.exr"));
+    // Both know the same of another LED
+    for name in ["whole", "merged"] {
+        let image = format!("{name}.exr");
+        let change = "--set=light.blue.spectrum={ type = \"led\", peak_nm = 390.0, fwhm_short_nm = 12.0, fwhm_long_nm = 12.0 }";
+        let said = fluorspar(folder, ["capture", &image, change, "--out", name]);
+        assert!(said.code == Some(0), "{said:?}");
+    }
+    assert!(bytes("whole/raw_blue.tiff") == bytes("merged/raw_blue.tiff"));
+    refused(
+        folder,
+        &["merge", "1.film", "2.film", "--out", "sum.exr"],
+        "kept beside the components of an .exr file",
+    );
+    refused(
+        folder,
+        &["merge", "1.film", "--components", "--out", "m.exr"],
+        "a shard is missing or not finished",
+    );
+    let args = ["--film", "g.film", "--out", "o.exr", "--set=render.memory_limit_gib=0.001"];
+    refused(folder, &[small, &basis, &args[..]].concat(), "raise render.memory_limit_gib");
 }
 
 #[test]

@@ -17,7 +17,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralImage, StatisticsKind};
+use super::{
+    Component, ComponentImage, ExcitationBin, FeatureMaps, SampleStatistics, SpectralImage, StatisticsKind,
+};
 use crate::spectral::{Radiance, WavelengthGrid};
 
 /// Side of a tile, pixels.
@@ -550,12 +552,15 @@ impl Film {
         Ok(())
     }
 
-    /// The sum of all components: what is there so far, black where nothing is.
+    /// The sum of all light: what is there so far, black where nothing is. What an excitation basis keeps of it besides does not count
+    /// twice.
     pub fn sum(&self) -> SpectralImage<Radiance> {
         let bands = self.layout.grid.len();
         let scale = FilmScale::new(&self.layout);
         let mut image = SpectralImage::zeros(self.layout.grid.clone(), self.layout.width, self.layout.height);
         let mut mean = vec![0.0; bands];
+        let is_light =
+            |c: &usize| !matches!(self.layout.components[*c].excitation, Some(ExcitationBin::Node(_)));
         for (tile, sums) in self.tiles() {
             let samples = tile.count();
             if samples == 0 {
@@ -563,7 +568,7 @@ impl Film {
             }
             for (index, sums) in sums.chunks(scale.pixel_len()).take(tile.pixels()).enumerate() {
                 let pixel = image.pixel_mut(tile.row + index / tile.cols, tile.col + index % tile.cols);
-                for component in 0..self.layout.components.len() {
+                for component in (0..self.layout.components.len()).filter(is_light) {
                     scale.mean(sums, component, samples, &mut mean);
                     pixel.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += value);
                 }

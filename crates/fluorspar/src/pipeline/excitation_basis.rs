@@ -5,12 +5,12 @@ use std::ops::Range;
 use super::PipelineError;
 use crate::image::film::TILE;
 use crate::image::{
-    BasisBuilder, ComponentImage, ExcitationBin, ExcitationImage, Film, FilmLayout, GroupBasis, LightPath,
-    RelitComponent,
+    BasisBuilder, ComponentImage, ExcitationBin, ExcitationImage, FeatureMaps, Film, FilmLayout, GroupBasis,
+    LightPath, RelitComponent,
 };
 use crate::render::{FilmRenderer, RenderSettings, Share, are_in_proportion, excitation_responses};
 use crate::scene::Scene;
-use crate::spectral::{Curve, ExcitationNodes};
+use crate::spectral::{Curve, ExcitationNodes, NodesError};
 use crate::study::Study;
 
 /// Share of a light that may lie outside the nodes.
@@ -51,7 +51,11 @@ pub fn render_with_basis<E>(
 ) -> Result<Option<(ComponentImage, ExcitationImage)>, E> {
     let layout = renderer.layout();
     let at_once = super::tile_rows_at_once(scene, settings).unwrap_or(1);
-    let mut collected = Collected::new(scene, settings, &layout);
+    let basis = settings.excitation_basis.iter();
+    let named = |group: usize| scene.light_groups[group].name.clone();
+    let groups =
+        basis.flat_map(|basis| basis.groups.iter().map(move |group| (named(*group), basis.nodes.clone())));
+    let mut collected = Collected::new(&layout, groups.collect());
     for first in (0..layout.tile_rows()).step_by(at_once) {
         let band = first..(first + at_once).min(layout.tile_rows());
         let mut film = Film::of_tile_rows(layout.clone(), Default::default(), band.clone());
@@ -63,7 +67,35 @@ pub fn render_with_basis<E>(
         let rows = layout.pixel_rows(band);
         collected.add(rows.clone(), &film.into_rows(rows));
     }
-    Ok(Some(collected.finish(renderer)))
+    Ok(Some(collected.finish(renderer.features())))
+}
+
+/// The image of a film, and the excitation basis where it keeps light apart by excitation wavelength: what [`render_with_basis`] makes of the
+/// same samples, to the last bit.
+///
+/// # Errors
+/// A film whose labels name no valid nodes.
+pub fn image_and_basis(film: Film) -> Result<(ComponentImage, Option<ExcitationImage>), NodesError> {
+    let layout = film.layout().clone();
+    let mut groups: Vec<(String, Vec<f64>)> = Vec::new();
+    for component in &layout.components {
+        let Some(ExcitationBin::Node(nm)) = component.excitation else { continue };
+        match groups.iter_mut().find(|(name, _)| *name == component.light_group) {
+            Some((_, nodes)) if nodes.contains(&nm) => {}
+            Some((_, nodes)) => nodes.push(nm),
+            None => groups.push((component.light_group.clone(), vec![nm])),
+        }
+    }
+    if groups.is_empty() {
+        return Ok((film.into_image(), None));
+    }
+    let groups = groups.into_iter().map(|(name, nodes)| Ok((name, ExcitationNodes::new(nodes)?)));
+    let mut collected = Collected::new(&layout, groups.collect::<Result<_, NodesError>>()?);
+    let features = film.features().clone();
+    let rows = 0..layout.height;
+    collected.add(rows.clone(), &film.into_rows(rows));
+    let (image, basis) = collected.finish(features);
+    Ok((image, Some(basis)))
 }
 
 /// What a render with a basis has given so far.
@@ -83,16 +115,14 @@ struct CollectedGroup {
 }
 
 impl Collected {
-    fn new(scene: &Scene, settings: &RenderSettings, layout: &FilmLayout) -> Self {
+    /// Nothing yet, of the light groups that the film keeps apart at these nodes.
+    fn new(layout: &FilmLayout, groups: Vec<(String, ExcitationNodes)>) -> Self {
         let labels = &layout.components;
         let is_node = |c: usize| matches!(labels[c].excitation, Some(ExcitationBin::Node(_)));
         let own: Vec<usize> = (0..labels.len()).filter(|c| !is_node(*c)).collect();
         let pixels = layout.width * layout.height;
         let bands = layout.grid.len();
-        let basis = settings.excitation_basis.iter();
-        let groups = basis.flat_map(|basis| basis.groups.iter().map(move |group| (basis, *group)));
-        let groups = groups.map(|(basis, group)| {
-            let light_group = scene.light_groups[group].name.clone();
+        let groups = groups.into_iter().map(|(light_group, nodes)| {
             let mut paths: Vec<(LightPath, Vec<usize>)> = Vec::new();
             for c in (0..labels.len()).filter(|c| is_node(*c) && labels[*c].light_group == light_group) {
                 match paths.iter_mut().find(|(light, _)| *light == labels[c].light) {
@@ -110,7 +140,7 @@ impl Collected {
                 (of_path, BasisBuilder::new(light, pixels, &means, bands))
             };
             let parts = paths.into_iter().map(part).collect();
-            CollectedGroup { light_group, nodes: basis.nodes.clone(), parts }
+            CollectedGroup { light_group, nodes, parts }
         });
         let groups = groups.collect();
         let components = own.iter().map(|c| labels[*c].clone()).collect();
@@ -146,14 +176,14 @@ impl Collected {
         }
     }
 
-    fn finish(self, renderer: &FilmRenderer) -> (ComponentImage, ExcitationImage) {
+    fn finish(self, features: FeatureMaps) -> (ComponentImage, ExcitationImage) {
         let Self { mut image, groups, samples, .. } = self;
         let least = samples.iter().copied().min().unwrap_or(0);
         image.samples_per_pixel = least;
         if samples.iter().any(|count| *count != least) {
             image.samples = samples;
         }
-        image.features = renderer.features();
+        image.features = features;
         let group = |CollectedGroup { light_group, nodes, parts }: CollectedGroup| GroupBasis {
             light_group,
             nodes,

@@ -75,7 +75,9 @@ pub use concentration::{MultipleUncertainty, concentration_factors, scale_multip
 pub use denoise::{DenoiseError, DenoiseSettings, denoise};
 pub use depth_of_light::{DepthOfLight, LayerShare, depths_of_light};
 pub use evaluate::{Evaluation, evaluate, evaluate_frames, evaluate_from_planes};
-pub use excitation_basis::{LightOutsideBasis, RelitImage, relight_with_basis, render_with_basis};
+pub use excitation_basis::{
+    LightOutsideBasis, RelitImage, image_and_basis, relight_with_basis, render_with_basis,
+};
 pub use film_response::FilmResponse;
 pub use filter_leak::{FilterLeak, LeakAtAngle, LeakBehindFilters, filter_leak};
 pub use frame_leak::{ChannelLeak, FrameLeak, frame_leak};
