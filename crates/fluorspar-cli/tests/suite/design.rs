@@ -244,6 +244,35 @@ fn scenes_are_rendered_once_whoever_is_killed() {
     assert!(listing(folder.path()).keys().all(|path| path.extension().is_none_or(|end| end != "lock")));
 }
 
+/// Scenes that are rendered in shards and merged give the same answer as those that the design renders itself.
+#[test]
+fn scenes_are_rendered_in_shards() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("d.toml"), RENDERED).unwrap();
+    let own = fluorspar(folder, ["design", "compare", "d.toml", "--renders", "own", "--json"]).well();
+    let told = fluorspar(folder, ["design", "scenes", "d.toml", "--renders", "parts", "--json"]).well();
+    let told: Value = serde_json::from_str(&told.stdout).unwrap();
+    let scenes = told["scenes"].as_array().unwrap();
+    assert_eq!(scenes.len(), 2);
+    for scene in scenes {
+        let [experiment, image] = ["experiment", "image"].map(|key| scene[key].as_str().unwrap());
+        assert_eq!(scene["is_rendered"], false);
+        for (film, shard) in [("1.film", "1/2"), ("2.film", "2/2")] {
+            let _ = fs::remove_file(folder.join(film));
+            fluorspar(folder, ["render", experiment, "-q", "--film", film, "--shard", shard]).well();
+        }
+        fluorspar(folder, ["merge", "1.film", "2.film", "-q", "--components", "--out", image]).well();
+    }
+    let merged = fluorspar(folder, ["design", "compare", "d.toml", "--renders", "parts", "--json"]).well();
+    assert!(!merged.stderr.contains("Rendering"), "{}", merged.stderr);
+    assert_eq!(own.stdout, merged.stdout);
+    let shown = fluorspar(folder, ["design", "scenes", "d.toml", "--renders", "parts"]).well();
+    assert_eq!(shown.stdout.matches("rendered  ").count(), 2, "{}", shown.stdout);
+    let flat = fluorspar(folder, ["design", "scenes", "two-lights"]);
+    assert!(flat.code == Some(2) && flat.stderr.contains("renders no scene"), "{flat:?}");
+}
+
 /// Tables of the user beside the catalogue: listed, used by designs, and refused with place and cure.
 #[test]
 fn a_folder_of_the_user_stands_beside_the_catalogue() {

@@ -3,6 +3,7 @@
 mod compare;
 mod outcome;
 mod renders;
+mod scenes;
 mod shard;
 mod sweep;
 
@@ -26,6 +27,8 @@ actions! {
     Optimize(sweep::OptimizeOptions) => sweep::optimize,
     /// Evaluate the designs that the file names under [[compare]].
     Compare(compare::Options) => compare::run,
+    /// Write the scenes that the problem renders as experiments, for several processes to render one of them together.
+    Scenes(scenes::Options) => scenes::run,
     /// Make one result of the journals of several `sweep --shard` processes.
     Merge(sweep::MergeOptions) => sweep::merge,
 }

@@ -63,7 +63,7 @@ pub(super) fn complete(
 }
 
 /// Where a render lies: by what it was made of, and by the program that made it.
-fn path_of(folder: &Path, render: &DesignRender) -> PathBuf {
+pub(super) fn path_of(folder: &Path, render: &DesignRender) -> PathBuf {
     let digest = sha256_hex([render.record.sha256.as_str(), env!("CARGO_PKG_VERSION")]);
     folder.join(format!("{}.exr", &digest[..24]))
 }
