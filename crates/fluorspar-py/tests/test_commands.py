@@ -41,3 +41,13 @@ def test_errors_have_the_exit_code_of_the_program() -> None:
     assert raised.value.code == 2
     with pytest.raises(fs.FluorsparError, match="--no-cache"):
         fs.command("tissue", "list", no_cache=True)
+
+
+def test_designs_become_parquet(tmp_path) -> None:
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    fs.design("two-lights", search="sweep", out=tmp_path / "two")
+    designs = pandas.read_csv(tmp_path / "two" / "designs.csv")
+    designs.to_parquet(tmp_path / "designs.parquet")
+    again = pandas.read_parquet(tmp_path / "designs.parquet")
+    assert len(again) > 0 and again["lights"].tolist() == designs["lights"].tolist()

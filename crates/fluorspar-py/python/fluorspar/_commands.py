@@ -240,7 +240,7 @@ def run(source: Experiment | str | os.PathLike[str], out: str | os.PathLike[str]
 def design(source: str | os.PathLike[str] | None = None, *, search: str = "compare", **options: Any) -> Record:
     """Compares lights, filters and sensors by what they could prove: a DESIGN.toml or a built-in problem.
 
-    ``search`` is ``"sweep"``, ``"optimize"`` or ``"compare"``; options are those of ``fluorspar design``.
+    ``search`` is ``"sweep"``, ``"optimize"``, ``"compare"``, ``"scenes"`` or ``"merge"``; options are those of ``fluorspar design``.
     """
     return _record("design", search, *([] if source is None else [source]), **options)
 
