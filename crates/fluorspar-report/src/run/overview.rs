@@ -461,9 +461,7 @@ fn detection_card(analysis: &Analysis) -> Option<Number> {
             format!("share{beyond} {hidden}{unknown}"),
         ));
     };
-    let meaning = format!(
-        "of the share that is there, {there:.4}, {hidden}: {limit:.4}{beyond}; less is better under any light{unknown}"
-    );
+    let meaning = format!("of the true share, hidden by noise in 5 % of frames ({limit:.4}){unknown}");
     Some(Number::computed(LIMIT, percent(limit / there), "%", meaning))
 }
 
@@ -523,7 +521,7 @@ fn assumed(run: &RunResults<'_>, words: &Words<'_>) -> Vec<String> {
     let mut sentences = Vec::new();
     let powers = words.powers();
     if !powers.is_empty() {
-        sentences.push(format!("Powers of emitters before filters, as stated ({}).", powers.join(", ")));
+        sentences.push(format!("Powers of lights before filters, as stated ({}).", powers.join(", ")));
     }
     let fluorophores = study.scene.fluorophores.len();
     if fluorophores > 0 {
@@ -567,7 +565,7 @@ mod tests {
             let components = render::render(&study.scene, &study.render, &control).unwrap();
             let analysis = pipeline::evaluate(&study, &components).unwrap().analysis.unwrap().analysis;
             let card = detection_card(&analysis).unwrap();
-            assert!(card.unit == "%" && card.meaning.contains("of the share that is there"), "{card:?}");
+            assert!(card.unit == "%" && card.meaning.contains("of the true share"), "{card:?}");
             (analysis.budget.unwrap().detection_limit, card.value.parse::<f64>().unwrap())
         };
         let (by_385, by_405, by_450) = (under("led_385"), under("led_405"), under("led_450"));

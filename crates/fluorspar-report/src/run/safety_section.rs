@@ -46,9 +46,13 @@ pub(super) fn eye_safe_captures(report: &SafetyReport) -> Option<Number> {
     let missing = viewers_without_distance(report);
     let Limiting { capture, viewer, assessment, per_day } = limiting(report)?;
     let place = viewer.distance_mm.map_or_else(String::new, |mm| format!(" at {mm:.0} mm"));
+    let whole = sequences(report);
+    let frames = match &whole {
+        Some((_, frames)) => frames.clone(),
+        None => format!("frame \"{}\"", capture.name),
+    };
     let mut meaning = format!(
-        "frame \"{}\", limited by {}, {}{place}",
-        capture.name,
+        "{frames}, limited by {}, {}{place}",
         name(assessment.hazard),
         viewer.viewer.name(report.is_mouth)
     );
@@ -58,9 +62,9 @@ pub(super) fn eye_safe_captures(report: &SafetyReport) -> Option<Number> {
     if let Some(group) = report.risk_group {
         meaning += &format!("; lights: {}", group_name(group).to_lowercase());
     }
-    if let Some((sequences, whole)) = sequences(report) {
+    if let Some((count, _)) = whole {
         let title = if missing.is_empty() { "Eye-safe sequences" } else { "Safe sequences" };
-        return Some(Number::computed(title, sequences, "in 8 h", format!("{whole}; most of it {meaning}")));
+        return Some(Number::computed(title, count, "in 8 h", meaning));
     }
     let title = if missing.is_empty() { "Eye-safe captures" } else { "Safe captures" };
     if (per_day + 1) as f64 * capture.light_on_s > DAY_S {
@@ -83,7 +87,7 @@ fn sequences(report: &SafetyReport) -> Option<(String, String)> {
         true => "no limit".into(),
         false => fewest.to_string(),
     };
-    Some((count, format!("each of {}, whose doses add", names.join(" and "))))
+    Some((count, names.join(" and ")))
 }
 
 /// Viewers whose distance is not known, by name.
@@ -390,7 +394,7 @@ mod tests {
         let card = eye_safe_captures(&report).unwrap();
         assert_eq!((card.name.as_str(), card.value.as_str()), ("Eye-safe sequences", "106"));
         assert!(
-            card.meaning.starts_with("each of \"white\" and \"blue\", whose doses add"),
+            card.meaning.starts_with("\"white\" and \"blue\", limited by blue light"),
             "{}",
             card.meaning
         );

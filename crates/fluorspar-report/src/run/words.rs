@@ -81,7 +81,7 @@ impl<'a> Words<'a> {
     }
 
     /// Power of the emitters of each group as the experiment states it, and how the captures drive them:
-    /// `light "blue" 8 x 2000 mW, driven at 2 times that in frame "blue"`.
+    /// `"blue" 8 x 2000 mW, driven at 2 times that in frame "blue"`.
     pub(super) fn powers(&self) -> Vec<String> {
         let groups = self.experiment.study.scene.light_groups.iter();
         let power = |group: &str| {
@@ -90,8 +90,8 @@ impl<'a> Words<'a> {
             let mw = power.as_float().or(power.as_integer().map(|mw| mw as f64))?;
             let emitters = self.light_entry(group, "count").and_then(|count| count.as_integer());
             let stated = match emitters {
-                Some(count) if count > 1 => format!("light \"{group}\" {count} x {mw} mW"),
-                _ => format!("light \"{group}\" {mw} mW"),
+                Some(count) if count > 1 => format!("\"{group}\" {count} x {mw} mW"),
+                _ => format!("\"{group}\" {mw} mW"),
             };
             Some(stated + &self.drive(group))
         };
