@@ -231,7 +231,7 @@ fn coarse_image(image: &RenderedImage, study: &Study) -> Option<Warning> {
     if covered <= MOST_COLUMNS.max(1.01 * made_for) {
         return None;
     }
-    let wanted = (labels.width as f64 * covered / MOST_COLUMNS - 1e-6).ceil();
+    let wanted = (labels.width as f64 * covered / MOST_COLUMNS).round();
     Some(Warning::from(format!(
         "one pixel of the render covers {covered:.1} x {covered:.1} pixels of the sensor: frames show blocks, and nothing finer. Render \
          with render.width_px={wanted} or more, or bin the sensor: sensor.binning"
