@@ -133,9 +133,10 @@ fn the_command_has_the_values_of_the_library() {
         ["fluorophore", "fit", "measured.csv", "--component", "parts.csv", "--below-blood", "low", "--json"];
     let said = fluorspar(folder, args).json();
     let nm: Vec<f64> = (500..=700).step_by(4).map(f64::from).collect();
-    let of = |name: &str, f: &dyn Fn(f64) -> f64| MixtureComponent {
-        name: name.into(),
-        values: nm.iter().map(|nm| f(*nm)).collect(),
+    // A curve interpolates, which rounds at its own samples, too.
+    let of = |name: &str, f: &dyn Fn(f64) -> f64| {
+        let curve = Curve::new(nm.clone(), nm.iter().map(|nm| f(*nm)).collect()).unwrap();
+        MixtureComponent { name: name.into(), values: nm.iter().map(|nm| curve.at(*nm)).collect() }
     };
     let blood = BloodBefore::Layer {
         extinction: nm.iter().map(|nm| oxyhemoglobin_extinction(*nm)).collect(),
