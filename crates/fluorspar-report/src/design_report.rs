@@ -400,12 +400,13 @@ struct Across {
 impl Across {
     /// Price, time, or the number of exposures, whichever varies most; the place by loss where none does.
     fn of(seen: &[&Score]) -> Self {
-        let objectives: [(&str, &str, fn(&Score) -> f64); 3] = [
+        type Objective = fn(&Score) -> f64;
+        let objectives: [(&str, &str, Objective); 3] = [
             ("price", "", |s| s.cost),
             ("time", "ms", |s| s.time_s * 1e3),
             ("exposures", "", |s| s.exposures as f64),
         ];
-        let distinct = |pick: fn(&Score) -> f64| {
+        let distinct = |pick: Objective| {
             let mut values: Vec<u64> =
                 seen.iter().take(5000).map(|s| (pick(s) * 1e6).round() as u64).collect();
             values.sort_unstable();

@@ -1,5 +1,7 @@
 //! What the noise of a render leaves of the numbers that tell how well a target is seen.
 
+#![allow(clippy::unwrap_used, reason = "a helper that fails is a failed test")]
+
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
