@@ -1,257 +1,69 @@
-//! Feeds damaged files to every reader: `cargo run --release -p fluorspar-experiment --example mutate_inputs`.
-//!
-//! | option | meaning | default |
-//! |---|---|---|
-//! | `--executions N` | inputs over all readers | 100 000 |
-//! | `--seed N` | where the random numbers start; equal seeds give equal inputs | 1 |
-//! | `--reader TEXT` | only readers whose names contain this text | all |
-//! | `--seconds N` | when to stop, done or not | never |
-//! | `--keep FOLDER` | where inputs that break a bound are written | nowhere |
-//!
-//! Each reader starts from valid files. An input is one of them after one to four changes: flipped bits, other bytes, sizes at
-//! their extremes, numbers at theirs, ranges removed, repeated, moved or taken from another file, the end cut off. The program
-//! counts panics (also those that readers turn into errors), the time on the processor and the memory of each input, prints a
-//! table and ends with code 1 where an input panicked, took 3 seconds or 1 GiB.
+//! Readers, and valid files for them.
 
-#![allow(unsafe_code, reason = "an allocator that counts is an unsafe trait")]
-
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::error::Error;
 use std::fs;
-use std::panic::{AssertUnwindSafe, catch_unwind, set_hook};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
-use std::sync::{Mutex, PoisonError};
-use std::time::Instant;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::image::{
-    Component, ComponentImage, FeatureMaps, LightPath, Mosaic, SensorImage, SpectralImage,
+    BasisComponent, ChannelPlanes, Component, ComponentImage, ComponentRows, ExcitationImage, FeatureMaps,
+    GroupBasis, LightPath, Mosaic, SensorImage, SpectralImage,
 };
 use fluorspar::render::{Checkpoint, FilmRenderer, RenderControl, RenderSettings, Share};
-use fluorspar::spectral::{Radiance, WavelengthGrid};
+use fluorspar::spectral::{ExcitationNodes, Radiance, WavelengthGrid};
 use fluorspar_experiment::{
-    edit_experiment, parse, parse_sample, parse_script, parse_sensor, preset, resolve,
+    edit_experiment, parse, parse_design, parse_layers, parse_sample, parse_script, parse_sensor,
+    parse_tissue, preset, resolve,
 };
 use fluorspar_format as format;
 use fluorspar_format::{CsvEemOptions, CsvSpectrumOptions, ExrCompression, ExrOptions, RawPacking, Transfer};
 use glam::{Vec2, Vec3};
 
-type Outcome<T> = Result<T, Box<dyn Error>>;
+pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// Largest input, bytes.
-const MAX_INPUT: usize = 16 << 20;
-/// Most time of an input on the processor, seconds.
-const MAX_SECONDS: f64 = 3.0;
-/// Most memory of an input, bytes.
-const MAX_BYTES: usize = 1 << 30;
-
-/// Counts the bytes that are in use, and the most that ever were.
-struct Counting;
-
-static IN_USE: AtomicUsize = AtomicUsize::new(0);
-static MOST: AtomicUsize = AtomicUsize::new(0);
-
-fn add(bytes: usize) {
-    let now = IN_USE.fetch_add(bytes, Relaxed) + bytes;
-    MOST.fetch_max(now, Relaxed);
-}
-
-// SAFETY: all requests go to the allocator of the system as they are, and its answers come back as they are.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        add(layout.size());
-        // SAFETY: the caller keeps to the contract of this method.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        add(layout.size());
-        // SAFETY: as above.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        IN_USE.fetch_sub(layout.size(), Relaxed);
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// Panics so far, and where the last one was.
-static PANICS: AtomicU64 = AtomicU64::new(0);
-static LAST_PANIC: Mutex<String> = Mutex::new(String::new());
-
-/// Numbers that look random: SplitMix64.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// Below `end`; 0 where that is 0.
-    fn below(&mut self, end: usize) -> usize {
-        if end == 0 { 0 } else { (self.next() % end as u64) as usize }
-    }
-
-    fn one_of<'a, T>(&mut self, list: &'a [T]) -> &'a T {
-        &list[self.below(list.len())]
-    }
-
-    /// A range of at most `longest` entries.
-    fn range(&mut self, length: usize, longest: usize) -> std::ops::Range<usize> {
-        let start = self.below(length);
-        start..start + self.below(longest.min(length - start) + 1)
-    }
-}
-
-const SIZES: &[u64] = &[
-    0,
-    1,
-    2,
-    7,
-    8,
-    127,
-    128,
-    255,
-    256,
-    0x7fff,
-    0x8000,
-    0xffff,
-    0x1_0000,
-    0xff_ffff,
-    0x7fff_ffff,
-    0x8000_0000,
-    0xffff_fff8,
-    0xffff_ffff,
-    1 << 32,
-    1 << 40,
-    i64::MAX as u64,
-    1 << 63,
-    u64::MAX,
-];
-const NUMBERS: &[&str] = &[
-    "0",
-    "-0",
-    "-1",
-    "1e-400",
-    "1e308",
-    "-1e308",
-    "1e999",
-    "nan",
-    "inf",
-    "-inf",
-    "9223372036854775807",
-    "18446744073709551616",
-    "1e5",
-    "100000",
-    "65536",
-    "0.1",
-    "\"a\"",
-    "[]",
-    "{}",
-    "true",
-    "",
-];
-
-/// Changes an input once.
-fn change(bytes: &mut Vec<u8>, random: &mut Random, other: &[u8]) {
-    let length = bytes.len();
-    let at = random.below(length);
-    match random.below(12) {
-        0 if length > 0 => bytes[at] ^= 1 << random.below(8),
-        1 if length > 0 => {
-            bytes[at] = *random.one_of(&[0, 1, 0x7f, 0x80, 0xff, b'0', b'9', b',', b'"', b'\n', b'['])
-        }
-        2 if length > 0 => bytes[at] = random.next() as u8,
-        // A size, in either byte order.
-        3 | 4 if length > 8 => {
-            let value = *random.one_of(SIZES);
-            let width = *random.one_of(&[1, 2, 4, 8]);
-            let at = random.below(length - 8);
-            if random.below(2) == 0 {
-                bytes[at..at + width].copy_from_slice(&value.to_le_bytes()[..width]);
-            } else {
-                bytes[at..at + width].copy_from_slice(&value.to_be_bytes()[8 - width..]);
-            }
-        }
-        // A number of a text.
-        5 | 6 => {
-            let is_digit = |byte: &u8| byte.is_ascii_digit() || b"+-.eE".contains(byte);
-            let Some(start) = (at..length).find(|i| bytes[*i].is_ascii_digit()) else { return };
-            let end = (start..length).find(|i| !is_digit(&bytes[*i])).unwrap_or(length);
-            bytes.splice(start..end, random.one_of(NUMBERS).bytes());
-        }
-        7 => bytes.truncate(at),
-        8 => drop(bytes.drain(random.range(length, 64))),
-        // A range repeated, now and then many times.
-        9 => {
-            let range = random.range(length, 256);
-            let times = *random.one_of(&[1, 1, 2, 10, 1000, 20_000]);
-            let part = bytes[range.clone()].repeat(times.min(MAX_INPUT / 2 / (range.len() + 1)));
-            bytes.splice(range.end..range.end, part);
-        }
-        10 if !other.is_empty() => {
-            let range = random.range(other.len(), 256);
-            let end = (at + range.len()).min(length);
-            bytes.splice(at..end, other[range].iter().copied());
-        }
-        _ => {
-            let (one, two) = (random.range(length, 64), random.below(length));
-            let part: Vec<u8> = bytes[one].to_vec();
-            bytes.splice(two..two, part);
-        }
-    }
-    bytes.truncate(MAX_INPUT);
-}
-
-/// Makes the check sums of a PNG right, so that what it says is looked at.
-fn repair_png(bytes: &mut [u8]) {
-    let mut at = 8;
-    while let Some(length) = bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_be_bytes) {
-        let end = at + 8 + length as usize;
-        let Some(content) = bytes.get(at + 4..end) else { return };
-        let bit = |crc: u32, _| (crc >> 1) ^ if crc & 1 == 1 { 0xedb8_8320 } else { 0 };
-        let crc = !content.iter().fold(u32::MAX, |crc, byte| (0..8).fold(crc ^ u32::from(*byte), bit));
-        let Some(place) = bytes.get_mut(end..end + 4) else { return };
-        place.copy_from_slice(&crc.to_be_bytes());
-        at = end + 4;
-    }
-}
-
-type Read = Box<dyn Fn(&Path) -> bool>;
+pub(crate) type Read = Box<dyn Fn(&Path) -> bool>;
 
 /// A reader and valid files for it.
-struct Subject {
-    name: &'static str,
+pub(crate) struct Subject {
+    pub(crate) name: &'static str,
     /// Name of the file that is damaged.
-    file: &'static str,
+    pub(crate) file: &'static str,
     /// File that is read, where the damaged one only belongs to it.
-    opened: &'static str,
-    seeds: Vec<Vec<u8>>,
+    pub(crate) opened: &'static str,
+    pub(crate) seeds: Vec<Vec<u8>>,
     /// Files that belong to it, as they are.
-    companions: Vec<(&'static str, Vec<u8>)>,
+    pub(crate) companions: Vec<(&'static str, Vec<u8>)>,
     /// How many inputs against the others.
-    weight: f64,
-    read: Read,
+    pub(crate) weight: f64,
+    pub(crate) read: Read,
 }
 
 /// Files of all readers.
-struct Subjects {
+pub(crate) struct Subjects {
     folder: PathBuf,
-    list: Vec<Subject>,
+    pub(crate) list: Vec<Subject>,
 }
 
 impl Subjects {
+    /// All readers. The valid files are made in a folder.
+    pub(crate) fn all(folder: &Path) -> Outcome<Self> {
+        let mut subjects = Self { folder: folder.to_path_buf(), list: Vec::new() };
+        images(&mut subjects)?;
+        component_files(&mut subjects)?;
+        textures_and_masks(&mut subjects)?;
+        frames(&mut subjects)?;
+        film(&mut subjects)?;
+        journals(&mut subjects)?;
+        tables(&mut subjects);
+        matlab(&mut subjects)?;
+        meshes(&mut subjects)?;
+        lenses(&mut subjects);
+        experiments(&mut subjects)?;
+        Ok(subjects)
+    }
+
     fn add(
         &mut self,
         name: &'static str,
@@ -365,6 +177,75 @@ fn images(subjects: &mut Subjects) -> Outcome<()> {
     )
 }
 
+/// Component images as captures read them: part by part, in the form of a run and in that of `--storage half`, with the channel planes
+/// of a camera and an excitation basis.
+fn component_files(subjects: &mut Subjects) -> Outcome<()> {
+    let (width, height) = (3, 18);
+    let components = vec![Component::of_group("blue", LightPath::Reflected)];
+    let mut image = ComponentImage::zeros(grid()?, width, height, components);
+    image.data.iter_mut().enumerate().for_each(|(i, value)| *value = (i as f32 * 0.37).sin().exp());
+    let mut planes = [ChannelPlanes::dark([width, height], 1, 2, "c".into())];
+    planes[0].data = Arc::new((0..planes[0].data.len()).map(|i| i as f32).collect());
+    let component = BasisComponent {
+        light: LightPath::Reflected,
+        spectra: vec![0.1, 0.2],
+        factors: (0..width * height).map(|i| i as f32).collect(),
+        rank: 1,
+        error: 1e-3,
+    };
+    let excitation = ExcitationImage {
+        width,
+        height,
+        groups: vec![GroupBasis {
+            light_group: "blue".into(),
+            nodes: ExcitationNodes::new(vec![380.0, 390.0, 400.0])?,
+            components: vec![component],
+        }],
+    };
+    for (name, compression) in [
+        ("component EXR by part, 24 bits", ExrCompression::Rounded24),
+        ("component EXR by part, 16 bits", ExrCompression::Half),
+    ] {
+        let options =
+            ExrOptions { compression, planes: &planes, excitation: Some(&excitation), ..Default::default() };
+        let by_part = |file: format::ComponentFile| {
+            file.map_rows(|_| true, |_, _, lines| lines.len()).is_ok()
+                && file.planes("c", |_| true).is_ok()
+                && file.excitation_basis().is_ok()
+        };
+        let write = |path: &Path| format::write_component_exr(path, &image, &options);
+        subjects.written(name, "i.exr", write, move |path| {
+            format::ComponentFile::open(path).is_ok_and(by_part)
+        })?;
+    }
+    Ok(())
+}
+
+/// Textures that are no PNG, and masks.
+fn textures_and_masks(subjects: &mut Subjects) -> Outcome<()> {
+    let image = SpectralImage::<Radiance>::zeros(grid()?, 3, 2);
+    let options = ExrOptions { preview: Some(&[[0.1, 0.2, 0.3]; 6]), ..Default::default() };
+    let is_texture = |path: &Path| format::read_texture(path, Transfer::Linear).is_ok();
+    let write = |path: &Path| format::write_spectral_exr(path, &image, &options);
+    subjects.written("EXR texture", "t.exr", write, is_texture)?;
+    let floats = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let color = [b"PF\n2 2\n-1.0\n".to_vec(), floats(&[0.1; 12])].concat();
+    let gray = [b"Pf\n2 2\n-1.0\n".to_vec(), floats(&[0.1; 4])].concat();
+    subjects.add("PFM texture", "t.pfm", vec![color, gray], is_texture);
+    let is_mask = |path: &Path| format::read_mask(path).is_ok();
+    for (name, file) in [("mask, PNG", "disc.png"), ("mask, TIFF", "disc.tiff"), ("mask, NPY", "disc.npy")] {
+        let seed = camera_fixture(file)?;
+        subjects.add(name, file, vec![seed], is_mask);
+    }
+    Ok(())
+}
+
+/// A file that another program wrote for the tests of frames and masks.
+fn camera_fixture(name: &str) -> Outcome<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fluorspar-format/tests/fixtures/camera");
+    Ok(fs::read(folder.join(name)).map_err(|error| format!("{name}: {error}"))?)
+}
+
 fn frames(subjects: &mut Subjects) -> Outcome<()> {
     let read = |path: &Path| format::read_sensor_image(path).is_ok();
     subjects.described(
@@ -387,7 +268,11 @@ fn frames(subjects: &mut Subjects) -> Outcome<()> {
     )?;
     let color = format::DngColor::default();
     let write = |path: &Path| format::write_sensor_dng(path, &frame(), &color, None);
-    subjects.written("DNG", "f.dng", write, read)
+    subjects.written("DNG", "f.dng", write, read)?;
+    let jpeg = vec![camera_fixture("bggr_jpeg.dng")?, camera_fixture("gbrg_predictors.dng")?];
+    subjects.add("DNG, lossless JPEG", "f.dng", jpeg, read);
+    subjects.add("DNG, deflate", "f.dng", vec![camera_fixture("grbg_deflate.dng")?], read);
+    Ok(())
 }
 
 /// A film of two spheres.
@@ -403,6 +288,25 @@ fn film(subjects: &mut Subjects) -> Outcome<()> {
     renderer.fill(&Share::Tiles { index: 0, count: 1 }, &mut film, &control, pause)?;
     let write = |path: &Path| format::write_film(path, &film, None);
     subjects.written("film", "f.film", write, |path| format::read_film(path).is_ok())
+}
+
+/// The journal of a sweep, as a sweep that goes on opens it and as one that merges reads it.
+fn journals(subjects: &mut Subjects) -> Outcome<()> {
+    let work = serde_json::json!({ "design_sha256": "ab", "designs": 300, "block": 256 });
+    let path = subjects.folder.join("j.journal");
+    let (mut journal, _) = format::Journal::open(&path, &work)?;
+    for block in 0..3 {
+        journal.append(
+            &serde_json::json!({ "block": block, "scores": [[0.1, 0.03, 1.0, 1], [null, 1e-3, 0, 2]] }),
+        )?;
+    }
+    drop(journal);
+    let seeds = vec![fs::read(&path)?];
+    subjects.add("journal", "j.journal", seeds, move |path| {
+        let read = format::Journal::read(path, &work).is_ok();
+        format::Journal::open(path, &work).is_ok() == read && read
+    });
+    Ok(())
 }
 
 fn tables(subjects: &mut Subjects) {
@@ -526,6 +430,9 @@ fn lenses(subjects: &mut Subjects) {
     subjects.add("scene of pbrt", "s.pbrt", vec![PBRT.into(), whole.into()], |path| {
         format::read_pbrt(path).is_ok()
     });
+    if let Some(scene) = subjects.list.last_mut() {
+        scene.companions.push(("none.pbrt", b"# nothing\n".to_vec()));
+    }
 }
 
 const PBRT: &str = "LookAt 0 0 5 0 0 0 0 1 0\nCamera \"perspective\" \"float fov\" 40\nFilm \"rgb\" \"integer xresolution\" [ 4 ]\n\
@@ -538,7 +445,18 @@ const PBRT: &str = "LookAt 0 0 5 0 0 0 0 1 0\nCamera \"perspective\" \"float fov
 const SCRIPT: &str = "format = 1\n[[change]]\nset = \"light.*.strength.irradiance_w_per_m2\"\nvalue = 20.5\n[[change]]\n\
     set = \"patch/material.concentrations.\\\"elastin\\\"\"\nvalue = 0.5\n[[change]]\ninsert = \"object.ball\"\n\
     value = { type = \"sphere\", radius_mm = 2.0, material = \"patch\", center_mm = [1.0, 2.0, 3.0] }\n[[change]]\n\
-    set = \"p*/transform.translate_mm[1]\"\nvalue = 3\n[[change]]\ndelete = \"object.ball\"\n";
+    set = \"p*/transform\"\nvalue = { translate_mm = [1.0, 2.0, 3.0] }\n[[change]]\ndelete = \"object.ball\"\n";
+
+/// Regions, polygons and targets.
+const TARGETS: &str = "format = 1\nbase = \"flat-patch\"\n[analysis]\npolygon_px = [[4, 4], [40, 4], [40, 30], [4.5, 30]]\n\
+    compared_px = [[8, 8, 4, 4], { polygon_px = [[20, 8], [30, 8], [30, 20]] }]\n[[target]]\nname = \"t\"\nrectangle_px = [8, 8, 4, 4]\n\
+    background = [16, 8, 4, 4]\n[[target]]\nname = \"u\"\npolygon_px = [[20, 20], [30, 20], [30, 30]]\n";
+const TISSUE: &str = "format = 1\n[[tissue]]\nname = \"fitted\"\nsite = \"dorsal_tongue\"\n[tissue.parameters]\n\
+    superficial_blood_fraction = 0.0053\n";
+const LAYERS: &str = "format = 1\ntitle = \"two\"\nindex_below = 1.4\n[[layer]]\nname = \"epithelium\"\nthickness_mm = 0.1\n\
+    refractive_index = 1.4\nabsorption_per_mm = 0.175\nscattering_per_mm = 5.9\nanisotropy = 0.97\n[layer.emission]\n\
+    strength_per_mm = 0.002\nabsorption_per_mm = 0.067\nscattering_per_mm = 3.6\n[[layer]]\nname = \"stroma\"\nthickness_mm = 10000\nrefractive_index = 1.4\n\
+    absorption_per_mm = 0.2\nscattering_per_mm = 20\nanisotropy = 0.9\n[layer.emission]\nstrength_per_mm = 0\nabsorption_per_mm = 0.1\nscattering_per_mm = 15\n";
 
 /// Texts as the command line reads them: bounded, then parsed and resolved.
 fn experiments(subjects: &mut Subjects) -> Outcome<()> {
@@ -562,9 +480,22 @@ fn experiments(subjects: &mut Subjects) -> Outcome<()> {
     subjects.add("sensor TOML", "d.toml", seeds, move |path| {
         text(path).is_some_and(|text| parse_sensor(&text, "d", base, &[]).is_ok())
     });
+    subjects.add("targets and polygons", "e.toml", vec![TARGETS.into()], move |path| {
+        text(path).is_some_and(|text| parse(&text, "e", base, &[]).and_then(|e| resolve(&e)).is_ok())
+    });
+    let seeds = vec![preset::design("two-lights")?.text.into()];
+    subjects.add("design TOML", "d.toml", seeds, move |path| {
+        text(path).is_some_and(|text| parse_design(&text, "d", base, &[]).is_ok())
+    });
     // These resolve spectra, and are read a hundred times slower than the others.
     let count = subjects.list.len();
-    subjects.list[count - 3..].iter_mut().for_each(|subject| subject.weight = 0.1);
+    subjects.list[count - 5..].iter_mut().for_each(|subject| subject.weight = 0.1);
+    subjects.add("tissue TOML", "t.toml", vec![TISSUE.into()], move |path| {
+        text(path).is_some_and(|text| parse_tissue(&text, "t", base).is_ok())
+    });
+    subjects.add("layers TOML", "l.toml", vec![LAYERS.into()], move |path| {
+        text(path).is_some_and(|text| parse_layers(&text, "l", base, &[]).is_ok())
+    });
     // A damaged script that can be read is replayed on a scene.
     let scene = preset::experiment("flat-patch")?.text;
     subjects.add("script of changes", "c.toml", vec![SCRIPT.into()], move |path| {
@@ -572,182 +503,4 @@ fn experiments(subjects: &mut Subjects) -> Outcome<()> {
         changes.is_some_and(|changes| edit_experiment(scene, "e", base, &changes).is_ok())
     });
     Ok(())
-}
-
-/// What the inputs of a reader did.
-#[derive(Default)]
-struct Report {
-    executions: u64,
-    read: u64,
-    panics_escaped: u64,
-    panics_caught: u64,
-    slowest_s: f64,
-    most_bytes: usize,
-    broken: Vec<String>,
-}
-
-/// Time of this thread on the processor, seconds; Linux only.
-fn processor_s() -> f64 {
-    let text = fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    text.split(' ').next().and_then(|ns| ns.parse::<f64>().ok()).unwrap_or(0.0) * 1e-9
-}
-
-/// Feeds a reader until it has had `executions` inputs in all.
-fn run(
-    subject: &Subject,
-    folder: &Path,
-    executions: u64,
-    (random, report): &mut (Random, Report),
-    keep: Option<&Path>,
-) -> Outcome<()> {
-    let path = folder.join(subject.file);
-    let opened = folder.join(subject.opened);
-    for (name, content) in &subject.companions {
-        fs::write(folder.join(name), content)?;
-    }
-    for number in report.executions..executions {
-        let mut bytes = random.one_of(&subject.seeds).clone();
-        let other = random.one_of(&subject.seeds);
-        // The first inputs are the valid files.
-        if number as usize >= subject.seeds.len() {
-            for _ in 0..=random.below(4) {
-                change(&mut bytes, random, other);
-            }
-        } else {
-            bytes.clone_from(&subject.seeds[number as usize]);
-        }
-        if subject.file.ends_with(".png") {
-            repair_png(&mut bytes);
-        }
-        fs::write(&path, &bytes)?;
-        let before = IN_USE.load(Relaxed);
-        MOST.store(before, Relaxed);
-        let panics = PANICS.load(Relaxed);
-        let begun = processor_s();
-        let outcome = catch_unwind(AssertUnwindSafe(|| (subject.read)(&opened)));
-        let seconds = processor_s() - begun;
-        let most = MOST.load(Relaxed).saturating_sub(before);
-        let panicked = PANICS.load(Relaxed) - panics;
-        report.executions += 1;
-        report.slowest_s = report.slowest_s.max(seconds);
-        report.most_bytes = report.most_bytes.max(most);
-        match outcome {
-            Ok(read) => {
-                report.read += u64::from(read);
-                report.panics_caught += panicked;
-                if !read && (number as usize) < subject.seeds.len() && !subject.name.contains(" and 4") {
-                    return Err(format!("{}: seed {number} is refused", subject.name).into());
-                }
-            }
-            Err(_) => report.panics_escaped += 1,
-        }
-        if panicked > 0 || seconds > MAX_SECONDS || most > MAX_BYTES {
-            let place = LAST_PANIC.lock().unwrap_or_else(PoisonError::into_inner).clone();
-            let place = if panicked > 0 { place } else { String::new() };
-            if report.broken.len() < 20 {
-                report.broken.push(format!("input {number}: {seconds:.2} s, {} MiB, {place}", most >> 20));
-                if let Some(keep) = keep {
-                    fs::write(keep.join(format!("{number}-{}", subject.file)), &bytes)?;
-                }
-            }
-        }
-    }
-    Ok(())
-}
-
-struct Options {
-    executions: u64,
-    seed: u64,
-    reader: String,
-    seconds: u64,
-    keep: Option<PathBuf>,
-}
-
-fn options() -> Outcome<Options> {
-    let mut options =
-        Options { executions: 100_000, seed: 1, reader: String::new(), seconds: u64::MAX, keep: None };
-    let mut words = std::env::args().skip(1);
-    while let Some(word) = words.next() {
-        let value = words.next().ok_or_else(|| format!("{word} needs a value"))?;
-        match word.as_str() {
-            "--executions" => options.executions = value.parse()?,
-            "--seed" => options.seed = value.parse()?,
-            "--reader" => options.reader = value,
-            "--seconds" => options.seconds = value.parse()?,
-            "--keep" => options.keep = Some(value.into()),
-            _ => return Err(format!("unknown option {word}").into()),
-        }
-    }
-    Ok(options)
-}
-
-#[expect(clippy::print_stdout, reason = "what the example is for")]
-fn main() -> Outcome<ExitCode> {
-    let options = options()?;
-    let folder = tempfile::tempdir()?;
-    let mut subjects = Subjects { folder: folder.path().to_path_buf(), list: Vec::new() };
-    images(&mut subjects)?;
-    frames(&mut subjects)?;
-    film(&mut subjects)?;
-    tables(&mut subjects);
-    matlab(&mut subjects)?;
-    meshes(&mut subjects)?;
-    lenses(&mut subjects);
-    experiments(&mut subjects)?;
-    subjects.list.retain(|subject| subject.name.contains(&options.reader));
-    // Readers silence panics that they catch with a hook of their own, which they set once: it must be there before this one.
-    subjects.written(
-        "",
-        "t.png",
-        |path| format::write_rgb_png(path, 1, 1, &[7; 3]),
-        |path| format::read_texture_png(path, Transfer::Srgb).is_ok(),
-    )?;
-    if let Some(first) = subjects.list.pop() {
-        (first.read)(&folder.path().join("t.png"));
-    }
-    set_hook(Box::new(|info| {
-        PANICS.fetch_add(1, Relaxed);
-        *LAST_PANIC.lock().unwrap_or_else(PoisonError::into_inner) = info.to_string().replace('\n', " ");
-    }));
-
-    // A part of the inputs of each reader at a time, so that all have had some whenever the time is over.
-    const ROUNDS: u64 = 200;
-    let begun = Instant::now();
-    let weights: f64 = subjects.list.iter().map(|subject| subject.weight).sum();
-    let random = |number| Random(options.seed.wrapping_mul(1_000_003).wrapping_add(number));
-    let mut states: Vec<(Random, Report)> =
-        (0..subjects.list.len() as u64).map(|number| (random(number), Report::default())).collect();
-    'rounds: for round in 1..=ROUNDS {
-        for (subject, state) in subjects.list.iter().zip(&mut states) {
-            let all = options.executions as f64 * subject.weight / weights;
-            let executions = (all * round as f64 / ROUNDS as f64).ceil() as u64;
-            run(subject, folder.path(), executions, state, options.keep.as_deref())?;
-            if begun.elapsed().as_secs() >= options.seconds {
-                break 'rounds;
-            }
-        }
-    }
-
-    println!("| reader | executions | read | panics | panics caught | slowest, s | most memory, MiB |");
-    println!("|---|---|---|---|---|---|---|");
-    let mut total = 0;
-    for (subject, (_, report)) in subjects.list.iter().zip(&states) {
-        total += report.executions;
-        println!(
-            "| {} | {} | {} | {} | {} | {:.2} | {} |",
-            subject.name,
-            report.executions,
-            report.read,
-            report.panics_escaped,
-            report.panics_caught,
-            report.slowest_s,
-            report.most_bytes >> 20
-        );
-    }
-    println!("{total} inputs");
-    for (subject, (_, report)) in subjects.list.iter().zip(&states) {
-        report.broken.iter().for_each(|line| println!("{}: {line}", subject.name));
-    }
-    let good = states.iter().all(|(_, report)| report.broken.is_empty());
-    Ok(if good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
