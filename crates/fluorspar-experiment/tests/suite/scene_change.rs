@@ -22,7 +22,10 @@ fn changes_of_the_scene_are_named_and_changes_of_the_camera_behind_it_are_not() 
     let rendered = study(&[]);
     let said = |change: &str| difference(&rendered, &study(&[change])).unwrap_or_default();
     for (change, what) in [
-        ("light.blue.strength.irradiance_w_per_m2=500", "light \"blue\""),
+        (
+            "light.blue.strength.irradiance_w_per_m2=500",
+            "the strength of light \"blue\" (which --set capture.blue.light_groups.blue=0.5 changes without a render)",
+        ),
         ("light.blue.spectrum=\"led_405\"", "light \"blue\""),
         ("material.patch.concentrations.fad=0.3", "material \"patch\""),
         ("object.patch.transform={ translate_mm = [0.0, 0.0, 1.0] }", "object \"patch\""),
