@@ -292,10 +292,10 @@ impl SpectralMixture {
         spectra.iter().try_for_each(|(data, errors)| self.check(data, *errors))?;
         let scaled: Vec<Vec<f64>> = spectra.iter().map(|(data, errors)| over(data, *errors)).collect();
         let squares = |amount: f64| {
-            let of = |((_, errors), data): (&(&[f64], Option<&[f64]>), &Vec<f64>)| {
+            let each = spectra.iter().zip(&scaled).map(|((_, errors), data)| {
                 LeastSquares::new(&self.scaled_components(amount, *errors), data).nearest_of_all().squares
-            };
-            spectra.iter().zip(&scaled).map(of).sum::<f64>()
+            });
+            each.sum::<f64>()
         };
         let nodes = self.blood.nodes();
         let at_nodes: Vec<f64> = nodes.iter().map(|&amount| squares(amount)).collect();
