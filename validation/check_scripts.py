@@ -49,7 +49,7 @@ def compare(values):
         folder, name, *channel = key.split("/")
         model = tomllib.loads((DATA / folder / f"{name}.toml").read_text(encoding="utf-8"))["curve"]
         model = model[channel[0]] if channel else model
-        if model["kind"] == "table":
+        if model["type"] == "table":
             skipped.append(key)
             continue
         error = np.abs(optical.evaluate(model, nm) - expected).max()

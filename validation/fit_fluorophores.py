@@ -302,10 +302,15 @@ def absolute(t, terms):
     """Function (ex, em) -> Y in photons/nm/photon at concentration 1, Stokes mask included."""
     grid = np.arange(200.0, 1000.5, 1.0)
     x = np.arange(t["excitation_range_nm"][0], t["excitation_range_nm"][1] + 0.5, 1.0)
-    s = t["photon_yield"] / evaluate(terms, x, grid).sum(0).max()
+    is_energy = t.get("unit") == "energy"
+
+    def photons(ex, em):
+        m = evaluate(terms, ex, em)
+        return m * em[:, None] / ex[None, :] if is_energy else m
+    s = t["photon_yield"] / photons(x, grid).sum(0).max()
 
     def y(ex, em):
-        m = s * evaluate(terms, np.atleast_1d(ex), np.atleast_1d(em))
+        m = s * photons(np.atleast_1d(ex), np.atleast_1d(em))
         return m * (np.atleast_1d(em)[:, None] > np.atleast_1d(ex)[None, :]) if t["stokes"] == "mask" else m
     return y
 
