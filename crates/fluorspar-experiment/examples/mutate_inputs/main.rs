@@ -27,6 +27,9 @@ use std::time::Duration;
 use readers::{Outcome, Subjects};
 use trials::{Plan, feed};
 
+/// Most time of an input on the processor, seconds.
+const MOST_S: f64 = 3.0;
+
 struct Options {
     executions: u64,
     each: Option<u64>,
@@ -70,6 +73,7 @@ fn main() -> Outcome<ExitCode> {
     let plan = Plan {
         executions: options.executions,
         each: options.each,
+        most_s: MOST_S,
         seed: options.seed,
         most_time: Duration::from_secs(options.seconds),
     };

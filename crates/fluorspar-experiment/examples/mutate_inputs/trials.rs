@@ -14,8 +14,6 @@ use fluorspar_format::Transfer;
 use crate::damage::{Random, change, repair_png};
 use crate::readers::{Outcome, Subject};
 
-/// Most time of an input on the processor, seconds.
-const MAX_SECONDS: f64 = 3.0;
 /// Most memory of an input, bytes.
 const MAX_BYTES: usize = 1 << 30;
 
@@ -76,11 +74,11 @@ fn processor_s() -> f64 {
     text.split(' ').next().and_then(|ns| ns.parse::<f64>().ok()).unwrap_or(0.0) * 1e-9
 }
 
-/// Feeds a reader until it has had `executions` inputs in all.
+/// Feeds a reader until it has had `executions` inputs in all, none of which may take more than `most_s` seconds.
 fn run(
     subject: &Subject,
     folder: &Path,
-    executions: u64,
+    (executions, most_s): (u64, f64),
     (random, report): &mut (Random, Report),
     keep: Option<&Path>,
 ) -> Outcome<()> {
@@ -125,7 +123,7 @@ fn run(
             }
             Err(_) => report.panics_escaped += 1,
         }
-        if panicked > 0 || seconds > MAX_SECONDS || most > MAX_BYTES {
+        if panicked > 0 || seconds > most_s || most > MAX_BYTES {
             let place = LAST_PANIC.lock().unwrap_or_else(PoisonError::into_inner).clone();
             let place = if panicked > 0 { place } else { String::new() };
             if report.broken.len() < 20 {
@@ -145,6 +143,8 @@ pub(crate) struct Plan {
     pub(crate) executions: u64,
     /// Inputs of each reader instead.
     pub(crate) each: Option<u64>,
+    /// Most time of an input on the processor, seconds.
+    pub(crate) most_s: f64,
     /// Where the random numbers start; equal seeds give equal inputs.
     pub(crate) seed: u64,
     /// When to stop, done or not.
@@ -196,7 +196,7 @@ fn feed_counted(
             let shared = plan.executions as f64 * subject.weight / weights;
             let all = plan.each.map_or(shared, |each| each as f64);
             let executions = (all * round as f64 / ROUNDS as f64).ceil() as u64;
-            run(subject, folder, executions, state, keep)?;
+            run(subject, folder, (executions, plan.most_s), state, keep)?;
             if begun.elapsed() >= plan.most_time {
                 break 'rounds;
             }
