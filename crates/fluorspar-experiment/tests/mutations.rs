@@ -28,20 +28,20 @@ const STACK_BYTES: usize = 8 << 20;
 
 #[test]
 fn damaged_files_are_refused_or_read_without_panic_hang_or_much_memory() {
+    let feed_all = || {
+        let folder = tempfile::tempdir().unwrap();
+        let subjects = Subjects::all(folder.path()).unwrap().list;
+        let plan =
+            Plan { executions: 0, each: Some(EACH), most_s: HANGS_S, seed: 1, most_time: Duration::MAX };
+        let reports = feed(&subjects, folder.path(), &plan, None).unwrap();
+        for (subject, report) in subjects.iter().zip(&reports) {
+            assert_eq!(report.executions, EACH, "{}", subject.name);
+            // A reader that refuses or takes everything would not look at what is damaged
+            assert!((1..EACH).contains(&report.read), "{}: {} read", subject.name, report.read);
+            assert!(report.broken.is_empty(), "{}: {:?}", subject.name, report.broken);
+            assert_eq!(report.panics_escaped, 0, "{}", subject.name);
+        }
+    };
     let reader = std::thread::Builder::new().stack_size(STACK_BYTES).spawn(feed_all).unwrap();
     reader.join().unwrap();
-}
-
-fn feed_all() {
-    let folder = tempfile::tempdir().unwrap();
-    let subjects = Subjects::all(folder.path()).unwrap().list;
-    let plan = Plan { executions: 0, each: Some(EACH), most_s: HANGS_S, seed: 1, most_time: Duration::MAX };
-    let reports = feed(&subjects, folder.path(), &plan, None).unwrap();
-    for (subject, report) in subjects.iter().zip(&reports) {
-        assert_eq!(report.executions, EACH, "{}", subject.name);
-        // A reader that refuses or takes everything would not look at what is damaged
-        assert!((1..EACH).contains(&report.read), "{}: {} read", subject.name, report.read);
-        assert!(report.broken.is_empty(), "{}: {:?}", subject.name, report.broken);
-        assert_eq!(report.panics_escaped, 0, "{}", subject.name);
-    }
 }
