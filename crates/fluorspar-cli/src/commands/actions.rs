@@ -13,6 +13,7 @@ macro_rules! actions {
         }
 
         #[derive(Clone, Debug, clap::Subcommand)]
+        #[allow(clippy::large_enum_variant, reason = "a program holds one")]
         enum Action {
             $($(#[$help])* $name($options),)+
         }
