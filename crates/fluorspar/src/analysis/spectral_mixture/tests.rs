@@ -267,8 +267,8 @@ fn sets_that_the_data_cannot_tell_apart_are_found() {
     assert_eq!(fit.weights[0].interval[0].min(fit.weights[1].interval[0]), 0.0);
 }
 
-/// The set that is true is as rarely lost under smooth residuals as under independent ones: 20 draws, of which the worse of both
-/// prototypes lost 1 in 20; more than four lost have a probability below 1e-2.
+/// The set that is true is rarely lost under smooth residuals and under independent ones: of 20 draws that lose it one time in ten, more
+/// than four do with a probability of 0.04.
 #[test]
 fn the_true_set_is_supported_under_smooth_residuals() {
     let nm = wavelengths(5.0);
