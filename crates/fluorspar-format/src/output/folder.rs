@@ -131,6 +131,21 @@ impl OutputFolder {
         path.strip_prefix(&self.partial).map_or_else(|_| path.to_path_buf(), |below| self.shown.join(below))
     }
 
+    /// Writes files by their names, and moves the complete folder to its place ([`Self::finish`]).
+    ///
+    /// # Errors
+    /// What the system reports, about the place that the user named.
+    pub fn finish_with(
+        self,
+        files: impl IntoIterator<Item = (String, Vec<u8>)>,
+    ) -> Result<PathBuf, FormatError> {
+        for (name, bytes) in files {
+            write_atomically(&self.path().join(name), |file| file.write_all(&bytes))
+                .map_err(|error| self.at_its_place(error))?;
+        }
+        self.finish()
+    }
+
     /// Moves the complete folder to its place, once it is on the disk, and returns the place as the user named it.
     ///
     /// # Errors

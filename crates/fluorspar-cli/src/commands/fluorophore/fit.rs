@@ -1,13 +1,12 @@
 //! `fluorspar fluorophore fit`.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use fluorspar::analysis::{ComponentSets, FitError, MixtureFit, SpectralMixture};
 use fluorspar::spectral::Curve;
 use fluorspar_format::{
-    CsvColumns, CsvSpectrumOptions, NamedCurve, Negative, OutputFolder, read_spectrum_csv, write_atomically,
+    CsvColumns, CsvSpectrumOptions, NamedCurve, Negative, OutputFolder, read_spectrum_csv,
 };
 
 use super::FileOptions;
@@ -320,9 +319,5 @@ fn write(out: OutputFolder, report: &FitReport) -> Result<PathBuf, CliError> {
         files.push((format!("{name}.svg"), figure.to_svg().into_bytes()));
         files.push((format!("{name}.png"), figure.to_png()?));
     }
-    for (name, bytes) in files {
-        write_atomically(&out.path().join(name), |file| file.write_all(&bytes))
-            .map_err(|error| out.at_its_place(error))?;
-    }
-    Ok(out.finish()?)
+    Ok(out.finish_with(files)?)
 }

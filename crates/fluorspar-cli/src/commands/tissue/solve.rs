@@ -1,6 +1,5 @@
 //! `fluorspar tissue solve`.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use clap::ValueHint;
@@ -11,7 +10,7 @@ use fluorspar::tissue::{
     TissueError,
 };
 use fluorspar_experiment::NamedTissue;
-use fluorspar_format::{OutputFolder, write_atomically};
+use fluorspar_format::OutputFolder;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -308,9 +307,5 @@ fn write(out: OutputFolder, found: &Found) -> Result<PathBuf, CliError> {
         files.push((format!("{name}.svg"), figure.to_svg().into_bytes()));
         files.push((format!("{name}.png"), figure.to_png()?));
     }
-    for (name, bytes) in files {
-        write_atomically(&out.path().join(name), |file| file.write_all(&bytes))
-            .map_err(|error| out.at_its_place(error))?;
-    }
-    Ok(out.finish()?)
+    Ok(out.finish_with(files)?)
 }
