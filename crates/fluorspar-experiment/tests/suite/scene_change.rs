@@ -26,6 +26,10 @@ fn changes_of_the_scene_are_named_and_changes_of_the_camera_behind_it_are_not() 
             "light.blue.strength.irradiance_w_per_m2=500",
             "the strength of light \"blue\" (which --set capture.blue.light_groups.blue=0.5 changes without a render)",
         ),
+        (
+            "light.blue.strength.irradiance_w_per_m2=1e-4",
+            "the strength of light \"blue\" (which --set capture.blue.light_groups.blue=1e-7 changes without a render)",
+        ),
         ("light.blue.spectrum=\"led_405\"", "light \"blue\""),
         ("material.patch.concentrations.fad=0.3", "material \"patch\""),
         ("object.patch.transform={ translate_mm = [0.0, 0.0, 1.0] }", "object \"patch\""),

@@ -5,6 +5,7 @@ use crate::image::{ComponentFactors, ComponentImage};
 use crate::light::Light;
 use crate::spectral::Curve;
 use crate::study::{Capture, Study};
+use crate::units::number_text;
 
 /// Refuses a study whose scene differs from the one that a component image was rendered from: the image would show
 /// the old scene under the new name.
@@ -91,13 +92,13 @@ fn stronger_light(rendered: &Study, wanted: &Study) -> Option<String> {
         && is_whole_group
         && ratio.is_finite()
         && pairs().filter(|(old, new)| old != new).all(is_stronger);
-    is_it.then(|| {
-        let captures = wanted.captures.iter().filter(|capture| capture.frame.drive(group) > 0.0);
-        let drive = |capture: &Capture| {
-            let drive = capture.frame.drive(group) * ratio;
-            format!("--set capture.{}.light_groups.{group}={}", capture.frame.label, short(drive))
-        };
-        let drives: Vec<String> = captures.map(drive).collect();
+    let captures = wanted.captures.iter().filter(|capture| capture.frame.drive(group) > 0.0);
+    let drive = |capture: &Capture| {
+        let drive = six_digits(capture.frame.drive(group) * ratio);
+        format!("--set capture.{}.light_groups.{group}={drive}", capture.frame.label)
+    };
+    let drives: Vec<String> = captures.map(drive).collect();
+    (is_it && !drives.is_empty()).then(|| {
         format!(
             "the strength of light \"{}\" (which {} changes without a render)",
             first_old.name,
@@ -106,10 +107,9 @@ fn stronger_light(rendered: &Study, wanted: &Study) -> Option<String> {
     })
 }
 
-/// Six digits, without zeros at the end.
-fn short(value: f64) -> String {
-    let text = format!("{value:.6}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+/// A number to six digits, however small, as short as it can be typed.
+fn six_digits(value: f64) -> String {
+    number_text(format!("{value:.5e}").parse().unwrap_or(value))
 }
 
 fn difference(rendered: &Study, wanted: &Study) -> Option<String> {
