@@ -72,15 +72,16 @@ const PILOT_RGB: [(f64, [f64; 2], [f64; 5]); 4] = [
     (405.0, [405.0, 435.0], [1.01, 0.020, 1.32, 0.041, 0.017]),
 ];
 /// The same with eight bands.
-const PILOT_EIGHT: [(f64, [f64; 2], [f64; 5]); 3] = [
+const PILOT_EIGHT: [(f64, [f64; 2], [f64; 5]); 4] = [
     (340.0, [340.0, 420.0], [0.022, 0.016, 0.032, 0.019, 0.014]),
     (365.0, [365.0, 420.0], [0.033, 0.016, 0.034, 0.020, 0.013]),
     (385.0, [385.0, 420.0], [0.078, 0.014, 0.068, 0.018, 0.010]),
+    (405.0, [405.0, 435.0], [0.74, 0.014, 0.82, 0.028, 0.010]),
 ];
 
 /// The problem of the pilot study with the measured matrices that it must have used. Its values say so: collagen is the sample
-/// whose emission lies at 430 nm, and porphyrin weighs 2 and not 0.5. Centers and widths of the bands are not stated by it; these fit
-/// its values best.
+/// whose emission lies at 430 nm, and porphyrin weighs 2 and not 0.5. Centers and widths of the bands are not stated in full; these
+/// fit its values.
 fn measured_space(folder: &Path, shortest: f64, sensor: &str) -> DesignSpace {
     let mut text = text_of("two-lights").replace(
         "spectral = { first_nm = 350.0, last_nm = 750.0, step_nm = 5.0 }",
@@ -110,23 +111,18 @@ fn measured_space(folder: &Path, shortest: f64, sensor: &str) -> DesignSpace {
             if emission >= excitation + 15.0 { part.radiance[k] * emission / excitation } else { 0.0 }
         };
         let peak = (0..part.radiance.len()).map(photons).fold(0.0, f64::max);
-        // Its peaks were those of single cells: bands of 5 nm lower the narrow one of porphyrin, and cells near the excitation hold
-        // scattered light in that of elastin
-        let weight = match part.name.as_str() {
-            "protoporphyrin_ix" => 1.46,
-            "elastin" => 0.83,
-            _ => 1.0,
-        };
+        // Its peaks were those of single cells: bands of 5 nm lower the narrow one of porphyrin by 8 %
+        let weight = if part.name == "protoporphyrin_ix" { 2.0 * 0.92 } else { 1.0 };
         part.radiance.iter_mut().for_each(|value| *value *= weight * 1e-6 / peak);
     }
     DesignSpace::new(problem).unwrap()
 }
 
-const PILOT_BANDS: &str = "sensor.RGB.bands={ centers_nm = [605.0, 560.0, 430.0], sigma_nm = [35.0, 33.0, 33.0], read_noise_e = 2.0, full_well_e = 60000.0 }";
-const EIGHT_BANDS: &str = "sensor.RGB.bands={ centers_nm = [430.0, 465.0, 500.0, 535.0, 570.0, 605.0, 640.0, 675.0], sigma_nm = [14.0], read_noise_e = 2.0, full_well_e = 60000.0 }";
+const PILOT_BANDS: &str = "sensor.RGB.bands={ centers_nm = [595.0, 567.0, 433.0], sigma_nm = [38.0, 28.0, 28.0], read_noise_e = 2.0, full_well_e = 60000.0 }";
+const EIGHT_BANDS: &str = "sensor.RGB.bands={ centers_nm = [410.0, 453.0, 496.0, 539.0, 581.0, 624.0, 667.0, 710.0], sigma_nm = [14.0], read_noise_e = 2.0, full_well_e = 60000.0 }";
 
-/// The pilot table with measured matrices: its pairs are the best or as good, and nine of ten values come back within a factor of 1.5,
-/// all within 2.3 (the assumptions of the pilot are not stated in full).
+/// The pilot table with measured matrices: its pairs are the best or as good; with R, G and B every value comes back within a factor of
+/// 1.5, with eight bands all but one (collagen beyond 405 nm), which the pilot's unstated bands may explain.
 #[test]
 fn the_pilot_table_comes_back_from_measured_matrices() {
     let Some(folder) = reference_folder() else {
@@ -157,7 +153,9 @@ fn the_pilot_table_comes_back_from_measured_matrices() {
     println!("{close} of {} within 1.5, {ratios:.2?}; losses over the least {losses:.3?}", ratios.len());
     // 340 + 405 nm and 340 + 420 nm are as good as each other
     assert!(losses.iter().all(|loss| *loss < 1.02), "{losses:?}");
-    assert!(close as f64 >= 0.9 * ratios.len() as f64 && ratios.iter().all(|r| *r < 2.3), "{ratios:?}");
+    let rgb = 5 * PILOT_RGB.len();
+    assert!(ratios[..rgb].iter().all(|ratio| *ratio <= 1.5), "{ratios:?}");
+    assert!(close >= ratios.len() - 1 && ratios.iter().all(|ratio| *ratio < 1.75), "{ratios:?}");
 }
 
 /// The same table from the catalogue's matrices, whose collagen emits at 390 nm, and beside it the honest one.
