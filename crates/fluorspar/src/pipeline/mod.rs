@@ -84,7 +84,10 @@ pub use frame_leak::{ChannelLeak, FrameLeak, frame_leak};
 pub use predict::{
     ChannelPrediction, Chromaticity, PredictError, PredictedPorphyrin, Prediction, RadianceSplit, predict,
 };
-pub use preview::{ColorRendering, Preview, light_group_preview, preview, radiance_preview};
+pub use preview::{
+    ColorRendering, Preview, light_group_preview, preview, preview_white, preview_with_white,
+    radiance_preview,
+};
 pub use region_radiance::RegionRadiance;
 pub use region_signal::{CameraResponse, MixtureSpectra, PorphyrinEstimate, estimate_porphyrin};
 pub use rendered_regions::{BasisRender, rendered_regions};

@@ -126,6 +126,19 @@ impl ColorRendering {
         Some(Self { matrix, lift: LIFT_REFLECTED })
     }
 
+    /// Colors of pixels before the exposure scale. Without R, G and B the first channel counts as each of them.
+    fn colors<'a>(&'a self, image: &'a ChannelImage) -> impl Fn(usize) -> [f64; 3] + Sync + 'a {
+        let find = |name: &str| image.channels.iter().position(|c| c == name);
+        let channels = match [find("R"), find("G"), find("B")] {
+            [Some(r), Some(g), Some(b)] => [r, g, b],
+            _ => [0; 3],
+        };
+        move |pixel| {
+            let values = channels.map(|c| f64::from(image.data[pixel * image.channels.len() + c]));
+            self.matrix.map(|row| row.iter().zip(values).map(|(m, v)| m * v).sum())
+        }
+    }
+
     /// The rendering of one frame of a study: colors as under white light where the light source covers the visible range;
     /// the sensor's own channels where it does not (fluorescence), dim tissue lifted.
     pub fn of_frame(study: &Study, capture: &Capture) -> Self {
@@ -158,17 +171,20 @@ pub(super) fn inverse(m: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
 /// Turns a developed frame into an image, scaled so that all but the brightest half percent fits.
 /// Frames without R, G and B become gray.
 pub fn preview(image: &ChannelImage, rendering: &ColorRendering) -> Preview {
-    let find = |name: &str| image.channels.iter().position(|c| c == name);
-    let channels = match [find("R"), find("G"), find("B")] {
-        [Some(r), Some(g), Some(b)] => [r, g, b],
-        _ => [0; 3],
-    };
-    let linear = |pixel: usize| {
-        let values = channels.map(|c| f64::from(image.data[pixel * image.channels.len() + c]));
-        rendering.matrix.map(|row| row.iter().zip(values).map(|(m, v)| m * v).sum())
-    };
+    preview_with_white(image, rendering, preview_white(image, rendering))
+}
+
+/// The level that [`preview`] shows as white: that which all but the brightest half percent of the pixels stay below, and never noise
+/// alone. On the scale of the rendering's colors, for which [`preview_with_white`] takes it.
+pub fn preview_white(image: &ChannelImage, rendering: &ColorRendering) -> f64 {
     let gain = rendering.matrix[1].iter().sum::<f64>().abs().max(f64::MIN_POSITIVE);
-    to_srgb([image.width, image.height], linear, image.noise_floor_dn * gain, rendering.lift)
+    white_level(image.width * image.height, rendering.colors(image), image.noise_floor_dn * gain)
+}
+
+/// As [`preview`], with a white of one's own: frames with the same rendering and white are exposed alike.
+pub fn preview_with_white(image: &ChannelImage, rendering: &ColorRendering, white: f64) -> Preview {
+    let size = [image.width, image.height];
+    to_srgb(size, rendering.colors(image), white.max(f64::MIN_POSITIVE), rendering.lift)
 }
 
 /// Turns a radiance image into the image that an eye would see (CIE 1931), scaled as [`preview`].
@@ -197,28 +213,35 @@ fn balanced(image: &SpectralImage<Radiance>, white: [f64; 3]) -> Preview {
         .map(|spectrum| linear_srgb(observer.xyz(spectrum)))
         .map(|color| std::array::from_fn(|c| color[c] / white[c]))
         .collect();
-    to_srgb([image.width(), image.height()], |pixel| linear[pixel], 0.0, LIFT_REFLECTED)
+    let white_level = white_level(linear.len(), |pixel| linear[pixel], 0.0);
+    to_srgb([image.width(), image.height()], |pixel| linear[pixel], white_level, LIFT_REFLECTED)
 }
 
-/// `linear` gives the color of a pixel, `noise` the standard deviation of a dark one, on the same scale. It is asked twice: the colors of a whole frame would take as much memory as all else.
+/// The level that becomes white. `linear` gives the color of a pixel, `noise` the standard deviation of a dark one, on the same scale.
+fn white_level(pixels: usize, linear: impl Fn(usize) -> [f64; 3] + Sync, noise: f64) -> f64 {
+    let mut brightest: Vec<f32> =
+        (0..pixels).into_par_iter().map(|pixel| largest(linear(pixel)) as f32).collect();
+    let index = ((brightest.len() as f64 * WHITE_PERCENTILE) as usize).min(brightest.len().saturating_sub(1));
+    if brightest.is_empty() {
+        return 1.0;
+    }
+    let (_, value, _) = brightest.select_nth_unstable_by(index, f32::total_cmp);
+    // A dark frame must look dark, and one of noise alone black
+    let least = if f64::from(*value) < NOISE_ALONE * noise { DARK_WHITE } else { LEAST_WHITE };
+    f64::from(*value).max(least * noise).max(f64::MIN_POSITIVE)
+}
+
+fn largest([r, g, b]: [f64; 3]) -> f64 {
+    r.max(g).max(b)
+}
+
+/// `linear` is asked for the white and again here: the colors of a whole frame would take as much memory as all else.
 fn to_srgb(
     [width, height]: [usize; 2],
     linear: impl Fn(usize) -> [f64; 3] + Sync,
-    noise: f64,
+    white: f64,
     lift: f64,
 ) -> Preview {
-    let largest = |[r, g, b]: [f64; 3]| r.max(g).max(b);
-    let mut brightest: Vec<f32> =
-        (0..width * height).into_par_iter().map(|pixel| largest(linear(pixel)) as f32).collect();
-    let index = ((brightest.len() as f64 * WHITE_PERCENTILE) as usize).min(brightest.len().saturating_sub(1));
-    let white = if brightest.is_empty() {
-        1.0
-    } else {
-        let (_, value, _) = brightest.select_nth_unstable_by(index, f32::total_cmp);
-        // A dark frame must look dark, and one of noise alone black
-        let least = if f64::from(*value) < NOISE_ALONE * noise { DARK_WHITE } else { LEAST_WHITE };
-        f64::from(*value).max(least * noise).max(f64::MIN_POSITIVE)
-    };
     let tone = |pixel: usize| -> [u8; 3] {
         let p = linear(pixel);
         // Extended Reinhard operator (Reinhard et al. 2002, Eq. 4) on the largest channel: keeps hues, maps `white` to 1.
