@@ -18,6 +18,7 @@
 //! | [`d_prime_of_rates`], [`auc_of_d_prime`], [`auc_of_scores`] | how well scores tell two groups apart |
 //! | [`ChannelSignal`], [`SignalRatio`], [`Unmixing`] | levels of any channels of any frames, their ratios, and the fluorophores that they are made of |
 //! | [`TargetDetection::new`] | how well a target is told from what lies around it: contrast, d', smallest diameter, frames |
+//! | [`interval_of_difference`] | whether two estimates differ by more than their intervals leave open |
 //! | [`analyze_region`] | all of it at once, as an [`Analysis`] that goes to `results.json` |
 //!
 //! Out of scope: telling the four bulk fluorophores apart. Under one excitation light their chromaticities are too
@@ -27,6 +28,7 @@ mod channel_noise;
 mod channel_signals;
 mod chromaticity;
 mod detection;
+mod difference;
 mod error_budget;
 mod family_average;
 mod light_family;
@@ -50,6 +52,7 @@ pub use chromaticity::{
     chromaticity_covariance, rgb_channels, sensor_chromaticity,
 };
 pub use detection::{auc_of_d_prime, auc_of_scores, d_prime_of_rates};
+pub use difference::interval_of_difference;
 pub use error_budget::{BudgetInput, BudgetItem, ErrorBudget};
 pub use family_average::{FamilyAverage, TissueDoubt, TissueEvidence};
 pub use light_family::{CubicTerms, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
