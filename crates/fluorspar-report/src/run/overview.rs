@@ -440,17 +440,10 @@ fn detection_card(analysis: &Analysis) -> Option<Number> {
         Some(_) => "; unknown tissue hides more",
         None => "",
     };
-    let (limit, beyond) = match &analysis.budget {
-        Some(budget) => {
-            let blank = format!("{:.4}", budget.blank).replace('-', "−");
-            (budget.detection_limit, format!(" beyond the blank ({blank})"))
-        }
-        None => {
-            let estimate = analysis.mixture.as_ref()?.region?.estimate;
-            // Currie 1968: 5 % of errors of either kind
-            (2.0 * 1.645 * estimate.position_standard_error, String::new())
-        }
-    };
+    let limit = analysis.detection_limit()?;
+    let beyond = analysis.budget.as_ref().map_or_else(String::new, |budget| {
+        format!(" beyond the blank ({})", format!("{:.4}", budget.blank).replace('-', "−"))
+    });
     let hidden = "that noise alone hides in 5 % of frames";
     let there = analysis.truth.as_ref().map(|truth| truth.share).filter(|share| *share > 0.0);
     let Some(there) = there else {

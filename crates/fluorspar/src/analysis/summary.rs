@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::mixture_line::DETECTION_Z;
 use super::pixel_mean::mean_of_pixels;
 use super::{
     ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ErrorBudget, ExclusionCounts,
@@ -177,6 +178,19 @@ pub struct Analysis {
 }
 
 impl Analysis {
+    /// Smallest share on the mixture line that noise alone tells from the blank with errors of 5 % either way: that of the budget, counted
+    /// from its blank, else that of the estimate's own noise (Currie 1968).
+    #[must_use]
+    pub fn detection_limit(&self) -> Option<f64> {
+        match &self.budget {
+            Some(budget) => Some(budget.detection_limit),
+            None => {
+                let estimate = self.mixture.as_ref()?.region?.estimate;
+                Some(DETECTION_Z * estimate.position_standard_error)
+            }
+        }
+    }
+
     /// The porphyrin of the region in words, one line each: the estimates, and in a simulation the truth beside them.
     #[must_use]
     pub fn porphyrin_lines(&self) -> Vec<String> {
