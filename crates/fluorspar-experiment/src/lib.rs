@@ -9,6 +9,7 @@
 //! | sections to a study | [`resolve`] | `resolve/` |
 //! | paths with wildcards, parts by name, the tree of a scene | [`SceneChange`], [`scene_nodes`] | `scene_path.rs`, `scene_parts.rs`, `scene_tree.rs` |
 //! | changes written into a file, and files of changes | [`edit_experiment`], [`parse_script`] | `scene_edit.rs`, `scene_script.rs` |
+//! | what two experiments set differently, by path | [`setting_differences`] | `setting_difference.rs` |
 //! | the small file of a flat sample | [`parse_sample`] | `sample.rs` |
 //! | the small file of a sensor | [`parse_sensor`] | `sensor_file.rs` |
 //! | the small file of plane layers | [`parse_layers`] | `layers_file.rs` |
@@ -37,6 +38,7 @@ mod scene_path;
 mod scene_script;
 mod scene_tree;
 mod sensor_file;
+mod setting_difference;
 mod shape;
 mod tissue_file;
 mod warning;
@@ -73,6 +75,7 @@ pub use scene_edit::edit_experiment;
 pub use scene_script::{parse_script, script_text};
 pub use scene_tree::{SceneNode, SceneValue, scene_nodes, scene_values};
 pub use sensor_file::{ResolvedSensor, SensorFile, parse_sensor};
+pub use setting_difference::{SettingDifference, setting_differences};
 pub use tissue_file::{TissueFile, parse_tissue};
 pub use warning::Warning;
 

@@ -1,0 +1,179 @@
+//! What two experiments set differently, by path.
+
+use serde::Serialize;
+use toml::Value;
+
+use super::Experiment;
+use super::scene_path::step_text;
+
+/// A setting that two experiments do not share.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SettingDifference {
+    /// Its path, as `--set` takes it.
+    pub path: String,
+    /// Unit of its numbers, as its name tells; empty for a pure number and for text.
+    pub unit: &'static str,
+    /// Its value in the first experiment, with defaults; `None` where it is not there.
+    pub a: Option<Value>,
+    /// Its value in the second one.
+    pub b: Option<Value>,
+}
+
+/// Names for people: no setting changes with them.
+const TEXTS: [&str; 2] = ["title", "description"];
+
+/// Ends of the names of fields and their units, longer ends first.
+const UNITS: [(&str, &str); 38] = [
+    ("_w_per_sr_m2_nm", "W/(sr m² nm)"),
+    ("_w_per_sr_m2", "W/(sr m²)"),
+    ("_w_per_m2", "W/m²"),
+    ("_umol_per_l", "µmol/l"),
+    ("_g_per_l", "g/l"),
+    ("_e_per_dn", "e-/DN"),
+    ("_dn_per_e", "DN/e-"),
+    ("_mv_per_e", "mV/e-"),
+    ("_mv_per_s", "mV/s"),
+    ("_e_per_s", "e-/s"),
+    ("_px_per_s", "px/s"),
+    ("_per_million", "per million"),
+    ("_per_mm", "1/mm"),
+    ("_per_cm", "1/cm"),
+    ("_per_nm", "1/nm"),
+    ("_percent", "%"),
+    ("_deg", "degrees"),
+    ("_gib", "GiB"),
+    ("_db", "dB"),
+    ("_dn", "DN"),
+    ("_ev", "EV"),
+    ("_hz", "Hz"),
+    ("_mm", "mm"),
+    ("_ms", "ms"),
+    ("_mv", "mV"),
+    ("_mw", "mW"),
+    ("_nm", "nm"),
+    ("_px", "px"),
+    ("_um", "µm"),
+    ("_us", "µs"),
+    ("_c", "°C"),
+    ("_e", "e-"),
+    ("_k", "K"),
+    ("_s", "s"),
+    ("_v", "V"),
+    ("columns", "px"),
+    ("rows", "px"),
+    ("bit_depth", "bits"),
+];
+
+/// The unit of a field by its name.
+fn unit_of(field: &str) -> &'static str {
+    UNITS.iter().find(|(end, _)| field.ends_with(end)).map_or("", |(_, unit)| unit)
+}
+
+/// What two experiments set differently, defaults included, in the order of the first one: entries of lists are the same where they have
+/// the same name. Titles and descriptions are left out. Empty where both set the same.
+#[must_use]
+pub fn setting_differences(a: &Experiment, b: &Experiment) -> Vec<SettingDifference> {
+    let complete = |experiment: &Experiment| Value::try_from(&experiment.file).ok();
+    let mut found = Vec::new();
+    let (a, b) = (complete(a), complete(b));
+    differences(String::new(), "", (a.as_ref(), b.as_ref()), &mut found);
+    found.retain(|difference| !TEXTS.contains(&difference.path.as_str()));
+    found
+}
+
+/// Adds what differs at a path and below it. `field` is the name of the last field on the way.
+fn differences(
+    path: String,
+    field: &str,
+    (a, b): (Option<&Value>, Option<&Value>),
+    found: &mut Vec<SettingDifference>,
+) {
+    if a == b {
+        return;
+    }
+    let inside = |step: String| if path.is_empty() { step } else { format!("{path}.{step}") };
+    match (a, b) {
+        (Some(Value::Table(of_a)), Some(Value::Table(of_b))) => {
+            let only_b = of_b.keys().filter(|key| !of_a.contains_key(*key));
+            for key in of_a.keys().chain(only_b) {
+                differences(inside(step_text(key)), key, (of_a.get(key), of_b.get(key)), found);
+            }
+        }
+        (Some(Value::Array(of_a)), Some(Value::Array(of_b)))
+            if of_a.iter().chain(of_b).all(|entry| name(entry).is_some()) =>
+        {
+            let entry = |list: &[Value], wanted: &str| list.iter().position(|e| name(e) == Some(wanted));
+            let only_b = of_b.iter().filter(|e| name(e).is_none_or(|n| entry(of_a, n).is_none()));
+            for wanted in of_a.iter().chain(only_b).filter_map(name) {
+                let at = |list: &'_ [Value]| entry(list, wanted);
+                let pair = (at(of_a).map(|k| &of_a[k]), at(of_b).map(|k| &of_b[k]));
+                differences(inside(step_text(wanted)), field, pair, found);
+            }
+        }
+        (Some(Value::Array(of_a)), Some(Value::Array(of_b)))
+            if of_a.len() == of_b.len() && of_a.iter().chain(of_b).all(Value::is_table) =>
+        {
+            for (index, pair) in of_a.iter().zip(of_b).enumerate() {
+                let pair = (Some(pair.0), Some(pair.1));
+                differences(format!("{path}[{index}]"), field, pair, found);
+            }
+        }
+        _ => found.push(SettingDifference { path, unit: unit_of(field), a: a.cloned(), b: b.cloned() }),
+    }
+}
+
+/// The name of an entry of a list.
+fn name(entry: &Value) -> Option<&str> {
+    entry.get("name")?.as_str()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::parse;
+
+    fn patch(changes: &[&str]) -> Experiment {
+        let changes: Vec<String> = changes.iter().map(|change| change.to_string()).collect();
+        parse("format = 1\nbase = \"flat-patch\"", "patch", Path::new("."), &changes).unwrap()
+    }
+
+    #[test]
+    fn only_what_differs_is_told_by_path_with_its_unit() {
+        let a = patch(&["title=first"]);
+        let b = patch(&["capture.blue.exposure_ms=60", "light.blue.spectrum=led_405", "title=second"]);
+        let found = setting_differences(&a, &b);
+        let told: Vec<(&str, &str)> = found.iter().map(|d| (d.path.as_str(), d.unit)).collect();
+        assert_eq!(told, [("light.blue.spectrum", ""), ("capture.blue.exposure_ms", "ms")]);
+        assert_eq!(found[1].a, Some(Value::Float(30.0)));
+        assert_eq!(found[1].b, Some(Value::Float(60.0)));
+        assert_eq!(setting_differences(&a, &a), []);
+    }
+
+    #[test]
+    fn an_entry_that_is_only_there_once_is_one_difference() {
+        let a = patch(&[]);
+        let fewer = patch(&["unset capture.blue.subtract", "unset capture.ambient"]);
+        let found = setting_differences(&a, &fewer);
+        let ambient: Vec<_> = found.iter().filter(|d| d.path.starts_with("capture.ambient")).collect();
+        assert!(
+            matches!(ambient[..], [only] if only.path == "capture.ambient" && only.b.is_none()),
+            "{found:?}"
+        );
+        // The other way round the sides are swapped
+        let swapped = setting_differences(&fewer, &a);
+        assert_eq!(swapped.len(), found.len());
+        assert!(swapped.iter().any(|d| d.path == "capture.ambient" && d.a.is_none()), "{swapped:?}");
+    }
+
+    #[test]
+    fn units_are_those_of_the_longest_end() {
+        let of = |field| unit_of(field);
+        assert_eq!(of("exposure_ms"), "ms");
+        assert_eq!(of("irradiance_w_per_m2"), "W/m²");
+        assert_eq!(of("dark_current_e_per_s"), "e-/s");
+        assert_eq!(of("read_noise_e"), "e-");
+        assert_eq!(of("spectrum"), "");
+    }
+}
