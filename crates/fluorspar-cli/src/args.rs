@@ -6,9 +6,9 @@ use clap::{Parser, Subcommand, ValueEnum, ValueHint};
 use clap_complete::Shell;
 
 use crate::commands::{
-    analyze, capture, check, denoise, describe, design, filter, fluorophore, lens, merge, mouth, new, plot,
-    predict, presets, render, run, safety, scene, schema, sensor, sheet, spectra, spectroradiometer, tissue,
-    validate,
+    analyze, capture, check, compare, denoise, describe, design, filter, fluorophore, lens, merge, mouth,
+    new, plot, predict, presets, render, run, safety, scene, schema, sensor, sheet, spectra,
+    spectroradiometer, tissue, validate,
 };
 use crate::values::{self, Override};
 
@@ -62,6 +62,8 @@ pub(crate) enum Command {
     Sheet(sheet::Options),
     /// Analyze raw frames, simulated or of a camera: colors, porphyrin share, report.
     Analyze(analyze::Options),
+    /// Compare two finished runs: settings, numbers with their intervals, frames. Designs that were not run: `design compare`.
+    Compare(compare::Options),
     /// Write the description that a camera's frame needs beside it: from its tags, and from what you know.
     Describe(describe::Options),
     /// List, show, plot or import fluorophores.

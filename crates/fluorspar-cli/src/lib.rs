@@ -143,6 +143,7 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Capture(options) => commands::capture::run(&options),
         Command::Sheet(options) => commands::sheet::run(&options),
         Command::Analyze(options) => commands::analyze::run(&options),
+        Command::Compare(options) => commands::compare::run(&options),
         Command::Describe(options) => commands::describe::run(&options),
         Command::Fluorophore(options) => commands::fluorophore::run(&options),
         Command::Sensor(options) => commands::sensor::run(&options),

@@ -51,3 +51,17 @@ def test_designs_become_parquet(tmp_path) -> None:
     designs.to_parquet(tmp_path / "designs.parquet")
     again = pandas.read_parquet(tmp_path / "designs.parquet")
     assert len(again) > 0 and again["lights"].tolist() == designs["lights"].tolist()
+
+
+def test_two_runs_are_compared(tmp_path) -> None:
+    small = {"render.width_px": 16, "render.height_px": 12, "sensor.columns": 32, "sensor.rows": 24}
+    for name, spectrum in (("a", "led_385"), ("b", "led_405")):
+        experiment = fs.experiment("flat-patch").set("light.blue.spectrum", spectrum)
+        for path, value in small.items():
+            experiment = experiment.set(path, value)
+        fs.run(experiment, tmp_path / name, spp=2)
+    found = fs.compare(tmp_path / "a", tmp_path / "b", out=tmp_path / "two")
+    assert [setting.path for setting in found.settings] == ["light.blue.spectrum"]
+    share = next(row for row in found.numbers if row.quantity == "Porphyrin share on the mixture line")
+    assert share.told_apart == "apart" and share.difference > 0
+    assert (tmp_path / "two" / "report.html").is_file()

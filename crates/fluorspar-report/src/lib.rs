@@ -5,12 +5,14 @@
 //! | draw | [`figures`], or a [`Figure`] of your own | axes with units and explicit limits, series, heat maps |
 //! | export | [`Figure::to_svg`], [`Figure::to_png`] | the same image as vector text or as pixels |
 //! | write | [`ReportData::to_html`] | one file: text, images, figures, tables, the experiment itself |
+//! | two finished runs side by side | [`compared_numbers`], [`comparison_report`] | numbers with intervals, and whether these tell them apart |
 //! | a design search as a page | [`design_report`] | what is best, what it costs, what it rests on |
 //! | compare with the paper | [`validation::cases`] | one case for each figure and table |
 //! | read back | [`extract_experiment`] | the TOML that a report was made from |
 //!
 //! Out of scope: physics. Everything here draws and explains numbers that were computed elsewhere.
 
+mod comparison;
 mod design_report;
 mod figure;
 pub mod figures;
@@ -18,6 +20,12 @@ mod page;
 mod run;
 pub mod validation;
 
+pub use comparison::{
+    ComparedNumber, ComparedPictures, ComparedSide, FinishedCapture, FinishedFrame, FinishedProgram,
+    FinishedRun, FinishedSafety, FinishedViewer, FrameToCompare, HOW_JUDGED, ToldApart, UnreadableRun,
+    compared_numbers, compared_pictures, comparison_figures, comparison_remarks, comparison_report,
+    setting_cells,
+};
 pub use design_report::{DesignFindings, JudgedDesign, design_figures, design_report};
 pub use figure::{
     Axis, ColorBar, ColorMap, ContactSheet, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale,

@@ -361,9 +361,7 @@ fn developed(options: &Options, study: &Study, wanted: &str) -> Result<Vec<Captu
         let Some(folder) = &options.folder else {
             return Err(CliError::Input("give a folder, or frames with --frame CAPTURE=FILE".into()));
         };
-        let exposures = frames_of_folder(study, &study.captures, folder)?;
-        let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
-        return Ok(develop_frames(study, exposures, &calibration)?);
+        return developed_folder(study, folder);
     }
     let exposures = named_frames(options, study, wanted)?;
     let read = |paths: &[PathBuf]| -> Result<Vec<SensorImage>, CliError> {
@@ -372,6 +370,13 @@ fn developed(options: &Options, study: &Study, wanted: &str) -> Result<Vec<Captu
     let develop = &study.develop;
     let (dark, flat) = (read(&options.dark)?, read(&options.flat)?);
     let calibration = Calibration::of_frames(develop.demosaicing, dark, flat, develop.bad_pixel_sigma)?;
+    Ok(develop_frames(study, exposures, &calibration)?)
+}
+
+/// The frames of a folder that `run` or `capture` wrote, developed with what calibrates them.
+pub(super) fn developed_folder(study: &Study, folder: &Path) -> Result<Vec<CapturedFrame>, CliError> {
+    let exposures = frames_of_folder(study, &study.captures, folder)?;
+    let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
     Ok(develop_frames(study, exposures, &calibration)?)
 }
 

@@ -407,7 +407,7 @@ fn a_dark_frame_is_told() {
 }
 
 /// The browser, if there is one.
-fn browser() -> Option<PathBuf> {
+pub(super) fn browser() -> Option<PathBuf> {
     let names = ["chromium", "chromium-browser", "google-chrome"];
     let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH")?).collect();
     names
@@ -419,7 +419,8 @@ fn browser() -> Option<PathBuf> {
 /// Measures a page, folded and open, and sends what it found to the page around it.
 const MEASURE: &str = include_str!("measure_page.html");
 
-fn fits(browser: &Path, name: &str, folder: &Path, [width, height]: [u32; 2]) {
+/// Checks that a browser shows all of the page of a folder at a width.
+pub(super) fn fits(browser: &Path, name: &str, folder: &Path, [width, height]: [u32; 2]) {
     let page = fs::read_to_string(folder.join("report.html")).unwrap();
     let measured = folder.join("measured.html");
     fs::write(&measured, page + MEASURE).unwrap();

@@ -245,6 +245,15 @@ def design(source: str | os.PathLike[str] | None = None, *, search: str = "compa
     return _record("design", search, *([] if source is None else [source]), **options)
 
 
+def compare(a: str | os.PathLike[str], b: str | os.PathLike[str], **options: Any) -> Record:
+    """Two finished runs side by side: the settings that differ, and the numbers with their intervals and whether these tell them apart.
+
+    ``compare("fluorspar-out/a", "fluorspar-out/b", out="two")``: folders of ``run``, ``capture`` or ``analyze``; ``out`` is a folder for a page
+    with the frames. Designs that nobody has run are compared by :func:`design`.
+    """
+    return _record("compare", a, b, **options)
+
+
 def spectroradiometer(source: str | os.PathLike[str], **options: Any) -> Record:
     """Spectra of a component image or a flat sample as a spectroradiometer reads them."""
     return _record("spectroradiometer", source, **options)

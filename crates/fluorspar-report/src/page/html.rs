@@ -25,7 +25,9 @@ impl ReportData {
     pub fn to_html(&self) -> String {
         let mut html = String::with_capacity(1 << 20);
         open_page(&mut html, &self.title);
-        html.push_str(&embed_experiment(&self.experiment_toml));
+        if !self.experiment_toml.is_empty() {
+            html.push_str(&embed_experiment(&self.experiment_toml));
+        }
         let _ = writeln!(html, "\n<header>\n<h1>{}</h1>", escape(&self.title));
         for paragraph in &self.lead {
             let _ = writeln!(html, "<p class=\"lead\">{}</p>", escape(paragraph));
@@ -41,7 +43,9 @@ impl ReportData {
         for section in &self.sections {
             write_section(&mut html, section, &mut figures);
         }
-        self.write_experiment(&mut html);
+        if !self.experiment_toml.is_empty() {
+            self.write_experiment(&mut html);
+        }
         close_page(&mut html);
         html
     }
@@ -94,11 +98,10 @@ impl ReportData {
             let (anchor, title) = (anchor(&section.title), escape(&section.title));
             let _ = writeln!(html, "<li><a href=\"#{anchor}\">{title}</a></li>");
         }
-        let _ = writeln!(
-            html,
-            "<li><a href=\"#experiment\">{}</a></li>\n</ul>\n</nav>",
-            self.experiment_heading()
-        );
+        if !self.experiment_toml.is_empty() {
+            let _ = writeln!(html, "<li><a href=\"#experiment\">{}</a></li>", self.experiment_heading());
+        }
+        html.push_str("</ul>\n</nav>\n");
     }
 
     /// Recorded frames can't be run again: their experiment says what was assumed of them.

@@ -19,7 +19,7 @@ pub struct ReportData {
     pub sections: Vec<Section>,
     /// Version, seed, scene hash and the like: name and value.
     pub provenance: Vec<(String, String)>,
-    /// The resolved experiment, TOML.
+    /// The resolved experiment, TOML; empty for a page that no experiment was made for, which then has no part on how to run it again.
     pub experiment_toml: String,
     /// The command that makes this run again, for instance `fluorspar run report.html`; empty where the experiment only describes what
     /// is assumed of frames that were recorded.

@@ -21,17 +21,17 @@ const SHADE: f64 = 0.06;
 const FADED: f64 = 2.0;
 
 /// A frame for the screen.
-pub(super) struct DisplayImage {
+pub(crate) struct DisplayImage {
     /// Its channels.
-    pub(super) image: ChannelImage,
+    pub(crate) image: ChannelImage,
     /// Pixels of the sensor along a side of a pixel of the image.
-    pub(super) block: usize,
+    pub(crate) block: usize,
     /// What was done, in words.
-    pub(super) done: String,
+    pub(crate) done: String,
 }
 
 /// Prepares a developed frame for the screen.
-pub(super) fn for_display(frame: &ChannelImage, dn_per_electron: f64) -> DisplayImage {
+pub(crate) fn for_display(frame: &ChannelImage, dn_per_electron: f64) -> DisplayImage {
     let block = frame.width.max(frame.height).div_ceil(WIDEST).max(1);
     let binned = blocks(frame, block);
     let noise = Noise {

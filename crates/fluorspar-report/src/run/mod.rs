@@ -10,6 +10,9 @@ mod report;
 mod safety_section;
 mod words;
 
+pub(crate) use display::{DisplayImage, for_display};
+pub(crate) use words::capital;
+
 pub use dark_frames::dark_frames;
 pub use folder::{
     RunFolderError, evaluation_json, write_frame_report, write_run_components, write_run_folder,

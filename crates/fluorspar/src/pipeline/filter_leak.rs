@@ -1,6 +1,6 @@
 //! Reflected light against fluorescence behind the viewing filters: the number that decides whether they block enough.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::predict::{PredictError, predict};
 use crate::spectral::{Curve, Transmittance};
@@ -34,7 +34,7 @@ pub struct LeakAtAngle {
 }
 
 /// Light behind the filters.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LeakBehindFilters {
     /// Reflected photon radiance.
     pub reflected: f64,

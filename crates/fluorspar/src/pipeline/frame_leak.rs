@@ -1,7 +1,7 @@
 //! Reflected light against fluorescence in the frames of a study, as [`super::filter_leak()`] for a flat sample,
 //! for a scene, and in electrons.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::PipelineError;
 use super::capture::{behind_filter, on_sensor};
@@ -16,7 +16,7 @@ use crate::study::{Capture, Study};
 use crate::units::photons_per_joule;
 
 /// Where reflected light comes from and where it ends, in one frame.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameLeak {
     /// Label of the frame.
     pub frame: String,
@@ -36,7 +36,7 @@ pub struct FrameLeak {
 }
 
 /// Electrons of one color channel.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChannelLeak {
     /// Name of the channel.
     pub name: String,

@@ -25,7 +25,7 @@ actions! {
     Sweep(sweep::SweepOptions) => sweep::sweep,
     /// Find the best design: all of them where that is possible, otherwise by exchange of one choice at a time.
     Optimize(sweep::OptimizeOptions) => sweep::optimize,
-    /// Evaluate the designs that the file names under [[compare]].
+    /// Evaluate the designs that the file names under [[compare]]. Two finished runs: `fluorspar compare A B`.
     Compare(compare::Options) => compare::run,
     /// Write the scenes that the problem renders as experiments, for several processes to render one of them together.
     Scenes(scenes::Options) => scenes::run,

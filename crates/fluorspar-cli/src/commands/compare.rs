@@ -1,0 +1,354 @@
+//! `fluorspar compare`: two finished runs side by side.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::ValueHint;
+use fluorspar::pipeline::{CapturedFrame, ColorRendering};
+use fluorspar::study::Study;
+use fluorspar_experiment::{
+    Experiment, SettingDifference, parse, resolve, resolve_captures, setting_differences,
+};
+use fluorspar_format::{FileFormat, OutputFolder, read_bounded, write_atomically};
+use fluorspar_report::{
+    ComparedNumber, ComparedPictures, FinishedRun, FrameToCompare, HOW_JUDGED, ReportPicture,
+    compared_numbers, compared_pictures, comparison_figures, comparison_remarks, comparison_report,
+    extract_experiment, setting_cells,
+};
+use serde_json::{Value, json};
+
+use super::analyze::developed_folder;
+use super::table::align;
+use crate::args::Answer;
+use crate::error::CliError;
+use crate::experiment_source::read_text;
+use crate::message::Messages;
+
+/// What else there is to compare, at the end of the help.
+const OTHER_COMPARISONS: &str = "\
+This compares what two runs have found. Designs of lights, filters and sensors that nobody has run yet are compared by `design compare`; \
+frames of one render by `sheet`; two spots of one frame by analysis.compared_px.";
+
+/// Options of `compare`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = OTHER_COMPARISONS)]
+pub(crate) struct Options {
+    /// Folder of a finished `run`, `capture` or `analyze --out`, or the results.json or report.html in it.
+    #[arg(value_name = "A", value_hint = ValueHint::DirPath)]
+    a: PathBuf,
+    /// The other one.
+    #[arg(value_name = "B", value_hint = ValueHint::DirPath)]
+    b: PathBuf,
+    /// Folder for report.html with frames side by side, its pictures and figures, and results.json [default: none].
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    answer: Answer,
+}
+
+/// Page, pictures and results, at most.
+const OUT_BYTES: u64 = 64 << 20;
+/// Largest preview that is read.
+const LARGEST_PREVIEW: u64 = 256 << 20;
+
+/// A finished run in its folder.
+struct Side {
+    folder: PathBuf,
+    run: FinishedRun,
+    /// The experiment, or why there is none to compare.
+    experiment: Result<Experiment, String>,
+}
+
+/// Two frames side by side.
+struct FramePair {
+    /// Name of its files.
+    stem: String,
+    titles: [String; 2],
+    pictures: ComparedPictures,
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    let sides = [Side::open(&options.a)?, Side::open(&options.b)?];
+    let [a, b] = &sides;
+    if let (Ok(of_a), Ok(of_b)) = (a.folder.canonicalize(), b.folder.canonicalize())
+        && of_a == of_b
+    {
+        return Err(CliError::Input(format!(
+            "{} and {}: both are the same folder; give the folders of two runs (a run has a folder of its own with --out)",
+            options.a.display(),
+            options.b.display()
+        )));
+    }
+    let folder = match &options.out {
+        Some(out) => Some(OutputFolder::prepare(out, &[a.folder.clone(), b.folder.clone()], OUT_BYTES)?),
+        None => None,
+    };
+    let settings = match (&a.experiment, &b.experiment) {
+        (Ok(of_a), Ok(of_b)) => Ok(setting_differences(of_a, of_b)),
+        (Err(why), _) | (_, Err(why)) => Err(why.clone()),
+    };
+    let numbers = compared_numbers(&a.run, &b.run);
+    let results = results_json(&sides, &settings, &numbers);
+    if let Some(folder) = folder {
+        let pairs = frame_pairs(a, b);
+        write_folder(&folder, &sides, (&settings, &numbers, &results), &pairs)
+            .map_err(|error| error.at_its_place(&folder))?;
+        let place = folder.finish()?;
+        Messages::default().status(format!("Open {}", place.join("report.html").display()));
+    }
+    match options.answer.json {
+        true => super::print_json(&results)?,
+        false => super::print_text(&text(&sides, &settings, &numbers))?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+impl Side {
+    /// Opens the folder of a run, given by itself or by a file in it.
+    fn open(path: &Path) -> Result<Self, CliError> {
+        let refuse = |why: &str| Err(CliError::Input(format!("{}: {why}", path.display())));
+        let is_beside = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+        let folder = if path.is_dir() {
+            path.to_path_buf()
+        } else if !path.exists() {
+            return refuse(
+                "there is no such folder; give one that `run`, `capture` or `analyze --out` wrote",
+            );
+        } else if is_beside("json") || is_beside("html") {
+            path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_path_buf()
+        } else {
+            return refuse(
+                "not a folder of results; give one that `run`, `capture` or `analyze --out` wrote",
+            );
+        };
+        let file = if is_beside("json") { path.to_path_buf() } else { folder.join("results.json") };
+        if !file.is_file() {
+            return refuse(
+                "there is no results.json in this folder; give one that `run`, `capture` or `analyze --out` wrote to its end",
+            );
+        }
+        let wrong = |why: String| CliError::Input(format!("{}: {why}", file.display()));
+        let results: Value =
+            serde_json::from_str(&read_text(&file)?).map_err(|error| wrong(format!("not JSON ({error})")))?;
+        // That of `analyze` is the analysis alone
+        if results.get("counts").is_none() {
+            let stated = results.get("format").and_then(Value::as_i64);
+            FileFormat::RESULTS.check(stated).map_err(|other| wrong(other.to_string()))?;
+        }
+        let experiment = experiment_of(&folder);
+        let target = experiment.as_ref().map_or_else(|_| "porphyrin".into(), target);
+        let run = FinishedRun::read(&path.display().to_string(), &target, &results)
+            .map_err(|error| wrong(error.to_string()))?;
+        // The results of an analysis have no title
+        let title = experiment.as_ref().map_or_else(|_| String::new(), |e| e.file.title.clone());
+        let run = if run.title.is_empty() { FinishedRun { title, ..run } } else { run };
+        Ok(Self { folder, run, experiment })
+    }
+
+    /// Frames of the folder as they were developed; `None` where the raw files are not there, or their experiment is not.
+    fn developed(&self) -> Option<(Study, Vec<CapturedFrame>)> {
+        let experiment = self.experiment.as_ref().ok()?;
+        let held: Vec<&str> = experiment.file.concentration.keys().map(String::as_str).collect();
+        // Without surfaces where that is enough
+        let study = match resolve_captures(experiment, experiment, &held) {
+            Ok(Some(found)) => found.study,
+            _ => resolve(experiment).ok()?.study,
+        };
+        let frames = developed_folder(&study, &self.folder).ok()?;
+        Some((study, frames))
+    }
+
+    /// The picture of a frame as its folder has it.
+    fn preview(&self, label: &str) -> Option<Vec<u8>> {
+        read_bounded(&self.folder.join(format!("preview_{label}.png")), LARGEST_PREVIEW).ok()
+    }
+}
+
+/// The experiment of a folder: its `experiment.toml`, else what its report carries.
+fn experiment_of(folder: &Path) -> Result<Experiment, String> {
+    let file = folder.join("experiment.toml");
+    let text = if file.is_file() {
+        read_text(&file).map_err(|error| error.to_string())?
+    } else {
+        let page = folder.join("report.html");
+        let text = page.is_file().then(|| read_text(&page)).transpose().map_err(|error| error.to_string())?;
+        text.as_deref().and_then(extract_experiment).ok_or_else(|| {
+            format!("{}: neither experiment.toml nor report.html tells its experiment", folder.display())
+        })?
+    };
+    let name = if file.is_file() { file } else { folder.join("report.html") };
+    parse(&text, &name.display().to_string(), folder, &[]).map_err(|error| error.to_string())
+}
+
+/// The fluorophore whose share is looked for, in words.
+fn target(experiment: &Experiment) -> String {
+    let file = &experiment.file;
+    let name = file.analysis.as_ref().and_then(|analysis| analysis.porphyrin.as_deref());
+    match name.filter(|name| !name.contains("porphyrin") && *name != "none") {
+        None => "porphyrin".into(),
+        Some(name) => {
+            let own = file.fluorophore.iter().find(|f| f.name == name).and_then(|f| f.title.clone());
+            own.unwrap_or_else(|| name.replace('_', " "))
+        }
+    }
+}
+
+/// The frames with light that both have, as pictures of one exposure; where names differ, those that are analyzed or the last ones.
+fn frame_pairs(a: &Side, b: &Side) -> Vec<FramePair> {
+    let developed = [a.developed(), b.developed()];
+    let lit = |side: &Side, developed: &Option<(Study, Vec<CapturedFrame>)>| -> Vec<String> {
+        let analyzed = side.run.analysis.iter().map(|analysis| analysis.frame.clone());
+        let Some((study, _)) = developed else { return analyzed.collect() };
+        let has_light = |c: &&fluorspar::study::Capture| c.frame.lights.values().any(|&drive| drive > 0.0);
+        study.captures.iter().filter(has_light).map(|c| c.frame.label.clone()).collect()
+    };
+    let (of_a, of_b) = (lit(a, &developed[0]), lit(b, &developed[1]));
+    let mut names: Vec<[String; 2]> =
+        of_a.iter().filter(|name| of_b.contains(name)).map(|name| [name.clone(), name.clone()]).collect();
+    let analyzed = |side: &Side| side.run.analysis.as_ref().map(|analysis| analysis.frame.clone());
+    if let (Some(in_a), Some(in_b)) = (analyzed(a), analyzed(b))
+        && in_a != in_b
+    {
+        names.insert(0, [in_a, in_b]);
+    }
+    if let (true, Some(in_a), Some(in_b)) = (names.is_empty(), of_a.last(), of_b.last()) {
+        names.push([in_a.clone(), in_b.clone()]);
+    }
+    let pair = |names: [String; 2]| {
+        let pictures = match (&developed[0], &developed[1]) {
+            (Some(of_a), Some(of_b)) => pictures_of_frames([of_a, of_b], &names),
+            _ => None,
+        };
+        let as_kept = || {
+            Some(ComparedPictures {
+                png: [a.preview(&names[0])?, b.preview(&names[1])?],
+                caption:
+                    "Each picture has a white of its own, as the folders hold previews and no raw frames."
+                        .into(),
+            })
+        };
+        let pictures = pictures.or_else(as_kept)?;
+        let titles =
+            [("A", &names[0]), ("B", &names[1])].map(|(run, name)| format!("{run}, frame \"{name}\"."));
+        Some(FramePair { stem: names[0].clone(), titles, pictures })
+    };
+    names.into_iter().filter_map(pair).collect()
+}
+
+fn pictures_of_frames(
+    developed: [&(Study, Vec<CapturedFrame>); 2],
+    names: &[String; 2],
+) -> Option<ComparedPictures> {
+    let frame = |side: usize| -> Option<FrameToCompare<'_>> {
+        let (study, frames) = developed[side];
+        let frame = frames.iter().find(|frame| frame.raw.label == names[side])?;
+        Some(FrameToCompare {
+            developed: &frame.developed,
+            dn_per_electron: frame.raw.dn_per_electron,
+            rendering: ColorRendering::of_frame(study, study.capture(&names[side])?),
+        })
+    };
+    compared_pictures(&frame(0)?, &frame(1)?)
+}
+
+/// Everything as JSON.
+fn results_json(
+    sides: &[Side; 2],
+    settings: &Result<Vec<SettingDifference>, String>,
+    numbers: &[ComparedNumber],
+) -> Value {
+    let run = |side: &Side| {
+        let run = &side.run;
+        let text = |text: &String| (!text.is_empty()).then(|| text.clone());
+        json!({
+            "folder": run.name,
+            "title": text(&run.title),
+            "version": text(&run.version),
+            "experiment_sha256": text(&run.experiment_sha256),
+        })
+    };
+    json!({
+        "format": FileFormat::RESULTS.version(),
+        "program": "fluorspar",
+        "version": env!("CARGO_PKG_VERSION"),
+        "compared": { "a": run(&sides[0]), "b": run(&sides[1]) },
+        "settings": settings.as_ref().ok(),
+        "settings_not_compared": settings.as_ref().err(),
+        "numbers": numbers,
+        "judged": HOW_JUDGED,
+        "warnings": comparison_remarks(&sides[0].run, &sides[1].run),
+    })
+}
+
+/// The comparison as text.
+fn text(
+    sides: &[Side; 2],
+    settings: &Result<Vec<SettingDifference>, String>,
+    numbers: &[ComparedNumber],
+) -> String {
+    let mut text = String::new();
+    for (letter, side) in ["A", "B"].iter().zip(sides) {
+        text += format!("{letter}  {}  {}\n", side.run.name, side.run.title).trim_end();
+        text.push('\n');
+    }
+    match settings {
+        Err(why) => text += &format!("\nThe settings are not compared: {why}\n"),
+        Ok(list) if list.is_empty() => text += "\nNo setting differs.\n",
+        Ok(list) => {
+            let head = ["Setting that differs", "A", "B"].map(String::from).to_vec();
+            let rows = list.iter().map(|setting| setting_cells(setting).to_vec());
+            text += &format!("\n{}", align(&std::iter::once(head).chain(rows).collect::<Vec<_>>(), &[1, 2]));
+        }
+    }
+    let head = ["Number", "A", "B", "B - A", "told apart"].map(String::from).to_vec();
+    let row = |number: &ComparedNumber| {
+        let [a, b, difference, verdict] = number.cells();
+        // The interval of the difference is in the page and in the JSON: lines are long enough
+        let difference = difference.split(" (").next().unwrap_or_default().to_owned();
+        vec![number.name(), a, b, difference, verdict]
+    };
+    let rows: Vec<Vec<String>> = std::iter::once(head).chain(numbers.iter().map(row)).collect();
+    text += &format!("\n{}\n{HOW_JUDGED}\n", align(&rows, &[4]));
+    for remark in comparison_remarks(&sides[0].run, &sides[1].run) {
+        text += &format!("{remark}\n");
+    }
+    text
+}
+
+/// Writes the page, its pictures and figures, and the numbers.
+fn write_folder(
+    folder: &OutputFolder,
+    sides: &[Side; 2],
+    (settings, numbers, results): (&Result<Vec<SettingDifference>, String>, &[ComparedNumber], &Value),
+    pairs: &[FramePair],
+) -> Result<(), CliError> {
+    let put = |name: &str, bytes: &[u8]| -> Result<(), CliError> {
+        Ok(write_atomically(&folder.path().join(name), |file| file.write_all(bytes))?)
+    };
+    std::fs::create_dir_all(folder.path().join("figures"))?;
+    put("results.json", &serde_json::to_vec_pretty(results)?)?;
+    for pair in pairs {
+        for (letter, png) in ["a", "b"].iter().zip(&pair.pictures.png) {
+            put(&format!("{}_{letter}.png", pair.stem), png)?;
+        }
+    }
+    for (stem, figure) in comparison_figures(numbers) {
+        put(&format!("figures/{stem}.svg"), figure.to_svg().as_bytes())?;
+        put(&format!("figures/{stem}.png"), &figure.to_png()?)?;
+        if let Some(csv) = figure.to_csv() {
+            put(&format!("figures/{stem}.csv"), csv.as_bytes())?;
+        }
+    }
+    let frames = pairs.iter().map(|pair| {
+        let picture = |side: usize| ReportPicture {
+            png: pair.pictures.png[side].clone(),
+            title: pair.titles[side].clone(),
+            caption: sides[side].run.name.clone(),
+        };
+        (pair.pictures.caption.clone(), picture(0), picture(1))
+    });
+    let settings = settings.as_deref().map_err(String::as_str);
+    let page = comparison_report([&sides[0].run, &sides[1].run], settings, numbers, frames.collect());
+    put("report.html", page.to_html().as_bytes())
+}

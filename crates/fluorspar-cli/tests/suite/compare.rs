@@ -1,0 +1,167 @@
+//! Two finished runs side by side: settings, numbers with intervals, frames; and what is refused.
+
+#![allow(clippy::unwrap_used, reason = "a helper that fails is a failed test")]
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::report_pages::{browser, fits};
+use super::support::fluorspar;
+
+const SIZE: [&str; 5] = [
+    "--set=render.width_px=16",
+    "--set=render.height_px=12",
+    "--set=sensor.columns=32",
+    "--set=sensor.rows=24",
+    "--set=render.samples_per_pixel=2",
+];
+
+fn run(folder: &Path, name: &str, changes: &[&str]) {
+    let args = [&["run", "flat-patch", "-q", "--out", name][..], changes, &SIZE];
+    fluorspar(folder, args.concat()).well();
+}
+
+fn compare(folder: &Path, a: &str, b: &str) -> Value {
+    fluorspar(folder, ["compare", a, b, "--json"]).json()
+}
+
+/// The row of a quantity.
+fn row<'a>(found: &'a Value, quantity: &str) -> &'a Value {
+    let rows = found["numbers"].as_array().unwrap();
+    let named = |row: &&Value| row["quantity"].as_str().unwrap().starts_with(quantity);
+    rows.iter().find(named).unwrap_or_else(|| panic!("no {quantity}: {found}"))
+}
+
+#[test]
+fn runs_are_compared_by_settings_numbers_and_frames() {
+    let temp = tempfile::tempdir().unwrap();
+    let folder = temp.path();
+    run(folder, "a", &[]);
+    run(folder, "b", &["--set=light.blue.spectrum=led_405"]);
+    let found = compare(folder, "a", "b/report.html");
+    let paths: Vec<&str> =
+        found["settings"].as_array().unwrap().iter().map(|s| s["path"].as_str().unwrap()).collect();
+    assert_eq!(paths, ["light.blue.spectrum"]);
+    assert_eq!(found["settings"][0]["a"], "led_385");
+    assert_eq!(found["settings"][0]["b"], "led_405");
+    // The numbers are those of both files
+    let results = |name: &str| -> Value {
+        serde_json::from_str(&fs::read_to_string(folder.join(name).join("results.json")).unwrap()).unwrap()
+    };
+    let share = row(&found, "Porphyrin share on the mixture line");
+    for side in ["a", "b"] {
+        let budget = &results(side)["analysis"]["budget"];
+        assert_eq!(share[side]["value"], budget["share"]);
+        assert_eq!(share[side]["interval"], budget["total_interval"]);
+        assert_eq!(row(&found, "Detection limit of")[side]["value"], budget["detection_limit"]);
+        let leak = row(&found, "Leak of frame \"blue\"")[side]["value"].as_f64().unwrap();
+        assert!((leak - 100.0 * results(side)["leak_ratio"].as_f64().unwrap()).abs() < 1e-9);
+    }
+    // The share of the light of the same porphyrin is half as large again under 405 nm, far beyond either interval
+    let [low, _] = [0, 1].map(|end| share["difference_interval"][end].as_f64().unwrap());
+    assert!(share["told_apart"] == "apart" && low > 0.0, "{share}");
+    let error = row(&found, "Porphyrin share on the mixture line less the true share");
+    let truth = results("b")["analysis"]["truth"]["share"].as_f64().unwrap();
+    let expected = share["b"]["value"].as_f64().unwrap() - truth;
+    assert!((error["b"]["value"].as_f64().unwrap() - expected).abs() < 1e-12, "{error}");
+    assert_eq!(row(&found, "Median signal in R")["told_apart"], "not_judged");
+    assert!(found["warnings"][0].as_str().unwrap().contains("true shares are others"), "{found}");
+    let said = fluorspar(folder, ["compare", "a", "b", "--out", "ab"]).well();
+    for part in ["light.blue.spectrum", "led_405", "told apart", "Intervals are of 95 %", "Safe captures"] {
+        assert!(said.stdout.contains(part), "{part}: {}", said.stdout);
+    }
+    for file in ["report.html", "results.json", "blue_a.png", "blue_b.png", "figures/shares.svg"] {
+        assert!(folder.join("ab").join(file).is_file(), "{file}");
+    }
+    let page = fs::read_to_string(folder.join("ab/report.html")).unwrap();
+    assert!(page.contains("Both pictures have one exposure") && !page.contains("Run it again"));
+    assert_eq!(page.matches("data:image/png").count(), 2);
+    if let Some(browser) = browser() {
+        for screen in [[390, 844], [1280, 800]] {
+            fits(&browser, "a comparison", &folder.join("ab"), screen);
+        }
+    }
+    // The same experiment again: nothing differs
+    run(folder, "again", &[]);
+    let found = compare(folder, "a", "again/results.json");
+    assert_eq!(found["settings"], Value::Array(Vec::new()));
+    let verdicts = found["numbers"].as_array().unwrap().iter().map(|row| &row["told_apart"]);
+    assert!(verdicts.clone().count() > 10 && verdicts.clone().all(|v| v == "same"), "{found}");
+    assert!(found["warnings"][0].as_str().unwrap().contains("the same experiment"), "{found}");
+}
+
+#[test]
+fn frames_of_captures_and_cameras_with_other_channels_are_compared() {
+    let temp = tempfile::tempdir().unwrap();
+    let folder = temp.path();
+    run(folder, "a", &[]);
+    let shots = ["capture", "a/components.exr", "-q", "--set=capture.blue.exposure_ms=60", "--out", "shots"];
+    fluorspar(folder, shots).well();
+    let found = compare(folder, "a", "shots");
+    assert_eq!(found["settings"][0]["unit"], "ms");
+    assert_eq!(row(&found, "Exposure of frame \"blue\"")["difference"], 30.0);
+    assert_eq!(row(&found, "Porphyrin share")["told_apart"], "in_one");
+    assert!(found["warnings"][0].as_str().unwrap().contains("B has no analysis"), "{found}");
+    // With the analysis of the frames, whose folder has a preview and no raw frames
+    fluorspar(folder, ["analyze", "shots", "-q", "--out", "analyzed"]).well();
+    let found = compare(folder, "a", "analyzed");
+    assert_eq!(found["settings"][0]["path"], "capture.blue.exposure_ms", "{found}");
+    assert_eq!(row(&found, "Porphyrin share on the mixture line")["told_apart"], "not_apart");
+    fluorspar(folder, ["compare", "a", "analyzed", "-q", "--out", "previews"]).well();
+    let page = fs::read_to_string(folder.join("previews/report.html")).unwrap();
+    assert!(page.contains("a white of its own") && page.matches("data:image/png").count() == 2);
+    // Another camera
+    let mono = ["--set=sensor.preset=monochrome_3_45um"];
+    let args = [&["capture", "a/components.exr", "-q", "--report", "--out", "mono"][..], &mono, &SIZE[2..4]];
+    fluorspar(folder, args.concat()).well();
+    let found = compare(folder, "a", "mono");
+    let signal = row(&found, "Mean signal in mono");
+    assert!(signal["a"].is_null() && signal["b"]["interval"].is_array(), "{signal}");
+    assert!(row(&found, "Leak of frame \"blue\"")["difference"].is_f64());
+    fluorspar(folder, ["compare", "a", "mono", "-q", "--out", "other-camera"]).well();
+    assert!(folder.join("other-camera/blue_b.png").is_file());
+    // What a comparison wrote is no run
+    let refused = fluorspar(folder, ["compare", "a", "other-camera"]);
+    assert!(refused.code == Some(2) && refused.stderr.contains("no results of `run`"), "{refused:?}");
+}
+
+#[test]
+fn what_is_no_finished_run_is_refused() {
+    let temp = tempfile::tempdir().unwrap();
+    let folder = temp.path();
+    for name in ["empty", "later", "broken", "other"] {
+        fs::create_dir(folder.join(name)).unwrap();
+    }
+    let results = "{\"format\": 1, \"frames\": []}";
+    fs::create_dir(folder.join("a")).unwrap();
+    fs::write(folder.join("a/results.json"), results).unwrap();
+    fs::write(folder.join("later/results.json"), "{\"format\": 7, \"frames\": []}").unwrap();
+    fs::write(folder.join("broken/results.json"), "{\"format\": 1, \"frames\": [{}]}").unwrap();
+    fs::write(folder.join("other/results.json"), "{\"format\": 1, \"best\": []}").unwrap();
+    fs::write(folder.join("plain.toml"), "format = 1\n").unwrap();
+    for (b, said) in [
+        ("a", "both are the same folder"),
+        ("missing", "there is no such folder"),
+        ("plain.toml", "not a folder of results"),
+        ("empty", "there is no results.json"),
+        ("later", "has format 7; this program reads format 1"),
+        ("broken", "`frames` can't be read"),
+        ("other", "design compare"),
+    ] {
+        let refused = fluorspar(folder, ["compare", "a", b]);
+        assert!(refused.code == Some(2) && refused.stderr.contains(said), "{b}: {refused:?}");
+    }
+    // Runs whose experiments are gone, or of another version, still have numbers
+    fs::create_dir(folder.join("b")).unwrap();
+    fs::write(folder.join("b/results.json"), results).unwrap();
+    fs::write(folder.join("b/experiment.toml"), "format = 9\n").unwrap();
+    let said = fluorspar(folder, ["compare", "b", "a"]).well();
+    assert!(
+        said.stdout.contains("settings are not compared") && said.stdout.contains("format 9"),
+        "{said:?}"
+    );
+    let help = fluorspar(folder, ["compare", "--help"]).well();
+    assert!(help.stdout.contains("design compare"), "{}", help.stdout);
+}

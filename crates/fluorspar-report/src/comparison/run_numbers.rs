@@ -1,0 +1,247 @@
+//! The numbers of a finished run that an engineer decides by.
+
+use fluorspar::analysis::{Analysis, ErrorBudget, SharePosterior, SignalSummary, TargetDetection};
+
+use super::finished_run::{FinishedCapture, FinishedRun, FinishedSafety};
+use crate::run::capital;
+
+/// Seconds of a day of work, which counts of captures are for.
+const DAY_S: f64 = 8.0 * 3600.0;
+/// Standard errors on either side of a 95 % interval.
+const Z_95: f64 = 1.959_964;
+
+/// What a number is about; numbers are listed in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Subject {
+    Estimate,
+    Target,
+    Leak,
+    Signal,
+    Frame,
+    Safety,
+}
+
+/// A number of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct RunNumber {
+    pub(super) subject: Subject,
+    /// What it is, the same in all runs.
+    pub(super) quantity: String,
+    /// Its unit; empty for a pure number.
+    pub(super) unit: &'static str,
+    /// `None` where there is an interval only, or nothing.
+    pub(super) value: Option<f64>,
+    /// 95 %; the upper end may be infinite.
+    pub(super) interval: Option<[f64; 2]>,
+    /// What is said instead of the number.
+    pub(super) words: Option<String>,
+}
+
+impl RunNumber {
+    fn new(subject: Subject, quantity: impl Into<String>, unit: &'static str, value: f64) -> Self {
+        Self { subject, quantity: quantity.into(), unit, value: Some(value), interval: None, words: None }
+    }
+
+    fn within(self, interval: [f64; 2]) -> Self {
+        Self { interval: Some(interval), ..self }
+    }
+}
+
+/// All numbers of a run. `label` is how a frame of it is called beside those of the other run.
+pub(super) fn run_numbers(run: &FinishedRun, label: &dyn Fn(&str) -> String) -> Vec<RunNumber> {
+    let mut numbers = Vec::new();
+    if let Some(analysis) = &run.analysis {
+        numbers.extend(share_numbers(analysis, &run.target));
+        numbers.extend(spot_numbers(analysis, label));
+        numbers.extend(analysis.targets.iter().flat_map(|target| target_numbers(target, label)));
+        numbers.extend(match &analysis.signals {
+            Some(signals) => signal_numbers(signals, label),
+            None => channel_numbers(analysis),
+        });
+        let counts = &analysis.counts;
+        let clipped = 100.0 * counts.saturated as f64 / counts.total().max(1) as f64;
+        numbers.push(RunNumber::new(Subject::Frame, "Clipped pixels of the region", "%", clipped));
+    }
+    for leak in run.leaks.iter().filter(|leak| !leak.is_reflectance()) {
+        let quantity = format!("Leak of frame {}", label(&leak.frame));
+        numbers
+            .extend(leak.leak_ratio.map(|ratio| RunNumber::new(Subject::Leak, quantity, "%", 100.0 * ratio)));
+    }
+    for frame in &run.frames {
+        let of = |what: &str| format!("{what} of frame {}", label(&frame.name));
+        numbers.push(RunNumber::new(Subject::Frame, of("Exposure"), "ms", 1e3 * frame.exposure_s));
+        let clipped = 100.0 * frame.saturated_fraction;
+        numbers.push(RunNumber::new(Subject::Frame, of("Clipped pixels"), "%", clipped));
+    }
+    numbers.extend(run.safety.iter().flat_map(|safety| safety_numbers(safety, label)));
+    numbers.sort_by_key(|number| number.subject);
+    numbers
+}
+
+/// The estimates of the share, what they err by, and the least that is detected.
+fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
+    let name = capital(target);
+    let truth = analysis.truth.as_ref().map(|truth| truth.share);
+    let mut numbers = Vec::new();
+    let add_with_error = |number: RunNumber, numbers: &mut Vec<RunNumber>| {
+        let error = truth.map(|truth| RunNumber {
+            quantity: format!("{} less the true share", number.quantity),
+            value: number.value.map(|value| value - truth),
+            interval: number.interval.map(|ends| ends.map(|end| end - truth)),
+            ..number.clone()
+        });
+        // What is no estimate has no error
+        let error = error.filter(|_| number.words.is_none());
+        numbers.push(number);
+        numbers.extend(error);
+    };
+    if let Some(posterior) = &analysis.posterior {
+        add_with_error(posterior_number(posterior, &name), &mut numbers);
+    }
+    let estimate = analysis.mixture.as_ref().and_then(|mixture| mixture.region).map(|region| region.estimate);
+    if let Some(estimate) = estimate {
+        let quantity = format!("{name} share on the mixture line");
+        let (value, interval) = match &analysis.budget {
+            Some(ErrorBudget { share, total_interval, .. }) => (*share, *total_interval),
+            None => (estimate.position, estimate.position_interval()),
+        };
+        add_with_error(RunNumber::new(Subject::Estimate, quantity, "", value).within(interval), &mut numbers);
+    }
+    numbers.extend(truth.map(|share| {
+        RunNumber::new(
+            Subject::Estimate,
+            format!("True {target} share, which the simulation knows"),
+            "",
+            share,
+        )
+    }));
+    numbers.extend(limit_numbers(analysis, target));
+    let terms =
+        analysis.signals.iter().filter_map(|signals| signals.unmixing.as_ref()).flat_map(|u| &u.terms);
+    numbers.extend(terms.map(|term| {
+        let names = term.fluorophores.join(" + ").replace('_', " ");
+        let quantity = format!("Share of {names}, unmixed from the signals");
+        RunNumber::new(Subject::Estimate, quantity, "", term.share).within(term.share_interval)
+    }));
+    numbers
+}
+
+/// The share if the region is tissue of a known site. Where none can't be excluded there is only a limit.
+fn posterior_number(posterior: &SharePosterior, name: &str) -> RunNumber {
+    let quantity = format!("{name} share of the light");
+    let number = RunNumber::new(Subject::Estimate, quantity, "", posterior.median).within(posterior.interval);
+    if posterior.foreign && posterior.explained_by().is_none() {
+        return RunNumber { value: None, interval: None, words: Some("no estimate".into()), ..number };
+    }
+    if posterior.excludes_none() {
+        return number;
+    }
+    let limit = posterior.upper_limit;
+    RunNumber {
+        value: None,
+        interval: Some([0.0, limit]),
+        words: Some(format!("at most {limit:.4}")),
+        ..number
+    }
+}
+
+/// The detection limit: of shares of the light, and where the truth is known relative to it, as cards of reports have it.
+fn limit_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
+    let Some(limit) = analysis.detection_limit() else { return Vec::new() };
+    let mut numbers =
+        vec![RunNumber::new(Subject::Estimate, format!("Detection limit of the {target} share"), "", limit)];
+    let there = analysis.truth.as_ref().map(|truth| truth.share).filter(|share| *share > 0.0);
+    numbers.extend(there.map(|there| {
+        let quantity = "Detection limit over the true share".to_owned();
+        RunNumber::new(Subject::Estimate, quantity, "%", 100.0 * limit / there)
+    }));
+    numbers
+}
+
+/// How well spots are told apart.
+fn spot_numbers(analysis: &Analysis, label: &dyn Fn(&str) -> String) -> Vec<RunNumber> {
+    let number = |spot: &fluorspar::analysis::SpotSeparation| {
+        let frames: Vec<String> = spot.frames.iter().map(|frame| label(frame)).collect();
+        let quantity =
+            format!("d' of the spots, {} of frame {}", spot.channels.join(", "), frames.join(" and "));
+        RunNumber::new(Subject::Target, quantity, "", spot.d_prime).within(spot.d_prime_interval)
+    };
+    analysis.spots.iter().map(number).collect()
+}
+
+/// How well a frame shows a target.
+fn target_numbers(target: &TargetDetection, label: &dyn Fn(&str) -> String) -> Vec<RunNumber> {
+    let of = |what: &str| format!("{what} of target \"{}\", frame {}", target.target, label(&target.frame));
+    let number = |what: &str, unit, value| RunNumber::new(Subject::Target, of(what), unit, value);
+    let mut numbers =
+        vec![number("d'", "", target.d_prime), number("d' of a pixel", "", target.d_prime_pixel)];
+    numbers.extend(target.channels.iter().map(|c| number(&format!("CNR in {}", c.name), "", c.cnr)));
+    let px = target.smallest_diameter_px;
+    let (unit, per_px) = match target.smallest_diameter_mm {
+        Some(mm) if px > 0.0 => ("mm", mm / px),
+        _ => ("px", 1.0),
+    };
+    let most = target.smallest_diameter_most_px.unwrap_or(f64::INFINITY);
+    let interval = [target.smallest_diameter_least_px, most].map(|end| end * per_px);
+    numbers.push(number("Smallest visible diameter", unit, px * per_px).within(interval));
+    numbers
+}
+
+/// Levels of cameras with other channels than R, G and B.
+fn signal_numbers(signals: &SignalSummary, label: &dyn Fn(&str) -> String) -> Vec<RunNumber> {
+    let numbers = signals.signals.iter().flat_map(|signal| {
+        let of = |what: &str| format!("{what} in {}, frame {}", signal.channel, label(&signal.frame));
+        let (level, reach) = (signal.electrons, Z_95 * signal.standard_error_e);
+        [
+            RunNumber::new(Subject::Signal, of("Mean signal"), "e-", level)
+                .within([level - reach, level + reach]),
+            RunNumber::new(Subject::Signal, of("Signal to noise of a pixel"), "", signal.snr_of_pixel),
+        ]
+    });
+    numbers.collect()
+}
+
+/// Levels of R, G and B in the region, as cards of reports have them.
+fn channel_numbers(analysis: &Analysis) -> Vec<RunNumber> {
+    let noise = &analysis.settings.noise;
+    let numbers = analysis.channels.iter().flat_map(|channel| {
+        let median = channel.statistics.map(|s| s.median.max(0.0));
+        let of = |what: &str| format!("{what} in {}", channel.name);
+        let signal = |median: f64| {
+            let electrons = median / noise.dn_per_electron.max(f64::MIN_POSITIVE);
+            let snr = median / noise.variance(median).sqrt().max(f64::MIN_POSITIVE);
+            [
+                RunNumber::new(Subject::Signal, of("Median signal"), "e-", electrons),
+                RunNumber::new(Subject::Signal, of("Signal to noise of a pixel"), "", snr),
+            ]
+        };
+        median.map(signal).into_iter().flatten()
+    });
+    numbers.collect()
+}
+
+/// What eyes and tissue bear in a day: captures of each kind, and whole sequences.
+fn safety_numbers(safety: &FinishedSafety, label: &dyn Fn(&str) -> String) -> Vec<RunNumber> {
+    let lit = || safety.captures.iter().filter(|capture| !capture.viewers.is_empty());
+    let number = |quantity: String, count: u64, light_on_s: f64| {
+        let number = RunNumber::new(Subject::Safety, quantity, "in 8 h", count as f64);
+        // More than fit into the day are no limit
+        match (count as f64 + 1.0) * light_on_s > DAY_S {
+            true => RunNumber { value: None, words: Some("no limit".into()), ..number },
+            false => number,
+        }
+    };
+    let fewest = |capture: &FinishedCapture| capture.viewers.iter().filter_map(|v| v.captures_per_day).min();
+    let mut numbers: Vec<RunNumber> = lit()
+        .filter_map(|capture| {
+            let quantity = format!("Safe captures of frame {}", label(&capture.name));
+            Some(number(quantity, fewest(capture)?, capture.light_on_s))
+        })
+        .collect();
+    if lit().count() > 1 {
+        let all_s: f64 = lit().map(|capture| capture.light_on_s).sum();
+        let sequences = safety.program.iter().filter_map(|line| line.sequences_per_day).min();
+        numbers.extend(sequences.map(|count| number("Safe sequences of all captures".into(), count, all_s)));
+    }
+    numbers
+}
