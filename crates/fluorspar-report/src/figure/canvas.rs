@@ -53,7 +53,9 @@ impl Canvas {
     /// The finished picture.
     pub(super) fn into_raster(self) -> Raster {
         let (width, height) = (self.pixels.width() as usize, self.pixels.height() as usize);
-        let pixels = self.pixels.pixels().iter().map(|p| [p.red(), p.green(), p.blue()]).collect();
+        // The paper is opaque: premultiplied bytes are those of the colors
+        let (pixels, _) = self.pixels.data().as_chunks::<4>();
+        let pixels = pixels.iter().map(|&[red, green, blue, _]| [red, green, blue]).collect();
         Raster { width, height, pixels }
     }
 

@@ -43,7 +43,7 @@ impl Raster {
             png::Encoder::new(&mut file, u32::try_from(self.width).ok()?, u32::try_from(self.height).ok()?);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_compression(png::Compression::High);
+        encoder.set_compression(png::Compression::Balanced);
         encoder.set_filter(png::Filter::Adaptive);
         // Colors for a screen are no measurement: readers of frames know by it
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);

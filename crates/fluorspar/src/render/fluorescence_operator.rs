@@ -254,12 +254,14 @@ impl<'a> BinWeight<'a> {
 /// Pairs of sub-samples at the same place count half.
 fn diagonal_entry(eem: &PhotonEem, grid: &WavelengthGrid, weight: &BinWeight<'_>, band: usize) -> f64 {
     let (start, width) = (grid.edges_nm()[band], grid.width_nm(band));
-    let node = |k: usize| start + width * (k as f64 + 0.5) / SUBSAMPLES as f64;
+    let nodes: [f64; SUBSAMPLES] =
+        std::array::from_fn(|k| start + width * (k as f64 + 0.5) / SUBSAMPLES as f64);
+    let density = eem.unmasked_densities(&nodes, &nodes);
     let mut sum = 0.0;
     for (i, excitation_weight) in weight.weights[band].iter().enumerate() {
         for o in i..SUBSAMPLES {
             let half = if o == i { 0.5 } else { 1.0 };
-            sum += half * excitation_weight * eem.unmasked(node(o), node(i)) * node(i) / node(o);
+            sum += half * excitation_weight * density[o * SUBSAMPLES + i] * nodes[i] / nodes[o];
         }
     }
     sum * width / SUBSAMPLES as f64

@@ -1,10 +1,12 @@
 //! Functions of wavelength on their own, fine samples.
 
+use std::fmt;
 use std::sync::{Arc, LazyLock};
 
 use thiserror::Error;
 
 use super::{CurveModel, Quantity, Spectrum, WavelengthGrid};
+use crate::digest::sha256_hex;
 use crate::units::number_text;
 
 /// Step, nm, at which analytic models and products are sampled before they are averaged over bins.
@@ -14,11 +16,29 @@ pub const FINE_STEP_NM: f64 = 0.5;
 ///
 /// Sources, filters and excitation spectra are kept in this form, so that products which matter are formed
 /// before any averaging over bins.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct Curve {
     /// Shared: scenes hold thousands of curves on few sets of wavelengths.
     wavelength_nm: Arc<[f64]>,
     value: Vec<f64>,
+}
+
+/// Short samples as they are; of long ones the range and a digest of every bit, which costs less than their decimals: digests of
+/// scenes are made of this.
+impl fmt::Debug for Curve {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const SHOWN: usize = 16;
+        let mut fields = f.debug_struct("Curve");
+        if self.value.len() <= SHOWN {
+            return fields.field("wavelength_nm", &self.wavelength_nm).field("value", &self.value).finish();
+        }
+        let bytes = self.wavelength_nm.iter().chain(&self.value).map(|value| value.to_le_bytes());
+        fields
+            .field("range_nm", &self.range_nm())
+            .field("samples", &self.value.len())
+            .field("sha256", &sha256_hex(bytes))
+            .finish()
+    }
 }
 
 /// Range over which models are sampled, nm.
@@ -171,10 +191,26 @@ impl Curve {
         if !(first..=last).contains(&wavelength_nm) {
             return 0.0;
         }
-        let right = self.wavelength_nm.partition_point(|&nm| nm < wavelength_nm).max(1);
+        let right = self.first_not_below(wavelength_nm).max(1);
         let (x0, x1) = (self.wavelength_nm[right - 1], self.wavelength_nm[right]);
         let (y0, y1) = (self.value[right - 1], self.value[right]);
         y0 + (y1 - y0) * (wavelength_nm - x0) / (x1 - x0)
+    }
+
+    /// Number of samples below a wavelength within the range. Samples mostly stand at even steps: it is looked for there first.
+    fn first_not_below(&self, wavelength_nm: f64) -> usize {
+        let (first, last) = self.range_nm();
+        let x = &self.wavelength_nm;
+        let guess = ((wavelength_nm - first) / (last - first) * (x.len() - 1) as f64) as usize;
+        for left in [guess, guess.saturating_sub(1)] {
+            if let Some(&[x0, x1]) = x.get(left..left + 2)
+                && x0 < wavelength_nm
+                && wavelength_nm <= x1
+            {
+                return left + 1;
+            }
+        }
+        x.partition_point(|&nm| nm < wavelength_nm)
     }
 
     /// First and last sampled wavelength, nm.

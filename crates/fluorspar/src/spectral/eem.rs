@@ -228,9 +228,23 @@ impl PhotonEem {
     /// Yield density at some wavelengths, 1/nm, `[emission][excitation]`: what [`Self::at`] gives for each pair, bit for bit, with
     /// each curve looked up once for a wavelength.
     pub fn densities(&self, emission_nm: &[f64], excitation_nm: &[f64]) -> Vec<f64> {
-        let pairs = || emission_nm.iter().flat_map(|m| excitation_nm.iter().map(move |x| (*m, *x)));
+        let mut values = self.unmasked_densities(emission_nm, excitation_nm);
+        if self.stokes == Stokes::Mask {
+            for (row, m) in values.chunks_exact_mut(excitation_nm.len().max(1)).zip(emission_nm) {
+                row.iter_mut()
+                    .zip(excitation_nm)
+                    .filter(|(_, x)| m <= *x)
+                    .for_each(|(value, _)| *value = 0.0);
+            }
+        }
+        values
+    }
+
+    /// The same before the Stokes mask: what [`Self::unmasked`] gives for each pair.
+    pub(crate) fn unmasked_densities(&self, emission_nm: &[f64], excitation_nm: &[f64]) -> Vec<f64> {
         let YieldDensity::Separable(terms) = &self.density else {
-            return pairs().map(|(m, x)| self.at(m, x)).collect();
+            let row = |m: f64| excitation_nm.iter().map(move |x| self.unmasked(m, *x));
+            return emission_nm.iter().flat_map(|m| row(*m)).collect();
         };
         let mut sums = vec![0.0; emission_nm.len() * excitation_nm.len()];
         for term in terms {
@@ -240,11 +254,8 @@ impl PhotonEem {
                 row.iter_mut().zip(&excited).for_each(|(sum, excited)| *sum += excited * emitted);
             }
         }
-        let is_masked = |(m, x): (f64, f64)| self.stokes == Stokes::Mask && m <= x;
-        sums.into_iter()
-            .zip(pairs())
-            .map(|(sum, pair)| if is_masked(pair) { 0.0 } else { self.scale * sum })
-            .collect()
+        sums.iter_mut().for_each(|sum| *sum *= self.scale);
+        sums
     }
 
     /// Yield density, 1/nm.

@@ -11,7 +11,7 @@ const MODULES: &[(&str, &[&str])] = &[
     ("units", &[]),
     ("quote", &[]),
     ("names", &["quote"]),
-    ("spectral", &["units"]),
+    ("spectral", &["digest", "units"]),
     ("image", &["units", "spectral"]),
     ("sampling", &["units"]),
     ("geometry", &["units"]),
