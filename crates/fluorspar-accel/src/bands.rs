@@ -157,6 +157,105 @@ pub fn add_reflected<L: Lanes>(
     }
 }
 
+/// Spectra one after the other, `[col][band]`, as lines of equal wavelength, `[band][col]`.
+///
+/// # Panics
+/// If `lines` holds fewer numbers than `spectra`.
+#[inline(always)]
+pub fn transpose<L: Lanes>(lanes: L, spectra: &[f32], bands: usize, lines: &mut [f32]) {
+    /// Side of the squares that are transposed at once.
+    const SIDE: usize = 8;
+    let width = spectra.len() / bands.max(1);
+    if bands < SIDE || width < SIDE {
+        for (col, spectrum) in spectra.chunks_exact(bands.max(1)).enumerate() {
+            for (band, value) in spectrum.iter().enumerate() {
+                lines[band * width + col] = *value;
+            }
+        }
+        return;
+    }
+    // The last squares begin early enough to end with the image, and write some numbers twice
+    for col in (0..width).step_by(SIDE).map(|col| col.min(width - SIDE)) {
+        for band in (0..bands).step_by(SIDE).map(|band| band.min(bands - SIDE)) {
+            let (from, to) = (col * bands + band, band * width + col);
+            lanes.transpose_8(&spectra[from..], &mut lines[to..], [bands, width]);
+        }
+    }
+}
+
+/// A table of weights, `[channel][band]`, and the sums that it adds to, `[channel][col]`.
+pub struct WeightedSums<'a> {
+    /// Weights of all bands.
+    pub weights: &'a [f32],
+    /// Sums of all columns.
+    pub sums: &'a mut [f64],
+}
+
+/// Adds lines of equal wavelength, `[band][col]`, times weights: `sums[channel][col] += sum of weights[channel][band] lines[band][col]`
+/// over some bands and columns, for several tables at once.
+///
+/// Eight bands at a time are summed in single precision, in their order, then added in double precision. Bands of weight zero are
+/// not looked at.
+///
+/// # Panics
+/// If a slice is too short for its range.
+#[inline(always)]
+pub fn add_weighted<L: Lanes>(
+    lanes: L,
+    (lines, width): (&[f32], usize),
+    bands: &Range<usize>,
+    columns: &Range<usize>,
+    tables: &mut [WeightedSums<'_>],
+) {
+    /// Bands that are summed in single precision.
+    const AT_ONCE: usize = 8;
+    let count = lines.len() / width.max(1);
+    for first in columns.clone().step_by(BLOCK) {
+        let some = (columns.end - first).min(BLOCK);
+        for block in bands.clone().step_by(AT_ONCE) {
+            let block = block..(block + AT_ONCE).min(bands.end);
+            for WeightedSums { weights, sums } in tables.iter_mut() {
+                let channels = weights.chunks_exact(count).zip(sums.chunks_exact_mut(width));
+                for (weights, sums) in channels {
+                    let mut partial = lanes.splat(0.0);
+                    for band in block.clone() {
+                        let weight = weights[band];
+                        if weight != 0.0 {
+                            let line = read_line(lanes, &lines[band * width + first..]);
+                            partial = lanes.add(partial, lanes.mul(lanes.splat(weight), line));
+                        }
+                    }
+                    let mut values = BandBlock::ZERO;
+                    lanes.store(partial, &mut values);
+                    add_doubled(&values, &mut sums[first..first + some]);
+                }
+            }
+        }
+    }
+}
+
+/// Adds as many numbers as there are sums.
+#[inline(always)]
+fn add_doubled(values: &BandBlock, sums: &mut [f64]) {
+    let add = |(sum, value): (&mut f64, &f32)| *sum += f64::from(*value);
+    // A known number of sums becomes vector instructions
+    match sums.first_chunk_mut::<BLOCK>() {
+        Some(sums) => sums.iter_mut().zip(&values.0).for_each(add),
+        None => sums.iter_mut().zip(&values.0).for_each(add),
+    }
+}
+
+/// The first sixteen numbers, those that are missing zero.
+#[inline(always)]
+fn read_line<L: Lanes>(lanes: L, line: &[f32]) -> L::Vector {
+    if let Some(line) = line.first_chunk::<BLOCK>() {
+        return lanes.read(line);
+    }
+    let mut rest = BandBlock::ZERO;
+    rest.0[..line.len()].copy_from_slice(line);
+    lanes.load(&rest)
+}
+
 /// A matrix `emission ⊗ excitation`, or what lies of it below the diagonal and any diagonal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OuterProduct {
@@ -428,6 +527,61 @@ mod tests {
             }
             for padding in bands..results[0].len() * BLOCK {
                 assert_eq!(results[0][padding / BLOCK].0[padding % BLOCK], 0.0);
+            }
+        }
+    }
+
+    /// The transposition of spectra, and the sum of their lines over a range of bands and columns.
+    struct Lines<'a> {
+        spectra: &'a [f32],
+        bands: usize,
+        weights: &'a [f32],
+        over: (Range<usize>, Range<usize>),
+    }
+
+    impl Work for Lines<'_> {
+        type Output = (Vec<f32>, Vec<f64>);
+
+        #[inline(always)]
+        fn run<L: Lanes>(self, lanes: L) -> Self::Output {
+            let width = self.spectra.len() / self.bands;
+            let mut lines = vec![0.0; self.spectra.len()];
+            transpose(lanes, self.spectra, self.bands, &mut lines);
+            let mut sums = vec![0.5; self.weights.len() / self.bands * width];
+            let mut tables = [WeightedSums { weights: self.weights, sums: &mut sums }];
+            add_weighted(lanes, (&lines, width), &self.over.0, &self.over.1, &mut tables);
+            (lines, sums)
+        }
+    }
+
+    #[test]
+    fn lines_are_spectra_on_their_side_and_sums_are_the_same_with_every_kernel() {
+        for (bands, width) in [(1, 1), (5, 40), (8, 8), (9, 16), (81, 37), (69, 7), (33, 320)] {
+            let spectra = vector(bands * width, 1.0);
+            let mut weights = vector(2 * bands, 0.3);
+            weights[bands / 2] = 0.0;
+            let over = (bands / 3..bands, width / 5..width);
+            let all: Vec<(Vec<f32>, Vec<f64>)> = Kernel::available()
+                .into_iter()
+                .filter_map(Simd::of)
+                .map(|simd| {
+                    simd.run(Lines { spectra: &spectra, bands, weights: &weights, over: over.clone() })
+                })
+                .collect();
+            let (lines, sums) = &all[0];
+            assert!(all.iter().all(|one| one == &all[0]), "{bands} bands, {width} columns");
+            for (index, value) in spectra.iter().enumerate() {
+                assert_eq!(lines[index % bands * width + index / bands], *value);
+            }
+            for (index, sum) in sums.iter().enumerate() {
+                let (channel, col) = (index / width, index % width);
+                let term = |band: usize| {
+                    f64::from(weights[channel * bands + band]) * f64::from(spectra[col * bands + band])
+                };
+                let added: f64 = over.0.clone().map(term).sum();
+                let expected = if over.1.contains(&col) { 0.5 + added } else { 0.5 };
+                // Sixteen roundings of positive terms in single precision: a product and a sum of each of eight bands
+                assert!((sum - expected).abs() <= 16.0 * 2f64.powi(-24) * added, "{sum} {expected}");
             }
         }
     }

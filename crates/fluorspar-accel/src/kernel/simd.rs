@@ -13,6 +13,8 @@ pub trait Lanes: Copy {
 
     /// Reads a block.
     fn load(self, block: &BandBlock) -> Self::Vector;
+    /// Reads sixteen numbers that lie anywhere.
+    fn read(self, values: &[f32; BLOCK]) -> Self::Vector;
     /// Writes a block.
     fn store(self, vector: Self::Vector, block: &mut BandBlock);
     /// The same number sixteen times.
@@ -25,6 +27,11 @@ pub trait Lanes: Copy {
     fn shift<const BY: usize>(self, vector: Self::Vector) -> Self::Vector;
     /// The last number sixteen times.
     fn splat_last(self, vector: Self::Vector) -> Self::Vector;
+    /// Eight rows of eight numbers as eight columns; rows begin `steps` numbers apart, first those that are read.
+    ///
+    /// # Panics
+    /// Where a slice ends before its last row does.
+    fn transpose_8(self, from: &[f32], to: &mut [f32], steps: [usize; 2]);
 }
 
 /// Arithmetic that is compiled once for each instruction set.
@@ -81,6 +88,11 @@ impl Lanes for Arrays {
     }
 
     #[inline(always)]
+    fn read(self, values: &[f32; BLOCK]) -> [f32; BLOCK] {
+        *values
+    }
+
+    #[inline(always)]
     fn store(self, vector: [f32; BLOCK], block: &mut BandBlock) {
         block.0 = vector;
     }
@@ -117,6 +129,15 @@ impl Lanes for Arrays {
     fn splat_last(self, vector: [f32; BLOCK]) -> [f32; BLOCK] {
         [vector[BLOCK - 1]; BLOCK]
     }
+
+    #[inline(always)]
+    fn transpose_8(self, from: &[f32], to: &mut [f32], [from_step, to_step]: [usize; 2]) {
+        for row in 0..8 {
+            for (col, value) in from[row * from_step..][..8].iter().enumerate() {
+                to[col * to_step + row] = *value;
+            }
+        }
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -124,7 +145,7 @@ mod x86 {
     use std::arch::x86_64::*;
 
     use super::super::x86::{Avx2, Avx512};
-    use super::{BandBlock, Lanes, Work};
+    use super::{BLOCK, BandBlock, Lanes, Work};
 
     #[target_feature(enable = "avx2,bmi1,popcnt")]
     pub(super) fn with_avx2<W: Work>(work: W, detected: Avx2) -> W::Output {
@@ -158,6 +179,35 @@ mod x86 {
         shifted
     }
 
+    /// [`Lanes::transpose_8`]: pairs of rows, then fours, then halves.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn transpose_8(from: &[f32], to: &mut [f32], [from_step, to_step]: [usize; 2]) {
+        let holds = |length: usize, step: usize| 7 * step + 8 <= length;
+        assert!(holds(from.len(), from_step) && holds(to.len(), to_step), "eight rows of eight");
+        // SAFETY: the slice holds eight numbers from the start of each row on.
+        let row = |row: usize| unsafe { _mm256_loadu_ps(from.as_ptr().add(row * from_step)) };
+        let pairs = |a: __m256, b: __m256| (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+        let fours = |a: (__m256, __m256), b: (__m256, __m256)| {
+            [
+                _mm256_shuffle_ps::<0x44>(a.0, b.0),
+                _mm256_shuffle_ps::<0xee>(a.0, b.0),
+                _mm256_shuffle_ps::<0x44>(a.1, b.1),
+                _mm256_shuffle_ps::<0xee>(a.1, b.1),
+            ]
+        };
+        let upper = fours(pairs(row(0), row(1)), pairs(row(2), row(3)));
+        let lower = fours(pairs(row(4), row(5)), pairs(row(6), row(7)));
+        for (col, (upper, lower)) in upper.into_iter().zip(lower).enumerate() {
+            // SAFETY: the slice holds eight numbers from the start of each of its rows on.
+            unsafe {
+                let start = to.as_mut_ptr().add(col * to_step);
+                _mm256_storeu_ps(start, _mm256_permute2f128_ps::<0x20>(upper, lower));
+                _mm256_storeu_ps(start.add(4 * to_step), _mm256_permute2f128_ps::<0x31>(upper, lower));
+            }
+        }
+    }
+
     // SAFETY of the blocks below: a value of either type proves that the processor has the instructions, and blocks
     // are aligned to 64 bytes and 64 bytes long.
     impl Lanes for Avx2 {
@@ -168,6 +218,13 @@ mod x86 {
             let start = block.0.as_ptr();
             // SAFETY: as above.
             unsafe { [_mm256_load_ps(start), _mm256_load_ps(start.add(8))] }
+        }
+
+        #[inline(always)]
+        fn read(self, values: &[f32; BLOCK]) -> [__m256; 2] {
+            let start = values.as_ptr();
+            // SAFETY: as above, and sixteen numbers lie there.
+            unsafe { [_mm256_loadu_ps(start), _mm256_loadu_ps(start.add(8))] }
         }
 
         #[inline(always)]
@@ -225,6 +282,12 @@ mod x86 {
             // SAFETY: as above.
             [unsafe { _mm256_permutevar8x32_ps(high, _mm256_set1_epi32(7)) }; 2]
         }
+
+        #[inline(always)]
+        fn transpose_8(self, from: &[f32], to: &mut [f32], steps: [usize; 2]) {
+            // SAFETY: as above.
+            unsafe { transpose_8(from, to, steps) }
+        }
     }
 
     impl Lanes for Avx512 {
@@ -234,6 +297,12 @@ mod x86 {
         fn load(self, block: &BandBlock) -> __m512 {
             // SAFETY: as above.
             unsafe { _mm512_load_ps(block.0.as_ptr()) }
+        }
+
+        #[inline(always)]
+        fn read(self, values: &[f32; BLOCK]) -> __m512 {
+            // SAFETY: as above, and sixteen numbers lie there.
+            unsafe { _mm512_loadu_ps(values.as_ptr()) }
         }
 
         #[inline(always)]
@@ -277,6 +346,12 @@ mod x86 {
         fn splat_last(self, vector: __m512) -> __m512 {
             // SAFETY: as above.
             unsafe { _mm512_permutexvar_ps(_mm512_set1_epi32(15), vector) }
+        }
+
+        #[inline(always)]
+        fn transpose_8(self, from: &[f32], to: &mut [f32], steps: [usize; 2]) {
+            // SAFETY: as above; AVX2 is among the instructions that were detected.
+            unsafe { transpose_8(from, to, steps) }
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::convert::Infallible;
 
+use fluorspar_accel::{Lanes, Simd, Work, bands};
 use rayon::prelude::*;
 
 use super::component_image::round_to_24_bits;
@@ -34,7 +35,7 @@ impl ComponentRows for ComponentImage {
         wanted: impl Fn(usize) -> bool + Sync,
         visit: impl Fn(usize, usize, &[f32]) -> T + Sync,
     ) -> Result<Vec<(usize, usize, T)>, Infallible> {
-        let (width, bands) = (self.width, self.grid.len());
+        let (width, bands, simd) = (self.width, self.grid.len(), Simd::detect());
         let components: Vec<usize> =
             (0..self.components.len()).filter(|component| wanted(*component)).collect();
         let rows: Vec<(usize, usize)> =
@@ -43,7 +44,7 @@ impl ComponentRows for ComponentImage {
             || vec![0.0_f32; width * bands],
             |lines, (component, row)| {
                 let spectra = &self.component(component)[row * width * bands..][..width * bands];
-                transpose(spectra, bands, lines);
+                transpose(simd, spectra, bands, lines);
                 (component, row, visit(component, row, lines))
             },
         );
@@ -52,16 +53,25 @@ impl ComponentRows for ComponentImage {
 }
 
 /// Spectra of a row, `[col][band]`, as `[band][col]`.
-fn transpose(spectra: &[f32], bands: usize, lines: &mut [f32]) {
-    /// Columns at once: one line of the cache on the side that is written, few enough streams on the side that is read.
-    const COLUMNS: usize = 16;
-    let width = spectra.len() / bands.max(1);
-    for (block, spectra) in spectra.chunks(COLUMNS * bands.max(1)).enumerate() {
-        for (band, line) in lines.chunks_exact_mut(width).enumerate() {
-            let values = spectra[band..].iter().step_by(bands);
-            line[block * COLUMNS..].iter_mut().zip(values).for_each(|(to, value)| *to = *value);
-        }
+struct Transposition<'a> {
+    spectra: &'a [f32],
+    bands: usize,
+    lines: &'a mut [f32],
+}
+
+impl Work for Transposition<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        bands::transpose(lanes, self.spectra, self.bands, self.lines);
     }
+}
+
+/// Spectra of a row, `[col][band]`, as `[band][col]`. Not inlined into crates that are compiled for size.
+#[inline(never)]
+fn transpose(simd: Simd, spectra: &[f32], bands: usize, lines: &mut [f32]) {
+    simd.run(Transposition { spectra, bands, lines });
 }
 
 /// Rows of a render as a run keeps them: rounded to the 24 bits of its file, and with the masks of factors applied.

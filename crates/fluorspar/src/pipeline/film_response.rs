@@ -3,6 +3,8 @@
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
+use fluorspar_accel::bands::{self, WeightedSums};
+use fluorspar_accel::{Lanes, Simd, Work};
 use rayon::prelude::*;
 
 use super::PipelineError;
@@ -25,6 +27,7 @@ pub struct FilmResponse {
     size: [usize; 2],
     film: FilmExtent,
     grid: WavelengthGrid,
+    simd: Simd,
     /// Weights of the sensor, by channel.
     sensor: Vec<Vec<f64>>,
     /// Number of the shape of each component.
@@ -44,6 +47,8 @@ pub struct FilmResponse {
 struct ShapeWeights {
     /// By height on the film: `[channel * bands + band]`, e-/s per W/(sr m² nm).
     tables: Vec<Vec<f64>>,
+    /// The same in single precision, as spectra are.
+    single: Vec<Vec<f32>>,
     /// Transmittance of the viewing filters, for their own light.
     passed: Vec<f64>,
 }
@@ -113,6 +118,7 @@ impl FilmResponse {
             spread: traced.map(|lens| Spread { lens: lens.clone(), tan_half_width: half_width }),
             veil: own.map(|own| Veil { own, field_sr: projected_solid_angle(half_width, half_height) }),
             grid,
+            simd: Simd::detect(),
             lens,
             places: OnceLock::new(),
             digest: String::new(),
@@ -179,7 +185,8 @@ impl FilmResponse {
         }
         let width = self.size[0];
         let tables = &self.shapes[self.shape_of[component]].tables;
-        let seen: Vec<Vec<f64>> = tables.iter().map(|table| relit.through(table, self.grid.len())).collect();
+        let seen = |table: &Vec<f64>| single(&relit.through(table, self.grid.len()));
+        let seen: Vec<Vec<f32>> = tables.iter().map(seen).collect();
         let rows: Vec<Vec<f32>> = (0..self.size[1])
             .into_par_iter()
             .map(|row| self.row_behind_lens(row, &seen, &relit.factor_lines(row, width)))
@@ -212,15 +219,16 @@ impl FilmResponse {
     /// One row of a component, `[band][col]`.
     fn row(&self, component: usize, row: usize, lines: &[f32]) -> RowResponse {
         let width = self.size[0];
-        let tables = &self.shapes[self.shape_of[component]].tables;
+        let tables = &self.shapes[self.shape_of[component]].single;
         let slices = match &self.spread {
             None => self.row_behind_lens(row, tables, lines),
             Some(spread) => {
                 let mut sums = vec![0.0; self.slices() * width];
                 let mut parts = sums.chunks_exact_mut(self.sensor.len() * width);
                 for (bands, _) in spread.lens.groups() {
-                    for (table, sums) in tables.iter().zip(&mut parts) {
-                        self.add_bands(table, bands.clone(), lines, 0..width, sums);
+                    for (weights, sums) in tables.iter().zip(&mut parts) {
+                        let mut tables = [WeightedSums { weights, sums }];
+                        self.add_bands((lines, &bands, &(0..width)), &mut tables);
                     }
                 }
                 sums.into_iter().map(|sum| sum as f32).collect()
@@ -234,8 +242,17 @@ impl FilmResponse {
         RowResponse { slices, band_sums }
     }
 
+    /// Adds a range of the bands of lines, `[band][col]`, times their weights in some columns.
+    fn add_bands(
+        &self,
+        (lines, bands, columns): (&[f32], &Range<usize>, &Range<usize>),
+        tables: &mut [WeightedSums<'_>],
+    ) {
+        self.simd.run(Contraction { lines, width: self.size[0], bands, columns, tables });
+    }
+
     /// Channels of a row, `[channel][col]`, with transmittance by height and the falloff of the lens.
-    fn row_behind_lens(&self, row: usize, tables: &[Vec<f64>], lines: &[f32]) -> Vec<f32> {
+    fn row_behind_lens(&self, row: usize, tables: &[Vec<f32>], lines: &[f32]) -> Vec<f32> {
         let width = self.size[0];
         let (channels, bands) = (self.sensor.len(), 0..lines.len() / width.max(1));
         let places = &self.places()[row * width..][..width];
@@ -245,9 +262,13 @@ impl FilmResponse {
         for run in places.chunk_by(|a, b| a.left == b.left) {
             let first = run[0].col;
             let columns = first..first + run.len();
-            self.add_bands(&tables[run[0].left], bands.clone(), lines, columns.clone(), &mut sums);
-            if run.iter().any(|place| place.part > 0.0) {
-                self.add_bands(&tables[run[0].left + 1], bands.clone(), lines, columns, &mut right);
+            let of = (lines, &bands, &columns);
+            let left = &tables[run[0].left];
+            if run.iter().all(|place| place.part == 0.0) {
+                self.add_bands(of, &mut [WeightedSums { weights: left, sums: &mut sums }]);
+            } else {
+                let between = [(left, &mut sums), (&tables[run[0].left + 1], &mut right)];
+                self.add_bands(of, &mut between.map(|(weights, sums)| WeightedSums { weights, sums }));
                 for place in run {
                     for channel in 0..channels {
                         let at = channel * width + place.col;
@@ -258,44 +279,6 @@ impl FilmResponse {
         }
         let falloffs = places.iter().map(|place| place.falloff).cycle();
         sums.into_iter().zip(falloffs).map(|(sum, falloff)| (sum * falloff) as f32).collect()
-    }
-
-    /// Adds the bands of a range times their weights, `[channel][col]`, in some columns.
-    fn add_bands(
-        &self,
-        table: &[f64],
-        range: Range<usize>,
-        lines: &[f32],
-        columns: Range<usize>,
-        sums: &mut [f64],
-    ) {
-        /// Bands that are summed in single precision before they join the sum in double precision.
-        const AT_ONCE: usize = 8;
-        /// Columns whose sums stay in registers.
-        const COLUMNS: usize = 16;
-        let width = self.size[0];
-        let bands = lines.len() / width.max(1);
-        for first in columns.clone().step_by(COLUMNS) {
-            let part = first..(first + COLUMNS).min(columns.end);
-            for block in range.clone().step_by(AT_ONCE) {
-                let block = block..(block + AT_ONCE).min(range.end);
-                for (channel, weights) in table.chunks_exact(bands).enumerate() {
-                    let mut partial = [0.0_f32; COLUMNS];
-                    for band in block.clone().filter(|band| weights[*band] != 0.0) {
-                        let weight = weights[band] as f32;
-                        let add = |(sum, value): (&mut f32, &f32)| *sum += weight * value;
-                        let line = &lines[band * width + first..];
-                        // Values behind the part are not read out
-                        match line.first_chunk::<COLUMNS>() {
-                            Some(line) => partial.iter_mut().zip(line).for_each(add),
-                            None => partial.iter_mut().zip(line).for_each(add),
-                        }
-                    }
-                    let sums = &mut sums[channel * width..][part.clone()];
-                    sums.iter_mut().zip(partial).for_each(|(sum, value)| *sum += f64::from(value));
-                }
-            }
-        }
     }
 
     /// Where the samples of the film lie between the heights of the tables, `[row][col]`.
@@ -450,10 +433,33 @@ impl ShapeWeights {
             Some(shape) => filter.on_grid_under::<Transmittance>(grid, shape),
             None => filter.on_grid(grid),
         };
-        Self {
-            tables: tables.iter().map(|(_, passed)| table(passed.values())).collect(),
-            passed: passed.values().to_vec(),
-        }
+        let tables: Vec<Vec<f64>> = tables.iter().map(|(_, passed)| table(passed.values())).collect();
+        let single = tables.iter().map(|table| single(table)).collect();
+        Self { tables, single, passed: passed.values().to_vec() }
+    }
+}
+
+/// Weights in single precision.
+fn single(weights: &[f64]) -> Vec<f32> {
+    weights.iter().map(|weight| *weight as f32).collect()
+}
+
+/// The sum of lines of equal wavelength times weights.
+struct Contraction<'a, 'b> {
+    /// `[band][col]`.
+    lines: &'a [f32],
+    width: usize,
+    bands: &'a Range<usize>,
+    columns: &'a Range<usize>,
+    tables: &'a mut [WeightedSums<'b>],
+}
+
+impl Work for Contraction<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        bands::add_weighted(lanes, (self.lines, self.width), self.bands, self.columns, self.tables);
     }
 }
 
