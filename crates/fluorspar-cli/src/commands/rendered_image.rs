@@ -102,13 +102,13 @@ impl RenderedImage {
         let Some((found, changes)) = self.scene(Some(&rendered)).captures::<CliError>(now)? else {
             return Ok(None);
         };
-        let CapturesOfRender { study, resolved_toml, inputs } = found;
+        let CapturesOfRender { study, resolved_toml, inputs, warnings } = found;
         // The digest of an experiment counts files of surfaces, too; of captures nobody asks for it
         let record = FileRecord {
             title: now.file.title.clone(),
             description: now.file.description.clone(),
             output_folder: None,
-            warnings: Vec::new(),
+            warnings,
             inputs,
             base_files: Vec::new(),
             resolved_toml,

@@ -33,8 +33,8 @@ use self::context::{Context, Resolved};
 use self::kept_analysis::keep_analysis;
 use super::error::steps;
 use super::schema::{
-    DiffuseSection, ExperimentFile, FieldOfView, LensSection, ReflectanceReference, ScatteringSection,
-    SpectrumReference,
+    AnalysisSection, DiffuseSection, ExperimentFile, FieldOfView, LensSection, ReflectanceReference,
+    ScatteringSection, SpectrumReference,
 };
 use super::warning::Warning;
 use super::{Experiment, ExperimentError};
@@ -269,7 +269,8 @@ pub fn resolve_rendered(
 /// Whether two experiments show the same scene in the same view: they differ in viewing filters, captures, concentrations,
 /// development, analysis, instruments, motion, seed and words at most.
 pub fn show_the_same_scene(rendered: &Experiment, now: &Experiment) -> bool {
-    let (now, mut other) = (&now.file, rendered.file.clone());
+    // The file of a render has its defaults written out
+    let (now, mut other) = (complete(&now.file), complete(&rendered.file));
     other.title.clone_from(&now.title);
     other.description.clone_from(&now.description);
     other.output.clone_from(&now.output);
@@ -283,7 +284,7 @@ pub fn show_the_same_scene(rendered: &Experiment, now: &Experiment) -> bool {
     other.safety.clone_from(&now.safety);
     other.analysis.clone_from(&now.analysis);
     other.target.clone_from(&now.target);
-    other == *now
+    other == now
 }
 
 /// What the captures of a finished render need of an experiment.
@@ -295,13 +296,15 @@ pub struct CapturesOfRender {
     pub resolved_toml: String,
     /// Files that were read, with their digests.
     pub inputs: Vec<InputFile>,
+    /// What is odd about a camera that is not that of the render.
+    pub warnings: Vec<Warning>,
 }
 
-/// The captures of an experiment that shows the same scene as the one that was rendered, without its surfaces: nothing is meshed or
-/// solved, and no mesh or map is read. `fluorophores` are the names that the render knows.
+/// The captures of an experiment that shows the same scene as the one that was rendered, by its camera or another in its place,
+/// without its surfaces: nothing is meshed or solved, and no mesh or map is read. `fluorophores` are the names that the render knows.
 ///
 /// `None` where more has changed, or where [`resolve`] could find fault with what this does not look at: analysis and instruments
-/// that are not those of the render, captures of other names.
+/// that are not those of the render, regions on another sensor, captures of other names.
 ///
 /// # Errors
 /// The first defect found.
@@ -320,7 +323,8 @@ pub fn resolve_captures(
         && names(file) == names(other);
     // Surfaces that emit are lights.
     let shines = file.object.iter().any(|object| object.emission.is_some());
-    if !is_checked || shines || !show_the_same_scene(rendered, now) {
+    let is_same = show_the_same_scene(rendered, now);
+    if !is_checked || shines || !(is_same || differ_in_the_camera(rendered, now)) {
         return Ok(None);
     }
     let mut context = Context::new(&now.document);
@@ -329,6 +333,12 @@ pub fn resolve_captures(
     let render = device::render_settings(context, &file.render)?;
     device::check_camera(context, &file.camera)?;
     let (camera, view) = camera(context, file, &grid)?;
+    if !is_same {
+        let rendered = self::camera(&mut Context::new(&rendered.document), other, &grid)?;
+        if !shows_to((&rendered.0, &rendered.1), (&camera, &view)) {
+            return Ok(None);
+        }
+    }
     let mut light_groups = Vec::new();
     let lights = light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
     let concentrations = concentration::changes(context, file, fluorophores)?;
@@ -336,6 +346,8 @@ pub fn resolve_captures(
     let motion = instrument::motion(context, file)?;
     let develop = instrument::develop(context, file, camera.sensor.as_ref(), &grid)?;
     let (_, resolved_toml) = completed(context, file)?;
+    // Of the same camera the render has warned
+    let warnings = if is_same { Vec::new() } else { context.take_warnings(&grid) };
     let scene = Scene {
         grid,
         objects: Vec::new(),
@@ -346,7 +358,37 @@ pub fn resolve_captures(
         camera: view,
     };
     let study = Study { render, concentrations, camera, captures, motion, develop, ..Study::new(scene) };
-    Ok(Some(CapturesOfRender { study, resolved_toml, inputs: std::mem::take(&mut context.inputs) }))
+    Ok(Some(CapturesOfRender { study, resolved_toml, inputs: std::mem::take(&mut context.inputs), warnings }))
+}
+
+/// Whether two experiments differ in lens and sensor, and in what [`show_the_same_scene`] leaves free, at most, and nothing else that is
+/// checked looks at the sensor: no region lies on it.
+fn differ_in_the_camera(rendered: &Experiment, now: &Experiment) -> bool {
+    let file = &now.file;
+    let lies_on_sensor = |section: &AnalysisSection| {
+        section.rectangle_px.is_some()
+            || section.polygon_px.is_some()
+            || section.mask.is_some()
+            || section.compared_px.is_some()
+    };
+    let is_free = file.target.is_empty()
+        && file.spectroradiometer.is_empty()
+        && !file.analysis.as_ref().is_some_and(lies_on_sensor)
+        && file.sensor.as_ref().is_some_and(|sensor| sensor.model.region_px.is_none());
+    let mut other = rendered.clone();
+    other.file.sensor.clone_from(&file.sensor);
+    other.file.lens.clone_from(&file.lens);
+    is_free && show_the_same_scene(&other, now)
+}
+
+/// Whether an image through one camera can be taken for what another one in its place sees: it keeps its field of view, which the lens
+/// and the sensor of both must give where they differ in it, as [`check_same_scene`](fluorspar::pipeline::check_same_scene) demands.
+fn shows_to(rendered: (&Camera, &PerspectiveCamera), now: (&Camera, &PerspectiveCamera)) -> bool {
+    let ((old, old_view), (new, new_view)) = (rendered, now);
+    let seen_as = PerspectiveCamera { tan_half_width: new_view.tan_half_width, ..old_view.clone() };
+    let has_field =
+        old_view.tan_half_width == new_view.tan_half_width || (old.field_from_lens && new.field_from_lens);
+    has_field && seen_as == *new_view
 }
 
 /// Sensor, lens and filters, and the view that they give.
@@ -462,6 +504,13 @@ fn not_written(context: &Context<'_>, error: &toml::ser::Error) -> ExperimentErr
 
 /// The file with all that it leaves to defaults, and its text.
 fn completed(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(ExperimentFile, String)> {
+    let complete = complete(file);
+    let text = toml::to_string(&complete).map_err(|error| not_written(context, &error))?;
+    Ok((complete, text))
+}
+
+/// The file with all that it leaves to defaults. Completing it again changes nothing.
+fn complete(file: &ExperimentFile) -> ExperimentFile {
     let mut complete = file.clone();
     complete.base = None;
     for light in &mut complete.light {
@@ -473,6 +522,5 @@ fn completed(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(Experime
     if let Some(sensor) = &mut complete.sensor {
         sensor.model = device::filled(&sensor.model);
     }
-    let text = toml::to_string(&complete).map_err(|error| not_written(context, &error))?;
-    Ok((complete, text))
+    complete
 }

@@ -3,7 +3,7 @@
 
 use fluorspar::pipeline::check_same_scene;
 use fluorspar::study::Study;
-use fluorspar_experiment::{Experiment, parse, resolve, resolve_captures};
+use fluorspar_experiment::{Experiment, parse, resolve, resolve_captures, show_the_same_scene};
 
 /// What differs, in the words of the error.
 fn difference(rendered: &Study, wanted: &Study) -> Option<String> {
@@ -78,10 +78,14 @@ fn captures_of_a_render_need_no_surfaces() {
         "capture.blue.light_groups.blue=0.5",
         "view_filter.filters=[\"view_425_700\"]",
         "render.seed=9",
+        "sensor.columns=160",
+        "sensor.preset=\"monochrome_3_45um\"",
+        "lens.f_number=2",
+        "lens.focal_length_mm=4",
         &concentration,
     ] {
         let now = experiment(&[change]);
-        let found = resolve_captures(&rendered, &now, &held).unwrap().unwrap();
+        let found = resolve_captures(&rendered, &now, &held).unwrap().unwrap_or_else(|| panic!("{change}"));
         let whole = resolve(&now).unwrap();
         let (a, b) = (&found.study, &whole.study);
         assert!(a.scene.objects.is_empty() && a.scene.materials.is_empty(), "{change}");
@@ -93,12 +97,16 @@ fn captures_of_a_render_need_no_surfaces() {
             "{change}"
         );
         assert_eq!(found.resolved_toml, whole.record.resolved_toml, "{change}");
+        // Both sensors are not as wide to their height as the image
+        let is_warned_of = change.starts_with("sensor.");
+        assert_eq!(found.warnings.len(), usize::from(is_warned_of), "{change}");
+        assert!(found.warnings.iter().all(|warning| whole.record.warnings.contains(warning)), "{change}");
     }
     for change in [
         "material.patch.concentrations.fad=0.3",
         "light.blue.spectrum=\"led_405\"",
-        "sensor.columns=160",
-        "lens.f_number=2",
+        "sensor.region_px=[0, 0, 80, 60]",
+        "camera.horizontal_field_deg=50",
         "render.samples_per_pixel=4",
         "analysis.noise_threshold=7",
         "capture=[{ name = \"other\" }]",
@@ -110,4 +118,26 @@ fn captures_of_a_render_need_no_surfaces() {
     let unknown = experiment(&["concentration.unobtainium=2"]);
     let said = resolve_captures(&rendered, &unknown, &held).unwrap_err().to_string();
     assert_eq!(said, resolve(&unknown).unwrap_err().to_string());
+}
+
+/// An image carries its experiment with all defaults written out: what was typed shows the same scene.
+#[test]
+fn an_experiment_as_typed_shows_what_its_file_says() {
+    for base in ["oraleye-2021", "oraleye-2021-surface", "flat-patch"] {
+        let typed = |changes: &[&str]| {
+            let changes: Vec<String> = changes.iter().map(ToString::to_string).collect();
+            let text = format!("format = 1\nbase = \"{base}\"");
+            parse(&text, "typed", std::path::Path::new("."), &changes).unwrap()
+        };
+        // Of the image only its text is needed, which asks for no surfaces
+        let text = resolve_captures(&typed(&[]), &typed(&[]), &[]).unwrap().unwrap().resolved_toml;
+        let rendered = parse(&text, "image", std::path::Path::new("."), &[]).unwrap();
+        assert!(
+            show_the_same_scene(&rendered, &typed(&["view_filter.filters=[\"long_pass_500\"]"])),
+            "{base}"
+        );
+        for change in ["lens.f_number=3", "camera.position_mm=[1, 2, 3]", "render.height_px=10"] {
+            assert!(!show_the_same_scene(&rendered, &typed(&[change])), "{base}: {change}");
+        }
+    }
 }
