@@ -3,7 +3,7 @@
 use fluorspar::analysis::PorphyrinLayers;
 use fluorspar::pipeline::{
     AnalyzedFrame, Calibration, CapturedFrame, PipelineError, RawExposures, analyze_seen, complete_raw,
-    develop_frames,
+    develop_frames, subtract_what_is_given,
 };
 use fluorspar::study::Study;
 use numpy::{PyArray2, ndarray::Array2};
@@ -23,6 +23,7 @@ type NamedMap<'py> = (&'static str, Bound<'py, PyArray2<f32>>);
 #[pyclass(frozen, module = "fluorspar._fluorspar")]
 pub(crate) struct FrameAnalysis {
     analyzed: AnalyzedFrame,
+    warnings: Vec<String>,
 }
 
 #[pymethods]
@@ -31,6 +32,12 @@ impl FrameAnalysis {
     #[getter]
     fn json(&self) -> PyResult<String> {
         serde_json::to_string(&self.analyzed.analysis).map_err(failed)
+    }
+
+    /// What makes the numbers mean something else than one may think.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
     }
 
     /// Maps of the porphyrin share of each pixel, on the mixture line, `[row, col]`: its value, the ends of its interval, its detection limit; empty
@@ -76,25 +83,45 @@ pub(crate) fn analyze(
     threads: Option<usize>,
 ) -> PyResult<Option<FrameAnalysis>> {
     let py = experiment.py();
+    // Frames of a simulation are developed, with what is subtracted; a frame from a file may come alone
+    let is_raw = frames.iter().any(|frame| frame.captured.is_none());
+    let labels: Vec<&str> = frames.iter().map(|frame| frame.raw.label.as_str()).collect();
+    let is_given = |label: &str| !is_raw || labels.contains(&label);
     if let Some(components) = components
-        && let Some(view) = View::of_kept_analysis(py, experiment.get(), components.get(), threads)?
+        && let Some(mut view) = View::of_kept_analysis(py, experiment.get(), components.get(), threads)?
     {
+        let warnings = in_words(&view.subtract_what_is_given(is_given));
         let frames = developed(view.study(), &frames)?;
         let analyzed = work_through(py, threads, || analyzed(view.study(), Some(&view), frames))?;
         // What was kept is enough for an estimate from a family of tissues; of anything wrong the usual way tells.
         if let Ok(Some(analyzed)) = analyzed
             && analyzed.analysis.posterior.is_some()
         {
-            return Ok(Some(FrameAnalysis { analyzed }));
+            return Ok(Some(FrameAnalysis { analyzed, warnings }));
         }
     }
-    let resolved = experiment.get().resolved(py, threads)?;
-    let frames = developed(&resolved.study, &frames)?;
-    let view = components
+    let mut study = experiment.get().resolved(py, threads)?.study.clone();
+    let warnings = in_words(&subtract_what_is_given(&mut study, is_given));
+    let exposures = developed(&study, &frames)?;
+    let mut view = components
         .map(|components| View::whole(py, experiment.get(), components.get(), false, threads))
         .transpose()?;
-    let analyzed = work_through(py, threads, || analyzed(&resolved.study, view.as_ref(), frames))?;
-    Ok(analyzed.map_err(failed)?.map(|analyzed| FrameAnalysis { analyzed }))
+    if let Some(view) = &mut view {
+        view.subtract_what_is_given(is_given);
+    }
+    let analyzed = work_through(py, threads, || analyzed(&study, view.as_ref(), exposures))?;
+    Ok(analyzed.map_err(failed)?.map(|analyzed| FrameAnalysis { analyzed, warnings }))
+}
+
+/// What it means that some captures subtract no frame.
+fn in_words(left_out: &[(String, String)]) -> Vec<String> {
+    let words = |(label, missing): &(String, String)| {
+        format!(
+            "Nothing is subtracted from \"{label}\" but the black level: the experiment subtracts \"{missing}\", which is not given. Room \
+             light counts as light of the region; give the frame \"{missing}\", too"
+        )
+    };
+    left_out.iter().map(words).collect()
 }
 
 /// The analysis of frames, developed first if they are raw.

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 use fluorspar::image::{ChannelPlanes, ComponentFactors, ComponentImage, SensorImage};
 use fluorspar::pipeline::{
     CapturePlanes, CaptureResponses, CapturedFrame, ColorRendering, FilmResponse, PipelineError, Preview,
-    SeenComponents, capture_from_planes, check_captures, preview,
+    SeenComponents, capture_from_planes, check_captures, preview, subtract_what_is_given,
 };
 use fluorspar::study::{Capture, Study};
 use fluorspar_cli::RenderedScene;
@@ -103,7 +103,11 @@ impl Frame {
     #[getter]
     fn preview<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArray3<u8>>>> {
         let frame = slf.get();
-        let Some(preview) = work_through(slf.py(), None, || frame.shown())? else { return Ok(None) };
+        let made = match frame.preview.get() {
+            Some(made) => Some(made),
+            None => work_through(slf.py(), None, || frame.shown())?,
+        };
+        let Some(preview) = made else { return Ok(None) };
         let shape = (preview.height, preview.width, 3);
         view(slf, |this| this.shown().map_or(&[], |preview| &preview.rgb), shape).map(Some)
     }
@@ -284,6 +288,14 @@ impl View {
     /// What the view is of.
     pub(crate) fn study(&self) -> &Study {
         &self.study
+    }
+
+    /// Subtracts no frame that is not given; returns as [`subtract_what_is_given`].
+    pub(crate) fn subtract_what_is_given(
+        &mut self,
+        is_given: impl Fn(&str) -> bool,
+    ) -> Vec<(String, String)> {
+        subtract_what_is_given(&mut self.study, is_given)
     }
 
     /// The channel planes of the camera of a capture.

@@ -9,7 +9,7 @@ use fluorspar::analysis::{Analysis, PorphyrinLayers, SignalSummary};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, Calibration, CapturedFrame, RawExposures, analyze_seen, bracket_label, complete_raw,
-    develop_frames,
+    develop_frames, subtract_what_is_given,
 };
 use fluorspar::study::{AnalysisPlan, Capture, Study};
 use fluorspar::units::number_text;
@@ -213,13 +213,9 @@ fn readout_of_frames(options: &Options, parsed: &Experiment) -> Result<Vec<Overr
 }
 
 /// A frame of a camera is analyzed without one that its experiment subtracts, where that is not given; the user is told.
-fn subtract_what_is_given(options: &Options, experiment: &mut ResolvedExperiment) {
-    let is_given = |label: &str| {
-        options.frame.iter().any(|text| text.split_once('=').is_some_and(|(name, _)| name == label))
-    };
-    for capture in experiment.study.captures.iter_mut().filter(|c| is_given(&c.frame.label)) {
-        let Some(missing) = capture.subtract.take_if(|label| !is_given(label)) else { continue };
-        let label = &capture.frame.label;
+fn warn_of_missing_frames(options: &Options, experiment: &mut ResolvedExperiment) {
+    let is_given = |label: &str| named_files(options).any(|(name, _)| name == label);
+    for (label, missing) in subtract_what_is_given(&mut experiment.study, is_given) {
         let text = format!(
             "Nothing is subtracted from \"{label}\" but the black level: the experiment subtracts \"{missing}\", which is not given. Room \
              light counts as light of the region; give --frame {missing}=FILE"
@@ -234,7 +230,7 @@ fn as_recorded(options: &Options, is_without_image: bool, experiment: &mut Resol
     if is_without_image {
         leave_parts_to_shapes(&mut experiment.study);
     }
-    subtract_what_is_given(options, experiment);
+    warn_of_missing_frames(options, experiment);
     if !options.frame.is_empty() {
         // The size of the frames, and where the region lies, make no other experiment
         let of = &experiment.record.title;

@@ -50,7 +50,7 @@ from ._commands import (
 )
 from ._experiment import Experiment, experiment, load, schema
 from ._fluorspar import ExperimentError, FluorsparError, __version__
-from ._frames import Analysis, Frame, Frames, analyze, capture
+from ._frames import Analysis, FluorsparWarning, Frame, Frames, analyze, capture
 from ._mouth import Mesh, Mouth, mouth
 from ._record import Record
 from ._render import Components, RenderStopped, read, render
@@ -63,6 +63,7 @@ __all__ = [
     "ExperimentError",
     "Filter",
     "FluorsparError",
+    "FluorsparWarning",
     "Fluorophore",
     "Frame",
     "Frames",

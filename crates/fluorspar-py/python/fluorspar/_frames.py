@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import os
+import warnings
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
     import xarray
+
+
+class FluorsparWarning(UserWarning):
+    """What makes a result mean something else than one may think."""
 
 
 class Frame:
@@ -131,11 +136,15 @@ class Analysis(Record):
 
     @property
     def porphyrin(self) -> Record | None:
-        """What the region's frame says of porphyrin: ``fraction`` of the light, ``interval`` (95 %), ``budget``, and ``truth`` where
-        components tell it.
+        """What the region's frame says of porphyrin: ``fraction`` of the light, ``interval`` (95 %), ``upper_limit`` (95 %), whether the
+        light is ``foreign`` to what was assumed, ``budget``, and ``truth`` where components tell it.
 
-        Where the region is a tissue of the catalogue this is the posterior over the family of tissues, otherwise the position on the
-        mixture line with its total interval. ``None`` without a porphyrin in the analysis.
+        Where the region is a tissue of the catalogue, ``fraction`` is the median of the posterior over the family of tissues:
+        ``analysis.posterior.median`` of results.json. The headline of a report shows it where the interval begins above 0, otherwise
+        ``upper_limit`` alone (half of the prior lies on none, which pulls the median toward 0), and no number where the light is
+        ``foreign`` and no other tissue explains it. Elsewhere ``fraction`` is the share on the mixture line,
+        ``analysis.mixture.region.estimate.position``, which noise can put outside of 0 to 1, with its total interval and without an
+        upper limit. ``None`` without a porphyrin in the analysis.
         """
         posterior, mixture, budget = self.get("posterior"), self.get("mixture"), self.get("budget")
         if posterior is None and (mixture is None or mixture.get("region") is None):
@@ -143,10 +152,11 @@ class Analysis(Record):
         truth = self.get("truth")
         found = Record(budget=budget, truth=None if truth is None else truth.share)
         if posterior is not None:
-            return Record(fraction=posterior.median, interval=posterior.interval, upper_limit=posterior.upper_limit, **found)
+            limit, foreign = posterior.upper_limit, posterior.foreign
+            return Record(fraction=posterior.median, interval=posterior.interval, upper_limit=limit, foreign=foreign, **found)
         assert mixture is not None
         interval = None if budget is None else budget.total_interval
-        return Record(fraction=mixture.region.estimate.position, interval=interval, upper_limit=None, **found)
+        return Record(fraction=mixture.region.estimate.position, interval=interval, upper_limit=None, foreign=None, **found)
 
     def _repr_html_(self) -> str:
         share = self._maps.get("share")
@@ -185,7 +195,8 @@ def analyze(
 ) -> Analysis:
     """Analyzes the frame that the experiment names: chromaticity and porphyrin of its region.
 
-    ``components`` tell which part a pixel shows, and the truth.
+    ``components`` tell which part a pixel shows, and the truth. A frame from a file whose experiment subtracts another, which is not
+    given, is analyzed without it, with a :class:`FluorsparWarning`.
     """
     chosen = frames.values() if isinstance(frames, Frames) else frames
     native = _fluorspar.analyze(
@@ -196,6 +207,8 @@ def analyze(
     )
     if native is None:
         raise _fluorspar.FluorsparError("the experiment has no [analysis] section; add one")
+    for text in native.warnings:
+        warnings.warn(text, FluorsparWarning, stacklevel=2)
     analysis = Analysis(Record.of_json(native.json))
     analysis._maps = dict(native.porphyrin_maps)
     return analysis

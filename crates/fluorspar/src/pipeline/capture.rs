@@ -383,6 +383,18 @@ fn expose_capture(
     Ok(RawExposures { raw, bracket })
 }
 
+/// Lets captures whose frames are given subtract no frame that is not given. Returns the label of each such capture and that of the
+/// frame that it subtracted: room light then counts as light of what they show.
+pub fn subtract_what_is_given(study: &mut Study, is_given: impl Fn(&str) -> bool) -> Vec<(String, String)> {
+    let mut left_out = Vec::new();
+    for capture in study.captures.iter_mut().filter(|capture| is_given(&capture.frame.label)) {
+        if let Some(missing) = capture.subtract.take_if(|label| !is_given(label)) {
+            left_out.push((capture.frame.label.clone(), missing));
+        }
+    }
+    left_out
+}
+
 /// Develops raw frames: calibrates and merges the exposures of each, subtracts the frame that the study names for it,
 /// interpolates the colors.
 ///
