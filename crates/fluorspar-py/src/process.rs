@@ -2,13 +2,14 @@
 
 use std::num::NonZeroUsize;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use fluorspar_cli::CommandFailure;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use rayon::ThreadPool;
 
 use crate::error::{failed, of_command};
 
@@ -57,7 +58,35 @@ fn thread_count(threads: Option<usize>) -> PyResult<usize> {
     }
 }
 
-/// Runs some work in a thread pool of its own while the interpreter goes on, looks for Ctrl-C and calls `tell` now and then in the
+/// Pools of threads that no call works in, by their number of threads. A call has one to itself: a thread that waits for another in the
+/// same pool takes up what else there is, and might wait there for what it had begun itself.
+static IDLE: Mutex<Vec<(usize, ThreadPool)>> = Mutex::new(Vec::new());
+
+/// Idle pools that are kept.
+const MOST_IDLE: usize = 4;
+
+/// A pool of so many threads: one that is idle, or a new one.
+fn take_pool(count: usize) -> PyResult<ThreadPool> {
+    // What is held stays whole wherever a thread panics
+    let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(found) = idle.iter().position(|(own, _)| *own == count) {
+        return Ok(idle.swap_remove(found).1);
+    }
+    drop(idle);
+    let built = rayon::ThreadPoolBuilder::new().num_threads(count).build();
+    built.map_err(|error| failed(format!("can't start {count} threads: {error}")))
+}
+
+/// Keeps a pool for the next call.
+fn give_back(count: usize, pool: ThreadPool) {
+    let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+    if idle.len() == MOST_IDLE {
+        idle.remove(0);
+    }
+    idle.push((count, pool));
+}
+
+/// Runs some work in a pool of threads while the interpreter goes on, looks for Ctrl-C and calls `tell` now and then in the
 /// calling thread. The first exception, of a signal or of `tell`, calls `stop`; the work then ends by itself. Returns what the work
 /// returned and that exception.
 ///
@@ -73,10 +102,7 @@ pub(crate) fn work<T: Send>(
     check_not_forked()?;
     prepare(py)?;
     let count = thread_count(threads)?;
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(count)
-        .build()
-        .map_err(|error| failed(format!("can't start {count} threads: {error}")))?;
+    let pool = take_pool(count)?;
     let done = AtomicBool::new(false);
     let mut raised = None;
     let result = std::thread::scope(|scope| {
@@ -101,6 +127,7 @@ pub(crate) fn work<T: Send>(
         }
         worker.join().unwrap_or_else(|panic| resume_unwind(panic))
     });
+    give_back(count, pool);
     match result {
         Ok(result) => Ok((result, raised)),
         Err(panic) => {

@@ -180,17 +180,21 @@ def _components_of_bytes(content: bytes) -> Components:
 
 
 class RenderStopped(_fluorspar.RenderStopped):
-    """A render that Ctrl-C ended; a :class:`KeyboardInterrupt`."""
+    """A render that Ctrl-C ended; a :class:`KeyboardInterrupt`. It pickles with its image so far."""
 
-    def __init__(self, message: str, unfinished: _fluorspar.UnfinishedRender) -> None:
+    def __init__(self, message: str, unfinished: _fluorspar.UnfinishedRender | None = None) -> None:
         super().__init__(message)
         self.unfinished = unfinished
 
     @cached_property
     def partial(self) -> Components | None:
         """The image so far, made when it is first asked for; ``None`` where some pixel has no sample yet."""
-        native = self.unfinished.take()
+        native = None if self.unfinished is None else self.unfinished.take()
         return None if native is None else Components(native)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Sums of a film can't travel; the image that they make can
+        return (RenderStopped, (str(self),), {"partial": self.partial})
 
 
 def render(
