@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import pickle
+import time
 
 import numpy as np
 import pytest
@@ -118,3 +120,68 @@ def test_what_was_kept_of_an_analysis_gives_the_same(program, tmp_path) -> None:
     assert fs.analyze(again, fs.capture(again, components), components=components) == first
     half = again.set("concentration.biofilm_porphyrin", 0.5)
     assert fs.analyze(half, fs.capture(half, components), components=components).truth.share < first.truth.share
+
+
+def test_a_camera_that_changes_needs_no_surfaces(mouth, components, tmp_path) -> None:
+    """Planes of another filter, sensor or aperture are the same whether the experiment is the one that was rendered or the same as typed."""
+    components.write(tmp_path / "components.exr")
+    read = fs.read(tmp_path / "components.exr")
+    for path, value in (
+        ("view_filter.filters", ["long_pass_500"]),
+        ("sensor.preset", "monochrome_3_45um"),
+        ("lens.f_number", 4.0),
+    ):
+        expected = components.planes(mouth.set(path, value), "blue")
+        for experiment in (mouth, read.experiment):
+            np.testing.assert_array_equal(read.planes(experiment.set(path, value), "blue"), expected, err_msg=path)
+
+
+def test_a_frame_without_the_one_to_subtract_is_analyzed_with_a_warning(mouth, components, tmp_path) -> None:
+    shots = fs.capture(mouth, components)
+    shots["blue"].write(tmp_path / "raw_blue.tiff")
+    alone = [fs.Frame.read(tmp_path / "raw_blue.tiff", "blue")]
+    with pytest.warns(fs.FluorsparWarning, match='"ambient", which is not given') as told:
+        analysis = fs.analyze(mouth, alone, components=components)
+    assert len(told) == 1 and told[0].filename == __file__
+    # Frames of a simulation are developed already, with what is subtracted
+    assert fs.analyze(mouth, [shots["blue"]], components=components) != analysis
+
+
+@pytest.mark.parametrize("base", ["oraleye-2021", "oraleye-2021-surface"])
+def test_the_porphyrin_fraction_is_the_number_of_results_json(base, program, tmp_path) -> None:
+    """The median of the posterior for tissue, the position on the mixture line for surfaces."""
+    small = {"width_px": 32, "height_px": 24, "samples_per_pixel": 1}
+    fs.experiment(base).with_(render=small, mouth={"detail": 0.4}).save(tmp_path / "small.toml")
+    program("run", "small.toml", "--out", "results", "-q", folder=tmp_path)
+    analysis = json.loads((tmp_path / "results/results.json").read_text())["analysis"]
+    components = fs.read(tmp_path / "results/components.exr")
+    experiment = components.experiment
+    found = fs.analyze(experiment, fs.capture(experiment, components), components=components).porphyrin
+    if base == "oraleye-2021":
+        posterior = analysis["posterior"]
+        assert (found.fraction, list(found.interval)) == (posterior["median"], posterior["interval"])
+        assert (found.upper_limit, found.foreign) == (posterior["upper_limit"], posterior["foreign"])
+    else:
+        assert analysis["posterior"] is None and found.upper_limit is None and found.foreign is None
+        assert found.fraction == analysis["mixture"]["region"]["estimate"]["position"]
+        assert list(found.interval) == analysis["budget"]["total_interval"]
+    assert found.truth == analysis["truth"]["share"]
+
+
+def test_previews_start_no_threads(mouth, components) -> None:
+    """Threads are those of the call before; a preview that was made takes none."""
+
+    def threads() -> set[str]:
+        return set(os.listdir("/proc/self/task"))
+
+    frame = fs.capture(mouth, components)["white"]
+    first = frame.preview
+    before = threads()
+    for _ in range(20):
+        assert np.shares_memory(frame.preview, first)
+        assert fs.capture(mouth, components)["white"].preview is not None
+    # A thread that has ended may still be listed for a moment
+    end = time.monotonic() + 10
+    while not threads() <= before and time.monotonic() < end:
+        time.sleep(0.01)
+    assert threads() <= before
