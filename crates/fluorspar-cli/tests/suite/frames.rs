@@ -164,7 +164,7 @@ fn a_filter_wheel_is_run_analyzed_and_reported() {
     let small = ["--set", "sensor.columns=160", "--set", "sensor.rows=120"];
     fluorspar(folder, [&["run", "wheel.toml", "--out", "wheel"][..], &small].concat()).well();
     let told = fluorspar(folder, ["analyze", "wheel"]).well().stdout;
-    assert!(told.contains("wheel_550: ") && told.contains(" over wheel_"), "{told}");
+    assert!(told.contains("frame \"wheel_550\": ") && told.contains(" over wheel_"), "{told}");
     let json = fluorspar(folder, ["analyze", "wheel", "--json"]).well().json();
     let terms = json["signals"]["unmixing"]["terms"].as_array().unwrap();
     let porphyrin = terms.last().unwrap();

@@ -233,8 +233,18 @@ fn reports_say_what_ran_and_fit_every_screen() {
     for (name, wanted) in [
         (
             "mouth",
-            &["a mouth of", "led_385", "Porphyrin share", "of the true share", "Leak", "Eye-safe sequences"]
-                [..],
+            &[
+                "a mouth of",
+                "led_385",
+                "Porphyrin share",
+                "of the true share",
+                "Leak",
+                "Eye-safe sequences",
+                // Light and frame have the same name
+                "frame \"blue\", reflected (the leak)",
+                "Frame \"blue\": R",
+                "of frame \"blue\" clipped",
+            ][..],
         ),
         ("violet", &["led_405", "changed", "Porphyrin share"]),
         (
@@ -356,7 +366,7 @@ fn a_monochrome_sensor_needs_no_other_experiment() {
         assert!(!told.contains(word), "{word} in the page of a monochrome camera: {told}");
     }
     let said = fluorspar(folder, ["analyze", "mono"]).well();
-    assert!(said.stdout.contains("uv: ") && said.stdout.contains("signal to noise of a pixel"), "{said:?}");
+    assert!(said.stdout.contains("frame \"uv\": ") && said.stdout.contains("signal to noise of a pixel"), "{said:?}");
 }
 
 #[test]

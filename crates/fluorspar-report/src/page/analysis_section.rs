@@ -242,7 +242,7 @@ fn spot_rows(spots: &[SpotSeparation]) -> Vec<Number> {
     let row = |spot: &SpotSeparation| {
         let [low, high] = spot.d_prime_interval;
         Number::computed(
-            format!("{} of {}", spot.channels.join(", "), spot.frames.join(" and ")),
+            spot.name(),
             format!("{:.2} ({low:.2} to {high:.2})", spot.d_prime),
             "d'",
             format!(
@@ -261,7 +261,7 @@ fn with_signals(section: Section, summary: &SignalSummary) -> Section {
         ["Signal", "electrons", "standard error", "DN", "signal to noise"].map(String::from).to_vec();
     let rows = summary.signals.iter().map(|s| {
         let numbers = [s.electrons, s.standard_error_e, s.mean_dn, s.snr_of_pixel];
-        std::iter::once(s.name()).chain(numbers.map(short)).collect()
+        std::iter::once(s.title()).chain(numbers.map(short)).collect()
     });
     let mut section = section.with(ReportItem::Matrix(NumberMatrix {
         caption: "Signals of the region".into(),
@@ -351,7 +351,7 @@ fn target_matrix(targets: &[TargetDetection]) -> NumberMatrix {
             format!("{:.1}", t.d_prime),
             format!("{:.1}", t.d_prime_of_sensor),
         ];
-        std::iter::once(format!("{}, {}", t.target, t.frame))
+        std::iter::once(format!("{}, frame \"{}\"", t.target, t.frame))
             .chain(contrast)
             .chain(numbers)
             .chain([diameter, frames])

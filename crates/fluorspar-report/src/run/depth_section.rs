@@ -25,10 +25,10 @@ pub(super) fn depth_section(run: &RunResults<'_>) -> Option<(Section, Option<Fig
     let frame = own.first().map_or("", |depth| depth.frame.as_str());
     let mut rows = Vec::new();
     for depth in &own {
-        rows.push(depth_row(&format!("{}: {}", depth.frame, depth.channel), depth));
+        rows.push(depth_row(&format!("Frame \"{}\": {}", depth.frame, depth.channel), depth));
         rows.extend(depth.layers.iter().map(|layer| {
             Number::computed(
-                format!("{}: {} from the {}", depth.frame, depth.channel, layer.name),
+                format!("Frame \"{}\": {} from the {}", depth.frame, depth.channel, layer.name),
                 format!("{:.0}", 100.0 * layer.share),
                 "%",
                 "share of this layer in the fluorescence of the channel",

@@ -125,12 +125,12 @@ pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
                         format!("{count} whole sequences in 8 hours; limited by {hazard}, {who}")
                     }
                     None => format!(
-                        "{per_day} exposures of \"{}\" in 8 hours; limited by {hazard}, {who}",
+                        "{per_day} exposures of frame \"{}\" in 8 hours; limited by {hazard}, {who}",
                         capture.name
                     ),
                 },
                 format!(
-                    "The limiting hazard is {hazard} ({}) for the {who}{place}: one exposure of \"{}\" gives {} {} of the {} {} that are \
+                    "The limiting hazard is {hazard} ({}) for the {who}{place}: one exposure of frame \"{}\" gives {} {} of the {} {} that are \
                      allowed, so {per_day} exposures of it alone fit into 8 hours.",
                     explain(assessment.hazard),
                     capture.name,

@@ -73,6 +73,13 @@ impl ChannelSignal {
             format!("{} of {}", self.channel, self.frame)
         }
     }
+
+    /// Its name in words that no light of the same name is taken for: `R of frame "blue"`.
+    #[must_use]
+    pub fn title(&self) -> String {
+        let frame = format!("frame \"{}\"", self.frame);
+        if self.channel == "mono" { frame } else { format!("{} of {frame}", self.channel) }
+    }
 }
 
 /// One signal over another, as if both frames had the same exposure time.
@@ -283,7 +290,7 @@ impl SignalSummary {
             .map(|s| {
                 format!(
                     "{}: {:.1} e- (standard error {:.2}), {:.1} DN, signal to noise of a pixel {:.1}",
-                    s.name(),
+                    s.title(),
                     s.electrons,
                     s.standard_error_e,
                     s.mean_dn,
@@ -294,7 +301,7 @@ impl SignalSummary {
         lines.extend(
             self.ratios
                 .iter()
-                .map(|r| format!("{} over {}: {:.4} ± {:.4}", r.above, r.below, r.ratio, r.standard_error)),
+                .map(|r| format!("Signals, {} over {}: {:.4} ± {:.4}", r.above, r.below, r.ratio, r.standard_error)),
         );
         if let Some(unmixing) = &self.unmixing {
             lines.push(format!("Unmixed from {}:", unmixing.signals.join(", ")));

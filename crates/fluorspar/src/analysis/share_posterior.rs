@@ -94,11 +94,12 @@ impl SharePosterior {
         self.interval[0] > 0.0
     }
 
-    /// The frames in words: `the frame blue`, `the frames blue, white`.
+    /// The frames in words: `frame "blue"`, `frames "blue" and "white"`.
     #[must_use]
     pub fn frames_in_words(&self) -> String {
         let noun = if self.frames.len() == 1 { "frame" } else { "frames" };
-        format!("the {noun} {}", self.frames.join(", "))
+        let frames: Vec<String> = self.frames.iter().map(|frame| format!("\"{frame}\"")).collect();
+        format!("{noun} {}", frames.join(" and "))
     }
 
     /// The share in words: median and interval, or where none can't be excluded, the upper limit alone. Half of the prior lies on none,
