@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{ValueEnum, ValueHint};
-use fluorspar::image::{LightPath, SensorImage};
+use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
     CameraColor, CapturedFrame, ColorRendering, analyze_seen, capture_from_planes, check_captures,
-    columns_per_render_column, preview,
+    preview,
 };
 use fluorspar::study::{Capture, Study};
-use fluorspar_experiment::{ResolvedExperiment, Warning, resolve, resolve_captures};
+use fluorspar_experiment::{ResolvedExperiment, resolve};
 use fluorspar_format::{
     DngColor, FileFormat, FormatError, OutputFolder, Provenance, RawPacking, write_atomically,
     write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff,
@@ -20,6 +20,7 @@ use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::io::Write;
 
+use super::coarse_render::coarse_image;
 use super::frame_report::{FrameReport, warn_of_darkness};
 use super::rendered_image::{RenderedImage, ShownByImage};
 use crate::args::{Answer, Changes, Seed};
@@ -205,37 +206,6 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         ));
     }
     Ok(ExitCode::SUCCESS)
-}
-
-/// Columns of the sensor that one of a render may cover before its pixels are seen as blocks.
-const MOST_COLUMNS: f64 = 2.0;
-
-/// Warns of a render that is coarser than a sensor, unless it was as coarse for the sensor that it was made for.
-fn coarse_image(image: &RenderedImage, study: &Study) -> Option<Warning> {
-    let labels = image.labels();
-    let covered = columns_per_render_column(study, labels)?;
-    let held: Vec<&str> = labels
-        .components
-        .iter()
-        .filter_map(|component| match &component.light {
-            LightPath::Fluorescence(name) => Some(name.as_str()),
-            _ => None,
-        })
-        .collect();
-    let made_for = image
-        .experiment(&[])
-        .ok()
-        .and_then(|(_, experiment)| resolve_captures(&experiment, &experiment, &held).ok()?)
-        .and_then(|found| columns_per_render_column(&found.study, labels))
-        .unwrap_or(0.0);
-    if covered <= MOST_COLUMNS.max(1.01 * made_for) {
-        return None;
-    }
-    let wanted = (labels.width as f64 * covered / MOST_COLUMNS).round();
-    Some(Warning::from(format!(
-        "one pixel of the render covers {covered:.1} x {covered:.1} pixels of the sensor: frames show blocks, and nothing finer. Render \
-         with render.width_px={wanted} or more, or bin the sensor: sensor.binning"
-    )))
 }
 
 /// What the folder of a capture tells: the component image that the frames come from, and the frames.

@@ -11,6 +11,7 @@ use fluorspar::units::counted;
 use fluorspar_experiment::{ResolvedExperiment, is_sample};
 use serde_json::json;
 
+use super::coarse_render::coarse_render;
 use crate::args::{Answer, Changes, RenderOptions};
 use crate::budget::{Budget, Limits, render_seconds, say_time};
 use crate::error::CliError;
@@ -68,6 +69,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     let mut experiment = source.resolve(&overrides)?;
     let view = CameraView::of(&mut experiment.study);
+    experiment.record.warnings.extend(coarse_render(&experiment.study));
     let ResolvedExperiment { study, record } = &experiment;
     messages.warnings(&record.warnings);
     let scene = &study.scene;

@@ -13,6 +13,7 @@ use fluorspar_format::OutputFolder;
 use fluorspar_report::{FrameOrigin, RunResults, name_target, write_run_components, write_run_folder};
 
 use super::basis_render;
+use super::coarse_render::coarse_render;
 use super::frame_report::warn_of_darkness;
 use crate::args::{Answer, ExperimentArgs, OutOption};
 use crate::budget::{Budget, Limits};
@@ -39,9 +40,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let started = Instant::now();
     let messages = Messages::default();
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
-    let experiment = source.resolve(
+    let mut experiment = source.resolve(
         &[options.experiment.overrides(), options.limits.overrides().into_iter().collect()].concat(),
     )?;
+    experiment.record.warnings.extend(coarse_render(&experiment.study));
     let study = &experiment.study;
     super::check_nothing_painted(study)?;
     super::check_memory(

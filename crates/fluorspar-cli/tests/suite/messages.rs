@@ -51,6 +51,16 @@ fn a_run_begins_with_its_title_and_warns_in_short_lines() {
 
     let silent = fluorspar(folder, [&args[..], &["--quiet"]].concat()).well();
     assert_eq!(silent.stderr, "");
+
+    // A sensor that is finer than the render, as large as before
+    assert!(!whole.iter().any(|line| line.contains("pixel of the render covers")), "{whole:#?}");
+    let finer = ["--set=sensor.columns=128", "--set=sensor.rows=96", "--set=sensor.pixel_size_um=18.75"];
+    let said = fluorspar(folder, [&args[..], &finer].concat()).well();
+    let wanted = "one pixel of the render covers 8.0 x 8.0 pixels of the sensor";
+    assert!(warnings(&said.stderr).iter().any(|line| line.contains(wanted)), "{}", said.stderr);
+    let check = fluorspar(folder, [&["check"], &changes[..], &finer].concat()).well();
+    assert!(check.stderr.contains(wanted), "{}", check.stderr);
+    assert!(fs::read_to_string(folder.join("out/report.html")).unwrap().contains(wanted));
 }
 
 #[test]

@@ -213,9 +213,27 @@ pub(super) fn on_sensor<'a>(study: &Study, components: &'a ComponentImage) -> Op
 /// Columns of the frames for each column of a rendered image. Of the image only size and place count. `None` without lens or sensor.
 pub fn columns_per_render_column(study: &Study, components: &ComponentImage) -> Option<f64> {
     let scene = on_sensor(study, components)?;
+    Some(frame_columns(study)? * scene.film_over_sensor[0] / components.width as f64)
+}
+
+/// Columns of the frames for each column of the image that a study renders, before it is rendered. `None` without lens or sensor.
+pub fn columns_per_column_to_render(study: &Study) -> Option<f64> {
+    let (camera, view) = (&study.camera, &study.scene.camera);
+    let film_mm = match camera.traced_lens() {
+        Some(traced) => traced.film_width_mm(),
+        None => {
+            let field_deg = 2.0 * f64::from(view.tan_half_width).atan().to_degrees();
+            camera.lens.as_ref()?.equation.film_width_mm(field_deg)
+        }
+    };
+    let sensor_mm = camera.sensor.as_ref()?.film_extent().width_mm;
+    Some(frame_columns(study)? * film_mm / sensor_mm / view.width.max(1) as f64)
+}
+
+/// Columns of the frames of a study, binned as they are.
+fn frame_columns(study: &Study) -> Option<f64> {
     let model = study.camera.sensor.as_ref()?.model();
-    let columns = model.columns as f64 / model.binning.map_or(1.0, |binning| binning.columns as f64);
-    Some(columns * scene.film_over_sensor[0] / components.width as f64)
+    Some(model.columns as f64 / model.binning.map_or(1.0, |binning| binning.columns as f64))
 }
 
 /// Irradiance on the film in one capture, in all bands, W/(m² nm): the light of its lights behind lens and filters, and the

@@ -68,8 +68,8 @@ pub use calibration::Calibration;
 pub use camera_color::CameraColor;
 pub use capture::{
     CapturedFrame, RawExposures, bracket_label, capture, capture_from_planes, capture_irradiance,
-    check_captures, columns_per_render_column, complete_raw, develop_frames, frame_radiance,
-    subtract_what_is_given,
+    check_captures, columns_per_column_to_render, columns_per_render_column, complete_raw, develop_frames,
+    frame_radiance, subtract_what_is_given,
 };
 pub use capture_planes::{CapturePlanes, CaptureResponses, SeenComponents};
 pub use concentration::{MultipleUncertainty, concentration_factors, scale_multiple};

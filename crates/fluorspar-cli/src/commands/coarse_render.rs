@@ -1,0 +1,53 @@
+//! Renders that are coarser than the sensor that looks at them.
+
+use fluorspar::image::LightPath;
+use fluorspar::pipeline::{columns_per_column_to_render, columns_per_render_column};
+use fluorspar::study::Study;
+use fluorspar_experiment::{Warning, resolve_captures};
+
+use super::rendered_image::RenderedImage;
+
+/// Columns of the sensor that one of a render may cover before its pixels are seen as blocks.
+const MOST_COLUMNS: f64 = 2.0;
+/// The same of a render that is about to be made. Experiments for a first look render one pixel for 3 x 3 of the sensor, which means
+/// over regions bear; a sensor that was changed for a finer one is beyond it.
+const MOST_COLUMNS_OF_RUN: f64 = 4.0;
+
+/// Warns of an image that will be coarser than its sensor, before it is rendered. One object alone has nothing finer to show.
+pub(super) fn coarse_render(study: &Study) -> Option<Warning> {
+    let covered = columns_per_column_to_render(study)?;
+    let is_seen = covered > MOST_COLUMNS_OF_RUN && study.scene.objects.len() > 1;
+    is_seen.then(|| warning(covered, study.scene.camera.width))
+}
+
+/// Warns of a render that is coarser than a sensor, unless it was as coarse for the sensor that it was made for.
+pub(super) fn coarse_image(image: &RenderedImage, study: &Study) -> Option<Warning> {
+    let labels = image.labels();
+    let covered = columns_per_render_column(study, labels)?;
+    let held: Vec<&str> = labels
+        .components
+        .iter()
+        .filter_map(|component| match &component.light {
+            LightPath::Fluorescence(name) => Some(name.as_str()),
+            _ => None,
+        })
+        .collect();
+    let made_for = image
+        .experiment(&[])
+        .ok()
+        .and_then(|(_, experiment)| resolve_captures(&experiment, &experiment, &held).ok()?)
+        .and_then(|found| columns_per_render_column(&found.study, labels))
+        .unwrap_or(0.0);
+    if covered <= MOST_COLUMNS.max(1.01 * made_for) {
+        return None;
+    }
+    Some(warning(covered, labels.width))
+}
+
+fn warning(covered: f64, width: usize) -> Warning {
+    let wanted = (width as f64 * covered / MOST_COLUMNS).round();
+    Warning::from(format!(
+        "one pixel of the render covers {covered:.1} x {covered:.1} pixels of the sensor: frames show blocks, and nothing finer. Render \
+         with render.width_px={wanted} or more, or bin the sensor: sensor.binning"
+    ))
+}
