@@ -14,7 +14,7 @@ use fluorspar::render::{Checkpoint, FilmRenderer, RenderControl, RenderProgress,
 use fluorspar::scene::Scene;
 use fluorspar::spectral::Radiance;
 use fluorspar::units::memory_text;
-use fluorspar_format::{FormatError, Provenance, unfinished_files, write_film, write_rgb_png};
+use fluorspar_format::{FormatError, Provenance, unfinished_files, write_film, write_rgb_png, written_share};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::budget::say_time;
@@ -95,7 +95,8 @@ impl Pace {
 /// Time between two words about a file that is being written.
 const WRITING: Duration = Duration::from_secs(10);
 
-/// Tells of the files that are written while it lives how large the largest of them is already: a line every ten seconds.
+/// Tells of the files that are written while it lives how large the largest of them is already, and of an image which share of it is
+/// written: a line every ten seconds.
 pub(crate) struct WritingReport {
     ends: Option<Sender<()>>,
     teller: Option<JoinHandle<()>>,
@@ -111,11 +112,17 @@ impl WritingReport {
                 let lengths =
                     unfinished_files().into_iter().filter_map(|file| Some(file.metadata().ok()?.len()));
                 let bytes = lengths.max().unwrap_or(0);
-                messages.status(format!("Writing {name}: {} so far", memory_text(bytes)));
+                messages.status(writing_line(&name, bytes, written_share(name.as_ref())));
             }
         };
         Self { ends: Some(ends), teller: Some(thread::spawn(tell)) }
     }
+}
+
+/// How much of a file there is: its share where that is known, and its bytes.
+fn writing_line(name: &str, bytes: u64, share: Option<f64>) -> String {
+    let share = share.map_or_else(String::new, |share| format!("{:.0} %, ", (100.0 * share).floor()));
+    format!("Writing {name}: {share}{} so far", memory_text(bytes))
 }
 
 impl Drop for WritingReport {
@@ -350,6 +357,12 @@ mod tests {
         // After five minutes of it the new speed is known to 5 %.
         let left = last.unwrap();
         assert!((left / ((1.0 - share) / 0.001) - 1.0).abs() < 0.05, "{left}");
+    }
+
+    #[test]
+    fn files_that_know_their_share_tell_it() {
+        assert_eq!(writing_line("a.exr", 1 << 30, Some(0.429)), "Writing a.exr: 42 %, 1.00 GiB so far");
+        assert_eq!(writing_line("a.npy", 1 << 30, None), "Writing a.npy: 1.00 GiB so far");
     }
 
     #[test]

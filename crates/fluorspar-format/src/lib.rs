@@ -96,7 +96,7 @@ pub use npy::{
 pub use obj::read_obj;
 pub use output::{
     Claim, Journal, Output, OutputFolder, OutputSet, Outputs, WRITTEN_BY, check_room, free_bytes,
-    remove_unfinished_files, unfinished_files, write_atomically,
+    remove_unfinished_files, unfinished_files, write_atomically, written_share,
 };
 pub use packed_raw::{RawPacking, write_packed_raw};
 pub use pbrt::{

@@ -6,8 +6,7 @@ use std::process::ExitCode;
 use clap::{ValueEnum, ValueHint};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
-    CameraColor, CapturedFrame, ColorRendering, analyze_seen, capture_from_planes, check_captures,
-    preview,
+    CameraColor, CapturedFrame, ColorRendering, analyze_seen, capture_from_planes, check_captures, preview,
 };
 use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::{ResolvedExperiment, resolve};

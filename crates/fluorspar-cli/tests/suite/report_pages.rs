@@ -366,7 +366,10 @@ fn a_monochrome_sensor_needs_no_other_experiment() {
         assert!(!told.contains(word), "{word} in the page of a monochrome camera: {told}");
     }
     let said = fluorspar(folder, ["analyze", "mono"]).well();
-    assert!(said.stdout.contains("frame \"uv\": ") && said.stdout.contains("signal to noise of a pixel"), "{said:?}");
+    assert!(
+        said.stdout.contains("frame \"uv\": ") && said.stdout.contains("signal to noise of a pixel"),
+        "{said:?}"
+    );
 }
 
 #[test]

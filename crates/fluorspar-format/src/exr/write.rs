@@ -21,7 +21,7 @@ use super::{
     StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
 };
 use crate::file::{MAX_IMAGE_BYTES, check_image_size};
-use crate::output::write_atomically;
+use crate::output::{WrittenShare, write_atomically};
 use crate::{FileFormat, FormatError, Provenance, SpooledImage};
 use fluorspar::image::{
     ChannelPlanes, Component, ComponentImage, ExcitationImage, FeatureMaps, GroupBasis, SpectralImage,
@@ -691,8 +691,10 @@ fn write_parts(
         .collect();
     let bounds = IntegerBounds::from_dimensions(size);
     let image = Image::from_layers(ImageAttributes::new(bounds), layers);
+    let written = WrittenShare::begin(path);
     write_atomically(path, |writer| {
-        image.write().to_buffered(&mut *writer).map_err(|error| match error {
+        let encoder = image.write().on_progress(|share| written.set(share));
+        encoder.to_buffered(&mut *writer).map_err(|error| match error {
             exr::error::Error::Io(source) => source,
             other => io::Error::other(other),
         })?;

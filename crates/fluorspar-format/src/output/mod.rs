@@ -15,6 +15,7 @@ mod journal;
 mod mark;
 mod paths;
 mod set;
+mod written_share;
 
 pub use claim::Claim;
 pub use disk::{check_room, free_bytes};
@@ -23,3 +24,5 @@ pub use folder::OutputFolder;
 pub use journal::Journal;
 pub use mark::WRITTEN_BY;
 pub use set::{Output, OutputSet, Outputs};
+pub(crate) use written_share::WrittenShare;
+pub use written_share::written_share;

@@ -4,6 +4,9 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
 
 use fluorspar::image::{
     ChannelPlanes, Component, ComponentImage, ComponentRows, FeatureMaps, LightPath, Mosaic, SensorImage,
@@ -14,7 +17,7 @@ use fluorspar_format::{
     ComponentFile, ExrCompression, ExrOptions, FormatError, Provenance, Transfer, read_component_exr,
     read_component_npy, read_sensor_image, read_spectral_exr, read_spectral_npy, read_texture_png,
     write_atomically, write_component_exr, write_component_npy, write_rgb_png, write_sensor_png,
-    write_sensor_tiff, write_spectral_exr, write_spectral_npy,
+    write_sensor_tiff, write_spectral_exr, write_spectral_npy, written_share,
 };
 
 fn grid() -> WavelengthGrid {
@@ -582,4 +585,31 @@ fn a_failed_write_leaves_what_was_there() {
         said(folder.path(), write_atomically(&lost, |_| Ok(()))),
         "missing/r.txt: can't create it: No such file or directory (os error 2). Check the path and its folder"
     );
+}
+
+#[test]
+fn the_share_of_an_image_that_is_written_is_told_meanwhile() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("told-meanwhile.exr");
+    let name = path.file_name().unwrap();
+    let edges: Vec<f64> = (0..=32).map(|step| 400.0 + 10.0 * f64::from(step)).collect();
+    let grid = WavelengthGrid::from_edges(&edges).unwrap();
+    let image = SpectralImage::<Radiance>::zeros(grid, 512, 512);
+    let done = AtomicBool::new(false);
+    let seen = thread::scope(|scope| {
+        let poll = scope.spawn(|| {
+            let mut seen = Vec::new();
+            while !done.load(Ordering::Relaxed) {
+                seen.extend(written_share(name));
+                thread::sleep(Duration::from_micros(100));
+            }
+            seen
+        });
+        write_spectral_exr(&path, &image, &ExrOptions::default()).unwrap();
+        done.store(true, Ordering::Relaxed);
+        poll.join().unwrap()
+    });
+    assert!(seen.iter().any(|share| *share > 0.0) && seen.iter().all(|share| *share <= 1.0), "{seen:?}");
+    assert!(seen.windows(2).all(|pair| pair[0] <= pair[1]), "{seen:?}");
+    assert_eq!(written_share(name), None);
 }

@@ -141,7 +141,9 @@ fn leak_section(run: &RunResults<'_>) -> Option<Section> {
         None => "over the whole frame".into(),
     };
     let notes = leaks.iter().filter_map(|leak| match (leak.is_reflectance(), leak.leak_ratio) {
-        (false, Some(ratio)) => Some(format!("frame \"{}\": {} % of the fluorescence", leak.frame, percent(ratio))),
+        (false, Some(ratio)) => {
+            Some(format!("frame \"{}\": {} % of the fluorescence", leak.frame, percent(ratio)))
+        }
         _ => None,
     });
     let note = notes.collect::<Vec<_>>().join(", ");
@@ -165,7 +167,8 @@ fn leak_section(run: &RunResults<'_>) -> Option<Section> {
 /// Electrons of reflected light and of fluorescence in each channel of each frame.
 fn leak_matrix(leaks: &[FrameLeak]) -> NumberMatrix {
     let names = leaks.first().map_or(&[][..], |leak| &leak.channels);
-    let columns = ["Light in the frame".into()].into_iter().chain(names.iter().map(|c| format!("{}, e-", c.name)));
+    let columns =
+        ["Light in the frame".into()].into_iter().chain(names.iter().map(|c| format!("{}, e-", c.name)));
     let row = |leak: &FrameLeak, kind: &str, of: &dyn Fn(&fluorspar::pipeline::ChannelLeak) -> f64| {
         let name = format!("frame \"{}\", {kind}", leak.frame);
         std::iter::once(name).chain(leak.channels.iter().map(|c| electrons(of(c)))).collect::<Vec<String>>()
@@ -283,8 +286,8 @@ fn frames_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
     let words = Words::of(run.experiment);
     let clipped = frames.iter().map(|frame| (percent_saturated(frame), &frame.raw.label));
     let worst = clipped.max_by(|a, b| a.0.total_cmp(&b.0));
-    let clipped =
-        worst.map_or_else(String::new, |(share, label)| format!("; {share:.2} % of frame \"{label}\" clipped"));
+    let clipped = worst
+        .map_or_else(String::new, |(share, label)| format!("; {share:.2} % of frame \"{label}\" clipped"));
     let noun = if frames.len() == 1 { "frame" } else { "frames" };
     let mut section = Section::new("Frames")
         .folded(format!("{} {noun}{clipped}; levels and histograms", frames.len()))

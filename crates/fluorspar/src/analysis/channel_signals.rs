@@ -298,11 +298,9 @@ impl SignalSummary {
                 )
             })
             .collect();
-        lines.extend(
-            self.ratios
-                .iter()
-                .map(|r| format!("Signals, {} over {}: {:.4} ± {:.4}", r.above, r.below, r.ratio, r.standard_error)),
-        );
+        lines.extend(self.ratios.iter().map(|r| {
+            format!("Signals, {} over {}: {:.4} ± {:.4}", r.above, r.below, r.ratio, r.standard_error)
+        }));
         if let Some(unmixing) = &self.unmixing {
             lines.push(format!("Unmixed from {}:", unmixing.signals.join(", ")));
             lines.extend(unmixing.terms.iter().map(|term| {
