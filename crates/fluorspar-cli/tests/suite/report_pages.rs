@@ -301,6 +301,8 @@ fn captures_and_analyses_have_reports_too() {
     let page = fs::read_to_string(folder.join("frames/report.html")).unwrap();
     let told = words(&page);
     assert!(told.contains("Simulated") && told.contains("Chlorophyll a"), "{told}");
+    let limits = |told: &str| told.matches("Detection limit, noise alone").count();
+    assert_eq!(limits(&told), 1, "{told}");
     // What the render knows of the frames stands on the page of a capture as on that of the run
     for part in ["How much excitation light leaks", "The light of the region, by origin"] {
         assert!(told.contains(part), "{part}");
@@ -346,6 +348,7 @@ fn captures_and_analyses_have_reports_too() {
     assert!(results("analyzed").get("recorded_frames").is_none());
     let told = words(&fs::read_to_string(folder.join("given/report.html")).unwrap());
     assert!(told.contains("Recorded frames") && !told.contains("imulat"), "{told}");
+    assert_eq!(limits(&told), 1, "{told}");
 }
 
 #[test]
