@@ -16,10 +16,12 @@ use fluorspar::units::number_text;
 use fluorspar_experiment::{Experiment, KeptAnalysis, ResolvedExperiment, Warning, kept_analysis, resolve};
 use fluorspar_format::{OutputFolder, black_level_doubt, read_sensor_image, write_atomically, write_map_npy};
 use fluorspar_report::figures::porphyrin_maps;
-use fluorspar_report::{FrameOrigin, name_target};
+use fluorspar_report::{FrameOrigin, NamedRegion, name_target};
 use rayon::prelude::*;
+use serde_json::{Value, json};
 
 use super::frame_report::{FrameReport, warn_of_darkness};
+use super::region_option::{RegionsOf, region_options};
 use super::rendered_image::{CaptureView, RenderedImage, ShownByImage};
 use crate::args::{Answer, Changes};
 use crate::error::CliError;
@@ -50,6 +52,11 @@ pub(crate) struct Options {
     /// by part name.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     component_image: Option<PathBuf>,
+    /// Another region of the frame, by the name NAME, beside that of [analysis]: parts (lip=lower_lip,upper_lip), a rectangle
+    /// (lip=COLUMN,ROW,WIDTH,HEIGHT), a polygon (lip=[[X,Y],[X,Y],[X,Y]]), a mask (lip=mask.png), or fields of [analysis]
+    /// (lip={parts=["lower_lip"], inset_px=3}). May be repeated.
+    #[arg(long, value_name = "NAME=WHERE")]
+    named_region: Vec<String>,
     /// Folder for report.html, maps of the porphyrin share of each pixel on the mixture line, its interval and its detection limit (NumPy and PNG) and
     /// results.json.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
@@ -70,18 +77,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             folder.display()
         )));
     }
+    let regions = region_options(&options.named_region)?;
     let beside = |name: &str| options.folder.as_ref().map(|folder| folder.join(name));
     let default = beside("experiment.toml").map(|path| path.display().to_string());
     let name = options.experiment.clone().or(default).unwrap_or_default();
     let source = ExperimentSource::find(Some(&name))?;
-    let mut overrides: Vec<Override> =
-        sensor_of_frames(options)?.into_iter().chain(options.changes.overrides()).collect();
-    let mut parsed = source.parse(&overrides)?;
-    let readout = readout_of_frames(options, &parsed)?;
-    if !readout.is_empty() {
-        overrides.splice(0..0, readout);
-        parsed = source.parse(&overrides)?;
-    }
+    let (parsed, overrides) = parsed_for_frames(options, &source)?;
     let image = options
         .component_image
         .clone()
@@ -89,8 +90,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         .or_else(|| options.folder.as_ref().and_then(|folder| captured_from(folder)));
     // Frames and channel planes come while materials are resolved, unless what the analysis asks of these was kept
     let frames_at = options.folder.as_ref().filter(|_| options.frame.is_empty());
-    let kept =
-        frames_at.filter(|_| options.out.is_none() && image.is_some()).and_then(|_| kept_analysis(&parsed));
+    let is_alone = options.out.is_none() && regions.is_empty();
+    let kept = frames_at.filter(|_| is_alone && image.is_some()).and_then(|_| kept_analysis(&parsed));
     let (resolved, (opened, seen)) = rayon::join(
         || kept.is_none().then(|| resolve(&parsed)),
         || {
@@ -105,7 +106,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if let (Some(kept), Some(seen), Some(Ok(image))) = (kept, &seen, &opened)
         && let Some((experiment, analysis)) = analyzed_without_surfaces(kept, seen, image)
     {
-        answer(options, &experiment, &analysis, &seen.frames)?;
+        answer(options, &experiment, &analysis, &[], &seen.frames)?;
         return Ok(next_step());
     }
     let mut experiment =
@@ -127,13 +128,21 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         )));
     }
     let image = opened.transpose()?;
-    let inputs =
-        options.folder.iter().chain(&options.component_image).chain(&options.dark).chain(&options.flat);
-    let named = options.frame.iter().filter_map(|text| Some(PathBuf::from(text.split_once('=')?.1)));
-    let inputs: Vec<PathBuf> = inputs.cloned().chain(named).collect();
+    let inputs = inputs(options);
     let out = options.out.as_ref().map(|out| OutputFolder::prepare(out, &inputs, OUT_BYTES)).transpose()?;
-    let analyzed = match &image {
-        None => analyze_seen(study, None, &frames)?,
+    let shared = RegionsOf {
+        source: &source,
+        parsed: &parsed,
+        overrides: &overrides,
+        frames: &frames,
+        components: None,
+    };
+    let all = |shared: RegionsOf<'_>| -> Result<_, CliError> {
+        let main = analyze_seen(study, shared.components, &frames)?;
+        Ok((main, shared.analyzed(&regions, |other| as_recorded(options, image.is_none(), other))?))
+    };
+    let (main, others) = match &image {
+        None => all(shared)?,
         Some(image) => {
             let view = match view {
                 Some(view) => view,
@@ -142,31 +151,58 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
                     image.seen_by(study, &study.captures, changes)?
                 }
             };
-            analyze_seen(study, Some(&view.components(image, &study.captures)), &frames)?
+            let components = view.components(image, &study.captures);
+            all(RegionsOf { components: Some(&components), ..shared })?
         }
     };
-    let Some(mut analyzed) = analyzed else {
+    let Some(analyzed) = main else {
         return Err(CliError::Failed("the analysis gave nothing".into()));
     };
-    if !options.frame.is_empty() {
-        // Frames of another origin may show another mouth than the component image.
-        (analyzed.analysis.truth, analyzed.analysis.budget) = (None, None);
-    }
-    answer(options, &experiment, &analyzed.analysis, &frames)?;
+    let analyzed = without_render(options, analyzed);
+    let others: Vec<NamedRegion> = others
+        .into_iter()
+        .map(|(name, of)| NamedRegion { name, analyzed: without_render(options, of) })
+        .collect();
+    answer(options, &experiment, &analyzed.analysis, &others, &frames)?;
     let Some(out) = out else { return Ok(next_step()) };
     let report = FrameReport {
         experiment: &experiment,
         experiment_text: &source.text,
         frames,
         analysis: Some(analyzed.clone()),
+        regions: &others,
         components: None,
         frames_from: if options.frame.is_empty() { FrameOrigin::Simulated } else { FrameOrigin::Given },
         raw_ending: None,
     };
     report.write(out.path()).map_err(|error| error.at_its_place(&out))?;
-    let place = write_maps(options, out, &analyzed)?;
+    let place = write_maps(options, out, &analyzed, &others)?;
     Messages::default().status(format!("Open {}", place.join("report.html").display()));
     Ok(ExitCode::SUCCESS)
+}
+
+/// The experiment with all changes: those that real frames make of its sensor, and those of the command line.
+fn parsed_for_frames(
+    options: &Options,
+    source: &ExperimentSource,
+) -> Result<(Experiment, Vec<Override>), CliError> {
+    let mut overrides: Vec<Override> =
+        sensor_of_frames(options)?.into_iter().chain(options.changes.overrides()).collect();
+    let mut parsed = source.parse(&overrides)?;
+    let readout = readout_of_frames(options, &parsed)?;
+    if !readout.is_empty() {
+        overrides.splice(0..0, readout);
+        parsed = source.parse(&overrides)?;
+    }
+    Ok((parsed, overrides))
+}
+
+/// Files and folders that are read.
+fn inputs(options: &Options) -> Vec<PathBuf> {
+    let named = named_files(options).map(|(_, file)| PathBuf::from(file));
+    let given =
+        options.folder.iter().chain(&options.component_image).chain(&options.dark).chain(&options.flat);
+    given.cloned().chain(named).collect()
 }
 
 /// The size of a real camera's frames, as changes of the experiment's sensor: what it knows of pixels counts for frames of any size.
@@ -260,19 +296,41 @@ fn leave_parts_to_shapes(study: &mut Study) {
     }
 }
 
+/// Frames of another origin may show another mouth than the component image, whose truth is none of theirs.
+fn without_render(options: &Options, mut analyzed: AnalyzedFrame) -> AnalyzedFrame {
+    if !options.frame.is_empty() {
+        (analyzed.analysis.truth, analyzed.analysis.budget) = (None, None);
+    }
+    analyzed
+}
+
 /// Says what was found.
 fn answer(
     options: &Options,
     experiment: &ResolvedExperiment,
     analysis: &Analysis,
+    regions: &[NamedRegion],
     frames: &[CapturedFrame],
 ) -> Result<(), CliError> {
     warn_of_darkness(experiment, frames, Messages::default());
     if options.answer.json {
-        super::print_json(analysis)
-    } else {
-        super::print_text(&name_target(experiment, &describe(analysis)))
+        return super::print_json(&as_json(analysis, regions)?);
     }
+    let mut text = describe(analysis);
+    for region in regions {
+        text += &format!("\nRegion \"{}\". {}", region.name, describe(&region.analyzed.analysis));
+    }
+    super::print_text(&name_target(experiment, &text))
+}
+
+/// An analysis as JSON, with those of further regions.
+fn as_json(analysis: &Analysis, regions: &[NamedRegion]) -> Result<Value, CliError> {
+    let mut results = serde_json::to_value(analysis)?;
+    if !regions.is_empty() {
+        let one = |region: &NamedRegion| json!({ "name": region.name, "analysis": region.analyzed.analysis });
+        results["regions"] = regions.iter().map(one).collect();
+    }
+    Ok(results)
 }
 
 fn next_step() -> ExitCode {
@@ -283,7 +341,7 @@ fn next_step() -> ExitCode {
 /// The component image that the frames of a folder were captured from, as `capture` wrote it down; none where it is gone.
 fn captured_from(folder: &Path) -> Option<PathBuf> {
     let text = read_text(&folder.join("results.json")).ok()?;
-    let results: serde_json::Value = serde_json::from_str(&text).ok()?;
+    let results: Value = serde_json::from_str(&text).ok()?;
     let path = PathBuf::from(results.get("components_file")?.as_str()?);
     path.is_file().then_some(path)
 }
@@ -377,11 +435,16 @@ pub(super) fn developed_folder(study: &Study, folder: &Path) -> Result<Vec<Captu
 }
 
 /// Writes the numbers of the region and its maps.
-fn write_maps(options: &Options, out: OutputFolder, analyzed: &AnalyzedFrame) -> Result<PathBuf, CliError> {
-    let mut results = serde_json::to_value(&analyzed.analysis)?;
+fn write_maps(
+    options: &Options,
+    out: OutputFolder,
+    analyzed: &AnalyzedFrame,
+    regions: &[NamedRegion],
+) -> Result<PathBuf, CliError> {
+    let mut results = as_json(&analyzed.analysis, regions)?;
     if !options.frame.is_empty() {
         let files = named_files(options).map(|(label, file)| (label.to_owned(), file.into()));
-        results["recorded_frames"] = serde_json::Value::Object(files.collect());
+        results["recorded_frames"] = Value::Object(files.collect());
     }
     let mut files = vec![("results.json".to_owned(), serde_json::to_vec_pretty(&results)?)];
     if let Some(porphyrin) = &analyzed.porphyrin {

@@ -177,6 +177,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             experiment_text: &text,
             frames,
             analysis,
+            regions: &[],
             components: spectra.as_ref(),
             frames_from: FrameOrigin::Simulated,
             raw_ending: Some(options.format.ending()),

@@ -8,7 +8,7 @@ use fluorspar::pipeline::{
 };
 use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
-use fluorspar_report::{FrameOrigin, RunResults, dark_frames, write_frame_report};
+use fluorspar_report::{FrameOrigin, NamedRegion, RunResults, dark_frames, write_frame_report};
 
 use crate::error::CliError;
 use crate::message::Messages;
@@ -19,6 +19,8 @@ pub(super) struct FrameReport<'a> {
     pub(super) experiment_text: &'a str,
     pub(super) frames: Vec<CapturedFrame>,
     pub(super) analysis: Option<AnalyzedFrame>,
+    /// Regions beside that of the analysis.
+    pub(super) regions: &'a [NamedRegion],
     /// What the frames show, with its spectra; `None` where it is not known.
     pub(super) components: Option<&'a ComponentImage>,
     pub(super) frames_from: FrameOrigin,
@@ -39,6 +41,7 @@ impl FrameReport<'_> {
             experiment_text: self.experiment_text,
             components: None,
             evaluation: &evaluation,
+            regions: self.regions,
             frames_from: self.frames_from,
             raw_ending: self.raw_ending,
         };

@@ -24,6 +24,7 @@ pub(crate) mod pbrt_scene;
 pub(crate) mod plot;
 pub(crate) mod predict;
 pub(crate) mod presets;
+mod region_option;
 pub(crate) mod render;
 mod rendered_image;
 pub(crate) mod row_bands;

@@ -161,6 +161,7 @@ fn evaluate_and_write(
         experiment_text,
         components: Some(components),
         evaluation: &evaluation,
+        regions: &[],
         frames_from: FrameOrigin::Simulated,
         raw_ending: Some("tiff"),
     };

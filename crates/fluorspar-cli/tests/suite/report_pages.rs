@@ -332,6 +332,34 @@ fn captures_and_analyses_have_reports_too() {
     let said = fluorspar(folder, ["analyze", "frames", "--out", "analyzed"]).well();
     assert!(said.stdout.contains("leaf") && said.stderr.contains("Open analyzed/report.html"), "{said:?}");
     assert!(folder.join("analyzed/figures/chromaticity.csv").is_file());
+    // Further regions: each is what an analysis of it alone is
+    let regions =
+        ["--named-region", "middle=20,16,20,16", "--named-region", "bench={parts=[\"table\"], inset_px=1}"];
+    let said = fluorspar(folder, [&["analyze", "frames", "--out", "regions"][..], &regions].concat()).well();
+    assert!(said.stdout.contains("Region \"bench\". Frame \"uv\", table"), "{said:?}");
+    let found = &results("regions")["regions"];
+    let alone = ["--set=analysis.parts=[]", "--set=analysis.rectangle_px=[20,16,20,16]"];
+    let alone = fluorspar(folder, [&["analyze", "frames", "--json"][..], &alone].concat()).json();
+    assert_eq!(found[0]["name"], "middle");
+    for key in ["counts", "channels", "mixture", "budget", "truth"] {
+        assert_eq!(found[0]["analysis"][key], alone[key], "{key}");
+    }
+    let page = fs::read_to_string(folder.join("regions/report.html")).unwrap();
+    let told = words(&page);
+    assert!(told.contains("Regions of frame \"uv\"") && page.matches("<span class=\"name\"").count() == 3);
+    assert!(told.contains("middle  320 "), "{told}");
+    if let Some(browser) = browser() {
+        fits(&browser, "regions", &folder.join("regions"), SCREENS[0]);
+    }
+    for (wrong, why) in [("bench", "there is no ="), ("bench=bank", "bank"), ("a=900,0,9,9", "is not inside")]
+    {
+        let refused = fluorspar(folder, ["analyze", "frames", "--named-region", wrong]);
+        assert!(
+            refused.code == Some(2) && refused.stderr.contains(&format!("--named-region {wrong}")),
+            "{refused:?}"
+        );
+        assert!(refused.stderr.contains(why), "{refused:?}");
+    }
     // Quiet keeps the answer.
     let quiet = fluorspar(folder, ["analyze", "frames", "-q"]).well();
     assert!(quiet.stdout.contains("pixels") && quiet.stderr.is_empty(), "{quiet:?}");

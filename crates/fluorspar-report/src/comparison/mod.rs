@@ -15,6 +15,7 @@ pub use page::{comparison_figures, comparison_report, setting_cells};
 use fluorspar::analysis::interval_of_difference;
 use serde::{Serialize, Serializer};
 
+pub(crate) use run_numbers::share_text;
 use run_numbers::{RunNumber, Subject, run_numbers};
 
 /// How numbers are judged, in words.
@@ -143,12 +144,11 @@ fn compared(a: Option<RunNumber>, b: Option<RunNumber>) -> ComparedNumber {
         (Some(_), Some(_), None) => ToldApart::NotJudged,
         _ => ToldApart::InOne,
     };
-    let side = |n: RunNumber| ComparedSide { value: n.value, interval: n.interval, words: n.words };
     ComparedNumber {
         quantity,
         unit,
-        a: a.map(side),
-        b: b.map(side),
+        a: a.map(ComparedSide::from),
+        b: b.map(ComparedSide::from),
         difference: values.map(|(a, b)| b - a),
         difference_interval,
         told_apart,
@@ -210,6 +210,12 @@ fn short(value: f64) -> String {
     } else {
         let digits = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
         format!("{value:.digits$}")
+    }
+}
+
+impl From<RunNumber> for ComparedSide {
+    fn from(number: RunNumber) -> Self {
+        Self { value: number.value, interval: number.interval, words: number.words }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use fluorspar::analysis::{Analysis, ErrorBudget, SharePosterior, SignalSummary, TargetDetection};
 
+use super::ComparedSide;
 use super::finished_run::{FinishedCapture, FinishedRun, FinishedSafety};
 use crate::run::capital;
 
@@ -76,6 +77,14 @@ pub(super) fn run_numbers(run: &FinishedRun, label: &dyn Fn(&str) -> String) -> 
     numbers.extend(run.safety.iter().flat_map(|safety| safety_numbers(safety, label)));
     numbers.sort_by_key(|number| number.subject);
     numbers
+}
+
+/// The estimate of the share with its interval, as tables have it: of the tissue, else on the mixture line, else unmixed. `None` where nothing
+/// is estimated.
+pub(crate) fn share_text(analysis: &Analysis, target: &str) -> Option<String> {
+    let numbers = share_numbers(analysis, target);
+    let estimate = numbers.into_iter().find(|number| number.interval.is_some() || number.words.is_some())?;
+    Some(ComparedSide::from(estimate).text())
 }
 
 /// The estimates of the share, what they err by, and the least that is detected.

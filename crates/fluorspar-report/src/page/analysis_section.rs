@@ -235,8 +235,7 @@ fn budget_rows(budget: &ErrorBudget) -> Vec<Number> {
 
 /// The detection limit, of simulated frames as of recorded ones, whose blank nobody knows.
 fn detection_row(analysis: &Analysis) -> Option<Number> {
-    let meaning =
-        "So far beyond the blank sensor noise mistakes neither a blank for porphyrin nor porphyrin for a blank in more than 5 % of cases.";
+    let meaning = "So far beyond the blank sensor noise mistakes neither a blank for porphyrin nor porphyrin for a blank in more than 5 % of cases.";
     let limit = analysis.detection_limit()?;
     Some(Number::computed("Detection limit, noise alone", format!("{limit:.4}"), "", meaning))
 }

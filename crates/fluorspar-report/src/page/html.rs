@@ -359,6 +359,7 @@ mod tests {
             caption: evil.into(),
             alt: evil.into(),
             outline: vec![vec![[0.0, 0.0], [1.0, 1.0]]],
+            names: vec![(evil.into(), [1.0, 1.0])],
             map: Some(MapOverlay {
                 name: evil.into(),
                 label: evil.into(),

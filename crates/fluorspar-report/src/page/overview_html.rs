@@ -95,6 +95,11 @@ fn write_view(html: &mut String, view: &FrameView, tabs: &str, map_tabs: &str) {
         );
     }
     write_outline(html, view);
+    for (name, [x, y]) in &view.names {
+        let [left, top] = [x / width.max(1) as f64, y / height.max(1) as f64].map(|share| 100.0 * share);
+        let name = escape(name);
+        let _ = writeln!(html, "<span class=\"name\" style=\"left:{left:.2}%;top:{top:.2}%\">{name}</span>");
+    }
     html.push_str("</div>\n");
     if let Some(map) = &view.map {
         write_scale(html, map, map_tabs);

@@ -6,6 +6,7 @@ mod display;
 mod folder;
 mod overview;
 mod region_outline;
+mod regions_section;
 mod report;
 mod safety_section;
 mod words;
@@ -21,7 +22,7 @@ pub use report::{NamedFigure, RunReport, run_report};
 pub use words::name_target;
 
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::Evaluation;
+use fluorspar::pipeline::{AnalyzedFrame, Evaluation};
 use fluorspar_experiment::ResolvedExperiment;
 
 /// Everything that one run produced.
@@ -35,10 +36,21 @@ pub struct RunResults<'a> {
     pub components: Option<&'a ComponentImage>,
     /// Everything that was computed from it.
     pub evaluation: &'a Evaluation,
+    /// Regions beside that of the analysis, of the same frame.
+    pub regions: &'a [NamedRegion],
     /// Where the frames come from.
     pub frames_from: FrameOrigin,
     /// Ending of the raw files `raw_FRAME` beside the report; `None` where there are none.
     pub raw_ending: Option<&'a str>,
+}
+
+/// A region beside that of the analysis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedRegion {
+    /// Its name.
+    pub name: String,
+    /// What its pixels say.
+    pub analyzed: AnalyzedFrame,
 }
 
 /// Where the frames of a report come from.

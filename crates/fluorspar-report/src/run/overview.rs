@@ -6,6 +6,7 @@ use fluorspar::study::Capture;
 
 use super::display::{DisplayImage, for_display};
 use super::region_outline::region_outline;
+use super::regions_section::region_names;
 use super::report::{electrons, percent};
 use super::safety_section::eye_safe_captures;
 use super::words::{Words, capital};
@@ -78,15 +79,21 @@ fn view(
         size: [image.width, image.height],
         caption,
         alt: seen(&image, frame, analyzed),
-        outline: analyzed.map_or_else(Vec::new, |analyzed| outlines(analyzed, shown.block)),
+        outline: analyzed.map_or_else(Vec::new, |analyzed| outlines(run, analyzed, shown.block)),
+        names: analyzed.map_or_else(Vec::new, |analyzed| {
+            let main = (analyzed.analysis.region_description.as_str(), &analyzed.region);
+            region_names(main, run.regions, shown.block)
+        }),
         map: analyzed.and_then(|analyzed| share_overlay(analyzed, &shown, words)),
         links,
     })
 }
 
-/// Outlines of the region, where it is not the whole frame, and of the targets.
-fn outlines(analyzed: &AnalyzedFrame, block: usize) -> Vec<Vec<[f64; 2]>> {
-    let mut lines = if is_part(analyzed) { region_outline(&analyzed.region, block) } else { Vec::new() };
+/// Outlines of the regions that are not the whole frame, and of the targets.
+fn outlines(run: &RunResults<'_>, analyzed: &AnalyzedFrame, block: usize) -> Vec<Vec<[f64; 2]>> {
+    let regions = std::iter::once(analyzed).chain(run.regions.iter().map(|region| &region.analyzed));
+    let mut lines: Vec<_> =
+        regions.filter(|a| is_part(a)).flat_map(|a| region_outline(&a.region, block)).collect();
     let Some(targets) = &analyzed.targets else { return lines };
     for number in 1..=targets.names.len() {
         let is_target = |pixel: &usize| usize::from(targets.labels[*pixel]) == number;

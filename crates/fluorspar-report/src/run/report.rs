@@ -13,6 +13,7 @@ use fluorspar_experiment::preset::{self, PresetKind};
 use super::dark_frames::dark_frames;
 use super::depth_section::depth_section;
 use super::overview::overview;
+use super::regions_section::regions_section;
 use super::safety_section::safety_section;
 use super::words::Words;
 use super::{FrameOrigin, RunResults};
@@ -112,6 +113,7 @@ fn sections(run: &RunResults<'_>, words: &Words<'_>, builder: &mut Builder) -> V
     if let Some(analyzed) = &evaluation.analysis {
         sections.push(result_section(run, words, analyzed, builder));
     }
+    sections.extend(regions_section(run, words));
     if let Some(radiance) = &evaluation.region_radiance {
         sections.push(radiance_section(run, radiance, builder));
     }

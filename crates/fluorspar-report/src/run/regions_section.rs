@@ -1,0 +1,92 @@
+//! Several regions of one frame, a row each.
+
+use fluorspar::analysis::{Analysis, PixelSelection};
+
+use super::report::electrons;
+use super::words::{Words, capital};
+use super::{NamedRegion, RunResults};
+use crate::comparison::share_text;
+use crate::{NumberMatrix, ReportItem, Section};
+
+/// The regions with that of the analysis; `None` where there is no other.
+pub(super) fn regions_section(run: &RunResults<'_>, words: &Words<'_>) -> Option<Section> {
+    let analyzed = run.evaluation.analysis.as_ref().filter(|_| !run.regions.is_empty())?;
+    let target = words.target();
+    let main = (analyzed.analysis.region_description.as_str(), &analyzed.analysis);
+    let others = run.regions.iter().map(|region| (region.name.as_str(), &region.analyzed.analysis));
+    let rows =
+        std::iter::once(main).chain(others).map(|(name, analysis)| row(name, analysis, &target)).collect();
+    let columns = [
+        "Region",
+        "pixels",
+        "share (95 %)",
+        "true share",
+        "detection limit",
+        "signal, e-",
+        "signal to noise",
+    ];
+    let matrix = NumberMatrix {
+        caption: format!("Regions of frame \"{}\"", analyzed.analysis.frame),
+        columns: columns.map(String::from).to_vec(),
+        rows,
+        note: format!(
+            "{} share of the light of each region, where its tissue is known for all that is not known of it, else on the mixture line. \
+             Signal and signal to noise are those of the median pixel, by channel: {}.",
+            capital(&target),
+            channels(&analyzed.analysis)
+        ),
+    };
+    let names: Vec<&str> = run.regions.iter().map(|region| region.name.as_str()).collect();
+    Some(Section::new("Regions").folded(names.join(", ")).with(ReportItem::Matrix(matrix)))
+}
+
+fn channels(analysis: &Analysis) -> String {
+    analysis.channels.iter().map(|channel| channel.name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+fn row(name: &str, analysis: &Analysis, target: &str) -> Vec<String> {
+    let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".into());
+    let levels: Vec<[f64; 2]> =
+        analysis.channels.iter().filter_map(|c| level(analysis, c.statistics?.median)).collect();
+    let join = |texts: Vec<String>| texts.join(", ");
+    vec![
+        name.to_owned(),
+        analysis.counts.total().to_string(),
+        or_dash(share_text(analysis, target)),
+        or_dash(analysis.truth.as_ref().map(|truth| format!("{:.4}", truth.share))),
+        or_dash(analysis.detection_limit().map(|limit| format!("{limit:.4}"))),
+        join(levels.iter().map(|[signal, _]| electrons(*signal)).collect()),
+        join(levels.iter().map(|[_, snr]| format!("{snr:.1}")).collect()),
+    ]
+}
+
+/// Electrons and signal to noise of a level, DN.
+fn level(analysis: &Analysis, median_dn: f64) -> Option<[f64; 2]> {
+    let noise = &analysis.settings.noise;
+    let median = median_dn.max(0.0);
+    let deviation = noise.variance(median).sqrt();
+    (noise.dn_per_electron > 0.0 && deviation > 0.0)
+        .then(|| [median / noise.dn_per_electron, median / deviation])
+}
+
+/// Where the name of a region stands in a frame: above its middle, in pixels divided by `block`.
+pub(super) fn label_place(region: &PixelSelection, block: usize) -> Option<[f64; 2]> {
+    let count = region.pixels.len();
+    let top = region.pixels.iter().map(|pixel| pixel / region.width).min()?;
+    let col = region.pixels.iter().map(|pixel| pixel % region.width).sum::<usize>() as f64 / count as f64;
+    Some([col / block as f64, top as f64 / block as f64])
+}
+
+/// Names and places of all regions, that of the analysis by its description; none where it is alone.
+pub(super) fn region_names(
+    main: (&str, &PixelSelection),
+    regions: &[NamedRegion],
+    block: usize,
+) -> Vec<(String, [f64; 2])> {
+    if regions.is_empty() {
+        return Vec::new();
+    }
+    let others = regions.iter().map(|region| (region.name.as_str(), &region.analyzed.region));
+    let all = std::iter::once(main).chain(others);
+    all.filter_map(|(name, region)| Some((name.to_owned(), label_place(region, block)?))).collect()
+}
