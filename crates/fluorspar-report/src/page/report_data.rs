@@ -54,7 +54,7 @@ pub struct FrameView {
     pub alt: String,
     /// Outlines of the region, closed, in pixels of the image.
     pub outline: Vec<Vec<[f64; 2]>>,
-    /// Names in the image, each below its place, in pixels of the image.
+    /// Names in the image, each around its place, in pixels of the image.
     pub names: Vec<(String, [f64; 2])>,
     /// A map over the image, on a tab of its own in front of it.
     pub map: Option<MapOverlay>,

@@ -69,12 +69,14 @@ fn level(analysis: &Analysis, median_dn: f64) -> Option<[f64; 2]> {
         .then(|| [median / noise.dn_per_electron, median / deviation])
 }
 
-/// Where the name of a region stands in a frame: above its middle, in pixels divided by `block`.
-pub(super) fn label_place(region: &PixelSelection, block: usize) -> Option<[f64; 2]> {
-    let count = region.pixels.len();
-    let top = region.pixels.iter().map(|pixel| pixel / region.width).min()?;
-    let col = region.pixels.iter().map(|pixel| pixel % region.width).sum::<usize>() as f64 / count as f64;
-    Some([col / block as f64, top as f64 / block as f64])
+/// Where the name of a region stands in a frame, in pixels divided by `block`: the middle of its longest row of pixels, which lies within it
+/// whatever its shape.
+fn label_place(region: &PixelSelection, block: usize) -> Option<[f64; 2]> {
+    let joins = |a: &usize, b: &usize| *b == *a + 1 && *b % region.width != 0;
+    let longest =
+        region.pixels.chunk_by(joins).reduce(|best, run| if run.len() > best.len() { run } else { best })?;
+    let middle = longest[longest.len() / 2];
+    Some([middle % region.width, middle / region.width].map(|at| (at as f64 + 0.5) / block as f64))
 }
 
 /// Names and places of all regions, that of the analysis by its description; none where it is alone.
@@ -89,4 +91,23 @@ pub(super) fn region_names(
     let others = regions.iter().map(|region| (region.name.as_str(), &region.analyzed.region));
     let all = std::iter::once(main).chain(others);
     all.filter_map(|(name, region)| Some((name.to_owned(), label_place(region, block)?))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_stand_within_their_regions() {
+        // A ring: its middle is not of it
+        let (width, height) = (9, 7);
+        let is_rim =
+            |p: &usize| [0, width - 1].contains(&(p % width)) || [0, height - 1].contains(&(p / width));
+        let pixels: Vec<usize> = (0..width * height).filter(is_rim).collect();
+        let ring = PixelSelection { width, height, pixels };
+        let [x, y] = label_place(&ring, 1).unwrap();
+        assert!(is_rim(&(y as usize * width + x as usize)), "{x} {y}");
+        assert_eq!(label_place(&ring, 1), Some([4.5, 0.5]));
+        assert_eq!(label_place(&PixelSelection { width, height, pixels: Vec::new() }, 1), None);
+    }
 }
