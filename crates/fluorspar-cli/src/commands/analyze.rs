@@ -111,7 +111,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     let mut experiment =
         resolved.unwrap_or_else(|| resolve(&parsed)).map_err(|error| as_typed(error, &overrides))?;
-    as_recorded(options, image.is_none(), &mut experiment);
+    as_recorded(options, image.is_none(), &mut experiment, Messages::default());
     let study = &experiment.study;
     let Some(settings) = &study.analysis else {
         return Err(CliError::Input(format!("{name}: the experiment has no [analysis] section; add one")));
@@ -121,11 +121,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         None => (developed(options, study, &settings.frame)?, None),
     };
     if let (None, [part, ..]) = (&image, settings.parts.as_slice()) {
-        return Err(CliError::Input(format!(
-            "{name}: the region is the part \"{part}\", but its pixels are known only from the component image; give that of \
-             the run with --component-image, or say where it lies: --set analysis.mask=MASK.png, \
-             analysis.polygon_px=[[X,Y],[X,Y],[X,Y]] or analysis.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
-        )));
+        return Err(unknown_pixels(&name, part));
     }
     let image = opened.transpose()?;
     let inputs = inputs(options);
@@ -137,9 +133,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         frames: &frames,
         components: None,
     };
+    let as_of_region = |other: &mut _| as_recorded(options, image.is_none(), other, Messages::Quiet);
     let all = |shared: RegionsOf<'_>| -> Result<_, CliError> {
         let main = analyze_seen(study, shared.components, &frames)?;
-        Ok((main, shared.analyzed(&regions, |other| as_recorded(options, image.is_none(), other))?))
+        Ok((main, shared.analyzed(&regions, as_of_region)?))
     };
     let (main, others) = match &image {
         None => all(shared)?,
@@ -159,10 +156,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         return Err(CliError::Failed("the analysis gave nothing".into()));
     };
     let analyzed = without_render(options, analyzed);
-    let others: Vec<NamedRegion> = others
-        .into_iter()
-        .map(|(name, of)| NamedRegion { name, analyzed: without_render(options, of) })
-        .collect();
+    let named = |(name, of)| NamedRegion { name, analyzed: without_render(options, of) };
+    let others: Vec<NamedRegion> = others.into_iter().map(named).collect();
     answer(options, &experiment, &analyzed.analysis, &others, &frames)?;
     let Some(out) = out else { return Ok(next_step()) };
     let report = FrameReport {
@@ -179,6 +174,15 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let place = write_maps(options, out, &analyzed, &others)?;
     Messages::default().status(format!("Open {}", place.join("report.html").display()));
     Ok(ExitCode::SUCCESS)
+}
+
+/// Why a part is no region of frames alone.
+fn unknown_pixels(name: &str, part: &str) -> CliError {
+    CliError::Input(format!(
+        "{name}: the region is the part \"{part}\", but its pixels are known only from the component image; give that of \
+         the run with --component-image, or say where it lies: --set analysis.mask=MASK.png, \
+         analysis.polygon_px=[[X,Y],[X,Y],[X,Y]] or analysis.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
+    ))
 }
 
 /// The experiment with all changes: those that real frames make of its sensor, and those of the command line.
@@ -249,24 +253,29 @@ fn readout_of_frames(options: &Options, parsed: &Experiment) -> Result<Vec<Overr
 }
 
 /// A frame of a camera is analyzed without one that its experiment subtracts, where that is not given; the user is told.
-fn warn_of_missing_frames(options: &Options, experiment: &mut ResolvedExperiment) {
+fn warn_of_missing_frames(options: &Options, experiment: &mut ResolvedExperiment, messages: Messages) {
     let is_given = |label: &str| named_files(options).any(|(name, _)| name == label);
     for (label, missing) in subtract_what_is_given(&mut experiment.study, is_given) {
         let text = format!(
             "Nothing is subtracted from \"{label}\" but the black level: the experiment subtracts \"{missing}\", which is not given. Room \
              light counts as light of the region; give --frame {missing}=FILE"
         );
-        Messages::default().warnings(&[Warning::from(text.clone())]);
+        messages.warnings(&[Warning::from(text.clone())]);
         experiment.record.warnings.push(Warning::from(text));
     }
 }
 
 /// Makes an experiment that of the frames that were given, or of frames whose component image is gone.
-fn as_recorded(options: &Options, is_without_image: bool, experiment: &mut ResolvedExperiment) {
+fn as_recorded(
+    options: &Options,
+    is_without_image: bool,
+    experiment: &mut ResolvedExperiment,
+    messages: Messages,
+) {
     if is_without_image {
         leave_parts_to_shapes(&mut experiment.study);
     }
-    warn_of_missing_frames(options, experiment);
+    warn_of_missing_frames(options, experiment, messages);
     if !options.frame.is_empty() {
         // The size of the frames, and where the region lies, make no other experiment
         let of = &experiment.record.title;
