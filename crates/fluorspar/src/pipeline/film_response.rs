@@ -228,7 +228,7 @@ impl FilmResponse {
                 for (bands, _) in spread.lens.groups() {
                     for (weights, sums) in tables.iter().zip(&mut parts) {
                         let mut tables = [WeightedSums { weights, sums }];
-                        self.add_bands((lines, &bands, &(0..width)), &mut tables);
+                        self.add_bands((lines, bands, &(0..width)), &mut tables);
                     }
                 }
                 sums.into_iter().map(|sum| sum as f32).collect()
