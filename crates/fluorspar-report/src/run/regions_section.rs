@@ -72,7 +72,7 @@ fn level(analysis: &Analysis, median_dn: f64) -> Option<[f64; 2]> {
 /// Where the name of a region stands in a frame, in pixels divided by `block`: the middle of its longest row of pixels, which lies within it
 /// whatever its shape.
 fn label_place(region: &PixelSelection, block: usize) -> Option<[f64; 2]> {
-    let joins = |a: &usize, b: &usize| *b == *a + 1 && *b % region.width != 0;
+    let joins = |a: &usize, b: &usize| *b == *a + 1 && !b.is_multiple_of(region.width);
     let longest =
         region.pixels.chunk_by(joins).reduce(|best, run| if run.len() > best.len() { run } else { best })?;
     let middle = longest[longest.len() / 2];
