@@ -8,6 +8,7 @@ use std::env;
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use crate::input::read_bounded;
@@ -155,9 +156,27 @@ fn checksum(bytes: &[u8]) -> u64 {
     sum
 }
 
-/// Version of this library, and length and time of the program that runs: a program that was built anew makes its own.
+/// The file of a library within a program of somebody else; see [`count_as_program`].
+static PROGRAM_FILE: OnceLock<PathBuf> = OnceLock::new();
+
+/// Lets a library within a program of somebody else, such as an interpreter, count as the program that makes what is kept: its file
+/// changes where its code does. To be called before [`Cache::of_user`]; only the first call counts.
+pub fn count_as_program(file: PathBuf) {
+    // Another file of the same process holds the same code
+    let _ = PROGRAM_FILE.set(file);
+}
+
+/// The program that runs, or the library that counts as it.
 fn running_program() -> Option<String> {
-    let metadata = fs::metadata(env::current_exe().ok()?).ok()?;
+    match PROGRAM_FILE.get() {
+        Some(file) => program_of(file),
+        None => program_of(&env::current_exe().ok()?),
+    }
+}
+
+/// Version of this library, and length and time of a program: one that was built anew makes its own.
+fn program_of(file: &Path) -> Option<String> {
+    let metadata = fs::metadata(file).ok()?;
     let made = metadata.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
     Some(format!("{} {} {}", env!("CARGO_PKG_VERSION"), metadata.len(), made.as_nanos()))
 }
@@ -205,6 +224,18 @@ mod tests {
 
     fn count(folder: &Path) -> usize {
         fs::read_dir(folder).unwrap().count()
+    }
+
+    #[test]
+    fn a_program_that_was_built_anew_is_another() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("program");
+        fs::write(&file, "first").unwrap();
+        let first = program_of(&file).unwrap();
+        assert_eq!(program_of(&file).unwrap(), first);
+        fs::write(&file, "second").unwrap();
+        assert_ne!(program_of(&file).unwrap(), first);
+        assert_eq!(program_of(&folder.path().join("none")), None);
     }
 
     #[test]

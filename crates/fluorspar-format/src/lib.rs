@@ -67,7 +67,7 @@ mod texture;
 mod tiff_directory;
 mod tiff_image;
 
-pub use cache::Cache;
+pub use cache::{Cache, count_as_program};
 pub use csv_eem::{AntiStokes, CsvEemOptions, EemUnit, MeasuredEem, read_eem_csv};
 pub use csv_fluorophore::{CsvFluorophore, read_fluorophore_csv};
 pub use csv_spectrum::{CsvColumns, CsvSpectrumOptions, NamedCurve, read_spectrum_csv};

@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use pyo3::prelude::*;
 
 use crate::error::of_command;
-use crate::process::work;
+use crate::process::{name_program, work};
 
 /// Runs a command of the program in this process and returns what it prints on standard output: `answer(["predict", "--json"])`.
 #[pyfunction]
@@ -34,7 +34,8 @@ pub(crate) fn answer(
 
 /// The program `fluorspar` with the arguments of this process; returns its exit code.
 #[pyfunction]
-pub(crate) fn run_program(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+pub(crate) fn run_program(py: Python<'_>, arguments: Vec<OsString>) -> PyResult<u8> {
+    name_program(py)?;
     let code = py.detach(|| fluorspar_cli::main(arguments, || {}));
-    (0..=u8::MAX).find(|number| std::process::ExitCode::from(*number) == code).unwrap_or(1)
+    Ok((0..=u8::MAX).find(|number| std::process::ExitCode::from(*number) == code).unwrap_or(1))
 }

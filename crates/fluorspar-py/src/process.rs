@@ -2,11 +2,13 @@
 
 use std::num::NonZeroUsize;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use fluorspar_cli::CommandFailure;
+use fluorspar_format::count_as_program;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rayon::ThreadPool;
@@ -24,12 +26,22 @@ pub(crate) fn remember() {
     IMPORTED_BY.get_or_init(std::process::id);
 }
 
+/// Lets the cache tell builds of this module apart: the program that runs is the interpreter, which stays the same.
+pub(crate) fn name_program(py: Python<'_>) -> PyResult<()> {
+    let file: PathBuf = py.import("fluorspar._fluorspar")?.getattr("__file__")?.extract()?;
+    count_as_program(file);
+    Ok(())
+}
+
 /// Uses the cache and the catalogue of the user, once.
 ///
 /// # Errors
 /// A folder of the environment that is no catalogue.
 pub(crate) fn prepare(py: Python<'_>) -> PyResult<()> {
     static PREPARED: OnceLock<Result<(), CommandFailure>> = OnceLock::new();
+    if PREPARED.get().is_none() {
+        name_program(py)?;
+    }
     let prepared = PREPARED.get_or_init(fluorspar_cli::use_surroundings);
     match prepared {
         Ok(()) => Ok(()),

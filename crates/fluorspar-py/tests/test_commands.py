@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -65,3 +70,21 @@ def test_two_runs_are_compared(tmp_path) -> None:
     share = next(row for row in found.numbers if row.quantity == "Porphyrin share on the mixture line")
     assert share.told_apart == "apart" and share.difference > 0
     assert (tmp_path / "two" / "report.html").is_file()
+
+
+def test_another_build_finds_nothing_of_this_one_in_the_cache(tmp_path) -> None:
+    """What runs is the interpreter, which stays the same: the file of the module tells builds apart."""
+    package = tmp_path / "other" / "fluorspar"
+    shutil.copytree(Path(fs.__file__).parent, package)
+    made = "import fluorspar; fluorspar.mouth(person=7, detail=0.3).meshes()"
+
+    def kept(path: Path | None) -> int:
+        places = {"XDG_CACHE_HOME": str(tmp_path / "cache"), **({} if path is None else {"PYTHONPATH": str(path)})}
+        subprocess.run([sys.executable, "-c", made], check=True, env={**os.environ, **places})
+        return len(list((tmp_path / "cache").rglob("*.cache")))
+
+    first = kept(None)
+    assert first > 0 and kept(None) == first
+    # Copied with its time, it would be the same build
+    os.utime(next(package.glob("_fluorspar*.so")))
+    assert kept(package.parent) == 2 * first
