@@ -45,7 +45,7 @@ class ExperimentError(FluorsparError):
     known: list[str]
 
 class RenderStopped(KeyboardInterrupt):
-    unfinished: UnfinishedRender
+    unfinished: UnfinishedRender | None
 
 @final
 class Experiment:
