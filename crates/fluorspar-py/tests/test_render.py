@@ -95,7 +95,8 @@ def test_ctrl_c_ends_a_render_and_keeps_what_it_has(mouth) -> None:
     partial = stopped.value.partial
     assert isinstance(stopped.value, KeyboardInterrupt)
     assert partial is None or (0 < partial.samples_per_pixel < 100_000 and np.isfinite(partial.radiance).all())
-    # To another process goes what there is
+    # To another process goes what there is; clusters send the context of an error along
+    assert stopped.value.__context__ is None and stopped.value.__cause__ is None
     again = pickle.loads(pickle.dumps(stopped.value))
     assert isinstance(again, fs.RenderStopped) and str(again) == str(stopped.value)
     assert (again.partial is None) == (partial is None)

@@ -218,12 +218,13 @@ def render(
         experiment = experiment.set("render.samples_per_pixel", samples_per_pixel)
     with progress_of(progress, "Rendering") as tell:
         try:
-            native = _fluorspar.render(
-                experiment._native, threads=threads, time_limit_s=time_limit_s, progress=tell
+            return Components(
+                _fluorspar.render(experiment._native, threads=threads, time_limit_s=time_limit_s, progress=tell)
             )
-        except _fluorspar.RenderStopped as stopped:
-            raise RenderStopped(str(stopped), stopped.unfinished) from None
-    return Components(native)
+        except _fluorspar.RenderStopped as error:
+            stopped = error
+        # Outside of the handler, without the error of before as its context: clusters send that along, and it can't travel
+        raise RenderStopped(str(stopped), stopped.unfinished)
 
 
 def read(path: str | os.PathLike[str]) -> Components:
