@@ -52,9 +52,8 @@ pub fn compared_pictures(a: &FrameToCompare<'_>, b: &FrameToCompare<'_>) -> Opti
     };
     let brighter = if whites[0] >= whites[1] { "A" } else { "B" };
     let caption = format!(
-        "Both pictures have one exposure: white is {} electrons of a pixel, by the brightest half percent of {brighter}. Alone the picture of A \
-         would be {} times as bright, that of B {} times.",
-        short(white),
+        "Both pictures have one exposure: as many electrons are as bright in both, and the brightest half percent of {brighter} is white. Alone \
+         the picture of A would be {} times as bright, that of B {} times.",
         short(white / whites[0]),
         short(white / whites[1])
     );
