@@ -198,7 +198,7 @@ pub fn comparison_remarks(a: &FinishedRun, b: &FinishedRun) -> Vec<String> {
     remarks
 }
 
-/// Four digits, whatever the size; an open end as such.
+/// Four digits, whatever the size, counts as such; an open end as such.
 fn short(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 {
@@ -207,6 +207,8 @@ fn short(value: f64) -> String {
         "open".into()
     } else if !(1e-4..1e6).contains(&size) {
         format!("{value:.3e}")
+    } else if size >= 100.0 && value.fract() == 0.0 {
+        format!("{value:.0}")
     } else {
         let digits = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
         format!("{value:.digits$}")

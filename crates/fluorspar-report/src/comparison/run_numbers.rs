@@ -4,7 +4,7 @@ use fluorspar::analysis::{Analysis, ErrorBudget, SharePosterior, SignalSummary, 
 
 use super::ComparedSide;
 use super::finished_run::{FinishedCapture, FinishedRun, FinishedSafety};
-use crate::run::capital;
+use crate::run::{capital, level};
 
 /// Seconds of a day of work, which counts of captures are for.
 const DAY_S: f64 = 8.0 * 3600.0;
@@ -212,21 +212,15 @@ fn signal_numbers(signals: &SignalSummary, label: &dyn Fn(&str) -> String) -> Ve
 
 /// Levels of R, G and B in the region, as cards of reports have them.
 fn channel_numbers(analysis: &Analysis) -> Vec<RunNumber> {
-    let noise = &analysis.settings.noise;
-    let numbers = analysis.channels.iter().flat_map(|channel| {
-        let median = channel.statistics.map(|s| s.median.max(0.0));
+    let numbers = analysis.channels.iter().filter_map(|channel| {
+        let [electrons, snr] = level(analysis, channel.statistics?.median)?;
         let of = |what: &str| format!("{what} in {}", channel.name);
-        let signal = |median: f64| {
-            let electrons = median / noise.dn_per_electron.max(f64::MIN_POSITIVE);
-            let snr = median / noise.variance(median).sqrt().max(f64::MIN_POSITIVE);
-            [
-                RunNumber::new(Subject::Signal, of("Median signal"), "e-", electrons),
-                RunNumber::new(Subject::Signal, of("Signal to noise of a pixel"), "", snr),
-            ]
-        };
-        median.map(signal).into_iter().flatten()
+        Some([
+            RunNumber::new(Subject::Signal, of("Median signal"), "e-", electrons),
+            RunNumber::new(Subject::Signal, of("Signal to noise of a pixel"), "", snr),
+        ])
     });
-    numbers.collect()
+    numbers.flatten().collect()
 }
 
 /// What eyes and tissue bear in a day: captures of each kind, and whole sequences.

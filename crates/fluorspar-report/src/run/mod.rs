@@ -12,6 +12,7 @@ mod safety_section;
 mod words;
 
 pub(crate) use display::{DisplayImage, for_display};
+pub(crate) use regions_section::level;
 pub(crate) use words::capital;
 
 pub use dark_frames::dark_frames;

@@ -61,7 +61,7 @@ fn row(name: &str, analysis: &Analysis, target: &str) -> Vec<String> {
 }
 
 /// Electrons and signal to noise of a level, DN.
-fn level(analysis: &Analysis, median_dn: f64) -> Option<[f64; 2]> {
+pub(crate) fn level(analysis: &Analysis, median_dn: f64) -> Option<[f64; 2]> {
     let noise = &analysis.settings.noise;
     let median = median_dn.max(0.0);
     let deviation = noise.variance(median).sqrt();
