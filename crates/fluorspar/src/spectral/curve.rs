@@ -348,6 +348,23 @@ mod tests {
     use crate::spectral::Dimensionless;
 
     #[test]
+    fn values_between_uneven_samples_are_those_of_a_search() {
+        let x = vec![200.0, 200.5, 201.0, 333.3, 334.0, 700.0, 700.1, 1200.0];
+        let y = vec![1.0, -2.0, 4.0, 0.5, 7.0, 3.0, 9.0, 2.0];
+        let curve = Curve::new(x.clone(), y.clone()).unwrap();
+        for nm in (0..=10_000).map(|k| 200.0 + 0.1 * f64::from(k)).chain(x.iter().copied()) {
+            if nm > 1200.0 {
+                continue;
+            }
+            let right = x.partition_point(|&sample| sample < nm).max(1);
+            let step = (nm - x[right - 1]) / (x[right] - x[right - 1]);
+            let expected = y[right - 1] + (y[right] - y[right - 1]) * step;
+            // A few roundings of numbers below 10
+            assert!((curve.at(nm) - expected).abs() < 1e-13, "{nm}: {}", curve.at(nm));
+        }
+    }
+
+    #[test]
     fn resampling_keeps_the_integral() {
         let curve = Curve::new(vec![380.0, 383.0, 391.0, 420.0], vec![0.0, 5.0, 1.0, 0.2]).unwrap();
         for step in [1.0, 2.0, 5.0, 10.0] {
