@@ -94,7 +94,7 @@ pub(crate) fn check_range(
 /// A change of an experiment or sample, and what was typed for it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Override {
-    /// `PATH=VALUE` or `unset PATH`.
+    /// `PATH=VALUE`, `insert PATH=VALUE` or `unset PATH`.
     pub(crate) set: String,
     /// The option, where it is not `--set`.
     typed: Option<String>,
@@ -109,6 +109,11 @@ impl Override {
     /// By `--unset`.
     pub(crate) fn unset(path: &str) -> Self {
         Self { set: format!("unset {path}"), typed: Some(format!("--unset {path}")) }
+    }
+
+    /// A new entry of a list, by an option of its own.
+    pub(crate) fn insert(path: &str, value: impl Display, typed: String) -> Self {
+        Self { set: format!("insert {path}={value}"), typed: Some(typed) }
     }
 
     /// A field that has an option of its own.

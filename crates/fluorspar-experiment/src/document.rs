@@ -188,6 +188,11 @@ impl Document {
         Ok(Self { sources: vec![source], base_files: Vec::new(), root })
     }
 
+    /// Whether there is a value at a path.
+    pub(super) fn has(&self, path: &[Step]) -> bool {
+        path.iter().try_fold(&self.root, |node, step| node.step(step)).is_some()
+    }
+
     /// An error about the value at a path, or about the nearest thing around it that exists.
     pub(super) fn error(&self, path: &[Step], message: impl Into<Message>) -> ExperimentError {
         let Message { text: message, known } = message.into();

@@ -29,7 +29,8 @@ pub struct Experiment {
     pub(super) document: Document,
 }
 
-/// Reads an experiment: text, base experiments, then overrides such as `light.blue.strength.power_mw=20` or `unset analysis`.
+/// Reads an experiment: text, base experiments, then overrides such as `light.blue.strength.power_mw=20`,
+/// `unset analysis` or `insert analysis.region.lip={ parts = ["lower_lip"] }`.
 ///
 /// `source_name` is how messages call the text. Relative paths in the text, in overrides and in the name of a base
 /// file start at `base_dir`.

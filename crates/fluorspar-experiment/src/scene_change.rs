@@ -50,11 +50,14 @@ impl SceneChange {
         Ok(Self::Set { path, value })
     }
 
-    /// The change that an override asks for: `PATH=VALUE`, or `unset PATH`.
+    /// The change that an override asks for: `PATH=VALUE`, `insert PATH=VALUE`, or `unset PATH`.
     ///
     /// # Errors
     /// No `=`, nothing before it, or a value to be unset.
     pub fn read(text: &str) -> Result<Self, ExperimentError> {
+        if let Some(entry) = text.strip_prefix(INSERT) {
+            return Self::read_insert(entry);
+        }
         let Some(path) = text.strip_prefix(UNSET) else { return Self::read_set(text) };
         let source = overriding(text.into(), 0, None);
         match ScenePath::read(path, &source)?.1 {
@@ -75,6 +78,8 @@ impl SceneChange {
 
 /// What precedes a path that is taken away, in an override.
 const UNSET: &str = "unset ";
+/// What precedes an entry that is added to a list.
+const INSERT: &str = "insert ";
 
 impl fmt::Display for SceneChange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -1,14 +1,17 @@
 //! Analyses of frames.
 
+use std::sync::Arc;
+
 use fluorspar::analysis::PorphyrinLayers;
 use fluorspar::pipeline::{
-    AnalyzedFrame, Calibration, CapturedFrame, PipelineError, RawExposures, analyze_seen, complete_raw,
-    develop_frames, subtract_what_is_given,
+    AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, PipelineError, RawExposures, analyze_regions,
+    analyze_seen, complete_raw, develop_frames, subtract_what_is_given,
 };
 use fluorspar::study::Study;
 use numpy::{PyArray2, ndarray::Array2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use serde_json::{Value, json};
 
 use crate::components::Components;
 use crate::error::failed;
@@ -22,8 +25,16 @@ type NamedMap<'py> = (&'static str, Bound<'py, PyArray2<f32>>);
 /// The analysis of a frame: numbers of its region as JSON, and maps.
 #[pyclass(frozen, module = "fluorspar._fluorspar")]
 pub(crate) struct FrameAnalysis {
-    analyzed: AnalyzedFrame,
+    analyzed: Arc<AnalyzedFrame>,
+    regions: Vec<(String, Arc<AnalyzedFrame>)>,
     warnings: Vec<String>,
+}
+
+impl FrameAnalysis {
+    fn new((analyzed, regions): (AnalyzedFrame, Vec<AnalyzedRegion>), warnings: Vec<String>) -> Self {
+        let shared = |region: AnalyzedRegion| (region.name, Arc::new(region.analyzed));
+        Self { analyzed: Arc::new(analyzed), regions: regions.into_iter().map(shared).collect(), warnings }
+    }
 }
 
 #[pymethods]
@@ -31,7 +42,27 @@ impl FrameAnalysis {
     /// The numbers, as `analyze --json` prints them.
     #[getter]
     fn json(&self) -> PyResult<String> {
-        serde_json::to_string(&self.analyzed.analysis).map_err(failed)
+        let mut results = serde_json::to_value(&self.analyzed.analysis).map_err(failed)?;
+        if !self.regions.is_empty() {
+            let one = |(name, of): &(String, Arc<AnalyzedFrame>)| {
+                let analysis = serde_json::to_value(&of.analysis)?;
+                Ok(json!({ "name": name, "analysis": analysis }))
+            };
+            let all: Result<Vec<Value>, serde_json::Error> = self.regions.iter().map(one).collect();
+            results["regions"] = Value::Array(all.map_err(failed)?);
+        }
+        serde_json::to_string(&results).map_err(failed)
+    }
+
+    /// The regions beside that of the analysis, by name.
+    #[getter]
+    fn regions(&self) -> Vec<(String, Self)> {
+        let alone = |analyzed: &Arc<AnalyzedFrame>| Self {
+            analyzed: Arc::clone(analyzed),
+            regions: Vec::new(),
+            warnings: Vec::new(),
+        };
+        self.regions.iter().map(|(name, analyzed)| (name.clone(), alone(analyzed))).collect()
     }
 
     /// What makes the numbers mean something else than one may think.
@@ -94,10 +125,10 @@ pub(crate) fn analyze(
         let frames = developed(view.study(), &frames)?;
         let analyzed = work_through(py, threads, || analyzed(view.study(), Some(&view), frames))?;
         // What was kept is enough for an estimate from a family of tissues; of anything wrong the usual way tells.
-        if let Ok(Some(analyzed)) = analyzed
-            && analyzed.analysis.posterior.is_some()
+        if let Ok(Some(all)) = analyzed
+            && all.0.analysis.posterior.is_some()
         {
-            return Ok(Some(FrameAnalysis { analyzed, warnings }));
+            return Ok(Some(FrameAnalysis::new(all, warnings)));
         }
     }
     let mut study = experiment.get().resolved(py, threads)?.study.clone();
@@ -110,7 +141,7 @@ pub(crate) fn analyze(
         view.subtract_what_is_given(is_given);
     }
     let analyzed = work_through(py, threads, || analyzed(&study, view.as_ref(), exposures))?;
-    Ok(analyzed.map_err(failed)?.map(|analyzed| FrameAnalysis { analyzed, warnings }))
+    Ok(analyzed.map_err(failed)?.map(|all| FrameAnalysis::new(all, warnings)))
 }
 
 /// What it means that some captures subtract no frame.
@@ -124,12 +155,12 @@ fn in_words(left_out: &[(String, String)]) -> Vec<String> {
     left_out.iter().map(words).collect()
 }
 
-/// The analysis of frames, developed first if they are raw.
+/// The analysis of frames, developed first if they are raw, and that of further regions.
 fn analyzed(
     study: &Study,
     view: Option<&View>,
     frames: Result<Vec<CapturedFrame>, Vec<RawExposures>>,
-) -> Result<Option<AnalyzedFrame>, PipelineError> {
+) -> Result<Option<(AnalyzedFrame, Vec<AnalyzedRegion>)>, PipelineError> {
     let frames = match frames {
         Ok(frames) => frames,
         Err(exposures) => {
@@ -137,5 +168,7 @@ fn analyzed(
             develop_frames(study, exposures, &calibration)?
         }
     };
-    analyze_seen(study, view.map(View::seen).as_ref(), &frames)
+    let seen = view.map(View::seen);
+    let Some(analyzed) = analyze_seen(study, seen.as_ref(), &frames)? else { return Ok(None) };
+    Ok(Some((analyzed, analyze_regions(study, seen.as_ref(), &frames)?)))
 }

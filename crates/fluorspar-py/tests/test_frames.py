@@ -86,6 +86,17 @@ def test_a_client_gives_the_same_sweep_and_analyses_pickle(mouth, components) ->
     np.testing.assert_array_equal(again.porphyrin_maps["share"], analysis.porphyrin_maps["share"])
 
 
+def test_regions_are_analyses_by_name(mouth, components) -> None:
+    with_region = mouth.with_(analysis={"region": [{"name": "lip", "parts": ["lower_lip"], "tissue": "none"}]})
+    shots = fs.capture(with_region, components)
+    analysis = fs.analyze(with_region, shots, components=components)
+    alone = fs.analyze(mouth.set("analysis.parts", ["lower_lip"]).set("analysis.tissue", "none"), shots, components=components)
+    lip = analysis.regions["lip"]
+    assert list(analysis.regions) == ["lip"] and lip == alone and lip.porphyrin == alone.porphyrin
+    assert analysis["regions"] == [{"name": "lip", "analysis": alone}] and alone.regions == {}
+    assert pickle.loads(pickle.dumps(analysis)).regions["lip"] == lip
+
+
 def test_a_sweep_is_a_dataset(mouth, components) -> None:
     pytest.importorskip("xarray")
     exposures = [10.0, 20.0, 40.0]

@@ -36,6 +36,7 @@ pub use page::{
     Overview, ReportData, ReportItem, ReportPicture, Section, analysis_section, extract_experiment,
 };
 pub use run::{
-    FrameOrigin, NamedFigure, NamedRegion, RunFolderError, RunReport, RunResults, dark_frames,
-    evaluation_json, name_target, run_report, write_frame_report, write_run_components, write_run_folder,
+    FrameOrigin, NamedFigure, RunFolderError, RunReport, RunResults, dark_frames, evaluation_json,
+    name_target, region_warnings, regions_json, regions_matrix, run_report, write_frame_report,
+    write_run_components, write_run_folder,
 };

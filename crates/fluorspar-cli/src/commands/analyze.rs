@@ -8,20 +8,21 @@ use clap::ValueHint;
 use fluorspar::analysis::{Analysis, PorphyrinLayers, SignalSummary};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
-    AnalyzedFrame, Calibration, CapturedFrame, RawExposures, analyze_seen, bracket_label, complete_raw,
-    develop_frames, subtract_what_is_given,
+    AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, RawExposures, SeenComponents, analyze_regions,
+    analyze_seen, bracket_label, complete_raw, develop_frames, subtract_what_is_given,
 };
-use fluorspar::study::{AnalysisPlan, Capture, Study};
+use fluorspar::study::{AnalysisPlan, Capture, RegionPlan, Study};
 use fluorspar::units::number_text;
 use fluorspar_experiment::{Experiment, KeptAnalysis, ResolvedExperiment, Warning, kept_analysis, resolve};
 use fluorspar_format::{OutputFolder, black_level_doubt, read_sensor_image, write_atomically, write_map_npy};
 use fluorspar_report::figures::porphyrin_maps;
-use fluorspar_report::{FrameOrigin, NamedRegion, name_target};
+use fluorspar_report::{FrameOrigin, name_target, regions_json};
 use rayon::prelude::*;
-use serde_json::{Value, json};
+use serde_json::Value;
 
+use super::frame_report::regions_table;
 use super::frame_report::{FrameReport, warn_of_darkness};
-use super::region_option::{RegionsOf, region_options};
+use super::region_option::{region_options, with_regions};
 use super::rendered_image::{CaptureView, RenderedImage, ShownByImage};
 use crate::args::{Answer, Changes};
 use crate::error::CliError;
@@ -82,7 +83,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let default = beside("experiment.toml").map(|path| path.display().to_string());
     let name = options.experiment.clone().or(default).unwrap_or_default();
     let source = ExperimentSource::find(Some(&name))?;
-    let (parsed, overrides) = parsed_for_frames(options, &source)?;
+    let (plain, overrides) = parsed_for_frames(options, &source)?;
+    let (parsed, overrides) = with_regions(&source, (&plain, &overrides), &regions)?;
     let image = options
         .component_image
         .clone()
@@ -91,13 +93,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     // Frames and channel planes come while materials are resolved, unless what the analysis asks of these was kept
     let frames_at = options.folder.as_ref().filter(|_| options.frame.is_empty());
     let is_alone = options.out.is_none() && regions.is_empty();
-    let kept = frames_at.filter(|_| is_alone && image.is_some()).and_then(|_| kept_analysis(&parsed));
+    let kept = frames_at.filter(|_| is_alone && image.is_some()).and_then(|_| kept_analysis(&plain));
     let (resolved, (opened, seen)) = rayon::join(
         || kept.is_none().then(|| resolve(&parsed)),
         || {
             let opened = image.as_ref().map(|path| RenderedImage::open(path));
             let seen = match (&opened, frames_at) {
-                (Some(Ok(image)), Some(folder)) => seen_early(&parsed, folder, image, kept.as_ref()),
+                (Some(Ok(image)), Some(folder)) => seen_early(&plain, folder, image, kept.as_ref()),
                 _ => None,
             };
             (opened, seen)
@@ -111,7 +113,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     let mut experiment =
         resolved.unwrap_or_else(|| resolve(&parsed)).map_err(|error| as_typed(error, &overrides))?;
-    as_recorded(options, image.is_none(), &mut experiment, Messages::default());
+    as_recorded(options, image.is_none(), &mut experiment);
     let study = &experiment.study;
     let Some(settings) = &study.analysis else {
         return Err(CliError::Input(format!("{name}: the experiment has no [analysis] section; add one")));
@@ -120,26 +122,18 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         Some(seen) => (seen.frames, Some(seen.view)),
         None => (developed(options, study, &settings.frame)?, None),
     };
-    if let (None, [part, ..]) = (&image, settings.parts.as_slice()) {
-        return Err(unknown_pixels(&name, part));
+    if image.is_none() {
+        check_pixels_known(&name, study)?;
     }
     let image = opened.transpose()?;
     let inputs = inputs(options);
     let out = options.out.as_ref().map(|out| OutputFolder::prepare(out, &inputs, OUT_BYTES)).transpose()?;
-    let shared = RegionsOf {
-        source: &source,
-        parsed: &parsed,
-        overrides: &overrides,
-        frames: &frames,
-        components: None,
-    };
-    let as_of_region = |other: &mut _| as_recorded(options, image.is_none(), other, Messages::Quiet);
-    let all = |shared: RegionsOf<'_>| -> Result<_, CliError> {
-        let main = analyze_seen(study, shared.components, &frames)?;
-        Ok((main, shared.analyzed(&regions, as_of_region)?))
+    let all = |components: Option<&SeenComponents<'_>>| -> Result<_, CliError> {
+        let main = analyze_seen(study, components, &frames)?;
+        Ok((main, analyze_regions(study, components, &frames)?))
     };
     let (main, others) = match &image {
-        None => all(shared)?,
+        None => all(None)?,
         Some(image) => {
             let view = match view {
                 Some(view) => view,
@@ -149,15 +143,18 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
                 }
             };
             let components = view.components(image, &study.captures);
-            all(RegionsOf { components: Some(&components), ..shared })?
+            all(Some(&components))?
         }
     };
     let Some(analyzed) = main else {
         return Err(CliError::Failed("the analysis gave nothing".into()));
     };
     let analyzed = without_render(options, analyzed);
-    let named = |(name, of)| NamedRegion { name, analyzed: without_render(options, of) };
-    let others: Vec<NamedRegion> = others.into_iter().map(named).collect();
+    let of_frames = |region: AnalyzedRegion| AnalyzedRegion {
+        analyzed: without_render(options, region.analyzed),
+        ..region
+    };
+    let others: Vec<AnalyzedRegion> = others.into_iter().map(of_frames).collect();
     answer(options, &experiment, &analyzed.analysis, &others, &frames)?;
     let Some(out) = out else { return Ok(next_step()) };
     let report = FrameReport {
@@ -165,7 +162,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         experiment_text: &source.text,
         frames,
         analysis: Some(analyzed.clone()),
-        regions: &others,
+        regions: others.clone(),
         components: None,
         frames_from: if options.frame.is_empty() { FrameOrigin::Simulated } else { FrameOrigin::Given },
         raw_ending: None,
@@ -176,13 +173,23 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Why a part is no region of frames alone.
-fn unknown_pixels(name: &str, part: &str) -> CliError {
-    CliError::Input(format!(
-        "{name}: the region is the part \"{part}\", but its pixels are known only from the component image; give that of \
-         the run with --component-image, or say where it lies: --set analysis.mask=MASK.png, \
-         analysis.polygon_px=[[X,Y],[X,Y],[X,Y]] or analysis.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
-    ))
+/// Refuses parts as regions of frames alone.
+fn check_pixels_known(name: &str, study: &Study) -> Result<(), CliError> {
+    let plans = study.analysis.iter().map(|plan| (String::new(), "analysis".to_owned(), plan));
+    let of_region = |region: &RegionPlan| format!("analysis.region.{}", super::quoted(&region.name));
+    let of_regions = study
+        .regions
+        .iter()
+        .map(|region| (format!(" \"{}\"", region.name), of_region(region), &region.analysis));
+    let named = |(called, path, plan): (String, String, &AnalysisPlan)| {
+        Some((called, path, plan.parts.first()?.clone()))
+    };
+    let Some((called, path, part)) = plans.chain(of_regions).find_map(named) else { return Ok(()) };
+    Err(CliError::Input(format!(
+        "{name}: the region{called} is the part \"{part}\", but its pixels are known only from the component image; give that of \
+         the run with --component-image, or say where it lies: --set {path}.mask=MASK.png, \
+         {path}.polygon_px=[[X,Y],[X,Y],[X,Y]] or {path}.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
+    )))
 }
 
 /// The experiment with all changes: those that real frames make of its sensor, and those of the command line.
@@ -253,29 +260,24 @@ fn readout_of_frames(options: &Options, parsed: &Experiment) -> Result<Vec<Overr
 }
 
 /// A frame of a camera is analyzed without one that its experiment subtracts, where that is not given; the user is told.
-fn warn_of_missing_frames(options: &Options, experiment: &mut ResolvedExperiment, messages: Messages) {
+fn warn_of_missing_frames(options: &Options, experiment: &mut ResolvedExperiment) {
     let is_given = |label: &str| named_files(options).any(|(name, _)| name == label);
     for (label, missing) in subtract_what_is_given(&mut experiment.study, is_given) {
         let text = format!(
             "Nothing is subtracted from \"{label}\" but the black level: the experiment subtracts \"{missing}\", which is not given. Room \
              light counts as light of the region; give --frame {missing}=FILE"
         );
-        messages.warnings(&[Warning::from(text.clone())]);
+        Messages::default().warnings(&[Warning::from(text.clone())]);
         experiment.record.warnings.push(Warning::from(text));
     }
 }
 
 /// Makes an experiment that of the frames that were given, or of frames whose component image is gone.
-fn as_recorded(
-    options: &Options,
-    is_without_image: bool,
-    experiment: &mut ResolvedExperiment,
-    messages: Messages,
-) {
+fn as_recorded(options: &Options, is_without_image: bool, experiment: &mut ResolvedExperiment) {
     if is_without_image {
         leave_parts_to_shapes(&mut experiment.study);
     }
-    warn_of_missing_frames(options, experiment, messages);
+    warn_of_missing_frames(options, experiment);
     if !options.frame.is_empty() {
         // The size of the frames, and where the region lies, make no other experiment
         let of = &experiment.record.title;
@@ -297,11 +299,12 @@ fn file_name(path: &str) -> String {
 
 /// Without a component image no part is found in a frame. Where a shape tells where the region lies, its parts only tell what it shows.
 fn leave_parts_to_shapes(study: &mut Study) {
-    if let Some(plan) = &mut study.analysis
-        && (plan.rectangle_px.is_some() || plan.polygon.is_some() || plan.mask.is_some())
-    {
-        plan.parts.clear();
-        plan.inset_px = 0;
+    let of_regions = study.regions.iter_mut().map(|region| &mut region.analysis);
+    for plan in study.analysis.iter_mut().chain(of_regions) {
+        if plan.rectangle_px.is_some() || plan.polygon.is_some() || plan.mask.is_some() {
+            plan.parts.clear();
+            plan.inset_px = 0;
+        }
     }
 }
 
@@ -318,7 +321,7 @@ fn answer(
     options: &Options,
     experiment: &ResolvedExperiment,
     analysis: &Analysis,
-    regions: &[NamedRegion],
+    regions: &[AnalyzedRegion],
     frames: &[CapturedFrame],
 ) -> Result<(), CliError> {
     warn_of_darkness(experiment, frames, Messages::default());
@@ -329,15 +332,15 @@ fn answer(
     for region in regions {
         text += &format!("\nRegion \"{}\". {}", region.name, describe(&region.analyzed.analysis));
     }
+    text += &regions_table(experiment, analysis, regions);
     super::print_text(&name_target(experiment, &text))
 }
 
 /// An analysis as JSON, with those of further regions.
-fn as_json(analysis: &Analysis, regions: &[NamedRegion]) -> Result<Value, CliError> {
+fn as_json(analysis: &Analysis, regions: &[AnalyzedRegion]) -> Result<Value, CliError> {
     let mut results = serde_json::to_value(analysis)?;
     if !regions.is_empty() {
-        let one = |region: &NamedRegion| json!({ "name": region.name, "analysis": region.analyzed.analysis });
-        results["regions"] = regions.iter().map(one).collect();
+        results["regions"] = regions_json(regions)?;
     }
     Ok(results)
 }
@@ -448,7 +451,7 @@ fn write_maps(
     options: &Options,
     out: OutputFolder,
     analyzed: &AnalyzedFrame,
-    regions: &[NamedRegion],
+    regions: &[AnalyzedRegion],
 ) -> Result<PathBuf, CliError> {
     let mut results = as_json(&analyzed.analysis, regions)?;
     if !options.frame.is_empty() {

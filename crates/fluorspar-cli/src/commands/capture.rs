@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use clap::{ValueEnum, ValueHint};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
-    CameraColor, CapturedFrame, ColorRendering, analyze_seen, capture_from_planes, check_captures, preview,
+    CameraColor, CapturedFrame, ColorRendering, analyze_regions, analyze_seen, capture_from_planes,
+    check_captures, preview,
 };
 use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::{ResolvedExperiment, resolve};
@@ -170,14 +171,14 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let count = frames.len();
     let mut results = results_json(&options.image, &list);
     if options.report {
-        let analysis =
-            if study.analysis.is_some() { analyze_seen(study, Some(&seen), &frames)? } else { None };
+        let analysis = analyze_seen(study, Some(&seen), &frames)?;
+        let regions = analyze_regions(study, Some(&seen), &frames)?;
         let report = FrameReport {
             experiment: &experiment,
             experiment_text: &text,
             frames,
             analysis,
-            regions: &[],
+            regions,
             components: spectra.as_ref(),
             frames_from: FrameOrigin::Simulated,
             raw_ending: Some(options.format.ending()),

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::render::visible_surfaces;
 use fluorspar::scene::{Scene, Shape};
-use fluorspar::study::Study;
+use fluorspar::study::{RegionPlan, Study};
 use fluorspar::units::counted;
 use fluorspar_experiment::{ResolvedExperiment, is_sample};
 use serde_json::json;
@@ -89,6 +89,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             "light_groups": scene.light_groups.iter().map(|g| &g.name).collect::<Vec<_>>(),
             "fluorophores": scene.fluorophores.iter().map(|f| &f.name).collect::<Vec<_>>(),
             "captures": study.captures.iter().map(|c| &c.frame.label).collect::<Vec<_>>(),
+            "regions": study.regions.iter().map(|r| &r.name).collect::<Vec<_>>(),
             "instances": instances(scene),
             "camera_view": view.json(),
             "memory_bytes": needed,
@@ -109,7 +110,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             counted(scene.light_groups.len(), "group", "groups"),
             counted(scene.fluorophores.len(), "fluorophore", "fluorophores"),
             counted(study.captures.len(), "capture", "captures"),
-            view.text(),
+            view.text() + &regions_text(study),
             budget.text(),
             duration(seconds),
             if needed > study.render.memory_limit_bytes {
@@ -204,6 +205,19 @@ impl CameraView {
             list.push(format!("nothing {}", percent(self.nothing)));
         }
         format!("The camera sees {field}: {}", list.join(", "))
+    }
+}
+
+/// The regions beside that of the analysis, by name and place; empty without them.
+fn regions_text(study: &Study) -> String {
+    let one = |region: &RegionPlan| format!("\"{}\" ({})", region.name, region.analysis.region().describe());
+    match study.regions.as_slice() {
+        [] => String::new(),
+        regions => format!(
+            "\nFurther regions of frame \"{}\": {}",
+            study.analysis.as_ref().map_or("", |plan| plan.frame.as_str()),
+            regions.iter().map(one).collect::<Vec<_>>().join(", ")
+        ),
     }
 }
 

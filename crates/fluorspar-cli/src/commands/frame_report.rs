@@ -2,14 +2,19 @@
 
 use std::path::Path;
 
+use fluorspar::analysis::Analysis;
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{
-    AnalyzedFrame, CapturedFrame, ColorRendering, Evaluation, assess_safety, evaluate_frames, preview,
+    AnalyzedFrame, AnalyzedRegion, CapturedFrame, ColorRendering, Evaluation, assess_safety, evaluate_frames,
+    preview,
 };
 use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
-use fluorspar_report::{FrameOrigin, NamedRegion, RunResults, dark_frames, write_frame_report};
+use fluorspar_report::{
+    FrameOrigin, NumberMatrix, RunResults, dark_frames, regions_matrix, write_frame_report,
+};
 
+use super::table::align;
 use crate::error::CliError;
 use crate::message::Messages;
 
@@ -20,7 +25,7 @@ pub(super) struct FrameReport<'a> {
     pub(super) frames: Vec<CapturedFrame>,
     pub(super) analysis: Option<AnalyzedFrame>,
     /// Regions beside that of the analysis.
-    pub(super) regions: &'a [NamedRegion],
+    pub(super) regions: Vec<AnalyzedRegion>,
     /// What the frames show, with its spectra; `None` where it is not known.
     pub(super) components: Option<&'a ComponentImage>,
     pub(super) frames_from: FrameOrigin,
@@ -33,15 +38,17 @@ impl FrameReport<'_> {
     pub(super) fn write(self, folder: &Path) -> Result<Evaluation, CliError> {
         let study = &self.experiment.study;
         let evaluation = match self.components {
-            Some(components) => evaluate_frames(study, components, self.frames, self.analysis)?,
-            None => without_spectra(study, self.frames, self.analysis, self.frames_from),
+            Some(components) => evaluate_frames(study, components, self.frames, self.analysis, self.regions)?,
+            None => Evaluation {
+                regions: self.regions,
+                ..without_spectra(study, self.frames, self.analysis, self.frames_from)
+            },
         };
         let run = RunResults {
             experiment: self.experiment,
             experiment_text: self.experiment_text,
             components: None,
             evaluation: &evaluation,
-            regions: self.regions,
             frames_from: self.frames_from,
             raw_ending: self.raw_ending,
         };
@@ -64,6 +71,7 @@ fn without_spectra(
     Evaluation {
         previews: frames.iter().filter_map(shown).collect(),
         analysis,
+        regions: Vec::new(),
         region_radiance: None,
         leaks: Vec::new(),
         depths: Vec::new(),
@@ -75,6 +83,20 @@ fn without_spectra(
         },
         frames,
     }
+}
+
+/// The regions of a frame as lines; empty where there is only that of the analysis.
+pub(super) fn regions_table(
+    experiment: &ResolvedExperiment,
+    analysis: &Analysis,
+    regions: &[AnalyzedRegion],
+) -> String {
+    let Some(NumberMatrix { caption, columns, rows, note }) = regions_matrix(experiment, analysis, regions)
+    else {
+        return String::new();
+    };
+    let cells: Vec<Vec<String>> = std::iter::once(columns).chain(rows).collect();
+    format!("\n{caption}\n{}{note}\n", align(&cells, &[0, 2]))
 }
 
 /// Warns of frames that see next to nothing.

@@ -2,12 +2,11 @@
 
 use std::path::Path;
 
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, SeenComponents, analyze_seen};
-use fluorspar_experiment::{Experiment, ResolvedExperiment, resolve};
+use fluorspar_experiment::Experiment;
 
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
-use crate::values::{Override, as_typed};
+use crate::values::Override;
 
 /// A region as it was typed.
 #[derive(Clone, Debug)]
@@ -18,11 +17,6 @@ pub(super) struct RegionOption {
     /// Fields of `[analysis]` and their values.
     fields: Vec<(String, String)>,
 }
-
-/// Fields that tell where the region of `[analysis]` lies: not those of another region.
-const PLACE: [&str; 4] = ["rectangle_px", "polygon_px", "mask", "compared_px"];
-/// Fields that tell what it is made of: not those of other parts.
-const CONTENT: [&str; 2] = ["bulk", "tissue"];
 
 /// Reads the regions of the command line.
 pub(super) fn region_options(texts: &[String]) -> Result<Vec<RegionOption>, CliError> {
@@ -52,6 +46,9 @@ fn region_option(text: &str) -> Result<RegionOption, CliError> {
     if name.is_empty() || place.is_empty() {
         return Err(wrong("a name or a place is missing"));
     }
+    if name.contains('"') {
+        return Err(wrong("a name has no quotation marks"));
+    }
     let quoted = |part: &str| super::quoted(part.trim());
     let is_mask = |path: &Path| {
         let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
@@ -68,7 +65,7 @@ fn region_option(text: &str) -> Result<RegionOption, CliError> {
     } else if words.iter().all(is_number) {
         vec![("rectangle_px".into(), format!("[{place}]"))]
     } else if is_mask(Path::new(place)) {
-        vec![("mask".into(), quoted(place))]
+        vec![("mask".into(), quoted(&from_here(place)))]
     } else {
         let parts: Vec<String> = words.iter().map(|word| quoted(word)).collect();
         vec![("parts".into(), format!("[{}]", parts.join(", ")))]
@@ -83,77 +80,44 @@ fn region_option(text: &str) -> Result<RegionOption, CliError> {
 fn fields_of_table(text: &str) -> Option<Vec<(String, String)>> {
     let table: toml::Table = format!("region = {text}").parse().ok()?;
     let fields = table.get("region")?.as_table()?;
-    Some(fields.iter().map(|(field, value)| (field.clone(), value.to_string())).collect())
+    let value = |field: &str, value: &toml::Value| match value.as_str() {
+        Some(path) if field == "mask" => super::quoted(&from_here(path)),
+        _ => value.to_string(),
+    };
+    Some(fields.iter().map(|(field, given)| (field.clone(), value(field, given))).collect())
+}
+
+/// A path of the command line, which starts in the working folder and not beside the experiment.
+fn from_here(path: &str) -> String {
+    std::path::absolute(path).map_or_else(|_| path.to_owned(), |path| path.to_string_lossy().into_owned())
 }
 
 impl RegionOption {
-    /// What this region changes in an experiment, after other changes.
-    fn overrides(&self, parsed: &Experiment) -> Vec<Override> {
-        let Some(analysis) = &parsed.file.analysis else { return Vec::new() };
-        let has_parts = self.fields.iter().any(|(field, _)| field == "parts");
-        let place = [
-            analysis.rectangle_px.is_some(),
-            analysis.polygon_px.is_some(),
-            analysis.mask.is_some(),
-            analysis.compared_px.is_some(),
-        ];
-        let content =
-            [analysis.bulk.is_some(), analysis.tissue.is_some()].map(|is_there| is_there && has_parts);
-        let taken =
-            PLACE.iter().zip(place).chain(CONTENT.iter().zip(content)).filter(|(_, is_taken)| *is_taken);
-        let mut all: Vec<Override> =
-            taken.map(|(field, _)| Override::unset(&format!("analysis.{field}"))).collect();
-        let set = |field: &str, value: &str| {
-            Override::of_option(&format!("analysis.{field}"), value, self.typed.clone())
-        };
-        if !has_parts {
-            all.push(set("parts", "[]"));
-        }
-        all.extend(self.fields.iter().map(|(field, value)| set(field, value)));
-        all
+    /// The changes that add this region to an experiment, in place of one of its name. None where nothing is analyzed.
+    fn overrides(&self, experiment: &Experiment) -> Vec<Override> {
+        let Some(analysis) = &experiment.file.analysis else { return Vec::new() };
+        let path = format!("analysis.region.{}", super::quoted(&self.name));
+        let replaced = analysis.region.iter().any(|region| region.name == self.name);
+        let fields: Vec<String> =
+            self.fields.iter().map(|(field, value)| format!("{field} = {value}")).collect();
+        let table = format!("{{ {} }}", fields.join(", "));
+        let unset = replaced.then(|| Override::unset(&path));
+        unset.into_iter().chain([Override::insert(&path, table, self.typed.clone())]).collect()
     }
 }
 
-/// What all regions share.
-pub(super) struct RegionsOf<'a> {
-    pub(super) source: &'a ExperimentSource,
-    /// The experiment of the analysis, and its changes.
-    pub(super) parsed: &'a Experiment,
-    pub(super) overrides: &'a [Override],
-    pub(super) frames: &'a [CapturedFrame],
-    pub(super) components: Option<&'a SeenComponents<'a>>,
-}
-
-impl RegionsOf<'_> {
-    /// Analyzes each region as that of `[analysis]`. `adapt` makes an experiment that of the frames.
-    pub(super) fn analyzed(
-        &self,
-        regions: &[RegionOption],
-        adapt: impl Fn(&mut ResolvedExperiment),
-    ) -> Result<Vec<(String, AnalyzedFrame)>, CliError> {
-        let mut analyzed = Vec::with_capacity(regions.len());
-        for region in regions {
-            let overrides = [self.overrides, &region.overrides(self.parsed)].concat();
-            let parsed = self.source.parse(&overrides)?;
-            let mut experiment = resolve(&parsed).map_err(|error| as_typed(error, &overrides))?;
-            adapt(&mut experiment);
-            if let Some(plan) = &mut experiment.study.analysis {
-                // Targets are told once, of the whole frame
-                plan.targets.clear();
-                if let (None, [part, ..]) = (self.components, plan.parts.as_slice()) {
-                    return Err(CliError::Input(format!(
-                        "{}: the region is the part \"{part}\", but its pixels are known only from the component image; give that of the run with \
-                         --component-image, or say where it lies: {}=COLUMN,ROW,WIDTH,HEIGHT",
-                        region.typed, region.name
-                    )));
-                }
-            }
-            let found = analyze_seen(&experiment.study, self.components, self.frames)
-                .map_err(|error| CliError::Input(format!("{}: {error}", region.typed)))?;
-            analyzed.extend(found.map(|found| (region.name.clone(), found)));
-        }
-        Ok(analyzed)
-    }
+/// An experiment with further regions, and all its changes. It keeps its title: regions make no other experiment.
+pub(super) fn with_regions(
+    source: &ExperimentSource,
+    (experiment, overrides): (&Experiment, &[Override]),
+    regions: &[RegionOption],
+) -> Result<(Experiment, Vec<Override>), CliError> {
+    let added = regions.iter().flat_map(|region| region.overrides(experiment));
+    let all: Vec<Override> = overrides.iter().cloned().chain(added).collect();
+    let mut with_all = source.parse(&all)?;
+    with_all.file.title.clone_from(&experiment.file.title);
+    with_all.file.description.clone_from(&experiment.file.description);
+    Ok((with_all, all))
 }
 
 #[cfg(test)]
@@ -168,9 +132,12 @@ mod tests {
         assert_eq!(fields("a=1,2,30,40"), one("rectangle_px", "[1,2,30,40]"));
         assert_eq!(fields("a=[1,2,30,40]"), one("rectangle_px", "[1,2,30,40]"));
         assert_eq!(fields("a=[[1,2],[3,4],[5,0]]"), one("polygon_px", "[[1,2],[3,4],[5,0]]"));
-        assert_eq!(fields("a=b/mask.PNG"), one("mask", "\"b/mask.PNG\""));
+        let here =
+            |path: &str| super::super::quoted(&std::env::current_dir().unwrap().join(path).to_string_lossy());
+        assert_eq!(fields("a=b/mask.PNG"), one("mask", &here("b/mask.PNG")));
+        assert_eq!(fields("a={mask=\"mask.png\"}"), one("mask", &here("mask.png")));
         assert_eq!(fields("a={parts=[\"x\"], inset_px=3}").len(), 2);
-        for text in ["lip", "=lip", "lip=", "a={parts=", "a={frame=\"white\"}"] {
+        for text in ["lip", "=lip", "lip=", "a={parts=", "a={frame=\"white\"}", "a\"b=lip"] {
             let error = region_option(text).unwrap_err().to_string();
             assert!(
                 error.contains(&format!("--named-region {text}: ")) && error.contains("lip=lower_lip"),

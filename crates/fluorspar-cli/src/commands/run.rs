@@ -4,17 +4,21 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use fluorspar::analysis::{SignalSummary, TargetDetection};
+use fluorspar::analysis::{Analysis, SignalSummary, TargetDetection};
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::{AnalyzedFrame, CapturePlanes, check_captures, evaluate, evaluate_from_planes};
+use fluorspar::pipeline::{
+    AnalyzedFrame, AnalyzedRegion, CapturePlanes, Evaluation, check_captures, evaluate, evaluate_from_planes,
+};
 use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
 use fluorspar_format::OutputFolder;
-use fluorspar_report::{FrameOrigin, RunResults, name_target, write_run_components, write_run_folder};
+use fluorspar_report::{
+    FrameOrigin, RunResults, name_target, region_warnings, write_run_components, write_run_folder,
+};
 
 use super::basis_render;
 use super::coarse_render::coarse_render;
-use super::frame_report::warn_of_darkness;
+use super::frame_report::{regions_table, warn_of_darkness};
 use crate::args::{Answer, ExperimentArgs, OutOption};
 use crate::budget::{Budget, Limits};
 use crate::error::{CliError, STOPPED};
@@ -114,14 +118,20 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if options.answer.json {
         super::print_text(&read_text(&target.join("results.json"))?)?;
     }
-    if let Some(analyzed) = &analyzed {
+    let Evaluated { analysis, regions } = analyzed;
+    if let Some(AnalyzedFrame { analysis, .. }) = &analysis {
         if !options.answer.json {
-            super::print_text(&name_target(&experiment, &summary(analyzed)))?;
+            let text = match regions_table(&experiment, analysis, &regions) {
+                table if table.is_empty() => summary(analysis),
+                table => format!("{}\n{table}", summary(analysis)),
+            };
+            super::print_text(&name_target(&experiment, &text))?;
         }
-        let warnings: Vec<Warning> = analyzed
-            .analysis
+        let of_regions = region_warnings(analysis, &regions);
+        let warnings: Vec<Warning> = analysis
             .warnings
             .iter()
+            .chain(&of_regions)
             .map(|warning| Warning::of_sentences(name_target(&experiment, warning)))
             .collect();
         messages.warnings(&warnings);
@@ -144,6 +154,12 @@ fn planes(study: &Study, components: &ComponentImage) -> Option<CapturePlanes> {
     CapturePlanes::new(study, components).ok()
 }
 
+/// What a run says at its end.
+struct Evaluated {
+    analysis: Option<AnalyzedFrame>,
+    regions: Vec<AnalyzedRegion>,
+}
+
 /// Everything after the render: frames, analysis, figures, report.
 fn evaluate_and_write(
     experiment: &ResolvedExperiment,
@@ -151,7 +167,7 @@ fn evaluate_and_write(
     (components, planes): (&ComponentImage, Option<&CapturePlanes>),
     folder: &Path,
     messages: Messages,
-) -> Result<Option<AnalyzedFrame>, CliError> {
+) -> Result<Evaluated, CliError> {
     let evaluation = match planes {
         Some(planes) => evaluate_from_planes(&experiment.study, components, Some(planes))?,
         None => evaluate(&experiment.study, components)?,
@@ -161,18 +177,17 @@ fn evaluate_and_write(
         experiment_text,
         components: Some(components),
         evaluation: &evaluation,
-        regions: &[],
         frames_from: FrameOrigin::Simulated,
         raw_ending: Some("tiff"),
     };
     write_run_folder(folder, &results)?;
     warn_of_darkness(experiment, &evaluation.frames, messages);
-    Ok(evaluation.analysis)
+    let Evaluation { analysis, regions, .. } = evaluation;
+    Ok(Evaluated { analysis, regions })
 }
 
 /// The numbers of the analysis, one line each.
-fn summary(analyzed: &AnalyzedFrame) -> String {
-    let analysis = &analyzed.analysis;
+fn summary(analysis: &Analysis) -> String {
     let mut lines = Vec::new();
     if let (Some(r), Some(g)) = (&analysis.r, &analysis.g) {
         lines.push(format!(

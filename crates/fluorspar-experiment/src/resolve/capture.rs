@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
+use super::analyzed_region::{FieldPlaces, as_analysis};
 use super::context::{Context, Resolved};
 use super::fluorophore::Fluorophores;
 use super::region;
@@ -26,7 +27,7 @@ use fluorspar::quote::excerpt;
 use fluorspar::scene::{Object, Shape};
 use fluorspar::sensor::{AutoExposure, CaptureFrame, EXPOSURE_MS};
 use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, WavelengthGrid};
-use fluorspar::study::{AnalysisPlan, Capture, LineEnds, TissuePrior};
+use fluorspar::study::{AnalysisPlan, Capture, LineEnds, RegionPlan, TissuePrior};
 use fluorspar::tissue::Site;
 
 fn hint<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
@@ -223,59 +224,112 @@ fn filter(
     Ok(filter)
 }
 
-/// The analysis, and what of it depends on surfaces, which hold no factors on concentrations yet; `None` of an analysis of shapes and
-/// targets.
-pub(super) fn analysis(
+/// Everything that is analyzed.
+#[derive(Default)]
+pub(super) struct Analyses {
+    pub(super) analysis: Option<AnalysisPlan>,
+    pub(super) regions: Vec<RegionPlan>,
+    /// What of the analysis depends on surfaces, which hold no factors on concentrations yet; `None` of one of shapes, targets and regions.
+    pub(super) of_surfaces: Option<OfSurfaces>,
+}
+
+/// The analysis with its regions.
+pub(super) fn analyses(
     context: &mut Context<'_>,
     file: &ExperimentFile,
     captures: &[Capture],
     seen: &Seen<'_>,
-) -> Resolved<Option<(AnalysisPlan, Option<OfSurfaces>)>> {
+) -> Resolved<Analyses> {
     let Some(given) = &file.analysis else {
         if !file.target.is_empty() {
             let message =
                 "the analysis tells how well a target is seen; add an [analysis] section with the frame";
             return context.fail(&steps!["target", 0], message);
         }
-        return Ok(None);
+        return Ok(Analyses::default());
     };
-    let at = |key: &str| steps!["analysis", key];
-    let porphyrin = match &given.porphyrin {
-        Some(name) => name.clone(),
-        None => porphyrin_of_scene(context, given, seen)?,
-    };
-    let section = &AnalysisSection { porphyrin: Some(porphyrin), ..given.clone() };
     let labels: Vec<&str> = captures.iter().map(|capture| capture.frame.label.as_str()).collect();
-    if !labels.contains(&section.frame.as_str()) {
-        let known = labels.iter().copied();
-        let message = Message::unknown("there is no capture of this name", &section.frame, known);
-        return context.fail(&at("frame"), message);
-    }
-    check_region(context, section, seen)?;
-    region::check_whole_sensor(context, &at("parts"), &section.parts, seen.sensor)?;
-    context.within(&at("inset_px"), f64::from(section.inset_px), [0.0, 64.0], "pixels")?;
-    if let Some(rectangle) = section.rectangle_px {
-        region::rectangle(context, file, &at("rectangle_px"), rectangle)?;
-    }
-    let polygon = match &section.polygon_px {
-        Some(corners) => Some(region::polygon(context, file, &at("polygon_px"), corners)?),
-        None => None,
-    };
-    let mask = match &section.mask {
-        Some(path) => Some(region::mask(context, file, &at("mask"), path)?),
-        None => None,
-    };
-    let compared = match &section.compared_px {
+    let (plain, of_surfaces) = analyzed(context, file, given, &labels, seen, FieldPlaces::OF_ANALYSIS)?;
+    let compared = match &given.compared_px {
         Some([first, second]) => {
-            let at = at("compared_px");
+            let at = steps!["analysis", "compared_px"];
             let first = region::region(context, file, seen, &at.index(0), first)?;
             Some([first, region::region(context, file, seen, &at.index(1), second)?])
         }
         None => None,
     };
     let targets = region::targets(context, file, seen)?;
-    context.within(&at("wanted_d_prime"), section.wanted_d_prime, [0.1, 100.0], "")?;
-    context.within(&at("noise_threshold"), section.noise_threshold, [0.0, 1000.0], "standard deviations")?;
+    context.within(&steps!["analysis", "wanted_d_prime"], given.wanted_d_prime, [0.1, 100.0], "")?;
+    let regions = regions(context, file, &labels, seen)?;
+    let is_plain = plain.polygon.is_none()
+        && plain.mask.is_none()
+        && compared.is_none()
+        && targets.is_empty()
+        && regions.is_empty();
+    let analysis = Some(AnalysisPlan { compared, targets, ..plain });
+    Ok(Analyses { analysis, regions, of_surfaces: is_plain.then_some(of_surfaces) })
+}
+
+/// The plans of all regions.
+fn regions(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    labels: &[&str],
+    seen: &Seen<'_>,
+) -> Resolved<Vec<RegionPlan>> {
+    let Some(shared) = &file.analysis else { return Ok(Vec::new()) };
+    let mut plans = Vec::with_capacity(shared.region.len());
+    for (index, section) in shared.region.iter().enumerate() {
+        let at = steps!["analysis", "region", index];
+        let earlier = shared.region[..index].iter().map(|other| other.name.as_str());
+        context.unique_name(&at, &section.name, earlier)?;
+        if section.names_nothing() {
+            return context.fail(&at, "names nothing; give parts, rectangle_px, polygon_px or mask");
+        }
+        let places = FieldPlaces::of_region(index);
+        let (analysis, _) = analyzed(context, file, &as_analysis(section, shared), labels, seen, places)?;
+        plans.push(RegionPlan { name: section.name.clone(), analysis });
+    }
+    Ok(plans)
+}
+
+/// One analysis, without targets and compared spots, and what of it depends on surfaces.
+pub(super) fn analyzed(
+    context: &mut Context<'_>,
+    file: &ExperimentFile,
+    given: &AnalysisSection,
+    labels: &[&str],
+    seen: &Seen<'_>,
+    places: FieldPlaces,
+) -> Resolved<(AnalysisPlan, OfSurfaces)> {
+    let at = |context: &Context<'_>, field: &str| places.at(context, field);
+    let porphyrin = match &given.porphyrin {
+        Some(name) => name.clone(),
+        None => porphyrin_of_scene(context, given, seen, places)?,
+    };
+    let section = &AnalysisSection { porphyrin: Some(porphyrin), ..given.clone() };
+    if !labels.contains(&section.frame.as_str()) {
+        let known = labels.iter().copied();
+        let message = Message::unknown("there is no capture of this name", &section.frame, known);
+        return context.fail(&at(context, "frame"), message);
+    }
+    let at_parts = at(context, "parts");
+    check_region(context, section, seen, &at_parts)?;
+    region::check_whole_sensor(context, &at_parts, &section.parts, seen.sensor)?;
+    context.within(&at(context, "inset_px"), f64::from(section.inset_px), [0.0, 64.0], "pixels")?;
+    if let Some(rectangle) = section.rectangle_px {
+        region::rectangle(context, file, &at(context, "rectangle_px"), rectangle)?;
+    }
+    let polygon = match &section.polygon_px {
+        Some(corners) => Some(region::polygon(context, file, &at(context, "polygon_px"), corners)?),
+        None => None,
+    };
+    let mask = match &section.mask {
+        Some(path) => Some(region::mask(context, file, &at(context, "mask"), path)?),
+        None => None,
+    };
+    let noise_threshold = at(context, "noise_threshold");
+    context.within(&noise_threshold, section.noise_threshold, [0.0, 1000.0], "standard deviations")?;
     // What the analysis names but no material holds is predicted as well: a control without porphyrin has a line, too.
     let mut absent = Fluorophores::default();
     let mut note = |context: &mut Context<'_>, at: &Place, name: &str| {
@@ -285,19 +339,21 @@ pub(super) fn analysis(
         absent.index(context, at, &file.fluorophore, name).map(|_| ())
     };
     if let Some(name) = wanted_share(section) {
-        note(context, &at("porphyrin"), name)?;
+        let place = at(context, "porphyrin");
+        note(context, &place, name)?;
     }
-    let held = bulk(context, file, section, seen)?;
+    let at_bulk = at(context, "bulk");
+    let held = bulk(context, file, section, seen, &at_bulk)?;
     let bulk = with_factors(&held, file, section);
     for (name, amount) in &bulk {
-        let at = steps!["analysis", "bulk", name];
+        let at = at_bulk.field(name);
         note(context, &at, name)?;
         context.within(&at, *amount, [0.0, 1e6], "")?;
     }
     let mut fluorophores = as_the_region_shows_them(file, section, seen);
     fluorophores.extend(absent.list);
-    further_frames(context, section, &labels)?;
-    let tissue = tissue_prior(context, file, section, seen)?;
+    further_frames(context, section, labels, &at(context, "further_frames"))?;
+    let tissue = tissue_prior(context, file, section, seen, places)?;
     let of_surfaces = OfSurfaces {
         bulk: held,
         fluorophores,
@@ -305,10 +361,8 @@ pub(super) fn analysis(
         line_ends: line_ends(file, section, seen),
         porphyrin: wanted_share(section).cloned(),
     };
-    let is_plain = polygon.is_none() && mask.is_none() && compared.is_none() && targets.is_empty();
     let plain = plan(file, section, of_surfaces.clone());
-    let whole = AnalysisPlan { polygon, mask, compared, targets, ..plain };
-    Ok(Some((whole, is_plain.then_some(of_surfaces))))
+    Ok((AnalysisPlan { polygon, mask, ..plain }, of_surfaces))
 }
 
 /// What of an analysis depends on the surfaces of the scene.
@@ -355,7 +409,12 @@ fn wanted_share(section: &AnalysisSection) -> Option<&String> {
 
 /// The porphyrin that an analysis means that names none: the one that the region holds, else the one of the scene. Where there is none,
 /// that of the catalogue: a control has a line, too.
-fn porphyrin_of_scene(context: &Context<'_>, section: &AnalysisSection, seen: &Seen<'_>) -> Resolved<String> {
+fn porphyrin_of_scene(
+    context: &Context<'_>,
+    section: &AnalysisSection,
+    seen: &Seen<'_>,
+    places: FieldPlaces,
+) -> Resolved<String> {
     let held_by = |object: &Object| -> Vec<&str> {
         let is_there = |held: &&FluorophoreAmount| held.concentration != ScalarTexture::Constant(0.0);
         let held = seen.materials[object.material].fluorophores.iter().filter(is_there);
@@ -381,7 +440,7 @@ fn porphyrin_of_scene(context: &Context<'_>, section: &AnalysisSection, seen: &S
                 "the {place} holds {}; name the one whose share is asked for: porphyrin = \"{first}\", or \"none\"",
                 all.join(" and ")
             );
-            context.fail(&steps!["analysis", "porphyrin"], message)
+            context.fail(&places.at(context, "porphyrin"), message)
         }
     }
 }
@@ -399,9 +458,14 @@ fn with_factors(
 }
 
 /// Checks the captures that enter the estimate of a tissue family beside the analyzed one.
-fn further_frames(context: &Context<'_>, section: &AnalysisSection, labels: &[&str]) -> Resolved<()> {
+fn further_frames(
+    context: &Context<'_>,
+    section: &AnalysisSection,
+    labels: &[&str],
+    at: &Place,
+) -> Resolved<()> {
     for (index, name) in section.further_frames.iter().enumerate() {
-        let at = steps!["analysis", "further_frames", index];
+        let at = at.index(index);
         if !labels.contains(&name.as_str()) {
             let message = Message::unknown("there is no capture of this name", name, labels.iter().copied());
             return context.fail(&at, message);
@@ -419,22 +483,15 @@ fn tissue_prior(
     file: &ExperimentFile,
     section: &AnalysisSection,
     seen: &Seen<'_>,
+    places: FieldPlaces,
 ) -> Resolved<Option<TissuePrior>> {
-    let at = steps!["analysis", "tissue"];
-    let width = context.within(
-        &steps!["analysis", "prior_width"],
-        section.prior_width,
-        [0.01, 10.0],
-        "times the variety of people",
-    )?;
-    let library_error =
-        context.within(&steps!["analysis", "library_error"], section.library_error, [0.0, 1.0], "")?;
-    let site_probability = context.within(
-        &steps!["analysis", "tissue_probability"],
-        section.tissue_probability,
-        [0.01, 1.0],
-        "",
-    )?;
+    let at = places.at(context, "tissue");
+    let within = |field: &str, value: f64, range: [f64; 2], unit: &str| {
+        context.within(&places.at(context, field), value, range, unit)
+    };
+    let width = within("prior_width", section.prior_width, [0.01, 10.0], "times the variety of people")?;
+    let library_error = within("library_error", section.library_error, [0.0, 1.0], "")?;
+    let site_probability = within("tissue_probability", section.tissue_probability, [0.01, 1.0], "")?;
     let site = match &section.tissue {
         _ if wanted_share(section).is_none() => return Ok(None),
         Some(name) if name == "none" => return Ok(None),
@@ -492,8 +549,13 @@ fn line_ends(file: &ExperimentFile, section: &AnalysisSection, seen: &Seen<'_>) 
 }
 
 /// Refuses parts that do not exist, and regions of which no part can be in the image.
-fn check_region(context: &Context<'_>, section: &AnalysisSection, seen: &Seen<'_>) -> Resolved<()> {
-    check_parts(context, &steps!["analysis", "parts"], &section.parts, seen)?;
+fn check_region(
+    context: &Context<'_>,
+    section: &AnalysisSection,
+    seen: &Seen<'_>,
+    at: &Place,
+) -> Resolved<()> {
+    check_parts(context, at, &section.parts, seen)?;
     let is_in_view = |part: &String| {
         let mut found = seen.objects.iter().filter(|object| object.name == *part);
         found.any(|object| may_be_in_view(&object.shape, seen.camera))
@@ -503,7 +565,7 @@ fn check_region(context: &Context<'_>, section: &AnalysisSection, seen: &Seen<'_
     }
     let message = "no part of the region is in the field of view of the camera. Turn the \
                    camera, widen the field of view or choose another part";
-    context.fail(&steps!["analysis", "parts"], message)
+    context.fail(at, message)
 }
 
 /// Whether a shape is not wholly beyond one edge of the image or behind the camera. Occlusion is not checked.
@@ -537,6 +599,7 @@ fn bulk(
     file: &ExperimentFile,
     section: &AnalysisSection,
     seen: &Seen<'_>,
+    at: &Place,
 ) -> Resolved<Vec<(String, f64)>> {
     if let Some(BulkReference::Concentrations(bulk)) = &section.bulk {
         return Ok(bulk.iter().map(|(name, amount)| (name.clone(), *amount)).collect());
@@ -546,7 +609,7 @@ fn bulk(
     {
         let names = file.material.iter().map(|material| material.name.as_str());
         let message = format!("there is no [[material]] of this name{}", hint(name, names));
-        return context.fail(&steps!["analysis", "bulk"], message);
+        return context.fail(at, message);
     }
     let Some(index) = bulk_material(file, section, seen) else { return Ok(Vec::new()) };
     let shapes = || shapes_of(index, section, seen);

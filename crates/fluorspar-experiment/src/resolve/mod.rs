@@ -1,5 +1,6 @@
 //! From the sections of an experiment to a study.
 
+mod analyzed_region;
 mod capture;
 mod concentration;
 pub(super) mod context;
@@ -29,12 +30,13 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::thread::JoinHandle;
 
+use self::capture::Analyses;
 use self::context::{Context, Resolved};
 use self::kept_analysis::keep_analysis;
 use super::error::steps;
 use super::schema::{
-    AnalysisSection, DiffuseSection, ExperimentFile, FieldOfView, LensSection, ReflectanceReference,
-    ScatteringSection, SpectrumReference,
+    AnalysisRegionSection, AnalysisSection, DiffuseSection, ExperimentFile, FieldOfView, LensSection,
+    ReflectanceReference, ScatteringSection, SpectrumReference,
 };
 use super::warning::Warning;
 use super::{Experiment, ExperimentError};
@@ -97,9 +99,8 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         fluorophores: &fluorophores,
         lesions: &lesions,
     };
-    let analyzed = capture::analysis(context, file, &captures, &seen)?;
+    let Analyses { analysis, regions, of_surfaces } = capture::analyses(context, file, &captures, &seen)?;
     let concentrations = concentration::scale(context, file, &fluorophores, &mut materials.list)?;
-    let (analysis, of_surfaces) = analyzed.unzip();
 
     let tissues = tissue::study_tissues(context, file, &materials.list, &materials.recipes, &objects)?;
     let scene = Scene {
@@ -116,7 +117,9 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     render.excitation_basis = device::excitation_basis(context, &file.render, &scene)?;
     let in_bands = whole_image_bytes(&scene) + basis_bytes(&scene, &render) + tile_row_bytes(&scene, &render);
     device::check_memory(context, file, memory_bytes(&scene, &render), in_bands)?;
-    warn_unused(context, file, &scene, &lesions.copied_materials, analysis.as_ref());
+    let plans: Vec<&AnalysisPlan> =
+        analysis.iter().chain(regions.iter().map(|region| &region.analysis)).collect();
+    warn_unused(context, file, &scene, &lesions.copied_materials, &plans);
     for warning in scene.warnings().into_iter().filter_map(|w| that_matters(w, &scene, &camera, &captures)) {
         context.push_warning(Warning::summarized(warning.to_string(), warning.summary()));
     }
@@ -124,7 +127,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let (resolved_toml, sha256) = write_out(context, file)?;
     fluorophore::note_cut_data(context, &file.fluorophore, scene.fluorophores.iter(), &scene.grid);
     let warnings = context.take_warnings(&scene.grid);
-    if let Some(of_surfaces) = of_surfaces.flatten().filter(|_| context.inputs.is_empty()) {
+    if let Some(of_surfaces) = of_surfaces.filter(|_| context.inputs.is_empty()) {
         keep_analysis(file, &of_surfaces, &scene);
     }
     let study = Study {
@@ -139,6 +142,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         spectroradiometers,
         safety: Some(safety),
         analysis,
+        regions,
         tissues,
     };
     let record = FileRecord {
@@ -365,11 +369,15 @@ pub fn resolve_captures(
 /// checked looks at the sensor: no region lies on it.
 fn differ_in_the_camera(rendered: &Experiment, now: &Experiment) -> bool {
     let file = &now.file;
+    let is_shape = |region: &AnalysisRegionSection| {
+        region.rectangle_px.is_some() || region.polygon_px.is_some() || region.mask.is_some()
+    };
     let lies_on_sensor = |section: &AnalysisSection| {
         section.rectangle_px.is_some()
             || section.polygon_px.is_some()
             || section.mask.is_some()
             || section.compared_px.is_some()
+            || section.region.iter().any(is_shape)
     };
     let is_free = file.target.is_empty()
         && file.spectroradiometer.is_empty()
@@ -470,7 +478,7 @@ fn warn_unused(
     file: &ExperimentFile,
     scene: &Scene,
     copied_materials: &[usize],
-    analysis: Option<&AnalysisPlan>,
+    plans: &[&AnalysisPlan],
 ) {
     for (index, material) in file.material.iter().enumerate() {
         // A material of which all parts have lesions is used by its copies only.
@@ -481,7 +489,7 @@ fn warn_unused(
         }
     }
     for (index, section) in file.fluorophore.iter().enumerate() {
-        let absent = analysis.iter().flat_map(|analysis| &analysis.fluorophores);
+        let absent = plans.iter().flat_map(|plan| &plan.fluorophores);
         if !scene.fluorophores.iter().chain(absent).any(|fluorophore| fluorophore.name == section.name) {
             context.warn(&steps!["fluorophore", index], "no material contains it");
         }

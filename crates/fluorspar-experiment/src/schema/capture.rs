@@ -149,6 +149,9 @@ pub struct AnalysisSection {
     /// Two regions of the sensor whose pixels are compared: how well the frames tell them apart. Default: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compared_px: Option<[RegionReference; 2]>,
+    /// Further regions of the frame, each analyzed by itself. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub region: Vec<AnalysisRegionSection>,
     /// Fluorophore whose share is estimated; "none" for no such estimate. Default: the porphyrin that the region holds, else that of
     /// the scene; "protoporphyrin_ix" where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -183,6 +186,68 @@ pub struct AnalysisSection {
     /// Default 5.
     #[serde(default = "noise_threshold")]
     pub noise_threshold: f64,
+}
+
+/// A region that is analyzed by itself, beside that of `[analysis]` and in the same frame: parts of the scene, a shape on the sensor, or
+/// where both hold. What it does not say is as in `[analysis]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AnalysisRegionSection {
+    /// Name, unique among regions.
+    pub name: String,
+    /// Parts of the scene, by object name. Default: all.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<String>,
+    /// Pixels of the sensor by which the region keeps away from the rim of its parts, 0 to 64. Default: as in `[analysis]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inset_px: Option<u32>,
+    /// Only pixels of this rectangle of the sensor: column, row, width, height. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rectangle_px: Option<[u32; 4]>,
+    /// Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub polygon_px: Option<Vec<[f64; 2]>>,
+    /// Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mask: Option<FilePath>,
+    /// Fluorophore whose share is estimated; "none" for no such estimate. Default: as in `[analysis]`; where that names none the porphyrin
+    /// that this region holds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub porphyrin: Option<String>,
+    /// Fluorophores that form the bulk of the tissue, as in `[analysis]`. Default: the material of its first part; of a region without
+    /// parts what `[analysis]` names.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bulk: Option<BulkReference>,
+    /// Tissue of the region, a `[[tissue]]` or a site of the catalogue; "none" for no estimate that knows tissue. Default: the site that
+    /// the material of its first part is made of; of a region without parts what `[analysis]` names.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tissue: Option<String>,
+    /// Probability beforehand that the region is this tissue, 0.01 to 1. Default: as in `[analysis]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tissue_probability: Option<f64>,
+    /// Further captures that enter this estimate, by name. Default: as in `[analysis]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub further_frames: Option<Vec<String>>,
+    /// How various the tissue is thought to be, over what people differ by, 0.01 to 10. Default: as in `[analysis]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior_width: Option<f64>,
+    /// Relative error of the spectra of the library at each wavelength, 0 to 1. Default: as in `[analysis]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub library_error: Option<f64>,
+    /// Pixels whose R + G + B is below this many standard deviations of its noise have no chromaticity, 0 to 1000. Default: as in
+    /// `[analysis]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_threshold: Option<f64>,
+}
+
+impl AnalysisRegionSection {
+    /// Whether it says nothing about where it lies.
+    pub(crate) fn names_nothing(&self) -> bool {
+        self.parts.is_empty()
+            && self.rectangle_px.is_none()
+            && self.polygon_px.is_none()
+            && self.mask.is_none()
+    }
 }
 
 /// The name of a material, or a table of concentrations.

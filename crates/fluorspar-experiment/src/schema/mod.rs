@@ -23,7 +23,8 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 pub use capture::{
-    AnalysisSection, BulkReference, CaptureSection, DEFAULT_PORPHYRIN, ExposureTime, OutputSection,
+    AnalysisRegionSection, AnalysisSection, BulkReference, CaptureSection, DEFAULT_PORPHYRIN, ExposureTime,
+    OutputSection,
 };
 pub use concentration::{ConcentrationFactor, PaintedMask};
 pub use develop::{DevelopSection, FlatFieldSection, MotionSection};

@@ -1,6 +1,7 @@
 //! Tests of experiment files and the catalogue, down to the images that come of them, in one program.
 
 mod absurd_numbers;
+mod analysis_regions;
 mod bad_experiments;
 mod camera_color;
 mod channel_planes;

@@ -128,6 +128,12 @@ class Analysis(Record):
     """The numbers of the analyzed region, as ``analyze --json`` prints them, and maps over the frame."""
 
     _maps: dict[str, NDArray[np.float32]]
+    _regions: dict[str, Analysis]
+
+    @property
+    def regions(self) -> dict[str, Analysis]:
+        """The further regions of the frame (``[[analysis.region]]``) by name, each analyzed by itself; empty without them."""
+        return self._regions
 
     @property
     def porphyrin_maps(self) -> dict[str, NDArray[np.float32]]:
@@ -209,6 +215,12 @@ def analyze(
         raise _fluorspar.FluorsparError("the experiment has no [analysis] section; add one")
     for text in native.warnings:
         warnings.warn(text, FluorsparWarning, stacklevel=2)
+    return _analysis(native)
+
+
+def _analysis(native: _fluorspar.FrameAnalysis) -> Analysis:
+    """What was found, with its maps and regions."""
     analysis = Analysis(Record.of_json(native.json))
     analysis._maps = dict(native.porphyrin_maps)
+    analysis._regions = {name: _analysis(region) for name, region in native.regions}
     return analysis

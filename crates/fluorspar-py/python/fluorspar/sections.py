@@ -1786,6 +1786,8 @@ class AnalysisSection(TypedDict, total=False):
     none."""
     compared_px: list[RegionReference]
     """Two regions of the sensor whose pixels are compared: how well the frames tell them apart. Default: none."""
+    region: list[AnalysisRegionSection]
+    """Further regions of the frame, each analyzed by itself. Default: none."""
     porphyrin: str
     """Fluorophore whose share is estimated; "none" for no such estimate. Default: the porphyrin that the region holds, else
     that of the scene; "protoporphyrin_ix" where there is none."""
@@ -1825,6 +1827,46 @@ class SensorRegionSection(TypedDict, total=False):
     mask: FilePath
     """Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default:
     none."""
+
+
+class AnalysisRegionSection(TypedDict, total=False):
+    """A region that is analyzed by itself, beside that of `[analysis]` and in the same frame: parts of the scene, a shape on
+    the sensor, or where both hold. What it does not say is as in `[analysis]`."""
+
+    name: str
+    """Name, unique among regions."""
+    parts: list[str]
+    """Parts of the scene, by object name. Default: all."""
+    inset_px: int
+    """Pixels of the sensor by which the region keeps away from the rim of its parts, 0 to 64. Default: as in `[analysis]`."""
+    rectangle_px: list[int]
+    """Only pixels of this rectangle of the sensor: column, row, width, height. Default: none."""
+    polygon_px: list[list[float]]
+    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner.
+    Default: none."""
+    mask: FilePath
+    """Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default:
+    none."""
+    porphyrin: str
+    """Fluorophore whose share is estimated; "none" for no such estimate. Default: as in `[analysis]`; where that names none
+    the porphyrin that this region holds."""
+    bulk: BulkReference
+    """Fluorophores that form the bulk of the tissue, as in `[analysis]`. Default: the material of its first part; of a region
+    without parts what `[analysis]` names."""
+    tissue: str
+    """Tissue of the region, a `[[tissue]]` or a site of the catalogue; "none" for no estimate that knows tissue. Default: the
+    site that the material of its first part is made of; of a region without parts what `[analysis]` names."""
+    tissue_probability: float
+    """Probability beforehand that the region is this tissue, 0.01 to 1. Default: as in `[analysis]`."""
+    further_frames: list[str]
+    """Further captures that enter this estimate, by name. Default: as in `[analysis]`."""
+    prior_width: float
+    """How various the tissue is thought to be, over what people differ by, 0.01 to 10. Default: as in `[analysis]`."""
+    library_error: float
+    """Relative error of the spectra of the library at each wavelength, 0 to 1. Default: as in `[analysis]`."""
+    noise_threshold: float
+    """Pixels whose R + G + B is below this many standard deviations of its noise have no chromaticity, 0 to 1000. Default: as
+    in `[analysis]`."""
 
 
 class TargetSection(TypedDict, total=False):

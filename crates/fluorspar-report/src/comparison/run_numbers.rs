@@ -81,8 +81,8 @@ pub(super) fn run_numbers(run: &FinishedRun, label: &dyn Fn(&str) -> String) -> 
 
 /// The estimate of the share with its interval, as tables have it: of the tissue, else on the mixture line, else unmixed. `None` where nothing
 /// is estimated.
-pub(crate) fn share_text(analysis: &Analysis, target: &str) -> Option<String> {
-    let numbers = share_numbers(analysis, target);
+pub(crate) fn share_text(analysis: &Analysis) -> Option<String> {
+    let numbers = share_numbers(analysis, "");
     let estimate = numbers.into_iter().find(|number| number.interval.is_some() || number.words.is_some())?;
     Some(ComparedSide::from(estimate).text())
 }

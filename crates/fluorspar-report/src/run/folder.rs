@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use fluorspar::image::{ChannelPlanes, ComponentImage, ExcitationImage, SpectralImage};
-use fluorspar::pipeline::{Evaluation, frame_radiance, radiance_preview};
+use fluorspar::pipeline::{AnalyzedRegion, Evaluation, frame_radiance, radiance_preview};
 use fluorspar::spectral::Radiance;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{
@@ -224,6 +224,7 @@ pub fn evaluation_json(evaluation: &Evaluation) -> Result<Map<String, Value>, se
     let leak_ratio = evaluation.analyzed_leak().and_then(|leak| leak.leak_ratio);
     Ok(Map::from_iter([
         ("analysis".into(), json!(analysis)),
+        ("regions".into(), regions_json(&evaluation.regions)?),
         ("region_radiance_w_per_sr_m2_nm".into(), serde_json::to_value(&evaluation.region_radiance)?),
         ("leak_ratio".into(), json!(leak_ratio)),
         ("leaks".into(), serde_json::to_value(&evaluation.leaks)?),
@@ -231,4 +232,15 @@ pub fn evaluation_json(evaluation: &Evaluation) -> Result<Map<String, Value>, se
         ("safety".into(), serde_json::to_value(&evaluation.safety)?),
         ("spectroradiometers".into(), serde_json::to_value(&evaluation.spectra)?),
     ]))
+}
+
+/// Further regions of the analyzed frame, as `results.json` has them: each with its name and its analysis.
+///
+/// # Errors
+/// Numbers that JSON can't hold.
+pub fn regions_json(regions: &[AnalyzedRegion]) -> Result<Value, serde_json::Error> {
+    let one = |region: &AnalyzedRegion| {
+        Ok(json!({ "name": region.name, "analysis": serde_json::to_value(&region.analyzed.analysis)? }))
+    };
+    regions.iter().map(one).collect::<Result<Vec<Value>, _>>().map(Value::Array)
 }

@@ -13,17 +13,18 @@ mod words;
 
 pub(crate) use display::{DisplayImage, for_display};
 pub(crate) use regions_section::level;
+pub use regions_section::{region_warnings, regions_matrix};
 pub(crate) use words::capital;
 
 pub use dark_frames::dark_frames;
 pub use folder::{
-    RunFolderError, evaluation_json, write_frame_report, write_run_components, write_run_folder,
+    RunFolderError, evaluation_json, regions_json, write_frame_report, write_run_components, write_run_folder,
 };
 pub use report::{NamedFigure, RunReport, run_report};
 pub use words::name_target;
 
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::{AnalyzedFrame, Evaluation};
+use fluorspar::pipeline::Evaluation;
 use fluorspar_experiment::ResolvedExperiment;
 
 /// Everything that one run produced.
@@ -37,21 +38,10 @@ pub struct RunResults<'a> {
     pub components: Option<&'a ComponentImage>,
     /// Everything that was computed from it.
     pub evaluation: &'a Evaluation,
-    /// Regions beside that of the analysis, of the same frame.
-    pub regions: &'a [NamedRegion],
     /// Where the frames come from.
     pub frames_from: FrameOrigin,
     /// Ending of the raw files `raw_FRAME` beside the report; `None` where there are none.
     pub raw_ending: Option<&'a str>,
-}
-
-/// A region beside that of the analysis.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NamedRegion {
-    /// Its name.
-    pub name: String,
-    /// What its pixels say.
-    pub analyzed: AnalyzedFrame,
 }
 
 /// Where the frames of a report come from.

@@ -82,7 +82,7 @@ fn view(
         outline: analyzed.map_or_else(Vec::new, |analyzed| outlines(run, analyzed, shown.block)),
         names: analyzed.map_or_else(Vec::new, |analyzed| {
             let main = (analyzed.analysis.region_description.as_str(), &analyzed.region);
-            region_names(main, run.regions, shown.block)
+            region_names(main, &run.evaluation.regions, shown.block)
         }),
         map: analyzed.and_then(|analyzed| share_overlay(analyzed, &shown, words)),
         links,
@@ -91,7 +91,8 @@ fn view(
 
 /// Outlines of the regions that are not the whole frame, and of the targets.
 fn outlines(run: &RunResults<'_>, analyzed: &AnalyzedFrame, block: usize) -> Vec<Vec<[f64; 2]>> {
-    let regions = std::iter::once(analyzed).chain(run.regions.iter().map(|region| &region.analyzed));
+    let regions =
+        std::iter::once(analyzed).chain(run.evaluation.regions.iter().map(|region| &region.analyzed));
     let mut lines: Vec<_> =
         regions.filter(|a| is_part(a)).flat_map(|a| region_outline(&a.region, block)).collect();
     let Some(targets) = &analyzed.targets else { return lines };

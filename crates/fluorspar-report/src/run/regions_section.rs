@@ -1,21 +1,49 @@
 //! Several regions of one frame, a row each.
 
 use fluorspar::analysis::{Analysis, PixelSelection};
+use fluorspar::pipeline::AnalyzedRegion;
+use fluorspar_experiment::ResolvedExperiment;
 
+use super::RunResults;
 use super::report::electrons;
 use super::words::{Words, capital};
-use super::{NamedRegion, RunResults};
 use crate::comparison::share_text;
 use crate::{NumberMatrix, ReportItem, Section};
 
 /// The regions with that of the analysis; `None` where there is no other.
-pub(super) fn regions_section(run: &RunResults<'_>, words: &Words<'_>) -> Option<Section> {
-    let analyzed = run.evaluation.analysis.as_ref().filter(|_| !run.regions.is_empty())?;
-    let target = words.target();
-    let main = (analyzed.analysis.region_description.as_str(), &analyzed.analysis);
-    let others = run.regions.iter().map(|region| (region.name.as_str(), &region.analyzed.analysis));
-    let rows =
-        std::iter::once(main).chain(others).map(|(name, analysis)| row(name, analysis, &target)).collect();
+pub(super) fn regions_section(run: &RunResults<'_>) -> Option<Section> {
+    let main = &run.evaluation.analysis.as_ref()?.analysis;
+    let regions = &run.evaluation.regions;
+    let matrix = regions_matrix(run.experiment, main, regions)?;
+    let names: Vec<&str> = regions.iter().map(|region| region.name.as_str()).collect();
+    Some(Section::new("Regions").folded(names.join(", ")).with(ReportItem::Matrix(matrix)))
+}
+
+/// The regions of a frame, a row each, that of the analysis first: estimate, truth where it is known, detection limit, signal. `None`
+/// where there is no other.
+#[must_use]
+pub fn regions_matrix(
+    experiment: &ResolvedExperiment,
+    main: &Analysis,
+    regions: &[AnalyzedRegion],
+) -> Option<NumberMatrix> {
+    if regions.is_empty() {
+        return None;
+    }
+    let words = Words::of(experiment);
+    let study = &experiment.study;
+    let sought = study.analysis.as_ref().and_then(|plan| plan.porphyrin.as_deref());
+    let of_region = |region: &AnalyzedRegion| {
+        let plan = study.regions.iter().find(|plan| plan.name == region.name);
+        let own = plan.and_then(|plan| plan.analysis.porphyrin.as_deref());
+        // Another fluorophore than that of the others is named
+        let name = match own.filter(|_| own != sought) {
+            Some(own) => format!("{} ({})", region.name, words.title(own)),
+            None => region.name.clone(),
+        };
+        row(&name, &region.analyzed.analysis)
+    };
+    let rows = std::iter::once(row(&main.region_description, main)).chain(regions.iter().map(of_region));
     let columns = [
         "Region",
         "pixels",
@@ -25,26 +53,34 @@ pub(super) fn regions_section(run: &RunResults<'_>, words: &Words<'_>) -> Option
         "signal, e-",
         "signal to noise",
     ];
-    let matrix = NumberMatrix {
-        caption: format!("Regions of frame \"{}\"", analyzed.analysis.frame),
+    Some(NumberMatrix {
+        caption: format!("Regions of frame \"{}\"", main.frame),
         columns: columns.map(String::from).to_vec(),
-        rows,
+        rows: rows.collect(),
         note: format!(
             "{} share of the light of each region, where its tissue is known for all that is not known of it, else on the mixture line. \
              Signal and signal to noise are those of the median pixel, by channel: {}.",
-            capital(&target),
-            channels(&analyzed.analysis)
+            capital(&words.target()),
+            channels(main)
         ),
+    })
+}
+
+/// What the analyses of further regions warn of, each once, and not what that of the frame says already.
+#[must_use]
+pub fn region_warnings(main: &Analysis, regions: &[AnalyzedRegion]) -> Vec<String> {
+    let of_region = |region: &AnalyzedRegion| {
+        let own = region.analyzed.analysis.warnings.iter().filter(|warning| !main.warnings.contains(warning));
+        own.map(|warning| format!("Region \"{}\": {warning}", region.name)).collect::<Vec<_>>()
     };
-    let names: Vec<&str> = run.regions.iter().map(|region| region.name.as_str()).collect();
-    Some(Section::new("Regions").folded(names.join(", ")).with(ReportItem::Matrix(matrix)))
+    regions.iter().flat_map(of_region).collect()
 }
 
 fn channels(analysis: &Analysis) -> String {
     analysis.channels.iter().map(|channel| channel.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
-fn row(name: &str, analysis: &Analysis, target: &str) -> Vec<String> {
+fn row(name: &str, analysis: &Analysis) -> Vec<String> {
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".into());
     let levels: Vec<[f64; 2]> =
         analysis.channels.iter().filter_map(|c| level(analysis, c.statistics?.median)).collect();
@@ -52,7 +88,7 @@ fn row(name: &str, analysis: &Analysis, target: &str) -> Vec<String> {
     vec![
         name.to_owned(),
         analysis.counts.total().to_string(),
-        or_dash(share_text(analysis, target)),
+        or_dash(share_text(analysis)),
         or_dash(analysis.truth.as_ref().map(|truth| format!("{:.4}", truth.share))),
         or_dash(analysis.detection_limit().map(|limit| format!("{limit:.4}"))),
         join(levels.iter().map(|[signal, _]| electrons(*signal)).collect()),
@@ -82,7 +118,7 @@ fn label_place(region: &PixelSelection, block: usize) -> Option<[f64; 2]> {
 /// Names and places of all regions, that of the analysis by its description; none where it is alone.
 pub(super) fn region_names(
     main: (&str, &PixelSelection),
-    regions: &[NamedRegion],
+    regions: &[AnalyzedRegion],
     block: usize,
 ) -> Vec<(String, [f64; 2])> {
     if regions.is_empty() {

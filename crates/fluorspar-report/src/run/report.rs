@@ -13,7 +13,7 @@ use fluorspar_experiment::preset::{self, PresetKind};
 use super::dark_frames::dark_frames;
 use super::depth_section::depth_section;
 use super::overview::overview;
-use super::regions_section::regions_section;
+use super::regions_section::{region_warnings, regions_section};
 use super::safety_section::safety_section;
 use super::words::Words;
 use super::{FrameOrigin, RunResults};
@@ -71,7 +71,9 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     let mut sections = sections(run, words, &mut builder);
     let mut warnings: Vec<String> = record.warnings.iter().map(ToString::to_string).collect();
     if let Some(analyzed) = &run.evaluation.analysis {
-        warnings.extend(analyzed.analysis.warnings.iter().map(|warning| words.of_target(warning)));
+        let of_regions = region_warnings(&analyzed.analysis, &run.evaluation.regions);
+        let all = analyzed.analysis.warnings.iter().chain(&of_regions);
+        warnings.extend(all.map(|warning| words.of_target(warning)));
     }
     let wanted = run.experiment.study.render.samples_per_pixel;
     if let Some(components) = run.components.filter(|c| c.samples_per_pixel < wanted) {
@@ -113,7 +115,7 @@ fn sections(run: &RunResults<'_>, words: &Words<'_>, builder: &mut Builder) -> V
     if let Some(analyzed) = &evaluation.analysis {
         sections.push(result_section(run, words, analyzed, builder));
     }
-    sections.extend(regions_section(run, words));
+    sections.extend(regions_section(run));
     if let Some(radiance) = &evaluation.region_radiance {
         sections.push(radiance_section(run, radiance, builder));
     }

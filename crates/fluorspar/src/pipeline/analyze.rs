@@ -1,5 +1,7 @@
 //! From developed frames to chromaticity and porphyrin.
 
+use rayon::prelude::*;
+
 use super::capture::{behind_filter, on_sensor};
 use super::channel_analysis::{Measured, channel_analysis};
 use super::direct_light::{axis_point, irradiance_on, region_points};
@@ -18,7 +20,7 @@ use crate::image::{ChannelImage, ComponentFactors, ComponentImage};
 use crate::render::direct_exitance;
 use crate::sensor::Sensor;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
-use crate::study::{AnalysisPlan, Capture, LineEnds, Study};
+use crate::study::{AnalysisPlan, Capture, LineEnds, RegionPlan, Study};
 use crate::tissue::Site;
 
 /// The analyzed frame: summary and the maps that it was made from.
@@ -34,6 +36,15 @@ pub struct AnalyzedFrame {
     pub region: PixelSelection,
     /// Which target each pixel sees; `None` without targets.
     pub targets: Option<TargetLabels>,
+}
+
+/// A region beside that of the study's analysis, analyzed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AnalyzedRegion {
+    /// Its name.
+    pub name: String,
+    /// What its pixels say.
+    pub analyzed: AnalyzedFrame,
 }
 
 /// Analyzes the frame that the study names. `None` without an analysis.
@@ -69,7 +80,32 @@ pub fn analyze_seen(
     components: Option<&SeenComponents<'_>>,
     frames: &[CapturedFrame],
 ) -> Result<Option<AnalyzedFrame>, PipelineError> {
-    let Some(settings) = &study.analysis else { return Ok(None) };
+    study.analysis.as_ref().map(|plan| analyzed(study, plan, components, frames)).transpose()
+}
+
+/// Analyzes the regions beside that of the study's analysis, each as an analysis of it alone would.
+///
+/// # Errors
+/// Those of [`analyze`], with the name of the region.
+pub fn analyze_regions(
+    study: &Study,
+    components: Option<&SeenComponents<'_>>,
+    frames: &[CapturedFrame],
+) -> Result<Vec<AnalyzedRegion>, PipelineError> {
+    let region = |region: &RegionPlan| match analyzed(study, &region.analysis, components, frames) {
+        Ok(analyzed) => Ok(AnalyzedRegion { name: region.name.clone(), analyzed }),
+        Err(error) => Err(PipelineError::Region { name: region.name.clone(), error: Box::new(error) }),
+    };
+    study.regions.par_iter().map(region).collect()
+}
+
+/// One analysis of the frames of a study.
+fn analyzed(
+    study: &Study,
+    settings: &AnalysisPlan,
+    components: Option<&SeenComponents<'_>>,
+    frames: &[CapturedFrame],
+) -> Result<AnalyzedFrame, PipelineError> {
     let sensor = study.camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
     let no_frame = || PipelineError::NoFrame {
         wanted: settings.frame.clone(),
@@ -119,11 +155,11 @@ pub fn analyze_seen(
         analysis.warnings.extend(what_the_line_assumes(study, settings).map(String::from));
     }
     analysis.posterior = estimate;
-    analysis.spots = spot_separations(study, frames, scene.map(|(scene, _)| scene))?;
+    analysis.spots = spot_separations(study, settings, frames, scene.map(|(scene, _)| scene))?;
     let targets = measured_targets(study, settings, frames, components, scene.map(|(scene, _)| scene))?;
     analysis.targets = targets.detections;
     analysis.warnings.extend(targets.warnings);
-    Ok(Some(AnalyzedFrame { analysis, chromaticity, porphyrin, region, targets: targets.labels }))
+    Ok(AnalyzedFrame { analysis, chromaticity, porphyrin, region, targets: targets.labels })
 }
 
 /// What an estimate on the mixture line alone leaves out where the region is tissue, or may stand for it.

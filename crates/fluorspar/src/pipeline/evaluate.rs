@@ -1,10 +1,10 @@
 //! Everything after the render, each result once.
 
 use super::{
-    AnalyzedFrame, CapturePlanes, CapturedFrame, ColorRendering, DepthOfLight, FrameLeak, PipelineError,
-    Preview, RegionRadiance, SafetyReport, SeenComponents, SpectroradiometerReading, analyze_seen,
-    assess_safety, capture_from_planes, check_captures, depths_of_light, frame_leak, preview,
-    read_spectroradiometers,
+    AnalyzedFrame, AnalyzedRegion, CapturePlanes, CapturedFrame, ColorRendering, DepthOfLight, FrameLeak,
+    PipelineError, Preview, RegionRadiance, SafetyReport, SeenComponents, SpectroradiometerReading,
+    analyze_regions, analyze_seen, assess_safety, capture_from_planes, check_captures, depths_of_light,
+    frame_leak, preview, read_spectroradiometers,
 };
 use crate::image::{ComponentFactors, ComponentImage};
 use crate::study::{Capture, Study};
@@ -18,6 +18,8 @@ pub struct Evaluation {
     pub previews: Vec<Preview>,
     /// The analyzed frame, if the study has an analysis.
     pub analysis: Option<AnalyzedFrame>,
+    /// Regions beside that of the analysis, of the same frame.
+    pub regions: Vec<AnalyzedRegion>,
     /// Mean radiance of the analyzed region under the lights of the analyzed frame.
     pub region_radiance: Option<RegionRadiance>,
     /// Reflected light against fluorescence in each frame that has light, over the analyzed region or the whole frame.
@@ -63,22 +65,23 @@ pub fn evaluate_from_planes(
     planes: Option<&CapturePlanes>,
 ) -> Result<Evaluation, PipelineError> {
     // Capture and analyze
-    let (frames, analysis) = match planes {
-        None => (Vec::new(), None),
+    let (frames, analysis, regions) = match planes {
+        None => (Vec::new(), None, Vec::new()),
         Some(planes) => {
             let factors = ComponentFactors::ones(components.components.len());
             let seen =
                 SeenComponents { image: components, planes, captures: &study.captures, factors: &factors };
             let frames = capture_from_planes(study, &seen)?;
             let analysis = analyze_seen(study, Some(&seen), &frames)?;
-            (frames, analysis)
+            let regions = analyze_regions(study, Some(&seen), &frames)?;
+            (frames, analysis, regions)
         }
     };
 
-    evaluate_frames(study, components, frames, analysis)
+    evaluate_frames(study, components, frames, analysis, regions)
 }
 
-/// What follows from frames, their analysis and the spectra of a component image: radiance, leaks, depths, previews, readings and
+/// What follows from frames, their analysis with that of further regions, and the spectra of a component image: radiance, leaks, depths, previews, readings and
 /// safety.
 ///
 /// # Errors
@@ -88,6 +91,7 @@ pub fn evaluate_frames(
     components: &ComponentImage,
     frames: Vec<CapturedFrame>,
     analysis: Option<AnalyzedFrame>,
+    regions: Vec<AnalyzedRegion>,
 ) -> Result<Evaluation, PipelineError> {
     // Measure the radiance itself
     let spectra = read_spectroradiometers(study, components)?;
@@ -111,5 +115,5 @@ pub fn evaluate_frames(
     let depths = depths_of_light(study, &fluorescent).map_err(PipelineError::Depths)?;
 
     let safety = assess_safety(study, &frames);
-    Ok(Evaluation { frames, previews, analysis, region_radiance, leaks, depths, spectra, safety })
+    Ok(Evaluation { frames, previews, analysis, regions, region_radiance, leaks, depths, spectra, safety })
 }

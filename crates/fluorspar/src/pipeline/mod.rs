@@ -13,6 +13,7 @@
 //! | spectroradiometers | [`read_spectroradiometers`] | [`SpectroradiometerReading`]s |
 //! | photobiological safety | [`assess_safety`] | [`SafetyReport`] |
 //! | chromaticity, porphyrin | [`analyze`] | [`AnalyzedFrame`] |
+//! | the same of further regions of the frame | [`analyze_regions`] | [`AnalyzedRegion`]s |
 //! | targets, told from what lies around them | [`analyze`] | [`TargetLabels`], [`crate::analysis::TargetDetection`]s |
 //! | two spots, told apart | [`spot_separations`] | [`crate::analysis::SpotSeparation`]s |
 //! | less noise, for display | [`denoise`] | [`crate::image::ComponentImage`], labeled |
@@ -63,7 +64,7 @@ mod tissue_estimate;
 mod tissue_family;
 mod tissue_mixture;
 
-pub use analyze::{AnalyzedFrame, analyze, analyze_seen};
+pub use analyze::{AnalyzedFrame, AnalyzedRegion, analyze, analyze_regions, analyze_seen};
 pub use calibration::Calibration;
 pub use camera_color::CameraColor;
 pub use capture::{
@@ -134,6 +135,14 @@ pub enum PipelineError {
     /// The tissue that is assumed can't be computed.
     #[error("the tissue that analysis.tissue assumes: {0}")]
     Tissue(#[from] TissueError),
+    /// A region beside that of the analysis can't be analyzed.
+    #[error("the region \"{name}\": {error}")]
+    Region {
+        /// Its name.
+        name: String,
+        /// Why.
+        error: Box<Self>,
+    },
     /// A frame that another refers to is not there.
     #[error("there is no frame \"{wanted}\"; the frames are: {known}")]
     NoFrame {

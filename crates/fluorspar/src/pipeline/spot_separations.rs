@@ -3,12 +3,12 @@
 use super::{CapturedFrame, PipelineError};
 use crate::analysis::{AnalysisError, PixelSelection, SceneOnSensor, SpotSeparation};
 use crate::image::ChannelImage;
-use crate::study::Study;
+use crate::study::{AnalysisPlan, Study};
 
 /// Most pixels of a spot that are compared; of larger ones some, evenly spread.
 const MOST_PIXELS: usize = 600;
 
-/// How well the pixels of the two regions that the analysis compares are told apart: green alone and all channels of every frame with
+/// How well the pixels of the two regions that an analysis compares are told apart: green alone and all channels of every frame with
 /// light, and of all these frames together. Empty where nothing is compared. `scene` serves to find parts by name.
 ///
 /// Pixels are compared by the logarithms of their channels, every second one in both directions, as neighbors share raw values.
@@ -18,12 +18,11 @@ const MOST_PIXELS: usize = 600;
 /// A region that does not fit the frames.
 pub fn spot_separations(
     study: &Study,
+    plan: &AnalysisPlan,
     frames: &[CapturedFrame],
     scene: Option<SceneOnSensor<'_>>,
 ) -> Result<Vec<SpotSeparation>, PipelineError> {
-    let Some(spots) = study.analysis.as_ref().and_then(|plan| plan.compared.as_ref()) else {
-        return Ok(Vec::new());
-    };
+    let Some(spots) = &plan.compared else { return Ok(Vec::new()) };
     let lit: Vec<&ChannelImage> = frames
         .iter()
         .filter(|frame| {

@@ -8,7 +8,7 @@
 //! | [`Study`] | scene, render settings, camera, captures, instruments, analysis | `mod.rs` |
 //! | [`Camera`], [`Lens`], [`ViewFilter`] | from the scene to the digital numbers | `camera.rs` |
 //! | [`ConcentrationChange`], [`Capture`], [`Motion`], [`Develop`], [`FlatFieldPlan`] | the exposures and how they become linear channels | `program.rs` |
-//! | [`SpectroradiometerPlan`], [`SafetyPlan`], [`AnalysisPlan`] | what is measured and computed besides | `program.rs` |
+//! | [`SpectroradiometerPlan`], [`SafetyPlan`], [`AnalysisPlan`], [`RegionPlan`] | what is measured and computed besides | `program.rs` |
 //! | [`Target`], [`TargetPlace`] | what shall be seen, and what it is told from | `target.rs` |
 //! | [`StudyTissue`] | a layered tissue of the scene, for what is told about it beside the image | `study_tissue.rs` |
 //! | [`FlatSample`] | the small study of a flat, homogeneous sample without geometry | `flat_sample.rs` |
@@ -23,7 +23,7 @@ pub use camera::{Camera, Lens, ViewFilter};
 pub use flat_sample::{FlatSample, FluorescenceModel};
 pub use program::{
     AnalysisPlan, Capture, ConcentrationChange, Develop, FlatFieldPlan, LineEnds, Motion, PaintedFactor,
-    SafetyPlan, SpectroradiometerPlan, SpectroradiometerTarget, TissuePrior,
+    RegionPlan, SafetyPlan, SpectroradiometerPlan, SpectroradiometerTarget, TissuePrior,
 };
 
 pub use study_tissue::StudyTissue;
@@ -58,6 +58,8 @@ pub struct Study {
     pub safety: Option<SafetyPlan>,
     /// Analysis of the captures.
     pub analysis: Option<AnalysisPlan>,
+    /// Regions that are analyzed beside it.
+    pub regions: Vec<RegionPlan>,
     /// Layered tissues of the scene.
     pub tissues: Vec<StudyTissue>,
 }
@@ -77,6 +79,7 @@ impl Study {
             spectroradiometers: Vec::new(),
             safety: None,
             analysis: None,
+            regions: Vec::new(),
             tissues: Vec::new(),
         }
     }

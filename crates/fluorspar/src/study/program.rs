@@ -195,6 +195,15 @@ pub struct AnalysisPlan {
     pub noise_threshold: f64,
 }
 
+/// A region that is analyzed beside that of the study's analysis, in the same frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RegionPlan {
+    /// Its name, unique among the regions of a study.
+    pub name: String,
+    /// Its analysis, without targets and compared spots, which are told once.
+    pub analysis: AnalysisPlan,
+}
+
 impl AnalysisPlan {
     /// Twice the one-sided 95 % quantile of the normal distribution: a threshold half way errs in 5 % of cases either way (Currie 1968).
     pub const WANTED_D_PRIME: f64 = 3.29;

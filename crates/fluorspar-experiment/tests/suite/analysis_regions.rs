@@ -1,0 +1,157 @@
+//! Regions beside that of `[analysis]`: each is what an analysis of it alone is, and entries of a list like others.
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use fluorspar::image::ComponentImage;
+use fluorspar::pipeline::{AnalyzedFrame, Evaluation, evaluate};
+use fluorspar::render::{RenderControl, render};
+use fluorspar::study::{RegionPlan, Study};
+use fluorspar_experiment::{Experiment, ExperimentError, parse, resolve, show_the_same_scene};
+
+/// A patch with a spot of more porphyrin before its right half.
+const SPOT: &str = r#"format = 1
+base = "flat-patch"
+[render]
+width_px = 16
+height_px = 12
+samples_per_pixel = 2
+[sensor]
+columns = 64
+rows = 48
+[[material]]
+name = "spot"
+reflectance = 0.3
+concentrations = { elastin = 0.5, protoporphyrin_ix = 4.0 }
+[[object]]
+name = "spot"
+material = "spot"
+type = "quad"
+corner_mm = [0.0, -100.0, 1.0]
+edge_u_mm = [100.0, 0.0, 0.0]
+edge_v_mm = [0.0, 200.0, 0.0]
+"#;
+
+/// Regions of each kind: of other parts, of a part within a shape, of a shape alone.
+const REGIONS: &str = r#"[[analysis.region]]
+name = "spot"
+parts = ["spot"]
+inset_px = 2
+[[analysis.region]]
+name = "the left, above"
+parts = ["patch"]
+polygon_px = [[0, 0], [20, 0], [0, 20]]
+[[analysis.region]]
+name = "middle"
+rectangle_px = [20, 16, 24, 16]
+porphyrin = "none"
+"#;
+
+fn experiment(more: &str, changes: &[&str]) -> Result<Experiment, ExperimentError> {
+    let changes: Vec<String> = changes.iter().map(|change| (*change).to_owned()).collect();
+    parse(&format!("{SPOT}{more}"), "regions", Path::new("."), &changes)
+}
+
+fn study(more: &str, changes: &[&str]) -> Study {
+    resolve(&experiment(more, changes).unwrap()).unwrap().study
+}
+
+fn rendered(study: &Study) -> ComponentImage {
+    let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
+    render(&study.scene, &study.render, &control).unwrap()
+}
+
+#[test]
+fn a_region_is_its_own_analysis_to_the_last_bit() {
+    let with_regions = study(REGIONS, &[]);
+    let image = rendered(&with_regions);
+    let Evaluation { analysis, regions, .. } = evaluate(&with_regions, &image).unwrap();
+    let alone = |changes: &[&str]| -> AnalyzedFrame {
+        evaluate(&study("", changes), &image).unwrap().analysis.unwrap()
+    };
+    assert_eq!(analysis, Some(alone(&[])));
+    let changes: [&[&str]; 3] = [
+        &["analysis.parts=[\"spot\"]", "analysis.inset_px=2"],
+        &["analysis.polygon_px=[[0, 0], [20, 0], [0, 20]]"],
+        &["analysis.parts=[]", "analysis.rectangle_px=[20, 16, 24, 16]", "analysis.porphyrin=none"],
+    ];
+    for (region, changes) in regions.iter().zip(changes) {
+        assert_eq!(region.analyzed, alone(changes), "{}", region.name);
+    }
+    let names: Vec<&str> = regions.iter().map(|region| region.name.as_str()).collect();
+    assert_eq!(names, ["spot", "the left, above", "middle"]);
+    // They tell what the patch does not: its bulk has less porphyrin, and of a shape alone none is asked for
+    let share = |analyzed: &AnalyzedFrame| analyzed.analysis.truth.as_ref().map(|truth| truth.share);
+    let of_patch = share(&analysis.unwrap()).unwrap();
+    assert!(share(&regions[0].analyzed).unwrap() > 1.2 * of_patch, "{of_patch}");
+    assert!(share(&regions[1].analyzed).is_some() && share(&regions[2].analyzed).is_none());
+}
+
+#[test]
+fn what_a_region_does_not_say_is_as_in_the_analysis() {
+    let shared = "[analysis]\ninset_px = 3\ntissue = \"lip\"\nnoise_threshold = 7.0\nporphyrin = \"protoporphyrin_ix\"\n\
+                  bulk = { fad = 1.0 }\n";
+    let own = "[[analysis.region]]\nname = \"own\"\nparts = [\"spot\"]\ntissue = \"buccal_mucosa\"\nprior_width = 2.0\n";
+    let plain = "[[analysis.region]]\nname = \"parts\"\nparts = [\"spot\"]\n[[analysis.region]]\nname = \"shape\"\n\
+                 rectangle_px = [0, 0, 9, 9]\n";
+    let found = study(&format!("{shared}{own}{plain}"), &[]);
+    let [own, parts, shape] = found.regions.as_slice() else { panic!("{:?}", found.regions.len()) };
+    let site =
+        |region: &RegionPlan| region.analysis.tissue.as_ref().map(|prior| prior.site.name().to_owned());
+    assert_eq!(site(own).as_deref(), Some("buccal_mucosa"));
+    // What a region's own parts are made of is no matter of other parts; a shape has what is named
+    assert_eq!((site(parts), site(shape).as_deref()), (None, Some("lip")));
+    assert_eq!(parts.analysis.bulk, [("elastin".to_owned(), 0.5)]);
+    assert_eq!(shape.analysis.bulk, [("fad".to_owned(), 1.0)]);
+    assert_eq!(own.analysis.tissue.as_ref().unwrap().width, 2.0);
+    for RegionPlan { analysis, .. } in &found.regions {
+        assert_eq!((analysis.inset_px, analysis.noise_threshold), (3, 7.0));
+        assert_eq!(analysis.porphyrin.as_deref(), Some("protoporphyrin_ix"));
+        assert!(analysis.targets.is_empty() && analysis.compared.is_none());
+    }
+    let none = study(&format!("{shared}{plain}"), &["analysis.tissue=none"]);
+    assert!(none.regions.iter().all(|region| site(region).is_none()));
+}
+
+#[test]
+fn regions_are_entries_of_a_list_like_others() {
+    let names = |study: &Study| study.regions.iter().map(|region| region.name.clone()).collect::<Vec<_>>();
+    let changed = study(
+        REGIONS,
+        &[
+            "analysis.region.spot.inset_px=1",
+            "unset analysis.region.\"the left, above\"",
+            "insert analysis.region.\"a corner\"={ rectangle_px = [0, 0, 4, 4] }",
+        ],
+    );
+    assert_eq!(names(&changed), ["spot", "middle", "a corner"]);
+    assert_eq!(changed.regions[0].analysis.inset_px, 1);
+    // On top of a base entries of the same name are merged, others follow
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("base.toml"), format!("{SPOT}{REGIONS}")).unwrap();
+    let text = "format = 1\nbase = \"base.toml\"\nunset = [\"analysis.region.middle\"]\n[[analysis.region]]\nname = \"spot\"\n\
+                rectangle_px = [32, 0, 9, 9]\n[[analysis.region]]\nname = \"all\"\nparts = [\"spot\", \"patch\"]\n";
+    let over = resolve(&parse(text, "over.toml", folder.path(), &[]).unwrap()).unwrap();
+    assert_eq!(names(&over.study), ["spot", "the left, above", "all"]);
+    let spot = &over.study.regions[0].analysis;
+    assert_eq!((spot.parts.as_slice(), spot.rectangle_px), (&["spot".to_owned()][..], Some([32, 0, 9, 9])));
+    // The written-out experiment says the same
+    let again = parse(&over.record.resolved_toml, "resolved", folder.path(), &[]).unwrap();
+    assert_eq!(resolve(&again).unwrap().study.regions, over.study.regions);
+    // A region makes no other scene, but another experiment
+    let (with, without) = (experiment(REGIONS, &[]).unwrap(), experiment("", &[]).unwrap());
+    assert!(show_the_same_scene(&with, &without));
+    assert_ne!(resolve(&with).unwrap().record.sha256, resolve(&without).unwrap().record.sha256);
+}
+
+/// A mistake in what a region has of `[analysis]` is told there.
+#[test]
+fn shared_fields_are_blamed_where_they_are_written() {
+    let wrong = format!("[analysis]\nprior_width = 0.0\n{REGIONS}");
+    let told = resolve(&experiment(&wrong, &[]).unwrap()).unwrap_err().to_string();
+    assert!(told.contains("analysis.prior_width = 0.0: must be between"), "{told}");
+    let own = REGIONS.replace("inset_px = 2", "inset_px = 65");
+    let told = resolve(&experiment(&own, &[]).unwrap()).unwrap_err().to_string();
+    assert!(told.contains("analysis.region[0].inset_px = 65: must be between 0 and 64 pixels"), "{told}");
+}
