@@ -1,13 +1,10 @@
 //! Photobiological safety in the report.
 
 use fluorspar::pipeline::{CaptureSafety, SafetyReport, ViewerSafety};
-use fluorspar::safety::{Assessment, Hazard, RiskGroup, RiskQuantity};
+use fluorspar::safety::{Assessment, DAY_S, Hazard, RiskGroup, RiskQuantity};
 
 use super::words::capital;
 use crate::{Number, NumberTable, ReportItem, Section};
-
-/// Doses are counted over 8 hours.
-const DAY_S: f64 = 8.0 * 3600.0;
 
 /// What limits the exposures of a day.
 struct Limiting<'a> {

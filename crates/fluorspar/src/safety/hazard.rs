@@ -70,8 +70,8 @@ pub struct Assessment {
     pub exposures_per_day: Option<u64>,
 }
 
-/// A day of work, s.
-const DAY_S: f64 = 8.0 * 3600.0;
+/// A day of work, 8 hours, over which doses are counted, s (IEC 62471:2006, 4.3).
+pub const DAY_S: f64 = 8.0 * 3600.0;
 /// Subtenses beyond this count as this, rad: IEC 62471:2006, 4.2.1.
 const LARGEST_SUBTENSE_RAD: f64 = 0.1;
 /// Sources below it are small, rad.
