@@ -22,9 +22,9 @@ pub mod validation;
 
 pub use comparison::{
     ComparedNumber, ComparedPictures, ComparedSide, FinishedCapture, FinishedFrame, FinishedProgram,
-    FinishedRun, FinishedSafety, FinishedViewer, FrameToCompare, HOW_JUDGED, ToldApart, UnreadableRun,
-    compared_numbers, compared_pictures, comparison_figures, comparison_remarks, comparison_report,
-    setting_cells,
+    FinishedRegion, FinishedRun, FinishedSafety, FinishedViewer, FrameToCompare, HOW_JUDGED, ToldApart,
+    UnreadableRun, compared_numbers, compared_pictures, comparison_figures, comparison_remarks,
+    comparison_report, numbers_by_region, setting_cells,
 };
 pub use design_report::{DesignFindings, JudgedDesign, design_figures, design_report};
 pub use figure::{

@@ -14,7 +14,7 @@ use fluorspar_format::{FileFormat, OutputFolder, read_bounded, write_atomically}
 use fluorspar_report::{
     ComparedNumber, ComparedPictures, FinishedRun, FrameToCompare, HOW_JUDGED, ReportPicture,
     compared_numbers, compared_pictures, comparison_figures, comparison_remarks, comparison_report,
-    extract_experiment, setting_cells,
+    extract_experiment, numbers_by_region, setting_cells,
 };
 use serde_json::{Value, json};
 
@@ -137,7 +137,9 @@ impl Side {
             FileFormat::RESULTS.check(stated).map_err(|other| wrong(other.to_string()))?;
         }
         let experiment = experiment_of(&folder);
-        let target = experiment.as_ref().map_or_else(|_| "porphyrin".into(), target);
+        let target = |region: Option<&str>| {
+            experiment.as_ref().map_or_else(|_| "porphyrin".into(), |experiment| target(experiment, region))
+        };
         let run = FinishedRun::read(&path.display().to_string(), &target, &results)
             .map_err(|error| wrong(error.to_string()))?;
         // The results of an analysis have no title
@@ -181,10 +183,15 @@ fn experiment_of(folder: &Path) -> Result<Experiment, String> {
     parse(&text, &name.display().to_string(), folder, &[]).map_err(|error| error.to_string())
 }
 
-/// The fluorophore whose share is looked for, in words.
-fn target(experiment: &Experiment) -> String {
+/// The fluorophore whose share is looked for, in words: in a further region, or in that of the analysis.
+fn target(experiment: &Experiment, region: Option<&str>) -> String {
     let file = &experiment.file;
-    let name = file.analysis.as_ref().and_then(|analysis| analysis.porphyrin.as_deref());
+    let analysis = file.analysis.as_ref();
+    let regions = analysis.map_or(&[][..], |analysis| &analysis.region);
+    let own = regions.iter().find(|other| Some(other.name.as_str()) == region);
+    let name = own
+        .and_then(|region| region.porphyrin.as_deref())
+        .or_else(|| analysis.and_then(|analysis| analysis.porphyrin.as_deref()));
     match name.filter(|name| !name.contains("porphyrin") && *name != "none") {
         None => "porphyrin".into(),
         Some(name) => {
@@ -308,8 +315,15 @@ fn text(
         let difference = difference.split(" (").next().unwrap_or_default().to_owned();
         vec![number.name(), a, b, difference, verdict]
     };
-    let rows: Vec<Vec<String>> = std::iter::once(head).chain(numbers.iter().map(row)).collect();
-    text += &format!("\n{}\n{HOW_JUDGED}\n", align(&rows, &[4]));
+    let rows: Vec<Vec<String>> = std::iter::once(head.clone())
+        .chain(numbers.iter().filter(|number| number.region.is_none()).map(row))
+        .collect();
+    text += &format!("\n{}", align(&rows, &[4]));
+    for (name, block) in numbers_by_region(numbers) {
+        let rows: Vec<Vec<String>> = std::iter::once(head.clone()).chain(block.iter().map(row)).collect();
+        text += &format!("\nRegion \"{name}\"\n{}", align(&rows, &[4]));
+    }
+    text += &format!("\n{HOW_JUDGED}\n");
     for remark in comparison_remarks(&sides[0].run, &sides[1].run) {
         text += &format!("{remark}\n");
     }

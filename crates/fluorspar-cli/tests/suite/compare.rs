@@ -127,6 +127,84 @@ fn frames_of_captures_and_cameras_with_other_channels_are_compared() {
     assert!(refused.code == Some(2) && refused.stderr.contains("no results of `run`"), "{refused:?}");
 }
 
+const REGIONS: &str = r#"format = 1
+base = "flat-patch"
+[[analysis.region]]
+name = "middle"
+parts = ["patch"]
+rectangle_px = [8, 6, 16, 12]
+[[analysis.region]]
+name = "left"
+parts = ["patch"]
+polygon_px = [[0, 0], [12, 0], [0, 20]]
+"#;
+
+#[test]
+fn regions_of_both_runs_stand_row_by_row() {
+    let temp = tempfile::tempdir().unwrap();
+    let folder = temp.path();
+    fs::write(folder.join("regions.toml"), REGIONS).unwrap();
+    let run = |name: &str, changes: &[&str]| {
+        fluorspar(folder, [&["run", "regions.toml", "-q", "--out", name][..], changes, &SIZE].concat()).well()
+    };
+    let checked = fluorspar(folder, [&["check", "regions.toml"][..], &SIZE].concat()).well();
+    let named = "Further regions of frame \"blue\": \"middle\" (patch";
+    assert!(checked.stdout.contains(named) && checked.stdout.contains("\"left\" (patch"), "{checked:?}");
+    // A run prints a row for each region, and writes what an analysis of its frames finds
+    let said = run("a", &[]);
+    let lines: Vec<&str> =
+        said.stdout.lines().filter(|l| l.starts_with("patch") || l.starts_with("middle")).collect();
+    assert!(said.stdout.contains("Regions of frame \"blue\"") && lines.len() >= 2, "{said:?}");
+    let read = |name: &str| -> Value {
+        serde_json::from_str(&fs::read_to_string(folder.join(name).join("results.json")).unwrap()).unwrap()
+    };
+    let results = read("a");
+    assert_eq!([0, 1].map(|k| results["regions"][k]["name"].clone()), ["middle", "left"]);
+    let analyzed = fluorspar(folder, ["analyze", "a", "--json"]).json();
+    assert_eq!(analyzed["regions"], results["regions"]);
+    let page = fs::read_to_string(folder.join("a/report.html")).unwrap();
+    assert!(
+        page.contains("Regions of frame") && page.matches("<span class=\"name\"").count() == 3,
+        "regions"
+    );
+    // Captures of its image have the same regions, and reports of them
+    fluorspar(folder, ["capture", "a/components.exr", "-q", "--report", "--out", "shots"]).well();
+    assert_eq!(read("shots")["regions"], results["regions"]);
+    let left_out = ["--unset=analysis.region.left", "--set=light.blue.spectrum=led_405"];
+    run("b", &left_out);
+    let found = compare(folder, "a", "b");
+    let rows: Vec<&Value> =
+        found["numbers"].as_array().unwrap().iter().filter(|row| row["region"] == "middle").collect();
+    let of = |quantity: &str| {
+        rows.iter().find(|row| row["quantity"].as_str().unwrap().starts_with(quantity)).unwrap()
+    };
+    for side in ["a", "b"] {
+        let budget = &read(side)["regions"][0]["analysis"]["budget"];
+        let share = of("Porphyrin share on the mixture line");
+        assert_eq!(
+            (&share[side]["value"], &share[side]["interval"]),
+            (&budget["share"], &budget["total_interval"])
+        );
+        assert_eq!(of("Detection limit of")[side]["value"], budget["detection_limit"]);
+    }
+    assert_eq!(of("Porphyrin share on the mixture line")["told_apart"], "apart");
+    assert!(of("Median signal in R")["a"]["value"].is_f64() && of("Signal to noise")["b"]["value"].is_f64());
+    // That of only one run is told in words
+    assert!(found["numbers"].as_array().unwrap().iter().all(|row| row["region"] != "left"), "{found}");
+    let warnings = found["warnings"].to_string();
+    assert!(warnings.contains("Only A has the region \\\"left\\\""), "{warnings}");
+    let said = fluorspar(folder, ["compare", "b", "a", "--out", "ba"]).well();
+    assert!(
+        said.stdout.contains("\nRegion \"middle\"\n") && said.stdout.contains("Only B has the region"),
+        "{said:?}"
+    );
+    let page = fs::read_to_string(folder.join("ba/report.html")).unwrap();
+    assert!(page.contains("middle: Porphyrin share on the mixture line"), "no region in the figure");
+    if let Some(browser) = browser() {
+        fits(&browser, "regions", &folder.join("ba"), [390, 844]);
+    }
+}
+
 #[test]
 fn what_is_no_finished_run_is_refused() {
     let temp = tempfile::tempdir().unwrap();

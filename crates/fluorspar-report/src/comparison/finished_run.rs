@@ -23,10 +23,30 @@ pub struct FinishedRun {
     pub frames: Vec<FinishedFrame>,
     /// The analysis of the region.
     pub analysis: Option<Analysis>,
+    /// Further regions of its frame.
+    pub regions: Vec<FinishedRegion>,
     /// Reflected light against fluorescence, of frames with light.
     pub leaks: Vec<FrameLeak>,
     /// What eyes and tissue bear.
     pub safety: Option<FinishedSafety>,
+}
+
+/// A further region of a finished run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FinishedRegion {
+    /// Its name.
+    pub name: String,
+    /// The fluorophore whose share is looked for there, in words.
+    pub target: String,
+    /// Its analysis.
+    pub analysis: Analysis,
+}
+
+/// A region as results have it.
+#[derive(Deserialize)]
+struct RegionResults {
+    name: String,
+    analysis: Analysis,
 }
 
 /// A frame of a finished run.
@@ -94,12 +114,16 @@ pub enum UnreadableRun {
 }
 
 impl FinishedRun {
-    /// Reads `results.json` of `run` and `capture`, or of `analyze`, which holds the analysis alone. `target` is the fluorophore that is
-    /// looked for, in words.
+    /// Reads `results.json` of `run` and `capture`, or of `analyze`, which holds the analysis alone. `target` tells the fluorophore that is
+    /// looked for, in words: in the region of a name, or in that of the analysis.
     ///
     /// # Errors
     /// Results of another command, or in another form.
-    pub fn read(name: &str, target: &str, results: &Value) -> Result<Self, UnreadableRun> {
+    pub fn read(
+        name: &str,
+        target: &dyn Fn(Option<&str>) -> String,
+        results: &Value,
+    ) -> Result<Self, UnreadableRun> {
         let text = |key: &str| results.get(key).and_then(Value::as_str).unwrap_or_default().to_owned();
         let is_analysis = results.get("counts").is_some() && results.get("region_description").is_some();
         let frames =
@@ -109,12 +133,21 @@ impl FinishedRun {
             title: text("title"),
             version: text("version"),
             experiment_sha256: text("experiment_sha256"),
-            target: target.into(),
+            target: target(None),
             frames: frames.ok_or(UnreadableRun::OfAnotherCommand)?,
             analysis: match is_analysis {
                 true => Some(of_part(results, "analysis")?),
                 false => part(results, "analysis")?,
             },
+            regions: part::<Vec<RegionResults>>(results, "regions")?
+                .unwrap_or_default()
+                .into_iter()
+                .map(|RegionResults { name, analysis }| FinishedRegion {
+                    target: target(Some(&name)),
+                    name,
+                    analysis,
+                })
+                .collect(),
             leaks: part(results, "leaks")?.unwrap_or_default(),
             safety: part(results, "safety")?,
         })

@@ -6,8 +6,8 @@ mod page;
 mod run_numbers;
 
 pub use finished_run::{
-    FinishedCapture, FinishedFrame, FinishedProgram, FinishedRun, FinishedSafety, FinishedViewer,
-    UnreadableRun,
+    FinishedCapture, FinishedFrame, FinishedProgram, FinishedRegion, FinishedRun, FinishedSafety,
+    FinishedViewer, UnreadableRun,
 };
 pub use frame_pair::{ComparedPictures, FrameToCompare, compared_pictures};
 pub use page::{comparison_figures, comparison_report, setting_cells};
@@ -69,6 +69,8 @@ impl ToldApart {
 /// A number of two runs side by side.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ComparedNumber {
+    /// The further region of both runs that it is of; `None` of the analysis and of frames.
+    pub region: Option<String>,
     /// What it is.
     pub quantity: String,
     /// Its unit; empty for a pure number.
@@ -91,21 +93,43 @@ fn finite_ends<S: Serializer>(interval: &Option<[f64; 2]>, serializer: S) -> Res
     interval.map(|ends| ends.map(|end| end.is_finite().then_some(end))).serialize(serializer)
 }
 
-/// The numbers of two runs side by side, those of estimates first. Where their analyzed frames have other names, these two frames stand
+/// The numbers of two runs side by side, those of estimates first, and behind them those of each region that both have. Where their analyzed frames have other names, these two frames stand
 /// side by side.
 #[must_use]
 pub fn compared_numbers(a: &FinishedRun, b: &FinishedRun) -> Vec<ComparedNumber> {
     let (label_a, label_b) = frame_labels(a, b);
     let (of_a, of_b) = (run_numbers(a, &label_a), run_numbers(b, &label_b));
     let find = |list: &[RunNumber], wanted: &RunNumber| {
-        list.iter().find(|n| n.quantity == wanted.quantity && n.unit == wanted.unit).cloned()
+        let is_it = |n: &&RunNumber| {
+            n.region == wanted.region && n.quantity == wanted.quantity && n.unit == wanted.unit
+        };
+        list.iter().find(is_it).cloned()
     };
-    let mut pairs: Vec<(Subject, ComparedNumber)> =
-        of_a.iter().map(|n| (n.subject, compared(Some(n.clone()), find(&of_b, n)))).collect();
+    // Regions that only one run has are told in a sentence
+    let shared = shared_regions(a, b);
+    let place = |n: &RunNumber| match &n.region {
+        None => Some((0, n.subject)),
+        Some(region) => shared.iter().position(|name| name == region).map(|place| (place + 1, n.subject)),
+    };
+    let mut pairs: Vec<((usize, Subject), ComparedNumber)> =
+        of_a.iter().filter_map(|n| Some((place(n)?, compared(Some(n.clone()), find(&of_b, n))))).collect();
     let only_b = of_b.iter().filter(|n| find(&of_a, n).is_none());
-    pairs.extend(only_b.map(|n| (n.subject, compared(None, Some(n.clone())))));
-    pairs.sort_by_key(|(subject, _)| *subject);
+    pairs.extend(only_b.filter_map(|n| Some((place(n)?, compared(None, Some(n.clone()))))));
+    pairs.sort_by_key(|(place, _)| *place);
     pairs.into_iter().map(|(_, number)| number).collect()
+}
+
+/// Names of the further regions that both runs have, in the order of the first one.
+fn shared_regions<'a>(a: &'a FinishedRun, b: &FinishedRun) -> Vec<&'a str> {
+    let names = a.regions.iter().map(|region| region.name.as_str());
+    names.filter(|name| b.regions.iter().any(|other| other.name == *name)).collect()
+}
+
+/// The numbers of further regions, region by region.
+#[must_use]
+pub fn numbers_by_region(numbers: &[ComparedNumber]) -> Vec<(&str, &[ComparedNumber])> {
+    let blocks = numbers.chunk_by(|x, y| x.region == y.region);
+    blocks.filter_map(|block| Some((block.first()?.region.as_deref()?, block))).collect()
 }
 
 /// How the frames of both runs are called: those that are analyzed stand for each other, whatever their names.
@@ -126,8 +150,10 @@ fn frame_labels<'a>(
 }
 
 fn compared(a: Option<RunNumber>, b: Option<RunNumber>) -> ComparedNumber {
-    let (quantity, unit) =
-        a.as_ref().or(b.as_ref()).map_or_else(Default::default, |n| (n.quantity.clone(), n.unit));
+    let (region, quantity, unit) = a
+        .as_ref()
+        .or(b.as_ref())
+        .map_or_else(Default::default, |n| (n.region.clone(), n.quantity.clone(), n.unit));
     let values = a.as_ref().and_then(|n| n.value).zip(b.as_ref().and_then(|n| n.value));
     let intervals = a.as_ref().and_then(|n| n.interval).zip(b.as_ref().and_then(|n| n.interval));
     let difference_interval =
@@ -145,6 +171,7 @@ fn compared(a: Option<RunNumber>, b: Option<RunNumber>) -> ComparedNumber {
         _ => ToldApart::InOne,
     };
     ComparedNumber {
+        region,
         quantity,
         unit,
         a: a.map(ComparedSide::from),
@@ -185,6 +212,7 @@ pub fn comparison_remarks(a: &FinishedRun, b: &FinishedRun) -> Vec<String> {
             false => format!("The regions are others: {of_a} in A, {of_b} in B."),
         });
     }
+    remarks.extend(remarks_on_regions(a, b));
     let truth =
         |run: &FinishedRun| run.analysis.as_ref().and_then(|a| a.truth.as_ref()).map(|truth| truth.share);
     if let (Some(in_a), Some(in_b)) = (truth(a), truth(b))
@@ -194,6 +222,38 @@ pub fn comparison_remarks(a: &FinishedRun, b: &FinishedRun) -> Vec<String> {
             "The true shares are others, {in_a:.4} in A and {in_b:.4} in B: another light, filter or tissue makes another share. What the \
              estimates err by, and the detection limit over the true share, compare the designs."
         ));
+    }
+    remarks
+}
+
+/// Which further regions only one run has, and which of one name are others, a sentence each.
+fn remarks_on_regions(a: &FinishedRun, b: &FinishedRun) -> Vec<String> {
+    let mut remarks = Vec::new();
+    for (letter, other, run, beside) in [("A", "B", a, b), ("B", "A", b, a)] {
+        let lacks = |name: &str| beside.regions.iter().all(|region| region.name != name);
+        let only: Vec<String> = run
+            .regions
+            .iter()
+            .filter(|region| lacks(&region.name))
+            .map(|region| format!("\"{}\"", region.name))
+            .collect();
+        if !only.is_empty() {
+            let noun = if only.len() == 1 { "region" } else { "regions" };
+            remarks.push(format!(
+                "Only {letter} has the {noun} {}: {other} has none of this name.",
+                only.join(", ")
+            ));
+        }
+    }
+    for region in &a.regions {
+        let Some(other) = b.regions.iter().find(|other| other.name == region.name) else { continue };
+        let (in_a, in_b) = (&region.analysis, &other.analysis);
+        if in_a.region_description != in_b.region_description {
+            remarks.push(format!(
+                "The region \"{}\" is another one: {} in A, {} in B.",
+                region.name, in_a.region_description, in_b.region_description
+            ));
+        }
     }
     remarks
 }

@@ -2,7 +2,9 @@
 
 use fluorspar_experiment::SettingDifference;
 
-use super::{ComparedNumber, ComparedSide, FinishedRun, HOW_JUDGED, ToldApart, comparison_remarks};
+use super::{
+    ComparedNumber, ComparedSide, FinishedRun, HOW_JUDGED, ToldApart, comparison_remarks, numbers_by_region,
+};
 use crate::{
     Axis, Dash, Figure, Ink, Label, NumberMatrix, Panel, ReportData, ReportItem, ReportPicture, Section,
     Series, SeriesShape,
@@ -10,8 +12,10 @@ use crate::{
 
 /// Longest value of a setting in a table, characters.
 const LONGEST_VALUE: usize = 60;
-/// Estimates that the figure shows at most.
+/// Estimates of the analysis that the figure shows at most.
 const MOST_ESTIMATES: usize = 4;
+/// Further regions that it shows at most.
+const MOST_REGIONS: usize = 8;
 
 /// A setting's value for a table.
 pub(super) fn value_text(value: Option<&toml::Value>) -> String {
@@ -27,10 +31,21 @@ pub(super) fn value_text(value: Option<&toml::Value>) -> String {
 #[must_use]
 pub fn setting_cells(setting: &SettingDifference) -> [String; 3] {
     let side = |value: &Option<toml::Value>| match (value, setting.unit) {
-        (Some(value), unit) if !unit.is_empty() => format!("{} {unit}", value_text(Some(value))),
+        (Some(value), unit) if !unit.is_empty() && is_number(value) => {
+            format!("{} {unit}", value_text(Some(value)))
+        }
         (value, _) => value_text(value.as_ref()),
     };
     [setting.path.clone(), side(&setting.a), side(&setting.b)]
+}
+
+/// Whether a value is made of numbers: words in place of one, as "auto", have no unit.
+fn is_number(value: &toml::Value) -> bool {
+    match value {
+        toml::Value::Integer(_) | toml::Value::Float(_) => true,
+        toml::Value::Array(items) => items.iter().all(is_number),
+        _ => false,
+    }
 }
 
 /// The page of a comparison. `settings` is why they can't be compared, or what differs; `frames` are pairs of pictures with their title
@@ -58,6 +73,7 @@ pub fn comparison_report(
         sections.push(frames_section(frames));
     }
     sections.push(numbers_section(numbers));
+    sections.extend(regions_section(numbers));
     sections.push(settings_section(settings));
     ReportData {
         title: "Two runs compared".into(),
@@ -76,7 +92,12 @@ fn frames_section(frames: Vec<(String, ReportPicture, ReportPicture)>) -> Sectio
     section
 }
 
-fn numbers_section(numbers: &[ComparedNumber]) -> Section {
+/// Numbers of both runs as a table.
+fn matrix<'a>(
+    caption: String,
+    numbers: impl Iterator<Item = &'a ComparedNumber>,
+    note: String,
+) -> NumberMatrix {
     let minus = |cell: String| if cell == "-" { cell } else { cell.replace('-', "−") };
     let row = |number: &ComparedNumber| {
         let [a, b, difference, told_apart] = number.cells().map(minus);
@@ -86,17 +107,34 @@ fn numbers_section(numbers: &[ComparedNumber]) -> Section {
         };
         vec![number.name(), a, b, judged]
     };
-    let matrix = NumberMatrix {
-        caption: "Numbers of both runs".into(),
+    NumberMatrix {
+        caption,
         columns: ["Number", "A", "B", "B − A, told apart?"].map(String::from).to_vec(),
-        rows: numbers.iter().map(row).collect(),
-        note: HOW_JUDGED.into(),
-    };
+        rows: numbers.map(row).collect(),
+        note,
+    }
+}
+
+fn numbers_section(numbers: &[ComparedNumber]) -> Section {
+    let of_runs = numbers.iter().filter(|number| number.region.is_none());
+    let matrix = matrix("Numbers of both runs".into(), of_runs, HOW_JUDGED.into());
     let mut section = Section::new("Numbers");
     for (stem, figure) in comparison_figures(numbers) {
         section = section.with(ReportItem::Figure { figure, caption: String::new(), stem });
     }
     section.with(ReportItem::Matrix(matrix))
+}
+
+/// Further regions that both runs have, a table each.
+fn regions_section(numbers: &[ComparedNumber]) -> Option<Section> {
+    let regions = numbers_by_region(numbers);
+    if regions.is_empty() {
+        return None;
+    }
+    let items = regions.into_iter().map(|(name, block)| {
+        ReportItem::Matrix(matrix(format!("Region \"{name}\""), block.iter(), String::new()))
+    });
+    Some(items.fold(Section::new("Regions"), Section::with))
 }
 
 fn settings_section(settings: Result<&[SettingDifference], &str>) -> Section {
@@ -122,12 +160,17 @@ pub fn comparison_figures(numbers: &[ComparedNumber]) -> Vec<(String, Figure)> {
             && !n.quantity.contains("less the true")
             && [&n.a, &n.b].iter().any(|side| side.as_ref().is_some_and(|s| s.interval.is_some()))
     };
-    let shares: Vec<&ComparedNumber> = numbers.iter().filter(is_share).take(MOST_ESTIMATES).collect();
+    // Of the analysis all estimates, of further regions the first one
+    let mut shares: Vec<&ComparedNumber> =
+        numbers.iter().filter(|n| n.region.is_none()).filter(is_share).take(MOST_ESTIMATES).collect();
+    let of_regions = numbers_by_region(numbers);
+    shares.extend(of_regions.iter().filter_map(|(_, block)| block.iter().find(is_share)).take(MOST_REGIONS));
     if shares.is_empty() {
         return Vec::new();
     }
-    let truth = numbers.iter().find(|n| n.quantity.starts_with("True "));
-    let ends = shares.iter().copied().chain(truth).flat_map(|n| [&n.a, &n.b]).flatten().flat_map(|side| {
+    let truths: Vec<Option<&ComparedNumber>> = shares.iter().map(|share| truth_of(share, numbers)).collect();
+    let known = truths.iter().copied().flatten();
+    let ends = shares.iter().copied().chain(known).flat_map(|n| [&n.a, &n.b]).flatten().flat_map(|side| {
         side.interval.into_iter().flatten().chain(side.value).filter(|value| value.is_finite())
     });
     let (low, high) = ends.fold((0.0f64, 0.0f64), |(low, high), value| (low.min(value), high.max(value)));
@@ -136,14 +179,17 @@ pub fn comparison_figures(numbers: &[ComparedNumber]) -> Vec<(String, Figure)> {
     let x = Axis::linear("share", "", [low - margin, high + margin]);
     let mut panel = Panel::new(x, Axis::hidden([0.0, height])).sized(620.0, 90.0 * height + 20.0);
     // Below the estimates, whose dots stay seen
-    panel = panel.with(truth_series(truth, &shares));
+    panel = panel.with(truth_series(&truths, &shares));
     for (run, side_of) in [("A", 0), ("B", 1)] {
         panel = with_estimates(panel, run, side_of, &shares);
     }
     // Names stand above their lines, from the left end on
     let name = |(place, n): (usize, &&ComparedNumber)| Label {
         at: [low, height - place as f64 - 0.15],
-        text: n.quantity.clone(),
+        text: match &n.region {
+            Some(region) => format!("{region}: {}", n.quantity),
+            None => n.quantity.clone(),
+        },
     };
     let names = SeriesShape::Labels(shares.iter().enumerate().map(name).collect());
     panel = panel.with(Series::unnamed(Ink::Text, names));
@@ -161,17 +207,23 @@ fn place_of(shares: usize, place: usize, side_of: usize) -> f64 {
     shares as f64 - place as f64 - 0.45 - 0.25 * side_of as f64
 }
 
-/// Circles at the true share, beside the estimates of the runs that know it.
-fn truth_series(truth: Option<&ComparedNumber>, shares: &[&ComparedNumber]) -> Series {
-    let known = |side_of: usize| truth.and_then(|n| side(n, side_of).as_ref()?.value);
+/// The true share of the region that an estimate is of.
+fn truth_of<'a>(share: &ComparedNumber, numbers: &'a [ComparedNumber]) -> Option<&'a ComparedNumber> {
+    numbers.iter().find(|n| n.region == share.region && n.quantity.starts_with("True "))
+}
+
+/// Circles at the true shares, beside the estimates of the runs that know them.
+fn truth_series(truths: &[Option<&ComparedNumber>], shares: &[&ComparedNumber]) -> Series {
     let circle = |(place, side_of): (usize, usize)| {
         side(shares[place], side_of).as_ref()?;
-        Some([known(side_of)?, place_of(shares.len(), place, side_of)])
+        let known = side(truths[place]?, side_of).as_ref()?.value?;
+        Some([known, place_of(shares.len(), place, side_of)])
     };
     let places = (0..shares.len()).flat_map(|place| [(place, 0), (place, 1)]);
     let points = places.filter_map(circle).collect();
     let shape = SeriesShape::Markers { points, radius: 7.0, hollow: true };
-    Series { name: truth.map(|_| "truth".into()), ink: Ink::Text, shape }
+    let is_known = truths.iter().any(Option::is_some);
+    Series { name: is_known.then(|| "truth".into()), ink: Ink::Text, shape }
 }
 
 /// The estimates of one run, each on its own height: lines for the intervals, dots for the values.
@@ -190,4 +242,27 @@ fn with_estimates(mut panel: Panel, run: &str, side_of: usize, shares: &[&Compar
     let shape = SeriesShape::Line { points: lines, width: 3.0, dash: Dash::Solid };
     panel = panel.with(Series { name: Some(run.into()), ink, shape });
     panel.with(Series::unnamed(ink, SeriesShape::Markers { points: dots, radius: 4.0, hollow: false }))
+}
+
+#[cfg(test)]
+mod tests {
+    use toml::Value;
+
+    use super::*;
+
+    #[test]
+    fn only_numbers_have_units() {
+        let cells = |a: Value, b: Value| {
+            setting_cells(&SettingDifference {
+                path: "capture.blue.exposure_ms".into(),
+                unit: "ms",
+                a: Some(a),
+                b: Some(b),
+            })
+        };
+        let [_, a, b] = cells(Value::String("auto".into()), Value::Float(30.0));
+        assert_eq!((a.as_str(), b.as_str()), ("auto", "30.0 ms"));
+        let [_, a, _] = cells(vec![1.0, 2.0].into(), Value::Integer(1));
+        assert_eq!(a, "[1.0, 2.0] ms");
+    }
 }

@@ -1,15 +1,11 @@
 //! The numbers of a finished run that an engineer decides by.
 
-use fluorspar::analysis::{Analysis, ErrorBudget, SharePosterior, SignalSummary, TargetDetection};
+use fluorspar::analysis::{Analysis, ErrorBudget, SharePosterior, SignalSummary, TargetDetection, Z_95};
+use fluorspar::safety::DAY_S;
 
 use super::ComparedSide;
 use super::finished_run::{FinishedCapture, FinishedRun, FinishedSafety};
 use crate::run::{capital, level};
-
-/// Seconds of a day of work, which counts of captures are for.
-const DAY_S: f64 = 8.0 * 3600.0;
-/// Standard errors on either side of a 95 % interval.
-const Z_95: f64 = 1.959_964;
 
 /// What a number is about; numbers are listed in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -36,11 +32,21 @@ pub(super) struct RunNumber {
     pub(super) interval: Option<[f64; 2]>,
     /// What is said instead of the number.
     pub(super) words: Option<String>,
+    /// The further region that it is of; `None` of the analysis and of frames.
+    pub(super) region: Option<String>,
 }
 
 impl RunNumber {
     fn new(subject: Subject, quantity: impl Into<String>, unit: &'static str, value: f64) -> Self {
-        Self { subject, quantity: quantity.into(), unit, value: Some(value), interval: None, words: None }
+        Self {
+            subject,
+            quantity: quantity.into(),
+            unit,
+            value: Some(value),
+            interval: None,
+            words: None,
+            region: None,
+        }
     }
 
     fn within(self, interval: [f64; 2]) -> Self {
@@ -48,20 +54,13 @@ impl RunNumber {
     }
 }
 
-/// All numbers of a run. `label` is how a frame of it is called beside those of the other run.
+/// All numbers of a run, those of its further regions last. `label` is how a frame of it is called beside those of the other run.
 pub(super) fn run_numbers(run: &FinishedRun, label: &dyn Fn(&str) -> String) -> Vec<RunNumber> {
     let mut numbers = Vec::new();
     if let Some(analysis) = &run.analysis {
-        numbers.extend(share_numbers(analysis, &run.target));
+        numbers.extend(region_numbers(analysis, &run.target, label));
         numbers.extend(spot_numbers(analysis, label));
         numbers.extend(analysis.targets.iter().flat_map(|target| target_numbers(target, label)));
-        numbers.extend(match &analysis.signals {
-            Some(signals) => signal_numbers(signals, label),
-            None => channel_numbers(analysis),
-        });
-        let counts = &analysis.counts;
-        let clipped = 100.0 * counts.saturated as f64 / counts.total().max(1) as f64;
-        numbers.push(RunNumber::new(Subject::Frame, "Clipped pixels of the region", "%", clipped));
     }
     for leak in run.leaks.iter().filter(|leak| !leak.is_reflectance()) {
         let quantity = format!("Leak of frame {}", label(&leak.frame));
@@ -76,6 +75,24 @@ pub(super) fn run_numbers(run: &FinishedRun, label: &dyn Fn(&str) -> String) -> 
     }
     numbers.extend(run.safety.iter().flat_map(|safety| safety_numbers(safety, label)));
     numbers.sort_by_key(|number| number.subject);
+    for region in &run.regions {
+        let mut own = region_numbers(&region.analysis, &region.target, label);
+        own.sort_by_key(|number| number.subject);
+        numbers.extend(own.into_iter().map(|n| RunNumber { region: Some(region.name.clone()), ..n }));
+    }
+    numbers
+}
+
+/// What the pixels of a region say.
+fn region_numbers(analysis: &Analysis, target: &str, label: &dyn Fn(&str) -> String) -> Vec<RunNumber> {
+    let mut numbers = share_numbers(analysis, target);
+    numbers.extend(match &analysis.signals {
+        Some(signals) => signal_numbers(signals, label),
+        None => channel_numbers(analysis),
+    });
+    let counts = &analysis.counts;
+    let clipped = 100.0 * counts.saturated as f64 / counts.total().max(1) as f64;
+    numbers.push(RunNumber::new(Subject::Frame, "Clipped pixels of the region", "%", clipped));
     numbers
 }
 
