@@ -22,7 +22,8 @@ pub struct SettingDifference {
 /// Names for people: no setting changes with them.
 const TEXTS: [&str; 2] = ["title", "description"];
 
-/// Ends of the names of fields and their units, longer ends first.
+/// Ends of the names of fields and their units, longer ends first. Names are what binds: every field carries its unit in its name, and its
+/// description says it in a sentence, which differs from field to field. A test holds each description of the schema to this table.
 const UNITS: [(&str, &str); 38] = [
     ("_w_per_sr_m2_nm", "W/(sr m² nm)"),
     ("_w_per_sr_m2", "W/(sr m²)"),
@@ -175,5 +176,97 @@ mod tests {
         assert_eq!(of("dark_current_e_per_s"), "e-/s");
         assert_eq!(of("read_noise_e"), "e-");
         assert_eq!(of("spectrum"), "");
+    }
+
+    /// Fields of numbers of a JSON schema and their descriptions.
+    fn numbers(schema: &serde_json::Value, found: &mut Vec<(String, String)>) {
+        fn is_number(value: &serde_json::Value) -> bool {
+            let is_one = |kind: &str| kind == "number" || kind == "integer";
+            let kinds = match &value["type"] {
+                serde_json::Value::Array(kinds) => kinds.iter().any(|kind| kind.as_str().is_some_and(is_one)),
+                kind => kind.as_str().is_some_and(is_one),
+            };
+            let alternatives = ["anyOf", "oneOf"].iter().filter_map(|key| value[*key].as_array()).flatten();
+            kinds || alternatives.into_iter().any(is_number) || value.get("items").is_some_and(is_number)
+        }
+        match schema {
+            serde_json::Value::Object(entries) => {
+                for (name, field) in schema["properties"].as_object().into_iter().flatten() {
+                    if is_number(field) {
+                        let text = field["description"].as_str().unwrap_or_default();
+                        found.push((name.clone(), text.replace('\n', " ")));
+                    }
+                }
+                entries.values().for_each(|inner| numbers(inner, found));
+            }
+            serde_json::Value::Array(items) => items.iter().for_each(|inner| numbers(inner, found)),
+            _ => {}
+        }
+    }
+
+    /// How descriptions say a unit, where not by its symbol.
+    const IN_WORDS: [(&str, &[&str]); 12] = [
+        ("px", &["pixels", "Pixels", "Columns", "Rows", "column, row"]),
+        ("µm", &["um"]),
+        ("µs", &["us"]),
+        ("µmol/l", &["umol/l"]),
+        ("px/s", &["pixels of the sensor per second"]),
+        ("g/l", &["g/L"]),
+        ("%", &["percent"]),
+        ("EV", &["stops"]),
+        ("°C", &["degrees Celsius"]),
+        ("s", &["Seconds"]),
+        ("DN", &["Digital number"]),
+        ("e-", &["Electrons"]),
+    ];
+
+    /// The names of fields and what the schema says of them tell the same unit: a new unit comes into the table, and one that no field has
+    /// leaves it.
+    #[test]
+    fn units_are_those_of_the_schema() {
+        let mut fields = Vec::new();
+        numbers(&schemars::schema_for!(crate::schema::ExperimentFile).to_value(), &mut fields);
+        assert!(fields.len() > 150, "{}", fields.len());
+        let is_of_a_word = |c: char| c.is_alphanumeric() || "_/²".contains(c);
+        // Places of a word by itself
+        let places = |text: &str, word: &str| -> Vec<usize> {
+            let is_alone = |at: &usize| {
+                let ends = [text[..*at].chars().next_back(), text[at + word.len()..].chars().next()];
+                !ends.into_iter().flatten().any(is_of_a_word)
+            };
+            text.match_indices(word).map(|(at, _)| at).filter(is_alone).collect()
+        };
+        let says = |text: &str, unit: &str| {
+            let words = IN_WORDS.iter().find(|(other, _)| *other == unit).map_or(&[][..], |(_, words)| words);
+            std::iter::once(&unit).chain(words).any(|word| !places(text, word).is_empty())
+        };
+        // Bits and millionths are no physical units: texts hold these words for other reasons
+        let physical =
+            ["mm", "nm", "µm", "ms", "mV", "mW", "W/m²", "degrees", "Hz", "K", "GiB", "1/mm", "1/cm"];
+        for (name, text) in &fields {
+            let unit = unit_of(name);
+            if unit.is_empty() {
+                // As the unit of the field: ", mm" or "in mm", not "at 500 nm"
+                let is_told = |unit: &&&str| {
+                    let before = |at: &usize| text[..*at].ends_with(", ") || text[..*at].ends_with(" in ");
+                    places(text, unit).iter().any(before)
+                };
+                // The last column of a matrix has a unit, the others have none
+                let untold = physical.iter().find(is_told).filter(|_| name != "matrix");
+                assert!(
+                    untold.is_none(),
+                    "{name} has no unit in its name, and its description says {untold:?}: {text}"
+                );
+            } else if !["per million", "bits"].contains(&unit) {
+                assert!(
+                    says(text, unit),
+                    "{name} is in {unit} by its name, but not by its description: {text}"
+                );
+            }
+        }
+        for (end, unit) in UNITS {
+            let of_end = |name: &str| UNITS.iter().find(|(end, _)| name.ends_with(end)) == Some(&(end, unit));
+            assert!(fields.iter().any(|(name, _)| of_end(name)), "no field ends in {end}");
+        }
     }
 }
