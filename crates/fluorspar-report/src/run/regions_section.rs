@@ -31,40 +31,45 @@ pub fn regions_matrix(
         return None;
     }
     let words = Words::of(experiment);
-    let study = &experiment.study;
-    let sought = study.analysis.as_ref().and_then(|plan| plan.porphyrin.as_deref());
     let of_region = |region: &AnalyzedRegion| {
-        let plan = study.regions.iter().find(|plan| plan.name == region.name);
+        let plan = experiment.study.regions.iter().find(|plan| plan.name == region.name);
         let own = plan.and_then(|plan| plan.analysis.porphyrin.as_deref());
-        // Another fluorophore than that of the others is named
-        let name = match own.filter(|_| own != sought) {
-            Some(own) => format!("{} ({})", region.name, words.title(own)),
-            None => region.name.clone(),
+        // Another fluorophore than that of the analysis is named
+        let name = match own.map(|own| words.of_sought(own)) {
+            Some(own) if words.wanted().as_ref() != Some(&own) => format!("{} ({own})", region.name),
+            _ => region.name.clone(),
         };
         row(&name, &region.analyzed.analysis)
     };
-    let rows = std::iter::once(row(&main.region_description, main)).chain(regions.iter().map(of_region));
-    let columns = [
-        "Region",
-        "pixels",
-        "share (95 %)",
-        "true share",
-        "detection limit",
-        "signal, e-",
-        "signal to noise",
-    ];
-    Some(NumberMatrix {
-        caption: format!("Regions of frame \"{}\"", main.frame),
-        columns: columns.map(String::from).to_vec(),
-        rows: rows.collect(),
-        note: format!(
-            "{} share of the light of each region, where its tissue is known for all that is not known of it, else on the mixture line. \
-             Signal and signal to noise are those of the median pixel, by channel: {}.",
-            capital(&words.target()),
-            channels(main)
-        ),
-    })
+    let mut rows: Vec<Vec<String>> =
+        std::iter::once(row(&main.region_description, main)).chain(regions.iter().map(of_region)).collect();
+    let channels: Vec<&str> = main.channels.iter().map(|channel| channel.name.as_str()).collect();
+    let channels = channels.join(", ");
+    let mut columns: Vec<String> =
+        ["Region", "pixels", SHARE, "true share", "detection limit"].map(String::from).into();
+    columns.extend([format!("signal {channels}, e-"), format!("signal to noise {channels}")]);
+    // What no region has needs no column
+    let is_there: Vec<bool> = (0..columns.len()).map(|k| rows.iter().any(|row| row[k] != NOTHING)).collect();
+    let of_interest = |row: Vec<String>| {
+        row.into_iter().zip(&is_there).filter(|(_, is_there)| **is_there).map(|(cell, _)| cell).collect()
+    };
+    rows = rows.into_iter().map(of_interest).collect();
+    let columns: Vec<String> = of_interest(columns);
+    let mut note = String::new();
+    if columns.iter().any(|column| column == SHARE) {
+        note += &format!(
+            "{} share of the light of each region, where its tissue is known for all that is not known of it, else on the mixture line. ",
+            capital(&words.target())
+        );
+    }
+    note += "Signal and signal to noise are those of the median pixel.";
+    Some(NumberMatrix { caption: format!("Regions of frame \"{}\"", main.frame), columns, rows, note })
 }
+
+/// Heading of the column of estimates.
+const SHARE: &str = "share (95 %)";
+/// What stands where a region has no such number.
+const NOTHING: &str = "-";
 
 /// What the analyses of further regions warn of, each once, and not what that of the frame says already.
 #[must_use]
@@ -76,12 +81,8 @@ pub fn region_warnings(main: &Analysis, regions: &[AnalyzedRegion]) -> Vec<Strin
     regions.iter().flat_map(of_region).collect()
 }
 
-fn channels(analysis: &Analysis) -> String {
-    analysis.channels.iter().map(|channel| channel.name.as_str()).collect::<Vec<_>>().join(", ")
-}
-
 fn row(name: &str, analysis: &Analysis) -> Vec<String> {
-    let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".into());
+    let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.into());
     let levels: Vec<[f64; 2]> =
         analysis.channels.iter().filter_map(|c| level(analysis, c.statistics?.median)).collect();
     let join = |texts: Vec<String>| texts.join(", ");

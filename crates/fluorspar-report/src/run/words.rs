@@ -134,8 +134,12 @@ impl<'a> Words<'a> {
 
     /// The fluorophore whose share is estimated: "porphyrin" for all kinds of it, else its title. `None` where no share is asked for.
     pub(super) fn wanted(&self) -> Option<String> {
-        let name = self.experiment.study.analysis.as_ref()?.porphyrin.as_deref()?;
-        Some(if name.contains("porphyrin") { "porphyrin".into() } else { self.title(name) })
+        Some(self.of_sought(self.experiment.study.analysis.as_ref()?.porphyrin.as_deref()?))
+    }
+
+    /// A fluorophore whose share is asked for: "porphyrin" for all kinds of it, else its title.
+    pub(super) fn of_sought(&self, name: &str) -> String {
+        if name.contains("porphyrin") { "porphyrin".into() } else { self.title(name) }
     }
 
     /// The same in texts that stand only where a share is asked for.
