@@ -1,5 +1,7 @@
 //! The mean of a region, and how certain the sensor's noise leaves it.
 
+use rayon::prelude::*;
+
 use super::channel_noise::ChannelNoise;
 use super::chromaticity::{MissingChannel, rgb_channels};
 use crate::image::ChannelImage;
@@ -33,7 +35,7 @@ impl PixelMean {
         let mean = |channel: usize| pixels.iter().map(|&pixel| value(channel, pixel)).sum::<f64>() / n;
         let dn: Vec<f64> = channels.iter().map(|&channel| mean(channel)).collect();
         let variance = |&channel: &usize| variance_of_mean(image, channel, pixels, noise);
-        let variance_dn2 = channels.iter().map(variance).collect();
+        let variance_dn2 = channels.par_iter().map(variance).collect();
         (!pixels.is_empty()).then_some(Self { dn, variance_dn2 })
     }
 }

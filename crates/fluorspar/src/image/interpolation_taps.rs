@@ -1,7 +1,5 @@
 //! Which raw pixels enter an interpolated value, and so how certain a mean of such values is.
 
-use std::collections::BTreeMap;
-
 use super::Mosaic;
 
 /// A pixel that enters an interpolated value: offset in rows and columns, and weight.
@@ -54,23 +52,32 @@ impl InterpolationTaps {
 
     /// Weight of each raw pixel in the mean of a channel over some pixels of an image: the mean is a linear function of the raw
     /// values, which are independent. Pixels at the rim of a region rest on raw values beyond it, those inside share theirs.
+    ///
+    /// The result names raw pixels `row * width + col` in rising order, those that enter.
     #[must_use]
     pub fn weights_of_mean(
         &self,
         pixels: &[usize],
         channel: usize,
-        size: [usize; 2],
-    ) -> BTreeMap<usize, f64> {
+        [width, height]: [usize; 2],
+    ) -> Vec<(usize, f64)> {
         let share = 1.0 / pixels.len().max(1) as f64;
-        let mut weights = BTreeMap::new();
+        // Rows of the image that any tap reaches
+        let reach = self.taps.iter().flatten().map(|tap| tap.0.unsigned_abs()).max().unwrap_or(0);
+        let rows = || pixels.iter().map(|pixel| pixel / width);
+        let first = rows().min().unwrap_or(0).saturating_sub(reach);
+        let end = rows().max().map_or(first, |row| (row + reach + 1).min(height));
+        let start = first * width;
+        let mut weights = vec![0.0; (end - first) * width];
         for pixel in pixels {
-            let entering = || self.entering([pixel / size[0], pixel % size[0]], channel, size);
+            let entering = || self.entering([pixel / width, pixel % width], channel, [width, height]);
             let total: f64 = entering().map(|(_, weight)| f64::from(weight)).sum();
             for (raw, weight) in entering().filter(|_| total > 0.0) {
-                *weights.entry(raw).or_insert(0.0) += share * f64::from(weight) / total;
+                weights[raw - start] += share * f64::from(weight) / total;
             }
         }
-        weights
+        let numbered = weights.into_iter().enumerate().map(|(at, weight)| (start + at, weight));
+        numbered.filter(|(_, weight)| *weight != 0.0).collect()
     }
 
     /// Channel that a raw pixel measures, by its number `row * width + col`.

@@ -95,9 +95,9 @@ fn weights_of_a_mean_are_those_of_its_raw_pixels() {
     let taps = image.interpolation.as_ref().unwrap();
     let effective = |pixels: &[usize], channel: usize| {
         let weights = taps.weights_of_mean(pixels, channel, SIZE);
-        let sum: f64 = weights.values().sum();
+        let sum: f64 = weights.iter().map(|(_, weight)| weight).sum();
         assert!((sum - 1.0).abs() < 1e-6);
-        1.0 / weights.values().map(|w| w * w).sum::<f64>()
+        1.0 / weights.iter().map(|(_, weight)| weight * weight).sum::<f64>()
     };
     // Row 5 and column 7 of G R / B G: green
     let green = [5 * SIZE[0] + 7];
