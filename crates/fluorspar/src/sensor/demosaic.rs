@@ -107,10 +107,11 @@ impl Demosaic {
                 // Apply the precomputed offsets inside the image
                 if interior_row && is_interior(col, margin_cols, width) {
                     let pixel = row * width + col;
-                    let at = |offset: isize| pixel.wrapping_add_signed(offset);
                     for (out, taps) in out.iter_mut().zip(&cells[first..]) {
-                        *out = taps.iter().map(|&(offset, weight)| weight * values[at(offset)]).sum();
-                        *mask |= any_marked && taps.iter().any(|&(offset, _)| marked[at(offset)]);
+                        *out = weighted_sum(taps, pixel, values);
+                        let is_marked =
+                            |&(offset, _): &(isize, f32)| marked[pixel.wrapping_add_signed(offset)];
+                        *mask |= any_marked && taps.iter().any(is_marked);
                     }
                 } else {
                     for (channel, out) in out.iter_mut().enumerate() {
@@ -126,6 +127,18 @@ impl Demosaic {
             }
         });
         (data, mask)
+    }
+}
+
+/// The sum of some taps around a pixel. Those of bilinear interpolation have their number known when compiled.
+#[inline]
+fn weighted_sum(taps: &[(isize, f32)], pixel: usize, values: &[f32]) -> f32 {
+    let value = |&(offset, weight): &(isize, f32)| weight * values[pixel.wrapping_add_signed(offset)];
+    match taps {
+        [a] => value(a),
+        [a, b] => value(a) + value(b),
+        [a, b, c, d] => value(a) + value(b) + value(c) + value(d),
+        _ => taps.iter().map(value).sum(),
     }
 }
 
