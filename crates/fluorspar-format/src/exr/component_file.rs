@@ -41,6 +41,8 @@ enum Spectra {
     Memory,
     /// In the parts of an OpenEXR file.
     Parts {
+        /// Headers of all parts.
+        headers: Vec<Header>,
         /// For each component its part, the band of each channel, and the scale of stored values.
         components: Vec<BandPart>,
         /// Parts with channel planes.
@@ -122,7 +124,7 @@ impl ComponentFile {
             path: path.into(),
             labels: ComponentImage { components: parts.components, ..labels },
             provenance: provenance(path, &headers)?,
-            spectra: Spectra::Parts { components, planes, excitation },
+            spectra: Spectra::Parts { headers, components, planes, excitation },
         })
     }
 
@@ -146,15 +148,13 @@ impl ComponentFile {
         camera: &str,
         wanted: impl Fn(usize) -> bool,
     ) -> Result<Option<ChannelPlanes>, FormatError> {
-        let Spectra::Parts { planes, .. } = &self.spectra else { return Ok(None) };
+        let Spectra::Parts { headers, planes, .. } = &self.spectra else { return Ok(None) };
         let Some((part, label)) = planes.iter().find(|(_, label)| label.camera == camera) else {
             return Ok(None);
         };
         let size = [self.labels.width, self.labels.height];
-        let mut found = ChannelPlanes::dark(size, label.components, label.channels, label.camera.clone());
         let pixels = size[0] * size[1];
         guarded(&self.path, "OpenEXR", || {
-            let headers = headers(&self.path)?;
             let mut targets: Vec<_> =
                 headers.iter().map(|header| vec![None; header.channels.list.len()]).collect();
             // Channels are sorted by name, which is by component and channel
@@ -165,13 +165,18 @@ impl ComponentFile {
                     stride: 1,
                 });
             }
-            let mut buffers = [vec![0.0; found.data.len()]];
-            decode(&self.path, &targets, &mut buffers)?;
+            let mut buffers = [vec![0.0; label.components * label.channels * pixels]];
+            decode(&self.path, headers, &targets, &mut buffers)?;
             let [values] = buffers;
-            found.data = Arc::new(values);
-            Ok(())
-        })?;
-        Ok(Some(found))
+            Ok(Some(ChannelPlanes {
+                width: size[0],
+                height: size[1],
+                components: label.components,
+                channels: label.channels,
+                camera: label.camera.clone(),
+                data: Arc::new(values),
+            }))
+        })
     }
 
     /// The excitation basis of the image, if the file holds one.
@@ -179,13 +184,13 @@ impl ComponentFile {
     /// # Errors
     /// A damaged file.
     pub fn excitation_basis(&self) -> Result<Option<ExcitationImage>, FormatError> {
-        let Spectra::Parts { excitation, .. } = &self.spectra else { return Ok(None) };
+        let Spectra::Parts { headers, excitation, .. } = &self.spectra else { return Ok(None) };
         let (width, height) = (self.labels.width, self.labels.height);
         let mut basis = ExcitationImage { width, height, groups: Vec::new() };
         if excitation.is_empty() {
             return Ok(None);
         }
-        for ((_, label), factors) in excitation.iter().zip(self.factors(excitation)?) {
+        for ((_, label), factors) in excitation.iter().zip(self.factors(headers, excitation)?) {
             let component = self.basis_component(label, factors)?;
             match basis.groups.iter_mut().find(|group| group.light_group == label.light_group) {
                 Some(group) => group.components.push(component),
@@ -201,10 +206,13 @@ impl ComponentFile {
     }
 
     /// Factors of the components of an excitation basis, `[spectrum][row][col]` each.
-    fn factors(&self, parts: &[(usize, ExcitationLabel)]) -> Result<Vec<Vec<f32>>, FormatError> {
+    fn factors(
+        &self,
+        headers: &[Header],
+        parts: &[(usize, ExcitationLabel)],
+    ) -> Result<Vec<Vec<f32>>, FormatError> {
         let pixels = self.labels.width * self.labels.height;
         guarded(&self.path, "OpenEXR", || {
-            let headers = headers(&self.path)?;
             let mut targets: Vec<_> =
                 headers.iter().map(|header| vec![None; header.channels.list.len()]).collect();
             let mut buffers = Vec::with_capacity(parts.len());
@@ -214,7 +222,7 @@ impl ComponentFile {
                 }
                 buffers.push(vec![0.0; label.rank * pixels]);
             }
-            decode(&self.path, &targets, &mut buffers)?;
+            decode(&self.path, headers, &targets, &mut buffers)?;
             Ok(buffers)
         })
     }
@@ -276,14 +284,13 @@ impl ComponentRows for ComponentFile {
         wanted: impl Fn(usize) -> bool + Sync,
         visit: impl Fn(usize, usize, &[f32]) -> T + Sync,
     ) -> Result<Vec<(usize, usize, T)>, FormatError> {
-        let Spectra::Parts { components, .. } = &self.spectra else {
+        let Spectra::Parts { headers, components, .. } = &self.spectra else {
             let Ok(found) = self.labels.map_rows(wanted, visit);
             return Ok(found);
         };
         let of_part = |part: usize| {
             components.iter().position(|found| found.part == part).filter(|found| wanted(*found))
         };
-        let headers = guarded(&self.path, "OpenEXR", || headers(&self.path))?;
         let is_wanted = |part: usize| of_part(part).is_some();
         let found = for_each_block(&self.path, headers.len(), is_wanted, |block| {
             let part = block.part();

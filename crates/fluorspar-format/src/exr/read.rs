@@ -45,7 +45,7 @@ pub fn read_spectral_exr<Q: Quantity>(path: &Path) -> Result<Loaded<SpectralImag
         let Vec2(width, height) = header.layer_size;
         let mut buffers = [vec![0.0; width * height * grid.len()]];
         let targets = [band_targets(header, &bands, 0, 0)];
-        decode(path, &targets, &mut buffers)?;
+        decode(path, &headers, &targets, &mut buffers)?;
         let [mut data] = buffers;
         rescale(path, header, &mut data)?;
         let image = SpectralImage::from_data(grid, width, height, data)
@@ -89,7 +89,7 @@ pub(crate) fn read_texture_exr(path: &Path) -> Result<TextureImage, FormatError>
             headers.iter().map(|header| vec![None; header.channels.list.len()]).collect();
         targets[part] = header.channels.list.iter().map(|channel| target(&channel.name)).collect();
         let mut buffers = [vec![0.0; width * height * channels]];
-        decode(path, &targets, &mut buffers)?;
+        decode(path, &headers, &targets, &mut buffers)?;
         let [data] = buffers;
         Ok(TextureImage { width, height, channels, data })
     })
@@ -155,7 +155,7 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
     }
 
     // Decode all values
-    decode(path, &parts.targets, &mut buffers)?;
+    decode(path, &headers, &parts.targets, &mut buffers)?;
     for (part, buffer, start) in scaled {
         rescale(path, &headers[part], &mut buffers[buffer][start..start + plane])?;
     }
@@ -353,7 +353,7 @@ pub(super) fn read_features(
         headers.iter().map(|header| vec![None; header.channels.list.len()]).collect();
     targets[part] = feature_targets(&headers[part], 0);
     let mut buffers = [vec![0.0; FEATURE_CHANNELS.len() * size.area()]];
-    decode(path, &targets, &mut buffers)?;
+    decode(path, headers, &targets, &mut buffers)?;
     let [maps] = buffers;
     Ok((feature_maps(path, &headers[part], &maps)?, samples_of(&headers[part], &maps)))
 }
@@ -443,10 +443,10 @@ fn band_targets(
 /// Decodes the full-resolution pixels of the parts with targets, straight into their places.
 pub(super) fn decode(
     path: &Path,
+    headers: &[Header],
     targets: &[Vec<Option<Target>>],
     buffers: &mut [Vec<f32>],
 ) -> Result<(), FormatError> {
-    let headers = headers(path)?;
     let wanted = |part: usize| targets[part].iter().any(Option::is_some);
     let mut blocks = BlockReader::open(path, wanted)?;
     while let Some(batch) = blocks.next_batch()? {
@@ -472,12 +472,21 @@ fn place_block(
         let Vec2(col, row) = line.location.position;
         let first = row * width + col;
         let buffer = &mut buffers[target.buffer];
+        let sample_type = header.channels.list[line.location.channel].sample_type;
+        // Planes as this program writes them are copied as they lie
+        if let (SampleType::F32, 1) = (sample_type, target.stride) {
+            let (values, _) = line.value.as_chunks::<4>();
+            if let Some(slots) = buffer.get_mut(target.offset + first..).filter(|s| s.len() >= values.len()) {
+                slots.iter_mut().zip(values).for_each(|(slot, bytes)| *slot = f32::from_ne_bytes(*bytes));
+                continue;
+            }
+        }
         let mut place = |i: usize, value: f32| {
             if let Some(slot) = buffer.get_mut(target.offset + (first + i) * target.stride) {
                 *slot = value;
             }
         };
-        match header.channels.list[line.location.channel].sample_type {
+        match sample_type {
             SampleType::F32 => {
                 for (i, value) in line.read_samples::<f32>().enumerate() {
                     place(i, value.map_err(broken)?);
