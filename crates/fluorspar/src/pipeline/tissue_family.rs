@@ -12,7 +12,8 @@ use crate::spectral::{Curve, WavelengthGrid};
 use crate::study::TissuePrior;
 use crate::tissue::fit::missing_red;
 use crate::tissue::{
-    DiscreteOrdinates, EffectiveTissue, LayeredTissue, Level, Population, Site, TissueError, Variation,
+    DiscreteOrdinates, EffectiveTissue, LayerFluorophore, LayeredTissue, Level, Population, Site,
+    TissueError, Variation,
 };
 use crate::units::photons_per_joule;
 
@@ -298,6 +299,8 @@ struct FrameLines<'a> {
     lines: Vec<(f64, f64)>,
     /// Irradiance in each band, W/(m² nm).
     irradiance: Vec<f64>,
+    /// Yield densities of each fluorophore of the prior for all bands and lines, 1/nm, `[band][line]`.
+    yields: Vec<Vec<f64>>,
     /// Radiance of teeth under the same light, W/(sr m² nm).
     teeth: Vec<f64>,
 }
@@ -315,8 +318,11 @@ impl<'a> FamilySolver<'a> {
         for frame in frames {
             let irradiance = frame.irradiance.bin_averages(grid);
             let lines = lines(&irradiance, grid);
-            nodes_nm.extend(lines.iter().map(|(nm, _)| *nm));
-            prepared.push(FrameLines { frame, lines, irradiance, teeth: Vec::new() });
+            let lines_nm: Vec<f64> = lines.iter().map(|(nm, _)| *nm).collect();
+            let yields = prior.fluorophores.iter().map(|held| held.eem.densities(&bands_nm, &lines_nm));
+            let yields = yields.collect();
+            nodes_nm.extend(lines_nm);
+            prepared.push(FrameLines { frame, lines, irradiance, yields, teeth: Vec::new() });
         }
         // Every 5 nm where hemoglobin has its bands, otherwise every 10 nm, between the ends of the grid
         let (first, last) = (bands_nm[0], bands_nm[bands_nm.len() - 1]);
@@ -334,7 +340,7 @@ impl<'a> FamilySolver<'a> {
             let tooth = tissue_of(prior, &Site::named("tooth")?)?;
             let teeth = EffectiveTissue::new(&tooth, &solver.nodes_nm, ordinates)?;
             let radiances: Vec<Vec<f64>> =
-                solver.frames.iter().map(|frame| solver.radiance(&teeth, frame, None)).collect();
+                solver.frames.iter().map(|frame| solver.radiance(&teeth, frame)).collect();
             for (frame, radiance) in solver.frames.iter_mut().zip(radiances) {
                 frame.teeth = radiance;
             }
@@ -346,18 +352,42 @@ impl<'a> FamilySolver<'a> {
         self.prior.kept.solve(tissues, &self.nodes_nm, self.ordinates)
     }
 
-    /// Fluorescence of all fluorophores, or of one, under the light of a frame, W/(sr m² nm).
-    fn radiance(&self, tissue: &EffectiveTissue, frame: &FrameLines<'_>, name: Option<&str>) -> Vec<f64> {
-        let mut photons = vec![0.0; self.bands_nm.len()];
-        for part in tissue.parts() {
-            let held = &tissue.tissue().layers[part.layer].fluorophores[part.fluorophore];
-            if name.is_none_or(|name| held.fluorophore.name == name) {
-                let more = tissue.emission(part, &frame.lines, &self.bands_nm, Level::AboveSurface);
-                photons.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+    /// Fluorescence of each fluorophore of the prior under the light of a frame, W/(sr m² nm), `[fluorophore][band]`; `None` of those
+    /// that the tissue does not hold.
+    fn radiances(&self, tissue: &EffectiveTissue, frame: &FrameLines<'_>) -> Vec<Option<Vec<f64>>> {
+        let lines_nm: Vec<f64> = frame.lines.iter().map(|(nm, _)| *nm).collect();
+        let mut photons: Vec<Option<Vec<f64>>> = vec![None; self.prior.fluorophores.len()];
+        for (layer, contents) in tissue.tissue().layers.iter().enumerate() {
+            if contents.fluorophores.is_empty() {
+                continue;
+            }
+            let overlaps = tissue.overlaps(layer, &lines_nm, &self.bands_nm, Level::AboveSurface);
+            for (fluorophore, held) in contents.fluorophores.iter().enumerate() {
+                let Some(number) = self.number_of(&held.fluorophore.name) else { continue };
+                let part = LayerFluorophore { layer, fluorophore };
+                let more = tissue.emission_of(part, &frame.lines, &frame.yields[number], &overlaps);
+                let sum = photons[number].get_or_insert_with(|| vec![0.0; more.len()]);
+                sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
             }
         }
-        let energy = |(photons, nm): (f64, &f64)| photons / photons_per_joule(*nm) / std::f64::consts::PI;
-        photons.into_iter().zip(&self.bands_nm).map(energy).collect()
+        for (photons, nm) in photons.iter_mut().flatten().flat_map(|all| all.iter_mut().zip(&self.bands_nm)) {
+            *photons = *photons / photons_per_joule(*nm) / std::f64::consts::PI;
+        }
+        photons
+    }
+
+    /// Fluorescence of all fluorophores together under the light of a frame, W/(sr m² nm).
+    fn radiance(&self, tissue: &EffectiveTissue, frame: &FrameLines<'_>) -> Vec<f64> {
+        let mut sum = vec![0.0; self.bands_nm.len()];
+        for radiance in self.radiances(tissue, frame).into_iter().flatten() {
+            sum.iter_mut().zip(radiance).for_each(|(sum, more)| *sum += more);
+        }
+        sum
+    }
+
+    /// Number of a fluorophore of the prior.
+    fn number_of(&self, name: &str) -> Option<usize> {
+        self.prior.fluorophores.iter().position(|fluorophore| fluorophore.name == name)
     }
 
     /// `L` of the covariance `L L^T` of the logarithms of the data by errors of the library, for the light of one tissue.
@@ -367,12 +397,12 @@ impl<'a> FamilySolver<'a> {
     /// the variance is that of emission spectra, which all frames share, half that of what each light excites. Under blue light the
     /// coat of tongues emits red that the library lacks.
     fn library_errors(&self, tissue: &EffectiveTissue, data: &[(usize, usize)]) -> DMatrix<f64> {
+        let radiances: Vec<Vec<f64>> = self.frames.iter().map(|frame| self.radiance(tissue, frame)).collect();
         let seen: Vec<Vec<f64>> = data
             .iter()
             .map(|&(frame, channel)| {
-                let radiance = self.radiance(tissue, &self.frames[frame], None);
                 let weights = self.frames[frame].frame.camera.channel_weights(channel);
-                let electrons: Vec<f64> = weights.iter().zip(radiance).map(|(w, l)| w * l).collect();
+                let electrons: Vec<f64> = weights.iter().zip(&radiances[frame]).map(|(w, l)| w * l).collect();
                 let total = electrons.iter().sum::<f64>().max(f64::MIN_POSITIVE);
                 electrons.into_iter().map(|e| e / total).collect()
             })
@@ -404,9 +434,11 @@ impl<'a> FamilySolver<'a> {
         let reflectance = tissue.reflectance(Level::AboveSurface);
         let reflectance: Vec<f64> = self.bands_nm.iter().map(|nm| reflectance.at(*nm)).collect();
         let mut solved = Solved { direct: Vec::new(), once_more: Vec::new() };
+        let mut emitted: Vec<Vec<Option<Vec<f64>>>> =
+            self.frames.iter().map(|frame| self.radiances(tissue, frame)).collect();
         for name in names {
             let (mut direct, mut once_more) = (Vec::new(), Vec::new());
-            for frame in &self.frames {
+            for (frame, emitted) in self.frames.iter().zip(&mut emitted) {
                 let reflected = || frame.irradiance.iter().map(|e| e / std::f64::consts::PI);
                 let (radiance, camera): (Vec<f64>, _) = match name.as_str() {
                     LEAK => (
@@ -419,7 +451,10 @@ impl<'a> FamilySolver<'a> {
                         &frame.frame.camera,
                     ),
                     MIRRORED_NAME => (frame.teeth.clone(), &frame.frame.camera),
-                    name => (self.radiance(tissue, frame, Some(name)), &frame.frame.camera),
+                    name => {
+                        let held = self.number_of(name).and_then(|number| emitted[number].take());
+                        (held.unwrap_or_else(|| vec![0.0; self.bands_nm.len()]), &frame.frame.camera)
+                    }
                 };
                 let again: Vec<f64> = radiance.iter().zip(&reflectance).map(|(l, r)| l * r).collect();
                 for &channel in &frame.frame.channels {

@@ -288,24 +288,52 @@ impl EffectiveTissue {
         let Some(contents) = self.contents(part).filter(|_| !light.is_empty()) else {
             return vec![0.0; emission_nm.len()];
         };
-        let scale = contents.scale_per_mm();
-        let escape = self.escape_weights(part.layer);
-        let excited = |&(nm, photons): &(f64, f64)| {
-            let fluence = self.fluence(part.layer, nm, level);
-            fluence.iter().zip(&escape).map(|(x, w)| scale * photons * x * w).collect::<Vec<f64>>()
-        };
-        let excited: Vec<Vec<f64>> = light.iter().map(excited).collect();
         let light_nm: Vec<f64> = light.iter().map(|(nm, _)| *nm).collect();
         let yields = contents.fluorophore.eem.densities(emission_nm, &light_nm);
-        let emitted = |(nm, yields): (&f64, &[f64])| {
-            if yields.iter().all(|density| *density == 0.0) {
-                return 0.0;
-            }
-            let leaving = self.fluence(part.layer, *nm, level);
-            let overlap = |arriving: &[f64]| arriving.iter().zip(&leaving).map(|(x, m)| x * m).sum::<f64>();
-            yields.iter().zip(&excited).map(|(density, arriving)| density * overlap(arriving)).sum()
+        self.emission_of(part, light, &yields, &self.overlaps(part.layer, &light_nm, emission_nm, level))
+    }
+
+    /// [`Self::emission`] with the yield densities of the fluorophore ([`PhotonEem::densities`]) and the [`Self::overlaps`] of the layer
+    /// known, both `[emission][light]`: the parts of a layer share the latter.
+    pub(crate) fn emission_of(
+        &self,
+        part: LayerFluorophore,
+        light: &[(f64, f64)],
+        yields: &[f64],
+        overlaps: &[f64],
+    ) -> Vec<f64> {
+        let scale = self.contents(part).map_or(0.0, TissueFluorophore::scale_per_mm);
+        let lines = light.len().max(1);
+        let emitted = |(yields, overlaps): (&[f64], &[f64])| -> f64 {
+            let of_line = |((density, overlap), (_, photons)): ((&f64, &f64), &(f64, f64))| {
+                density * scale * photons * overlap
+            };
+            yields.iter().zip(overlaps).zip(light).map(of_line).sum()
         };
-        emission_nm.iter().zip(yields.chunks(light.len())).map(emitted).collect()
+        yields.chunks(lines).zip(overlaps.chunks(lines)).map(emitted).collect()
+    }
+
+    /// How well light of each line and light of each emission wavelength reach one another in a layer: `integral of fluence(line)
+    /// fluence(emission) / (4 n^2) over depth`, mm, `[emission][line]`. By reciprocity the second is what leaves of light from there.
+    pub(crate) fn overlaps(
+        &self,
+        layer: usize,
+        light_nm: &[f64],
+        emission_nm: &[f64],
+        level: Level,
+    ) -> Vec<f64> {
+        let escape = self.escape_weights(layer);
+        let arriving = |nm: &f64| -> Vec<f64> {
+            self.fluence(layer, *nm, level).iter().zip(&escape).map(|(x, w)| x * w).collect()
+        };
+        let arriving: Vec<Vec<f64>> = light_nm.iter().map(arriving).collect();
+        let mut overlaps = Vec::with_capacity(light_nm.len() * emission_nm.len());
+        for nm in emission_nm {
+            let leaving = self.fluence(layer, *nm, level);
+            let with = |arriving: &Vec<f64>| arriving.iter().zip(&leaving).map(|(x, m)| x * m).sum::<f64>();
+            overlaps.extend(arriving.iter().map(with));
+        }
+        overlaps
     }
 
     /// The fluorescence of a part as the excitation-emission matrix of a surface, a sum of few products that is within
