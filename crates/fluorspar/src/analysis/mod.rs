@@ -72,6 +72,7 @@ pub use spectral_mixture::{
 pub use spectral_overlap::spectral_overlap;
 pub use spot_separation::SpotSeparation;
 pub use statistics::{CovarianceEllipse, RegionStatistics, Statistics};
+pub(crate) use summary::analyze_pixels;
 pub use summary::{
     Analysis, AnalysisError, AnalysisSettings, ChannelStatistics, MixtureModel, MixtureSummary,
     PredictedFluorophore, RegionFraction, analyze_region,

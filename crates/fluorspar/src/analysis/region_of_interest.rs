@@ -248,16 +248,21 @@ impl RegionOfInterest {
         // Collect the pixels that show the parts
         let wanted = self.part_numbers(scene.map(|s| s.components))?;
         let behind = scene.map(|scene| scene.pixels_behind(width, height));
-        let shows = |row: usize, col: usize| match (&wanted, scene, &behind) {
-            (Some(wanted), Some(scene), Some([rows, cols])) => {
-                let part = match (rows[row], cols[col]) {
-                    (Some(row), Some(col)) => {
-                        scene.components.features.part[row * scene.components.width + col]
-                    }
-                    _ => 0,
-                };
-                part > 0 && wanted.contains(&(usize::from(part) - 1))
+        // By the number that the map of parts gives a pixel, of which 0 is no part
+        let mut is_wanted = vec![false; 1 << u16::BITS];
+        for part in wanted.iter().flatten() {
+            if let Some(is_wanted) = is_wanted.get_mut(part + 1) {
+                *is_wanted = true;
             }
+        }
+        let shows = |row: usize, col: usize| match (&wanted, scene, &behind) {
+            (Some(_), Some(scene), Some([rows, cols])) => match (rows[row], cols[col]) {
+                (Some(row), Some(col)) => {
+                    let part = scene.components.features.part[row * scene.components.width + col];
+                    is_wanted[usize::from(part)]
+                }
+                _ => false,
+            },
             _ => true,
         };
         let pixels = |inset: usize| -> Vec<usize> {
@@ -267,9 +272,12 @@ impl RegionOfInterest {
                 let is_shown = is_drawn(row, col) && shows(row, col);
                 is_shown && (inset == 0 || cols.all(|col| rows.clone().all(|row| shows(row, col))))
             };
-            let places = (area.row..area.row + area.height)
-                .flat_map(|row| (area.col..area.col + area.width).map(move |col| (row, col)));
-            places.filter(|&(row, col)| inside(row, col)).map(|(row, col)| row * width + col).collect()
+            let mut pixels = Vec::new();
+            for row in area.row..area.row + area.height {
+                let cols = (area.col..area.col + area.width).filter(|&col| inside(row, col));
+                pixels.extend(cols.map(|col| row * width + col));
+            }
+            pixels
         };
         let inset_px = if wanted.is_some() { self.inset_px } else { 0 };
         let pixels_inside = pixels(inset_px);

@@ -7,9 +7,9 @@ use super::mixture_line::DETECTION_Z;
 use super::pixel_mean::mean_of_pixels;
 use super::{
     ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ErrorBudget, ExclusionCounts,
-    FluorophoreResponse, LineEstimate, MissingChannel, MixtureError, MixtureLine, PorphyrinMap,
-    PorphyrinTruth, RegionError, RegionOfInterest, RegionStatistics, SceneOnSensor, SharePosterior,
-    SignalSummary, SpotSeparation, Statistics, TargetDetection,
+    FluorophoreResponse, LineEstimate, MissingChannel, MixtureError, MixtureLine, PixelSelection,
+    PorphyrinMap, PorphyrinTruth, RegionError, RegionOfInterest, RegionStatistics, SceneOnSensor,
+    SharePosterior, SignalSummary, SpotSeparation, Statistics, TargetDetection,
 };
 use crate::image::ChannelImage;
 
@@ -273,17 +273,27 @@ pub fn analyze_region(
     reflected: Option<&ChannelImage>,
     settings: &AnalysisSettings,
 ) -> Result<(Analysis, ChromaticityMap, Option<PorphyrinMap>), AnalysisError> {
-    // Select the pixels of the region
+    let selection = settings.region.select(image.width, image.height, scene)?;
+    analyze_pixels(image, &selection, model, reflected, settings)
+}
+
+/// [`analyze_region`] where the pixels of the region are known.
+pub(crate) fn analyze_pixels(
+    image: &ChannelImage,
+    selection: &PixelSelection,
+    model: Option<&MixtureModel>,
+    reflected: Option<&ChannelImage>,
+    settings: &AnalysisSettings,
+) -> Result<(Analysis, ChromaticityMap, Option<PorphyrinMap>), AnalysisError> {
     if let Some(leak) = reflected.filter(|l| (l.width, l.height) != (image.width, image.height)) {
         return Err(AnalysisError::ReflectedSize {
             reflected: [leak.width, leak.height],
             frame: [image.width, image.height],
         });
     }
-    let selection = settings.region.select(image.width, image.height, scene)?;
     // Compute chromaticities and their statistics
     let map = ChromaticityMap::of(image, settings.noise_threshold);
-    let statistics = RegionStatistics::new(image, &map, &selection);
+    let statistics = RegionStatistics::new(image, &map, selection);
     let mut warnings = exclusion_warnings(&statistics.counts);
 
     // Predict the mixture line from the fluorophores
@@ -301,7 +311,7 @@ pub fn analyze_region(
     let mut mixture = None;
     if let Some(line) = &line {
         let valid = |pixel| map.at(pixel).is_some();
-        let estimates = PorphyrinMap::new(image, valid, &selection, line, &settings.noise, reflected)?;
+        let estimates = PorphyrinMap::new(image, valid, selection, line, &settings.noise, reflected)?;
         let lit: Vec<usize> =
             selection.pixels.iter().copied().filter(|&pixel| map.at(pixel).is_some()).collect();
         let mean = mean_of_pixels(image, &lit, &settings.noise, reflected)?;

@@ -8,11 +8,11 @@ use super::direct_light::{axis_point, irradiance_on, region_points};
 use super::region_light::region_light;
 use super::spot_separations::spot_separations;
 use super::targets::{TargetLabels, measured_targets, noise_of};
-use super::tissue_estimate::tissue_estimate;
+use super::tissue_estimate::FamiliesOfFrames;
 use super::{CapturePlanes, CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{
     Analysis, AnalysisSettings, BudgetInput, ChromaticityMap, ErrorBudget, FluorophoreResponse, MixtureModel,
-    PixelSelection, PixelValidity, PorphyrinMap, RegionFraction, RegionLight, SceneOnSensor, analyze_region,
+    PixelSelection, PixelValidity, PorphyrinMap, RegionFraction, RegionLight, SceneOnSensor, analyze_pixels,
     channel_response, rgb_channels,
 };
 use crate::geometry::OrientedPoint;
@@ -124,39 +124,47 @@ fn analyzed(
         .region
         .select(image.width, image.height, scene)
         .map_err(crate::analysis::AnalysisError::from)?;
-    let light = frame_light(study, capture, scene.map(|scene| (scene, &region)));
-    let mut model = mixture_model(study, sensor, capture, light.as_ref(), settings);
-    let emitted = match (components, &settings.porphyrin) {
-        (Some(components), Some(porphyrin)) => {
-            region_light(study, components, capture, porphyrin, frame.raw.exposure_s, &region)?
+    let on_region = scene.map(|scene| (scene, &region));
+    // On the line that mixtures follow
+    let by_line = || -> Result<_, PipelineError> {
+        let light = frame_light(study, capture, on_region);
+        let mut model = mixture_model(study, sensor, capture, light.as_ref(), settings);
+        let emitted = match (components, &settings.porphyrin) {
+            (Some(components), Some(porphyrin)) => {
+                region_light(study, components, capture, porphyrin, frame.raw.exposure_s, &region)?
+            }
+            _ => None,
+        };
+        if let (Some(model), Some(emitted), LineEnds::Scene) = (&mut model, &emitted, settings.line_ends) {
+            model.ends = line_ends(model, emitted);
         }
-        _ => None,
+        let (mut analysis, chromaticity, porphyrin) =
+            analyze_pixels(image, &region, model.as_ref(), None, &analysis_settings)?;
+        analysis.truth = emitted.as_ref().and_then(RegionLight::truth);
+        if let (Some(model), Some(emitted)) = (&model, &emitted) {
+            analysis.budget = budget(&analysis, model, emitted, image, &chromaticity, &region, k);
+        }
+        Ok((analysis, chromaticity, porphyrin))
     };
-    if let (Some(model), Some(emitted), LineEnds::Scene) = (&mut model, &emitted, settings.line_ends) {
-        model.ends = line_ends(model, emitted);
-    }
-    let (mut analysis, chromaticity, porphyrin) =
-        analyze_region(image, scene, model.as_ref(), None, &analysis_settings)?;
-    analysis.truth = emitted.as_ref().and_then(RegionLight::truth);
-    if let (Some(model), Some(emitted)) = (&model, &emitted) {
-        analysis.budget = budget(&analysis, model, emitted, image, &chromaticity, &region, k);
-    }
+    // Families of tissues take as long as all of that
+    let (by_line, families) =
+        rayon::join(by_line, || FamiliesOfFrames::new(study, settings, frames, on_region));
+    let (mut analysis, chromaticity, porphyrin) = by_line?;
     if rgb_channels(image).is_err() || image.channels.len() != 3 {
         let (plan, region) = (settings, &region);
         analysis.signals =
             Some(channel_analysis(&Measured { study, sensor, plan, frames, region, scene, components })?);
     }
-    let scene = scene.map(|scene| (scene, &region));
     let is_lit = |pixel: usize| chromaticity.validity[pixel] == PixelValidity::Valid;
-    let estimate = tissue_estimate(study, settings, frames, scene, noise, &is_lit, &region)?;
+    let estimate = families?.and_then(|families| families.estimate(frames, noise, &is_lit, &region));
     if let Some(estimate) = &estimate {
         analysis.warnings.extend(estimate.warnings());
     } else if analysis.mixture.is_some() {
         analysis.warnings.extend(what_the_line_assumes(study, settings).map(String::from));
     }
     analysis.posterior = estimate;
-    analysis.spots = spot_separations(study, settings, frames, scene.map(|(scene, _)| scene))?;
-    let targets = measured_targets(study, settings, frames, components, scene.map(|(scene, _)| scene))?;
+    analysis.spots = spot_separations(study, settings, frames, scene)?;
+    let targets = measured_targets(study, settings, frames, components, scene)?;
     analysis.targets = targets.detections;
     analysis.warnings.extend(targets.warnings);
     Ok(AnalyzedFrame { analysis, chromaticity, porphyrin, region, targets: targets.labels })
@@ -287,7 +295,7 @@ fn mixture_model(
     // Predict the response to each fluorophore at unit amount
     let responses = settings
         .fluorophores
-        .iter()
+        .par_iter()
         .filter_map(|fluorophore| {
             let exitance = direct_exitance(&fluorophore.eem, grid, light);
             let seen = exitance.iter().zip(transmittance.values()).map(|(m, t)| m * t).collect();

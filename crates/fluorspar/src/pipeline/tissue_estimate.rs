@@ -5,63 +5,88 @@ use super::capture::behind_filter;
 use super::tissue_family::{FamilyFrame, other_tissue_families, tissue_family};
 use super::{CameraResponse, CapturedFrame, PipelineError};
 use crate::analysis::{
-    ChannelNoise, FamilyAverage, PixelMean, PixelSelection, SceneOnSensor, SharePosterior,
+    ChannelNoise, FamilyAverage, LightFamily, PixelMean, PixelSelection, SceneOnSensor, SharePosterior,
 };
 use crate::study::{AnalysisPlan, Study};
 
-/// The estimate from the analyzed frame and the further ones, by all of their channels that see light; `None` without a prior or
-/// where the region has no usable pixel.
-pub(super) fn tissue_estimate(
-    study: &Study,
-    settings: &AnalysisPlan,
-    frames: &[CapturedFrame],
-    scene: Option<(SceneOnSensor<'_>, &PixelSelection)>,
-    noise: ChannelNoise,
-    is_lit: &dyn Fn(usize) -> bool,
-    region: &PixelSelection,
-) -> Result<Option<SharePosterior>, PipelineError> {
-    let (Some(prior), Some(sensor)) = (&settings.tissue, &study.camera.sensor) else { return Ok(None) };
-    let Some(lens) = study.camera.lens_behind_filters() else { return Ok(None) };
-    let grid = &study.scene.grid;
-    let (mut family_frames, mut electrons, mut variance) = (Vec::new(), Vec::new(), Vec::new());
-    for label in std::iter::once(&settings.frame).chain(&settings.further_frames) {
-        let found = frames.iter().find(|frame| frame.raw.label == *label).zip(study.capture(label));
-        let Some((frame, capture)) = found else {
-            let known = frames.iter().map(|frame| frame.raw.label.as_str()).collect::<Vec<_>>();
-            return Err(PipelineError::NoFrame { wanted: label.clone(), known: known.join(", ") });
-        };
-        let Some(irradiance) = frame_light(study, capture, scene) else { return Ok(None) };
-        let camera = CameraResponse::new(&behind_filter(&lens, capture), sensor, grid, None);
-        let channels = camera.seeing_channels();
+/// What the camera of a study sees of the tissues that its region may be of, in the analyzed frame and the further ones. It rests on
+/// lights, camera and exposure times, and not on what the frames show.
+pub(super) struct FamiliesOfFrames<'a> {
+    frames: Vec<FamilyFrame>,
+    named: LightFamily,
+    others: Vec<LightFamily>,
+    settings: &'a AnalysisPlan,
+    probability_of_named: f64,
+}
 
-        // Mean electrons over the pixels that are usable in both frames
-        let (image, k) = (&frame.developed, frame.raw.dn_per_electron);
-        let noise = ChannelNoise { dn_per_electron: k, ..noise };
-        let noise = ChannelNoise { floor_dn: image.noise_floor_dn.max(noise.floor_dn), ..noise };
-        let same_size = image.width == region.width && image.height == region.height;
-        let usable = |pixel: &usize| same_size && is_lit(*pixel) && !image.saturated[*pixel];
-        let pixels: Vec<usize> = region.pixels.iter().copied().filter(usable).collect();
-        let Some(mean) = PixelMean::new(image, &channels, &pixels, &noise) else { return Ok(None) };
-        electrons.extend(mean.dn.iter().map(|dn| dn / k));
-        variance.extend(mean.variance_dn2.iter().map(|dn2| dn2 / (k * k)));
-
-        family_frames.push(FamilyFrame {
-            label: label.clone(),
-            camera_of_reflected: CameraResponse::new(
-                &behind_filter(&lens, capture),
-                sensor,
-                grid,
-                Some(&irradiance),
-            ),
-            camera,
-            channels,
-            irradiance,
-            time_s: frame.raw.exposure_s,
-        });
+impl<'a> FamiliesOfFrames<'a> {
+    /// The families of a study; `None` without a prior, a camera or light.
+    pub(super) fn new(
+        study: &Study,
+        settings: &'a AnalysisPlan,
+        frames: &[CapturedFrame],
+        scene: Option<(SceneOnSensor<'_>, &PixelSelection)>,
+    ) -> Result<Option<Self>, PipelineError> {
+        let (Some(prior), Some(sensor)) = (&settings.tissue, &study.camera.sensor) else { return Ok(None) };
+        let Some(lens) = study.camera.lens_behind_filters() else { return Ok(None) };
+        let grid = &study.scene.grid;
+        let mut family_frames = Vec::new();
+        for label in labels(settings) {
+            let found = frames.iter().find(|frame| frame.raw.label == *label).zip(study.capture(label));
+            let Some((frame, capture)) = found else {
+                let known = frames.iter().map(|frame| frame.raw.label.as_str()).collect::<Vec<_>>();
+                return Err(PipelineError::NoFrame { wanted: label.clone(), known: known.join(", ") });
+            };
+            let Some(irradiance) = frame_light(study, capture, scene) else { return Ok(None) };
+            let lens = behind_filter(&lens, capture);
+            let camera = CameraResponse::new(&lens, sensor, grid, None);
+            family_frames.push(FamilyFrame {
+                label: label.clone(),
+                camera_of_reflected: CameraResponse::new(&lens, sensor, grid, Some(&irradiance)),
+                channels: camera.seeing_channels(),
+                camera,
+                irradiance,
+                time_s: frame.raw.exposure_s,
+            });
+        }
+        let named = tissue_family(prior, &family_frames, grid)?;
+        let others = other_tissue_families(prior, &family_frames, grid)?;
+        let probability_of_named = prior.site_probability;
+        Ok(Some(Self { frames: family_frames, named, others, settings, probability_of_named }))
     }
-    let named = tissue_family(prior, &family_frames, grid)?;
-    let others = other_tissue_families(prior, &family_frames, grid)?;
-    let average =
-        FamilyAverage { named: &named, others: &others, probability_of_named: prior.site_probability };
-    Ok(average.posterior(&electrons, &variance))
+
+    /// The estimate from all channels that see light, by their means over the pixels of a region that are lit and usable; `None` where
+    /// there are none.
+    pub(super) fn estimate(
+        &self,
+        frames: &[CapturedFrame],
+        noise: ChannelNoise,
+        is_lit: &dyn Fn(usize) -> bool,
+        region: &PixelSelection,
+    ) -> Option<SharePosterior> {
+        let (mut electrons, mut variance) = (Vec::new(), Vec::new());
+        for (label, of_family) in labels(self.settings).zip(&self.frames) {
+            let frame = frames.iter().find(|frame| frame.raw.label == *label)?;
+            let (image, k) = (&frame.developed, frame.raw.dn_per_electron);
+            let noise = ChannelNoise { dn_per_electron: k, ..noise };
+            let noise = ChannelNoise { floor_dn: image.noise_floor_dn.max(noise.floor_dn), ..noise };
+            let same_size = image.width == region.width && image.height == region.height;
+            let usable = |pixel: &usize| same_size && is_lit(*pixel) && !image.saturated[*pixel];
+            let pixels: Vec<usize> = region.pixels.iter().copied().filter(usable).collect();
+            let mean = PixelMean::new(image, &of_family.channels, &pixels, &noise)?;
+            electrons.extend(mean.dn.iter().map(|dn| dn / k));
+            variance.extend(mean.variance_dn2.iter().map(|dn2| dn2 / (k * k)));
+        }
+        let average = FamilyAverage {
+            named: &self.named,
+            others: &self.others,
+            probability_of_named: self.probability_of_named,
+        };
+        average.posterior(&electrons, &variance)
+    }
+}
+
+/// Labels of the frames that enter the estimate, the analyzed one first.
+fn labels(settings: &AnalysisPlan) -> impl Iterator<Item = &String> {
+    std::iter::once(&settings.frame).chain(&settings.further_frames)
 }
