@@ -381,10 +381,13 @@ fn seen_early(
         Some(kept) => looked_at(study, kept.plan()),
         None => study.captures.clone(),
     };
-    let exposures = frames_of_folder(study, &captures, folder).ok()?;
-    let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all)).ok()?;
-    let frames = develop_frames(study, exposures, &calibration).ok()?;
-    let view = image.seen_by(study, &captures, changes).ok()?;
+    let frames = || {
+        let exposures = frames_of_folder(study, &captures, folder).ok()?;
+        let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all)).ok()?;
+        develop_frames(study, exposures, &calibration).ok()
+    };
+    let (frames, view) = rayon::join(frames, || image.seen_by(study, &captures, changes).ok());
+    let (frames, view) = frames.zip(view)?;
     Some(Early { experiment, captures, frames, view })
 }
 

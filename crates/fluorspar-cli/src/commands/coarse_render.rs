@@ -33,9 +33,9 @@ pub(super) fn coarse_image(image: &RenderedImage, study: &Study) -> Option<Warni
         })
         .collect();
     let made_for = image
-        .experiment(&[])
+        .rendered()
         .ok()
-        .and_then(|(_, experiment)| resolve_captures(&experiment, &experiment, &held).ok()?)
+        .and_then(|experiment| resolve_captures(experiment, experiment, &held).ok()?)
         .and_then(|found| columns_per_render_column(&found.study, labels))
         .unwrap_or(0.0);
     if covered <= MOST_COLUMNS.max(1.01 * made_for) {

@@ -33,6 +33,8 @@ const PLANES_KIND: &str = "planes";
 pub(crate) struct RenderedImage {
     path: PathBuf,
     file: ComponentFile,
+    /// The experiment that it was rendered from, once it is read.
+    rendered: OnceLock<Experiment>,
     /// The excitation basis, once it is read.
     basis: OnceLock<Option<ExcitationImage>>,
     /// Writes channel planes to the cache while the rest of the command runs.
@@ -50,7 +52,8 @@ impl RenderedImage {
     }
 
     fn new(path: &Path, file: ComponentFile) -> Self {
-        Self { path: path.into(), file, basis: OnceLock::new(), being_kept: OnceLock::new() }
+        let (rendered, basis, being_kept) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
+        Self { path: path.into(), file, rendered, basis, being_kept }
     }
 
     /// The image without its values.
@@ -82,6 +85,15 @@ impl RenderedImage {
         Ok((text, parsed.map_err(|error| as_typed(error, overrides))?))
     }
 
+    /// The experiment that the image was rendered from.
+    pub(crate) fn rendered(&self) -> Result<&Experiment, CliError> {
+        if let Some(rendered) = self.rendered.get() {
+            return Ok(rendered);
+        }
+        let (_, read) = self.experiment(&[])?;
+        Ok(self.rendered.get_or_init(|| read))
+    }
+
     /// An experiment of this image with changes, as captures of the image need it.
     pub(crate) fn shown(
         &self,
@@ -98,8 +110,8 @@ impl RenderedImage {
 
     /// [`Self::shown`] where nothing of the scene has changed: no mesh or tissue is needed then.
     pub(crate) fn without_surfaces(&self, now: &Experiment) -> Result<Option<ShownByImage<'_>>, CliError> {
-        let (_, rendered) = self.experiment(&[])?;
-        let Some((found, changes)) = self.scene(Some(&rendered)).captures::<CliError>(now)? else {
+        let rendered = self.rendered()?;
+        let Some((found, changes)) = self.scene(Some(rendered)).captures::<CliError>(now)? else {
             return Ok(None);
         };
         let CapturesOfRender { study, resolved_toml, inputs, warnings } = found;
@@ -148,9 +160,9 @@ impl RenderedImage {
     ) -> Result<SceneChanges<'_>, CliError> {
         let rendered = match self.file.provenance() {
             None => None,
-            Some(_) => Some(self.experiment(&[])?.1),
+            Some(_) => Some(self.rendered()?),
         };
-        self.scene(rendered.as_ref()).changes(now, resolved, is_same, || self.basis())
+        self.scene(rendered).changes(now, resolved, is_same, || self.basis())
     }
 
     fn scene<'a>(&'a self, experiment: Option<&'a Experiment>) -> RenderedScene<'a> {

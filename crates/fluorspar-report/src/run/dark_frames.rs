@@ -24,9 +24,11 @@ pub fn dark_frames(experiment: &ResolvedExperiment, frames: &[CapturedFrame]) ->
         let n = developed.channels.len().max(1);
         let least = SEEN * developed.noise_floor_dn * (n as f64).sqrt();
         let sums = developed.data.chunks_exact(n).map(|pixel| f64::from(pixel.iter().sum::<f32>()));
-        let lit = sums.filter(|sum| *sum > least).count();
         let all = developed.data.len() / n;
-        (lit as f64 <= LEAST_LIT * all as f64).then(|| {
+        // Of a frame with light few pixels are looked at
+        let enough = (LEAST_LIT * all as f64) as usize + 1;
+        let lit = sums.filter(|sum| *sum > least).take(enough).count();
+        (lit < enough).then(|| {
             format!(
                 "Frame \"{}\": hardly any light reaches the camera: {lit} of {all} pixels rise above the noise after {:.1} ms. Does \
                  the light ({lights}) reach what the camera sees, and do the filters pass what comes from there?",
