@@ -66,7 +66,10 @@ pub fn comparison_report(
     let judged = apart + numbers.iter().filter(|n| n.told_apart == ToldApart::NotApart).count();
     let counted = match judged {
         0 => "None of the numbers has an interval in both.".into(),
-        _ => format!("Of {judged} numbers with intervals {apart} are told apart."),
+        _ => {
+            let verb = if apart == 1 { "is" } else { "are" };
+            format!("Of {judged} numbers with intervals {apart} {verb} told apart.")
+        }
     };
     let mut sections = Vec::new();
     if !frames.is_empty() {

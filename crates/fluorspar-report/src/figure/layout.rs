@@ -325,11 +325,14 @@ fn draw_labels(panel: &Panel, frame: Frame, to_px: &dyn Fn([f64; 2]) -> [f64; 2]
                 crowd.extend(points.iter().step_by(step).map(|&point| to_px(point)));
             }
             SeriesShape::Line { points, .. } => {
-                let px: Vec<[f64; 2]> = points.iter().copied().filter(is_finite).map(to_px).collect();
-                // Strokes of 4 px: their ends are points every 4 px along the line.
-                lines.extend(
-                    dashed(&px, &[4.0, 0.1]).into_iter().filter_map(|stroke| stroke.first().copied()),
-                );
+                // Where a line is interrupted there is none to keep away from
+                for part in points.split(|point| !is_finite(point)) {
+                    let px: Vec<[f64; 2]> = part.iter().copied().map(to_px).collect();
+                    // Strokes of 4 px: their ends are points every 4 px along the line.
+                    lines.extend(
+                        dashed(&px, &[4.0, 0.1]).into_iter().filter_map(|stroke| stroke.first().copied()),
+                    );
+                }
             }
             _ => {}
         }
@@ -386,6 +389,31 @@ mod tests {
         let first_half = kept.iter().filter(|point| point[0] < 100_000.0).count();
         assert!((first_half as f64 - 10_000.0).abs() < 5.0 * 95.0, "{first_half}");
         assert_eq!(shown(&points[..9]).len(), 9);
+    }
+
+    /// Where a line is interrupted a name may stand.
+    #[test]
+    fn names_keep_away_from_lines_and_not_from_their_gaps() {
+        let place = |lines: Vec<Vec<[f64; 2]>>| {
+            let mut panel = Panel::new(Axis::linear("share", "", [0.0, 10.0]), Axis::hidden([0.0, 4.0]));
+            for points in lines {
+                panel = panel.with(Series::line("", Ink::Text, points));
+            }
+            let name = Label { at: [0.5, 2.0], text: "a name as long as half of the panel".into() };
+            panel = panel.with(Series::unnamed(Ink::Text, SeriesShape::Labels(vec![name])));
+            let drawing = lay_out(&Figure::new("Title", panel));
+            let found = drawing.marks.iter().find_map(|mark| match mark {
+                Mark::Text { at, text, .. } if text.starts_with("a name") => Some(*at),
+                _ => None,
+            });
+            found.unwrap()
+        };
+        let (above, below) = (vec![[0.0, 2.4], [9.0, 2.4]], vec![[0.0, 1.6], [9.0, 1.6]]);
+        let apart = place(vec![above.clone(), below.clone()]);
+        let gap = vec![[f64::NAN, f64::NAN]];
+        assert_eq!(place(vec![[above.clone(), gap, below.clone()].concat()]), apart);
+        // The line from one end to the other is in the way
+        assert_ne!(place(vec![[above, below].concat()]), apart);
     }
 
     #[test]

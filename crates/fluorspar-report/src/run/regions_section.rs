@@ -15,8 +15,13 @@ pub(super) fn regions_section(run: &RunResults<'_>) -> Option<Section> {
     let main = &run.evaluation.analysis.as_ref()?.analysis;
     let regions = &run.evaluation.regions;
     let matrix = regions_matrix(run.experiment, main, regions)?;
-    let names: Vec<&str> = regions.iter().map(|region| region.name.as_str()).collect();
-    Some(Section::new("Regions").folded(names.join(", ")).with(ReportItem::Matrix(matrix)))
+    // The folded section tells the estimates, the first thing that a reader wants of a region
+    let brief = |region: &AnalyzedRegion| match share_text(&region.analyzed.analysis) {
+        Some(share) => format!("{} {share}", region.name),
+        None => region.name.clone(),
+    };
+    let note: Vec<String> = regions.iter().map(brief).collect();
+    Some(Section::new("Regions").folded(note.join("; ")).with(ReportItem::Matrix(matrix)))
 }
 
 /// The regions of a frame, a row each, that of the analysis first: estimate, truth where it is known, detection limit, signal. `None`
@@ -106,14 +111,29 @@ pub(crate) fn level(analysis: &Analysis, median_dn: f64) -> Option<[f64; 2]> {
         .then(|| [median / noise.dn_per_electron, median / deviation])
 }
 
+/// Share of a frame by which a name keeps away from its sides, and from its upper and lower edge, where it would be cut off.
+const NAME_MARGIN: [f64; 2] = [0.1, 0.05];
+
 /// Where the name of a region stands in a frame, in pixels divided by `block`: the middle of its longest row of pixels, which lies within it
-/// whatever its shape.
+/// whatever its shape. Rows at the rim of the frame count where there are no others.
 fn label_place(region: &PixelSelection, block: usize) -> Option<[f64; 2]> {
     let joins = |a: &usize, b: &usize| *b == *a + 1 && !b.is_multiple_of(region.width);
-    let longest =
-        region.pixels.chunk_by(joins).reduce(|best, run| if run.len() > best.len() { run } else { best })?;
-    let middle = longest[longest.len() / 2];
-    Some([middle % region.width, middle / region.width].map(|at| (at as f64 + 0.5) / block as f64))
+    let middle = |run: &[usize]| {
+        let middle = run[run.len() / 2];
+        [middle % region.width, middle / region.width].map(|at| at as f64 + 0.5)
+    };
+    let is_inner = |run: &[usize]| {
+        let sides = [region.width, region.height].map(|side| side as f64);
+        let at = middle(run);
+        (0..2).all(|axis| {
+            let margin = NAME_MARGIN[axis] * sides[axis];
+            (margin..=sides[axis] - margin).contains(&at[axis])
+        })
+    };
+    let rank = |run: &[usize]| (is_inner(run), run.len());
+    let best =
+        region.pixels.chunk_by(joins).reduce(|best, run| if rank(run) > rank(best) { run } else { best })?;
+    Some(middle(best).map(|at| at / block as f64))
 }
 
 /// Names and places of all regions, that of the analysis by its description; none where it is alone.
@@ -145,6 +165,13 @@ mod tests {
         let [x, y] = label_place(&ring, 1).unwrap();
         assert!(is_rim(&(y as usize * width + x as usize)), "{x} {y}");
         assert_eq!(label_place(&ring, 1), Some([4.5, 0.5]));
+        // A long row at the very edge of a frame, and a short one inside: the name is not cut off
+        let row = |y: usize, from: usize, to: usize| (y * 100 + from)..(y * 100 + to);
+        let pixels: Vec<usize> = row(60, 40, 50).chain(row(99, 20, 80)).collect();
+        let lip = PixelSelection { width: 100, height: 100, pixels };
+        assert_eq!(label_place(&lip, 2), Some([22.75, 30.25]));
+        let edge = PixelSelection { width: 100, height: 100, pixels: row(99, 20, 80).collect() };
+        assert_eq!(label_place(&edge, 1), Some([50.5, 99.5]));
         assert_eq!(label_place(&PixelSelection { width, height, pixels: Vec::new() }, 1), None);
     }
 }

@@ -107,7 +107,7 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
 /// The sections below the first screen, each folded.
 fn sections(run: &RunResults<'_>, words: &Words<'_>, builder: &mut Builder) -> Vec<Section> {
     let evaluation = run.evaluation;
-    let mut sections = Vec::new();
+    let mut sections: Vec<Section> = regions_section(run).into_iter().collect();
     if !evaluation.frames.is_empty() {
         sections.push(frames_section(run, builder));
     }
@@ -115,7 +115,6 @@ fn sections(run: &RunResults<'_>, words: &Words<'_>, builder: &mut Builder) -> V
     if let Some(analyzed) = &evaluation.analysis {
         sections.push(result_section(run, words, analyzed, builder));
     }
-    sections.extend(regions_section(run));
     if let Some(radiance) = &evaluation.region_radiance {
         sections.push(radiance_section(run, radiance, builder));
     }
