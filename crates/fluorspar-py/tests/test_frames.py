@@ -87,10 +87,15 @@ def test_a_client_gives_the_same_sweep_and_analyses_pickle(mouth, components) ->
 
 
 def test_regions_are_analyses_by_name(mouth, components) -> None:
-    with_region = mouth.with_(analysis={"region": [{"name": "lip", "parts": ["lower_lip"], "tissue": "none"}]})
+    # What other parts are made of is no matter of the lip: it has a bulk of its own
+    own = {"parts": ["lower_lip"], "tissue": "none", "bulk": {"collagen": 1.0}}
+    with_region = mouth.with_(analysis={"region": [{"name": "lip", **own}]})
     shots = fs.capture(with_region, components)
     analysis = fs.analyze(with_region, shots, components=components)
-    alone = fs.analyze(mouth.set("analysis.parts", ["lower_lip"]).set("analysis.tissue", "none"), shots, components=components)
+    alone = mouth
+    for field, value in own.items():
+        alone = alone.set(f"analysis.{field}", value)
+    alone = fs.analyze(alone, shots, components=components)
     lip = analysis.regions["lip"]
     assert list(analysis.regions) == ["lip"] and lip == alone and lip.porphyrin == alone.porphyrin
     assert analysis["regions"] == [{"name": "lip", "analysis": alone}] and alone.regions == {}

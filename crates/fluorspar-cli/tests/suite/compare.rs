@@ -170,7 +170,7 @@ fn regions_of_both_runs_stand_row_by_row() {
     // The folded section tells the estimates
     let note =
         page.split("<h2>Regions</h2> <span class=\"note\">").nth(1).unwrap().split('<').next().unwrap();
-    assert!(note.starts_with("middle 0.") && note.contains("; left 0."), "{note}");
+    assert!(note.starts_with("porphyrin share: middle 0.") && note.contains("; left 0."), "{note}");
     // Captures of its image have the same regions, and reports of them
     fluorspar(folder, ["capture", "a/components.exr", "-q", "--report", "--out", "shots"]).well();
     assert_eq!(read("shots")["regions"], results["regions"]);

@@ -20,8 +20,12 @@ pub(super) fn regions_section(run: &RunResults<'_>) -> Option<Section> {
         Some(share) => format!("{} {share}", region.name),
         None => region.name.clone(),
     };
-    let note: Vec<String> = regions.iter().map(brief).collect();
-    Some(Section::new("Regions").folded(note.join("; ")).with(ReportItem::Matrix(matrix)))
+    let list = regions.iter().map(brief).collect::<Vec<_>>().join("; ");
+    let note = match matrix.columns.iter().any(|column| column == SHARE) {
+        true => format!("{} share: {list}", Words::of(run.experiment).target()),
+        false => list,
+    };
+    Some(Section::new("Regions").folded(note).with(ReportItem::Matrix(matrix)))
 }
 
 /// The regions of a frame, a row each, that of the analysis first: estimate, truth where it is known, detection limit, signal. `None`
