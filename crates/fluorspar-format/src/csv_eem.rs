@@ -254,6 +254,63 @@ fn name(unit: EemUnit) -> &'static str {
     }
 }
 
+/// Bandpass of an instrument, nm, at least: scattered light is as wide.
+const BANDPASS_NM: f64 = 10.0;
+/// Excitation wavelengths over which values must follow the excitation to be scattered light, nm. Emission keeps its place: in its own
+/// maximum, or in the tail beyond, it looks so over less.
+const SCATTER_SPAN_NM: f64 = 40.0;
+/// Share of the peak below which scattered light changes little.
+const LEAST_SCATTER: f64 = 0.02;
+
+/// Refuses a matrix, `[emission][excitation]`, whose values follow the excitation or twice the excitation: in three columns or more, over
+/// [`SCATTER_SPAN_NM`], the values within a bandpass of that line are more than twice all those one bandpass to three beside it.
+///
+/// # Errors
+/// [`FormatError::ScatteredLight`].
+pub fn refuse_scattered_light(
+    path: &Path,
+    emission_nm: &[f64],
+    excitation_nm: &[f64],
+    values: &[f64],
+) -> Result<(), FormatError> {
+    let steps = emission_nm.windows(2).map(|pair| pair[1] - pair[0]);
+    let step_nm = steps.fold(0.0, f64::max);
+    let wide_nm = BANDPASS_NM.max(0.75 * step_nm);
+    for order in [1_u8, 2] {
+        let columns = excitation_nm.len();
+        let distance =
+            |row: usize, column: usize| emission_nm[row] - f64::from(order) * excitation_nm[column];
+        let largest = |column: usize, wanted: &dyn Fn(f64) -> bool| -> Option<f64> {
+            let rows = (0..emission_nm.len()).filter(|row| wanted(distance(*row, column)));
+            rows.map(|row| values[row * columns + column]).reduce(f64::max)
+        };
+        // What is left of the matrix without the line
+        let beside = |column: usize| largest(column, &|nm| nm.abs() > wide_nm).unwrap_or(0.0);
+        let peak = (0..columns).map(beside).fold(0.0, f64::max);
+        let scattered = |column: &usize| -> bool {
+            let on_line = largest(*column, &|nm| nm.abs() <= wide_nm);
+            let above = largest(*column, &|nm| nm > wide_nm && nm <= 3.0 * wide_nm);
+            let below = largest(*column, &|nm| nm < -wide_nm && nm >= -3.0 * wide_nm).unwrap_or(0.0);
+            let (Some(on_line), Some(above)) = (on_line, above) else { return false };
+            on_line > LEAST_SCATTER * peak && on_line > 2.0 * above.max(below)
+        };
+        let found: Vec<usize> = (0..columns).filter(scattered).collect();
+        let (Some(first), Some(last)) = (found.first(), found.last()) else { continue };
+        let span = [excitation_nm[*first], excitation_nm[*last]];
+        if found.len() < 3 || span[1] - span[0] < SCATTER_SPAN_NM {
+            continue;
+        }
+        let on_line = found.iter().filter_map(|column| largest(*column, &|nm| nm.abs() <= wide_nm));
+        return Err(FormatError::ScatteredLight {
+            path: path.into(),
+            order,
+            excitation_nm: span,
+            percent_of_peak: 100.0 * on_line.fold(0.0, f64::max) / peak.max(f64::MIN_POSITIVE),
+        });
+    }
+    Ok(())
+}
+
 fn check_stokes(
     path: &Path,
     table: &Table,
@@ -278,6 +335,9 @@ fn check_stokes(
     }
     if rule != AntiStokes::Keep && below > 0.5 * total {
         return Err(FormatError::Transposed { path: path.into(), percent: 100.0 * below / total });
+    }
+    if rule != AntiStokes::Keep {
+        refuse_scattered_light(path, &eem.emission_nm, &eem.excitation_nm, &eem.values)?;
     }
     let AntiStokes::Refuse(tolerance) = rule else { return Ok(()) };
     let mut wrong = WrongCells::default();

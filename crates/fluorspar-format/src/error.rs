@@ -133,6 +133,17 @@ pub enum FormatError {
         /// The value relative to the largest one, %.
         percent_of_peak: f64,
     },
+    /// Values of an excitation-emission matrix follow the excitation: light of the lamp that was scattered into the instrument.
+    ScatteredLight {
+        /// The file.
+        path: PathBuf,
+        /// Emission over excitation wavelength: 1, or 2 of a grating's second order.
+        order: u8,
+        /// First and last excitation wavelength at which it is seen, nm.
+        excitation_nm: [f64; 2],
+        /// Largest of the values over the largest one beyond the line, %.
+        percent_of_peak: f64,
+    },
     /// The place must not be written; nothing was.
     Refused {
         /// The place.
@@ -185,6 +196,7 @@ impl FormatError {
             | Self::Unit { path, .. }
             | Self::Transposed { path, .. }
             | Self::AntiStokes { path, .. }
+            | Self::ScatteredLight { path, .. }
             | Self::Refused { path, .. }
             | Self::NoRoom { path, .. }
             | Self::Failed { path, .. }
@@ -230,6 +242,7 @@ impl FormatError {
             | Self::Unit { path, .. }
             | Self::Transposed { path, .. }
             | Self::AntiStokes { path, .. }
+            | Self::ScatteredLight { path, .. }
             | Self::Refused { path, .. }
             | Self::NoRoom { path, .. }
             | Self::Failed { path, .. }
@@ -358,9 +371,18 @@ impl fmt::Display for Problem<'_> {
             FormatError::AntiStokes { emission_nm, excitation_nm, value, percent_of_peak, .. } => write!(
                 f,
                 "emission at {emission_nm} nm is below its excitation at {excitation_nm} nm but holds {value} \
-                 ({percent_of_peak:.2} % of the peak). Remove scattered light, set such cells to 0 or allow \
-                 anti-Stokes values"
+                 ({percent_of_peak:.2} % of the peak). Remove scattered light, also that at and just above the excitation, set such cells \
+                 to 0 or allow anti-Stokes values"
             ),
+            FormatError::ScatteredLight { order, excitation_nm: [first, last], percent_of_peak, .. } => {
+                let line = if *order == 1 { "emission = excitation" } else { "emission = 2 x excitation" };
+                write!(
+                    f,
+                    "scattered light of the lamp stands on the line {line}, from {first} to {last} nm: up to {percent_of_peak:.0} % of the peak \
+                     beside it. Measure again with a blank subtracted, or put the values of both sides, or 0, into the cells on the line and \
+                     within a bandpass of it"
+                )
+            }
             FormatError::Refused { why, hint, .. } => write!(f, "{why}; {hint}"),
             FormatError::NoRoom { needed_bytes, free_bytes, .. } => write!(
                 f,

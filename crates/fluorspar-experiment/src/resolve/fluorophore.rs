@@ -13,7 +13,7 @@ use fluorspar::spectral::{
 };
 use fluorspar_format::{
     AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, FormatError, Negative, read_eem_csv,
-    read_fluorophore_csv, read_iset_fluorophore,
+    read_fluorophore_csv, read_iset_fluorophore, refuse_scattered_light,
 };
 
 /// Largest concentration that is accepted.
@@ -302,7 +302,7 @@ fn negative(section: &FluorophoreSection) -> Negative {
 fn reader_error(context: &Context<'_>, at: &Place, error: &FormatError) -> crate::ExperimentError {
     let field = match error.first() {
         FormatError::Negative { .. } => "; allow_negative = true in this [[fluorophore]] takes them as zero",
-        FormatError::AntiStokes { .. } => ALLOW_ANTI_STOKES,
+        FormatError::AntiStokes { .. } | FormatError::ScatteredLight { .. } => ALLOW_ANTI_STOKES,
         FormatError::EmptyCell { .. } => EMPTY_AS_ZERO,
         _ => "",
     };
@@ -391,6 +391,8 @@ fn from_mat(
     }
     if let Some(values) = read.eem {
         if !section.allow_anti_stokes && stokes != Stokes::Off {
+            refuse_scattered_light(file.as_ref(), &read.wave_nm, &read.wave_nm, &values)
+                .map_err(|error| reader_error(context, at, &error))?;
             check_stokes(context, at, &read.wave_nm, &values)?;
         }
         let values = values.into_iter().map(|value| value.max(0.0)).collect();

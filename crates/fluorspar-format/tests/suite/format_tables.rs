@@ -216,6 +216,40 @@ fn anti_stokes_cells_follow_the_options() {
     assert_eq!(read(AntiStokes::Refuse(0.2), Negative::ClipToZero), [1.0, 0.5, 0.0, 3.0, 0.0, 3.0]);
 }
 
+/// A dye whose emission keeps its place, with light of the lamp on a line that follows the excitation.
+#[test]
+fn scattered_light_of_the_lamp_is_refused_and_small_stokes_shifts_are_not() {
+    let bell = |nm: f64, peak: f64, sigma: f64| (-0.5 * ((nm - peak) / sigma).powi(2)).exp();
+    let table = |step: usize, [excited, emitted]: [f64; 2], scatter: &dyn Fn(f64, f64) -> f64| {
+        let excitation: Vec<f64> = (340..=480).step_by(step).map(|nm| nm as f64).collect();
+        let mut text = String::from("# unit: photons\nem_nm\\ex_nm");
+        excitation.iter().for_each(|x| text += &format!(",{x}"));
+        for m in (360..=800).step_by(step).map(|nm| nm as f64) {
+            text += &format!("\n{m}");
+            for &x in &excitation {
+                let dye = if m > x { bell(x, excited, 30.0) * bell(m, emitted, 30.0) } else { 0.0 };
+                text += &format!(",{:.6}", dye + if m < x { 0.0 } else { scatter(m, x) });
+            }
+        }
+        text
+    };
+    let strict = |path: &Path| read_eem_csv(path, &CsvEemOptions::default());
+    let kept = CsvEemOptions { anti_stokes: AntiStokes::Keep, ..CsvEemOptions::default() };
+    for step in [5, 10, 20] {
+        let first = |m: f64, x: f64| 0.4 * bell(m, x, 4.0);
+        let text = complaint(table(step, [400.0, 520.0], &first).as_bytes(), strict);
+        assert!(text.contains("on the line emission = excitation, from 3"), "{step}: {text}");
+        loaded(&table(step, [400.0, 520.0], &first), |path| read_eem_csv(path, &kept));
+        let second = |m: f64, x: f64| 0.3 * bell(m, 2.0 * x, 4.0);
+        let text = complaint(table(step, [400.0, 520.0], &second).as_bytes(), strict);
+        assert!(text.contains("on the line emission = 2 x excitation, from 3"), "{step}: {text}");
+        // The dye alone, with shifts of 120, 40, 15 and 0 nm
+        for peaks in [[400.0, 520.0], [400.0, 440.0], [430.0, 445.0], [430.0, 430.0]] {
+            loaded(&table(step, peaks, &|_, _| 0.0), strict);
+        }
+    }
+}
+
 #[test]
 fn bad_matrices_are_explained() {
     let photons = "# unit: photons\n";
@@ -246,7 +280,7 @@ fn bad_matrices_are_explained() {
         ),
         (
             "@em_nm\\ex_nm,350,400\n380,1,0.03\n450,2,3\n",
-            "t.csv:3: emission at 380 nm is below its excitation at 400 nm but holds 0.03 (1.00 % of the peak). Remove scattered light, set such cells to 0 or allow anti-Stokes values",
+            "t.csv:3: emission at 380 nm is below its excitation at 400 nm but holds 0.03 (1.00 % of the peak). Remove scattered light, also that at and just above the excitation, set such cells to 0 or allow anti-Stokes values",
         ),
         (
             "@em_nm\\ex_nm,400,350\n380,1,0\n450,2,3\n",

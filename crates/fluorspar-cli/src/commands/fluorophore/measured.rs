@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fluorspar_format::{
     AntiStokes, CsvEemOptions, EemUnit, FormatError, Negative, read_eem_csv, read_fluorophore_csv,
-    read_iset_fluorophore, read_start,
+    read_iset_fluorophore, read_start, refuse_scattered_light,
 };
 
 use super::{FileOptions, Unit};
@@ -65,7 +65,7 @@ fn option_for(error: &FormatError, options: &FileOptions) -> Option<&'static str
         FormatError::Unit { .. } if options.yield_unit.is_none() => {
             Some("--yield-unit photons or --yield-unit energy")
         }
-        FormatError::AntiStokes { .. } => Some("--allow-anti-stokes"),
+        FormatError::AntiStokes { .. } | FormatError::ScatteredLight { .. } => Some("--allow-anti-stokes"),
         FormatError::Negative { .. } => Some("--allow-negative"),
         FormatError::EmptyCell { .. } => Some("--empty-as-zero"),
         _ => None,
@@ -186,6 +186,7 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
             return Err(FormatError::Transposed { path: path.into(), percent }.into());
         }
         if !options.allow_anti_stokes {
+            refuse_scattered_light(path, &matrix.emission_nm, &matrix.excitation_nm, &matrix.values)?;
             refuse_anti_stokes(path, &matrix)?;
         }
         describe(path, &matrix, &mut findings)?;
