@@ -156,7 +156,7 @@ fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
 fn posterior_number(posterior: &SharePosterior, name: &str) -> RunNumber {
     let quantity = format!("{name} share of the light");
     let number = RunNumber::new(Subject::Estimate, quantity, "", posterior.median).within(posterior.interval);
-    if posterior.foreign && posterior.explained_by().is_none() {
+    if posterior.is_no_estimate() {
         return RunNumber { value: None, interval: None, words: Some("no estimate".into()), ..number };
     }
     if posterior.excludes_none() {

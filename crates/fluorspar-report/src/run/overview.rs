@@ -194,7 +194,7 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
     if let Some(posterior) = &analysis.posterior {
         let [low, high] = posterior.interval;
         let explained = posterior.explained_by();
-        let (value, interval) = if posterior.foreign && explained.is_none() {
+        let (value, interval) = if posterior.is_no_estimate() {
             let data = posterior.data;
             let misfit = format!("chi-square {:.0} of {data} signals", posterior.misfit);
             ("no estimate".into(), format!("The light is not that of the assumed tissue ({misfit})."))
@@ -217,7 +217,7 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
             .iter()
             .map(|w| (w.source.clone(), width - (w.interval[1] - w.interval[0])))
             .collect();
-        budget.retain(|(_, less)| *less > 0.005 * width);
+        budget.retain(|(_, less)| *less > 0.005 * width && !posterior.is_no_estimate());
         return Some(Answer {
             quantity: format!("{} share of the fluorescence, {region}", capital(&target)),
             value,

@@ -201,7 +201,7 @@ fn leak_ratio_rows(leak: &FrameLeak, ratio: f64) -> Vec<Number> {
     if let Some(before) = leak.ratio_before {
         rows.push(Number::computed(
             "Reflected over fluorescence, before the filter",
-            format!("{before:.0}"),
+            if before < 10.0 { format!("{before:.2}") } else { format!("{before:.0}") },
             "photons per photon",
             "what the filter has to deal with",
         ));
@@ -360,7 +360,11 @@ fn result_section(
     let mut figures = Vec::new();
     if !analyzed.chromaticity.chromaticity.is_empty() {
         let plot = chromaticity_plot(run, words, analyzed);
-        figures.push(builder.item("chromaticity", plot, "The sensor's noise spreads pixels about the line."));
+        let note = match analysis.mixture {
+            Some(_) => "The sensor's noise spreads pixels about the line.",
+            None => "The sensor's noise spreads pixels of one color.",
+        };
+        figures.push(builder.item("chromaticity", plot, note));
     }
     if let Some(figure) = analyzed.porphyrin.as_ref().and_then(|map| share_map(map, &words.target())) {
         figures.push(builder.item("share_map", figure, ""));
@@ -415,8 +419,8 @@ fn radiance_section(run: &RunResults<'_>, radiance: &RegionRadiance, builder: &m
         section,
         "radiance_log",
         radiance_by_component(Some(&total), Some(&reflected), &glow, &region, Scale::Log10),
-        "Logarithmic: reflected excitation light exceeds fluorescence by orders of magnitude, which is why the filters decide the \
-         design. Light of a fluorophore that the region does not hold was given off elsewhere and reflected here.",
+        "Logarithmic: where reflected light of the lights exceeds fluorescence, the filters must keep it away. Light of a fluorophore \
+         that the region does not hold was given off elsewhere and reflected here.",
     );
     builder.show(
         section,

@@ -76,9 +76,9 @@ impl TissueDoubt {
         let (best, [low, high]) = (others.first()?, self.interval_as_named);
         self.is_strong.then(|| {
             format!(
-                "The light of the region is not that of {}, as the estimate is told: {} explains it {:.0} times better (Bayes factor; \
+                "The estimate is told that the region is {}, and {} explains its light {:.0} times better (Bayes factor; \
                  20 and more is strong evidence). Give analysis.tissue the site of the tissue. The interval allows for both; it \
-                 were {low:.3} to {high:.3} if {} were certain, which is not to be trusted.",
+                 would be {low:.3} to {high:.3} if {} were certain, which is not to be trusted.",
                 named.tissue, best.tissue, best.bayes_factor, named.tissue
             )
         })

@@ -64,10 +64,10 @@ impl SharePosterior {
         let other = self.doubt.as_ref().and_then(TissueDoubt::warning);
         let foreign = self.foreign.then(|| {
             format!(
-                "The colors of the region are {:.0} away from the family of {} (chi-square of {} numbers): its light holds something \
+                "The colors of the region are not those of {} (chi-square {:.0}, where {} is expected): its light holds something \
                  that the family does not, or it is other tissue. {}",
-                self.misfit,
                 self.prior,
+                self.misfit,
                 self.data,
                 match self.explained_by() {
                     Some(tissue) => format!("The estimate is an average over tissues, of which {tissue} explains the light."),
@@ -102,12 +102,23 @@ impl SharePosterior {
         format!("{noun} {}", frames.join(" and "))
     }
 
+    /// Whether the light is that of no tissue that was compared, so that the share is no estimate of anything.
+    #[must_use]
+    pub fn is_no_estimate(&self) -> bool {
+        self.foreign && self.explained_by().is_none()
+    }
+
     /// The share in words: median and interval, or where none can't be excluded, the upper limit alone. Half of the prior lies on none,
-    /// which pulls the median toward 0.
+    /// which pulls the median toward 0. Of light that no tissue explains there is no estimate.
     #[must_use]
     pub fn finding(&self) -> String {
         let [low, high] = self.interval;
-        if self.excludes_none() {
+        if self.is_no_estimate() {
+            let (misfit, data) = (self.misfit, self.data);
+            format!(
+                "no estimate, as the light is not that of the assumed tissue (chi-square {misfit:.0} of {data} signals)"
+            )
+        } else if self.excludes_none() {
             format!("{:.3} (95 %: {low:.3} to {high:.3})", self.median)
         } else {
             format!(
@@ -121,20 +132,20 @@ impl SharePosterior {
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
         let [wide_low, wide_high] = self.with_prior_twice_as_wide;
-        let mut lines = vec![
-            format!(
-                "Porphyrin share of the light: {}, for {} from {}",
-                self.finding(),
-                self.prior,
-                self.frames_in_words()
-            ),
-            format!(
+        let mut lines = vec![format!(
+            "Porphyrin share of the light: {}, for {} from {}",
+            self.finding(),
+            self.prior,
+            self.frames_in_words()
+        )];
+        if !self.is_no_estimate() {
+            lines.push(format!(
                 "  no porphyrin: {:.0} % probable ({:.0} % before the measurement); with a prior twice as wide {wide_low:.3} to \
                  {wide_high:.3}",
                 100.0 * self.probability_of_none,
                 100.0 * self.prior_probability_of_none
-            ),
-        ];
+            ));
+        }
         lines.extend(self.doubt.as_ref().map(|doubt| format!("  {}", doubt.words())));
         if let Some(BlindDirection { name, correlation }) = &self.blind_to {
             lines.push(format!(
