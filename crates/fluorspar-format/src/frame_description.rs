@@ -294,7 +294,9 @@ impl Facts<'_> {
             .filter(|bits| *bits <= pixels.bits)
             .find(fits)
             .unwrap_or(pixels.bits);
-        let remark = format!("the fewest bits that hold the largest value, {most}; --bit-depth gives others");
+        let remark = format!(
+            "the least of 8, 10, 12, 14 and 16 bits that hold the largest value, {most}; --bit-depth gives others"
+        );
         let of_white = in_first(50_717).map(|white| bits_of(white.clamp(1.0, 65_535.0) as u16));
         let (bits, source, remark) = match (given.bit_depth, of_white) {
             (Some(bits), _) => (bits, FactSource::Given, ""),
