@@ -20,7 +20,7 @@ pub(super) struct Options {
     #[arg(value_name = "SAMPLE", value_hint = ValueHint::FilePath)]
     sample: Option<String>,
     /// Filter in front of the lens, instead of those of the sample: a name of the catalogue, a CSV file or a number from 0
-    /// to 1. May be repeated; `none` means no filter.
+    /// to 1. May be repeated: the filters then stand one behind the other; `none` means no filter.
     #[arg(long, value_name = "NAME|CSV|T", allow_negative_numbers = true)]
     view_filter: Vec<String>,
     /// Filter on the light, instead of those of the sample. As `--view-filter`.
@@ -91,8 +91,13 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     ]);
     rows.push(row("as stated".into(), &leak.as_stated));
     rows.extend(leak.at_angles.iter().map(|at| row(format!("{} deg", at.angle_deg), &at.behind)));
+    let behind = match &options.view_filter[..] {
+        [] => "the viewing filters of the sample".to_owned(),
+        [one] => one.clone(),
+        several => format!("{}, one behind the other", several.join(" + ")),
+    };
     let mut text = format!(
-        "{}: reflected light against fluorescence behind the viewing filters, photons/(s m2 sr)\n\n{}",
+        "{}: reflected light against fluorescence behind {behind}, photons/(s m2 sr)\n\n{}",
         source.name,
         align(&rows, &[])
     );
