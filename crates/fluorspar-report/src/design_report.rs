@@ -1,6 +1,6 @@
 //! The page of a design search: what is best, what it costs, what it rests on, and what it can't tell apart.
 
-use fluorspar::design::{Design, DesignSpace, FineBands, Merits, Score, Sensitivity, WorstCase};
+use fluorspar::design::{Criterion, Design, DesignSpace, FineBands, Merits, Score, Sensitivity, WorstCase};
 
 use crate::figures::PlotCurve;
 use crate::{
@@ -44,8 +44,8 @@ pub struct DesignFindings<'a> {
     pub compared: &'a [JudgedDesign],
     /// What a quarter more of each assumed number does.
     pub sensitivities: &'a [Sensitivity],
-    /// The best design within tolerances.
-    pub worst_case: Option<&'a WorstCase>,
+    /// The first of the best within tolerances.
+    pub worst_cases: &'a [WorstCase],
     /// The resolved file.
     pub design_toml: &'a str,
     /// Its digest.
@@ -53,7 +53,7 @@ pub struct DesignFindings<'a> {
 }
 
 /// Designs told in the table of the best.
-const SHOWN: usize = 10;
+const SHOWN: usize = 20;
 /// Sensitivities told.
 const MOST_SENSITIVITIES: usize = 15;
 /// Side of a simulated patch, pixels.
@@ -142,7 +142,7 @@ fn digits(value: f64) -> String {
 fn headline(found: &DesignFindings<'_>) -> Vec<Number> {
     let Some(best) = found.best.first() else { return Vec::new() };
     let mut numbers = vec![Number::computed("loss", digits(best.merits.loss), "", found.criterion)];
-    if let Some(worst) = found.worst_case {
+    if let Some(worst) = found.worst_cases.first() {
         let meaning = "the same at the worst end of all tolerances, after calibration";
         numbers.push(Number::computed("within tolerances", digits(worst.loss), "", meaning));
     }
@@ -362,24 +362,33 @@ fn blind_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section {
 }
 
 fn choices_section(found: &DesignFindings<'_>) -> Section {
-    let row = |judged: &JudgedDesign| {
+    let row = |judged: &JudgedDesign, worst: Option<&WorstCase>| {
         let merits = &judged.merits;
-        let meaning = format!(
-            "{} ms, leak {}, saturation {}, price {}",
-            digits(merits.time_s * 1e3),
-            digits(merits.leak),
-            digits(merits.saturation),
-            digits(merits.cost)
+        let mut meaning = vec![
+            format!("{} electrons of fluorescence", digits(merits.fluorescence_e)),
+            format!("{} ms", digits(merits.time_s * 1e3)),
+            format!("leak {}", digits(merits.leak)),
+            format!("saturation {}", digits(merits.saturation)),
+            format!("price {}", digits(merits.cost)),
+        ];
+        // Where designs are ranked by leak, what that costs in the contrasts
+        let contrasts = found.space.problem().contrasts.iter().zip(&merits.regions[0].contrasts);
+        meaning.extend(
+            contrasts
+                .filter(|_| found.space.problem().criterion == Criterion::Leak)
+                .map(|(contrast, sd)| format!("standard deviation of {} {}", contrast.name, digits(*sd))),
         );
-        Number::computed(&judged.name, digits(merits.loss), "", meaning)
+        meaning.extend(worst.map(|worst| format!("loss within tolerances {}", digits(worst.loss))));
+        Number::computed(&judged.name, digits(merits.loss), "", meaning.join(", "))
     };
+    let rows = found.best.iter().take(SHOWN).enumerate();
     let best = NumberTable {
-        caption: "The best designs".into(),
-        rows: found.best.iter().take(SHOWN).map(row).collect(),
+        caption: "The best designs, by loss; electrons are those of one pixel of each channel".into(),
+        rows: rows.map(|(place, judged)| row(judged, found.worst_cases.get(place))).collect(),
     };
     let front = NumberTable {
         caption: "No design is better than these in loss, time, price and number of exposures at once".into(),
-        rows: found.front.iter().take(SHOWN).map(row).collect(),
+        rows: found.front.iter().take(SHOWN).map(|judged| row(judged, None)).collect(),
     };
     Section::new("All designs")
         .show(front_figure(found), "")
@@ -597,7 +606,7 @@ fn assumptions_section(found: &DesignFindings<'_>) -> Section {
         rows: rows.collect(),
     };
     let mut section = Section::new("What it rests on").with(ReportItem::Table(table));
-    if let Some(worst) = found.worst_case {
+    if let Some(worst) = found.worst_cases.first() {
         let shifts: Vec<String> = worst.light_shifts_nm.iter().map(|nm| format!("{nm:+} nm")).collect();
         section = section.say(format!(
             "At the worst end of the tolerances (lights {}, filter {:+} nm, light at {} degrees) the loss is {}, and the largest leak \

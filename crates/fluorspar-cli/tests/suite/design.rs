@@ -179,6 +179,10 @@ peaks_nm = [375.0, 405.0]
 [[sensor]]
 name = "RGB"
 preset = "lyu_2021_table_1"
+
+[[compare]]
+name = "the shorter LED"
+lights = ["375 nm"]
 "#;
 
 fn renders(folder: &Path) -> Vec<(PathBuf, std::time::SystemTime)> {

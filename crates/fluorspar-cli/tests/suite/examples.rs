@@ -98,8 +98,25 @@ fn the_task_index_and_the_examples_run() {
     assert!(examples.iter().filter(|name| name.ends_with(".toml")).all(is_run), "{examples:?}");
     // What the answers are for.
     let answer = |line: &str| fluorspar(folder.path(), words(line)).well().stdout;
-    let leds = answer("design compare examples/03-four-leds.toml");
-    assert!(leds.contains("first choices"), "{leds}");
+    let leds = answer("design sweep examples/03-four-leds.toml --out leds");
+    assert!(leds.contains("compared with what the file names first\n"), "{leds}");
+    // A file without designs to compare is refused, and told what to do
+    let refused = fluorspar(folder.path(), words("design compare examples/03-four-leds.toml"));
+    assert_eq!(refused.code, Some(2));
+    assert!(refused.stderr.contains("[[compare]]") && refused.stderr.contains("design sweep"));
+    // Electrons of fluorescence, not of what leaks, and what the tolerances of filters leave of the leak
+    let passes = answer("design sweep examples/04-long-passes.toml --out passes --json");
+    let passes: serde_json::Value = serde_json::from_str(&passes).unwrap();
+    let of = |nm: &str| {
+        let best = passes["best"].as_array().unwrap();
+        best.iter().position(|design| design["view_filter"].as_str().unwrap().contains(nm)).unwrap()
+    };
+    let number = |nm: &str, key: &str| passes["best"][of(nm)][key].as_f64().unwrap();
+    let share = number("430", "fluorescence_e") / number("430", "electrons");
+    assert!((share * (1.0 + number("430", "leak")) - 1.0).abs() < 1e-9);
+    assert!(number("430", "fluorescence_e") < 1.5 * number("470", "fluorescence_e"));
+    let within = |nm: &str| passes["worst_cases"][of(nm)]["leak"].as_f64().unwrap();
+    assert!(within("460") > 10.0 * number("460", "leak") && within("480") < 2.0 * number("480", "leak"));
     let best =
         fs::read_to_string(folder.path().join("fluorspar-out/design-03-four-leds/designs.csv")).unwrap();
     assert!(best.lines().nth(1).unwrap().contains("405"), "{best}");

@@ -865,6 +865,9 @@ fn criterion(
     })
 }
 
+/// Name of the design to compare with where a file names none: the first light, filter, sensor and so on.
+pub const FIRST_CHOICES: &str = "first choices";
+
 /// Designs of the file by number; without any the first choice of everything.
 fn compared(
     context: &Context<'_>,
@@ -888,7 +891,7 @@ fn compared(
     if found.is_empty() {
         let lights = (0..problem.exposures.iter().copied().min().unwrap_or(1)).collect();
         let design = Design { lights, filter: 0, camera: 0, lens: 0, drive: 0, split: 0, geometry: 0 };
-        found.push(ComparedDesign { name: "first choices".into(), design });
+        found.push(ComparedDesign { name: FIRST_CHOICES.into(), design });
     }
     Ok(found)
 }

@@ -66,6 +66,11 @@ impl DesignExposure<'_> {
         self.factor() * (fluorescence + rates.leak.iter().sum::<f64>())
     }
 
+    /// Those of fluorescence among them.
+    pub fn fluorescence_electrons(&self, rates: &SignalRates) -> f64 {
+        self.factor() * rates.fluorescence.iter().flatten().sum::<f64>()
+    }
+
     /// Variance of the mean of a channel over the region.
     fn variance(&self, channel: usize, mean_e: f64, pixels: f64) -> f64 {
         let camera = self.camera;

@@ -33,8 +33,10 @@ pub struct Merits {
     pub times_s: Vec<f64>,
     /// All of them together, s.
     pub time_s: f64,
-    /// Electrons of all channels of the first region, one pixel each, the white frame left out.
+    /// Electrons of all channels of the first region, one pixel each, the white frame left out: fluorescence and reflected light.
     pub electrons: f64,
+    /// Those of fluorescence among them.
+    pub fluorescence_e: f64,
     /// Price.
     pub cost: f64,
     /// Largest ratio of reflected to fluorescent electrons.
@@ -235,6 +237,10 @@ impl DesignSpace {
         };
         let times_s: Vec<f64> = exposures.iter().map(|exposure| exposure.time_s).collect();
         let largest = |pick: fn(&RegionMerits) -> f64| regions.iter().map(pick).fold(0.0, f64::max);
+        let of_lights = |electrons: fn(&DesignExposure<'_>, &SignalRates) -> f64| -> f64 {
+            let under_lights = exposures.iter().zip(&by_region[0]).take(design.lights.len());
+            under_lights.map(|(exposure, rates)| electrons(exposure, rates)).sum()
+        };
         let mut merits = Merits {
             loss,
             broken: Vec::new(),
@@ -246,12 +252,8 @@ impl DesignSpace {
             detectability,
             time_s: times_s.iter().sum(),
             times_s,
-            electrons: exposures
-                .iter()
-                .zip(&by_region[0])
-                .take(design.lights.len())
-                .map(|(exposure, rates)| exposure.electrons(rates))
-                .sum(),
+            electrons: of_lights(|exposure, rates| exposure.electrons(rates)),
+            fluorescence_e: of_lights(|exposure, rates| exposure.fluorescence_electrons(rates)),
             cost: self.cost(design),
             leak: largest(|region| region.leak),
             saturation: largest(|region| region.saturation),

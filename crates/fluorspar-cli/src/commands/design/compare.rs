@@ -1,9 +1,10 @@
 //! The designs that a file names, side by side.
 
+use fluorspar_experiment::FIRST_CHOICES;
 use serde_json::json;
 
 use super::ProblemArgs;
-use super::outcome::{compared, criterion_text, design_json, provenance, table};
+use super::outcome::{compared, criterion_text, design_json, legend, provenance, table};
 use crate::args::Answer;
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
@@ -18,7 +19,15 @@ pub(super) struct Options {
 }
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
-    let problem = options.problem.read()?.prepare()?;
+    let read = options.problem.read()?;
+    if read.resolved.compared.iter().any(|compared| compared.name == FIRST_CHOICES) {
+        return Err(CliError::Input(format!(
+            "{}: there is no design to compare; name some, each as [[compare]] with name, lights and what else it chooses, or rank all \
+             with `fluorspar design sweep`",
+            read.source.name
+        )));
+    }
+    let problem = read.prepare()?;
     let designs = compared(&problem);
     if options.answer.json {
         let designs: Vec<_> = designs.iter().map(|judged| design_json(&problem.space, judged)).collect();
@@ -27,8 +36,9 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
             &json!({ "provenance": provenance(&problem), "criterion": criterion, "designs": designs }),
         )?;
     } else {
-        let text =
-            format!("by {}\n\n{}", criterion_text(&problem.space), table(&problem.space, designs.iter()));
+        let space = &problem.space;
+        let table = table(space, designs.iter(), &[]);
+        let text = format!("by {}\n\n{table}{}\n", criterion_text(space), legend(space));
         print_text(&text)?;
     }
     Ok(())

@@ -7,7 +7,7 @@ use fluorspar::design::{
     Criterion, Design, DesignSpace, Score, Sensitivity, Tolerances, WorstCase, pareto_front, sensitivities,
     worst_case,
 };
-use fluorspar_experiment::TolerancesSection;
+use fluorspar_experiment::{FIRST_CHOICES, TolerancesSection};
 use fluorspar_format::{FileFormat, OutputFolder, write_atomically};
 use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_report};
 use serde_json::{Value, json};
@@ -26,7 +26,7 @@ pub(super) const FOLDER_BYTES: u64 = 64 << 20;
 const RIVALS: usize = 10;
 
 /// Designs that are told in words.
-const SHOWN: usize = 10;
+const SHOWN: usize = 20;
 
 /// Scores of the designs that were evaluated.
 pub(super) struct Found {
@@ -46,7 +46,8 @@ pub(super) struct Outcome {
     front: Vec<JudgedDesign>,
     compared: Vec<JudgedDesign>,
     sensitivities: Vec<Sensitivity>,
-    worst_case: Option<WorstCase>,
+    /// Of the first [`RIVALS`] of the best.
+    worst_cases: Vec<WorstCase>,
 }
 
 /// Tolerances of a file as the library takes them.
@@ -87,20 +88,16 @@ impl Outcome {
         let front: Vec<JudgedDesign> = pareto_front(&scores).iter().take(keep).map(judge).collect();
         let rivals: Vec<Design> = best.iter().take(RIVALS).map(|judged| judged.design.clone()).collect();
         let failed = |error: fluorspar::design::DesignError| CliError::Input(error.to_string());
-        let worst_case = match rivals.first() {
-            Some(design) => {
-                let tolerances = tolerances(&problem.resolved.tolerance);
-                Some(worst_case(space.problem(), design, &tolerances).map_err(failed)?)
-            }
-            None => None,
-        };
+        let tolerances = tolerances(&problem.resolved.tolerance);
+        let within = |design: &Design| worst_case(space.problem(), design, &tolerances).map_err(failed);
+        let worst_cases = rivals.iter().map(within).collect::<Result<Vec<_>, _>>()?;
         Ok(Self {
             feasible: ranked.len(),
             best,
             front,
             compared: compared(problem),
             sensitivities: sensitivities(space.problem(), &rivals).map_err(failed)?,
-            worst_case,
+            worst_cases,
             found,
         })
     }
@@ -153,7 +150,8 @@ impl Outcome {
             "pareto_front": all(&self.front),
             "compared": all(&self.compared),
             "sensitivity": self.sensitivities,
-            "worst_case": self.worst_case,
+            "worst_case": self.worst_cases.first(),
+            "worst_cases": self.worst_cases,
         })
     }
 
@@ -174,17 +172,33 @@ impl Outcome {
             );
         } else {
             text += &format!("ranked by {}\n\n", criterion_text(space));
-            text += &table(space, self.best.iter().take(SHOWN));
+            text += &table(space, self.best.iter().take(SHOWN), &self.worst_cases);
+            text += &format!("{}\n", legend(space));
+            if self.best.len() > SHOWN {
+                text += &format!("{} more in designs.csv\n", self.best.len() - SHOWN);
+            }
         }
-        text += "\ncompared\n";
-        text += &table(space, self.compared.iter());
-        if let (Some(best), Some(worst)) = (self.best.first(), &self.worst_case) {
+        text += match self.compared.iter().any(|judged| judged.name == FIRST_CHOICES) {
+            true => "\ncompared with what the file names first\n",
+            false => "\ncompared\n",
+        };
+        text += &table(space, self.compared.iter(), &[]);
+        if let (Some(best), Some(worst)) = (self.best.first(), self.worst_cases.first()) {
             text += &format!(
                 "\nwithin tolerances the best has a loss of {} (as meant {}), a leak of {}\n",
                 short(worst.loss),
                 short(best.merits.loss),
                 short(worst.leak)
             );
+            let losses = self.worst_cases.iter().map(|worst| worst.loss);
+            let least = losses.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+            if let Some((place, loss)) = least.filter(|(place, _)| *place > 0) {
+                text += &format!(
+                    "the least loss within tolerances has {}: {}\n",
+                    self.best[place].name,
+                    short(loss)
+                );
+            }
         }
         for sensitivity in self.sensitivities.iter().take(5) {
             text += &format!(
@@ -212,7 +226,7 @@ impl Outcome {
             front: &self.front,
             compared: &self.compared,
             sensitivities: &self.sensitivities,
-            worst_case: self.worst_case.as_ref(),
+            worst_cases: &self.worst_cases,
             design_toml: &record.resolved_toml,
             sha256: &record.sha256,
         })
@@ -300,6 +314,7 @@ pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
         "loss": finite(merits.loss),
         "broken_limits": merits.broken,
         "electrons": merits.electrons,
+        "fluorescence_e": merits.fluorescence_e,
         "cost": merits.cost,
         "leak": finite(merits.leak),
         "saturation": merits.saturation,
@@ -315,22 +330,44 @@ fn finite(value: f64) -> Value {
     if value.is_finite() { json!(value) } else { Value::Null }
 }
 
-/// A table for people: loss, each weight of the first region, electrons, time, leak.
-pub(super) fn table<'a>(space: &DesignSpace, designs: impl Iterator<Item = &'a JudgedDesign>) -> String {
+/// What the columns of [`table`] mean.
+pub(super) fn legend(space: &DesignSpace) -> String {
+    let contrasts: Vec<&str> = space.problem().contrasts.iter().map(|c| c.name.as_str()).collect();
+    let of_contrasts = match contrasts.is_empty() {
+        true => String::new(),
+        false => format!("; {}: its standard deviation", contrasts.join(", ")),
+    };
+    format!(
+        "A fluorophore's column is the relative standard deviation of its weight{of_contrasts}; fluorescence e-: of one pixel of each channel, \
+         reflected light left out; leak: reflected over fluorescent electrons"
+    )
+}
+
+/// A table for people: loss, each weight of the first region, electrons of fluorescence, time, leak, and the worst loss within tolerances of
+/// those for which it is known.
+pub(super) fn table<'a>(
+    space: &DesignSpace,
+    designs: impl Iterator<Item = &'a JudgedDesign>,
+    worst: &[WorstCase],
+) -> String {
     let p = space.problem();
     let first = p.regions_of(0).next().map_or(&[][..], |region| &region.response.fluorescence);
     let names = first.iter().map(|f| f.name.clone());
     let head = ["design".to_owned(), "loss".into()].into_iter().chain(names);
     let contrasts = p.contrasts.iter().map(|c| c.name.clone());
-    let tail = ["electrons", "ms", "leak", ""].map(String::from);
-    let mut rows: Vec<Vec<String>> = vec![head.chain(contrasts).chain(tail).collect()];
-    for judged in designs {
+    let tail = ["fluorescence e-", "ms", "leak"].into_iter();
+    let tail = tail.chain((!worst.is_empty()).then_some("loss within tolerances")).chain([""]);
+    let mut rows: Vec<Vec<String>> = vec![head.chain(contrasts).chain(tail.map(String::from)).collect()];
+    for (place, judged) in designs.enumerate() {
         let merits = &judged.merits;
         let number = |value: f64| if value.is_finite() { short(value) } else { "not seen".into() };
         let region = &merits.regions[0];
         let mut row = vec![judged.name.clone(), number(merits.loss)];
         row.extend(region.weights.iter().chain(&region.contrasts).map(|sd| number(*sd)));
-        row.extend([short(merits.electrons), short(merits.time_s * 1e3), short(merits.leak)]);
+        row.extend([short(merits.fluorescence_e), short(merits.time_s * 1e3), short(merits.leak)]);
+        if !worst.is_empty() {
+            row.push(worst.get(place).map_or_else(|| "-".into(), |worst| number(worst.loss)));
+        }
         let singular = region.rank < region.weights.len();
         let note = match (&merits.broken[..], singular) {
             ([], false) => String::new(),
@@ -359,6 +396,7 @@ fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
     head.extend(
         [
             "electrons",
+            "fluorescence_e",
             "total_ms",
             "cost",
             "leak",
@@ -387,9 +425,8 @@ fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
         for region in &merits.regions {
             row.extend(region.weights.iter().chain(&region.contrasts).map(|sd| number(*sd)));
         }
-        row.extend(
-            [merits.electrons, merits.time_s * 1e3, merits.cost, merits.leak, merits.saturation].map(number),
-        );
+        row.extend([merits.electrons, merits.fluorescence_e, merits.time_s * 1e3].map(number));
+        row.extend([merits.cost, merits.leak, merits.saturation].map(number));
         row.extend(
             [merits.tissue_margin, merits.eye_margin, merits.detectability]
                 .map(|value| value.map_or_else(String::new, number)),
