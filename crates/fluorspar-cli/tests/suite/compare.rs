@@ -120,6 +120,12 @@ fn frames_of_captures_and_cameras_with_other_channels_are_compared() {
     let signal = row(&found, "Mean signal in mono");
     assert!(signal["a"].is_null() && signal["b"]["interval"].is_array(), "{signal}");
     assert!(row(&found, "Leak of frame \"blue\"")["difference"].is_f64());
+    // Noise of another seed is no other design, and an interval of nothing but noise tells none apart
+    let again = [&args.concat()[..], &["--seed", "2"]].concat();
+    let again: Vec<&str> = again.into_iter().map(|arg| if arg == "mono" { "mono-2" } else { arg }).collect();
+    fluorspar(folder, again).well();
+    let signal = row(&compare(folder, "mono", "mono-2"), "Mean signal in mono").clone();
+    assert!(signal["told_apart"] == "noise_alone" && signal["difference_interval"].is_null(), "{signal}");
     fluorspar(folder, ["compare", "a", "mono", "-q", "--out", "other-camera"]).well();
     assert!(folder.join("other-camera/blue_b.png").is_file());
     // What a comparison wrote is no run

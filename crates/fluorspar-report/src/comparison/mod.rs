@@ -22,7 +22,8 @@ use run_numbers::{RunNumber, Subject, run_numbers};
 pub const HOW_JUDGED: &str = "Intervals are of 95 %. Each difference B - A has an interval from both (Zou and Donner 2008; the root of the sum of \
      the squares of their reaches, each toward the other); where it leaves out 0 the intervals tell A and B apart. Where a run has only an \
      upper limit they are told apart where the intervals do not touch. Errors are taken as independent; those that both have in \
-     common, as of one seed, one tissue or one library of spectra, make this cautious. A number without an interval is not judged.";
+     common, as of one seed, one tissue or one library of spectra, make this cautious. A number without an interval is not judged, nor one \
+     whose interval holds the sensor's noise alone: the noise of the render and all that is assumed come on top.";
 
 /// What a number of a run is, in one of the two runs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -46,6 +47,8 @@ pub enum ToldApart {
     NotApart,
     /// A number without an interval.
     NotJudged,
+    /// The interval of one holds the sensor's noise alone.
+    NoiseAlone,
     /// The same in both, to the last bit.
     Same,
     /// Only one of the runs has it.
@@ -60,6 +63,7 @@ impl ToldApart {
             Self::Apart => "yes",
             Self::NotApart => "no",
             Self::NotJudged => "not judged",
+            Self::NoiseAlone => "sensor noise alone, not judged",
             Self::Same => "the same",
             Self::InOne => "in one only",
         }
@@ -156,10 +160,14 @@ fn compared(a: Option<RunNumber>, b: Option<RunNumber>) -> ComparedNumber {
         .map_or_else(Default::default, |n| (n.region.clone(), n.quantity.clone(), n.unit));
     let values = a.as_ref().and_then(|n| n.value).zip(b.as_ref().and_then(|n| n.value));
     let intervals = a.as_ref().and_then(|n| n.interval).zip(b.as_ref().and_then(|n| n.interval));
-    let difference_interval =
-        values.zip(intervals).map(|((a, b), (of_a, of_b))| interval_of_difference((a, of_a), (b, of_b)));
+    let noise_alone = [&a, &b].into_iter().flatten().any(|number| number.noise_alone);
+    let difference_interval = values
+        .zip(intervals)
+        .filter(|_| !noise_alone)
+        .map(|((a, b), (of_a, of_b))| interval_of_difference((a, of_a), (b, of_b)));
     let told_apart = match (&a, &b, intervals) {
         (Some(a), Some(b), _) if a == b => ToldApart::Same,
+        (Some(_), Some(_), Some(_)) if noise_alone => ToldApart::NoiseAlone,
         (Some(_), Some(_), Some((of_a, of_b))) => {
             let apart = match difference_interval {
                 Some([low, high]) => low > 0.0 || high < 0.0,

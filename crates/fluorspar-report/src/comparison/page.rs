@@ -2,6 +2,7 @@
 
 use fluorspar_experiment::SettingDifference;
 
+use super::run_numbers::TRUE_SHARE;
 use super::{
     ComparedNumber, ComparedSide, FinishedRun, HOW_JUDGED, ToldApart, comparison_remarks, numbers_by_region,
 };
@@ -105,7 +106,9 @@ fn matrix<'a>(
     let row = |number: &ComparedNumber| {
         let [a, b, difference, told_apart] = number.cells().map(minus);
         let judged = match number.told_apart {
-            ToldApart::Apart | ToldApart::NotApart => format!("{difference} {told_apart}"),
+            ToldApart::Apart | ToldApart::NotApart | ToldApart::NoiseAlone => {
+                format!("{difference} {told_apart}")
+            }
             _ => difference,
         };
         vec![number.name(), a, b, judged]
@@ -210,9 +213,15 @@ fn place_of(shares: usize, place: usize, side_of: usize) -> f64 {
     shares as f64 - place as f64 - 0.45 - 0.25 * side_of as f64
 }
 
-/// The true share of the region that an estimate is of.
+/// The true share that an estimate is of: of unmixed terms that of the same fluorophores in all signals, otherwise that of the region in the
+/// analyzed frame.
 fn truth_of<'a>(share: &ComparedNumber, numbers: &'a [ComparedNumber]) -> Option<&'a ComparedNumber> {
-    numbers.iter().find(|n| n.region == share.region && n.quantity.starts_with("True "))
+    let unmixed = share.quantity.strip_prefix("Share of ").and_then(|rest| rest.split_once(", unmixed"));
+    let is_it = |n: &&ComparedNumber| match unmixed {
+        Some((names, _)) => n.quantity.starts_with(&format!("{TRUE_SHARE} of {names} in all signals")),
+        None => n.quantity.starts_with("True ") && !n.quantity.starts_with(TRUE_SHARE),
+    };
+    numbers.iter().filter(|n| n.region == share.region).find(is_it)
 }
 
 /// Circles at the true shares, beside the estimates of the runs that know them.
@@ -252,6 +261,33 @@ mod tests {
     use toml::Value;
 
     use super::*;
+
+    /// An unmixed share is beside the truth of all signals, not that of the analyzed frame.
+    #[test]
+    fn each_share_has_its_own_truth() {
+        let number = |region: Option<&str>, quantity: &str, value: f64| ComparedNumber {
+            region: region.map(String::from),
+            quantity: quantity.into(),
+            unit: "",
+            a: Some(ComparedSide { value: Some(value), interval: Some([value, value]), words: None }),
+            b: None,
+            difference: None,
+            difference_interval: None,
+            told_apart: ToldApart::InOne,
+        };
+        let numbers = [
+            number(None, "Porphyrin share of the light", 0.3),
+            number(None, "True porphyrin share of the analyzed frame, which the simulation knows", 0.35),
+            number(None, "Share of porphyrin, unmixed from all signals", 0.15),
+            number(None, "True share of porphyrin in all signals, which the simulation knows", 0.17),
+            number(None, "Share of fad, unmixed from all signals", 0.85),
+            number(Some("lip"), "Porphyrin share of the light", 0.01),
+        ];
+        let truth = |place: usize| {
+            truth_of(&numbers[place], &numbers).and_then(|truth| truth.a.as_ref().and_then(|a| a.value))
+        };
+        assert_eq!([0, 2, 4, 5].map(truth), [Some(0.35), Some(0.17), None, None]);
+    }
 
     #[test]
     fn only_numbers_have_units() {

@@ -18,6 +18,9 @@ pub(super) enum Subject {
     Safety,
 }
 
+/// How the names of true shares of unmixed terms begin.
+pub(super) const TRUE_SHARE: &str = "True share";
+
 /// A number of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RunNumber {
@@ -32,6 +35,8 @@ pub(super) struct RunNumber {
     pub(super) interval: Option<[f64; 2]>,
     /// What is said instead of the number.
     pub(super) words: Option<String>,
+    /// Whether the interval holds the sensor's noise and nothing else: neither that of the render nor what is assumed.
+    pub(super) noise_alone: bool,
     /// The further region that it is of; `None` of the analysis and of frames.
     pub(super) region: Option<String>,
 }
@@ -45,12 +50,17 @@ impl RunNumber {
             value: Some(value),
             interval: None,
             words: None,
+            noise_alone: false,
             region: None,
         }
     }
 
     fn within(self, interval: [f64; 2]) -> Self {
         Self { interval: Some(interval), ..self }
+    }
+
+    fn within_noise(self, interval: [f64; 2]) -> Self {
+        Self { interval: Some(interval), noise_alone: true, ..self }
     }
 }
 
@@ -109,7 +119,7 @@ fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
     let name = capital(target);
     let truth = analysis.truth.as_ref().map(|truth| truth.share);
     let mut numbers = Vec::new();
-    let add_with_error = |number: RunNumber, numbers: &mut Vec<RunNumber>| {
+    let add_with_error = |number: RunNumber, truth: Option<f64>, numbers: &mut Vec<RunNumber>| {
         let error = truth.map(|truth| RunNumber {
             quantity: format!("{} less the true share", number.quantity),
             value: number.value.map(|value| value - truth),
@@ -122,21 +132,22 @@ fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
         numbers.extend(error);
     };
     if let Some(posterior) = &analysis.posterior {
-        add_with_error(posterior_number(posterior, &name), &mut numbers);
+        add_with_error(posterior_number(posterior, &name), truth, &mut numbers);
     }
     let estimate = analysis.mixture.as_ref().and_then(|mixture| mixture.region).map(|region| region.estimate);
     if let Some(estimate) = estimate {
         let quantity = format!("{name} share on the mixture line");
-        let (value, interval) = match &analysis.budget {
-            Some(ErrorBudget { share, total_interval, .. }) => (*share, *total_interval),
-            None => (estimate.position, estimate.position_interval()),
+        let number = |value| RunNumber::new(Subject::Estimate, quantity, "", value);
+        let number = match &analysis.budget {
+            Some(ErrorBudget { share, total_interval, .. }) => number(*share).within(*total_interval),
+            None => number(estimate.position).within_noise(estimate.position_interval()),
         };
-        add_with_error(RunNumber::new(Subject::Estimate, quantity, "", value).within(interval), &mut numbers);
+        add_with_error(number, truth, &mut numbers);
     }
     numbers.extend(truth.map(|share| {
         RunNumber::new(
             Subject::Estimate,
-            format!("True {target} share, which the simulation knows"),
+            format!("True {target} share of the analyzed frame, which the simulation knows"),
             "",
             share,
         )
@@ -144,11 +155,18 @@ fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
     numbers.extend(limit_numbers(analysis, target));
     let terms =
         analysis.signals.iter().filter_map(|signals| signals.unmixing.as_ref()).flat_map(|u| &u.terms);
-    numbers.extend(terms.map(|term| {
-        let names = term.fluorophores.join(" + ").replace('_', " ");
-        let quantity = format!("Share of {names}, unmixed from the signals");
-        RunNumber::new(Subject::Estimate, quantity, "", term.share).within(term.share_interval)
-    }));
+    for term in terms {
+        // The bulk is too long for a row
+        let names = match &term.fluorophores[..] {
+            names @ ([_] | [_, _]) => names.join(" + ").replace('_', " "),
+            names => format!("the bulk of {} fluorophores", names.len()),
+        };
+        let quantity = format!("Share of {names}, unmixed from all signals");
+        let number = RunNumber::new(Subject::Estimate, quantity, "", term.share);
+        add_with_error(number.within_noise(term.share_interval), term.true_share, &mut numbers);
+        let truth = format!("{TRUE_SHARE} of {names} in all signals, which the simulation knows");
+        numbers.extend(term.true_share.map(|share| RunNumber::new(Subject::Estimate, truth, "", share)));
+    }
     numbers
 }
 
@@ -220,7 +238,7 @@ fn signal_numbers(signals: &SignalSummary, label: &dyn Fn(&str) -> String) -> Ve
         let (level, reach) = (signal.electrons, Z_95 * signal.standard_error_e);
         [
             RunNumber::new(Subject::Signal, of("Mean signal"), "e-", level)
-                .within([level - reach, level + reach]),
+                .within_noise([level - reach, level + reach]),
             RunNumber::new(Subject::Signal, of("Signal to noise of a pixel"), "", signal.snr_of_pixel),
         ]
     });
