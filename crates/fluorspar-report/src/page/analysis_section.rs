@@ -190,7 +190,7 @@ fn truth_rows(truth: &PorphyrinTruth) -> Vec<Number> {
         format!("{:.4}", truth.share),
         "",
         format!(
-            "The quantity that the estimates are after: {}. Light that fluoresced twice would make it {low:.4} to {high:.4}.",
+            "The quantity that estimates from the analyzed frame are after: {}. Light that fluoresced twice would make it {low:.4} to {high:.4}.",
             truth.definition
         ),
     )]

@@ -304,7 +304,9 @@ fn unmixed_answer(analysis: &Analysis, unmixing: &Unmixing, words: &Words<'_>) -
             analysis.region_description
         ),
         value: format!("{:.4}", term.share),
-        interval: format!("95 %: {low:.4} to {high:.4} by sensor noise alone"),
+        interval: format!(
+            "95 %: {low:.4} to {high:.4} by sensor noise alone, as if the spectra of all terms were known"
+        ),
         truth: term
             .true_share
             .map_or_else(String::new, |share| format!("True share, which the simulation knows: {share:.4}")),

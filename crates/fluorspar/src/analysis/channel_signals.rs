@@ -289,7 +289,7 @@ impl SignalSummary {
             .iter()
             .map(|s| {
                 format!(
-                    "{}: {:.1} e- (standard error {:.2}), {:.1} DN, signal to noise of a pixel {:.1}",
+                    "{}: {:.1} e- (standard error {:.2} by sensor noise alone), {:.1} DN, signal to noise of a pixel {:.1}",
                     s.title(),
                     s.electrons,
                     s.standard_error_e,

@@ -198,9 +198,9 @@ impl Analysis {
         if let Some(truth) = &self.truth {
             let [low, high] = truth.share_with_light_that_fluoresced_twice;
             lines.push(format!(
-                "True porphyrin share of the fluorescence electrons of the region: {:.4} ({low:.4} to {high:.4} with light that \
-                 fluoresced twice)",
-                truth.share
+                "True porphyrin share of the fluorescence electrons of the region in frame \"{}\": {:.4} ({low:.4} to {high:.4} with light \
+                 that fluoresced twice)",
+                self.frame, truth.share
             ));
         }
         if let Some(posterior) = &self.posterior {

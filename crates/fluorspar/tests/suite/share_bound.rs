@@ -226,6 +226,9 @@ fn other_tissue_is_named_in_words() {
     let average = FamilyAverage { named: &named, others: &others, probability_of_named: 0.9 };
     let found = average.posterior(&electrons, &variance).unwrap();
     let said = found.warnings().join(" ");
-    assert!(said.contains("not that of a test") && said.contains("another test explains it"), "{said}");
+    assert!(
+        said.contains("not those of a test") && said.contains("another test explains its light"),
+        "{said}"
+    );
     assert!(found.doubt.unwrap().is_strong && found.interval[0] == 0.0);
 }
