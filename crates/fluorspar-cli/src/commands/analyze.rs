@@ -578,10 +578,11 @@ fn describe(analysis: &Analysis) -> String {
     for line in analysis.signals.iter().flat_map(SignalSummary::lines) {
         text += &format!("{line}\n");
     }
+    let of_which = if analysis.counts.saturated > 0 { " of the unsaturated pixels" } else { "" };
     for channel in analysis.channels.iter().filter(|_| analysis.signals.is_none()) {
         if let Some(s) = &channel.statistics {
             text += &format!(
-                "{}: median {:.1} DN, mean {:.1} DN, sd {:.1} DN\n",
+                "{}: median {:.1} DN, mean {:.1} DN, sd {:.1} DN{of_which}\n",
                 channel.name,
                 s.median,
                 s.mean,

@@ -1,12 +1,12 @@
 //! The first screen of a report: the frame with region and map, the estimate, and the numbers that decide about a design.
 
-use fluorspar::analysis::{Analysis, PixelSelection, Statistics, UnmixedTerm, Unmixing};
+use fluorspar::analysis::{Analysis, ExclusionCounts, PixelSelection, Statistics, UnmixedTerm, Unmixing};
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview, preview};
 use fluorspar::study::Capture;
 
 use super::display::{DisplayImage, for_display};
 use super::region_outline::region_outline;
-use super::regions_section::region_names;
+use super::regions_section::{region_names, saturated_share};
 use super::report::{electrons, percent};
 use super::safety_section::eye_safe_captures;
 use super::words::{Words, capital};
@@ -133,13 +133,16 @@ fn seen(image: &Preview, frame: &CapturedFrame, analyzed: Option<&AnalyzedFrame>
             .iter()
             .filter_map(|c| c.statistics.map(|s| format!("{} {:.0}", c.name, s.median)))
             .collect();
+        let brightness = match saturated_share(&analysis.counts) {
+            Some(share) => format!("{:.0} % of it is saturated", 100.0 * share),
+            None => format!("medians {} DN", colors.join(", ")),
+        };
         text += &format!(
-            " The outlined region, {}, fills {:.1} % of it around its {} {}; medians {} DN.",
+            " The outlined region, {}, fills {:.1} % of it around its {} {}; {brightness}.",
             analysis.region_description,
             100.0 * count as f64 / (region.width * region.height).max(1) as f64,
             third(row, region.height, ["upper", "middle", "lower"]),
             third(col, region.width, ["left", "center", "right"]),
-            colors.join(", ")
         );
     }
     text
@@ -375,7 +378,7 @@ fn cards(run: &RunResults<'_>, words: &Words<'_>) -> Vec<Number> {
         cards.push(Number::computed("Leak", percent(ratio), "%", meaning));
     }
     if let Some(frame) = of_interest {
-        cards.push(signal_card(frame, analyzed.map(|a| &a.analysis)));
+        cards.push(signal_card(frame, analyzed));
         let saturated = frame.developed.saturated.iter().filter(|s| **s).count();
         let all = frame.developed.saturated.len().max(1);
         let in_region = analyzed.map_or_else(String::new, |a| {
@@ -494,28 +497,43 @@ fn contrast_card(analyzed: &AnalyzedFrame, words: &Words<'_>) -> Option<Number> 
     Some(Number::computed(name, format!("{:.2}", distance / error), "", meaning))
 }
 
-/// Electrons and signal-to-noise ratio of a pixel, by channel.
-fn signal_card(frame: &CapturedFrame, analysis: Option<&Analysis>) -> Number {
+/// Electrons and signal-to-noise ratio of a pixel, by channel. The median is that of all pixels: the unsaturated ones of a region that is
+/// saturated are its dim rim. Where half of the pixels are saturated, it is no more than a lower limit.
+fn signal_card(frame: &CapturedFrame, analyzed: Option<&AnalyzedFrame>) -> Number {
     let per_electron = frame.raw.dn_per_electron.max(f64::MIN_POSITIVE);
     let developed = &frame.developed;
     let n = developed.channels.len();
+    let pixels = match analyzed {
+        Some(analyzed) => analyzed.region.pixels.clone(),
+        None => (0..developed.saturated.len()).collect(),
+    };
+    let saturated = pixels.iter().filter(|&&pixel| developed.saturated.get(pixel) == Some(&true)).count();
+    let counts = ExclusionCounts { saturated, valid: pixels.len() - saturated, ..Default::default() };
+    let is_limit = saturated > 0 && 2 * saturated >= pixels.len();
     let (mut names, mut signal, mut snr) = (Vec::new(), Vec::new(), Vec::new());
     for (c, name) in developed.channels.iter().enumerate() {
-        let in_region = analysis.and_then(|a| a.channels.iter().find(|s| s.name == *name)?.statistics);
-        let all = || Statistics::of(developed.data.iter().skip(c).step_by(n).map(|&v| f64::from(v)));
-        let Some(statistics) = in_region.or_else(all) else { continue };
+        let values = pixels.iter().filter_map(|&pixel| developed.data.get(pixel * n + c));
+        let Some(statistics) = Statistics::of(values.map(|&v| f64::from(v))) else { continue };
         let median = statistics.median.max(0.0);
-        let variance = match analysis {
-            Some(analysis) => analysis.settings.noise.variance(median),
+        let variance = match analyzed {
+            Some(analyzed) => analyzed.analysis.settings.noise.variance(median),
             None => developed.noise_floor_dn.powi(2) + per_electron * median,
         };
         names.push(name.as_str());
         signal.push(electrons(median / per_electron));
         snr.push(format!("{:.1}", median / variance.sqrt().max(f64::MIN_POSITIVE)));
     }
-    let place = analysis.map_or_else(|| "of the whole frame".into(), |_| "of the region".to_owned());
-    let meaning = format!("median pixel {place}, {}; signal to noise {}", names.join(", "), snr.join(", "));
-    Number::computed("Signal", signal.join(", "), "e-", meaning)
+    let place = analyzed.map_or("whole frame", |_| "region");
+    let mut meaning = format!("median pixel of the {place}, {}", names.join(", "));
+    match is_limit {
+        true => meaning += "; it is saturated, so there is no signal to noise",
+        false => meaning += &format!("; signal to noise {}", snr.join(", ")),
+    }
+    if let Some(share) = saturated_share(&counts) {
+        meaning += &format!("; {:.0} % of the {place} is saturated", 100.0 * share);
+    }
+    let at_least = if is_limit { "at least " } else { "" };
+    Number::computed("Signal", format!("{at_least}{}", signal.join(", ")), "e-", meaning)
 }
 
 /// What the numbers rest on.
@@ -549,7 +567,53 @@ mod tests {
     use fluorspar::{pipeline, render};
     use fluorspar_experiment::{parse, resolve};
 
+    use super::super::regions_section::{level, regions_matrix};
     use super::*;
+
+    /// The signal of a patch does not fall when its exposure grows until it clips, and nothing tells the noise of what clips.
+    #[test]
+    fn a_saturated_region_is_not_told_as_a_dim_one() {
+        let changes = ["sensor.columns=64", "sensor.rows=48"].map(String::from);
+        let text = "format = 1\nbase = \"flat-patch\"";
+        let experiment = resolve(&parse(text, "patch", Path::new("."), &changes).unwrap()).unwrap();
+        let study = &experiment.study;
+        let control = render::RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
+        let components = render::render(&study.scene, &study.render, &control).unwrap();
+        let evaluation = pipeline::evaluate(study, &components).unwrap();
+        let mut analyzed = evaluation.analysis.unwrap();
+        let label = analyzed.analysis.frame.clone();
+        let mut frame = evaluation.frames.into_iter().find(|frame| frame.raw.label == label).unwrap();
+        let first = |card: &Number| -> f64 {
+            let value = card.value.trim_start_matches("at least ");
+            value.split(", ").next().unwrap().parse().unwrap()
+        };
+        let seen = signal_card(&frame, Some(&analyzed));
+        assert!(seen.meaning.contains("signal to noise ") && !seen.meaning.contains("saturated"), "{seen:?}");
+        assert!(level(&analyzed.analysis, 100.0).is_some());
+
+        // Nine of ten pixels clip, at levels that the others keep below
+        let n = frame.developed.channels.len();
+        let full = frame.developed.full_scale_dn as f32;
+        let pixels = analyzed.region.pixels.clone();
+        for &pixel in pixels.iter().filter(|&&pixel| pixel % 10 != 0) {
+            frame.developed.saturated[pixel] = true;
+            frame.developed.data[pixel * n..][..n].fill(full);
+        }
+        let saturated = pixels.iter().filter(|&&pixel| pixel % 10 != 0).count();
+        analyzed.analysis.counts =
+            ExclusionCounts { saturated, valid: pixels.len() - saturated, ..Default::default() };
+        let clipped = signal_card(&frame, Some(&analyzed));
+        assert!(clipped.value.starts_with("at least ") && first(&clipped) > first(&seen), "{clipped:?}");
+        assert!(clipped.meaning.contains("90 % of the region is saturated"), "{clipped:?}");
+        assert!(!clipped.meaning.contains("signal to noise "), "{clipped:?}");
+        // Neither the table of regions nor a comparison takes the rim for the region
+        assert_eq!(level(&analyzed.analysis, 100.0), None);
+        let main = &analyzed.analysis;
+        let lip = pipeline::AnalyzedRegion { name: "lip".into(), analyzed: analyzed.clone() };
+        let matrix = regions_matrix(&experiment, main, &[lip]).unwrap();
+        assert!(matrix.rows.iter().all(|row| row.contains(&"90 % saturated".to_owned())), "{matrix:?}");
+        assert!(matrix.columns.iter().all(|column| !column.starts_with("signal to noise")), "{matrix:?}");
+    }
 
     /// The limit of the share itself is lowest under the light that excites porphyrin least: at 450 nm a share of the light holds more
     /// porphyrin than at 405 nm. Relative to the share that is there the limits stand in the order in which the lights show it.

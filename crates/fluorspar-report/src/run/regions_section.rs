@@ -1,6 +1,6 @@
 //! Several regions of one frame, a row each.
 
-use fluorspar::analysis::{Analysis, PixelSelection};
+use fluorspar::analysis::{Analysis, ExclusionCounts, PixelSelection};
 use fluorspar::pipeline::AnalyzedRegion;
 use fluorspar_experiment::ResolvedExperiment;
 
@@ -71,7 +71,7 @@ pub fn regions_matrix(
             capital(&words.target())
         );
     }
-    note += "Signal and signal to noise are those of the median pixel.";
+    note += "Signal and signal to noise are those of the median pixel; a region has none where more than 1 % of its pixels are saturated.";
     Some(NumberMatrix { caption: format!("Regions of frame \"{}\"", main.frame), columns, rows, note })
 }
 
@@ -94,20 +94,34 @@ fn row(name: &str, analysis: &Analysis) -> Vec<String> {
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.into());
     let levels: Vec<[f64; 2]> =
         analysis.channels.iter().filter_map(|c| level(analysis, c.statistics?.median)).collect();
-    let join = |texts: Vec<String>| texts.join(", ");
+    let join = |texts: Vec<String>| Some(texts.join(", ")).filter(|text| !text.is_empty());
+    let signal = match saturated_share(&analysis.counts) {
+        Some(share) => Some(format!("{:.0} % saturated", 100.0 * share)),
+        None => join(levels.iter().map(|[signal, _]| electrons(*signal)).collect()),
+    };
     vec![
         name.to_owned(),
         analysis.counts.total().to_string(),
         or_dash(share_text(analysis)),
         or_dash(analysis.truth.as_ref().map(|truth| format!("{:.4}", truth.share))),
         or_dash(analysis.detection_limit().map(|limit| format!("{limit:.4}"))),
-        join(levels.iter().map(|[signal, _]| electrons(*signal)).collect()),
-        join(levels.iter().map(|[_, snr]| format!("{snr:.1}")).collect()),
+        or_dash(signal),
+        or_dash(join(levels.iter().map(|[_, snr]| format!("{snr:.1}")).collect())),
     ]
 }
 
-/// Electrons and signal to noise of a level, DN.
+/// Share of a region's pixels that are saturated, where they are more than one in a hundred, from which on the analysis warns. The
+/// median of the others is then that of its dim rim.
+pub(super) fn saturated_share(counts: &ExclusionCounts) -> Option<f64> {
+    (counts.saturated * 100 > counts.total()).then(|| counts.saturated as f64 / counts.total() as f64)
+}
+
+/// Electrons and signal to noise of a level of the unsaturated pixels, DN; `None` where too many are saturated for it to stand for the
+/// region.
 pub(crate) fn level(analysis: &Analysis, median_dn: f64) -> Option<[f64; 2]> {
+    if saturated_share(&analysis.counts).is_some() {
+        return None;
+    }
     let noise = &analysis.settings.noise;
     let median = median_dn.max(0.0);
     let deviation = noise.variance(median).sqrt();
