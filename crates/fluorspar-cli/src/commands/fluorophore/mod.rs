@@ -35,7 +35,8 @@ struct FileOptions {
     /// Unit of the values of a file that does not state it.
     #[arg(long, value_enum)]
     yield_unit: Option<Unit>,
-    /// Photons out per photon in at the best excitation, concentration 1, of a file [default: 0.001, assumed].
+    /// Photons out per photon that falls on it, absorbed or not, at the best excitation and concentration 1, of a file; a dye of quantum
+    /// yield Q and absorbance A has Q (1 - 10^-A) [default: 0.001, assumed].
     #[arg(long, value_name = "Y", value_parser = values::number, allow_negative_numbers = true)]
     photon_yield: Option<f64>,
     /// Whether emission below the excitation wavelength of a file is masked or used unchanged.
