@@ -6,7 +6,7 @@ use super::capture::{behind_filter, on_sensor};
 use super::channel_analysis::{Measured, channel_analysis};
 use super::direct_light::{axis_point, irradiance_on, region_points};
 use super::region_light::region_light;
-use super::spot_separations::spot_separations;
+use super::spot_separations::compared_spots;
 use super::targets::{TargetLabels, measured_targets, noise_of};
 use super::tissue_estimate::FamiliesOfFrames;
 use super::{CapturePlanes, CapturedFrame, PipelineError, SeenComponents};
@@ -163,7 +163,9 @@ fn analyzed(
         analysis.warnings.extend(what_the_line_assumes(study, settings).map(String::from));
     }
     analysis.posterior = estimate;
-    analysis.spots = spot_separations(study, settings, frames, scene)?;
+    let spots = compared_spots(study, settings, frames, scene)?;
+    analysis.spots = spots.found;
+    analysis.warnings.extend(spots.warnings);
     let targets = measured_targets(study, settings, frames, components, scene)?;
     analysis.targets = targets.detections;
     analysis.warnings.extend(targets.warnings);

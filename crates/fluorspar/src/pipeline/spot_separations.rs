@@ -22,7 +22,27 @@ pub fn spot_separations(
     frames: &[CapturedFrame],
     scene: Option<SceneOnSensor<'_>>,
 ) -> Result<Vec<SpotSeparation>, PipelineError> {
-    let Some(spots) = &plan.compared else { return Ok(Vec::new()) };
+    Ok(compared_spots(study, plan, frames, scene)?.found)
+}
+
+/// Two spots compared.
+#[derive(Debug, Default)]
+pub(super) struct ComparedSpots {
+    /// How well they are told apart, by green and by all channels of each frame and of all together.
+    pub(super) found: Vec<SpotSeparation>,
+    /// Frames that do not tell it, or not of all pixels, with the reason.
+    pub(super) warnings: Vec<String>,
+}
+
+/// [`spot_separations`] with what is missing of them.
+pub(super) fn compared_spots(
+    study: &Study,
+    plan: &AnalysisPlan,
+    frames: &[CapturedFrame],
+    scene: Option<SceneOnSensor<'_>>,
+) -> Result<ComparedSpots, PipelineError> {
+    let mut compared = ComparedSpots::default();
+    let Some(spots) = &plan.compared else { return Ok(compared) };
     let lit: Vec<&ChannelImage> = frames
         .iter()
         .filter(|frame| {
@@ -32,15 +52,18 @@ pub fn spot_separations(
         .map(|frame| &frame.developed)
         .collect();
     let Some([width, height]) = lit.first().map(|image| [image.width, image.height]) else {
-        return Ok(Vec::new());
+        return Ok(compared);
     };
     let select = |spot: usize| spots[spot].select(width, height, scene).map_err(AnalysisError::from);
     let spots = [select(0)?, select(1)?];
-    let mut found = Vec::new();
+    let ComparedSpots { found, warnings } = &mut compared;
     let mut compare = |images: &[&ChannelImage], channels: &[String]| {
         let groups = [0, 1].map(|spot| cases(images, channels, &spots[spot]));
         let labels = images.iter().map(|image| image.label.clone()).collect();
-        found.extend(SpotSeparation::new(labels, channels.to_vec(), &groups));
+        let separation = SpotSeparation::new(labels, channels.to_vec(), &groups);
+        let warning = what_is_missing(images, &spots, separation.is_some());
+        warnings.extend(warning.filter(|warning| !warnings.contains(warning)));
+        found.extend(separation);
     };
     for image in &lit {
         let green: Vec<String> = image.channels.iter().filter(|name| *name == "G").cloned().collect();
@@ -54,7 +77,37 @@ pub fn spot_separations(
     if let [first, _, ..] = lit.as_slice() {
         compare(&lit, &first.channels);
     }
-    Ok(found)
+    Ok(compared)
+}
+
+/// Why frames tell no d' of the spots, or tell that of some of their pixels alone; `None` where nothing is missing.
+fn what_is_missing(images: &[&ChannelImage], spots: &[PixelSelection; 2], is_found: bool) -> Option<String> {
+    let labels: Vec<String> = images.iter().map(|image| format!("\"{}\"", image.label)).collect();
+    let frames = format!("{} {}", if labels.len() == 1 { "frame" } else { "frames" }, labels.join(" and "));
+    let saturated = |spot: &PixelSelection| {
+        let is_saturated = |pixel: &&usize| images.iter().any(|i| i.saturated.get(**pixel) == Some(&true));
+        spot.pixels.iter().filter(is_saturated).count()
+    };
+    // As many as the analysis of a region warns of
+    let of_spot = |(spot, name): (&PixelSelection, &str)| {
+        let (count, all) = (saturated(spot), spot.pixels.len());
+        let percent = 100.0 * count as f64 / all as f64;
+        (count * 100 > all).then(|| format!("{percent:.0} % of the {name} spot is saturated"))
+    };
+    let parts: Vec<String> = spots.iter().zip(["first", "second"]).filter_map(of_spot).collect();
+    let what = "Shorten the exposure or lower the gain.";
+    match (parts.is_empty(), is_found) {
+        (true, true) => None,
+        (true, false) => Some(format!(
+            "d' of the spots in {frames}: none, too few of their pixels have light in all channels, or they do not vary. Make the spots \
+             larger or add light."
+        )),
+        (false, true) => Some(format!(
+            "d' of the spots in {frames}: of their unsaturated pixels alone; {}. {what}",
+            parts.join(", ")
+        )),
+        (false, false) => Some(format!("d' of the spots in {frames}: none; {}. {what}", parts.join(", "))),
+    }
 }
 
 /// Logarithms of channels of the pixels of a spot; pixels that are saturated or not positive in any of them are left out.
@@ -80,4 +133,65 @@ fn cases(images: &[&ChannelImage], channels: &[String], spot: &PixelSelection) -
         pixels.filter(|pixel| is_second(**pixel)).filter_map(|&pixel| case_of(pixel)).collect();
     let step = all.len().div_ceil(MOST_PIXELS).max(1);
     all.into_iter().step_by(step).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A frame of 20 x 10 pixels whose left half is brighter.
+    fn frame() -> ChannelImage {
+        let (width, height) = (20, 10);
+        let channels = vec!["R".to_owned(), "G".to_owned()];
+        // Noise without a pattern along rows, columns and channels
+        let noise = |at: usize| ((at * at * 7919 + at * 104_729) % 101) as f32;
+        let level = |pixel: usize| if pixel % width < 10 { 500.0 } else { 300.0 };
+        let data = (0..2 * width * height).map(|at| level(at / 2) + noise(at)).collect();
+        ChannelImage {
+            width,
+            height,
+            channels,
+            data,
+            saturated: vec![false; width * height],
+            noise_floor_dn: 1.0,
+            full_scale_dn: 4000.0,
+            shares: vec![1.0; 2],
+            interpolation: None,
+            subtracted: None,
+            label: "green".into(),
+        }
+    }
+
+    #[test]
+    fn a_saturated_spot_is_named() {
+        let mut image = frame();
+        let half = |from: usize| {
+            let pixels = (0..200).filter(|pixel| (from..from + 10).contains(&(pixel % 20))).collect();
+            PixelSelection { width: 20, height: 10, pixels }
+        };
+        let spots = [half(0), half(10)];
+        let told = |image: &ChannelImage| {
+            let groups = [0, 1].map(|spot| cases(&[image], &image.channels, &spots[spot]));
+            let found = SpotSeparation::new(vec!["green".into()], image.channels.clone(), &groups);
+            (found.is_some(), what_is_missing(&[image], &spots, found.is_some()))
+        };
+        assert_eq!(told(&image), (true, None));
+        // Some pixels of a spot: its d' is that of the others
+        spots[0].pixels.iter().take(20).for_each(|pixel| image.saturated[*pixel] = true);
+        let (is_found, warning) = told(&image);
+        let warning = warning.unwrap();
+        assert!(is_found && warning.contains("20 % of the first spot is saturated"), "{warning}");
+        assert!(warning.contains("unsaturated pixels alone") && !warning.contains("none"), "{warning}");
+        // All of it
+        spots[0].pixels.iter().for_each(|pixel| image.saturated[*pixel] = true);
+        let (is_found, warning) = told(&image);
+        let warning = warning.unwrap();
+        let expected = "d' of the spots in frame \"green\": none; 100 % of the first spot is saturated. ";
+        assert!(!is_found && warning.starts_with(expected), "{warning}");
+        // Without light and unsaturated
+        image.saturated.fill(false);
+        image.data.fill(0.0);
+        let (is_found, warning) = told(&image);
+        assert!(!is_found && warning.unwrap().contains("none, too few"));
+    }
 }
