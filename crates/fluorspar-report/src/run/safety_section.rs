@@ -1,10 +1,13 @@
 //! Photobiological safety in the report.
 
-use fluorspar::pipeline::{CaptureSafety, SafetyReport, ViewerSafety};
+use fluorspar::pipeline::{CaptureSafety, SafetyReport, Viewer, ViewerSafety};
 use fluorspar::safety::{Assessment, DAY_S, Hazard, RiskGroup, RiskQuantity};
 
 use super::words::capital;
 use crate::{Number, NumberTable, ReportItem, Section};
+
+/// Count of exposures where the day ends before any dose does.
+const NO_LIMIT: &str = "no limit";
 
 /// What limits the exposures of a day.
 struct Limiting<'a> {
@@ -15,7 +18,25 @@ struct Limiting<'a> {
     per_day: u64,
 }
 
-/// The hazard that allows the fewest exposures; `None` where nothing is assessed.
+impl Limiting<'_> {
+    /// Whether the dose ends before the day does.
+    fn is_limit(&self) -> bool {
+        (self.per_day + 1) as f64 * self.capture.light_on_s <= DAY_S
+    }
+
+    /// Whether it allows less than another one: fewer exposures, or where the day limits both, with the smaller margin.
+    fn is_worse_than(&self, other: &Self) -> bool {
+        let margin = |of: &Self| of.assessment.margin.unwrap_or(f64::INFINITY);
+        match (self.is_limit(), other.is_limit()) {
+            (true, true) => self.per_day < other.per_day,
+            (false, false) => margin(self) < margin(other),
+            (limits, _) => limits,
+        }
+    }
+}
+
+/// The hazard that allows the fewest exposures, where the day allows more the one with the smallest margin; `None` where nothing is
+/// assessed.
 fn limiting(report: &SafetyReport) -> Option<Limiting<'_>> {
     let mut found: Option<Limiting<'_>> = None;
     for capture in &report.captures {
@@ -26,8 +47,9 @@ fn limiting(report: &SafetyReport) -> Option<Limiting<'_>> {
                 let Some(per_day) = (if too_much { Some(0) } else { assessment.exposures_per_day }) else {
                     continue;
                 };
-                if found.as_ref().is_none_or(|worst| per_day < worst.per_day) {
-                    found = Some(Limiting { capture, viewer, assessment, per_day });
+                let this = Limiting { capture, viewer, assessment, per_day };
+                if found.as_ref().is_none_or(|worst| this.is_worse_than(worst)) {
+                    found = Some(this);
                 }
             }
         }
@@ -41,15 +63,24 @@ pub(super) fn eye_safe_captures(report: &SafetyReport) -> Option<Number> {
         return None;
     }
     let missing = viewers_without_distance(report);
-    let Limiting { capture, viewer, assessment, per_day } = limiting(report)?;
+    let limiting = limiting(report)?;
+    let is_limit = limiting.is_limit();
+    let Limiting { capture, viewer, assessment, per_day } = limiting;
     let place = viewer.distance_mm.map_or_else(String::new, |mm| format!(" at {mm:.0} mm"));
     let whole = sequences(report);
     let frames = match &whole {
         Some((_, frames)) => frames.clone(),
         None => format!("frame \"{}\"", capture.name),
     };
+    let count = match &whole {
+        Some((count, _)) => count.clone(),
+        None if is_limit => per_day.to_string(),
+        None => NO_LIMIT.into(),
+    };
     let mut meaning = format!(
-        "{frames}, limited by {}, {}{place}",
+        "{}{frames}, {} {}, {}{place}",
+        if has_eye(report) { "" } else { "for skin; eyes not assessed: " },
+        if count == NO_LIMIT { "smallest margin:" } else { "limited by" },
         name(assessment.hazard),
         viewer.viewer.name(report.is_mouth)
     );
@@ -59,15 +90,15 @@ pub(super) fn eye_safe_captures(report: &SafetyReport) -> Option<Number> {
     if let Some(group) = report.risk_group {
         meaning += &format!("; lights: {}", group_name(group).to_lowercase());
     }
-    if let Some((count, _)) = whole {
-        let title = if missing.is_empty() { "Eye-safe sequences" } else { "Safe sequences" };
-        return Some(Number::computed(title, count, "in 8 h", meaning));
-    }
-    let title = if missing.is_empty() { "Eye-safe captures" } else { "Safe captures" };
-    if (per_day + 1) as f64 * capture.light_on_s > DAY_S {
-        return Some(Number::computed(title, "no limit", "in 8 h", meaning));
-    }
-    Some(Number::computed(title, per_day.to_string(), "in 8 h", meaning))
+    let unit = if whole.is_some() { "sequences" } else { "captures" };
+    let title = if missing.is_empty() { format!("Eye-safe {unit}") } else { format!("Safe {unit}") };
+    Some(Number::computed(title, count, "in 8 h", meaning))
+}
+
+/// Whether the exposure of some eye is assessed.
+fn has_eye(report: &SafetyReport) -> bool {
+    let mut viewers = report.captures.iter().flat_map(|capture| &capture.viewers);
+    viewers.any(|v| v.viewer != Viewer::Mucosa && v.not_assessed.is_none())
 }
 
 /// Whole sequences of captures in a day, and what one is made of: where several captures have light, whose doses add. `None` where one
@@ -81,7 +112,7 @@ fn sequences(report: &SafetyReport) -> Option<(String, String)> {
     let names: Vec<String> = lit.iter().map(|capture| format!("\"{}\"", capture.name)).collect();
     let light_on_s: f64 = lit.iter().map(|capture| capture.light_on_s).sum();
     let count = match (fewest + 1) as f64 * light_on_s > DAY_S {
-        true => "no limit".into(),
+        true => NO_LIMIT.into(),
         false => fewest.to_string(),
     };
     Some((count, names.join(" and ")))
@@ -112,23 +143,40 @@ pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
         return None;
     }
     let (note, sentence) = match limiting(report) {
-        Some(Limiting { capture, viewer, assessment, per_day }) => {
+        Some(limiting) => {
+            let is_limit = limiting.is_limit();
+            let Limiting { capture, viewer, assessment, per_day } = limiting;
             let who = viewer.viewer.name(report.is_mouth);
             let place = viewer.distance_mm.map_or_else(String::new, |mm| format!(" at {} mm", number(mm)));
             let hazard = name(assessment.hazard);
+            let (exposures, fit) = match is_limit {
+                true => (format!("{per_day} exposures"), format!("{per_day} exposures of it alone fit into")),
+                false => {
+                    ("no limit of exposures".into(), "more of it alone are allowed than fit into".into())
+                }
+            };
             (
                 match sequences(report) {
+                    Some((count, _)) if count == NO_LIMIT => {
+                        format!("no limit of whole sequences in 8 hours; smallest margin: {hazard}, {who}")
+                    }
                     Some((count, _)) => {
                         format!("{count} whole sequences in 8 hours; limited by {hazard}, {who}")
                     }
                     None => format!(
-                        "{per_day} exposures of frame \"{}\" in 8 hours; limited by {hazard}, {who}",
-                        capture.name
+                        "{exposures} of frame \"{}\" in 8 hours; {} {hazard}, {who}",
+                        capture.name,
+                        if is_limit { "limited by" } else { "smallest margin:" }
                     ),
                 },
                 format!(
-                    "The limiting hazard is {hazard} ({}) for the {who}{place}: one exposure of frame \"{}\" gives {} {} of the {} {} that are \
-                     allowed, so {per_day} exposures of it alone fit into 8 hours.",
+                    "{} {hazard} ({}) for the {who}{place}: one exposure of frame \"{}\" gives {} {} of the {} {} that are \
+                     allowed, so {fit} 8 hours.",
+                    if is_limit {
+                        "The limiting hazard is"
+                    } else {
+                        "No hazard limits a day; the smallest margin is that of"
+                    },
                     explain(assessment.hazard),
                     capture.name,
                     number(assessment.value),
@@ -315,7 +363,7 @@ fn number(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use fluorspar::pipeline::{ProgramSafety, Viewer};
+    use fluorspar::pipeline::ProgramSafety;
 
     use super::*;
 
@@ -396,6 +444,77 @@ mod tests {
             card.meaning
         );
         assert!(plain(&safety_section(&report).unwrap()).contains("106 whole sequences in 8 hours"));
+    }
+
+    fn report_of(viewers: Vec<ViewerSafety>) -> SafetyReport {
+        let capture =
+            CaptureSafety { name: "green".into(), light_on_s: 0.02, light_on_from: String::new(), viewers };
+        SafetyReport {
+            standard: "",
+            caveat: "",
+            is_mouth: false,
+            assumptions: Vec::new(),
+            captures: vec![capture],
+            program: Vec::new(),
+            risk_group: None,
+            risk_quantities: Vec::new(),
+        }
+    }
+
+    fn viewer_of(viewer: Viewer, hazards: Vec<Assessment>) -> ViewerSafety {
+        ViewerSafety {
+            viewer,
+            distance_mm: (viewer != Viewer::Mucosa).then_some(200.0),
+            not_assessed: hazards.is_empty().then(|| "unknown".into()),
+            irradiance_w_per_m2: None,
+            source_subtense_mrad: None,
+            hazards,
+            smallest_margin: None,
+            governing: None,
+            captures_per_day: None,
+        }
+    }
+
+    /// 8 hours of exposures of 20 ms are 1 440 000, which says nothing of a hazard of which each gives a 2e7th part.
+    #[test]
+    fn a_day_that_ends_before_the_dose_is_no_limit_of_the_hazard() {
+        let of = |hazard, margin, per_day| Assessment {
+            hazard,
+            margin: Some(margin),
+            exposures_per_day: Some(per_day),
+            ..blue_light()
+        };
+        let tissue = |hazards| report_of(vec![viewer_of(Viewer::Mucosa, hazards)]);
+        let day = 1_440_000;
+        let free = tissue(vec![of(Hazard::SkinThermal, 1e9, day), of(Hazard::ActinicUv, 1.8e7, day)]);
+        let text = plain(&safety_section(&free).unwrap());
+        for part in [
+            "No hazard limits a day; the smallest margin is that of actinic ultraviolet",
+            "so more of it alone are allowed than fit into 8 hours.",
+            "no limit of exposures of frame",
+        ] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        assert!(!text.contains("1440000"), "{text}");
+        assert_eq!(eye_safe_captures(&free).unwrap().value, "no limit");
+        // One exposure less than the day allows is a limit of the dose
+        let limited = tissue(vec![of(Hazard::ActinicUv, 1e9, day), of(Hazard::SkinThermal, 2e9, day - 1)]);
+        let text = plain(&safety_section(&limited).unwrap());
+        assert!(text.contains("so 1439999 exposures of it alone fit into 8 hours."), "{text}");
+        assert!(text.contains("The limiting hazard is burns"), "{text}");
+        assert_eq!(eye_safe_captures(&limited).unwrap().value, "1439999");
+    }
+
+    #[test]
+    fn a_card_of_skin_alone_says_so_first() {
+        let skin = || viewer_of(Viewer::Mucosa, vec![blue_light()]);
+        let unknown = viewer_of(Viewer::OperatorEye, Vec::new());
+        let card = eye_safe_captures(&report_of(vec![skin(), unknown])).unwrap();
+        assert!(card.meaning.starts_with("for skin; eyes not assessed: "), "{card:?}");
+        assert_eq!(card.name, "Safe captures");
+        let known = viewer_of(Viewer::OperatorEye, vec![blue_light()]);
+        let card = eye_safe_captures(&report_of(vec![skin(), known])).unwrap();
+        assert!(card.meaning.starts_with("frame \"green\", limited by"), "{card:?}");
     }
 
     fn plain(section: &Section) -> String {
