@@ -263,7 +263,7 @@ const SCATTER_SPAN_NM: f64 = 40.0;
 const LEAST_SCATTER: f64 = 0.02;
 
 /// Refuses a matrix, `[emission][excitation]`, whose values follow the excitation or twice the excitation: in three columns or more, over
-/// [`SCATTER_SPAN_NM`], the values within a bandpass of that line are more than twice all those one bandpass to three beside it.
+/// 40 nm of excitation, the values within a bandpass of that line are more than twice all those one bandpass to three beside it.
 ///
 /// # Errors
 /// [`FormatError::ScatteredLight`].
