@@ -48,11 +48,11 @@ pub mod schema;
 
 pub use design::{
     CohortSection, ComparedDesign, ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile,
-    DesignRegion, DesignRender, DesignRenders, ExcitationSection, ExposuresSection, FIRST_CHOICES,
-    FilterChoiceSection, GeometrySection, GeometryValue, IdealBandsSection, LedSeriesSection,
-    LensChoiceSection, LightChoiceSection, LimitsSection, RegionSection, RenderedRegionSection,
-    RenderedSceneSection, ResolvedDesign, SearchSection, SensorChoiceSection, SplitChoice, SplitRule,
-    TolerancesSection, UnknownsSection, WheelFilterSection, WhiteFrameSection, parse_design,
+    DesignRegion, DesignRender, DesignRenders, ExcitationSection, ExposuresSection, FilterChoiceSection,
+    GeometrySection, GeometryValue, IdealBandsSection, LedSeriesSection, LensChoiceSection,
+    LightChoiceSection, LimitsSection, RegionSection, RenderedRegionSection, RenderedSceneSection,
+    ResolvedDesign, SearchSection, SensorChoiceSection, SplitChoice, SplitRule, TolerancesSection,
+    UnknownsSection, WheelFilterSection, WhiteFrameSection, parse_design,
 };
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use kept::{cache, kept_mouth, use_cache};

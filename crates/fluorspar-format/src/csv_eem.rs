@@ -301,11 +301,12 @@ pub fn refuse_scattered_light(
             continue;
         }
         let on_line = found.iter().filter_map(|column| largest(*column, &|nm| nm.abs() <= wide_nm));
+        let scattered_peak = on_line.fold(0.0, f64::max);
         return Err(FormatError::ScatteredLight {
             path: path.into(),
             order,
             excitation_nm: span,
-            percent_of_peak: 100.0 * on_line.fold(0.0, f64::max) / peak.max(f64::MIN_POSITIVE),
+            percent_of_peak: 100.0 * scattered_peak / if peak > 0.0 { peak } else { scattered_peak },
         });
     }
     Ok(())

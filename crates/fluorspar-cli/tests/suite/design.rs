@@ -181,7 +181,7 @@ name = "RGB"
 preset = "lyu_2021_table_1"
 
 [[compare]]
-name = "the shorter LED"
+name = "first choices"
 lights = ["375 nm"]
 "#;
 

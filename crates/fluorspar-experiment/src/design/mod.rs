@@ -6,7 +6,7 @@ mod resolve;
 mod schema;
 
 pub use renders::{DesignRegion, DesignRender, DesignRenders};
-pub use resolve::{ComparedDesign, FIRST_CHOICES, ResolvedDesign, parse_design};
+pub use resolve::{ComparedDesign, ResolvedDesign, parse_design};
 pub use schema::{
     CohortSection, ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile, ExcitationSection,
     ExposuresSection, FilterChoiceSection, GeometrySection, GeometryValue, IdealBandsSection,

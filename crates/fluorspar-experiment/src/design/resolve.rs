@@ -58,6 +58,8 @@ pub struct ResolvedDesign {
     pub rendered: DesignRenders,
     /// Designs to compare the best with, at least one.
     pub compared: Vec<ComparedDesign>,
+    /// Whether the file names these. If not, there is one: the first light, filter, sensor and so on.
+    pub names_compared: bool,
     /// The file.
     pub record: FileRecord,
 }
@@ -170,7 +172,16 @@ pub fn parse_design(
         resolved_toml,
         sha256,
     };
-    Ok(ResolvedDesign { problem, search: file.search, tolerance: file.tolerance, rendered, compared, record })
+    let names_compared = !file.compare.is_empty();
+    Ok(ResolvedDesign {
+        problem,
+        search: file.search,
+        tolerance: file.tolerance,
+        rendered,
+        compared,
+        names_compared,
+        record,
+    })
 }
 
 /// Checks the numbers of search and tolerances.
@@ -865,9 +876,6 @@ fn criterion(
     })
 }
 
-/// Name of the design to compare with where a file names none: the first light, filter, sensor and so on.
-pub const FIRST_CHOICES: &str = "first choices";
-
 /// Designs of the file by number; without any the first choice of everything.
 fn compared(
     context: &Context<'_>,
@@ -891,7 +899,7 @@ fn compared(
     if found.is_empty() {
         let lights = (0..problem.exposures.iter().copied().min().unwrap_or(1)).collect();
         let design = Design { lights, filter: 0, camera: 0, lens: 0, drive: 0, split: 0, geometry: 0 };
-        found.push(ComparedDesign { name: FIRST_CHOICES.into(), design });
+        found.push(ComparedDesign { name: "first choices".into(), design });
     }
     Ok(found)
 }

@@ -1,6 +1,5 @@
 //! The designs that a file names, side by side.
 
-use fluorspar_experiment::FIRST_CHOICES;
 use serde_json::json;
 
 use super::ProblemArgs;
@@ -20,7 +19,7 @@ pub(super) struct Options {
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
     let read = options.problem.read()?;
-    if read.resolved.compared.iter().any(|compared| compared.name == FIRST_CHOICES) {
+    if !read.resolved.names_compared {
         return Err(CliError::Input(format!(
             "{}: there is no design to compare; name some, each as [[compare]] with name, lights and what else it chooses, or rank all \
              with `fluorspar design sweep`",

@@ -7,7 +7,7 @@ use fluorspar::design::{
     Criterion, Design, DesignSpace, Score, Sensitivity, Tolerances, WorstCase, pareto_front, sensitivities,
     worst_case,
 };
-use fluorspar_experiment::{FIRST_CHOICES, TolerancesSection};
+use fluorspar_experiment::TolerancesSection;
 use fluorspar_format::{FileFormat, OutputFolder, write_atomically};
 use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_report};
 use serde_json::{Value, json};
@@ -178,9 +178,9 @@ impl Outcome {
                 text += &format!("{} more in designs.csv\n", self.best.len() - SHOWN);
             }
         }
-        text += match self.compared.iter().any(|judged| judged.name == FIRST_CHOICES) {
-            true => "\ncompared with what the file names first\n",
-            false => "\ncompared\n",
+        text += match problem.resolved.names_compared {
+            true => "\ncompared\n",
+            false => "\ncompared with what the file names first\n",
         };
         text += &table(space, self.compared.iter(), &[]);
         if let (Some(best), Some(worst)) = (self.best.first(), self.worst_cases.first()) {
