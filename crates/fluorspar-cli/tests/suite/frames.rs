@@ -173,6 +173,17 @@ fn a_filter_wheel_is_run_analyzed_and_reported() {
     // A flat patch under direct light is what the responses are predicted for; the render has 16 samples a pixel.
     assert!((number("share") - number("true_share")).abs() < 0.01, "{porphyrin}");
     assert!(number("true_share") > 0.05, "{porphyrin}");
+    // The same light with but one fluorophore as the bulk: the truth counts the others as bulk, as the fit does
+    let one = ["analyze", "wheel", "--set", "analysis.bulk={ elastin = 1.0 }"];
+    let told = fluorspar(folder, one).well().stdout;
+    assert!(told.contains("which count as bulk in the true shares"), "{told}");
+    let json = fluorspar(folder, [&one[..], &["--json"]].concat()).well().json();
+    let unmixing = &json["signals"]["unmixing"];
+    let known = unmixing["terms"][1]["true_share"].as_f64().unwrap();
+    // Sums of electrons in single precision
+    assert!((known - number("true_share")).abs() < 1e-6, "{unmixing} {porphyrin}");
+    let all: f64 = (0..2).map(|term| unmixing["terms"][term]["true_share"].as_f64().unwrap()).sum();
+    assert!((all - 1.0).abs() < 1e-9 && unmixing["true_share_of_others"]["share"].as_f64().unwrap() > 0.1);
     let page = fs::read_to_string(folder.join("wheel/report.html")).unwrap();
     let (head, words) = page.split_once("<body").unwrap();
     assert!(head.len() > 100 && words.contains("Fluorophores in the signals"));

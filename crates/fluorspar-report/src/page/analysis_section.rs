@@ -1,8 +1,8 @@
 //! An analysis in plain words.
 
 use fluorspar::analysis::{
-    Analysis, ErrorBudget, LineEstimate, MixtureSummary, PorphyrinTruth, SharePosterior, SignalSummary,
-    SpotSeparation, Statistics, TargetDetection, UnmixedTerm,
+    Analysis, ErrorBudget, LineEstimate, MixtureSummary, OtherLight, PorphyrinTruth, SharePosterior,
+    SignalSummary, SpotSeparation, Statistics, TargetDetection, UnmixedTerm,
 };
 
 use super::report_data::{Number, NumberMatrix, NumberTable, Origin, ReportItem, Section};
@@ -297,6 +297,7 @@ fn with_signals(section: Section, summary: &SignalSummary) -> Section {
                  up the region: light is absorbed on its way, comes indirectly, is reflected, or another fluorophore gives it off.",
             ));
         }
+        rows.extend(unmixing.true_share_of_others.and_then(other_light_row));
         section = section.with(table("Fluorophores in the signals", rows));
     }
     section
@@ -328,6 +329,18 @@ fn unmixed_row(term: &UnmixedTerm) -> Number {
             short(term.amount)
         ),
     )
+}
+
+/// Light of other parts in the truth; none where there is next to nothing of it.
+fn other_light_row(others: OtherLight) -> Option<Number> {
+    let words = others.words()?;
+    let meaning = format!("The simulation knows of {words}.");
+    Some(Number::computed(
+        "Light of other parts",
+        format!("{:.4}", others.share),
+        "of the electrons",
+        meaning,
+    ))
 }
 
 /// Targets in frames, one row each.

@@ -313,7 +313,10 @@ fn unmixed_answer(analysis: &Analysis, unmixing: &Unmixing, words: &Words<'_>) -
         truth: term
             .true_share
             .map_or_else(String::new, |share| format!("True share, which the simulation knows: {share:.4}")),
-        other: String::new(),
+        other: unmixing
+            .true_share_of_others
+            .and_then(|others| others.words())
+            .map_or_else(String::new, |words| capital(&words)),
         budgets: vec![contributions("The other shares:", rows, Some(1.0), percent)],
     })
 }

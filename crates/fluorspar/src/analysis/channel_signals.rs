@@ -135,9 +135,38 @@ pub struct UnmixedTerm {
     pub share: f64,
     /// 95 % of it by the sensor's noise.
     pub share_interval: [f64; 2],
-    /// The share that a simulation knows.
+    /// The share that a simulation knows: of the electrons of all light that fluoresced once, by whatever way it came.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub true_share: Option<f64>,
+}
+
+/// Light of fluorophores that no term has, such as that of teeth, reflected in the region.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OtherLight {
+    /// Its share of the electrons of all light that fluoresced once, 0 to 1.
+    pub share: f64,
+    /// Whether the true share of the bulk holds it: of two terms the fit has no other place for what is no porphyrin. Of more terms no
+    /// true share holds it.
+    pub counts_as_bulk: bool,
+}
+
+impl OtherLight {
+    /// Least share that is worth a word.
+    const LEAST: f64 = 1e-4;
+
+    /// Where the truth counts it, in words; `None` where there is next to nothing of it.
+    #[must_use]
+    pub fn words(&self) -> Option<String> {
+        let Self { share, counts_as_bulk } = *self;
+        let place = if counts_as_bulk {
+            "count as bulk in the true shares, as they do in the fit"
+        } else {
+            "are in no true share; the fit spreads their light over the terms"
+        };
+        let name = "other fluorophores, as of other parts";
+        (share >= Self::LEAST)
+            .then(|| format!("{name}: {share:.4} of the electrons of fluorescence, which {place}"))
+    }
 }
 
 /// Signals as a sum of fluorophores.
@@ -149,6 +178,9 @@ pub struct Unmixing {
     pub terms: Vec<UnmixedTerm>,
     /// Root mean square of what is left, in standard errors; none where there are as many terms as signals.
     pub misfit: Option<f64>,
+    /// What a simulation knows of the light of fluorophores that no term has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub true_share_of_others: Option<OtherLight>,
 }
 
 /// Everything about the signals of a region.
@@ -205,6 +237,7 @@ impl Unmixing {
             signals: signals.iter().map(|signal| signal.name()).collect(),
             terms,
             misfit: (freedom > 0).then(|| (left / freedom as f64).sqrt()),
+            true_share_of_others: None,
         })
     }
 }
@@ -313,6 +346,12 @@ impl SignalSummary {
                     term.share
                 )
             }));
+            lines.extend(
+                unmixing
+                    .true_share_of_others
+                    .and_then(|others| others.words())
+                    .map(|words| format!("  {words}")),
+            );
             if let Some(misfit) = unmixing.misfit {
                 lines.push(format!("  what is left: {misfit:.1} standard errors, root mean square"));
             }
@@ -399,6 +438,18 @@ mod tests {
         assert_eq!(Unmixing::new(&signals[..2], &terms), None);
         let twins = [terms[0].clone(), terms[0].clone()];
         assert_eq!(Unmixing::new(&signals, &twins), None);
+    }
+
+    #[test]
+    fn the_truth_says_where_it_counts_light_of_other_parts() {
+        let words = |share, counts_as_bulk| OtherLight { share, counts_as_bulk }.words();
+        assert!(
+            words(0.024, true)
+                .unwrap()
+                .contains("0.0240 of the electrons of fluorescence, which count as bulk")
+        );
+        assert!(words(0.024, false).unwrap().contains("are in no true share"));
+        assert_eq!(words(0.00001, true), None);
     }
 
     #[test]

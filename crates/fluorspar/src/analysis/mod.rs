@@ -46,7 +46,9 @@ mod summary;
 mod target_detection;
 
 pub use channel_noise::ChannelNoise;
-pub use channel_signals::{ChannelSignal, SignalRatio, SignalSummary, UnmixedTerm, Unmixing, UnmixingTerm};
+pub use channel_signals::{
+    ChannelSignal, OtherLight, SignalRatio, SignalSummary, UnmixedTerm, Unmixing, UnmixingTerm,
+};
 pub use chromaticity::{
     ChromaticityMap, DEFAULT_NOISE_THRESHOLD, ExclusionCounts, MissingChannel, PixelValidity,
     chromaticity_covariance, rgb_channels, sensor_chromaticity,

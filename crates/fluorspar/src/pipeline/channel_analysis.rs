@@ -6,7 +6,8 @@ use super::region_light::region_electrons;
 use super::targets::noise_of;
 use super::{CameraResponse, CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{
-    ChannelSignal, PixelSelection, SceneOnSensor, SignalRatio, SignalSummary, Unmixing, UnmixingTerm,
+    ChannelSignal, OtherLight, PixelSelection, SceneOnSensor, SignalRatio, SignalSummary, UnmixedTerm,
+    Unmixing, UnmixingTerm,
 };
 use crate::image::LightPath;
 use crate::render::direct_exitance;
@@ -134,31 +135,44 @@ fn responses(
     Some(terms)
 }
 
-/// The shares that a simulation knows: electrons of light that fluoresced once, in the fluorophores of each term.
+/// The shares that a simulation knows: electrons of light that fluoresced once, by the fluorophores of each term and by those that no term
+/// has. Of two terms, porphyrin and bulk, the fit puts whatever is no porphyrin into the bulk, and so does the truth.
 fn with_truth(
     measured: &Measured<'_>,
     frames: &[(&CapturedFrame, &Capture)],
     mut unmixing: Unmixing,
 ) -> Result<Unmixing, PipelineError> {
     let Some(components) = measured.components else { return Ok(unmixing) };
-    let mut electrons = vec![0.0; unmixing.terms.len()];
-    for (frame, capture) in frames {
-        for (term, sum) in unmixing.terms.iter().zip(&mut electrons) {
-            let is = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if term.fluorophores.contains(name));
-            let means = region_electrons(
-                measured.study,
-                components,
-                capture,
-                frame.raw.exposure_s,
-                measured.region,
-                &is,
-            )?;
-            *sum += means.iter().sum::<f64>();
+    let known: Vec<&String> = unmixing.terms.iter().flat_map(|term| &term.fluorophores).collect();
+    let light_of = |is: &dyn Fn(&String) -> bool| -> Result<f64, PipelineError> {
+        let is = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if is(name));
+        let mut sum = 0.0;
+        for (frame, capture) in frames {
+            let (study, exposure_s) = (measured.study, frame.raw.exposure_s);
+            let means = region_electrons(study, components, capture, exposure_s, measured.region, &is)?;
+            sum += means.iter().sum::<f64>();
         }
-    }
-    let all: f64 = electrons.iter().sum();
+        Ok(sum)
+    };
+    let mut electrons = unmixing
+        .terms
+        .iter()
+        .map(|term| light_of(&|name| term.fluorophores.contains(name)))
+        .collect::<Result<Vec<f64>, _>>()?;
+    let others = light_of(&|name| !known.contains(&name))?;
+    let all = electrons.iter().sum::<f64>() + others;
     if all > 0.0 {
+        let of_porphyrin = |term: &UnmixedTerm| measured.plan.porphyrin.iter().eq(term.fluorophores.iter());
+        let bulk = match unmixing.terms.as_slice() {
+            [bulk, last] if of_porphyrin(last) && !of_porphyrin(bulk) => Some(0),
+            _ => None,
+        };
+        if let Some(bulk) = bulk {
+            electrons[bulk] += others;
+        }
         unmixing.terms.iter_mut().zip(electrons).for_each(|(term, sum)| term.true_share = Some(sum / all));
+        unmixing.true_share_of_others =
+            Some(OtherLight { share: others / all, counts_as_bulk: bulk.is_some() });
     }
     Ok(unmixing)
 }
