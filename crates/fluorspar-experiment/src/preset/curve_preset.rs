@@ -1,5 +1,7 @@
 //! Spectra of the catalogue: lights, filters, reflectances and quantum efficiencies.
 
+use std::sync::LazyLock;
+
 use serde::{Deserialize, Serialize};
 
 use super::catalogue::{damaged, parse};
@@ -162,13 +164,17 @@ pub fn reflectance(name: &str) -> Result<CurvePreset, PresetError> {
     curve(PresetKind::Reflectance, name, CurveQuantity::Reflectance)
 }
 
-/// All diffuse reflectances as curves, in the order of their names: the colors that matter to images of tissue.
+/// All diffuse reflectances as curves, in the order of their names: the colors that matter to images of tissue. They are evaluated
+/// once.
 pub fn reflectance_curves() -> Vec<Curve> {
-    super::names(PresetKind::Reflectance)
-        .into_iter()
-        .filter_map(|name| reflectance(name).ok())
-        .map(|entry| entry.curve())
-        .collect()
+    static CURVES: LazyLock<Vec<Curve>> = LazyLock::new(|| {
+        super::names(PresetKind::Reflectance)
+            .into_iter()
+            .filter_map(|name| reflectance(name).ok())
+            .map(|entry| entry.curve())
+            .collect()
+    });
+    CURVES.clone()
 }
 
 /// Quantum efficiencies of a sensor.
