@@ -100,29 +100,37 @@ impl Demosaic {
         let is_interior = |line: usize, margin: usize, lines: usize| line >= margin && line + margin < lines;
         let rows = data.par_chunks_exact_mut(width * channels).zip(mask.par_chunks_exact_mut(width));
         rows.enumerate().for_each(|(row, (data, mask))| {
-            let interior_row = is_interior(row, margin_rows, height);
-            for (col, (out, mask)) in data.chunks_exact_mut(channels).zip(mask).enumerate() {
-                let cell = (row % mosaic.rows) * mosaic.cols + col % mosaic.cols;
-                let first = cell * channels;
-                // Apply the precomputed offsets inside the image
-                if interior_row && is_interior(col, margin_cols, width) {
-                    let pixel = row * width + col;
-                    for (out, taps) in out.iter_mut().zip(&cells[first..]) {
-                        *out = weighted_sum(taps, pixel, values);
-                        let is_marked =
-                            |&(offset, _): &(isize, f32)| marked[pixel.wrapping_add_signed(offset)];
-                        *mask |= any_marked && taps.iter().any(is_marked);
-                    }
-                } else {
-                    for (channel, out) in out.iter_mut().enumerate() {
-                        // Renormalize the taps that lie inside at the border
-                        let entering = || self.taps.entering([row, col], channel, [width, height]);
-                        let (sum, total) = entering().fold((0.0, 0.0), |(sum, total), (pixel, weight)| {
-                            (sum + weight * values[pixel], total + weight)
-                        });
-                        *out = if total > 0.0 { sum / total } else { 0.0 };
-                        *mask |= any_marked && entering().any(|(pixel, _)| marked[pixel]);
-                    }
+            let first_cell = (row % mosaic.rows) * mosaic.cols;
+            let is_interior_row = is_interior(row, margin_rows, height) && width > 2 * margin_cols;
+            let interior = if is_interior_row { margin_cols..width - margin_cols } else { 0..0 };
+            // Apply the precomputed offsets inside the image, one column and channel of the cell after the other
+            for phase in 0..mosaic.cols.min(interior.len()) {
+                let start = interior.start + phase;
+                let cell = first_cell + start % mosaic.cols;
+                for channel in 0..channels {
+                    let values_out = data[start * channels + channel..interior.end * channels]
+                        .iter_mut()
+                        .step_by(mosaic.cols * channels);
+                    let pixels = (row * width + start..row * width + interior.end).step_by(mosaic.cols);
+                    weighted_sums(&cells[cell * channels + channel], values, pixels, values_out);
+                }
+            }
+            if any_marked {
+                for col in interior.clone() {
+                    let (pixel, cell) = (row * width + col, first_cell + col % mosaic.cols);
+                    let mut taps = cells[cell * channels..][..channels].iter().flatten();
+                    mask[col] = taps.any(|(offset, _)| marked[pixel.wrapping_add_signed(*offset)]);
+                }
+            }
+            // Renormalize the taps that lie inside at the border
+            for col in (0..width).filter(|col| !interior.contains(col)) {
+                for (channel, out) in data[col * channels..][..channels].iter_mut().enumerate() {
+                    let entering = || self.taps.entering([row, col], channel, [width, height]);
+                    let (sum, total) = entering().fold((0.0, 0.0), |(sum, total), (pixel, weight)| {
+                        (sum + weight * values[pixel], total + weight)
+                    });
+                    *out = if total > 0.0 { sum / total } else { 0.0 };
+                    mask[col] |= any_marked && entering().any(|(pixel, _)| marked[pixel]);
                 }
             }
         });
@@ -130,15 +138,24 @@ impl Demosaic {
     }
 }
 
-/// The sum of some taps around a pixel. Those of bilinear interpolation have their number known when compiled.
-#[inline]
-fn weighted_sum(taps: &[(isize, f32)], pixel: usize, values: &[f32]) -> f32 {
-    let value = |&(offset, weight): &(isize, f32)| weight * values[pixel.wrapping_add_signed(offset)];
-    match taps {
-        [a] => value(a),
-        [a, b] => value(a) + value(b),
-        [a, b, c, d] => value(a) + value(b) + value(c) + value(d),
-        _ => taps.iter().map(value).sum(),
+/// The sums of some taps around pixels. Bilinear interpolation of Bayer arrays has one, two or four: their number is known when
+/// compiled.
+fn weighted_sums<'a>(
+    taps: &[(isize, f32)],
+    values: &[f32],
+    pixels: impl Iterator<Item = usize>,
+    sums: impl Iterator<Item = &'a mut f32>,
+) {
+    let value =
+        |pixel: usize, (offset, weight): (isize, f32)| weight * values[pixel.wrapping_add_signed(offset)];
+    let sums = pixels.zip(sums);
+    match *taps {
+        [a] => sums.for_each(|(pixel, sum)| *sum = value(pixel, a)),
+        [a, b] => sums.for_each(|(pixel, sum)| *sum = value(pixel, a) + value(pixel, b)),
+        [a, b, c, d] => sums.for_each(|(pixel, sum)| {
+            *sum = value(pixel, a) + value(pixel, b) + value(pixel, c) + value(pixel, d);
+        }),
+        _ => sums.for_each(|(pixel, sum)| *sum = taps.iter().map(|tap| value(pixel, *tap)).sum()),
     }
 }
 
