@@ -133,9 +133,11 @@ impl ColorRendering {
             [Some(r), Some(g), Some(b)] => [r, g, b],
             _ => [0; 3],
         };
+        let matrix = self.matrix;
         move |pixel| {
-            let values = channels.map(|c| f64::from(image.data[pixel * image.channels.len() + c]));
-            self.matrix.map(|row| row.iter().zip(values).map(|(m, v)| m * v).sum())
+            let values = &image.data[pixel * image.channels.len()..][..image.channels.len()];
+            let [r, g, b] = channels.map(|c| f64::from(values[c]));
+            matrix.map(|[of_r, of_g, of_b]| of_r * r + of_g * g + of_b * b)
         }
     }
 
@@ -242,13 +244,22 @@ fn to_srgb(
     white: f64,
     lift: f64,
 ) -> Preview {
-    let tone = |pixel: usize| -> [u8; 3] {
-        let p = linear(pixel);
-        // Extended Reinhard operator (Reinhard et al. 2002, Eq. 4) on the largest channel: keeps hues, maps `white` to 1.
-        let x = lift * largest(p).max(0.0) / white;
-        let factor = lift * (1.0 + x / (lift * lift)) / (1.0 + x) / white;
-        p.map(|value| encode_srgb(value * factor))
+    // One step for a few pixels at once: divisions of several are as fast as those of one
+    const AT_ONCE: usize = 64;
+    // Extended Reinhard operator (Reinhard et al. 2002, Eq. 4) on the largest channel: keeps hues, maps `white` to 1.
+    let factor = |color: [f64; 3]| {
+        let x = lift * largest(color).max(0.0) / white;
+        lift * (1.0 + x / (lift * lift)) / (1.0 + x) / white
     };
-    let rgb: Vec<[u8; 3]> = (0..width * height).into_par_iter().map(tone).collect();
+    let mut rgb = vec![[0; 3]; width * height];
+    rgb.par_chunks_mut(AT_ONCE).with_min_len(16).enumerate().for_each(|(chunk, rgb)| {
+        let (mut colors, mut factors) = ([[0.0; 3]; AT_ONCE], [0.0; AT_ONCE]);
+        let of_chunk = colors.iter_mut().take(rgb.len()).enumerate();
+        of_chunk.for_each(|(index, color)| *color = linear(AT_ONCE * chunk + index));
+        factors.iter_mut().zip(&colors).for_each(|(value, color)| *value = factor(*color));
+        for ((rgb, color), factor) in rgb.iter_mut().zip(&colors).zip(&factors) {
+            *rgb = color.map(|value| encode_srgb(value * factor));
+        }
+    });
     Preview { width, height, rgb: rgb.into_flattened() }
 }
