@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use fluorspar::sampling::Z_95;
 use fluorspar::spectral::Fluorophore;
 use fluorspar::tissue::fit::{Fit, MeasuredFluorescence, MeasuredReflectance, TissueFit};
 use fluorspar::tissue::{DiscreteOrdinates, Population, Site};
@@ -19,8 +20,6 @@ const SHAPE_ERROR: f64 = 0.05;
 const LEVEL: f64 = 0.3;
 /// Wavelengths up to which porphyrin hardly counts, nm.
 const GREEN_NM: f64 = 610.0;
-/// Standard deviations to the ends of an interval of 95 %.
-const Z_95: f64 = 1.96;
 
 fn find(name: &str) -> Option<Arc<Fluorophore>> {
     catalogue(name)

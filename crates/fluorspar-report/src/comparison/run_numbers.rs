@@ -1,7 +1,8 @@
 //! The numbers of a finished run that an engineer decides by.
 
-use fluorspar::analysis::{Analysis, ErrorBudget, SharePosterior, SignalSummary, TargetDetection, Z_95};
+use fluorspar::analysis::{Analysis, ErrorBudget, SharePosterior, SignalSummary, TargetDetection};
 use fluorspar::safety::DAY_S;
+use fluorspar::sampling::Z_95;
 
 use super::ComparedSide;
 use super::finished_run::{FinishedCapture, FinishedRun, FinishedSafety};

@@ -3,9 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::mixture_line::Z_95;
 use super::{ChannelNoise, PixelMean, PixelSelection};
 use crate::image::ChannelImage;
+use crate::sampling::Z_95;
 
 /// One channel of one frame over a region.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

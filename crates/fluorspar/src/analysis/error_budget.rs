@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::mixture_line::{DETECTION_Z, Z_95};
+use super::mixture_line::DETECTION_Z;
 use super::{LineEstimate, MixtureLine, RegionLight};
+use crate::sampling::Z_95;
 
 /// One thing that moves the estimate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

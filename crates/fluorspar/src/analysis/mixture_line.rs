@@ -7,10 +7,9 @@ use super::{
     ChannelNoise, MissingChannel, PixelSelection, chromaticity_covariance, rgb_channels, sensor_chromaticity,
 };
 use crate::image::ChannelImage;
+use crate::sampling::Z_95;
 use crate::spectral::{GridMismatch, QuantumEfficiency, Radiance, Spectrum};
 
-/// Two-sided 95 % quantile of the standard normal distribution.
-pub const Z_95: f64 = 1.959_963_984_540_054;
 /// Standard deviations of the blank at which a signal is detected with errors of 5 % either way: `2 * 1.645` (Currie, Anal. Chem.
 /// 40, 586, 1968).
 pub(super) const DETECTION_Z: f64 = 3.29;

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::mixture_line::Z_95;
+use crate::sampling::Z_95;
 
 /// Fewest cases of a group per number of a case, below which a covariance means little.
 const LEAST_CASES_PER_NUMBER: usize = 4;

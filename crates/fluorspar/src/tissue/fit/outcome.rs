@@ -5,10 +5,8 @@ use nalgebra::DMatrix;
 use super::forward::Forward;
 use super::least_squares::Minimum;
 use super::{Derivatives, TissueFitError};
+use crate::sampling::Z_95;
 use crate::tissue::Site;
-
-/// Standard deviations to each end of an interval of 95 %.
-const Z_95: f64 = 1.959_964;
 
 /// The most probable tissue.
 #[derive(Clone, Debug, PartialEq)]
