@@ -15,7 +15,7 @@
 //! | chromaticity, porphyrin | [`analyze`] | [`AnalyzedFrame`] |
 //! | the same of further regions of the frame | [`analyze_regions`] | [`AnalyzedRegion`]s |
 //! | targets, told from what lies around them | [`analyze`] | [`TargetLabels`], [`crate::analysis::TargetDetection`]s |
-//! | two spots, told apart | [`spot_separations`] | [`crate::analysis::SpotSeparation`]s |
+//! | two spots, told apart | [`analyze`] | [`crate::analysis::SpotSeparation`]s |
 //! | less noise, for display | [`denoise`] | [`crate::image::ComponentImage`], labeled |
 //! | previews | [`preview`] | 8-bit sRGB |
 //! | a scene without its light: clay, parts, depth | [`surface_view`] of [`crate::render::visible_surfaces`] | 8-bit sRGB |
@@ -102,7 +102,6 @@ pub use safety::{
 };
 pub use scene_change::{check_same_scene, relight};
 pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
-pub use spot_separations::spot_separations;
 pub use surface_view::{SurfaceView, depth_range_m, part_color, surface_view};
 pub use targets::TargetLabels;
 pub use tissue_family::{FamilyFrame, other_tissue_families, tissue_family};

@@ -8,23 +8,6 @@ use crate::study::{AnalysisPlan, Study};
 /// Most pixels of a spot that are compared; of larger ones some, evenly spread.
 const MOST_PIXELS: usize = 600;
 
-/// How well the pixels of the two regions that an analysis compares are told apart: green alone and all channels of every frame with
-/// light, and of all these frames together. Empty where nothing is compared. `scene` serves to find parts by name.
-///
-/// Pixels are compared by the logarithms of their channels, every second one in both directions, as neighbors share raw values.
-/// What spots hold of structure of their own counts as noise.
-///
-/// # Errors
-/// A region that does not fit the frames.
-pub fn spot_separations(
-    study: &Study,
-    plan: &AnalysisPlan,
-    frames: &[CapturedFrame],
-    scene: Option<SceneOnSensor<'_>>,
-) -> Result<Vec<SpotSeparation>, PipelineError> {
-    Ok(compared_spots(study, plan, frames, scene)?.found)
-}
-
 /// Two spots compared.
 #[derive(Debug, Default)]
 pub(super) struct ComparedSpots {
@@ -34,7 +17,14 @@ pub(super) struct ComparedSpots {
     pub(super) warnings: Vec<String>,
 }
 
-/// [`spot_separations`] with what is missing of them.
+/// How well the pixels of the two regions that an analysis compares are told apart: green alone and all channels of every frame with
+/// light, and of all these frames together. Empty where nothing is compared. `scene` serves to find parts by name.
+///
+/// Pixels are compared by the logarithms of their channels, every second one in both directions, as neighbors share raw values.
+/// What spots hold of structure of their own counts as noise.
+///
+/// # Errors
+/// A region that does not fit the frames.
 pub(super) fn compared_spots(
     study: &Study,
     plan: &AnalysisPlan,

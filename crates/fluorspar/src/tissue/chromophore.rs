@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::tissue_error::{TissueError, check};
-use crate::spectral::{Curve, CurveModel, blood_absorption_per_cm};
+use crate::spectral::{Curve, blood_absorption_per_cm};
 
 /// Largest absorption coefficient of a curve, 1/mm: whole blood without oxygen has 300/mm at 434 nm.
 const CURVE_PER_MM: [f64; 2] = [0.0, 400.0];
@@ -109,14 +109,6 @@ impl Blood {
 }
 
 impl Chromophore {
-    /// A chromophore from an analytic curve, in 1/mm.
-    pub fn from_model(name: &str, absorption_per_mm: &CurveModel) -> Self {
-        Self::Curve {
-            name: name.to_string(),
-            absorption_per_mm: Arc::new(Curve::from_model(absorption_per_mm)),
-        }
-    }
-
     /// Absorption coefficient (natural logarithm), 1/mm.
     #[must_use]
     pub fn absorption_per_mm(&self, wavelength_nm: f64) -> f64 {

@@ -203,12 +203,6 @@ impl EffectiveTissue {
         })
     }
 
-    /// Share of diffuse light from above that a layer absorbs, against wavelength.
-    #[must_use]
-    pub fn absorptance(&self, layer: usize) -> Curve {
-        self.curve(|solution| solution.absorbed.get(layer).copied().unwrap_or(0.0))
-    }
-
     fn curve(&self, value: impl Fn(&Solution) -> f64) -> Curve {
         let values: Vec<f64> = self.solutions.iter().map(value).collect();
         // Wavelengths were checked; values are finite.
