@@ -131,7 +131,9 @@ impl Fit<'_> {
         at: &Place,
     ) -> Result<(), ExperimentError> {
         if length.is_some_and(|length| length != nodes.len()) {
-            let message = format!("this list has {} entries; expected {}", nodes.len(), self.expected(shape));
+            let entries = if nodes.len() == 1 { "entry" } else { "entries" };
+            let message =
+                format!("this list has {} {entries}; expected {}", nodes.len(), self.expected(shape));
             return self.fail(at, message);
         }
         nodes.iter().enumerate().try_for_each(|(index, node)| self.value(items, node, &at.index(index)))

@@ -313,8 +313,11 @@ fn find_entry(items: &[Node], list: &str, step: &str, source: &TextSource) -> Re
         if index < items.len() {
             return Ok(index);
         }
-        let message =
-            format!("there is no {list}[{index}]; the list has {} entries, numbered from 0", items.len());
+        let message = match items.len() {
+            0 => format!("there is no {list}[{index}]; the list is empty"),
+            1 => format!("there is no {list}[{index}]; the list has one entry, {list}[0]"),
+            many => format!("there is no {list}[{index}]; the list has {many} entries, numbered from 0"),
+        };
         return Err(source.error(message));
     }
     let names: Vec<&str> = items.iter().filter_map(Node::name).collect();

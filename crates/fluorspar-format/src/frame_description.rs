@@ -144,7 +144,7 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
             (facts.of_pixels(path, &pixels, tags.as_ref()), pixels.data)
         }
     } else {
-        let what = "this is no DNG, TIFF or PNG";
+        let what = "this is not a DNG, TIFF or PNG";
         return Err(FormatError::unsupported(
             path,
             what,

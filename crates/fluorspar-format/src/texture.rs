@@ -19,7 +19,7 @@ pub fn read_texture(path: &Path, transfer: Transfer) -> Result<TextureImage, For
         Some("exr") => read_texture_exr(path)?,
         Some("pfm") => read_pfm(path)?,
         _ => {
-            let what = "this is no image that is read here";
+            let what = "this is not an image that is read here";
             return Err(FormatError::unsupported(path, what, "Save it as .png, .exr or .pfm"));
         }
     };

@@ -57,7 +57,7 @@ fn region_option(text: &str) -> Result<RegionOption, CliError> {
     let words: Vec<&str> = place.split(',').collect();
     let is_number = |word: &&str| word.trim().parse::<f64>().is_ok();
     let fields = if place.starts_with('{') {
-        fields_of_table(place).ok_or_else(|| wrong("this is no table of TOML"))?
+        fields_of_table(place).ok_or_else(|| wrong("this is not a table of TOML"))?
     } else if place.starts_with("[[") {
         vec![("polygon_px".into(), place.into())]
     } else if place.starts_with('[') {
