@@ -710,15 +710,15 @@ fn opening_faults(mouth: &Mouth) -> Vec<String> {
 fn surfaces_are_open_only_where_they_say() {
     assert_eq!(opening_faults(&mouth(&coarse())), Vec::<String>::new());
     // The checks can fail: a triangle taken away, one turned round, one put twice.
-    let spoilt = |spoil: &dyn Fn(&mut Vec<[u32; 3]>)| {
+    let spoiled = |spoil: &dyn Fn(&mut Vec<[u32; 3]>)| {
         let mut mouth = mouth(&MouthParameters { detail: 0.25, ..coarse() });
         let tooth = mouth.parts.iter_mut().find(|part| part.name == "tooth_16").unwrap();
         spoil(&mut tooth.mesh.triangles);
         opening_faults(&mouth).len()
     };
-    assert_eq!(spoilt(&|triangles| triangles.truncate(triangles.len() - 9)), 1);
-    assert_eq!(spoilt(&|triangles| triangles[50].swap(1, 2)), 1);
-    assert_eq!(spoilt(&|triangles| triangles.push(triangles[50])), 1);
+    assert_eq!(spoiled(&|triangles| triangles.truncate(triangles.len() - 9)), 1);
+    assert_eq!(spoiled(&|triangles| triangles[50].swap(1, 2)), 1);
+    assert_eq!(spoiled(&|triangles| triangles.push(triangles[50])), 1);
 }
 
 /// Maps that lie on themselves: the parts of the tongue's back share one map, every other part has its own.

@@ -79,7 +79,7 @@ fn frames_in_every_form_give_the_same_analysis() {
 }
 
 #[test]
-fn frames_of_another_camera_are_analysed_by_a_description() {
+fn frames_of_another_camera_are_analyzed_by_a_description() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     patch(folder, &[]);

@@ -103,7 +103,7 @@ fn sites_of_the_catalogue_fluoresce_less_with_more_blood() {
         let rest = ["--photons", "10000", "--reciprocity", "--diffuse", "--json"];
         fluorspar(folder.path(), start.iter().chain(&rest).chain(more).copied()).json()
     };
-    let [normal, bloody] = [site(&[]), site(&["--state", "hyperaemia"])];
+    let [normal, bloody] = [site(&[]), site(&["--state", "hyperemia"])];
     let upward = |found: &Value| mean(&found["reciprocity"]["upward"]);
     // Ten times the superficial blood: .40 of normal at 520 nm under 405 nm, within .03, here with 3 % of noise.
     let ratio = upward(&bloody) / upward(&normal);
@@ -113,7 +113,7 @@ fn sites_of_the_catalogue_fluoresce_less_with_more_blood() {
     let wrong: [(&[&str], &str); 6] = [
         (&["dorsal_tongue"], "give the wavelength of the light, --wavelength-nm 405"),
         (&["dorsal_tounge", "--wavelength-nm", "405"], "dorsal_tongue"),
-        (&["lip", "--wavelength-nm", "405", "--state", "ill"], "hyperaemia"),
+        (&["lip", "--wavelength-nm", "405", "--state", "ill"], "hyperemia"),
         (&["lip", "--wavelength-nm", "405", "--set", "blood=1"], "superficial_blood_fraction"),
         (&["lip", "--wavelength-nm", "405", "--emission-nm", "380"], "nothing fluoresces there under 405 nm"),
         (&["mucosa.toml", "--wavelength-nm", "405"], "a file of layers states its optical properties itself"),
@@ -168,7 +168,7 @@ fn sites_are_listed_and_shown() {
         let shown = fluorspar(folder.path(), ["tissue", "show", name]).well().stdout;
         assert!(shown.contains("1/mm") && shown.contains("assumed"), "{shown}");
     }
-    let args = ["tissue", "show", "lip", "--state", "hyperaemia", "--set", "oxygen_saturation=0.7", "--json"];
+    let args = ["tissue", "show", "lip", "--state", "hyperemia", "--set", "oxygen_saturation=0.7", "--json"];
     let lip = fluorspar(folder.path(), args).json();
     let parameter = |name: &str| {
         let all = lip["parameters"].as_array().unwrap();

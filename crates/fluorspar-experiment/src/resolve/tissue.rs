@@ -207,7 +207,7 @@ impl TissueRecipe {
     ) -> Resolved<Self> {
         let refused = [("blood_um", lesion.blood_um != 0.0), ("reflectance", lesion.reflectance.is_some())];
         if let Some(&(field, _)) = refused.iter().find(|(_, given)| *given) {
-            let message = "the part is layered tissue: give states = [\"hyperaemia\"] or tissue = { superficial_blood_fraction = 10.0 } \
+            let message = "the part is layered tissue: give states = [\"hyperemia\"] or tissue = { superficial_blood_fraction = 10.0 } \
                            instead";
             return context.fail(&at.field(field), message);
         }

@@ -897,7 +897,7 @@ fn a_scan_in_a_wrong_unit_and_a_mask_in_colors_are_warned_of() {
         fluorspar_format::write_rgb_png(&mask, 2, 1, pixels).unwrap();
         let text = format!(
             "format = 1\nbase = \"oraleye-2021\"\n[mouth]\ndetail = 0.25\n[[mouth.lesion]]\nname = \"spot\"\npart = \"cheek_left\"\n\
-             mask = {mask:?}\nstates = [\"hyperaemia\"]\n"
+             mask = {mask:?}\nstates = [\"hyperemia\"]\n"
         );
         resolved(&text, &[]).record.warnings
     };

@@ -159,7 +159,7 @@ fn lesions_of_tissue_change_both_pictures() {
         )
     };
     let normal = patch("");
-    let blood = patch("states = [\"hyperaemia\"]");
+    let blood = patch("states = [\"hyperemia\"]");
     let collagen = patch("parameters = { deep_collagen_per_mm = 0.0, deep_elastin_per_mm = 0.0 }");
     assert!(light(&blood, false) < 0.97 * light(&normal, false));
     assert!(light(&blood, true) < 0.8 * light(&normal, true));

@@ -22,7 +22,7 @@ fn solved(site: &Site) -> EffectiveTissue {
 fn superficial_blood_darkens_fluorescence_most_under_violet_light() {
     let normal = Site::named("dorsal_tongue").unwrap();
     let mut bloody = normal.clone();
-    bloody.apply(TissueState::Hyperaemia).unwrap();
+    bloody.apply(TissueState::Hyperemia).unwrap();
     let [normal, bloody] = [&normal, &bloody].map(solved);
     // Lamps that are sold as 405, 415 and 450 nm, as measured: three lines for their width of 15 nm.
     for (peak_nm, expected) in [(408.0, 0.40), (416.0, 0.41), (444.0, 0.51)] {

@@ -101,7 +101,7 @@ class Tissue(_Named):
     _command = "tissue"
 
     def solve(self, **options: Any) -> Record:
-        """Reflectance and fluorescence: ``solve(excitation_nm=[405, 450], state=["hyperaemia"])``."""
+        """Reflectance and fluorescence: ``solve(excitation_nm=[405, 450], state=["hyperemia"])``."""
         return _record("tissue", "solve", self.name, **options)
 
     def depth(self, **options: Any) -> Record:

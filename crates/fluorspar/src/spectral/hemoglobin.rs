@@ -64,13 +64,13 @@ pub(crate) fn molar_extinction(wavelength_nm: f64) -> (f64, f64) {
     (low[1] + t * (high[1] - low[1]), low[2] + t * (high[2] - low[2]))
 }
 
-/// Absorption coefficient in 1/cm (natural logarithm) of blood with `grams_per_litre` of hemoglobin at the
+/// Absorption coefficient in 1/cm (natural logarithm) of blood with `grams_per_liter` of hemoglobin at the
 /// oxygen saturation `saturation` (0 to 1):
-/// `mua = ln(10) * (grams_per_litre / 64500) * [S eps_HbO2 + (1 - S) eps_Hb]`.
+/// `mua = ln(10) * (grams_per_liter / 64500) * [S eps_HbO2 + (1 - S) eps_Hb]`.
 #[must_use]
-pub(crate) fn absorption_per_cm(wavelength_nm: f64, grams_per_litre: f64, saturation: f64) -> f64 {
+pub(crate) fn absorption_per_cm(wavelength_nm: f64, grams_per_liter: f64, saturation: f64) -> f64 {
     let (oxy, deoxy) = molar_extinction(wavelength_nm);
-    std::f64::consts::LN_10 * grams_per_litre / MOLAR_MASS_G_PER_MOL
+    std::f64::consts::LN_10 * grams_per_liter / MOLAR_MASS_G_PER_MOL
         * (saturation * oxy + (1.0 - saturation) * deoxy)
 }
 

@@ -800,7 +800,7 @@ mod tests {
     #[test]
     fn states_change_what_they_say() {
         let mut site = Site::named("dorsal_tongue").unwrap();
-        site.apply(TissueState::Hyperaemia).unwrap();
+        site.apply(TissueState::Hyperemia).unwrap();
         assert!((site.get("superficial_blood_fraction").unwrap() - 0.03).abs() < 1e-12);
         let mut site = Site::named("dorsal_tongue").unwrap();
         site.apply(TissueState::Dysplasia).unwrap();

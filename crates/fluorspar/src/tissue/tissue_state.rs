@@ -11,21 +11,21 @@ pub enum TissueState {
     /// Less coenzymes and collagen, more superficial blood, thicker epithelium.
     Inflammation,
     /// Ten times the superficial blood.
-    Hyperaemia,
+    Hyperemia,
     /// More coenzymes, less collagen, more blood, thicker epithelium that scatters more.
     Dysplasia,
 }
 
 impl TissueState {
     /// All states.
-    pub const ALL: [Self; 3] = [Self::Inflammation, Self::Hyperaemia, Self::Dysplasia];
+    pub const ALL: [Self; 3] = [Self::Inflammation, Self::Hyperemia, Self::Dysplasia];
 
     /// Its name in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Inflammation => "inflammation",
-            Self::Hyperaemia => "hyperaemia",
+            Self::Hyperemia => "hyperemia",
             Self::Dysplasia => "dysplasia",
         }
     }
@@ -56,7 +56,7 @@ impl TissueState {
                 ("superficial_blood_fraction", 4.0),
                 ("epithelium_thickness_um", 1.3),
             ],
-            Self::Hyperaemia => &[("superficial_blood_fraction", 10.0)],
+            Self::Hyperemia => &[("superficial_blood_fraction", 10.0)],
             Self::Dysplasia => &[
                 ("nadh_per_mm", 1.5),
                 ("fad_per_mm", 1.5),

@@ -43,7 +43,7 @@ pub(super) struct SiteArgs {
     /// `tissue fit` writes it, or layers.
     #[arg(value_name = "SITE|FILE", value_hint = ValueHint::FilePath)]
     site: String,
-    /// State of the site: inflammation, hyperaemia or dysplasia. May be repeated.
+    /// State of the site: inflammation, hyperemia or dysplasia. May be repeated.
     #[arg(long, value_name = "STATE")]
     state: Vec<String>,
     /// Change one value, a parameter of the site, for instance `--set superficial_blood_fraction=0.01`. May be repeated.
@@ -127,7 +127,7 @@ pub(super) struct TissueArgs {
     #[arg(long, value_name = "NM", requires = "wavelength_nm", value_parser = values::number,
         allow_negative_numbers = true)]
     emission_nm: Option<f64>,
-    /// State of a site: inflammation, hyperaemia or dysplasia. May be repeated.
+    /// State of a site: inflammation, hyperemia or dysplasia. May be repeated.
     #[arg(long, value_name = "STATE")]
     state: Vec<String>,
     /// Change one value: of a site `--set superficial_blood_fraction=0.01`, of a file
