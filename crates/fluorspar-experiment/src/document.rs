@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::error::{BlamedOverride, ErrorDetails, ExperimentError, Message, Place, Step, path_text};
+use super::error::{
+    BlamedOverride, ErrorDetails, ExperimentError, Message, Place, Step, path_text, step_text,
+};
 use fluorspar::units::number_text;
 
 /// Longest text of an experiment, bytes.
@@ -49,6 +51,7 @@ impl TextSource {
             line: None,
             entry: None,
             field: None,
+            path: None,
             value: None,
             message,
             known,
@@ -144,6 +147,21 @@ impl Node {
         self.get("name")?.as_str()
     }
 
+    /// A path from here as changes write it: entries of lists by their names, where they have one.
+    pub(super) fn named_path(&self, path: &[Step]) -> String {
+        let (mut node, mut text) = (Some(self), String::new());
+        for step in path {
+            node = node.and_then(|node| node.step(step));
+            match (step, node.and_then(Self::name)) {
+                (Step::Index(index), None) => text.push_str(&format!("[{index}]")),
+                (Step::Index(_), Some(name)) => text.push_str(&format!(".{}", step_text(name))),
+                (Step::Key(key), _) if text.is_empty() => text.push_str(&step_text(key)),
+                (Step::Key(key), _) => text.push_str(&format!(".{}", step_text(key))),
+            }
+        }
+        text
+    }
+
     pub(super) fn to_value(&self) -> toml::Value {
         match &self.content {
             Content::Table(entries) => {
@@ -213,6 +231,7 @@ impl Document {
             line,
             entry,
             field,
+            path: (!path.is_empty()).then(|| self.root.named_path(path)),
             value,
             message,
             known,
@@ -233,6 +252,7 @@ impl Document {
         error.0.source_name.clone_from(&place.0.source_name);
         error.0.blamed_override = place.0.blamed_override;
         error.0.line = place.0.line;
+        error.0.path.clone_from(&place.0.path);
         error
     }
 

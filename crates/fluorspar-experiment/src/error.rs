@@ -26,6 +26,9 @@ pub struct ErrorDetails {
     pub entry: Option<String>,
     /// The field within its entry, or its full path outside lists.
     pub field: Option<String>,
+    /// The whole path of what is wrong as changes write it, entries of lists by their names: `light.blue.strength.power_mw`. Of a field
+    /// that is missing or unknown it ends with that; `None` where the defect is of no field.
+    pub path: Option<String>,
     /// The value as given, shortened.
     pub value: Option<String>,
     /// What is wrong and how to fix it.
@@ -76,6 +79,12 @@ impl ExperimentError {
 
     pub(super) fn with_paths_from(mut self, paths_from: PathsFrom) -> Self {
         self.0.paths_from = Some(paths_from);
+        self
+    }
+
+    /// The same error, of what a person wrote as a path, unless it is known more closely.
+    pub(super) fn about(mut self, path: &str) -> Self {
+        self.0.path.get_or_insert_with(|| excerpt(path));
         self
     }
 
@@ -247,4 +256,13 @@ pub(super) fn path_text(path: &[Step]) -> String {
         }
     }
     text
+}
+
+/// A name as a step of a path: quoted where it has signs that mean something there.
+pub(super) fn step_text(name: &str) -> String {
+    if name.is_empty() || name.contains(['.', '[', ']', '=', '/', '*', '?', ' ']) {
+        format!("\"{name}\"")
+    } else {
+        name.into()
+    }
 }

@@ -94,11 +94,7 @@ impl Fit<'_> {
                 if (*least..=*most).contains(value) {
                     return Ok(());
                 }
-                let range = match *most {
-                    i64::MAX => "a whole number, 0 or more".into(),
-                    most => format!("a whole number from {least} to {most}"),
-                };
-                self.fail(at, format!("expected {range}"))
+                self.fail(at, format!("expected {}", whole_number([*least, *most])))
             }
             (Shape::Word(words), Content::Leaf(String(text))) => self.word(words, text, at),
             (Shape::List { items, length }, Content::Array(nodes)) => {
@@ -189,8 +185,7 @@ impl Fit<'_> {
             Shape::Anything => "a value".into(),
             Shape::Boolean => "true or false".into(),
             Shape::Number => "a number".into(),
-            Shape::Whole([least, _]) if *least >= 0 => "a whole number, 0 or more".into(),
-            Shape::Whole(_) => "a whole number".into(),
+            Shape::Whole(range) => whole_number(*range),
             Shape::Text(_) => "a text in quotes".into(),
             Shape::Word(words) => format!("one of the texts {}", words.join(", ")),
             Shape::List { items, length: Some(length) } => {
@@ -239,9 +234,15 @@ impl Fit<'_> {
             && let Some(unknown) = self.unknown_mark(table, node)
         {
             let known: Vec<String> = marks();
-            let hint = did_you_mean(unknown, known.iter().map(String::as_str));
-            let message =
-                format!("unknown field `{}`{hint} Give one of {}", excerpt(unknown), known.join(", "));
+            let message = match table.tag().filter(|_| known.iter().any(|value| value == unknown)) {
+                Some(tag) => {
+                    format!("unknown field `{unknown}`; write {tag} = \"{unknown}\" and its fields beside it")
+                }
+                None => {
+                    let hint = did_you_mean(unknown, known.iter().map(String::as_str));
+                    format!("unknown field `{}`{hint} Give one of {}", excerpt(unknown), known.join(", "))
+                }
+            };
             return Err(self.document.error_at_key(at, &Step::Key(unknown.into()), message));
         }
         if table.variant_of(node) == Found::Unsaid
@@ -258,7 +259,7 @@ impl Fit<'_> {
             Found::Unsaid | Found::Several => match table.tag() {
                 Some(tag) => {
                     let message = format!("the field `{tag}` is missing; give one of {}", marks().join(", "));
-                    Err(self.document.error(at, message).without_value())
+                    Err(self.missing(at, tag, message))
                 }
                 None => {
                     let message = format!("give exactly one of {}", marks().join(", "));
@@ -360,7 +361,23 @@ impl Fit<'_> {
         let who = variant.filter(|_| !of_all).map(|index| &table.variants[index]);
         let who = who.map_or_else(String::new, |who| format!(", which {} needs", in_words(who)));
         let message = format!("the field `{}` is missing{who}{}", missing.name, self.example(missing));
-        self.document.error(at, message).without_value()
+        self.missing(at, &missing.name, message)
+    }
+
+    /// An error about a table without a field that it needs.
+    fn missing(&self, at: &Place, field: &str, message: String) -> ExperimentError {
+        let mut error = self.document.error(at, message).without_value();
+        error.0.path = self.document.error(&at.field(field), "").0.path;
+        error
+    }
+}
+
+/// Whole numbers of a range, in words.
+fn whole_number([least, most]: [i64; 2]) -> String {
+    match (least, most) {
+        (0, i64::MAX) => "a whole number, 0 or more".into(),
+        (i64::MIN, i64::MAX) => "a whole number".into(),
+        _ => format!("a whole number from {least} to {most}"),
     }
 }
 

@@ -135,11 +135,12 @@ pub(super) fn apply_change(
     let mut source = overriding(change.to_string(), number, Some(base_dir));
     let index = document.sources.len();
     let plan = Plan { root: &document.root, schema, source: &source, index };
-    let edits = match change {
-        SceneChange::Set { path, value } => plan.set(path, value)?,
-        SceneChange::Insert { path, value } => plan.insert(path, value)?,
-        SceneChange::Delete { path } => plan.delete(path, "here")?,
+    let (path, edits) = match change {
+        SceneChange::Set { path, value } => (path, plan.set(path, value)),
+        SceneChange::Insert { path, value } => (path, plan.insert(path, value)),
+        SceneChange::Delete { path } => (path, plan.delete(path, "here")),
     };
+    let edits = edits.map_err(|error| error.about(path))?;
     // A mistake of what is set is one of the change; of several places, those below the first.
     if let Some(Edit::Put { path, .. }) = edits.last() {
         source.overriding = Some(Overriding { number, path: path.clone() });
@@ -167,6 +168,7 @@ pub(super) fn apply_unset(
         let mut error = source.error(message);
         error.0.line = source.has_lines().then_some(line);
         (error.0.field, error.0.value) = (Some("unset".into()), value);
+        error.0.path = Some("unset".into());
         error
     };
     let expected = r#"expected a list of paths, for instance ["light.white", "analysis"]"#;

@@ -5,10 +5,9 @@ use std::path::Path;
 use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
 use super::document::{Content, Document, Node, TextSource};
-use super::error::{ExperimentError, Step};
+use super::error::{ExperimentError, Step, step_text};
 use super::read::{change_document, experiment_schema, parse, read_merged};
 use super::scene_change::{Edit, SceneChange};
-use super::scene_path::step_text;
 use super::shape::Schema;
 
 /// The text of an experiment file after some changes. Everything that they do not touch stays as it was typed. Files of base

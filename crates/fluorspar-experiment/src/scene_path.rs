@@ -150,15 +150,6 @@ impl Steps {
     }
 }
 
-/// A name as a step of a path: quoted where it has signs that mean something there.
-pub(super) fn step_text(name: &str) -> String {
-    if name.is_empty() || name.contains(['.', '[', ']', '=', '/', '*', '?', ' ']) {
-        format!("\"{name}\"")
-    } else {
-        name.into()
-    }
-}
-
 /// Finds what a path names in a tree.
 pub(super) struct Finder<'a> {
     pub(super) schema: &'a Schema,

@@ -4,10 +4,10 @@ use serde::Serialize;
 
 use super::Experiment;
 use super::document::{Content, Node, Origin, TextSource};
-use super::error::{ExperimentError, Step};
+use super::error::{ExperimentError, Step, step_text};
 use super::read::experiment_schema;
 use super::scene_parts::{named_parts, scene_parts};
-use super::scene_path::{Finder, Pattern, ScenePath, step_text};
+use super::scene_path::{Finder, Pattern, ScenePath};
 
 /// Longest summary of a node, characters.
 const LONGEST_SUMMARY: usize = 90;
@@ -113,6 +113,10 @@ fn summary(node: &Node) -> String {
 /// # Errors
 /// A path that names nothing.
 pub fn scene_values(experiment: &Experiment, path: &str) -> Result<Vec<SceneValue>, ExperimentError> {
+    values_at(experiment, path).map_err(|error| error.about(path))
+}
+
+fn values_at(experiment: &Experiment, path: &str) -> Result<Vec<SceneValue>, ExperimentError> {
     let source = TextSource { name: format!("get {path}"), overriding: None, folder: None };
     let complete = toml::Value::try_from(&experiment.file)
         .map_err(|error| source.error(format!("the experiment can't be written out: {error}")))?;
@@ -124,7 +128,7 @@ pub fn scene_values(experiment: &Experiment, path: &str) -> Result<Vec<SceneValu
     match part {
         None => {
             for place in find(&steps)? {
-                values.extend(value_at(&root, &place, path_of(&root, &place)));
+                values.extend(value_at(&root, &place, root.named_path(&place)));
             }
         }
         Some(pattern) => {
@@ -169,21 +173,6 @@ fn as_pattern(step: &Step) -> Pattern {
 fn value_at(root: &Node, place: &[Step], path: String) -> Option<SceneValue> {
     let node = place.iter().try_fold(root, |node, step| node.step(step))?;
     Some(SceneValue { path, value: node.to_value() })
-}
-
-/// A place in words, its entries by name.
-fn path_of(root: &Node, place: &[Step]) -> String {
-    let (mut node, mut text) = (Some(root), String::new());
-    for step in place {
-        node = node.and_then(|node| node.step(step));
-        match (step, node.and_then(Node::name)) {
-            (Step::Index(index), None) => text.push_str(&format!("[{index}]")),
-            (Step::Index(_), Some(name)) => text.push_str(&format!(".{}", step_text(name))),
-            (Step::Key(key), _) if text.is_empty() => text.push_str(&step_text(key)),
-            (Step::Key(key), _) => text.push_str(&format!(".{}", step_text(key))),
-        }
-    }
-    text
 }
 
 fn below_text(steps: &[Step]) -> String {

@@ -4,7 +4,7 @@ use serde::Serialize;
 use toml::Value;
 
 use super::Experiment;
-use super::scene_path::step_text;
+use super::error::step_text;
 
 /// A setting that two experiments do not share.
 #[derive(Clone, Debug, PartialEq, Serialize)]

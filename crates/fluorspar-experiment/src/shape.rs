@@ -463,15 +463,16 @@ fn words(value: &Value) -> Option<Vec<String>> {
     words.map(|words| words.concat())
 }
 
-/// The whole numbers that a type holds.
+/// The whole numbers that a field takes: those that are stated, otherwise those that its type holds.
 fn whole_range(value: &Value) -> [i64; 2] {
-    let most = match part(value, "format").as_str() {
+    let of_type = match part(value, "format").as_str() {
         Some("uint8") => i64::from(u8::MAX),
         Some("uint16") => i64::from(u16::MAX),
         Some("uint32") => i64::from(u32::MAX),
         Some("int8") => i64::from(i8::MAX),
         _ => i64::MAX,
     };
+    let most = part(value, "maximum").as_i64().unwrap_or(of_type);
     let least = match part(value, "format").as_str() {
         Some("int8") => i64::from(i8::MIN),
         _ => part(value, "minimum").as_i64().unwrap_or(i64::MIN),

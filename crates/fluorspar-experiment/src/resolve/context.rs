@@ -13,6 +13,7 @@ use crate::error::{ExperimentError, Message, PathsFrom, Place, Step};
 use crate::schema::{ExposureTime, FilePath};
 use crate::warning::Warning;
 use fluorspar::digest::sha256_hex;
+use fluorspar::quote::excerpt_to;
 use fluorspar::sensor::{AutoExposure, EXPOSURE_MS};
 use fluorspar::spectral::{Fluorophore, WavelengthGrid};
 use fluorspar::units::{counted, number_text};
@@ -179,7 +180,14 @@ impl<'a> Context<'a> {
         let sha256 = match digest_bounded(file, MAX_INPUT_BYTES) {
             Ok(sha256) => sha256,
             Err(FormatError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
-                let error = self.error(at, "there is no such file");
+                let mut error = self.error(at, "there is no such file");
+                if error.details().value.is_none() {
+                    // A table that names it
+                    error = self.error(
+                        at,
+                        format!("there is no file \"{}\"", excerpt_to(&file.to_string_lossy(), 400)),
+                    );
+                }
                 return Err(error.with_paths_from(PathsFrom::ExperimentFile));
             }
             Err(error) => return self.fail(at, error.problem().to_string()),

@@ -67,12 +67,16 @@ fn is_none(choice: &StatisticsChoice) -> bool {
 #[serde(deny_unknown_fields, default)]
 pub struct RenderSection {
     /// Columns of the radiance image, 1 to 16384. Default 320.
+    #[schemars(range(min = 1, max = 16384))]
     pub width_px: u32,
     /// Rows of the radiance image, 1 to 16384. Default 240.
+    #[schemars(range(min = 1, max = 16384))]
     pub height_px: u32,
     /// Light paths per pixel, 1 to 1 000 000. Default 64.
+    #[schemars(range(min = 1, max = 1_000_000))]
     pub samples_per_pixel: u32,
     /// Most surfaces that a path may meet, 1 to 1000. 1 is direct light only. Default 8.
+    #[schemars(range(min = 1, max = 1000))]
     pub max_depth: u32,
     /// Seed of all random numbers of the render and of the noise. Default 1.
     pub seed: u64,
