@@ -219,11 +219,12 @@ pub(super) fn camera(
     if let Some(sensor) = sensor {
         let (image, chip) =
             (width as f64 / height as f64, sensor.model().width_mm() / sensor.model().height_mm());
-        if (image / chip - 1.0).abs() > 0.01 {
+        // Pixels are whole: the nearest height is as good as it gets
+        let fitting = (width as f64 / chip).round().max(1.0);
+        if (image / chip - 1.0).abs() > 0.01 && height as f64 != fitting {
             let message = format!(
                 "the image has {width} x {height} pixels, but the sensor is {chip:.3} times as wide as high; parts of one of \
-                 the two see nothing of the other. Give render.height_px = {:.0}",
-                (width as f64 / chip).round().max(1.0)
+                 the two see nothing of the other. Give render.height_px = {fitting:.0}"
             );
             context.warn(&steps!["render"], message);
         }
