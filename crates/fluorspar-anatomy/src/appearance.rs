@@ -12,6 +12,7 @@ use super::math::{PI, bell, exp, lerp, sin_cos, smoothstep};
 use super::noise::{bumps, fractal_noise, value_noise};
 use super::parameters::MouthParameters;
 use super::{Tissue, tongue};
+use fluorspar::interruption::end_if_interrupted;
 
 /// A map of the anatomy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
@@ -46,6 +47,7 @@ pub fn bake_surface_map(
     (0..rows)
         .into_par_iter()
         .flat_map_iter(|row| {
+            end_if_interrupted();
             let v = 1.0 - (row as f64 + 0.5) / rows as f64;
             (0..columns).map(move |column| {
                 let u = (column as f64 + 0.5) / columns as f64;

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::Part;
 use fluorspar::geometry::TriangleMesh;
+use fluorspar::interruption::end_if_interrupted;
 
 /// Triangles smaller than this are dropped, m²: they come from the poles of a grid.
 const SMALLEST_AREA_M2: f32 = 1e-13;
@@ -33,6 +34,7 @@ impl Surface {
         let rows: Vec<Vec<(Vec3, Vec2)>> = v_values
             .par_iter()
             .map(|&v| {
+                end_if_interrupted();
                 u_values
                     .iter()
                     .map(|&u| {

@@ -10,6 +10,7 @@ use super::noise::{bumps, fractal_noise};
 use super::parameters::MouthParameters;
 use super::surface::{Surface, count, linspace, surface_mesh};
 use fluorspar::geometry::TriangleMesh;
+use fluorspar::interruption::end_if_interrupted;
 
 /// Steps of the table that turns length along the tongue into place on its midline curve.
 const STEPS: usize = 240;
@@ -425,6 +426,7 @@ impl<'a> Tongue<'a> {
         let values: Vec<f64> = (0..=CONTACT_ROWS)
             .into_par_iter()
             .flat_map_iter(|row| {
+                end_if_interrupted();
                 let section = self.section(self.place(row as f64 / CONTACT_ROWS as f64));
                 around.iter().map(move |&(across, upward)| {
                     let offset = Self::offset(&section, across, upward);
@@ -477,6 +479,7 @@ impl<'a> Tongue<'a> {
         let missed: Vec<(usize, f64)> = (0..CONTACT_ROWS * 4 / 5)
             .into_par_iter()
             .flat_map_iter(|row| {
+                end_if_interrupted();
                 let mut missed = Vec::new();
                 for column in 0..CONTACT_COLUMNS {
                     let corners =

@@ -35,6 +35,7 @@ pub mod design;
 pub mod digest;
 pub mod geometry;
 pub mod image;
+pub mod interruption;
 pub mod light;
 pub mod material;
 pub mod names;

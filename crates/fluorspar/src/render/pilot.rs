@@ -10,6 +10,7 @@ use super::compiled_scene::CompiledScene;
 use super::component_labels::component_labels;
 use super::settings::RenderSettings;
 use crate::image::{Component, FilmLayout};
+use crate::interruption::end_if_interrupted;
 use crate::scene::Scene;
 
 /// Pilot pixels along each side of the image.
@@ -74,6 +75,7 @@ pub(super) fn film_layout(
                 let (mut brightest, mut sums) =
                     (vec![0.0_f32; block.pixel_len()], vec![0.0; block.pixel_len()]);
                 for &(row, col) in pixels {
+                    end_if_interrupted();
                     for sample in 0..PILOT_SAMPLES {
                         block.render(compiled, settings, std::iter::once((row, col)), sample..sample + 1);
                         for ((most, sum), &value) in brightest.iter_mut().zip(&mut sums).zip(&block.values) {

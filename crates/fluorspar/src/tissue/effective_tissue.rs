@@ -25,6 +25,7 @@ use super::fresnel_interface::diffuse_reflectance;
 use super::layered_tissue::{LayeredTissue, TissueFluorophore};
 use super::low_rank::compress;
 use super::tissue_error::TissueError;
+use crate::interruption::end_if_interrupted;
 use crate::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid, YieldDensity};
 
 /// Step between solutions, nm: fine enough for the bands of hemoglobin.
@@ -119,6 +120,7 @@ impl EffectiveTissue {
         }
         let nodes = depth_nodes(tissue, wavelengths_nm);
         let solve = |&nm: &f64| {
+            end_if_interrupted();
             let field = solver.solve(&tissue.optics(nm), Incidence::Lambertian)?;
             let fluence = nodes.iter().map(|node| field.layer_fluence(node.layer, node.depth_mm)).collect();
             Ok(Solution { reflectance: field.reflectance, fluence, absorbed: field.absorbed })

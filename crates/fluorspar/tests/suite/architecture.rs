@@ -11,6 +11,7 @@ const MODULES: &[(&str, &[&str])] = &[
     ("units", &[]),
     ("quote", &[]),
     ("names", &["quote"]),
+    ("interruption", &[]),
     ("spectral", &["digest", "units"]),
     ("image", &["units", "spectral"]),
     ("sampling", &["units"]),
@@ -19,12 +20,21 @@ const MODULES: &[(&str, &[&str])] = &[
     ("material", &["units", "spectral", "image", "sampling", "geometry", "tissue"]),
     ("light", &["units", "spectral", "image", "sampling", "geometry"]),
     ("optics", &["units", "spectral", "image", "sampling", "geometry"]),
-    ("tissue", &["units", "quote", "names", "spectral", "sampling"]),
+    ("tissue", &["units", "quote", "names", "interruption", "spectral", "sampling"]),
     ("scene", &["units", "spectral", "image", "sampling", "geometry", "material", "light", "optics"]),
     (
         "render",
         &[
-            "digest", "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics",
+            "digest",
+            "units",
+            "interruption",
+            "spectral",
+            "image",
+            "sampling",
+            "geometry",
+            "material",
+            "light",
+            "optics",
             "scene",
         ],
     ),
@@ -50,7 +60,7 @@ const MODULES: &[(&str, &[&str])] = &[
 /// Crates above the library, or folders of them: the modules of the library that they may use, and the other crates of
 /// this workspace. What stands first is looked up first.
 const FRONTS: &[(&str, &[&str], &[&str])] = &[
-    ("fluorspar-anatomy/src/", &["units", "sampling", "geometry"], &["fluorspar_accel"]),
+    ("fluorspar-anatomy/src/", &["units", "interruption", "sampling", "geometry"], &["fluorspar_accel"]),
     (
         "fluorspar-format/src/",
         &["digest", "units", "quote", "names", "spectral", "image", "geometry", "optics"],

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::excitation_bins::Slicing;
 use super::lights::{Lights, band_blocks};
+use crate::interruption::end_if_interrupted;
 use crate::render::compiled_scene::{BasisGroup, BasisNode};
 use crate::render::fluorescence_operator::HatColumns;
 use crate::scene::Scene;
@@ -36,6 +37,7 @@ fn basis_nodes(grid: &WavelengthGrid, matrices: &[&PhotonEem], nodes: &Excitatio
     let lit: Vec<Range<usize>> = hats.iter().map(|hat| lit_bands(grid, hat)).collect();
     // `[matrix][node]`
     let of_matrix = |eem: &&PhotonEem| -> Vec<Vec<BandBlock>> {
+        end_if_interrupted();
         let columns = HatColumns::new(eem, grid);
         let of_node = |(hat, lit): (&Curve, &Range<usize>)| {
             columns.of_hat(hat, lit.clone()).iter().flat_map(|column| band_blocks(column)).collect()

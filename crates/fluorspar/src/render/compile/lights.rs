@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::excitation_bins::Slicing;
 use super::geometry::EmissiveSurface;
+use crate::interruption::end_if_interrupted;
 use crate::light::PreparedEmitter;
 use crate::render::compiled_scene::{CompiledLight, Source};
 use crate::render::fluorescence_operator::direct_exitance;
@@ -139,7 +140,10 @@ impl<'a> SourceList<'a> {
             let exitance = self
                 .matrices
                 .par_iter()
-                .map(|eem| band_blocks(&direct_exitance(eem, grid, &curve)))
+                .map(|eem| {
+                    end_if_interrupted();
+                    band_blocks(&direct_exitance(eem, grid, &curve))
+                })
                 .collect();
             self.sources.push(Source { group: of_group + slice, slices: count - slice, bands, exitance });
         }

@@ -27,6 +27,7 @@ use fluorspar_accel::{BuildError, Simd};
 use super::compiled_scene::CompiledScene;
 use super::settings::RenderSettings;
 use super::survival_probability::RouletteModel;
+use crate::interruption::end_if_interrupted;
 use crate::scene::Scene;
 
 impl CompiledScene {
@@ -39,6 +40,7 @@ impl CompiledScene {
         let lights = lights::compile(scene, &matrices.list, emissive, &slicing);
 
         // Weight the excitation spectrum of each light group by what arrives at the visible points
+        end_if_interrupted();
         let points = visible_points::on_fluorescent_surfaces(scene, &geometry);
         let group_spectra = operators::group_spectra(scene, &points);
         let group_operators = operators::of_groups(scene, &matrices.list, &group_spectra, &slicing);
@@ -46,6 +48,7 @@ impl CompiledScene {
         let bases = bases::compile(scene, &matrices.list, &lights, &slicing);
 
         // Compile materials
+        end_if_interrupted();
         let roulette = RouletteModel::new(&scene.grid);
         let (materials, material_spectra) = materials::compile(scene, &matrices, &roulette);
         let has_holes = scene.objects.iter().any(|object| materials.has_opacity(object.material));
@@ -84,6 +87,7 @@ impl CompiledScene {
         };
 
         // Prepare Russian roulette
+        end_if_interrupted();
         let gain = interreflection::gain(&compiled);
         compiled.roulette.fill_in(scene, &group_spectra, &gain);
         Ok(compiled)

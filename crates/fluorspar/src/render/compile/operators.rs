@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::excitation_bins::Slicing;
 use crate::geometry::OrientedPoint;
+use crate::interruption::end_if_interrupted;
 use crate::render::fluorescence_operator::FluorescenceOperator;
 use crate::scene::Scene;
 use crate::scene::irradiance::{direct_irradiance, group_spectrum};
@@ -44,5 +45,9 @@ pub(super) fn unweighted(scene: &Scene, matrices: &[&PhotonEem]) -> Vec<Fluoresc
 }
 
 fn of_matrices(scene: &Scene, matrices: &[&PhotonEem], light: Option<&Curve>) -> Vec<FluorescenceOperator> {
-    matrices.par_iter().map(|eem| FluorescenceOperator::new(eem, &scene.grid, light)).collect()
+    let operator = |eem: &&PhotonEem| {
+        end_if_interrupted();
+        FluorescenceOperator::new(eem, &scene.grid, light)
+    };
+    matrices.par_iter().map(operator).collect()
 }
