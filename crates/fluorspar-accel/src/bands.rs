@@ -207,30 +207,56 @@ pub fn add_weighted<L: Lanes>(
     columns: &Range<usize>,
     tables: &mut [WeightedSums<'_>],
 ) {
-    /// Bands that are summed in single precision.
-    const AT_ONCE: usize = 8;
     let count = lines.len() / width.max(1);
     for first in columns.clone().step_by(BLOCK) {
         let some = (columns.end - first).min(BLOCK);
         for block in bands.clone().step_by(AT_ONCE) {
             let block = block..(block + AT_ONCE).min(bands.end);
             for WeightedSums { weights, sums } in tables.iter_mut() {
-                let channels = weights.chunks_exact(count).zip(sums.chunks_exact_mut(width));
+                let few = (lines, width, first, &block);
+                // Lines are read once for as many channels as there are registers for
+                let channels = weights.chunks(4 * count).zip(sums.chunks_mut(4 * width));
                 for (weights, sums) in channels {
-                    let mut partial = lanes.splat(0.0);
-                    for band in block.clone() {
-                        let weight = weights[band];
-                        if weight != 0.0 {
-                            let line = read_line(lanes, &lines[band * width + first..]);
-                            partial = lanes.add(partial, lanes.mul(lanes.splat(weight), line));
-                        }
+                    let sums = (sums, some);
+                    match weights.len() / count.max(1) {
+                        4 => add_channels::<L, 4>(lanes, few, weights, sums),
+                        3 => add_channels::<L, 3>(lanes, few, weights, sums),
+                        2 => add_channels::<L, 2>(lanes, few, weights, sums),
+                        1 => add_channels::<L, 1>(lanes, few, weights, sums),
+                        _ => {}
                     }
-                    let mut values = BandBlock::ZERO;
-                    lanes.store(partial, &mut values);
-                    add_doubled(&values, &mut sums[first..first + some]);
                 }
             }
         }
+    }
+}
+
+/// Bands that are summed in single precision.
+const AT_ONCE: usize = 8;
+
+/// Adds a few bands of sixteen columns from `first` on to the sums of some channels, of which the first columns count.
+#[inline(always)]
+fn add_channels<L: Lanes, const CHANNELS: usize>(
+    lanes: L,
+    (lines, width, first, block): (&[f32], usize, usize, &Range<usize>),
+    weights: &[f32],
+    (sums, some): (&mut [f64], usize),
+) {
+    let count = weights.len() / CHANNELS;
+    let mut partial = [lanes.splat(0.0); CHANNELS];
+    for band in block.clone() {
+        let line = read_line(lanes, &lines[band * width + first..]);
+        for (channel, partial) in partial.iter_mut().enumerate() {
+            let weight = weights[channel * count + band];
+            if weight != 0.0 {
+                *partial = lanes.add(*partial, lanes.mul(lanes.splat(weight), line));
+            }
+        }
+    }
+    for (channel, partial) in partial.into_iter().enumerate() {
+        let mut values = BandBlock::ZERO;
+        lanes.store(partial, &mut values);
+        add_doubled(&values, &mut sums[channel * width + first..][..some]);
     }
 }
 
@@ -558,7 +584,8 @@ mod tests {
     fn lines_are_spectra_on_their_side_and_sums_are_the_same_with_every_kernel() {
         for (bands, width) in [(1, 1), (5, 40), (8, 8), (9, 16), (81, 37), (69, 7), (33, 320)] {
             let spectra = vector(bands * width, 1.0);
-            let mut weights = vector(2 * bands, 0.3);
+            // More channels than are summed at once
+            let mut weights = vector(7 * bands, 0.3);
             weights[bands / 2] = 0.0;
             let over = (bands / 3..bands, width / 5..width);
             let all: Vec<(Vec<f32>, Vec<f64>)> = Kernel::available()
