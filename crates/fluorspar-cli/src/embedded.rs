@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use clap::Parser;
+use fluorspar_experiment::ExperimentError;
 use thiserror::Error;
 
 use crate::args::Args;
@@ -31,6 +32,8 @@ pub struct CommandFailure {
     pub code: u8,
     /// What it would have said.
     pub message: String,
+    /// The defect of an experiment, where that is why.
+    pub experiment: Option<ExperimentError>,
 }
 
 /// Runs the command of a command line without the name of the program, in the rayon pool of the calling thread, and returns what it
@@ -48,14 +51,14 @@ pub fn answer_of(args: impl IntoIterator<Item = OsString>) -> Result<CommandAnsw
     let args = match Args::try_parse_from(words) {
         Ok(args) => args,
         Err(said) if said.use_stderr() => {
-            return Err(CommandFailure { code: WRONG_INPUT, message: said.to_string() });
+            return Err(refused(said.to_string()));
         }
         // Help and version
         Err(said) => return Ok(CommandAnswer { text: said.to_string(), succeeded: true }),
     };
     if args.threads.is_some() || args.verbose || args.no_cache {
         let message = "--threads, --verbose and --no-cache are options of the program, not of a command within another one";
-        return Err(CommandFailure { code: WRONG_INPUT, message: message.into() });
+        return Err(refused(message.into()));
     }
     be_quiet(args.quiet);
     // A time limit of an earlier command has stopped that one
@@ -90,7 +93,17 @@ pub fn find_experiment(name: &str) -> Result<FoundExperiment, CommandFailure> {
 
 fn failure(error: CliError) -> CommandFailure {
     let known = [WRONG_INPUT, FAILED].into_iter().find(|code| error.exit_code() == ExitCode::from(*code));
-    CommandFailure { code: known.unwrap_or(STOPPED), message: error.to_string() }
+    let message = error.to_string();
+    let experiment = match error {
+        CliError::Experiment(error) => Some(error),
+        _ => None,
+    };
+    CommandFailure { code: known.unwrap_or(STOPPED), message, experiment }
+}
+
+/// A command line that is none.
+fn refused(message: String) -> CommandFailure {
+    CommandFailure { code: WRONG_INPUT, message, experiment: None }
 }
 
 /// Lets all work of this process use the user's cache, and the folder that `FLUORSPAR_CATALOGUE` names beside the catalogue, as the

@@ -63,8 +63,8 @@ pub use read::{Experiment, parse, parse_changed};
 pub use resolve::kept_analysis::{KeptAnalysis, kept_analysis};
 pub use resolve::named_tissue::NamedTissue;
 pub use resolve::{
-    CapturesOfRender, FileRecord, InputFile, ResolvedExperiment, resolve, resolve_captures, resolve_rendered,
-    resolve_shapes, show_the_same_scene,
+    CapturesOfRender, FileRecord, InputFile, ResolvedExperiment, check_settings, resolve, resolve_captures,
+    resolve_rendered, resolve_shapes, show_the_same_scene, with_sampling_of,
 };
 pub use sample::{
     MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,

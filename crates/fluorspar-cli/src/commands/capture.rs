@@ -135,7 +135,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
     };
     let ShownByImage { mut experiment, changes } = shown;
-    if let Some(warning) = coarse_image(&image, &experiment.study) {
+    if let Some(warning) = coarse_image(image.labels(), image.rendered().ok(), &experiment.study) {
         messages.warnings(std::slice::from_ref(&warning));
         experiment.record.warnings.push(warning);
     }

@@ -11,7 +11,7 @@ use fluorspar::units::counted;
 use fluorspar_experiment::{ResolvedExperiment, is_sample};
 use serde_json::json;
 
-use super::coarse_render::coarse_render;
+use super::coarse_render::warnings_before_run;
 use crate::args::{Answer, Changes, RenderOptions};
 use crate::budget::{Budget, Limits, render_seconds, say_time};
 use crate::error::CliError;
@@ -69,7 +69,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     let mut experiment = source.resolve(&overrides)?;
     let view = CameraView::of(&mut experiment.study);
-    experiment.record.warnings.extend(coarse_render(&experiment.study));
+    experiment.record.warnings = warnings_before_run(&experiment);
     let ResolvedExperiment { study, record } = &experiment;
     messages.warnings(&record.warnings);
     let scene = &study.scene;

@@ -1,11 +1,9 @@
 //! Renders that are coarser than the sensor that looks at them.
 
-use fluorspar::image::LightPath;
+use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar::pipeline::{columns_per_column_to_render, columns_per_render_column};
 use fluorspar::study::Study;
-use fluorspar_experiment::{Warning, resolve_captures};
-
-use super::rendered_image::RenderedImage;
+use fluorspar_experiment::{Experiment, ResolvedExperiment, Warning, resolve_captures};
 
 /// Columns of the sensor that one of a render may cover before its pixels are seen as blocks.
 const MOST_COLUMNS: f64 = 2.0;
@@ -13,17 +11,29 @@ const MOST_COLUMNS: f64 = 2.0;
 /// over regions bear; a sensor that was changed for a finer one is beyond it.
 const MOST_COLUMNS_OF_RUN: f64 = 4.0;
 
+/// All that is known to be odd about an experiment before it is rendered: what `check` and `run` warn of.
+pub fn warnings_before_run(experiment: &ResolvedExperiment) -> Vec<Warning> {
+    experiment.record.warnings.iter().cloned().chain(coarse_render(&experiment.study)).collect()
+}
+
 /// Warns of an image that will be coarser than its sensor, before it is rendered. One object alone has nothing finer to show.
-pub(super) fn coarse_render(study: &Study) -> Option<Warning> {
+fn coarse_render(study: &Study) -> Option<Warning> {
     let covered = columns_per_column_to_render(study)?;
     let is_seen = covered > MOST_COLUMNS_OF_RUN && study.scene.objects.len() > 1;
     is_seen.then(|| warning(covered, study.scene.camera.width))
 }
 
-/// Warns of a render that is coarser than a sensor, unless it was as coarse for the sensor that it was made for.
-pub(super) fn coarse_image(image: &RenderedImage, study: &Study) -> Option<Warning> {
-    let labels = image.labels();
+/// Warns of a render that is coarser than a sensor, unless it was as coarse for the sensor that it was made for. `labels` is the image,
+/// of which only size, place and labels count, `rendered` the experiment that it was rendered from, where it is known.
+pub fn coarse_image(
+    labels: &ComponentImage,
+    rendered: Option<&Experiment>,
+    study: &Study,
+) -> Option<Warning> {
     let covered = columns_per_render_column(study, labels)?;
+    if covered <= MOST_COLUMNS {
+        return None;
+    }
     let held: Vec<&str> = labels
         .components
         .iter()
@@ -32,13 +42,11 @@ pub(super) fn coarse_image(image: &RenderedImage, study: &Study) -> Option<Warni
             _ => None,
         })
         .collect();
-    let made_for = image
-        .rendered()
-        .ok()
+    let made_for = rendered
         .and_then(|experiment| resolve_captures(experiment, experiment, &held).ok()?)
         .and_then(|found| columns_per_render_column(&found.study, labels))
         .unwrap_or(0.0);
-    if covered <= MOST_COLUMNS.max(1.01 * made_for) {
+    if covered <= 1.01 * made_for {
         return None;
     }
     Some(warning(covered, labels.width))

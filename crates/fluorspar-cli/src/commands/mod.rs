@@ -5,7 +5,7 @@ pub(crate) mod analyze;
 mod basis_render;
 pub(crate) mod capture;
 pub(crate) mod check;
-mod coarse_render;
+pub(crate) mod coarse_render;
 pub(crate) mod compare;
 pub(crate) mod completions;
 pub(crate) mod curves;

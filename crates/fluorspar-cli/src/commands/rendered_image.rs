@@ -13,9 +13,7 @@ use fluorspar::pipeline::{
     CapturePlanes, CaptureResponses, FilmResponse, MultipleUncertainty, PipelineError, SeenComponents,
 };
 use fluorspar::study::{Capture, Study};
-use fluorspar_experiment::{
-    CapturesOfRender, Experiment, FileRecord, ResolvedExperiment, cache, parse, resolve,
-};
+use fluorspar_experiment::{Experiment, ResolvedExperiment, cache, parse, resolve};
 use fluorspar_format::{ComponentFile, Provenance};
 
 use crate::error::CliError;
@@ -114,19 +112,7 @@ impl RenderedImage {
         let Some((found, changes)) = self.scene(Some(rendered)).captures::<CliError>(now)? else {
             return Ok(None);
         };
-        let CapturesOfRender { study, resolved_toml, inputs, warnings } = found;
-        // The digest of an experiment counts files of surfaces, too; of captures nobody asks for it
-        let record = FileRecord {
-            title: now.file.title.clone(),
-            description: now.file.description.clone(),
-            output_folder: None,
-            warnings,
-            inputs,
-            base_files: Vec::new(),
-            resolved_toml,
-            sha256: String::new(),
-        };
-        Ok(Some(ShownByImage { experiment: ResolvedExperiment { study, record }, changes }))
+        Ok(Some(ShownByImage { experiment: found.into_resolved(now), changes }))
     }
 
     /// [`Self::shown`] with all surfaces.

@@ -17,7 +17,7 @@ use fluorspar_report::{
 };
 
 use super::basis_render;
-use super::coarse_render::coarse_render;
+use super::coarse_render::warnings_before_run;
 use super::frame_report::{regions_table, warn_of_darkness};
 use crate::args::{Answer, ExperimentArgs, OutOption};
 use crate::budget::{Budget, Limits};
@@ -47,7 +47,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let mut experiment = source.resolve(
         &[options.experiment.overrides(), options.limits.overrides().into_iter().collect()].concat(),
     )?;
-    experiment.record.warnings.extend(coarse_render(&experiment.study));
+    experiment.record.warnings = warnings_before_run(&experiment);
     let study = &experiment.study;
     super::check_nothing_painted(study)?;
     super::check_memory(

@@ -293,6 +293,21 @@ fn regions(
     Ok(plans)
 }
 
+/// The frame of an analysis must be a capture.
+pub(super) fn check_frame(
+    context: &Context<'_>,
+    section: &AnalysisSection,
+    labels: &[&str],
+    places: FieldPlaces,
+) -> Resolved<()> {
+    if labels.contains(&section.frame.as_str()) {
+        return Ok(());
+    }
+    let known = labels.iter().copied();
+    let message = Message::unknown("there is no capture of this name", &section.frame, known);
+    context.fail(&places.at(context, "frame"), message)
+}
+
 /// One analysis, without targets and compared spots, and what of it depends on surfaces.
 pub(super) fn analyzed(
     context: &mut Context<'_>,
@@ -308,11 +323,7 @@ pub(super) fn analyzed(
         None => porphyrin_of_scene(context, given, seen, places)?,
     };
     let section = &AnalysisSection { porphyrin: Some(porphyrin), ..given.clone() };
-    if !labels.contains(&section.frame.as_str()) {
-        let known = labels.iter().copied();
-        let message = Message::unknown("there is no capture of this name", &section.frame, known);
-        return context.fail(&at(context, "frame"), message);
-    }
+    check_frame(context, section, labels, places)?;
     let at_parts = at(context, "parts");
     check_region(context, section, seen, &at_parts)?;
     region::check_whole_sensor(context, &at_parts, &section.parts, seen.sensor)?;

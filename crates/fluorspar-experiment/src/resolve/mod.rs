@@ -30,6 +30,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::thread::JoinHandle;
 
+use self::analyzed_region::FieldPlaces;
 use self::capture::Analyses;
 use self::context::{Context, Resolved};
 use self::kept_analysis::keep_analysis;
@@ -291,6 +292,54 @@ pub fn show_the_same_scene(rendered: &Experiment, now: &Experiment) -> bool {
     other == now
 }
 
+/// A rendered experiment as if it had been rendered with the samples, the error target and the limits of another one: these decide how
+/// much noise an image has, not what it shows.
+#[must_use]
+pub fn with_sampling_of(rendered: &Experiment, now: &Experiment) -> Experiment {
+    let mut rendered = rendered.clone();
+    let own = std::mem::replace(&mut rendered.file.render, now.file.render.clone());
+    let shown = &mut rendered.file.render;
+    (shown.width_px, shown.height_px, shown.max_depth) = (own.width_px, own.height_px, own.max_depth);
+    (shown.excitation_edges_nm, shown.excitation_basis_nm) =
+        (own.excitation_edges_nm, own.excitation_basis_nm);
+    shown.seed = own.seed;
+    rendered
+}
+
+/// Checks what an experiment says of wavelengths, settings of the render, camera, lens, sensor, filters, lights, mouth, captures,
+/// development, motion and safety, in milliseconds, as [`resolve`] does. Materials, objects, analysis and the images and meshes that
+/// they read are left to that.
+///
+/// # Errors
+/// The first defect found.
+pub fn check_settings(experiment: &Experiment) -> Result<(), ExperimentError> {
+    let file = &experiment.file;
+    let mut context = Context::new(&experiment.document);
+    let context = &mut context;
+    let grid = device::grid(context, &file.spectral)?;
+    device::render_settings(context, &file.render)?;
+    device::check_camera(context, &file.camera)?;
+    let (camera, view) = camera(context, file, &grid)?;
+    let mut light_groups = Vec::new();
+    light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
+    fluorophore::check_sections(context, &file.fluorophore)?;
+    if let Some(section) = &file.mouth {
+        mouth::check_parameters(context, &section.parameters)?;
+    }
+    // Surfaces that emit have light groups of their own
+    if file.object.iter().all(|object| object.emission.is_none()) {
+        capture::captures(context, file, &light_groups, &grid)?;
+    }
+    instrument::motion(context, file)?;
+    instrument::develop(context, file, camera.sensor.as_ref(), &grid)?;
+    instrument::safety(context, file)?;
+    let labels: Vec<&str> = file.capture.iter().map(|capture| capture.name.as_str()).collect();
+    match &file.analysis {
+        Some(section) => capture::check_frame(context, section, &labels, FieldPlaces::OF_ANALYSIS),
+        None => Ok(()),
+    }
+}
+
 /// What the captures of a finished render need of an experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CapturesOfRender {
@@ -302,6 +351,25 @@ pub struct CapturesOfRender {
     pub inputs: Vec<InputFile>,
     /// What is odd about a camera that is not that of the render.
     pub warnings: Vec<Warning>,
+}
+
+impl CapturesOfRender {
+    /// The experiment that they are of, without its surfaces. Its digest, which counts files of surfaces, is empty.
+    #[must_use]
+    pub fn into_resolved(self, now: &Experiment) -> ResolvedExperiment {
+        let Self { study, resolved_toml, inputs, warnings } = self;
+        let record = FileRecord {
+            title: now.file.title.clone(),
+            description: now.file.description.clone(),
+            output_folder: None,
+            warnings,
+            inputs,
+            base_files: Vec::new(),
+            resolved_toml,
+            sha256: String::new(),
+        };
+        ResolvedExperiment { study, record }
+    }
 }
 
 /// The captures of an experiment that shows the same scene as the one that was rendered, by its camera or another in its place,

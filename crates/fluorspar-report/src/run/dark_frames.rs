@@ -12,14 +12,11 @@ const LEAST_LIT: f64 = 0.01;
 
 /// Warnings of frames whose lights hardly reach what the camera sees, one sentence or two each.
 pub fn dark_frames(experiment: &ResolvedExperiment, frames: &[CapturedFrame]) -> Vec<String> {
-    let words = Words::of(experiment);
     let study = &experiment.study;
     let warning = |frame: &CapturedFrame| {
         let capture = study.capture(&frame.raw.label)?;
-        let lights = words.lights(capture);
-        if lights == "no light" {
-            return None;
-        }
+        let groups = &study.scene.light_groups;
+        study.scene.lights.iter().find(|light| capture.frame.drive(&groups[light.group].name) != 0.0)?;
         let developed = &frame.developed;
         let n = developed.channels.len().max(1);
         let least = SEEN * developed.noise_floor_dn * (n as f64).sqrt();
@@ -29,6 +26,7 @@ pub fn dark_frames(experiment: &ResolvedExperiment, frames: &[CapturedFrame]) ->
         let enough = (LEAST_LIT * all as f64) as usize + 1;
         let lit = sums.filter(|sum| *sum > least).take(enough).count();
         (lit < enough).then(|| {
+            let lights = Words::of(experiment).lights(capture);
             format!(
                 "Frame \"{}\": hardly any light reaches the camera: {lit} of {all} pixels rise above the noise after {:.1} ms. Does \
                  the light ({lights}) reach what the camera sees, and do the filters pass what comes from there?",
