@@ -3,11 +3,15 @@
 use std::sync::Arc;
 
 use fluorspar::analysis::PorphyrinLayers;
+use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, PipelineError, RawExposures, analyze_regions,
     analyze_seen, complete_raw, develop_frames, subtract_what_is_given,
 };
 use fluorspar::study::Study;
+use fluorspar_cli::dark_frames;
+use fluorspar_experiment::ResolvedExperiment;
+use fluorspar_format::black_level_doubt;
 use numpy::{PyArray2, ndarray::Array2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -16,7 +20,7 @@ use serde_json::{Value, json};
 use crate::components::Components;
 use crate::error::failed;
 use crate::experiment::Experiment;
-use crate::frame::{Frame, View};
+use crate::frame::{Asked, Frame, View};
 use crate::process::work_through;
 
 /// A map over the frame, `[row, col]`, and its name.
@@ -121,9 +125,10 @@ pub(crate) fn analyze(
     if let Some(components) = components
         && let Some(mut view) = View::of_kept_analysis(py, experiment.get(), components.get(), threads)?
     {
-        let warnings = in_words(&view.subtract_what_is_given(is_given));
-        let frames = developed(view.study(), &frames)?;
-        let analyzed = work_through(py, threads, || analyzed(view.study(), Some(&view), frames))?;
+        let mut warnings = in_words(&view.subtract_what_is_given(is_given));
+        let exposures = developed(view.study(), &frames)?;
+        let analyzed =
+            work_through(py, threads, || analyzed(view.experiment(), Some(&view), exposures, &mut warnings))?;
         // What was kept is enough for an estimate from a family of tissues; of anything wrong the usual way tells.
         if let Ok(Some(all)) = analyzed
             && all.0.analysis.posterior.is_some()
@@ -131,16 +136,17 @@ pub(crate) fn analyze(
             return Ok(Some(FrameAnalysis::new(all, warnings)));
         }
     }
-    let mut study = experiment.get().resolved(py, threads)?.study.clone();
-    let warnings = in_words(&subtract_what_is_given(&mut study, is_given));
-    let exposures = developed(&study, &frames)?;
+    let mut resolved = (*experiment.get().resolved(py, threads)?).clone();
+    let mut warnings = in_words(&subtract_what_is_given(&mut resolved.study, is_given));
+    let exposures = developed(&resolved.study, &frames)?;
     let mut view = components
-        .map(|components| View::whole(py, experiment.get(), components.get(), false, threads))
+        .map(|components| View::whole(py, experiment.get(), components.get(), (false, Asked::Lit), threads))
         .transpose()?;
     if let Some(view) = &mut view {
         view.subtract_what_is_given(is_given);
     }
-    let analyzed = work_through(py, threads, || analyzed(&study, view.as_ref(), exposures))?;
+    let analyzed =
+        work_through(py, threads, || analyzed(&resolved, view.as_ref(), exposures, &mut warnings))?;
     Ok(analyzed.map_err(failed)?.map(|all| FrameAnalysis::new(all, warnings)))
 }
 
@@ -155,17 +161,31 @@ fn in_words(left_out: &[(String, String)]) -> Vec<String> {
     left_out.iter().map(words).collect()
 }
 
-/// The analysis of frames, developed first if they are raw, and that of further regions.
+/// The analysis of frames, developed first if they are raw, and that of further regions. What raw frames may be mistaken for is added to
+/// `warnings`; of those of a simulation its capture has told.
 fn analyzed(
-    study: &Study,
+    experiment: &ResolvedExperiment,
     view: Option<&View>,
     frames: Result<Vec<CapturedFrame>, Vec<RawExposures>>,
+    warnings: &mut Vec<String>,
 ) -> Result<Option<(AnalyzedFrame, Vec<AnalyzedRegion>)>, PipelineError> {
+    let study = &experiment.study;
     let frames = match frames {
         Ok(frames) => frames,
         Err(exposures) => {
+            for SensorImage { label, data, black_level, white_level, .. } in
+                exposures.iter().map(|one| &one.raw)
+            {
+                if let Some(doubt) = black_level_doubt(data, *black_level, *white_level) {
+                    warnings.push(format!(
+                        "Frame \"{label}\": {doubt}. Describe it with its own: describe(FILE, black_level=64, ...)"
+                    ));
+                }
+            }
             let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
-            develop_frames(study, exposures, &calibration)?
+            let frames = develop_frames(study, exposures, &calibration)?;
+            warnings.extend(dark_frames(experiment, &frames));
+            frames
         }
     };
     let seen = view.map(View::seen);

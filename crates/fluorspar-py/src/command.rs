@@ -15,18 +15,15 @@ pub(crate) fn answer(
     arguments: Vec<OsString>,
     threads: Option<usize>,
 ) -> PyResult<(String, bool)> {
-    let (ended, raised) = work(
+    let done = work(
         py,
         threads,
         move || fluorspar_cli::answer_of(arguments),
         || fluorspar_cli::stop(true),
         |_| Ok(()),
-    )?;
-    if let Some(raised) = raised {
-        fluorspar_cli::stop(false);
-        return Err(raised);
-    }
-    match ended {
+    );
+    let ended = done.and_then(|(ended, raised)| raised.map_or(Ok(ended), Err));
+    match ended.inspect_err(|_| fluorspar_cli::stop(false))? {
         Ok(answer) => Ok((answer.text, answer.succeeded)),
         Err(failure) => Err(of_command(py, &failure)),
     }

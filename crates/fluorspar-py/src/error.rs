@@ -8,12 +8,29 @@ use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
 use pyo3::prelude::*;
 use pyo3::{create_exception, intern};
 
-create_exception!(fluorspar, FluorsparError, PyException, "What Fluorspar can't do, and why.");
+create_exception!(
+    fluorspar,
+    FluorsparError,
+    PyException,
+    "What Fluorspar can't do, and why. Its code is the exit code of the program: 2 where something that was given must be fixed, 1 where the machine or Fluorspar failed, 75 where a command was stopped."
+);
 create_exception!(
     fluorspar,
     ExperimentFailure,
     FluorsparError,
-    "A defect of an experiment, with path, line, field, value, message and known names."
+    "A defect of an experiment.
+
+Attributes:
+    path (str): what holds the defect: the file, the name of a built-in experiment, \"dict\", or the change (\"--set PATH=VALUE\").
+    line (int | None): line in that file, from 1; None of a change and of what belongs to no line.
+    entry (str | None): the entry of a list that holds the field, as messages have it: 'light[0] \"blue\"'.
+    field (str | None): the whole path of what is wrong, as Experiment.set takes it: \"light.blue.strength.power_mw\". Of a field that is
+        missing or unknown it ends with that one. None where the defect is of no field.
+    value (str | None): the value that stands there, as the file has it (a text in quotes), shortened; None where there is none.
+    message (str): what is wrong and how to fix it, without place and value.
+    known (list[str]): the names that could stand there, where a name is wrong; otherwise empty.
+
+str(error) has all of it in one line, as the program prints it."
 );
 create_exception!(
     fluorspar,
@@ -27,7 +44,9 @@ pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let experiment_error = py.get_type::<ExperimentFailure>();
     experiment_error.setattr("__name__", "ExperimentError")?;
     experiment_error.setattr("__qualname__", "ExperimentError")?;
-    module.add("FluorsparError", py.get_type::<FluorsparError>())?;
+    let error = py.get_type::<FluorsparError>();
+    error.setattr("code", 2)?;
+    module.add("FluorsparError", error)?;
     module.add("ExperimentError", experiment_error)?;
     module.add("RenderStopped", py.get_type::<RenderStopped>())
 }
@@ -39,7 +58,10 @@ pub(crate) fn failed(error: impl Display) -> PyErr {
 
 /// The exit code of a command is the attribute `code`.
 pub(crate) fn of_command(py: Python<'_>, failure: &CommandFailure) -> PyErr {
-    let error = failed(failure);
+    let error = match &failure.experiment {
+        Some(error) => of_experiment(py, error),
+        None => failed(failure),
+    };
     match error.value(py).setattr(intern!(py, "code"), failure.code) {
         Ok(()) => error,
         Err(other) => other,
@@ -55,7 +77,7 @@ pub(crate) fn of_experiment(py: Python<'_>, error: &ExperimentError) -> PyErr {
         value.setattr("path", &details.source_name)?;
         value.setattr("line", details.line)?;
         value.setattr("entry", details.entry.as_deref())?;
-        value.setattr("field", details.field.as_deref())?;
+        value.setattr("field", details.path.as_deref())?;
         value.setattr("value", details.value.as_deref())?;
         value.setattr("message", &details.message)?;
         value.setattr("known", &details.known)

@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use fluorspar_cli::find_experiment;
+use fluorspar_cli::{find_experiment, warnings_before_run};
 use fluorspar_experiment::{
-    Experiment as Parsed, ResolvedExperiment, json_schema, parse, resolve, scene_nodes, scene_values,
+    Experiment as Parsed, ResolvedExperiment, check_settings, json_schema, parse, resolve, scene_nodes,
+    scene_values,
 };
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -31,6 +32,21 @@ pub(crate) struct Experiment {
 type Parts = (String, String, PathBuf, Vec<String>);
 
 impl Experiment {
+    /// An experiment whose settings are checked: what is found wrong within milliseconds is told now.
+    fn checked(
+        py: Python<'_>,
+        text: String,
+        name: String,
+        base_dir: PathBuf,
+        changes: Vec<String>,
+    ) -> PyResult<Self> {
+        let made = Self::new(py, text, name, base_dir, changes)?;
+        let parsed = &made.parsed;
+        py.detach(|| check_settings(parsed)).map_err(|error| of_experiment(py, &error))?;
+        Ok(made)
+    }
+
+    /// An experiment that is read, and checked when it is first used: what was kept of another process may name files that are gone.
     pub(crate) fn new(
         py: Python<'_>,
         text: String,
@@ -63,10 +79,10 @@ impl Experiment {
         Ok(resolved)
     }
 
-    /// The same experiment with one more change.
-    fn changed(&self, py: Python<'_>, change: String) -> PyResult<Self> {
-        let changes = [self.changes.as_slice(), &[change]].concat();
-        Self::new(py, self.text.clone(), self.name.clone(), self.base_dir.clone(), changes)
+    /// The same experiment with more changes.
+    fn changed(&self, py: Python<'_>, changes: &[String]) -> PyResult<Self> {
+        let changes = [self.changes.as_slice(), changes].concat();
+        Self::checked(py, self.text.clone(), self.name.clone(), self.base_dir.clone(), changes)
     }
 
     pub(crate) fn text(&self) -> &str {
@@ -94,7 +110,7 @@ impl Experiment {
     fn find(py: Python<'_>, name: &str) -> PyResult<Self> {
         let found = py.detach(|| find_experiment(name)).map_err(|failure| of_command(py, &failure))?;
         let base_dir = std::path::absolute(&found.base_dir).unwrap_or_else(|_| Path::new(".").into());
-        Self::new(py, found.text, found.name, base_dir, Vec::new())
+        Self::checked(py, found.text, found.name, base_dir, Vec::new())
     }
 
     /// An experiment from nested dictionaries, as the file has them.
@@ -104,18 +120,35 @@ impl Experiment {
         let text = toml::to_string(&value).map_err(failed)?;
         // Another process may work elsewhere
         let here = std::path::absolute(".").unwrap_or_else(|_| Path::new(".").into());
-        Self::new(py, text, "dict".into(), here, Vec::new())
+        Self::checked(py, text, "dict".into(), here, Vec::new())
     }
 
     /// The same experiment with one more change, as `--set PATH=VALUE` of the commands.
     fn set(&self, py: Python<'_>, path: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         let value = toml_value(value, path)?;
-        self.changed(py, format!("{path}={value}"))
+        self.changed(py, &[format!("{path}={value}")])
+    }
+
+    /// The same experiment with more changes, as several `--set PATH=VALUE`. They count as one change.
+    fn set_all(&self, py: Python<'_>, values: Vec<(String, Bound<'_, PyAny>)>) -> PyResult<Self> {
+        let change =
+            |(path, value): &(String, Bound<'_, PyAny>)| Ok(format!("{path}={}", toml_value(value, path)?));
+        self.changed(py, &values.iter().map(change).collect::<PyResult<Vec<String>>>()?)
+    }
+
+    /// The same experiment with the values of nested dictionaries: tables are merged where there are tables, and replace what else
+    /// there is. All of them count as one change: what is between them is not checked.
+    fn with_sections(&self, py: Python<'_>, sections: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let given = toml_value(sections.as_any(), "")?;
+        let now = toml::Value::try_from(&self.parsed.file).map_err(failed)?;
+        let mut changes = Vec::new();
+        changes_of(&given, Some(&now), "", &mut changes);
+        self.changed(py, &changes)
     }
 
     /// The same experiment without what its text or its base has at a path, as `--unset PATH` of the commands.
     fn unset(&self, py: Python<'_>, path: &str) -> PyResult<Self> {
-        self.changed(py, format!("unset {path}"))
+        self.changed(py, &[format!("unset {path}")])
     }
 
     /// The values at a path, which may hold wildcards, as (path, value) pairs with defaults filled in.
@@ -134,13 +167,15 @@ impl Experiment {
 
     /// Checks all that can be checked before rendering, and returns what the experiment warns of.
     fn check(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        Ok(self
-            .resolved(py, None)?
-            .record
-            .warnings
-            .iter()
-            .map(|warning| warning.text().to_string())
-            .collect())
+        let resolved = self.resolved(py, None)?;
+        Ok(warnings_before_run(&resolved).iter().map(|warning| warning.text().to_string()).collect())
+    }
+
+    /// What is odd about the experiment, whatever is done with it.
+    #[getter]
+    fn warnings(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        let resolved = self.resolved(py, None)?;
+        Ok(resolved.record.warnings.iter().map(|warning| warning.text().to_string()).collect())
     }
 
     /// The whole experiment as a file: base, changes and defaults written out, paths absolute.
@@ -153,6 +188,12 @@ impl Experiment {
     #[getter]
     fn sha256(&self, py: Python<'_>) -> PyResult<String> {
         Ok(self.resolved(py, None)?.record.sha256.clone())
+    }
+
+    /// Names of its captures.
+    #[getter]
+    fn captures(&self) -> Vec<String> {
+        self.parsed.file.capture.iter().map(|capture| capture.name.clone()).collect()
     }
 
     /// Name for people.
@@ -182,6 +223,29 @@ impl Experiment {
     #[staticmethod]
     fn schema() -> String {
         json_schema().to_string()
+    }
+}
+
+/// Values of nested tables as changes `PATH=VALUE`. A table goes on where there is one, or nothing, or a list of what has names;
+/// anything else it replaces.
+fn changes_of(given: &toml::Value, now: Option<&toml::Value>, path: &str, changes: &mut Vec<String>) {
+    let is_open = now.is_none_or(|now| match now {
+        toml::Value::Array(entries) => entries.iter().all(toml::Value::is_table),
+        now => now.is_table(),
+    });
+    let Some(table) = given.as_table().filter(|table| is_open && (path.is_empty() || !table.is_empty()))
+    else {
+        changes.push(format!("{path}={given}"));
+        return;
+    };
+    for (key, inner) in table {
+        let named = |entry: &&toml::Value| entry.get("name").and_then(toml::Value::as_str) == Some(key);
+        let below = now.and_then(|now| match now {
+            toml::Value::Array(entries) => entries.iter().find(named),
+            _ => now.get(key),
+        });
+        let dot = if path.is_empty() { "" } else { "." };
+        changes_of(inner, below, &format!("{path}{dot}{key}"), changes);
     }
 }
 

@@ -10,12 +10,14 @@ use fluorspar::pipeline::{
     SeenComponents, capture_from_planes, check_captures, preview, subtract_what_is_given,
 };
 use fluorspar::study::{Capture, Study};
-use fluorspar_cli::RenderedScene;
-use fluorspar_experiment::ExperimentError;
-use fluorspar_experiment::kept_analysis;
+use fluorspar_cli::{RenderedScene, coarse_image, dark_frames};
+use fluorspar_experiment::{
+    Experiment as Parsed, ExperimentError, ResolvedExperiment, kept_analysis, with_sampling_of,
+};
 use fluorspar_format::{read_sensor_image, write_sensor_tiff};
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 
 use crate::components::Components;
 use crate::error::{failed, of_experiment};
@@ -34,6 +36,9 @@ pub(crate) struct Frame {
     /// Made when it is first looked at.
     preview: OnceLock<Preview>,
 }
+
+/// What a frame is made of.
+type Parts = (SensorImage, Option<CapturedFrame>, Option<ColorRendering>);
 
 impl Frame {
     /// An image for people; `None` of a frame from a file.
@@ -112,6 +117,30 @@ impl Frame {
         view(slf, |this| this.shown().map_or(&[], |preview| &preview.rgb), shape).map(Some)
     }
 
+    /// What pickles: the frame as bytes, which the same version of the package reads.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let (py, frame) = (slf.py(), slf.get());
+        let parts = (env!("CARGO_PKG_VERSION"), &frame.raw, &frame.captured, &frame.colors);
+        let bytes = py.detach(|| postcard::to_stdvec(&parts)).map_err(failed)?;
+        Ok((py.get_type::<Self>().getattr("of_bytes")?, (PyBytes::new(py, &bytes),)))
+    }
+
+    /// A frame from the bytes of its pickle.
+    #[staticmethod]
+    fn of_bytes(py: Python<'_>, bytes: &[u8]) -> PyResult<Self> {
+        let unreadable = |error| failed(format!("the bytes are no pickled frame: {error}"));
+        let (version, rest): (String, _) = postcard::take_from_bytes(bytes).map_err(unreadable)?;
+        let own = env!("CARGO_PKG_VERSION");
+        if version != own {
+            return Err(failed(format!(
+                "the frame was pickled by fluorspar {version}, and this is {own}: keep frames as files (Frame.write)"
+            )));
+        }
+        let (raw, captured, colors) =
+            py.detach(|| postcard::from_bytes::<Parts>(rest)).map_err(unreadable)?;
+        Ok(Self { raw, captured, colors, preview: OnceLock::new() })
+    }
+
     /// Writes the raw frame as TIFF with its description beside it.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.detach(|| write_sensor_tiff(&path, &self.raw, None)).map_err(failed)
@@ -147,7 +176,23 @@ impl From<PipelineError> for ViewError {
 
 /// Channel planes of some cameras, so that other exposures, drives and concentrations need no spectra.
 #[derive(Default)]
-pub(crate) struct KeptPlanes(Mutex<Vec<ChannelPlanes>>);
+pub(crate) struct KeptPlanes(Mutex<Vec<FormedPlanes>>);
+
+/// Channel planes, and of which components they were formed: the others are dark.
+#[derive(Clone)]
+struct FormedPlanes {
+    planes: ChannelPlanes,
+    formed: Vec<bool>,
+}
+
+/// Components whose planes are asked for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Asked {
+    /// Those under a light that some capture of the camera switches on.
+    Lit,
+    /// All.
+    All,
+}
 
 impl KeptPlanes {
     /// Cameras whose planes are kept.
@@ -159,49 +204,87 @@ impl KeptPlanes {
         study: &Study,
         image: &ComponentImage,
         factors: &mut ComponentFactors,
+        asked: Asked,
     ) -> Result<CapturePlanes, PipelineError> {
         let CaptureResponses { responses, of_capture } =
             CaptureResponses::new(study, &study.captures, image)?;
         let film = responses.first().ok_or(PipelineError::Missing("captures"))?.film();
-        let planes = CapturePlanes { planes: self.of_cameras(&responses, image), of_capture, film };
+        let is_asked = |response: usize, component: usize| {
+            let group = &image.components[component].light_group;
+            let mut own = study.captures.iter().zip(&of_capture).filter(|(_, of)| **of == response);
+            asked == Asked::All || own.any(|(capture, _)| capture.frame.drive(group) != 0.0)
+        };
+        let planes = self.of_cameras(&responses, image, is_asked);
+        let planes = CapturePlanes { planes, of_capture: of_capture.clone(), film };
         let seen = (image, study.captures.as_slice());
         let Ok((planes, _)) = planes.with_concentrations(&responses, seen, factors, image, |_| true);
         Ok(planes)
     }
 
-    /// The planes of cameras: those that are kept, and new ones of the others.
-    fn of_cameras(&self, responses: &[FilmResponse], image: &ComponentImage) -> Vec<ChannelPlanes> {
-        let kept = |camera: &str| {
-            self.0.lock().ok().and_then(|kept| kept.iter().find(|planes| planes.camera == camera).cloned())
+    /// The planes of cameras: those that are kept, and new ones of other cameras and of components that nobody has asked for.
+    fn of_cameras(
+        &self,
+        responses: &[FilmResponse],
+        image: &ComponentImage,
+        is_asked: impl Fn(usize, usize) -> bool,
+    ) -> Vec<ChannelPlanes> {
+        let count = image.components.len();
+        let kept = |response: &FilmResponse| {
+            let kept = self.0.lock().ok()?;
+            kept.iter().find(|one| one.planes.camera == response.camera()).cloned()
         };
-        let held: Vec<Option<ChannelPlanes>> =
-            responses.iter().map(|response| kept(response.camera())).collect();
-        let missing: Vec<&FilmResponse> = responses
-            .iter()
-            .zip(&held)
-            .filter(|(_, held)| held.is_none())
-            .map(|(response, _)| response)
-            .collect();
-        let formed = match missing.is_empty() {
-            true => Vec::new(),
-            false => {
-                let Ok(formed) = FilmResponse::planes(&missing, |_| true, image);
-                formed
+        let new =
+            |response: &FilmResponse| FormedPlanes { planes: response.dark(), formed: vec![false; count] };
+        let mut all: Vec<FormedPlanes> =
+            responses.iter().map(|response| kept(response).unwrap_or_else(|| new(response))).collect();
+        let is_missing = |number: usize, of: &FormedPlanes| {
+            (0..count).any(|component| !of.formed[component] && is_asked(number, component))
+        };
+        let missing: Vec<usize> =
+            (0..all.len()).filter(|number| is_missing(*number, &all[*number])).collect();
+        if !missing.is_empty() {
+            let wanted: Vec<bool> = (0..count)
+                .map(|c| missing.iter().any(|number| !all[*number].formed[c] && is_asked(*number, c)))
+                .collect();
+            let cameras: Vec<&FilmResponse> = missing.iter().map(|number| &responses[*number]).collect();
+            let Ok(formed) = FilmResponse::planes(&cameras, |component| wanted[component], image);
+            for (number, new) in missing.iter().zip(formed) {
+                all[*number].add(new, &wanted);
             }
-        };
+        }
         if let Ok(mut kept) = self.0.lock() {
-            kept.extend(formed.iter().cloned());
+            for number in missing {
+                kept.retain(|one| one.planes.camera != responses[number].camera());
+                kept.push(all[number].clone());
+            }
             let surplus = kept.len().saturating_sub(Self::MOST);
             kept.drain(..surplus);
         }
-        let mut formed = formed.into_iter();
-        held.into_iter().filter_map(|held| held.or_else(|| formed.next())).collect()
+        all.into_iter().map(|one| one.planes).collect()
+    }
+}
+
+impl FormedPlanes {
+    /// Takes over the planes of components that are formed now.
+    fn add(&mut self, new: ChannelPlanes, is_new: &[bool]) {
+        if !self.formed.contains(&true) {
+            self.planes = new;
+        } else {
+            for component in
+                (0..is_new.len()).filter(|component| is_new[*component] && !self.formed[*component])
+            {
+                for channel in 0..new.channels {
+                    self.planes.plane_mut(component, channel).copy_from_slice(new.plane(component, channel));
+                }
+            }
+        }
+        self.formed.iter_mut().zip(is_new).for_each(|(formed, is_new)| *formed |= is_new);
     }
 }
 
 /// A component image as the captures of a study see it.
 pub(crate) struct View {
-    study: Study,
+    experiment: ResolvedExperiment,
     image: Arc<ComponentImage>,
     factors: ComponentFactors,
     planes: CapturePlanes,
@@ -209,13 +292,13 @@ pub(crate) struct View {
 
 impl View {
     fn new(
-        study: Study,
+        experiment: ResolvedExperiment,
         image: Arc<ComponentImage>,
         mut factors: ComponentFactors,
-        kept: &KeptPlanes,
+        (kept, asked): (&KeptPlanes, Asked),
     ) -> Result<Self, ViewError> {
-        let planes = kept.of_captures(&study, &image, &mut factors)?;
-        Ok(Self { study, image, factors, planes })
+        let planes = kept.of_captures(&experiment.study, &image, &mut factors, asked)?;
+        Ok(Self { experiment, image, factors, planes })
     }
 
     /// The view of a finished render whose scene is that of an experiment, with the study that `complete` makes of its captures; nothing is
@@ -225,17 +308,20 @@ impl View {
         experiment: &Experiment,
         components: &Components,
         threads: Option<usize>,
+        asked: Asked,
         complete: impl FnOnce(Study) -> Study + Send,
     ) -> PyResult<Option<Self>> {
-        let Some(rendered) = &components.experiment else { return Ok(None) };
-        let (image, rendered) = (components.image.clone(), rendered.get().parsed.clone());
+        let Some(rendered) = rendered_for(components, experiment) else { return Ok(None) };
+        let image = components.image.clone();
         let found = work_through(py, threads, || {
             let scene = RenderedScene { labels: &image, experiment: Some(&rendered) };
             let Some((found, changes)) = scene.captures::<ViewError>(&experiment.parsed)? else {
                 return Ok(None);
             };
             check_captures(&found.study, &image)?;
-            Self::new(complete(found.study), image, changes.factors, &components.planes).map(Some)
+            let ResolvedExperiment { study, record } = found.into_resolved(&experiment.parsed);
+            let found = ResolvedExperiment { study: complete(study), record };
+            Self::new(found, image, changes.factors, (&components.planes, asked)).map(Some)
         })?;
         found.map_err(|error: ViewError| error.raised(py))
     }
@@ -248,7 +334,7 @@ impl View {
         threads: Option<usize>,
     ) -> PyResult<Option<Self>> {
         let Some(kept) = kept_analysis(&experiment.parsed) else { return Ok(None) };
-        Self::without_surfaces(py, experiment, components, threads, |study| kept.complete(study))
+        Self::without_surfaces(py, experiment, components, threads, Asked::Lit, |study| kept.complete(study))
     }
 
     /// The view of the captures of an experiment, with its surfaces only where the scene has changed.
@@ -256,12 +342,14 @@ impl View {
         py: Python<'_>,
         experiment: &Experiment,
         components: &Components,
+        asked: Asked,
         threads: Option<usize>,
     ) -> PyResult<Self> {
-        if let Some(view) = Self::without_surfaces(py, experiment, components, threads, |study| study)? {
-            return Ok(view);
+        let without = Self::without_surfaces(py, experiment, components, threads, asked, |study| study)?;
+        match without {
+            Some(view) => Ok(view),
+            None => Self::whole(py, experiment, components, (true, asked), threads),
         }
-        Self::whole(py, experiment, components, true, threads)
     }
 
     /// The view of an experiment with all its surfaces, as its analysis needs it.
@@ -269,25 +357,30 @@ impl View {
         py: Python<'_>,
         experiment: &Experiment,
         components: &Components,
-        is_same: bool,
+        (is_same, asked): (bool, Asked),
         threads: Option<usize>,
     ) -> PyResult<Self> {
         let image = components.image.clone();
-        let rendered = components.experiment.as_ref().map(|experiment| experiment.get().parsed.clone());
+        let rendered = rendered_for(components, experiment);
         let resolved = experiment.resolved(py, threads)?;
         let made = work_through(py, threads, || {
             check_captures(&resolved.study, &image)?;
             let scene = RenderedScene { labels: &image, experiment: rendered.as_deref() };
             // Images in memory have no excitation basis
             let changes = scene.changes::<ViewError>(&experiment.parsed, &resolved, is_same, || Ok(None))?;
-            Self::new(resolved.study.clone(), image, changes.factors, &components.planes)
+            Self::new((*resolved).clone(), image, changes.factors, (&components.planes, asked))
         })?;
         made.map_err(|error| error.raised(py))
     }
 
+    /// The experiment whose captures see the image.
+    pub(crate) fn experiment(&self) -> &ResolvedExperiment {
+        &self.experiment
+    }
+
     /// What the view is of.
     pub(crate) fn study(&self) -> &Study {
-        &self.study
+        &self.experiment.study
     }
 
     /// Subtracts no frame that is not given; returns as [`subtract_what_is_given`].
@@ -295,12 +388,12 @@ impl View {
         &mut self,
         is_given: impl Fn(&str) -> bool,
     ) -> Vec<(String, String)> {
-        subtract_what_is_given(&mut self.study, is_given)
+        subtract_what_is_given(&mut self.experiment.study, is_given)
     }
 
     /// The channel planes of the camera of a capture.
     pub(crate) fn planes_of(&self, capture: &str) -> Option<&ChannelPlanes> {
-        let number = self.study.captures.iter().position(|settings| settings.frame.label == capture)?;
+        let number = self.study().captures.iter().position(|settings| settings.frame.label == capture)?;
         self.planes.planes.get(*self.planes.of_capture.get(number)?)
     }
 
@@ -308,34 +401,80 @@ impl View {
         SeenComponents {
             image: &self.image,
             planes: &self.planes,
-            captures: &self.study.captures,
+            captures: &self.study().captures,
             factors: &self.factors,
         }
     }
 
-    fn frames(&self) -> Result<Vec<Frame>, PipelineError> {
-        let frames = capture_from_planes(&self.study, &self.seen())?;
+    /// The frames of all captures, and what they may be mistaken for.
+    fn frames(&self, rendered: Option<&Parsed>) -> Result<(Vec<Frame>, Vec<String>), PipelineError> {
+        let study = self.study();
+        let frames = capture_from_planes(study, &self.seen())?;
+        let mut warnings = Vec::new();
+        if self.image.denoised.is_some() {
+            warnings.push("the component image is denoised: its frames are for display only".into());
+        }
+        warnings.extend(coarse_image(&self.image, rendered, study).map(|warning| warning.to_string()));
+        warnings.extend(dark_frames(&self.experiment, &frames));
         let frame = |(captured, settings): (CapturedFrame, &Capture)| Frame {
-            colors: Some(ColorRendering::of_frame(&self.study, settings)),
+            colors: Some(ColorRendering::of_frame(study, settings)),
             preview: OnceLock::new(),
             raw: captured.raw.clone(),
             captured: Some(captured),
         };
-        Ok(frames.into_iter().zip(&self.study.captures).map(frame).collect())
+        Ok((frames.into_iter().zip(&study.captures).map(frame).collect(), warnings))
     }
 }
 
-/// Takes the frames of an experiment's captures of a component image.
+/// The experiment that an image was rendered from, for one that wants to see it: with how many samples and within which limits it was
+/// rendered, which a call may say for itself, is no difference between the two.
+fn rendered_for(components: &Components, now: &Experiment) -> Option<Arc<Parsed>> {
+    let rendered = &components.experiment.as_ref()?.get().parsed;
+    match rendered.file.render == now.parsed.file.render {
+        true => Some(rendered.clone()),
+        false => Some(Arc::new(with_sampling_of(rendered, &now.parsed))),
+    }
+}
+
+/// Takes the frames of an experiment's captures of a component image; returns with them what they may be mistaken for.
 #[pyfunction]
 #[pyo3(signature = (experiment, components, *, threads = None))]
 pub(crate) fn capture(
     experiment: &Bound<'_, Experiment>,
     components: &Bound<'_, Components>,
     threads: Option<usize>,
-) -> PyResult<Vec<Frame>> {
+) -> PyResult<(Vec<Frame>, Vec<String>)> {
     let py = experiment.py();
-    let view = View::of_captures(py, experiment.get(), components.get(), threads)?;
-    work_through(py, threads, || view.frames())?.map_err(failed)
+    let view = View::of_captures(py, experiment.get(), components.get(), Asked::Lit, threads)?;
+    let rendered = components.get().experiment.as_ref().map(|rendered| rendered.get().parsed.clone());
+    work_through(py, threads, || view.frames(rendered.as_deref()))?.map_err(failed)
+}
+
+/// Refuses an experiment whose captures can't be taken of a component image, before any is taken.
+#[pyfunction]
+#[pyo3(signature = (experiment, components, *, threads = None))]
+pub(crate) fn check_capture(
+    experiment: &Bound<'_, Experiment>,
+    components: &Bound<'_, Components>,
+    threads: Option<usize>,
+) -> PyResult<()> {
+    let (py, experiment, components) = (experiment.py(), experiment.get(), components.get());
+    let (rendered, image) = (rendered_for(components, experiment), &components.image);
+    let scene = RenderedScene { labels: image, experiment: rendered.as_deref() };
+    let without_surfaces = || -> Result<bool, ViewError> {
+        let Some((found, _)) = scene.captures::<ViewError>(&experiment.parsed)? else { return Ok(false) };
+        check_captures(&found.study, image)?;
+        Ok(true)
+    };
+    if work_through(py, threads, without_surfaces)?.map_err(|error| error.raised(py))? {
+        return Ok(());
+    }
+    let resolved = experiment.resolved(py, threads)?;
+    let with_surfaces = || -> Result<(), ViewError> {
+        check_captures(&resolved.study, image)?;
+        scene.changes::<ViewError>(&experiment.parsed, &resolved, true, || Ok(None)).map(|_| ())
+    };
+    work_through(py, threads, with_surfaces)?.map_err(|error| error.raised(py))
 }
 
 /// A raw frame from a file: TIFF, PNG, DNG or packed.

@@ -33,6 +33,7 @@ fn _fluorspar(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(render::render, module)?)?;
     module.add_function(wrap_pyfunction!(components::read_components, module)?)?;
     module.add_function(wrap_pyfunction!(frame::capture, module)?)?;
+    module.add_function(wrap_pyfunction!(frame::check_capture, module)?)?;
     module.add_function(wrap_pyfunction!(frame::read_frame, module)?)?;
     module.add_function(wrap_pyfunction!(analysis::analyze, module)?)?;
     module.add_function(wrap_pyfunction!(planes::channel_planes, module)?)?;

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use crate::components::Components;
 use crate::error::failed;
 use crate::experiment::Experiment;
-use crate::frame::View;
+use crate::frame::{Asked, View};
 use crate::view::view;
 
 /// Electrons per second that each component of a render frees in each channel of the camera of a capture.
@@ -38,7 +38,7 @@ pub(crate) fn channel_planes(
     threads: Option<usize>,
 ) -> PyResult<Planes> {
     let py = experiment.py();
-    let view = View::of_captures(py, experiment.get(), components.get(), threads)?;
+    let view = View::of_captures(py, experiment.get(), components.get(), Asked::All, threads)?;
     let names: Vec<&str> =
         view.study().captures.iter().map(|settings| settings.frame.label.as_str()).collect();
     match view.planes_of(capture) {

@@ -4,9 +4,10 @@ use std::num::NonZeroUsize;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
+use fluorspar::interruption::{Interrupted, listen_to};
 use fluorspar_cli::CommandFailure;
 use fluorspar_format::count_as_program;
 use pyo3::exceptions::PyValueError;
@@ -70,40 +71,53 @@ fn thread_count(threads: Option<usize>) -> PyResult<usize> {
     }
 }
 
-/// Pools of threads that no call works in, by their number of threads. A call has one to itself: a thread that waits for another in the
-/// same pool takes up what else there is, and might wait there for what it had begun itself.
-static IDLE: Mutex<Vec<(usize, ThreadPool)>> = Mutex::new(Vec::new());
+/// Threads that work for one call at a time, and what ends their work where it keeps nothing.
+struct Pool {
+    count: usize,
+    threads: ThreadPool,
+    stop: Arc<AtomicBool>,
+}
+
+/// Pools that no call works in. A call has one to itself: a thread that waits for another in the same pool takes up what else there
+/// is, and might wait there for what it had begun itself.
+static IDLE: Mutex<Vec<Pool>> = Mutex::new(Vec::new());
 
 /// Idle pools that are kept.
 const MOST_IDLE: usize = 4;
 
 /// A pool of so many threads: one that is idle, or a new one.
-fn take_pool(count: usize) -> PyResult<ThreadPool> {
+fn take_pool(count: usize) -> PyResult<Pool> {
     // What is held stays whole wherever a thread panics
     let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(found) = idle.iter().position(|(own, _)| *own == count) {
-        return Ok(idle.swap_remove(found).1);
+    if let Some(found) = idle.iter().position(|pool| pool.count == count) {
+        let pool = idle.swap_remove(found);
+        pool.stop.store(false, Ordering::SeqCst);
+        return Ok(pool);
     }
     drop(idle);
-    let built = rayon::ThreadPoolBuilder::new().num_threads(count).build();
-    built.map_err(|error| failed(format!("can't start {count} threads: {error}")))
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = stop.clone();
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(count);
+    let threads = threads.start_handler(move |_| listen_to(flag.clone())).build();
+    let threads = threads.map_err(|error| failed(format!("can't start {count} threads: {error}")))?;
+    Ok(Pool { count, threads, stop })
 }
 
 /// Keeps a pool for the next call.
-fn give_back(count: usize, pool: ThreadPool) {
+fn give_back(pool: Pool) {
     let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
     if idle.len() == MOST_IDLE {
         idle.remove(0);
     }
-    idle.push((count, pool));
+    idle.push(pool);
 }
 
 /// Runs some work in a pool of threads while the interpreter goes on, looks for Ctrl-C and calls `tell` now and then in the
-/// calling thread. The first exception, of a signal or of `tell`, calls `stop`; the work then ends by itself. Returns what the work
-/// returned and that exception.
+/// calling thread. The first exception, of a signal or of `tell`, calls `stop`; the work then ends by itself, with what it has, or where
+/// it looks at [`fluorspar::interruption`], without. Returns what the work returned and that exception.
 ///
 /// # Errors
-/// A forked process, no threads, a panic (which is a defect).
+/// That exception, where the work returned nothing; a forked process, no threads, a panic (which is a defect).
 pub(crate) fn work<T: Send>(
     py: Python<'_>,
     threads: Option<usize>,
@@ -122,7 +136,7 @@ pub(crate) fn work<T: Send>(
         let worker = scope.spawn({
             let (done, pool) = (&done, &pool);
             move || {
-                let result = catch_unwind(AssertUnwindSafe(|| pool.install(work)));
+                let result = catch_unwind(AssertUnwindSafe(|| pool.threads.install(work)));
                 done.store(true, Ordering::SeqCst);
                 waiting.unpark();
                 result
@@ -134,25 +148,30 @@ pub(crate) fn work<T: Send>(
                 raised = py.check_signals().and_then(|()| tell(py)).err();
                 if raised.is_some() {
                     stop();
+                    pool.stop.store(true, Ordering::SeqCst);
                 }
             }
         }
         worker.join().unwrap_or_else(|panic| resume_unwind(panic))
     });
-    give_back(count, pool);
-    match result {
-        Ok(result) => Ok((result, raised)),
-        Err(panic) => {
+    give_back(pool);
+    match (result, raised) {
+        (Ok(result), raised) => Ok((result, raised)),
+        (Err(payload), Some(raised)) if payload.is::<Interrupted>() => Err(raised),
+        (Err(panic), _) => {
             let text = panic.downcast_ref::<&str>().map(ToString::to_string);
             let text = text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_default();
-            Err(failed(format!(
+            let error = failed(format!(
                 "this is a defect of Fluorspar: {text}. Please report the call and its input"
-            )))
+            ));
+            error.value(py).setattr("code", 1)?;
+            Err(error)
         }
     }
 }
 
-/// [`work`] that can't be stopped and tells nothing: an exception waits until it is done.
+/// [`work`] that tells nothing, and ends early only where it looks at [`fluorspar::interruption`]: otherwise an exception waits until
+/// it is done.
 pub(crate) fn work_through<T: Send>(
     py: Python<'_>,
     threads: Option<usize>,

@@ -7,6 +7,7 @@ use std::time::Instant;
 use fluorspar::image::Film;
 use fluorspar::render::{RenderControl, RenderProgress, render_sums};
 use fluorspar_format::Provenance;
+use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 
 use crate::components::Components;
@@ -26,7 +27,7 @@ pub(crate) fn render(
     progress: Option<Bound<'_, PyAny>>,
 ) -> PyResult<Components> {
     let py = experiment.py();
-    let resolved = experiment.get().resolved(py, threads)?;
+    let resolved = experiment.get().resolved(py, threads).map_err(|error| before_any_image(py, error))?;
     let study = &resolved.study;
     let (stop, done, total) = (AtomicBool::new(false), AtomicU64::new(0), AtomicU64::new(0));
     let limit = time_limit_s.or(study.time_limit_s);
@@ -52,16 +53,17 @@ pub(crate) fn render(
         }
     };
     let control = RenderControl { stop: &stop, progress: &report };
-    let (rendered, raised) = work(
+    let rendered = work(
         py,
         threads,
         || render_sums(&study.scene, &study.render, &control),
         || stop.store(true, Ordering::SeqCst),
         tell,
-    )?;
+    );
+    let (rendered, raised) = rendered.map_err(|error| before_any_image(py, error))?;
     let film = rendered.map_err(failed)?;
     let Some(raised) = raised else { return finished(experiment, film, threads) };
-    if !raised.is_instance_of::<pyo3::exceptions::PyKeyboardInterrupt>(py) {
+    if !raised.is_instance_of::<PyKeyboardInterrupt>(py) {
         return Err(raised);
     }
     let stopped = RenderStopped::new_err("the render was interrupted; .partial holds the samples so far");
@@ -69,6 +71,14 @@ pub(crate) fn render(
         UnfinishedRender { experiment: experiment.clone().unbind(), film: Mutex::new(Some(film)) };
     stopped.value(py).setattr("unfinished", Py::new(py, unfinished)?)?;
     Err(stopped)
+}
+
+/// Ctrl-C during the preparation of a render, which has no image yet; any other error stays as it is.
+fn before_any_image(py: Python<'_>, error: PyErr) -> PyErr {
+    if !error.is_instance_of::<PyKeyboardInterrupt>(py) {
+        return error;
+    }
+    RenderStopped::new_err("the render was interrupted while it was being prepared; there is no image yet")
 }
 
 /// What a render had when Ctrl-C ended it.

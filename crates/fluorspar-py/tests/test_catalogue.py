@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -64,6 +65,9 @@ def test_a_mesh_comes_from_a_file(tmp_path) -> None:
     mesh = fs.Mesh.read(place, unit_m=1e-3)
     np.testing.assert_allclose(mesh.vertices_m[1:], [[0.01, 0, 0], [0, 0.02, 0]], atol=1e-9)
     assert mesh.triangles.tolist() == [[0, 1, 2]]
+    again = fs.Mesh.read(place, unit_m=1e-3)
+    assert mesh == again and mesh != fs.Mesh.read(place) and mesh != 3
+    assert pickle.loads(pickle.dumps(mesh)) == mesh
 
 
 def test_types_and_names_are_those_of_the_schema() -> None:

@@ -37,6 +37,18 @@ def test_an_experiment_is_an_argument(mouth, program, tmp_path) -> None:
     assert fs.safety(mouth) == json.loads(program("safety", "mouth.toml", "--json", folder=tmp_path))
 
 
+def test_a_check_warns_of_what_the_program_warns_of(mouth, program, tmp_path) -> None:
+    mouth.save(tmp_path / "mouth.toml")
+    said = json.loads(program("check", "mouth.toml", "--json", folder=tmp_path))["warnings"]
+    assert mouth.check() == said and any("pixels of the sensor" in text for text in said)
+
+
+def test_a_defect_of_an_experiment_is_the_same_error_of_a_command() -> None:
+    with pytest.raises(fs.ExperimentError) as raised:
+        fs.command("check", "oraleye-2021-surface", set="light.blue.spectrum=led_386")
+    assert (raised.value.field, raised.value.code) == ("light.blue.spectrum", 2) and "led_385" in raised.value.known
+
+
 def test_errors_have_the_exit_code_of_the_program() -> None:
     with pytest.raises(fs.FluorsparError) as raised:
         fs.tissue("lips").show()

@@ -55,6 +55,56 @@ def test_errors_know_what_could_stand_there(mouth: fs.Experiment) -> None:
     assert raised.value.known == []
 
 
+@pytest.mark.parametrize(
+    ("path", "value", "field"),
+    [
+        ("light.blue.strength.power_mw", -1, "light.blue.strength.power_mw"),
+        ("light.blue.spectrum", "led_386", "light.blue.spectrum"),
+        ("light.blue.spectrum", {"csv": "nothing.csv"}, "light.blue.spectrum"),
+        ("render.samples", 4, "render.samples"),
+        ("render.width_px", 0, "render.width_px"),
+        ("capture.blue.filters", ["long_pass_476"], "capture.blue.filters[0]"),
+        ("capture.bleu.gain", 2, "capture.bleu.gain"),
+        ("mouth.jaw_opening_mm", 500, "mouth.jaw_opening_mm"),
+        ("lens.f_number", 0, "lens.f_number"),
+        ("analysis.frame", "bleu", "analysis.frame"),
+    ],
+)
+def test_what_is_wrong_is_told_when_an_experiment_is_made(mouth, path, value, field) -> None:
+    """In the words of the check, with the whole path of the field; a file with the same value is refused alike."""
+    with pytest.raises(fs.ExperimentError) as raised:
+        mouth.set(path, value)
+    assert (raised.value.field, raised.value.code) == (field, 2)
+    assert raised.value.path.startswith(f"--set {path}=")
+    section, *rest = path.split(".")
+    for key in reversed(rest):
+        value = {key: value}
+    if "capture.bleu" not in path:
+        with pytest.raises(fs.ExperimentError) as of_dict:
+            fs.experiment({"format": 1, "base": "oraleye-2021-surface", section: value})
+        told = of_dict.value
+        assert (told.field, told.message, told.known) == (field, raised.value.message, raised.value.known)
+        assert told.path == "dict" and told.line is not None and "nothing.csv" in str(told) or field != "light.blue.spectrum" or told.known
+
+
+def test_values_that_belong_together_change_together(mouth: fs.Experiment) -> None:
+    blackbody = {"type": "blackbody", "temperature_k": 3000.0}
+    by_irradiance = {"irradiance_w_per_m2": 3.0, "at_distance_mm": 50.0}
+    changed = mouth.with_(light={"blue": {"strength": by_irradiance, "spectrum": blackbody}})
+    assert changed.get("light.blue.strength") == by_irradiance
+    assert changed.get("light.blue.spectrum").items() >= blackbody.items()
+    with pytest.raises(fs.ExperimentError) as raised:
+        mouth.with_(light={"blue": {"spectrum": {"csv": "nothing.csv"}}})
+    assert "nothing.csv" in raised.value.message
+
+
+def test_the_nearest_size_in_whole_pixels_is_no_other_shape(mouth: fs.Experiment) -> None:
+    def odd(height: int) -> list[str]:
+        return [text for text in mouth.with_(render={"width_px": 31, "height_px": height}).check() if "as wide as high" in text]
+
+    assert odd(24)[0].endswith("Give render.height_px = 23") and not odd(23)
+
+
 def test_a_value_that_no_experiment_has_is_named(mouth: fs.Experiment) -> None:
     with pytest.raises(TypeError, match="light.blue.strength.power_mw: a complex"):
         mouth.set("light.blue.strength.power_mw", 1j)
@@ -63,8 +113,11 @@ def test_a_value_that_no_experiment_has_is_named(mouth: fs.Experiment) -> None:
 def test_unknown_names_come_with_the_nearest(tmp_path) -> None:
     with pytest.raises(fs.FluorsparError, match="oraleye-2021"):
         fs.experiment("oraleye-2012")
-    with pytest.raises(FileNotFoundError, match="nothing.toml"):
-        fs.load(tmp_path / "nothing.toml")
+    reads = [fs.load, fs.experiment, fs.read, fs.Frame.read, fs.Mesh.read, fs.safety]
+    for read in reads:
+        with pytest.raises(FileNotFoundError, match="nothing.toml: there is no such file") as raised:
+            read(tmp_path / "nothing.toml")
+        assert isinstance(raised.value, fs.FluorsparError) and raised.value.code == 2
 
 
 def test_a_dictionary_is_an_experiment() -> None:

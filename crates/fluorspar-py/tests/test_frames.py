@@ -39,6 +39,40 @@ def test_frames_and_numbers_are_those_of_the_program(mouth, components, program,
     assert again == analysis
 
 
+def test_a_render_with_other_samples_shows_the_same_scene(mouth, components, tmp_path) -> None:
+    """The samples, the error and the limits of a render are no matter of its captures."""
+    finer = fs.render(mouth, samples_per_pixel=2, error=0.4, time_limit_s=600, progress=None)
+    assert finer.samples_per_pixel == 2 and finer.experiment.get("render.samples_per_pixel") == 2
+    of_render, shots = fs.capture(finer.experiment, finer), fs.capture(mouth, finer)
+    assert np.array_equal(shots["blue"].raw, of_render["blue"].raw)
+    assert fs.analyze(mouth, shots, components=finer) == fs.analyze(finer.experiment, shots, components=finer)
+    with pytest.raises(fs.FluorsparError, match="max_depth"):
+        fs.capture(mouth.set("render.max_depth", 2), finer)
+
+
+def test_changes_of_captures_bear_their_section_or_not(mouth, components) -> None:
+    long, short = (fs.capture(mouth, components, **{path: 60}) for path in ("capture.blue.exposure_ms", "blue.exposure_ms"))
+    assert np.array_equal(long["blue"].raw, short["blue"].raw) and long["blue"].scale["exposure_s"] == 0.06
+
+
+def test_frames_pickle(mouth, components) -> None:
+    shots = fs.capture(mouth, components)
+    again = pickle.loads(pickle.dumps(shots))
+    assert list(again) == list(shots)
+    for name, frame in shots.items():
+        other = again[name]
+        assert (other.name, other.channels, other.mosaic, other.scale) == (frame.name, frame.channels, frame.mosaic, frame.scale)
+        for field in ("raw", "developed", "preview"):
+            assert np.array_equal(getattr(other, field), getattr(frame, field)), field
+    assert fs.analyze(mouth, again, components=components) == fs.analyze(mouth, shots, components=components)
+
+
+def test_frames_without_light_are_told_of(mouth, components) -> None:
+    with pytest.warns(fs.FluorsparWarning, match="hardly any light") as told:
+        fs.capture(mouth, components, **{"blue.exposure_ms": 1e-5})
+    assert told[0].filename == __file__
+
+
 def test_concentrations_and_drives_change_without_a_render(mouth, components) -> None:
     none = mouth.set("concentration.protoporphyrin_ix", 0.0)
     assert not np.array_equal(
@@ -109,6 +143,43 @@ def test_a_sweep_is_a_dataset(mouth, components) -> None:
     green = found.green.values
     assert found.green.dims == ("capture.blue.exposure_ms",)
     np.testing.assert_allclose(green[1:] / green[:-1], 2.0, rtol=0.02)
+
+
+def test_lists_are_values_and_results_of_a_sweep(mouth, components) -> None:
+    pytest.importorskip("xarray")
+    path = "capture.blue.filters"
+    filters = [["long_pass_475"], ["long_pass_475", "ir_cut_700"], []]
+    found = fs.sweep(mouth, {path: filters}, components=components, result=lambda a: {"x": a.porphyrin.interval, "none": None})
+    assert found[path].values.tolist() == ["long_pass_475", "long_pass_475, ir_cut_700", "none"]
+    expected = mouth.set(path, filters[1])
+    interval = fs.analyze(expected, fs.capture(expected, components), components=components).porphyrin.interval
+    both = found.sel({path: "long_pass_475, ir_cut_700"})
+    assert [float(both["x[0]"]), float(both["x[1]"])] == list(interval) and "none" not in found
+    everything = fs.sweep(mouth, {"capture.blue.exposure_ms": np.array([10, 20])}, components=components)
+    level = everything["channels[1].statistics.mean"]
+    assert level[1] > 1.5 * level[0] and everything["capture.blue.exposure_ms"].values.tolist() == [10, 20]
+
+
+def test_a_sweep_is_checked_before_anything_is_computed(mouth, components) -> None:
+    pytest.importorskip("xarray")
+    seen: list[fs.Analysis] = []
+    exposure = "capture.blue.exposure_ms"
+    for given, error, text in [
+        ({exposure: [10, -1]}, fs.ExperimentError, "exposure_ms = -1"),
+        ({"concentration.fad": [1], "concentration.fed": [1]}, fs.ExperimentError, "fed"),
+        ({exposure: [10], "mouth.jaw_opening_mm": [30]}, fs.FluorsparError, "render"),
+        ({exposure: 10}, TypeError, "exposure_ms'.: give a list of values, not the int 10"),
+        ({exposure: []}, ValueError, "give at least one value"),
+        ([exposure], TypeError, "values: give a dictionary"),
+    ]:
+        with pytest.raises(error, match=text):
+            fs.sweep(mouth, given, components=components, result=lambda a: seen.append(a) or {})
+    with pytest.raises(fs.ExperimentError, match="tongue_dorsun") as raised:
+        fs.sweep(mouth, {"analysis.parts": [["tongue_dorsum"], ["tongue_dorsun"]]}, result=seen.append)
+    assert not seen and raised.value.__notes__ == ["in the sweep at analysis.parts = tongue_dorsun"]
+    for wrong in (lambda a: 3, lambda a: {"x": "y"}, lambda a: {"x": [1, "y"]}):
+        with pytest.raises(TypeError, match="result"):
+            fs.sweep(mouth, {exposure: [10]}, components=components, result=wrong)
 
 
 def test_planes_make_frames_by_sums(mouth, components) -> None:

@@ -7,6 +7,8 @@ import importlib.util
 import multiprocessing
 import os
 import pickle
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -102,6 +104,34 @@ def test_ctrl_c_ends_a_render_and_keeps_what_it_has(mouth) -> None:
     assert (again.partial is None) == (partial is None)
     if partial is not None:
         np.testing.assert_array_equal(again.partial.radiance, partial.radiance)
+
+
+_INTERRUPTED = """
+import _thread, threading, time
+import fluorspar as fs
+
+at = []
+
+def interrupt():
+    time.sleep(0.5)
+    at.append(time.monotonic())
+    _thread.interrupt_main()
+
+experiment = fs.experiment("oraleye-2021")
+threading.Thread(target=interrupt).start()
+try:
+    fs.render(experiment, progress=None)
+except fs.RenderStopped as stopped:
+    print(time.monotonic() - at[0], stopped.partial)
+"""
+
+
+def test_ctrl_c_ends_a_preparation_without_an_image(tmp_path) -> None:
+    """Meshes, maps and tissues take half a minute in the build of the tests, where no cache has them; after the end others go on."""
+    places = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    done = subprocess.run([sys.executable, "-c", _INTERRUPTED], capture_output=True, text=True, env={**os.environ, **places})
+    took_s, partial = done.stdout.split()
+    assert partial == "None" and float(took_s) < 3, done.stderr
 
 
 def test_other_threads_run_on(mouth) -> None:

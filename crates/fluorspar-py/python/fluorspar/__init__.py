@@ -50,11 +50,13 @@ from ._commands import (
 )
 from ._experiment import Experiment, experiment, load, schema
 from ._fluorspar import ExperimentError, FluorsparError, __version__
-from ._frames import Analysis, FluorsparWarning, Frame, Frames, analyze, capture
+from ._frames import Analysis, Frame, Frames, analyze, capture
+from ._given import MissingFile, UnknownName
 from ._mouth import Mesh, Mouth, mouth
 from ._record import Record
 from ._render import Components, RenderStopped, read, render
 from ._sweep import sweep
+from ._warning import FluorsparWarning
 
 __all__ = [
     "Analysis",
@@ -70,6 +72,7 @@ __all__ = [
     "Lens",
     "Light",
     "Mesh",
+    "MissingFile",
     "Mouth",
     "QuantumEfficiency",
     "Record",
@@ -77,6 +80,7 @@ __all__ = [
     "RenderStopped",
     "Sensor",
     "Tissue",
+    "UnknownName",
     "__version__",
     "analyze",
     "capture",

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from . import _fluorspar
+from . import _fluorspar, _given
 from ._experiment import Experiment
 from ._picture import picture_of_command
 from ._record import Record
@@ -44,8 +44,10 @@ def _file_of(source: Experiment | str | os.PathLike[str] | None) -> Iterator[lis
     if isinstance(source, Experiment):
         with source.as_file() as path:
             yield [path]
+    elif source is None:
+        yield []
     else:
-        yield [] if source is None else [os.fspath(source)]
+        yield [_given.source(source, "source", "an Experiment, the name of one, or the path of a file")]
 
 
 def command(*words: Any, threads: int | None = None, **options: Any) -> Any:
@@ -58,8 +60,15 @@ def command(*words: Any, threads: int | None = None, **options: Any) -> Any:
 
 
 def text_of(*words: Any, threads: int | None = None, **options: Any) -> str:
-    """Runs a command of the program in this process and returns what it prints: ``text_of("lens", "--help")``."""
-    return _fluorspar.answer([*(_word(word) for word in words), *_words(options)], threads=threads)[0]
+    """Runs a command of the program in this process and returns what it prints: ``text_of("lens", "--help")``.
+
+    A defect of an experiment raises :class:`ExperimentError`, anything else :class:`FluorsparError`, both with the exit ``code``.
+    """
+    expected = "a word of the command line: a text, a number or a path"
+    for index, word in enumerate(words):
+        if not isinstance(word, (str, int, float, os.PathLike)):
+            raise _given.wrong_type(f"words[{index}]", expected, word)
+    return _fluorspar.answer([*map(_word, words), *_words(options)], threads=_given.threads(threads))[0]
 
 
 def _record(*words: Any, **options: Any) -> Record:
@@ -85,7 +94,7 @@ class _Named:
     _shown: str = "show"
 
     def __init__(self, name: str | os.PathLike[str]) -> None:
-        self.name: str = os.fspath(name)
+        self.name: str = _given.path(name, "name", "a name of the catalogue or the path of a file")
 
     def show(self, **options: Any) -> Any:
         """What is known of it."""

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import html
 import os
-import warnings
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from . import _fluorspar
-from ._experiment import Experiment
+from . import _fluorspar, _given
+from ._experiment import Experiment, native_of
 from ._picture import inline_picture, png_of
 from ._record import Record
-from ._render import Components
+from ._render import Components, native_components
+from ._warning import warn_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,22 +20,22 @@ if TYPE_CHECKING:
     import xarray
 
 
-class FluorsparWarning(UserWarning):
-    """What makes a result mean something else than one may think."""
-
-
 class Frame:
-    """A recorded frame: raw digital numbers on the mosaic of the sensor, and linear channels."""
+    """A recorded frame: raw digital numbers on the mosaic of the sensor, and linear channels.
+
+    :func:`capture` and :meth:`Frame.read` make them. Arrays are read-only views of the values where they lie, with the pixels of the
+    sensor (binned as it is), rows from the top. A frame pickles, for the same version of the package; files keep it (:meth:`write`).
+    """
 
     __slots__ = ("_native",)
 
     def __init__(self, native: _fluorspar.Frame) -> None:
-        self._native = native
+        self._native = _given.instance(native, _fluorspar.Frame, "Frame", "what fs.Frame.read(FILE) makes; call that")
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], name: str | None = None) -> Frame:
-        """A raw frame from a file (TIFF or PNG with its description, DNG, packed), as that of a capture."""
-        return cls(_fluorspar.read_frame(os.fspath(path), name))
+        """A raw frame from a file (TIFF or PNG with its description, DNG, packed), as that of the capture ``name``."""
+        return cls(_fluorspar.read_frame(_given.file(path, "path"), None if name is None else _given.text(name, "name")))
 
     @property
     def name(self) -> str:
@@ -44,17 +44,17 @@ class Frame:
 
     @property
     def raw(self) -> NDArray[np.uint16]:
-        """Digital numbers, ``[row, col]``: a read-only view."""
+        """Digital numbers, ``[row, col]``, uint16, DN: a read-only view."""
         return self._native.raw
 
     @property
     def developed(self) -> NDArray[np.float32] | None:
-        """Linear channels, black subtracted, ``[row, col, channel]``, DN; ``None`` of a frame from a file."""
+        """Linear channels, black and other frames subtracted, ``[row, col, channel]``, float32, DN; ``None`` of a frame from a file."""
         return self._native.developed
 
     @property
     def channels(self) -> list[str]:
-        """Names of the channels."""
+        """Names of the channels, in the order of the last axis of :attr:`developed`."""
         return self._native.channels
 
     @property
@@ -64,12 +64,13 @@ class Frame:
 
     @property
     def scale(self) -> dict[str, float]:
-        """Black and white level (DN), bits, exposure (s), gain, DN per electron, read noise (DN)."""
+        """Numbers of the scale by name: ``black_level_dn``, ``white_level_dn``, ``bit_depth``, ``exposure_s``, ``gain`` (1 = base),
+        ``dn_per_electron``, ``read_noise_dn``."""
         return self._native.scale
 
     @property
     def preview(self) -> NDArray[np.uint8] | None:
-        """An image for people, sRGB, ``[row, col, rgb]``; ``None`` of a frame from a file."""
+        """An image for people, sRGB, ``[row, col, rgb]``, uint8; ``None`` of a frame from a file."""
         return self._native.preview
 
     def to_xarray(self) -> xarray.DataArray:
@@ -81,7 +82,10 @@ class Frame:
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Writes the raw frame as TIFF with its description beside it."""
-        self._native.write(os.fspath(path))
+        self._native.write(_given.path(path, "path"))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Frame, (self._native,))
 
     def _repr_png_(self) -> bytes | None:
         preview = self.preview
@@ -93,16 +97,16 @@ class Frame:
 
 
 class Frames(Mapping[str, Frame]):
-    """The frames of a capture program, by name and in their order."""
+    """The frames of a capture program, by name and in their order: a mapping of names to :class:`Frame`."""
 
     __slots__ = ("_frames",)
 
     def __init__(self, frames: Iterable[Frame]) -> None:
-        self._frames = {frame.name: frame for frame in frames}
+        self._frames = {frame.name: frame for frame in _all_frames(frames)}
 
     def __getitem__(self, name: str) -> Frame:
         if name not in self._frames:
-            raise KeyError(f"there is no frame {name!r}; there are {', '.join(self._frames)}")
+            raise _given.unknown("frame", name, self._frames)
         return self._frames[name]
 
     def __iter__(self) -> Any:
@@ -124,8 +128,24 @@ class Frames(Mapping[str, Frame]):
         return f"<Frames {', '.join(self._frames)}>"
 
 
+def _all_frames(frames: Any) -> list[Frame]:
+    """Frames of a capture, or of any iterable."""
+    if isinstance(frames, Mapping):
+        frames = frames.values()
+    expected = "the Frames of fs.capture, or a list of Frame"
+    if isinstance(frames, str) or not isinstance(frames, Iterable):
+        raise _given.wrong_type("frames", expected, frames)
+    return [_given.instance(frame, Frame, f"frames[{index}]", "a Frame") for index, frame in enumerate(frames)]
+
+
 class Analysis(Record):
-    """The numbers of the analyzed region, as ``analyze --json`` prints them, and maps over the frame."""
+    """The numbers of the analyzed region, as ``analyze --json`` prints them, and maps over the frame.
+
+    Entries are attributes, too: ``a.mixture.region.estimate.position`` is ``a["mixture"]["region"]["estimate"]["position"]``;
+    ``list(a)`` names them. ``channels`` has an entry for each channel with its level (DN, electrons), ``chromaticity`` that of the region,
+    ``mixture`` the place on the line from bulk to porphyrin, ``posterior`` the estimate over a family of tissues, ``truth`` what the
+    components hold, ``budget`` where the uncertainty comes from. What an experiment does not ask for is ``None``.
+    """
 
     _maps: dict[str, NDArray[np.float32]]
     _regions: dict[str, Analysis]
@@ -137,7 +157,8 @@ class Analysis(Record):
 
     @property
     def porphyrin_maps(self) -> dict[str, NDArray[np.float32]]:
-        """Porphyrin ``share`` of each pixel on the mixture line, ends of its interval, detection limit, ``[row, col]``; else NaN."""
+        """Maps over the frame, ``[row, col]``, float32: the porphyrin ``share`` of each pixel on the mixture line, the ends ``low`` and ``high``
+        of its interval (95 %), and its ``detection_limit``, all shares of the light; NaN where there is none. Empty without porphyrin."""
         return self._maps
 
     @property
@@ -183,13 +204,17 @@ def _picture_of_map(share: NDArray[np.float32]) -> bytes:
 def capture(experiment: Experiment, components: Components, *, threads: int | None = None, **changes: Any) -> Frames:
     """Takes the frames of the experiment's captures of a component image.
 
-    ``changes`` are values below ``capture``: ``capture(e, c, **{"blue.exposure_ms": 60})``. Lens, filters, sensor, drives, exposures,
-    concentrations may differ from those of the render; what only a new render can show raises :class:`FluorsparError`.
+    ``changes`` are values below ``capture``, with that word or without: ``capture(e, c, **{"blue.exposure_ms": 60})``; more than one
+    count as one change. Lens, filters, sensor, drives, exposures, concentrations may differ from those of the render, and so may the
+    samples and limits that it was rendered with; what only a new render can show raises :class:`FluorsparError`. What frames may be
+    mistaken for (hardly any light, a render that is coarser than the sensor) is a :class:`FluorsparWarning`.
     """
-    for path, value in changes.items():
-        experiment = experiment.set(f"capture.{path}", value)
-    native = _fluorspar.capture(experiment._native, components._native, threads=threads)
-    return Frames(Frame(frame) for frame in native)
+    native, rendered = native_of(experiment), native_components(components)
+    if changes:
+        native = native.set_all([(f"capture.{path.removeprefix('capture.')}", value) for path, value in changes.items()])
+    frames, told = _fluorspar.capture(native, rendered, threads=_given.threads(threads))
+    warn_of(told)
+    return Frames(Frame(frame) for frame in frames)
 
 
 def analyze(
@@ -201,20 +226,22 @@ def analyze(
 ) -> Analysis:
     """Analyzes the frame that the experiment names: chromaticity and porphyrin of its region.
 
-    ``components`` tell which part a pixel shows, and the truth. A frame from a file whose experiment subtracts another, which is not
-    given, is analyzed without it, with a :class:`FluorsparWarning`.
+    ``frames`` are those of :func:`capture`, or any with the names of captures. ``components`` tell which part a pixel shows, and the
+    truth. Returns an :class:`Analysis`: numbers by name, as ``fluorspar analyze --json`` prints them (chromaticities and shares from 0 to
+    1, levels in DN and electrons, intervals as ``[low, high]`` of 95 %), ``.porphyrin``, ``.regions`` and ``.porphyrin_maps``
+    (``[row, col]`` of the sensor, float32). A frame from a file whose experiment subtracts another, which is not given, is analyzed
+    without it, with a :class:`FluorsparWarning`; so are frames that hardly any light reaches. :class:`FluorsparError` of an experiment
+    without ``[analysis]``, and of frames that are not those of its captures.
     """
-    chosen = frames.values() if isinstance(frames, Frames) else frames
     native = _fluorspar.analyze(
-        experiment._native,
-        [frame._native for frame in chosen],
-        None if components is None else components._native,
-        threads=threads,
+        native_of(experiment),
+        [frame._native for frame in _all_frames(frames)],
+        None if components is None else native_components(components),
+        threads=_given.threads(threads),
     )
     if native is None:
         raise _fluorspar.FluorsparError("the experiment has no [analysis] section; add one")
-    for text in native.warnings:
-        warnings.warn(text, FluorsparWarning, stacklevel=2)
+    warn_of(native.warnings)
     return _analysis(native)
 
 

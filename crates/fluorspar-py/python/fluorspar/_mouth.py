@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
-from . import _fluorspar
+from . import _fluorspar, _given
 from ._commands import command, text_of
 from ._picture import picture_of_command
 from ._record import Record
@@ -17,11 +17,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
-    """A triangle mesh."""
+    """A triangle mesh, as four arrays. Meshes are equal where all their arrays are.
 
-    #: Positions, m, ``[vertex, axis]``.
+    ``vertices_m``: positions, ``[vertex, axis]``, float32, m. ``triangles``: three vertex numbers each, from 0, counterclockwise seen
+    from outside, ``[triangle, corner]``, uint32. ``normals``: unit shading normals, ``[vertex, axis]``, float32; no rows where the mesh is
+    faceted. ``uv``: texture coordinates, ``[vertex, uv]``, float32, from 0 to 1 on a mouth; no rows where it has none.
+    """
+
+    #: Positions, ``[vertex, axis]``, m.
     vertices_m: NDArray[np.float32]
     #: Three vertex numbers each, ``[triangle, corner]``.
     triangles: NDArray[np.uint32]
@@ -30,10 +35,19 @@ class Mesh:
     #: Texture coordinates, ``[vertex, uv]``; no rows where it has none.
     uv: NDArray[np.float32]
 
+    __hash__ = None  # type: ignore[assignment]
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Mesh):
+            return NotImplemented
+        import numpy as np
+
+        return all(np.array_equal(getattr(self, field.name), getattr(other, field.name)) for field in fields(self))
+
     @classmethod
     def read(cls, path: str | os.PathLike[str], unit_m: float = 1.0) -> Mesh:
         """A mesh from a file: ``.ply``, ``.obj`` or ``.stl``, whose unit is ``unit_m`` meters."""
-        return cls(*_fluorspar.read_mesh(os.fspath(path), unit_m))
+        return cls(*_fluorspar.read_mesh(_given.file(path, "path"), _given.number(unit_m, "unit_m")))
 
     def __repr__(self) -> str:
         return f"<Mesh: {len(self.vertices_m)} vertices, {len(self.triangles)} triangles>"
@@ -61,7 +75,7 @@ class Mouth:
 
     @property
     def dimensions(self) -> list[Record]:
-        """Measured dimensions next to those that are wanted, with sources."""
+        """Measured dimensions next to those that are wanted, with sources; units are in the names."""
         return list(self._known.dimensions)
 
     def meshes(self) -> dict[str, Mesh]:
@@ -74,7 +88,7 @@ class Mouth:
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Writes the parts: .glb, .obj, .pbrt, or a folder of .ply files."""
-        text_of("mouth", "generate", *self._words, "-q", out=path)
+        text_of("mouth", "generate", *self._words, "-q", out=_given.path(path, "path"))
 
     def _repr_png_(self) -> bytes:
         return picture_of_command("mouth", "view", *self._words, "--spp", "4", "-q", ending=".png")
@@ -88,6 +102,10 @@ def mouth(*, person: int | None = None, pose: str | None = None, detail: float |
 
     ``pose`` is a view as ``fluorspar mouth view --list`` prints them, ``detail`` a factor on the rows and columns of the meshes.
     """
-    options = {"person": person, "pose": pose, "detail": detail}
+    options = {
+        "person": None if person is None else _given.whole(person, "person"),
+        "pose": None if pose is None else _given.text(pose, "pose"),
+        "detail": None if detail is None else _given.number(detail, "detail"),
+    }
     words = [f"--{name}={value}" for name, value in options.items() if value is not None]
     return Mouth([*words, *(f"--set={name}={value}" for name, value in parameters.items())])

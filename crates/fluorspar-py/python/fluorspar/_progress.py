@@ -8,6 +8,8 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
+from . import _given
+
 Tell = Callable[[int, int], None]
 
 
@@ -78,6 +80,8 @@ def progress_of(progress: str | Tell | None, title: str) -> AbstractContextManag
     if progress is None or callable(progress):
         return nullcontext(progress)
     kinds: dict[str, list[Callable[[str], AbstractContextManager[Tell]]]] = {"rich": [_Rich], "tqdm": [_Tqdm], "line": [_Line], "auto": [_Rich, _Tqdm, _Line]}
+    if not isinstance(progress, str):
+        raise _given.wrong_type("progress", f"a function, None, or one of {', '.join(map(repr, kinds))}", progress)
     if progress not in kinds:
         raise ValueError(f"progress={progress!r}: give a function, None, or one of {', '.join(map(repr, kinds))}")
     for kind in kinds[progress]:

@@ -5,14 +5,16 @@ from __future__ import annotations
 import html
 import os
 import tempfile
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _fluorspar
-from ._experiment import Experiment
+from . import _fluorspar, _given
+from ._experiment import Experiment, native_of
 from ._progress import Tell, progress_of
+from ._warning import warn_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,11 +31,11 @@ class Components:
     __slots__ = ("_native",)
 
     def __init__(self, native: _fluorspar.Components) -> None:
-        self._native = native
+        self._native = _given.instance(native, _fluorspar.Components, "Components", "what fs.render(EXPERIMENT) makes; call that")
 
     @property
     def radiance(self) -> NDArray[np.float32]:
-        """Radiance, ``[component, row, col, band]``, W/(sr m2 nm): a read-only view."""
+        """Radiance, ``[component, row, col, band]``, float32, W/(sr m2 nm): a read-only view."""
         return self._native.radiance
 
     @property
@@ -43,27 +45,27 @@ class Components:
 
     @property
     def light_groups(self) -> list[str]:
-        """Light group of each component."""
+        """Light group of each component, in the order of :attr:`labels`: several components have the same."""
         return self._native.light_groups
 
     @property
     def wavelengths_nm(self) -> NDArray[np.float64]:
-        """Centers of the bands, nm."""
+        """Centers of the bands, ``[band]``, float64, nm."""
         return self._native.wavelengths_nm
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
-        """Distance of what a pixel sees, ``[row, col]``, m; infinite where it sees nothing."""
+        """Distance of what a pixel sees, ``[row, col]``, float32, m; infinite where it sees nothing."""
         return self._native.depth_m
 
     @property
     def part(self) -> NDArray[np.uint16]:
-        """Number of the part that a pixel sees, ``[row, col]``: an index into :attr:`part_names` plus one; 0 for nothing."""
+        """Number of the part that a pixel sees, ``[row, col]``, uint16: an index into :attr:`part_names` plus one; 0 for nothing."""
         return self._native.part
 
     @property
     def normal(self) -> NDArray[np.float32]:
-        """Shading normal, ``[row, col, axis]``, in the coordinates of the scene."""
+        """Unit shading normal, ``[row, col, axis]``, float32, in the coordinates of the scene; zero where a pixel sees nothing."""
         return self._native.normal
 
     @property
@@ -78,45 +80,60 @@ class Components:
 
     @property
     def experiment(self) -> Experiment | None:
-        """The experiment that was rendered."""
+        """The experiment that was rendered; ``None`` of a file that carries none."""
         native = self._native.experiment
         return None if native is None else Experiment(native)
 
     def component(self, label: str) -> NDArray[np.float32]:
-        """Radiance of one component, ``[row, col, band]``: a view."""
+        """Radiance of one component by its label, ``[row, col, band]``, float32, W/(sr m2 nm): a read-only view."""
         labels = self.labels
-        if label not in labels:
-            raise KeyError(f"there is no component {label!r}; there are {', '.join(labels)}")
+        if _given.text(label, "label") not in labels:
+            raise _given.unknown("component", label, labels)
         one: NDArray[np.float32] = self.radiance[labels.index(label)]
         return one
 
-    def weighted(self, weights: dict[str, float]) -> NDArray[np.float32]:
-        """Sum of components times weights by label or light group, ``[row, col, band]``; what is not named has weight 0."""
-        unknown = set(weights) - set(self.labels) - set(self.light_groups)
-        if unknown:
-            raise KeyError(f"there is no {sorted(unknown)[0]!r}; there are {', '.join([*self.light_groups, *self.labels])}")
-        factors = [weights.get(label, weights.get(group, 0.0)) for label, group in zip(self.labels, self.light_groups)]
+    def weighted(self, weights: Mapping[str, float]) -> NDArray[np.float32]:
+        """Sum of components times weights by label or light group, ``[row, col, band]``, float32, W/(sr m2 nm).
+
+        ``weighted({"blue": 0.5})`` is the light of that group at half its drive; a label goes before its group, and what is not named has
+        weight 0.
+        """
+        given = _given.mapping(weights, "weights", 'a dictionary by light group or label, such as {"blue": 0.5}')
+        labels, groups = self.labels, self.light_groups
+        for name in given:
+            if name not in labels and name not in groups:
+                raise _given.unknown("light group or component", name, [*groups, *labels])
+        by_name = {name: _given.number(value, f"weights[{name!r}]") for name, value in given.items()}
+        factors = [by_name.get(label, by_name.get(group, 0.0)) for label, group in zip(labels, groups)]
         sums: NDArray[np.float32] = np.tensordot(np.asarray(factors, dtype=np.float32), self.radiance, axes=1)
         return sums
 
     def planes(self, experiment: Experiment, capture: str, *, threads: int | None = None) -> NDArray[np.float32]:
         """Electrons per second that each component frees in each channel of the camera of a capture, ``[component, channel, row,
-        col]``, at the rendered powers and concentrations: a view.
+        col]``, float32, at the rendered powers and concentrations: a read-only view.
 
         Lens, filters and quantum efficiency are in them, so that drives, concentrations and exposures are factors: for one's own
         optimizers. Rows and columns are those of the render, electrons those of one pixel of the sensor.
         """
-        return _fluorspar.channel_planes(experiment._native, self._native, capture, threads=threads).electrons_per_s
+        native = native_of(experiment)
+        names = native.captures
+        if _given.text(capture, "capture") not in names:
+            raise _given.unknown("capture", capture, names)
+        return _fluorspar.channel_planes(native, self._native, capture, threads=_given.threads(threads)).electrons_per_s
 
     def part_mask(self, name: str) -> NDArray[np.bool_]:
-        """Whether a pixel sees a part, ``[row, col]``."""
-        if name not in self.part_names:
-            raise KeyError(f"there is no part {name!r}; there are {', '.join(self.part_names)}")
+        """Whether a pixel sees a part, ``[row, col]``, bool."""
+        if _given.text(name, "name") not in self.part_names:
+            raise _given.unknown("part", name, self.part_names)
         mask: NDArray[np.bool_] = self.part == self.part_names.index(name) + 1
         return mask
 
     def to_xarray(self) -> xarray.Dataset:
-        """A dataset with units as attributes; radiance is not copied."""
+        """A dataset with units as attributes; radiance is not copied.
+
+        ``radiance`` has the dimensions ``component``, ``y``, ``x`` and ``wavelength`` (W m-2 sr-1 nm-1), ``depth`` (m) and ``part`` those
+        of the pixels; coordinates are the labels, light groups and paths of the components, and the wavelengths in nm.
+        """
         import xarray
 
         pixels = ("y", "x")
@@ -144,7 +161,7 @@ class Components:
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Writes the image: ``.exr``, or ``.npy`` with its description beside it. :func:`read` and the program read both."""
-        self._native.write(os.fspath(path))
+        self._native.write(_given.path(path, "path"))
 
     def _repr_html_(self) -> str:
         import numpy as np
@@ -170,6 +187,11 @@ class Components:
                 return (_components_of_bytes, (file.read(),))
 
 
+def native_components(value: Any) -> _fluorspar.Components:
+    """What an argument that must be a component image is made of."""
+    return _given.instance(value, Components, "components", "Components, as fs.render or fs.read makes them")._native
+
+
 def _components_of_bytes(content: bytes) -> Components:
     """A component image from the bytes of its file."""
     with tempfile.TemporaryDirectory() as folder:
@@ -188,7 +210,7 @@ class RenderStopped(_fluorspar.RenderStopped):
 
     @cached_property
     def partial(self) -> Components | None:
-        """The image so far, made when it is first asked for; ``None`` where some pixel has no sample yet."""
+        """The image so far, made when it is first asked for; ``None`` where some pixel has no sample yet, as while a render is prepared."""
         native = None if self.unfinished is None else self.unfinished.take()
         return None if native is None else Components(native)
 
@@ -208,25 +230,38 @@ def render(
 ) -> Components:
     """Renders an experiment. The result has the same bits for any number of threads.
 
-    ``error`` stops where the relative noise is below it, ``time_limit_s`` after some time. Ctrl-C raises :class:`RenderStopped`
-    whose ``partial`` holds the samples so far. ``progress`` is ``"auto"``, ``"rich"``, ``"tqdm"``, ``"line"``, ``None``, or a
-    function of the paths done and of all paths.
+    ``samples_per_pixel`` paths are averaged in each pixel [default: those of the experiment]. ``error`` is a relative
+    error, 1e-4 to 0.5: a tile of 16 x 16 pixels gets no more samples once the sensor channels of all captures that have light reach it,
+    ``samples_per_pixel`` at most (``render.relative_error`` of the file; ``render.error_captures`` and ``render.error_range_nm`` choose
+    other captures or wavelengths). ``time_limit_s`` ends it after that many seconds, as soon as each pixel has a sample. ``progress`` is ``"auto"``, ``"rich"``,
+    ``"tqdm"``, ``"line"``, ``None``, or a function of the paths done and of all paths.
+
+    These options are settings of the experiment that :attr:`Components.experiment` has; :func:`capture` and :func:`analyze` take the one
+    that was given as well. Ctrl-C raises :class:`RenderStopped` within a moment, whose ``partial`` holds the samples so far, or ``None``
+    where the scene was still being prepared. What is odd about the experiment is a :class:`FluorsparWarning`.
     """
+    native, settings = native_of(experiment), []
     if error is not None:
-        experiment = experiment.set("render.relative_error", float(error))
+        settings.append(("render.relative_error", _given.number(error, "error")))
     if samples_per_pixel is not None:
-        experiment = experiment.set("render.samples_per_pixel", samples_per_pixel)
+        settings.append(("render.samples_per_pixel", _given.whole(samples_per_pixel, "samples_per_pixel")))
+    if settings:
+        native = native.set_all(settings)
+    limit_s = None if time_limit_s is None else _given.number(time_limit_s, "time_limit_s")
+    if limit_s is not None and not limit_s > 0:
+        raise ValueError(f"time_limit_s = {limit_s:g}: must be more than 0 seconds")
+    threads = _given.threads(threads)
     with progress_of(progress, "Rendering") as tell:
         try:
-            return Components(
-                _fluorspar.render(experiment._native, threads=threads, time_limit_s=time_limit_s, progress=tell)
-            )
+            rendered = Components(_fluorspar.render(native, threads=threads, time_limit_s=limit_s, progress=tell))
+            warn_of(native.warnings)
+            return rendered
         except _fluorspar.RenderStopped as error:
             stopped = error
         # Outside of the handler, without the error of before as its context: clusters send that along, and it can't travel
-        raise RenderStopped(str(stopped), stopped.unfinished)
+        raise RenderStopped(str(stopped), getattr(stopped, "unfinished", None))
 
 
 def read(path: str | os.PathLike[str]) -> Components:
     """A component image from a file that ``run``, ``render --components`` or :meth:`Components.write` wrote."""
-    return Components(_fluorspar.read_components(os.fspath(path)))
+    return Components(_fluorspar.read_components(_given.file(path, "path")))

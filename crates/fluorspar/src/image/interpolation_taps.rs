@@ -1,5 +1,7 @@
 //! Which raw pixels enter an interpolated value, and so how certain a mean of such values is.
 
+use serde::{Deserialize, Serialize};
+
 use super::Mosaic;
 
 /// A pixel that enters an interpolated value: offset in rows and columns, and weight.
@@ -9,7 +11,7 @@ pub(crate) type Tap = (isize, isize, f32);
 ///
 /// At the border the image is mirrored without repeating its edge where the cell has at most two rows (columns), which keeps
 /// the colors in place; longer cells leave out what lies outside. Weights are brought to a sum of 1.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InterpolationTaps {
     mosaic: Mosaic,
     /// Taps by `[row of cell, column of cell, channel]`, weights not normalized.

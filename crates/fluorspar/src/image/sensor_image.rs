@@ -71,7 +71,7 @@ impl Mosaic {
 
 /// One raw frame: digital numbers on a mosaic, `[row, col]`, rows from the top; or of all channels, `[row, col, channel]`, where a
 /// file holds them developed, or the sensor has no mosaic.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SensorImage {
     /// Columns.
     pub width: usize,
@@ -110,7 +110,7 @@ impl SensorImage {
 }
 
 /// A developed frame: linear, black-subtracted digital numbers, `[row, col, channel]`, not clipped below zero.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChannelImage {
     /// Columns.
     pub width: usize,
@@ -130,6 +130,7 @@ pub struct ChannelImage {
     /// `n` interpolated values holds `n * share` independent measurements.
     pub shares: Vec<f64>,
     /// How the channels were interpolated from raw pixels; `None` where that is not known, or every pixel measured all of them.
+    #[serde(with = "shared")]
     pub interpolation: Option<Arc<InterpolationTaps>>,
     /// Light of another frame that was subtracted.
     pub subtracted: Option<SubtractedLight>,
@@ -138,12 +139,31 @@ pub struct ChannelImage {
 }
 
 /// Light that was subtracted from a developed frame. Its shot noise stays.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SubtractedLight {
     /// Its level in digital numbers of the frame, `[row, col, channel]`.
     pub dn: Vec<f32>,
     /// Exposure time of the frame over that of the frame that was subtracted.
     pub exposure_ratio: f64,
+}
+
+/// What several frames share is written with each of them.
+mod shared {
+    use super::{Arc, Deserialize, InterpolationTaps, Serialize};
+    use serde::{Deserializer, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(
+        taps: &Option<Arc<InterpolationTaps>>,
+        to: S,
+    ) -> Result<S::Ok, S::Error> {
+        taps.as_deref().serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        from: D,
+    ) -> Result<Option<Arc<InterpolationTaps>>, D::Error> {
+        Ok(Option::<InterpolationTaps>::deserialize(from)?.map(Arc::new))
+    }
 }
 
 impl ChannelImage {

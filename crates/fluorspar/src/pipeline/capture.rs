@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::light_by_shape::{ShapedRadiance, light_by_shape};
 use super::motion::{MotionPath, shifted};
@@ -17,7 +18,7 @@ use crate::spectral::{Irradiance, Radiance, Transmittance};
 use crate::study::{Capture, Study};
 
 /// One capture, raw and developed.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CapturedFrame {
     /// Digital numbers on the mosaic.
     pub raw: SensorImage,

@@ -2,6 +2,7 @@
 
 use glam::DMat3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::direct_light::group_spectrum;
 use crate::image::{ChannelImage, SpectralImage};
@@ -24,7 +25,7 @@ pub struct Preview {
 }
 
 /// How channel values become colors.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ColorRendering {
     /// Linear sRGB from R, G, B digital numbers, rows first, before the exposure scale.
     pub matrix: [[f64; 3]; 3],
