@@ -9,15 +9,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use fluorspar::image::{
-    Component, ComponentImage, FeatureMaps, Film, FilmLayout, LightPath, Mosaic, SensorImage, SpectralImage,
-    StatisticsKind,
+    BasisComponent, ChannelPlanes, Component, ComponentImage, ExcitationImage, FeatureMaps, Film, FilmLayout,
+    GroupBasis, LightPath, Mosaic, SensorImage, SpectralImage, StatisticsKind,
 };
-use fluorspar::spectral::{Radiance, WavelengthGrid};
+use fluorspar::spectral::{ExcitationNodes, Radiance, WavelengthGrid};
 use fluorspar_format::{
-    DngColor, ExrOptions, FileFormat, FormatError, Provenance, RawPacking, read_component_exr,
-    read_component_npy, read_film, read_sensor_image, read_spectral_npy, write_component_exr,
-    write_component_npy, write_film, write_packed_raw, write_sensor_dng, write_sensor_tiff,
-    write_spectral_npy,
+    ComponentFile, DngColor, ExrOptions, FileFormat, FormatError, Journal, Provenance, RawPacking,
+    read_component_exr, read_component_npy, read_film, read_sensor_image, read_spectral_npy,
+    write_component_exr, write_component_npy, write_film, write_packed_raw, write_sensor_dng,
+    write_sensor_tiff, write_spectral_npy,
 };
 
 fn folder() -> PathBuf {
@@ -132,6 +132,53 @@ fn component_images_of_every_format_are_read() {
         let stored = read_component_exr(&path).unwrap();
         assert_eq!(stored.image, image, "format {version}");
         assert_eq!(stored.provenance.unwrap().seed, 7);
+    }
+}
+
+/// Channel planes and excitation basis, which stand beside the components of a run.
+#[test]
+fn planes_and_bases_of_every_format_are_read() {
+    let image = components();
+    let mut planes = ChannelPlanes::dark([3, 2], 2, 3, "a camera".into());
+    planes.data_mut().iter_mut().enumerate().for_each(|(i, value)| *value = i as f32 * 0.25);
+    let reflected = BasisComponent {
+        light: LightPath::Reflected,
+        spectra: vec![0.5, 0.25],
+        factors: (0..6).map(|i| i as f32).collect(),
+        rank: 1,
+        error: 0.125,
+    };
+    let basis = ExcitationImage {
+        width: 3,
+        height: 2,
+        groups: vec![GroupBasis {
+            light_group: "blue".into(),
+            nodes: ExcitationNodes::new(vec![380.0, 390.0, 400.0]).unwrap(),
+            components: vec![reflected],
+        }],
+    };
+    for version in 1..=FileFormat::COMPONENT_IMAGE.version() {
+        let path = fixture("planes", version, "exr", &FileFormat::COMPONENT_IMAGE, |path| {
+            let of_camera = std::slice::from_ref(&planes);
+            let options = ExrOptions { planes: of_camera, excitation: Some(&basis), ..Default::default() };
+            write_component_exr(path, &image, &options)
+        });
+        let stored = ComponentFile::open(&path).unwrap();
+        assert_eq!(stored.planes("a camera", |_| true).unwrap(), Some(planes.clone()), "format {version}");
+        assert_eq!(stored.excitation_basis().unwrap(), Some(basis.clone()), "format {version}");
+        assert_eq!(stored.read().unwrap().image, image, "format {version}");
+    }
+}
+
+#[test]
+fn journals_of_every_format_are_read() {
+    let work = serde_json::json!({ "search": "stored" });
+    let entry = serde_json::json!({ "block": 0, "loss": [0.125, 1e-300] });
+    for version in 1..=FileFormat::JOURNAL.version() {
+        let path = fixture("search", version, "journal", &FileFormat::JOURNAL, |path| {
+            Journal::open(path, &work)?.0.append(&entry)
+        });
+        assert_eq!(Journal::read(&path, &work).unwrap(), Some(vec![entry.clone()]), "format {version}");
     }
 }
 
