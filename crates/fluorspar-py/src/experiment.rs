@@ -1,6 +1,7 @@
 //! Experiments.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 use fluorspar_cli::{find_experiment, warnings_before_run};
@@ -24,6 +25,8 @@ pub(crate) struct Experiment {
     base_dir: PathBuf,
     changes: Vec<String>,
     pub(crate) parsed: Arc<Parsed>,
+    /// Whether its settings were checked and found right.
+    is_right: AtomicBool,
     /// Made when it is first needed.
     resolved: Mutex<Option<Arc<ResolvedExperiment>>>,
 }
@@ -40,10 +43,24 @@ impl Experiment {
         base_dir: PathBuf,
         changes: Vec<String>,
     ) -> PyResult<Self> {
-        let made = Self::new(py, text, name, base_dir, changes)?;
-        let parsed = &made.parsed;
+        Self::new(py, text, name, base_dir, changes)?.check_now(py)
+    }
+
+    fn check_now(self, py: Python<'_>) -> PyResult<Self> {
+        let parsed = &self.parsed;
         py.detach(|| check_settings(parsed)).map_err(|error| of_experiment(py, &error))?;
-        Ok(made)
+        self.is_right.store(true, Ordering::Relaxed);
+        Ok(self)
+    }
+
+    /// Whether another experiment has the same settings: it differs in concentrations and words at most.
+    fn has_settings_of(&self, made: &Self) -> bool {
+        let mut other = made.parsed.file.clone();
+        let own = &self.parsed.file;
+        other.concentration.clone_from(&own.concentration);
+        other.title.clone_from(&own.title);
+        other.description.clone_from(&own.description);
+        other == *own
     }
 
     /// An experiment that is read, and checked when it is first used: what was kept of another process may name files that are gone.
@@ -57,7 +74,15 @@ impl Experiment {
         prepare(py)?;
         let parsed = py.detach(|| parse(&text, &name, &base_dir, &changes));
         let parsed = Arc::new(parsed.map_err(|error| of_experiment(py, &error))?);
-        Ok(Self { text, name, base_dir, changes, parsed, resolved: Mutex::new(None) })
+        Ok(Self {
+            text,
+            name,
+            base_dir,
+            changes,
+            parsed,
+            is_right: AtomicBool::new(false),
+            resolved: Mutex::new(None),
+        })
     }
 
     /// What the experiment means. The first call reads its files and makes its mouth.
@@ -82,7 +107,16 @@ impl Experiment {
     /// The same experiment with more changes.
     fn changed(&self, py: Python<'_>, changes: &[String]) -> PyResult<Self> {
         let changes = [self.changes.as_slice(), changes].concat();
-        Self::checked(py, self.text.clone(), self.name.clone(), self.base_dir.clone(), changes)
+        let made = Self::new(py, self.text.clone(), self.name.clone(), self.base_dir.clone(), changes)?;
+        // In a loop over concentrations the settings are checked once
+        let is_same = self.has_settings_of(&made);
+        if is_same && self.is_right.load(Ordering::Relaxed) {
+            made.is_right.store(true, Ordering::Relaxed);
+            return Ok(made);
+        }
+        let made = made.check_now(py)?;
+        self.is_right.fetch_or(is_same, Ordering::Relaxed);
+        Ok(made)
     }
 
     pub(crate) fn text(&self) -> &str {
