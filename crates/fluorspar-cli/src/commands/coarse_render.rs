@@ -19,8 +19,8 @@ pub fn warnings_before_run(experiment: &ResolvedExperiment) -> Vec<Warning> {
 /// Warns of an image that will be coarser than its sensor, before it is rendered. One object alone has nothing finer to show.
 fn coarse_render(study: &Study) -> Option<Warning> {
     let covered = columns_per_column_to_render(study)?;
-    let is_seen = covered > MOST_COLUMNS_OF_RUN && study.scene.objects.len() > 1;
-    is_seen.then(|| warning(covered, study.scene.camera.width))
+    let is_seen = is_beyond(covered, MOST_COLUMNS_OF_RUN) && study.scene.objects.len() > 1;
+    is_seen.then(|| warning(study, covered, study.scene.camera.width, MOST_COLUMNS_OF_RUN))
 }
 
 /// Warns of a render that is coarser than a sensor, unless it was as coarse for the sensor that it was made for. `labels` is the image,
@@ -46,16 +46,30 @@ pub fn coarse_image(
         .and_then(|experiment| resolve_captures(experiment, experiment, &held).ok()?)
         .and_then(|found| columns_per_render_column(&found.study, labels))
         .unwrap_or(0.0);
-    if covered <= 1.01 * made_for {
+    if !is_beyond(covered, MOST_COLUMNS.max(1.01 * made_for)) {
         return None;
     }
-    Some(warning(covered, labels.width))
+    // What is rendered for this sensor is judged as `run` judges it
+    Some(warning(study, covered, labels.width, MOST_COLUMNS_OF_RUN.min(covered)))
 }
 
-fn warning(covered: f64, width: usize) -> Warning {
-    let wanted = (width as f64 * covered / MOST_COLUMNS).round();
+/// Rounding of a field of view in single precision, relative.
+const ROUNDING: f64 = 1e-6;
+
+/// Whether a render is coarser than allowed, but for rounding.
+fn is_beyond(covered: f64, most: f64) -> bool {
+    covered > most * (1.0 + ROUNDING)
+}
+
+/// The warning with the smallest image that is not warned of, as wide to its height as the sensor.
+fn warning(study: &Study, covered: f64, width: usize, most: f64) -> Warning {
+    let wanted = (width as f64 * covered / most * (1.0 - ROUNDING)).ceil();
+    let height = study.camera.sensor.as_ref().map_or_else(String::new, |sensor| {
+        let high_over_wide = sensor.model().height_mm() / sensor.model().width_mm();
+        format!(" and render.height_px={:.0}", (wanted * high_over_wide).round().max(1.0))
+    });
     Warning::from(format!(
         "one pixel of the render covers {covered:.1} x {covered:.1} pixels of the sensor: frames show blocks, and nothing finer. Render \
-         with render.width_px={wanted} or more, or bin the sensor: sensor.binning"
+         with render.width_px={wanted}{height} or more, or bin the sensor: sensor.binning"
     ))
 }

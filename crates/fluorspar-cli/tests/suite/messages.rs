@@ -58,6 +58,24 @@ fn a_run_begins_with_its_title_and_warns_in_short_lines() {
     let said = fluorspar(folder, [&args[..], &finer].concat()).well();
     let wanted = "one pixel of the render covers 8.0 x 8.0 pixels of the sensor";
     assert!(warnings(&said.stderr).iter().any(|line| line.contains(wanted)), "{}", said.stderr);
+
+    // The image that is advised is the smallest that is not warned of: 16 columns x 8 / 4
+    let size = |width: u32, height: u32| {
+        let (columns, rows) =
+            (format!("--set=render.width_px={width}"), format!("--set=render.height_px={height}"));
+        let check = [&["check"], &changes[..], &finer, &[&columns, &rows]].concat();
+        fluorspar(folder, check).well().stderr
+    };
+    assert!(
+        said.stderr.contains(wanted)
+            && size(16, 12).contains("render.width_px=32 and render.height_px=24 or more")
+    );
+    assert!(size(31, 23).contains("pixel of the render covers"));
+    let advised = size(32, 24);
+    assert!(
+        !advised.contains("pixel of the render covers") && !advised.contains("render.height_px"),
+        "{advised}"
+    );
     let check = fluorspar(folder, [&["check"], &changes[..], &finer].concat()).well();
     assert!(check.stderr.contains(wanted), "{}", check.stderr);
     assert!(fs::read_to_string(folder.join("out/report.html")).unwrap().contains(wanted));
