@@ -50,7 +50,8 @@ struct ProblemArgs {
 /// Where results go.
 #[derive(Clone, Debug, clap::Args)]
 struct Place {
-    /// Folder for results.json, designs.csv, designs.jsonl, report.html and its figures [default: fluorspar-out/design-NAME]. The journal of
+    /// Folder for results.json, designs.csv, designs.jsonl, report.html and its figures [default: fluorspar-out/design-NAME; with --set or
+    /// --unset a folder of its own for these changes, fluorspar-out/design-NAME-DIGEST]. The journal of
     /// the work lies beside it.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: Option<PathBuf>,
@@ -61,6 +62,8 @@ struct ReadProblem {
     /// Where it was read from.
     source: ExperimentSource,
     resolved: ResolvedDesign,
+    /// Whether it differs from the file by options of the command.
+    is_changed: bool,
     /// Folder of rendered scenes.
     renders: PathBuf,
 }
@@ -80,23 +83,30 @@ impl ProblemArgs {
             .map_err(|error| as_typed(error, &overrides))?;
         Messages::default().warnings(&resolved.record.warnings);
         let default = || PathBuf::from("fluorspar-out/design-renders");
-        Ok(ReadProblem { source, resolved, renders: self.renders.clone().unwrap_or_else(default) })
+        let renders = self.renders.clone().unwrap_or_else(default);
+        Ok(ReadProblem { source, resolved, is_changed: !overrides.is_empty(), renders })
     }
 }
 
 impl ReadProblem {
     /// Renders the scenes that are missing, and prepares the signals.
     fn prepare(self) -> Result<Problem, CliError> {
-        let Self { source, resolved, renders } = self;
+        let Self { source, resolved, renders, .. } = self;
         let problem = renders::complete(&resolved, &renders, Messages::default())?;
         let space = DesignSpace::new(problem)
             .map_err(|error| CliError::Input(format!("{}: {error}", source.name)))?;
         Ok(Problem { source, resolved, space })
     }
 
-    /// The folder of results.
+    /// The folder of results. That of a changed problem is its own, so that nothing is written over what the file itself gave.
     fn folder(&self, place: &Place) -> PathBuf {
-        let default = || PathBuf::from(format!("fluorspar-out/design-{}", self.source.stem));
+        let default = || {
+            let of_file = format!("fluorspar-out/design-{}", self.source.stem);
+            PathBuf::from(match self.is_changed {
+                true => format!("{of_file}-{}", &self.resolved.record.sha256[..8]),
+                false => of_file,
+            })
+        };
         place.out.clone().unwrap_or_else(default)
     }
 
