@@ -94,6 +94,8 @@ fn one_light_is_told_as_singular_and_wrong_input_with_its_cure() {
     let folder = tempfile::tempdir().unwrap();
     let said = fluorspar(folder.path(), ["design", "compare", "two-lights"]).well();
     assert!(said.stdout.contains("singular: 3 of 5 seen"), "{}", said.stdout);
+    // What a standard deviation is to be judged by
+    assert!(said.stdout.contains("redox: its standard deviation of a value of 0."), "{}", said.stdout);
     let before = listing(folder.path());
     for (args, words) in [
         (vec!["two-light"], "did you mean \"two-lights\""),

@@ -117,9 +117,26 @@ fn the_task_index_and_the_examples_run() {
     assert!(number("430", "fluorescence_e") < 1.5 * number("470", "fluorescence_e"));
     let within = |nm: &str| passes["worst_cases"][of(nm)]["leak"].as_f64().unwrap();
     assert!(within("460") > 10.0 * number("460", "leak") && within("480") < 2.0 * number("480", "leak"));
+    // The page recommends what is the best as it will be made
+    let page = fs::read_to_string(folder.path().join("passes/report.html")).unwrap();
+    let lead = page.split("Recommended is ").nth(1).unwrap();
+    let (made, meant) = lead.split_once("As meant ").unwrap();
+    assert!(
+        made.contains("480 nm") && meant.starts_with(passes["best"][0]["name"].as_str().unwrap()),
+        "{made}"
+    );
     let best =
         fs::read_to_string(folder.path().join("fluorspar-out/design-03-four-leds/designs.csv")).unwrap();
     assert!(best.lines().nth(1).unwrap().contains("405"), "{best}");
+    // A changed problem has a folder of its own
+    let changed =
+        fluorspar(folder.path(), words("design sweep examples/03-four-leds.toml --set search.keep=1")).well();
+    let table = "fluorspar-out/design-03-four-leds/designs.csv";
+    assert_eq!(fs::read_to_string(folder.path().join(table)).unwrap(), best);
+    let place = changed.stderr.lines().find_map(|line| line.strip_prefix("Open ")).unwrap();
+    assert!(place.starts_with("fluorspar-out/design-03-four-leds-"), "{}", changed.stderr);
+    let own = fs::read_to_string(folder.path().join(place).with_file_name("designs.csv")).unwrap();
+    assert_eq!(own.lines().count(), 2, "{own}");
 }
 
 #[test]

@@ -12,7 +12,7 @@ use crate::spectral::{GridMismatch, QuantumEfficiency, Radiance, Spectrum};
 
 /// Standard deviations of the blank at which a signal is detected with errors of 5 % either way: `2 * 1.645` (Currie, Anal. Chem.
 /// 40, 586, 1968).
-pub(super) const DETECTION_Z: f64 = 3.29;
+pub const DETECTION_Z: f64 = 3.29;
 
 /// Channel values that a spectral radiance gives, up to the factor of exposure and optics that all channels share:
 /// `sum L lambda/(hc) QE_c dlambda`. Photons are counted here, as the sensor does.

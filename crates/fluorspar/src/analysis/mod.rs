@@ -59,7 +59,7 @@ pub use error_budget::{BudgetInput, BudgetItem, ErrorBudget};
 pub use family_average::{FamilyAverage, TissueDoubt, TissueEvidence};
 pub use light_family::{CubicTerms, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
 pub use mixture_line::{
-    FluorophoreResponse, LineEstimate, MixtureError, MixtureLine, PorphyrinLayers, PorphyrinMap,
+    DETECTION_Z, FluorophoreResponse, LineEstimate, MixtureError, MixtureLine, PorphyrinLayers, PorphyrinMap,
     channel_response,
 };
 pub use pixel_mean::{PixelMean, mean_of_pixels};

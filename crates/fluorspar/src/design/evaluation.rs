@@ -87,6 +87,8 @@ pub struct RegionMerits {
     pub weights: Vec<f64>,
     /// Bound on the standard deviation of each contrast; null where it is not seen.
     pub contrasts: Vec<f64>,
+    /// The contrasts themselves, what their deviations are to be judged by; null where nothing of one is in the region.
+    pub contrast_values: Vec<Option<f64>>,
     /// Independent combinations of the weights that are seen.
     pub rank: usize,
     /// Mean electrons of one pixel, by exposure and channel.
@@ -156,6 +158,7 @@ pub fn evaluate_region(
     RegionMerits {
         weights: bound.standard_deviations(),
         contrasts: contrasts.iter().map(contrast).collect(),
+        contrast_values: contrasts.iter().map(Contrast::value).collect(),
         rank: bound.rank(),
         electrons,
         signal_to_noise,

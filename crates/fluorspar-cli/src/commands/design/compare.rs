@@ -37,7 +37,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     } else {
         let space = &problem.space;
         let table = table(space, designs.iter(), &[]);
-        let text = format!("by {}\n\n{table}{}\n", criterion_text(space), legend(space));
+        let text = format!("by {}\n\n{table}{}\n", criterion_text(space), legend(space, designs.first()));
         print_text(&text)?;
     }
     Ok(())

@@ -173,7 +173,7 @@ impl Outcome {
         } else {
             text += &format!("ranked by {}\n\n", criterion_text(space));
             text += &table(space, self.best.iter().take(SHOWN), &self.worst_cases);
-            text += &format!("{}\n", legend(space));
+            text += &format!("{}\n", legend(space, self.best.first()));
             if self.best.len() > SHOWN {
                 text += &format!("{} more in designs.csv\n", self.best.len() - SHOWN);
             }
@@ -286,10 +286,17 @@ pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
                 .zip(&found.contrasts)
                 .map(|(c, sd)| (c.name.clone(), finite(*sd)))
                 .collect();
+            let values: serde_json::Map<String, Value> = p
+                .contrasts
+                .iter()
+                .zip(&found.contrast_values)
+                .map(|(c, value)| (c.name.clone(), json!(value)))
+                .collect();
             json!({
                 "name": region.response.name,
                 "relative_sd": weights,
                 "contrast_sd": contrasts,
+                "contrast": values,
                 "rank": found.rank,
                 "weights": found.weights.len(),
                 "electrons": found.electrons,
@@ -331,12 +338,15 @@ fn finite(value: f64) -> Value {
 }
 
 /// What the columns of [`table`] mean.
-pub(super) fn legend(space: &DesignSpace) -> String {
-    let contrasts: Vec<&str> = space.problem().contrasts.iter().map(|c| c.name.as_str()).collect();
-    let of_contrasts = match contrasts.is_empty() {
-        true => String::new(),
-        false => format!("; {}: its standard deviation", contrasts.join(", ")),
+pub(super) fn legend(space: &DesignSpace, first: Option<&JudgedDesign>) -> String {
+    let values =
+        |k: usize| first.and_then(|judged| *judged.merits.regions.first()?.contrast_values.get(k)?);
+    let of_contrast = |(k, name): (usize, &str)| {
+        let value = values(k).map_or_else(String::new, |value| format!(" of a value of {}", short(value)));
+        format!("; {name}: its standard deviation{value}")
     };
+    let names = space.problem().contrasts.iter().map(|contrast| contrast.name.as_str());
+    let of_contrasts: String = names.enumerate().map(of_contrast).collect();
     format!(
         "A fluorophore's column is the relative standard deviation of its weight{of_contrasts}; fluorescence e-: of one pixel of each channel, \
          reflected light left out; leak: reflected over fluorescent electrons"
