@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::image::Mosaic;
-use fluorspar_experiment::Warning;
+use fluorspar_experiment::{DEFAULT_EXPERIMENT, Warning};
 use fluorspar_format::{
     FactSource, FrameDescription, FrameFact, FrameFacts, Output, Outputs, describe_frame, description_path,
 };
@@ -14,6 +14,7 @@ use serde_json::json;
 use super::table::align;
 use crate::args::Answer;
 use crate::error::CliError;
+use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
 use crate::values;
 
@@ -124,11 +125,37 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     }
     let warnings: Vec<Warning> = found.warnings.iter().cloned().map(Warning::from).collect();
     Messages::default().warnings(&warnings);
-    Messages::default().status(format!(
-        "Wrote {}. Next: fluorspar analyze --experiment EXPERIMENT --frame CAPTURE=FRAME --out FOLDER",
-        path.display()
-    ));
+    Messages::default().status(format!("Wrote {}. {}", path.display(), next_command(options)?));
     Ok(ExitCode::SUCCESS)
+}
+
+/// What to type next: all of it where the capture is one of the default experiment, else with a place for the experiment.
+fn next_command(options: &Options) -> Result<String, CliError> {
+    let stem = options.frame.file_stem().unwrap_or_default().to_string_lossy();
+    let frame = shell_word(&options.frame.to_string_lossy());
+    let out = shell_word(&format!("fluorspar-out/{stem}"));
+    let default = ExperimentSource::find(None)?.parse(&[])?;
+    let (remark, experiment, capture) = match &options.capture {
+        Some(name) if default.file.capture.iter().any(|capture| capture.name == *name) => {
+            (" (or with an experiment of your own)", DEFAULT_EXPERIMENT, shell_word(name))
+        }
+        Some(name) => (" (EXPERIMENT being yours)", "EXPERIMENT", shell_word(name)),
+        None => {
+            (" (EXPERIMENT being yours, CAPTURE the name of the frame in it)", "EXPERIMENT", "CAPTURE".into())
+        }
+    };
+    Ok(format!(
+        "Next{remark}: fluorspar analyze --experiment {experiment} --frame {capture}={frame} --out {out}"
+    ))
+}
+
+/// A word as a shell takes it.
+fn shell_word(text: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "._/=+-:,@".contains(c);
+    match !text.is_empty() && text.chars().all(is_plain) {
+        true => text.into(),
+        false => format!("'{}'", text.replace('\'', "'\\''")),
+    }
 }
 
 /// Each value and where it comes from.

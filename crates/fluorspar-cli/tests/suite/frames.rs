@@ -104,6 +104,9 @@ fn a_plain_frame_is_described_and_analyzed() {
     assert!(told.stdout.contains("exposure_s") && told.stdout.contains("given"), "{}", told.stdout);
     assert!(told.stdout.contains("assumed: linear numbers that were interpolated"), "{}", told.stdout);
     assert!(folder.join("linear_rgb.tiff.json").is_file());
+    let next = "Next (EXPERIMENT being yours): fluorspar analyze --experiment EXPERIMENT --frame violet=linear_rgb.tiff --out \
+                fluorspar-out/linear_rgb\n";
+    assert!(told.stderr.contains(next), "{}", told.stderr);
     let told = fluorspar(folder, analyze).well();
     assert!(told.stdout.contains("193 pixels: 193 valid"), "{}", told.stdout);
     // What was described stays.
@@ -114,6 +117,11 @@ fn a_plain_frame_is_described_and_analyzed() {
     let again =
         fluorspar(folder, [&["describe", "linear_rgb.tiff", "--capture", "violet"][..], &deeper].concat());
     assert!(again.well().stdout.contains("0.02 s"));
+    // Where the default experiment has the capture, the next line can be typed as it is
+    let blue = ["describe", "linear_rgb.tiff", "--capture", "blue", "--exposure-ms", "40", "--replace"];
+    let next = "(or with an experiment of your own): fluorspar analyze --experiment oraleye-2021 --frame blue=linear_rgb.tiff --out fluorspar-out/linear_rgb";
+    assert!(fluorspar(folder, blue).well().stderr.contains(next));
+    fluorspar(folder, [&["describe", "linear_rgb.tiff", "--capture", "violet"][..], &deeper].concat()).well();
     // Another depth than the sensor's.
     let told = fluorspar(folder, analyze);
     assert_eq!(told.code, Some(2));
