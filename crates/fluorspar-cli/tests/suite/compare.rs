@@ -173,6 +173,12 @@ fn regions_of_both_runs_stand_row_by_row() {
         page.contains("Regions of frame") && page.matches("<span class=\"name\"").count() == 3,
         "regions"
     );
+    assert!(page.contains("<p class=\"names\">1 patch, 2 middle, 3 left</p>"));
+    if let Some(browser) = browser() {
+        for screen in [[390, 844], [1280, 800], [2560, 1440]] {
+            fits(&browser, "regions", &folder.join("a"), screen);
+        }
+    }
     // The folded section tells the estimates
     let note =
         page.split("<h2>Regions</h2> <span class=\"note\">").nth(1).unwrap().split('<').next().unwrap();

@@ -95,12 +95,20 @@ fn write_view(html: &mut String, view: &FrameView, tabs: &str, map_tabs: &str) {
         );
     }
     write_outline(html, view);
-    for (name, [x, y]) in &view.names {
+    // On a narrow screen numbers stand in the regions, and the names below the frame
+    for (number, (name, [x, y])) in (1..).zip(&view.names) {
         let [left, top] = [x / width.max(1) as f64, y / height.max(1) as f64].map(|share| 100.0 * share);
         let name = escape(name);
-        let _ = writeln!(html, "<span class=\"name\" style=\"left:{left:.2}%;top:{top:.2}%\">{name}</span>");
+        let _ = writeln!(
+            html,
+            "<span class=\"name\" style=\"--x:{left:.2}%;--y:{top:.2}%\"><b>{number}</b><span class=\"full\">{name}</span></span>"
+        );
     }
     html.push_str("</div>\n");
+    if !view.names.is_empty() {
+        let list = (1..).zip(&view.names).map(|(number, (name, _))| format!("{number} {}", escape(name)));
+        let _ = writeln!(html, "<p class=\"names\">{}</p>", list.collect::<Vec<_>>().join(", "));
+    }
     if let Some(map) = &view.map {
         write_scale(html, map, map_tabs);
     }
