@@ -447,7 +447,7 @@ impl CaptureView {
         if let Some(found) = &self.uncertainty {
             messages.status(format!(
                 "Concentrations changed without a new render: exact but for light that fluoresced twice, {:.2} % of the light of its \
-                 lamps, which may be off by {:.2} % of that light at the very most",
+                 light sources, which may be off by {:.2} % of that light at the very most",
                 100.0 * found.share,
                 100.0 * found.largest_error
             ));

@@ -243,7 +243,7 @@ pub(crate) fn predictive(reference: &Reference, site: &str, name: &str) -> Falli
     for (from, to) in [(0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1)] {
         line(&format!("{} > {}", LAMPS[from], LAMPS[to]), &|o| o.from == [from] && o.to == to);
     }
-    line("one lamp > other", &|o| o.from.len() == 1);
-    line("two lamps > third", &|o| o.from.len() == 2);
+    line("one light > other", &|o| o.from.len() == 1);
+    line("two lights > third", &|o| o.from.len() == 2);
     Ok(overlays)
 }

@@ -9,7 +9,7 @@ use crate::tissue::{DiscreteOrdinates, EffectiveTissue, LayeredTissue, Level, Ti
 /// Relative error along one parameter, the others in the middle of their ranges, at which no nodes are added: below
 /// [`super::INTERPOLATION_ERROR`], as the errors of several parameters add up.
 const NODE_ERROR: f64 = 0.005;
-/// Wavelengths at which states are compared, nm: bands and gaps of hemoglobin, usual lamps, porphyrin.
+/// Wavelengths at which states are compared, nm: bands and gaps of hemoglobin, usual lights, porphyrin.
 const PROBES_NM: [f64; 12] =
     [385.0, 405.0, 420.0, 435.0, 450.0, 500.0, 520.0, 540.0, 560.0, 580.0, 635.0, 700.0];
 /// Shares of the way between two nodes at which the mean of both is compared with the tissue.

@@ -41,7 +41,7 @@ const WITHIN_OVER_BETWEEN: f64 = 0.2;
 /// Standard deviation of the logarithm of the strength of a fluorophore.
 const STRENGTH: f64 = 0.45;
 
-/// What varies in mucosa and skin. The widths were chosen so that chromaticities behind a long-pass under lamps of 405, 415 and
+/// What varies in mucosa and skin. The widths were chosen so that chromaticities behind a long-pass under lights of 405, 415 and
 /// 450 nm scatter as those of tongues and lips of four people; oxygen saturation, superficial and deep blood and thickness are
 /// independent of each other. \[assumed: four people hold no more\] Melanin: \[assumed\].
 const SOFT: &[Variation] = &[
