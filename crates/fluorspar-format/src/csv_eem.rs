@@ -29,6 +29,8 @@ pub struct MeasuredEem {
     pub values: Vec<f64>,
     /// Unit of the values.
     pub unit: EemUnit,
+    /// Empty cells, which were taken as zero.
+    pub empty_cells: usize,
 }
 
 /// Treatment of values at emission wavelengths below the excitation.
@@ -111,12 +113,15 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
     }
 
     let mut values = Vec::with_capacity(emission_nm.len() * excitation_nm.len());
-    let mut wrong = WrongCells::default();
+    let (mut wrong, mut empty_cells) = (WrongCells::default(), 0);
     for (row, emission_nm) in table.rows().zip(&emission_nm) {
         for (column, excitation_nm) in (1..).zip(&excitation_nm) {
             let value = match table.number(path, row, column) {
                 Ok(Some(value)) => table.checked_sign(path, row, column, value, options.negative),
-                Ok(None) if options.empty_as_zero => Ok(0.0),
+                Ok(None) if options.empty_as_zero => {
+                    empty_cells += 1;
+                    Ok(0.0)
+                }
                 Ok(None) => {
                     let excitation_nm = *excitation_nm;
                     Err(FormatError::EmptyCell { path: path.into(), line: row.line, excitation_nm })
@@ -131,7 +136,7 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
         }
     }
     wrong.refused()?;
-    let mut eem = MeasuredEem { emission_nm, excitation_nm, values, unit };
+    let mut eem = MeasuredEem { emission_nm, excitation_nm, values, unit, empty_cells };
     check_stokes(path, &table, &mut eem, options.anti_stokes)?;
     Ok(eem)
 }

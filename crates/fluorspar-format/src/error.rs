@@ -133,7 +133,7 @@ pub enum FormatError {
         /// The value relative to the largest one, %.
         percent_of_peak: f64,
     },
-    /// Values of an excitation-emission matrix follow the excitation: light of the lamp that was scattered into the instrument.
+    /// Values of an excitation-emission matrix follow the excitation: excitation light that was scattered into the instrument.
     ScatteredLight {
         /// The file.
         path: PathBuf,
@@ -350,7 +350,7 @@ impl fmt::Display for Problem<'_> {
             ),
             FormatError::EmptyCell { excitation_nm, .. } => write!(
                 f,
-                "the cell at excitation {excitation_nm} nm is empty. Fill it, or take empty cells as zero on purpose"
+                "the cell at excitation {excitation_nm} nm is empty. Fill it from its neighbors, or take empty cells as zero on purpose"
             ),
             FormatError::Cells { first, next, more } => {
                 write!(f, "{}. Also {}", first.problem(), next.join("; "))?;
@@ -378,7 +378,7 @@ impl fmt::Display for Problem<'_> {
                 let line = if *order == 1 { "emission = excitation" } else { "emission = 2 x excitation" };
                 write!(
                     f,
-                    "scattered light of the lamp stands on the line {line}, from {first} to {last} nm: up to {percent_of_peak:.0} % of the peak \
+                    "scattered excitation light stands on the line {line}, from {first} to {last} nm: up to {percent_of_peak:.0} % of the peak \
                      beside it. Measure again with a blank subtracted, or put the values of both sides, or 0, into the cells on the line and \
                      within a bandpass of it"
                 )

@@ -171,6 +171,11 @@ fn every_kind_of_file_is_imported() {
     ];
     let said = fluorspar(folder, args).well();
     assert!(said.stderr.contains("anti-Stokes      9.091 % of the sum of all values"), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("empty cells      1, taken as zero: no fluorescence there"),
+        "{}",
+        said.stderr
+    );
     assert!(fs::read_to_string(folder.join("a.toml")).unwrap().contains("stokes = \"off\""));
 }
 

@@ -308,7 +308,7 @@ fn bad_matrices_are_explained() {
         ),
         (
             "@em_nm\\ex_nm,350,400\n380,1,0\n450,,3\n",
-            "t.csv:4: the cell at excitation 350 nm is empty. Fill it, or take empty cells as zero on purpose",
+            "t.csv:4: the cell at excitation 350 nm is empty. Fill it from its neighbors, or take empty cells as zero on purpose",
         ),
         (
             "@em_nm\\ex_nm,350,400\n380,1,0\n450,2\n",

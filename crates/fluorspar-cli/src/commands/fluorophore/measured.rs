@@ -131,7 +131,18 @@ fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> 
         Matrix { emission_nm: read.emission_nm, excitation_nm: read.excitation_nm, values: read.values };
     let mut findings = vec![("content".into(), format!("excitation-emission matrix of {}", word(unit)))];
     describe(path, &matrix, &mut findings)?;
+    findings.push(("empty cells".into(), empty_cells(read.empty_cells)));
     Ok(Measured { kind: Kind::MatrixCsv, name: None, unit, findings })
+}
+
+/// What was made of empty cells. Nothing is interpolated: what lies in a hole of a matrix is not known.
+fn empty_cells(count: usize) -> String {
+    match count {
+        0 => "none".into(),
+        count => format!(
+            "{count}, taken as zero: no fluorescence there. Where it was only cut out with scattered light, fill them from their neighbors"
+        ),
+    }
 }
 
 fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
