@@ -308,6 +308,7 @@ fn sensor_image(
         gain: d.gain,
         dn_per_electron: d.dn_per_electron,
         read_noise_dn: d.read_noise_dn,
+        gain_is_assumed: false,
         seed: d.seed,
         label: d.label.clone(),
     })

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::analysis::{Analysis, PorphyrinLayers, SignalSummary};
+use fluorspar::analysis::{ASSUMED_GAIN, Analysis, PorphyrinLayers, SignalSummary};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, RawExposures, SeenComponents, analyze_regions,
@@ -578,9 +578,20 @@ fn describe(analysis: &Analysis) -> String {
     for line in analysis.signals.iter().flat_map(SignalSummary::lines) {
         text += &format!("{line}\n");
     }
+    if analysis.gain_is_assumed {
+        text += &format!("Electrons, signal to noise and noise in intervals: {ASSUMED_GAIN}\n");
+    }
     let of_which = if analysis.counts.saturated > 0 { " of the unsaturated pixels" } else { "" };
     for channel in analysis.channels.iter().filter(|_| analysis.signals.is_none()) {
-        if let Some(s) = &channel.statistics {
+        if let Some((share, level)) = analysis.counts.saturated_share().zip(analysis.median_level(channel)) {
+            let at_least = if level.is_lower_limit { "at least " } else { "" };
+            text += &format!(
+                "{}: median {at_least}{:.1} DN of all pixels, {:.0} % of them saturated: there is no mean\n",
+                channel.name,
+                level.dn,
+                100.0 * share
+            );
+        } else if let Some(s) = &channel.statistics {
             text += &format!(
                 "{}: median {:.1} DN, mean {:.1} DN, sd {:.1} DN{of_which}\n",
                 channel.name,

@@ -109,6 +109,17 @@ fn a_plain_frame_is_described_and_analyzed() {
     assert!(told.stderr.contains(next), "{}", told.stderr);
     let told = fluorspar(folder, analyze).well();
     assert!(told.stdout.contains("193 pixels: 193 valid"), "{}", told.stdout);
+    // Electrons by a gain that is the sensor's of the experiment are told as such, by one of the frame's own not
+    let with_gain = "with the conversion gain of the experiment's sensor";
+    assert!(told.stdout.contains(with_gain), "{}", told.stdout);
+    fluorspar(folder, [&analyze[..], &["--out", "assumed"]].concat()).well();
+    let page = || fs::read_to_string(folder.join("assumed/report.html")).unwrap();
+    assert!(page().contains("with the conversion gain of the experiment"));
+    let own = [&describe[..], &["--dn-per-electron", "0.4", "--replace"]].concat();
+    fluorspar(folder, own).well();
+    assert!(!fluorspar(folder, analyze).well().stdout.contains(with_gain));
+    fluorspar(folder, [&analyze[..], &["--out", "assumed"]].concat()).well();
+    assert!(!page().contains("with the conversion gain of the experiment"));
     // What was described stays.
     let again = fluorspar(folder, describe);
     assert_eq!(again.code, Some(2));

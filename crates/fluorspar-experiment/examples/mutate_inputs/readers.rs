@@ -135,6 +135,7 @@ fn frame() -> SensorImage {
         gain: 1.0,
         dn_per_electron: 0.1,
         read_noise_dn: 1.0,
+        gain_is_assumed: false,
         seed: 1,
         label: String::new(),
     }

@@ -90,6 +90,7 @@ fn frame() -> SensorImage {
         gain: 2.0,
         dn_per_electron: 0.125,
         read_noise_dn: 1.5,
+        gain_is_assumed: false,
         seed: 7,
         label: "blue".into(),
     }

@@ -73,6 +73,7 @@ fn frame() -> SensorImage {
         gain: 2.0,
         dn_per_electron: 0.1,
         read_noise_dn: 1.5,
+        gain_is_assumed: false,
         seed: u64::MAX,
         label: "blue".into(),
     }

@@ -26,6 +26,7 @@ fn frame(width: usize, height: usize, bits: u8, mosaic: Mosaic) -> SensorImage {
         gain: 2.0,
         dn_per_electron: 0.4551,
         read_noise_dn: 6.25,
+        gain_is_assumed: false,
         seed: 7,
         label: "blue".into(),
     }

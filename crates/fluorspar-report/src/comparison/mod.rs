@@ -12,7 +12,7 @@ pub use finished_run::{
 pub use frame_pair::{ComparedPictures, FrameToCompare, compared_pictures};
 pub use page::{comparison_figures, comparison_report, setting_cells};
 
-use fluorspar::analysis::interval_of_difference;
+use fluorspar::analysis::{ASSUMED_GAIN, interval_of_difference};
 use serde::{Serialize, Serializer};
 
 pub(crate) use run_numbers::share_text;
@@ -202,6 +202,9 @@ pub fn comparison_remarks(a: &FinishedRun, b: &FinishedRun) -> Vec<String> {
         remarks.push("Both are runs of the same experiment with the same seed: their numbers are the same, to the last bit.".into());
     }
     for (letter, run) in [("A", a), ("B", b)] {
+        if run.analysis.as_ref().is_some_and(|analysis| analysis.gain_is_assumed) {
+            remarks.push(format!("Electrons and signal to noise of {letter} are {ASSUMED_GAIN}."));
+        }
         if run.analysis.is_none() {
             remarks.push(format!(
                 "{letter} has no analysis: it holds frames only. `fluorspar analyze {} --out FOLDER` analyzes them, and `capture --report` does \

@@ -2,11 +2,10 @@
 
 use fluorspar::analysis::{Analysis, ErrorBudget, SharePosterior, SignalSummary, TargetDetection};
 use fluorspar::safety::DAY_S;
-use fluorspar::sampling::Z_95;
 
-use super::ComparedSide;
-use super::finished_run::{FinishedCapture, FinishedRun, FinishedSafety};
-use crate::run::{capital, level};
+use super::finished_run::{FinishedCapture, FinishedFrame, FinishedRun, FinishedSafety};
+use super::{ComparedSide, short};
+use crate::run::{RegionLevel, capital, level};
 
 /// What a number is about; numbers are listed in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -69,7 +68,7 @@ impl RunNumber {
 pub(super) fn run_numbers(run: &FinishedRun, label: &dyn Fn(&str) -> String) -> Vec<RunNumber> {
     let mut numbers = Vec::new();
     if let Some(analysis) = &run.analysis {
-        numbers.extend(region_numbers(analysis, &run.target, label));
+        numbers.extend(region_numbers(analysis, &run.target, &run.frames, label));
         numbers.extend(spot_numbers(analysis, label));
         numbers.extend(analysis.targets.iter().flat_map(|target| target_numbers(target, label)));
     }
@@ -87,7 +86,7 @@ pub(super) fn run_numbers(run: &FinishedRun, label: &dyn Fn(&str) -> String) -> 
     numbers.extend(run.safety.iter().flat_map(|safety| safety_numbers(safety, label)));
     numbers.sort_by_key(|number| number.subject);
     for region in &run.regions {
-        let mut own = region_numbers(&region.analysis, &region.target, label);
+        let mut own = region_numbers(&region.analysis, &region.target, &run.frames, label);
         own.sort_by_key(|number| number.subject);
         numbers.extend(own.into_iter().map(|n| RunNumber { region: Some(region.name.clone()), ..n }));
     }
@@ -95,11 +94,16 @@ pub(super) fn run_numbers(run: &FinishedRun, label: &dyn Fn(&str) -> String) -> 
 }
 
 /// What the pixels of a region say.
-fn region_numbers(analysis: &Analysis, target: &str, label: &dyn Fn(&str) -> String) -> Vec<RunNumber> {
+fn region_numbers(
+    analysis: &Analysis,
+    target: &str,
+    frames: &[FinishedFrame],
+    label: &dyn Fn(&str) -> String,
+) -> Vec<RunNumber> {
     let mut numbers = share_numbers(analysis, target);
     numbers.extend(match &analysis.signals {
         Some(signals) => signal_numbers(signals, label),
-        None => channel_numbers(analysis),
+        None => channel_numbers(analysis, frames, label),
     });
     let counts = &analysis.counts;
     let clipped = 100.0 * counts.saturated as f64 / counts.total().max(1) as f64;
@@ -190,11 +194,15 @@ fn posterior_number(posterior: &SharePosterior, name: &str) -> RunNumber {
     }
 }
 
-/// The detection limit: of shares of the light, and where the truth is known relative to it, as cards of reports have it.
+/// The detection limit as a share of the light, and where the truth is known, relative to it.
 fn limit_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
     let Some(limit) = analysis.detection_limit() else { return Vec::new() };
-    let mut numbers =
-        vec![RunNumber::new(Subject::Estimate, format!("Detection limit of the {target} share"), "", limit)];
+    let mut numbers = vec![RunNumber::new(
+        Subject::Estimate,
+        format!("Detection limit of the {target} share"),
+        "share of the light",
+        limit,
+    )];
     let there = analysis.truth.as_ref().map(|truth| truth.share).filter(|share| *share > 0.0);
     numbers.extend(there.map(|there| {
         let quantity = "Detection limit over the true share".to_owned();
@@ -232,29 +240,70 @@ fn target_numbers(target: &TargetDetection, label: &dyn Fn(&str) -> String) -> V
     numbers
 }
 
-/// Levels of cameras with other channels than R, G and B.
+/// Median levels of a channel over the region, of cameras with any channels.
+struct MedianSignal<'a> {
+    channel: &'a str,
+    frame: &'a str,
+    exposure_s: Option<f64>,
+    electrons: f64,
+    is_lower_limit: bool,
+    snr: Option<f64>,
+}
+
+impl MedianSignal<'_> {
+    /// The signal, that of a millisecond of exposure, in which cameras of other exposures compare, and the signal to noise.
+    fn numbers(&self, label: &dyn Fn(&str) -> String) -> Vec<RunNumber> {
+        let frame = label(self.frame);
+        let number = |what: &str, unit, value| {
+            RunNumber::new(Subject::Signal, format!("{what} in {}, frame {frame}", self.channel), unit, value)
+        };
+        let limited = |number: RunNumber| match self.is_lower_limit {
+            true => {
+                let words = number.value.map(|value| format!("at least {}", short(value)));
+                RunNumber { value: None, words, ..number }
+            }
+            false => number,
+        };
+        let mut numbers = vec![limited(number("Median signal", "e-", self.electrons))];
+        let milliseconds = self.exposure_s.map(|s| 1e3 * s).filter(|ms| *ms > 0.0);
+        numbers.extend(
+            milliseconds
+                .map(|ms| limited(number("Median signal per ms of exposure", "e-/ms", self.electrons / ms))),
+        );
+        numbers.extend(self.snr.map(|snr| number("Signal to noise of a pixel", "", snr)));
+        numbers
+    }
+}
+
+/// Levels of cameras with other channels than R, G and B, in all frames.
 fn signal_numbers(signals: &SignalSummary, label: &dyn Fn(&str) -> String) -> Vec<RunNumber> {
-    let numbers = signals.signals.iter().flat_map(|signal| {
-        let of = |what: &str| format!("{what} in {}, frame {}", signal.channel, label(&signal.frame));
-        let (level, reach) = (signal.electrons, Z_95 * signal.standard_error_e);
-        [
-            RunNumber::new(Subject::Signal, of("Mean signal"), "e-", level)
-                .within_noise([level - reach, level + reach]),
-            RunNumber::new(Subject::Signal, of("Signal to noise of a pixel"), "", signal.snr_of_pixel),
-        ]
+    let numbers = signals.signals.iter().filter_map(|signal| {
+        let median = MedianSignal {
+            channel: &signal.channel,
+            frame: &signal.frame,
+            exposure_s: Some(signal.exposure_s),
+            electrons: signal.median_electrons?,
+            is_lower_limit: signal.saturated > 0 && signal.saturated >= signal.pixels,
+            snr: signal.saturated_share().is_none().then_some(signal.snr_of_pixel),
+        };
+        Some(median.numbers(label))
     });
-    numbers.collect()
+    numbers.flatten().collect()
 }
 
 /// Levels of R, G and B in the region, as cards of reports have them.
-fn channel_numbers(analysis: &Analysis) -> Vec<RunNumber> {
+fn channel_numbers(
+    analysis: &Analysis,
+    frames: &[FinishedFrame],
+    label: &dyn Fn(&str) -> String,
+) -> Vec<RunNumber> {
+    let of_frame = || frames.iter().find(|frame| frame.name == analysis.frame).map(|frame| frame.exposure_s);
+    let exposure_s = analysis.exposure_s.or_else(of_frame);
     let numbers = analysis.channels.iter().filter_map(|channel| {
-        let [electrons, snr] = level(analysis, channel.statistics?.median)?;
-        let of = |what: &str| format!("{what} in {}", channel.name);
-        Some([
-            RunNumber::new(Subject::Signal, of("Median signal"), "e-", electrons),
-            RunNumber::new(Subject::Signal, of("Signal to noise of a pixel"), "", snr),
-        ])
+        let RegionLevel { electrons, snr, is_lower_limit } = level(analysis, channel)?;
+        let (channel, frame) = (channel.name.as_str(), analysis.frame.as_str());
+        let median = MedianSignal { channel, frame, exposure_s, electrons, is_lower_limit, snr };
+        Some(median.numbers(label))
     });
     numbers.flatten().collect()
 }

@@ -1,8 +1,8 @@
 //! An analysis in plain words.
 
 use fluorspar::analysis::{
-    Analysis, ErrorBudget, LineEstimate, MixtureSummary, OtherLight, PorphyrinTruth, SharePosterior,
-    SignalSummary, SpotSeparation, Statistics, TargetDetection, UnmixedTerm,
+    ASSUMED_GAIN, Analysis, ErrorBudget, LineEstimate, MixtureSummary, OtherLight, PorphyrinTruth,
+    SharePosterior, SignalSummary, SpotSeparation, Statistics, TargetDetection, UnmixedTerm,
 };
 
 use super::report_data::{Number, NumberMatrix, NumberTable, Origin, ReportItem, Section};
@@ -40,7 +40,7 @@ pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>, from: Fra
         section = section.with(table("Sensor chromaticity of the region", chromaticity));
     }
     if let Some(signals) = &analysis.signals {
-        section = with_signals(section, signals);
+        section = with_signals(section, signals, analysis.gain_is_assumed);
     }
     if !analysis.targets.is_empty() {
         section = section.with(ReportItem::Matrix(target_matrix(&analysis.targets)));
@@ -237,7 +237,12 @@ fn budget_rows(budget: &ErrorBudget) -> Vec<Number> {
 fn detection_row(analysis: &Analysis) -> Option<Number> {
     let meaning = "So far beyond the blank sensor noise mistakes neither a blank for porphyrin nor porphyrin for a blank in more than 5 % of cases.";
     let limit = analysis.detection_limit()?;
-    Some(Number::computed("Detection limit, noise alone", format!("{limit:.4}"), "", meaning))
+    Some(Number::computed(
+        "Detection limit, noise alone",
+        format!("{limit:.4}"),
+        "share of the light",
+        meaning,
+    ))
 }
 
 fn spot_rows(spots: &[SpotSeparation]) -> Vec<Number> {
@@ -258,18 +263,26 @@ fn spot_rows(spots: &[SpotSeparation]) -> Vec<Number> {
 }
 
 /// Levels of all channels of all frames, their ratios, and what they are made of.
-fn with_signals(section: Section, summary: &SignalSummary) -> Section {
+fn with_signals(section: Section, summary: &SignalSummary, gain_is_assumed: bool) -> Section {
+    let gain = if gain_is_assumed {
+        format!(" Electrons and signal to noise {ASSUMED_GAIN}.")
+    } else {
+        String::new()
+    };
     let columns =
         ["Signal", "electrons", "standard error", "DN", "signal to noise"].map(String::from).to_vec();
     let rows = summary.signals.iter().map(|s| {
-        let numbers = [s.electrons, s.standard_error_e, s.mean_dn, s.snr_of_pixel];
-        std::iter::once(s.title()).chain(numbers.map(short)).collect()
+        let at_least = if s.saturated_share().is_some() { "at least " } else { "" };
+        let cells = [s.electrons, s.standard_error_e, s.mean_dn, s.snr_of_pixel].map(short);
+        let [electrons, error, dn, snr] = cells;
+        vec![s.title(), format!("{at_least}{electrons}"), error, format!("{at_least}{dn}"), snr]
     });
     let mut section = section.with(ReportItem::Matrix(NumberMatrix {
         caption: "Signals of the region".into(),
         columns,
         rows: rows.collect(),
-        note: "Mean of a pixel, the standard error of the mean by the sensor's noise, and the signal to noise of one pixel.".into(),
+        note: "Mean of a pixel, the standard error of the mean by the sensor's noise, and the signal to noise of one pixel: of those that are not \
+               saturated, so that a mean is a lower limit where more than 1 % are.".to_owned() + &gain,
     }));
     if !summary.ratios.is_empty() {
         let rows = summary.ratios.iter().map(|r| {
@@ -424,7 +437,21 @@ fn pixel_rows(analysis: &Analysis) -> Vec<Number> {
         pixels("Without signal", counts.undefined, format!("Left out: {sum} is not positive.")),
     ];
     for channel in &analysis.channels {
-        if let Some(s) = &channel.statistics {
+        if let Some((share, level)) = analysis.counts.saturated_share().zip(analysis.median_level(channel)) {
+            let (at_least, what) = match level.is_lower_limit {
+                true => ("at least ", "a lower limit, as it clips itself"),
+                false => ("", "the rest alone would be the dim part of the region, and there is no mean"),
+            };
+            rows.push(Number::computed(
+                format!("{} level", channel.name),
+                format!("{at_least}{}", short(level.dn)),
+                "DN",
+                format!(
+                    "Median over all pixels of the region, {:.0} % of them saturated: {what}.",
+                    100.0 * share
+                ),
+            ));
+        } else if let Some(s) = &channel.statistics {
             rows.push(Number::computed(
                 format!("{} level", channel.name),
                 format!("{} (5 % to 95 %: {} to {})", short(s.median), short(s.p05), short(s.p95)),

@@ -11,10 +11,9 @@ use crate::{Figure, Number, NumberTable, ReportItem, Section};
 pub(super) fn depth_section(run: &RunResults<'_>) -> Option<(Section, Option<Figure>)> {
     let depths = &run.evaluation.depths;
     let analyzed = analyzed_tissue(run)?;
-    let note = depths.iter().filter(|depth| depth.tissue == analyzed).take(3);
-    let note: Vec<String> =
-        note.map(|depth| format!("{} {:.0} µm", depth.channel, depth.median_um)).collect();
-    let note = format!("half from above, in {}: {}", analyzed.replace('_', " "), note.join(", "));
+    let of_tissue: Vec<&DepthOfLight> = depths.iter().filter(|depth| depth.tissue == analyzed).collect();
+    let note = brief(&of_tissue);
+    let note = format!("half from above, in {}: {}", analyzed.replace('_', " "), note);
     let mut section = Section::new("From how deep the light of each channel comes").folded(note).say(
         "Light enters the tissue, is scattered and absorbed, and excites fluorophores on its way; what they give off has to find its \
          way out. Half of the fluorescence that a channel sees comes from above the median depth, nine tenths from above the second \
@@ -49,6 +48,16 @@ pub(super) fn depth_section(run: &RunResults<'_>) -> Option<(Section, Option<Fig
     Some((section, figure(run, &own, frame)))
 }
 
+/// Median depths of some channels, each frame by its name where there are several.
+fn brief(depths: &[&DepthOfLight]) -> String {
+    let several = depths.windows(2).any(|pair| pair[0].frame != pair[1].frame);
+    let depth = |depth: &&DepthOfLight| match several {
+        true => format!("{} of frame \"{}\" {:.0} µm", depth.channel, depth.frame, depth.median_um),
+        false => format!("{} {:.0} µm", depth.channel, depth.median_um),
+    };
+    depths.iter().take(3).map(depth).collect::<Vec<_>>().join(", ")
+}
+
 /// The tissue of the analyzed region, otherwise the first one.
 fn analyzed_tissue<'r>(run: &RunResults<'r>) -> Option<&'r str> {
     let depths = &run.evaluation.depths;
@@ -77,4 +86,30 @@ fn figure(run: &RunResults<'_>, depths: &[&DepthOfLight], frame: &str) -> Option
     let tissue = &run.experiment.study.tissues.iter().find(|known| known.name == *name)?.tissue;
     let title = format!("{}, frame \"{frame}\"", name.replace('_', " "));
     Some(light_sources_by_depth(&title, &channels.collect::<Vec<_>>(), &tissue.bottoms_um()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depths_of_several_frames_name_them() {
+        let depth = |frame: &str, median_um| DepthOfLight {
+            frame: frame.into(),
+            channel: "mono".into(),
+            tissue: "tongue".into(),
+            parts: Vec::new(),
+            mean_um: median_um,
+            median_um,
+            depth_90_um: median_um,
+            quantiles_um: Vec::new(),
+            layers: Vec::new(),
+        };
+        let [green, red] = [depth("green_band", 276.0), depth("red_band", 278.0)];
+        assert_eq!(brief(&[&green]), "mono 276 µm");
+        assert_eq!(
+            brief(&[&green, &red]),
+            "mono of frame \"green_band\" 276 µm, mono of frame \"red_band\" 278 µm"
+        );
+    }
 }

@@ -12,7 +12,7 @@ mod safety_section;
 mod words;
 
 pub(crate) use display::{DisplayImage, for_display};
-pub(crate) use regions_section::level;
+pub(crate) use regions_section::{RegionLevel, level};
 pub use regions_section::{region_warnings, regions_matrix};
 pub(crate) use words::capital;
 

@@ -1,13 +1,19 @@
 //! The first screen of a report: the frame with region and map, the estimate, and the numbers that decide about a design.
 
-use fluorspar::analysis::{Analysis, ExclusionCounts, PixelSelection, Statistics, UnmixedTerm, Unmixing};
+use std::path::Path;
+
+use fluorspar::analysis::{
+    ASSUMED_GAIN, Analysis, ExclusionCounts, PixelSelection, Statistics, UnmixedTerm, Unmixing,
+};
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview, preview};
+use fluorspar::spectral::Fluorophore;
 use fluorspar::study::Capture;
+use fluorspar_experiment::InputFile;
 
 use super::display::{DisplayImage, for_display};
 use super::region_outline::region_outline;
-use super::regions_section::{region_names, saturated_share};
-use super::report::{electrons, percent};
+use super::regions_section::region_names;
+use super::report::{electrons, percent, percent_saturated};
 use super::safety_section::eye_safe_captures;
 use super::words::{Words, capital};
 use super::{FrameOrigin, RunResults};
@@ -133,7 +139,7 @@ fn seen(image: &Preview, frame: &CapturedFrame, analyzed: Option<&AnalyzedFrame>
             .iter()
             .filter_map(|c| c.statistics.map(|s| format!("{} {:.0}", c.name, s.median)))
             .collect();
-        let brightness = match saturated_share(&analysis.counts) {
+        let brightness = match analysis.counts.saturated_share() {
             Some(share) => format!("{:.0} % of it is saturated", 100.0 * share),
             None => format!("medians {} DN", colors.join(", ")),
         };
@@ -382,16 +388,24 @@ fn cards(run: &RunResults<'_>, words: &Words<'_>) -> Vec<Number> {
     }
     if let Some(frame) = of_interest {
         cards.push(signal_card(frame, analyzed));
-        let saturated = frame.developed.saturated.iter().filter(|s| **s).count();
-        let all = frame.developed.saturated.len().max(1);
         let in_region = analyzed.map_or_else(String::new, |a| {
             format!(", {} of {} in the region", a.analysis.counts.saturated, a.analysis.counts.total())
         });
+        // The other frames of the run clip on their own
+        let others = evaluation.frames.iter().filter(|other| other.raw.label != frame.raw.label);
+        let clipped = others.clone().filter(|other| other.developed.saturated.contains(&true));
+        let clipped: Vec<String> =
+            clipped.map(|f| format!("; \"{}\": {:.2} %", f.raw.label, percent_saturated(f))).collect();
+        let others = match (others.count(), clipped.is_empty()) {
+            (0, _) => String::new(),
+            (_, true) => "; none in other frames".into(),
+            (_, false) => clipped.concat(),
+        };
         cards.push(Number::computed(
             "Clipped pixels",
-            format!("{:.2}", 100.0 * saturated as f64 / all as f64),
+            format!("{:.2}", percent_saturated(frame)),
             "%",
-            format!("of frame \"{}\"{in_region}", frame.raw.label),
+            format!("of frame \"{}\"{in_region}{others}", frame.raw.label),
         ));
     }
     cards.extend(evaluation.safety.as_ref().and_then(eye_safe_captures));
@@ -448,30 +462,22 @@ fn target_cards(analysis: &Analysis) -> Vec<Number> {
     ]
 }
 
-/// The smallest share that is told from the blank: where the simulation knows the share that is there, relative to it. Another light
-/// changes the share of the light of the same amount, so that limits of the share itself tell nothing between lights.
+/// The smallest share that is told from the blank, as tables have it, and where the simulation knows the share that is there, how much of
+/// it that is. Another light changes the share of the light of the same amount, so that only the latter compares lights.
 fn detection_card(analysis: &Analysis) -> Option<Number> {
-    const LIMIT: &str = "Detection limit";
     let unknown = match analysis.posterior {
         Some(_) => "; unknown tissue hides more",
         None => "",
     };
     let limit = analysis.detection_limit()?;
-    let beyond = analysis.budget.as_ref().map_or_else(String::new, |budget| {
-        format!(" beyond the blank ({})", format!("{:.4}", budget.blank).replace('-', "−"))
-    });
-    let hidden = "that noise alone hides in 5 % of frames";
     let there = analysis.truth.as_ref().map(|truth| truth.share).filter(|share| *share > 0.0);
-    let Some(there) = there else {
-        return Some(Number::computed(
-            LIMIT,
-            format!("{limit:.4}"),
-            "",
-            format!("share{beyond} {hidden}{unknown}"),
-        ));
+    let beside = match (there, &analysis.budget) {
+        (Some(there), _) => format!("; {} % of the true share", percent(limit / there)),
+        (None, Some(budget)) => format!(" beyond the blank ({:.4})", budget.blank).replace('-', "−"),
+        (None, None) => String::new(),
     };
-    let meaning = format!("of the true share, hidden by noise in 5 % of frames ({limit:.4}){unknown}");
-    Some(Number::computed(LIMIT, percent(limit / there), "%", meaning))
+    let meaning = format!("of the light, hidden by noise in 5 % of frames{beside}{unknown}");
+    Some(Number::computed("Detection limit", format!("{limit:.4}"), "share", meaning))
 }
 
 /// How far light with and without the fluorophore lie apart, or two spots.
@@ -495,8 +501,16 @@ fn contrast_card(analyzed: &AnalyzedFrame, words: &Words<'_>) -> Option<Number> 
         Some(budget) => (budget.share - budget.blank, "the region with and without it"),
         None => (position, "the region's share and none"),
     };
-    let meaning = format!("one pixel, between {of}; {} pixels averaged: {:.1}", 100, 10.0 * distance / error);
     let name = format!("d' of the {}", words.target());
+    if distance <= 0.0 {
+        // A distance has no sign: the pixels look no more like the fluorophore than those without it
+        let from = if analysis.budget.is_some() { "above the blank" } else { "above zero" };
+        let share = format!("{position:.4}").replace('-', "−");
+        let meaning =
+            format!("one pixel; the share on the mixture line, {share}, is not {from}, so nothing is seen");
+        return Some(Number::computed(name, "0", "", meaning));
+    }
+    let meaning = format!("one pixel, between {of}; {} pixels averaged: {:.1}", 100, 10.0 * distance / error);
     Some(Number::computed(name, format!("{:.2}", distance / error), "", meaning))
 }
 
@@ -532,11 +546,35 @@ fn signal_card(frame: &CapturedFrame, analyzed: Option<&AnalyzedFrame>) -> Numbe
         true => meaning += "; it is saturated, so there is no signal to noise",
         false => meaning += &format!("; signal to noise {}", snr.join(", ")),
     }
-    if let Some(share) = saturated_share(&counts) {
+    if let Some(share) = counts.saturated_share() {
         meaning += &format!("; {:.0} % of the {place} is saturated", 100.0 * share);
+    }
+    if frame.raw.gain_is_assumed {
+        meaning += &format!("; {ASSUMED_GAIN}");
     }
     let at_least = if is_limit { "at least " } else { "" };
     Number::computed("Signal", format!("{at_least}{}", signal.join(", ")), "e-", meaning)
+}
+
+/// Which spectra of fluorophores are models, and which are measured, in a file that the experiment read.
+fn spectra_rest_on(fluorophores: &[Fluorophore], inputs: &[InputFile]) -> Vec<String> {
+    let file = |fluorophore: &Fluorophore| {
+        let source = Path::new(&fluorophore.source);
+        let file = inputs.iter().map(|input| input.path.as_path()).find(|path| *path == source)?;
+        Some(file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned())
+    };
+    let mut sentences = Vec::new();
+    let models = fluorophores.iter().filter(|fluorophore| file(fluorophore).is_none()).count();
+    if models > 0 {
+        let noun = if models == 1 { "one fluorophore" } else { &format!("{models} fluorophores") };
+        sentences.push(format!("Spectra and yields of {noun} are models; ratios are surer than levels."));
+    }
+    let measured: Vec<String> =
+        fluorophores.iter().filter_map(|f| Some(format!("{} ({})", f.title, file(f)?))).collect();
+    if !measured.is_empty() {
+        sentences.push(format!("Measured spectra: {}; yields as stated.", measured.join(", ")));
+    }
+    sentences
 }
 
 /// What the numbers rest on.
@@ -547,12 +585,7 @@ fn assumed(run: &RunResults<'_>, words: &Words<'_>) -> Vec<String> {
     if !powers.is_empty() {
         sentences.push(format!("Powers of lights before filters, as stated ({}).", powers.join(", ")));
     }
-    let fluorophores = study.scene.fluorophores.len();
-    if fluorophores > 0 {
-        let noun =
-            if fluorophores == 1 { "one fluorophore" } else { &format!("{fluorophores} fluorophores") };
-        sentences.push(format!("Spectra and yields of {noun} are models; ratios are surer than levels."));
-    }
+    sentences.extend(spectra_rest_on(&study.scene.fluorophores, &run.experiment.record.inputs));
     if let Some(efficiency) = words.efficiency() {
         sentences.push(format!("Quantum efficiency: {efficiency}."));
     }
@@ -592,7 +625,21 @@ mod tests {
         };
         let seen = signal_card(&frame, Some(&analyzed));
         assert!(seen.meaning.contains("signal to noise ") && !seen.meaning.contains("saturated"), "{seen:?}");
-        assert!(level(&analyzed.analysis, 100.0).is_some());
+        let seen_level = level(&analyzed.analysis, &analyzed.analysis.channels[0]).unwrap();
+        assert!(seen_level.snr.is_some() && !seen_level.is_lower_limit, "{seen_level:?}");
+
+        // A distance has no sign, and a share below the blank is none at all
+        let words = Words::of(&experiment);
+        let there = contrast_card(&analyzed, &words).unwrap();
+        assert!(there.value.parse::<f64>().unwrap() > 0.0, "{there:?}");
+        let mut below = analyzed.clone();
+        let budget = below.analysis.budget.as_mut().unwrap();
+        budget.share = budget.blank - 0.01;
+        let card = contrast_card(&below, &words).unwrap();
+        assert!(
+            card.value == "0" && card.meaning.contains("is not above the blank, so nothing is seen"),
+            "{card:?}"
+        );
 
         // Nine of ten pixels clip, at levels that the others keep below
         let n = frame.developed.channels.len();
@@ -610,12 +657,39 @@ mod tests {
         assert!(clipped.meaning.contains("90 % of the region is saturated"), "{clipped:?}");
         assert!(!clipped.meaning.contains("signal to noise "), "{clipped:?}");
         // Neither the table of regions nor a comparison takes the rim for the region
-        assert_eq!(level(&analyzed.analysis, 100.0), None);
+        analyzed.analysis.channels[0].median_of_all = Some(f64::from(full));
+        let full_level = level(&analyzed.analysis, &analyzed.analysis.channels[0]).unwrap();
+        assert!(full_level.is_lower_limit && full_level.electrons > seen_level.electrons, "{full_level:?}");
+        assert_eq!(full_level.snr, None);
+        // Results of older versions have the median of the others alone
+        analyzed.analysis.channels[1].median_of_all = None;
+        assert_eq!(level(&analyzed.analysis, &analyzed.analysis.channels[1]), None);
         let main = &analyzed.analysis;
         let lip = pipeline::AnalyzedRegion { name: "lip".into(), analyzed: analyzed.clone() };
         let matrix = regions_matrix(&experiment, main, &[lip]).unwrap();
-        assert!(matrix.rows.iter().all(|row| row.contains(&"90 % saturated".to_owned())), "{matrix:?}");
+        assert!(
+            matrix.rows.iter().all(|row| row
+                .iter()
+                .any(|cell| cell.starts_with("at least ") && cell.ends_with("(90 % saturated)"))),
+            "{matrix:?}"
+        );
         assert!(matrix.columns.iter().all(|column| !column.starts_with("signal to noise")), "{matrix:?}");
+    }
+
+    #[test]
+    fn only_models_are_called_models() {
+        let text = "format = 1\nbase = \"flat-patch\"";
+        let experiment = resolve(&parse(text, "patch", Path::new("."), &[]).unwrap()).unwrap();
+        let [mut dye, model] = [0, 1].map(|k| experiment.study.scene.fluorophores[k].clone());
+        dye.title = "my dye".into();
+        dye.source = "/data/dye.csv".into();
+        let inputs = [InputFile { path: "/data/dye.csv".into(), sha256: String::new() }];
+        let measured = "Measured spectra: my dye (dye.csv); yields as stated.";
+        assert_eq!(spectra_rest_on(std::slice::from_ref(&dye), &inputs), [measured]);
+        let both = spectra_rest_on(&[dye, model], &inputs);
+        assert!(
+            both[0].starts_with("Spectra and yields of one fluorophore are models") && both[1] == measured
+        );
     }
 
     /// The limit of the share itself is lowest under the light that excites porphyrin least: at 450 nm a share of the light holds more
@@ -635,8 +709,10 @@ mod tests {
             let components = render::render(&study.scene, &study.render, &control).unwrap();
             let analysis = pipeline::evaluate(&study, &components).unwrap().analysis.unwrap().analysis;
             let card = detection_card(&analysis).unwrap();
-            assert!(card.unit == "%" && card.meaning.contains("of the true share"), "{card:?}");
-            (analysis.budget.unwrap().detection_limit, card.value.parse::<f64>().unwrap())
+            let limit = analysis.budget.unwrap().detection_limit;
+            assert!(card.value == format!("{limit:.4}") && card.unit == "share", "{card:?}");
+            let of_truth = card.meaning.split(" % of the true share").next().unwrap();
+            (limit, of_truth.rsplit(' ').next().unwrap().parse::<f64>().unwrap())
         };
         let (by_385, by_405, by_450) = (under("led_385"), under("led_405"), under("led_450"));
         assert!(by_450.0 < by_385.0 && by_385.0 < by_405.0, "{by_385:?} {by_405:?} {by_450:?}");

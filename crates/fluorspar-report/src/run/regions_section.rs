@@ -1,6 +1,6 @@
 //! Several regions of one frame, a row each.
 
-use fluorspar::analysis::{Analysis, ExclusionCounts, PixelSelection};
+use fluorspar::analysis::{ASSUMED_GAIN, Analysis, ChannelStatistics, MedianLevel, PixelSelection};
 use fluorspar::pipeline::AnalyzedRegion;
 use fluorspar_experiment::ResolvedExperiment;
 
@@ -71,7 +71,10 @@ pub fn regions_matrix(
             capital(&words.target())
         );
     }
-    note += "Signal and signal to noise are those of the median pixel; a region has none where more than 1 % of its pixels are saturated.";
+    note += "Signal and signal to noise are those of the median pixel, saturated ones included: a lower limit where half of them are.";
+    if main.gain_is_assumed {
+        note += &format!(" Both {ASSUMED_GAIN}.");
+    }
     Some(NumberMatrix { caption: format!("Regions of frame \"{}\"", main.frame), columns, rows, note })
 }
 
@@ -92,13 +95,15 @@ pub fn region_warnings(main: &Analysis, regions: &[AnalyzedRegion]) -> Vec<Strin
 
 fn row(name: &str, analysis: &Analysis) -> Vec<String> {
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.into());
-    let levels: Vec<[f64; 2]> =
-        analysis.channels.iter().filter_map(|c| level(analysis, c.statistics?.median)).collect();
+    let levels: Vec<RegionLevel> =
+        analysis.channels.iter().filter_map(|channel| level(analysis, channel)).collect();
     let join = |texts: Vec<String>| Some(texts.join(", ")).filter(|text| !text.is_empty());
-    let signal = match saturated_share(&analysis.counts) {
-        Some(share) => Some(format!("{:.0} % saturated", 100.0 * share)),
-        None => join(levels.iter().map(|[signal, _]| electrons(*signal)).collect()),
-    };
+    let at_least = if levels.iter().any(|level| level.is_lower_limit) { "at least " } else { "" };
+    let signal = join(levels.iter().map(|level| electrons(level.electrons)).collect());
+    let signal = signal.map(|signal| match analysis.counts.saturated_share() {
+        Some(share) => format!("{at_least}{signal} ({:.0} % saturated)", 100.0 * share),
+        None => format!("{at_least}{signal}"),
+    });
     vec![
         name.to_owned(),
         analysis.counts.total().to_string(),
@@ -106,27 +111,32 @@ fn row(name: &str, analysis: &Analysis) -> Vec<String> {
         or_dash(analysis.truth.as_ref().map(|truth| format!("{:.4}", truth.share))),
         or_dash(analysis.detection_limit().map(|limit| format!("{limit:.4}"))),
         or_dash(signal),
-        or_dash(join(levels.iter().map(|[_, snr]| format!("{snr:.1}")).collect())),
+        or_dash(join(levels.iter().filter_map(|level| Some(format!("{:.1}", level.snr?))).collect())),
     ]
 }
 
-/// Share of a region's pixels that are saturated, where they are more than one in a hundred, from which on the analysis warns. The
-/// median of the others is then that of its dim rim.
-pub(super) fn saturated_share(counts: &ExclusionCounts) -> Option<f64> {
-    (counts.saturated * 100 > counts.total()).then(|| counts.saturated as f64 / counts.total() as f64)
+/// Median level of a channel over a region.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RegionLevel {
+    /// Electrons of a pixel.
+    pub(crate) electrons: f64,
+    /// Signal to noise of such a pixel; none where it is saturated.
+    pub(crate) snr: Option<f64>,
+    /// Whether the median pixel is saturated, so that its light may be any stronger.
+    pub(crate) is_lower_limit: bool,
 }
 
-/// Electrons and signal to noise of a level of the unsaturated pixels, DN; `None` where too many are saturated for it to stand for the
-/// region.
-pub(crate) fn level(analysis: &Analysis, median_dn: f64) -> Option<[f64; 2]> {
-    if saturated_share(&analysis.counts).is_some() {
-        return None;
-    }
+/// The median level of a channel in electrons, with the noise of a pixel at that level.
+pub(crate) fn level(analysis: &Analysis, channel: &ChannelStatistics) -> Option<RegionLevel> {
+    let MedianLevel { dn, is_lower_limit } = analysis.median_level(channel)?;
     let noise = &analysis.settings.noise;
-    let median = median_dn.max(0.0);
+    let median = dn.max(0.0);
     let deviation = noise.variance(median).sqrt();
-    (noise.dn_per_electron > 0.0 && deviation > 0.0)
-        .then(|| [median / noise.dn_per_electron, median / deviation])
+    (noise.dn_per_electron > 0.0 && deviation > 0.0).then(|| RegionLevel {
+        electrons: median / noise.dn_per_electron,
+        snr: (!is_lower_limit).then_some(median / deviation),
+        is_lower_limit,
+    })
 }
 
 /// Share of a frame by which a name keeps away from its sides, and from its upper and lower edge, where it would be cut off.

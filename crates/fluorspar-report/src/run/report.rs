@@ -278,7 +278,7 @@ fn provenance(run: &RunResults<'_>) -> Vec<(String, String)> {
     list
 }
 
-fn percent_saturated(frame: &CapturedFrame) -> f64 {
+pub(super) fn percent_saturated(frame: &CapturedFrame) -> f64 {
     let saturated = frame.developed.saturated.iter().filter(|s| **s).count();
     100.0 * saturated as f64 / frame.developed.saturated.len().max(1) as f64
 }
@@ -324,7 +324,8 @@ fn frame_matrix(frames: &[CapturedFrame]) -> NumberMatrix {
         ];
         row.extend((0..n).map(|c| {
             let values = developed.data.iter().skip(c).step_by(n).map(|&v| f64::from(v));
-            Statistics::of(values).map_or_else(String::new, |s| format!("{:.1}", s.median))
+            let at_least = if percent_saturated(frame) >= 50.0 { "at least " } else { "" };
+            Statistics::of(values).map_or_else(String::new, |s| format!("{at_least}{:.1}", s.median))
         }));
         row
     };

@@ -3,7 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::{ChannelNoise, PixelMean, PixelSelection};
+use super::statistics::median;
+use super::{ChannelNoise, ExclusionCounts, PixelMean, PixelSelection};
 use crate::image::ChannelImage;
 use crate::sampling::Z_95;
 
@@ -18,7 +19,14 @@ pub struct ChannelSignal {
     pub exposure_s: f64,
     /// Pixels that are not saturated.
     pub pixels: usize,
-    /// Their mean, DN.
+    /// Pixels that are, and are left out of the mean: without them it is a lower limit.
+    #[serde(default)]
+    pub saturated: usize,
+    /// Median of all pixels, saturated ones at the level at which they clip, in electrons: a lower limit where half of them are. `None` in
+    /// results of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub median_electrons: Option<f64>,
+    /// Mean of the pixels that are not saturated, DN.
     pub mean_dn: f64,
     /// The same in electrons per pixel.
     pub electrons: f64,
@@ -46,6 +54,10 @@ impl ChannelSignal {
         let count = usable.len() as f64;
         let all: Vec<usize> = (0..n).collect();
         let Some(mean) = PixelMean::new(image, &all, &usable, noise) else { return Vec::new() };
+        let value = |channel: usize| {
+            let data = move |&pixel: &usize| image.data.get(pixel * n + channel).map(|&dn| f64::from(dn));
+            region.pixels.iter().filter_map(data)
+        };
         let of = |(channel, name): (usize, &String)| {
             let mean_dn = mean.dn[channel];
             let variance =
@@ -55,6 +67,8 @@ impl ChannelSignal {
                 channel: name.clone(),
                 exposure_s,
                 pixels: usable.len(),
+                saturated: region.pixels.len() - usable.len(),
+                median_electrons: median(value(channel)).map(|dn| dn / dn_per_electron),
                 mean_dn,
                 electrons: mean_dn / dn_per_electron,
                 standard_error_e: mean.variance_dn2[channel].sqrt() / dn_per_electron,
@@ -62,6 +76,14 @@ impl ChannelSignal {
             }
         };
         image.channels.iter().enumerate().map(of).collect()
+    }
+
+    /// Share of the region's pixels that are saturated, where they are more than one in a hundred.
+    #[must_use]
+    pub fn saturated_share(&self) -> Option<f64> {
+        let counts =
+            ExclusionCounts { valid: self.pixels, saturated: self.saturated, ..ExclusionCounts::default() };
+        counts.saturated_share()
     }
 
     /// Its name: that of the channel and of its frame, or of the frame alone where it has one channel.
@@ -314,6 +336,21 @@ fn unmixed(
 }
 
 impl SignalSummary {
+    /// What saturated pixels do to the signals, one line for each frame that has them.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let first = |s: &&ChannelSignal| self.signals.iter().find(|other| other.frame == s.frame) == Some(*s);
+        let line = |s: &ChannelSignal| {
+            let percent = 100.0 * s.saturated_share()?;
+            Some(format!(
+                "{percent:.0} % of the region's pixels are saturated in frame \"{}\" and left out of its means, which are lower limits: ratios \
+                 and shares with them compare other pixels than those of frames that are not saturated. Shorten the exposure or lower the gain.",
+                s.frame
+            ))
+        };
+        self.signals.iter().filter(first).filter_map(line).collect()
+    }
+
     /// The signals in words, one line each.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
@@ -321,8 +358,15 @@ impl SignalSummary {
             .signals
             .iter()
             .map(|s| {
+                let (at_least, of_rest) = match s.saturated_share() {
+                    Some(share) => (
+                        "at least ",
+                        format!("mean of the {:.0} % of the pixels that are not saturated, ", 100.0 * (1.0 - share)),
+                    ),
+                    None => ("", String::new()),
+                };
                 format!(
-                    "{}: {:.1} e- (standard error {:.2} by sensor noise alone), {:.1} DN, signal to noise of a pixel {:.1}",
+                    "{}: {at_least}{:.1} e- ({of_rest}standard error {:.2} by sensor noise alone), {:.1} DN, signal to noise of a pixel {:.1}",
                     s.title(),
                     s.electrons,
                     s.standard_error_e,
@@ -373,6 +417,8 @@ mod tests {
             channel: "mono".into(),
             exposure_s: 0.01,
             pixels: 100,
+            saturated: 0,
+            median_electrons: Some(electrons),
             mean_dn: 0.5 * electrons,
             electrons,
             standard_error_e: error,
@@ -450,6 +496,21 @@ mod tests {
         );
         assert!(words(0.024, false).unwrap().contains("are in no true share"));
         assert_eq!(words(0.00001, true), None);
+    }
+
+    #[test]
+    fn a_mean_without_saturated_pixels_is_told_as_a_lower_limit() {
+        let summary = |saturated| SignalSummary {
+            signals: vec![ChannelSignal { saturated, ..signal("red", 50.0, 1.0) }],
+            ..SignalSummary::default()
+        };
+        let few = summary(1);
+        assert!(few.lines()[0].starts_with("frame \"red\": 50.0 e-") && few.warnings().is_empty());
+        let many = summary(100);
+        let expected =
+            "frame \"red\": at least 50.0 e- (mean of the 50 % of the pixels that are not saturated, ";
+        assert!(many.lines()[0].starts_with(expected), "{:?}", many.lines());
+        assert!(many.warnings()[0].starts_with("50 % of the region's pixels are saturated in frame \"red\""));
     }
 
     #[test]

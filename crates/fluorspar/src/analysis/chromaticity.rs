@@ -83,6 +83,12 @@ impl ExclusionCounts {
         self.valid + self.excluded()
     }
 
+    /// Share of the pixels that are saturated, where they are more than one in a hundred, which is more than hot pixels and highlights
+    /// explain: statistics of the others are then those of the dim part of the region.
+    pub fn saturated_share(&self) -> Option<f64> {
+        (self.saturated * 100 > self.total()).then(|| self.saturated as f64 / self.total() as f64)
+    }
+
     /// All pixels left out.
     pub fn excluded(&self) -> usize {
         self.saturated + self.undefined + self.below_noise_floor

@@ -73,10 +73,10 @@ pub use spectral_mixture::{
 };
 pub use spectral_overlap::spectral_overlap;
 pub use spot_separation::SpotSeparation;
-pub use statistics::{CovarianceEllipse, RegionStatistics, Statistics};
+pub use statistics::{ChannelStatistics, CovarianceEllipse, RegionStatistics, Statistics};
 pub(crate) use summary::analyze_pixels;
 pub use summary::{
-    Analysis, AnalysisError, AnalysisSettings, ChannelStatistics, MixtureModel, MixtureSummary,
+    ASSUMED_GAIN, Analysis, AnalysisError, AnalysisSettings, MedianLevel, MixtureModel, MixtureSummary,
     PredictedFluorophore, RegionFraction, analyze_region,
 };
 pub use target_detection::{ChannelContrast, RenderNoise, TargetDetection};

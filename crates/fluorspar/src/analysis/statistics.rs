@@ -30,6 +30,20 @@ pub struct Statistics {
     pub max: f64,
 }
 
+/// Median of the finite numbers of a list, as [`Statistics`] has it, without a sort; `None` when there are none.
+pub(super) fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.into_iter().filter(|value| value.is_finite()).collect();
+    let n = values.len();
+    if n == 0 {
+        return None;
+    }
+    let (below, &mut upper, _) = values.select_nth_unstable_by(n / 2, f64::total_cmp);
+    match n.is_multiple_of(2) {
+        true => Some(0.5 * (below.iter().copied().max_by(f64::total_cmp)? + upper)),
+        false => Some(upper),
+    }
+}
+
 impl Statistics {
     /// Statistics of the finite numbers of a list; `None` when there are none.
     ///
@@ -114,13 +128,26 @@ impl CovarianceEllipse {
     }
 }
 
+/// Statistics of one channel over the region.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ChannelStatistics {
+    /// Channel name.
+    pub name: String,
+    /// Statistics of the unsaturated pixels, DN.
+    pub statistics: Option<Statistics>,
+    /// Median of all pixels, DN, saturated ones at the level at which they clip: that of the light itself while fewer than half of them
+    /// are saturated, else a lower limit of it. `None` in results of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub median_of_all: Option<f64>,
+}
+
 /// Statistics of a region.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RegionStatistics {
     /// Pixels of the region with and without a chromaticity, by reason.
     pub counts: ExclusionCounts,
-    /// Name and statistics, DN, of each channel over the unsaturated pixels of the region, dark ones included.
-    pub channels: Vec<(String, Option<Statistics>)>,
+    /// Each channel over the pixels of the region, dark ones included.
+    pub channels: Vec<ChannelStatistics>,
     /// Statistics of `r` over the valid pixels.
     pub r: Option<Statistics>,
     /// Statistics of `g` over the valid pixels.
@@ -135,9 +162,13 @@ impl RegionStatistics {
         let validity = |pixel: &&usize| map.validity[**pixel];
         let n = image.channels.len();
         let channels = image.channels.iter().enumerate().map(|(channel, name)| {
+            let value = |pixel: &usize| f64::from(image.data[pixel * n + channel]);
             let unsaturated = region.pixels.iter().filter(|p| validity(p) != PixelValidity::Saturated);
-            let values = unsaturated.map(|pixel| f64::from(image.data[pixel * n + channel]));
-            (name.clone(), Statistics::of(values))
+            ChannelStatistics {
+                name: name.clone(),
+                statistics: Statistics::of(unsaturated.map(value)),
+                median_of_all: median(region.pixels.iter().map(value)),
+            }
         });
         let points: Vec<[f64; 2]> = region.pixels.iter().filter_map(|&pixel| map.at(pixel)).collect();
         Self {
@@ -164,6 +195,10 @@ mod tests {
         assert!((statistics.sd.unwrap() - (5.0f64 / 3.0).sqrt()).abs() < 1e-15);
         assert_eq!(Statistics::of([7.0]).unwrap().sd, None);
         assert_eq!(Statistics::of([f64::NAN]), None);
+        for values in [&[4.0, 1.0, f64::NAN, 3.0, 2.0][..], &[3.0, 1.0, 2.0], &[7.0], &[f64::NAN]] {
+            let whole = Statistics::of(values.iter().copied()).map(|s| s.median);
+            assert_eq!(median(values.iter().copied()), whole);
+        }
     }
 
     #[test]
@@ -211,8 +246,11 @@ mod tests {
             statistics.counts,
             ExclusionCounts { valid: 2, saturated: 1, undefined: 1, below_noise_floor: 0 }
         );
-        let (name, red) = &statistics.channels[0];
-        assert_eq!((name.as_str(), red.unwrap().n, red.unwrap().max), ("R", 3, 30.0));
+        let red = &statistics.channels[0];
+        let unsaturated = red.statistics.unwrap();
+        assert_eq!((red.name.as_str(), unsaturated.n, unsaturated.max), ("R", 3, 30.0));
+        // Of 0, 10, 30 and one that clips at 9000: where it clips does not matter
+        assert_eq!((unsaturated.median, red.median_of_all), (10.0, Some(20.0)));
         assert!((statistics.r.unwrap().mean - 0.275).abs() < 1e-7);
         assert_eq!(statistics.ellipse, None);
     }

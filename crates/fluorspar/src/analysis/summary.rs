@@ -6,10 +6,11 @@ use thiserror::Error;
 use super::mixture_line::DETECTION_Z;
 use super::pixel_mean::mean_of_pixels;
 use super::{
-    ChannelNoise, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD, ErrorBudget, ExclusionCounts,
-    FluorophoreResponse, LineEstimate, MissingChannel, MixtureError, MixtureLine, PixelSelection,
-    PorphyrinMap, PorphyrinTruth, RegionError, RegionOfInterest, RegionStatistics, SceneOnSensor,
-    SharePosterior, SignalSummary, SpotSeparation, Statistics, TargetDetection,
+    ChannelNoise, ChannelStatistics, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD,
+    ErrorBudget, ExclusionCounts, FluorophoreResponse, LineEstimate, MissingChannel, MixtureError,
+    MixtureLine, PixelSelection, PorphyrinMap, PorphyrinTruth, RegionError, RegionOfInterest,
+    RegionStatistics, SceneOnSensor, SharePosterior, SignalSummary, SpotSeparation, Statistics,
+    TargetDetection,
 };
 use crate::image::ChannelImage;
 
@@ -82,15 +83,6 @@ pub struct PredictedFluorophore {
     pub bulk_weight: Option<f64>,
 }
 
-/// Statistics of one channel over the region.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ChannelStatistics {
-    /// Channel name.
-    pub name: String,
-    /// Statistics, DN.
-    pub statistics: Option<Statistics>,
-}
-
 /// Porphyrin fraction of the region's mean R, G, B.
 ///
 /// The standard error holds the sensor's noise only. That tissue differs from pixel to pixel shows in the spread of
@@ -135,6 +127,13 @@ pub struct MixtureSummary {
 pub struct Analysis {
     /// Name of the frame.
     pub frame: String,
+    /// Exposure time of the frame, s; `None` in results of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure_s: Option<f64>,
+    /// Whether a frame of the analysis did not tell its conversion gain, so that electrons, signal to noise and the noise in intervals are
+    /// those of the sensor of the experiment.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub gain_is_assumed: bool,
     /// The region in words.
     pub region_description: String,
     /// The requested value.
@@ -143,7 +142,7 @@ pub struct Analysis {
     pub least_sum_dn: f64,
     /// Pixels of the region with and without a chromaticity, by reason.
     pub counts: ExclusionCounts,
-    /// Channel statistics over the unsaturated pixels.
+    /// Statistics of the channels.
     pub channels: Vec<ChannelStatistics>,
     /// Statistics of `r` over the valid pixels.
     pub r: Option<Statistics>,
@@ -177,7 +176,30 @@ pub struct Analysis {
     pub warnings: Vec<String>,
 }
 
+/// Median level of a channel over a region.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MedianLevel {
+    /// The level, DN.
+    pub dn: f64,
+    /// Whether half of the pixels or more are saturated, so that the light may be any stronger.
+    pub is_lower_limit: bool,
+}
+
+/// What is said where electrons are told of frames whose conversion gain is assumed ([`Analysis::gain_is_assumed`]).
+pub const ASSUMED_GAIN: &str =
+    "with the conversion gain of the experiment's sensor, as the frame does not tell its own";
+
 impl Analysis {
+    /// Median level of a channel over all pixels of the region, saturated ones included. `None` without pixels, and where results of
+    /// older versions have it of the unsaturated pixels alone and more than one in a hundred is saturated.
+    #[must_use]
+    pub fn median_level(&self, channel: &ChannelStatistics) -> Option<MedianLevel> {
+        let of_unsaturated = || channel.statistics.filter(|_| self.counts.saturated_share().is_none());
+        let dn = channel.median_of_all.or_else(|| Some(of_unsaturated()?.median))?;
+        let saturated = self.counts.saturated;
+        Some(MedianLevel { dn, is_lower_limit: saturated > 0 && 2 * saturated >= self.counts.total() })
+    }
+
     /// Smallest share on the mixture line that noise alone tells from the blank with errors of 5 % either way: that of the budget, counted
     /// from its blank, else that of the estimate's own noise (Currie 1968).
     #[must_use]
@@ -330,15 +352,13 @@ pub(crate) fn analyze_pixels(
     // Collect the results
     let analysis = Analysis {
         frame: image.label.clone(),
+        exposure_s: None,
+        gain_is_assumed: false,
         region_description: settings.region.describe(),
         settings: settings.clone(),
         least_sum_dn: map.least_sum_dn,
         counts: statistics.counts,
-        channels: statistics
-            .channels
-            .into_iter()
-            .map(|(name, statistics)| ChannelStatistics { name, statistics })
-            .collect(),
+        channels: statistics.channels,
         r: statistics.r,
         g: statistics.g,
         ellipse: statistics.ellipse,

@@ -93,6 +93,8 @@ pub struct SensorImage {
     pub gain: f64,
     /// Digital numbers per electron at this gain.
     pub dn_per_electron: f64,
+    /// Whether these are those of an experiment's sensor, as the file of the frame does not tell them.
+    pub gain_is_assumed: bool,
     /// Temporal read noise, digital numbers rms, quantization excluded.
     pub read_noise_dn: f64,
     /// Seed of the temporal noise.

@@ -150,10 +150,13 @@ fn analyzed(
     let (by_line, families) =
         rayon::join(by_line, || FamiliesOfFrames::new(study, settings, frames, on_region));
     let (mut analysis, chromaticity, porphyrin) = by_line?;
+    analysis.exposure_s = Some(frame.raw.exposure_s);
+    analysis.gain_is_assumed = frames.iter().any(|frame| frame.raw.gain_is_assumed);
     if rgb_channels(image).is_err() || image.channels.len() != 3 {
         let (plan, region) = (settings, &region);
-        analysis.signals =
-            Some(channel_analysis(&Measured { study, sensor, plan, frames, region, scene, components })?);
+        let signals = channel_analysis(&Measured { study, sensor, plan, frames, region, scene, components })?;
+        analysis.warnings.extend(signals.warnings());
+        analysis.signals = Some(signals);
     }
     let is_lit = |pixel: usize| chromaticity.validity[pixel] == PixelValidity::Valid;
     let estimate = families?.and_then(|families| families.estimate(frames, noise, &is_lit, &region));

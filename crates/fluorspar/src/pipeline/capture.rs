@@ -74,6 +74,7 @@ pub fn complete_raw(study: &Study, raw: &mut SensorImage) -> Result<(), String> 
         ));
     }
     raw.dn_per_electron = model.base_dn_per_electron() * raw.gain;
+    raw.gain_is_assumed = true;
     if raw.read_noise_dn <= 0.0 {
         raw.read_noise_dn = raw.dn_per_electron * model.read_noise_electrons();
     }

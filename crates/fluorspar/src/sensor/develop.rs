@@ -406,6 +406,7 @@ mod tests {
             gain: 1.0,
             dn_per_electron: 0.5,
             read_noise_dn: 6.0,
+            gain_is_assumed: false,
             seed: 0,
             label: "blue".into(),
         }

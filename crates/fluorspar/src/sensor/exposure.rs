@@ -126,6 +126,7 @@ impl Chain {
             gain: model.analog_gain * exposure.gain,
             dn_per_electron,
             read_noise_dn,
+            gain_is_assumed: false,
             seed: exposure.seed,
             label: exposure.label.clone(),
         }

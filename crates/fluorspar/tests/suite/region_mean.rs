@@ -28,6 +28,7 @@ fn developed(seed: Option<u64>, how: Demosaicing) -> ChannelImage {
         gain: 1.0,
         dn_per_electron: 1.0,
         read_noise_dn: 10.0,
+        gain_is_assumed: false,
         seed: 0,
         label: "even".into(),
     };
