@@ -92,8 +92,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         .or_else(|| options.folder.as_ref().and_then(|folder| captured_from(folder)));
     // Frames and channel planes come while materials are resolved, unless what the analysis asks of these was kept
     let frames_at = options.folder.as_ref().filter(|_| options.frame.is_empty());
-    let is_alone = options.out.is_none() && regions.is_empty();
-    let kept = frames_at.filter(|_| is_alone && image.is_some()).and_then(|_| kept_analysis(&plain));
+    let is_alone = options.out.is_none();
+    let kept = frames_at.filter(|_| is_alone && image.is_some()).and_then(|_| kept_analysis(&parsed));
     let (resolved, (opened, seen)) = rayon::join(
         || kept.is_none().then(|| resolve(&parsed)),
         || {
@@ -106,9 +106,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         },
     );
     if let (Some(kept), Some(seen), Some(Ok(image))) = (kept, &seen, &opened)
-        && let Some((experiment, analysis)) = analyzed_without_surfaces(kept, seen, image)
+        && let Some((experiment, analysis, regions)) = analyzed_without_surfaces(kept, seen, image)
     {
-        answer(options, &experiment, &analysis, &[], &seen.frames)?;
+        answer(options, &experiment, &analysis, &regions, &seen.frames)?;
         return Ok(next_step());
     }
     let mut experiment =
@@ -378,7 +378,7 @@ fn seen_early(
     let ShownByImage { experiment, changes } = image.without_surfaces(parsed).ok()??;
     let study = &experiment.study;
     let captures = match kept {
-        Some(kept) => looked_at(study, kept.plan()),
+        Some(kept) => looked_at(study, &kept.plans().collect::<Vec<_>>()),
         None => study.captures.clone(),
     };
     let frames = || {
@@ -391,14 +391,18 @@ fn seen_early(
     Some(Early { experiment, captures, frames, view })
 }
 
-/// The captures that an analysis looks at, with those that are subtracted from them. All where it compares spots, and where frames are
+/// The captures that analyses look at, with those that are subtracted from them. All where it compares spots, and where frames are
 /// calibrated, which takes the longest of all exposures.
-fn looked_at(study: &Study, plan: &AnalysisPlan) -> Vec<Capture> {
+fn looked_at(study: &Study, plans: &[&AnalysisPlan]) -> Vec<Capture> {
     let develop = &study.develop;
-    if plan.compared.is_some() || develop.dark_frames > 0 || develop.flat_field.is_some() {
+    if plans.iter().any(|plan| plan.compared.is_some())
+        || develop.dark_frames > 0
+        || develop.flat_field.is_some()
+    {
         return study.captures.clone();
     }
-    let is_named = |label: &String| *label == plan.frame || plan.further_frames.contains(label);
+    let is_named =
+        |label: &String| plans.iter().any(|plan| *label == plan.frame || plan.further_frames.contains(label));
     let subtracted: Vec<&String> = study
         .captures
         .iter()
@@ -415,13 +419,14 @@ fn analyzed_without_surfaces(
     kept: KeptAnalysis,
     seen: &Early,
     image: &RenderedImage,
-) -> Option<(ResolvedExperiment, Analysis)> {
+) -> Option<(ResolvedExperiment, Analysis, Vec<AnalyzedRegion>)> {
     let ResolvedExperiment { study, record } = seen.experiment.clone();
     let study = kept.complete(study);
     let components = seen.view.components(image, &seen.captures);
     let analysis = analyze_seen(&study, Some(&components), &seen.frames).ok()??.analysis;
     analysis.posterior.as_ref()?;
-    Some((ResolvedExperiment { study, record }, analysis))
+    let regions = analyze_regions(&study, Some(&components), &seen.frames).ok()?;
+    Some((ResolvedExperiment { study, record }, analysis, regions))
 }
 
 /// The frames that are analyzed, developed with what calibrates them.

@@ -173,4 +173,13 @@ fn no_command_after_a_render_makes_its_mouth_again() {
         assert!(String::from_utf8_lossy(&of_kept).contains("posterior"));
         assert!(fluorspar(&[&["--no-cache"], analyze.as_slice()].concat()) == of_kept, "{frames}");
     }
+    // With regions, too
+    let analyze = ["analyze", "dim", "--json", "-q", "--named-region", "lip=lower_lip"];
+    let whole = fluorspar(&analyze);
+    for file in kept(&cache).iter().filter(|file| file.to_string_lossy().contains("/mouth-")) {
+        fs::remove_file(file).unwrap();
+    }
+    let of_kept = fluorspar(&analyze);
+    assert_eq!(mouths(&kept(&cache)), 0);
+    assert!(of_kept == whole && String::from_utf8_lossy(&of_kept).contains("\"regions\""));
 }

@@ -229,8 +229,9 @@ fn filter(
 pub(super) struct Analyses {
     pub(super) analysis: Option<AnalysisPlan>,
     pub(super) regions: Vec<RegionPlan>,
-    /// What of the analysis depends on surfaces, which hold no factors on concentrations yet; `None` of one of shapes, targets and regions.
-    pub(super) of_surfaces: Option<OfSurfaces>,
+    /// What of the analysis and of each region depends on surfaces, which hold no factors on concentrations yet; none where shapes, spots
+    /// or targets ask for more.
+    pub(super) of_surfaces: Vec<OfSurfaces>,
 }
 
 /// The analysis with its regions.
@@ -260,25 +261,25 @@ pub(super) fn analyses(
     };
     let targets = region::targets(context, file, seen)?;
     context.within(&steps!["analysis", "wanted_d_prime"], given.wanted_d_prime, [0.1, 100.0], "")?;
-    let regions = regions(context, file, &labels, seen)?;
-    let is_plain = plain.polygon.is_none()
-        && plain.mask.is_none()
+    let (regions, of_regions) = regions(context, file, &labels, seen)?;
+    let mut plans = std::iter::once(&plain).chain(regions.iter().map(|region| &region.analysis));
+    let is_plain = plans.all(|plan| plan.polygon.is_none() && plan.mask.is_none())
         && compared.is_none()
-        && targets.is_empty()
-        && regions.is_empty();
+        && targets.is_empty();
+    let of_surfaces = std::iter::once(of_surfaces).chain(of_regions).filter(|_| is_plain).collect();
     let analysis = Some(AnalysisPlan { compared, targets, ..plain });
-    Ok(Analyses { analysis, regions, of_surfaces: is_plain.then_some(of_surfaces) })
+    Ok(Analyses { analysis, regions, of_surfaces })
 }
 
-/// The plans of all regions.
+/// The plans of all regions, and what of them depends on surfaces.
 fn regions(
     context: &mut Context<'_>,
     file: &ExperimentFile,
     labels: &[&str],
     seen: &Seen<'_>,
-) -> Resolved<Vec<RegionPlan>> {
-    let Some(shared) = &file.analysis else { return Ok(Vec::new()) };
-    let mut plans = Vec::with_capacity(shared.region.len());
+) -> Resolved<(Vec<RegionPlan>, Vec<OfSurfaces>)> {
+    let Some(shared) = &file.analysis else { return Ok(Default::default()) };
+    let (mut plans, mut of_regions) = (Vec::with_capacity(shared.region.len()), Vec::new());
     for (index, section) in shared.region.iter().enumerate() {
         let at = steps!["analysis", "region", index];
         let earlier = shared.region[..index].iter().map(|other| other.name.as_str());
@@ -287,10 +288,12 @@ fn regions(
             return context.fail(&at, "names nothing; give parts, rectangle_px, polygon_px or mask");
         }
         let places = FieldPlaces::of_region(index);
-        let (analysis, _) = analyzed(context, file, &as_analysis(section, shared), labels, seen, places)?;
+        let (analysis, of_surfaces) =
+            analyzed(context, file, &as_analysis(section, shared), labels, seen, places)?;
         plans.push(RegionPlan { name: section.name.clone(), analysis });
+        of_regions.push(of_surfaces);
     }
-    Ok(plans)
+    Ok((plans, of_regions))
 }
 
 /// The frame of an analysis must be a capture.

@@ -9,44 +9,62 @@ use fluorspar::geometry::TriangleMesh;
 use fluorspar::material::{FluorophoreAmount, Material, ScalarTexture};
 use fluorspar::scene::{Object, Scene, Shape};
 use fluorspar::spectral::{Curve, Fluorophore};
-use fluorspar::study::{AnalysisPlan, LineEnds, Study, TissuePrior};
+use fluorspar::study::{AnalysisPlan, LineEnds, RegionPlan, Study, TissuePrior};
 use fluorspar::tissue::Site;
 use serde::{Deserialize, Serialize};
 
+use super::analyzed_region::as_analysis;
 use super::capture::{OfSurfaces, plan};
 use crate::kept::{cache, kept_solutions};
 use crate::preset::has_user_catalogue;
 use crate::read::Experiment;
-use crate::schema::{ExperimentFile, RenderSection};
+use crate::schema::{AnalysisSection, ExperimentFile, RenderSection};
 
 /// Kind of the entries of the cache.
 const KIND: &str = "analysis";
 
-/// The analysis of an experiment, and as much of its scene as that looks at.
+/// The analysis of an experiment with its regions, and as much of its scene as that looks at.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KeptAnalysis {
     plan: AnalysisPlan,
+    regions: Vec<RegionPlan>,
     names: Names,
 }
 
 /// Which part holds what: names and numbers alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Names {
-    /// Amounts of the bulk before factors, as bits.
-    bulk: Vec<(String, u64)>,
-    is_of_scene: bool,
-    /// The fluorophore whose share is asked for.
-    porphyrin: Option<String>,
-    site: String,
-    /// Parameters of the site, as bits.
-    parameters: Vec<(String, u64)>,
-    /// Fluorophores of the plan, of the scene (the first of these), and of the prior behind them.
-    fluorophores: usize,
+    /// The analysis, then its regions.
+    analyses: Vec<AnalysisNames>,
+    /// Fluorophores of the scene, the first of each analysis.
     of_scene: usize,
     /// Names of parts with the numbers of their materials.
     parts: Vec<(String, usize)>,
     /// Fluorophores of the materials, by number.
     materials: Vec<Vec<usize>>,
+}
+
+/// What one analysis asks of surfaces.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct AnalysisNames {
+    /// Amounts of the bulk before factors, as bits.
+    bulk: Vec<(String, u64)>,
+    is_of_scene: bool,
+    /// The fluorophore whose share is asked for.
+    porphyrin: Option<String>,
+    site: Option<SiteNames>,
+    /// Fluorophores of the plan.
+    fluorophores: usize,
+}
+
+/// The site of a family of tissues.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct SiteNames {
+    name: String,
+    /// Its parameters, as bits.
+    parameters: Vec<(String, u64)>,
+    /// Fluorophores of the prior, behind those of the plan.
+    fluorophores: usize,
 }
 
 /// Everything that the analysis depends on in what it asks of surfaces, but for the program.
@@ -72,23 +90,79 @@ fn key(file: &ExperimentFile) -> Option<String> {
         output: Default::default(),
         ..file.clone()
     };
-    Some(format!("analysis 2 {captures:?} {}", serde_json::to_string(&looked_at).ok()?))
+    Some(format!("analysis 3 {captures:?} {}", serde_json::to_string(&looked_at).ok()?))
 }
 
-/// Keeps what the analysis of an experiment asked of its surfaces. The experiment must have been resolved without error or file.
-pub(crate) fn keep_analysis(file: &ExperimentFile, of: &OfSurfaces, scene: &Scene) {
-    let (Some(cache), Some(prior), Some(key)) = (cache(), &of.tissue, key(file)) else { return };
+fn bits((name, value): (&str, f64)) -> (String, u64) {
+    (name.to_owned(), value.to_bits())
+}
+
+impl AnalysisNames {
+    fn of(of: &OfSurfaces) -> Self {
+        let site = |prior: &TissuePrior| SiteNames {
+            name: prior.site.name().into(),
+            parameters: prior.site.parameters().map(|(of, value)| bits((of.name, value))).collect(),
+            fluorophores: prior.fluorophores.len(),
+        };
+        Self {
+            bulk: of.bulk.iter().map(|(name, amount)| bits((name, *amount))).collect(),
+            is_of_scene: of.line_ends == LineEnds::Scene,
+            porphyrin: of.porphyrin.clone(),
+            site: of.tissue.as_ref().map(site),
+            fluorophores: of.fluorophores.len(),
+        }
+    }
+
+    /// What the analysis of a section asked of surfaces; takes its fluorophores from a list.
+    fn read(
+        &self,
+        file: &ExperimentFile,
+        section: &AnalysisSection,
+        list: &mut impl Iterator<Item = Fluorophore>,
+    ) -> Option<OfSurfaces> {
+        let mut take = |count: usize| {
+            let taken: Vec<Fluorophore> = list.by_ref().take(count).collect();
+            (taken.len() == count).then_some(taken)
+        };
+        let fluorophores = take(self.fluorophores)?;
+        let tissue = match &self.site {
+            None => None,
+            Some(kept) => {
+                let mut site = Site::named(&kept.name).ok()?;
+                for (name, value) in &kept.parameters {
+                    site.set(name, f64::from_bits(*value)).ok()?;
+                }
+                Some(TissuePrior {
+                    site,
+                    fluorophores: take(kept.fluorophores)?.into_iter().map(Arc::new).collect(),
+                    width: section.prior_width,
+                    library_error: section.library_error,
+                    surroundings: file.mouth.is_some(),
+                    site_probability: section.tissue_probability,
+                    kept: kept_solutions(),
+                })
+            }
+        };
+        Some(OfSurfaces {
+            bulk: self.bulk.iter().map(|(name, amount)| (name.clone(), f64::from_bits(*amount))).collect(),
+            fluorophores,
+            tissue,
+            line_ends: if self.is_of_scene { LineEnds::Scene } else { LineEnds::FlatSample },
+            porphyrin: self.porphyrin.clone(),
+        })
+    }
+}
+
+/// Keeps what the analysis of an experiment, the first of a list, and its regions asked of surfaces. The experiment must have been
+/// resolved without error or file.
+pub(crate) fn keep_analysis(file: &ExperimentFile, all: &[OfSurfaces], scene: &Scene) {
+    let has_prior = all.first().is_some_and(|of| of.tissue.is_some());
+    let (Some(cache), true, Some(key)) = (cache(), has_prior, key(file)) else { return };
     if has_user_catalogue() || cache.has(KIND, key.as_bytes()) {
         return;
     }
-    let bits = |(name, value): (&str, f64)| (name.to_owned(), value.to_bits());
     let names = Names {
-        bulk: of.bulk.iter().map(|(name, amount)| bits((name, *amount))).collect(),
-        is_of_scene: of.line_ends == LineEnds::Scene,
-        porphyrin: of.porphyrin.clone(),
-        site: prior.site.name().into(),
-        parameters: prior.site.parameters().map(|(of, value)| bits((of.name, value))).collect(),
-        fluorophores: of.fluorophores.len(),
+        analyses: all.iter().map(AnalysisNames::of).collect(),
         of_scene: scene.fluorophores.len(),
         parts: scene.objects.iter().map(|object| (object.name.clone(), object.material)).collect(),
         materials: scene
@@ -97,16 +171,19 @@ pub(crate) fn keep_analysis(file: &ExperimentFile, of: &OfSurfaces, scene: &Scen
             .map(|material| material.fluorophores.iter().map(|held| held.fluorophore).collect())
             .collect(),
     };
-    let all: Vec<Fluorophore> =
-        of.fluorophores.iter().cloned().chain(prior.fluorophores.iter().map(|f| (**f).clone())).collect();
-    let (Ok(names), Some(tables)) = (serde_json::to_vec(&names), Fluorophore::list_to_bytes(&all)) else {
+    let of_prior = |of: &OfSurfaces| -> Vec<Fluorophore> {
+        of.tissue.iter().flat_map(|prior| prior.fluorophores.iter().map(|f| (**f).clone())).collect()
+    };
+    let list: Vec<Fluorophore> =
+        all.iter().flat_map(|of| of.fluorophores.iter().cloned().chain(of_prior(of))).collect();
+    let (Ok(names), Some(tables)) = (serde_json::to_vec(&names), Fluorophore::list_to_bytes(&list)) else {
         return;
     };
     let length = (names.len() as u64).to_le_bytes();
     cache.put(KIND, key.as_bytes(), &[&length, names.as_slice(), &tables].concat());
 }
 
-/// The analysis of an experiment, where one was kept whose surfaces are the same.
+/// The analysis of an experiment with its regions, where one was kept whose surfaces are the same.
 pub fn kept_analysis(experiment: &Experiment) -> Option<KeptAnalysis> {
     let file = &experiment.file;
     let section = file.analysis.as_ref()?;
@@ -117,46 +194,35 @@ pub fn kept_analysis(experiment: &Experiment) -> Option<KeptAnalysis> {
     let (length, rest) = bytes.split_first_chunk::<8>()?;
     let (names, tables) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
     let names: Names = serde_json::from_slice(names).ok()?;
-    let mut fluorophores = Fluorophore::list_from_bytes(tables)?;
-    let of_prior =
-        (names.fluorophores <= fluorophores.len()).then(|| fluorophores.split_off(names.fluorophores))?;
-    let mut site = Site::named(&names.site).ok()?;
-    for (name, value) in &names.parameters {
-        site.set(name, f64::from_bits(*value)).ok()?;
+    let mut fluorophores = Fluorophore::list_from_bytes(tables)?.into_iter();
+    let (main, of_regions) = names.analyses.split_first()?;
+    if of_regions.len() != section.region.len() {
+        return None;
     }
-    let tissue = Some(TissuePrior {
-        site,
-        fluorophores: of_prior.into_iter().map(Arc::new).collect(),
-        width: section.prior_width,
-        library_error: section.library_error,
-        surroundings: file.mouth.is_some(),
-        site_probability: section.tissue_probability,
-        kept: kept_solutions(),
-    });
-    let of = OfSurfaces {
-        bulk: names.bulk.iter().map(|(name, amount)| (name.clone(), f64::from_bits(*amount))).collect(),
-        fluorophores,
-        tissue,
-        line_ends: if names.is_of_scene { LineEnds::Scene } else { LineEnds::FlatSample },
-        porphyrin: names.porphyrin.clone(),
-    };
-    let is_whole = names.of_scene <= of.fluorophores.len()
+    let main = plan(file, section, main.read(file, section, &mut fluorophores)?);
+    let mut regions = Vec::with_capacity(of_regions.len());
+    for (kept, region) in of_regions.iter().zip(&section.region) {
+        let section = as_analysis(region, section);
+        let analysis = plan(file, &section, kept.read(file, &section, &mut fluorophores)?);
+        regions.push(RegionPlan { name: region.name.clone(), analysis });
+    }
+    let is_whole = names.of_scene <= main.fluorophores.len()
         && names.parts.iter().all(|(_, material)| *material < names.materials.len())
         && names.materials.iter().flatten().all(|number| *number < names.of_scene);
-    is_whole.then(|| KeptAnalysis { plan: plan(file, section, of), names })
+    is_whole.then_some(KeptAnalysis { plan: main, regions, names })
 }
 
 impl KeptAnalysis {
-    /// The analysis.
-    pub fn plan(&self) -> &AnalysisPlan {
-        &self.plan
+    /// The analysis, then those of its regions.
+    pub fn plans(&self) -> impl Iterator<Item = &AnalysisPlan> {
+        std::iter::once(&self.plan).chain(self.regions.iter().map(|region| &region.analysis))
     }
 
     /// The study of the captures of the render ([`super::resolve_captures`]) with this analysis. Its parts have no surface, its
     /// materials no spectra: only which part holds which fluorophore is there.
     #[must_use]
     pub fn complete(self, captures: Study) -> Study {
-        let Self { plan, names } = self;
+        let Self { plan, regions, names } = self;
         let no_surface = Arc::new(TriangleMesh::default());
         let object = |(name, material): (String, usize)| Object {
             name,
@@ -180,6 +246,6 @@ impl KeptAnalysis {
             fluorophores: plan.fluorophores[..names.of_scene].to_vec(),
             ..captures.scene
         };
-        Study { scene, analysis: Some(plan), ..captures }
+        Study { scene, analysis: Some(plan), regions, ..captures }
     }
 }

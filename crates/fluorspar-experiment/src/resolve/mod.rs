@@ -128,7 +128,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let (resolved_toml, sha256) = write_out(context, file)?;
     fluorophore::note_cut_data(context, &file.fluorophore, scene.fluorophores.iter(), &scene.grid);
     let warnings = context.take_warnings(&scene.grid);
-    if let Some(of_surfaces) = of_surfaces.filter(|_| context.inputs.is_empty()) {
+    if context.inputs.is_empty() {
         keep_analysis(file, &of_surfaces, &scene);
     }
     let study = Study {
