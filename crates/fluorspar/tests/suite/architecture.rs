@@ -39,7 +39,7 @@ const MODULES: &[(&str, &[&str])] = &[
         ],
     ),
     ("sensor", &["units", "spectral", "image", "sampling"]),
-    ("analysis", &["units", "names", "spectral", "image"]),
+    ("analysis", &["units", "names", "spectral", "image", "sampling"]),
     (
         "study",
         &[
