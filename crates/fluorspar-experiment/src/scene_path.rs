@@ -19,6 +19,9 @@ pub(super) struct Pattern {
     is_quoted: bool,
 }
 
+/// Most steps of a path: tables that lie deeper than those of TOML may would not fit on the stack.
+const MOST_STEPS: usize = 64;
+
 /// A path as it is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct ScenePath {
@@ -94,6 +97,11 @@ impl ScenePath {
                 (None, Some(_)) => "the path before `=` is missing; write section.field=value",
                 (None, None) => "the path is empty; write section.field",
             };
+            return Err(source.error(message));
+        }
+        if reader.path.steps.len() > MOST_STEPS {
+            let message =
+                format!("the path has {} steps; those of an experiment have a few", reader.path.steps.len());
             return Err(source.error(message));
         }
         Ok((reader.path, equals))
