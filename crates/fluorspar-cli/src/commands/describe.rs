@@ -129,23 +129,51 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What to type next: all of it where the capture is one of the default experiment, else with a place for the experiment.
+/// What to type next: all of it but the files that only the user knows, for the default experiment where the capture is one of it. A real
+/// frame has no parts: its region is drawn, as a mask.
 fn next_command(options: &Options) -> Result<String, CliError> {
     let stem = options.frame.file_stem().unwrap_or_default().to_string_lossy();
     let frame = shell_word(&options.frame.to_string_lossy());
     let out = shell_word(&format!("fluorspar-out/{stem}"));
-    let default = ExperimentSource::find(None)?.parse(&[])?;
-    let (remark, experiment, capture) = match &options.capture {
-        Some(name) if default.file.capture.iter().any(|capture| capture.name == *name) => {
-            (" (or with an experiment of your own)", DEFAULT_EXPERIMENT, shell_word(name))
+    let captures = ExperimentSource::find(None)?.parse(&[])?.file.capture;
+    let known = options.capture.as_ref().filter(|name| captures.iter().any(|capture| capture.name == **name));
+    let (remark, experiment, frames) = match (known, &options.capture) {
+        (Some(name), _) => {
+            // Frames are analyzed with those that are subtracted from them
+            let analyzed = captures.iter().find(|capture| {
+                capture.subtract.is_some()
+                    && (capture.name == *name || capture.subtract.as_ref() == Some(name))
+            });
+            let of_analyzed =
+                analyzed.into_iter().flat_map(|capture| [Some(&capture.name), capture.subtract.as_ref()]);
+            let mut names: Vec<&String> = of_analyzed.flatten().collect();
+            if names.is_empty() {
+                names.push(name);
+            }
+            let file = |other: &String| {
+                if other == name { frame.clone() } else { format!("{}_FRAME", other.to_uppercase()) }
+            };
+            let frames: Vec<String> =
+                names.iter().map(|name| format!("--frame {}={}", shell_word(name), file(name))).collect();
+            (
+                " (or with an experiment of your own; MASK.png is white in the region)",
+                DEFAULT_EXPERIMENT,
+                frames,
+            )
         }
-        Some(name) => (" (EXPERIMENT being yours)", "EXPERIMENT", shell_word(name)),
-        None => {
-            (" (EXPERIMENT being yours, CAPTURE the name of the frame in it)", "EXPERIMENT", "CAPTURE".into())
+        (None, Some(name)) => {
+            let frames = vec![format!("--frame {}={frame}", shell_word(name))];
+            (" (EXPERIMENT being yours; MASK.png is white in the region)", "EXPERIMENT", frames)
         }
+        (None, None) => (
+            " (EXPERIMENT being yours, CAPTURE the name of the frame in it; MASK.png is white in the region)",
+            "EXPERIMENT",
+            vec![format!("--frame CAPTURE={frame}")],
+        ),
     };
     Ok(format!(
-        "Next{remark}: fluorspar analyze --experiment {experiment} --frame {capture}={frame} --out {out}"
+        "Next{remark}: fluorspar analyze --experiment {experiment} {} --set analysis.mask=MASK.png --out {out}",
+        frames.join(" ")
     ))
 }
 

@@ -104,9 +104,19 @@ fn a_plain_frame_is_described_and_analyzed() {
     assert!(told.stdout.contains("exposure_s") && told.stdout.contains("given"), "{}", told.stdout);
     assert!(told.stdout.contains("assumed: linear numbers that were interpolated"), "{}", told.stdout);
     assert!(folder.join("linear_rgb.tiff.json").is_file());
-    let next = "Next (EXPERIMENT being yours): fluorspar analyze --experiment EXPERIMENT --frame violet=linear_rgb.tiff --out \
-                fluorspar-out/linear_rgb\n";
+    let next = "Next (EXPERIMENT being yours; MASK.png is white in the region): fluorspar analyze --experiment EXPERIMENT --frame \
+                violet=linear_rgb.tiff --set analysis.mask=MASK.png --out fluorspar-out/linear_rgb\n";
     assert!(told.stderr.contains(next), "{}", told.stderr);
+    // A capture of the default experiment is analyzed with what is subtracted from it
+    let described = |name: &str| {
+        let told = ["describe", "linear_rgb.tiff", "--capture", name, "--exposure-ms", "40", "--replace"];
+        fluorspar(folder, told).well().stderr
+    };
+    let [blue, ambient] = ["blue", "ambient"].map(described);
+    let all = "analyze --experiment oraleye-2021 --frame blue=linear_rgb.tiff --frame ambient=AMBIENT_FRAME --set analysis.mask=MASK.png";
+    assert!(blue.contains(all), "{blue}");
+    assert!(ambient.contains("--frame blue=BLUE_FRAME --frame ambient=linear_rgb.tiff --set"), "{ambient}");
+    described("violet");
     let told = fluorspar(folder, analyze).well();
     assert!(told.stdout.contains("193 pixels: 193 valid"), "{}", told.stdout);
     // Electrons by a gain that is the sensor's of the experiment are told as such, by one of the frame's own not
@@ -128,11 +138,6 @@ fn a_plain_frame_is_described_and_analyzed() {
     let again =
         fluorspar(folder, [&["describe", "linear_rgb.tiff", "--capture", "violet"][..], &deeper].concat());
     assert!(again.well().stdout.contains("0.02 s"));
-    // Where the default experiment has the capture, the next line can be typed as it is
-    let blue = ["describe", "linear_rgb.tiff", "--capture", "blue", "--exposure-ms", "40", "--replace"];
-    let next = "(or with an experiment of your own): fluorspar analyze --experiment oraleye-2021 --frame blue=linear_rgb.tiff --out fluorspar-out/linear_rgb";
-    assert!(fluorspar(folder, blue).well().stderr.contains(next));
-    fluorspar(folder, [&["describe", "linear_rgb.tiff", "--capture", "violet"][..], &deeper].concat()).well();
     // Another depth than the sensor's.
     let told = fluorspar(folder, analyze);
     assert_eq!(told.code, Some(2));
