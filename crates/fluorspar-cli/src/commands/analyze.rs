@@ -518,7 +518,9 @@ fn frames_of_folder(
         let bracket = (0..c.bracket_ev.len()).map(|index| find(&bracket_label(label, &c.bracket_ev, index)));
         Ok(RawExposures { raw: find(label)?, bracket: bracket.collect::<Result<_, CliError>>()? })
     };
-    captures.par_iter().map(all).collect()
+    // Of several errors that of the first capture is told, whichever thread is first
+    let found: Vec<Result<RawExposures, CliError>> = captures.par_iter().map(all).collect();
+    found.into_iter().collect()
 }
 
 fn named_frames(options: &Options, study: &Study, wanted: &str) -> Result<Vec<RawExposures>, CliError> {
