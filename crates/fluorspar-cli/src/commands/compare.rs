@@ -253,6 +253,7 @@ fn pictures_of_frames(
         Some(FrameToCompare {
             developed: &frame.developed,
             dn_per_electron: frame.raw.dn_per_electron,
+            exposure_s: frame.raw.exposure_s,
             rendering: ColorRendering::of_frame(study, study.capture(&names[side])?),
         })
     };

@@ -76,7 +76,7 @@ fn runs_are_compared_by_settings_numbers_and_frames() {
         assert!(folder.join("ab").join(file).is_file(), "{file}");
     }
     let page = fs::read_to_string(folder.join("ab/report.html")).unwrap();
-    assert!(page.contains("Both pictures have one exposure") && !page.contains("Run it again"));
+    assert!(page.contains("Both pictures have one scale") && !page.contains("Run it again"));
     assert_eq!(page.matches("data:image/png").count(), 2);
     if let Some(browser) = browser() {
         for screen in [[390, 844], [1280, 800]] {

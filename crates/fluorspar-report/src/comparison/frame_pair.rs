@@ -1,4 +1,4 @@
-//! Frames of two runs as pictures of one exposure.
+//! Frames of two runs as pictures of one scale.
 
 use fluorspar::image::ChannelImage;
 use fluorspar::pipeline::{ColorRendering, Preview, preview_white, preview_with_white};
@@ -17,6 +17,8 @@ pub struct FrameToCompare<'a> {
     pub developed: &'a ChannelImage,
     /// Digital numbers per electron.
     pub dn_per_electron: f64,
+    /// Exposure time, s.
+    pub exposure_s: f64,
     /// Its own rendering.
     pub rendering: ColorRendering,
 }
@@ -30,7 +32,7 @@ pub struct ComparedPictures {
     pub caption: String,
 }
 
-/// Pictures of two frames at the same exposure of the picture: as many electrons are as bright in both, and the brighter frame just fits.
+/// Pictures of two frames at one scale: as many electrons are as bright in both, and the brighter frame just fits.
 /// Where both have the same channels both have the colors of the first one's rendering, else each its own channels. `None` of a frame
 /// without pixels.
 #[must_use]
@@ -52,8 +54,10 @@ pub fn compared_pictures(a: &FrameToCompare<'_>, b: &FrameToCompare<'_>) -> Opti
     };
     let brighter = if whites[0] >= whites[1] { "A" } else { "B" };
     let caption = format!(
-        "Both pictures have one exposure: as many electrons are as bright in both, and the brightest half percent of {brighter} is white. Alone \
-         the picture of A would be {} times as bright, that of B {} times.",
+        "Both pictures have one scale: as many electrons are as bright in both, and the brightest half percent of {brighter} is white. The \
+         frame of A was exposed {} ms, that of B {} ms. Alone the picture of A would be {} times as bright, that of B {} times.",
+        short(1e3 * a.exposure_s),
+        short(1e3 * b.exposure_s),
         short(white / whites[0]),
         short(white / whites[1])
     );
@@ -95,11 +99,17 @@ mod tests {
         let rendering = ColorRendering { matrix: identity, lift: 2.5 };
         // Levels that shot noise does not make visible
         let (a, b, half) = (ramp(1e6, 0.5), ramp(1e6, 0.1), ramp(5e5, 0.5));
-        let of = |developed, dn_per_electron| FrameToCompare { developed, dn_per_electron, rendering };
+        let of = |developed, dn_per_electron| FrameToCompare {
+            developed,
+            dn_per_electron,
+            exposure_s: 0.03,
+            rendering,
+        };
         let same = compared_pictures(&of(&a, 0.5), &of(&b, 0.1)).unwrap();
         assert!(same.png[0] == same.png[1] && same.caption.contains("1.000 times"), "{}", same.caption);
         let darker = compared_pictures(&of(&a, 0.5), &of(&half, 0.5)).unwrap();
         assert!(darker.png[0] == same.png[0] && darker.png[1] != darker.png[0]);
         assert!(darker.caption.contains("that of B 2.0"), "{}", darker.caption);
+        assert!(darker.caption.contains("exposed 30.00 ms, that of B 30.00 ms"), "{}", darker.caption);
     }
 }

@@ -67,9 +67,11 @@ pub fn comparison_report(
     let judged = apart + numbers.iter().filter(|n| n.told_apart == ToldApart::NotApart).count();
     let counted = match judged {
         0 => "None of the numbers has an interval in both.".into(),
+        1 if apart == 1 => "One number has an interval in both runs; it tells them apart.".into(),
+        1 => "One number has an interval in both runs; it does not tell them apart.".into(),
         _ => {
-            let verb = if apart == 1 { "is" } else { "are" };
-            format!("Of {judged} numbers with intervals {apart} {verb} told apart.")
+            let verb = if apart == 1 { "tells" } else { "tell" };
+            format!("{judged} numbers have an interval in both runs; {apart} of them {verb} the runs apart.")
         }
     };
     let mut sections = Vec::new();
