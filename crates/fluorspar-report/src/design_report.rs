@@ -214,7 +214,7 @@ fn bounds(found: &DesignFindings<'_>, judged: &JudgedDesign) -> Vec<ReportItem> 
     let table = |(region, merits): (&fluorspar::design::RegionModel, &fluorspar::design::RegionMerits)| {
         let response = &region.response;
         let weights = response.fluorescence.iter().zip(&merits.weights).map(|(part, sd)| {
-            let meaning = "bound on the relative standard deviation of its weight; below 0.304 it is told from none with errors of 5 %";
+            let meaning = "bound on the relative standard deviation of its weight, all that is unknown included, the gain too";
             Number::computed(&part.name, digits(*sd), "", meaning)
         });
         let values = merits.contrasts.iter().zip(&merits.contrast_values);
@@ -236,7 +236,9 @@ fn yardstick(value: f64, sd: f64) -> String {
     if !sd.is_finite() {
         return format!(" of a value of {}", digits(value));
     }
-    format!(" of a value of {}; a change of {} is told", digits(value), digits(DETECTION_Z * sd))
+    let told = DETECTION_Z * sd;
+    let verdict = if value.abs() < told { ", so that the value itself is not told from none" } else { "" };
+    format!(" of a value of {}; a change of {} is told{verdict}", digits(value), digits(told))
 }
 
 fn best_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section {
@@ -436,7 +438,7 @@ fn choices_section(found: &DesignFindings<'_>) -> Section {
     };
     let rows = found.best.iter().take(SHOWN).enumerate();
     let best = NumberTable {
-        caption: "The best designs, by loss; electrons are those of one pixel of each channel".into(),
+        caption: "The best designs, by loss; electrons are the sum over the channels, one pixel each".into(),
         rows: rows.map(|(place, judged)| row(judged, found.worst_cases.get(place))).collect(),
     };
     let front = NumberTable {

@@ -41,8 +41,8 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
     };
     Figure::grid("Sensor chromaticity", panels, 2).explained(format!(
         "Each small dot is one pixel, of many an even selection. Its place shows which share of its signal is red (r) and which is \
-         green (g); how bright the pixel is does not matter. {fluorophores}No pixel can lie in the gray corner, where r + g would exceed \
-         1. The second plot enlarges the part where the pixels lie.",
+         green (g); how bright the pixel is does not matter. {fluorophores}Light cannot bring a pixel into the gray corner, where r + g would \
+         exceed 1; noise can. The second plot enlarges the part where the pixels lie.",
     ))
 }
 

@@ -348,7 +348,7 @@ pub(super) fn legend(space: &DesignSpace, first: Option<&JudgedDesign>) -> Strin
     let names = space.problem().contrasts.iter().map(|contrast| contrast.name.as_str());
     let of_contrasts: String = names.enumerate().map(of_contrast).collect();
     format!(
-        "A fluorophore's column is the relative standard deviation of its weight{of_contrasts}; fluorescence e-: of one pixel of each channel, \
+        "A fluorophore's column is the relative standard deviation of its weight{of_contrasts}; fluorescence e-: the sum over the channels, one pixel each, \
          reflected light left out; leak: reflected over fluorescent electrons"
     )
 }
