@@ -140,7 +140,7 @@ fn a_finished_render_is_seen_by_other_cameras_and_with_other_concentrations() {
         "{}",
         said.stderr
     );
-    assert!(said.stderr.contains("render.width_px=160"), "{}", said.stderr);
+    assert!(said.stderr.contains("render.width_px=80 and render.height_px=60"), "{}", said.stderr);
     let same = fluorspar(folder, ["capture", "run/components.exr", "--out", "same"]).well();
     assert!(!same.stderr.contains("one pixel of the render"), "{}", same.stderr);
     let half = ["--set", "concentration.elastin=0.5"];
