@@ -80,7 +80,7 @@ fn declare(out: &Path, input: &Path) -> Result<OutputSet, CliError> {
     }
     if out.exists() {
         return Err(CliError::Input(format!(
-            "--out {shown}: this exists already and is kept; choose another name, or append with --out - >> {shown}"
+            "--out {shown}: this exists already and is kept; choose another name or remove it, or append a fluorophore of another name with --out - >> {shown}"
         )));
     }
     Ok(Outputs::new().and(Output::file("--out", out)).reading(&[input.to_path_buf()]).declare()?)
