@@ -35,8 +35,6 @@ class Mesh:
     #: Texture coordinates, ``[vertex, uv]``; no rows where it has none.
     uv: NDArray[np.float32]
 
-    __hash__ = None  # type: ignore[assignment]
-
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Mesh):
             return NotImplemented
