@@ -10,6 +10,7 @@ use super::error::{
     BlamedOverride, ErrorDetails, ExperimentError, Message, Place, Step, path_text, step_text,
 };
 use fluorspar::units::number_text;
+use fluorspar_format::check_brackets;
 
 /// Longest text of an experiment, bytes.
 pub(super) const MAX_TEXT_BYTES: usize = 4 << 20;
@@ -289,6 +290,10 @@ pub(super) fn read_tree(text: &str, source: &TextSource, index: usize) -> Result
             text.len()
         );
         return Err(source.error(message));
+    }
+    if let Err(deep) = check_brackets(text) {
+        let error = source.error(format!("invalid TOML: {deep}"));
+        return Err(if source.has_lines() { error.at_line(deep.line) } else { error });
     }
     let lines = Lines::of(text);
     let table = DeTable::parse(text).map_err(|error| {

@@ -9,6 +9,7 @@ use super::error::{ExperimentError, Step, step_text};
 use super::read::{change_document, experiment_schema, parse, read_merged};
 use super::scene_change::{Edit, SceneChange};
 use super::shape::Schema;
+use fluorspar_format::check_brackets;
 
 /// The text of an experiment file after some changes. Everything that they do not touch stays as it was typed. Files of base
 /// experiments stay too: what they say is overridden, or removed by `remove = true`.
@@ -23,6 +24,7 @@ pub fn edit_experiment(
 ) -> Result<String, ExperimentError> {
     let schema = experiment_schema();
     let source = TextSource { name: source_name.into(), overriding: None, folder: None };
+    check_brackets(text).map_err(|deep| source.error(format!("invalid TOML: {deep}")).at_line(deep.line))?;
     let mut edited = text
         .parse::<DocumentMut>()
         .map_err(|error| source.error(format!("invalid TOML: {}", error.message().trim())))?;

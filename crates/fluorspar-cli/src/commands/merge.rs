@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::image::{ExcitationBin, Film};
 use fluorspar::pipeline::image_and_basis;
-use fluorspar_format::{Output, Provenance, check_room, read_film, write_film};
+use fluorspar_format::{Output, Provenance, check_brackets, check_room, read_film, write_film};
 
 use super::image_output::ImageOutput;
 use super::row_bands;
@@ -81,10 +81,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
 /// Every tile must hold samples from the first one on, without a gap, and as many as were wanted unless an error target
 /// decided.
 fn check_complete(film: &Film, provenance: &Provenance, paths: &[PathBuf]) -> Result<(), CliError> {
-    let adaptive = provenance
-        .resolved_experiment_toml
-        .parse::<toml::Table>()
-        .is_ok_and(|table| table.get("render").is_some_and(|render| render.get("relative_error").is_some()));
+    let text = &provenance.resolved_experiment_toml;
+    let adaptive = check_brackets(text).is_ok()
+        && text.parse::<toml::Table>().is_ok_and(|table| {
+            table.get("render").is_some_and(|render| render.get("relative_error").is_some())
+        });
     let wanted = if adaptive { 1 } else { provenance.samples_per_pixel };
     for (tile, _) in film.tiles() {
         let what = match tile.samples.as_slice() {
