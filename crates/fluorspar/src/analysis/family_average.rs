@@ -85,6 +85,27 @@ impl TissueDoubt {
     }
 }
 
+/// Share of the sensor's variance that stands for none: the numbers must have some weight.
+const QUIET: f64 = 1e-6;
+
+/// What is changed of all families to see what it makes of the interval.
+#[derive(Clone, Copy, PartialEq)]
+enum Change {
+    Known(NuisanceGroup),
+    WithoutNoise,
+    TwiceAsWide,
+}
+
+impl Change {
+    fn of(self, family: &LightFamily) -> LightFamily {
+        match self {
+            Self::Known(group) => family.with_known(group),
+            Self::WithoutNoise => family.clone(),
+            Self::TwiceAsWide => family.widened(2.0),
+        }
+    }
+}
+
 /// A family with its probability before the measurement.
 type Weighted<'a> = (f64, &'a LightFamily);
 
@@ -168,27 +189,34 @@ impl<'a> FamilyAverage<'a> {
             .filter(|fit| has_part(*fit))
             .map(|fit| families[compared.numbers[fit]])
             .collect();
-        let interval_of = |change: &dyn Fn(&LightFamily) -> LightFamily, variance: &[f64]| {
-            let changed: Vec<LightFamily> = parts.iter().map(|(_, family)| change(family)).collect();
+        let quiet: Vec<f64> = variance.iter().map(|variance| QUIET * variance).collect();
+        let interval_of = |change: &Change| {
+            let changed: Vec<LightFamily> = parts.iter().map(|(_, family)| change.of(family)).collect();
             let weighted: Vec<Weighted<'_>> = parts.iter().map(|(weight, _)| *weight).zip(&changed).collect();
+            let variance = if *change == Change::WithoutNoise { &quiet } else { variance };
             Compared::new(&weighted, electrons, variance)
                 .map_or([0.0, 1.0], |compared| compared.average().interval())
         };
-        let mut without: Vec<IntervalWithout> = NuisanceGroup::ALL
+        let known = NuisanceGroup::ALL
             .into_iter()
             .filter(|group| *group != NuisanceGroup::Brightness)
-            .filter(|group| self.named.nuisances().iter().any(|(_, of)| of == group))
-            .map(|group| IntervalWithout {
-                source: group.name().into(),
-                interval: interval_of(&|family| family.with_known(group), variance),
-            })
-            .collect();
-        // A millionth of the noise stands for none: the numbers must have some weight.
-        let quiet: Vec<f64> = variance.iter().map(|variance| 1e-6 * variance).collect();
-        without.push(IntervalWithout {
-            source: "sensor noise".into(),
-            interval: interval_of(&LightFamily::clone, &quiet),
-        });
+            .filter(|group| self.named.nuisances().iter().any(|(_, of)| of == group));
+        let changes: Vec<Change> =
+            known.map(Change::Known).chain([Change::WithoutNoise, Change::TwiceAsWide]).collect();
+        let intervals: Vec<[f64; 2]> = changes.par_iter().map(interval_of).collect();
+        let mut without = Vec::new();
+        let mut with_prior_twice_as_wide = mixture.interval();
+        for (change, interval) in changes.into_iter().zip(intervals) {
+            match change {
+                Change::Known(group) => {
+                    without.push(IntervalWithout { source: group.name().into(), interval })
+                }
+                Change::WithoutNoise => {
+                    without.push(IntervalWithout { source: "sensor noise".into(), interval })
+                }
+                Change::TwiceAsWide => with_prior_twice_as_wide = interval,
+            }
+        }
         let doubt = self.doubt(&compared);
         if let Some(doubt) = &doubt {
             without.push(IntervalWithout {
@@ -206,7 +234,7 @@ impl<'a> FamilyAverage<'a> {
             probability_of_none: mixture.none,
             prior_probability_of_none: self.named.probability_of_none,
             blind_to: named.blind_to.clone(),
-            with_prior_twice_as_wide: interval_of(&|family| family.widened(2.0), variance),
+            with_prior_twice_as_wide,
             without,
             misfit: named.misfit,
             data,

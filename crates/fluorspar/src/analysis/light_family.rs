@@ -15,19 +15,24 @@ use nalgebra::{DMatrix, DVector};
 /// Bound of the coordinates, in standard deviations: solutions were made for such tissue only.
 const LARGEST_COORDINATE: f64 = 3.5;
 
+/// Numbers that are summed side by side.
+type Lanes = [f64; 4];
+
 /// Terms of a polynomial of third degree in some coordinates, and their slopes.
 pub struct CubicTerms {
     /// Value of each term.
     pub values: Vec<f64>,
-    /// Slope of each term, `[coordinate][term]`.
-    pub slopes: Vec<Vec<f64>>,
+    /// Value of each term and its slopes by the coordinates, four of these numbers at a time, `[group][term]`.
+    lanes: Vec<Vec<Lanes>>,
 }
 
 impl CubicTerms {
     /// All products of up to three coordinates.
     #[must_use]
     pub fn new(x: &[f64]) -> Self {
-        let mut terms = Self { values: vec![1.0], slopes: vec![vec![0.0]; x.len()] };
+        let groups = (1 + x.len()).div_ceil(4);
+        let mut terms = Self { values: Vec::new(), lanes: vec![Vec::new(); groups] };
+        terms.push(x, &[]);
         for i in 0..x.len() {
             terms.push(x, &[i]);
             for j in i..x.len() {
@@ -41,24 +46,36 @@ impl CubicTerms {
     }
 
     fn push(&mut self, x: &[f64], factors: &[usize]) {
-        self.values.push(factors.iter().map(|&factor| x[factor]).product());
-        for (coordinate, slopes) in self.slopes.iter_mut().enumerate() {
-            let slope = |place: usize| -> f64 {
+        let value = factors.iter().map(|&factor| x[factor]).product();
+        let slope = |coordinate: usize| -> f64 {
+            let without = |place: usize| -> f64 {
                 let others = factors.iter().enumerate().filter(|(other, _)| *other != place);
                 others.map(|(_, &factor)| x[factor]).product()
             };
-            let places = (0..factors.len()).filter(|&place| factors[place] == coordinate);
-            slopes.push(places.map(slope).sum());
+            (0..factors.len()).filter(|&place| factors[place] == coordinate).map(without).sum()
+        };
+        self.values.push(value);
+        let number = |lane: usize| match lane {
+            0 => value,
+            lane if lane <= x.len() => slope(lane - 1),
+            _ => 0.0,
+        };
+        for (group, lanes) in self.lanes.iter_mut().enumerate() {
+            lanes.push([0, 1, 2, 3].map(|lane| number(4 * group + lane)));
         }
     }
 
-    fn sum(&self, coefficients: &[f64]) -> f64 {
-        dot(&self.values, coefficients)
+    /// Value of the polynomial with some coefficients, and its slopes by the coordinates, four of these numbers at a time.
+    fn sum(&self, coefficients: &[f64], sums: &mut [Lanes]) {
+        for (sum, terms) in sums.iter_mut().zip(&self.lanes) {
+            // In a variable of its own, which is kept in registers
+            let mut total = [0.0; 4];
+            for (term, coefficient) in terms.iter().zip(coefficients) {
+                total = [0, 1, 2, 3].map(|lane| total[lane] + term[lane] * coefficient);
+            }
+            *sum = total;
+        }
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// What kind of uncertainty a nuisance stands for.
@@ -174,11 +191,39 @@ pub(super) struct FamilyPoint {
     pub(super) log_odds_slopes: DVector<f64>,
 }
 
-/// Electrons of one source in one datum with slopes by coordinates and by `ln q`.
-struct SourceValue {
-    value: f64,
-    by_coordinate: Vec<f64>,
+/// Electrons of a unit amount of one source in one datum, without gain; slopes are of their logarithm.
+struct SourceValue<'a> {
+    terms: &'a CubicTerms,
+    /// Share of the light that is reflected once more.
+    indirect: Option<f64>,
+    /// Logarithm of the electrons with its slopes by the coordinates, and the same of what one more reflection makes.
+    direct: Vec<Lanes>,
+    once_more: Vec<Lanes>,
+    electrons: f64,
     by_log_indirect: f64,
+}
+
+impl<'a> SourceValue<'a> {
+    fn new(terms: &'a CubicTerms, indirect: Option<f64>) -> Self {
+        let none = vec![[0.0; 4]; terms.lanes.len()];
+        Self { terms, indirect, direct: none.clone(), once_more: none, electrons: 0.0, by_log_indirect: 0.0 }
+    }
+
+    fn evaluate(&mut self, source: &FamilySource, datum: usize) {
+        self.terms.sum(&source.direct[datum], &mut self.direct);
+        self.electrons = self.direct[0][0].exp();
+        if let Some(indirect) = self.indirect {
+            self.terms.sum(&source.once_more[datum], &mut self.once_more);
+            let again = indirect * self.once_more[0][0].exp();
+            self.by_log_indirect = again / (1.0 + again);
+            self.electrons *= 1.0 + again;
+        }
+    }
+
+    fn by_coordinate(&self, coordinate: usize) -> f64 {
+        let (group, lane) = ((1 + coordinate) / 4, (1 + coordinate) % 4);
+        self.direct[group][lane] + self.by_log_indirect * self.once_more[group][lane]
+    }
 }
 
 impl LightFamily {
@@ -287,10 +332,7 @@ impl LightFamily {
         };
         let (x, x_slopes): (Vec<f64>, Vec<f64>) = nuisances.iter().zip(&self.coordinates).map(scaled).unzip();
         let terms = CubicTerms::new(&x);
-        let [indirect, indirect_sd] = match self.indirect {
-            Some([median, sd]) => [median * (sd * nuisances[places.indirect]).exp(), sd],
-            None => [0.0; 2],
-        };
+        let indirect = self.indirect.map(|[median, sd]| median * (sd * nuisances[places.indirect]).exp());
         let gains = self.gains(nuisances, places.gain);
         let errors = self.library_factors(nuisances);
 
@@ -301,6 +343,7 @@ impl LightFamily {
             (Some(places.sources + k), source, amount)
         });
         let all = amounts.chain((porphyrin > 0.0).then_some((None, &self.porphyrin, porphyrin)));
+        let mut of_unit = SourceValue::new(&terms, indirect);
         for (place, source, amount) in all {
             let kind = match place {
                 None => PORPHYRIN,
@@ -308,19 +351,18 @@ impl LightFamily {
                 Some(_) => NOT_COUNTED,
             };
             for datum in 0..n {
-                let SourceValue { value, by_coordinate, by_log_indirect } =
-                    source.value(datum, &terms, indirect);
-                let value = amount * gains[self.frame_of[datum]] * errors[datum] * value;
+                of_unit.evaluate(source, datum);
+                let value = amount * gains[self.frame_of[datum]] * errors[datum] * of_unit.electrons;
                 let sum = &mut sums[kind];
                 sum.electrons[datum] += value;
-                for (i, by) in by_coordinate.iter().enumerate() {
-                    sum.slopes[(datum, i)] += value * by * x_slopes[i];
+                for (i, x_slope) in x_slopes.iter().enumerate() {
+                    sum.slopes[(datum, i)] += value * of_unit.by_coordinate(i) * x_slope;
                 }
                 if let Some(place) = place {
                     sum.slopes[(datum, place)] += value * source.log_sd;
                 }
-                if self.indirect.is_some() {
-                    sum.slopes[(datum, places.indirect)] += value * by_log_indirect * indirect_sd;
+                if let Some([_, sd]) = self.indirect {
+                    sum.slopes[(datum, places.indirect)] += value * of_unit.by_log_indirect * sd;
                 }
             }
         }
@@ -355,10 +397,12 @@ impl LightFamily {
             log_odds_slopes: DVector::zeros(unknowns),
         };
         let counted = |sum: &Sums| -> (f64, DVector<f64>) {
-            let data = (0..n).filter(|datum| self.counted[*datum]);
-            data.fold((0.0, DVector::zeros(unknowns)), |(total, slopes), datum| {
-                (total + sum.electrons[datum], slopes + sum.slopes.row(datum).transpose())
-            })
+            let (mut total, mut slopes) = (0.0, DVector::zeros(unknowns));
+            for datum in (0..n).filter(|datum| self.counted[*datum]) {
+                total += sum.electrons[datum];
+                slopes += sum.slopes.row(datum).transpose();
+            }
+            (total, slopes)
         };
         let ((of_porphyrin, by_porphyrin), (of_bulk, by_bulk)) = (counted(porphyrin), counted(bulk));
         if of_porphyrin > 0.0 && of_bulk > 0.0 {
@@ -392,21 +436,4 @@ struct Places {
     indirect: usize,
     library: usize,
     gain: usize,
-}
-
-impl FamilySource {
-    /// Electrons of a unit amount without gain; slopes are of their logarithm.
-    fn value(&self, datum: usize, terms: &CubicTerms, indirect: f64) -> SourceValue {
-        let direct = terms.sum(&self.direct[datum]).exp();
-        let again = indirect * terms.sum(&self.once_more[datum]).exp();
-        let by_log_indirect = again / (1.0 + again);
-        let by_coordinate = terms
-            .slopes
-            .iter()
-            .map(|slopes| {
-                dot(slopes, &self.direct[datum]) + by_log_indirect * dot(slopes, &self.once_more[datum])
-            })
-            .collect();
-        SourceValue { value: direct * (1.0 + again), by_coordinate, by_log_indirect }
-    }
 }
