@@ -207,56 +207,48 @@ pub fn add_weighted<L: Lanes>(
     columns: &Range<usize>,
     tables: &mut [WeightedSums<'_>],
 ) {
-    let count = lines.len() / width.max(1);
-    for first in columns.clone().step_by(BLOCK) {
-        let some = (columns.end - first).min(BLOCK);
-        for block in bands.clone().step_by(AT_ONCE) {
-            let block = block..(block + AT_ONCE).min(bands.end);
-            for WeightedSums { weights, sums } in tables.iter_mut() {
-                let few = (lines, width, first, &block);
-                // Lines are read once for as many channels as there are registers for
-                let channels = weights.chunks(4 * count).zip(sums.chunks_mut(4 * width));
-                for (weights, sums) in channels {
-                    let sums = (sums, some);
-                    match weights.len() / count.max(1) {
-                        4 => add_channels::<L, 4>(lanes, few, weights, sums),
-                        3 => add_channels::<L, 3>(lanes, few, weights, sums),
-                        2 => add_channels::<L, 2>(lanes, few, weights, sums),
-                        1 => add_channels::<L, 1>(lanes, few, weights, sums),
-                        _ => {}
-                    }
-                }
-            }
+    for first in columns.clone().step_by(2 * BLOCK) {
+        let part = first..(first + 2 * BLOCK).min(columns.end);
+        let line = (lines, width, bands, &part);
+        match part.len().div_ceil(BLOCK) {
+            1 => add_columns::<L, 1>(lanes, line, tables),
+            _ => add_columns::<L, 2>(lanes, line, tables),
         }
     }
 }
 
-/// Bands that are summed in single precision.
-const AT_ONCE: usize = 8;
-
-/// Adds a few bands of sixteen columns from `first` on to the sums of some channels, of which the first columns count.
+/// Adds bands in columns that fill some blocks, the last one perhaps in part. Several blocks share each look at a weight.
 #[inline(always)]
-fn add_channels<L: Lanes, const CHANNELS: usize>(
+fn add_columns<L: Lanes, const BLOCKS: usize>(
     lanes: L,
-    (lines, width, first, block): (&[f32], usize, usize, &Range<usize>),
-    weights: &[f32],
-    (sums, some): (&mut [f64], usize),
+    (lines, width, bands, columns): (&[f32], usize, &Range<usize>, &Range<usize>),
+    tables: &mut [WeightedSums<'_>],
 ) {
-    let count = weights.len() / CHANNELS;
-    let mut partial = [lanes.splat(0.0); CHANNELS];
-    for band in block.clone() {
-        let line = read_line(lanes, &lines[band * width + first..]);
-        for (channel, partial) in partial.iter_mut().enumerate() {
-            let weight = weights[channel * count + band];
-            if weight != 0.0 {
-                *partial = lanes.add(*partial, lanes.mul(lanes.splat(weight), line));
+    /// Bands that are summed in single precision.
+    const AT_ONCE: usize = 8;
+    let count = lines.len() / width.max(1);
+    for few in bands.clone().step_by(AT_ONCE) {
+        let few = few..(few + AT_ONCE).min(bands.end);
+        for WeightedSums { weights, sums } in tables.iter_mut() {
+            for (weights, sums) in weights.chunks_exact(count).zip(sums.chunks_exact_mut(width)) {
+                let mut partial = [lanes.splat(0.0); BLOCKS];
+                for (band, weight) in few.clone().zip(&weights[few.clone()]) {
+                    if *weight == 0.0 {
+                        continue;
+                    }
+                    let weight = lanes.splat(*weight);
+                    let line = read_blocks::<L, BLOCKS>(lanes, &lines[band * width + columns.start..]);
+                    for (partial, line) in partial.iter_mut().zip(line) {
+                        *partial = lanes.add(*partial, lanes.mul(weight, line));
+                    }
+                }
+                for (partial, sums) in partial.into_iter().zip(sums[columns.clone()].chunks_mut(BLOCK)) {
+                    let mut values = BandBlock::ZERO;
+                    lanes.store(partial, &mut values);
+                    add_doubled(&values, sums);
+                }
             }
         }
-    }
-    for (channel, partial) in partial.into_iter().enumerate() {
-        let mut values = BandBlock::ZERO;
-        lanes.store(partial, &mut values);
-        add_doubled(&values, &mut sums[channel * width + first..][..some]);
     }
 }
 
@@ -271,15 +263,17 @@ fn add_doubled(values: &BandBlock, sums: &mut [f64]) {
     }
 }
 
-/// The first sixteen numbers, those that are missing zero.
+/// The first numbers as blocks of sixteen, those that are missing zero.
 #[inline(always)]
-fn read_line<L: Lanes>(lanes: L, line: &[f32]) -> L::Vector {
-    if let Some(line) = line.first_chunk::<BLOCK>() {
-        return lanes.read(line);
+fn read_blocks<L: Lanes, const BLOCKS: usize>(lanes: L, line: &[f32]) -> [L::Vector; BLOCKS] {
+    if let Some(blocks) = line.as_chunks::<BLOCK>().0.first_chunk::<BLOCKS>() {
+        return blocks.each_ref().map(|block| lanes.read(block));
     }
-    let mut rest = BandBlock::ZERO;
-    rest.0[..line.len()].copy_from_slice(line);
-    lanes.load(&rest)
+    let mut rest = [BandBlock::ZERO; BLOCKS];
+    for (block, values) in rest.iter_mut().zip(line.chunks(BLOCK)) {
+        block.0[..values.len()].copy_from_slice(values);
+    }
+    rest.each_ref().map(|block| lanes.load(block))
 }
 
 /// A matrix `emission ⊗ excitation`, or what lies of it below the diagonal and any diagonal.
