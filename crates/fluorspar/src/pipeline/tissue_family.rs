@@ -133,7 +133,7 @@ fn family_by(
         coordinates: coordinates
             .variations()
             .iter()
-            .map(|variation| FamilyCoordinate { name: readable(variation.name), sd: prior.width })
+            .map(|variation| FamilyCoordinate { name: variation.title.into(), sd: prior.width })
             .collect(),
         sources,
         porphyrin,
@@ -176,7 +176,7 @@ fn fit_sources(
         }
         let [direct, once_more] = curves;
         let SourcePrior { group, median, log_sd, fluorescent } = source_prior(name, prior, population);
-        FamilySource { name: readable(name), group, median, log_sd, fluorescent, direct, once_more }
+        FamilySource { name: name.replace('_', " "), group, median, log_sd, fluorescent, direct, once_more }
     };
     let sources = names.iter().enumerate().map(&mut source).collect();
     (sources, squares.into_iter().map(f64::sqrt).collect())
@@ -188,15 +188,9 @@ fn describe(prior: &TissuePrior) -> String {
     format!("{}{mouth} ({} times as various as the population)", prior.site.name(), prior.width)
 }
 
-/// A name without underscores and units.
-fn readable(name: &str) -> String {
-    let name = ["_per_mm", "_um"].iter().fold(name, |name, unit| name.strip_suffix(unit).unwrap_or(name));
-    name.replace('_', " ")
-}
-
 /// Whether a variation is one of the tissue's optics, on which light depends in another way than in proportion.
 fn is_coordinate(variation: &Variation) -> bool {
-    !variation.name.ends_with("_per_mm")
+    variation.fluorophore.is_none()
 }
 
 /// Design of the solutions: Halton points as normal deviates, `[tissue][coordinate]`.
@@ -252,8 +246,7 @@ fn source_names(prior: &TissuePrior) -> Result<Vec<String>, TissueError> {
 
 fn source_prior(name: &str, prior: &TissuePrior, population: &Population) -> SourcePrior {
     let of_population = || {
-        let parameter = format!("{name}_per_mm");
-        let variation = population.variations().iter().find(|variation| variation.name == parameter);
+        let variation = population.variations().iter().find(|variation| variation.fluorophore == Some(name));
         variation.map_or(0.0, Variation::standard_deviation)
     };
     let teeth = prior.site.surroundings().teeth;

@@ -22,6 +22,10 @@ pub struct Variation {
     pub name: &'static str,
     /// The parameters, which share one draw.
     pub parameters: &'static [&'static str],
+    /// What it is in words, without a unit.
+    pub title: &'static str,
+    /// The fluorophore whose strength it is, with which light goes in proportion; `None` for what absorbs, scatters, or has a size.
+    pub fluorophore: Option<&'static str>,
     /// Distribution.
     pub spread: Spread,
     /// Standard deviation among people; of the logarithm where [`Self::spread`] is a factor.
@@ -30,9 +34,34 @@ pub struct Variation {
     pub within_person: f64,
 }
 
-const fn factor(name: &'static str, parameters: &'static [&'static str], between_people: f64) -> Variation {
+/// A factor on parameters of the tissue's optics.
+const fn factor(
+    name: &'static str,
+    title: &'static str,
+    parameters: &'static [&'static str],
+    between_people: f64,
+) -> Variation {
     let within_person = WITHIN_OVER_BETWEEN * between_people;
-    Variation { name, parameters, spread: Spread::Factor, between_people, within_person }
+    Variation {
+        name,
+        parameters,
+        title,
+        fluorophore: None,
+        spread: Spread::Factor,
+        between_people,
+        within_person,
+    }
+}
+
+/// A factor on the strength of a fluorophore in all layers that hold it.
+const fn strength(
+    name: &'static str,
+    title: &'static str,
+    fluorophore: &'static str,
+    parameters: &'static [&'static str],
+    between_people: f64,
+) -> Variation {
+    Variation { fluorophore: Some(fluorophore), ..factor(name, title, parameters, between_people) }
 }
 
 /// Chromaticities of tongues and lips scatter a fifth as much within a person as among four people (0.003 to 0.010 against
@@ -45,34 +74,72 @@ const STRENGTH: f64 = 0.45;
 /// 450 nm scatter as those of tongues and lips of four people; oxygen saturation, superficial and deep blood and thickness are
 /// independent of each other. \[assumed: four people hold no more\] Melanin: \[assumed\].
 const SOFT: &[Variation] = &[
-    factor("superficial_blood_fraction", &["superficial_blood_fraction"], 0.6),
-    factor("deep_blood_fraction", &["deep_blood_fraction"], 0.5),
+    factor("superficial_blood_fraction", "superficial blood fraction", &["superficial_blood_fraction"], 0.6),
+    factor("deep_blood_fraction", "deep blood fraction", &["deep_blood_fraction"], 0.5),
     Variation {
         name: "oxygen_saturation",
         parameters: &["oxygen_saturation"],
+        title: "oxygen saturation",
+        fluorophore: None,
         spread: Spread::Difference,
         between_people: 0.05,
         within_person: 0.01,
     },
-    factor("epithelium_thickness_um", &["epithelium_thickness_um"], 0.35),
-    factor("melanin_fraction", &["melanin_fraction"], 0.5),
-    factor("biofilm_porphyrin_per_mm", &["biofilm_porphyrin_per_mm"], 0.85),
-    factor("biofilm_chlorophyll_per_mm", &["biofilm_chlorophyll_per_mm"], 1.0),
-    factor("keratin_per_mm", &["keratin_per_mm"], STRENGTH),
-    factor("nadh_per_mm", &["nadh_per_mm"], STRENGTH),
-    factor("fad_per_mm", &["fad_per_mm"], STRENGTH),
-    factor("flavin_aggregate_per_mm", &["flavin_aggregate_per_mm"], STRENGTH),
-    factor("collagen_per_mm", &["superficial_collagen_per_mm", "deep_collagen_per_mm"], STRENGTH),
-    factor("elastin_per_mm", &["superficial_elastin_per_mm", "deep_elastin_per_mm"], STRENGTH),
-    factor("lipopigment_per_mm", &["superficial_lipopigment_per_mm", "deep_lipopigment_per_mm"], STRENGTH),
+    factor("epithelium_thickness_um", "epithelium thickness", &["epithelium_thickness_um"], 0.35),
+    factor("melanin_fraction", "melanin fraction", &["melanin_fraction"], 0.5),
+    strength(
+        "biofilm_porphyrin_per_mm",
+        "biofilm porphyrin",
+        "biofilm_porphyrin",
+        &["biofilm_porphyrin_per_mm"],
+        0.85,
+    ),
+    strength(
+        "biofilm_chlorophyll_per_mm",
+        "biofilm chlorophyll",
+        "biofilm_chlorophyll",
+        &["biofilm_chlorophyll_per_mm"],
+        1.0,
+    ),
+    strength("keratin_per_mm", "keratin", "keratin", &["keratin_per_mm"], STRENGTH),
+    strength("nadh_per_mm", "nadh", "nadh", &["nadh_per_mm"], STRENGTH),
+    strength("fad_per_mm", "fad", "fad", &["fad_per_mm"], STRENGTH),
+    strength(
+        "flavin_aggregate_per_mm",
+        "flavin aggregate",
+        "flavin_aggregate",
+        &["flavin_aggregate_per_mm"],
+        STRENGTH,
+    ),
+    strength(
+        "collagen_per_mm",
+        "collagen",
+        "collagen",
+        &["superficial_collagen_per_mm", "deep_collagen_per_mm"],
+        STRENGTH,
+    ),
+    strength(
+        "elastin_per_mm",
+        "elastin",
+        "elastin",
+        &["superficial_elastin_per_mm", "deep_elastin_per_mm"],
+        STRENGTH,
+    ),
+    strength(
+        "lipopigment_per_mm",
+        "lipopigment",
+        "lipopigment",
+        &["superficial_lipopigment_per_mm", "deep_lipopigment_per_mm"],
+        STRENGTH,
+    ),
 ];
 
 /// What varies in teeth. \[assumed\]
 const TOOTH: &[Variation] = &[
-    factor("enamel_thickness_um", &["enamel_thickness_um"], 0.2),
-    factor("dentin_background_per_mm", &["dentin_background_per_mm"], 0.3),
-    factor("enamel_per_mm", &["enamel_per_mm"], STRENGTH),
-    factor("dentin_per_mm", &["dentin_per_mm"], STRENGTH),
+    factor("enamel_thickness_um", "enamel thickness", &["enamel_thickness_um"], 0.2),
+    factor("dentin_background_per_mm", "dentin background", &["dentin_background_per_mm"], 0.3),
+    strength("enamel_per_mm", "enamel", "enamel", &["enamel_per_mm"], STRENGTH),
+    strength("dentin_per_mm", "dentin", "dentin", &["dentin_per_mm"], STRENGTH),
 ];
 
 impl Variation {
