@@ -466,7 +466,7 @@ impl<'a> SceneWriter<'a> {
                 return;
             }
         };
-        list.push(self.light_section(&light.name, &light.spectrum, emitter, scene));
+        list.push(self.light_section(&light.name.to_string(), &light.spectrum, emitter, scene));
     }
 
     fn light_section(

@@ -15,7 +15,7 @@ use crate::schema::{
 use fluorspar::geometry::OrientedPoint;
 use fluorspar::light::{
     AnnulusEmitter, DiscEmitter, DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light,
-    LightGroup, PointEmitter, RectangleEmitter, SphereEmitter,
+    LightGroup, LightName, PointEmitter, RectangleEmitter, SphereEmitter,
 };
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, Radiance, WavelengthGrid};
@@ -77,7 +77,10 @@ pub(super) fn lights(
         let group = group_index(groups, group_name);
         let single = emitters.list.len() == 1;
         for (number, emitter) in emitters.list.into_iter().enumerate() {
-            let name = if single { section.name.clone() } else { format!("{}[{number}]", section.name) };
+            let name = match single {
+                true => section.name.as_str().into(),
+                false => LightName::of_emitter(&section.name, number),
+            };
             lights.push(Light { name, group, spectrum: spectrum.clone(), emitter });
         }
     }

@@ -187,11 +187,7 @@ fn that_matters(
 
 /// Whether all frames under a light see it reflected.
 fn is_for_reflection(name: &str, scene: &Scene, camera: &Camera, captures: &[Capture]) -> bool {
-    let whole =
-        |other: &str| other.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('['));
-    let Some(light) = scene.lights.iter().find(|light| light.name == name || whole(&light.name)) else {
-        return false;
-    };
+    let Some(light) = scene.lights.iter().find(|light| light.name.light() == name) else { return false };
     let group = &scene.light_groups[light.group].name;
     let passed = |capture: &Capture| {
         let seen = light.spectrum.times(&camera.view_filter.transmittance);

@@ -832,7 +832,7 @@ fn oraleye_light_and_sensor_are_as_documented() {
     let text = "format = 1\nbase = \"oraleye-2021\"";
     let experiment = parse(text, "t", Path::new("."), &[]).unwrap();
     let scene = resolve(&experiment).unwrap().study.scene;
-    let blue: Vec<_> = scene.lights.iter().filter(|light| light.name.starts_with("blue")).cloned().collect();
+    let blue: Vec<_> = scene.lights.iter().filter(|light| light.name.light() == "blue").cloned().collect();
     assert_eq!(blue.len(), 8);
     let passed = blue[0].spectrum.total() / 2.0;
     assert!((passed - 0.94).abs() < 0.01, "the filter passes {passed}");

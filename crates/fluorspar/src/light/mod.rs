@@ -15,6 +15,7 @@ mod emitter_error;
 mod emitter_sample;
 mod environment;
 mod environment_map;
+mod light_name;
 mod mesh;
 mod point;
 mod rectangle;
@@ -33,6 +34,7 @@ pub use distant::DistantEmitter;
 pub use emitter_error::EmitterError;
 pub(crate) use emitter_sample::{Emission, EmitterSample, LightBounds};
 pub use environment_map::{EnvironmentLayer, EnvironmentMap, EnvironmentMapError};
+pub use light_name::LightName;
 pub(crate) use mesh::emissive_triangles_factor;
 pub use point::PointEmitter;
 pub use rectangle::RectangleEmitter;
@@ -53,7 +55,7 @@ pub struct LightGroup {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light {
     /// Name for messages.
-    pub name: String,
+    pub name: LightName,
     /// Index into the scene's light groups.
     pub group: usize,
     /// Absolute spectrum behind all filters of the light; what it measures depends on the emitter.

@@ -1,5 +1,7 @@
 //! Differences between a study and the one that a component image was rendered from.
 
+use std::fmt::Display;
+
 use super::PipelineError;
 use crate::image::{ComponentFactors, ComponentImage};
 use crate::light::Light;
@@ -57,11 +59,11 @@ pub fn relight(
 }
 
 /// First entry of two lists of named things that differs.
-fn named<'a, T: PartialEq>(
+fn named<'a, T: PartialEq, N: Display>(
     what: &str,
     old: &'a [T],
     new: &'a [T],
-    name: impl Fn(&'a T) -> &'a str,
+    name: impl Fn(&'a T) -> N,
 ) -> Option<String> {
     let changed = new.iter().find(|item| !old.contains(item));
     let removed = || old.iter().find(|item| !new.contains(item));

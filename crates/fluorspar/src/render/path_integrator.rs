@@ -469,7 +469,7 @@ mod tests {
         let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.3) };
         let wall = Material::coated("wall", Curve::constant(0.7), coat);
         let light = |x: f32| Light {
-            name: format!("light at {x}"),
+            name: format!("light at {x}").into(),
             group: 0,
             spectrum: Curve::constant(1.0),
             emitter: Emitter::Disc(DiscEmitter {

@@ -8,6 +8,7 @@ use thiserror::Error;
 
 use super::{Scene, Shape};
 use crate::geometry::MeshError;
+use crate::light::LightName;
 use crate::material::{Material, PhotonExcess};
 use crate::spectral::{Curve, Fluorophore};
 use crate::units::counted;
@@ -93,7 +94,7 @@ impl SceneWarning {
     pub fn summary(&self) -> String {
         match self {
             Self::ExcitationOutsideData(cases) => {
-                let lights = number_of(cases.iter().map(|case| whole(&case.light)));
+                let lights = number_of(cases.iter().map(|case| case.light.as_str()));
                 let fluorophores = number_of(cases.iter().map(|case| case.fluorophore.as_str()));
                 format!(
                     "the excitation of {} by {} is extrapolated beyond its data",
@@ -109,7 +110,7 @@ impl SceneWarning {
             Self::LightOutsideGrid { lights, from_nm, to_nm } => format!(
                 "up to {:.1} % of the power of {} lies outside the rendered {from_nm} to {to_nm} nm and is left out",
                 lights.iter().fold(0.0, |most: f64, light| most.max(light.percent)),
-                counted(number_of(lights.iter().map(|light| whole(&light.light))), "light", "lights")
+                counted(number_of(lights.iter().map(|light| light.light.as_str())), "light", "lights")
             ),
             Self::DarkLight(_) => self.to_string(),
         }
@@ -168,8 +169,7 @@ fn excitation_text(cases: &[ExcitationOutsideData]) -> String {
     let mut text = String::new();
     let mut last = None;
     for (light, share, names) in reported {
-        let start =
-            if last == Some(light) { ", ".into() } else { format!("of the light \"{}\" ", whole(light)) };
+        let start = if last == Some(light) { ", ".into() } else { format!("of the light \"{}\" ", light) };
         if last.is_some_and(|last| last != light) {
             text += "; ";
         }
@@ -177,15 +177,6 @@ fn excitation_text(cases: &[ExcitationOutsideData]) -> String {
         last = Some(light);
     }
     text
-}
-
-/// The name of a light of several emitters, which are numbered.
-fn whole(light: &str) -> &str {
-    let numbered = light.strip_suffix(']').and_then(|rest| rest.rsplit_once('['));
-    match numbered {
-        Some((name, number)) if !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()) => name,
-        _ => light,
-    }
 }
 
 impl fmt::Display for EmissionOutsideData {
@@ -197,7 +188,7 @@ impl fmt::Display for EmissionOutsideData {
 
 impl fmt::Display for LightOutsideGrid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:.1} % of the power of \"{}\"", self.percent, whole(&self.light))
+        write!(f, "{:.1} % of the power of \"{}\"", self.percent, self.light)
     }
 }
 
@@ -340,12 +331,12 @@ impl Scene {
             let total = spectrum.total();
             let inside = spectrum.integral(from_nm, to_nm);
             if inside <= 0.0 {
-                dark.push(SceneWarning::DarkLight(light.into()));
+                dark.push(SceneWarning::DarkLight(light.to_string()));
                 continue;
             }
             let percent = 100.0 * (1.0 - inside / total);
             if percent > LEAST_PERCENT {
-                outside_grid.push(LightOutsideGrid { light: light.into(), percent });
+                outside_grid.push(LightOutsideGrid { light: light.light().into(), percent });
             }
             // In units of 1/(h c): photons = energy * lambda.
             let photons = spectrum.clipped(from_nm, to_nm).times(&Curve::from_fn(from_nm, to_nm, |nm| nm));
@@ -354,7 +345,7 @@ impl Scene {
                 let name = || fluorophore.name.clone();
                 if percent > LEAST_PERCENT {
                     let range_nm = fluorophore.excitation_range_nm;
-                    let light = light.into();
+                    let light = light.light().into();
                     excitation.push(ExcitationOutsideData { light, fluorophore: name(), percent, range_nm });
                 }
                 let range_nm = fluorophore.emission_range_nm;
@@ -392,14 +383,14 @@ impl Scene {
     }
 
     /// Names and spectra of all that sends light, those of one group with one spectrum once.
-    fn distinct_spectra(&self) -> Vec<(&str, Cow<'_, Curve>)> {
+    fn distinct_spectra(&self) -> Vec<(LightName, Cow<'_, Curve>)> {
         let lights =
-            self.lights.iter().map(|light| (light.name.as_str(), light.group, light.whole_spectrum()));
+            self.lights.iter().map(|light| (light.name.clone(), light.group, light.whole_spectrum()));
         let surfaces = self.objects.iter().filter_map(|object| {
             let emission = object.emission.as_ref()?;
-            Some((object.name.as_str(), emission.group, Cow::Borrowed(&emission.radiance)))
+            Some((object.name.as_str().into(), emission.group, Cow::Borrowed(&emission.radiance)))
         });
-        let mut distinct: Vec<(usize, &str, Cow<'_, Curve>)> = Vec::new();
+        let mut distinct: Vec<(usize, LightName, Cow<'_, Curve>)> = Vec::new();
         for (name, group, spectrum) in lights.chain(surfaces) {
             if !distinct.iter().any(|(other, _, seen)| *other == group && *seen == spectrum) {
                 distinct.push((group, name, spectrum));
