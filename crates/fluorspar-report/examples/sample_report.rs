@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use fluorspar::analysis::{
     Analysis, AnalysisSettings, ChannelNoise, ChromaticityMap, FluorophoreResponse, MixtureLine,
-    MixtureModel, PorphyrinMap, Rectangle, RegionOfInterest, analyze_region,
+    MixtureModel, PorphyrinMap, Rectangle, RegionOfInterest, SoughtFluorophore, analyze_region,
 };
 use fluorspar::image::ChannelImage;
 use fluorspar_report::figures::{
@@ -110,6 +110,7 @@ fn model() -> MixtureModel {
         responses: FLUOROPHORES.iter().map(response).collect(),
         bulk_weights: vec![("collagen".into(), 0.1), ("elastin".into(), 0.8), ("FAD".into(), 0.1)],
         porphyrin: "porphyrins".into(),
+        sought: SoughtFluorophore::default(),
         ends: None,
     }
 }
@@ -200,7 +201,7 @@ fn report(
     if let Some(porphyrin) = porphyrin {
         let gray: Vec<u8> = preview(image).pixels.iter().map(|pixel| pixel[1]).collect();
         let figure = porphyrin_map(
-            PorphyrinQuantity::Share,
+            (PorphyrinQuantity::Share, &SoughtFluorophore::default()),
             [WIDTH, HEIGHT],
             &porphyrin.fractions_on_line(),
             Some(&gray),
@@ -225,7 +226,7 @@ fn report(
             Number::computed("Pixels used", analysis.counts.valid.to_string(), "", "bright enough and not saturated"),
             Number::computed("Exposure", "30", "ms", "under the blue light"),
         ],
-        warnings: vec!["All data on this page are invented.".into()],
+        warnings: vec!["All data on this page are invented.".to_owned().into()],
         sections: vec![
             tongue,
             analysis_section(
@@ -262,7 +263,7 @@ fn chromaticity_figure(analysis: &Analysis, map: &ChromaticityMap) -> Figure {
         region: "the tongue".into(),
         pixels: (0..WIDTH * HEIGHT).filter(inside).filter_map(|pixel| map.at(pixel)).collect(),
         fluorophores: points.collect(),
-        target: "porphyrin".into(),
+        target: SoughtFluorophore::default(),
         mixture_line: analysis.mixture.as_ref().map(|mixture| [mixture.bulk, mixture.porphyrin]),
         ellipse: analysis.ellipse.map(|ellipse| ellipse.outline(2.4477, 90)).unwrap_or_default(),
     })

@@ -37,6 +37,6 @@ pub use page::{
 };
 pub use run::{
     FrameOrigin, NamedFigure, RunFolderError, RunReport, RunResults, dark_frames, evaluation_json,
-    name_target, region_warnings, regions_json, regions_matrix, run_report, write_frame_report,
-    write_run_components, write_run_folder,
+    region_warnings, regions_json, regions_matrix, run_report, write_frame_report, write_run_components,
+    write_run_folder,
 };

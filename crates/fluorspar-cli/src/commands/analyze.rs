@@ -16,7 +16,7 @@ use fluorspar::units::number_text;
 use fluorspar_experiment::{Experiment, KeptAnalysis, ResolvedExperiment, Warning, kept_analysis, resolve};
 use fluorspar_format::{OutputFolder, black_level_doubt, read_sensor_image, write_atomically, write_map_npy};
 use fluorspar_report::figures::porphyrin_maps;
-use fluorspar_report::{FrameOrigin, name_target, regions_json};
+use fluorspar_report::{FrameOrigin, regions_json};
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -333,7 +333,7 @@ fn answer(
         text += &format!("\nRegion \"{}\". {}", region.name, describe(&region.analyzed.analysis));
     }
     text += &regions_table(experiment, analysis, regions);
-    super::print_text(&name_target(experiment, &text))
+    super::print_text(&text)
 }
 
 /// An analysis as JSON, with those of further regions.
@@ -468,7 +468,7 @@ fn write_maps(
     }
     let mut files = vec![("results.json".to_owned(), serde_json::to_vec_pretty(&results)?)];
     if let Some(porphyrin) = &analyzed.porphyrin {
-        for (stem, figure) in porphyrin_maps(porphyrin, None) {
+        for (stem, figure) in porphyrin_maps(porphyrin, &analyzed.analysis.sought, None) {
             files.push((format!("{stem}.png"), figure.to_png()?));
         }
         let PorphyrinLayers { share, low, high, detection_limit } = porphyrin.layers();

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
+use fluorspar::analysis::SoughtFluorophore;
 use fluorspar::pipeline::{CapturedFrame, ColorRendering};
 use fluorspar::study::Study;
 use fluorspar_experiment::{
@@ -192,7 +193,7 @@ fn target(experiment: &Experiment, region: Option<&str>) -> String {
     let name = own
         .and_then(|region| region.porphyrin.as_deref())
         .or_else(|| analysis.and_then(|analysis| analysis.porphyrin.as_deref()));
-    match name.filter(|name| !name.contains("porphyrin") && *name != "none") {
+    match name.filter(|name| !SoughtFluorophore::names_porphyrin(name) && *name != "none") {
         None => "porphyrin".into(),
         Some(name) => {
             let own = file.fluorophore.iter().find(|f| f.name == name).and_then(|f| f.title.clone());

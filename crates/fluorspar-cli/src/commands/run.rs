@@ -12,9 +12,7 @@ use fluorspar::pipeline::{
 use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
 use fluorspar_format::OutputFolder;
-use fluorspar_report::{
-    FrameOrigin, RunResults, name_target, region_warnings, write_run_components, write_run_folder,
-};
+use fluorspar_report::{FrameOrigin, RunResults, region_warnings, write_run_components, write_run_folder};
 
 use super::basis_render;
 use super::coarse_render::warnings_before_run;
@@ -125,15 +123,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
                 table if table.is_empty() => summary(analysis),
                 table => format!("{}\n{table}", summary(analysis)),
             };
-            super::print_text(&name_target(&experiment, &text))?;
+            super::print_text(&text)?;
         }
         let of_regions = region_warnings(analysis, &regions);
-        let warnings: Vec<Warning> = analysis
-            .warnings
-            .iter()
-            .chain(&of_regions)
-            .map(|warning| Warning::of_sentences(name_target(&experiment, warning)))
-            .collect();
+        let warnings: Vec<Warning> =
+            analysis.warnings.iter().chain(&of_regions).map(Warning::of_sentences).collect();
         messages.warnings(&warnings);
     }
     let seconds = started.elapsed().as_secs_f64();

@@ -19,6 +19,7 @@ use crate::schema::{
     AnalysisSection, BulkReference, CaptureSection, ConcentrationFactor, DEFAULT_PORPHYRIN, ExperimentFile,
     ExposureTime, TextureReference,
 };
+use fluorspar::analysis::SoughtFluorophore;
 use fluorspar::light::LightGroup;
 use fluorspar::material::{FluorophoreAmount, ScalarTexture};
 use fluorspar::names::did_you_mean;
@@ -438,7 +439,7 @@ fn porphyrin_of_scene(
         let is_looked_at =
             |object: &&Object| !of_region || section.parts.is_empty() || section.parts.contains(&object.name);
         let names = seen.objects.iter().filter(is_looked_at).flat_map(held_by);
-        names.filter(|name| name.contains("porphyrin")).collect()
+        names.filter(|name| SoughtFluorophore::names_porphyrin(name)).collect()
     };
     let (mut found, mut place) = (porphyrins(true), "region");
     if found.is_empty() {

@@ -88,6 +88,26 @@ fn a_region_is_its_own_analysis_to_the_last_bit() {
     assert!(share(&regions[1].analyzed).is_some() && share(&regions[2].analyzed).is_none());
 }
 
+/// Names of regions and of other fluorophores stay as they are, whatever is looked for.
+#[test]
+fn each_region_is_told_in_the_words_of_its_own_fluorophore() {
+    let text = "[analysis]\nporphyrin = \"fluorescein\"\nbulk = { elastin = 1.0 }\n\
+                [[analysis.region]]\nname = \"porphyrin spot\"\nparts = [\"spot\"]\n\
+                porphyrin = \"protoporphyrin_ix\"\n";
+    let study = study(text, &[]);
+    let Evaluation { analysis, regions, .. } = evaluate(&study, &rendered(&study)).unwrap();
+    let said = |analyzed: &AnalyzedFrame| {
+        let definition = analyzed.analysis.truth.iter().map(|truth| truth.definition.clone());
+        let told = analyzed.analysis.porphyrin_lines();
+        definition.chain(told).chain(analyzed.analysis.warnings.clone()).collect::<Vec<_>>().join("\n")
+    };
+    let (main, spot) = (said(&analysis.unwrap()), said(&regions[0].analyzed));
+    assert!(main.contains("Fluorescein share on the mixture line"), "{main}");
+    assert!(!main.to_lowercase().contains("porphyrin"), "{main}");
+    assert!(spot.contains("Porphyrin share on the mixture line"), "{spot}");
+    assert!(!spot.to_lowercase().contains("fluorescein"), "{spot}");
+}
+
 #[test]
 fn what_a_region_does_not_say_is_as_in_the_analysis() {
     let shared = "[analysis]\ninset_px = 3\ntissue = \"lip\"\nnoise_threshold = 7.0\nporphyrin = \"protoporphyrin_ix\"\n\

@@ -16,7 +16,7 @@ use fluorspar::analysis::{ASSUMED_GAIN, interval_of_difference};
 use serde::{Serialize, Serializer};
 
 pub(crate) use run_numbers::share_text;
-use run_numbers::{RunNumber, Subject, run_numbers};
+use run_numbers::{RunNumber, ShareNumber, Subject, run_numbers};
 
 /// How numbers are judged, in words.
 pub const HOW_JUDGED: &str = "Intervals are of 95 %. Each difference B - A has an interval from both (Zou and Donner 2008; the root of the sum of \
@@ -75,6 +75,9 @@ impl ToldApart {
 pub struct ComparedNumber {
     /// The further region of both runs that it is of; `None` of the analysis and of frames.
     pub region: Option<String>,
+    /// The share of the light that it is, if any.
+    #[serde(skip)]
+    pub(super) share: Option<ShareNumber>,
     /// What it is.
     pub quantity: String,
     /// Its unit; empty for a pure number.
@@ -154,10 +157,10 @@ fn frame_labels<'a>(
 }
 
 fn compared(a: Option<RunNumber>, b: Option<RunNumber>) -> ComparedNumber {
-    let (region, quantity, unit) = a
+    let (region, share, quantity, unit) = a
         .as_ref()
         .or(b.as_ref())
-        .map_or_else(Default::default, |n| (n.region.clone(), n.quantity.clone(), n.unit));
+        .map_or_else(Default::default, |n| (n.region.clone(), n.share.clone(), n.quantity.clone(), n.unit));
     let values = a.as_ref().and_then(|n| n.value).zip(b.as_ref().and_then(|n| n.value));
     let intervals = a.as_ref().and_then(|n| n.interval).zip(b.as_ref().and_then(|n| n.interval));
     let noise_alone = [&a, &b].into_iter().flatten().any(|number| number.noise_alone);
@@ -180,6 +183,7 @@ fn compared(a: Option<RunNumber>, b: Option<RunNumber>) -> ComparedNumber {
     };
     ComparedNumber {
         region,
+        share,
         quantity,
         unit,
         a: a.map(ComparedSide::from),

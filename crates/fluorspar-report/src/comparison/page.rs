@@ -1,8 +1,8 @@
 //! Two runs side by side as a page.
 
-use fluorspar_experiment::SettingDifference;
+use fluorspar_experiment::{SettingDifference, Warning};
 
-use super::run_numbers::TRUE_SHARE;
+use super::run_numbers::ShareNumber;
 use super::{
     ComparedNumber, ComparedSide, FinishedRun, HOW_JUDGED, ToldApart, comparison_remarks, numbers_by_region,
 };
@@ -84,7 +84,7 @@ pub fn comparison_report(
     ReportData {
         title: "Two runs compared".into(),
         lead: vec![format!("A is {}.", about(a)), format!("B is {}.", about(b)), counted],
-        warnings: comparison_remarks(a, b),
+        warnings: comparison_remarks(a, b).into_iter().map(Warning::from).collect(),
         sections,
         ..ReportData::default()
     }
@@ -163,9 +163,7 @@ fn settings_section(settings: Result<&[SettingDifference], &str>) -> Section {
 #[must_use]
 pub fn comparison_figures(numbers: &[ComparedNumber]) -> Vec<(String, Figure)> {
     let is_share = |n: &&ComparedNumber| {
-        n.unit.is_empty()
-            && n.quantity.to_lowercase().contains("share")
-            && !n.quantity.contains("less the true")
+        matches!(n.share, Some(ShareNumber::Estimate(_)))
             && [&n.a, &n.b].iter().any(|side| side.as_ref().is_some_and(|s| s.interval.is_some()))
     };
     // Of the analysis all estimates, of further regions the first one
@@ -218,11 +216,9 @@ fn place_of(shares: usize, place: usize, side_of: usize) -> f64 {
 /// The true share that an estimate is of: of unmixed terms that of the same fluorophores in all signals, otherwise that of the region in the
 /// analyzed frame.
 fn truth_of<'a>(share: &ComparedNumber, numbers: &'a [ComparedNumber]) -> Option<&'a ComparedNumber> {
-    let unmixed = share.quantity.strip_prefix("Share of ").and_then(|rest| rest.split_once(", unmixed"));
-    let is_it = |n: &&ComparedNumber| match unmixed {
-        Some((names, _)) => n.quantity.starts_with(&format!("{TRUE_SHARE} of {names} in all signals")),
-        None => n.quantity.starts_with("True ") && !n.quantity.starts_with(TRUE_SHARE),
-    };
+    let Some(ShareNumber::Estimate(of)) = &share.share else { return None };
+    let is_it =
+        |n: &&ComparedNumber| matches!(&n.share, Some(ShareNumber::Truth(truth_of)) if truth_of == of);
     numbers.iter().filter(|n| n.region == share.region).find(is_it)
 }
 
@@ -262,14 +258,16 @@ fn with_estimates(mut panel: Panel, run: &str, side_of: usize, shares: &[&Compar
 mod tests {
     use toml::Value;
 
+    use super::super::run_numbers::ShareOf;
     use super::*;
 
     /// An unmixed share is beside the truth of all signals, not that of the analyzed frame.
     #[test]
     fn each_share_has_its_own_truth() {
-        let number = |region: Option<&str>, quantity: &str, value: f64| ComparedNumber {
+        let number = |region: Option<&str>, share: ShareNumber, value: f64| ComparedNumber {
             region: region.map(String::from),
-            quantity: quantity.into(),
+            quantity: format!("{share:?}"),
+            share: Some(share),
             unit: "",
             a: Some(ComparedSide { value: Some(value), interval: Some([value, value]), words: None }),
             b: None,
@@ -277,13 +275,14 @@ mod tests {
             difference_interval: None,
             told_apart: ToldApart::InOne,
         };
+        let term = |name: &str| ShareOf::Term(name.into());
         let numbers = [
-            number(None, "Porphyrin share of the light", 0.3),
-            number(None, "True porphyrin share of the analyzed frame, which the simulation knows", 0.35),
-            number(None, "Share of porphyrin, unmixed from all signals", 0.15),
-            number(None, "True share of porphyrin in all signals, which the simulation knows", 0.17),
-            number(None, "Share of fad, unmixed from all signals", 0.85),
-            number(Some("lip"), "Porphyrin share of the light", 0.01),
+            number(None, ShareNumber::Estimate(ShareOf::Sought), 0.3),
+            number(None, ShareNumber::Truth(ShareOf::Sought), 0.35),
+            number(None, ShareNumber::Estimate(term("porphyrin")), 0.15),
+            number(None, ShareNumber::Truth(term("porphyrin")), 0.17),
+            number(None, ShareNumber::Estimate(term("fad")), 0.85),
+            number(Some("lip"), ShareNumber::Estimate(ShareOf::Sought), 0.01),
         ];
         let truth = |place: usize| {
             truth_of(&numbers[place], &numbers).and_then(|truth| truth.a.as_ref().and_then(|a| a.value))

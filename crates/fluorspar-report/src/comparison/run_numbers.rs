@@ -18,13 +18,30 @@ pub(super) enum Subject {
     Safety,
 }
 
-/// How the names of true shares of unmixed terms begin.
-pub(super) const TRUE_SHARE: &str = "True share";
+/// What a number says of a share of the light.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum ShareNumber {
+    /// An estimate.
+    Estimate(ShareOf),
+    /// The true share, which a simulation knows.
+    Truth(ShareOf),
+}
+
+/// What a share is of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum ShareOf {
+    /// The fluorophore that is looked for, in the light of the analyzed frame.
+    Sought,
+    /// A term of the unmixing, by its name, in the light of all signals.
+    Term(String),
+}
 
 /// A number of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RunNumber {
     pub(super) subject: Subject,
+    /// The share that it is; `None` for all else, errors of shares included.
+    pub(super) share: Option<ShareNumber>,
     /// What it is, the same in all runs.
     pub(super) quantity: String,
     /// Its unit; empty for a pure number.
@@ -45,6 +62,7 @@ impl RunNumber {
     fn new(subject: Subject, quantity: impl Into<String>, unit: &'static str, value: f64) -> Self {
         Self {
             subject,
+            share: None,
             quantity: quantity.into(),
             unit,
             value: Some(value),
@@ -53,6 +71,11 @@ impl RunNumber {
             noise_alone: false,
             region: None,
         }
+    }
+
+    /// A share of the light.
+    fn of_share(share: ShareNumber, quantity: impl Into<String>, value: f64) -> Self {
+        Self { share: Some(share), ..Self::new(Subject::Estimate, quantity, "", value) }
     }
 
     fn within(self, interval: [f64; 2]) -> Self {
@@ -126,6 +149,7 @@ fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
     let mut numbers = Vec::new();
     let add_with_error = |number: RunNumber, truth: Option<f64>, numbers: &mut Vec<RunNumber>| {
         let error = truth.map(|truth| RunNumber {
+            share: None,
             quantity: format!("{} less the true share", number.quantity),
             value: number.value.map(|value| value - truth),
             interval: number.interval.map(|ends| ends.map(|end| end - truth)),
@@ -142,7 +166,8 @@ fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
     let estimate = analysis.mixture.as_ref().and_then(|mixture| mixture.region).map(|region| region.estimate);
     if let Some(estimate) = estimate {
         let quantity = format!("{name} share on the mixture line");
-        let number = |value| RunNumber::new(Subject::Estimate, quantity, "", value);
+        let estimated = ShareNumber::Estimate(ShareOf::Sought);
+        let number = |value| RunNumber::of_share(estimated, quantity, value);
         let number = match &analysis.budget {
             Some(ErrorBudget { share, total_interval, .. }) => number(*share).within(*total_interval),
             None => number(estimate.position).within_noise(estimate.position_interval()),
@@ -150,12 +175,8 @@ fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
         add_with_error(number, truth, &mut numbers);
     }
     numbers.extend(truth.map(|share| {
-        RunNumber::new(
-            Subject::Estimate,
-            format!("True {target} share of the analyzed frame, which the simulation knows"),
-            "",
-            share,
-        )
+        let quantity = format!("True {target} share of the analyzed frame, which the simulation knows");
+        RunNumber::of_share(ShareNumber::Truth(ShareOf::Sought), quantity, share)
     }));
     numbers.extend(limit_numbers(analysis, target));
     let terms =
@@ -167,10 +188,12 @@ fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
             names => format!("the bulk of {} fluorophores", names.len()),
         };
         let quantity = format!("Share of {names}, unmixed from all signals");
-        let number = RunNumber::new(Subject::Estimate, quantity, "", term.share);
+        let of = ShareOf::Term(names.clone());
+        let number = RunNumber::of_share(ShareNumber::Estimate(of.clone()), quantity, term.share);
         add_with_error(number.within_noise(term.share_interval), term.true_share, &mut numbers);
-        let truth = format!("{TRUE_SHARE} of {names} in all signals, which the simulation knows");
-        numbers.extend(term.true_share.map(|share| RunNumber::new(Subject::Estimate, truth, "", share)));
+        let truth = format!("True share of {names} in all signals, which the simulation knows");
+        let true_share = |share| RunNumber::of_share(ShareNumber::Truth(of), truth, share);
+        numbers.extend(term.true_share.map(true_share));
     }
     numbers
 }
@@ -178,7 +201,8 @@ fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
 /// The share if the region is tissue of a known site. Where none can't be excluded there is only a limit.
 fn posterior_number(posterior: &SharePosterior, name: &str) -> RunNumber {
     let quantity = format!("{name} share of the light");
-    let number = RunNumber::new(Subject::Estimate, quantity, "", posterior.median).within(posterior.interval);
+    let estimated = ShareNumber::Estimate(ShareOf::Sought);
+    let number = RunNumber::of_share(estimated, quantity, posterior.median).within(posterior.interval);
     if posterior.is_no_estimate() {
         return RunNumber { value: None, interval: None, words: Some("no estimate".into()), ..number };
     }

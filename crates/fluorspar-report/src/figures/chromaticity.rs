@@ -1,5 +1,7 @@
 //! Sensor chromaticity of the pixels of a region among the predicted fluorophores.
 
+use fluorspar::analysis::SoughtFluorophore;
+
 use crate::{Axis, Dash, Figure, Ink, Label, Panel, Series, SeriesShape};
 
 /// Contents of a chromaticity plot.
@@ -11,8 +13,8 @@ pub struct ChromaticityPlot {
     pub pixels: Vec<[f64; 2]>,
     /// Name and predicted `(r, g)` of each fluorophore.
     pub fluorophores: Vec<(String, [f64; 2])>,
-    /// The fluorophore at the end of the line, in a word.
-    pub target: String,
+    /// The fluorophore at the end of the line.
+    pub target: SoughtFluorophore,
     /// `(r, g)` of bulk and of the target: the ends of the line on which mixtures lie.
     pub mixture_line: Option<[[f64; 2]; 2]>,
     /// Outline of an ellipse that shows how the pixels spread; empty for none.
@@ -30,7 +32,7 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
     if let Some(limits) = part(plot) {
         panels.push(panel(plot, limits, DOTS_OF_PART, false).titled("where the pixels lie"));
     }
-    let target = if plot.target.is_empty() { "porphyrin" } else { &plot.target };
+    let target = &plot.target;
     let fluorophores = match (plot.mixture_line, plot.fluorophores.is_empty()) {
         (Some(_), _) => format!(
             "Colored points show where each fluorophore alone would lie. Any mixture of two lies on the straight line between them, so \
@@ -80,7 +82,7 @@ fn panel(plot: &ChromaticityPlot, [x, y]: [[f64; 2]; 2], most: usize, is_whole: 
             shape: SeriesShape::Dots { points, radius: 1.1, opacity },
         });
     }
-    let target = if plot.target.is_empty() { "porphyrin" } else { &plot.target };
+    let target = &plot.target;
     if let Some([bulk, end]) = plot.mixture_line {
         let name = format!("mixtures of bulk and {target}");
         panel = panel.with(Series::dashed(name, Ink::Muted, vec![bulk, end], Dash::Dashed));

@@ -2,7 +2,8 @@
 
 use fluorspar::analysis::{
     ASSUMED_GAIN, Analysis, ErrorBudget, LineEstimate, MixtureSummary, OtherLight, PorphyrinTruth,
-    SharePosterior, SignalSummary, SpotSeparation, Statistics, TargetDetection, UnmixedTerm,
+    SharePosterior, SignalSummary, SoughtFluorophore, SpotSeparation, Statistics, TargetDetection,
+    UnmixedTerm,
 };
 
 use super::report_data::{Number, NumberMatrix, NumberTable, Origin, ReportItem, Section};
@@ -15,6 +16,7 @@ pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>, from: Fra
         FrameOrigin::Simulated => "the simulated sensor image, in the way they would be from a recorded one",
         FrameOrigin::Given => "recorded frames",
     };
+    let sought = &analysis.sought;
     // Say what a camera would not have
     let known: Vec<&str> = [
         analysis.mixture.as_ref().map(|_| "the ends of the line"),
@@ -46,20 +48,23 @@ pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>, from: Fra
         section = section.with(ReportItem::Matrix(target_matrix(&analysis.targets)));
     }
     if let Some(posterior) = &analysis.posterior {
-        section = section.with(table("Porphyrin in tissue that is not known", posterior_rows(posterior)));
+        section = section.with(table(
+            &format!("{} in tissue that is not known", sought.capitalized()),
+            posterior_rows(posterior, sought),
+        ));
     }
     if let Some(mixture) = &analysis.mixture {
         // Amounts in layered tissue are factors on what it holds: their ratio tells nothing.
         let with_amounts = analysis.posterior.is_none();
-        let mut rows = mixture_rows(mixture, analysis.counts.valid, with_amounts);
+        let mut rows = mixture_rows(mixture, analysis.counts.valid, with_amounts, sought);
         rows.extend(detection_row(analysis));
-        section = section.with(table("Porphyrin share on the mixture line", rows));
+        section = section.with(table(&format!("{} share on the mixture line", sought.capitalized()), rows));
     }
     if let Some(truth) = &analysis.truth {
-        section = section.with(table("What the simulation knows", truth_rows(truth)));
+        section = section.with(table("What the simulation knows", truth_rows(truth, sought)));
     }
     if let Some(budget) = &analysis.budget {
-        section = section.with(table("What moves the estimate on the line", budget_rows(budget)));
+        section = section.with(table("What moves the estimate on the line", budget_rows(budget, sought)));
     }
     if !analysis.spots.is_empty() {
         section = section.with(table("How well two spots are told apart", spot_rows(&analysis.spots)));
@@ -100,13 +105,13 @@ fn range([low, high]: [f64; 2]) -> String {
     format!("{low:.3} to {high:.3}")
 }
 
-fn posterior_rows(posterior: &SharePosterior) -> Vec<Number> {
+fn posterior_rows(posterior: &SharePosterior, sought: &SoughtFluorophore) -> Vec<Number> {
     let mut rows = vec![Number::computed(
-        "Porphyrin share of the light",
+        format!("{} share of the light", sought.capitalized()),
         posterior.finding(),
         "",
         format!(
-            "Electrons of porphyrin light over those of all fluorescence of the region. The interval holds sensor noise, leak, indirect \
+            "Electrons of {sought} light over those of all fluorescence of the region. The interval holds sensor noise, leak, indirect \
              light, the variety of tissue and errors of the library of spectra. From {}. Assumed beforehand: {}.",
             posterior.frames_in_words(),
             posterior.prior
@@ -128,7 +133,7 @@ fn posterior_rows(posterior: &SharePosterior) -> Vec<Number> {
     });
     rows.extend([
         Number::computed(
-            "No porphyrin",
+            format!("No {sought}"),
             format!("{:.0}", 100.0 * posterior.probability_of_none),
             "%",
             format!(
@@ -183,10 +188,10 @@ fn posterior_rows(posterior: &SharePosterior) -> Vec<Number> {
     rows
 }
 
-fn truth_rows(truth: &PorphyrinTruth) -> Vec<Number> {
+fn truth_rows(truth: &PorphyrinTruth, sought: &SoughtFluorophore) -> Vec<Number> {
     let [low, high] = truth.share_with_light_that_fluoresced_twice;
     vec![Number::computed(
-        "True porphyrin share",
+        format!("True {sought} share"),
         format!("{:.4}", truth.share),
         "",
         format!(
@@ -196,7 +201,7 @@ fn truth_rows(truth: &PorphyrinTruth) -> Vec<Number> {
     )]
 }
 
-fn budget_rows(budget: &ErrorBudget) -> Vec<Number> {
+fn budget_rows(budget: &ErrorBudget, sought: &SoughtFluorophore) -> Vec<Number> {
     let signed = |value: f64| format!("{value:+.4}").replace('-', "−");
     let [low, high] = budget.total_interval.map(|end| format!("{end:.4}").replace('-', "−"));
     let mut rows = vec![
@@ -204,8 +209,10 @@ fn budget_rows(budget: &ErrorBudget) -> Vec<Number> {
             "Share on the line, total interval",
             format!("{} ({low} to {high})", format!("{:.4}", budget.share).replace('-', "−")),
             "",
-            "Share of the electrons that the porphyrin emitted, with all that follows, added as squares. The variety of tissue and \
-             errors of the library of spectra are not in it.",
+            format!(
+                "Share of the electrons that the {sought} emitted, with all that follows, added as squares. The variety of tissue and \
+                 errors of the library of spectra are not in it."
+            ),
         ),
         Number::computed(
             "Sensor noise",
@@ -228,14 +235,17 @@ fn budget_rows(budget: &ErrorBudget) -> Vec<Number> {
         "Blank",
         format!("{:.4}", budget.blank).replace('-', "−"),
         "",
-        "The estimate from the same light without that of the porphyrin.",
+        format!("The estimate from the same light without that of the {sought}."),
     ));
     rows
 }
 
 /// The detection limit, of simulated frames as of recorded ones, whose blank nobody knows.
 fn detection_row(analysis: &Analysis) -> Option<Number> {
-    let meaning = "So far beyond the blank sensor noise mistakes neither a blank for porphyrin nor porphyrin for a blank in more than 5 % of cases.";
+    let sought = &analysis.sought;
+    let meaning = format!(
+        "So far beyond the blank sensor noise mistakes neither a blank for {sought} nor {sought} for a blank in more than 5 % of cases."
+    );
     let limit = analysis.detection_limit()?;
     Some(Number::computed(
         "Detection limit, noise alone",
@@ -490,7 +500,12 @@ fn chromaticity_rows(analysis: &Analysis) -> Vec<Number> {
     rows
 }
 
-fn mixture_rows(mixture: &MixtureSummary, valid: usize, with_amounts: bool) -> Vec<Number> {
+fn mixture_rows(
+    mixture: &MixtureSummary,
+    valid: usize,
+    with_amounts: bool,
+    sought: &SoughtFluorophore,
+) -> Vec<Number> {
     let mut rows = Vec::new();
     if let Some(region) = &mixture.region {
         let estimate = &region.estimate;
@@ -499,11 +514,13 @@ fn mixture_rows(mixture: &MixtureSummary, valid: usize, with_amounts: bool) -> V
             "Share, region as a whole",
             format!("{:.4} ({low} to {high})", estimate.position).replace('-', "−"),
             "",
-            "Electrons of porphyrin light over those of porphyrin and bulk, from the region's mean color, as if the bulk were known; with \
-             the 95 % interval that the sensor's noise leaves. Errors of the model are not in it.",
+            format!(
+                "Electrons of {sought} light over those of {sought} and bulk, from the region's mean color, as if the bulk were known; with \
+                 the 95 % interval that the sensor's noise leaves. Errors of the model are not in it."
+            ),
         ));
         if with_amounts {
-            rows.extend(amount_rows(mixture, estimate));
+            rows.extend(amount_rows(mixture, estimate, sought));
         }
     }
     if let Some(s) = &mixture.distance {
@@ -512,8 +529,10 @@ fn mixture_rows(mixture: &MixtureSummary, valid: usize, with_amounts: bool) -> V
             "Distance from the line",
             format!("{:.4}{spread}", s.mean).replace('-', "−"),
             "r, g",
-            "How far pixels lie beside the line between bulk and porphyrin. Far from zero, something else is in the light: \
-             reflected light, or another bulk than assumed.",
+            format!(
+                "How far pixels lie beside the line between bulk and {sought}. Far from zero, something else is in the light: \
+                 reflected light, or another bulk than assumed."
+            ),
         ));
     }
     rows.push(Number::computed(
@@ -527,33 +546,39 @@ fn mixture_rows(mixture: &MixtureSummary, valid: usize, with_amounts: bool) -> V
             "Angle to the line",
             format!("{angle:.1}"),
             "degrees",
-            "Between the long axis of the cloud and the line. Small when pixels differ mainly in porphyrin.",
+            format!("Between the long axis of the cloud and the line. Small when pixels differ mainly in {sought}."),
         ));
     }
     rows.push(Number::computed(
         "Beyond an end",
         format!("{} of {valid}", mixture.clamped),
         "pixels",
-        "Pixels past the bulk or the porphyrin point; they count as lying at that end. Without porphyrin, noise puts half of them there.",
+        format!(
+            "Pixels past the bulk or the {sought} point; they count as lying at that end. Without {sought}, noise puts half of them there."
+        ),
     ));
     rows.push(Number::computed(
         "Length of the line",
         format!("{:.4}", mixture.length),
         "r, g",
-        "Distance between bulk and porphyrin. The longer it is beside the noise, the better this design tells them apart.",
+        format!(
+            "Distance between bulk and {sought}. The longer it is beside the noise, the better this design tells them apart."
+        ),
     ));
     rows
 }
 
 /// The ratio of amounts, which is no share of the light.
-fn amount_rows(mixture: &MixtureSummary, estimate: &LineEstimate) -> Vec<Number> {
+fn amount_rows(mixture: &MixtureSummary, estimate: &LineEstimate, sought: &SoughtFluorophore) -> Vec<Number> {
     let [low, high] = estimate.fraction_interval;
     let mut rows = vec![Number::computed(
         "Ratio of amounts",
         format!("{:.4} ({low:.4} to {high:.4})", estimate.fraction),
         "",
-        "Amount of porphyrin over the amounts of porphyrin and bulk, in the units of the catalogue (Lyu et al. 2021, Sec. 4.1): no share \
-         of the light, which depends on how bright a unit of each is.",
+        format!(
+            "Amount of {sought} over the amounts of {sought} and bulk, in the units of the catalogue (Lyu et al. 2021, Sec. 4.1): no \
+             share of the light, which depends on how bright a unit of each is."
+        ),
     )];
     if let Some(s) = &mixture.fraction {
         rows.push(Number::computed(

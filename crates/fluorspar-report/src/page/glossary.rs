@@ -1,5 +1,7 @@
 //! Words that a report uses.
 
+use fluorspar::analysis::SoughtFluorophore;
+
 use super::report_data::{Overview, ReportData, ReportItem, Section};
 
 /// A term, what a page must contain for it to be explained, and the explanation.
@@ -57,7 +59,11 @@ const TERMS: [Term; 8] = [
 
 /// The glossary of a page for readers from another field: terms that its text contains. `target` is the fluorophore that is looked
 /// for, if any, `bulk` the names of the others that it is told from.
-pub(crate) fn glossary_section(text: &str, target: Option<&str>, bulk: &[String]) -> Option<Section> {
+pub(crate) fn glossary_section(
+    text: &str,
+    target: Option<&SoughtFluorophore>,
+    bulk: &[String],
+) -> Option<Section> {
     let mut terms: Vec<(String, String)> = Vec::new();
     for (term, signs, meaning) in TERMS {
         if signs.iter().any(|sign| text.contains(sign)) {
@@ -72,7 +78,7 @@ pub(crate) fn glossary_section(text: &str, target: Option<&str>, bulk: &[String]
             format!("The fluorescence of {} together, from which {target} is told.", bulk.join(", "));
         terms.push(("Bulk".into(), meaning));
     }
-    if target == Some("porphyrin") && text.to_lowercase().contains("porphyrin") {
+    if target.is_some_and(SoughtFluorophore::is_porphyrin) && text.to_lowercase().contains("porphyrin") {
         let meaning = "Substances, in the mouth made mostly by bacteria, whose fluorescence is deep red.";
         terms.push(("Porphyrins".into(), meaning.into()));
     }
@@ -85,7 +91,7 @@ pub(crate) fn glossary_section(text: &str, target: Option<&str>, bulk: &[String]
 /// All words of a page but its experiment.
 pub(crate) fn plain_text(page: &ReportData) -> String {
     let mut text: Vec<String> = page.lead.clone();
-    text.extend(page.warnings.iter().cloned());
+    text.extend(page.warnings.iter().map(|warning| warning.text().to_owned()));
     if let Some(overview) = &page.overview {
         text.extend(overview_text(overview));
     }
@@ -134,14 +140,17 @@ mod tests {
 
     #[test]
     fn only_words_that_occur_are_explained() {
-        let section =
-            glossary_section("a sensor chromaticity of the bulk", Some("chlorophyll"), &["waxes".into()])
-                .unwrap();
+        let section = glossary_section(
+            "a sensor chromaticity of the bulk",
+            Some(&SoughtFluorophore::new("chlorophyll_a", "chlorophyll")),
+            &["waxes".into()],
+        )
+        .unwrap();
         let [ReportItem::Terms(terms)] = section.items.as_slice() else { panic!("{section:?}") };
         let names: Vec<&str> = terms.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(names, ["Sensor chromaticity (r, g)", "Bulk"]);
         assert!(terms[1].1.contains("waxes") && terms[1].1.contains("chlorophyll"));
-        assert_eq!(glossary_section("nothing", Some("porphyrin"), &[]), None);
+        assert_eq!(glossary_section("nothing", Some(&SoughtFluorophore::default()), &[]), None);
         // Nothing is looked for: no word of it, whatever the page says.
         assert_eq!(glossary_section("a bulk without porphyrin", None, &["waxes".into()]), None);
     }

@@ -17,6 +17,8 @@ const STYLE: &str = include_str!("style.css");
 
 /// Pictures narrower than this, px, are enlarged without smoothing, so that single pixels can be seen.
 const SMALL_PICTURE: u32 = 360;
+/// Longer warnings, in bytes, fold below their summary, where they have one.
+const LONGEST_WARNING: usize = 220;
 /// Width of a figure on a telephone, px: a screen of 390 less the margins of page and figure.
 const NARROW_FIGURE: f64 = 304.0;
 
@@ -56,16 +58,13 @@ impl ReportData {
         }
         html.push_str("<section class=\"warnings\" aria-label=\"Warnings\">\n<h2>Before you trust these numbers</h2>\n<ul>\n");
         for warning in &self.warnings {
-            // The first sentence says what it is about; the rest folds.
-            match warning.split_once(": ").filter(|(first, rest)| first.len() > 20 && rest.len() > 200) {
-                Some((first, rest)) => {
-                    let (first, rest) = (escape(first), escape(rest));
-                    let _ = writeln!(html, "<li><details><summary>{first}: </summary>{rest}</details></li>");
-                }
-                None => {
-                    let _ = writeln!(html, "<li>{}</li>", escape(warning));
-                }
-            }
+            let text = escape(warning.text());
+            let _ = if warning.has_details() && warning.text().len() > LONGEST_WARNING {
+                let summary = escape(warning.summary());
+                writeln!(html, "<li><details><summary>{summary}</summary>{text}</details></li>")
+            } else {
+                writeln!(html, "<li>{text}</li>")
+            };
         }
         html.push_str("</ul>\n</section>\n");
     }
@@ -339,6 +338,8 @@ fn write_matrix(html: &mut String, matrix: &NumberMatrix) {
 
 #[cfg(test)]
 mod tests {
+    use fluorspar_experiment::Warning;
+
     use super::*;
     use crate::{
         Answer, Axis, Contribution, Contributions, FrameView, Ink, MapOverlay, NumberMatrix, Origin,
@@ -398,7 +399,7 @@ mod tests {
             overview: Some(overview),
             lead: vec![evil.into()],
             headline: vec![number.clone()],
-            warnings: vec![evil.into()],
+            warnings: vec![Warning::summarized(format!("{evil} {}", "x".repeat(LONGEST_WARNING)), evil)],
             sections: vec![
                 Section::new(evil)
                     .folded(evil)

@@ -1,5 +1,7 @@
 //! Contents of a report, before layout.
 
+use fluorspar_experiment::Warning;
+
 use crate::Figure;
 
 /// A whole report.
@@ -14,7 +16,7 @@ pub struct ReportData {
     /// The few numbers that matter most.
     pub headline: Vec<Number>,
     /// Warnings about the reliability of the numbers.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
     /// The body.
     pub sections: Vec<Section>,
     /// Version, seed, scene hash and the like: name and value.

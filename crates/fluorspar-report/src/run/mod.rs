@@ -21,7 +21,6 @@ pub use folder::{
     RunFolderError, evaluation_json, regions_json, write_frame_report, write_run_components, write_run_folder,
 };
 pub use report::{NamedFigure, RunReport, run_report};
-pub use words::name_target;
 
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::Evaluation;

@@ -176,7 +176,7 @@ fn share_overlay(analyzed: &AnalyzedFrame, shown: &DisplayImage, words: &Words<'
         block => format!(", mean over {block} x {block} pixels of the sensor"),
     };
     Some(MapOverlay {
-        name: format!("{} share", capital(&target)),
+        name: format!("{} share", target.capitalized()),
         png: rgba_png(columns, rows, &pixels)?,
         frame: [
             map.left as f64 / shown.block as f64,
@@ -228,7 +228,7 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
             .collect();
         budget.retain(|(_, less)| *less > 0.005 * width && !posterior.is_no_estimate());
         return Some(Answer {
-            quantity: format!("{} share of the fluorescence, {region}", capital(&target)),
+            quantity: format!("{} share of the fluorescence, {region}", target.capitalized()),
             value,
             interval,
             truth,
@@ -260,7 +260,7 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
         }
     };
     Some(Answer {
-        quantity: format!("{} share of the fluorescence on the mixture line, {region}", capital(&target)),
+        quantity: format!("{} share of the fluorescence on the mixture line, {region}", target.capitalized()),
         value: format!("{:.4}", estimate.position).replace('-', "−"),
         interval: interval.replace('-', "−"),
         truth,
@@ -298,7 +298,7 @@ fn unmixed_answer(analysis: &Analysis, unmixing: &Unmixing, words: &Words<'_>) -
         titles.join(" + ")
     };
     let target = match words.wanted() {
-        Some(wanted) if term.fluorophores.len() == 1 => wanted,
+        Some(wanted) if term.fluorophores.len() == 1 => wanted.to_string(),
         _ => named(term),
     };
     let [low, high] = term.share_interval;

@@ -6,7 +6,7 @@ use fluorspar_experiment::ResolvedExperiment;
 
 use super::RunResults;
 use super::report::electrons;
-use super::words::{Words, capital};
+use super::words::Words;
 use crate::comparison::share_text;
 use crate::{NumberMatrix, ReportItem, Section};
 
@@ -42,9 +42,9 @@ pub fn regions_matrix(
     let words = Words::of(experiment);
     let of_region = |region: &AnalyzedRegion| {
         let plan = experiment.study.regions.iter().find(|plan| plan.name == region.name);
-        let own = plan.and_then(|plan| plan.analysis.porphyrin.as_deref());
+        let own = plan.filter(|plan| plan.analysis.porphyrin.is_some());
         // Another fluorophore than that of the analysis is named
-        let name = match own.map(|own| words.of_sought(own)) {
+        let name = match own.map(|plan| experiment.study.sought(&plan.analysis)) {
             Some(own) if words.wanted().as_ref() != Some(&own) => format!("{} ({own})", region.name),
             _ => region.name.clone(),
         };
@@ -68,7 +68,7 @@ pub fn regions_matrix(
     if columns.iter().any(|column| column == SHARE) {
         note += &format!(
             "{} share of the light of each region, where its tissue is known for all that is not known of it, else on the mixture line. ",
-            capital(&words.target())
+            words.target().capitalized()
         );
     }
     note += "Signal and signal to noise are those of the median pixel, saturated ones included: a lower limit where half of them are.";

@@ -7,8 +7,8 @@ use fluorspar::scene::Scene;
 use fluorspar::sensor::{SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, Fluorophore};
 use fluorspar::study::{Camera, Lens};
-use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_experiment::preset::{self, PresetKind};
+use fluorspar_experiment::{ResolvedExperiment, Warning};
 
 use super::dark_frames::dark_frames;
 use super::depth_section::depth_section;
@@ -69,20 +69,21 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     let words = &Words::of(run.experiment);
     let record = &run.experiment.record;
     let mut sections = sections(run, words, &mut builder);
-    let mut warnings: Vec<String> = record.warnings.iter().map(ToString::to_string).collect();
+    let mut warnings = record.warnings.clone();
     if let Some(analyzed) = &run.evaluation.analysis {
         let of_regions = region_warnings(&analyzed.analysis, &run.evaluation.regions);
         let all = analyzed.analysis.warnings.iter().chain(&of_regions);
-        warnings.extend(all.map(|warning| words.of_target(warning)));
+        warnings.extend(all.cloned().map(Warning::from));
     }
     let wanted = run.experiment.study.render.samples_per_pixel;
     if let Some(components) = run.components.filter(|c| c.samples_per_pixel < wanted) {
-        warnings.push(format!(
+        let text = format!(
             "The render was stopped early: {} of {wanted} samples per pixel.",
             components.samples_per_pixel
-        ));
+        );
+        warnings.push(text.into());
     }
-    warnings.extend(dark_frames(run.experiment, &run.evaluation.frames));
+    warnings.extend(dark_frames(run.experiment, &run.evaluation.frames).into_iter().map(Warning::from));
     let mut page = ReportData {
         title: record.title.clone(),
         overview: Some(overview(run, words)),
@@ -100,7 +101,7 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     page.sections.append(&mut sections);
     let bulk = run.experiment.study.analysis.as_ref().map_or(&[][..], |analysis| &analysis.bulk);
     let bulk: Vec<String> = bulk.iter().map(|(name, _)| title_of(run, name)).collect();
-    page.sections.extend(glossary_section(&plain_text(&page), words.wanted().as_deref(), &bulk));
+    page.sections.extend(glossary_section(&plain_text(&page), words.wanted().as_ref(), &bulk));
     RunReport { page, figures: builder.figures }
 }
 
@@ -360,14 +361,14 @@ fn result_section(
     let analysis = &analyzed.analysis;
     let mut figures = Vec::new();
     if !analyzed.chromaticity.chromaticity.is_empty() {
-        let plot = chromaticity_plot(run, words, analyzed);
+        let plot = chromaticity_plot(run, analyzed);
         let note = match analysis.mixture {
             Some(_) => "The sensor's noise spreads pixels about the line.",
             None => "The sensor's noise spreads pixels of one color.",
         };
         figures.push(builder.item("chromaticity", plot, note));
     }
-    if let Some(figure) = analyzed.porphyrin.as_ref().and_then(|map| share_map(map, &words.target())) {
+    if let Some(figure) = analyzed.porphyrin.as_ref().and_then(|map| share_map(map, &analysis.sought)) {
         figures.push(builder.item("share_map", figure, ""));
     }
     let region = &analysis.region_description;
@@ -377,11 +378,11 @@ fn result_section(
         }
         _ => format!("{region}; {} pixels", analysis.counts.valid),
     };
-    words.section_of_target(analysis_section(analysis, figures, run.frames_from).folded(note))
+    analysis_section(analysis, figures, run.frames_from).folded(note)
 }
 
 /// Pixels of the region, fluorophores and their line by sensor chromaticity.
-fn chromaticity_plot(run: &RunResults<'_>, words: &Words<'_>, analyzed: &AnalyzedFrame) -> Figure {
+fn chromaticity_plot(run: &RunResults<'_>, analyzed: &AnalyzedFrame) -> Figure {
     let analysis = &analyzed.analysis;
     let points = analyzed.region.pixels.iter().filter_map(|&pixel| analyzed.chromaticity.at(pixel)).collect();
     chromaticity(&ChromaticityPlot {
@@ -392,7 +393,7 @@ fn chromaticity_plot(run: &RunResults<'_>, words: &Words<'_>, analyzed: &Analyze
             .iter()
             .filter_map(|f| f.chromaticity.map(|point| (title_of(run, &f.name), point)))
             .collect(),
-        target: words.target(),
+        target: analysis.sought.clone(),
         mixture_line: analysis.mixture.as_ref().map(|m| [m.bulk, m.porphyrin]),
         ellipse: analysis.ellipse.map(|e| e.outline(ELLIPSE_95, 90)).unwrap_or_default(),
     })

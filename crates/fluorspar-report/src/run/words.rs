@@ -1,11 +1,11 @@
 //! What ran, in words: lights by wavelength, filters, scene, the fluorophore that is looked for.
 
+use fluorspar::analysis::SoughtFluorophore;
 use fluorspar::spectral::Curve;
 use fluorspar::study::Capture;
 use fluorspar_experiment::ResolvedExperiment;
 
 use super::{FrameOrigin, RunResults};
-use crate::{NumberTable, ReportItem, Section};
 
 /// Lights whose half maximum is wider are called by what they cover, not by a peak, nm.
 const NARROW_LIGHT_NM: f64 = 80.0;
@@ -132,55 +132,22 @@ impl<'a> Words<'a> {
         })
     }
 
-    /// The fluorophore whose share is estimated: "porphyrin" for all kinds of it, else its title. `None` where no share is asked for.
-    pub(super) fn wanted(&self) -> Option<String> {
-        Some(self.of_sought(self.experiment.study.analysis.as_ref()?.porphyrin.as_deref()?))
-    }
-
-    /// A fluorophore whose share is asked for: "porphyrin" for all kinds of it, else its title.
-    pub(super) fn of_sought(&self, name: &str) -> String {
-        if name.contains("porphyrin") { "porphyrin".into() } else { self.title(name) }
+    /// The fluorophore whose share is estimated; `None` where no share is asked for.
+    pub(super) fn wanted(&self) -> Option<SoughtFluorophore> {
+        let study = &self.experiment.study;
+        let plan = study.analysis.as_ref().filter(|plan| plan.porphyrin.is_some())?;
+        Some(study.sought(plan))
     }
 
     /// The same in texts that stand only where a share is asked for.
-    pub(super) fn target(&self) -> String {
-        self.wanted().unwrap_or_else(|| "porphyrin".into())
+    pub(super) fn target(&self) -> SoughtFluorophore {
+        self.wanted().unwrap_or_default()
     }
 
     /// The title of a fluorophore.
     pub(super) fn title(&self, name: &str) -> String {
         let found = self.experiment.study.scene.fluorophores.iter().find(|f| f.name == name);
         found.map_or_else(|| name.replace('_', " "), |f| f.title.clone())
-    }
-
-    /// A text about porphyrin as one about the fluorophore that is looked for.
-    pub(super) fn of_target(&self, text: &str) -> String {
-        let target = self.target();
-        if target == "porphyrin" {
-            return text.into();
-        }
-        text.replace("Porphyrin", &capital(&target)).replace("porphyrin", &target)
-    }
-
-    /// A section likewise.
-    pub(super) fn section_of_target(&self, section: Section) -> Section {
-        let items = section.items.into_iter().map(|item| match item {
-            ReportItem::Paragraph(text) => ReportItem::Paragraph(self.of_target(&text)),
-            ReportItem::Table(table) => ReportItem::Table(NumberTable {
-                caption: self.of_target(&table.caption),
-                rows: table
-                    .rows
-                    .into_iter()
-                    .map(|row| crate::Number {
-                        name: self.of_target(&row.name),
-                        meaning: self.of_target(&row.meaning),
-                        ..row
-                    })
-                    .collect(),
-            }),
-            other => other,
-        });
-        Section { items: items.collect(), title: section.title, note: section.note }
     }
 
     /// The sentences under the title: what was recorded, by what.
@@ -235,11 +202,6 @@ impl<'a> Words<'a> {
         }
         vec![sentence + "."]
     }
-}
-
-/// A text about porphyrin as one about the fluorophore that an experiment looks for.
-pub fn name_target(experiment: &ResolvedExperiment, text: &str) -> String {
-    Words::of(experiment).of_target(text)
 }
 
 /// A spectrum by its peak and width, or by its range.

@@ -1,10 +1,13 @@
 //! The line that mixtures of bulk and porphyrin fluorescence follow in sensor chromaticity, and where on it a pixel lies.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{
-    ChannelNoise, MissingChannel, PixelSelection, chromaticity_covariance, rgb_channels, sensor_chromaticity,
+    ChannelNoise, MissingChannel, PixelSelection, SoughtFluorophore, chromaticity_covariance, rgb_channels,
+    sensor_chromaticity,
 };
 use crate::image::ChannelImage;
 use crate::sampling::Z_95;
@@ -64,8 +67,8 @@ pub enum MixtureError {
          filter's pass band, or its weight zero?"
     )]
     Dark {
-        /// "bulk" or "porphyrin".
-        end: &'static str,
+        /// Which end.
+        end: MixtureEnd,
         /// The response.
         rgb: [f64; 3],
     },
@@ -77,10 +80,12 @@ pub enum MixtureError {
     NoBulk,
     /// Both ends have the same chromaticity.
     #[error(
-        "bulk and porphyrin have the same sensor chromaticity ({r:.4}, {g:.4}) through these filters and this sensor; \
+        "bulk and {sought} have the same sensor chromaticity ({r:.4}, {g:.4}) through these filters and this sensor; \
          mixtures cannot be distinguished"
     )]
     SameChromaticity {
+        /// What is told from the bulk.
+        sought: SoughtFluorophore,
         /// r of both.
         r: f64,
         /// g of both.
@@ -94,6 +99,38 @@ pub enum MixtureError {
         /// All names.
         available: Vec<String>,
     },
+}
+
+/// An end of the line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum MixtureEnd {
+    /// The bulk of the tissue.
+    Bulk,
+    /// The fluorophore whose share is estimated.
+    Sought(SoughtFluorophore),
+}
+
+impl fmt::Display for MixtureEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bulk => f.write_str("bulk"),
+            Self::Sought(sought) => sought.fmt(f),
+        }
+    }
+}
+
+impl MixtureError {
+    /// The same error of the line to another fluorophore than the porphyrin.
+    #[must_use]
+    pub fn of(self, sought: &SoughtFluorophore) -> Self {
+        match self {
+            Self::Dark { end: MixtureEnd::Sought(_), rgb } => {
+                Self::Dark { end: MixtureEnd::Sought(sought.clone()), rgb }
+            }
+            Self::SameChromaticity { r, g, .. } => Self::SameChromaticity { sought: sought.clone(), r, g },
+            other => other,
+        }
+    }
 }
 
 /// Mixtures `a_b B + a_p P` of a bulk response `B` and a porphyrin response `P`.
@@ -152,11 +189,12 @@ impl MixtureLine {
     /// # Errors
     /// When an end is dark or both have the same chromaticity.
     pub fn new(bulk_rgb: [f64; 3], porphyrin_rgb: [f64; 3]) -> Result<Self, MixtureError> {
-        let bulk = sensor_chromaticity(bulk_rgb).ok_or(MixtureError::Dark { end: "bulk", rgb: bulk_rgb })?;
-        let porphyrin = sensor_chromaticity(porphyrin_rgb)
-            .ok_or(MixtureError::Dark { end: "porphyrin", rgb: porphyrin_rgb })?;
+        let end = |end: MixtureEnd, rgb| sensor_chromaticity(rgb).ok_or(MixtureError::Dark { end, rgb });
+        let bulk = end(MixtureEnd::Bulk, bulk_rgb)?;
+        let porphyrin = end(MixtureEnd::Sought(SoughtFluorophore::default()), porphyrin_rgb)?;
         if (bulk[0] - porphyrin[0]).hypot(bulk[1] - porphyrin[1]) < 1e-6 {
-            return Err(MixtureError::SameChromaticity { r: bulk[0], g: bulk[1] });
+            let sought = SoughtFluorophore::default();
+            return Err(MixtureError::SameChromaticity { sought, r: bulk[0], g: bulk[1] });
         }
         Ok(Self { bulk_rgb, porphyrin_rgb, bulk, porphyrin })
     }

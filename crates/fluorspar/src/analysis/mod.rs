@@ -38,6 +38,7 @@ mod region_light;
 mod region_of_interest;
 mod region_shape;
 mod share_posterior;
+mod sought_fluorophore;
 mod spectral_mixture;
 mod spectral_overlap;
 mod spot_separation;
@@ -59,14 +60,15 @@ pub use error_budget::{BudgetInput, BudgetItem, ErrorBudget};
 pub use family_average::{FamilyAverage, TissueDoubt, TissueEvidence};
 pub use light_family::{CubicTerms, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
 pub use mixture_line::{
-    DETECTION_Z, FluorophoreResponse, LineEstimate, MixtureError, MixtureLine, PorphyrinLayers, PorphyrinMap,
-    channel_response,
+    DETECTION_Z, FluorophoreResponse, LineEstimate, MixtureEnd, MixtureError, MixtureLine, PorphyrinLayers,
+    PorphyrinMap, channel_response,
 };
 pub use pixel_mean::{PixelMean, mean_of_pixels};
 pub use region_light::{PorphyrinTruth, RegionLight};
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
 pub use region_shape::{PixelMask, Polygon};
 pub use share_posterior::{BlindDirection, IntervalWithout, ShareInterval, SharePosterior};
+pub use sought_fluorophore::SoughtFluorophore;
 pub use spectral_mixture::{
     BloodBefore, ComponentSet, ComponentSets, FitChiSquare, FitError, FittedBlood, FittedWeight,
     MixtureComponent, MixtureFit, ResidualCorrelation, ResidualScatter, SetMembership, SpectralMixture,

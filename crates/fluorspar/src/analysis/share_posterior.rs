@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use statrs::function::erf::erfc;
 
+use super::SoughtFluorophore;
 use super::family_average::{FamilyAverage, TissueDoubt};
 use super::light_family::{FamilyPoint, LightFamily, NuisanceGroup};
 
@@ -60,7 +61,7 @@ pub struct SharePosterior {
 impl SharePosterior {
     /// What makes the result doubtful.
     #[must_use]
-    pub fn warnings(&self) -> Vec<String> {
+    pub fn warnings(&self, sought: &SoughtFluorophore) -> Vec<String> {
         let other = self.doubt.as_ref().and_then(TissueDoubt::warning);
         let foreign = self.foreign.then(|| {
             format!(
@@ -71,7 +72,7 @@ impl SharePosterior {
                 self.data,
                 match self.explained_by() {
                     Some(tissue) => format!("The estimate is an average over tissues, of which {tissue} explains the light."),
-                    None => "The porphyrin share is not to be trusted.".into(),
+                    None => format!("The {sought} share is not to be trusted."),
                 }
             )
         });
@@ -130,17 +131,18 @@ impl SharePosterior {
 
     /// The result in words, one line each.
     #[must_use]
-    pub fn lines(&self) -> Vec<String> {
+    pub fn lines(&self, sought: &SoughtFluorophore) -> Vec<String> {
         let [wide_low, wide_high] = self.with_prior_twice_as_wide;
         let mut lines = vec![format!(
-            "Porphyrin share of the light: {}, for {} from {}",
+            "{} share of the light: {}, for {} from {}",
+            sought.capitalized(),
             self.finding(),
             self.prior,
             self.frames_in_words()
         )];
         if !self.is_no_estimate() {
             lines.push(format!(
-                "  no porphyrin: {:.0} % probable ({:.0} % before the measurement); with a prior twice as wide {wide_low:.3} to \
+                "  no {sought}: {:.0} % probable ({:.0} % before the measurement); with a prior twice as wide {wide_low:.3} to \
                  {wide_high:.3}",
                 100.0 * self.probability_of_none,
                 100.0 * self.prior_probability_of_none

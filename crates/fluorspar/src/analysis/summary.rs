@@ -9,8 +9,8 @@ use super::{
     ChannelNoise, ChannelStatistics, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD,
     ErrorBudget, ExclusionCounts, FluorophoreResponse, LineEstimate, MissingChannel, MixtureError,
     MixtureLine, PixelSelection, PorphyrinMap, PorphyrinTruth, RegionError, RegionOfInterest,
-    RegionStatistics, SceneOnSensor, SharePosterior, SignalSummary, SpotSeparation, Statistics,
-    TargetDetection,
+    RegionStatistics, SceneOnSensor, SharePosterior, SignalSummary, SoughtFluorophore, SpotSeparation,
+    Statistics, TargetDetection,
 };
 use crate::image::ChannelImage;
 
@@ -41,6 +41,8 @@ pub struct MixtureModel {
     pub bulk_weights: Vec<(String, f64)>,
     /// Name of the porphyrin.
     pub porphyrin: String,
+    /// What texts call it.
+    pub sought: SoughtFluorophore,
     /// R, G, B of the light of the bulk and of the porphyrin as they reach the sensor from the region, by all ways, at any
     /// scale: they give the ends of the line their colors. `None`: the ends are those of flat samples under direct light.
     pub ends: Option<[[f64; 3]; 2]>,
@@ -57,7 +59,9 @@ impl MixtureModel {
         let direct = self.direct_line()?;
         match self.ends {
             None => Ok(direct),
-            Some([bulk, porphyrin]) => direct.with_colors(bulk, porphyrin),
+            Some([bulk, porphyrin]) => {
+                direct.with_colors(bulk, porphyrin).map_err(|error| error.of(&self.sought))
+            }
         }
     }
 
@@ -67,6 +71,7 @@ impl MixtureModel {
     /// As [`Self::line`].
     pub fn direct_line(&self) -> Result<MixtureLine, MixtureError> {
         MixtureLine::from_fluorophores(&self.responses, &self.bulk_weights, &self.porphyrin)
+            .map_err(|error| error.of(&self.sought))
     }
 }
 
@@ -134,6 +139,9 @@ pub struct Analysis {
     /// those of the sensor of the experiment.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub gain_is_assumed: bool,
+    /// What texts call the fluorophore whose share is estimated; results leave the porphyrin out.
+    #[serde(default, skip_serializing_if = "SoughtFluorophore::is_porphyrin")]
+    pub sought: SoughtFluorophore,
     /// The region in words.
     pub region_description: String,
     /// The requested value.
@@ -220,18 +228,19 @@ impl Analysis {
         if let Some(truth) = &self.truth {
             let [low, high] = truth.share_with_light_that_fluoresced_twice;
             lines.push(format!(
-                "True porphyrin share of the fluorescence electrons of the region in frame \"{}\": {:.4} ({low:.4} to {high:.4} with light \
+                "True {} share of the fluorescence electrons of the region in frame \"{}\": {:.4} ({low:.4} to {high:.4} with light \
                  that fluoresced twice)",
-                self.frame, truth.share
+                self.sought, self.frame, truth.share
             ));
         }
         if let Some(posterior) = &self.posterior {
-            lines.extend(posterior.lines());
+            lines.extend(posterior.lines(&self.sought));
         }
         if let Some(RegionFraction { estimate: e, .. }) = self.mixture.as_ref().and_then(|m| m.region) {
             let [low, high] = e.position_interval();
             lines.push(format!(
-                "Porphyrin share on the mixture line: {:.4} ({low:.4} to {high:.4} by sensor noise alone)",
+                "{} share on the mixture line: {:.4} ({low:.4} to {high:.4} by sensor noise alone)",
+                self.sought.capitalized(),
                 e.position
             ));
             if let Some(budget) = &self.budget {
@@ -317,6 +326,7 @@ pub(crate) fn analyze_pixels(
     let map = ChromaticityMap::of(image, settings.noise_threshold);
     let statistics = RegionStatistics::new(image, &map, selection);
     let mut warnings = exclusion_warnings(&statistics.counts);
+    let sought = model.map_or_else(SoughtFluorophore::default, |model| model.sought.clone());
 
     // Predict the mixture line from the fluorophores
     let line = match model.map(MixtureModel::line) {
@@ -324,7 +334,7 @@ pub(crate) fn analyze_pixels(
         Some(Ok(line)) => Some(line),
         Some(Err(error @ MixtureError::UnknownFluorophore { .. })) => return Err(error.into()),
         Some(Err(error)) => {
-            warnings.push(format!("No porphyrin share on a mixture line: {error}"));
+            warnings.push(format!("No {sought} share on a mixture line: {error}"));
             None
         }
     };
@@ -338,10 +348,10 @@ pub(crate) fn analyze_pixels(
             selection.pixels.iter().copied().filter(|&pixel| map.at(pixel).is_some()).collect();
         let mean = mean_of_pixels(image, &lit, &settings.noise, reflected)?;
         let summary = summarize(line, &estimates, mean, statistics.ellipse.as_ref());
-        warnings.extend(region_warnings(summary.region.as_ref(), image));
+        warnings.extend(region_warnings(summary.region.as_ref(), image, &sought));
         if summary.off_line * 20 > statistics.counts.valid {
             warnings.push(format!(
-                "{} of {} valid pixels lie off the bulk-porphyrin line by more than noise explains. Their light contains \
+                "{} of {} valid pixels lie off the bulk-{sought} line by more than noise explains. Their light contains \
                  something else: reflected light, or another bulk than assumed. Their shares on the line are biased.",
                 summary.off_line, statistics.counts.valid
             ));
@@ -354,6 +364,7 @@ pub(crate) fn analyze_pixels(
         frame: image.label.clone(),
         exposure_s: None,
         gain_is_assumed: false,
+        sought,
         region_description: settings.region.describe(),
         settings: settings.clone(),
         least_sum_dn: map.least_sum_dn,
@@ -395,7 +406,11 @@ fn exclusion_warnings(counts: &ExclusionCounts) -> Vec<String> {
 const LINE_TOLERANCE: f64 = 0.002;
 
 /// What makes the estimate of a region doubtful.
-fn region_warnings(region: Option<&RegionFraction>, image: &ChannelImage) -> Vec<String> {
+fn region_warnings(
+    region: Option<&RegionFraction>,
+    image: &ChannelImage,
+    sought: &SoughtFluorophore,
+) -> Vec<String> {
     let Some(RegionFraction { mean_rgb_dn, estimate, .. }) = region else { return Vec::new() };
     let mut warnings = Vec::new();
     for (name, mean) in ["R", "G", "B"].iter().zip(mean_rgb_dn) {
@@ -415,7 +430,7 @@ fn region_warnings(region: Option<&RegionFraction>, image: &ChannelImage) -> Vec
     let allowed = (3.0 * estimate.distance_standard_error).max(LINE_TOLERANCE);
     if estimate.distance.abs() > allowed {
         warnings.push(format!(
-            "The region lies {:.4} beside the bulk-porphyrin line, {:.0} times what noise explains: the share on that line is biased. \
+            "The region lies {:.4} beside the bulk-{sought} line, {:.0} times what noise explains: the share on that line is biased. \
              Only an estimate for tissue that is not known (analysis.tissue) allows for that",
             estimate.distance.abs(),
             estimate.distance.abs() / estimate.distance_standard_error
@@ -423,7 +438,7 @@ fn region_warnings(region: Option<&RegionFraction>, image: &ChannelImage) -> Vec
     }
     if estimate.position < 0.0 {
         warnings.push(format!(
-            "The estimate lies below zero, at {:.4} (standard error {:.4}): the bulk is not as assumed, or there is no porphyrin",
+            "The estimate lies below zero, at {:.4} (standard error {:.4}): the bulk is not as assumed, or there is no {sought}",
             estimate.position, estimate.position_standard_error
         ));
     }
@@ -492,6 +507,7 @@ mod tests {
             ],
             bulk_weights: vec![("elastin".into(), 0.8), ("FAD".into(), 0.2)],
             porphyrin: "porphyrins".into(),
+            sought: SoughtFluorophore::default(),
             ends: None,
         }
     }

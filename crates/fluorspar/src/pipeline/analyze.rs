@@ -12,8 +12,8 @@ use super::tissue_estimate::FamiliesOfFrames;
 use super::{CapturePlanes, CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{
     Analysis, AnalysisSettings, BudgetInput, ChromaticityMap, ErrorBudget, FluorophoreResponse, MixtureModel,
-    PixelSelection, PixelValidity, PorphyrinMap, RegionFraction, RegionLight, SceneOnSensor, analyze_pixels,
-    channel_response, rgb_channels,
+    PixelSelection, PixelValidity, PorphyrinMap, RegionFraction, RegionLight, SceneOnSensor,
+    SoughtFluorophore, analyze_pixels, channel_response, rgb_channels,
 };
 use crate::geometry::OrientedPoint;
 use crate::image::{ChannelImage, ComponentFactors, ComponentImage};
@@ -140,7 +140,9 @@ fn analyzed(
         }
         let (mut analysis, chromaticity, porphyrin) =
             analyze_pixels(image, &region, model.as_ref(), None, &analysis_settings)?;
-        analysis.truth = emitted.as_ref().and_then(RegionLight::truth);
+        let sought = study.sought(settings);
+        analysis.truth = emitted.as_ref().and_then(|light| light.truth(&sought));
+        analysis.sought = sought;
         if let (Some(model), Some(emitted)) = (&model, &emitted) {
             analysis.budget = budget(&analysis, model, emitted, image, &chromaticity, &region, k);
         }
@@ -161,9 +163,9 @@ fn analyzed(
     let is_lit = |pixel: usize| chromaticity.validity[pixel] == PixelValidity::Valid;
     let estimate = families?.and_then(|families| families.estimate(frames, noise, &is_lit, &region));
     if let Some(estimate) = &estimate {
-        analysis.warnings.extend(estimate.warnings());
+        analysis.warnings.extend(estimate.warnings(&analysis.sought));
     } else if analysis.mixture.is_some() {
-        analysis.warnings.extend(what_the_line_assumes(study, settings).map(String::from));
+        analysis.warnings.extend(what_the_line_assumes(study, settings));
     }
     analysis.posterior = estimate;
     let spots = compared_spots(study, settings, frames, scene)?;
@@ -176,25 +178,35 @@ fn analyzed(
 }
 
 /// What an estimate on the mixture line alone leaves out where the region is tissue, or may stand for it.
-const NO_BLOOD: &str = "The bulk is taken without blood, as that of a phantom is. Blood moves the color of real tissue along the very line on \
-                        which porphyrin is measured; give analysis.tissue the site of the tissue for an estimate that knows.";
+fn no_blood(sought: &SoughtFluorophore) -> String {
+    format!(
+        "The bulk is taken without blood, as that of a phantom is. Blood moves the color of real tissue along the very line on which \
+         {sought} is measured; give analysis.tissue the site of the tissue for an estimate that knows."
+    )
+}
+
 /// The same where the bulk is layered tissue of the scene.
-const ONE_TISSUE: &str = "The bulk is the tissue of the scene, as if its blood were known. Other blood moves the color along the very \
-                          line on which porphyrin is measured; give analysis.tissue a site of the catalogue for an estimate that knows.";
+fn one_tissue(sought: &SoughtFluorophore) -> String {
+    format!(
+        "The bulk is the tissue of the scene, as if its blood were known. Other blood moves the color along the very line on which \
+         {sought} is measured; give analysis.tissue a site of the catalogue for an estimate that knows."
+    )
+}
 
 /// The warning about an estimate on the mixture line alone; none where the bulk holds nothing that fluoresces in tissue, as dyes of a
 /// phantom do.
-fn what_the_line_assumes(study: &Study, settings: &AnalysisPlan) -> Option<&'static str> {
+fn what_the_line_assumes(study: &Study, settings: &AnalysisPlan) -> Option<String> {
+    let sought = study.sought(settings);
     let held = |part: &String| study.tissues.iter().any(|tissue| tissue.parts.contains(part));
     if settings.parts.iter().any(held) {
-        return Some(ONE_TISSUE);
+        return Some(one_tissue(&sought));
     }
     let of_tissue = |name: &str| {
         ["dorsal_tongue", "tooth"]
             .iter()
             .any(|site| Site::named(site).is_ok_and(|site| site.fluorophores().contains(&name)))
     };
-    settings.bulk.iter().any(|(name, amount)| *amount > 0.0 && of_tissue(name)).then_some(NO_BLOOD)
+    settings.bulk.iter().any(|(name, amount)| *amount > 0.0 && of_tissue(name)).then(|| no_blood(&sought))
 }
 
 /// Colors of the ends of the line as the light of the region has them at the sensor. A porphyrin that is not there has the color of
@@ -309,5 +321,6 @@ fn mixture_model(
             Some(FluorophoreResponse { name: fluorophore.name.clone(), rgb_per_amount })
         })
         .collect();
-    Some(MixtureModel { responses, bulk_weights: settings.bulk.clone(), porphyrin, ends: None })
+    let sought = study.sought(settings);
+    Some(MixtureModel { responses, bulk_weights: settings.bulk.clone(), porphyrin, sought, ends: None })
 }

@@ -29,6 +29,7 @@ pub use program::{
 pub use study_tissue::StudyTissue;
 pub use target::{Target, TargetPlace};
 
+use crate::analysis::SoughtFluorophore;
 use crate::render::RenderSettings;
 use crate::scene::Scene;
 use crate::sensor::CaptureSequence;
@@ -92,6 +93,18 @@ impl Study {
     /// The capture of a name.
     pub fn capture(&self, label: &str) -> Option<&Capture> {
         self.captures.iter().find(|capture| capture.frame.label == label)
+    }
+
+    /// What texts call the fluorophore whose share an analysis of this study looks for; the porphyrin where it looks for none.
+    #[must_use]
+    pub fn sought(&self, plan: &AnalysisPlan) -> SoughtFluorophore {
+        let Some(name) = &plan.porphyrin else { return SoughtFluorophore::default() };
+        let known = self.scene.fluorophores.iter().chain(&plan.fluorophores);
+        let titles: Vec<(&str, &str)> = known.map(|f| (f.name.as_str(), f.title.as_str())).collect();
+        match titles.iter().find(|(known, _)| known == name) {
+            Some((_, title)) => SoughtFluorophore::new(name, title),
+            None => SoughtFluorophore::new(name, &name.replace('_', " ")),
+        }
     }
 
     /// The capture that is analyzed.

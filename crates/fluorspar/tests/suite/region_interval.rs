@@ -3,7 +3,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "these are tests")]
 
 use fluorspar::analysis::{
-    AnalysisSettings, ChannelNoise, FluorophoreResponse, MixtureModel, RegionOfInterest, analyze_region,
+    AnalysisSettings, ChannelNoise, FluorophoreResponse, MixtureModel, RegionOfInterest, SoughtFluorophore,
+    analyze_region,
 };
 use fluorspar::image::SensorImage;
 use fluorspar::sensor::{Demosaicing, Development, ElectronRate, Exposure, Sensor, SensorModel, SpectralQe};
@@ -38,6 +39,7 @@ fn mean_square_z(ambient_e_per_s: f64, subtract: bool) -> f64 {
         responses: vec![response("bulk", bulk), response("porphyrin", porphyrin)],
         bulk_weights: vec![("bulk".into(), 1.0)],
         porphyrin: "porphyrin".into(),
+        sought: SoughtFluorophore::default(),
         ends: None,
     };
     let truth = 0.3;

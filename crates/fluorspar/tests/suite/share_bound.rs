@@ -4,7 +4,9 @@
 //! present, and compare the middle 68 % of the errors, which a few wild draws don't rule as they rule a mean square.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
-use fluorspar::analysis::{FamilyAverage, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
+use fluorspar::analysis::{
+    FamilyAverage, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup, SoughtFluorophore,
+};
 use fluorspar::sampling::random::Key;
 use nalgebra::DMatrix;
 
@@ -200,8 +202,11 @@ fn the_average_over_one_and_the_same_family_is_that_family() {
         (named.posterior(&electrons, &variance).unwrap(), average.posterior(&electrons, &variance).unwrap());
     assert_eq!(alone.doubt, None);
     let doubt = found.doubt.as_ref().unwrap();
+    let sought = SoughtFluorophore::default();
     assert!(
-        (doubt.bayes_factor - 1.0).abs() < 1e-12 && !doubt.is_strong && found.warnings() == alone.warnings()
+        (doubt.bayes_factor - 1.0).abs() < 1e-12
+            && !doubt.is_strong
+            && found.warnings(&sought) == alone.warnings(&sought)
     );
     for (evidence, probability) in doubt.tissues.iter().zip([0.8, 0.1, 0.1]) {
         assert!((evidence.probability - probability).abs() < 1e-12, "{doubt:?}");
@@ -225,7 +230,7 @@ fn other_tissue_is_named_in_words() {
     let others = [other];
     let average = FamilyAverage { named: &named, others: &others, probability_of_named: 0.9 };
     let found = average.posterior(&electrons, &variance).unwrap();
-    let said = found.warnings().join(" ");
+    let said = found.warnings(&SoughtFluorophore::default()).join(" ");
     assert!(
         said.contains("not those of a test") && said.contains("another test explains its light"),
         "{said}"
