@@ -7,7 +7,7 @@ use fluorspar_experiment::{
     DEFAULT_DESIGN, DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, Experiment, FileRecord, ResolvedExperiment,
     ResolvedSample, is_sample, parse, parse_sample, resolve,
 };
-use fluorspar_format::{check_brackets, read_bounded, read_text_bounded};
+use fluorspar_format::{read_bounded, read_text_bounded, read_toml};
 use fluorspar_report::extract_experiment;
 
 use crate::error::CliError;
@@ -141,8 +141,7 @@ impl ExperimentSource {
         let of_experiments = ["object", "mouth", "material", "capture", "camera", "render"];
         let experiments = preset::names(PresetKind::Experiment);
         let is_experiment = !is_sample(&self.text)
-            && check_brackets(&self.text).is_ok()
-            && self.text.parse::<toml::Table>().is_ok_and(|table| {
+            && read_toml::<toml::Table>(&self.text).is_ok_and(|table| {
                 of_experiments.iter().any(|key| table.contains_key(*key))
                     || table
                         .get("base")

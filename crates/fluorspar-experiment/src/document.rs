@@ -10,7 +10,7 @@ use super::error::{
     BlamedOverride, ErrorDetails, ExperimentError, Message, Place, Step, path_text, step_text,
 };
 use fluorspar::units::number_text;
-use fluorspar_format::check_brackets;
+use fluorspar_format::read_toml_places;
 
 /// Longest text of an experiment, bytes.
 pub(super) const MAX_TEXT_BYTES: usize = 4 << 20;
@@ -291,21 +291,16 @@ pub(super) fn read_tree(text: &str, source: &TextSource, index: usize) -> Result
         );
         return Err(source.error(message));
     }
-    if let Err(deep) = check_brackets(text) {
-        let error = source.error(format!("invalid TOML: {deep}"));
-        return Err(if source.has_lines() { error.at_line(deep.line) } else { error });
-    }
-    let lines = Lines::of(text);
-    let table = DeTable::parse(text).map_err(|error| {
+    let table = read_toml_places(text).map_err(|error| {
         let message = format!("invalid TOML: {}", error.message().trim().replace('\n', ", "));
-        let line = error.span().map(|span| lines.line_of(span.start));
+        let line = error.line().filter(|_| source.has_lines());
         let error = source.error(message);
         match line {
-            Some(line) if source.has_lines() => error.at_line(line),
-            _ => error,
+            Some(line) => error.at_line(line),
+            None => error,
         }
     })?;
-    let reader = Reader { lines, source, index };
+    let reader = Reader { lines: Lines::of(text), source, index };
     let origin = Origin { source: index, line: 1 };
     Ok(Node { content: reader.table(table.get_ref(), 1)?, origin })
 }

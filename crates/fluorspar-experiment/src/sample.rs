@@ -33,7 +33,7 @@ use fluorspar::spectral::{
     TOOLBOX_STEP_NM, ToolboxEem, WavelengthGrid,
 };
 use fluorspar::study::{Camera, FlatSample, FluorescenceModel};
-use fluorspar_format::check_brackets;
+use fluorspar_format::read_toml;
 
 /// Quantity of a measured light spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -195,10 +195,7 @@ pub struct ResolvedSample {
 
 /// Whether a text is the file of a flat sample: it has a `[sample]` table.
 pub fn is_sample(text: &str) -> bool {
-    check_brackets(text).is_ok()
-        && text
-            .parse::<toml::Table>()
-            .is_ok_and(|table| table.get("sample").is_some_and(toml::Value::is_table))
+    read_toml::<toml::Table>(text).is_ok_and(|table| table.get("sample").is_some_and(toml::Value::is_table))
 }
 
 /// Reads the file of a flat sample and turns it into curves. Overrides and paths are as for an experiment.

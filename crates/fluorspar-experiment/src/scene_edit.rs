@@ -9,7 +9,7 @@ use super::error::{ExperimentError, Step, step_text};
 use super::read::{change_document, experiment_schema, parse, read_merged};
 use super::scene_change::{Edit, SceneChange};
 use super::shape::Schema;
-use fluorspar_format::check_brackets;
+use fluorspar_format::read_toml_document;
 
 /// The text of an experiment file after some changes. Everything that they do not touch stays as it was typed. Files of base
 /// experiments stay too: what they say is overridden, or removed by `remove = true`.
@@ -24,10 +24,13 @@ pub fn edit_experiment(
 ) -> Result<String, ExperimentError> {
     let schema = experiment_schema();
     let source = TextSource { name: source_name.into(), overriding: None, folder: None };
-    check_brackets(text).map_err(|deep| source.error(format!("invalid TOML: {deep}")).at_line(deep.line))?;
-    let mut edited = text
-        .parse::<DocumentMut>()
-        .map_err(|error| source.error(format!("invalid TOML: {}", error.message().trim())))?;
+    let mut edited = read_toml_document(text).map_err(|error| {
+        let invalid = source.error(format!("invalid TOML: {}", error.message().trim()));
+        match error.line() {
+            Some(line) => invalid.at_line(line),
+            None => invalid,
+        }
+    })?;
     let mut document = read_merged(schema, text, source_name, base_dir)?;
     for change in changes {
         let before = document.clone();

@@ -11,7 +11,7 @@ use super::read::{read_document, typed};
 use super::scene_change::SceneChange;
 use super::schema::FormatVersion;
 use super::shape::Schema;
-use fluorspar_format::{WRITTEN_BY, check_brackets};
+use fluorspar_format::{WRITTEN_BY, read_toml};
 
 /// A script: changes in their order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -114,8 +114,7 @@ pub fn script_text(changes: &[SceneChange]) -> String {
 /// A value as TOML: as it was typed where that is TOML, else as a text.
 fn typed_value(typed: &str) -> String {
     let is_toml = !typed.contains('\n')
-        && check_brackets(typed).is_ok()
-        && format!("value = {typed}").parse::<toml::Table>().is_ok_and(|table| table.len() == 1);
+        && read_toml::<toml::Table>(&format!("value = {typed}")).is_ok_and(|table| table.len() == 1);
     if is_toml { typed.into() } else { toml::Value::String(typed.into()).to_string() }
 }
 

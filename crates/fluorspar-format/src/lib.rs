@@ -66,7 +66,7 @@ mod stl;
 mod texture;
 mod tiff_directory;
 mod tiff_image;
-mod toml_brackets;
+mod toml_text;
 
 pub use cache::{Cache, count_as_program};
 pub use csv_eem::{AntiStokes, CsvEemOptions, EemUnit, MeasuredEem, read_eem_csv, refuse_scattered_light};
@@ -112,4 +112,4 @@ pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
 pub use spooled_image::SpooledImage;
 pub use stl::read_stl;
 pub use texture::read_texture;
-pub use toml_brackets::{DeepBrackets, check_brackets};
+pub use toml_text::{TomlError, read_toml, read_toml_document, read_toml_places};

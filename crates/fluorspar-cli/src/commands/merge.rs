@@ -1,12 +1,13 @@
 //! `fluorspar merge`: one image from the films of several processes.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::image::{ExcitationBin, Film};
 use fluorspar::pipeline::image_and_basis;
-use fluorspar_format::{Output, Provenance, check_brackets, check_room, read_film, write_film};
+use fluorspar_experiment::parse;
+use fluorspar_format::{Output, Provenance, check_room, read_film, write_film};
 
 use super::image_output::ImageOutput;
 use super::row_bands;
@@ -82,10 +83,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
 /// decided.
 fn check_complete(film: &Film, provenance: &Provenance, paths: &[PathBuf]) -> Result<(), CliError> {
     let text = &provenance.resolved_experiment_toml;
-    let adaptive = check_brackets(text).is_ok()
-        && text.parse::<toml::Table>().is_ok_and(|table| {
-            table.get("render").is_some_and(|render| render.get("relative_error").is_some())
-        });
+    let adaptive = parse(text, "the film's experiment", Path::new("."), &[])
+        .is_ok_and(|experiment| experiment.file.render.relative_error.is_some());
     let wanted = if adaptive { 1 } else { provenance.samples_per_pixel };
     for (tile, _) in film.tiles() {
         let what = match tile.samples.as_slice() {

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use fluorspar_experiment::Experiment;
+use fluorspar_format::read_toml;
 
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
@@ -78,7 +79,7 @@ fn region_option(text: &str) -> Result<RegionOption, CliError> {
 
 /// The fields of an inline table.
 fn fields_of_table(text: &str) -> Option<Vec<(String, String)>> {
-    let table: toml::Table = format!("region = {text}").parse().ok()?;
+    let table: toml::Table = read_toml(&format!("region = {text}")).ok()?;
     let fields = table.get("region")?.as_table()?;
     let value = |field: &str, value: &toml::Value| match value.as_str() {
         Some(path) if field == "mask" => super::quoted(&from_here(path)),

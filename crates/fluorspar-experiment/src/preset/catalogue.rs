@@ -5,6 +5,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use fluorspar::names::nearest_name;
+use fluorspar_format::read_toml;
 
 use super::kind::{PresetError, PresetKind};
 use super::user_entries::{user_entry, user_names};
@@ -80,7 +81,7 @@ pub(super) fn text(kind: PresetKind, name: &str) -> Result<&'static str, PresetE
 
 /// The file of an entry as a typed value.
 pub(super) fn parse<T: DeserializeOwned>(kind: PresetKind, name: &str) -> Result<T, PresetError> {
-    toml::from_str(text(kind, name)?).map_err(|error| damaged(kind, name, error.to_string()))
+    read_toml(text(kind, name)?).map_err(|error| damaged(kind, name, error.to_string()))
 }
 
 pub(super) fn damaged(kind: PresetKind, name: &str, message: impl Into<String>) -> PresetError {

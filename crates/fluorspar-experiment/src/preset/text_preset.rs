@@ -1,5 +1,6 @@
 //! Entries of the catalogue that are sections of an experiment file, or whole ones.
 
+use fluorspar_format::read_toml;
 use serde::{Deserialize, Serialize};
 
 use super::catalogue::{damaged, parse, text};
@@ -80,7 +81,7 @@ pub fn design(name: &str) -> Result<ExperimentPreset, PresetError> {
 
 fn whole_file(kind: PresetKind, name: &str) -> Result<ExperimentPreset, PresetError> {
     let text = text(kind, name)?;
-    let table: toml::Table = toml::from_str(text).map_err(|error| damaged(kind, name, error.to_string()))?;
+    let table: toml::Table = read_toml(text).map_err(|error| damaged(kind, name, error.to_string()))?;
     let field = |key: &str| table.get(key).and_then(toml::Value::as_str).unwrap_or_default().to_string();
     Ok(ExperimentPreset { name: name.into(), title: field("title"), description: field("description"), text })
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Fault;
-use crate::check_brackets;
+use crate::read_toml;
 use fluorspar::optics::{
     D_LINE_NM, Dispersion, FocusGap, FocusMechanism, LensPrescription, LensSurface, Medium,
 };
@@ -126,11 +126,7 @@ impl LensFile {
     /// # Errors
     /// The line, where one is to blame, and what is wrong.
     pub fn parse(text: &str) -> Result<Self, (Option<usize>, String)> {
-        check_brackets(text).map_err(|deep| (Some(deep.line), deep.to_string()))?;
-        toml::from_str(text).map_err(|error| {
-            let line = error.span().map(|span| text[..span.start.min(text.len())].matches('\n').count() + 1);
-            (line, error.message().to_string())
-        })
+        read_toml(text).map_err(|error| (error.line(), error.message().to_string()))
     }
 
     /// The text of the file.

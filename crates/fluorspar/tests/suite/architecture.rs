@@ -427,6 +427,25 @@ fn files_are_opened_and_written_in_one_place() {
     only_in(WRITING, MAY_WRITE, "write files with `fluorspar_format::write_atomically` and its like");
 }
 
+/// Ways to parse TOML, which end the stack where brackets are deep.
+const PARSING_TOML: &[&str] = &[
+    "toml::from_str",
+    "toml::de::from_str",
+    "DeTable::parse",
+    "DocumentMut::from_str",
+    "parse::<toml::",
+    "parse::<DocumentMut>",
+];
+
+#[test]
+fn toml_is_parsed_in_one_place() {
+    only_in(
+        PARSING_TOML,
+        &["fluorspar-format/src/toml_text.rs"],
+        "read TOML with `fluorspar_format::read_toml`",
+    );
+}
+
 /// Looks for code in other files than those that may have it.
 fn only_in(ways: &[&str], homes: &[&'static str], instead: &str) {
     let mut files = Vec::new();

@@ -9,7 +9,7 @@ use fluorspar_experiment::preset::{self, FluorophorePreset};
 use fluorspar_experiment::schema::{
     FilePath, FluorophoreSection, FluorophoreSource, MatSource, MatrixSource, TableSource,
 };
-use fluorspar_format::check_brackets;
+use fluorspar_format::read_toml;
 use serde::Serialize;
 use serde_json::json;
 
@@ -72,8 +72,7 @@ fn from_toml(path: &Path, options: &FileOptions) -> Result<Vec<Loaded>, CliError
         )));
     }
     let text = read_text(path)?;
-    check_brackets(&text).map_err(|deep| failed(format!("line {}: {deep}", deep.line)))?;
-    let file: toml::Table = toml::from_str(&text).map_err(|error| failed(error.to_string()))?;
+    let file: toml::Table = read_toml(&text).map_err(|error| failed(error.to_string()))?;
     let sections = file.get("fluorophore").and_then(toml::Value::as_array).map_or(&[][..], Vec::as_slice);
     if sections.is_empty() {
         return Err(failed(
