@@ -281,6 +281,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
         inputs: std::mem::take(&mut context.inputs),
         base_files: document.base_files.clone(),
         resolved_toml,
+        experiment: None,
         sha256,
     };
     Ok(ResolvedSample { sample, compatibility: file.compatibility, record })

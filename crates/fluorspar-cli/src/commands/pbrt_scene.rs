@@ -180,6 +180,7 @@ impl PbrtArgs {
             base_files: Vec::new(),
             sha256: sha256_hex([&resolved]),
             resolved_toml: resolved,
+            experiment: None,
         };
         Ok(ResolvedExperiment { study, record })
     }

@@ -170,6 +170,7 @@ pub fn parse_design(
         inputs: std::mem::take(&mut context.inputs),
         base_files: document.base_files.clone(),
         resolved_toml,
+        experiment: None,
         sha256,
     };
     let names_compared = !file.compare.is_empty();

@@ -28,6 +28,7 @@ pub use self::record::{FileRecord, InputFile};
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::thread::JoinHandle;
 
 use self::analyzed_region::FieldPlaces;
@@ -125,7 +126,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         context.push_warning(Warning::summarized(warning.to_string(), warning.summary()));
     }
 
-    let (resolved_toml, sha256) = write_out(context, file)?;
+    let (complete, resolved_toml, sha256) = write_out(context, file)?;
     fluorophore::note_cut_data(context, &file.fluorophore, scene.fluorophores.iter(), &scene.grid);
     let warnings = context.take_warnings(&scene.grid);
     if context.inputs.is_empty() {
@@ -154,6 +155,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
         inputs: std::mem::take(&mut context.inputs),
         base_files: experiment.document.base_files.clone(),
         resolved_toml,
+        experiment: Some(Arc::new(complete)),
         sha256,
     };
     Ok(ResolvedExperiment { study, record })
@@ -343,6 +345,8 @@ pub struct CapturesOfRender {
     pub study: Study,
     /// [`FileRecord::resolved_toml`].
     pub resolved_toml: String,
+    /// [`FileRecord::experiment`].
+    pub complete: ExperimentFile,
     /// Files that were read, with their digests.
     pub inputs: Vec<InputFile>,
     /// What is odd about a camera that is not that of the render.
@@ -353,7 +357,7 @@ impl CapturesOfRender {
     /// The experiment that they are of, without its surfaces. Its digest, which counts files of surfaces, is empty.
     #[must_use]
     pub fn into_resolved(self, now: &Experiment) -> ResolvedExperiment {
-        let Self { study, resolved_toml, inputs, warnings } = self;
+        let Self { study, resolved_toml, complete, inputs, warnings } = self;
         let record = FileRecord {
             title: now.file.title.clone(),
             description: now.file.description.clone(),
@@ -362,6 +366,7 @@ impl CapturesOfRender {
             inputs,
             base_files: Vec::new(),
             resolved_toml,
+            experiment: Some(Arc::new(complete)),
             sha256: String::new(),
         };
         ResolvedExperiment { study, record }
@@ -413,7 +418,7 @@ pub fn resolve_captures(
     let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
     let develop = instrument::develop(context, file, camera.sensor.as_ref(), &grid)?;
-    let (_, resolved_toml) = completed(context, file)?;
+    let (complete, resolved_toml) = completed(context, file)?;
     // Of the same camera the render has warned
     let warnings = if is_same { Vec::new() } else { context.take_warnings(&grid) };
     let scene = Scene {
@@ -426,7 +431,8 @@ pub fn resolve_captures(
         camera: view,
     };
     let study = Study { render, concentrations, camera, captures, motion, develop, ..Study::new(scene) };
-    Ok(Some(CapturesOfRender { study, resolved_toml, inputs: std::mem::take(&mut context.inputs), warnings }))
+    let inputs = std::mem::take(&mut context.inputs);
+    Ok(Some(CapturesOfRender { study, resolved_toml, complete, inputs, warnings }))
 }
 
 /// Whether two experiments differ in lens and sensor, and in what [`show_the_same_scene`] leaves free, at most, and nothing else that is
@@ -561,13 +567,14 @@ fn warn_unused(
 }
 
 /// The resolved file and its digest.
-fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(String, String)> {
-    let (mut complete, text) = completed(context, file)?;
-    complete.title.clear();
-    complete.description.clear();
-    complete.output = super::schema::OutputSection::default();
-    let digest = context.digest(&complete).map_err(|error| not_written(context, &error))?;
-    Ok((text, digest))
+fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(ExperimentFile, String, String)> {
+    let (complete, text) = completed(context, file)?;
+    let mut decisive = complete.clone();
+    decisive.title.clear();
+    decisive.description.clear();
+    decisive.output = super::schema::OutputSection::default();
+    let digest = context.digest(&decisive).map_err(|error| not_written(context, &error))?;
+    Ok((complete, text, digest))
 }
 
 fn not_written(context: &Context<'_>, error: &toml::ser::Error) -> ExperimentError {

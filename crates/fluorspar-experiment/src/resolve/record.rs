@@ -1,7 +1,9 @@
 //! The files that a study was made from.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
+use crate::schema::ExperimentFile;
 use crate::warning::Warning;
 
 /// A file that a study was made from.
@@ -22,6 +24,8 @@ pub struct FileRecord {
     /// The complete experiment as a file: base, overrides and defaults written out, paths absolute. Reading it
     /// gives the same experiment and the same `sha256`.
     pub resolved_toml: String,
+    /// The sections of `resolved_toml`; `None` of a design, a flat sample and a scene of pbrt.
+    pub experiment: Option<Arc<ExperimentFile>>,
     /// Digest of everything that decides the result: the resolved file without title, description and output, the
     /// contents (not the places) of all files it names, and the entries of the catalogue in use.
     pub sha256: String,

@@ -75,6 +75,33 @@ pub enum EmitterSection {
     SpectralEnvironment(SpectralEnvironmentLight),
 }
 
+impl EmitterSection {
+    /// Radiant power of each emitter before the filters, mW, where the strength is stated so.
+    #[must_use]
+    pub fn power_mw(&self) -> Option<f64> {
+        let strength = match self {
+            Self::Ring(RingLight { strength, .. })
+            | Self::Disc(DiscLight { strength, .. })
+            | Self::Annulus(AnnulusLight { strength, .. })
+            | Self::Rectangle(RectangleLight { strength, .. })
+            | Self::Sphere(SphereLight { strength, .. })
+            | Self::Point(PointLight { strength, .. })
+            | Self::Spot(SpotLight { strength, .. }) => strength,
+            Self::Distant(_) | Self::Environment(_) | Self::SpectralEnvironment(_) => return None,
+        };
+        match strength {
+            SourceStrength::Power { power_mw } => Some(*power_mw),
+            SourceStrength::Irradiance { .. } => None,
+        }
+    }
+
+    /// Number of equal emitters.
+    #[must_use]
+    pub fn count(&self) -> u32 {
+        if let Self::Ring(ring) = self { ring.count } else { 1 }
+    }
+}
+
 /// `count` discs evenly around a circle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

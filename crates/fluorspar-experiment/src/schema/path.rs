@@ -70,6 +70,14 @@ pub enum NameOrTable {
 }
 
 impl NameOrTable {
+    /// The name or the path.
+    pub fn as_str(&self) -> &str {
+        match self {
+            Self::Name(name) => name,
+            Self::File(FilePath(path)) => path,
+        }
+    }
+
     /// Whether a text is the path of a table rather than a name.
     pub(crate) fn is_path(text: &str) -> bool {
         let lower = text.to_lowercase();

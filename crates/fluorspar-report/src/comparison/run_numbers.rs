@@ -20,7 +20,7 @@ pub(super) enum Subject {
 
 /// What a number says of a share of the light.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum ShareNumber {
+pub(crate) enum ShareNumber {
     /// An estimate.
     Estimate(ShareOf),
     /// The true share, which a simulation knows.
@@ -29,7 +29,7 @@ pub(super) enum ShareNumber {
 
 /// What a share is of.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum ShareOf {
+pub(crate) enum ShareOf {
     /// The fluorophore that is looked for, in the light of the analyzed frame.
     Sought,
     /// A term of the unmixing, by its name, in the light of all signals.

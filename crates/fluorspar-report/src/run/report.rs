@@ -8,6 +8,7 @@ use fluorspar::sensor::{SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, Fluorophore};
 use fluorspar::study::{Camera, Lens};
 use fluorspar_experiment::preset::{self, PresetKind};
+use fluorspar_experiment::schema::{ExperimentFile, SpectrumReference};
 use fluorspar_experiment::{ResolvedExperiment, Warning};
 
 use super::dark_frames::dark_frames;
@@ -68,7 +69,7 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     let mut builder = Builder { figures: Vec::new() };
     let words = &Words::of(run.experiment);
     let record = &run.experiment.record;
-    let mut sections = sections(run, words, &mut builder);
+    let mut sections = sections(run, &mut builder);
     let mut warnings = record.warnings.clone();
     if let Some(analyzed) = &run.evaluation.analysis {
         let of_regions = region_warnings(&analyzed.analysis, &run.evaluation.regions);
@@ -106,7 +107,7 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
 }
 
 /// The sections below the first screen, each folded.
-fn sections(run: &RunResults<'_>, words: &Words<'_>, builder: &mut Builder) -> Vec<Section> {
+fn sections(run: &RunResults<'_>, builder: &mut Builder) -> Vec<Section> {
     let evaluation = run.evaluation;
     let mut sections: Vec<Section> = regions_section(run).into_iter().collect();
     if !evaluation.frames.is_empty() {
@@ -114,7 +115,7 @@ fn sections(run: &RunResults<'_>, words: &Words<'_>, builder: &mut Builder) -> V
     }
     sections.extend(leak_section(run));
     if let Some(analyzed) = &evaluation.analysis {
-        sections.push(result_section(run, words, analyzed, builder));
+        sections.push(result_section(run, analyzed, builder));
     }
     if let Some(radiance) = &evaluation.region_radiance {
         sections.push(radiance_section(run, radiance, builder));
@@ -352,12 +353,7 @@ fn frame_histograms(frame: &CapturedFrame, subtracted: Option<&str>) -> Figure {
     histograms(&frame.raw.label, &channels, developed.full_scale_dn, subtracted)
 }
 
-fn result_section(
-    run: &RunResults<'_>,
-    words: &Words<'_>,
-    analyzed: &AnalyzedFrame,
-    builder: &mut Builder,
-) -> Section {
+fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut Builder) -> Section {
     let analysis = &analyzed.analysis;
     let mut figures = Vec::new();
     if !analyzed.chromaticity.chromaticity.is_empty() {
@@ -543,7 +539,7 @@ fn fluorophore_figures(
     let peak = light.map(|l| l.spectrum.peak_nm());
     let nominal = light.zip(peak).and_then(|(light, peak_nm)| {
         let group = &scene.light_groups[light.group].name;
-        nominal_wavelength(&run.experiment.record.resolved_toml, group, peak_nm)
+        nominal_wavelength(run.experiment.record.experiment.as_deref()?, group, peak_nm)
     });
     let maps: Vec<EemMap> = scene.fluorophores.iter().map(|f| eem_map(f, range)).collect();
     let section = builder.show(section, "eem", eem_maps(&maps, peak), &nominal.unwrap_or_default());
@@ -571,22 +567,20 @@ fn eem_map(fluorophore: &Fluorophore, range: (f64, f64)) -> EemMap {
 }
 
 /// The section of a light group in an experiment, its spectrum a name of the catalogue.
-fn catalogue_spectrum(experiment_toml: &str, group: &str) -> Option<String> {
-    let table: toml::Table = experiment_toml.parse().ok()?;
-    let text = |light: &toml::Value, key: &str| light.get(key).and_then(|v| v.as_str()).map(String::from);
-    let lights = table.get("light")?.as_array()?;
-    let light = lights.iter().find(|light| text(light, "group").as_deref() == Some(group))?;
-    text(light, "spectrum").filter(|name| preset::names(PresetKind::Light).contains(&name.as_str()))
+fn catalogue_spectrum<'a>(file: &'a ExperimentFile, group: &str) -> Option<&'a str> {
+    let light = file.light.iter().find(|light| light.group.as_deref() == Some(group))?;
+    let SpectrumReference::Text(name) = &light.spectrum else { return None };
+    Some(name.as_str()).filter(|name| preset::names(PresetKind::Light).contains(name))
 }
 
 /// Peaks that are this far from what the LED is sold as are pointed out, nm.
 const NOMINAL_TOLERANCE_NM: f64 = 1.0;
 
 /// Why the peak of an LED is not where its name says; nothing where it is.
-fn nominal_wavelength(experiment_toml: &str, group: &str, peak_nm: f64) -> Option<String> {
-    let name = catalogue_spectrum(experiment_toml, group)?;
+fn nominal_wavelength(file: &ExperimentFile, group: &str, peak_nm: f64) -> Option<String> {
+    let name = catalogue_spectrum(file, group)?;
     let nominal_nm: f64 = name.strip_prefix("led_")?.parse().ok()?;
-    let source = preset::light_spectrum(&name).ok()?.source;
+    let source = preset::light_spectrum(name).ok()?.source;
     ((nominal_nm - peak_nm).abs() > NOMINAL_TOLERANCE_NM).then(|| {
         format!(
             "An LED is sold by the class of its wavelength: this one, {name}, as {nominal_nm:.0} nm, while the spectrum used here \
@@ -802,10 +796,13 @@ mod tests {
 
     #[test]
     fn an_led_that_peaks_beside_its_name_is_explained() {
-        let toml = |spectrum: &str| {
-            format!("[[light]]\nname = \"a\"\ngroup = \"blue\"\nspectrum = \"{spectrum}\"\n")
+        let file = |spectrum: &str| -> ExperimentFile {
+            let light = format!(
+                "[[light]]\nname = \"a\"\ngroup = \"blue\"\ntype = \"point\"\nstrength.power_mw = 1.0\nspectrum = \"{spectrum}\"\n"
+            );
+            fluorspar_format::read_toml(&format!("format = 1\n{light}")).unwrap()
         };
-        let said = nominal_wavelength(&toml("led_385"), "blue", 381.7).unwrap();
+        let said = nominal_wavelength(&file("led_385"), "blue", 381.7).unwrap();
         assert!(said.contains("as 385 nm") && said.contains("382 nm") && said.contains("measure"), "{said}");
         for (spectrum, group, peak_nm) in [
             ("led_385", "blue", 385.4),
@@ -813,7 +810,7 @@ mod tests {
             ("white_led", "blue", 450.0),
             ("led_385.csv", "blue", 381.7),
         ] {
-            assert_eq!(nominal_wavelength(&toml(spectrum), group, peak_nm), None, "{spectrum}");
+            assert_eq!(nominal_wavelength(&file(spectrum), group, peak_nm), None, "{spectrum}");
         }
     }
 }

@@ -4,6 +4,7 @@ use fluorspar::analysis::SoughtFluorophore;
 use fluorspar::spectral::Curve;
 use fluorspar::study::Capture;
 use fluorspar_experiment::ResolvedExperiment;
+use fluorspar_experiment::schema::{EfficiencyReference, ExperimentFile, LightSection, SpectrumReference};
 
 use super::{FrameOrigin, RunResults};
 
@@ -15,17 +16,17 @@ const MOST_OBJECTS: usize = 4;
 /// The words of one run.
 pub(super) struct Words<'a> {
     experiment: &'a ResolvedExperiment,
-    table: toml::Table,
+    file: Option<&'a ExperimentFile>,
 }
 
 impl<'a> Words<'a> {
     pub(super) fn of(experiment: &'a ResolvedExperiment) -> Self {
-        Self { experiment, table: experiment.record.resolved_toml.parse().unwrap_or_default() }
+        Self { experiment, file: experiment.record.experiment.as_deref() }
     }
 
     /// Whether the scene is a parametric mouth.
     pub(super) fn is_mouth(&self) -> bool {
-        self.table.contains_key("mouth")
+        self.file.is_some_and(|file| file.mouth.is_some())
     }
 
     /// The scene: a mouth, or its objects by name.
@@ -53,9 +54,9 @@ impl<'a> Words<'a> {
                 continue;
             }
             let spectrum = spectrum_words(&light.spectrum);
-            let text = match self.light_entry(group, "spectrum").as_ref().and_then(toml::Value::as_str) {
-                Some(name) => format!("{spectrum} ({})", file_name(name)),
-                None => spectrum,
+            let text = match self.light_section(group).map(|section| &section.spectrum) {
+                Some(SpectrumReference::Text(name)) => format!("{spectrum} ({})", file_name(name.as_str())),
+                _ => spectrum,
             };
             if !texts.contains(&text) {
                 texts.push(text);
@@ -72,12 +73,9 @@ impl<'a> Words<'a> {
         if texts.is_empty() { "no light".into() } else { texts.join(" and ") }
     }
 
-    fn light_entry(&self, group: &str, key: &str) -> Option<toml::Value> {
-        let lights = self.table.get("light")?.as_array()?;
-        let of_group = |light: &&toml::Value| {
-            light.get("group").or(light.get("name")).and_then(toml::Value::as_str) == Some(group)
-        };
-        lights.iter().find(of_group)?.get(key).cloned()
+    /// The section of the first light of a group.
+    fn light_section(&self, group: &str) -> Option<&LightSection> {
+        self.file?.light.iter().find(|light| light.group.as_deref().unwrap_or(&light.name) == group)
     }
 
     /// Power of the emitters of each group as the experiment states it, and how the captures drive them:
@@ -85,13 +83,11 @@ impl<'a> Words<'a> {
     pub(super) fn powers(&self) -> Vec<String> {
         let groups = self.experiment.study.scene.light_groups.iter();
         let power = |group: &str| {
-            let strength = self.light_entry(group, "strength")?;
-            let power = strength.get("power_mw")?;
-            let mw = power.as_float().or(power.as_integer().map(|mw| mw as f64))?;
-            let emitters = self.light_entry(group, "count").and_then(|count| count.as_integer());
-            let stated = match emitters {
-                Some(count) if count > 1 => format!("\"{group}\" {count} x {mw} mW"),
-                _ => format!("\"{group}\" {mw} mW"),
+            let emitter = &self.light_section(group)?.emitter;
+            let mw = emitter.power_mw()?;
+            let stated = match emitter.count() {
+                1 => format!("\"{group}\" {mw} mW"),
+                count => format!("\"{group}\" {count} x {mw} mW"),
             };
             Some(stated + &self.drive(group))
         };
@@ -112,8 +108,10 @@ impl<'a> Words<'a> {
 
     /// The name of the quantum efficiency, if the experiment names one.
     pub(super) fn efficiency(&self) -> Option<String> {
-        let sensor = self.table.get("sensor")?;
-        sensor.get("quantum_efficiency")?.as_str().map(|name| file_name(name).to_owned())
+        match &self.file?.sensor.as_ref()?.quantum_efficiency {
+            EfficiencyReference::Text(name) => Some(file_name(name.as_str()).to_owned()),
+            EfficiencyReference::Channels(_) => None,
+        }
     }
 
     /// The viewing filter in words; `None` without one.
