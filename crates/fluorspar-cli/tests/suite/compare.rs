@@ -8,7 +8,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::report_pages::{browser, fits};
-use super::support::fluorspar;
+use super::support::{fluorspar, keeps_format};
 
 const SIZE: [&str; 5] = [
     "--set=render.width_px=16",
@@ -41,6 +41,7 @@ fn runs_are_compared_by_settings_numbers_and_frames() {
     run(folder, "a", &[]);
     run(folder, "b", &["--set=light.blue.spectrum=led_405"]);
     let found = compare(folder, "a", "b/report.html");
+    keeps_format("compare-results", &found);
     let paths: Vec<&str> =
         found["settings"].as_array().unwrap().iter().map(|s| s["path"].as_str().unwrap()).collect();
     assert_eq!(paths, ["light.blue.spectrum"]);

@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::support::{fluorspar, listing};
+use crate::support::{fluorspar, keeps_format, listing};
 use serde_json::Value;
 
 /// 780 designs: pairs of LEDs, five edges, two apertures and splits.
@@ -43,6 +43,7 @@ fn a_killed_sweep_goes_on_without_losing_or_repeating_work() {
     let folder = tempfile::tempdir().unwrap();
     let whole = design(folder.path(), &["sweep", "two-lights", "--out", "a"]);
     assert_eq!((whole["designs"].as_u64(), whole["evaluated"].as_u64()), (Some(420), Some(420)));
+    keeps_format("design-results", &whole);
     let of_whole = journal(folder.path(), "a");
     let lines = fs::read_to_string(&of_whole).unwrap();
     let ending = of_whole.file_name().unwrap().to_string_lossy().split_once('.').unwrap().1.to_owned();

@@ -37,6 +37,7 @@ fn every_stage_continues_from_the_files_of_the_one_before() {
     let args = ["capture", "run/components.exr", "--out", "frames", "--json"];
     let captured = fluorspar(folder, args).json();
     assert_eq!(captured["frames"].as_array().map(Vec::len), Some(3));
+    keeps_format("capture-results", &serde_json::from_slice(&bytes(folder, "frames/results.json")).unwrap());
     for name in RAW {
         assert_eq!(bytes(folder, &format!("frames/{name}")), bytes(folder, &format!("run/{name}")), "{name}");
     }

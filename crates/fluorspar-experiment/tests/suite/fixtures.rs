@@ -1,4 +1,4 @@
-//! Stored experiments, flat samples and sensor files of every format: complete ones, with every default written out.
+//! Stored files of every text format: complete ones, with every default written out.
 //!
 //! A fixture is called `NAME-VERSION.toml`. Where that of the present version is missing, the test writes it and fails once:
 //! look at it, then add it to the repository. Those of former versions are never written again.
@@ -8,8 +8,13 @@
 use std::fs;
 use std::path::Path;
 
-use fluorspar_experiment::{ExperimentError, parse, parse_sample, parse_sensor, preset, resolve};
-use fluorspar_format::FileFormat;
+use fluorspar_experiment::{
+    ExperimentError, LayersFile, TissueFile, parse, parse_design, parse_layers, parse_sample, parse_script,
+    parse_sensor, parse_tissue, preset, resolve, script_text,
+};
+use fluorspar_format::{FileFormat, read_toml};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 /// Text with every default written out, from a text that may lean on the catalogue.
 type Complete = fn(&str) -> Result<String, ExperimentError>;
@@ -26,12 +31,45 @@ fn sensor(text: &str) -> Result<String, ExperimentError> {
     parse_sensor(text, "stored", Path::new("."), &[]).map(|sensor| sensor.resolved_toml)
 }
 
+fn design(text: &str) -> Result<String, ExperimentError> {
+    parse_design(text, "stored", Path::new("."), &[]).map(|design| design.record.resolved_toml)
+}
+
+/// A text through the type of its file.
+fn through<T: Serialize + DeserializeOwned>(text: &str) -> String {
+    toml::to_string(&read_toml::<T>(text).unwrap()).unwrap()
+}
+
+fn tissue(text: &str) -> Result<String, ExperimentError> {
+    parse_tissue(text, "stored", Path::new(".")).map(|_| through::<TissueFile>(text))
+}
+
+fn layers(text: &str) -> Result<String, ExperimentError> {
+    parse_layers(text, "stored", Path::new("."), &[]).map(|_| through::<LayersFile>(text))
+}
+
+fn script(text: &str) -> Result<String, ExperimentError> {
+    parse_script(text, "stored").map(|changes| script_text(&changes))
+}
+
+const TISSUE: &str = "format = 1\n[[tissue]]\nname = \"stored\"\nsite = \"lip\"\nstates = [\"inflammation\"]\n\
+                      parameters = { oxygen_saturation = 0.7 }\n";
+const LAYERS: &str = "format = 1\ntitle = \"Stored\"\nindex_above = 1.0\nindex_below = 1.0\n[[layer]]\nname = \"slab\"\n\
+                      thickness_mm = 0.2\nrefractive_index = 1.4\nabsorption_per_mm = 1.0\nscattering_per_mm = 9.0\n\
+                      anisotropy = 0.75\nemission = { strength_per_mm = 0.1, absorption_per_mm = 0.5, scattering_per_mm = 8.0 }\n";
+const SCRIPT: &str = "format = 1\n[[change]]\nset = \"capture.blue.exposure_ms\"\nvalue = 60.0\n[[change]]\n\
+                      insert = \"fluorophore.dye\"\nvalue = { source = \"fluorescein\" }\n[[change]]\ndelete = \"light.white\"\n";
+
 #[test]
 fn files_of_every_format_are_read() {
-    let forms: [(&str, Complete, &str); 3] = [
+    let forms: [(&str, Complete, &str); 7] = [
         ("experiment", experiment, preset::experiment("flat-patch").unwrap().text),
         ("sample", sample, preset::sample("tongue-385nm").unwrap().text),
         ("sensor", sensor, "format = 1\nname = \"stored\"\nsensor.preset = \"lyu_2021_table_1\"\n"),
+        ("design", design, preset::design("two-lights").unwrap().text),
+        ("tissue", tissue, TISSUE),
+        ("layers", layers, LAYERS),
+        ("script", script, SCRIPT),
     ];
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
     for version in 1..=FileFormat::EXPERIMENT.version() {
