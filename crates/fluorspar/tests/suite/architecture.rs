@@ -295,6 +295,14 @@ const CLOSED_ENUMS: &[(&str, &[&str])] = &[
         ],
     ),
     ("PreparedEmitter", &["crates/fluorspar/src/light/"]),
+    ("FlatPattern", &["crates/fluorspar/src/light/"]),
+    // The sampling of lights builds its tree of what has a place.
+    ("LightBounds", &["crates/fluorspar/src/light/", "crates/fluorspar/src/render/light_sampling.rs"]),
+    ("PreparedScattering", &["crates/fluorspar/src/material/"]),
+    ("Bsdf", &["crates/fluorspar/src/material/"]),
+    ("Lobe", &["crates/fluorspar/src/material/"]),
+    ("Dispersion", &["crates/fluorspar/src/optics/", "crates/fluorspar-format/src/lens/"]),
+    ("FocusMechanism", &["crates/fluorspar/src/optics/", "crates/fluorspar-format/src/lens/"]),
 ];
 
 /// Whether a line of code names a variant of an enum, imports variants, or imports the enum under another name.
