@@ -1,10 +1,15 @@
 //! What two experiments set differently, by path.
 
-use serde::Serialize;
-use toml::Value;
+use std::path::Path;
 
-use super::Experiment;
+use serde::Serialize;
+use toml::{Table, Value};
+
 use super::error::step_text;
+use super::preset::{self, PresetKind};
+use super::resolve::device;
+use super::schema::SensorSection;
+use super::{Experiment, SensorFile, parse_sensor};
 
 /// A setting that two experiments do not share.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -74,12 +79,50 @@ fn unit_of(field: &str) -> &'static str {
 /// the same name. Titles and descriptions are left out. Empty where both set the same.
 #[must_use]
 pub fn setting_differences(a: &Experiment, b: &Experiment) -> Vec<SettingDifference> {
-    let complete = |experiment: &Experiment| Value::try_from(&experiment.file).ok();
+    let complete = |experiment: &Experiment| {
+        let mut file = Value::try_from(&experiment.file).ok()?;
+        if let (Some(name), Some(sensor)) = (sensor_name(experiment), file.get_mut("sensor")) {
+            name_first(sensor, &name);
+        }
+        Some(file)
+    };
     let mut found = Vec::new();
     let (a, b) = (complete(a), complete(b));
     differences(String::new(), "", (a.as_ref(), b.as_ref()), &mut found);
     found.retain(|difference| !TEXTS.contains(&difference.path.as_str()));
     found
+}
+
+/// The sensor of the catalogue whose fields an experiment has, whatever its number of pixels. Experiments are read with the fields of a
+/// sensor and without its name, which is what people call it by.
+fn sensor_name(experiment: &Experiment) -> Option<String> {
+    let fields = |section: &SensorSection| {
+        let filled = SensorSection { model: device::filled(&section.model), ..section.clone() };
+        let mut value = Value::try_from(filled).ok()?;
+        let table = value.as_table_mut()?;
+        for size in ["columns", "rows"] {
+            table.remove(size);
+        }
+        Some(value)
+    };
+    let wanted = fields(experiment.file.sensor.as_ref()?)?;
+    let is_it = |name: &&str| {
+        let text = preset::sensor_text(name).ok();
+        let read = text.and_then(|text| parse_sensor(text, name, Path::new("."), &[]).ok());
+        let file = read.and_then(|read| toml::from_str::<SensorFile>(&read.resolved_toml).ok());
+        file.and_then(|file| fields(&file.sensor)).is_some_and(|found| found == wanted)
+    };
+    preset::names(PresetKind::Sensor).into_iter().find(is_it).map(String::from)
+}
+
+/// Puts the name of a sensor before its fields.
+fn name_first(sensor: &mut Value, name: &str) {
+    if let Some(fields) = sensor.as_table_mut() {
+        let mut named = Table::new();
+        named.insert("preset".into(), Value::String(name.into()));
+        named.extend(std::mem::take(fields));
+        *fields = named;
+    }
 }
 
 /// Adds what differs at a path and below it. `field` is the name of the last field on the way.
@@ -150,6 +193,21 @@ mod tests {
         assert_eq!(found[1].a, Some(Value::Float(30.0)));
         assert_eq!(found[1].b, Some(Value::Float(60.0)));
         assert_eq!(setting_differences(&a, &a), []);
+    }
+
+    #[test]
+    fn sensors_of_the_catalogue_are_told_by_name() {
+        let (a, b) = (patch(&[]), patch(&["sensor.preset=monochrome_3_45um", "sensor.columns=64"]));
+        let found = setting_differences(&a, &b);
+        assert_eq!(found[0].path, "sensor.preset");
+        assert_eq!(found[0].b, Some(Value::String("monochrome_3_45um".into())));
+        // A sensor of which one number is another has no name
+        let changed = patch(&["sensor.preset=monochrome_3_45um", "sensor.read_noise_e=5"]);
+        assert_eq!(sensor_name(&changed), None);
+        assert_eq!(
+            sensor_name(&patch(&["sensor.preset=lyu_2021_table_1"])).as_deref(),
+            Some("lyu_2021_table_1")
+        );
     }
 
     #[test]

@@ -24,7 +24,7 @@ pub use comparison::{
     ComparedNumber, ComparedPictures, ComparedSide, FinishedCapture, FinishedFrame, FinishedProgram,
     FinishedRegion, FinishedRun, FinishedSafety, FinishedViewer, FrameToCompare, HOW_JUDGED, ToldApart,
     UnreadableRun, compared_numbers, compared_pictures, comparison_figures, comparison_remarks,
-    comparison_report, numbers_by_region, setting_cells,
+    comparison_report, comparison_verdict, numbers_by_region, setting_cells,
 };
 pub use design_report::{DesignFindings, JudgedDesign, design_figures, design_report};
 pub use figure::{

@@ -15,7 +15,7 @@ use fluorspar_format::{FileFormat, OutputFolder, read_bounded, write_atomically}
 use fluorspar_report::{
     ComparedNumber, ComparedPictures, FinishedRun, FrameToCompare, HOW_JUDGED, ReportPicture,
     compared_numbers, compared_pictures, comparison_figures, comparison_remarks, comparison_report,
-    extract_experiment, numbers_by_region, setting_cells,
+    comparison_verdict, extract_experiment, numbers_by_region, setting_cells,
 };
 use serde_json::{Value, json};
 
@@ -261,6 +261,15 @@ fn pictures_of_frames(
     compared_pictures(&frame(0)?, &frame(1)?)
 }
 
+/// Which run sees smaller amounts, in a sentence.
+fn verdict(
+    sides: &[Side; 2],
+    settings: &Result<Vec<SettingDifference>, String>,
+    numbers: &[ComparedNumber],
+) -> Option<String> {
+    comparison_verdict([&sides[0].run, &sides[1].run], numbers, settings.as_deref().ok())
+}
+
 /// Everything as JSON.
 fn results_json(
     sides: &[Side; 2],
@@ -286,6 +295,7 @@ fn results_json(
         "settings_not_compared": settings.as_ref().err(),
         "numbers": numbers,
         "judged": HOW_JUDGED,
+        "verdict": verdict(sides, settings, numbers),
         "warnings": comparison_remarks(&sides[0].run, &sides[1].run),
     })
 }
@@ -326,6 +336,9 @@ fn text(
         text += &format!("\nRegion \"{name}\"\n{}", align(&rows, &[4]));
     }
     text += &format!("\n{HOW_JUDGED}\n");
+    if let Some(verdict) = verdict(sides, settings, numbers) {
+        text += &format!("\n{verdict}\n");
+    }
     for remark in comparison_remarks(&sides[0].run, &sides[1].run) {
         text += &format!("{remark}\n");
     }

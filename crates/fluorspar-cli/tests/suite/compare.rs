@@ -69,7 +69,17 @@ fn runs_are_compared_by_settings_numbers_and_frames() {
     assert!((error["b"]["value"].as_f64().unwrap() - expected).abs() < 1e-12, "{error}");
     assert_eq!(row(&found, "Median signal in R")["told_apart"], "not_judged");
     assert!(found["warnings"][0].as_str().unwrap().contains("true shares are others"), "{found}");
+    // The design with the smaller detection limit, in units of what is there, is named
+    let [of_a, of_b] = ["a", "b"]
+        .map(|side| row(&found, "Detection limit over the true share")[side]["value"].as_f64().unwrap());
+    assert!(of_b < 0.9 * of_a, "{of_a} {of_b}");
+    let verdict = found["verdict"].as_str().unwrap();
+    assert!(
+        verdict.starts_with("B sees smaller amounts of porphyrin than A.") && verdict.contains("noise alone"),
+        "{verdict}"
+    );
     let said = fluorspar(folder, ["compare", "a", "b", "--out", "ab"]).well();
+    assert!(said.stdout.contains(verdict), "{}", said.stdout);
     for part in ["light.blue.spectrum", "led_405", "told apart", "Intervals are of 95 %", "Safe captures"] {
         assert!(said.stdout.contains(part), "{part}: {}", said.stdout);
     }
@@ -126,6 +136,15 @@ fn frames_of_captures_and_cameras_with_other_channels_are_compared() {
     let found = compare(folder, "a", "mono");
     let signal = row(&found, "Median signal in mono");
     assert!(signal["a"].is_null() && signal["b"]["value"].is_f64(), "{signal}");
+    // What both have: the signal to noise of the region in the capture, and the name of the sensor
+    let region = row(&found, "Signal to noise of the region's mean, all channels of frame \"blue\"");
+    assert!(["a", "b"].iter().all(|side| region[side]["value"].as_f64().unwrap() > 10.0), "{region}");
+    let sensor = &found["settings"].as_array().unwrap()[0];
+    assert!(sensor["path"] == "sensor.preset" && sensor["b"] == "monochrome_3_45um", "{sensor}");
+    assert!(row(&found, "Signal to noise of a mean pixel in mono")["a"].is_null());
+    assert!(row(&found, "Signal to noise of a median pixel in G")["b"].is_null());
+    let verdict = found["verdict"].as_str().unwrap();
+    assert!(verdict.starts_with("Which run sees smaller amounts of porphyrin is not told"), "{verdict}");
     assert!(row(&found, "Leak of frame \"blue\"")["difference"].is_f64());
     // Noise of another seed is no other design, and an interval of nothing but noise tells none apart
     let again = [&args.concat()[..], &["--seed", "2"]].concat();

@@ -4,6 +4,7 @@ mod finished_run;
 mod frame_pair;
 mod page;
 mod run_numbers;
+mod verdict;
 
 pub use finished_run::{
     FinishedCapture, FinishedFrame, FinishedProgram, FinishedRegion, FinishedRun, FinishedSafety,
@@ -11,6 +12,7 @@ pub use finished_run::{
 };
 pub use frame_pair::{ComparedPictures, FrameToCompare, compared_pictures};
 pub use page::{comparison_figures, comparison_report, setting_cells};
+pub use verdict::comparison_verdict;
 
 use fluorspar::analysis::{ASSUMED_GAIN, interval_of_difference};
 use serde::{Serialize, Serializer};
@@ -235,7 +237,7 @@ pub fn comparison_remarks(a: &FinishedRun, b: &FinishedRun) -> Vec<String> {
     {
         remarks.push(format!(
             "The true shares are others, {in_a:.4} in A and {in_b:.4} in B: another light, filter or tissue makes another share. What the \
-             estimates err by, and the detection limit over the true share, compare the designs."
+             estimates err by, and limits and intervals over the true share, compare the designs."
         ));
     }
     remarks

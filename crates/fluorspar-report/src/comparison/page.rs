@@ -4,7 +4,8 @@ use fluorspar_experiment::{SettingDifference, Warning};
 
 use super::run_numbers::ShareNumber;
 use super::{
-    ComparedNumber, ComparedSide, FinishedRun, HOW_JUDGED, ToldApart, comparison_remarks, numbers_by_region,
+    ComparedNumber, ComparedSide, FinishedRun, HOW_JUDGED, ToldApart, comparison_remarks, comparison_verdict,
+    numbers_by_region,
 };
 use crate::{
     Axis, Dash, Figure, Ink, Label, NumberMatrix, Panel, ReportData, ReportItem, ReportPicture, Section,
@@ -21,10 +22,22 @@ const MOST_REGIONS: usize = 8;
 /// A setting's value for a table.
 pub(super) fn value_text(value: Option<&toml::Value>) -> String {
     let Some(value) = value else { return "-".into() };
-    let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let text = value.as_str().map_or_else(|| rounded(value).to_string(), str::to_owned);
     match text.char_indices().nth(LONGEST_VALUE) {
         Some((end, _)) => format!("{}...", &text[..end]),
         None => text,
+    }
+}
+
+/// Numbers of a value to six digits: what is computed of a data sheet has sixteen, of which no more matter.
+fn rounded(value: &toml::Value) -> toml::Value {
+    match value {
+        toml::Value::Float(number) => toml::Value::Float(format!("{number:.5e}").parse().unwrap_or(*number)),
+        toml::Value::Array(items) => toml::Value::Array(items.iter().map(rounded).collect()),
+        toml::Value::Table(entries) => {
+            toml::Value::Table(entries.iter().map(|(name, entry)| (name.clone(), rounded(entry))).collect())
+        }
+        other => other.clone(),
     }
 }
 
@@ -74,6 +87,9 @@ pub fn comparison_report(
             format!("{judged} numbers have an interval in both runs; {apart} of them {verb} the runs apart.")
         }
     };
+    let mut lead = vec![format!("A is {}.", about(a)), format!("B is {}.", about(b))];
+    lead.extend(comparison_verdict(runs, numbers, settings.ok()));
+    lead.push(counted);
     let mut sections = Vec::new();
     if !frames.is_empty() {
         sections.push(frames_section(frames));
@@ -83,7 +99,7 @@ pub fn comparison_report(
     sections.push(settings_section(settings));
     ReportData {
         title: "Two runs compared".into(),
-        lead: vec![format!("A is {}.", about(a)), format!("B is {}.", about(b)), counted],
+        lead,
         warnings: comparison_remarks(a, b).into_iter().map(Warning::from).collect(),
         sections,
         ..ReportData::default()
@@ -304,5 +320,8 @@ mod tests {
         assert_eq!((a.as_str(), b.as_str()), ("auto", "30.0 ms"));
         let [_, a, _] = cells(vec![1.0, 2.0].into(), Value::Integer(1));
         assert_eq!(a, "[1.0, 2.0] ms");
+        // What a data sheet gives to sixteen digits
+        let [_, a, b] = cells(Value::Float(10629.914999008179), vec![0.10122222222222221].into());
+        assert_eq!((a.as_str(), b.as_str()), ("10629.9 ms", "[0.101222] ms"));
     }
 }

@@ -1,6 +1,8 @@
 //! The numbers of a finished run that an engineer decides by.
 
-use fluorspar::analysis::{Analysis, ErrorBudget, SharePosterior, SignalSummary, TargetDetection};
+use fluorspar::analysis::{
+    Analysis, ChannelSignal, ErrorBudget, RegionFraction, SharePosterior, SignalSummary, TargetDetection,
+};
 use fluorspar::safety::DAY_S;
 
 use super::finished_run::{FinishedCapture, FinishedFrame, FinishedRun, FinishedSafety};
@@ -17,6 +19,11 @@ pub(super) enum Subject {
     Frame,
     Safety,
 }
+
+/// How wide the interval of the share is, in units of what is there: what compares cameras whose shares have other denominators.
+pub(super) const WIDTH_OVER_TRUTH: &str = "Width of the 95 % interval over the true share";
+/// The least share that the sensor's noise alone lets see, in the same units.
+pub(super) const LIMIT_OVER_TRUTH: &str = "Detection limit over the true share";
 
 /// What a number says of a share of the light.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -128,6 +135,7 @@ fn region_numbers(
         Some(signals) => signal_numbers(signals, label),
         None => channel_numbers(analysis, frames, label),
     });
+    numbers.extend(region_snr_numbers(analysis, label));
     let counts = &analysis.counts;
     let clipped = 100.0 * counts.saturated as f64 / counts.total().max(1) as f64;
     numbers.push(RunNumber::new(Subject::Frame, "Clipped pixels of the region", "%", clipped));
@@ -162,6 +170,7 @@ fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
     };
     if let Some(posterior) = &analysis.posterior {
         add_with_error(posterior_number(posterior, &name), truth, &mut numbers);
+        numbers.extend(numbers_over_truth(posterior, truth));
     }
     let estimate = analysis.mixture.as_ref().and_then(|mixture| mixture.region).map(|region| region.estimate);
     if let Some(estimate) = estimate {
@@ -218,6 +227,21 @@ fn posterior_number(posterior: &SharePosterior, name: &str) -> RunNumber {
     }
 }
 
+/// Limit and interval in units of the share that is there. Shares of cameras with other channels, lights or filters have other
+/// denominators; these do not.
+fn numbers_over_truth(posterior: &SharePosterior, truth: Option<f64>) -> Vec<RunNumber> {
+    let Some(truth) = truth.filter(|share| *share > 0.0 && !posterior.is_no_estimate()) else {
+        return Vec::new();
+    };
+    let [low, high] = posterior.interval;
+    let percent =
+        |quantity: &str, share: f64| RunNumber::new(Subject::Estimate, quantity, "%", 100.0 * share / truth);
+    vec![
+        percent("Upper limit over the true share", posterior.upper_limit),
+        percent(WIDTH_OVER_TRUTH, high - low),
+    ]
+}
+
 /// The detection limit as a share of the light, and where the truth is known, relative to it.
 fn limit_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
     let Some(limit) = analysis.detection_limit() else { return Vec::new() };
@@ -228,10 +252,9 @@ fn limit_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
         limit,
     )];
     let there = analysis.truth.as_ref().map(|truth| truth.share).filter(|share| *share > 0.0);
-    numbers.extend(there.map(|there| {
-        let quantity = "Detection limit over the true share".to_owned();
-        RunNumber::new(Subject::Estimate, quantity, "%", 100.0 * limit / there)
-    }));
+    numbers.extend(
+        there.map(|there| RunNumber::new(Subject::Estimate, LIMIT_OVER_TRUTH, "%", 100.0 * limit / there)),
+    );
     numbers
 }
 
@@ -272,6 +295,8 @@ struct MedianSignal<'a> {
     electrons: f64,
     is_lower_limit: bool,
     snr: Option<f64>,
+    /// The pixel whose signal to noise it is.
+    snr_of: &'static str,
 }
 
 impl MedianSignal<'_> {
@@ -294,9 +319,42 @@ impl MedianSignal<'_> {
             milliseconds
                 .map(|ms| limited(number("Median signal per ms of exposure", "e-/ms", self.electrons / ms))),
         );
-        numbers.extend(self.snr.map(|snr| number("Signal to noise of a pixel", "", snr)));
+        numbers.extend(
+            self.snr.map(|snr| number(&format!("Signal to noise of a {} pixel", self.snr_of), "", snr)),
+        );
         numbers
     }
+}
+
+/// The signal to noise of the region's mean in each frame, all its channels together: the root of the sum of their squares. It compares cameras
+/// whose channels have other names. Frames of which more than one pixel in a hundred is saturated have none.
+fn region_snr_numbers(analysis: &Analysis, label: &dyn Fn(&str) -> String) -> Vec<RunNumber> {
+    let number = |frame: &str, squares: f64| {
+        let quantity =
+            format!("Signal to noise of the region's mean, all channels of frame {}", label(frame));
+        RunNumber::new(Subject::Signal, quantity, "", squares.sqrt())
+    };
+    let square = |mean: f64, variance: f64| if variance > 0.0 { mean * mean / variance } else { 0.0 };
+    if let Some(SignalSummary { signals, .. }) = &analysis.signals {
+        let frames = signals.chunk_by(|a, b| a.frame == b.frame);
+        let usable = frames.filter(|frame| frame.iter().all(|signal| signal.saturated_share().is_none()));
+        let of_frame = |frame: &[ChannelSignal]| {
+            let squares = frame.iter().map(|s| square(s.electrons, s.standard_error_e.powi(2))).sum();
+            Some(number(&frame.first()?.frame, squares))
+        };
+        return usable.filter_map(of_frame).collect();
+    }
+    let region = analysis.mixture.as_ref().and_then(|mixture| mixture.region);
+    let region = region.filter(|_| analysis.counts.saturated_share().is_none());
+    let squares = |region: RegionFraction| -> f64 {
+        region
+            .mean_rgb_dn
+            .iter()
+            .zip(region.variance_dn2)
+            .map(|(&mean, variance)| square(mean, variance))
+            .sum()
+    };
+    region.map(|region| number(&analysis.frame, squares(region))).into_iter().collect()
 }
 
 /// Levels of cameras with other channels than R, G and B, in all frames.
@@ -309,6 +367,7 @@ fn signal_numbers(signals: &SignalSummary, label: &dyn Fn(&str) -> String) -> Ve
             electrons: signal.median_electrons?,
             is_lower_limit: signal.saturated > 0 && signal.saturated >= signal.pixels,
             snr: signal.saturated_share().is_none().then_some(signal.snr_of_pixel),
+            snr_of: "mean",
         };
         Some(median.numbers(label))
     });
@@ -326,7 +385,8 @@ fn channel_numbers(
     let numbers = analysis.channels.iter().filter_map(|channel| {
         let RegionLevel { electrons, snr, is_lower_limit } = level(analysis, channel)?;
         let (channel, frame) = (channel.name.as_str(), analysis.frame.as_str());
-        let median = MedianSignal { channel, frame, exposure_s, electrons, is_lower_limit, snr };
+        let median =
+            MedianSignal { channel, frame, exposure_s, electrons, is_lower_limit, snr, snr_of: "median" };
         Some(median.numbers(label))
     });
     numbers.flatten().collect()

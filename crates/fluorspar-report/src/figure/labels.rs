@@ -5,6 +5,22 @@ use super::font;
 use super::{Ink, Label};
 
 const SIZE: u32 = 12;
+/// Distance of the lines of a label of several, px.
+const LINE: f64 = 15.0;
+
+/// The lines of a label, none wider than `width` px but a word that is.
+fn wrapped(text: &str, width: f64) -> Vec<String> {
+    let mut rows = vec![String::new()];
+    for word in text.split(' ') {
+        let row = rows.last().cloned().unwrap_or_default();
+        let longer = if row.is_empty() { word.to_owned() } else { format!("{row} {word}") };
+        match font::width(&longer, f64::from(SIZE)) > width && !row.is_empty() {
+            true => rows.push(word.to_owned()),
+            false => *rows.last_mut().unwrap_or(&mut String::new()) = longer,
+        }
+    }
+    rows
+}
 
 /// Draws each label near its point. `crowd` are dots and `lines` are points along lines that labels should rather not cover.
 pub(super) fn place(
@@ -19,8 +35,10 @@ pub(super) fn place(
         .map(|(_, at)| Frame { left: at[0] - 7.0, top: at[1] - 7.0, width: 14.0, height: 14.0 })
         .collect();
     for (label, at) in labels {
-        let width = font::width(&label.text, f64::from(SIZE)) + 6.0;
-        let height = f64::from(SIZE) + 5.0;
+        let rows = wrapped(&label.text, panel.width - 6.0);
+        let widest = rows.iter().map(|row| font::width(row, f64::from(SIZE))).fold(0.0, f64::max);
+        let width = widest + 6.0;
+        let height = LINE * (rows.len() - 1) as f64 + f64::from(SIZE) + 5.0;
         let mut best: Option<(f64, Frame, bool)> = None;
         for (ring, reach) in [10.0, 24.0, 42.0, 64.0].into_iter().enumerate() {
             for (turn, [dx, dy]) in DIRECTIONS.into_iter().enumerate() {
@@ -55,7 +73,9 @@ pub(super) fn place(
                 }
             }
         }
-        let Some((_, frame, covers)) = best else { continue };
+        let Some((_, mut frame, covers)) = best else { continue };
+        // What reaches over a side of the panel is cut off there
+        frame.left = frame.left.min(panel.right() - width).max(panel.left);
         let nearest = [at[0].clamp(frame.left, frame.right()), at[1].clamp(frame.top, frame.bottom())];
         let gap = (nearest[0] - at[0]).hypot(nearest[1] - at[1]);
         if gap > 14.0 {
@@ -65,13 +85,15 @@ pub(super) fn place(
         if covers {
             marks.push(Mark::Rect { frame, opacity: 0.8, ink: Ink::Paper });
         }
-        marks.push(Mark::Text {
-            at: [frame.left + 3.0, frame.bottom() - 5.0],
-            text: label.text.clone(),
-            size: SIZE,
-            anchor: Anchor::Start,
-            ink: Ink::Text,
-        });
+        for (above, text) in rows.into_iter().rev().enumerate() {
+            marks.push(Mark::Text {
+                at: [frame.left + 3.0, frame.bottom() - 5.0 - LINE * above as f64],
+                text,
+                size: SIZE,
+                anchor: Anchor::Start,
+                ink: Ink::Text,
+            });
+        }
         taken.push(frame);
     }
 }
@@ -83,6 +105,28 @@ const DIRECTIONS: [[f64; 2]; 8] =
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_label_wider_than_its_panel_has_several_lines_inside() {
+        let text = "Share of the bulk of 6 fluorophores, unmixed from all signals";
+        let label = Label { at: [0.0; 2], text: text.into() };
+        let panel = Frame { left: 20.0, top: 0.0, width: 220.0, height: 90.0 };
+        let mut marks = Vec::new();
+        place(&[(&label, [25.0, 14.0])], &[], &[], panel, &mut marks);
+        let rows: Vec<(f64, String)> = marks
+            .into_iter()
+            .filter_map(
+                |mark| if let Mark::Text { at, text, .. } = mark { Some((at[0], text)) } else { None },
+            )
+            .collect();
+        assert!(rows.len() == 2, "{rows:?}");
+        let ends = rows.iter().map(|(left, text)| left + font::width(text, f64::from(SIZE)));
+        assert!(
+            ends.into_iter().all(|end| end <= panel.right()) && rows.iter().all(|(left, _)| *left >= 20.0)
+        );
+        let words: Vec<&str> = rows.iter().rev().map(|(_, text)| text.as_str()).collect();
+        assert_eq!(words.join(" "), text);
+    }
 
     #[test]
     fn labels_of_close_points_do_not_cover_each_other() {
