@@ -18,6 +18,8 @@ pub struct JudgedDesign {
     pub design: Design,
     /// Its figures of merit.
     pub merits: Merits,
+    /// Share of the fluorescence that its viewing filter lets pass, 0 to 1; `None` where nothing fluoresces.
+    pub fluorescence_kept: Option<f64>,
 }
 
 /// What a search found.
@@ -37,6 +39,8 @@ pub struct DesignFindings<'a> {
     pub space: &'a DesignSpace,
     /// Those that were evaluated, by number.
     pub scores: &'a [(u64, Score)],
+    /// Why some of them have no loss, in words; empty where all have one.
+    pub left_out: &'a str,
     /// The best, in order.
     pub best: &'a [JudgedDesign],
     /// Those that no other dominates.
@@ -62,13 +66,13 @@ const PATCH_PX: usize = 40;
 /// Seed of the noise of simulated patches.
 const PATCH_SEED: u64 = 1;
 
-/// The figures of the page by the stems of their files: spectra of the best design, simulated captures, loss of all designs, lights.
+/// The figures of the page by the stems of their files: spectra of the recommended design, simulated captures, loss of all designs, lights.
 /// None where no design is feasible.
 pub fn design_figures(found: &DesignFindings<'_>) -> Vec<(&'static str, Figure)> {
-    let Some(best) = found.best.first() else { return Vec::new() };
+    let Some((_, recommended)) = recommended(found) else { return Vec::new() };
     vec![
-        ("spectra", spectra_figure(found.space, best)),
-        ("captures", captures_figure(found, best)),
+        ("spectra", spectra_figure(found.space, recommended)),
+        ("captures", captures_figure(found, recommended)),
         ("designs", front_figure(found)),
         ("lights", lights_figure(found)),
     ]
@@ -77,10 +81,10 @@ pub fn design_figures(found: &DesignFindings<'_>) -> Vec<(&'static str, Figure)>
 /// The page of a design search.
 pub fn design_report(found: &DesignFindings<'_>) -> ReportData {
     let mut sections = Vec::new();
-    if let Some(best) = found.best.first() {
-        sections.push(best_section(found, best));
-        sections.push(captures_section(found, best));
-        sections.push(blind_section(found, best));
+    if let Some((_, recommended)) = recommended(found) {
+        sections.push(recommended_section(found, recommended));
+        sections.push(captures_section(found, recommended));
+        sections.push(blind_section(found, recommended));
         sections.push(choices_section(found));
         sections.push(assumptions_section(found));
     }
@@ -108,10 +112,7 @@ fn lead(found: &DesignFindings<'_>) -> Vec<String> {
         lead.push(found.description.to_owned());
     }
     lead.push(format!("Designs are ranked by {}; less is better.", found.criterion));
-    lead.push(match found.best.first() {
-        Some(best) => best_in_words(found, best),
-        None => "No design keeps to all limits and sees what is asked for.".into(),
-    });
+    lead.extend(recommendation(found));
     for compared in found.compared {
         let region = &compared.merits.regions[0];
         if region.rank < region.weights.len() {
@@ -126,32 +127,92 @@ fn lead(found: &DesignFindings<'_>) -> Vec<String> {
     lead
 }
 
-/// The design of the least loss within tolerances, of those for which that is known.
+/// The design of the least loss within tolerances, of those for which that is known: where some keep to all limits there, of these.
 fn best_within_tolerances<'a>(
     found: &DesignFindings<'a>,
 ) -> Option<(usize, &'a JudgedDesign, &'a WorstCase)> {
-    let worst = found.best.iter().zip(found.worst_cases).enumerate();
-    let known = worst.filter(|(_, (_, worst))| worst.loss.is_finite());
-    let least = known.min_by(|a, b| a.1.1.loss.total_cmp(&b.1.1.loss))?;
-    Some((least.0, least.1.0, least.1.1))
+    let known = || {
+        let worst = found.best.iter().zip(found.worst_cases).enumerate();
+        worst.map(|(place, (judged, worst))| (place, judged, worst)).filter(|of| of.2.loss.is_finite())
+    };
+    let least = |of: &mut dyn Iterator<Item = (usize, &'a JudgedDesign, &'a WorstCase)>| {
+        of.min_by(|a, b| a.2.loss.total_cmp(&b.2.loss))
+    };
+    least(&mut known().filter(|of| of.2.broken.is_empty())).or_else(|| least(&mut known()))
 }
 
-/// Which design is recommended: the one that is best as it will be made.
-fn best_in_words(found: &DesignFindings<'_>, best: &JudgedDesign) -> String {
+/// The design that is recommended and its place among the best: the one that is best as it will be made, else as it is meant.
+fn recommended<'a>(found: &DesignFindings<'a>) -> Option<(usize, &'a JudgedDesign)> {
+    let made = best_within_tolerances(found).map(|(place, judged, _)| (place, judged));
+    made.or_else(|| found.best.first().map(|best| (0, best)))
+}
+
+/// Which design is recommended, and what it fails at, a sentence each.
+pub fn recommendation(found: &DesignFindings<'_>) -> Vec<String> {
+    let (Some(best), Some((place, made))) = (found.best.first(), recommended(found)) else {
+        let why = if found.left_out.is_empty() { String::new() } else { format!(" {}.", found.left_out) };
+        return vec![format!("No design keeps to all limits and sees what is asked for.{why}")];
+    };
     let tried = found.worst_cases.len();
-    match best_within_tolerances(found) {
-        Some((0, ..)) => format!("The best is {}, as meant and within tolerances.", best.name),
-        Some((_, made, worst)) => format!(
+    let mut sentences = vec![match (place, found.worst_cases.get(place)) {
+        (0, Some(worst)) if worst.loss.is_finite() => {
+            format!("The best is {}, as meant and within tolerances.", best.name)
+        }
+        (0, _) => format!("The best is {}.", best.name),
+        (_, worst) => format!(
             "Recommended is {}: of the {tried} best it has the least loss within tolerances, {}. As meant {} is the best, with a loss of {}, \
              but within tolerances of {}.",
             made.name,
-            digits(worst.loss),
+            digits(worst.map_or(f64::NAN, |worst| worst.loss)),
             best.name,
             digits(best.merits.loss),
             digits(found.worst_cases[0].loss)
         ),
-        None => format!("The best is {}.", best.name),
+    }];
+    sentences.extend(failings(found, place, made).into_iter().map(|what| format!("But {what}.")));
+    sentences
+}
+
+/// What a design fails at though no limit of the file keeps it out, each as the end of a sentence.
+fn failings(found: &DesignFindings<'_>, place: usize, judged: &JudgedDesign) -> Vec<String> {
+    let merits = &judged.merits;
+    let mut failings = Vec::new();
+    if merits.saturation > 1.0 {
+        failings.push(format!(
+            "it saturates: its brightest pixel collects {} times what it holds, and the file lets it (limit.saturation)",
+            digits(merits.saturation)
+        ));
     }
+    let margins =
+        [("an eye that looks into its lights", merits.eye_margin), ("the tissue", merits.tissue_margin)];
+    for (who, margin) in margins {
+        if let Some(margin) = margin.filter(|margin| *margin < 1.0) {
+            failings.push(format!("{who} gets {} times the exposure limit", digits(1.0 / margin)));
+        }
+    }
+    if let Some(worst) = found.worst_cases.get(place) {
+        if !worst.loss.is_finite() {
+            failings.push("within its tolerances it does not see what is asked for".into());
+        } else if !worst.broken.is_empty() {
+            failings
+                .push(format!("within its tolerances it breaks the limit of {}", worst.broken.join(", ")));
+        }
+    }
+    if let Criterion::Contrast(k) = found.space.problem().criterion {
+        for region in &merits.regions {
+            let value = region.contrast_values.get(k).copied().flatten();
+            let sd = region.contrasts.get(k).copied().filter(|sd| sd.is_finite());
+            if let Some((value, sd)) = value.zip(sd).filter(|(value, sd)| value.abs() < DETECTION_Z * sd) {
+                let told = digits(DETECTION_Z * sd);
+                failings.push(format!(
+                    "the value itself, {}, is not told from none: it would have to be {told}",
+                    digits(value)
+                ));
+                break;
+            }
+        }
+    }
+    failings
 }
 
 /// Four digits.
@@ -169,25 +230,25 @@ fn digits(value: f64) -> String {
 }
 
 fn headline(found: &DesignFindings<'_>) -> Vec<Number> {
-    let Some(best) = found.best.first() else { return Vec::new() };
+    let Some((place, recommended)) = recommended(found) else { return Vec::new() };
     let value = match found.space.problem().criterion {
         Criterion::Contrast(k) => {
-            best.merits.regions.first().and_then(|region| *region.contrast_values.get(k)?)
+            recommended.merits.regions.first().and_then(|region| *region.contrast_values.get(k)?)
         }
         _ => None,
     };
-    let of_value = value.map_or_else(String::new, |value| yardstick(value, best.merits.loss));
-    let meaning = format!("{}{of_value}", found.criterion);
-    let mut numbers = vec![Number::computed("loss", digits(best.merits.loss), "", meaning)];
-    if let Some(worst) = found.worst_cases.first() {
+    let of_value = value.map_or_else(String::new, |value| yardstick(value, recommended.merits.loss));
+    let meaning = format!("of {}, {}{of_value}", recommended.name, found.criterion);
+    let mut numbers = vec![Number::computed("loss", digits(recommended.merits.loss), "", meaning)];
+    if let Some(worst) = found.worst_cases.get(place) {
         let meaning = "the same at the worst end of all tolerances, after calibration";
         numbers.push(Number::computed("within tolerances", digits(worst.loss), "", meaning));
     }
-    if let Some((_, made, worst)) = best_within_tolerances(found).filter(|(place, ..)| *place > 0) {
-        let meaning = format!("loss of {}, recommended", made.name);
-        numbers.push(Number::computed("least within tolerances", digits(worst.loss), "", meaning));
+    if let Some(best) = found.best.first().filter(|_| place > 0) {
+        let meaning = format!("loss of {}, the best as meant", best.name);
+        numbers.push(Number::computed("least loss as meant", digits(best.merits.loss), "", meaning));
     }
-    let merits = &best.merits;
+    let merits = &recommended.merits;
     numbers.push(Number::computed("time", digits(merits.time_s * 1e3), "ms", "of all exposures"));
     numbers.push(Number::computed(
         "leak",
@@ -195,6 +256,10 @@ fn headline(found: &DesignFindings<'_>) -> Vec<Number> {
         "",
         "reflected per fluorescent electron, at most",
     ));
+    numbers.extend(recommended.fluorescence_kept.map(|kept| {
+        let meaning = "of the electrons of fluorescence pass the viewing filter";
+        Number::computed("fluorescence kept", digits(100.0 * kept), "%", meaning)
+    }));
     for (name, margin, meaning) in [
         ("tissue margin", merits.tissue_margin, "limit over exposure of the tissue, all exposures together"),
         (
@@ -241,9 +306,9 @@ fn yardstick(value: f64, sd: f64) -> String {
     format!(" of a value of {}; a change of {} is told{verdict}", digits(value), digits(told))
 }
 
-fn best_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section {
-    let mut section = Section::new("The best design");
-    for item in bounds(found, best) {
+fn recommended_section(found: &DesignFindings<'_>, recommended: &JudgedDesign) -> Section {
+    let mut section = Section::new("The recommended design");
+    for item in bounds(found, recommended) {
         section = section.with(item);
     }
     for compared in found.compared {
@@ -253,7 +318,7 @@ fn best_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section {
     }
     let caption = "Lights, filters and channels are relative to their own peaks; the fluorophores under a light to the highest of \
                    them. Where a channel sees two fluorophores at once, only their ratio between channels and lights tells them apart.";
-    section.show(spectra_figure(found.space, best), caption)
+    section.show(spectra_figure(found.space, recommended), caption)
 }
 
 /// Lights, filters, channels and fluorescence of a design.
@@ -306,20 +371,21 @@ fn spectra_figure(space: &DesignSpace, judged: &JudgedDesign) -> Figure {
         }
         panels.push(panel);
     }
-    Figure::grid("Spectra of the best design", panels, 1).explained(
+    Figure::grid(format!("Spectra of {}", judged.name), panels, 1).explained(
         "Above: lights, the filters in front of the sensor and the sensitivity of its channels, each relative to its own peak. Below: \
          what each fluorophore of the first region emits under a light, relative to the highest of them.",
     )
 }
 
-fn captures_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section {
+fn captures_section(found: &DesignFindings<'_>, recommended: &JudgedDesign) -> Section {
     let caption = "Noise of photons and of the readout only.";
-    Section::new("Captures of the best and of another").show(captures_figure(found, best), caption)
+    Section::new("Captures of the recommended design and of another")
+        .show(captures_figure(found, recommended), caption)
 }
 
-fn captures_figure(found: &DesignFindings<'_>, best: &JudgedDesign) -> Figure {
+fn captures_figure(found: &DesignFindings<'_>, recommended: &JudgedDesign) -> Figure {
     let mut panels = Vec::new();
-    for judged in std::iter::once(best).chain(found.compared.iter().take(1)) {
+    for judged in std::iter::once(recommended).chain(found.compared.iter().take(1)) {
         for (region, model) in found.space.problem().regions_of(judged.design.geometry).enumerate() {
             let raster = patches(found.space, &judged.design, region);
             let title = format!("{}: {}", judged.name, model.response.name);
@@ -379,12 +445,12 @@ fn patches(space: &DesignSpace, design: &Design, region: usize) -> Raster {
     })
 }
 
-fn blind_section(found: &DesignFindings<'_>, best: &JudgedDesign) -> Section {
+fn blind_section(found: &DesignFindings<'_>, recommended: &JudgedDesign) -> Section {
     let mut section = Section::new("What is least told apart").say(
         "Each line is a joint change of the weights that changes the data least. A plus and a minus mean that one can stand for \
          the other.",
     );
-    for judged in std::iter::once(best).chain(found.compared) {
+    for judged in std::iter::once(recommended).chain(found.compared) {
         for (region, merits) in
             found.space.problem().regions_of(judged.design.geometry).zip(&judged.merits.regions)
         {
@@ -423,6 +489,9 @@ fn choices_section(found: &DesignFindings<'_>) -> Section {
             format!("{} electrons of fluorescence", digits(merits.fluorescence_e)),
             format!("{} ms", digits(merits.time_s * 1e3)),
             format!("leak {}", digits(merits.leak)),
+            judged.fluorescence_kept.map_or_else(String::new, |kept| {
+                format!("{} % of the fluorescence kept by the filter", digits(100.0 * kept))
+            }),
             format!("saturation {}", digits(merits.saturation)),
             format!("price {}", digits(merits.cost)),
         ];
@@ -434,6 +503,7 @@ fn choices_section(found: &DesignFindings<'_>) -> Section {
                 .map(|(contrast, sd)| format!("standard deviation of {} {}", contrast.name, digits(*sd))),
         );
         meaning.extend(worst.map(|worst| format!("loss within tolerances {}", digits(worst.loss))));
+        meaning.retain(|words| !words.is_empty());
         Number::computed(&judged.name, digits(merits.loss), "", meaning.join(", "))
     };
     let rows = found.best.iter().take(SHOWN).enumerate();
@@ -501,7 +571,9 @@ fn front_figure(found: &DesignFindings<'_>) -> Figure {
     let Across { label, unit, of: pick, words } = Across::of(&seen);
     let points: Vec<[f64; 2]> = seen.iter().map(|s| [pick(s), s.loss]).collect();
     let (low, high) = points.iter().fold((f64::INFINITY, 0.0f64), |(a, b), p| (a.min(p[1]), b.max(p[1])));
-    let y = Axis::log10("loss", "", [low * 0.8, (high * 1.2).min(low * 1e4)]);
+    let top = (high * 1.2).min(low * 1e4);
+    let beyond = points.iter().filter(|point| point[1] > top).count();
+    let y = Axis::log10("loss", "", [low * 0.8, top]);
     let x = Axis::from_zero(label, unit, points.iter().map(|p| p[0] * 1.1));
     let marks = |designs: &[JudgedDesign]| -> Vec<[f64; 2]> {
         let score = |d: &JudgedDesign| Score {
@@ -517,7 +589,8 @@ fn front_figure(found: &DesignFindings<'_>) -> Figure {
     // In their order by loss marks lie apart, and few have room for their names
     let is_in_order = unit.is_empty() && label.starts_with("place");
     let named = if is_in_order && seen.len() <= MOST_NAMES { found.best.len() } else { 1 };
-    let labels = found.best.iter().take(named).flat_map(|judged| {
+    let also = recommended(found).filter(|(place, _)| *place >= named).map(|(_, judged)| judged);
+    let labels = found.best.iter().take(named).chain(also).flat_map(|judged| {
         let at = marks(std::slice::from_ref(judged));
         at.into_iter().map(|at| Label { at, text: judged.name.clone() })
     });
@@ -529,8 +602,38 @@ fn front_figure(found: &DesignFindings<'_>) -> Figure {
     panel = panel.with(Series::unnamed(Ink::Text, SeriesShape::Labels(labels)));
     Figure::new("Loss of all designs", panel).explained(format!(
         "Each dot is a design that keeps to all limits. Those of the front are not beaten in loss, time, price and number of \
-         exposures at once. {words}"
+         exposures at once. {words}{}",
+        missing_in_words(found, beyond)
     ))
+}
+
+/// Which designs have no dot and why, as sentences that go on a text; empty where all have one.
+fn missing_in_words(found: &DesignFindings<'_>, beyond: usize) -> String {
+    let mut words = String::new();
+    let evaluated = found.scores.len() as u64;
+    if evaluated < found.space.len() {
+        words += &format!(" {evaluated} of {} designs were evaluated.", found.space.len());
+    }
+    if !found.left_out.is_empty() {
+        words += &format!(" {}.", found.left_out);
+    }
+    if beyond > 0 {
+        let designs = if beyond == 1 { "1 design has" } else { &format!("{beyond} designs have") };
+        words += &format!(" {designs} a loss beyond the upper edge.");
+    }
+    words
+}
+
+/// The lights without a finite least loss by name, as a sentence that goes on a text; empty where there are none.
+fn unseen_lights(names: impl Iterator<Item = String>) -> String {
+    let names: Vec<String> = names.collect();
+    let more = names.len().saturating_sub(MOST_NAMES);
+    let shown = names.iter().take(MOST_NAMES).cloned().collect::<Vec<_>>().join(", ");
+    match (names.len(), more) {
+        (0, _) => String::new(),
+        (_, 0) => format!(" Left out: {shown}."),
+        _ => format!(" Left out: {shown} and {more} more."),
+    }
 }
 
 /// The least loss with each light, or with each pair of lights.
@@ -567,9 +670,12 @@ fn single_lights(found: &DesignFindings<'_>) -> Figure {
     let panel = Panel::new(x, y)
         .with(Series::unnamed(Ink::cycle(0), marks))
         .with(Series::unnamed(Ink::Text, SeriesShape::Labels(labels)));
-    Figure::new("Which light", panel).explained(
-        "The least loss of all designs with this light. A light that is not seen, or breaks a limit in every design, is left out.",
-    )
+    let unseen = least.iter().zip(lights).filter(|(loss, _)| !loss.is_finite());
+    let unseen = unseen_lights(unseen.map(|(_, light)| light.name.clone()));
+    Figure::new("Which light", panel).explained(format!(
+        "The least loss of all designs with this light. A light under which nothing is seen, or that breaks a limit in every design, is left \
+         out.{unseen}"
+    ))
 }
 
 /// The least loss with each pair of lights.
@@ -652,23 +758,37 @@ fn even_peaks(peaks_nm: &[f64]) -> Option<[f64; 2]> {
 
 fn assumptions_section(found: &DesignFindings<'_>) -> Section {
     let rows = found.sensitivities.iter().take(MOST_SENSITIVITIES).map(|s| {
-        let meaning =
-            if s.other_best { "another design is then the best" } else { "the best stays the best" };
+        let best = match (s.other_best, found.worst_cases.len()) {
+            (true, _) => "another design is then the best, one way or the other",
+            (false, 0 | 1) => "there is no other design to compare with",
+            (false, _) => "it stays the best of them either way",
+        };
+        let meaning = format!("{:+.2} % with a quarter less; {best}", 100.0 * s.loss_change_of_less);
         Number::computed(&s.assumption, format!("{:+.2}", 100.0 * s.loss_change), "%", meaning)
     });
+    let of = found.best.first().map_or("", |best| best.name.as_str());
     let table = NumberTable {
-        caption: "Loss with a quarter more of each assumed number".into(),
+        caption: format!(
+            "Loss of {of}, the best as meant, with a quarter more of each assumed number; it is compared with the {} best",
+            found.worst_cases.len()
+        ),
         rows: rows.collect(),
     };
     let mut section = Section::new("What it rests on").with(ReportItem::Table(table));
-    if let Some(worst) = found.worst_cases.first() {
+    let place = recommended(found).map_or(0, |(place, _)| place);
+    if let Some((worst, judged)) = found.worst_cases.get(place).zip(found.best.get(place)) {
         let shifts: Vec<String> = worst.light_shifts_nm.iter().map(|nm| format!("{nm:+} nm")).collect();
+        let broken = match &worst.broken[..] {
+            [] => String::new(),
+            broken => format!(" Somewhere within them it breaks the limit of {}.", broken.join(", ")),
+        };
         section = section.say(format!(
-            "At the worst end of the tolerances (lights {}, filter {:+} nm, light at {} degrees) the loss is {}, and the largest leak \
-             within them is {}. The spectra as made are taken to be known then: without a calibration there is a bias besides.",
+            "At the worst end of the tolerances (lights {}, filter {:+} nm, light at {} degrees) the loss of {} is {}, and its largest leak \
+             within them is {}.{broken} The spectra as made are taken to be known then: without a calibration there is a bias besides.",
             shifts.join(" and "),
             worst.filter_shift_nm,
             worst.angle_deg,
+            judged.name,
             digits(worst.loss),
             digits(worst.leak)
         ));

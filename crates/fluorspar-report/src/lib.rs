@@ -26,7 +26,7 @@ pub use comparison::{
     UnreadableRun, compared_numbers, compared_pictures, comparison_figures, comparison_remarks,
     comparison_report, comparison_verdict, numbers_by_region, setting_cells,
 };
-pub use design_report::{DesignFindings, JudgedDesign, design_figures, design_report};
+pub use design_report::{DesignFindings, JudgedDesign, design_figures, design_report, recommendation};
 pub use figure::{
     Axis, ColorBar, ColorMap, ContactSheet, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale,
     Series, SeriesShape,

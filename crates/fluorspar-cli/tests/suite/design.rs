@@ -67,9 +67,13 @@ fn a_killed_sweep_goes_on_without_losing_or_repeating_work() {
     let csv = fs::read_to_string(folder.path().join("a/designs.csv")).unwrap();
     assert!(csv.starts_with("number,lights,view_filter,") && csv.lines().count() == 51, "{csv}");
     let html = fs::read_to_string(folder.path().join("a/report.html")).unwrap();
-    for part in
-        ["The best design", "What is least told apart", "Simulated captures", "What it rests on", "singular"]
-    {
+    for part in [
+        "The recommended design",
+        "What is least told apart",
+        "Simulated captures",
+        "What it rests on",
+        "singular",
+    ] {
         assert!(html.contains(part), "{part}");
     }
 }
@@ -361,9 +365,37 @@ fn a_sweep_of_single_lights_names_them() {
     for name in ["365 nm: ", "385 nm: ", "405 nm: ", "450 nm: ", "peak of the light"] {
         assert!(lights.contains(name), "{name}");
     }
+    // What the filter lets pass, where one is chosen
+    let csv = read("designs.csv");
+    let column = csv.lines().next().unwrap().split(',').position(|name| name == "fluorescence_kept").unwrap();
+    for line in csv.lines().skip(1) {
+        let kept: f64 = line.split(',').nth(column).unwrap().parse().unwrap();
+        assert!((0.3..1.0).contains(&kept), "{line}");
+    }
     assert!(!lights.contains("shorter") && !lights.contains("number of"));
     let designs = read("designs.svg");
     for name in ["place by loss", "365 nm", "385 nm", "405 nm", "450 nm"] {
         assert!(designs.contains(name), "{name}");
     }
+}
+
+/// A design that saturates is none, unless the file lets it, and then the answer says so first; what is left out is told with its reason.
+#[test]
+fn a_saturated_design_is_left_out_or_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/03-four-leds.toml");
+    let sweep = |changes: &[&str]| {
+        let args = [&["design", "sweep", example.to_str().unwrap(), "--out", "a"][..], changes].concat();
+        fluorspar(folder.path(), args).well()
+    };
+    let bright = "--set=exposure.total_ms=100000";
+    let said = sweep(&[bright]).stdout;
+    assert!(said.contains("4 of 4 designs are left out: 4 break the limit of saturation"), "{said}");
+    assert!(said.contains("No design keeps to all limits"), "{said}");
+    let page = fs::read_to_string(folder.path().join("a/report.html")).unwrap();
+    assert!(page.contains("4 break the limit of saturation"));
+    let said = sweep(&[bright, "--set=limit.saturation=1e6"]).stdout;
+    assert!(said.contains("But it saturates: its brightest pixel collects"), "{said}");
+    let page = fs::read_to_string(folder.path().join("a/report.html")).unwrap();
+    assert!(page.contains("But it saturates: its brightest pixel collects"));
 }

@@ -788,7 +788,7 @@ fn limits(context: &mut Context<'_>, file: &DesignFile) -> Resolved<Limits> {
         tissue_margin: within("tissue_margin", limit.tissue_margin, MARGIN)?.or(former),
         eye_margin: within("eye_margin", limit.eye_margin, MARGIN)?,
         leak: within("leak", limit.leak, [0.0, 1e6])?,
-        saturation: within("saturation", limit.saturation, [0.0, 1e6])?,
+        saturation: within("saturation", Some(limit.saturation), [1e-6, 1e6])?,
         time_s: within("total_ms", limit.total_ms, [1e-6, 1e9])?.map(|ms| ms * 1e-3),
         cost: within("cost", limit.cost, PRICE)?,
     };

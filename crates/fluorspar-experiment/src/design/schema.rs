@@ -627,9 +627,9 @@ pub struct LimitsSection {
     /// Largest ratio of reflected to fluorescent electrons, 0 to 1e6. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leak: Option<f64>,
-    /// Largest share of what a pixel holds, highlights included, 0 to 1e6. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub saturation: Option<f64>,
+    /// Largest share of what a pixel holds in the brightest one, highlights included, 1e-6 to 1e6. Default 1: what saturates is no measurement.
+    /// A larger number lets designs saturate.
+    pub saturation: f64,
     /// Longest time of all exposures, the white frame included, ms, 1e-6 to 1e9. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub total_ms: Option<f64>,
@@ -646,7 +646,7 @@ impl Default for LimitsSection {
             safety_margin: None,
             tissue_safety_factor: 10.0,
             leak: None,
-            saturation: None,
+            saturation: 1.0,
             total_ms: None,
             cost: None,
         }

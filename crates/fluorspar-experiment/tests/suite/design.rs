@@ -384,12 +384,16 @@ fn margins_and_weights_of_their_own_are_told_with_their_cures() {
         (vec!["eye.irradiance_share=1.0"], "its diameter over its distance"),
         (vec!["eye.source_mrad=0.0"], "between 0.1 and 3000 mrad"),
         (vec!["eye.source_mrad=5.0", "eye.distance_mm=100.0"], "flat regions have no place"),
+        (vec!["limit.saturation=0.0"], "between 1e-6 and 1000000"),
         (vec!["limit.tissue_margin=1.0", "limit.safety_margin=1.0"], "former name of tissue_margin"),
         (vec![apart("[\"elastine\"]").as_str()], "did you mean \"elastin\""),
     ] {
         let error = of(&changes).unwrap_err().to_string();
         assert!(error.contains(words), "{changes:?}: {error}");
     }
+    // What saturates is no measurement, unless the file says so
+    assert_eq!(of(&[]).unwrap().problem.limits.saturation, Some(1.0));
+    assert_eq!(of(&["limit.saturation=1e6"]).unwrap().problem.limits.saturation, Some(1e6));
     let former = of(&["limit.safety_margin=3.0"]).unwrap();
     assert_eq!(former.problem.limits.tissue_margin, Some(3.0));
     let warnings: Vec<String> = former.record.warnings.iter().map(ToString::to_string).collect();

@@ -131,12 +131,22 @@ impl Axis {
         }
         let (first, last) = ((low - 1e-9).ceil() as i32, (high + 1e-9).floor() as i32);
         let every = ((last - first + 1).max(1) as usize).div_ceil(most).max(1) as i32;
+        // Less than two powers of ten say nothing of the scale: round numbers, within a decade in even steps
+        let is_short = (last - first) / every < 1;
+        if is_short && high - low < 1.0 {
+            return self.linear_ticks(most);
+        }
         let mut ticks = Vec::new();
         for exponent in first - 1..=last {
             let decade = 10f64.powi(exponent);
             for digit in 1..10 {
                 let value = f64::from(digit) * decade;
                 if value.log10() < low - 1e-9 || value.log10() > high + 1e-9 {
+                    continue;
+                }
+                if is_short {
+                    let text = [1, 2, 5].contains(&digit).then(|| format_number(value, decade, value));
+                    ticks.push(Tick { value, text });
                     continue;
                 }
                 let labeled = digit == 1 && (exponent - first).rem_euclid(every) == 0;
@@ -229,6 +239,22 @@ mod tests {
         assert!((axis.position(1e-2) - 0.5).abs() < 1e-12);
         // Zero lies below the axis, at a finite place, so that a line can leave through the bottom.
         assert!(axis.position(0.0) < 0.0 && axis.position(0.0).is_finite());
+    }
+
+    #[test]
+    fn logarithmic_axes_of_few_decades_label_round_numbers() {
+        let of = |limits: [f64; 2]| texts(&Axis::log10("loss", "", limits), 5);
+        // Within a decade even steps, whether it holds a power of ten or not
+        assert_eq!(of([0.0012, 0.0031]), ["0.0015", "0.0020", "0.0025", "0.0030"]);
+        assert_eq!(of([0.06, 0.21]), ["0.10", "0.15", "0.20"]);
+        assert_eq!(of([0.03, 0.9]), ["0.05", "0.1", "0.2", "0.5"]);
+        // Ticks stand where their values are on the logarithmic axis
+        let axis = Axis::log10("loss", "", [1.0, 9.0]);
+        let three = axis.ticks(9).into_iter().find(|tick| tick.text.as_deref() == Some("3")).unwrap();
+        assert!((axis.position(three.value) - 3f64.log10() / 9f64.log10()).abs() < 1e-12);
+        for limits in [[1e-4, 1.0], [0.05, 40.0], [0.2, 30.0]] {
+            assert!(of(limits).len() >= 2, "{limits:?}");
+        }
     }
 
     #[test]

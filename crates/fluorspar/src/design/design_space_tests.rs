@@ -308,13 +308,46 @@ fn sensitivities_and_tolerances_have_their_signs() {
     assert!(change("unknown gain") > 0.0);
     assert!(change("time") < 0.0 && change("pixels") < 0.0);
     assert!(change("read noise") > 0.0);
+    // A quarter less of what helps hurts, by more than a quarter more helps: losses fall ever more slowly
+    for helps in ["time", "pixels"] {
+        let of = found.iter().find(|s| s.assumption.contains(helps)).unwrap();
+        assert!(of.loss_change_of_less > -of.loss_change, "{of:?}");
+    }
     assert!(found.iter().all(|s| !s.other_best));
     let none = Tolerances { light_nm: 0.0, filter_nm: 0.0, angle_deg: 0.0, effective_index: 1.8 };
     let as_meant = space.evaluate(&design).loss;
     assert!((worst_case(&p, &design, &none).unwrap().loss / as_meant - 1.0).abs() < 1e-6);
     let real = Tolerances { light_nm: 3.0, filter_nm: 2.0, angle_deg: 15.0, effective_index: 1.8 };
     let worst = worst_case(&p, &design, &real).unwrap();
-    assert!(worst.loss > as_meant && worst.light_shifts_nm.len() == 2, "{worst:?}");
+    assert!(
+        worst.loss > as_meant && worst.light_shifts_nm.len() == 2 && worst.broken.is_empty(),
+        "{worst:?}"
+    );
+    // A limit that the design as meant keeps to and the one as made does not
+    let merits = space.evaluate(&design);
+    let limits = Limits { leak: Some(1.0001 * merits.leak), ..p.limits };
+    let limited = DesignProblem { limits, ..p };
+    assert!(DesignSpace::new(limited.clone()).unwrap().evaluate(&design).broken.is_empty());
+    let worst = worst_case(&limited, &design, &real).unwrap();
+    assert!(worst.leak > 1.01 * merits.leak && worst.broken == ["leak"], "{worst:?}");
+}
+
+/// What a filter that passes half of all light keeps is half, and what one keeps that passes everything is all.
+#[test]
+fn the_share_of_fluorescence_that_a_filter_keeps() {
+    let kept = |transmittance: f64| {
+        let mut p = problem();
+        p.filters.truncate(1);
+        p.filters[0] =
+            FilterChoice { fixed: Curve::constant(transmittance), long_pass: None, ..p.filters[0].clone() };
+        let space = DesignSpace::new(p).unwrap();
+        space.fluorescence_kept(&space.design(0)).unwrap()
+    };
+    assert!((kept(1.0) - 1.0).abs() < 1e-12 && (kept(0.5) - 0.5).abs() < 1e-12);
+    let space = DesignSpace::new(problem()).unwrap();
+    let design = space.design(0);
+    let of_long_pass = space.fluorescence_kept(&design).unwrap();
+    assert!(of_long_pass > 0.0 && of_long_pass < 1.0, "{of_long_pass}");
 }
 
 /// A rendered region of twice the light is a flat one of twice the response, and each geometry is searched.

@@ -3,8 +3,10 @@
 use serde::Serialize;
 
 use crate::sampling::random::Key;
+use crate::spectral::Curve;
 
 use super::criterion::{Contrast, Criterion};
+use super::design_camera::FineBands;
 use super::design_space::{Design, DesignSpace};
 use super::evaluation::{
     Assumptions, DesignExposure, RegionMerits, chromaticity_separability, detectability, evaluate_region,
@@ -195,6 +197,31 @@ impl DesignSpace {
             channels.map(|c| sample_pixels(exposure, rates, c, pixels, key.with(number as u64))).collect()
         };
         exposures.iter().zip(&signals).enumerate().map(of).collect()
+    }
+
+    /// Share of the electrons of fluorescence that the viewing filter of a design lets pass, 0 to 1: those of the first region in all channels of
+    /// all its exposures, over those without the filter. `None` where nothing fluoresces.
+    pub fn fluorescence_kept(&self, design: &Design) -> Option<f64> {
+        let p = &self.problem;
+        let region = p.regions_of(design.geometry).next()?;
+        let bands = FineBands::of(&region.response.grid);
+        let (camera, times) = (&p.cameras[design.camera], self.times(design));
+        let through = |filter: &Curve, spectra: &[Vec<f64>]| -> f64 {
+            let channels = camera.behind(filter, &bands).by_band;
+            let of = |weights: &[f64], spectrum: &[f64]| -> f64 {
+                weights.iter().zip(spectrum).map(|(w, value)| w * value).sum()
+            };
+            channels.iter().map(|weights| spectra.iter().map(|s| of(weights, s)).sum::<f64>()).sum()
+        };
+        let (mut kept, mut all) = (0.0, 0.0);
+        for (&light, time_s) in design.lights.iter().zip(times) {
+            let choice = &p.lights[light];
+            let spectra = region.response.fluorescence_under(&choice.spectrum);
+            let amount = choice.light * time_s;
+            kept += amount * through(&p.filters[design.filter].transmittance(choice.peak_nm), &spectra);
+            all += amount * through(&Curve::constant(1.0), &spectra);
+        }
+        (all > 0.0).then(|| kept / all)
     }
 
     /// All figures of merit of a design.

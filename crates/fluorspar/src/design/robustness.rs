@@ -6,24 +6,27 @@ use serde::Serialize;
 use crate::spectral::Curve;
 
 use super::design_space::{Design, DesignError, DesignSpace};
+use super::merits::Merits;
 use super::problem::{Budget, DesignProblem, LongPassEdge};
 use super::region_model::RegionModel;
 
-/// Factor by which each assumed number is raised.
-const RAISED: f64 = 1.25;
+/// Factors on each assumed number: a quarter more, a quarter less.
+const FACTORS: [f64; 2] = [1.25, 0.75];
 
-/// What a quarter more of an assumed number does.
+/// What a quarter more, and a quarter less, of an assumed number does.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Sensitivity {
     /// The number.
     pub assumption: String,
-    /// Relative change of the loss of the best design.
+    /// Relative change of the loss of the best design with a quarter more.
     pub loss_change: f64,
-    /// Whether another of the designs is then the best.
+    /// The same with a quarter less.
+    pub loss_change_of_less: f64,
+    /// Whether another of the designs is then the best, either way.
     pub other_best: bool,
 }
 
-/// Raises each assumed number by a quarter, for the designs given, the best first: how its loss changes, and whether it stays the
+/// Raises and lowers each assumed number by a quarter, for the designs given, the best first: how its loss changes, and whether it stays the
 /// best of them.
 ///
 /// # Errors
@@ -31,17 +34,25 @@ pub struct Sensitivity {
 pub fn sensitivities(problem: &DesignProblem, designs: &[Design]) -> Result<Vec<Sensitivity>, DesignError> {
     let Some(best) = designs.first() else { return Ok(Vec::new()) };
     let before = losses(problem, std::slice::from_ref(best))?;
-    let mut found: Vec<Sensitivity> = changes(problem, best)
+    let [raised, lowered] = FACTORS.map(|factor| changes(problem, best, factor));
+    let mut found: Vec<Sensitivity> = raised
         .into_par_iter()
-        .map(|(assumption, changed)| {
-            let losses = losses(&changed, designs)?;
-            let other_best = losses.iter().skip(1).any(|loss| *loss < losses[0]);
+        .zip(lowered)
+        .map(|((assumption, more), (_, less))| {
+            let [of_more, of_less] = [losses(&more, designs)?, losses(&less, designs)?];
+            let is_beaten = |losses: &[f64]| losses.iter().skip(1).any(|loss| *loss < losses[0]);
             // A design that loses nothing, such as one without leak, has nothing to compare with
-            let loss_change = if before[0] > 0.0 { losses[0] / before[0] - 1.0 } else { 0.0 };
-            Ok(Sensitivity { assumption, loss_change, other_best })
+            let change = |losses: &[f64]| if before[0] > 0.0 { losses[0] / before[0] - 1.0 } else { 0.0 };
+            Ok(Sensitivity {
+                assumption,
+                loss_change: change(&of_more),
+                loss_change_of_less: change(&of_less),
+                other_best: is_beaten(&of_more) || is_beaten(&of_less),
+            })
         })
         .collect::<Result<_, DesignError>>()?;
-    found.sort_by(|a, b| b.loss_change.abs().total_cmp(&a.loss_change.abs()));
+    let largest = |s: &Sensitivity| s.loss_change.abs().max(s.loss_change_of_less.abs());
+    found.sort_by(|a, b| largest(b).total_cmp(&largest(a)));
     Ok(found)
 }
 
@@ -60,8 +71,8 @@ fn losses(problem: &DesignProblem, designs: &[Design]) -> Result<Vec<f64>, Desig
     Ok(designs.iter().map(|design| space.evaluate(&renumbered(design)).loss).collect())
 }
 
-/// The problem with each of its assumed numbers raised, one at a time.
-fn changes(problem: &DesignProblem, best: &Design) -> Vec<(String, DesignProblem)> {
+/// The problem with each of its assumed numbers times a factor, one at a time.
+fn changes(problem: &DesignProblem, best: &Design, factor: f64) -> Vec<(String, DesignProblem)> {
     let mut found = Vec::new();
     let mut add = |name: String, counts: bool, change: &dyn Fn(&mut DesignProblem)| {
         if counts {
@@ -71,38 +82,38 @@ fn changes(problem: &DesignProblem, best: &Design) -> Vec<(String, DesignProblem
         }
     };
     let (assumed, library) = (&problem.assumptions, &problem.library);
-    add("unknown gain".into(), assumed.gain > 0.0, &|p| p.assumptions.gain *= RAISED);
-    add("unknown drives".into(), assumed.drive > 0.0, &|p| p.assumptions.drive *= RAISED);
-    add("unknown leak".into(), assumed.leak > 0.0, &|p| p.assumptions.leak *= RAISED);
+    add("unknown gain".into(), assumed.gain > 0.0, &|p| p.assumptions.gain *= factor);
+    add("unknown drives".into(), assumed.drive > 0.0, &|p| p.assumptions.drive *= factor);
+    add("unknown leak".into(), assumed.leak > 0.0, &|p| p.assumptions.leak *= factor);
     let has_priors = problem.weights.iter().any(|prior| prior.relative > 0.0);
     add("priors of weights".into(), has_priors, &|p| {
-        p.weights.iter_mut().for_each(|prior| prior.relative *= RAISED);
+        p.weights.iter_mut().for_each(|prior| prior.relative *= factor);
     });
-    add("pixels of a region".into(), true, &|p| p.assumptions.pixels *= RAISED);
+    add("pixels of a region".into(), true, &|p| p.assumptions.pixels *= factor);
     add("shift of emission".into(), library.emission_shift_nm > 0.0, &|p| {
-        p.library.emission_shift_nm *= RAISED
+        p.library.emission_shift_nm *= factor
     });
     add("shift of excitation".into(), library.excitation_shift_nm > 0.0, &|p| {
-        p.library.excitation_shift_nm *= RAISED;
+        p.library.excitation_shift_nm *= factor;
     });
     let shaped = library.shape > 0.0;
-    add("error of spectra".into(), shaped, &|p| p.library.shape *= RAISED);
-    add("correlation of that error".into(), shaped, &|p| p.library.correlation_nm *= RAISED);
+    add("error of spectra".into(), shaped, &|p| p.library.shape *= factor);
+    add("correlation of that error".into(), shaped, &|p| p.library.correlation_nm *= factor);
     add("time or electrons in all".into(), true, &|p| {
         p.budget = match p.budget {
-            Budget::Time(seconds) => Budget::Time(RAISED * seconds),
-            Budget::Electrons(electrons) => Budget::Electrons(RAISED * electrons),
+            Budget::Time(seconds) => Budget::Time(factor * seconds),
+            Budget::Electrons(electrons) => Budget::Electrons(factor * electrons),
         };
     });
     let camera = best.camera;
-    add("read noise".into(), true, &|p| p.cameras[camera].dark_variance_e2 *= RAISED * RAISED);
+    add("read noise".into(), true, &|p| p.cameras[camera].dark_variance_e2 *= factor * factor);
     let uneven = problem.cameras[camera].prnu > 0.0;
-    add("non-uniformity of pixels".into(), uneven, &|p| p.cameras[camera].prnu *= RAISED);
+    add("non-uniformity of pixels".into(), uneven, &|p| p.cameras[camera].prnu *= factor);
     for &light in &best.lights {
         let name = format!("power of {}", problem.lights[light].name);
         add(name, matches!(problem.budget, Budget::Time(_)), &|p| {
-            p.lights[light].light *= RAISED;
-            p.lights[light].power_w *= RAISED;
+            p.lights[light].light *= factor;
+            p.lights[light].power_w *= factor;
         });
     }
     let regions: Vec<&RegionModel> = problem.regions_of(best.geometry).collect();
@@ -115,29 +126,27 @@ fn changes(problem: &DesignProblem, best: &Design) -> Vec<(String, DesignProblem
         };
         for (j, part) in region.response.fluorescence.iter().enumerate() {
             add_of(part.name.clone(), &|region| {
-                region.response.fluorescence[j].radiance.iter_mut().for_each(|v| *v *= RAISED);
-                region.response.fluorescence[j].amount *= RAISED;
+                region.response.fluorescence[j].radiance.iter_mut().for_each(|v| *v *= factor);
+                region.response.fluorescence[j].amount *= factor;
                 // More of a fluorophore is also more of what its unknowns change of it
                 for change in &mut region.changes {
-                    change.fluorescence[j].iter_mut().for_each(|v| *v *= RAISED);
+                    change.fluorescence[j].iter_mut().for_each(|v| *v *= factor);
                 }
             });
         }
         add_of("reflected light".into(), &|region| {
-            region.response.reflected = region.response.reflected.scaled(RAISED);
+            region.response.reflected = region.response.reflected.scaled(factor);
             for change in &mut region.changes {
-                change.reflected = change.reflected.as_ref().map(|reflected| reflected.scaled(RAISED));
+                change.reflected = change.reflected.as_ref().map(|reflected| reflected.scaled(factor));
             }
         });
         for (k, change) in region.changes.iter().enumerate() {
-            add_of(format!("spread of {}", change.name), &|region| raise(region, k));
+            add_of(format!("spread of {}", change.name), &|region| {
+                region.changes[k] = region.changes[k].grown(factor, &region.response);
+            });
         }
     }
     found
-}
-
-fn raise(region: &mut RegionModel, change: usize) {
-    region.changes[change] = region.changes[change].grown(RAISED, &region.response);
 }
 
 /// Tolerances of manufacture.
@@ -166,6 +175,8 @@ pub struct WorstCase {
     pub filter_shift_nm: f64,
     /// Angle at which light passes it, degrees.
     pub angle_deg: f64,
+    /// Limits that the design breaks anywhere within its tolerances.
+    pub broken: Vec<&'static str>,
 }
 
 /// Tries all ends of the tolerances of a design together: every light to both sides, the filter to both sides, at the axis and at the
@@ -186,7 +197,8 @@ pub fn worst_case(
         let scale = (1.0 - sine * sine).sqrt();
         let space = DesignSpace::new(as_made(problem, design, &light_shifts_nm, filter_shift_nm, scale))?;
         let merits = space.evaluate(&space.design(0));
-        Ok(WorstCase { loss: merits.loss, leak: merits.leak, light_shifts_nm, filter_shift_nm, angle_deg })
+        let Merits { loss, leak, broken, .. } = merits;
+        Ok(WorstCase { loss, leak, light_shifts_nm, filter_shift_nm, angle_deg, broken })
     };
     let ends: Vec<WorstCase> = (0..1_usize << (lights + 2))
         .into_par_iter()
@@ -199,7 +211,9 @@ pub fn worst_case(
     let as_meant = case(vec![0.0; lights], 0.0, 0.0)?;
     let worse = |a: WorstCase, b: WorstCase| {
         let leak = a.leak.max(b.leak);
-        WorstCase { leak, ..if b.loss > a.loss { b } else { a } }
+        let mut broken = a.broken.clone();
+        broken.extend(b.broken.iter().filter(|limit| !a.broken.contains(limit)));
+        WorstCase { leak, broken, ..if b.loss > a.loss { b } else { a } }
     };
     Ok(ends.into_iter().fold(as_meant, worse))
 }

@@ -1,5 +1,6 @@
 //! What a search found: in words, as JSON and CSV, and as a report.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
@@ -9,7 +10,7 @@ use fluorspar::design::{
 };
 use fluorspar_experiment::TolerancesSection;
 use fluorspar_format::{FileFormat, OutputFolder, write_atomically};
-use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_report};
+use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_report, recommendation};
 use serde_json::{Value, json};
 
 use super::Problem;
@@ -42,6 +43,8 @@ pub(super) struct Found {
 pub(super) struct Outcome {
     found: Found,
     feasible: usize,
+    /// Why the others are not, in words.
+    left_out: String,
     best: Vec<JudgedDesign>,
     front: Vec<JudgedDesign>,
     compared: Vec<JudgedDesign>,
@@ -62,7 +65,8 @@ fn tolerances(section: &TolerancesSection) -> Tolerances {
 
 pub(super) fn judged(space: &DesignSpace, name: String, design: Design) -> JudgedDesign {
     let merits = space.evaluate(&design);
-    JudgedDesign { name, design, merits }
+    let fluorescence_kept = space.fluorescence_kept(&design);
+    JudgedDesign { name, design, merits, fluorescence_kept }
 }
 
 /// The designs of the file to compare with.
@@ -93,6 +97,7 @@ impl Outcome {
         let worst_cases = rivals.iter().map(within).collect::<Result<Vec<_>, _>>()?;
         Ok(Self {
             feasible: ranked.len(),
+            left_out: left_out(space, &found.scores),
             best,
             front,
             compared: compared(problem),
@@ -145,6 +150,7 @@ impl Outcome {
             "designs": space.len(),
             "evaluated": self.found.scores.len(),
             "feasible": self.feasible,
+            "left_out": (!self.left_out.is_empty()).then_some(&self.left_out),
             "criterion": criterion_text(space),
             "best": all(&self.best),
             "pareto_front": all(&self.front),
@@ -165,13 +171,20 @@ impl Outcome {
             self.found.search,
             self.feasible
         );
+        if !self.left_out.is_empty() {
+            text += &format!("{}\n", self.left_out);
+        }
         if self.best.is_empty() {
             text += &format!(
                 "No design keeps to all limits and sees {}; relax the limits, or offer more lights or channels\n",
                 criterion_text(space)
             );
         } else {
-            text += &format!("ranked by {}\n\n", criterion_text(space));
+            text += &format!("ranked by {}\n", criterion_text(space));
+            for sentence in self.with_findings(problem, recommendation) {
+                text += &format!("{sentence}\n");
+            }
+            text.push('\n');
             text += &table(space, self.best.iter().take(SHOWN), &self.worst_cases);
             text += &format!("{}\n", legend(space, self.best.first()));
             if self.best.len() > SHOWN {
@@ -185,27 +198,24 @@ impl Outcome {
         text += &table(space, self.compared.iter(), &[]);
         if let (Some(best), Some(worst)) = (self.best.first(), self.worst_cases.first()) {
             text += &format!(
-                "\nwithin tolerances the best has a loss of {} (as meant {}), a leak of {}\n",
+                "\nwithin tolerances {}, the best as meant, has a loss of {} (as meant {}), a leak of {}\n",
+                best.name,
                 short(worst.loss),
                 short(best.merits.loss),
                 short(worst.leak)
             );
-            let losses = self.worst_cases.iter().map(|worst| worst.loss);
-            let least = losses.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
-            if let Some((place, loss)) = least.filter(|(place, _)| *place > 0) {
-                text += &format!(
-                    "the least loss within tolerances has {}: {}\n",
-                    self.best[place].name,
-                    short(loss)
-                );
-            }
         }
         for sensitivity in self.sensitivities.iter().take(5) {
             text += &format!(
-                "a quarter more of {}: loss {:+.1} %{}\n",
+                "a quarter more of {}: loss {:+.1} %, a quarter less {:+.1} %{}\n",
                 sensitivity.assumption,
                 100.0 * sensitivity.loss_change,
-                if sensitivity.other_best { ", another design is then the best" } else { "" }
+                100.0 * sensitivity.loss_change_of_less,
+                if sensitivity.other_best {
+                    "; another design is then the best, one way or the other"
+                } else {
+                    ""
+                }
             );
         }
         text
@@ -222,6 +232,7 @@ impl Outcome {
             action: self.found.action,
             space: &problem.space,
             scores: &self.found.scores,
+            left_out: &self.left_out,
             best: &self.best,
             front: &self.front,
             compared: &self.compared,
@@ -231,6 +242,35 @@ impl Outcome {
             sha256: &record.sha256,
         })
     }
+}
+
+/// Designs without a loss of which it is asked why, at most.
+const ASKED_WHY: usize = 500;
+
+/// Why designs have no loss, in words: which limits they break, or that they do not see what is asked for. Empty where all have one.
+fn left_out(space: &DesignSpace, scores: &[(u64, Score)]) -> String {
+    let lost: Vec<u64> =
+        scores.iter().filter(|(_, s)| !s.loss.is_finite()).map(|(number, _)| *number).collect();
+    if lost.is_empty() {
+        return String::new();
+    }
+    // Even steps through all of them
+    let step = lost.len().div_ceil(ASKED_WHY);
+    let asked: Vec<u64> = lost.iter().copied().step_by(step).collect();
+    let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
+    for &number in &asked {
+        let broken = space.evaluate(&space.design(number)).broken;
+        let reason = match &broken[..] {
+            [] => "do not see what is asked for".to_owned(),
+            broken => format!("break the limit of {}", broken.join(" and ")),
+        };
+        *reasons.entry(reason).or_default() += 1;
+    }
+    let mut reasons: Vec<(String, usize)> = reasons.into_iter().collect();
+    reasons.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    let reasons: Vec<String> = reasons.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
+    let of = if step > 1 { format!(", of which {} were looked at", asked.len()) } else { String::new() };
+    format!("{} of {} designs are left out{of}: {}", lost.len(), scores.len(), reasons.join(", "))
 }
 
 fn title(problem: &Problem) -> String {
@@ -322,6 +362,7 @@ pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
         "broken_limits": merits.broken,
         "electrons": merits.electrons,
         "fluorescence_e": merits.fluorescence_e,
+        "fluorescence_kept": judged.fluorescence_kept,
         "cost": merits.cost,
         "leak": finite(merits.leak),
         "saturation": merits.saturation,
@@ -349,7 +390,7 @@ pub(super) fn legend(space: &DesignSpace, first: Option<&JudgedDesign>) -> Strin
     let of_contrasts: String = names.enumerate().map(of_contrast).collect();
     format!(
         "A fluorophore's column is the relative standard deviation of its weight{of_contrasts}; fluorescence e-: the sum over the channels, one pixel each, \
-         reflected light left out; leak: reflected over fluorescent electrons"
+         reflected light left out; kept: what the viewing filter lets pass of them; leak: reflected over fluorescent electrons"
     )
 }
 
@@ -365,7 +406,7 @@ pub(super) fn table<'a>(
     let names = first.iter().map(|f| f.name.clone());
     let head = ["design".to_owned(), "loss".into()].into_iter().chain(names);
     let contrasts = p.contrasts.iter().map(|c| c.name.clone());
-    let tail = ["fluorescence e-", "ms", "leak"].into_iter();
+    let tail = ["fluorescence e-", "kept", "ms", "leak"].into_iter();
     let tail = tail.chain((!worst.is_empty()).then_some("loss within tolerances")).chain([""]);
     let mut rows: Vec<Vec<String>> = vec![head.chain(contrasts).chain(tail.map(String::from)).collect()];
     for (place, judged) in designs.enumerate() {
@@ -374,7 +415,9 @@ pub(super) fn table<'a>(
         let region = &merits.regions[0];
         let mut row = vec![judged.name.clone(), number(merits.loss)];
         row.extend(region.weights.iter().chain(&region.contrasts).map(|sd| number(*sd)));
-        row.extend([short(merits.fluorescence_e), short(merits.time_s * 1e3), short(merits.leak)]);
+        let kept =
+            judged.fluorescence_kept.map_or_else(|| "-".into(), |kept| format!("{:.1} %", 100.0 * kept));
+        row.extend([short(merits.fluorescence_e), kept, short(merits.time_s * 1e3), short(merits.leak)]);
         if !worst.is_empty() {
             row.push(worst.get(place).map_or_else(|| "-".into(), |worst| number(worst.loss)));
         }
@@ -407,6 +450,7 @@ fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
         [
             "electrons",
             "fluorescence_e",
+            "fluorescence_kept",
             "total_ms",
             "cost",
             "leak",
@@ -435,7 +479,9 @@ fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
         for region in &merits.regions {
             row.extend(region.weights.iter().chain(&region.contrasts).map(|sd| number(*sd)));
         }
-        row.extend([merits.electrons, merits.fluorescence_e, merits.time_s * 1e3].map(number));
+        row.extend([merits.electrons, merits.fluorescence_e].map(number));
+        row.push(judged.fluorescence_kept.map_or_else(String::new, number));
+        row.push(number(merits.time_s * 1e3));
         row.extend([merits.cost, merits.leak, merits.saturation].map(number));
         row.extend(
             [merits.tissue_margin, merits.eye_margin, merits.detectability]
