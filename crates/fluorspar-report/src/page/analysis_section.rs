@@ -111,12 +111,19 @@ fn posterior_rows(posterior: &SharePosterior, sought: &SoughtFluorophore) -> Vec
         posterior.finding(),
         "",
         format!(
-            "Electrons of {sought} light over those of all fluorescence of the region. The interval holds sensor noise, leak, indirect \
-             light, the variety of tissue and errors of the library of spectra. From {}. Assumed beforehand: {}.",
+            "Electrons of {sought} light over those of all fluorescence of the region in frame \"{}\". The interval holds sensor noise, leak, \
+             indirect light, the variety of tissue and errors of the library of spectra. From {}. Assumed beforehand: {}.",
+            posterior.frames.first().map_or("", String::as_str),
             posterior.frames_in_words(),
             posterior.prior
         ),
     )];
+    // Of light that no tissue explains neither a median nor an interval means anything
+    if posterior.is_no_estimate() {
+        rows.extend(tissue_row(posterior));
+        rows.push(distance_row(posterior));
+        return rows;
+    }
     rows.push(if posterior.excludes_none() {
         Number::computed(
             "Upper limit",
@@ -148,20 +155,7 @@ fn posterior_rows(posterior: &SharePosterior, sought: &SoughtFluorophore) -> Vec
             "The interval if tissue were twice as various as assumed: far from the one above, the assumption decides.",
         ),
     ]);
-    if let Some(doubt) = &posterior.doubt {
-        let all: Vec<String> =
-            doubt.tissues.iter().map(|of| format!("{} {:.0} %", of.tissue, 100.0 * of.probability)).collect();
-        rows.push(Number::computed(
-            "Tissue",
-            all.join(", "),
-            "",
-            format!(
-                "Probability after the measurement, the tissue that was named first. The others together explain the colors {:.2} times \
-                 as well as it does (Bayes factor).",
-                doubt.bayes_factor
-            ),
-        ));
-    }
+    rows.extend(tissue_row(posterior));
     if let Some(blind) = &posterior.blind_to {
         let value = format!("{} ({:+.2})", blind.name, blind.correlation).replace('-', "−");
         let meaning =
@@ -176,7 +170,34 @@ fn posterior_rows(posterior: &SharePosterior, sought: &SoughtFluorophore) -> Vec
             "The interval as it would be without this uncertainty.",
         ));
     }
-    rows.push(Number::computed(
+    rows.push(distance_row(posterior));
+    rows
+}
+
+/// Which tissue it is, where several were compared.
+fn tissue_row(posterior: &SharePosterior) -> Option<Number> {
+    let doubt = posterior.doubt.as_ref()?;
+    let all: Vec<String> =
+        doubt.tissues.iter().map(|of| format!("{} {:.0} %", of.tissue, 100.0 * of.probability)).collect();
+    let others: Vec<String> =
+        doubt.tissues.iter().skip(1).map(|of| format!("{} {:.2}", of.tissue, of.bayes_factor)).collect();
+    Some(Number::computed(
+        "Tissue",
+        all.join(", "),
+        "",
+        format!(
+            "Probability after the measurement, the tissue that was named first. So many times as well as it do the others explain the colors \
+             (Bayes factors): {}. Each was as probable as another beforehand, so that their mean, {:.2}, is that of all others together: one \
+             of them may be above it.",
+            others.join(", "),
+            doubt.bayes_factor
+        ),
+    ))
+}
+
+/// How far the light is from that of the assumed tissue.
+fn distance_row(posterior: &SharePosterior) -> Number {
+    Number::computed(
         "Distance from the family",
         format!("{:.1}", posterior.misfit),
         "",
@@ -184,8 +205,7 @@ fn posterior_rows(posterior: &SharePosterior, sought: &SoughtFluorophore) -> Vec
             "Chi-square: about {}, the number of signals, where the region is the assumed tissue; far more where it is not.",
             posterior.data
         ),
-    ));
-    rows
+    )
 }
 
 fn truth_rows(truth: &PorphyrinTruth, sought: &SoughtFluorophore) -> Vec<Number> {
@@ -321,7 +341,14 @@ fn with_signals(section: Section, summary: &SignalSummary, gain_is_assumed: bool
             ));
         }
         rows.extend(unmixing.true_share_of_others.and_then(other_light_row));
-        section = section.with(table("Fluorophores in the signals", rows));
+        let caption = match unmixing.terms.len() {
+            1 => "Fluorophores in the signals".to_owned(),
+            _ => format!(
+                "Fluorophores in the signals, as shares of all electrons of {}",
+                unmixing.signals.join(", ")
+            ),
+        };
+        section = section.with(table(&caption, rows));
     }
     section
 }
@@ -346,7 +373,7 @@ fn unmixed_row(term: &UnmixedTerm) -> Number {
     Number::computed(
         term.fluorophores.join(" + ").replace('_', " "),
         format!("{:.4} ({low:.4} to {high:.4})", term.share),
-        "of the electrons",
+        "of the electrons of all signals",
         format!(
             "Share with its 95 % interval by sensor noise alone; amount {} ({least} to {most}) on a flat sample under direct light.{truth}",
             short(term.amount)
@@ -361,7 +388,7 @@ fn other_light_row(others: OtherLight) -> Option<Number> {
     Some(Number::computed(
         "Light of other parts",
         format!("{:.4}", others.share),
-        "of the electrons",
+        "of the electrons of all signals",
         meaning,
     ))
 }

@@ -1,5 +1,6 @@
 //! The first screen of a report: the frame with region and map, the estimate, and the numbers that decide about a design.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use fluorspar::analysis::{
@@ -197,9 +198,10 @@ fn share_overlay(analyzed: &AnalyzedFrame, shown: &DisplayImage, words: &Words<'
 fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
     let target = words.target();
     let truth = analysis.truth.as_ref().map_or_else(String::new, |truth| {
-        format!("True share, which the simulation knows: {:.4}", truth.share)
+        format!("True share of the same electrons, which the simulation knows: {:.4}", truth.share)
     });
-    let region = &analysis.region_description;
+    // What it is a share of: other frames and other channels hold other shares
+    let region = &format!("in frame \"{}\", {}", analysis.frame, analysis.region_description);
     if let Some(posterior) = &analysis.posterior {
         let [low, high] = posterior.interval;
         let explained = posterior.explained_by();
@@ -228,7 +230,7 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
             .collect();
         budget.retain(|(_, less)| *less > 0.005 * width && !posterior.is_no_estimate());
         return Some(Answer {
-            quantity: format!("{} share of the fluorescence, {region}", target.capitalized()),
+            quantity: format!("{} share of the fluorescence electrons {region}", target.capitalized()),
             value,
             interval,
             truth,
@@ -260,7 +262,7 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
         }
     };
     Some(Answer {
-        quantity: format!("{} share of the fluorescence on the mixture line, {region}", target.capitalized()),
+        quantity: format!("{} share of the fluorescence on the mixture line {region}", target.capitalized()),
         value: format!("{:.4}", estimate.position).replace('-', "−"),
         interval: interval.replace('-', "−"),
         truth,
@@ -307,7 +309,7 @@ fn unmixed_answer(analysis: &Analysis, unmixing: &Unmixing, words: &Words<'_>) -
     let rows = others.map(|t| (named(t), t.share)).collect();
     Some(Answer {
         quantity: format!(
-            "{} share of the electrons, unmixed from {}, {}",
+            "{} share of the electrons of all signals together, unmixed from {}, {}",
             capital(&target),
             unmixing.signals.join(", "),
             analysis.region_description
@@ -556,8 +558,25 @@ fn signal_card(frame: &CapturedFrame, analyzed: Option<&AnalyzedFrame>) -> Numbe
     Number::computed("Signal", format!("{at_least}{}", signal.join(", ")), "e-", meaning)
 }
 
-/// Which spectra of fluorophores are models, and which are measured, in a file that the experiment read.
-fn spectra_rest_on(fluorophores: &[Fluorophore], inputs: &[InputFile]) -> Vec<String> {
+/// The photon yield that `fluorophore import` writes where none is given.
+const IMPORTED_YIELD: f64 = 1e-3;
+
+/// Photon yields that an experiment states, by the name of the fluorophore.
+fn stated_yields(resolved_toml: &str) -> BTreeMap<String, f64> {
+    let file: toml::Table = toml::from_str(resolved_toml).unwrap_or_default();
+    let sections = file.get("fluorophore").and_then(toml::Value::as_array).map_or(&[][..], Vec::as_slice);
+    let stated = |section: &toml::Value| {
+        Some((section.get("name")?.as_str()?.to_owned(), section.get("photon_yield")?.as_float()?))
+    };
+    sections.iter().filter_map(stated).collect()
+}
+
+/// Which spectra of fluorophores are models, and which are measured, in a file that the experiment read; of these the yields that are stated.
+fn spectra_rest_on(
+    fluorophores: &[Fluorophore],
+    inputs: &[InputFile],
+    yields: &BTreeMap<String, f64>,
+) -> Vec<String> {
     let file = |fluorophore: &Fluorophore| {
         let source = Path::new(&fluorophore.source);
         let file = inputs.iter().map(|input| input.path.as_path()).find(|path| *path == source)?;
@@ -572,7 +591,18 @@ fn spectra_rest_on(fluorophores: &[Fluorophore], inputs: &[InputFile]) -> Vec<St
     let measured: Vec<String> =
         fluorophores.iter().filter_map(|f| Some(format!("{} ({})", f.title, file(f)?))).collect();
     if !measured.is_empty() {
-        sentences.push(format!("Measured spectra: {}; yields as stated.", measured.join(", ")));
+        let stated = fluorophores.iter().filter(|f| file(f).is_some()).filter_map(|f| {
+            let photon_yield = *yields.get(&f.name)?;
+            let assumed = (photon_yield == IMPORTED_YIELD)
+                .then_some(", which `fluorophore import` assumes where none is given");
+            Some(format!("{} {photon_yield}{}", f.title, assumed.unwrap_or_default()))
+        });
+        let stated: Vec<String> = stated.collect();
+        let stated = if stated.is_empty() { String::new() } else { format!(" ({})", stated.join(", ")) };
+        sentences.push(format!(
+            "Measured spectra: {}; photons out per photon in as the experiment states{stated}.",
+            measured.join(", ")
+        ));
     }
     sentences
 }
@@ -585,7 +615,9 @@ fn assumed(run: &RunResults<'_>, words: &Words<'_>) -> Vec<String> {
     if !powers.is_empty() {
         sentences.push(format!("Powers of lights before filters, as stated ({}).", powers.join(", ")));
     }
-    sentences.extend(spectra_rest_on(&study.scene.fluorophores, &run.experiment.record.inputs));
+    let record = &run.experiment.record;
+    let yields = stated_yields(&record.resolved_toml);
+    sentences.extend(spectra_rest_on(&study.scene.fluorophores, &record.inputs, &yields));
     if let Some(efficiency) = words.efficiency() {
         sentences.push(format!("Quantum efficiency: {efficiency}."));
     }
@@ -684,11 +716,22 @@ mod tests {
         dye.title = "my dye".into();
         dye.source = "/data/dye.csv".into();
         let inputs = [InputFile { path: "/data/dye.csv".into(), sha256: String::new() }];
-        let measured = "Measured spectra: my dye (dye.csv); yields as stated.";
-        assert_eq!(spectra_rest_on(std::slice::from_ref(&dye), &inputs), [measured]);
-        let both = spectra_rest_on(&[dye, model], &inputs);
+        let measured =
+            "Measured spectra: my dye (dye.csv); photons out per photon in as the experiment states";
+        let none = BTreeMap::new();
+        assert_eq!(spectra_rest_on(std::slice::from_ref(&dye), &inputs, &none), [format!("{measured}.")]);
+        // A yield that import assumed is told as such, a stated one by its number
+        let told = |photon_yield: f64| {
+            let text = format!("[[fluorophore]]\nname = \"{}\"\nphoton_yield = {photon_yield:?}\n", dye.name);
+            spectra_rest_on(std::slice::from_ref(&dye), &inputs, &stated_yields(&text)).remove(0)
+        };
+        let assumed = " (my dye 0.001, which `fluorophore import` assumes where none is given).";
+        assert_eq!(told(0.001), format!("{measured}{assumed}"));
+        assert_eq!(told(0.2), format!("{measured} (my dye 0.2)."));
+        let both = spectra_rest_on(&[dye, model], &inputs, &none);
         assert!(
-            both[0].starts_with("Spectra and yields of one fluorophore are models") && both[1] == measured
+            both[0].starts_with("Spectra and yields of one fluorophore are models")
+                && both[1] == format!("{measured}.")
         );
     }
 

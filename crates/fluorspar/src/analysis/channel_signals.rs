@@ -379,13 +379,16 @@ impl SignalSummary {
             format!("Signals, {} over {}: {:.4} ± {:.4}", r.above, r.below, r.ratio, r.standard_error)
         }));
         if let Some(unmixing) = &self.unmixing {
-            lines.push(format!("Unmixed from {}:", unmixing.signals.join(", ")));
+            lines.push(format!(
+                "Unmixed from {}, as shares of the electrons of all these signals together:",
+                unmixing.signals.join(", ")
+            ));
             lines.extend(unmixing.terms.iter().map(|term| {
                 let [low, high] = term.share_interval;
                 let truth =
                     term.true_share.map_or_else(String::new, |share| format!("; true share {share:.4}"));
                 format!(
-                    "  {}: share {:.4} of the electrons ({low:.4} to {high:.4} by sensor noise alone){truth}",
+                    "  {}: share {:.4} ({low:.4} to {high:.4} by sensor noise alone){truth}",
                     term.fluorophores.join(" + ").replace('_', " "),
                     term.share
                 )

@@ -133,8 +133,12 @@ impl SharePosterior {
     #[must_use]
     pub fn lines(&self, sought: &SoughtFluorophore) -> Vec<String> {
         let [wide_low, wide_high] = self.with_prior_twice_as_wide;
+        let of_first = match &self.frames[..] {
+            [first, _, ..] => format!("; a share of the fluorescence electrons in frame \"{first}\""),
+            _ => String::new(),
+        };
         let mut lines = vec![format!(
-            "{} share of the light: {}, for {} from {}",
+            "{} share of the light: {}, for {} from {}{of_first}",
             sought.capitalized(),
             self.finding(),
             self.prior,
@@ -149,7 +153,9 @@ impl SharePosterior {
             ));
         }
         lines.extend(self.doubt.as_ref().map(|doubt| format!("  {}", doubt.words())));
-        if let Some(BlindDirection { name, correlation }) = &self.blind_to {
+        if let Some(BlindDirection { name, correlation }) =
+            self.blind_to.as_ref().filter(|_| !self.is_no_estimate())
+        {
             lines.push(format!(
                 "  an error of it goes along most with: {name} (correlation {correlation:+.2})"
             ));
