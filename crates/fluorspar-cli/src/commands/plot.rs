@@ -8,8 +8,10 @@ use fluorspar::spectral::{Curve, Fluorophore};
 use fluorspar_experiment::preset;
 use fluorspar_format::{Output, Outputs};
 use fluorspar_report::figures::{PlotCurve, chain};
+use serde::Serialize;
 
 use super::spectra::{plot_curve, wavelengths, write_figure};
+use super::table::{align, short};
 use super::{FigureFormat, curves};
 use crate::error::CliError;
 use crate::message::Messages;
@@ -101,21 +103,89 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         &chain(&light_curves, &filter_curves, &excitation, &emission, &efficiency),
     )?;
     set.finish()?;
+    let kept = kept_by_filters(options, &fluorophores, first)?;
     if options.answer.json {
         let names = ["lights", "filters", "excitation", "emission", "quantum_efficiency"];
         let list = |curves: &Vec<PlotCurve>| -> serde_json::Value {
             let of = |curve: &PlotCurve| serde_json::json!({ "name": curve.name, "wavelength_nm": curve.wavelength_nm, "value": curve.value });
             curves.iter().map(of).collect()
         };
-        let mut answer = serde_json::json!({ "file": options.out });
+        let mut answer = serde_json::json!({ "file": options.out, "kept": kept });
         for (name, curves) in names.into_iter().zip(all) {
             answer[name] = list(curves);
         }
         super::print_json(&answer)?;
     } else {
+        if !kept.is_empty() {
+            super::print_text(&kept_text(&kept))?;
+        }
         Messages::default().status(format!("Wrote {}", options.out.display()));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What a viewing filter by itself keeps of the fluorescence, and lets pass of the light.
+#[derive(Debug, Serialize)]
+struct Kept {
+    view_filter: String,
+    fluorophore: String,
+    /// Share of the fluorescence that it keeps, %: in electrons of all channels with a quantum efficiency, else in photons.
+    fluorescence_kept_percent: f64,
+    /// Share of the first light that passes it, %, likewise; `None` without a light.
+    light_passed_percent: Option<f64>,
+    /// Wavelengths between which it was counted, nm.
+    range_nm: [f64; 2],
+}
+
+/// What each viewing filter keeps of each fluorophore under the first light. Engineers choose a long-pass by it and by what leaks.
+fn kept_by_filters(
+    options: &Options,
+    fluorophores: &[Fluorophore],
+    light: Option<&Curve>,
+) -> Result<Vec<Kept>, CliError> {
+    let mut efficiency = Curve::constant(1.0);
+    if let Some(name) = &options.qe {
+        let channels = preset::quantum_efficiency(name)?.channels()?;
+        let of_all = |nm: f64| channels.iter().map(|(_, curve)| curve.at(nm)).sum::<f64>();
+        efficiency = Curve::from_fn(COUNTED_NM[0], COUNTED_NM[1], of_all);
+    }
+    let share = |photons: &Curve, filter: &Curve| {
+        let sum = |curve: &Curve| curve.integral(COUNTED_NM[0], COUNTED_NM[1]);
+        let seen = photons.times(&efficiency);
+        let all = sum(&seen);
+        if all > 0.0 { 100.0 * sum(&seen.times(filter)) / all } else { 0.0 }
+    };
+    let photons = light.map(|light| light.times(&Curve::from_fn(COUNTED_NM[0], COUNTED_NM[1], |nm| nm)));
+    let mut kept = Vec::new();
+    for name in &options.view_filter {
+        let filter = curves::filters(std::slice::from_ref(name))?;
+        kept.extend(fluorophores.iter().map(|fluorophore| Kept {
+            view_filter: curves::label(name),
+            fluorophore: fluorophore.title.clone(),
+            fluorescence_kept_percent: share(&emission(fluorophore, light), &filter),
+            light_passed_percent: photons.as_ref().map(|photons| share(photons, &filter)),
+            range_nm: COUNTED_NM,
+        }));
+    }
+    Ok(kept)
+}
+
+/// Wavelengths over which photons are counted, nm.
+const COUNTED_NM: [f64; 2] = [300.0, 900.0];
+
+/// The same as a table.
+fn kept_text(kept: &[Kept]) -> String {
+    let head = ["viewing filter", "fluorophore", "fluorescence kept", "light passed"].map(String::from);
+    let row = |of: &Kept| {
+        vec![
+            of.view_filter.clone(),
+            of.fluorophore.clone(),
+            format!("{:.1} %", of.fluorescence_kept_percent),
+            of.light_passed_percent.map_or_else(|| "-".into(), |passed| format!("{} %", short(passed))),
+        ]
+    };
+    let rows: Vec<Vec<String>> = std::iter::once(head.to_vec()).chain(kept.iter().map(row)).collect();
+    align(&rows, &[])
 }
 
 /// Photons that a fluorophore emits in all by excitation wavelength.

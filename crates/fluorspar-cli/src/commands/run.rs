@@ -10,7 +10,7 @@ use fluorspar::pipeline::{
     AnalyzedFrame, AnalyzedRegion, CapturePlanes, Evaluation, check_captures, evaluate, evaluate_from_planes,
 };
 use fluorspar::study::Study;
-use fluorspar_experiment::{ResolvedExperiment, Warning};
+use fluorspar_experiment::{FileRecord, ResolvedExperiment, Warning};
 use fluorspar_format::OutputFolder;
 use fluorspar_report::{FrameOrigin, RunResults, region_warnings, write_run_components, write_run_folder};
 
@@ -55,12 +55,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     )?;
     let budget = Budget::of_run(study);
     budget.check(&options.limits, study)?;
-    let target = options
-        .out
-        .out
-        .clone()
-        .or_else(|| experiment.record.output_folder.clone())
-        .unwrap_or_else(|| PathBuf::from("fluorspar-out").join(&source.stem));
+    let target = place(options, &source.stem, &experiment.record, messages);
     let folder = OutputFolder::prepare(&target, &source.files(&experiment.record), budget.disk())?;
 
     let camera = &study.scene.camera;
@@ -140,6 +135,37 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         return Ok(ExitCode::from(STOPPED));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Where results go: to `--out`, else to the folder that the file names, else to one of the name of the file. An experiment that options changed
+/// does not take the place of results of another one there: it has a folder of its own.
+fn place(options: &Options, stem: &str, record: &FileRecord, messages: Messages) -> PathBuf {
+    if let Some(out) = &options.out.out {
+        return out.clone();
+    }
+    let overrides = options.experiment.overrides();
+    let names_folder = overrides.iter().any(|change| change.set.trim_start().starts_with("output.folder"));
+    let usual = record.output_folder.clone().unwrap_or_else(|| PathBuf::from("fluorspar-out").join(stem));
+    if overrides.is_empty() || names_folder {
+        return usual;
+    }
+    let held = read_text(&usual.join("results.json")).ok();
+    let held = held.and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok());
+    let is_other = held
+        .as_ref()
+        .and_then(|held| held.get("experiment_sha256")?.as_str())
+        .is_some_and(|held| held != record.sha256);
+    if !is_other {
+        return usual;
+    }
+    let name = usual.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let own = usual.with_file_name(format!("{name}-{}", &record.sha256[..8]));
+    messages.status(format!(
+        "{} holds results of other settings and is kept; those of these changes go to {} (--out names another folder)",
+        usual.display(),
+        own.display()
+    ));
+    own
 }
 
 /// Channel planes of the captures; `None` without captures, and where something prevents them, which the evaluation will report.

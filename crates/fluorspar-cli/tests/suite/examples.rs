@@ -173,6 +173,7 @@ fn templates_run_as_they_are_and_nothing_is_overwritten() {
         let said = fluorspar(folder.path(), &run);
         assert_eq!(said.code, Some(0), "{name}: {}", said.stderr);
         assert!(!said.stderr.contains("warning: 1 spectrum is extrapolated"), "{name}: {}", said.stderr);
+        assert!(!said.stderr.contains("none, too few of their pixels"), "{name}: {}", said.stderr);
     }
     let said = fluorspar(folder.path(), ["new", "laef"]);
     assert!(said.code == Some(2) && said.stderr.contains("did you mean \"leaf\"?"), "{said:?}");

@@ -47,27 +47,35 @@ pub(super) fn compared_spots(
     let select = |spot: usize| spots[spot].select(width, height, scene).map_err(AnalysisError::from);
     let spots = [select(0)?, select(1)?];
     let ComparedSpots { found, warnings } = &mut compared;
-    let mut compare = |images: &[&ChannelImage], channels: &[String]| {
+    let mut compare = |images: &[&ChannelImage], channels: &[String], is_told: bool| {
         let groups = [0, 1].map(|spot| cases(images, channels, &spots[spot]));
         let labels = images.iter().map(|image| image.label.clone()).collect();
         let separation = SpotSeparation::new(labels, channels.to_vec(), &groups);
-        let warning = what_is_missing(images, &spots, separation.is_some());
+        let is_found = separation.is_some();
+        let warning = what_is_missing(images, &spots, is_found)
+            .filter(|_| is_found || !is_told || any_saturated(images, &spots));
         warnings.extend(warning.filter(|warning| !warnings.contains(warning)));
         found.extend(separation);
+        is_found
     };
     for image in &lit {
         let green: Vec<String> = image.channels.iter().filter(|name| *name == "G").cloned().collect();
-        if !green.is_empty() {
-            compare(&[image], &green);
-        }
+        // Where green tells the spots apart, channels without light are no defect: a dye has its color
+        let is_told = !green.is_empty() && compare(&[image], &green, false);
         if green != image.channels {
-            compare(&[image], &image.channels);
+            compare(&[image], &image.channels, is_told);
         }
     }
     if let [first, _, ..] = lit.as_slice() {
-        compare(&lit, &first.channels);
+        compare(&lit, &first.channels, false);
     }
     Ok(compared)
+}
+
+/// Whether a pixel of a spot is saturated in one of the frames.
+fn any_saturated(images: &[&ChannelImage], spots: &[PixelSelection; 2]) -> bool {
+    let is_saturated = |pixel: &usize| images.iter().any(|image| image.saturated.get(*pixel) == Some(&true));
+    spots.iter().any(|spot| spot.pixels.iter().any(is_saturated))
 }
 
 /// Why frames tell no d' of the spots, or tell that of some of their pixels alone; `None` where nothing is missing.
