@@ -58,16 +58,18 @@ pub(super) fn compared_spots(
         found.extend(separation);
         is_found
     };
+    let mut any_tells = false;
     for image in &lit {
         let green: Vec<String> = image.channels.iter().filter(|name| *name == "G").cloned().collect();
-        // Where green tells the spots apart, channels without light are no defect: a dye has its color
-        let is_told = !green.is_empty() && compare(&[image], &green, false);
+        // Where some signal tells the spots apart, channels without light are no defect: a dye has its color
+        let mut is_told = !green.is_empty() && compare(&[image], &green, false);
         if green != image.channels {
-            compare(&[image], &image.channels, is_told);
+            is_told |= compare(&[image], &image.channels, is_told);
         }
+        any_tells |= is_told;
     }
     if let [first, _, ..] = lit.as_slice() {
-        compare(&lit, &first.channels, false);
+        compare(&lit, &first.channels, any_tells);
     }
     Ok(compared)
 }
