@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use fluorspar_format::read_toml;
 use serde::Serialize;
 use toml::{Table, Value};
 
@@ -109,7 +110,7 @@ fn sensor_name(experiment: &Experiment) -> Option<String> {
     let is_it = |name: &&str| {
         let text = preset::sensor_text(name).ok();
         let read = text.and_then(|text| parse_sensor(text, name, Path::new("."), &[]).ok());
-        let file = read.and_then(|read| toml::from_str::<SensorFile>(&read.resolved_toml).ok());
+        let file = read.and_then(|read| read_toml::<SensorFile>(&read.resolved_toml).ok());
         file.and_then(|file| fields(&file.sensor)).is_some_and(|found| found == wanted)
     };
     preset::names(PresetKind::Sensor).into_iter().find(is_it).map(String::from)

@@ -1,6 +1,5 @@
 //! The first screen of a report: the frame with region and map, the estimate, and the numbers that decide about a design.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use fluorspar::analysis::{
@@ -10,6 +9,7 @@ use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview,
 use fluorspar::spectral::Fluorophore;
 use fluorspar::study::Capture;
 use fluorspar_experiment::InputFile;
+use fluorspar_experiment::schema::FluorophoreSection;
 
 use super::display::{DisplayImage, for_display};
 use super::region_outline::region_outline;
@@ -198,7 +198,7 @@ fn share_overlay(analyzed: &AnalyzedFrame, shown: &DisplayImage, words: &Words<'
 fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
     let target = words.target();
     let truth = analysis.truth.as_ref().map_or_else(String::new, |truth| {
-        format!("True share of the same electrons, which the simulation knows: {:.4}", truth.share)
+        format!("True share, which the simulation knows: {:.4}", truth.share)
     });
     // What it is a share of: other frames and other channels hold other shares
     let region = &format!("in frame \"{}\", {}", analysis.frame, analysis.region_description);
@@ -230,7 +230,7 @@ fn answer(analysis: &Analysis, words: &Words<'_>) -> Option<Answer> {
             .collect();
         budget.retain(|(_, less)| *less > 0.005 * width && !posterior.is_no_estimate());
         return Some(Answer {
-            quantity: format!("{} share of the fluorescence electrons {region}", target.capitalized()),
+            quantity: format!("{} share of the fluorescence {region}", target.capitalized()),
             value,
             interval,
             truth,
@@ -561,21 +561,11 @@ fn signal_card(frame: &CapturedFrame, analyzed: Option<&AnalyzedFrame>) -> Numbe
 /// The photon yield that `fluorophore import` writes where none is given.
 const IMPORTED_YIELD: f64 = 1e-3;
 
-/// Photon yields that an experiment states, by the name of the fluorophore.
-fn stated_yields(resolved_toml: &str) -> BTreeMap<String, f64> {
-    let file: toml::Table = toml::from_str(resolved_toml).unwrap_or_default();
-    let sections = file.get("fluorophore").and_then(toml::Value::as_array).map_or(&[][..], Vec::as_slice);
-    let stated = |section: &toml::Value| {
-        Some((section.get("name")?.as_str()?.to_owned(), section.get("photon_yield")?.as_float()?))
-    };
-    sections.iter().filter_map(stated).collect()
-}
-
 /// Which spectra of fluorophores are models, and which are measured, in a file that the experiment read; of these the yields that are stated.
 fn spectra_rest_on(
     fluorophores: &[Fluorophore],
     inputs: &[InputFile],
-    yields: &BTreeMap<String, f64>,
+    sections: &[FluorophoreSection],
 ) -> Vec<String> {
     let file = |fluorophore: &Fluorophore| {
         let source = Path::new(&fluorophore.source);
@@ -592,7 +582,7 @@ fn spectra_rest_on(
         fluorophores.iter().filter_map(|f| Some(format!("{} ({})", f.title, file(f)?))).collect();
     if !measured.is_empty() {
         let stated = fluorophores.iter().filter(|f| file(f).is_some()).filter_map(|f| {
-            let photon_yield = *yields.get(&f.name)?;
+            let photon_yield = sections.iter().find(|section| section.name == f.name)?.photon_yield?;
             let assumed = (photon_yield == IMPORTED_YIELD)
                 .then_some(", which `fluorophore import` assumes where none is given");
             Some(format!("{} {photon_yield}{}", f.title, assumed.unwrap_or_default()))
@@ -616,8 +606,8 @@ fn assumed(run: &RunResults<'_>, words: &Words<'_>) -> Vec<String> {
         sentences.push(format!("Powers of lights before filters, as stated ({}).", powers.join(", ")));
     }
     let record = &run.experiment.record;
-    let yields = stated_yields(&record.resolved_toml);
-    sentences.extend(spectra_rest_on(&study.scene.fluorophores, &record.inputs, &yields));
+    let sections = record.experiment.as_deref().map_or(&[][..], |file| &file.fluorophore);
+    sentences.extend(spectra_rest_on(&study.scene.fluorophores, &record.inputs, sections));
     if let Some(efficiency) = words.efficiency() {
         sentences.push(format!("Quantum efficiency: {efficiency}."));
     }
@@ -718,17 +708,17 @@ mod tests {
         let inputs = [InputFile { path: "/data/dye.csv".into(), sha256: String::new() }];
         let measured =
             "Measured spectra: my dye (dye.csv); photons out per photon in as the experiment states";
-        let none = BTreeMap::new();
-        assert_eq!(spectra_rest_on(std::slice::from_ref(&dye), &inputs, &none), [format!("{measured}.")]);
+        assert_eq!(spectra_rest_on(std::slice::from_ref(&dye), &inputs, &[]), [format!("{measured}.")]);
         // A yield that import assumed is told as such, a stated one by its number
         let told = |photon_yield: f64| {
-            let text = format!("[[fluorophore]]\nname = \"{}\"\nphoton_yield = {photon_yield:?}\n", dye.name);
-            spectra_rest_on(std::slice::from_ref(&dye), &inputs, &stated_yields(&text)).remove(0)
+            let text = format!("name = \"{}\"\nsource = \"nadh\"\nphoton_yield = {photon_yield:?}", dye.name);
+            let section: FluorophoreSection = fluorspar_format::read_toml(&text).unwrap();
+            spectra_rest_on(std::slice::from_ref(&dye), &inputs, &[section]).remove(0)
         };
         let assumed = " (my dye 0.001, which `fluorophore import` assumes where none is given).";
         assert_eq!(told(0.001), format!("{measured}{assumed}"));
         assert_eq!(told(0.2), format!("{measured} (my dye 0.2)."));
-        let both = spectra_rest_on(&[dye, model], &inputs, &none);
+        let both = spectra_rest_on(&[dye, model], &inputs, &[]);
         assert!(
             both[0].starts_with("Spectra and yields of one fluorophore are models")
                 && both[1] == format!("{measured}.")
