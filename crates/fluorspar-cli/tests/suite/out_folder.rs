@@ -146,3 +146,25 @@ fn a_control_without_porphyrin_has_a_fraction_of_nothing() {
         assert!((0.0..0.01).contains(&control) && with > control + 0.02, "{none}: {control}, {with}");
     }
 }
+
+/// An experiment that options change goes beside the results of the unchanged one, and to the same place again.
+#[test]
+fn changed_settings_keep_the_results_of_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("patch.toml"), "format = 1\nbase = \"flat-patch\"\n").unwrap();
+    fluorspar(folder, ["run", "patch.toml", "-q"]).well();
+    let usual = folder.join("fluorspar-out/patch");
+    let before = contents(&usual);
+    let folders = || fs::read_dir(folder.join("fluorspar-out")).unwrap().count();
+    let changed = ["run", "patch.toml", "--set", "capture.blue.exposure_ms=7"];
+    for _ in 0..2 {
+        let said = fluorspar(folder, changed).well();
+        assert!(said.stderr.contains("holds results of other settings and is kept"), "{}", said.stderr);
+        assert!(contents(&usual) == before, "the results of the unchanged experiment changed");
+        assert_eq!(folders(), 2);
+    }
+    // Without options the usual folder is that of the file
+    fluorspar(folder, ["run", "patch.toml", "-q"]).well();
+    assert_eq!(folders(), 2);
+}

@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 use super::{FilePath, ReflectanceReference, SpectrumReference, TextureReference};
 use fluorspar::spectral::{Stokes, YieldUnit};
 
+/// The photon yield of a measured fluorophore whose yield nobody stated: the order of those of the catalogue.
+pub const ASSUMED_PHOTON_YIELD: f64 = 1e-3;
+
 /// A fluorophore.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -9,7 +9,7 @@ use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview,
 use fluorspar::spectral::Fluorophore;
 use fluorspar::study::Capture;
 use fluorspar_experiment::InputFile;
-use fluorspar_experiment::schema::FluorophoreSection;
+use fluorspar_experiment::schema::{ASSUMED_PHOTON_YIELD, FluorophoreSection};
 
 use super::display::{DisplayImage, for_display};
 use super::region_outline::region_outline;
@@ -558,9 +558,6 @@ fn signal_card(frame: &CapturedFrame, analyzed: Option<&AnalyzedFrame>) -> Numbe
     Number::computed("Signal", format!("{at_least}{}", signal.join(", ")), "e-", meaning)
 }
 
-/// The photon yield that `fluorophore import` writes where none is given.
-const IMPORTED_YIELD: f64 = 1e-3;
-
 /// Which spectra of fluorophores are models, and which are measured, in a file that the experiment read; of these the yields that are stated.
 fn spectra_rest_on(
     fluorophores: &[Fluorophore],
@@ -583,7 +580,7 @@ fn spectra_rest_on(
     if !measured.is_empty() {
         let stated = fluorophores.iter().filter(|f| file(f).is_some()).filter_map(|f| {
             let photon_yield = sections.iter().find(|section| section.name == f.name)?.photon_yield?;
-            let assumed = (photon_yield == IMPORTED_YIELD)
+            let assumed = (photon_yield == ASSUMED_PHOTON_YIELD)
                 .then_some(", which `fluorophore import` assumes where none is given");
             Some(format!("{} {photon_yield}{}", f.title, assumed.unwrap_or_default()))
         });

@@ -6,6 +6,7 @@ use fluorspar::spectral::{Fluorophore, Stokes, YieldDensity, YieldUnit};
 use fluorspar::units::number_text;
 use fluorspar_experiment::parse_sample;
 use fluorspar_experiment::preset::{self, FluorophorePreset};
+use fluorspar_experiment::schema::ASSUMED_PHOTON_YIELD;
 use fluorspar_experiment::schema::{
     FilePath, FluorophoreSection, FluorophoreSource, MatSource, MatrixSource, TableSource,
 };
@@ -18,9 +19,6 @@ use super::{FileOptions, StokesChoice, Unit};
 use crate::commands::quoted;
 use crate::error::CliError;
 use crate::experiment_source::read_text;
-
-/// Scale of a file that gives none: that of the catalogue.
-const ASSUMED_PHOTON_YIELD: f64 = 1e-3;
 
 /// A fluorophore at unit concentration and where it comes from.
 pub(super) struct Loaded {
