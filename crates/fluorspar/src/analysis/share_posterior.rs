@@ -132,7 +132,6 @@ impl SharePosterior {
     /// The result in words, one line each.
     #[must_use]
     pub fn lines(&self, sought: &SoughtFluorophore) -> Vec<String> {
-        let [wide_low, wide_high] = self.with_prior_twice_as_wide;
         let of_first = match &self.frames[..] {
             [first, _, ..] => format!("; a share of the fluorescence electrons in frame \"{first}\""),
             _ => String::new(),
@@ -145,12 +144,7 @@ impl SharePosterior {
             self.frames_in_words()
         )];
         if !self.is_no_estimate() {
-            lines.push(format!(
-                "  no {sought}: {:.0} % probable ({:.0} % before the measurement); with a prior twice as wide {wide_low:.3} to \
-                 {wide_high:.3}",
-                100.0 * self.probability_of_none,
-                100.0 * self.prior_probability_of_none
-            ));
+            lines.push(self.line_of_none(sought));
         }
         lines.extend(self.doubt.as_ref().map(|doubt| format!("  {}", doubt.words())));
         if let Some(BlindDirection { name, correlation }) =
@@ -161,6 +155,17 @@ impl SharePosterior {
             ));
         }
         lines
+    }
+
+    /// How probable it is that there is none, and what the prior does to the interval.
+    fn line_of_none(&self, sought: &SoughtFluorophore) -> String {
+        let [wide_low, wide_high] = self.with_prior_twice_as_wide;
+        format!(
+            "  no {sought}: {:.0} % probable ({:.0} % before the measurement); with a prior twice as wide {wide_low:.3} to \
+             {wide_high:.3}",
+            100.0 * self.probability_of_none,
+            100.0 * self.prior_probability_of_none
+        )
     }
 }
 

@@ -469,15 +469,9 @@ fn summarize(
     let estimates: Vec<&LineEstimate> = map.estimates.iter().map(|(_, estimate)| estimate).collect();
     let statistics =
         |value: fn(&LineEstimate) -> f64| Statistics::of(estimates.iter().map(|estimate| value(estimate)));
-    let (bulk, porphyrin) = (line.bulk_point(), line.porphyrin_point());
-    let line_deg = (porphyrin[1] - bulk[1]).atan2(porphyrin[0] - bulk[0]).to_degrees();
-    let angle = |ellipse: &CovarianceEllipse| {
-        let turn = (ellipse.angle_deg - line_deg).rem_euclid(180.0);
-        turn.min(180.0 - turn)
-    };
     MixtureSummary {
-        bulk,
-        porphyrin,
+        bulk: line.bulk_point(),
+        porphyrin: line.porphyrin_point(),
         length: line.length(),
         region: mean.and_then(|[mean_rgb_dn, variance]| {
             let estimate = line.project(mean_rgb_dn, variance)?;
@@ -488,8 +482,16 @@ fn summarize(
         distance: statistics(|e| e.distance),
         clamped: estimates.iter().filter(|estimate| estimate.clamped).count(),
         off_line: estimates.iter().filter(|estimate| estimate.is_off_line()).count(),
-        angle_to_line_deg: ellipse.map(angle),
+        angle_to_line_deg: ellipse.map(|ellipse| angle_to_line_deg(line, ellipse)),
     }
+}
+
+/// Angle between the long axis of an ellipse and the mixture line, 0 to 90 degrees.
+fn angle_to_line_deg(line: &MixtureLine, ellipse: &CovarianceEllipse) -> f64 {
+    let (bulk, porphyrin) = (line.bulk_point(), line.porphyrin_point());
+    let line_deg = (porphyrin[1] - bulk[1]).atan2(porphyrin[0] - bulk[0]).to_degrees();
+    let turn = (ellipse.angle_deg - line_deg).rem_euclid(180.0);
+    turn.min(180.0 - turn)
 }
 
 #[cfg(test)]

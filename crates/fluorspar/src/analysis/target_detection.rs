@@ -464,17 +464,12 @@ struct Correlation {
 
 impl Correlation {
     fn new(field: &[(usize, f64)], width: usize, height: usize) -> Self {
-        let mut dense = vec![f64::NAN; width * height];
-        field.iter().for_each(|&(pixel, value)| dense[pixel] = value);
+        let dense = DenseField::new(field, width, height);
         let step = field.len().div_ceil(MOST_PAIRS).max(1);
-        let at = |row: isize, col: isize| {
-            let inside = (0..height as isize).contains(&row) && (0..width as isize).contains(&col);
-            inside.then(|| dense[row as usize * width + col as usize]).filter(|value| !value.is_nan())
-        };
         let of_lag = |down: isize, right: isize| -> (f64, f64) {
             let products = field.iter().step_by(step).filter_map(|&(pixel, value)| {
                 let (row, col) = ((pixel / width) as isize + down, (pixel % width) as isize + right);
-                Some(value * at(row, col)?)
+                Some(value * dense.at(row, col)?)
             });
             products.fold((0.0, 0.0), |(sum, pairs), product| (sum + product, pairs + 1.0))
         };
@@ -528,6 +523,27 @@ impl Correlation {
     }
 }
 
+/// Values of some pixels of an image; NaN at the others.
+struct DenseField {
+    values: Vec<f64>,
+    width: usize,
+    height: usize,
+}
+
+impl DenseField {
+    fn new(field: &[(usize, f64)], width: usize, height: usize) -> Self {
+        let mut values = vec![f64::NAN; width * height];
+        field.iter().for_each(|&(pixel, value)| values[pixel] = value);
+        Self { values, width, height }
+    }
+
+    /// The value of a pixel, which may lie outside the image.
+    fn at(&self, row: isize, col: isize) -> Option<f64> {
+        let inside = (0..self.height as isize).contains(&row) && (0..self.width as isize).contains(&col);
+        inside.then(|| self.values[row as usize * self.width + col as usize]).filter(|value| !value.is_nan())
+    }
+}
+
 /// Number of the ring of each pixel of a target, by its steps from the rim; `None` beside the target.
 fn rings(inside: &[usize], width: usize) -> Vec<Option<usize>> {
     let last = RING_ENDS.len();
@@ -556,7 +572,11 @@ fn rings(inside: &[usize], width: usize) -> Vec<Option<usize>> {
         rim.iter().for_each(|&pixel| ring[pixel] = number);
         rest = inner;
     }
-    // Rings that no pixel is in are left out
+    without_empty(&ring)
+}
+
+/// Numbers of rings without those that no pixel is in.
+fn without_empty(ring: &[Option<usize>]) -> Vec<Option<usize>> {
     let mut used: Vec<usize> = ring.iter().flatten().copied().collect();
     used.sort_unstable();
     used.dedup();

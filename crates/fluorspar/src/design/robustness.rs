@@ -179,6 +179,16 @@ pub struct WorstCase {
     pub broken: Vec<&'static str>,
 }
 
+impl WorstCase {
+    /// The worse of two by their losses, with the larger leak and the limits that either breaks.
+    fn or(self, other: Self) -> Self {
+        let leak = self.leak.max(other.leak);
+        let mut broken = self.broken.clone();
+        broken.extend(other.broken.iter().filter(|limit| !self.broken.contains(limit)));
+        Self { leak, broken, ..if other.loss > self.loss { other } else { self } }
+    }
+}
+
 /// Tries all ends of the tolerances of a design together: every light to both sides, the filter to both sides, at the axis and at the
 /// largest angle, where its edges move to `lambda sqrt(1 - sin² / n²)`. Loss and leak are the worst of all, the shifts are those of the
 /// worst loss.
@@ -209,13 +219,7 @@ pub fn worst_case(
         })
         .collect::<Result<_, DesignError>>()?;
     let as_meant = case(vec![0.0; lights], 0.0, 0.0)?;
-    let worse = |a: WorstCase, b: WorstCase| {
-        let leak = a.leak.max(b.leak);
-        let mut broken = a.broken.clone();
-        broken.extend(b.broken.iter().filter(|limit| !a.broken.contains(limit)));
-        WorstCase { leak, broken, ..if b.loss > a.loss { b } else { a } }
-    };
-    Ok(ends.into_iter().fold(as_meant, worse))
+    Ok(ends.into_iter().fold(as_meant, WorstCase::or))
 }
 
 /// The problem of one design only, its lights shifted and its filter shifted and turned.

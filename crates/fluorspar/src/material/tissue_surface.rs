@@ -164,14 +164,7 @@ fn error_in_cells(
         .into_par_iter()
         .map(|number| {
             // Spread what is checked evenly over all cells
-            let mut rest = number * cells / checked;
-            let mut values: Vec<f64> = grid.parameters.iter().map(|p| f64::from(p.nodes[0])).collect();
-            for axis in axes {
-                let nodes = &grid.parameters[*axis].nodes;
-                let interval = rest % (nodes.len() - 1);
-                rest /= nodes.len() - 1;
-                values[*axis] = between([interval, interval + 1].map(|node| f64::from(nodes[node])), 0.5);
-            }
+            let values = middle_of_cell(grid, axes, number * cells / checked);
             let mut values_of = values.iter();
             let here = grid
                 .with_maps(|_| ScalarTexture::Constant(values_of.next().map_or(0.0, |value| *value as f32)));
@@ -181,6 +174,19 @@ fn error_in_cells(
         })
         .collect::<Result<Vec<f64>, TissueError>>()?;
     Ok(errors.into_iter().fold(0.0, f64::max))
+}
+
+/// Values of the parameters in the middle of a cell; those beside the axes are at their first nodes.
+fn middle_of_cell(grid: &StateGrid, axes: &[usize], cell: usize) -> Vec<f64> {
+    let mut rest = cell;
+    let mut values: Vec<f64> = grid.parameters.iter().map(|p| f64::from(p.nodes[0])).collect();
+    for axis in axes {
+        let nodes = &grid.parameters[*axis].nodes;
+        let interval = rest % (nodes.len() - 1);
+        rest /= nodes.len() - 1;
+        values[*axis] = between([interval, interval + 1].map(|node| f64::from(nodes[node])), 0.5);
+    }
+    values
 }
 
 /// The fluorescence of a tissue by fluorophore, layers together.

@@ -53,15 +53,7 @@ impl LensState {
         lens.validate()?;
         let nm = lens.design_wavelength_nm;
         let at_infinity = Paraxial::new(lens, nm);
-        let focal_length_mm = at_infinity.focal_length_mm;
-        if !(focal_length_mm > 0.0 && focal_length_mm.is_finite() && at_infinity.back_focal_length_mm > 0.0) {
-            let message = format!(
-                "the focal length is {focal_length_mm:.4} mm and the focus lies {:.4} mm behind the last surface; a camera \
-                 lens needs both positive. Check signs of radii, thicknesses and order (object side first)",
-                at_infinity.back_focal_length_mm
-            );
-            return Err(PrescriptionError::new("surfaces", message));
-        }
+        check_collects(&at_infinity)?;
         let (stop_semi_diameter_mm, f_number) = aperture(lens, &at_infinity, setting.f_number)?;
         let (lens, film_mm, focus_travel) = focus(lens, &at_infinity, setting)?;
         let shift_mm = setting.film_shift_mm;
@@ -119,6 +111,19 @@ impl LensState {
     pub fn trace(&self, wavelength_nm: f64) -> SequentialTrace {
         SequentialTrace::new(&self.lens, wavelength_nm, self.stop_semi_diameter_mm)
     }
+}
+
+/// Refuses a lens that does not bring light of distant objects to a focus behind it.
+fn check_collects(lens: &Paraxial) -> Result<(), PrescriptionError> {
+    let (focal_length_mm, behind_mm) = (lens.focal_length_mm, lens.back_focal_length_mm);
+    if focal_length_mm > 0.0 && focal_length_mm.is_finite() && behind_mm > 0.0 {
+        return Ok(());
+    }
+    let message = format!(
+        "the focal length is {focal_length_mm:.4} mm and the focus lies {behind_mm:.4} mm behind the last surface; a camera \
+         lens needs both positive. Check signs of radii, thicknesses and order (object side first)"
+    );
+    Err(PrescriptionError::new("surfaces", message))
 }
 
 /// Radius of the stop and f-number: focal length over diameter of the axial beam that a distant object sends through the

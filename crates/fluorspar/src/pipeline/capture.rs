@@ -65,20 +65,25 @@ pub fn complete_raw(study: &Study, raw: &mut SensorImage) -> Result<(), String> 
         );
     };
     let model = sensor.model();
-    if raw.bit_depth != model.bit_depth {
-        return Err(format!(
-            "its conversion gain is not known, and the sensor of the experiment has {0} bits where the frame has {1}. Where the frame holds \
-             numbers of {0} bits, say so with `fluorspar describe FRAME --bit-depth {0} --replace`; where the sensor has {1} bits, set \
-             sensor.bit_depth={1}; or describe --dn-per-electron",
-            model.bit_depth, raw.bit_depth
-        ));
-    }
+    check_bit_depth(raw.bit_depth, model.bit_depth)?;
     raw.dn_per_electron = model.base_dn_per_electron() * raw.gain;
     raw.gain_is_assumed = true;
     if raw.read_noise_dn <= 0.0 {
         raw.read_noise_dn = raw.dn_per_electron * model.read_noise_electrons();
     }
     Ok(())
+}
+
+/// Refuses the gain of a sensor whose numbers have other bits than those of a frame.
+fn check_bit_depth(of_frame: u8, of_sensor: u8) -> Result<(), String> {
+    if of_frame == of_sensor {
+        return Ok(());
+    }
+    Err(format!(
+        "its conversion gain is not known, and the sensor of the experiment has {of_sensor} bits where the frame has {of_frame}. Where the \
+         frame holds numbers of {of_sensor} bits, say so with `fluorspar describe FRAME --bit-depth {of_sensor} --replace`; where the sensor \
+         has {of_frame} bits, set sensor.bit_depth={of_frame}; or describe --dn-per-electron"
+    ))
 }
 
 /// Name of a further exposure of a capture: `blue_ev+2`, `blue_ev-1.5`; the number is repeated exposures' own.
@@ -318,6 +323,14 @@ pub fn check_captures(study: &Study, components: &ComponentImage) -> Result<(), 
         let (image, study) = (components.grid.len(), study.scene.grid.len());
         return Err(PipelineError::OtherGrid { image, study });
     }
+    check_lights(study, components)?;
+    check_view(study, components)?;
+    study.capture_sequence().validate()?;
+    Ok(())
+}
+
+/// Checks that a component image holds all lights that captures turn on.
+fn check_lights(study: &Study, components: &ComponentImage) -> Result<(), PipelineError> {
     let known = components.light_groups();
     for c in &study.captures {
         let frame = &c.frame;
@@ -326,17 +339,19 @@ pub fn check_captures(study: &Study, components: &ComponentImage) -> Result<(), 
             return Err(PipelineError::OtherLights { frame, group, known: known.join(", ") });
         }
     }
-    if let (Some(view), Some(now)) = (&components.features.view, study.scene.camera.view()) {
-        let apart = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > 1e-6);
-        if apart(view.position_m, now.position_m)
-            || apart(view.forward, now.forward)
-            || apart(view.right, now.right)
-        {
-            return Err(PipelineError::OtherCamera);
-        }
-    }
-    study.capture_sequence().validate()?;
     Ok(())
+}
+
+/// Checks that a component image was rendered from where the camera of a study stands, where it tells that.
+fn check_view(study: &Study, components: &ComponentImage) -> Result<(), PipelineError> {
+    let (Some(view), Some(now)) = (&components.features.view, study.scene.camera.view()) else {
+        return Ok(());
+    };
+    let apart = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > 1e-6);
+    let is_other = apart(view.position_m, now.position_m)
+        || apart(view.forward, now.forward)
+        || apart(view.right, now.right);
+    if is_other { Err(PipelineError::OtherCamera) } else { Ok(()) }
 }
 
 /// Most steps in which an image moves while a rolling shutter runs.

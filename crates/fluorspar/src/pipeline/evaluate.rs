@@ -106,14 +106,13 @@ pub fn evaluate_frames(
         leaks.extend(frame_leak(study, components, capture, frame.raw.exposure_s, region)?);
     }
 
-    // Ask for the depths of the light where it is fluorescence
-    let fluorescent: Vec<&Capture> = leaks
-        .iter()
-        .filter(|leak| !leak.is_reflectance())
-        .filter_map(|leak| study.capture(&leak.frame))
-        .collect();
-    let depths = depths_of_light(study, &fluorescent).map_err(PipelineError::Depths)?;
-
+    let depths = depths_of_light(study, &of_fluorescence(study, &leaks)).map_err(PipelineError::Depths)?;
     let safety = assess_safety(study, &frames);
     Ok(Evaluation { frames, previews, analysis, regions, region_radiance, leaks, depths, spectra, safety })
+}
+
+/// The captures whose light is fluorescence: light that comes from below the surface.
+fn of_fluorescence<'a>(study: &'a Study, leaks: &[FrameLeak]) -> Vec<&'a Capture> {
+    let fluorescent = leaks.iter().filter(|leak| !leak.is_reflectance());
+    fluorescent.filter_map(|leak| study.capture(&leak.frame)).collect()
 }

@@ -5,8 +5,8 @@ use std::ops::Range;
 use super::PipelineError;
 use crate::image::film::TILE;
 use crate::image::{
-    BasisBuilder, ComponentImage, ExcitationBin, ExcitationImage, FeatureMaps, Film, FilmLayout, GroupBasis,
-    LightPath, RelitComponent,
+    BasisBuilder, Component, ComponentImage, ExcitationBin, ExcitationImage, FeatureMaps, Film, FilmLayout,
+    GroupBasis, LightPath, RelitComponent,
 };
 use crate::render::{FilmRenderer, RenderSettings, Share, are_in_proportion, excitation_responses};
 use crate::scene::Scene;
@@ -118,18 +118,10 @@ impl Collected {
     /// Nothing yet, of the light groups that the film keeps apart at these nodes.
     fn new(layout: &FilmLayout, groups: Vec<(String, ExcitationNodes)>) -> Self {
         let labels = &layout.components;
-        let is_node = |c: usize| matches!(labels[c].excitation, Some(ExcitationBin::Node(_)));
-        let own: Vec<usize> = (0..labels.len()).filter(|c| !is_node(*c)).collect();
+        let own: Vec<usize> = (0..labels.len()).filter(|c| !is_node(&labels[*c])).collect();
         let pixels = layout.width * layout.height;
         let bands = layout.grid.len();
         let groups = groups.into_iter().map(|(light_group, nodes)| {
-            let mut paths: Vec<(LightPath, Vec<usize>)> = Vec::new();
-            for c in (0..labels.len()).filter(|c| is_node(*c) && labels[*c].light_group == light_group) {
-                match paths.iter_mut().find(|(light, _)| *light == labels[c].light) {
-                    Some((_, of_path)) => of_path.push(c),
-                    None => paths.push((labels[c].light.clone(), vec![c])),
-                }
-            }
             let part = |(light, of_path): (LightPath, Vec<usize>)| {
                 let level = |c: &usize| &layout.levels[c * bands..(c + 1) * bands];
                 let means: Vec<f32> = if light == LightPath::Reflected {
@@ -139,7 +131,7 @@ impl Collected {
                 };
                 (of_path, BasisBuilder::new(light, pixels, &means, bands))
             };
-            let parts = paths.into_iter().map(part).collect();
+            let parts = node_paths(labels, &light_group).into_iter().map(part).collect();
             CollectedGroup { light_group, nodes, parts }
         });
         let groups = groups.collect();
@@ -193,6 +185,25 @@ impl Collected {
         let (width, height) = (image.width, image.height);
         (image, ExcitationImage { width, height, groups })
     }
+}
+
+fn is_node(component: &Component) -> bool {
+    matches!(component.excitation, Some(ExcitationBin::Node(_)))
+}
+
+/// The nodes of a light group by the path of their light: the numbers of their components.
+fn node_paths(labels: &[Component], light_group: &str) -> Vec<(LightPath, Vec<usize>)> {
+    let mut paths: Vec<(LightPath, Vec<usize>)> = Vec::new();
+    for (number, label) in labels.iter().enumerate() {
+        if !is_node(label) || label.light_group != light_group {
+            continue;
+        }
+        match paths.iter_mut().find(|(light, _)| *light == label.light) {
+            Some((_, of_path)) => of_path.push(number),
+            None => paths.push((label.light.clone(), vec![number])),
+        }
+    }
+    paths
 }
 
 /// Pixels of some components side by side, `[pixel][component][band]`, or their sum, `[pixel][band]`.

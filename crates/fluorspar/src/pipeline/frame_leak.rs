@@ -11,7 +11,7 @@ use super::region_light::RegionOnMosaic;
 use super::region_radiance::RegionRadiance;
 use crate::analysis::PixelSelection;
 use crate::image::ComponentImage;
-use crate::spectral::Transmittance;
+use crate::spectral::{Curve, Transmittance};
 use crate::study::{Capture, Study};
 use crate::units::photons_per_joule;
 
@@ -148,22 +148,31 @@ fn photons_behind(
     let reflected = in_photons(components, &mut radiance.reflected.iter().copied());
     let emitted: Vec<f64> = radiance.total.iter().zip(&radiance.reflected).map(|(t, r)| t - r).collect();
     let emitted = in_photons(components, &mut emitted.into_iter());
-    // Each light source has its own spectrum within a band.
-    let mut passed = vec![0.0; reflected.len()];
+    let of_reflected: Vec<f64> = reflected_behind(study, components, radiance, &filter)
+        .iter()
+        .zip(&reflected)
+        .map(|(passed, all)| if *all > 0.0 { passed / all } else { 0.0 })
+        .collect();
+    behind_filters(&reflected, &emitted, &of_reflected, even.values())
+}
+
+/// Reflected photons behind a filter, by band. Each light source has its own spectrum within a band.
+fn reflected_behind(
+    study: &Study,
+    components: &ComponentImage,
+    radiance: &RegionRadiance,
+    filter: &Curve,
+) -> Vec<f64> {
+    let mut passed = vec![0.0; components.grid.len()];
     for (component, values) in &radiance.reflected_components {
         let through = match component_spectrum(study, component) {
             Some(shape) => filter.on_grid_under::<Transmittance>(&components.grid, &shape),
-            None => even.clone(),
+            None => filter.on_grid::<Transmittance>(&components.grid),
         };
         let values = in_photons(components, &mut values.iter().copied());
         for ((sum, value), through) in passed.iter_mut().zip(values).zip(through.values()) {
             *sum += value * through;
         }
     }
-    let of_reflected: Vec<f64> = passed
-        .iter()
-        .zip(&reflected)
-        .map(|(passed, all)| if *all > 0.0 { passed / all } else { 0.0 })
-        .collect();
-    behind_filters(&reflected, &emitted, &of_reflected, even.values())
+    passed
 }

@@ -80,14 +80,8 @@ fn stronger_light(rendered: &Study, wanted: &Study) -> Option<String> {
     let mut changed = pairs().filter(|(old, new)| old != new);
     let (first_old, first_new) = changed.next()?;
     let ratio = first_new.spectrum.total() / first_old.spectrum.total();
-    let is_stronger = |(old, new): (&Light, &Light)| {
-        let scaled = Light { spectrum: old.spectrum.scaled(ratio), ..old.clone() };
-        let apart = |a: f64, b: f64| (a - b).abs() > 1e-9 * a.abs().max(b.abs());
-        old.group == first_old.group
-            && Light { spectrum: new.spectrum.clone(), ..scaled.clone() } == *new
-            && new.spectrum.wavelengths_nm() == scaled.spectrum.wavelengths_nm()
-            && !new.spectrum.values().iter().zip(scaled.spectrum.values()).any(|(a, b)| apart(*a, *b))
-    };
+    let is_stronger =
+        |(old, new): (&Light, &Light)| old.group == first_old.group && is_scaled(old, new, ratio);
     let group = &rendered.scene.light_groups.get(first_old.group)?.name;
     let is_whole_group = pairs().filter(|(old, _)| old.group == first_old.group).all(|(old, new)| old != new);
     let is_it = rendered.scene.lights.len() == wanted.scene.lights.len()
@@ -107,6 +101,15 @@ fn stronger_light(rendered: &Study, wanted: &Study) -> Option<String> {
             drives.join(" ")
         )
     })
+}
+
+/// Whether a light is another one times a factor.
+fn is_scaled(old: &Light, new: &Light, factor: f64) -> bool {
+    let scaled = old.spectrum.scaled(factor);
+    let apart = |a: f64, b: f64| (a - b).abs() > 1e-9 * a.abs().max(b.abs());
+    Light { spectrum: new.spectrum.clone(), ..old.clone() } == *new
+        && new.spectrum.wavelengths_nm() == scaled.wavelengths_nm()
+        && !new.spectrum.values().iter().zip(scaled.values()).any(|(a, b)| apart(*a, *b))
 }
 
 /// A number to six digits, however small, as short as it can be typed.

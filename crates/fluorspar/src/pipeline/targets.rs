@@ -1,5 +1,7 @@
 //! The targets of a study in its frames: which pixels see them, and how well.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3};
 
 use super::{CapturedFrame, PipelineError, SeenComponents};
@@ -7,6 +9,7 @@ use crate::analysis::{
     AnalysisError, ChannelNoise, PixelSelection, RenderNoise, SceneOnSensor, TargetDetection,
 };
 use crate::image::ChannelImage;
+use crate::material::ImageTexture;
 use crate::sensor::Sensor;
 use crate::study::{AnalysisPlan, Capture, Develop, Study, Target, TargetPlace};
 
@@ -164,25 +167,30 @@ fn pixels_of(
             Ok(Some(selected.pixels))
         }
         TargetPlace::Region(_) => Ok(None),
-        TargetPlace::Spot(spot) => {
-            let Some(scene) = scene else { return Ok(None) };
-            let features = &scene.components.features;
-            let count = scene.components.width * scene.components.height;
-            if features.part.len() != count || features.uv.len() != count {
-                return Ok(None);
-            }
-            let shows = |pixel: usize| {
-                let Some(part) = usize::from(features.part[pixel]).checked_sub(1) else { return false };
-                let map =
-                    features.part_names.get(part).and_then(|name| spot.iter().find(|(on, _)| on == name));
-                map.is_some_and(|(_, map)| map.at(Vec2::from_array(features.uv[pixel])) >= HALF)
-            };
-            let behind = |pixel: &usize| {
-                scene.scene_pixel(pixel / width, pixel % width, width, height).is_some_and(shows)
-            };
-            Ok(Some((0..width * height).filter(behind).collect()))
-        }
+        TargetPlace::Spot(spot) => Ok(scene.and_then(|scene| pixels_of_spot(spot, width, height, scene))),
     }
+}
+
+/// Pixels that show a spot painted on parts, where its map is at least a half; `None` of images without parts or their coordinates.
+fn pixels_of_spot(
+    spot: &[(String, Arc<ImageTexture>)],
+    width: usize,
+    height: usize,
+    scene: SceneOnSensor<'_>,
+) -> Option<Vec<usize>> {
+    let features = &scene.components.features;
+    let count = scene.components.width * scene.components.height;
+    if features.part.len() != count || features.uv.len() != count {
+        return None;
+    }
+    let shows = |pixel: usize| {
+        let Some(part) = usize::from(features.part[pixel]).checked_sub(1) else { return false };
+        let map = features.part_names.get(part).and_then(|name| spot.iter().find(|(on, _)| on == name));
+        map.is_some_and(|(_, map)| map.at(Vec2::from_array(features.uv[pixel])) >= HALF)
+    };
+    let behind =
+        |pixel: &usize| scene.scene_pixel(pixel / width, pixel % width, width, height).is_some_and(shows);
+    Some((0..width * height).filter(behind).collect())
 }
 
 /// What a target is told from: the region that is given, or a ring around it, of its own parts if it is a spot on them. No pixel of a

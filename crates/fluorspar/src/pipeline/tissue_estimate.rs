@@ -7,7 +7,7 @@ use super::{CameraResponse, CapturedFrame, PipelineError};
 use crate::analysis::{
     ChannelNoise, FamilyAverage, LightFamily, PixelMean, PixelSelection, SceneOnSensor, SharePosterior,
 };
-use crate::study::{AnalysisPlan, Study};
+use crate::study::{AnalysisPlan, Capture, Study};
 
 /// What the camera of a study sees of the tissues that its region may be of, in the analyzed frame and the further ones. It rests on
 /// lights, camera and exposure times, and not on what the frames show.
@@ -32,11 +32,7 @@ impl<'a> FamiliesOfFrames<'a> {
         let grid = &study.scene.grid;
         let mut family_frames = Vec::new();
         for label in labels(settings) {
-            let found = frames.iter().find(|frame| frame.raw.label == *label).zip(study.capture(label));
-            let Some((frame, capture)) = found else {
-                let known = frames.iter().map(|frame| frame.raw.label.as_str()).collect::<Vec<_>>();
-                return Err(PipelineError::NoFrame { wanted: label.clone(), known: known.join(", ") });
-            };
+            let (frame, capture) = frame_called(label, study, frames)?;
             let Some(irradiance) = frame_light(study, capture, scene) else { return Ok(None) };
             let lens = behind_filter(&lens, capture);
             let camera = CameraResponse::new(&lens, sensor, grid, None);
@@ -84,6 +80,19 @@ impl<'a> FamiliesOfFrames<'a> {
         };
         average.posterior(&electrons, &variance)
     }
+}
+
+/// A captured frame and its capture.
+fn frame_called<'a>(
+    label: &str,
+    study: &'a Study,
+    frames: &'a [CapturedFrame],
+) -> Result<(&'a CapturedFrame, &'a Capture), PipelineError> {
+    let found = frames.iter().find(|frame| frame.raw.label == *label).zip(study.capture(label));
+    found.ok_or_else(|| {
+        let known = frames.iter().map(|frame| frame.raw.label.as_str()).collect::<Vec<_>>();
+        PipelineError::NoFrame { wanted: label.into(), known: known.join(", ") }
+    })
 }
 
 /// Labels of the frames that enter the estimate, the analyzed one first.

@@ -390,16 +390,7 @@ impl<'a> FamilySolver<'a> {
     /// the variance is that of emission spectra, which all frames share, half that of what each light excites. Under blue light the
     /// coat of tongues emits red that the library lacks.
     fn library_errors(&self, tissue: &EffectiveTissue, data: &[(usize, usize)]) -> DMatrix<f64> {
-        let radiances: Vec<Vec<f64>> = self.frames.iter().map(|frame| self.radiance(tissue, frame)).collect();
-        let seen: Vec<Vec<f64>> = data
-            .iter()
-            .map(|&(frame, channel)| {
-                let weights = self.frames[frame].frame.camera.channel_weights(channel);
-                let electrons: Vec<f64> = weights.iter().zip(&radiances[frame]).map(|(w, l)| w * l).collect();
-                let total = electrons.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-                electrons.into_iter().map(|e| e / total).collect()
-            })
-            .collect();
+        let seen = self.seen_shares(tissue, data);
         let is_coated = self.prior.site.get("biofilm_chlorophyll_per_mm").is_ok_and(|held| held > 0.0);
         let red = |datum: usize| -> f64 {
             let light_nm = mean_nm(&self.frames[data[datum].0].lines);
@@ -420,6 +411,18 @@ impl<'a> FamilySolver<'a> {
             smooth + red(i) * red(j) + if i == j { 1e-10 } else { 0.0 }
         });
         Cholesky::new(covariance).map_or_else(|| DMatrix::zeros(data.len(), data.len()), |found| found.l())
+    }
+
+    /// Of the electrons of each datum, a channel of a frame, the shares of the bands.
+    fn seen_shares(&self, tissue: &EffectiveTissue, data: &[(usize, usize)]) -> Vec<Vec<f64>> {
+        let radiances: Vec<Vec<f64>> = self.frames.iter().map(|frame| self.radiance(tissue, frame)).collect();
+        let shares = |&(frame, channel): &(usize, usize)| {
+            let weights = self.frames[frame].frame.camera.channel_weights(channel);
+            let electrons: Vec<f64> = weights.iter().zip(&radiances[frame]).map(|(w, l)| w * l).collect();
+            let total = electrons.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+            electrons.into_iter().map(|e| e / total).collect()
+        };
+        data.iter().map(shares).collect()
     }
 
     /// All sources of one tissue.

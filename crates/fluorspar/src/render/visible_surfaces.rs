@@ -287,9 +287,7 @@ fn fill(camera: &PerspectiveCamera, buffer: &[AtomicU64], [a, b, c]: [DVec3; 3],
     }
     // Pixels whose middles lie in the box around it
     let span = |axis: usize, end: usize| {
-        let (low, high) = (a[axis].min(b[axis]).min(c[axis]), a[axis].max(b[axis]).max(c[axis]));
-        let first = (low - 0.5).ceil().clamp(0.0, end as f64) as usize;
-        first..((high - 0.5).floor() + 1.0).clamp(first as f64, end as f64) as usize
+        middles_between(a[axis].min(b[axis]).min(c[axis]), a[axis].max(b[axis]).max(c[axis]), end)
     };
     let (columns, rows) = (span(0, camera.width), span(1, camera.height));
     let is_parallel = camera.parallel_half_width_m.is_some();
@@ -310,4 +308,10 @@ fn fill(camera: &PerspectiveCamera, buffer: &[AtomicU64], [a, b, c]: [DVec3; 3],
             }
         }
     }
+}
+
+/// Numbers of the pixels below `end` whose middles lie between two places.
+fn middles_between(low: f64, high: f64, end: usize) -> std::ops::Range<usize> {
+    let first = (low - 0.5).ceil().clamp(0.0, end as f64) as usize;
+    first..((high - 0.5).floor() + 1.0).clamp(first as f64, end as f64) as usize
 }

@@ -158,11 +158,17 @@ fn retina(light: &Illumination, duration_s: f64, observer: RetinalObserver) -> V
             "J/m²",
         ));
     }
+    list.extend(retina_thermal(light, duration_s));
+    list
+}
+
+/// The retina as it is heated, by light that is seen and by infrared without it.
+fn retina_thermal(light: &Illumination, duration_s: f64) -> Vec<Assessment> {
     let field = thermal_field_rad(duration_s);
-    let alpha = subtense.clamp(field, LARGEST_SUBTENSE_RAD);
+    let alpha = light.largest_subtense_rad().clamp(field, LARGEST_SUBTENSE_RAD);
     let thermal = light.averaged_radiance(ActionSpectrum::RetinalThermal, field);
     let limit = 5e4 / (alpha * duration_s.clamp(1e-5, 10.0).powf(0.25));
-    list.push(rate(Hazard::RetinalThermal, "L_R", thermal, limit, "W/(m² sr)"));
+    let mut list = vec![rate(Hazard::RetinalThermal, "L_R", thermal, limit, "W/(m² sr)")];
     let infrared = light.irradiance(ActionSpectrum::RetinalInfrared);
     let all = light.total_irradiance();
     if duration_s > 10.0 && infrared > 0.0 && all - infrared < WEAK_STIMULUS_SHARE * all {

@@ -97,15 +97,11 @@ pub fn risk_group(light: &Illumination) -> (RiskGroup, Vec<RiskQuantity>) {
         ("L_R", thermal, "W/(m² sr)", [28_000.0 / alpha, 28_000.0 / alpha, 71_000.0 / alpha]),
         ("E_IR", irradiance(ActionSpectrum::InfraredEye), "W/m²", [100.0, 570.0, 3200.0]),
     ]
-    .into_iter()
-    .map(|(quantity, value, unit, group_limits)| RiskQuantity {
-        quantity,
-        value,
-        unit,
-        group_limits,
-        group: group([value; 3], group_limits),
+    .map(|(quantity, value, unit, group_limits)| {
+        let group = group([value; 3], group_limits);
+        RiskQuantity { quantity, value, unit, group_limits, group }
     })
-    .collect();
+    .into();
     let group_limits = [100.0, 1e4, 4e6];
     list.push(RiskQuantity {
         quantity: "L_B",

@@ -338,37 +338,41 @@ impl Bench<'_> {
     /// Slopes of mean and temporal variance of dark frames over time, DN/s and DN²/s. The longest time is such that the
     /// mean rises by 100 e-, but not above an hour or half of the codes.
     fn dark_slopes(&self, gain: f64, most_dn: f64) -> Result<(f64, f64), SensorProblem> {
-        let dark = |time_s: f64, step: usize| -> Result<(f64, f64), SensorProblem> {
-            let frame = |k| self.frame("dark current", 0.0, time_s, (2 * step + k) as u64);
-            Ok(pair(&frame(0)?, &frame(1)?))
-        };
         let shortest_s = 1e-4;
-        let (zero_dn, _) = dark(shortest_s, 0)?;
-        // Find the longest time whose dark signal is large but below the limit
-        let mut longest_s = 0.1;
-        let mut step = 1;
-        loop {
-            let (mean_dn, _) = dark(longest_s, step)?;
-            if mean_dn > most_dn && longest_s > 1e-3 {
-                longest_s /= 4.0;
-                break;
-            }
-            if mean_dn - zero_dn > 100.0 * gain || longest_s > 900.0 {
-                break;
-            }
-            longest_s *= 4.0;
-            step += 1;
-        }
-        // Fit mean and variance over time
+        let longest_s = self.longest_dark_s(shortest_s, gain, most_dn)?;
         let mut points = Vec::new();
         for k in 0..6 {
             let time_s = shortest_s + (longest_s - shortest_s) * k as f64 / 5.0;
-            let (mean_dn, variance_dn2) = dark(time_s, 100 + k)?;
+            let (mean_dn, variance_dn2) = self.dark(time_s, 100 + k)?;
             points.push((time_s, mean_dn, variance_dn2));
         }
         let (_, of_mean) = line(points.iter().map(|&(t, mean, _)| (t, mean, 1.0)));
         let (_, of_variance) = line(points.iter().map(|&(t, _, variance)| (t, variance, 1.0)));
         Ok((of_mean, of_variance))
+    }
+
+    /// The longest time whose dark signal is large, but below a limit.
+    fn longest_dark_s(&self, shortest_s: f64, gain: f64, most_dn: f64) -> Result<f64, SensorProblem> {
+        let (zero_dn, _) = self.dark(shortest_s, 0)?;
+        let mut longest_s = 0.1;
+        let mut step = 1;
+        loop {
+            let (mean_dn, _) = self.dark(longest_s, step)?;
+            if mean_dn > most_dn && longest_s > 1e-3 {
+                return Ok(longest_s / 4.0);
+            }
+            if mean_dn - zero_dn > 100.0 * gain || longest_s > 900.0 {
+                return Ok(longest_s);
+            }
+            longest_s *= 4.0;
+            step += 1;
+        }
+    }
+
+    /// Mean, DN, and temporal variance, DN², of a pair of dark frames. Each step has frames of its own.
+    fn dark(&self, time_s: f64, step: usize) -> Result<(f64, f64), SensorProblem> {
+        let frame = |k| self.frame("dark current", 0.0, time_s, (2 * step + k) as u64);
+        Ok(pair(&frame(0)?, &frame(1)?))
     }
 }
 
@@ -418,6 +422,15 @@ fn vertex(points: &[PhotonTransferPoint]) -> Option<f64> {
             row[4] += a * point.variance_dn2 / height;
         }
     }
+    let [_, b, c, d] = solved(matrix);
+    // b + 2 c x + 3 d x² = 0 with a falling slope.
+    let root = c * c - 3.0 * b * d;
+    let x = if d.abs() < 1e-12 { -b / (2.0 * c) } else { (-c - root.max(0.0).sqrt()) / (3.0 * d) };
+    (root >= 0.0 && x.abs() <= 1.0).then_some(center + half * x)
+}
+
+/// Solution of four equations, the right side last, by elimination.
+fn solved(mut matrix: [[f64; 5]; 4]) -> [f64; 4] {
     for pivot in 0..4 {
         let row = matrix[pivot];
         for (index, other) in matrix.iter_mut().enumerate() {
@@ -429,11 +442,7 @@ fn vertex(points: &[PhotonTransferPoint]) -> Option<f64> {
             }
         }
     }
-    let [_, b, c, d] = [0, 1, 2, 3].map(|i| matrix[i][4] / matrix[i][i]);
-    // b + 2 c x + 3 d x² = 0 with a falling slope.
-    let root = c * c - 3.0 * b * d;
-    let x = if d.abs() < 1e-12 { -b / (2.0 * c) } else { (-c - root.max(0.0).sqrt()) / (3.0 * d) };
-    (root >= 0.0 && x.abs() <= 1.0).then_some(center + half * x)
+    [0, 1, 2, 3].map(|i| matrix[i][4] / matrix[i][i])
 }
 
 /// Doubles the light until frames get no brighter: light beyond saturation, in electrons of the nominal response.

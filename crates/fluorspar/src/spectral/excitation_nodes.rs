@@ -55,17 +55,7 @@ impl ExcitationNodes {
     /// Begins with nodes 12 nm apart (20 nm beyond the peaks) and halves the interval next to the worst light until
     /// none is worse than the tolerance; 2 nm is the least distance.
     pub fn choose(span_nm: [f64; 2], peaks_nm: [f64; 2], responses: &[Curve], tolerance: f64) -> Self {
-        let mut nodes_nm = vec![span_nm[0]];
-        let inside = [peaks_nm[0].max(span_nm[0]), peaks_nm[1].min(span_nm[1])];
-        for (edges, widest) in [
-            ([span_nm[0], inside[0]], WIDEST_NM[1]),
-            (inside, WIDEST_NM[0]),
-            ([inside[1], span_nm[1]], WIDEST_NM[1]),
-        ] {
-            let count = ((edges[1] - edges[0]) / widest).ceil().max(0.0) as usize;
-            nodes_nm.extend((1..=count).map(|i| edges[0] + (edges[1] - edges[0]) * i as f64 / count as f64));
-        }
-        let mut nodes = Self { nodes_nm };
+        let mut nodes = Self::even(span_nm, peaks_nm);
         let samples: Vec<Vec<f64>> =
             responses.iter().map(|response| sampled(span_nm, &|nm| response.at(nm))).collect();
         let lights = narrow_lights(span_nm, peaks_nm);
@@ -84,6 +74,21 @@ impl ExcitationNodes {
                 errors[index] = nodes.worst_error(span_nm, light, &samples);
             }
         }
+    }
+
+    /// Even nodes, at the widest distances with which the choice begins.
+    fn even(span_nm: [f64; 2], peaks_nm: [f64; 2]) -> Self {
+        let mut nodes_nm = vec![span_nm[0]];
+        let inside = [peaks_nm[0].max(span_nm[0]), peaks_nm[1].min(span_nm[1])];
+        for (edges, widest) in [
+            ([span_nm[0], inside[0]], WIDEST_NM[1]),
+            (inside, WIDEST_NM[0]),
+            ([inside[1], span_nm[1]], WIDEST_NM[1]),
+        ] {
+            let count = ((edges[1] - edges[0]) / widest).ceil().max(0.0) as usize;
+            nodes_nm.extend((1..=count).map(|i| edges[0] + (edges[1] - edges[0]) * i as f64 / count as f64));
+        }
+        Self { nodes_nm }
     }
 
     /// Greatest error of what a light that is sampled over the span excites.

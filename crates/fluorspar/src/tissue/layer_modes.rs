@@ -93,19 +93,7 @@ fn transport_matrices(
     index: f64,
 ) -> [DMatrix<f64>; 2] {
     let number = ordinates.len();
-    // Rows of [odd, even] degree: sqrt(2 l + 1) P_l(mu) sqrt(w / mu), plain and times the scattering by its moment.
-    let mut plain = [DMatrix::zeros(number, number), DMatrix::zeros(number, number)];
-    let mut scattered = plain.clone();
-    for (i, (ordinate, &mu)) in ordinates.iter().zip(cosines).enumerate() {
-        let scale = ordinate.etendue.sqrt() / (index * mu);
-        let series = legendre_series(phase.moments.len(), mu);
-        for (l, (polynomial, moment)) in series.iter().zip(&phase.moments).enumerate() {
-            let value = (2.0 * l as f64 + 1.0).sqrt() * polynomial * scale;
-            plain[1 - l % 2][(l / 2, i)] = value;
-            scattered[1 - l % 2][(l / 2, i)] = value * moment * phase.scattering_per_mm;
-        }
-    }
-    let mut matrices = [0, 1].map(|parity| -plain[parity].tr_mul(&scattered[parity]));
+    let mut matrices = scattering_matrices(phase, ordinates, cosines, index);
     for i in 0..number {
         let kept: f64 = (0..number)
             .map(|j| {
@@ -119,6 +107,29 @@ fn transport_matrices(
         }
     }
     matrices
+}
+
+/// What [`transport_matrices`] hold of light that is scattered, by [odd, even] degrees of the phase function.
+fn scattering_matrices(
+    phase: &PhaseFunction,
+    ordinates: &[Ordinate],
+    cosines: &[f64],
+    index: f64,
+) -> [DMatrix<f64>; 2] {
+    let number = ordinates.len();
+    // Rows of a degree: sqrt(2 l + 1) P_l(mu) sqrt(w / mu), plain and times the scattering by its moment.
+    let mut plain = [DMatrix::zeros(number, number), DMatrix::zeros(number, number)];
+    let mut scattered = plain.clone();
+    for (i, (ordinate, &mu)) in ordinates.iter().zip(cosines).enumerate() {
+        let scale = ordinate.etendue.sqrt() / (index * mu);
+        let series = legendre_series(phase.moments.len(), mu);
+        for (l, (polynomial, moment)) in series.iter().zip(&phase.moments).enumerate() {
+            let value = (2.0 * l as f64 + 1.0).sqrt() * polynomial * scale;
+            plain[1 - l % 2][(l / 2, i)] = value;
+            scattered[1 - l % 2][(l / 2, i)] = value * moment * phase.scattering_per_mm;
+        }
+    }
+    [0, 1].map(|parity| -plain[parity].tr_mul(&scattered[parity]))
 }
 
 /// Reflection and transmission of a layer between media that reflect nothing.

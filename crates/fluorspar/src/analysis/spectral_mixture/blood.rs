@@ -36,14 +36,10 @@ impl BloodBefore {
     /// # Errors
     /// Lists whose lengths do not fit together; amounts that are no amounts.
     pub(super) fn check(&self, samples: usize, components: usize) -> Result<(), FitError> {
-        let length = |found: usize, wanted: usize| match found == wanted {
-            true => Ok(()),
-            false => Err(FitError::Length { term: 0, found, wanted }),
-        };
         match self {
             Self::None => Ok(()),
             Self::Layer { extinction, below, largest } => {
-                length(extinction.len(), samples)?;
+                check_length(extinction.len(), samples)?;
                 let is_extinction = |value: &f64| value.is_finite() && *value >= 0.0;
                 let names = !below.is_empty() && below.iter().all(|&term| term < components);
                 let is_amount = *largest > 0.0 && largest.is_finite();
@@ -53,17 +49,7 @@ impl BloodBefore {
                     Err(FitError::Blood)
                 }
             }
-            Self::Tissue { amounts, values } => {
-                length(values.len(), amounts.len())?;
-                values.iter().try_for_each(|terms| {
-                    length(terms.len(), components)?;
-                    terms.iter().try_for_each(|term| length(term.len(), samples))
-                })?;
-                let rise = amounts.len() > 1 && amounts.windows(2).all(|pair| pair[1] > pair[0]);
-                let known = |value: &f64| value.is_finite() && *value >= 0.0;
-                let is_known = values.iter().flatten().flatten().all(known);
-                if rise && amounts[0] > 0.0 && is_known { Ok(()) } else { Err(FitError::Blood) }
-            }
+            Self::Tissue { amounts, values } => check_solved(amounts, values, samples, components),
         }
     }
 
@@ -117,6 +103,28 @@ impl BloodBefore {
             Self::Tissue { amounts, .. } => geometric(amounts[0], amounts[amounts.len() - 1]).collect(),
         }
     }
+}
+
+/// Checks components that were solved with several amounts of blood, and the amounts.
+fn check_solved(
+    amounts: &[f64],
+    values: &[Vec<Vec<f64>>],
+    samples: usize,
+    components: usize,
+) -> Result<(), FitError> {
+    check_length(values.len(), amounts.len())?;
+    values.iter().try_for_each(|terms| {
+        check_length(terms.len(), components)?;
+        terms.iter().try_for_each(|term| check_length(term.len(), samples))
+    })?;
+    let rise = amounts.len() > 1 && amounts.windows(2).all(|pair| pair[1] > pair[0]);
+    let known = |value: &f64| value.is_finite() && *value >= 0.0;
+    let is_known = values.iter().flatten().flatten().all(known);
+    if rise && amounts[0] > 0.0 && is_known { Ok(()) } else { Err(FitError::Blood) }
+}
+
+fn check_length(found: usize, wanted: usize) -> Result<(), FitError> {
+    if found == wanted { Ok(()) } else { Err(FitError::Length { term: 0, found, wanted }) }
 }
 
 fn between(amounts: &[f64], values: &[Vec<Vec<f64>>], amount: f64) -> Vec<Vec<f64>> {
