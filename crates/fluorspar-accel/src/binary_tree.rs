@@ -48,22 +48,7 @@ const DISTURBANCE: f64 = 1.0 / 128.0;
 /// A tree of good quality: parallel locally-ordered clustering followed by reinsertion, both from `obvhs`. Of large scenes memory is
 /// scarcest here, so that the boxes go as soon as the builder has its own.
 pub(crate) fn clustered(boxes: Vec<Bounds>) -> BinaryTree {
-    // Only the shape of the tree is taken from the builder, so its boxes may be scaled, against overflow, and
-    // disturbed: clustering sorts boxes along a curve and merges mutual nearest neighbors, which takes quadratic time
-    // where each box prefers the one before, as equal or steadily growing boxes do.
-    let whole = boxes.iter().fold(Bounds::EMPTY, |sum, &next| sum.union(next));
-    let largest = whole.min.abs().max(whole.max.abs()).max_element();
-    let scale = if largest > 0.0 { 1.0 / f64::from(largest) } else { 1.0 };
-    let primitives: Vec<Aabb> = boxes
-        .par_iter()
-        .enumerate()
-        .map(|(number, b)| {
-            let (min, max) = (b.min.as_dvec3() * scale, b.max.as_dvec3() * scale);
-            let shift = (max - min) * DISTURBANCE * random(2 * number as u32);
-            let growth = (max - min) * DISTURBANCE * random(2 * number as u32 + 1);
-            Aabb::new((min + shift - growth).as_vec3().into(), (max + shift + growth).as_vec3().into())
-        })
-        .collect();
+    let primitives = disturbed(&boxes);
     let count = boxes.len();
     drop(boxes);
     let numbers = (0..count as u32).collect();
@@ -77,6 +62,22 @@ pub(crate) fn clustered(boxes: Vec<Bounds>) -> BinaryTree {
     drop(primitives);
     ReinsertionOptimizer::default().run(&mut tree, REINSERTION_RATIO, None);
     in_order(&tree)
+}
+
+/// Boxes for the builder. Only the shape of the tree is taken from it, so its boxes may be scaled, against overflow, and
+/// disturbed: clustering sorts boxes along a curve and merges mutual nearest neighbors, which takes quadratic time
+/// where each box prefers the one before, as equal or steadily growing boxes do.
+fn disturbed(boxes: &[Bounds]) -> Vec<Aabb> {
+    let whole = boxes.iter().fold(Bounds::EMPTY, |sum, &next| sum.union(next));
+    let largest = whole.min.abs().max(whole.max.abs()).max_element();
+    let scale = if largest > 0.0 { 1.0 / f64::from(largest) } else { 1.0 };
+    let disturb = |(number, b): (usize, &Bounds)| {
+        let (min, max) = (b.min.as_dvec3() * scale, b.max.as_dvec3() * scale);
+        let shift = (max - min) * DISTURBANCE * random(2 * number as u32);
+        let growth = (max - min) * DISTURBANCE * random(2 * number as u32 + 1);
+        Aabb::new((min + shift - growth).as_vec3().into(), (max + shift + growth).as_vec3().into())
+    };
+    boxes.par_iter().enumerate().map(disturb).collect()
 }
 
 fn in_order(tree: &Bvh2) -> BinaryTree {

@@ -306,18 +306,9 @@ fn count_wide(tree: &[BinaryNode], plans: &[Plan]) -> (usize, usize) {
 }
 
 fn plan(left: &Costs, right: &Costs, half_area: f32, may_be_leaf: bool) -> (Plan, Costs) {
-    let mut plan = Plan { children: [1; WIDTH - 1], left: [0; WIDTH], leaf: false };
+    let (shared, on_left) = cheapest_shares(left, right);
+    let mut plan = Plan { children: [1; WIDTH - 1], left: on_left, leaf: false };
     let mut costs = [f32::INFINITY; WIDTH - 1];
-    let mut shared = [f32::INFINITY; WIDTH];
-    for total in 2..=WIDTH {
-        for on_left in 1..total {
-            let cost = left[on_left - 1] + right[total - on_left - 1];
-            if cost < shared[total - 1] {
-                shared[total - 1] = cost;
-                plan.left[total - 1] = on_left as u8;
-            }
-        }
-    }
     costs[0] = NODE_COST * half_area + shared[WIDTH - 1];
     if may_be_leaf {
         let as_leaf = LEAF_COST * half_area;
@@ -337,6 +328,22 @@ fn plan(left: &Costs, right: &Costs, half_area: f32, may_be_leaf: bool) -> (Plan
         }
     }
     (plan, costs)
+}
+
+/// The least costs of two subtrees with 1, 2, ... nodes together, and how many of these are in the left one.
+fn cheapest_shares(left: &Costs, right: &Costs) -> ([f32; WIDTH], [u8; WIDTH]) {
+    let mut shared = [f32::INFINITY; WIDTH];
+    let mut in_left = [0; WIDTH];
+    for total in 2..=WIDTH {
+        for on_left in 1..total {
+            let cost = left[on_left - 1] + right[total - on_left - 1];
+            if cost < shared[total - 1] {
+                shared[total - 1] = cost;
+                in_left[total - 1] = on_left as u8;
+            }
+        }
+    }
+    (shared, in_left)
 }
 
 /// Collects the wide children that represent the two subtrees of `parent` by `total` children in all.

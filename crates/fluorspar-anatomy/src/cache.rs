@@ -115,11 +115,7 @@ pub fn shared_surface_map(
     if let Some(baked) = MAPS.get(&key) {
         return baked;
     }
-    let (columns, rows) = match tissue {
-        Tissue::TongueDorsum => (448.0, 640.0),
-        _ => (256.0, 256.0),
-    };
-    let [columns, rows] = [columns, rows].map(|side: f64| (side * shape.detail).round() as usize);
+    let [columns, rows] = map_size(tissue, shape.detail);
     let bake = || {
         let values = bake_surface_map(map, tissue, parameters, columns, rows);
         BakedMap { columns, rows, values }
@@ -127,4 +123,13 @@ pub fn shared_surface_map(
     let baked = Arc::new(make(&text, &bake));
     MAPS.put(key, &baked);
     baked
+}
+
+/// Columns and rows of the map of a tissue.
+fn map_size(tissue: Tissue, detail: f64) -> [usize; 2] {
+    let sides = match tissue {
+        Tissue::TongueDorsum => [448.0, 640.0],
+        _ => [256.0, 256.0],
+    };
+    sides.map(|side: f64| (side * detail).round() as usize)
 }

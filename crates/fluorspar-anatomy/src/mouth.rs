@@ -142,9 +142,7 @@ pub fn generate_mouth(parameters: &MouthParameters) -> Result<Mouth, ParameterEr
     let incisors_z = lower_pose.point(lower.incisors_edge()).z;
     let tongue = Tongue::new(parameters, &lower_pose, incisors_z, &around);
 
-    let mut parts: Vec<Part> =
-        tongue.back_meshes().into_iter().map(|(name, mesh)| part(name, Tissue::TongueDorsum, mesh)).collect();
-    parts.push(part("tongue_ventral", Tissue::TongueVentral, tongue.ventral_mesh()));
+    let mut parts = tongue_parts(&tongue);
     let frenulum = tongue.frenulum_mesh(floor::frenulum_foot(parameters, &lower, &lower_pose));
     parts.push(part("frenulum", Tissue::FloorOfMouth, frenulum));
     let floor = floor::floor_mesh(parameters, &lower, &lower_pose);
@@ -154,6 +152,13 @@ pub fn generate_mouth(parameters: &MouthParameters) -> Result<Mouth, ParameterEr
     parts.extend(hard_parts(parameters, &palate, arches, poses));
     surface::smooth_normals(&mut parts);
     Ok(Mouth { parts })
+}
+
+fn tongue_parts(tongue: &Tongue<'_>) -> Vec<Part> {
+    let back = tongue.back_meshes().into_iter();
+    let mut parts: Vec<Part> = back.map(|(name, mesh)| part(name, Tissue::TongueDorsum, mesh)).collect();
+    parts.push(part("tongue_ventral", Tissue::TongueVentral, tongue.ventral_mesh()));
+    parts
 }
 
 fn part(name: &str, tissue: Tissue, mesh: TriangleMesh) -> Part {

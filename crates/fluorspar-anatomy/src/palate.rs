@@ -55,20 +55,24 @@ impl<'a> Palate<'a> {
         let normal = DVec3::new(0.0, -back.z, back.y).normalize();
         let end = end_of_border(arch);
         for _ in 0..3 {
-            let mut highest = 0.0_f64;
-            for arc in linspace(0.0, end, 64) {
-                let line = palate.line(arc);
-                let middle = (line.right + line.left) * 0.5 - origin;
-                // A tenth of the way before and behind the molars.
-                if (middle.dot(back) / back.length_squared() - 1.0).abs() < 0.12 {
-                    for across in linspace(-0.5, 0.5, 20) {
-                        highest = highest.max((palate.point(&line, across) - origin).dot(normal));
-                    }
-                }
-            }
-            palate.height += parameters.palate_height_mm - highest;
+            palate.height += parameters.palate_height_mm - palate.highest(end, origin, back, normal);
         }
         palate
+    }
+
+    /// Height above a plane through `origin`, mm, at the end of `back`: a tenth of the way before and behind it.
+    fn highest(&self, end: f64, origin: DVec3, back: DVec3, normal: DVec3) -> f64 {
+        let mut highest = 0.0_f64;
+        for arc in linspace(0.0, end, 64) {
+            let line = self.line(arc);
+            let middle = (line.right + line.left) * 0.5 - origin;
+            if (middle.dot(back) / back.length_squared() - 1.0).abs() < 0.12 {
+                for across in linspace(-0.5, 0.5, 20) {
+                    highest = highest.max((self.point(&line, across) - origin).dot(normal));
+                }
+            }
+        }
+        highest
     }
 
     /// The line across the palate between the gums at an arc length.

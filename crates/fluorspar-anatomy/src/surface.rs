@@ -58,31 +58,28 @@ impl Surface {
             mesh.positions.extend_from_slice(&self.positions[from..from + width]);
             mesh.uvs.extend_from_slice(&self.uvs[from..from + width]);
         }
-        let positions = &mesh.positions;
         let mut triangles = Vec::with_capacity(2 * rows.len() * columns.len());
         for row in 0..rows.len() {
             for column in 0..columns.len() {
-                let a = (row * width + column) as u32;
-                let (b, c, d) = (a + width as u32, a + width as u32 + 1, a + 1);
-                // The shorter diagonal gives the better shaped pair of triangles.
-                let length = |p: u32, q: u32| positions[p as usize].distance_squared(positions[q as usize]);
-                let pair = if length(a, c) <= length(b, d) {
-                    [[a, b, c], [a, c, d]]
-                } else {
-                    [[a, b, d], [b, c, d]]
-                };
-                for mut triangle in pair {
-                    if flip {
-                        triangle.swap(1, 2);
-                    }
-                    triangles.push(triangle);
-                }
+                let first = (row * width + column) as u32;
+                triangles.extend(cell_triangles(&mesh.positions, first, width as u32));
             }
+        }
+        if flip {
+            triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
         }
         mesh.triangles = triangles;
         clean(&mut mesh);
         mesh
     }
+}
+
+/// The two triangles of a cell whose first point has this number, in a grid with `width` points a row: on both sides of the shorter
+/// diagonal, which gives the better shaped pair.
+fn cell_triangles(positions: &[Vec3], first: u32, width: u32) -> [[u32; 3]; 2] {
+    let (a, b, c, d) = (first, first + width, first + width + 1, first + 1);
+    let length = |p: u32, q: u32| positions[p as usize].distance_squared(positions[q as usize]);
+    if length(a, c) <= length(b, d) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
 }
 
 /// Makes a mesh from all of `surface(v, u)`, see [`Surface`].
