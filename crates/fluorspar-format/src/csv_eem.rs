@@ -1,7 +1,9 @@
 //! Excitation-emission matrices as tables.
 
-use fluorspar::quote::excerpt;
+use std::fmt::Write;
 use std::path::Path;
+
+use fluorspar::quote::excerpt;
 
 use super::FormatError;
 use super::axis::check_axis;
@@ -70,6 +72,21 @@ impl Default for CsvEemOptions {
 }
 
 const CORNER: &str = "em_nm\\ex_nm";
+
+/// A matrix as a table in the form that [`read_eem_csv`] reads, without comments: `values` are `[emission][excitation]`.
+pub fn eem_csv(excitation_nm: &[f64], emission_nm: &[f64], values: &[f64]) -> String {
+    let mut text = String::from(CORNER);
+    let push_cells = |text: &mut String, cells: &[f64]| {
+        cells.iter().for_each(|cell| _ = write!(text, ",{cell}"));
+        text.push('\n');
+    };
+    push_cells(&mut text, excitation_nm);
+    for (nm, row) in emission_nm.iter().zip(values.chunks(excitation_nm.len().max(1))) {
+        _ = write!(text, "{nm}");
+        push_cells(&mut text, row);
+    }
+    text
+}
 
 /// Reads a matrix: first line excitation wavelengths, first column emission wavelengths, both in nm, corner cell
 /// `em_nm\ex_nm`. The unit comes from a comment `# unit: photons` (or `energy`, `unknown`) or from the options.

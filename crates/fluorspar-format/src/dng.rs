@@ -259,24 +259,32 @@ pub(super) fn read_dng_description(path: &Path, bytes: &[u8]) -> Result<DngFrame
     let pixels = read_dng_pixels(path, &tiff, raw)?;
     let private = first.data(50_740).and_then(|data| data.strip_prefix(PRIVATE_MARK));
     if let Some(json) = private {
-        let json = json.trim_ascii_end().strip_suffix(b"\0").unwrap_or(json);
-        let damaged = |_| damaged("its description (DNGPrivateData) is damaged");
-        FileFormat::RAW_FRAME.check_json(path, json)?;
-        let description: Description = serde_json::from_slice(json).map_err(damaged)?;
-        let [width, height] = [pixels.width as u64, pixels.height as u64];
-        if [description.width, description.height] != [width, height] {
-            let what = format!(
-                "it is described as {} x {} pixels and has {width} x {height}",
-                description.width, description.height
-            );
-            return Err(FormatError::malformed(path, what, "Was it changed by another program?"));
-        }
+        let description = own_description(path, json, [pixels.width as u64, pixels.height as u64])?;
         let told = Told { black_level: true, white_level: true, gain: true };
         return Ok(DngFrame { description, data: pixels.data, told });
     }
     let label = path.file_stem().map_or_else(|| "raw".into(), |s| s.to_string_lossy().into_owned());
     let (description, told) = from_tags(path, &tiff, first, raw, &pixels, label)?;
     Ok(DngFrame { description, data: pixels.data, told })
+}
+
+/// The description that our own files carry, of an image of this width and height.
+fn own_description(path: &Path, json: &[u8], size: [u64; 2]) -> Result<Description, FormatError> {
+    let json = json.trim_ascii_end().strip_suffix(b"\0").unwrap_or(json);
+    FileFormat::RAW_FRAME.check_json(path, json)?;
+    let description: Description = serde_json::from_slice(json).map_err(|_| {
+        let what = "its description (DNGPrivateData) is damaged";
+        FormatError::malformed(path, what, "Was it copied completely?")
+    })?;
+    if [description.width, description.height] != size {
+        let [width, height] = size;
+        let what = format!(
+            "it is described as {} x {} pixels and has {width} x {height}",
+            description.width, description.height
+        );
+        return Err(FormatError::malformed(path, what, "Was it changed by another program?"));
+    }
+    Ok(description)
 }
 
 /// The largest directory with a mosaic or with linear channels: previews are smaller.

@@ -160,14 +160,17 @@ fn decode_block(layout: &Layout, rows: usize, bytes: &[u8]) -> Result<Vec<u16>, 
         unpack_row(row, values, layout.bits as u32, layout.big_endian, &mut data);
     }
     if layout.predictor == 2 {
-        let most = ((1u32 << layout.bits) - 1) as u16;
-        for row in data.chunks_exact_mut(values) {
-            for at in layout.samples..values {
-                row[at] = row[at].wrapping_add(row[at - layout.samples]) & most;
-            }
-        }
+        data.chunks_exact_mut(values).for_each(|row| add_differences(layout, row));
     }
     Ok(data)
+}
+
+/// Undoes the horizontal predictor of TIFF (6.0, section 14): each value is the difference from that of its channel before it.
+fn add_differences(layout: &Layout, row: &mut [u16]) {
+    let most = ((1u32 << layout.bits) - 1) as u16;
+    for at in layout.samples..row.len() {
+        row[at] = row[at].wrapping_add(row[at - layout.samples]) & most;
+    }
 }
 
 fn unpack_row(row: &[u8], columns: usize, bits: u32, big_endian: bool, out: &mut Vec<u16>) {

@@ -321,28 +321,12 @@ impl Reader<'_> {
 
     /// Parts of a mesh.
     fn mesh(&self, number: usize) -> Result<Vec<TriangleMesh>, FormatError> {
+        let primitives = self.document["meshes"][number]["primitives"].as_array();
+        // 4: triangles. Points and lines have no surface.
+        let is_surface = |primitive: &&Value| primitive["mode"].as_u64().unwrap_or(4) == 4;
         let mut parts = Vec::new();
-        for primitive in self.document["meshes"][number]["primitives"].as_array().into_iter().flatten() {
-            // 4: triangles. Points and lines have no surface.
-            if primitive["mode"].as_u64().unwrap_or(4) != 4 {
-                continue;
-            }
-            let attributes = &primitive["attributes"];
-            let vectors = |name: &str, size: usize| -> Result<Vec<f32>, FormatError> {
-                attributes[name].as_u64().map_or(Ok(Vec::new()), |accessor| self.floats(accessor, size))
-            };
-            let mut part = TriangleMesh {
-                positions: vectors("POSITION", 3)?.chunks_exact(3).map(Vec3::from_slice).collect(),
-                normals: vectors("NORMAL", 3)?.chunks_exact(3).map(Vec3::from_slice).collect(),
-                // Its v runs downward.
-                uvs: vectors("TEXCOORD_0", 2)?.chunks_exact(2).map(|c| Vec2::new(c[0], 1.0 - c[1])).collect(),
-                triangles: Vec::new(),
-            };
-            let indices = match primitive["indices"].as_u64() {
-                Some(accessor) => self.whole_numbers(accessor)?,
-                None => (0..part.positions.len() as u32).collect(),
-            };
-            part.triangles = indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+        for primitive in primitives.into_iter().flatten().filter(is_surface) {
+            let part = self.primitive(primitive)?;
             if part.triangles.is_empty() {
                 continue;
             }
@@ -350,6 +334,24 @@ impl Reader<'_> {
             parts.push(part);
         }
         Ok(parts)
+    }
+
+    /// Triangles of a part of a mesh.
+    fn primitive(&self, primitive: &Value) -> Result<TriangleMesh, FormatError> {
+        let attributes = &primitive["attributes"];
+        let vectors = |name: &str, size: usize| -> Result<Vec<f32>, FormatError> {
+            attributes[name].as_u64().map_or(Ok(Vec::new()), |accessor| self.floats(accessor, size))
+        };
+        let positions: Vec<Vec3> = vectors("POSITION", 3)?.chunks_exact(3).map(Vec3::from_slice).collect();
+        let normals = vectors("NORMAL", 3)?.chunks_exact(3).map(Vec3::from_slice).collect();
+        // Its v runs downward.
+        let uvs = vectors("TEXCOORD_0", 2)?.chunks_exact(2).map(|c| Vec2::new(c[0], 1.0 - c[1])).collect();
+        let indices = match primitive["indices"].as_u64() {
+            Some(accessor) => self.whole_numbers(accessor)?,
+            None => (0..positions.len() as u32).collect(),
+        };
+        let triangles = indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+        Ok(TriangleMesh { positions, normals, uvs, triangles })
     }
 
     /// Bytes of the elements of an accessor, its component type and their number.

@@ -69,7 +69,9 @@ mod tiff_image;
 mod toml_text;
 
 pub use cache::{Cache, count_as_program};
-pub use csv_eem::{AntiStokes, CsvEemOptions, EemUnit, MeasuredEem, read_eem_csv, refuse_scattered_light};
+pub use csv_eem::{
+    AntiStokes, CsvEemOptions, EemUnit, MeasuredEem, eem_csv, read_eem_csv, refuse_scattered_light,
+};
 pub use csv_fluorophore::{CsvFluorophore, read_fluorophore_csv};
 pub use csv_spectrum::{CsvColumns, CsvSpectrumOptions, NamedCurve, read_spectrum_csv};
 pub use csv_table::Negative;

@@ -142,15 +142,15 @@ fn vertices(
     Some(())
 }
 
-/// The corners of faces, if all of them have three.
-fn triangles(element: &ElementDef, stride: usize, own: &[u8], order: Order) -> Option<Vec<[u32; 3]>> {
+/// Bytes of a face before the list of its corners, of faces that have one such list, of the usual types: one byte that counts, four
+/// that name a vertex. Anything else is left to the general reader.
+fn place_of_corners(element: &ElementDef) -> Option<usize> {
     let mut at = 0;
     let mut found = None;
     for (name, property) in &element.properties {
         match &property.data_type {
             PropertyType::List(count, kind) if found.is_none() => {
                 let is_index = name == "vertex_indices" || name == "vertex_index";
-                // One byte that counts, four that name a vertex: anything else is left to the general reader.
                 let is_usual = size(count) == 1 && matches!(kind, ScalarType::Int | ScalarType::UInt);
                 if !is_index || !is_usual {
                     return None;
@@ -162,7 +162,12 @@ fn triangles(element: &ElementDef, stride: usize, own: &[u8], order: Order) -> O
             PropertyType::Scalar(kind) => at += size(kind),
         }
     }
-    let at = found?;
+    found
+}
+
+/// The corners of faces, if all of them have three.
+fn triangles(element: &ElementDef, stride: usize, own: &[u8], order: Order) -> Option<Vec<[u32; 3]>> {
+    let at = place_of_corners(element)?;
     let face = |entry: &[u8]| -> Option<[u32; 3]> {
         let (count, corners) = entry[at..].split_first()?;
         let (words, _) = corners.as_chunks::<4>();

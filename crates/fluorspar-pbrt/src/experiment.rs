@@ -21,7 +21,7 @@ use fluorspar_experiment::schema::{
     SpectralSection, SpectrumReference, SpectrumTable, SphereShape, SpotLight, TextureReference,
     TextureTable, TwoSidedSection,
 };
-use fluorspar_format::{FormatError, write_atomically, write_gray_png, write_ply};
+use fluorspar_format::{FormatError, eem_csv, write_atomically, write_gray_png, write_ply};
 use glam::Vec3;
 
 use crate::convert::PbrtStudy;
@@ -276,19 +276,9 @@ impl<'a> SceneWriter<'a> {
 
     fn fluorophore(&mut self, fluorophore: &Fluorophore) -> FluorophoreSection {
         let eem = &fluorophore.eem;
-        let mut text = format!("# {}\n# unit: photons\nem_nm\\ex_nm", fluorspar_format::WRITTEN_BY);
+        let mut text = format!("# {}\n# unit: photons\n", fluorspar_format::WRITTEN_BY);
         if let YieldDensity::Table(table) = eem.density() {
-            for nm in &table.excitation_nm {
-                let _ = write!(text, ",{nm}");
-            }
-            text.push('\n');
-            for (nm, row) in table.emission_nm.iter().zip(table.values.chunks(table.excitation_nm.len())) {
-                let _ = write!(text, "{nm}");
-                for value in row {
-                    let _ = write!(text, ",{value}");
-                }
-                text.push('\n');
-            }
+            text += &eem_csv(&table.excitation_nm, &table.emission_nm, &table.values);
         }
         let best = best_yield(fluorophore);
         let amount = best.max(1.0);

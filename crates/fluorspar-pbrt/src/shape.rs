@@ -355,15 +355,11 @@ impl Convert<'_> {
         }
         let mirrors = map.determinant() < 0.0;
         for index in 0..mesh.triangles.len() {
-            let t = mesh.triangles[index];
-            let turn = if mesh.normals.is_empty() {
-                mirrors != is_reversed
-            } else {
-                // The side of the given normals is the outside.
-                let normal: Vec3 = t.iter().map(|corner| mesh.normals[*corner as usize]).sum();
-                mesh.triangle_cross(&t).dot(normal) < 0.0
+            let faces_inward = match mesh.normals.is_empty() {
+                true => mirrors != is_reversed,
+                false => turns_from_normals(&mesh, index),
             };
-            if turn {
+            if faces_inward {
                 mesh.triangles[index].swap(1, 2);
             }
         }
@@ -375,32 +371,37 @@ impl Convert<'_> {
         if self.objects.len() <= MOST_OBJECTS {
             return;
         }
-        let mut joined: Vec<Object> = Vec::new();
-        let mut open: HashMap<(usize, bool, bool), usize> = HashMap::new();
-        for object in std::mem::take(&mut self.objects) {
-            let Shape::Mesh(mesh) = &object.shape else {
-                joined.push(object);
-                continue;
-            };
-            let key = (object.material, mesh.normals.is_empty(), mesh.uvs.is_empty());
-            match open.get(&key).filter(|_| object.emission.is_none()) {
-                Some(&first) => {
-                    if let Shape::Mesh(sum) = &mut joined[first].shape {
-                        Arc::make_mut(sum).append(mesh);
-                    }
-                }
-                None => {
-                    if object.emission.is_none() {
-                        open.insert(key, joined.len());
-                    }
-                    joined.push(object);
-                }
-            }
-        }
-        self.objects = joined;
+        self.objects = joined(std::mem::take(&mut self.objects));
         let at = self.tree.shapes.first().map(|shape| shape.entity.at).unwrap_or_default();
         self.note(at, format!("more than {MOST_OBJECTS} shapes: those of one material are one object"));
     }
+}
+
+/// Objects in which meshes of one material and kind that do not shine are one.
+fn joined(objects: Vec<Object>) -> Vec<Object> {
+    let mut joined: Vec<Object> = Vec::new();
+    let mut open: HashMap<(usize, bool, bool), usize> = HashMap::new();
+    for object in objects {
+        let Shape::Mesh(mesh) = &object.shape else {
+            joined.push(object);
+            continue;
+        };
+        let key = (object.material, mesh.normals.is_empty(), mesh.uvs.is_empty());
+        match open.get(&key).filter(|_| object.emission.is_none()) {
+            Some(&first) => {
+                if let Shape::Mesh(sum) = &mut joined[first].shape {
+                    Arc::make_mut(sum).append(mesh);
+                }
+            }
+            None => {
+                if object.emission.is_none() {
+                    open.insert(key, joined.len());
+                }
+                joined.push(object);
+            }
+        }
+    }
+    joined
 }
 
 /// The name of a file without folders and ending.
@@ -472,6 +473,13 @@ fn revolved(profile: &[[f64; 2]], angle: f64) -> TriangleMesh {
         }
     }
     mesh
+}
+
+/// Whether a triangle faces away from the normals of its corners. Their side is the outside.
+fn turns_from_normals(mesh: &TriangleMesh, index: usize) -> bool {
+    let triangle = mesh.triangles[index];
+    let normal: Vec3 = triangle.iter().map(|corner| mesh.normals[*corner as usize]).sum();
+    mesh.triangle_cross(&triangle).dot(normal) < 0.0
 }
 
 /// The mesh with the texture coordinates that pbrt gives triangles without any: (0, 0), (1, 0), (1, 1).

@@ -146,19 +146,8 @@ impl Convert<'_> {
             let hint = if name.contains('.') { "" } else { known };
             self.error(at, format!("{}: {}{hint}", path.display(), error.problem()))
         })?;
-        let mut numbers = Vec::new();
-        for (index, line) in text.lines().enumerate() {
-            let line = line.split('#').next().unwrap_or_default();
-            for word in line.split([' ', '\t', ',', ';', '\r']).filter(|word| !word.is_empty()) {
-                match word.parse::<f64>() {
-                    Ok(value) if value.is_finite() => numbers.push(value),
-                    _ => {
-                        let place = format!("{}:{}", path.display(), index + 1);
-                        return Err(self.error(at, format!("{place}: \"{}\" is not a number", excerpt(word))));
-                    }
-                }
-            }
-        }
+        let numbers = numbers_of(&text)
+            .map_err(|(line, problem)| self.error(at, format!("{}:{line}: {problem}", path.display())))?;
         if !numbers.len().is_multiple_of(2) {
             let message = format!(
                 "{}: {} numbers are no pairs of wavelength (nm) and value",
@@ -233,11 +222,7 @@ impl Convert<'_> {
             return Ok(LightSpectrum { curve, scale: 1.0 });
         }
         let is_color = parameter.is_some_and(|p| matches!(p.kind, PbrtKind::Rgb | PbrtKind::Xyz));
-        let is_measured = parameter.is_some_and(|p| {
-            let named = p.texts().is_some_and(|texts| texts.iter().any(|name| name.starts_with("stdillum-")));
-            p.kind == PbrtKind::Spectrum && !named
-        });
-        if is_measured && !photometric && self.options.emission == Emission::Absolute {
+        if parameter.is_some_and(is_measured) && !photometric && self.options.emission == Emission::Absolute {
             self.note(at, "the spectrum of the light is taken as absolute; pbrt-v4 would scale it to 1 nit");
             return Ok(LightSpectrum { curve, scale: 1.0 });
         }
@@ -255,6 +240,27 @@ pub(crate) fn luminance(radiance: &Curve) -> f64 {
     let Ok(grid) = WavelengthGrid::uniform(360.0, 830.0, 1.0) else { return 0.0 };
     let values: Vec<f32> = radiance.bin_averages(&grid).into_iter().map(|value| value as f32).collect();
     StandardObserver::new(&grid).xyz(&values)[1]
+}
+
+/// Whether a spectrum is given in numbers, and not as a color or by the name of a standard illuminant.
+fn is_measured(parameter: &PbrtParameter) -> bool {
+    let mut names = parameter.texts().into_iter().flatten();
+    parameter.kind == PbrtKind::Spectrum && !names.any(|name| name.starts_with("stdillum-"))
+}
+
+/// The numbers of a text; `#` begins a comment. A problem comes with its line.
+fn numbers_of(text: &str) -> Result<Vec<f64>, (usize, String)> {
+    let mut numbers = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        let line = line.split('#').next().unwrap_or_default();
+        for word in line.split([' ', '\t', ',', ';', '\r']).filter(|word| !word.is_empty()) {
+            match word.parse::<f64>() {
+                Ok(value) if value.is_finite() => numbers.push(value),
+                _ => return Err((index + 1, format!("\"{}\" is not a number", excerpt(word)))),
+            }
+        }
+    }
+    Ok(numbers)
 }
 
 /// Planck's law per wavelength, 1 at its maximum, from 200 to 1200 nm.

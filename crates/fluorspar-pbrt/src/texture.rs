@@ -489,12 +489,8 @@ impl Convert<'_> {
             let wrap = excerpt(wrap);
             self.remark(at, format!("\"wrap\" \"{wrap}\": images repeat beyond the unit square of u, v"));
         }
-        let encoding = given.text("encoding").unwrap_or("sRGB").to_string();
-        let is_linear = given.flag("gamma") == Some(false) || encoding == "linear";
+        let is_linear = self.is_linear(given);
         let transfer = if is_linear { Transfer::Linear } else { Transfer::Srgb };
-        if encoding.starts_with("gamma") {
-            self.remark(at, format!("encoding \"{}\": the curve of sRGB is used", excerpt(&encoding)));
-        }
         let path = self.tree.path_of(at, name);
         let scale = given.number("scale").unwrap_or(1.0) as f32;
         let invert = given.flag("invert").unwrap_or(false);
@@ -511,6 +507,17 @@ impl Convert<'_> {
         let image = Arc::new(image);
         self.images.insert(key, Arc::clone(&image));
         Ok(image)
+    }
+
+    /// Whether the numbers of an `imagemap` are amounts, and not those of a screen.
+    fn is_linear(&mut self, given: &Given<'_>) -> bool {
+        let encoding = given.text("encoding").unwrap_or("sRGB").to_string();
+        let is_linear = given.flag("gamma") == Some(false) || encoding == "linear";
+        if encoding.starts_with("gamma") {
+            let message = format!("encoding \"{}\": the curve of sRGB is used", excerpt(&encoding));
+            self.remark(given.entity.at, message);
+        }
+        is_linear
     }
 
     /// An image as three primaries, or as gray.

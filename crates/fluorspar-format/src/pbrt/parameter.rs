@@ -223,14 +223,9 @@ impl Gathered {
         *budget = budget.checked_sub(1).ok_or_else(|| {
             Fault::new(at, "the scene holds more values than any that is read; put meshes into .ply files")
         })?;
-        let flag = |text: &str| match text {
-            "true" => Ok(true),
-            "false" => Ok(false),
-            _ => Err(Fault::new(at, format!("\"{}\" is neither true nor false", excerpt(text)))),
-        };
         match (kind, token) {
-            (PbrtKind::Bool, Token::Text(text)) => self.flags.push(flag(&text)?),
-            (PbrtKind::Bool, Token::Word(word)) => self.flags.push(flag(&String::from_utf8_lossy(word))?),
+            (PbrtKind::Bool, Token::Text(text)) => self.flags.push(flag(&text, at)?),
+            (PbrtKind::Bool, Token::Word(word)) => self.flags.push(flag(&String::from_utf8_lossy(word), at)?),
             (PbrtKind::Spectrum, Token::Text(text)) => self.texts.push(text.into_owned()),
             (_, Token::Text(text)) if kind.holds_texts() => self.texts.push(text.into_owned()),
             (_, Token::Word(word)) if !kind.holds_texts() => self.numbers.push(number(word, at)?),
@@ -277,5 +272,13 @@ impl Gathered {
             _ if kind.holds_texts() => Some(PbrtValues::Texts(texts)),
             _ => Some(PbrtValues::Numbers(numbers)),
         })
+    }
+}
+
+fn flag(text: &str, at: [u32; 2]) -> Result<bool, Fault> {
+    match text {
+        "true" => Ok(true),
+        "false" => Ok(false),
+        _ => Err(Fault::new(at, format!("\"{}\" is neither true nor false", excerpt(text)))),
     }
 }

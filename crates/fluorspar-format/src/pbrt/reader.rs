@@ -426,18 +426,7 @@ impl Reader {
             "TransformBegin" => self.open(Block::Transform, line)?,
             "AttributeEnd" => self.close(Block::Attribute, line)?,
             "TransformEnd" => self.close(Block::Transform, line)?,
-            "ObjectBegin" => {
-                let name = line.text("the name of an object")?;
-                if self.object.is_some() {
-                    return Err(
-                        line.fault("an object can't hold the definition of another; add ObjectEnd before it")
-                    );
-                }
-                self.open(Block::Object, line)?;
-                self.object = Some(self.scene.objects.len());
-                self.objects.insert(name.clone(), self.scene.objects.len());
-                self.scene.objects.push(name);
-            }
+            "ObjectBegin" => self.begin_object(line)?,
             "ObjectEnd" => {
                 self.close(Block::Object, line)?;
                 self.object = None;
@@ -451,6 +440,19 @@ impl Reader {
             _ => return Ok(false),
         }
         Ok(true)
+    }
+
+    /// Begins the definition of an object.
+    fn begin_object(&mut self, line: &mut Line<'_, '_>) -> Outcome<()> {
+        let name = line.text("the name of an object")?;
+        if self.object.is_some() {
+            return Err(line.fault("an object can't hold the definition of another; add ObjectEnd before it"));
+        }
+        self.open(Block::Object, line)?;
+        self.object = Some(self.scene.objects.len());
+        self.objects.insert(name.clone(), self.scene.objects.len());
+        self.scene.objects.push(name);
+        Ok(())
     }
 
     fn open(&mut self, block: Block, line: &Line<'_, '_>) -> Outcome<()> {

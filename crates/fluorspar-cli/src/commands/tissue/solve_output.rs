@@ -1,5 +1,6 @@
 //! Tables, figures and text of a solved tissue.
 
+use fluorspar_format::eem_csv;
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{EemMap, PlotCurve, eem_maps, emission, tissue_reflectance};
 
@@ -54,24 +55,13 @@ pub(super) fn tables(found: &Found) -> [(&'static str, String); 3] {
         }));
     }
     let eem = &found.eem;
-    let mut matrix = "em_nm\\ex_nm".to_string();
-    for nm in &eem.excitation_nm {
-        matrix += &format!(",{nm}");
-    }
-    matrix.push('\n');
-    for (row, nm) in eem.emission_nm.iter().enumerate() {
-        matrix += &nm.to_string();
-        for column in 0..eem.excitation_nm.len() {
-            let at = row * eem.excitation_nm.len() + column;
-            let sum: f64 = eem.fluorophores.iter().map(|(_, values)| values[at]).sum();
-            matrix += &format!(",{sum}");
-        }
-        matrix.push('\n');
-    }
+    let of_all = |cell: usize| eem.fluorophores.iter().map(|(_, values)| values[cell]).sum::<f64>();
+    let cells = eem.emission_nm.len() * eem.excitation_nm.len();
+    let sums: Vec<f64> = (0..cells).map(of_all).collect();
     [
         ("spectra", by_wavelength(&found.wavelength_nm, &spectra)),
         ("fluorescence", by_wavelength(&found.wavelength_nm, &fluorescence)),
-        ("eem", matrix),
+        ("eem", eem_csv(&eem.excitation_nm, &eem.emission_nm, &sums)),
     ]
 }
 
