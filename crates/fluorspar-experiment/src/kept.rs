@@ -107,13 +107,18 @@ pub(crate) fn kept_tissue<E>(
             surface
         }
     };
+    keep(key, &surface);
+    Ok(surface)
+}
+
+/// Keeps a tissue for the rest of this process, in place of the oldest one where there are many.
+fn keep(key: &str, surface: &TissueSurface) {
     if let Ok(mut kept) = TISSUES.lock() {
         kept.push((key.to_owned(), surface.clone()));
         if kept.len() > MOST_TISSUES {
             kept.remove(0);
         }
     }
-    Ok(surface)
 }
 
 /// [`shared_surface_map`], from this process or from the cache.

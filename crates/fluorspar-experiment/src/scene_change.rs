@@ -336,17 +336,11 @@ impl Plan<'_> {
             return Err(self.source.error("write LIST.NAME={ ... }, for instance light.lamp={ ... }"));
         }
         let [list] = self.find(list)?.try_into().unwrap_or_default();
-        let node = list.iter().try_fold(self.root, |node, step| node.step(step));
         let mut entry = self.value(value);
         let Content::Table(fields) = &mut entry.content else {
             return Err(self.source.error("an entry is a table; write LIST.NAME={ field = value, ... }"));
         };
-        let exists = match node.map(|node| &node.content) {
-            Some(Content::Array(items)) => items.iter().any(|item| item.name() == Some(&name.text)),
-            None => !self.is_list(&list),
-            Some(_) => true,
-        };
-        if exists {
+        if !self.has_room(&list, &name.text) {
             let message = format!(
                 "`{}` is no list, or has an entry \"{}\" already; `set` changes what is there",
                 excerpt(&path[..path.len().min(60)]),
@@ -358,6 +352,16 @@ impl Plan<'_> {
         let content = Content::Leaf(toml::Value::String(name.text.clone()));
         fields.insert(0, ("name".into(), Node { content, origin: self.origin() }));
         Ok(vec![Edit::Append { list, entry }])
+    }
+
+    /// Whether there can be another entry of this name: in a list that has none.
+    fn has_room(&self, list: &[Step], name: &str) -> bool {
+        let node = list.iter().try_fold(self.root, |node, step| node.step(step));
+        match node.map(|node| &node.content) {
+            Some(Content::Array(items)) => items.iter().all(|item| item.name() != Some(name)),
+            None => self.is_list(list),
+            Some(_) => false,
+        }
     }
 
     /// Whether a place holds a list by the schema.

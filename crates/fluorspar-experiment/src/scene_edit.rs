@@ -24,13 +24,7 @@ pub fn edit_experiment(
 ) -> Result<String, ExperimentError> {
     let schema = experiment_schema();
     let source = TextSource { name: source_name.into(), overriding: None, folder: None };
-    let mut edited = read_toml_document(text).map_err(|error| {
-        let invalid = source.error(format!("invalid TOML: {}", error.message().trim()));
-        match error.line() {
-            Some(line) => invalid.at_line(line),
-            None => invalid,
-        }
-    })?;
+    let mut edited = editable(text, &source)?;
     let mut document = read_merged(schema, text, source_name, base_dir)?;
     for change in changes {
         let before = document.clone();
@@ -47,6 +41,17 @@ pub fn edit_experiment(
     check_same(schema, &text, source_name, base_dir, &document)?;
     parse(&text, source_name, base_dir, &[])?;
     Ok(text)
+}
+
+/// The text as a document that keeps what was typed.
+fn editable(text: &str, source: &TextSource) -> Result<DocumentMut, ExperimentError> {
+    read_toml_document(text).map_err(|error| {
+        let invalid = source.error(format!("invalid TOML: {}", error.message().trim()));
+        match error.line() {
+            Some(line) => invalid.at_line(line),
+            None => invalid,
+        }
+    })
 }
 
 /// What comes from a base and is no longer wanted: entries get `remove = true`, fields and sections go to `unset`.
@@ -69,19 +74,23 @@ fn remove_from_bases(
         entry.insert("remove", Item::Value(true.into()));
         append(edited.as_table_mut(), &list, entry);
     }
-    let mut unset = Vec::new();
-    surplus_fields(&now.root, &wanted.root, &mut Vec::new(), &mut unset);
-    if unset.is_empty() {
-        return Ok(());
+    let mut gone = Vec::new();
+    surplus_fields(&now.root, &wanted.root, &mut Vec::new(), &mut gone);
+    if !gone.is_empty() {
+        unset(edited, gone);
     }
+    Ok(())
+}
+
+/// Adds fields to the list `unset`, those that it lacks.
+fn unset(edited: &mut DocumentMut, gone: Vec<String>) {
     let list = edited.entry("unset").or_insert_with(|| Item::Value(Value::Array(Array::new())));
-    let Some(list) = list.as_array_mut() else { return Ok(()) };
-    for path in unset {
+    let Some(list) = list.as_array_mut() else { return };
+    for path in gone {
         if !list.iter().any(|known| known.as_str() == Some(&path)) {
             list.push(path);
         }
     }
-    Ok(())
 }
 
 /// Paths of fields and sections of a tree that another tree lacks; entries of lists are matched by their names.

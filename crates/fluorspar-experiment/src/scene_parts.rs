@@ -86,16 +86,20 @@ fn mouth_parts(section: &Node) -> Result<Vec<ScenePart>, String> {
         })
         .collect();
     for (number, scan) in entries(section, "scan").iter().enumerate() {
-        for replaced in entries(scan, "replaces").iter().filter_map(Node::as_str) {
-            parts.retain(|part| match replaced.strip_suffix('*') {
-                Some(start) => !part.name.starts_with(start),
-                None => part.name != replaced,
-            });
-        }
+        parts.retain(|part| !is_replaced(part, scan));
         let at = vec![Step::from("mouth"), Step::from("scan"), Step::from(number)];
         parts.extend(of_section(scan, at, "scan".into()));
     }
     Ok(parts)
+}
+
+/// Whether a scan stands in place of a part of the mouth: by its name, or by how it begins.
+fn is_replaced(part: &ScenePart, scan: &Node) -> bool {
+    let mut replaced = entries(scan, "replaces").iter().filter_map(Node::as_str);
+    replaced.any(|replaced| match replaced.strip_suffix('*') {
+        Some(start) => part.name.starts_with(start),
+        None => part.name == replaced,
+    })
 }
 
 /// The fields of the section that the shape and the pose of a mouth follow from.

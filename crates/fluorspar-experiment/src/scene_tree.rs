@@ -6,7 +6,7 @@ use super::Experiment;
 use super::document::{Content, Node, Origin, TextSource};
 use super::error::{ExperimentError, Step, step_text};
 use super::read::experiment_schema;
-use super::scene_parts::{named_parts, scene_parts};
+use super::scene_parts::{ScenePart, named_parts, scene_parts};
 use super::scene_path::{Finder, Pattern, ScenePath};
 
 /// Longest summary of a node, characters.
@@ -63,15 +63,16 @@ pub fn scene_nodes(experiment: &Experiment) -> Result<Vec<SceneNode>, Experiment
         nodes.extend(root.get(key).into_iter().flat_map(|list| entries(list, key, key)));
     }
     let parts = scene_parts(root).map_err(|message| experiment.document.error(&[], message))?;
-    nodes.extend(parts.into_iter().map(|part| SceneNode {
-        path: format!("{}/", step_text(&part.name)),
-        kind: "part".into(),
-        summary: match part.material {
-            Some(material) => format!("{}, material {}", part.kind, step_text(&material)),
-            None => part.kind,
-        },
-    }));
+    nodes.extend(parts.into_iter().map(node_of_part));
     Ok(nodes)
+}
+
+fn node_of_part(part: ScenePart) -> SceneNode {
+    let summary = match part.material {
+        Some(material) => format!("{}, material {}", part.kind, step_text(&material)),
+        None => part.kind,
+    };
+    SceneNode { path: format!("{}/", step_text(&part.name)), kind: "part".into(), summary }
 }
 
 /// The named entries of a list.

@@ -323,17 +323,17 @@ impl SchemaReader<'_> {
                 Some("name-or-lens-path") => TextKind::NameOrLensPath,
                 _ => TextKind::Plain,
             }),
-            "array" => {
-                let length = |key: &str| part(value, key).as_u64();
-                let fixed = length("minItems").filter(|least| length("maxItems") == Some(*least));
-                Shape::List {
-                    items: Box::new(self.shape(part(value, "items"))),
-                    length: fixed.map(|length| length as usize),
-                }
-            }
+            "array" => self.list(value),
             "object" => Shape::Table(self.table(value)),
             _ => Shape::Anything,
         }
+    }
+
+    fn list(&self, value: &Value) -> Shape {
+        let length = |key: &str| part(value, key).as_u64();
+        let fixed = length("minItems").filter(|least| length("maxItems") == Some(*least));
+        let items = Box::new(self.shape(part(value, "items")));
+        Shape::List { items, length: fixed.map(|length| length as usize) }
     }
 
     /// Values of different types.

@@ -331,12 +331,7 @@ fn scene(
     overrides: &[String],
 ) -> Resolved<ResolvedExperiment> {
     let own = file.scene.as_ref().and_then(|scene| scene.peaks_nm);
-    let peaks = lights.iter().map(|light| light.peak_nm);
-    let [first, last] = own.unwrap_or_else(|| {
-        let rounded = |nm: f64| (nm / 5.0).round() * 5.0;
-        let least = peaks.clone().fold(f64::INFINITY, f64::min);
-        [rounded(least - 2.5), rounded(peaks.fold(0.0, f64::max) + 2.5)]
-    });
+    let [first, last] = own.unwrap_or_else(|| peaks_nm(lights));
     let mut all = bands(&file.spectral);
     all.push(format!("render.excitation_basis_nm=[{first:.1}, {last:.1}]"));
     all.extend(overrides.iter().cloned());
@@ -353,6 +348,14 @@ fn scene(
         return context.fail(at, message);
     }
     Ok(resolved)
+}
+
+/// Least and largest peak of some lights, rounded outward to 5 nm.
+fn peaks_nm(lights: &[LightChoice]) -> [f64; 2] {
+    let rounded = |nm: f64| (nm / 5.0).round() * 5.0;
+    let peaks = lights.iter().map(|light| light.peak_nm);
+    let least = peaks.clone().fold(f64::INFINITY, f64::min);
+    [rounded(least - 2.5), rounded(peaks.fold(0.0, f64::max) + 2.5)]
 }
 
 /// Bands of the design as changes of an experiment.

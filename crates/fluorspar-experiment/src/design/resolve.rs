@@ -361,11 +361,7 @@ fn filters(
         let at = steps!["view_filter", index];
         let earlier = file.view_filter[..index].iter().map(|other| other.name.as_str());
         context.unique_name(&at, &section.name, earlier)?;
-        let mut fixed = Curve::constant(1.0);
-        for (number, filter) in section.filters.iter().enumerate() {
-            let at = at.field("filters").index(number);
-            fixed = fixed.times(&context.spectrum(&at, filter, Role::Filter, 0.0, grid)?);
-        }
+        let fixed = stack(context, &at, &section.filters, grid)?;
         let width_nm =
             context.within(&at.field("edge_width_nm"), section.edge_width_nm, [0.1, 100.0], "nm")?;
         let density =
@@ -498,11 +494,7 @@ fn with_wheel(
     for (index, position) in section.wheel.iter().enumerate() {
         let at = at.field("wheel").index(index);
         context.unique_name(&at, &position.name, wheel.iter().map(|(name, _)| name.as_str()))?;
-        let mut transmittance = Curve::constant(1.0);
-        for (number, filter) in position.filters.iter().enumerate() {
-            let at = at.field("filters").index(number);
-            transmittance = transmittance.times(&context.spectrum(&at, filter, Role::Filter, 0.0, grid)?);
-        }
+        let transmittance = stack(context, &at, &position.filters, grid)?;
         wheel.push((position.name.clone(), transmittance));
     }
     match camera.behind_wheel(&wheel, bands) {
@@ -516,6 +508,21 @@ fn with_wheel(
             context.fail(&at.field("wheel"), message)
         }
     }
+}
+
+/// Transmittance of all `filters` of a section together.
+fn stack(
+    context: &mut Context<'_>,
+    at: &Place,
+    filters: &[SpectrumReference],
+    grid: &WavelengthGrid,
+) -> Resolved<Curve> {
+    let mut transmittance = Curve::constant(1.0);
+    for (number, filter) in filters.iter().enumerate() {
+        let at = at.field("filters").index(number);
+        transmittance = transmittance.times(&context.spectrum(&at, filter, Role::Filter, 0.0, grid)?);
+    }
+    Ok(transmittance)
 }
 
 /// The sensor of a section.
@@ -659,11 +666,7 @@ fn white(
     let level = context.within(&at.field("level"), section.level, [0.001, 1.0], "of what a pixel holds")?;
     let cost = context.within(&at.field("cost"), section.cost, PRICE, "")?;
     let spectrum = filtered_light(context, &at, &section.spectrum, &[], grid)?;
-    let mut filter = Curve::constant(1.0);
-    for (index, reference) in section.filters.iter().enumerate() {
-        let at = at.field("filters").index(index);
-        filter = filter.times(&context.spectrum(&at, reference, Role::Filter, 0.0, grid)?);
-    }
+    let filter = stack(context, &at, &section.filters, grid)?;
     let peak_nm = spectrum.peak_nm();
     let power_w = power_w(context, &at, section.power_mw)?;
     let mut light = [LightChoice { name: "white".into(), spectrum, light, power_w, peak_nm, cost }];
@@ -816,13 +819,7 @@ fn contrasts(
             file.contrast[..index].iter().map(|other| other.name.as_str()),
         )?;
         for (field, names) in [("part", &section.part), ("whole", &section.whole)] {
-            for (number, name) in names.iter().enumerate() {
-                if !known.contains(&name.as_str()) {
-                    let known = known.iter().copied();
-                    let message = Message::unknown("no region holds this fluorophore", name, known);
-                    return context.fail(&at.field(field).index(number), message);
-                }
-            }
+            check_held(context, &at.field(field), names, &known)?;
         }
         if section.part.is_empty() {
             return context.fail(&at.field("part"), "give at least one fluorophore");
@@ -830,6 +827,14 @@ fn contrasts(
         found.push(definition(section, &known));
     }
     Ok(found)
+}
+
+/// Checks that some region holds each of some fluorophores.
+fn check_held(context: &Context<'_>, at: &Place, names: &[String], known: &[&str]) -> Resolved<()> {
+    let unknown = names.iter().enumerate().find(|(_, name)| !known.contains(&name.as_str()));
+    let Some((number, name)) = unknown else { return Ok(()) };
+    let message = Message::unknown("no region holds this fluorophore", name, known.iter().copied());
+    context.fail(&at.index(number), message)
 }
 
 fn definition(section: &ContrastSection, known: &[&str]) -> ContrastDefinition {

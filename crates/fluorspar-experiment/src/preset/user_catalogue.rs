@@ -43,13 +43,7 @@ pub fn use_catalogue(folder: &Path) -> Result<(), PresetError> {
             let Some(name) = path.file_stem().and_then(|stem| stem.to_str()).map(String::from) else {
                 continue;
             };
-            let text = match path.extension().and_then(|ending| ending.to_str()) {
-                Some("toml") => {
-                    read_text_bounded(&path, MOST_BYTES).map_err(|error| of_file(&path, &error))?
-                }
-                Some("csv") if kind != PresetKind::Sensor => text_of_table(kind, &name, &path)?,
-                _ => continue,
-            };
+            let Some(text) = text_of_entry(kind, &name, &path)? else { continue };
             if built_in_names(kind).contains(&name.as_str()) {
                 return Err(refused(
                     &path,
@@ -81,6 +75,15 @@ fn refused(path: &Path, message: impl Into<String>) -> PresetError {
 
 fn of_file(path: &Path, error: &FormatError) -> PresetError {
     refused(path, error.to_string())
+}
+
+/// An entry in the form of the catalogue; `None` of files that are none.
+fn text_of_entry(kind: PresetKind, name: &str, path: &Path) -> Result<Option<String>, PresetError> {
+    match path.extension().and_then(|ending| ending.to_str()) {
+        Some("toml") => read_text_bounded(path, MOST_BYTES).map(Some).map_err(|error| of_file(path, &error)),
+        Some("csv") if kind != PresetKind::Sensor => text_of_table(kind, name, path).map(Some),
+        _ => Ok(None),
+    }
 }
 
 /// A table in the form of the catalogue.

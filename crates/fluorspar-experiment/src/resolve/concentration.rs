@@ -43,13 +43,7 @@ pub(super) fn changes(
     for (name, factor) in &file.concentration {
         let at = steps!["concentration", name];
         if !known.contains(&name.as_str()) {
-            let message = format!(
-                "no material contains the fluorophore \"{}\"{} The scene has: {}",
-                excerpt(name),
-                did_you_mean(name, known.iter().copied()),
-                if known.is_empty() { "none".into() } else { known.join(", ") }
-            );
-            return context.fail(&at, message);
+            return context.fail(&at, unknown_fluorophore(name, known));
         }
         let change = match factor {
             ConcentrationFactor::Even(factor) => {
@@ -66,6 +60,15 @@ pub(super) fn changes(
         changes.push(change);
     }
     Ok(changes)
+}
+
+fn unknown_fluorophore(name: &str, known: &[&str]) -> String {
+    format!(
+        "no material contains the fluorophore \"{}\"{} The scene has: {}",
+        excerpt(name),
+        did_you_mean(name, known.iter().copied()),
+        if known.is_empty() { "none".into() } else { known.join(", ") }
+    )
 }
 
 fn scale_materials(materials: &mut [Material], fluorophore: usize, factor: f32) {

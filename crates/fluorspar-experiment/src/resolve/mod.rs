@@ -241,14 +241,8 @@ pub fn resolve_rendered(
     now: &Experiment,
     resolved: &ResolvedExperiment,
 ) -> Result<Option<Study>, ExperimentError> {
-    let (file, other) = (&rendered.file, &now.file);
-    let same_surfaces = file.spectral == other.spectral
-        && file.fluorophore == other.fluorophore
-        && file.tissue == other.tissue
-        && file.material == other.material
-        && file.mouth == other.mouth
-        && file.object == other.object;
-    if !same_surfaces {
+    let file = &rendered.file;
+    if !have_same_surfaces(file, &now.file) {
         return Ok(None);
     }
     let mut context = Context::new(&rendered.document);
@@ -267,6 +261,15 @@ pub fn resolve_rendered(
     }
     (study.camera, study.scene.camera) = (camera, view);
     Ok(Some(study))
+}
+
+fn have_same_surfaces(file: &ExperimentFile, other: &ExperimentFile) -> bool {
+    file.spectral == other.spectral
+        && file.fluorophore == other.fluorophore
+        && file.tissue == other.tissue
+        && file.material == other.material
+        && file.mouth == other.mouth
+        && file.object == other.object
 }
 
 /// Whether two experiments show the same scene in the same view: they differ in viewing filters, captures, concentrations,
