@@ -642,14 +642,20 @@ fn lights_figure(found: &DesignFindings<'_>) -> Figure {
     if designs.all(|design| design.lights.len() == 1) { single_lights(found) } else { light_map(found) }
 }
 
-/// The least loss of the designs with each light, where each design has one.
-fn single_lights(found: &DesignFindings<'_>) -> Figure {
-    let lights = &found.space.problem().lights;
-    let mut least = vec![f64::INFINITY; lights.len()];
+/// The least loss of the designs with each light first; infinite where there is none.
+fn least_losses(found: &DesignFindings<'_>) -> Vec<f64> {
+    let mut least = vec![f64::INFINITY; found.space.problem().lights.len()];
     for (number, score) in found.scores {
         let cell = &mut least[found.space.design(*number).lights[0]];
         *cell = cell.min(score.loss);
     }
+    least
+}
+
+/// The least loss of the designs with each light, where each design has one.
+fn single_lights(found: &DesignFindings<'_>) -> Figure {
+    let lights = &found.space.problem().lights;
+    let least = least_losses(found);
     let seen = || least.iter().copied().enumerate().filter(|(_, loss)| loss.is_finite());
     let (low, high) = seen().fold((f64::INFINITY, 0.0f64), |(a, b), (_, loss)| (a.min(loss), b.max(loss)));
     let (low, high) = if low.is_finite() { (low, high) } else { (1.0, 10.0) };

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::analysis::{ASSUMED_GAIN, Analysis, PorphyrinLayers, SignalSummary};
+use fluorspar::analysis::{ASSUMED_GAIN, Analysis, PorphyrinLayers, PorphyrinMap, SignalSummary};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, RawExposures, SeenComponents, analyze_regions,
@@ -471,19 +471,24 @@ fn write_maps(
         for (stem, figure) in porphyrin_maps(porphyrin, &analyzed.analysis.sought, None) {
             files.push((format!("{stem}.png"), figure.to_png()?));
         }
-        let PorphyrinLayers { share, low, high, detection_limit } = porphyrin.layers();
-        let layers = [("share", share), ("low", low), ("high", high), ("limit", detection_limit)];
-        for (name, values) in layers {
-            let path = out.path().join(format!("porphyrin_{name}.npy"));
-            write_map_npy(&path, porphyrin.width, porphyrin.height, &values)
-                .map_err(|error| out.at_its_place(error))?;
-        }
+        write_layers(&out, porphyrin)?;
     }
     for (name, bytes) in files {
         write_atomically(&out.path().join(name), |file| file.write_all(&bytes))
             .map_err(|error| out.at_its_place(error))?;
     }
     Ok(out.finish()?)
+}
+
+/// Writes the numbers of the map, each kind as an array.
+fn write_layers(out: &OutputFolder, porphyrin: &PorphyrinMap) -> Result<(), CliError> {
+    let PorphyrinLayers { share, low, high, detection_limit } = porphyrin.layers();
+    for (name, values) in [("share", share), ("low", low), ("high", high), ("limit", detection_limit)] {
+        let path = out.path().join(format!("porphyrin_{name}.npy"));
+        write_map_npy(&path, porphyrin.width, porphyrin.height, &values)
+            .map_err(|error| out.at_its_place(error))?;
+    }
+    Ok(())
 }
 
 /// The raw frame in a file under the name of a capture. What a real camera does not tell of its conversion gain and noise, the

@@ -144,19 +144,10 @@ const MOST_NAMED: usize = 6;
 
 impl CameraView {
     fn of(study: &mut Study) -> Self {
-        let lens = study.camera.lens.as_ref();
-        let camera = &study.scene.camera;
+        let field_mm = field_mm(study);
+        let camera = &mut study.scene.camera;
         let (width, height) = (camera.width, camera.height);
         let shape = height as f64 / width.max(1) as f64;
-        let distance_mm = lens.and_then(|lens| lens.equation.object_distance_mm);
-        let field_mm = match camera.parallel_half_width_m {
-            Some(half) => Some([2e3 * f64::from(half), 2e3 * f64::from(half) * shape, 0.0]),
-            None => distance_mm.map(|mm| {
-                let wide = 2.0 * f64::from(camera.tan_half_width) * mm;
-                [wide, wide * shape, mm]
-            }),
-        };
-        let camera = &mut study.scene.camera;
         camera.width = VIEW_COLUMNS;
         camera.height = ((VIEW_COLUMNS as f64 * shape).round() as usize).max(1);
         let maps = visible_surfaces(&study.scene);
@@ -206,6 +197,19 @@ impl CameraView {
         }
         format!("The camera sees {field}: {}", list.join(", "))
     }
+}
+
+/// Width and height of what is in focus, and its distance, mm; with parallel rays there is no distance. `None` where the lens stands at
+/// infinity.
+fn field_mm(study: &Study) -> Option<[f64; 3]> {
+    let camera = &study.scene.camera;
+    let shape = camera.height as f64 / camera.width.max(1) as f64;
+    if let Some(half) = camera.parallel_half_width_m {
+        return Some([2e3 * f64::from(half), 2e3 * f64::from(half) * shape, 0.0]);
+    }
+    let distance_mm = study.camera.lens.as_ref().and_then(|lens| lens.equation.object_distance_mm)?;
+    let wide = 2.0 * f64::from(camera.tan_half_width) * distance_mm;
+    Some([wide, wide * shape, distance_mm])
 }
 
 /// The regions beside that of the analysis, by name and place; empty without them.

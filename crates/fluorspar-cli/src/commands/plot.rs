@@ -143,12 +143,7 @@ fn kept_by_filters(
     fluorophores: &[Fluorophore],
     light: Option<&Curve>,
 ) -> Result<Vec<Kept>, CliError> {
-    let mut efficiency = Curve::constant(1.0);
-    if let Some(name) = &options.qe {
-        let channels = preset::quantum_efficiency(name)?.channels()?;
-        let of_all = |nm: f64| channels.iter().map(|(_, curve)| curve.at(nm)).sum::<f64>();
-        efficiency = Curve::from_fn(COUNTED_NM[0], COUNTED_NM[1], of_all);
-    }
+    let efficiency = options.qe.as_deref().map_or(Ok(Curve::constant(1.0)), efficiency_of_all)?;
     let share = |photons: &Curve, filter: &Curve| {
         let sum = |curve: &Curve| curve.integral(COUNTED_NM[0], COUNTED_NM[1]);
         let seen = photons.times(&efficiency);
@@ -168,6 +163,13 @@ fn kept_by_filters(
         }));
     }
     Ok(kept)
+}
+
+/// Quantum efficiency of all channels of a sensor together.
+fn efficiency_of_all(name: &str) -> Result<Curve, CliError> {
+    let channels = preset::quantum_efficiency(name)?.channels()?;
+    let of_all = |nm: f64| channels.iter().map(|(_, curve)| curve.at(nm)).sum::<f64>();
+    Ok(Curve::from_fn(COUNTED_NM[0], COUNTED_NM[1], of_all))
 }
 
 /// Wavelengths over which photons are counted, nm.

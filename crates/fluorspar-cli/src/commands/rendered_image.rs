@@ -214,16 +214,7 @@ impl RenderedImage {
         let rows = PreparedRows { rows: &rows, factors: &changes.factors, width };
         let found = rows.map_rows(
             |component| self.is_lit(component, &study.captures),
-            |component, _, lines| {
-                let factor = changes.factors.even[component] as f32;
-                let mut spectra = vec![0.0; lines.len()];
-                for (band, line) in lines.chunks_exact(width).enumerate() {
-                    line.iter()
-                        .enumerate()
-                        .for_each(|(col, value)| spectra[col * bands + band] = factor * value);
-                }
-                spectra
-            },
+            |component, _, lines| by_pixel(lines, width, changes.factors.even[component] as f32),
         )?;
         let mut image = ComponentImage { data: vec![0.0; values], ..labels.clone() };
         for (component, row, spectra) in found {
@@ -459,4 +450,14 @@ impl CaptureView {
             );
         }
     }
+}
+
+/// The spectra of a row's pixels, one after the other, times a factor; `lines` has the row band by band.
+fn by_pixel(lines: &[f32], width: usize, factor: f32) -> Vec<f32> {
+    let bands = lines.len() / width.max(1);
+    let mut spectra = vec![0.0; lines.len()];
+    for (band, line) in lines.chunks_exact(width).enumerate() {
+        line.iter().enumerate().for_each(|(col, value)| spectra[col * bands + band] = factor * value);
+    }
+    spectra
 }

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use fluorspar::pipeline::{PipelineError, SafetyReport, ViewerSafety, assess_safety};
+use fluorspar::pipeline::{CaptureSafety, PipelineError, SafetyReport, ViewerSafety, assess_safety};
 use fluorspar_experiment::ResolvedExperiment;
 
 use super::table::{align, short};
@@ -59,15 +59,7 @@ fn describe(title: &str, report: &SafetyReport) -> String {
         return text + "\nNo capture switches a light on.\n";
     }
     for capture in report.captures.iter().filter(|c| !c.viewers.is_empty()) {
-        text += &format!(
-            "\nCapture \"{}\": lights on for {} ms ({})\n",
-            capture.name,
-            short(1e3 * capture.light_on_s),
-            capture.light_on_from
-        );
-        for viewer in &capture.viewers {
-            text += &describe_viewer(viewer, report.is_mouth);
-        }
+        text += &describe_capture(capture, report.is_mouth);
     }
     text += "\nWhole sequence of captures, times in 8 hours:\n";
     for line in &report.program {
@@ -82,6 +74,16 @@ fn describe(title: &str, report: &SafetyReport) -> String {
         text += &format!("  - {line}\n");
     }
     text
+}
+
+fn describe_capture(capture: &CaptureSafety, is_mouth: bool) -> String {
+    let light_on_ms = short(1e3 * capture.light_on_s);
+    let head = format!(
+        "\nCapture \"{}\": lights on for {light_on_ms} ms ({})\n",
+        capture.name, capture.light_on_from
+    );
+    let viewers = capture.viewers.iter().map(|viewer| describe_viewer(viewer, is_mouth));
+    std::iter::once(head).chain(viewers).collect()
 }
 
 fn describe_viewer(viewer: &ViewerSafety, is_mouth: bool) -> String {

@@ -138,11 +138,7 @@ fn entry(name: &str, kind: PresetKind) -> Result<Entry, CliError> {
 fn numbers(curve: &Curve, kind: PresetKind) -> Vec<(&'static str, &'static str, f64)> {
     let shown = curve.clipped(250.0, 1000.0);
     let highest = shown.max();
-    let above: Vec<f64> = (0..=3000)
-        .map(|i| 250.0 + 0.25 * f64::from(i))
-        .filter(|nm| highest > 0.0 && shown.at(*nm) >= 0.5 * highest)
-        .collect();
-    let half = [above.first(), above.last()].map(|nm| nm.copied().unwrap_or(0.0));
+    let half = half_maxima_nm(&shown, highest);
     let peak = ("peak_nm", "nm", shown.peak_nm());
     match kind {
         PresetKind::Light => {
@@ -167,6 +163,15 @@ fn numbers(curve: &Curve, kind: PresetKind) -> Vec<(&'static str, &'static str, 
             .collect(),
         _ => vec![("highest", "e-/photon", highest), peak],
     }
+}
+
+/// First and last wavelength at which a curve reaches half of its maximum, nm; 0 where it has none.
+fn half_maxima_nm(curve: &Curve, highest: f64) -> [f64; 2] {
+    let above: Vec<f64> = (0..=3000)
+        .map(|i| 250.0 + 0.25 * f64::from(i))
+        .filter(|nm| highest > 0.0 && curve.at(*nm) >= 0.5 * highest)
+        .collect();
+    [above.first(), above.last()].map(|nm| nm.copied().unwrap_or(0.0))
 }
 
 fn list(options: &ListOptions, kind: PresetKind) -> Result<(), CliError> {

@@ -247,19 +247,11 @@ pub fn comparison_remarks(a: &FinishedRun, b: &FinishedRun) -> Vec<String> {
 fn remarks_on_regions(a: &FinishedRun, b: &FinishedRun) -> Vec<String> {
     let mut remarks = Vec::new();
     for (letter, other, run, beside) in [("A", "B", a, b), ("B", "A", b, a)] {
-        let lacks = |name: &str| beside.regions.iter().all(|region| region.name != name);
-        let only: Vec<String> = run
-            .regions
-            .iter()
-            .filter(|region| lacks(&region.name))
-            .map(|region| format!("\"{}\"", region.name))
-            .collect();
+        let only = regions_without_counterpart(run, beside);
         if !only.is_empty() {
             let noun = if only.len() == 1 { "region" } else { "regions" };
-            remarks.push(format!(
-                "Only {letter} has the {noun} {}: {other} has none of this name.",
-                only.join(", ")
-            ));
+            let only = only.join(", ");
+            remarks.push(format!("Only {letter} has the {noun} {only}: {other} has none of this name."));
         }
     }
     for region in &a.regions {
@@ -273,6 +265,13 @@ fn remarks_on_regions(a: &FinishedRun, b: &FinishedRun) -> Vec<String> {
         }
     }
     remarks
+}
+
+/// The regions whose names another run has none of, in quotes.
+fn regions_without_counterpart(run: &FinishedRun, beside: &FinishedRun) -> Vec<String> {
+    let lacks = |name: &str| beside.regions.iter().all(|region| region.name != name);
+    let only = run.regions.iter().filter(|region| lacks(&region.name));
+    only.map(|region| format!("\"{}\"", region.name)).collect()
 }
 
 /// Four digits, whatever the size, counts as such; an open end as such.

@@ -285,16 +285,21 @@ impl Figure {
         }
         // Ticks and color bars take room of their own, and other ticks fit a smaller panel
         for _ in 0..2 {
-            let untitled = Self { title: String::new(), ..narrow.clone() };
-            let excess = (layout::lay_out(&untitled).width - width).max(0.0);
-            for panel in &mut narrow.panels {
-                let [w, h] = panel.size;
-                let smaller = (w - excess).max(0.4 * w).floor();
-                let flat = if panel.x.is_hidden() || w == h { smaller / w } else { 1.0 };
-                panel.size = [smaller, (h * flat).round()];
-            }
+            narrow.shrink_to(width);
         }
         narrow
+    }
+
+    /// Makes the panels narrower by what the figure is too wide.
+    fn shrink_to(&mut self, width: f64) {
+        let untitled = Self { title: String::new(), ..self.clone() };
+        let excess = (layout::lay_out(&untitled).width - width).max(0.0);
+        for panel in &mut self.panels {
+            let [w, h] = panel.size;
+            let smaller = (w - excess).max(0.4 * w).floor();
+            let flat = if panel.x.is_hidden() || w == h { smaller / w } else { 1.0 };
+            panel.size = [smaller, (h * flat).round()];
+        }
     }
 
     /// The figure as a PNG file, two pixels per px.

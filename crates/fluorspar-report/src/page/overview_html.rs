@@ -172,22 +172,26 @@ fn write_answer(html: &mut String, answer: &Answer) {
     if !answer.other.is_empty() {
         let _ = writeln!(html, "<p class=\"truth\">{}</p>", escape(&answer.other));
     }
-    for Contributions { title, rows } in answer.budgets.iter().filter(|budget| !budget.rows.is_empty()) {
-        let title = escape(title);
-        let _ = writeln!(html, "<table class=\"budget\">\n<caption>{title}</caption>\n<tbody>");
-        for Contribution { name, text, size } in rows {
-            let _ = writeln!(
-                html,
-                "<tr><th scope=\"row\">{}</th><td class=\"value\">{}</td><td class=\"size\"><span style=\"width:{:.0}%\">\
-                 </span></td></tr>",
-                escape(name),
-                escape(text),
-                100.0 * size.clamp(0.0, 1.0)
-            );
-        }
-        html.push_str("</tbody>\n</table>\n");
+    for budget in answer.budgets.iter().filter(|budget| !budget.rows.is_empty()) {
+        write_budget(html, budget);
     }
     html.push_str("</div>\n");
+}
+
+fn write_budget(html: &mut String, Contributions { title, rows }: &Contributions) {
+    let title = escape(title);
+    let _ = writeln!(html, "<table class=\"budget\">\n<caption>{title}</caption>\n<tbody>");
+    for Contribution { name, text, size } in rows {
+        let _ = writeln!(
+            html,
+            "<tr><th scope=\"row\">{}</th><td class=\"value\">{}</td><td class=\"size\"><span style=\"width:{:.0}%\">\
+             </span></td></tr>",
+            escape(name),
+            escape(text),
+            100.0 * size.clamp(0.0, 1.0)
+        );
+    }
+    html.push_str("</tbody>\n</table>\n");
 }
 
 fn write_cards(html: &mut String, cards: &[Number]) {

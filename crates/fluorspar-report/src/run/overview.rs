@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use fluorspar::analysis::{
-    ASSUMED_GAIN, Analysis, ExclusionCounts, PixelSelection, Statistics, UnmixedTerm, Unmixing,
+    ASSUMED_GAIN, Analysis, ExclusionCounts, PixelSelection, SpotSeparation, Statistics, UnmixedTerm,
+    Unmixing,
 };
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview, preview};
 use fluorspar::spectral::Fluorophore;
@@ -488,12 +489,7 @@ fn contrast_card(analyzed: &AnalyzedFrame, words: &Words<'_>) -> Option<Number> 
     // The channels that tell them apart best
     let best = analysis.spots.iter().max_by(|a, b| a.d_prime.total_cmp(&b.d_prime));
     if let Some(spot) = best {
-        let [low, high] = spot.d_prime_interval;
-        let meaning = format!(
-            "per pixel between the two spots, by {} ({low:.2} to {high:.2})",
-            spot.channels.join(", ")
-        );
-        return Some(Number::computed("d'", format!("{:.2}", spot.d_prime), "", meaning));
+        return Some(spot_card(spot));
     }
     let porphyrin = analyzed.porphyrin.as_ref()?;
     let errors = analyzed.region.pixels.iter().filter_map(|&pixel| porphyrin.at(pixel));
@@ -514,6 +510,13 @@ fn contrast_card(analyzed: &AnalyzedFrame, words: &Words<'_>) -> Option<Number> 
     }
     let meaning = format!("one pixel, between {of}; {} pixels averaged: {:.1}", 100, 10.0 * distance / error);
     Some(Number::computed(name, format!("{:.2}", distance / error), "", meaning))
+}
+
+fn spot_card(spot: &SpotSeparation) -> Number {
+    let [low, high] = spot.d_prime_interval;
+    let channels = spot.channels.join(", ");
+    let meaning = format!("per pixel between the two spots, by {channels} ({low:.2} to {high:.2})");
+    Number::computed("d'", format!("{:.2}", spot.d_prime), "", meaning)
 }
 
 /// Electrons and signal-to-noise ratio of a pixel, by channel. The median is that of all pixels: the unsaturated ones of a region that is

@@ -145,15 +145,8 @@ fn leak_section(run: &RunResults<'_>) -> Option<Section> {
         Some(analyzed) => format!("over {}", analyzed.analysis.region_description),
         None => "over the whole frame".into(),
     };
-    let notes = leaks.iter().filter_map(|leak| match (leak.is_reflectance(), leak.leak_ratio) {
-        (false, Some(ratio)) => {
-            Some(format!("frame \"{}\": {} % of the fluorescence", leak.frame, percent(ratio)))
-        }
-        _ => None,
-    });
-    let note = notes.collect::<Vec<_>>().join(", ");
-    let note = if note.is_empty() { "every frame is one of reflected light".into() } else { note };
-    let mut section = Section::new("How much excitation light leaks through the filter").folded(note).say(format!(
+    let title = "How much excitation light leaks through the filter";
+    let mut section = Section::new(title).folded(leaks_in_words(leaks)).say(format!(
         "Every electron comes from light that was only reflected or from light that a fluorophore gave off. In a \
          fluorescence frame reflected light is a disturbance, the leak: it adds to every channel, is shaped by gloss and \
          reflectance, and looks like fluorescence that is not there. Means {place}, without noise."
@@ -167,6 +160,18 @@ fn leak_section(run: &RunResults<'_>) -> Option<Section> {
         }
     }
     Some(section)
+}
+
+/// The leak of each fluorescence frame.
+fn leaks_in_words(leaks: &[FrameLeak]) -> String {
+    let words = leaks.iter().filter_map(|leak| match (leak.is_reflectance(), leak.leak_ratio) {
+        (false, Some(ratio)) => {
+            Some(format!("frame \"{}\": {} % of the fluorescence", leak.frame, percent(ratio)))
+        }
+        _ => None,
+    });
+    let words = words.collect::<Vec<_>>().join(", ");
+    if words.is_empty() { "every frame is one of reflected light".into() } else { words }
 }
 
 /// Electrons of reflected light and of fluorescence in each channel of each frame.

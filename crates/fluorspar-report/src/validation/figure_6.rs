@@ -194,9 +194,7 @@ fn figure(images: &Images) -> Figure {
         porphyrin.iter().zip(&images.bulk).map(|(porphyrin, bulk)| porphyrin + bulk).collect()
     };
     let (recipe, scene) = (total(&images.recipe), total(&images.scene));
-    let mut sorted = scene.clone();
-    sorted.sort_by(f64::total_cmp);
-    let white = sorted.get(sorted.len() * 98 / 100).copied().unwrap_or(1.0).max(f64::MIN_POSITIVE);
+    let white = white_level(&scene);
     let gray = |values: &[f64]| {
         Raster::from_fn(width, height, |row, column| {
             let share = (values[row * width + column] / white).clamp(0.0, 1.0);
@@ -219,4 +217,11 @@ fn figure(images: &Images) -> Figure {
          is too bright, violet too dark. Inside the mask the recipe keeps light of porphyrin that is no longer there; around \
          it the light is missing that the masked porphyrin sends out.",
     )
+}
+
+/// What is shown white: all but the brightest two of a hundred values are below.
+fn white_level(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() * 98 / 100).copied().unwrap_or(1.0).max(f64::MIN_POSITIVE)
 }

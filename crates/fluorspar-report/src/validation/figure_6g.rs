@@ -55,14 +55,11 @@ pub(super) fn run(setup: &Setup<'_>) -> Result<Outcome, ValidationError> {
             .lacks(format!("{TONGUES}, {SPECTRA} and the files that go with it")));
     };
     let terms = Terms::new(setup)?;
-    let mixtures = PEOPLE
-        .iter()
-        .map(|&(title, column)| {
-            let curve = people.iter().find(|curve| curve.name == column);
-            let curve = curve.ok_or(ValidationError::Lacks("column of the measured tongue"))?;
-            fitted(terms.fit(title, curve))
-        })
-        .collect::<Result<Vec<_>, ValidationError>>()?;
+    let of_person = |&(title, column): &(&'static str, &str)| {
+        let curve = people.iter().find(|curve| curve.name == column);
+        fitted(terms.fit(title, curve.ok_or(ValidationError::Lacks("column of the measured tongue"))?))
+    };
+    let mixtures = PEOPLE.iter().map(of_person).collect::<Result<Vec<_>, ValidationError>>()?;
     let densities: Vec<Check> =
         DENSITIES.iter().map(|density| spectra.check(density)).collect::<Result<_, _>>()?;
     let [little, much] = [0, 1].map(|person: usize| &mixtures[person].fit.weights[terms.porphyrin]);

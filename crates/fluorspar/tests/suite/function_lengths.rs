@@ -6,8 +6,8 @@ use std::fs;
 
 use crate::architecture::{crates, is_test, plain_code, sources};
 
-/// Nine of ten functions have at most this many lines, from `fn` to the closing brace; 30 is the aim.
-const MOST_LINES_OF_NINE_IN_TEN: usize = 32;
+/// Nine of ten functions have at most this many lines, from `fn` to the closing brace.
+const MOST_LINES_OF_NINE_IN_TEN: usize = 30;
 const MOST_LINES: usize = 110;
 
 /// Lines of each function of formatted code, with its name.

@@ -154,14 +154,7 @@ fn mixtures(components: &Components, measured: &[Measured]) -> Result<Vec<Spectr
 
 impl Options {
     fn check(&self) -> Result<(), CliError> {
-        for (option, value, range, unit) in [
-            ("--from-nm", self.from_nm.unwrap_or(WAVELENGTH_NM[0]), WAVELENGTH_NM, "nm"),
-            ("--to-nm", self.to_nm.unwrap_or(WAVELENGTH_NM[1]), WAVELENGTH_NM, "nm"),
-            ("--irradiance", self.irradiance.unwrap_or(1.0), [1e-9, 1e9], "W/m²"),
-            ("--within", self.within, [0.0, 1000.0], ""),
-        ] {
-            check_range(option, value, range, unit)?;
-        }
+        self.check_numbers()?;
         let says = |message: &str| Err(CliError::Input(message.into()));
         let has_fluorophores = !self.fluorophore.is_empty() || self.tissue.is_some();
         if !has_fluorophores && self.component.is_empty() {
@@ -182,6 +175,18 @@ impl Options {
             return says(
                 "--common-blood: there is no blood; give --below-blood or --tissue, or leave it out",
             );
+        }
+        Ok(())
+    }
+
+    fn check_numbers(&self) -> Result<(), CliError> {
+        for (option, value, range, unit) in [
+            ("--from-nm", self.from_nm.unwrap_or(WAVELENGTH_NM[0]), WAVELENGTH_NM, "nm"),
+            ("--to-nm", self.to_nm.unwrap_or(WAVELENGTH_NM[1]), WAVELENGTH_NM, "nm"),
+            ("--irradiance", self.irradiance.unwrap_or(1.0), [1e-9, 1e9], "W/m²"),
+            ("--within", self.within, [0.0, 1000.0], ""),
+        ] {
+            check_range(option, value, range, unit)?;
         }
         Ok(())
     }

@@ -47,6 +47,17 @@ enum OutputKind {
     PlyFolder,
 }
 
+impl OutputKind {
+    /// What was written for a path, with so many meshes.
+    fn written(self, path: &Path, meshes: usize) -> String {
+        match self {
+            Self::PlyFolder => format!("Wrote {meshes} .ply files to {}", path.display()),
+            Self::Obj => format!("Wrote {} and {}", path.display(), path.with_extension("mtl").display()),
+            Self::Glb | Self::Pbrt => format!("Wrote {}", path.display()),
+        }
+    }
+}
+
 fn target(path: &Path) -> Result<OutputKind, CliError> {
     match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("glb") => Ok(OutputKind::Glb),
@@ -129,13 +140,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         .collect();
     files.write(&meshes)?;
     for (path, target) in options.out.iter().zip(&targets) {
-        Messages::default().status(match target {
-            OutputKind::PlyFolder => format!("Wrote {} .ply files to {}", meshes.len(), path.display()),
-            OutputKind::Obj => {
-                format!("Wrote {} and {}", path.display(), path.with_extension("mtl").display())
-            }
-            OutputKind::Glb | OutputKind::Pbrt => format!("Wrote {}", path.display()),
-        });
+        Messages::default().status(target.written(path, meshes.len()));
     }
     if options.json {
         return print_json(&parameters, &mouth);

@@ -119,16 +119,32 @@ fn worst(spectrum: &FittedSpectrum) -> (f64, f64) {
 }
 
 pub(super) fn describe(title: &str, found: &Fit) -> String {
-    let mut rows =
-        vec![["parameter", "value", "95 % from", "to", "prior", "from", "to", ""].map(String::from).to_vec()];
+    format!(
+        "{title} ({}), fitted in {} steps\n\n{}\n{}",
+        found.site.name(),
+        found.steps,
+        align(&parameter_rows(found), &[7]),
+        align(&spectrum_rows(found), &[])
+    )
+}
+
+/// The fitted parameters, below their heads.
+fn parameter_rows(found: &Fit) -> Vec<Vec<String>> {
+    let heads = ["parameter", "value", "95 % from", "to", "prior", "from", "to", ""];
+    let mut rows = vec![heads.map(String::from).to_vec()];
     rows.extend(found.parameters.iter().map(|p| {
         let [low, high] = p.interval_95.map(short);
         let [prior_low, prior_high] = p.prior_interval_95.map(short);
         let unseen = if p.relative_deviation > UNSEEN { "not seen in these spectra" } else { "" };
         vec![p.name.into(), short(p.value), low, high, short(p.prior), prior_low, prior_high, unseen.into()]
     }));
-    let mut spectra = vec![["spectrum", "relative rms", "most", "at nm", "scale"].map(String::from).to_vec()];
-    spectra.extend(found.spectra.iter().map(|spectrum| {
+    rows
+}
+
+/// How well each spectrum is met, below the heads.
+fn spectrum_rows(found: &Fit) -> Vec<Vec<String>> {
+    let mut rows = vec![["spectrum", "relative rms", "most", "at nm", "scale"].map(String::from).to_vec()];
+    rows.extend(found.spectra.iter().map(|spectrum| {
         let (nm, difference) = worst(spectrum);
         let scale = spectrum.scale_interval_95.map_or_else(String::new, |[low, high]| {
             format!("{} ({} to {})", short(spectrum.scale), short(low), short(high))
@@ -141,11 +157,5 @@ pub(super) fn describe(title: &str, found: &Fit) -> String {
             scale,
         ]
     }));
-    format!(
-        "{title} ({}), fitted in {} steps\n\n{}\n{}",
-        found.site.name(),
-        found.steps,
-        align(&rows, &[7]),
-        align(&spectra, &[])
-    )
+    rows
 }

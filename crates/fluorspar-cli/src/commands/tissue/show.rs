@@ -126,10 +126,27 @@ fn layer_table(tissue: &LayeredTissue) -> String {
 }
 
 fn describe(title: &str, site: &Site, tissue: &LayeredTissue) -> String {
+    let states = states(site).map(|state| {
+        let factors = state.factors().iter().map(|(name, factor)| format!("{name} x {factor}"));
+        format!("  {}: {}\n", state.name(), factors.collect::<Vec<_>>().join(", "))
+    });
+    format!(
+        "{title} ({})\n{}\n\n{}\n{}\n\"people\": the standard deviation among people and places, a factor or a difference.\n\n{}\n\
+         States [assumed sizes]:\n{}",
+        site.name(),
+        site.source(),
+        align(&parameter_rows(site), &[2, 3, 4, 5, 6]),
+        layer_table(tissue),
+        describe_surroundings(site.surroundings()),
+        states.collect::<String>()
+    )
+}
+
+/// The parameters of a site, below their heads.
+fn parameter_rows(site: &Site) -> Vec<Vec<String>> {
     let population = Population::of(site);
-    let mut rows = vec![
-        ["parameter", "value", "unit", "range", "basis", "people", "meaning"].map(String::from).to_vec(),
-    ];
+    let heads = ["parameter", "value", "unit", "range", "basis", "people", "meaning"];
+    let mut rows = vec![heads.map(String::from).to_vec()];
     rows.extend(site.parameters().map(|(parameter, value)| {
         let [least, most] = parameter.range.map(number_text);
         vec![
@@ -142,20 +159,7 @@ fn describe(title: &str, site: &Site, tissue: &LayeredTissue) -> String {
             parameter.meaning.into(),
         ]
     }));
-    let states = states(site).map(|state| {
-        let factors = state.factors().iter().map(|(name, factor)| format!("{name} x {factor}"));
-        format!("  {}: {}\n", state.name(), factors.collect::<Vec<_>>().join(", "))
-    });
-    format!(
-        "{title} ({})\n{}\n\n{}\n{}\n\"people\": the standard deviation among people and places, a factor or a difference.\n\n{}\n\
-         States [assumed sizes]:\n{}",
-        site.name(),
-        site.source(),
-        align(&rows, &[2, 3, 4, 5, 6]),
-        layer_table(tissue),
-        describe_surroundings(site.surroundings()),
-        states.collect::<String>()
-    )
+    rows
 }
 
 fn describe_surroundings(around: &Surroundings) -> String {
