@@ -1,7 +1,5 @@
 //! Rigid motion of the image on the sensor from exposure to exposure.
 
-use rand_distr::{Distribution, StandardNormal};
-
 use crate::sampling::random::Key;
 use crate::sensor::FilmRates;
 use crate::study::{Motion, Study};
@@ -34,7 +32,7 @@ impl MotionPath {
         self.time_s += exposure_s + 1e-3 * motion.interval_ms;
         [0, 1].map(|axis| {
             let jitter = if motion.jitter_px > 0.0 {
-                let normal: f64 = StandardNormal.sample(&mut key.with(axis as u64).rng());
+                let normal = key.with(axis as u64).normal();
                 motion.jitter_px * normal
             } else {
                 0.0

@@ -15,6 +15,7 @@
 use std::convert::Infallible;
 
 use rand::{TryRng, rand_core::utils};
+use rand_distr::{Distribution, StandardNormal};
 
 /// Step of the Weyl sequence under SplitMix64: the odd integer nearest to `2^64 / golden ratio`.
 const GOLDEN_GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
@@ -62,6 +63,12 @@ impl Key {
     #[inline]
     pub fn value(self) -> u64 {
         self.0
+    }
+
+    /// The first standard normal draw of the generator that starts at this key.
+    #[inline]
+    pub fn normal(self) -> f64 {
+        StandardNormal.sample(&mut self.rng())
     }
 
     /// A generator that starts at this key.

@@ -15,7 +15,7 @@
 //! column noise are functions of the seed, number and label of the frame, the position and the source.
 
 use rand::RngExt;
-use rand_distr::{Distribution, Exp1, Poisson, StandardNormal};
+use rand_distr::{Distribution, Exp1, Poisson};
 
 use super::adc::{Adc, QUANTIZATION_NOISE_DN};
 use super::readout::Readout;
@@ -44,7 +44,7 @@ pub(super) enum NoiseSource {
 /// A standard normal draw for one source at one place.
 #[inline]
 pub(super) fn normal(place: Key, source: NoiseSource) -> f64 {
-    StandardNormal.sample(&mut place.with(source as u64).rng())
+    place.with(source as u64).normal()
 }
 
 /// A Poisson draw. Nothing comes from a mean that is not positive; a mean beyond the sampler's range (1.8e19) is

@@ -1,6 +1,5 @@
 //! A spectroradiometer: reads the radiance of a spot behind a filter, through a slit, above a noise floor.
 
-use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 
 use super::SensorProblem;
@@ -130,7 +129,7 @@ impl Spectroradiometer {
         let standard_deviation =
             self.noise_floor.hypot(peak / self.dynamic_range) / f64::from(self.readings.max(1)).sqrt();
         let key = Key::new(seed).with_text("spectroradiometer").with_text(name);
-        let draw = |index: usize| -> f64 { StandardNormal.sample(&mut key.with(index as u64).rng()) };
+        let draw = |index: usize| key.with(index as u64).normal();
         let reading = expected
             .iter()
             .enumerate()
