@@ -30,6 +30,7 @@
 
 mod axis;
 mod cache;
+mod csv_cell;
 mod csv_eem;
 mod csv_fluorophore;
 mod csv_spectrum;
@@ -69,6 +70,7 @@ mod tiff_image;
 mod toml_text;
 
 pub use cache::{Cache, count_as_program};
+pub use csv_cell::{csv_cell, quoted_csv_cell};
 pub use csv_eem::{
     AntiStokes, CsvEemOptions, EemUnit, MeasuredEem, eem_csv, read_eem_csv, refuse_scattered_light,
 };

@@ -10,7 +10,9 @@ use fluorspar::sensor::Spectroradiometer;
 use fluorspar::spectral::{Curve, Radiance, Spectrum};
 use fluorspar::units::number_text;
 use fluorspar_experiment::{ResolvedSample, parse, resolve};
-use fluorspar_format::{Output, Outputs, WRITTEN_BY, read_component_image, write_atomically};
+use fluorspar_format::{
+    Output, Outputs, WRITTEN_BY, quoted_csv_cell, read_component_image, write_atomically,
+};
 use fluorspar_report::figures::{PlotCurve, spectral_readings};
 
 use super::quoted;
@@ -287,14 +289,11 @@ fn csv(readings: &[SpectroradiometerReading]) -> String {
          instrument,capture,wavelength_nm,expected,reading,standard_deviation\n"
     );
     for r in readings {
+        let [name, capture] = [&r.name, &r.capture].map(|text| quoted_csv_cell(text));
         let rows = r.reading.wavelength_nm.iter().zip(&r.reading.expected).zip(&r.reading.reading);
         for ((nm, expected), reading) in rows {
-            let name = r.name.replace('"', "\"\"");
-            text += &format!(
-                "\"{name}\",\"{}\",{nm},{expected:e},{reading:e},{:e}\n",
-                r.capture.replace('"', "\"\""),
-                r.reading.standard_deviation
-            );
+            let deviation = r.reading.standard_deviation;
+            text += &format!("{name},{capture},{nm},{expected:e},{reading:e},{deviation:e}\n");
         }
     }
     text

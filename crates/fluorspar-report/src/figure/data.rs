@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use fluorspar_format::csv_cell;
+
 use super::{Axis, Figure, Scale, SeriesShape};
 
 impl Figure {
@@ -15,12 +17,12 @@ impl Figure {
                 let Some(points) = series.shape.points() else { continue };
                 let Some(name) = &series.name else { continue };
                 for [x, y] in points.iter().filter(|point| point.iter().all(|v| v.is_finite())) {
-                    let _ = writeln!(csv, "{},{},{x},{y:e}", quoted(&title), quoted(name));
+                    let _ = writeln!(csv, "{},{},{x},{y:e}", csv_cell(&title), csv_cell(name));
                 }
             }
         }
         let panel = self.panels.first()?;
-        let axes = format!("{},{}", quoted(&panel.x.title()), quoted(&panel.y.title()));
+        let axes = format!("{},{}", csv_cell(&panel.x.title()), csv_cell(&panel.y.title()));
         (!csv.is_empty()).then(|| format!("panel,series,{axes}\n{csv}"))
     }
 
@@ -81,11 +83,6 @@ fn short(value: f64) -> String {
     } else {
         format!("{value:.1e}")
     }
-}
-
-/// A cell of a CSV file.
-fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
 }
 
 #[cfg(test)]

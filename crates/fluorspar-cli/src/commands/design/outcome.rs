@@ -9,7 +9,7 @@ use fluorspar::design::{
     worst_case,
 };
 use fluorspar_experiment::TolerancesSection;
-use fluorspar_format::{FileFormat, OutputFolder, write_atomically};
+use fluorspar_format::{FileFormat, OutputFolder, csv_cell, write_atomically};
 use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_report, recommendation};
 use serde_json::{Value, json};
 
@@ -492,14 +492,6 @@ fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
     lines.concat()
 }
 
-/// Cells with commas or quotes are quoted.
 fn csv_line(cells: &[String]) -> String {
-    let cell = |cell: &String| {
-        if cell.contains([',', '"', '\n']) {
-            format!("\"{}\"", cell.replace('"', "\"\""))
-        } else {
-            cell.clone()
-        }
-    };
-    cells.iter().map(cell).collect::<Vec<String>>().join(",") + "\n"
+    cells.iter().map(|cell| csv_cell(cell)).collect::<Vec<_>>().join(",") + "\n"
 }

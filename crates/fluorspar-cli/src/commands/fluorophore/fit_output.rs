@@ -1,6 +1,7 @@
 //! What a fit of spectra found: text, JSON, tables and figures.
 
 use fluorspar::analysis::{ComponentSets, FittedWeight, MixtureFit};
+use fluorspar_format::csv_cell;
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{MixturePlot, PlotCurve, mixture_fit};
 use serde_json::{Value, json};
@@ -49,18 +50,13 @@ pub(super) fn as_json(report: &FitReport) -> Result<Value, CliError> {
     }))
 }
 
-/// A name as a cell of a table: a comma in one would open a column.
-fn cell(name: &str) -> String {
-    name.replace([',', '\n', '"'], " ")
-}
-
 /// Measured, model, what is left, and each component, wavelength by wavelength.
 pub(super) fn fit_table(report: &FitReport) -> String {
     let names = report.fitted.first().map_or(&[][..], |fitted| &fitted.fit.weights);
-    let names: Vec<String> = names.iter().map(|weight| cell(&weight.name)).collect();
+    let names: Vec<String> = names.iter().map(|weight| csv_cell(&weight.name).into_owned()).collect();
     let mut table = format!("spectrum,wavelength_nm,measured,model,residual,{}\n", names.join(","));
     for fitted in &report.fitted {
-        let (name, fit) = (cell(&fitted.name), &fitted.fit);
+        let (name, fit) = (csv_cell(&fitted.name), &fitted.fit);
         for (i, nm) in fitted.wavelengths_nm.iter().enumerate() {
             let parts: Vec<String> = fit.contributions.iter().map(|part| part[i].to_string()).collect();
             let (measured, model, residual) = (fitted.measured[i], fit.fitted[i], fit.residual[i]);
@@ -79,12 +75,12 @@ pub(super) fn sets_table(report: &FitReport) -> String {
             let blood = set.blood.map_or_else(String::new, |amount| amount.to_string());
             table += &format!(
                 "{},{},{},{},{},{blood},{}\n",
-                cell(&fitted.name),
+                csv_cell(&fitted.name),
                 rank + 1,
                 set.difference,
                 set.akaike_weight,
                 set.rms,
-                set.components.iter().map(|name| cell(name)).collect::<Vec<_>>().join(" + ")
+                csv_cell(&set.components.join(" + "))
             );
         }
     }

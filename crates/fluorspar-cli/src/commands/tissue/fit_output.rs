@@ -3,6 +3,7 @@
 use fluorspar::tissue::fit::{Fit, FittedParameter, FittedSpectrum};
 use fluorspar::tissue::{Site, TissueError};
 use fluorspar::units::number_text;
+use fluorspar_format::csv_cell;
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{SpectrumFit, spectrum_fits};
 use serde_json::{Value, json};
@@ -84,8 +85,7 @@ pub(super) fn as_json(name: &str, found: &Fit) -> Value {
 pub(super) fn residuals(found: &Fit) -> String {
     let mut table = "spectrum,wavelength_nm,measured,model,difference\n".to_string();
     for spectrum in &found.spectra {
-        // Names hold no line break; a comma in one would open a column.
-        let name = spectrum.name.replace([',', '\n', '"'], " ");
+        let name = csv_cell(&spectrum.name);
         for ((nm, measured), model) in
             spectrum.wavelengths_nm.iter().zip(&spectrum.measured).zip(&spectrum.model)
         {

@@ -1,6 +1,6 @@
 //! Tables, figures and text of a solved tissue.
 
-use fluorspar_format::eem_csv;
+use fluorspar_format::{csv_cell, eem_csv};
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{EemMap, PlotCurve, eem_maps, emission, tissue_reflectance};
 
@@ -29,7 +29,7 @@ impl Found {
 fn by_wavelength(nm: &[f64], columns: &[(String, &[f64])]) -> String {
     let mut table = "wavelength_nm".to_string();
     for (name, _) in columns {
-        table += &format!(",{name}");
+        table += &format!(",{}", csv_cell(name));
     }
     table.push('\n');
     for (row, nm) in nm.iter().enumerate() {
