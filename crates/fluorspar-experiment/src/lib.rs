@@ -51,8 +51,8 @@ pub use design::{
     DesignRegion, DesignRender, DesignRenders, ExcitationSection, ExposuresSection, FilterChoiceSection,
     GeometrySection, GeometryValue, IdealBandsSection, LedSeriesSection, LensChoiceSection,
     LightChoiceSection, LimitsSection, RegionSection, RenderedRegionSection, RenderedSceneSection,
-    ResolvedDesign, SearchSection, SensorChoiceSection, SplitChoice, SplitRule, TolerancesSection,
-    UnknownsSection, WheelFilterSection, WhiteFrameSection, parse_design,
+    ResolvedDesign, SceneSource, SearchSection, SensorChoiceSection, SensorSource, SplitChoice, SplitRule,
+    TolerancesSection, UnknownsSection, WheelFilterSection, WhiteFrameSection, parse_design,
 };
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use kept::{cache, kept_mouth, use_cache};

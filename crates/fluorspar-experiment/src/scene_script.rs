@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{ExperimentError, steps};
+use super::error::ExperimentError;
 use super::read::{read_document, typed};
 use super::scene_change::SceneChange;
 use super::schema::FormatVersion;
@@ -25,21 +25,57 @@ struct ScriptFile {
 }
 
 /// One change: exactly one of `set`, `insert` and `delete`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+enum ChangeSection {
+    /// A value takes the place of another one.
+    Set(SetSection),
+    /// An entry is added to a list.
+    Insert(InsertSection),
+    /// Something is removed.
+    Delete(DeleteSection),
+}
+
+/// A value takes the place of another one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct ChangeSection {
+struct SetSection {
     /// Path of what is set.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    set: Option<String>,
+    set: String,
+    /// Its value, as it would be typed: a number, a text, a list, a table.
+    value: AnyValue,
+}
+
+/// An entry is added to a list.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct InsertSection {
     /// List and name of an entry that is added.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    insert: Option<String>,
+    insert: String,
+    /// Its value, as it would be typed: a table.
+    value: AnyValue,
+}
+
+/// Something is removed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct DeleteSection {
     /// Path of what is removed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    delete: Option<String>,
-    /// Value of what is set or added, as it would be typed: a number, a text, a list, a table.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    value: Option<AnyValue>,
+    delete: String,
+}
+
+impl From<ChangeSection> for SceneChange {
+    fn from(section: ChangeSection) -> Self {
+        match section {
+            ChangeSection::Set(SetSection { set: path, value }) => {
+                Self::Set { path, value: value.0.to_string() }
+            }
+            ChangeSection::Insert(InsertSection { insert: path, value }) => {
+                Self::Insert { path, value: value.0.to_string() }
+            }
+            ChangeSection::Delete(DeleteSection { delete: path }) => Self::Delete { path },
+        }
+    }
 }
 
 /// Whatever TOML can hold.
@@ -69,27 +105,7 @@ fn script_schema() -> &'static Schema {
 pub fn parse_script(text: &str, source_name: &str) -> Result<Vec<SceneChange>, ExperimentError> {
     let mut document = read_document(script_schema(), text, source_name, Path::new(""), &[])?;
     let file: ScriptFile = typed(&mut document, script_schema())?;
-    let change = |(number, section): (usize, &ChangeSection)| {
-        let at = steps!["change", number];
-        let value = |value: &AnyValue| value.0.to_string();
-        match (&section.set, &section.insert, &section.delete, &section.value) {
-            (Some(path), None, None, Some(set)) => {
-                Ok(SceneChange::Set { path: path.clone(), value: value(set) })
-            }
-            (None, Some(path), None, Some(set)) => {
-                Ok(SceneChange::Insert { path: path.clone(), value: value(set) })
-            }
-            (None, None, Some(path), None) => Ok(SceneChange::Delete { path: path.clone() }),
-            (Some(_), None, None, None) | (None, Some(_), None, None) => {
-                Err(document.error(&at, "there is no `value`; add one"))
-            }
-            (None, None, Some(_), Some(_)) => {
-                Err(document.error(&at.field("value"), "what is deleted has no value; remove the line"))
-            }
-            _ => Err(document.error(&at, "a change has exactly one of `set`, `insert` and `delete`")),
-        }
-    };
-    file.change.iter().enumerate().map(change).collect()
+    Ok(file.change.into_iter().map(SceneChange::from).collect())
 }
 
 /// A script as text.
@@ -147,9 +163,16 @@ mod tests {
     #[test]
     fn mistakes_in_scripts_are_told_with_their_line() {
         let cases = [
-            ("[[change]]\nset = \"a\"\n", "s.toml:2: change[0]: there is no `value`"),
-            ("[[change]]\ndelete = \"a\"\nvalue = 1\n", "what is deleted has no value"),
-            ("[[change]]\nvalue = 1\n", "exactly one of"),
+            (
+                "[[change]]\nset = \"a\"\n",
+                "s.toml:2: change[0]: the field `value` is missing, which set needs",
+            ),
+            (
+                "[[change]]\ndelete = \"a\"\nvalue = 1\n",
+                "delete has no field `value`, it belongs to set or insert; remove it",
+            ),
+            ("[[change]]\nvalue = 1\n", "give exactly one of set, insert, delete"),
+            ("[[change]]\nset = \"a\"\ndelete = \"a\"\n", "give exactly one of set, insert, delete"),
             ("[[change]]\nput = 1\n", "put"),
             ("change = 3\n", "change"),
         ];

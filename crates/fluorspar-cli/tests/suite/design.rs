@@ -105,7 +105,7 @@ fn one_light_is_told_as_singular_and_wrong_input_with_its_cure() {
     for (args, words) in [
         (vec!["two-light"], "did you mean \"two-lights\""),
         (vec!["--set", "led.fwhm_nm=0"], "must be between 1 and 100 nm"),
-        (vec!["--set", "sensor.RGB.preset=lyu_2021_table_1"], "give one of preset"),
+        (vec!["--unset", "sensor.RGB.bands"], "give exactly one of preset, file, bands"),
         (vec!["--set", "criterion=\"detection\""], "add [cohort]"),
         (vec!["--set", "criterion=\"minmax\""], "minimax"),
         (vec!["--set", "contrast.redox.part=[\"nadhh\"]"], "did you mean"),

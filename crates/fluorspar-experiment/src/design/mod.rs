@@ -11,6 +11,7 @@ pub use schema::{
     CohortSection, ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile, ExcitationSection,
     ExposuresSection, FilterChoiceSection, GeometrySection, GeometryValue, IdealBandsSection,
     LedSeriesSection, LensChoiceSection, LightChoiceSection, LimitsSection, RegionSection,
-    RenderedRegionSection, RenderedSceneSection, SearchSection, SensorChoiceSection, SplitChoice, SplitRule,
-    TolerancesSection, UnknownsSection, WheelFilterSection, WhiteFrameSection,
+    RenderedRegionSection, RenderedSceneSection, SceneSource, SearchSection, SensorChoiceSection,
+    SensorSource, SplitChoice, SplitRule, TolerancesSection, UnknownsSection, WheelFilterSection,
+    WhiteFrameSection,
 };

@@ -12,7 +12,9 @@ use fluorspar::study::Study;
 use fluorspar_format::read_text_bounded;
 
 use super::regions::{Axes, TissueFactors, below_blood, tissue_factors, with_bulk};
-use super::schema::{DesignFile, GeometrySection, GeometryValue, RegionSection, RenderedRegionSection};
+use super::schema::{
+    DesignFile, GeometrySection, GeometryValue, RegionSection, RenderedRegionSection, SceneSource,
+};
 use crate::error::{Place, steps};
 use crate::preset;
 use crate::read::parse;
@@ -303,12 +305,12 @@ fn scene_text(
             "rendered regions need a scene; add [scene] with preset (an experiment of the catalogue) or file";
         return context.fail(&at, message);
     };
-    match (&section.preset, &section.file) {
-        (Some(name), None) => match preset::experiment(name) {
+    match &section.source {
+        SceneSource::Preset { preset: name } => match preset::experiment(name) {
             Ok(found) => Ok((found.text.into(), format!("experiment \"{name}\""), ".".into())),
             Err(error) => context.fail(&at.field("preset"), error.to_string()),
         },
-        (None, Some(path)) => {
+        SceneSource::File { file: path } => {
             let at = at.field("file");
             context.note_input(&at, path)?;
             let path: &Path = path.as_ref();
@@ -316,7 +318,6 @@ fn scene_text(
                 .map_err(|error| context.file_error(&at, &error))?;
             Ok((text, path.display().to_string(), path.parent().unwrap_or(Path::new(".")).into()))
         }
-        _ => context.fail(&at, "give one of preset (an experiment of the catalogue) and file"),
     }
 }
 

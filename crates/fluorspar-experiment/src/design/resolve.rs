@@ -18,7 +18,7 @@ use super::regions::{Axes, BULK, cohort, region};
 use super::renders::{DesignRenders, check_grid, observer, renders};
 use super::schema::{
     ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile, IdealBandsSection, LedSeriesSection,
-    SearchSection, SensorChoiceSection, SplitChoice, SplitRule, TolerancesSection,
+    SearchSection, SensorChoiceSection, SensorSource, SplitChoice, SplitRule, TolerancesSection,
 };
 use crate::error::{ExperimentError, Message, Place, steps};
 use crate::read::{read_document, typed};
@@ -527,12 +527,12 @@ fn stack(
 
 /// The sensor of a section.
 fn sensor(context: &mut Context<'_>, at: &Place, section: &SensorChoiceSection) -> Resolved<Sensor> {
-    let (text, name, folder, field) = match (&section.preset, &section.file, &section.bands) {
-        (Some(preset), None, None) => {
+    let (text, name, folder, field) = match &section.source {
+        SensorSource::Preset { preset } => {
             let text = format!("format = 1\n[sensor]\npreset = {}\n", toml::Value::String(preset.clone()));
             (text, format!("sensor \"{preset}\""), Path::new(".").to_path_buf(), "preset")
         }
-        (None, Some(file), None) => {
+        SensorSource::File { file } => {
             let at = at.field("file");
             context.note_input(&at, file)?;
             let path: &Path = file.as_ref();
@@ -541,11 +541,7 @@ fn sensor(context: &mut Context<'_>, at: &Place, section: &SensorChoiceSection) 
             let folder = path.parent().unwrap_or(Path::new(".")).to_path_buf();
             (text, path.display().to_string(), folder, "file")
         }
-        (None, None, Some(bands)) => return ideal_bands(context, &at.field("bands"), bands),
-        _ => {
-            let message = "give one of preset (a name of the catalogue), file (a sensor file) and bands (an ideal sensor)";
-            return context.fail(at, message);
-        }
+        SensorSource::Bands { bands } => return ideal_bands(context, &at.field("bands"), bands),
     };
     match parse_sensor(&text, &name, &folder, &[]) {
         Ok(resolved) => Ok(resolved.sensor),

@@ -150,14 +150,11 @@ pub struct RenderedRegionSection {
 /// The scene in which rendered regions lie. It is rendered with an excitation basis, once for each combination of the geometry and of what
 /// regions change.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[schemars(deny_unknown_fields)]
 pub struct RenderedSceneSection {
-    /// Experiment of the catalogue. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub preset: Option<String>,
-    /// Path of an experiment file. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub file: Option<FilePath>,
+    /// Where it comes from.
+    #[serde(flatten)]
+    pub source: SceneSource,
     /// Changes of the experiment, for instance `["render.width_px=96"]`. Default: none.
     #[serde(default)]
     pub set: Vec<String>,
@@ -167,6 +164,22 @@ pub struct RenderedSceneSection {
     /// Range of the peaks of lights that the renders must serve, nm. Default: that of the lights of the file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub peaks_nm: Option<[f64; 2]>,
+}
+
+/// Where a rendered scene comes from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum SceneSource {
+    /// An experiment of the catalogue.
+    Preset {
+        /// Experiment of the catalogue.
+        preset: String,
+    },
+    /// An experiment of a file.
+    File {
+        /// Path of an experiment file.
+        file: FilePath,
+    },
 }
 
 /// A variable of the scene, such as the radius of a ring of lights or the place of the camera.
@@ -330,19 +343,13 @@ fn edge_density() -> f64 {
 
 /// A sensor to choose from: one of the catalogue, one of a file, or ideal bands.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[schemars(deny_unknown_fields)]
 pub struct SensorChoiceSection {
     /// Name.
     pub name: String,
-    /// Sensor of the catalogue. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub preset: Option<String>,
-    /// Path of a sensor file. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub file: Option<FilePath>,
-    /// Ideal Gaussian bands. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bands: Option<IdealBandsSection>,
+    /// What it is.
+    #[serde(flatten)]
+    pub source: SensorSource,
     /// Filters on the sensor. Default: none.
     #[serde(default)]
     pub filters: Vec<SpectrumReference>,
@@ -356,6 +363,27 @@ pub struct SensorChoiceSection {
     /// Price, in any unit, 0 or more. Default 0.
     #[serde(default)]
     pub cost: f64,
+}
+
+/// What a sensor to choose from is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum SensorSource {
+    /// One of the catalogue.
+    Preset {
+        /// Sensor of the catalogue.
+        preset: String,
+    },
+    /// One of a file.
+    File {
+        /// Path of a sensor file.
+        file: FilePath,
+    },
+    /// Ideal bands.
+    Bands {
+        /// Ideal Gaussian bands.
+        bands: IdealBandsSection,
+    },
 }
 
 /// A filter of a wheel.

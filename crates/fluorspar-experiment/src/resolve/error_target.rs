@@ -40,27 +40,63 @@ pub(super) fn error_target(
     };
     let relative_error = context.within(&at("relative_error"), error, [1e-4, 0.5], "")?;
     let optics = camera.lens_behind_filters().zip(camera.sensor.as_ref());
-    if section.error_captures.is_some() && section.error_range_nm.is_some() {
-        return context.fail(&at("error_range_nm"), "excludes error_captures; give one of the two");
-    }
-    if let Some(wanted) = &section.error_captures {
-        if optics.is_none() {
-            return context
-                .fail(&at("error_captures"), "needs a [lens] and a [sensor]; or give error_range_nm");
+    let channels = match Counted::of(context, section)? {
+        Counted::Captures(wanted) => {
+            let Some((lens, sensor)) = &optics else {
+                return context
+                    .fail(&at("error_captures"), "needs a [lens] and a [sensor]; or give error_range_nm");
+            };
+            check_captures(context, wanted, captures)?;
+            let channels = sensor_channels(
+                |capture| wanted.contains(&capture.frame.label),
+                scene,
+                captures,
+                lens,
+                sensor,
+            );
+            if channels.is_empty() {
+                return context.fail(&at("error_captures"), "no light is on in these captures; name others");
+            }
+            channels
         }
-        check_captures(context, wanted, captures)?;
-    }
-    let mut channels = match (&optics, section.error_range_nm) {
-        (Some((lens, sensor)), None) => sensor_channels(section, scene, captures, lens, sensor),
-        _ => Vec::new(),
+        Counted::Range(range_nm) => group_channels(context, range_nm, scene)?,
+        Counted::All => {
+            let seen = optics
+                .map(|(lens, sensor)| sensor_channels(|_| true, scene, captures, &lens, sensor))
+                .filter(|channels| !channels.is_empty());
+            seen.map_or_else(|| group_channels(context, [0.0, f64::MAX], scene), Ok)?
+        }
     };
-    if channels.is_empty() && section.error_captures.is_some() {
-        return context.fail(&at("error_captures"), "no light is on in these captures; name others");
-    }
-    if channels.is_empty() {
-        channels = group_channels(context, section, scene)?;
-    }
     Ok(Some(ErrorTarget { relative_error, channels }))
+}
+
+/// What must reach the error.
+enum Counted<'a> {
+    /// The channels of all captures that have light; of light groups, where there are none.
+    All,
+    /// The channels of these captures.
+    Captures(&'a [String]),
+    /// The radiance of each light group in a range, nm.
+    Range([f64; 2]),
+}
+
+impl<'a> Counted<'a> {
+    fn of(context: &Context<'_>, section: &'a RenderSection) -> Resolved<Self> {
+        let at = steps!["render", "error_range_nm"];
+        match (&section.error_captures, section.error_range_nm) {
+            (None, None) => Ok(Self::All),
+            (Some(wanted), None) => Ok(Self::Captures(wanted)),
+            (None, Some([low, high])) => {
+                let is_wavelength = |nm: f64| (0.0..=1e5).contains(&nm);
+                if is_wavelength(low) && is_wavelength(high) && low < high {
+                    return Ok(Self::Range([low, high]));
+                }
+                let message = "must rise, between 0 and 100000: [first, last] in nm, such as [500, 700]";
+                context.fail(&at, message)
+            }
+            (Some(_), Some(_)) => context.fail(&at, "excludes error_captures; give one of the two"),
+        }
+    }
 }
 
 /// Captures that count toward the error must exist.
@@ -81,7 +117,7 @@ fn check_captures(context: &Context<'_>, wanted: &[String], captures: &[Capture]
 
 /// Signals of the channels of a sensor in the wanted captures that have light.
 fn sensor_channels(
-    section: &RenderSection,
+    is_wanted: impl Fn(&Capture) -> bool,
     scene: &Scene,
     captures: &[Capture],
     lens: &IdealLens,
@@ -92,8 +128,7 @@ fn sensor_channels(
     for capture in captures {
         let frame = &capture.frame;
         let drives: Vec<f64> = scene.light_groups.iter().map(|group| frame.drive(&group.name)).collect();
-        let wanted = section.error_captures.as_ref().is_none_or(|names| names.contains(&frame.label));
-        if !wanted || drives.iter().all(|&drive| drive == 0.0) {
+        if !is_wanted(capture) || drives.iter().all(|&drive| drive == 0.0) {
             continue;
         }
         for (channel, weights) in sensor.qe().channels().iter().zip(sensor.electron_weights(&scene.grid)) {
@@ -110,24 +145,17 @@ fn sensor_channels(
 /// Radiance of each light group in a range of wavelengths.
 fn group_channels(
     context: &Context<'_>,
-    section: &RenderSection,
+    [low, high]: [f64; 2],
     scene: &Scene,
 ) -> Resolved<Vec<ErrorChannel>> {
     let (grid, groups) = (&scene.grid, &scene.light_groups);
-    let at = steps!["render", "error_range_nm"];
-    let [low, high] = section.error_range_nm.unwrap_or([0.0, f64::MAX]);
-    let is_wavelength = |nm: f64| (0.0..=1e5).contains(&nm);
-    if section.error_range_nm.is_some() && !(is_wavelength(low) && is_wavelength(high) && low < high) {
-        let message = "must rise, between 0 and 100000: [first, last] in nm, such as [500, 700]";
-        return context.fail(&at, message);
-    }
     let weights: Vec<f64> = (0..grid.len())
         .map(|band| if (low..=high).contains(&grid.center_nm(band)) { grid.width_nm(band) } else { 0.0 })
         .collect();
     if weights.iter().all(|&w| w == 0.0) {
         let [first, last] = [0, grid.len() - 1].map(|band| grid.center_nm(band));
         let message = format!("holds no band of the render; they lie between {first} and {last} nm");
-        return context.fail(&at, message);
+        return context.fail(&steps!["render", "error_range_nm"], message);
     }
     let channel = |(index, group): (usize, &LightGroup)| {
         let drives = (0..groups.len()).map(|g| if g == index { 1.0 } else { 0.0 }).collect();

@@ -328,6 +328,30 @@ fn a_wheel_makes_channels_of_a_monochrome_sensor() {
     assert!(error.contains("sensor of one channel"), "{error}");
 }
 
+/// A sensor is one of its kinds: one that is set takes the place of that of the file, several or none in a file are refused.
+#[test]
+fn a_sensor_is_one_of_its_kinds() {
+    let text = text_of("two-lights");
+    let cameras = |text: &str, changes: &[&str]| {
+        let changes: Vec<String> = changes.iter().map(|change| (*change).into()).collect();
+        parse_design(text, "two-lights", Path::new("."), &changes).map(|design| design.problem.cameras)
+    };
+    let (bands, _) = text.split_once("bands = ").unwrap().1.split_once('\n').unwrap();
+    let preset = text.replace(&format!("bands = {bands}"), "preset = \"lyu_2021_table_1\"");
+    let of_file = cameras(&preset, &[]).unwrap();
+    assert_eq!(cameras(text, &["sensor.RGB.preset=lyu_2021_table_1"]).unwrap(), of_file);
+    assert_eq!(
+        cameras(&preset, &[&format!("sensor.RGB.bands={bands}")]).unwrap(),
+        cameras(text, &[]).unwrap()
+    );
+    let both = text.replace("bands = ", "preset = \"lyu_2021_table_1\"\nbands = ");
+    let none = text.replace(&format!("bands = {bands}"), "");
+    for text in [both, none] {
+        let error = cameras(&text, &[]).unwrap_err().to_string();
+        assert!(error.contains("sensor[0] \"RGB\": give exactly one of preset, file, bands"), "{error}");
+    }
+}
+
 /// What the report says of a quarter more of an assumed number is what the file with that number gives. The two ways differ in rounding,
 /// and in a layer of blood by the interpolation of its curve: 1e-4 of the loss.
 #[test]
