@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use fluorspar_experiment::preset::{self, ExperimentPreset, PresetError, PresetKind};
 use fluorspar_experiment::{
     DEFAULT_DESIGN, DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, Experiment, FileRecord, ResolvedExperiment,
-    ResolvedSample, is_sample, parse, parse_sample, resolve,
+    ResolvedSample, is_experiment, is_sample, parse, parse_sample, resolve,
 };
-use fluorspar_format::{read_bounded, read_text_bounded, read_toml};
+use fluorspar_format::{read_bounded, read_text_bounded};
 use fluorspar_report::extract_experiment;
 
 use crate::error::CliError;
@@ -138,17 +138,7 @@ impl ExperimentSource {
 
     /// Reads and resolves the flat sample with its changes. Its warnings are the caller's to print.
     pub(crate) fn resolve_sample(&self, overrides: &[Override]) -> Result<ResolvedSample, CliError> {
-        let of_experiments = ["object", "mouth", "material", "capture", "camera", "render"];
-        let experiments = preset::names(PresetKind::Experiment);
-        let is_experiment = !is_sample(&self.text)
-            && read_toml::<toml::Table>(&self.text).is_ok_and(|table| {
-                of_experiments.iter().any(|key| table.contains_key(*key))
-                    || table
-                        .get("base")
-                        .and_then(toml::Value::as_str)
-                        .is_some_and(|b| experiments.contains(&b))
-            });
-        if is_experiment {
+        if is_experiment(&self.text) {
             return Err(CliError::Input(format!(
                 "{}: this is an experiment with a scene; `fluorspar run` takes it. A flat sample has the sections [light] \
                  and [sample]: `fluorspar presets {DEFAULT_SAMPLE}` prints one",

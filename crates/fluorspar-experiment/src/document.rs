@@ -357,7 +357,7 @@ impl Reader<'_> {
                 Content::Leaf(toml::Value::Integer(value))
             }
             DeValue::Float(float) => {
-                let value = float.as_str().parse().map_err(|_| number("a number", float.as_str()))?;
+                let value = float.as_str().parse::<f64>().map_err(|_| number("a number", float.as_str()))?;
                 Content::Leaf(toml::Value::Float(value))
             }
             DeValue::Datetime(datetime) => Content::Leaf(toml::Value::Datetime(*datetime)),

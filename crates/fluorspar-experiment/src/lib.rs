@@ -68,7 +68,7 @@ pub use resolve::{
 };
 pub use sample::{
     MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,
-    SampleMaterial, SampleSurface, SampleTissue, is_sample, parse_sample,
+    SampleMaterial, SampleSurface, SampleTissue, is_experiment, is_sample, parse_sample,
 };
 pub use scene_change::SceneChange;
 pub use scene_edit::edit_experiment;

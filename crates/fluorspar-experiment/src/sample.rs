@@ -34,6 +34,7 @@ use fluorspar::spectral::{
 };
 use fluorspar::study::{Camera, FlatSample, FluorescenceModel};
 use fluorspar_format::read_toml;
+use serde::de::IgnoredAny;
 
 /// Quantity of a measured light spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -195,7 +196,43 @@ pub struct ResolvedSample {
 
 /// Whether a text is the file of a flat sample: it has a `[sample]` table.
 pub fn is_sample(text: &str) -> bool {
-    read_toml::<toml::Table>(text).is_ok_and(|table| table.get("sample").is_some_and(toml::Value::is_table))
+    read_toml::<FileHead>(text).is_ok_and(|head| head.is_of_sample())
+}
+
+/// Whether a text is the file of an experiment with a scene, and not of a flat sample: it has sections that these lack, or an experiment
+/// of the catalogue as its base.
+pub fn is_experiment(text: &str) -> bool {
+    read_toml::<FileHead>(text).is_ok_and(|head| {
+        let experiments = crate::preset::names(crate::preset::PresetKind::Experiment);
+        let of_experiment =
+            [&head.object, &head.mouth, &head.material, &head.capture, &head.camera, &head.render];
+        !head.is_of_sample()
+            && (of_experiment.into_iter().any(Option::is_some)
+                || head
+                    .base
+                    .as_ref()
+                    .and_then(toml::Value::as_str)
+                    .is_some_and(|base| experiments.contains(&base)))
+    })
+}
+
+/// What tells the files of experiments and of flat samples apart.
+#[derive(Deserialize)]
+struct FileHead {
+    base: Option<toml::Value>,
+    sample: Option<toml::Value>,
+    object: Option<IgnoredAny>,
+    mouth: Option<IgnoredAny>,
+    material: Option<IgnoredAny>,
+    capture: Option<IgnoredAny>,
+    camera: Option<IgnoredAny>,
+    render: Option<IgnoredAny>,
+}
+
+impl FileHead {
+    fn is_of_sample(&self) -> bool {
+        self.sample.as_ref().is_some_and(toml::Value::is_table)
+    }
 }
 
 /// Reads the file of a flat sample and turns it into curves. Overrides and paths are as for an experiment.

@@ -32,7 +32,9 @@ pub(super) fn value_text(value: Option<&toml::Value>) -> String {
 /// Numbers of a value to six digits: what is computed of a data sheet has sixteen, of which no more matter.
 fn rounded(value: &toml::Value) -> toml::Value {
     match value {
-        toml::Value::Float(number) => toml::Value::Float(format!("{number:.5e}").parse().unwrap_or(*number)),
+        toml::Value::Float(number) => {
+            toml::Value::Float(format!("{number:.5e}").parse::<f64>().unwrap_or(*number))
+        }
         toml::Value::Array(items) => toml::Value::Array(items.iter().map(rounded).collect()),
         toml::Value::Table(entries) => {
             toml::Value::Table(entries.iter().map(|(name, entry)| (name.clone(), rounded(entry))).collect())

@@ -452,6 +452,33 @@ fn toml_is_parsed_in_one_place() {
         &["fluorspar-format/src/toml_text.rs"],
         "read TOML with `fluorspar_format::read_toml`",
     );
+    // `parse` without a type is TOML where the type of its result is: in files that know such types, each says its own.
+    let mut files = Vec::new();
+    for (name, _) in CRATES {
+        sources(&crates().join(name).join("src"), &mut files);
+    }
+    let untyped: Vec<PathBuf> = files
+        .into_iter()
+        .filter(|file| !is_test(file))
+        .filter(|file| parses_unknown_types_beside_toml(&plain_code(&fs::read_to_string(file).unwrap())))
+        .collect();
+    assert!(untyped.is_empty(), "write `parse::<f64>()` or the like beside types of TOML: {untyped:?}");
+}
+
+fn parses_unknown_types_beside_toml(code: &str) -> bool {
+    ["toml::", "toml_edit::"].iter().any(|known| code.contains(known))
+        && [".parse()", "str::parse)", "FromStr::from_str"].iter().any(|way| code.contains(way))
+}
+
+#[test]
+fn parsing_without_a_type_is_found_beside_types_of_toml() {
+    let table = "fn read(text: &str) -> Option<toml::Table> {\n    text.parse().ok()\n}\n";
+    assert!(parses_unknown_types_beside_toml(table));
+    let imported =
+        "use toml_edit::DocumentMut;\nfn read(t: &str) { let d: DocumentMut = t.parse().unwrap(); }";
+    assert!(parses_unknown_types_beside_toml(imported));
+    assert!(!parses_unknown_types_beside_toml("fn read(text: &str) -> Option<f64> { text.parse().ok() }"));
+    assert!(!parses_unknown_types_beside_toml("toml::Value::Float(text.parse::<f64>()?)"));
 }
 
 /// Looks for code in other files than those that may have it.
