@@ -105,10 +105,10 @@ fn shapes(
         region.rectangle = Some(rectangle(context, file, &at.field("rectangle_px"), sides)?);
     }
     if let Some(corners) = &section.polygon_px {
-        region.polygon = Some(polygon(context, file, &at.field("polygon_px"), corners)?);
+        region = region.within_polygon(polygon(context, file, &at.field("polygon_px"), corners)?);
     }
     if let Some(path) = &section.mask {
-        region.mask = Some(mask(context, file, &at.field("mask"), path)?);
+        region = region.within_mask(mask(context, file, &at.field("mask"), path)?);
     }
     Ok(region)
 }

@@ -199,7 +199,7 @@ fn a_region_of_a_render_sends_what_its_image_shows() {
             LightPath::MultipleFluorescence => "multiple",
             LightPath::Reflected => {
                 // Nearly even within a band: the light is formed on fine samples, the reflectance is linear
-                let reflected = region.reflected_under(&light).bin_averages(&image.grid);
+                let reflected = light.times(&region.reflected).bin_averages(&image.grid);
                 let total: f64 = (0..bands).map(|band| mean(component, band)).sum();
                 assert!((reflected.iter().sum::<f64>() / total - 1.0).abs() < 2e-3);
                 continue;

@@ -159,11 +159,6 @@ impl RegionResponse {
         }
         self
     }
-
-    /// Reflected radiance under a light, W/(sr m² nm), on fine samples.
-    pub fn reflected_under(&self, light: &Curve) -> Curve {
-        light.times(&self.reflected)
-    }
 }
 
 /// A matrix of rows by band times the light.
@@ -309,7 +304,7 @@ mod tests {
             {
                 assert!((ours - theirs).abs() < 1.1e-3 * largest, "{peak_nm}: {ours} {theirs}");
             }
-            let reflected = region.reflected_under(&light).bin_averages(&grid);
+            let reflected = light.times(&region.reflected).bin_averages(&grid);
             for (ours, theirs) in reflected.iter().zip(&expected.reflected) {
                 assert!((ours - theirs).abs() < 1e-12, "{ours} {theirs}");
             }
