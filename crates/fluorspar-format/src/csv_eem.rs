@@ -7,7 +7,9 @@ use fluorspar::quote::excerpt;
 
 use super::FormatError;
 use super::axis::check_axis;
-use super::csv_table::{Negative, Table};
+use super::csv_table::{Negative, Table, comments_of};
+use super::eem_layout::EemLayout;
+use super::file::{MAX_TEXT_BYTES, as_text, read_file};
 
 /// Unit of the values of an excitation-emission matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +35,10 @@ pub struct MeasuredEem {
     pub unit: EemUnit,
     /// Empty cells, which were taken as zero.
     pub empty_cells: usize,
+    /// Cells that were cut out of bands of scattered light of the first and of the second order.
+    pub cut_cells: [usize; 2],
+    /// What the file has otherwise than the form that is written here, in words: lines about an instrument, decimal commas.
+    pub read_as: Vec<String>,
 }
 
 /// Treatment of values at emission wavelengths below the excitation.
@@ -58,6 +64,27 @@ pub struct CsvEemOptions {
     pub negative: Negative,
     /// Take empty cells as zero instead of refusing them.
     pub empty_as_zero: bool,
+    /// Cut bands of scattered excitation light out before the checks.
+    pub cut: Option<ScatterCut>,
+}
+
+/// Bands of scattered excitation light that are cut out: the cells so near the lines emission = excitation and emission = 2 x excitation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScatterCut {
+    /// Largest distance from a line to either side, nm.
+    pub within_nm: f64,
+    /// What the cells become.
+    pub to: CutTo,
+}
+
+/// What cells of a band that is cut out become.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CutTo {
+    /// On a straight line along the emission between the nearest cells beside the band, under the same excitation; where it reaches the end of
+    /// the column, the value of the nearest cell. Cells below their excitation become zero.
+    Neighbors,
+    /// Zero.
+    Zero,
 }
 
 impl Default for CsvEemOptions {
@@ -67,11 +94,12 @@ impl Default for CsvEemOptions {
             anti_stokes: AntiStokes::Refuse(1e-3),
             negative: Negative::Refuse,
             empty_as_zero: false,
+            cut: None,
         }
     }
 }
 
-const CORNER: &str = "em_nm\\ex_nm";
+pub(super) const CORNER: &str = "em_nm\\ex_nm";
 
 /// A matrix as a table in the form that [`read_eem_csv`] reads, without comments: `values` are `[emission][excitation]`.
 pub fn eem_csv(excitation_nm: &[f64], emission_nm: &[f64], values: &[f64]) -> String {
@@ -89,45 +117,23 @@ pub fn eem_csv(excitation_nm: &[f64], emission_nm: &[f64], values: &[f64]) -> St
 }
 
 /// Reads a matrix: first line excitation wavelengths, first column emission wavelengths, both in nm, corner cell
-/// `em_nm\ex_nm`. The unit comes from a comment `# unit: photons` (or `energy`, `unknown`) or from the options.
+/// `em_nm\ex_nm`; or one as an instrument exports it, where nothing of it has to be guessed. The unit comes from a comment `# unit: photons`
+/// (or `energy`, `unknown`) or from the options.
 ///
 /// # Errors
 /// Anything that is not such a table, with file and line.
 pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem, FormatError> {
-    let table = Table::read(path)?;
-    check_corner(path, &table)?;
-    let unit = unit(path, &table, options.unit)?;
-    let header_line = table.header.line;
-
-    let mut excitation_nm = Vec::with_capacity(table.header.cells.len());
-    for column in 1..table.header.cells.len() {
-        let wavelength = table.number_in_header(path, column)?.ok_or_else(|| {
-            FormatError::at_line(
-                path,
-                header_line,
-                format!("excitation wavelength {column} is empty"),
-                "Give every column its excitation wavelength in nm",
-            )
-        })?;
-        excitation_nm.push(wavelength);
-    }
-    let mut emission_nm = Vec::with_capacity(table.row_count());
-    for row in table.rows() {
-        let wavelength = table.number(path, row, 0)?.ok_or_else(|| {
-            FormatError::at_line(path, row.line, "the emission wavelength is empty", "Give it in nm")
-        })?;
-        emission_nm.push(wavelength);
-    }
-    check_axis(path, "the excitation", &excitation_nm, |_| Some(header_line))?;
-    check_axis(path, "the emission", &emission_nm, |index| Some(table.line_of(index)))?;
-    if excitation_nm.is_empty() {
-        return Err(FormatError::at_line(
-            path,
-            header_line,
-            "there is no excitation wavelength",
-            format!("Put them on the first line after \"{CORNER}\", separated by commas"),
-        ));
-    }
+    let bytes = read_file(path, MAX_TEXT_BYTES)?;
+    let text = as_text(path, &bytes)?;
+    let layout = EemLayout::of(path, text).map_err(|wrong| {
+        // The unit first, whose option a front adds
+        match unit(path, &comments_of(text), options.unit) {
+            Err(unit) => together(unit, vec![wrong]),
+            Ok(_) => wrong,
+        }
+    })?;
+    let table = Table::parse(path, layout.as_ref().map_or(text, |layout| layout.text.as_str()))?;
+    let Axes { unit, emission_nm, excitation_nm } = axes(path, &table, options.unit)?;
 
     let mut values = Vec::with_capacity(emission_nm.len() * excitation_nm.len());
     let (mut wrong, mut empty_cells) = (WrongCells::default(), 0);
@@ -153,10 +159,227 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
         }
     }
     wrong.refused()?;
-    let mut eem = MeasuredEem { emission_nm, excitation_nm, values, unit, empty_cells };
-    check_stokes(path, &table, &mut eem, options.anti_stokes)?;
+    let (read_as, unstated_axes) = layout.map_or_else(Default::default, |l| (l.read_as, l.unstated_axes));
+    let mut eem =
+        MeasuredEem { emission_nm, excitation_nm, values, unit, empty_cells, cut_cells: [0; 2], read_as };
+    if let Some((line, corner)) = unstated_axes {
+        eem.take_rows_as_emission(path, line, &corner)?;
+    }
+    if let Some(cut) = options.cut {
+        eem.cut_scattered_light(cut);
+    }
+    check_stokes(path, &|row| table.line_of(row), &mut eem, options.anti_stokes)?;
     Ok(eem)
 }
+
+/// What the header, the first column and the comments of a table say.
+struct Axes {
+    unit: EemUnit,
+    emission_nm: Vec<f64>,
+    excitation_nm: Vec<f64>,
+}
+
+fn axes(path: &Path, table: &Table, given: Option<EemUnit>) -> Result<Axes, FormatError> {
+    let mut wrong_form: Vec<FormatError> = Vec::new();
+    let unit = unit(path, &table.comments, given).unwrap_or_else(|error| {
+        wrong_form.push(error);
+        EemUnit::Unknown
+    });
+    wrong_form.extend(check_corner(path, &table.header.cells[0], table.header.line).err());
+    let header_line = table.header.line;
+
+    let mut excitation_nm = Vec::with_capacity(table.header.cells.len());
+    for column in 1..table.header.cells.len() {
+        let wavelength = table.number_in_header(path, column)?.ok_or_else(|| {
+            FormatError::at_line(
+                path,
+                header_line,
+                format!("excitation wavelength {column} is empty"),
+                "Give every column its excitation wavelength in nm",
+            )
+        })?;
+        excitation_nm.push(wavelength);
+    }
+    let mut emission_nm = Vec::with_capacity(table.row_count());
+    for row in table.rows() {
+        let wavelength = table.number(path, row, 0)?.ok_or_else(|| {
+            FormatError::at_line(path, row.line, "the emission wavelength is empty", "Give it in nm")
+        })?;
+        emission_nm.push(wavelength);
+    }
+    wrong_form.extend(check_axis(path, "the excitation", &excitation_nm, |_| Some(header_line)).err());
+    wrong_form
+        .extend(check_axis(path, "the emission", &emission_nm, |index| Some(table.line_of(index))).err());
+    let mut wrong_form = wrong_form.into_iter();
+    if let Some(first) = wrong_form.next() {
+        return Err(together(first, wrong_form.collect()));
+    }
+    if excitation_nm.is_empty() {
+        return Err(FormatError::at_line(
+            path,
+            header_line,
+            "there is no excitation wavelength",
+            format!("Put them on the first line after \"{CORNER}\", separated by commas"),
+        ));
+    }
+    Ok(Axes { unit, emission_nm, excitation_nm })
+}
+
+/// All that is wrong with the form of a file at once: who corrects it by hand should not meet one refusal after another.
+fn together(first: FormatError, next: Vec<FormatError>) -> FormatError {
+    let words = |error: FormatError| match error.line() {
+        Some(line) => format!("line {line}: {}", error.problem()),
+        None => error.problem().to_string(),
+    };
+    match next.is_empty() {
+        true => first,
+        false => {
+            let next = next.into_iter().map(words).collect();
+            FormatError::Cells { first: Box::new(first), next, more: 0 }
+        }
+    }
+}
+
+/// Widths of band that [`MeasuredEem::least_cuts`] tries, nm.
+const MOST_CUT_NM: u32 = 100;
+
+/// The least widths of [`ScatterCut`] that are enough, whole nm.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LeastCuts {
+    /// So that nothing is refused; `None` where no width up to 100 nm does.
+    pub for_all: Option<u32>,
+    /// So that no line of scattered light is seen and its tails below the excitation are no more than the tolerance, on average over the matrix: single
+    /// cells may still hold more, as noise does anywhere.
+    pub for_tails: Option<u32>,
+}
+
+impl MeasuredEem {
+    /// The least widths of band that cut enough of the scattered light out of a matrix, which is read with [`AntiStokes::Keep`] and without a
+    /// cut, for values below their excitation up to a share of the peak.
+    #[must_use]
+    pub fn least_cuts(&self, to: CutTo, tolerance: f64) -> LeastCuts {
+        let cut = |within_nm: u32| {
+            let mut eem = self.clone();
+            eem.cut_scattered_light(ScatterCut { within_nm: f64::from(within_nm), to });
+            eem
+        };
+        let passes = |eem: &mut MeasuredEem, rule| check_stokes(Path::new(""), &|_| 0, eem, rule).is_ok();
+        let background = self.background();
+        let has_no_tail = |within_nm: u32, eem: &MeasuredEem| {
+            let peak = eem.values.iter().copied().fold(0.0, f64::max);
+            let window = f64::from(within_nm)..f64::from(within_nm) + BANDPASS_NM;
+            let (mut sum, mut count) = (0.0, 0.0_f64);
+            for (nm_below, value) in self.below_excitation().filter(|(nm, _)| window.contains(nm)) {
+                if nm_below > window.start {
+                    sum += value;
+                    count += 1.0;
+                }
+            }
+            sum / count.max(1.0) - background <= tolerance * peak
+        };
+        let widths = || 1..=MOST_CUT_NM;
+        LeastCuts {
+            for_all: widths().find(|nm| passes(&mut cut(*nm), AntiStokes::Refuse(tolerance))),
+            for_tails: widths().find(|nm| {
+                let mut eem = cut(*nm);
+                has_no_tail(*nm, &eem) && passes(&mut eem, AntiStokes::SetToZero)
+            }),
+        }
+    }
+
+    /// Values below their excitation, and how far, nm.
+    fn below_excitation(&self) -> impl Iterator<Item = (f64, f64)> {
+        let columns = self.excitation_nm.len();
+        let places = self.values.iter().enumerate();
+        places
+            .map(move |(place, value)| {
+                (self.excitation_nm[place % columns] - self.emission_nm[place / columns], *value)
+            })
+            .filter(|(nm_below, _)| *nm_below > 0.0)
+    }
+
+    /// Median of the values so far below their excitation that neither fluorescence nor a tail of scattered light is there: dark counts, stray
+    /// light. 0 without such values.
+    fn background(&self) -> f64 {
+        let far = self.below_excitation().filter(|(nm_below, _)| *nm_below > 5.0 * BANDPASS_NM);
+        let mut far: Vec<f64> = far.map(|(_, value)| value).collect();
+        far.sort_by(f64::total_cmp);
+        far.get(far.len() / 2).copied().unwrap_or(0.0)
+    }
+
+    /// Takes the rows of a file that doesn't say so as emission, where most light is then at wavelengths above its excitation.
+    fn take_rows_as_emission(&mut self, path: &Path, line: u64, corner: &str) -> Result<(), FormatError> {
+        let (mut below, mut above) = (0.0, 0.0);
+        let columns = self.excitation_nm.len();
+        for (place, value) in self.values.iter().enumerate() {
+            let (emission_nm, excitation_nm) =
+                (self.emission_nm[place / columns], self.excitation_nm[place % columns]);
+            if emission_nm > excitation_nm {
+                above += value.max(0.0);
+            } else if emission_nm < excitation_nm {
+                below += value.max(0.0);
+            }
+        }
+        if above <= CLEARLY_MORE * below {
+            return check_corner(path, corner, line);
+        }
+        self.read_as.push("rows taken as emission, as most light is then above its excitation".into());
+        Ok(())
+    }
+
+    /// Cuts the bands of scattered light of both orders out, and counts their cells. The neighbors of one band may not be cells of the other.
+    fn cut_scattered_light(&mut self, cut: ScatterCut) {
+        let (rows, columns) = (self.emission_nm.len(), self.excitation_nm.len());
+        let measured = self.values.clone();
+        for column in 0..columns {
+            let order = |row: usize| {
+                let near = |order: f64| {
+                    (self.emission_nm[row] - order * self.excitation_nm[column]).abs() <= cut.within_nm
+                };
+                if near(1.0) { Some(0) } else { near(2.0).then_some(1) }
+            };
+            let kept = |row: &usize| order(*row).is_none();
+            for row in 0..rows {
+                let Some(order) = order(row) else { continue };
+                self.cut_cells[order] += 1;
+                let at = |row: usize| (self.emission_nm[row], measured[row * columns + column]);
+                let (below, above) = ((0..row).rev().find(kept).map(at), (row..rows).find(kept).map(at));
+                // Below its excitation nothing fluoresces, whatever stands beside the band
+                let is_below = self.emission_nm[row] < self.excitation_nm[column];
+                self.values[row * columns + column] = match (cut.to, below, above) {
+                    _ if is_below => 0.0,
+                    (CutTo::Zero, ..) | (_, None, None) => 0.0,
+                    (_, Some((_, value)), None) | (_, None, Some((_, value))) => value,
+                    (_, Some((nm_0, value_0)), Some((nm_1, value_1))) => {
+                        let share = (self.emission_nm[row] - nm_0) / (nm_1 - nm_0);
+                        value_0 + share * (value_1 - value_0)
+                    }
+                };
+            }
+        }
+    }
+
+    /// The matrix as a table that [`read_eem_csv`] takes, below comments, a line each.
+    #[must_use]
+    pub fn to_csv(&self, comments: &[String]) -> String {
+        let mut text: String = comments.iter().map(|line| format!("# {line}\n")).collect();
+        text += &format!(
+            "# unit: {}\n{CORNER}",
+            if self.unit == EemUnit::Unknown { "unknown" } else { name(self.unit) }
+        );
+        text.extend(self.excitation_nm.iter().map(|nm| format!(",{nm}")));
+        for (row, emission_nm) in self.values.chunks(self.excitation_nm.len().max(1)).zip(&self.emission_nm) {
+            text += &format!("\n{emission_nm}");
+            text.extend(row.iter().map(|value| format!(",{value}")));
+        }
+        text.push('\n');
+        text
+    }
+}
+
+/// How many times more light must lie above its excitation than below it to tell the axes apart: scattered light is about as much on both
+/// sides.
+const CLEARLY_MORE: f64 = 2.0;
 
 /// Wrong cells of a file that are told.
 const MOST_CELLS: usize = 20;
@@ -202,8 +425,7 @@ impl WrongCells {
     }
 }
 
-fn check_corner(path: &Path, table: &Table) -> Result<(), FormatError> {
-    let corner = table.header.cells[0].as_str();
+fn check_corner(path: &Path, corner: &str, line: u64) -> Result<(), FormatError> {
     let plain: String = corner.to_lowercase().chars().filter(|c| !c.is_whitespace()).collect();
     if plain == CORNER {
         return Ok(());
@@ -224,12 +446,12 @@ fn check_corner(path: &Path, table: &Table) -> Result<(), FormatError> {
             format!("Write \"{CORNER}\" if rows are emission and columns excitation, both in nm"),
         )
     };
-    Err(FormatError::at_line(path, table.header.line, what, hint))
+    Err(FormatError::at_line(path, line, what, hint))
 }
 
-fn unit(path: &Path, table: &Table, given: Option<EemUnit>) -> Result<EemUnit, FormatError> {
+fn unit(path: &Path, comments: &[(u64, String)], given: Option<EemUnit>) -> Result<EemUnit, FormatError> {
     let mut stated = None;
-    for (line, comment) in &table.comments {
+    for (line, comment) in comments {
         let lower = comment.to_lowercase();
         let Some(text) = lower.strip_prefix("unit:").or_else(|| lower.strip_prefix("units:")) else {
             continue;
@@ -336,7 +558,7 @@ pub fn refuse_scattered_light(
 
 fn check_stokes(
     path: &Path,
-    table: &Table,
+    line_of: &dyn Fn(usize) -> u64,
     eem: &mut MeasuredEem,
     rule: AntiStokes,
 ) -> Result<(), FormatError> {
@@ -368,7 +590,7 @@ fn check_stokes(
         for (column, &excitation_nm) in eem.excitation_nm.iter().enumerate() {
             let value = eem.values[row * columns + column];
             if emission_nm < excitation_nm && value.abs() > tolerance * peak {
-                let line = table.line_of(row);
+                let line = line_of(row);
                 let error = FormatError::AntiStokes {
                     path: path.into(),
                     line: Some(line),

@@ -58,11 +58,10 @@ impl Table {
         Self::parse(path, as_text(path, &bytes)?)
     }
 
-    fn parse(path: &Path, text: &str) -> Result<Self, FormatError> {
+    /// The same of text that was read.
+    pub(super) fn parse(path: &Path, text: &str) -> Result<Self, FormatError> {
         let lines = || text.lines().enumerate().map(|(index, line)| (index as u64 + 1, line.trim()));
-        let comments = lines()
-            .filter_map(|(number, line)| line.strip_prefix('#').map(|text| (number, text.trim().to_string())))
-            .collect();
+        let comments = comments_of(text);
         // What is left without comments and empty lines is read in one go; the numbers of its lines are kept.
         let (mut plain, mut numbers) = (String::with_capacity(text.len()), Vec::new());
         for (number, line) in lines().filter(|(_, line)| !line.is_empty() && !line.starts_with('#')) {
@@ -228,6 +227,14 @@ impl Table {
             }),
         }
     }
+}
+
+/// Text of the lines that begin with `#`, without it, and their lines from 1.
+pub(super) fn comments_of(text: &str) -> Vec<(u64, String)> {
+    let lines = text.lines().enumerate().map(|(index, line)| (index as u64 + 1, line.trim()));
+    lines
+        .filter_map(|(number, line)| line.strip_prefix('#').map(|text| (number, text.trim().to_string())))
+        .collect()
 }
 
 /// What separates the cells of a table with this header line.

@@ -179,6 +179,141 @@ fn every_kind_of_file_is_imported() {
     assert!(fs::read_to_string(folder.join("a.toml")).unwrap().contains("stokes = \"off\""));
 }
 
+/// A band model of a dye, with scattered light on the lines emission = excitation and emission = 2 x excitation.
+fn raw_matrix(is_clean: bool) -> String {
+    let bell = |nm: i32, peak: i32, width: f64| (-(f64::from(nm - peak) / width).powi(2)).exp();
+    let mut text = "em_nm\\ex_nm".to_owned();
+    let excitation: Vec<i32> = (260..=420).step_by(10).collect();
+    text.extend(excitation.iter().map(|nm| format!(",{nm}")));
+    for em in (250..=700).step_by(10) {
+        text += &format!("\n{em}");
+        for &ex in &excitation {
+            let dye = 1000.0 * bell(ex, 340, 40.0) * bell(em, 520, 45.0);
+            let scattered = 8000.0 * bell(em, ex, 6.0) + 900.0 * bell(em, 2 * ex, 6.0);
+            text += &format!(",{:.3}", if is_clean { dye } else { dye + scattered });
+        }
+    }
+    text + "\n"
+}
+
+/// Scattered light is refused with its cure, accepted with a warning, and cut out: what is left is the dye, and both files say what was cut.
+#[test]
+fn scattered_light_is_cut_out_of_a_matrix() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("raw.csv"), raw_matrix(false)).unwrap();
+    fs::write(folder.join("clean.csv"), raw_matrix(true)).unwrap();
+    let import = |more: &[&str]| {
+        let args = [&["fluorophore", "import", "raw.csv", "--yield-unit=photons"][..], more].concat();
+        fluorspar(folder, args)
+    };
+    let refused = import(&[]);
+    assert!(
+        refused.code == Some(2)
+            && refused.stderr.contains("` cuts it out, with the narrowest band that leaves none"),
+        "{refused:?}"
+    );
+    // The command that the refusal ends with takes the file
+    let command = refused.stderr.split("This takes the file: `fluorspar ").nth(1).unwrap();
+    let command: Vec<&str> = command.split('`').next().unwrap().split_whitespace().collect();
+    assert!(command.contains(&"--cut-scatter") && command.contains(&"raw.toml"), "{command:?}");
+    fluorspar(folder, &command).well();
+    let accepted = import(&["--allow-anti-stokes"]).well();
+    let warned =
+        "--allow-anti-stokes accepts what is no fluorescence: scattered excitation light stands on the line";
+    assert!(accepted.stderr.contains(warned), "{}", accepted.stderr);
+    let said = import(&["--cut-scatter=20", "--out=dye.toml"]).well();
+    assert!(
+        said.stderr.contains("cut out: ") && said.stderr.contains("interpolated along the emission"),
+        "{}",
+        said.stderr
+    );
+    let section = fs::read_to_string(folder.join("dye.toml")).unwrap();
+    assert!(
+        section.contains("eem_csv = \"dye-without-scatter.csv\"")
+            && section.contains("# Scattered excitation light is cut out: "),
+        "{section}"
+    );
+    let matrix = fs::read_to_string(folder.join("dye-without-scatter.csv")).unwrap();
+    assert!(matrix.starts_with("# raw.csv without scattered excitation light: "), "{matrix}");
+    // The dye is what it would be without scattered light: straight lines over 50 nm miss a bell of 45 nm by f''h²/8, a seventh of its peak at most
+    let clean = ["fluorophore", "import", "clean.csv", "--yield-unit=photons", "--out=clean.toml"];
+    fluorspar(folder, clean).well();
+    let [cut, clean] = ["dye.toml", "clean.toml"]
+        .map(|file| fluorspar(folder, ["fluorophore", "show", file, "--json"]).json());
+    for key in ["excitation_peak_nm", "emission_peak_nm"] {
+        let [of_cut, of_clean] = [&cut, &clean].map(|shown| shown[key].as_f64().unwrap());
+        assert!((of_cut - of_clean).abs() <= 10.0, "{key}: {of_cut} {of_clean}");
+    }
+    // Again: kept, unless it is to be replaced, and what is no section of import never
+    let again = import(&["--cut-scatter=20", "--out=dye.toml"]);
+    assert!(again.code == Some(2) && again.stderr.contains("--replace"), "{again:?}");
+    let zero = import(&["--cut-scatter=20", "--cut-to=zero", "--out=dye.toml", "--replace"]).well();
+    assert!(zero.stderr.contains("set to 0"), "{}", zero.stderr);
+    fs::write(folder.join("mine.toml"), "mine = true\n").unwrap();
+    let mine = import(&["--cut-scatter=20", "--out=mine.toml", "--replace"]);
+    assert!(mine.code == Some(2) && mine.stderr.contains("something else would be lost"), "{mine:?}");
+    for (more, words) in [
+        (&["--cut-scatter=20"][..], "--out FILE.toml"),
+        (&["--cut-scatter=0", "--out=a.toml"], "between 0.5 and 100 nm"),
+        (&["--cut-to=zero", "--out=a.toml"], "--cut-scatter"),
+    ] {
+        let refused = import(more);
+        assert!(refused.code == Some(2) && refused.stderr.contains(words), "{more:?}: {refused:?}");
+    }
+    let spectra = "wavelength_nm,excitation,emission\n380,1,0\n400,0.5,0\n500,0,1\n600,0,0\n";
+    fs::write(folder.join("spectra.csv"), spectra).unwrap();
+    let refused =
+        fluorspar(folder, ["fluorophore", "import", "spectra.csv", "--cut-scatter=20", "--out=a.toml"]);
+    assert!(refused.code == Some(2) && refused.stderr.contains("is no matrix as CSV"), "{refused:?}");
+    assert!(!folder.join("a.toml").exists());
+}
+
+/// A table as an instrument writes it: everything that is wrong with its form in one refusal. Several bad cells keep the option of one.
+#[test]
+fn all_that_is_wrong_with_a_table_is_told_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let import = |text: &str| {
+        fs::write(folder.join("dye.csv"), text).unwrap();
+        fluorspar(folder, ["fluorophore", "import", "dye.csv"])
+    };
+    let refused = import("# 10 uM in PBS\nex_nm,500,490,480\n510,1,2,5\n520,3,4,5\n505,3,4,5\n");
+    assert_eq!(refused.code, Some(2));
+    for words in [
+        "the unit of the values is unknown",
+        "--yield-unit photons or --yield-unit energy",
+        "the emission wavelength 505 nm follows 520 nm",
+    ] {
+        assert!(refused.stderr.contains(words), "{words}: {}", refused.stderr);
+    }
+    // What several options cure is told at once, with the command that has them
+    let refused = import("Sample: 10 uM in PBS\nem;ex 350,0 nm;ex 360,0 nm\n400,0;-1,5;\n410,0;2,5;4,5\n");
+    assert_eq!(refused.code, Some(2));
+    for words in [
+        "(--yield-unit photons or --yield-unit energy). Then column",
+        "(--allow-negative). Then the cell at excitation 360 nm is empty",
+        "This takes the file: `fluorspar fluorophore import dye.csv --yield-unit photons --allow-negative --empty-as-zero`",
+    ] {
+        assert!(refused.stderr.contains(words), "{words}: {}", refused.stderr);
+    }
+    let options = ["--yield-unit=photons", "--allow-negative", "--empty-as-zero"];
+    let args = [&["fluorophore", "import", "dye.csv", "--out=dye.toml"][..], &options].concat();
+    let read = fluorspar(folder, args).well();
+    assert!(read.stderr.contains("a line beside the table is left out; decimal commas"), "{}", read.stderr);
+    // And an experiment reads the same file
+    let shown = fluorspar(folder, ["fluorophore", "show", "dye.toml", "--json"]).json();
+    assert_eq!(shown["emission_peak_nm"], 410.0, "{shown}");
+    let head = "# unit: photons\nem_nm\\ex_nm,380,400\n";
+    for (cells, option) in
+        [("500,-1,2\n520,-3,4\n", "--allow-negative"), ("500,,2\n520,,4\n", "--empty-as-zero")]
+    {
+        let refused = import(&format!("{head}{cells}"));
+        assert!(refused.code == Some(2) && refused.stderr.contains(". Also line 4"), "{refused:?}");
+        assert!(refused.stderr.contains(&format!("({option})")), "{option}: {}", refused.stderr);
+    }
+}
+
 #[test]
 fn measured_matrices_come_through() {
     let Some(reference) = reference() else {

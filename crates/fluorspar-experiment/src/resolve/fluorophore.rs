@@ -291,7 +291,8 @@ fn matrix(
 const ANTI_STOKES_TOLERANCE: f64 = 1e-3;
 /// What lets files pass that are refused.
 const ALLOW_NEGATIVE: &str = "Subtract the background correctly, or take negative values as zero with allow_negative = true in this [[fluorophore]]";
-const ALLOW_ANTI_STOKES: &str = "; allow_anti_stokes = true in this [[fluorophore]] accepts such values";
+const ALLOW_ANTI_STOKES: &str = "; allow_anti_stokes = true in this [[fluorophore]] accepts such values, and `fluorspar fluorophore import --cut-scatter NM` cuts \
+     scattered light out";
 const EMPTY_AS_ZERO: &str = "; empty_as_zero = true in this [[fluorophore]] takes them as zero";
 
 fn negative(section: &FluorophoreSection) -> Negative {
@@ -356,6 +357,7 @@ fn matrix_from_csv(
         },
         negative: negative(section),
         empty_as_zero: section.empty_as_zero,
+        cut: None,
     };
     let read = read_eem_csv(file.as_ref(), &options).map_err(|error| match (&error, unit) {
         (FormatError::Unit { .. }, None) => context
@@ -368,6 +370,16 @@ fn matrix_from_csv(
         EemUnit::Energy => YieldUnit::Energy,
         EemUnit::Unknown => return context.fail(at, UNKNOWN_UNIT),
     };
+    if section.allow_anti_stokes
+        && let Err(error) =
+            refuse_scattered_light(file.as_ref(), &read.emission_nm, &read.excitation_nm, &read.values)
+    {
+        let message = format!(
+            "accepted by allow_anti_stokes, but no fluorescence: {}; `fluorspar fluorophore import --cut-scatter NM` does so",
+            error.problem()
+        );
+        context.warn(at, message);
+    }
     let table =
         EemTable { emission_nm: read.emission_nm, excitation_nm: read.excitation_nm, values: read.values };
     matrix(context, at, table, unit, stokes)

@@ -6,8 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use fluorspar_format::{
-    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, Negative, read_eem_csv,
-    read_fluorophore_csv, read_spectrum_csv,
+    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, CutTo, EemUnit, Negative, ScatterCut,
+    read_eem_csv, read_fluorophore_csv, read_spectrum_csv,
 };
 
 /// What a reader says about a file with this content, its folder left out.
@@ -207,8 +207,13 @@ fn matrices_keep_rows_as_emission() {
 fn anti_stokes_cells_follow_the_options() {
     let text = "em_nm\\ex_nm,350,400\n380,1,0.5\n450,-2,3\n470,,3\n";
     let read = |anti_stokes, negative| {
-        let options =
-            CsvEemOptions { unit: Some(EemUnit::Energy), anti_stokes, negative, empty_as_zero: true };
+        let options = CsvEemOptions {
+            unit: Some(EemUnit::Energy),
+            anti_stokes,
+            negative,
+            empty_as_zero: true,
+            cut: None,
+        };
         loaded(text, |path| read_eem_csv(path, &options)).values
     };
     assert_eq!(read(AntiStokes::Keep, Negative::Keep), [1.0, 0.5, -2.0, 3.0, 0.0, 3.0]);
@@ -250,6 +255,209 @@ fn scattered_light_of_the_lamp_is_refused_and_small_stokes_shifts_are_not() {
     }
 }
 
+/// Of a matrix that is linear along the emission, what was scattered over the bands of both orders comes back exactly from their neighbors, also
+/// where the bands end at an end of a column, and as the file that is written.
+#[test]
+fn scattered_light_is_cut_out_along_the_emission() {
+    let [emission, excitation] = [[400, 420, 440, 460, 780, 800, 820, 840], [400, 410, 420, 0, 0, 0, 0, 0]];
+    let linear = |em: i32, ex: i32| f64::from(em - 380 + ex);
+    let near = |em: i32, ex: i32| (em - ex).abs() <= 15 || (em - 2 * ex).abs() <= 15;
+    let mut text = String::from("# unit: energy\nem_nm\\ex_nm,400,410,420");
+    for em in emission {
+        text += &format!("\n{em}");
+        for ex in &excitation[..3] {
+            text += &format!(",{}", if near(em, *ex) { 1e4 } else { linear(em, *ex) });
+        }
+    }
+    let cut = |to| CsvEemOptions {
+        anti_stokes: AntiStokes::Keep,
+        cut: Some(ScatterCut { within_nm: 15.0, to }),
+        ..CsvEemOptions::default()
+    };
+    let found = loaded(&text, |path| read_eem_csv(path, &cut(CutTo::Neighbors)));
+    let cells = |near: &dyn Fn(i32, i32) -> bool| {
+        let of = |em: &i32| excitation[..3].iter().filter(|ex| near(*em, **ex)).count();
+        emission.iter().map(of).sum::<usize>()
+    };
+    let [first, second] =
+        [cells(&|em, ex| (em - ex).abs() <= 15), cells(&|em, ex| (em - 2 * ex).abs() <= 15)];
+    assert_eq!(found.cut_cells, [first, second]);
+    for (row, em) in emission.into_iter().enumerate() {
+        for (column, ex) in excitation[..3].iter().enumerate() {
+            // At the ends of a column there is one neighbor alone
+            let begins = emission[..=row].iter().all(|em| near(*em, *ex));
+            let ends = emission[row..].iter().all(|em| near(*em, *ex));
+            let kept = |em: &i32| !near(*em, *ex);
+            let expected = match (begins, ends) {
+                _ if kept(&em) => linear(em, *ex),
+                // Below the excitation there is no fluorescence
+                _ if em < *ex => 0.0,
+                (true, _) => linear(emission.into_iter().find(kept).unwrap(), *ex),
+                (_, true) => linear(emission.into_iter().rfind(kept).unwrap(), *ex),
+                _ => linear(em, *ex),
+            };
+            let value = found.values[3 * row + column];
+            assert!((value - expected).abs() <= 1e-9 * expected, "{em} {ex}: {value} {expected}");
+        }
+    }
+    let zero = loaded(&text, |path| read_eem_csv(path, &cut(CutTo::Zero)));
+    assert_eq!(zero.values.iter().filter(|value| **value == 0.0).count(), first + second);
+    let again = loaded(&found.to_csv(&["cut".into()]), |path| {
+        read_eem_csv(path, &CsvEemOptions { anti_stokes: AntiStokes::Keep, ..CsvEemOptions::default() })
+    });
+    assert_eq!((again.values, again.unit), (found.values, EemUnit::Energy));
+}
+
+/// The same matrix as programs of fluorometers export it: every form is read to the same numbers, and says what it has otherwise.
+#[test]
+fn matrices_are_read_as_instruments_export_them() {
+    let excitation = [350.0, 360.0, 370.0];
+    let emission = [345.0, 365.0, 400.0, 450.0];
+    let value = |row: usize, column: usize| match emission[row] < excitation[column] {
+        true => 0.0,
+        false => 1.5 + 2.0 * row as f64 + column as f64,
+    };
+    // Rows of cells, each with what precedes it
+    let rows =
+        |mark: &str, first: &dyn Fn(f64) -> String, columns: &[usize], cell: &dyn Fn(f64) -> String| {
+            let row = |row: usize| {
+                let cells = columns.iter().map(|column| format!("{mark}{}", cell(value(row, *column))));
+                format!("{}{}\n", first(emission[row]), cells.collect::<String>())
+            };
+            (0..emission.len()).map(row).collect::<String>()
+        };
+    let plain = |value: f64| format!("{value}");
+    let comma = |value: f64| format!("{value:.1}").replace('.', ",");
+    let all = [0, 1, 2];
+    let aqualog = format!(
+        "Sample - Blank\t370\t360\t350\nnm\t\t\t\nNormalized by 75.3\t\t\t\n{}",
+        rows("\t", &plain, &[2, 1, 0], &plain)
+    );
+    let fluoromax = format!("F1\t350\t360\t370\n{}", rows("\t", &plain, &all, &plain));
+    let hitachi = format!(
+        "Sample:\t'1'\r\nModel:\tF-7000 FL Spectrophotometer\r\nEX  Start WL:\t350.0 nm\r\n\r\nData Points\r\n\t350.000\t360.000\t370.000\r\n{}",
+        rows("\t", &|nm| format!("{nm:.1}"), &all, &|value| format!("{value:5.1}"))
+    );
+    let pair = |row: usize| {
+        (0..3).map(|c| format!("{},{},", emission[row], value(row, c))).collect::<String>() + "\n"
+    };
+    let cary = format!(
+        "dye_EX_350.00,,dye_EX_360.00,,dye_EX_370.00,,\n{}\n{}\r\ndye_EX_350.00,\r\nInstrument   Cary Eclipse\r\n",
+        "Wavelength (nm),Intensity (a.u.),".repeat(3),
+        (0..4).map(pair).collect::<String>()
+    );
+    let edinburgh = format!(
+        "Labels,dye 1,dye 2,dye 3,\nType,Emission Scan,Emission Scan,Emission Scan,\nStart,345.00,345.00,345.00,\nFixed/Offset,350.00,360.00,370.00,\n\
+         XAxis,Wavelength(nm),Wavelength(nm),Wavelength(nm),\n\n{}",
+        rows(",", &|nm| format!("{nm:.2}"), &all, &|value| format!("{value:.5E}")).replace('\n', ",\n")
+    );
+    let semicolons = format!(
+        "Probe;Farbstoff\n\"Em (nm)\";\"ex 350,0 nm\";\"ex 360,0 nm\";\"ex 370,0 nm\"\n{}",
+        rows(";", &comma, &all, &comma)
+    );
+    let no_corner = format!("350\t360\t370\n{}", rows("\t", &plain, &all, &plain));
+    let axes = "rows taken as emission";
+    for (name, text, words) in [
+        ("Aqualog", aqualog, &["2 lines beside", "from long to short", axes][..]),
+        ("FluoroMax", fluoromax, &[axes]),
+        ("F-7000", hitachi, &["4 lines beside", axes]),
+        ("Cary Eclipse", cary, &["3 lines beside", "a pair of columns"]),
+        ("Fluoracle", edinburgh, &["4 lines beside", axes]),
+        ("semicolons", semicolons, &["a line beside", "decimal commas"]),
+        ("no corner", no_corner, &[axes]),
+    ] {
+        let read = loaded(&format!("# unit: energy\n{text}"), |path| {
+            read_eem_csv(path, &CsvEemOptions { empty_as_zero: true, ..CsvEemOptions::default() })
+        });
+        assert_eq!(
+            (&read.excitation_nm[..], &read.emission_nm[..]),
+            (&excitation[..], &emission[..]),
+            "{name}"
+        );
+        let expected: Vec<f64> = (0..12).map(|place| value(place / 3, place % 3)).collect();
+        assert_eq!((read.values, read.unit), (expected, EemUnit::Energy), "{name}");
+        let said = read.read_as.join("; ");
+        assert!(words.iter().all(|words| said.contains(words)), "{name}: {said}");
+        assert_eq!(read.read_as.len(), words.len(), "{name}: {said}");
+    }
+}
+
+/// What would have to be guessed is refused, with what else is wrong.
+#[test]
+fn forms_of_instruments_that_leave_a_guess_are_refused() {
+    let told = |text: &str| complaint(text.as_bytes(), |path| read_eem_csv(path, &CsvEemOptions::default()));
+    let unit = "t.csv: the unit of the values is unknown";
+    for (text, words) in [
+        (
+            "\t350\t360\n400\t1,234\t2,345\n410\t1,111\t1,222\n",
+            "line 2: \"1,234\" may have a decimal comma or one between thousands",
+        ),
+        ("\t350\t360\n400\t1,5\t2.5\n410\t1\t1\n", "line 2: \"1,5\" may have a decimal comma"),
+        (
+            "a_EX_350,,a_EX_360,,\n400,1,400,2,\n410,1,411,2,\n",
+            "line 3: the scan at excitation 360 nm has the emission wavelength \"411\"",
+        ),
+        (
+            "Sample\nA,B,C\n400,1,2\n410,1,2\n",
+            "line 3: no line above these rows names the excitation wavelengths of their 2 columns",
+        ),
+        (";350;360\n400;1;2\n410;1;2\nhere\n420;1;2\n", "line 4: \"here\" stands between rows of the table"),
+        (
+            "PE FL  SUBTECH SPECTRUM\n#DATA\n400.0\t1\n401.0\t2\n402.0\t3\n403.0\t4\n404.0\t4\n",
+            "line 3: from here on there are two columns of numbers: one spectrum, no matrix",
+        ),
+        ("ex\\em,400,410\n350,1,2\n360,1,2\n", "line 1: the columns are emission and the rows excitation"),
+        (
+            "\tem 400\tem 410\n350\t1\t2\n360\t1\t2\n",
+            "line 1: the columns are emission and the rows excitation",
+        ),
+    ] {
+        let said = told(text);
+        assert!(said.starts_with(unit) && said.contains(words), "{words}: {said}");
+    }
+    // A cell that holds no number is told where it stands
+    let said = told("# unit: photons\nMade by: x\nnm;350;360\n400;1;2\n410;x;2\n");
+    assert!(said.starts_with("t.csv:5: column \"350\" holds \"x\""), "{said}");
+}
+
+/// The narrowest band that leaves nothing to refuse: one nanometer less leaves a cell, and noise far below the excitation leaves none that does.
+#[test]
+fn the_narrowest_band_that_is_enough_is_found() {
+    let bell = |nm: i32, width: f64| (-(f64::from(nm) / width).powi(2)).exp();
+    let matrix = |noise: f64| {
+        let mut text = String::from("# unit: energy\nem_nm\\ex_nm");
+        let excitation: Vec<i32> = (300..=400).step_by(10).collect();
+        text.extend(excitation.iter().map(|ex| format!(",{ex}")));
+        for em in (260..=560).step_by(5) {
+            text += &format!("\n{em}");
+            for ex in &excitation {
+                let noise = if em == 260 && *ex == 400 { noise } else { 0.0 };
+                let dye = 1000.0 * bell(ex - 350, 60.0) * bell(em - 480, 40.0);
+                text += &format!(
+                    ",{:.4}",
+                    dye + 6000.0 * bell(em - ex, 6.0) + 30.0 * bell(em - ex, 12.0) + noise
+                );
+            }
+        }
+        text
+    };
+    let keep = CsvEemOptions { anti_stokes: AntiStokes::Keep, ..CsvEemOptions::default() };
+    let cut = |nm: u32| CsvEemOptions {
+        cut: Some(ScatterCut { within_nm: f64::from(nm), to: CutTo::Neighbors }),
+        ..CsvEemOptions::default()
+    };
+    let text = matrix(0.0);
+    let found = loaded(&text, |path| read_eem_csv(path, &keep)).least_cuts(CutTo::Neighbors, 1e-3);
+    let least = found.for_all.unwrap();
+    // Of the wide bell 30 exp(-(d/12)²) is below a thousandth of the dye's peak of 1000 from 22.1 nm on: the cells at 20 nm must go
+    assert_eq!(least, 20);
+    loaded(&text, |path| read_eem_csv(path, &cut(least)));
+    complaint(text.as_bytes(), |path| read_eem_csv(path, &cut(least - 1)));
+    // A cell 140 nm below its excitation is in no band, and the line itself is gone with a narrower one
+    let noisy = loaded(&matrix(50.0), |path| read_eem_csv(path, &keep)).least_cuts(CutTo::Neighbors, 1e-3);
+    assert!(noisy.for_all.is_none() && noisy.for_tails.is_some_and(|nm| nm <= least), "{noisy:?}");
+}
+
 #[test]
 fn bad_matrices_are_explained() {
     let photons = "# unit: photons\n";
@@ -263,16 +471,21 @@ fn bad_matrices_are_explained() {
             "t.csv:1: the unit \"counts\" is not known. Write \"# unit: photons\" or \"# unit: energy\"",
         ),
         (
-            ",350,400\n380,1,0\n450,2,3\n",
-            "t.csv:1: the corner cell is missing. Write \"em_nm\\ex_nm\" there: rows are emission, columns excitation, both in nm",
+            "@,350,400\n380,1,4\n450,2,3\n",
+            "t.csv:2: the corner cell is missing. Write \"em_nm\\ex_nm\" there: rows are emission, columns excitation, both in nm",
+        ),
+        // All that is wrong with the form at once
+        (
+            "ex_nm,400,350,375\n380,1,0,3\n",
+            "t.csv: the unit of the values is unknown: photons or energy (they differ by emission/excitation wavelength). Add a line \"# unit: photons\" or \"# unit: energy\", or give the unit when reading. Also line 1: the corner cell is \"ex_nm\". Write \"em_nm\\ex_nm\" if rows are emission and columns excitation, both in nm; line 1: the excitation wavelength 350 nm follows 400 nm. Sort by wavelength, shortest first",
         ),
         (
-            "ex_nm\\em_nm,380,450\n350,1,2\n400,0,3\n",
-            "t.csv:1: the corner cell is \"ex_nm\\em_nm\": rows are excitation. Transpose the table so that rows are emission, and write \"em_nm\\ex_nm\"",
+            "@ex_nm\\em_nm,380,450\n350,1,2\n400,0,3\n",
+            "t.csv:2: the columns are emission and the rows excitation. Transpose the table so that rows are emission, or export it so",
         ),
         (
-            "nm,350,400\n380,1,0\n",
-            "t.csv:1: the corner cell is \"nm\". Write \"em_nm\\ex_nm\" if rows are emission and columns excitation, both in nm",
+            "@nm,350,400\n380,1,0\n",
+            "t.csv:2: the corner cell is \"nm\". Write \"em_nm\\ex_nm\" if rows are emission and columns excitation, both in nm",
         ),
         (
             "@em_nm\\ex_nm,380,450\n350,1,2\n400,0,3\n",
@@ -296,7 +509,7 @@ fn bad_matrices_are_explained() {
         ),
         (
             "@em_nm\\ex_nm,0.35,0.4\n0.38,1,0\n0.45,2,3\n",
-            "t.csv:2: the excitation wavelengths run from 0.35 to 0.4, not between 100 and 20000 nm. They look like micrometers: multiply by 1000",
+            "t.csv:2: the excitation wavelengths run from 0.35 to 0.4, not between 100 and 20000 nm. They look like micrometers: multiply by 1000. Also line 3: the emission wavelengths run from 0.38 to 0.45, not between 100 and 20000 nm. They look like micrometers: multiply by 1000",
         ),
         (
             "@em_nm\\ex_nm,350,400\n380,1,0\n450,-2,3\n",

@@ -3,15 +3,17 @@
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
 
-use clap::ValueHint;
+use clap::{ValueEnum, ValueHint};
+use fluorspar_experiment::Warning;
 use fluorspar_experiment::schema::{FilePath, FluorophoreSection};
-use fluorspar_format::{Output, OutputSet, Outputs, write_atomically};
+use fluorspar_format::{CutTo, Output, OutputSet, Outputs, ScatterCut, read_start, write_atomically};
 
 use super::loading::{checked, everywhere_nm, from_file, peaks_nm, section_toml};
 use super::{FileOptions, StokesChoice};
 use crate::commands::print_text;
 use crate::error::CliError;
 use crate::message::Messages;
+use crate::values::{self, check_range};
 
 /// Options of `fluorophore import`.
 #[derive(Clone, Debug, clap::Args)]
@@ -28,19 +30,87 @@ pub(super) struct Options {
     /// File for the section, .toml, or `-` for standard output.
     #[arg(long, value_name = "FILE", default_value = "-", value_hint = ValueHint::FilePath)]
     out: PathBuf,
+    /// Replace the file of --out, if it is a section that `import` wrote.
+    #[arg(long)]
+    replace: bool,
+    /// Cut scattered excitation light out of a matrix: the cells within NM of emission = excitation and of emission = 2 x excitation. The section
+    /// then refers to a matrix without it, which is written beside --out.
+    #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
+    cut_scatter: Option<f64>,
+    /// What cut cells become: what a straight line along the emission between the cells beside the band has, or 0.
+    #[arg(long, value_enum, default_value = "neighbors", requires = "cut_scatter")]
+    cut_to: Filling,
+}
+
+/// What cells that are cut out become.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Filling {
+    Neighbors,
+    Zero,
+}
+
+/// Distances from the lines of scattered light that may be cut, nm.
+const CUT_NM: [f64; 2] = [0.5, 100.0];
+/// How the text of a section begins.
+const WRITTEN_BY_IMPORT: &str = "# Measured fluorophore from ";
+
+/// The cut that was asked for.
+fn cut(options: &Options) -> Result<Option<ScatterCut>, CliError> {
+    let Some(within_nm) = options.cut_scatter else { return Ok(None) };
+    check_range("--cut-scatter", within_nm, CUT_NM, "nm")?;
+    if options.out.as_os_str() == "-" {
+        return Err(CliError::Input(
+            "--cut-scatter: the matrix without scattered light is a file beside the section; name the section with --out FILE.toml".into(),
+        ));
+    }
+    let to = match options.cut_to {
+        Filling::Neighbors => CutTo::Neighbors,
+        Filling::Zero => CutTo::Zero,
+    };
+    Ok(Some(ScatterCut { within_nm, to }))
+}
+
+/// What was cut, in words.
+fn cut_in_words(cut: ScatterCut, [first, second]: [usize; 2]) -> String {
+    let to = match cut.to {
+        CutTo::Neighbors => "interpolated along the emission",
+        CutTo::Zero => "set to 0",
+    };
+    format!(
+        "{first} cells within {} nm of emission = excitation and {second} of emission = 2 x excitation, {to}",
+        cut.within_nm
+    )
 }
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
     let to_stdout = options.out.as_os_str() == "-";
-    let set = if to_stdout { None } else { Some(declare(&options.out, &options.input)?) };
-    let (mut section, measured) = from_file(&options.input, options.name.as_deref(), &options.file)?;
+    let cut = cut(options)?;
+    let matrix_out = cut.map(|_| options.out.with_file_name(matrix_name(&options.out)));
+    let set = if to_stdout { None } else { Some(declare(options, matrix_out.as_deref())?) };
+    let file_options = FileOptions { cut, ..options.file.clone() };
+    let (mut section, mut measured) = from_file(&options.input, options.name.as_deref(), &file_options)?;
+    let mut remark = String::new();
+    if let (Some(cut), Some(place), Some(eem)) = (cut, &matrix_out, &measured.without_scatter) {
+        let words = cut_in_words(cut, eem.cut_cells);
+        let input = options.input.file_name().unwrap_or_default().to_string_lossy();
+        let comments = [format!("{input} without scattered excitation light: {words}")];
+        write_atomically(place, |file| file.write_all(eem.to_csv(&comments).as_bytes()))?;
+        let absolute = std::path::absolute(place).unwrap_or_else(|_| place.clone());
+        for path in section.source.files_mut() {
+            *path = FilePath::from(absolute.to_string_lossy().into_owned());
+        }
+        // What was decided about cells is done in the new file
+        (section.allow_negative, section.empty_as_zero) = (false, false);
+        remark = format!("# Scattered excitation light is cut out: {words}.\n");
+        measured.findings.push(("scattered light".into(), format!("cut out: {words}")));
+    }
     let fluorophore = checked(&options.input, &section)?;
 
     let folder = if to_stdout { Path::new(".") } else { options.out.parent().unwrap_or(Path::new(".")) };
     refer_from(folder, &mut section);
     let text = format!(
-        "# Measured fluorophore from {}. Put this section into an experiment or flat sample; paths start at its folder.\n\
-         # photon_yield: photons out per photon in at the best excitation, concentration 1{}.\n{}",
+        "{WRITTEN_BY_IMPORT}{}. Put this section into an experiment or flat sample; paths start at its folder.\n\
+         # photon_yield: photons out per photon in at the best excitation, concentration 1{}.\n{remark}{}",
         options.input.file_name().unwrap_or_default().to_string_lossy(),
         if options.file.photon_yield.is_some() { "" } else { " [assumed]" },
         section_toml(&section)?
@@ -64,6 +134,8 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
             "its scale"
         ));
     }
+    let warnings: Vec<Warning> = measured.warnings.iter().cloned().map(Warning::from).collect();
+    messages.warnings(&warnings);
     let Some(set) = set else { return print_text(&text) };
     write_atomically(&options.out, |file| file.write_all(text.as_bytes()))?;
     set.finish()?;
@@ -71,19 +143,60 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     Ok(())
 }
 
-fn declare(out: &Path, input: &Path) -> Result<OutputSet, CliError> {
+/// Name of the matrix without scattered light beside a section.
+fn matrix_name(out: &Path) -> String {
+    format!("{}-without-scatter.csv", out.file_stem().unwrap_or_default().to_string_lossy())
+}
+
+/// Whether a file is a section that this command wrote.
+fn is_ours(path: &Path) -> bool {
+    let start = read_start(path, WRITTEN_BY_IMPORT.len() as u64).unwrap_or_default();
+    start == WRITTEN_BY_IMPORT.as_bytes()
+}
+
+/// Whether a file is a matrix that this command wrote.
+fn is_our_matrix(path: &Path) -> bool {
+    let start = read_start(path, 4096).unwrap_or_default();
+    let text = String::from_utf8_lossy(&start);
+    text.lines().next().is_some_and(|line| line.contains("without scattered excitation light: "))
+}
+
+fn declare(options: &Options, matrix: Option<&Path>) -> Result<OutputSet, CliError> {
+    let (out, input) = (&options.out, &options.input);
     let shown = out.display();
     if !out.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         return Err(CliError::Input(format!(
             "--out {shown}: the name must end in .toml, or be - for standard output"
         )));
     }
-    if out.exists() {
+    if out.exists() && !options.replace {
         return Err(CliError::Input(format!(
-            "--out {shown}: this exists already and is kept; choose another name or remove it, or append a fluorophore of another name with --out - >> {shown}"
+            "--out {shown}: this exists already and is kept; choose another name, replace it with --replace, or append a fluorophore of another \
+             name with --out - >> {shown}"
         )));
     }
-    Ok(Outputs::new().and(Output::file("--out", out)).reading(&[input.to_path_buf()]).declare()?)
+    if out.exists() && !is_ours(out) {
+        return Err(CliError::Input(format!(
+            "--replace: {shown} does not begin as `import` writes it, so something else would be lost; choose another name for --out"
+        )));
+    }
+    let output = |place: &Path| match options.replace {
+        true => Output::continued("--out", place),
+        false => Output::file("--out", place),
+    };
+    let mut outputs = Outputs::new().and(output(out));
+    if let Some(matrix) = matrix {
+        // One of this command without its section is what is left where the section was refused
+        if matrix.exists() && !is_our_matrix(matrix) {
+            return Err(CliError::Input(format!(
+                "--cut-scatter: {} exists already and is kept; choose another name for --out",
+                matrix.display()
+            )));
+        }
+        // At its place before the section, which is checked with it
+        outputs = outputs.and(Output::continued("--out", matrix));
+    }
+    Ok(outputs.reading(&[input.to_path_buf()]).declare()?)
 }
 
 /// Makes the paths of a section relative to the folder of the file that it will be in.

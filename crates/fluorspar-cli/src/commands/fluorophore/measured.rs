@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use fluorspar_format::{
-    AntiStokes, CsvEemOptions, EemUnit, FormatError, Negative, read_eem_csv, read_fluorophore_csv,
-    read_iset_fluorophore, read_start, refuse_scattered_light,
+    AntiStokes, CsvEemOptions, CutTo, EemUnit, FormatError, LeastCuts, MeasuredEem, Negative, ScatterCut,
+    read_eem_csv, read_fluorophore_csv, read_iset_fluorophore, read_start, refuse_scattered_light,
 };
 
-use super::{FileOptions, Unit};
+use super::{FileOptions, StokesChoice, Unit};
 use crate::error::CliError;
 
 /// Largest share of the peak that a value below its excitation may have, as the reader of matrices has it.
@@ -41,35 +41,173 @@ pub(super) struct Measured {
     pub(super) unit: Unit,
     /// Pairs of what and how much, for people.
     pub(super) findings: Vec<(String, String)>,
+    /// What is accepted and should not be.
+    pub(super) warnings: Vec<String>,
+    /// The matrix whose scattered light was cut out, where that was wanted.
+    pub(super) without_scatter: Option<MeasuredEem>,
+}
+
+impl Measured {
+    /// Without warnings, as it is.
+    fn as_it_is(kind: Kind, name: Option<String>, unit: Unit, findings: Vec<(String, String)>) -> Self {
+        Self { kind, name, unit, findings, warnings: Vec::new(), without_scatter: None }
+    }
+}
+
+impl From<Unit> for EemUnit {
+    fn from(unit: Unit) -> Self {
+        match unit {
+            Unit::Photons => Self::Photons,
+            Unit::Energy => Self::Energy,
+        }
+    }
 }
 
 /// Reads a file with every check that the options leave on.
 pub(super) fn read(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
-    let read = match kind_of(path) {
-        Kind::MatrixCsv => matrix_csv(path, options),
-        Kind::SpectraCsv => spectra_csv(path, options),
-        Kind::Mat => mat(path, options),
-    };
-    read.map_err(|error| match &error {
-        CliError::Format(format) => match option_for(format, options) {
-            Some(option) => CliError::Input(format!("{error} ({option})")),
-            None => error,
-        },
-        _ => error,
+    let kind = kind_of(path);
+    if options.cut.is_some() && kind != Kind::MatrixCsv {
+        return Err(CliError::Input(format!(
+            "--cut-scatter: {} is no matrix as CSV, and holds no line of scattered light that could be cut; leave it out",
+            path.display()
+        )));
+    }
+    read_kind(kind, path, options).map_err(|error| match error {
+        CliError::Format(error) => explained(kind, path, options, error),
+        other => other,
     })
 }
 
-/// The option that lets a file pass.
-fn option_for(error: &FormatError, options: &FileOptions) -> Option<&'static str> {
-    match error {
-        FormatError::Unit { .. } if options.yield_unit.is_none() => {
-            Some("--yield-unit photons or --yield-unit energy")
+fn read_kind(kind: Kind, path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
+    match kind {
+        Kind::MatrixCsv => matrix_csv(path, options),
+        Kind::SpectraCsv => spectra_csv(path, options),
+        Kind::Mat => mat(path, options),
+    }
+}
+
+/// A refusal with the option that lets the file pass, and where one is not enough, with what would be refused after it and the command that has
+/// all of them: who follows it should not meet one refusal after another.
+fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError) -> CliError {
+    let mut tried = options.clone();
+    let (mut text, mut fixes, mut passes) = (String::new(), 0, false);
+    let mut next = Some(error);
+    while let Some(error) = next.take() {
+        let option = fixed(kind, path, &error, &mut tried);
+        if option.is_none() && fixes == 0 {
+            return error.into();
         }
-        FormatError::AntiStokes { .. } | FormatError::ScatteredLight { .. } => Some("--allow-anti-stokes"),
-        FormatError::Negative { .. } => Some("--allow-negative"),
-        FormatError::EmptyCell { .. } => Some("--empty-as-zero"),
+        text += &match fixes {
+            0 => error.to_string(),
+            _ => format!(". Then {}", error.problem()),
+        };
+        let Some(option) = option else { break };
+        text += &format!(" ({option})");
+        fixes += 1;
+        // What else is wrong with the form is told with the unit
+        if matches!(&error, FormatError::Cells { first, .. } if matches!(**first, FormatError::Unit { .. })) {
+            break;
+        }
+        match read_kind(kind, path, &tried) {
+            Ok(_) => passes = true,
+            Err(CliError::Format(error)) => next = Some(error),
+            Err(_) => {}
+        }
+    }
+    if passes && (fixes > 1 || tried.cut.is_some()) {
+        let unit = match (options.yield_unit, tried.yield_unit) {
+            (None, Some(_)) => ", or with --yield-unit energy where the values are energies",
+            _ => "",
+        };
+        text += &format!(". This takes the file: `{}`{unit}", import_command(path, &tried));
+    }
+    CliError::Input(text)
+}
+
+/// The option that lets a file pass, in words, which `tried` then has; `None` where none does.
+fn fixed(kind: Kind, path: &Path, error: &FormatError, tried: &mut FileOptions) -> Option<String> {
+    match error.first() {
+        FormatError::Unit { .. } if tried.yield_unit.is_none() => {
+            tried.yield_unit = Some(Unit::Photons);
+            Some("--yield-unit photons or --yield-unit energy".into())
+        }
+        FormatError::AntiStokes { .. } | FormatError::ScatteredLight { .. } if !tried.allow_anti_stokes => {
+            match kind {
+                Kind::MatrixCsv => scatter_fixed(path, tried),
+                _ => {
+                    tried.allow_anti_stokes = true;
+                    Some("--allow-anti-stokes".into())
+                }
+            }
+        }
+        FormatError::Negative { .. } if !tried.allow_negative => {
+            tried.allow_negative = true;
+            Some("--allow-negative".into())
+        }
+        FormatError::EmptyCell { .. } if !tried.empty_as_zero => {
+            tried.empty_as_zero = true;
+            Some("--empty-as-zero".into())
+        }
         _ => None,
     }
+}
+
+/// The least band of scattered light that is enough, in words.
+fn scatter_fixed(path: &Path, tried: &mut FileOptions) -> Option<String> {
+    let uncut = FileOptions { cut: None, allow_anti_stokes: true, ..tried.clone() };
+    let eem = read_eem_csv(path, &csv_options(&uncut)).ok()?;
+    let to = tried.cut.map_or(CutTo::Neighbors, |cut| cut.to);
+    let LeastCuts { for_all, for_tails } = eem.least_cuts(to, ANTI_STOKES_TOLERANCE);
+    let cut = |nm: u32| Some(ScatterCut { within_nm: f64::from(nm), to });
+    // A wider band than the tails need is cut for single cells of noise: at most a bandpass of it
+    const BANDPASS_NM: u32 = 10;
+    if let Some(nm) = for_all.filter(|all| for_tails.is_some_and(|tails| *all <= tails + BANDPASS_NM)) {
+        tried.cut = cut(nm);
+        return Some(format!(
+            "`fluorophore import --cut-scatter {nm}` cuts it out, with the narrowest band that leaves none; --allow-anti-stokes accepts it"
+        ));
+    }
+    tried.allow_anti_stokes = true;
+    tried.cut = for_tails.and_then(cut);
+    Some(match for_tails {
+        Some(nm) => format!(
+            "`fluorophore import --cut-scatter {nm}` cuts out the lines with their tails; --allow-anti-stokes accepts the noise of single cells that then \
+             is left below the excitation, where the Stokes mask leaves it out"
+        ),
+        None => {
+            "--allow-anti-stokes accepts it, and the Stokes mask leaves out what lies below the excitation"
+                .into()
+        }
+    })
+}
+
+/// The command that imports a file with these options.
+fn import_command(path: &Path, options: &FileOptions) -> String {
+    let file = path.display().to_string();
+    let quoted = |text: String| if text.contains(char::is_whitespace) { format!("'{text}'") } else { text };
+    let mut command = format!("fluorspar fluorophore import {}", quoted(file));
+    match options.yield_unit {
+        Some(Unit::Photons) => command += " --yield-unit photons",
+        Some(Unit::Energy) => command += " --yield-unit energy",
+        None => {}
+    }
+    if let Some(photon_yield) = options.photon_yield {
+        command += &format!(" --photon-yield {photon_yield}");
+    }
+    for (is_given, option) in [
+        (options.stokes == StokesChoice::Off, " --stokes off"),
+        (options.allow_negative, " --allow-negative"),
+        (options.empty_as_zero, " --empty-as-zero"),
+        (options.allow_anti_stokes, " --allow-anti-stokes"),
+    ] {
+        command += if is_given { option } else { "" };
+    }
+    if let Some(cut) = options.cut {
+        let to = if cut.to == CutTo::Zero { " --cut-to zero" } else { "" };
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        command += &format!(" --cut-scatter {}{to} --out {}", cut.within_nm, quoted(format!("{stem}.toml")));
+    }
+    command
 }
 
 /// By ending, or else by the cells of the header. A file that can't be opened is left to its reader to explain.
@@ -108,31 +246,73 @@ fn stated_unit(path: &Path, unit: EemUnit) -> Result<Unit, CliError> {
     }
 }
 
-fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
-    let given = options.yield_unit.map(|unit| match unit {
-        Unit::Photons => EemUnit::Photons,
-        Unit::Energy => EemUnit::Energy,
-    });
-    let read = read_eem_csv(
-        path,
-        &CsvEemOptions {
-            unit: given,
-            anti_stokes: if options.allow_anti_stokes {
-                AntiStokes::Keep
-            } else {
-                AntiStokes::Refuse(ANTI_STOKES_TOLERANCE)
-            },
-            negative: negative(options),
-            empty_as_zero: options.empty_as_zero,
+/// How a matrix is read.
+fn csv_options(options: &FileOptions) -> CsvEemOptions {
+    CsvEemOptions {
+        unit: options.yield_unit.map(EemUnit::from),
+        anti_stokes: if options.allow_anti_stokes {
+            AntiStokes::Keep
+        } else {
+            AntiStokes::Refuse(ANTI_STOKES_TOLERANCE)
         },
-    )?;
+        negative: negative(options),
+        empty_as_zero: options.empty_as_zero,
+        cut: options.cut,
+    }
+}
+
+fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
+    let read = read_eem_csv(path, &csv_options(options))?;
     let unit = stated_unit(path, read.unit)?;
+    let without_scatter = options.cut.map(|_| MeasuredEem { unit: unit.into(), ..read.clone() });
     let matrix =
         Matrix { emission_nm: read.emission_nm, excitation_nm: read.excitation_nm, values: read.values };
     let mut findings = vec![("content".into(), format!("excitation-emission matrix of {}", word(unit)))];
+    if !read.read_as.is_empty() {
+        findings.push(("form of the file".into(), read.read_as.join("; ")));
+    }
     describe(path, &matrix, &mut findings)?;
     findings.push(("empty cells".into(), empty_cells(read.empty_cells)));
-    Ok(Measured { kind: Kind::MatrixCsv, name: None, unit, findings })
+    let mut warnings = accepted_scatter(path, &matrix, options);
+    warnings.extend(options.cut.and_then(|cut| peak_in_cut(&matrix, cut)));
+    Ok(Measured { kind: Kind::MatrixCsv, name: None, unit, findings, warnings, without_scatter })
+}
+
+/// A matrix whose largest value lies in a band that was cut out of it, or ends one: the dye may emit most within the band.
+fn peak_in_cut(matrix: &Matrix, cut: ScatterCut) -> Option<String> {
+    let columns = matrix.excitation_nm.len();
+    let largest =
+        |best: usize, place: usize| if matrix.values[place] > matrix.values[best] { place } else { best };
+    let best = (0..matrix.values.len()).fold(0, largest);
+    let (row, column) = (best / columns, best % columns);
+    let [emission_nm, excitation_nm] = [matrix.emission_nm[row], matrix.excitation_nm[column]];
+    let in_band = |row: usize| {
+        let nm = matrix.emission_nm.get(row)?;
+        Some([1.0, 2.0].iter().any(|order| (nm - order * excitation_nm).abs() <= cut.within_nm))
+    };
+    let places = [Some(row), row.checked_sub(1), Some(row + 1)];
+    places.into_iter().flatten().any(|row| in_band(row) == Some(true)).then(|| {
+        format!(
+            "the largest value that is left, at excitation {excitation_nm} nm and emission {emission_nm} nm, lies in or beside a band of \
+             --cut-scatter {}: the dye may emit most within it. Take a narrower one, or measure with a narrower bandpass or a blank subtracted",
+            cut.within_nm
+        )
+    })
+}
+
+/// What a matrix holds of scattered light though it was accepted.
+fn accepted_scatter(path: &Path, matrix: &Matrix, options: &FileOptions) -> Vec<String> {
+    if !options.allow_anti_stokes {
+        return Vec::new();
+    }
+    let found = refuse_scattered_light(path, &matrix.emission_nm, &matrix.excitation_nm, &matrix.values);
+    let words = |error: FormatError| {
+        format!(
+            "--allow-anti-stokes accepts what is no fluorescence: {}; `fluorophore import --cut-scatter NM` does so",
+            error.problem()
+        )
+    };
+    found.err().map(words).into_iter().collect()
 }
 
 /// What was made of empty cells. Nothing is interpolated: what lies in a hole of a matrix is not known.
@@ -166,7 +346,7 @@ fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError>
         findings.push((name.into(), text));
     }
     findings.push(("unit of emission".into(), taken_as(unit, options.yield_unit.is_some())));
-    Ok(Measured { kind: Kind::SpectraCsv, name: None, unit, findings })
+    Ok(Measured::as_it_is(Kind::SpectraCsv, None, unit, findings))
 }
 
 fn mat(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
@@ -186,7 +366,7 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
     };
     let unit = options.yield_unit.unwrap_or(Unit::Photons);
     let name = Some(read.name).filter(|name| !name.is_empty());
-    let mut findings = Vec::new();
+    let (mut findings, mut warnings) = (Vec::new(), Vec::new());
     if let Some(values) = read.eem {
         refuse_negative("eem", &values)?;
         findings.push(("content".into(), format!("ISET fluorophore, matrix of {}", word(unit))));
@@ -200,6 +380,7 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
             refuse_scattered_light(path, &matrix.emission_nm, &matrix.excitation_nm, &matrix.values)?;
             refuse_anti_stokes(path, &matrix)?;
         }
+        warnings = accepted_scatter(path, &matrix, options);
         describe(path, &matrix, &mut findings)?;
     } else if let (Some(excitation), Some(emission)) = (read.excitation, read.emission) {
         findings.push(("content".into(), "ISET fluorophore, excitation and emission spectra".into()));
@@ -223,7 +404,7 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
         "the convention of those files; --yield-unit changes it"
     };
     findings.push(("unit".into(), format!("{} ({by_convention})", word(unit))));
-    Ok(Measured { kind: Kind::Mat, name, unit, findings })
+    Ok(Measured { warnings, ..Measured::as_it_is(Kind::Mat, name, unit, findings) })
 }
 
 fn word(unit: Unit) -> &'static str {

@@ -11,6 +11,7 @@ mod plot;
 mod show;
 
 use clap::ValueEnum;
+use fluorspar_format::ScatterCut;
 
 use crate::commands::actions::actions;
 use crate::commands::table::ListOptions;
@@ -51,6 +52,9 @@ struct FileOptions {
     /// Take empty cells of a matrix as zero instead of refusing them.
     #[arg(long)]
     empty_as_zero: bool,
+    /// Set by `import`, which writes what it has cut.
+    #[arg(skip)]
+    cut: Option<ScatterCut>,
 }
 
 impl FileOptions {
