@@ -11,7 +11,7 @@ use fluorspar::study::Study;
 use fluorspar_experiment::{
     Experiment, SettingDifference, parse, resolve, resolve_captures, setting_differences,
 };
-use fluorspar_format::{FileFormat, OutputFolder, read_bounded, write_atomically};
+use fluorspar_format::{FileFormat, OutputFolder, read_bounded, read_start, write_atomically};
 use fluorspar_report::{
     ComparedNumber, ComparedPictures, FinishedRun, FrameToCompare, HOW_JUDGED, ReportPicture,
     compared_numbers, compared_pictures, comparison_figures, comparison_remarks, comparison_report,
@@ -143,6 +143,9 @@ impl Side {
         };
         let run = FinishedRun::read(&path.display().to_string(), &target, &results)
             .map_err(|error| wrong(error.to_string()))?;
+        let analyzed = run.analysis.as_ref().map(|analysis| analysis.frame.as_str());
+        let run =
+            FinishedRun { frame_pixels: analyzed.and_then(|frame| pixels_of_preview(&folder, frame)), ..run };
         // The results of an analysis have no title
         let title = experiment.as_ref().map_or_else(|_| String::new(), |e| e.file.title.clone());
         let run = if run.title.is_empty() { FinishedRun { title, ..run } } else { run };
@@ -166,6 +169,16 @@ impl Side {
     fn preview(&self, label: &str) -> Option<Vec<u8>> {
         read_bounded(&self.folder.join(format!("preview_{label}.png")), LARGEST_PREVIEW).ok()
     }
+}
+
+/// Pixels of a frame, by the head of its picture: a preview has those of the frame.
+fn pixels_of_preview(folder: &Path, frame: &str) -> Option<u64> {
+    // Signature of PNG, length and name of the first chunk, width, height (PNG specification, 11.2.2)
+    let head = read_start(&folder.join(format!("preview_{frame}.png")), 24).ok()?;
+    let number =
+        |start: usize| Some(u64::from(u32::from_be_bytes(head.get(start..start + 4)?.try_into().ok()?)));
+    let pixels = number(16)?.checked_mul(number(20)?)?;
+    (head.get(12..16)? == b"IHDR" && pixels > 0).then_some(pixels)
 }
 
 /// The experiment of a folder: its `experiment.toml`, else what its report carries.

@@ -78,6 +78,17 @@ fn runs_are_compared_by_settings_numbers_and_frames() {
         verdict.starts_with("B sees smaller amounts of porphyrin than A.") && verdict.contains("noise alone"),
         "{verdict}"
     );
+    assert!(verdict.contains("by the noise of sensor and render"), "{verdict}");
+    // Another seed of the same experiment is no other camera
+    run(folder, "seed", &["--set=render.seed=7"]);
+    let repeated = compare(folder, "a", "seed");
+    let same = repeated["verdict"].as_str().unwrap();
+    assert!(same.starts_with("A and B are not told apart by the smallest amounts of porphyrin"), "{same}");
+    // Without the picture of the frame it is not known how many pixels of the render lie behind the region
+    fs::remove_file(folder.join("seed/preview_blue.png")).unwrap();
+    let unknown = compare(folder, "b", "seed");
+    let unknown = unknown["verdict"].as_str().unwrap();
+    assert!(unknown.contains("is not known, so neither is called better"), "{unknown}");
     let said = fluorspar(folder, ["compare", "a", "b", "--out", "ab"]).well();
     assert!(said.stdout.contains(verdict), "{}", said.stdout);
     for part in ["light.blue.spectrum", "led_405", "told apart", "Intervals are of 95 %", "Safe captures"] {

@@ -19,6 +19,10 @@ pub struct FinishedRun {
     pub experiment_sha256: String,
     /// The fluorophore whose share is looked for, in words; "porphyrin" where none is named.
     pub target: String,
+    /// Pixels of its render; `None` of results without one.
+    pub render_pixels: Option<u64>,
+    /// Pixels of its analyzed frame, where they are known.
+    pub frame_pixels: Option<u64>,
     /// Its frames.
     pub frames: Vec<FinishedFrame>,
     /// The analysis of the region.
@@ -125,6 +129,7 @@ impl FinishedRun {
         results: &Value,
     ) -> Result<Self, UnreadableRun> {
         let text = |key: &str| results.get(key).and_then(Value::as_str).unwrap_or_default().to_owned();
+        let number = |key: &str| results.get(key).and_then(Value::as_u64).filter(|count| *count > 0);
         let is_analysis = results.get("counts").is_some() && results.get("region_description").is_some();
         let frames =
             if is_analysis { Some(Vec::new()) } else { part::<Vec<FinishedFrame>>(results, "frames")? };
@@ -134,6 +139,8 @@ impl FinishedRun {
             version: text("version"),
             experiment_sha256: text("experiment_sha256"),
             target: target(None),
+            render_pixels: number("width_px").zip(number("height_px")).map(|(columns, rows)| columns * rows),
+            frame_pixels: None,
             frames: frames.ok_or(UnreadableRun::OfAnotherCommand)?,
             analysis: match is_analysis {
                 true => Some(of_part(results, "analysis")?),
