@@ -329,3 +329,61 @@ fn measured_matrices_come_through() {
         assert!((found - peak).abs() <= 5.0, "{name}: {found}");
     }
 }
+
+/// What `plot` says that a filter keeps of the fluorescence and lets pass of the light, against the sums by hand, and against `design`.
+#[test]
+fn what_a_viewing_filter_keeps_is_the_ratio_of_the_integrals() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let kept = |more: &[&str]| -> Value {
+        let args = ["plot", "--fluorophore=fluorescein", "--json", "--out=chain.svg"];
+        fluorspar(folder, [&args[..], more].concat()).json()["kept"][0].clone()
+    };
+    let percent = |found: &Value, key: &str| found[key].as_f64().unwrap();
+    // A filter that passes (nm - 300)/600, and light of two lines of one power, triangles of 5 nm to either side
+    let transmittance = |nm: f64| (nm - 300.0) / 600.0;
+    fs::write(folder.join("rising.csv"), "wavelength_nm,transmittance\n300,0\n900,1\n").unwrap();
+    let lines = "wavelength_nm,power\n300,0\n435,0\n440,1\n445,0\n455,0\n460,1\n465,0\n900,0\n";
+    fs::write(folder.join("lines.csv"), lines).unwrap();
+    let own = ["--light=lines.csv", "--view-filter=rising.csv"];
+    // Photons go with power times wavelength: a triangle at m of variance v = 5²/6 passes m T(m) + v T' of m
+    let (variance, slope) = (25.0 / 6.0, 1.0 / 600.0);
+    let passed = [440.0, 460.0].map(|nm: f64| nm * transmittance(nm) + variance * slope);
+    let light = 100.0 * passed.iter().sum::<f64>() / 900.0;
+    // The shape of fluorescein's emission is the same under any excitation below it
+    let fluorescein = fluorspar_experiment::preset::fluorophore("fluorescein").unwrap().fluorophore();
+    let channels =
+        fluorspar_experiment::preset::quantum_efficiency("consumer_rgb_cmos").unwrap().channels().unwrap();
+    let by_hand = |weight: &dyn Fn(f64) -> f64| -> f64 {
+        let nm = || (0..2400).map(|step| 300.125 + 0.25 * f64::from(step));
+        let sum = |of: &dyn Fn(f64) -> f64| -> f64 {
+            nm().map(|nm| fluorescein.eem.at(nm, 450.0) * weight(nm) * of(nm)).sum()
+        };
+        100.0 * sum(&transmittance) / sum(&|_| 1.0)
+    };
+    let seen = |nm: f64| channels.iter().map(|(_, curve)| curve.at(nm)).sum::<f64>();
+    // Sums over smooth bells of tens of nanometers at steps of 1 nm are good to far below a thousandth
+    let bare = kept(&own);
+    for (found, expected) in [
+        (percent(&bare, "light_passed_percent"), light),
+        (percent(&bare, "fluorescence_kept_percent"), by_hand(&|_| 1.0)),
+        (
+            percent(&kept(&[&own[..], &["--qe=consumer_rgb_cmos"]].concat()), "fluorescence_kept_percent"),
+            by_hand(&seen),
+        ),
+    ] {
+        assert!((found / expected - 1.0).abs() < 1e-3, "{found} {expected}");
+    }
+    // The same share as `design` has, whose bands of some nanometers cut the filter's edge otherwise
+    let design = "format = 1\ntitle = \"A long-pass\"\ncriterion = \"leak\"\n[[region]]\nname = \"dye\"\n\
+                  material = { reflectance = 0.5, concentrations = { fluorescein = 0.01 } }\n[[light]]\nname = \"405 nm\"\nspectrum = \"led_405\"\n\
+                  irradiance_w_per_m2 = 100.0\n[[view_filter]]\nname = \"long-pass\"\nfilters = [\"long_pass_520\"]\n[[sensor]]\nname = \"camera\"\n\
+                  preset = \"pi_camera_3\"\n[exposure]\ncounts = [1]\ntotal_ms = 60.0\n[unknown]\ngain = 0.2\nleak = 0.3\npixels = 1000\n[[contrast]]\n\
+                  name = \"dye\"\npart = [\"fluorescein\"]\n";
+    fs::write(folder.join("design.toml"), design).unwrap();
+    let swept = fluorspar(folder, ["design", "sweep", "design.toml", "--json", "-q"]).json();
+    let of_design = 100.0 * swept["best"][0]["fluorescence_kept"].as_f64().unwrap();
+    let same = ["--light=led_405", "--view-filter=long_pass_520", "--qe=consumer_rgb_cmos"];
+    let of_plot = percent(&kept(&same), "fluorescence_kept_percent");
+    assert!((of_plot - of_design).abs() < 0.5, "{of_plot} {of_design}");
+}
