@@ -87,7 +87,7 @@ fn short(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use crate::{Axis, Figure, Ink, Panel, Series};
+    use crate::{Axis, ColorBar, ColorMap, Figure, Ink, Panel, Series};
 
     #[test]
     fn a_line_comes_back_as_rows_and_as_words() {
@@ -110,5 +110,17 @@ mod tests {
         let svg = figure.to_page_svg();
         let width: f64 = svg.split('"').nth(3).unwrap().parse().unwrap();
         assert!(width <= 331.0, "{width}");
+    }
+
+    #[test]
+    fn the_color_bar_of_a_narrow_figure_keeps_its_numbers() {
+        let hidden = || Axis::hidden([0.0, 1.0]);
+        let axis = Axis::linear("porphyrin share", "%", [0.0, 40.0]);
+        let color_bar = Some(ColorBar { axis, map: ColorMap::Viridis });
+        let panel = Panel { color_bar, ..Panel::new(hidden(), hidden()).sized(500.0, 300.0) };
+        let svg = Figure::new("", panel).narrow(330.0).to_page_svg();
+        for text in [">porphyrin share (%)<", ">0<", ">40<"] {
+            assert_eq!(svg.matches(text).count(), 1, "{text} in {svg}");
+        }
     }
 }

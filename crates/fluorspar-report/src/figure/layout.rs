@@ -118,11 +118,11 @@ fn margins(panel: &Panel) -> Margins {
         14.0 + (BAR_WIDTH + 7.0 + ticks).max(title)
     });
     Margins {
-        left: if panel.y.is_hidden() { 0.0 } else { widest(&y_ticks(&panel.y, panel.size[1])) + 10.0 },
+        left: if panel.y.is_hidden { 0.0 } else { widest(&y_ticks(&panel.y, panel.size[1])) + 10.0 },
         right: 20.0 + bar,
         top: if panel.title.is_empty() { 4.0 } else { 22.0 }
-            + if panel.y.is_hidden() && panel.color_bar.is_none() { 0.0 } else { 25.0 },
-        bottom: if panel.x.is_hidden() { 10.0 } else { 48.0 },
+            + if panel.y.is_hidden && panel.color_bar.is_none() { 0.0 } else { 25.0 },
+        bottom: if panel.x.is_hidden { 10.0 } else { 48.0 },
     }
 }
 
@@ -189,7 +189,7 @@ fn draw_panel(panel: &Panel, frame: Frame, left_margin: f64, marks: &mut Vec<Mar
     };
     let heading_left = frame.left - left_margin;
     let mut heading = frame.top - 13.0;
-    if !panel.y.is_hidden() {
+    if !panel.y.is_hidden {
         marks.push(text_mark(
             [heading_left, heading],
             &panel.y.title(),
@@ -198,7 +198,7 @@ fn draw_panel(panel: &Panel, frame: Frame, left_margin: f64, marks: &mut Vec<Mar
             Ink::Muted,
         ));
     }
-    if !panel.y.is_hidden() || panel.color_bar.is_some() {
+    if !panel.y.is_hidden || panel.color_bar.is_some() {
         heading -= 19.0;
     }
     if !panel.title.is_empty() {
@@ -212,7 +212,7 @@ fn draw_panel(panel: &Panel, frame: Frame, left_margin: f64, marks: &mut Vec<Mar
         draw_series(series, panel, frame, &to_px, marks);
     }
     marks.push(Mark::Unclip);
-    if !panel.x.is_hidden() || !panel.y.is_hidden() {
+    if !panel.x.is_hidden || !panel.y.is_hidden {
         marks.push(Mark::Strokes { lines: vec![outline(frame)], width: 1.0, ink: Ink::Muted });
     }
     draw_labels(panel, frame, &to_px, marks);
@@ -251,7 +251,7 @@ fn draw_axes(panel: &Panel, frame: Frame, covered: bool, marks: &mut Vec<Mark>) 
             major.push(vec![[frame.left, y], [frame.right(), y]]);
         }
     }
-    if !panel.x.is_hidden() {
+    if !panel.x.is_hidden {
         let at = [frame.left + 0.5 * frame.width, frame.bottom() + 38.0];
         marks.push(text_mark(at, &panel.x.title(), LABEL_SIZE, Anchor::Middle, Ink::Muted));
     }

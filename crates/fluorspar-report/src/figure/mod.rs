@@ -268,7 +268,7 @@ impl Figure {
         for panel in &mut narrow.panels {
             let [w, h] = panel.size;
             let scale = (NARROW_PANEL / w).min(1.0);
-            let flat = if panel.x.is_hidden() || w == h { scale } else { scale.max(0.7) };
+            let flat = if panel.x.is_hidden || w == h { scale } else { scale.max(0.7) };
             panel.size = [(w * scale).round(), (h * flat).round()];
             // Beside a narrow panel there is no room for the name of its color bar.
             if let Some(bar) = &mut panel.color_bar
@@ -297,7 +297,7 @@ impl Figure {
         for panel in &mut self.panels {
             let [w, h] = panel.size;
             let smaller = (w - excess).max(0.4 * w).floor();
-            let flat = if panel.x.is_hidden() || w == h { smaller / w } else { 1.0 };
+            let flat = if panel.x.is_hidden || w == h { smaller / w } else { 1.0 };
             panel.size = [smaller, (h * flat).round()];
         }
     }

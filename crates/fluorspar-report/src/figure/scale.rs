@@ -21,6 +21,8 @@ pub struct Axis {
     pub limits: [f64; 2],
     /// Linear or logarithmic.
     pub scale: Scale,
+    /// Without ticks.
+    pub(super) is_hidden: bool,
 }
 
 /// A tick: value and text; minor ticks have no text.
@@ -32,12 +34,12 @@ pub(super) struct Tick {
 impl Axis {
     /// A linear axis.
     pub fn linear(label: impl Into<String>, unit: impl Into<String>, limits: [f64; 2]) -> Self {
-        Self { label: label.into(), unit: unit.into(), limits, scale: Scale::Linear }
+        Self { label: label.into(), unit: unit.into(), limits, scale: Scale::Linear, is_hidden: false }
     }
 
     /// A logarithmic axis; both limits must be positive.
     pub fn log10(label: impl Into<String>, unit: impl Into<String>, limits: [f64; 2]) -> Self {
-        Self { label: label.into(), unit: unit.into(), limits, scale: Scale::Log10 }
+        Self { label: label.into(), unit: unit.into(), limits, scale: Scale::Log10, is_hidden: false }
     }
 
     /// A wavelength axis, nm.
@@ -47,7 +49,7 @@ impl Axis {
 
     /// An axis without label and ticks, for display.
     pub fn hidden(limits: [f64; 2]) -> Self {
-        Self::linear("", "", limits)
+        Self { is_hidden: true, ..Self::linear("", "", limits) }
     }
 
     /// A linear axis from zero to a round number at or above the largest of some values.
@@ -77,10 +79,6 @@ impl Axis {
         if self.unit.is_empty() { self.label.clone() } else { format!("{} ({})", self.label, self.unit) }
     }
 
-    pub(super) fn is_hidden(&self) -> bool {
-        self.label.is_empty()
-    }
-
     /// Position of a value: 0 at the first limit, 1 at the last. Finite for every finite value.
     pub(super) fn position(&self, value: f64) -> f64 {
         let [first, last] = self.limits;
@@ -96,7 +94,7 @@ impl Axis {
 
     /// Ticks for an axis of so many labels at most.
     pub(super) fn ticks(&self, most: usize) -> Vec<Tick> {
-        if self.is_hidden() {
+        if self.is_hidden {
             return Vec::new();
         }
         match self.scale {

@@ -1,7 +1,7 @@
 //! How often each level occurs in a capture.
 
 use crate::Dash;
-use crate::{Axis, Figure, Ink, Panel, Scale, Series, SeriesShape};
+use crate::{Axis, Figure, Ink, Panel, Series, SeriesShape};
 
 const BINS: usize = 128;
 
@@ -40,12 +40,11 @@ pub fn histograms(
     let most = counted.iter().flatten().copied().max().unwrap_or(1).max(10) as f64;
     let mut panel = Panel::new(
         Axis::linear("value above black", "DN", [low, low + BINS as f64 * width]),
-        Axis {
-            label: "pixels per level bin".into(),
-            unit: format!("bin = {width:.0} DN"),
-            limits: [0.7, 10f64.powf(most.log10() + 0.15)],
-            scale: Scale::Log10,
-        },
+        Axis::log10(
+            "pixels per level bin",
+            format!("bin = {width:.0} DN"),
+            [0.7, 10f64.powf(most.log10() + 0.15)],
+        ),
     )
     .sized(620.0, 260.0);
     for (index, (channel, counts)) in channels.iter().zip(&counted).enumerate() {
