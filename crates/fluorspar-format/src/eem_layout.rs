@@ -312,7 +312,7 @@ fn columns(path: &Path, above: &[Line], rows: &[Line], has_commas: bool) -> Resu
                 path,
                 line.index as u64 + 1,
                 "the columns are emission and the rows excitation",
-                "Transpose the table so that rows are emission, or export it so",
+                "Transpose the table, or export it, so that rows are emission and columns excitation",
             ));
         }
         let is_stated = of_columns.is_some() || axes.first() == Some(&Axis::Emission);

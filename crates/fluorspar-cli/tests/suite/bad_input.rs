@@ -66,7 +66,7 @@ const FILES: [(&str, &str); 43] = [
     ("eem/photons.csv", "# unit: photons\nem_nm\\ex_nm,380,390\n500,1,2\n510,3,4\n"),
     ("eem/empty_cell.csv", "# unit: photons\nem_nm\\ex_nm,380,390\n500,1,\n510,3,4\n"),
     ("eem/ragged.csv", "# unit: photons\nem_nm\\ex_nm,380,390\n500,1\n510,3,4\n"),
-    ("eem/no_corner.csv", "# unit: photons\n,380,390\n500,1,2\n510,3,4\n"),
+    ("eem/no_corner.csv", "# unit: photons\n,380,390\n380,1,2\n390,3,4\n"),
     ("eem/one_column.csv", "# unit: photons\nem_nm\\ex_nm,380\n500,1\n510,3\n"),
     ("eem/zero.csv", "# unit: photons\nem_nm\\ex_nm,380,390\n500,0,0\n510,0,0\n"),
     ("lenses/three_numbers.dat", "# a lens\n50\n40 6 1.6\n"),

@@ -481,7 +481,7 @@ fn bad_matrices_are_explained() {
         ),
         (
             "@ex_nm\\em_nm,380,450\n350,1,2\n400,0,3\n",
-            "t.csv:2: the columns are emission and the rows excitation. Transpose the table so that rows are emission, or export it so",
+            "t.csv:2: the columns are emission and the rows excitation. Transpose the table, or export it, so that rows are emission and columns excitation",
         ),
         (
             "@nm,350,400\n380,1,0\n",
