@@ -165,6 +165,8 @@ pub fn add_reflected<L: Lanes>(
 pub fn transpose<L: Lanes>(lanes: L, spectra: &[f32], bands: usize, lines: &mut [f32]) {
     /// Side of the squares that are transposed at once.
     const SIDE: usize = 8;
+    /// Columns between those that are read and those that are asked for.
+    const AHEAD: usize = 16;
     let width = spectra.len() / bands.max(1);
     if bands < SIDE || width < SIDE {
         for (col, spectrum) in spectra.chunks_exact(bands.max(1)).enumerate() {
@@ -178,6 +180,11 @@ pub fn transpose<L: Lanes>(lanes: L, spectra: &[f32], bands: usize, lines: &mut 
     for col in (0..width).step_by(SIDE).map(|col| col.min(width - SIDE)) {
         for band in (0..bands).step_by(SIDE).map(|band| band.min(bands - SIDE)) {
             let (from, to) = (col * bands + band, band * width + col);
+            // A processor does not foresee short rows in turn: ask early for an equal part of the columns to come
+            let ahead = (col + AHEAD) * bands + SIDE * band;
+            for line in (ahead..ahead + SIDE * SIDE).step_by(BLOCK) {
+                lanes.prefetch(spectra, line);
+            }
             lanes.transpose_8(&spectra[from..], &mut lines[to..], [bands, width]);
         }
     }
@@ -194,8 +201,7 @@ pub struct WeightedSums<'a> {
 /// Adds lines of equal wavelength, `[band][col]`, times weights: `sums[channel][col] += sum of weights[channel][band] lines[band][col]`
 /// over some bands and columns, for several tables at once.
 ///
-/// Eight bands at a time are summed in single precision, in their order, then added in double precision. Bands of weight zero are
-/// not looked at.
+/// Eight bands at a time are summed in single precision, in their order, then added in double precision.
 ///
 /// # Panics
 /// If a slice is too short for its range.
@@ -217,6 +223,9 @@ pub fn add_weighted<L: Lanes>(
     }
 }
 
+/// Bands that are summed in single precision.
+const AT_ONCE: usize = 8;
+
 /// Adds bands in columns that fill some blocks, the last one perhaps in part. Several blocks share each look at a weight.
 #[inline(always)]
 fn add_columns<L: Lanes, const BLOCKS: usize>(
@@ -224,23 +233,36 @@ fn add_columns<L: Lanes, const BLOCKS: usize>(
     (lines, width, bands, columns): (&[f32], usize, &Range<usize>, &Range<usize>),
     tables: &mut [WeightedSums<'_>],
 ) {
-    /// Bands that are summed in single precision.
-    const AT_ONCE: usize = 8;
     let count = lines.len() / width.max(1);
     for few in bands.clone().step_by(AT_ONCE) {
         let few = few..(few + AT_ONCE).min(bands.end);
+        // Where the table ends within the blocks of a row, the row is copied
+        let mut copies = [[BandBlock::ZERO; BLOCKS]; AT_ONCE];
+        let mut rows = [None; AT_ONCE];
+        for ((row, copy), band) in rows.iter_mut().zip(&mut copies).zip(few.clone()) {
+            let line = &lines[band * width + columns.start..];
+            *row = first_blocks(line);
+            if row.is_none() {
+                for (block, values) in copy.iter_mut().zip(line.chunks(BLOCK)) {
+                    block.0[..values.len()].copy_from_slice(values);
+                }
+            }
+        }
+        let rows: [[&[f32; BLOCK]; BLOCKS]; AT_ONCE] = std::array::from_fn(|index| match rows[index] {
+            Some(blocks) => blocks.each_ref(),
+            None => copies[index].each_ref().map(|block| &block.0),
+        });
         for WeightedSums { weights, sums } in tables.iter_mut() {
             for (weights, sums) in weights.chunks_exact(count).zip(sums.chunks_exact_mut(width)) {
+                let weights = &weights[few.clone()];
+                if weights.iter().all(|weight| *weight == 0.0) {
+                    continue;
+                }
                 let mut partial = [lanes.splat(0.0); BLOCKS];
-                for (band, weight) in few.clone().zip(&weights[few.clone()]) {
-                    if *weight == 0.0 {
-                        continue;
-                    }
-                    let weight = lanes.splat(*weight);
-                    let line = read_blocks::<L, BLOCKS>(lanes, &lines[band * width + columns.start..]);
-                    for (partial, line) in partial.iter_mut().zip(line) {
-                        *partial = lanes.add(*partial, lanes.mul(weight, line));
-                    }
+                // A known number of bands becomes straight code
+                match weights.first_chunk::<AT_ONCE>() {
+                    Some(weights) => add_rows(lanes, weights, &rows, &mut partial),
+                    None => add_rows(lanes, weights, &rows, &mut partial),
                 }
                 for (partial, sums) in partial.into_iter().zip(sums[columns.clone()].chunks_mut(BLOCK)) {
                     let mut values = BandBlock::ZERO;
@@ -248,6 +270,28 @@ fn add_columns<L: Lanes, const BLOCKS: usize>(
                     add_doubled(&values, sums);
                 }
             }
+        }
+    }
+}
+
+/// The first whole blocks of a line, if it holds as many.
+#[inline(always)]
+fn first_blocks<const BLOCKS: usize>(line: &[f32]) -> Option<&[[f32; BLOCK]; BLOCKS]> {
+    line.as_chunks::<BLOCK>().0.first_chunk::<BLOCKS>()
+}
+
+/// `sums += weight * row`, row by row.
+#[inline(always)]
+fn add_rows<L: Lanes, const BLOCKS: usize>(
+    lanes: L,
+    weights: &[f32],
+    rows: &[[&[f32; BLOCK]; BLOCKS]],
+    sums: &mut [L::Vector; BLOCKS],
+) {
+    for (weight, row) in weights.iter().zip(rows) {
+        let weight = lanes.splat(*weight);
+        for (sum, block) in sums.iter_mut().zip(row) {
+            *sum = lanes.add(*sum, lanes.mul(weight, lanes.read(block)));
         }
     }
 }
@@ -261,19 +305,6 @@ fn add_doubled(values: &BandBlock, sums: &mut [f64]) {
         Some(sums) => sums.iter_mut().zip(&values.0).for_each(add),
         None => sums.iter_mut().zip(&values.0).for_each(add),
     }
-}
-
-/// The first numbers as blocks of sixteen, those that are missing zero.
-#[inline(always)]
-fn read_blocks<L: Lanes, const BLOCKS: usize>(lanes: L, line: &[f32]) -> [L::Vector; BLOCKS] {
-    if let Some(blocks) = line.as_chunks::<BLOCK>().0.first_chunk::<BLOCKS>() {
-        return blocks.each_ref().map(|block| lanes.read(block));
-    }
-    let mut rest = [BandBlock::ZERO; BLOCKS];
-    for (block, values) in rest.iter_mut().zip(line.chunks(BLOCK)) {
-        block.0[..values.len()].copy_from_slice(values);
-    }
-    rest.each_ref().map(|block| lanes.load(block))
 }
 
 /// A matrix `emission ⊗ excitation`, or what lies of it below the diagonal and any diagonal.

@@ -27,6 +27,8 @@ pub trait Lanes: Copy {
     fn shift<const BY: usize>(self, vector: Self::Vector) -> Self::Vector;
     /// The last number sixteen times.
     fn splat_last(self, vector: Self::Vector) -> Self::Vector;
+    /// Asks for the cache line of a number that will be read soon; beyond the end of the slice, for nothing.
+    fn prefetch(self, values: &[f32], at: usize);
     /// Eight rows of eight numbers as eight columns; rows begin `steps` numbers apart, first those that are read.
     ///
     /// # Panics
@@ -131,6 +133,9 @@ impl Lanes for Arrays {
     }
 
     #[inline(always)]
+    fn prefetch(self, _: &[f32], _: usize) {}
+
+    #[inline(always)]
     fn transpose_8(self, from: &[f32], to: &mut [f32], [from_step, to_step]: [usize; 2]) {
         for row in 0..8 {
             for (col, value) in from[row * from_step..][..8].iter().enumerate() {
@@ -177,6 +182,15 @@ mod x86 {
             );
         }
         shifted
+    }
+
+    /// [`Lanes::prefetch`].
+    #[inline(always)]
+    fn prefetch(values: &[f32], at: usize) {
+        if let Some(value) = values.get(at) {
+            // SAFETY: SSE, to which the instruction belongs, is part of x86-64; it changes nothing that a program sees.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(value).cast()) };
+        }
     }
 
     /// [`Lanes::transpose_8`]: pairs of rows, then fours, then halves.
@@ -284,6 +298,11 @@ mod x86 {
         }
 
         #[inline(always)]
+        fn prefetch(self, values: &[f32], at: usize) {
+            prefetch(values, at);
+        }
+
+        #[inline(always)]
         fn transpose_8(self, from: &[f32], to: &mut [f32], steps: [usize; 2]) {
             // SAFETY: as above.
             unsafe { transpose_8(from, to, steps) }
@@ -346,6 +365,11 @@ mod x86 {
         fn splat_last(self, vector: __m512) -> __m512 {
             // SAFETY: as above.
             unsafe { _mm512_permutexvar_ps(_mm512_set1_epi32(15), vector) }
+        }
+
+        #[inline(always)]
+        fn prefetch(self, values: &[f32], at: usize) {
+            prefetch(values, at);
         }
 
         #[inline(always)]
