@@ -41,7 +41,6 @@ mod sensor_file;
 mod setting_difference;
 mod shape;
 mod tissue_file;
-mod warning;
 
 pub mod preset;
 pub mod schema;
@@ -55,6 +54,7 @@ pub use design::{
     TolerancesSection, UnknownsSection, WheelFilterSection, WhiteFrameSection, parse_design,
 };
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
+pub use fluorspar::warning::Warning;
 pub use kept::{cache, kept_mouth, use_cache};
 pub use layers_file::{
     LayerEmissionSection, LayerSection, LayersFile, ResolvedEmission, ResolvedLayers, parse_layers,
@@ -77,7 +77,6 @@ pub use scene_tree::{SceneNode, SceneValue, scene_nodes, scene_values};
 pub use sensor_file::{ResolvedSensor, SensorFile, parse_sensor};
 pub use setting_difference::{SettingDifference, setting_differences};
 pub use tissue_file::{TissueFile, parse_tissue};
-pub use warning::Warning;
 
 /// JSON schema of an experiment file, with units, ranges and defaults as descriptions.
 pub fn json_schema() -> serde_json::Value {

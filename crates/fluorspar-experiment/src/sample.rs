@@ -20,7 +20,6 @@ use super::schema::{
     SpectralSection, SpectrumReference, TissueSection, UniformBins, ViewFilterSection,
 };
 use super::shape::Schema;
-use crate::warning::Warning;
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::light::{DistantEmitter, Light, LightGroup};
 use fluorspar::material::{FluorophoreAmount, Material, ScalarTexture};
@@ -33,6 +32,7 @@ use fluorspar::spectral::{
     TOOLBOX_STEP_NM, ToolboxEem, WavelengthGrid,
 };
 use fluorspar::study::{Camera, FlatSample, FluorescenceModel};
+use fluorspar::warning::Warning;
 use fluorspar_format::read_toml;
 use serde::de::IgnoredAny;
 

@@ -14,9 +14,9 @@ use super::resolve::device;
 use super::sample::sample_schema;
 use super::schema::{FormatVersion, SensorSection};
 use super::shape::Schema;
-use crate::warning::Warning;
 use fluorspar::sensor::Sensor;
 use fluorspar::spectral::WavelengthGrid;
+use fluorspar::warning::Warning;
 
 /// A sensor file: the `[sensor]` section of an experiment, with a title and sources for people.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -72,7 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let mut changes: Vec<String> = LIGHTS.map(String::from).into();
                 changes.extend(bands.into_iter().flatten().map(String::from));
                 changes.extend([
-                    format!("exposure.total_electrons={electrons:.1}"),
+                    format!("exposure.total.electrons={electrons:.1}"),
                     format!("unknown.emission_shift_nm={shift_nm:.1}"),
                     format!("unknown.excitation_shift_nm={shift_nm:.1}"),
                     format!("unknown.spectrum={error:.2}"),

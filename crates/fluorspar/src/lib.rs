@@ -51,3 +51,4 @@ pub mod spectral;
 pub mod study;
 pub mod tissue;
 pub mod units;
+pub mod warning;

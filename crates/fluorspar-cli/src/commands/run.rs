@@ -121,8 +121,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             super::print_text(&text)?;
         }
         let of_regions = region_warnings(analysis, &regions);
-        let warnings: Vec<Warning> =
-            analysis.warnings.iter().chain(&of_regions).map(Warning::of_sentences).collect();
+        let warnings: Vec<Warning> = analysis.warnings.iter().chain(&of_regions).cloned().collect();
         messages.warnings(&warnings);
     }
     let seconds = started.elapsed().as_secs_f64();

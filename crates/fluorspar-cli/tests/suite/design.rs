@@ -110,7 +110,7 @@ fn one_light_is_told_as_singular_and_wrong_input_with_its_cure() {
         (vec!["--set", "criterion=\"minmax\""], "minimax"),
         (vec!["--set", "contrast.redox.part=[\"nadhh\"]"], "did you mean"),
         (vec!["--set", "exposure.counts=[7]"], "whole number between 1 and 6"),
-        (vec!["--set", "exposure.total_ms=30"], "remove one of both"),
+        (vec!["--set", "exposure.total_ms=30"], "write total.ms"),
         (vec!["--set", "lens.f_numbers=[0.1]"], "f/0.5"),
         (vec!["--set", "lens.f_number=2"], "f_numbers"),
         (vec!["--set", "exposure.splits=[\"equal\"]"], "splits"),
@@ -388,7 +388,7 @@ fn a_saturated_design_is_left_out_or_told() {
         let args = [&["design", "sweep", example.to_str().unwrap(), "--out", "a"][..], changes].concat();
         fluorspar(folder.path(), args).well()
     };
-    let bright = "--set=exposure.total_ms=100000";
+    let bright = "--set=exposure.total.ms=100000";
     let said = sweep(&[bright]).stdout;
     assert!(said.contains("4 of 4 designs are left out: 4 break the limit of saturation"), "{said}");
     assert!(said.contains("No design keeps to all limits"), "{said}");

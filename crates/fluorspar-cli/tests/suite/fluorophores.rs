@@ -378,7 +378,7 @@ fn what_a_viewing_filter_keeps_is_the_ratio_of_the_integrals() {
     let design = "format = 1\ntitle = \"A long-pass\"\ncriterion = \"leak\"\n[[region]]\nname = \"dye\"\n\
                   material = { reflectance = 0.5, concentrations = { fluorescein = 0.01 } }\n[[light]]\nname = \"405 nm\"\nspectrum = \"led_405\"\n\
                   irradiance_w_per_m2 = 100.0\n[[view_filter]]\nname = \"long-pass\"\nfilters = [\"long_pass_520\"]\n[[sensor]]\nname = \"camera\"\n\
-                  preset = \"pi_camera_3\"\n[exposure]\ncounts = [1]\ntotal_ms = 60.0\n[unknown]\ngain = 0.2\nleak = 0.3\npixels = 1000\n[[contrast]]\n\
+                  preset = \"pi_camera_3\"\n[exposure]\ncounts = [1]\ntotal.ms = 60.0\n[unknown]\ngain = 0.2\nleak = 0.3\npixels = 1000\n[[contrast]]\n\
                   name = \"dye\"\npart = [\"fluorescein\"]\n";
     fs::write(folder.join("design.toml"), design).unwrap();
     let swept = fluorspar(folder, ["design", "sweep", "design.toml", "--json", "-q"]).json();

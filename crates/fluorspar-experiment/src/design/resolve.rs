@@ -17,8 +17,9 @@ use fluorspar::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, Wavelengt
 use super::regions::{Axes, BULK, cohort, region};
 use super::renders::{DesignRenders, check_grid, observer, renders};
 use super::schema::{
-    ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile, IdealBandsSection, LedSeriesSection,
-    SearchSection, SensorChoiceSection, SensorSource, SplitChoice, SplitRule, TolerancesSection,
+    ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile, ExposureTotal, IdealBandsSection,
+    LedSeriesSection, SearchSection, SensorChoiceSection, SensorSource, SplitChoice, SplitRule,
+    TolerancesSection,
 };
 use crate::error::{ExperimentError, Message, Place, steps};
 use crate::read::{read_document, typed};
@@ -632,19 +633,14 @@ fn splits(context: &Context<'_>, file: &DesignFile) -> Resolved<Vec<Split>> {
 }
 
 fn budget(context: &Context<'_>, file: &DesignFile) -> Resolved<Budget> {
-    const DEFAULT_MS: f64 = 30.0;
-    let at = |field: &str| steps!["exposure", field];
-    match (file.exposure.total_ms, file.exposure.total_electrons) {
-        (Some(_), Some(_)) => {
-            context.fail(&at("total_electrons"), "the exposures have a total_ms already; remove one of both")
-        }
-        (_, Some(electrons)) => {
-            context.within(&at("total_electrons"), electrons, [1.0, 1e12], "electrons").map(Budget::Electrons)
-        }
-        (time, None) => {
-            let ms = time.unwrap_or(DEFAULT_MS);
+    let at = |field: &str| steps!["exposure", "total", field];
+    match file.exposure.total {
+        ExposureTotal::Time { ms } => {
             let range = [1e-3, EXPOSURE_MS[1]];
-            context.within(&at("total_ms"), ms, range, "milliseconds").map(|ms| Budget::Time(ms * 1e-3))
+            context.within(&at("ms"), ms, range, "milliseconds").map(|ms| Budget::Time(ms * 1e-3))
+        }
+        ExposureTotal::Electrons { electrons } => {
+            context.within(&at("electrons"), electrons, [1.0, 1e12], "electrons").map(Budget::Electrons)
         }
     }
 }

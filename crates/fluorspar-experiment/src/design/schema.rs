@@ -484,19 +484,38 @@ pub enum SplitRule {
     EqualElectrons,
 }
 
+/// What all exposures have together: `ms`, or `electrons`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, deny_unknown_fields)]
+#[schemars(extend("x-merge" = "replace"))]
+pub enum ExposureTotal {
+    /// A time.
+    Time {
+        /// Time, ms, 1e-3 to 3 600 000.
+        ms: f64,
+    },
+    /// Light that arrives, whatever time it takes.
+    Electrons {
+        /// Electrons of all channels of all exposures in the first region, one pixel of each channel, 1 to 1e12.
+        electrons: f64,
+    },
+}
+
+impl Default for ExposureTotal {
+    fn default() -> Self {
+        Self::Time { ms: 30.0 }
+    }
+}
+
 /// Numbers of exposures under different lights, and what they have together.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("x-renamed" = { "total_ms": "total.ms", "total_electrons": "total.electrons" }))]
 pub struct ExposuresSection {
     /// Numbers of exposures to choose from, 1 to 6, each under another light. Default 1.
     pub counts: Vec<u32>,
-    /// Time of all of them together, ms, 1e-3 to 3 600 000. Default 30.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub total_ms: Option<f64>,
-    /// In place of a time: electrons of all channels of all exposures in the first region, one pixel of each channel, 1 to 1e12.
-    /// Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub total_electrons: Option<f64>,
+    /// What all of them have together. Default 30 ms.
+    pub total: ExposureTotal,
     /// How they share it, to choose from. Default "equal_time".
     pub splits: Vec<SplitChoice>,
     /// Factors on all lights to choose from, 1e-6 to 1e6. Default 1.
@@ -510,8 +529,7 @@ impl Default for ExposuresSection {
     fn default() -> Self {
         Self {
             counts: vec![1],
-            total_ms: None,
-            total_electrons: None,
+            total: ExposureTotal::default(),
             splits: vec![SplitChoice::Rule(SplitRule::EqualTime)],
             drives: vec![1.0],
             white: None,

@@ -11,12 +11,12 @@ use super::record::InputFile;
 use crate::document::Document;
 use crate::error::{ExperimentError, Message, PathsFrom, Place, Step};
 use crate::schema::{ExposureTime, FilePath};
-use crate::warning::Warning;
 use fluorspar::digest::sha256_hex;
 use fluorspar::quote::excerpt_to;
 use fluorspar::sensor::{AutoExposure, EXPOSURE_MS};
 use fluorspar::spectral::{Fluorophore, WavelengthGrid};
 use fluorspar::units::{counted, number_text};
+use fluorspar::warning::Warning;
 use fluorspar_anatomy::{MouthParameters, Tissue};
 use fluorspar_format::{FormatError, digest_bounded};
 

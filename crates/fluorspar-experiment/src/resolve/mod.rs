@@ -40,7 +40,6 @@ use super::schema::{
     AnalysisRegionSection, AnalysisSection, DiffuseSection, ExperimentFile, FieldOfView, LensSection,
     ReflectanceReference, ScatteringSection, SpectrumReference,
 };
-use super::warning::Warning;
 use super::{Experiment, ExperimentError};
 use crate::kept::fetch_mouth;
 use crate::preset;
@@ -49,6 +48,7 @@ use fluorspar::render::{RenderSettings, basis_bytes, memory_bytes, tile_row_byte
 use fluorspar::scene::{Scene, SceneError, SceneWarning};
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::{AnalysisPlan, Camera, Capture, Study};
+use fluorspar::warning::Warning;
 
 /// An experiment ready to run: what it means, and the file that says so.
 #[derive(Clone, Debug, PartialEq)]

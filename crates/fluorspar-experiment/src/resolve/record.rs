@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::schema::ExperimentFile;
-use crate::warning::Warning;
+use fluorspar::warning::Warning;
 
 /// A file that a study was made from.
 #[derive(Clone, Debug, PartialEq)]

@@ -99,7 +99,8 @@ fn each_region_is_told_in_the_words_of_its_own_fluorophore() {
     let said = |analyzed: &AnalyzedFrame| {
         let definition = analyzed.analysis.truth.iter().map(|truth| truth.definition.clone());
         let told = analyzed.analysis.porphyrin_lines();
-        definition.chain(told).chain(analyzed.analysis.warnings.clone()).collect::<Vec<_>>().join("\n")
+        let warnings = analyzed.analysis.warnings.iter().map(ToString::to_string);
+        definition.chain(told).chain(warnings).collect::<Vec<_>>().join("\n")
     };
     let (main, spot) = (said(&analysis.unwrap()), said(&regions[0].analyzed));
     assert!(main.contains("Fluorescein share on the mixture line"), "{main}");

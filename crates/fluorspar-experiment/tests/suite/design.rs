@@ -184,7 +184,7 @@ fn the_table_of_the_catalogue_and_what_is_left_of_it() {
 fn exchange_finds_what_all_designs_hold() {
     let edges = "view_filter.long-pass.long_pass_after_peak_nm=[20.0, 30.0, 40.0, 50.0, 60.0]";
     let splits = "exposure.splits=[\"equal_electrons\", \"equal_time\", 0.3, 0.7]";
-    let timed = "exposure={ counts = [1, 2], total_ms = 100.0, splits = [\"equal_time\", 0.3, 0.5, 0.8], drives = [0.5, 1.0] }";
+    let timed = "exposure={ counts = [1, 2], total.ms = 100.0, splits = [\"equal_time\", 0.3, 0.5, 0.8], drives = [0.5, 1.0] }";
     let contrast = "criterion=\"contrast\"";
     // The third without errors of the library, whose many unknowns take time
     let library =
@@ -282,7 +282,7 @@ fn a_cohort_of_a_file_is_told_apart() {
                 [[region]]\nname = \"tongue\"\nmaterial = { tissue = \"dorsal_tongue\" }\n\
                 [cohort]\ntissue = \"dorsal_tongue\"\nstate = \"dysplasia\"\npeople = 10\n\
                 [led]\npeaks_nm = [405.0]\nfwhm_nm = 10.0\nirradiance_w_per_m2 = 1000.0\n\
-                [exposure]\ntotal_ms = 1000.0\n\
+                [exposure]\ntotal.ms = 1000.0\n\
                 [[sensor]]\nname = \"RGB\"\npreset = \"lyu_2021_table_1\"\n";
     let problem = parse_design(text, "cohort", Path::new("."), &[]).unwrap().problem;
     let cohort = problem.cohort.as_ref().unwrap();
@@ -307,7 +307,7 @@ fn a_wheel_makes_channels_of_a_monochrome_sensor() {
     let mono = "sensor.RGB.bands={ centers_nm = [560.0], sigma_nm = [200.0], read_noise_e = 2.0, full_well_e = 60000.0 }";
     let wheel = "sensor.RGB.wheel=[{ name = \"red\", filters = [\"band_pass_635_50\"] }, \
                  { name = \"green\", filters = [\"band_pass_525_45\"] }, { name = \"blue\", filters = [\"band_pass_470_40\"] }]";
-    let timed = "exposure={ counts = [1], total_ms = 100.0 }";
+    let timed = "exposure={ counts = [1], total.ms = 100.0 }";
     let leds = "led.peaks_nm=[365.0, 405.0]".to_owned();
     let changes: Vec<String> = [mono, timed].iter().map(|text| (*text).to_owned()).chain([leds]).collect();
     let alone = space("two-lights", &changes);
@@ -362,7 +362,7 @@ fn sensitivities_are_what_a_changed_file_gives() {
                 [led]\npeaks_nm = [385.0, 405.0]\nirradiance_w_per_m2 = 20.0\n\
                 [[view_filter]]\nname = \"long-pass\"\nlong_pass_nm = [475.0]\n\
                 [[sensor]]\nname = \"RGB\"\npreset = \"pi_camera_3\"\n\
-                [exposure]\ncounts = [2]\ntotal_ms = 60.0\n\
+                [exposure]\ncounts = [2]\ntotal.ms = 60.0\n\
                 [unknown]\ngain = 0.2\nblood_um = 50.0\nemission_shift_nm = 3.0\nleak = 0.3\n\
                 [[contrast]]\nname = \"porphyrin fraction\"\npart = [\"biofilm_porphyrin\"]\n";
     let of = |change: Option<&str>| {
@@ -384,7 +384,7 @@ fn sensitivities_are_what_a_changed_file_gives() {
         ("unknown leak", "unknown.leak=0.375".into()),
         ("shift of emission", "unknown.emission_shift_nm=3.75".into()),
         ("pixels of a region", "unknown.pixels=1250".into()),
-        ("time or electrons in all", "exposure.total_ms=75".into()),
+        ("time or electrons in all", "exposure.total.ms=75".into()),
     ] {
         let expected = of(Some(&change)).0 / before - 1.0;
         let found = told.iter().find(|s| s.assumption == assumption).unwrap().loss_change;

@@ -56,7 +56,7 @@ preset = "lyu_2021_table_1"
 f_numbers = [2.0, 4.0]
 
 [exposure]
-total_ms = 20.0
+total.ms = 20.0
 "#;
 
 fn resolved(changes: &[&str]) -> ResolvedDesign {

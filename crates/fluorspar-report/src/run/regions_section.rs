@@ -2,7 +2,7 @@
 
 use fluorspar::analysis::{ASSUMED_GAIN, Analysis, ChannelStatistics, MedianLevel, PixelSelection};
 use fluorspar::pipeline::AnalyzedRegion;
-use fluorspar_experiment::ResolvedExperiment;
+use fluorspar_experiment::{ResolvedExperiment, Warning};
 
 use super::RunResults;
 use super::report::electrons;
@@ -85,10 +85,10 @@ const NOTHING: &str = "-";
 
 /// What the analyses of further regions warn of, each once, and not what that of the frame says already.
 #[must_use]
-pub fn region_warnings(main: &Analysis, regions: &[AnalyzedRegion]) -> Vec<String> {
+pub fn region_warnings(main: &Analysis, regions: &[AnalyzedRegion]) -> Vec<Warning> {
     let of_region = |region: &AnalyzedRegion| {
         let own = region.analyzed.analysis.warnings.iter().filter(|warning| !main.warnings.contains(warning));
-        own.map(|warning| format!("Region \"{}\": {warning}", region.name)).collect::<Vec<_>>()
+        own.map(|warning| warning.about(&format!("Region \"{}\"", region.name))).collect::<Vec<_>>()
     };
     regions.iter().flat_map(of_region).collect()
 }

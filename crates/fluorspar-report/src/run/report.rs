@@ -74,7 +74,7 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     if let Some(analyzed) = &run.evaluation.analysis {
         let of_regions = region_warnings(&analyzed.analysis, &run.evaluation.regions);
         let all = analyzed.analysis.warnings.iter().chain(&of_regions);
-        warnings.extend(all.cloned().map(Warning::from));
+        warnings.extend(all.cloned());
     }
     let wanted = run.experiment.study.render.samples_per_pixel;
     if let Some(components) = run.components.filter(|c| c.samples_per_pixel < wanted) {

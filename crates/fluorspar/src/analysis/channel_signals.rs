@@ -7,6 +7,7 @@ use super::statistics::median;
 use super::{ChannelNoise, ExclusionCounts, PixelMean, PixelSelection};
 use crate::image::ChannelImage;
 use crate::sampling::Z_95;
+use crate::warning::Warning;
 
 /// One channel of one frame over a region.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -338,15 +339,16 @@ fn unmixed(
 impl SignalSummary {
     /// What saturated pixels do to the signals, one line for each frame that has them.
     #[must_use]
-    pub fn warnings(&self) -> Vec<String> {
+    pub fn warnings(&self) -> Vec<Warning> {
         let first = |s: &&ChannelSignal| self.signals.iter().find(|other| other.frame == s.frame) == Some(*s);
         let line = |s: &ChannelSignal| {
             let percent = 100.0 * s.saturated_share()?;
-            Some(format!(
+            let statement = format!(
                 "{percent:.0} % of the region's pixels are saturated in frame \"{}\" and left out of its means, which are lower limits: ratios \
-                 and shares with them compare other pixels than those of frames that are not saturated. Shorten the exposure or lower the gain.",
+                 and shares with them compare other pixels than those of frames that are not saturated",
                 s.frame
-            ))
+            );
+            Some(Warning::explained(statement, "Shorten the exposure or lower the gain."))
         };
         self.signals.iter().filter(first).filter_map(line).collect()
     }

@@ -12,6 +12,7 @@ use super::light_family::{LightFamily, NuisanceGroup};
 use super::share_posterior::{
     FamilyFit, IntervalWithout, Mixture, ShareInterval, SharePosterior, largest_misfit,
 };
+use crate::warning::Warning;
 
 /// Bayes factor from which on other tissue is told: "strong" by Kass and Raftery, J. Am. Stat. Assoc. 90, 773, 1995. The factor of the
 /// others together has the mean 1 over data of the named family, so that it reaches 20 in at most 5 % of them (Markov's inequality).
@@ -71,16 +72,21 @@ impl TissueDoubt {
     }
 
     /// That the measurement speaks for other tissue than the named one.
-    pub(super) fn warning(&self) -> Option<String> {
+    pub(super) fn warning(&self) -> Option<Warning> {
         let (named, others) = self.tissues.split_first()?;
         let (best, [low, high]) = (others.first()?, self.interval_as_named);
         self.is_strong.then(|| {
-            format!(
+            let statement = format!(
                 "The estimate is told that the region is {}, and {} explains its light {:.0} times better (Bayes factor; \
-                 20 and more is strong evidence). Give analysis.tissue the site of the tissue. The interval allows for both; it \
-                 would be {low:.3} to {high:.3} if {} were certain, which is not to be trusted.",
-                named.tissue, best.tissue, best.bayes_factor, named.tissue
-            )
+                 20 and more is strong evidence)",
+                named.tissue, best.tissue, best.bayes_factor
+            );
+            let explanation = format!(
+                "Give analysis.tissue the site of the tissue. The interval allows for both; it would be {low:.3} to {high:.3} if \
+                 {} were certain, which is not to be trusted.",
+                named.tissue
+            );
+            Warning::explained(statement, explanation)
         })
     }
 }

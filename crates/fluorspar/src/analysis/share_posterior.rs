@@ -13,6 +13,7 @@ use statrs::function::erf::erfc;
 use super::SoughtFluorophore;
 use super::family_average::{FamilyAverage, TissueDoubt};
 use super::light_family::{FamilyPoint, LightFamily, NuisanceGroup};
+use crate::warning::Warning;
 
 /// Amounts of porphyrin on the grid.
 const AMOUNTS: usize = 33;
@@ -61,20 +62,19 @@ pub struct SharePosterior {
 impl SharePosterior {
     /// What makes the result doubtful.
     #[must_use]
-    pub fn warnings(&self, sought: &SoughtFluorophore) -> Vec<String> {
+    pub fn warnings(&self, sought: &SoughtFluorophore) -> Vec<Warning> {
         let other = self.doubt.as_ref().and_then(TissueDoubt::warning);
         let foreign = self.foreign.then(|| {
-            format!(
+            let statement = format!(
                 "The colors of the region are not those of {} (chi-square {:.0}, where {} is expected): its light holds something \
-                 that the family does not, or it is other tissue. {}",
-                self.prior,
-                self.misfit,
-                self.data,
-                match self.explained_by() {
-                    Some(tissue) => format!("The estimate is an average over tissues, of which {tissue} explains the light."),
-                    None => format!("The {sought} share is not to be trusted."),
-                }
-            )
+                 that the family does not, or it is other tissue",
+                self.prior, self.misfit, self.data
+            );
+            let explanation = match self.explained_by() {
+                Some(tissue) => format!("The estimate is an average over tissues, of which {tissue} explains the light."),
+                None => format!("The {sought} share is not to be trusted."),
+            };
+            Warning::explained(statement, explanation)
         });
         foreign.into_iter().chain(other).collect()
     }

@@ -13,6 +13,7 @@ use super::{
     Statistics, TargetDetection,
 };
 use crate::image::ChannelImage;
+use crate::warning::Warning;
 
 /// Settings of an analysis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -181,7 +182,7 @@ pub struct Analysis {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub targets: Vec<TargetDetection>,
     /// Warnings about the reliability of the numbers.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
 }
 
 /// Median level of a channel over a region.
@@ -334,7 +335,7 @@ pub(crate) fn analyze_pixels(
         Some(Ok(line)) => Some(line),
         Some(Err(error @ MixtureError::UnknownFluorophore { .. })) => return Err(error.into()),
         Some(Err(error)) => {
-            warnings.push(format!("No {sought} share on a mixture line: {error}"));
+            warnings.push(format!("No {sought} share on a mixture line: {error}").into());
             None
         }
     };
@@ -350,10 +351,13 @@ pub(crate) fn analyze_pixels(
         let summary = summarize(line, &estimates, mean, statistics.ellipse.as_ref());
         warnings.extend(region_warnings(summary.region.as_ref(), image, &sought));
         if summary.off_line * 20 > statistics.counts.valid {
-            warnings.push(format!(
-                "{} of {} valid pixels lie off the bulk-{sought} line by more than noise explains. Their light contains \
-                 something else: reflected light, or another bulk than assumed. Their shares on the line are biased.",
+            let statement = format!(
+                "{} of {} valid pixels lie off the bulk-{sought} line by more than noise explains",
                 summary.off_line, statistics.counts.valid
+            );
+            warnings.push(Warning::explained(
+                statement,
+                "Their light contains something else: reflected light, or another bulk than assumed. Their shares on the line are biased.",
             ));
         }
         mixture = Some(summary);
@@ -386,19 +390,24 @@ pub(crate) fn analyze_pixels(
     Ok((analysis, map, porphyrin))
 }
 
-fn exclusion_warnings(counts: &ExclusionCounts) -> Vec<String> {
+fn exclusion_warnings(counts: &ExclusionCounts) -> Vec<Warning> {
     let total = counts.total();
     let mut warnings = Vec::new();
-    let mut warn = |excluded: usize, reason: &str| {
+    let mut warn = |excluded: usize, reason: &str, advice: Option<&str>| {
         // One pixel in a hundred is more than hot pixels and highlights explain.
         if excluded * 100 > total {
             let percent = 100.0 * excluded as f64 / total as f64;
-            warnings.push(format!("{percent:.0} % of the region's pixels are left out: {reason}"));
+            let statement = format!("{percent:.0} % of the region's pixels are left out: {reason}");
+            warnings.push(match advice {
+                Some(advice) => Warning::explained(statement, advice),
+                None => statement.into(),
+            });
         }
     };
-    warn(counts.saturated, "saturated. Shorten the exposure or lower the gain.");
-    warn(counts.below_noise_floor, "their light is lost in dark noise. Lengthen the exposure or add light.");
-    warn(counts.undefined, "the sum of their channels is not positive: they are dark.");
+    warn(counts.saturated, "saturated", Some("Shorten the exposure or lower the gain."));
+    let lost = "their light is lost in dark noise";
+    warn(counts.below_noise_floor, lost, Some("Lengthen the exposure or add light."));
+    warn(counts.undefined, "the sum of their channels is not positive: they are dark", None);
     warnings
 }
 
@@ -410,37 +419,39 @@ fn region_warnings(
     region: Option<&RegionFraction>,
     image: &ChannelImage,
     sought: &SoughtFluorophore,
-) -> Vec<String> {
+) -> Vec<Warning> {
     let Some(RegionFraction { mean_rgb_dn, estimate, .. }) = region else { return Vec::new() };
     let mut warnings = Vec::new();
     for (name, mean) in ["R", "G", "B"].iter().zip(mean_rgb_dn) {
         if *mean < 3.0 * image.noise_floor_dn {
-            warnings.push(format!(
-                "{name} of the region is {mean:.1} DN, below three times a pixel's read noise ({:.1} DN): lengthen the exposure or \
-                 add light",
+            let statement = format!(
+                "{name} of the region is {mean:.1} DN, below three times a pixel's read noise ({:.1} DN)",
                 image.noise_floor_dn
-            ));
+            );
+            warnings.push(Warning::explained(statement, "Lengthen the exposure or add light."));
         }
         if *mean > 0.95 * image.full_scale_dn {
-            warnings.push(format!(
-                "{name} of the region is {mean:.0} DN, at full scale: its color can't be trusted. Shorten the exposure"
-            ));
+            let statement =
+                format!("{name} of the region is {mean:.0} DN, at full scale: its color can't be trusted");
+            warnings.push(Warning::explained(statement, "Shorten the exposure."));
         }
     }
     let allowed = (3.0 * estimate.distance_standard_error).max(LINE_TOLERANCE);
     if estimate.distance.abs() > allowed {
-        warnings.push(format!(
-            "The region lies {:.4} beside the bulk-{sought} line, {:.0} times what noise explains: the share on that line is biased. \
-             Only an estimate for tissue that is not known (analysis.tissue) allows for that",
+        let statement = format!(
+            "The region lies {:.4} beside the bulk-{sought} line, {:.0} times what noise explains: the share on that line is biased",
             estimate.distance.abs(),
             estimate.distance.abs() / estimate.distance_standard_error
-        ));
+        );
+        let explanation = "Only an estimate for tissue that is not known (analysis.tissue) allows for that.";
+        warnings.push(Warning::explained(statement, explanation));
     }
     if estimate.position < 0.0 {
-        warnings.push(format!(
+        let text = format!(
             "The estimate lies below zero, at {:.4} (standard error {:.4}): the bulk is not as assumed, or there is no {sought}",
             estimate.position, estimate.position_standard_error
-        ));
+        );
+        warnings.push(text.into());
     }
     warnings
 }
@@ -555,7 +566,7 @@ mod tests {
         assert!((mixture.region.unwrap().estimate.fraction - 0.2).abs() < 1e-6);
         assert_eq!(analysis.counts.valid, 101);
         assert_eq!(analysis.fluorophores[0].bulk_weight, Some(0.8));
-        assert_eq!(analysis.warnings, Vec::<String>::new());
+        assert_eq!(analysis.warnings, Vec::<Warning>::new());
         assert!((map.unwrap().fractions_on_line()[100].unwrap() - 0.4).abs() < 1e-6);
     }
 

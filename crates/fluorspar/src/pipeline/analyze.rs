@@ -22,6 +22,7 @@ use crate::sensor::Sensor;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
 use crate::study::{AnalysisPlan, Capture, LineEnds, RegionPlan, Study};
 use crate::tissue::Site;
+use crate::warning::Warning;
 
 /// The analyzed frame: summary and the maps that it was made from.
 #[derive(Clone, Debug, PartialEq)]
@@ -178,24 +179,26 @@ fn analyzed(
 }
 
 /// What an estimate on the mixture line alone leaves out where the region is tissue, or may stand for it.
-fn no_blood(sought: &SoughtFluorophore) -> String {
-    format!(
-        "The bulk is taken without blood, as that of a phantom is. Blood moves the color of real tissue along the very line on which \
-         {sought} is measured; give analysis.tissue the site of the tissue for an estimate that knows."
-    )
+fn no_blood(sought: &SoughtFluorophore) -> Warning {
+    let explanation = format!(
+        "Blood moves the color of real tissue along the very line on which {sought} is measured; give analysis.tissue the site of the \
+         tissue for an estimate that knows."
+    );
+    Warning::explained("The bulk is taken without blood, as that of a phantom is", explanation)
 }
 
 /// The same where the bulk is layered tissue of the scene.
-fn one_tissue(sought: &SoughtFluorophore) -> String {
-    format!(
-        "The bulk is the tissue of the scene, as if its blood were known. Other blood moves the color along the very line on which \
-         {sought} is measured; give analysis.tissue a site of the catalogue for an estimate that knows."
-    )
+fn one_tissue(sought: &SoughtFluorophore) -> Warning {
+    let explanation = format!(
+        "Other blood moves the color along the very line on which {sought} is measured; give analysis.tissue a site of the catalogue for \
+         an estimate that knows."
+    );
+    Warning::explained("The bulk is the tissue of the scene, as if its blood were known", explanation)
 }
 
 /// The warning about an estimate on the mixture line alone; none where the bulk holds nothing that fluoresces in tissue, as dyes of a
 /// phantom do.
-fn what_the_line_assumes(study: &Study, settings: &AnalysisPlan) -> Option<String> {
+fn what_the_line_assumes(study: &Study, settings: &AnalysisPlan) -> Option<Warning> {
     let sought = study.sought(settings);
     let held = |part: &String| study.tissues.iter().any(|tissue| tissue.parts.contains(part));
     if settings.parts.iter().any(held) {

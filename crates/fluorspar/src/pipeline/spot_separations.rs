@@ -4,6 +4,7 @@ use super::{CapturedFrame, PipelineError};
 use crate::analysis::{AnalysisError, PixelSelection, SceneOnSensor, SpotSeparation};
 use crate::image::ChannelImage;
 use crate::study::{AnalysisPlan, Study};
+use crate::warning::Warning;
 
 /// Most pixels of a spot that are compared; of larger ones some, evenly spread.
 const MOST_PIXELS: usize = 600;
@@ -14,7 +15,7 @@ pub(super) struct ComparedSpots {
     /// How well they are told apart, by green and by all channels of each frame and of all together.
     pub(super) found: Vec<SpotSeparation>,
     /// Frames that do not tell it, or not of all pixels, with the reason.
-    pub(super) warnings: Vec<String>,
+    pub(super) warnings: Vec<Warning>,
 }
 
 /// How well the pixels of the two regions that an analysis compares are told apart: green alone and all channels of every frame with
@@ -81,7 +82,7 @@ fn any_saturated(images: &[&ChannelImage], spots: &[PixelSelection; 2]) -> bool 
 }
 
 /// Why frames tell no d' of the spots, or tell that of some of their pixels alone; `None` where nothing is missing.
-fn what_is_missing(images: &[&ChannelImage], spots: &[PixelSelection; 2], is_found: bool) -> Option<String> {
+fn what_is_missing(images: &[&ChannelImage], spots: &[PixelSelection; 2], is_found: bool) -> Option<Warning> {
     let labels: Vec<String> = images.iter().map(|image| format!("\"{}\"", image.label)).collect();
     let frames = format!("{} {}", if labels.len() == 1 { "frame" } else { "frames" }, labels.join(" and "));
     let saturated = |spot: &PixelSelection| {
@@ -95,18 +96,23 @@ fn what_is_missing(images: &[&ChannelImage], spots: &[PixelSelection; 2], is_fou
         (count * 100 > all).then(|| format!("{percent:.0} % of the {name} spot is saturated"))
     };
     let parts: Vec<String> = spots.iter().zip(["first", "second"]).filter_map(of_spot).collect();
-    let what = "Shorten the exposure or lower the gain.";
+    let shorten = "Shorten the exposure or lower the gain.";
     match (parts.is_empty(), is_found) {
         (true, true) => None,
-        (true, false) => Some(format!(
-            "d' of the spots in {frames}: none, too few of their pixels have light in all channels, or they do not vary. Make the spots \
-             larger or add light."
+        (true, false) => Some(Warning::explained(
+            format!(
+                "d' of the spots in {frames}: none, too few of their pixels have light in all channels, or they do not vary"
+            ),
+            "Make the spots larger or add light.",
         )),
-        (false, true) => Some(format!(
-            "d' of the spots in {frames}: of their unsaturated pixels alone; {}. {what}",
-            parts.join(", ")
+        (false, true) => Some(Warning::explained(
+            format!("d' of the spots in {frames}: of their unsaturated pixels alone; {}", parts.join(", ")),
+            shorten,
         )),
-        (false, false) => Some(format!("d' of the spots in {frames}: none; {}. {what}", parts.join(", "))),
+        (false, false) => Some(Warning::explained(
+            format!("d' of the spots in {frames}: none; {}", parts.join(", ")),
+            shorten,
+        )),
     }
 }
 

@@ -12,6 +12,7 @@ use crate::image::ChannelImage;
 use crate::material::ImageTexture;
 use crate::sensor::Sensor;
 use crate::study::{AnalysisPlan, Capture, Develop, Study, Target, TargetPlace};
+use crate::warning::Warning;
 
 /// Which target each pixel of the frames sees.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,7 +57,7 @@ pub(super) struct MeasuredTargets {
     /// Which target each pixel sees; `None` without targets.
     pub(super) labels: Option<TargetLabels>,
     /// Targets that can't be measured, with the reason.
-    pub(super) warnings: Vec<String>,
+    pub(super) warnings: Vec<Warning>,
 }
 
 /// Measures the targets of the analysis of a study in all its frames with light. `scene` tells where parts and spots are, `components`
@@ -99,16 +100,26 @@ pub(super) fn measured_targets(
             let render = components.zip(scene).and_then(|(components, scene)| {
                 render_noise(study, sensor, components, scene, frame, places)
             });
-            match TargetDetection::new(&target.name, image, &noise, places, plan.wanted_d_prime, render.as_ref()) {
+            match TargetDetection::new(
+                &target.name,
+                image,
+                &noise,
+                places,
+                plan.wanted_d_prime,
+                render.as_ref(),
+            ) {
                 Some(measured) => found.detections.push(TargetDetection {
                     number,
                     smallest_diameter_mm: mm_per_px.map(|mm| mm * measured.smallest_diameter_px),
                     ..measured
                 }),
-                None => found.warnings.push(format!(
-                    "Target \"{}\" in \"{}\": too few usable pixels, or no noise, to tell it from its background.",
-                    target.name, image.label
-                )),
+                None => {
+                    let text = format!(
+                        "Target \"{}\" in \"{}\": too few usable pixels, or no noise, to tell it from its background",
+                        target.name, image.label
+                    );
+                    found.warnings.push(text.into());
+                }
             }
         }
     }
@@ -122,28 +133,32 @@ fn labeled(
     width: usize,
     height: usize,
     scene: Option<SceneOnSensor<'_>>,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) -> Result<TargetLabels, PipelineError> {
     let mut found = TargetLabels { width, height, labels: vec![0; width * height], names: Vec::new() };
     if plan.targets.len() > Target::MOST {
-        warnings.push(format!(
-            "Of {} targets the first {} are measured: the image of labels has no more numbers.",
+        let text = format!(
+            "Of {} targets the first {} are measured: the image of labels has no more numbers",
             plan.targets.len(),
             Target::MOST
-        ));
+        );
+        warnings.push(text.into());
     }
     for (target, number) in plan.targets.iter().zip(1..=u8::MAX) {
         found.names.push(target.name.clone());
         let pixels = pixels_of(target, width, height, scene)?;
         match &pixels {
             Some(pixels) if pixels.is_empty() => {
-                warnings.push(format!("Target \"{}\": no pixel of the frames sees it.", target.name));
+                warnings.push(format!("Target \"{}\": no pixel of the frames sees it", target.name).into());
             }
             Some(_) => {}
-            None => warnings.push(format!(
-                "Target \"{}\": only a component image tells where it lies; give a mask, a polygon or a rectangle.",
-                target.name
-            )),
+            None => {
+                let text = format!(
+                    "Target \"{}\": only a component image tells where it lies; give a mask, a polygon or a rectangle",
+                    target.name
+                );
+                warnings.push(text.into());
+            }
         }
         for pixel in pixels.into_iter().flatten() {
             if found.labels[pixel] == 0 {

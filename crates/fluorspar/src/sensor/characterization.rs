@@ -19,6 +19,7 @@ use super::exposure::EXPOSURE_MS;
 use super::photon_transfer::{Limit, saturation_capacity_e, sensitivity_threshold_e};
 use super::{Exposure, Sensor, SensorMode, SensorModel, SensorProblem, Shutter};
 use crate::image::SensorImage;
+use crate::warning::Warning;
 
 /// How a sensor is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -138,7 +139,7 @@ pub struct Characterization {
     /// Photon-transfer curve.
     pub photon_transfer: Vec<PhotonTransferPoint>,
     /// What a reader should know.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
     /// Set values next to measured ones. Empty with hot or dead pixels or a soft well, which have no closed form.
     pub recovered: Vec<Recovered>,
 }
@@ -501,10 +502,11 @@ pub fn characterize(
     let dark_frame = bench.frame("dark", 0.0, time_s, 0)?;
     let empty = dark_frame.data.iter().filter(|&&dn| dn == 0).count() as f64 / dark_frame.data.len() as f64;
     if empty > MOST_EMPTY {
-        warnings.push(format!(
-            "{:.1} % of the pixels of a dark frame are 0 and cut the dark noise; raise black_level_dn",
-            100.0 * empty
-        ));
+        let percent = 100.0 * empty;
+        let text = format!(
+            "{percent:.1} % of the pixels of a dark frame are 0 and cut the dark noise; raise black_level_dn"
+        );
+        warnings.push(text.into());
     }
 
     let (dark_dn, dark_dn2) = bench.pair("dark", 0.0, 0)?;

@@ -11,6 +11,7 @@ const MODULES: &[(&str, &[&str])] = &[
     ("units", &[]),
     ("quote", &[]),
     ("names", &["quote"]),
+    ("warning", &[]),
     ("interruption", &[]),
     ("spectral", &["digest", "units"]),
     ("image", &["units", "spectral"]),
@@ -38,8 +39,8 @@ const MODULES: &[(&str, &[&str])] = &[
             "scene",
         ],
     ),
-    ("sensor", &["units", "spectral", "image", "sampling"]),
-    ("analysis", &["units", "names", "spectral", "image", "sampling"]),
+    ("sensor", &["units", "warning", "spectral", "image", "sampling"]),
+    ("analysis", &["units", "names", "warning", "spectral", "image", "sampling"]),
     (
         "study",
         &[
@@ -51,8 +52,8 @@ const MODULES: &[(&str, &[&str])] = &[
     (
         "pipeline",
         &[
-            "digest", "units", "spectral", "image", "sampling", "geometry", "material", "light", "optics",
-            "tissue", "scene", "render", "safety", "sensor", "analysis", "study", "design",
+            "digest", "units", "warning", "spectral", "image", "sampling", "geometry", "material", "light",
+            "optics", "tissue", "scene", "render", "safety", "sensor", "analysis", "study", "design",
         ],
     ),
 ];
@@ -75,9 +76,9 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
     (
         "fluorspar-experiment/src/",
         &[
-            "digest", "units", "quote", "names", "spectral", "image", "sampling", "geometry", "material",
-            "light", "optics", "tissue", "scene", "render", "safety", "sensor", "analysis", "study",
-            "design",
+            "digest", "units", "quote", "names", "warning", "spectral", "image", "sampling", "geometry",
+            "material", "light", "optics", "tissue", "scene", "render", "safety", "sensor", "analysis",
+            "study", "design",
         ],
         &["fluorspar_anatomy", "fluorspar_format"],
     ),

@@ -230,7 +230,9 @@ fn other_tissue_is_named_in_words() {
     let others = [other];
     let average = FamilyAverage { named: &named, others: &others, probability_of_named: 0.9 };
     let found = average.posterior(&electrons, &variance).unwrap();
-    let said = found.warnings(&SoughtFluorophore::default()).join(" ");
+    let said: Vec<String> =
+        found.warnings(&SoughtFluorophore::default()).iter().map(ToString::to_string).collect();
+    let said = said.join(" ");
     assert!(
         said.contains("not those of a test") && said.contains("another test explains its light"),
         "{said}"

@@ -11,7 +11,7 @@ use fluorspar_experiment::schema::{
     FilePath, FluorophoreSection, FluorophoreSource, MatSource, MatrixSource, TableSource,
 };
 use fluorspar_format::read_toml;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::measured::{Kind, Measured, read};
@@ -32,6 +32,22 @@ pub(super) struct Loaded {
 #[derive(Serialize)]
 struct Sections {
     fluorophore: [FluorophoreSection; 1],
+}
+
+/// The part of a file that is read here: an experiment has others, too. What a section holds is checked when a sample is made of it.
+#[derive(Deserialize)]
+struct SectionsOfFile {
+    #[serde(default)]
+    fluorophore: Vec<NamedSection>,
+}
+
+/// A `[[fluorophore]]` whose name is known.
+#[derive(Serialize, Deserialize)]
+struct NamedSection {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    name: Option<String>,
+    #[serde(flatten)]
+    fields: toml::Table,
 }
 
 /// Sections as TOML.
@@ -70,22 +86,21 @@ fn from_toml(path: &Path, options: &FileOptions) -> Result<Vec<Loaded>, CliError
         )));
     }
     let text = read_text(path)?;
-    let file: toml::Table = read_toml(&text).map_err(|error| failed(error.to_string()))?;
-    let sections = file.get("fluorophore").and_then(toml::Value::as_array).map_or(&[][..], Vec::as_slice);
-    if sections.is_empty() {
+    let file: SectionsOfFile = read_toml(&text).map_err(|error| failed(error.to_string()))?;
+    if file.fluorophore.is_empty() {
         return Err(failed(
             "the file has no [[fluorophore]] section; give one that `fluorophore import` wrote".into(),
         ));
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let load = |section: &toml::Value| -> Result<Loaded, CliError> {
-        let name = section.get("name").and_then(toml::Value::as_str);
+    let load = |section: &NamedSection| -> Result<Loaded, CliError> {
+        let name = section.name.as_deref();
         let name = name.ok_or_else(|| failed("a [[fluorophore]] has no name; give it one".into()))?;
         let text = toml::to_string(&json!({ "fluorophore": [section] }))
             .map_err(|error| CliError::Failed(format!("the section can't be read: {error}")))?;
         Ok(Loaded { fluorophore: as_sample(path, name, &text, folder)?, preset: None, measured: None })
     };
-    sections.iter().map(load).collect()
+    file.fluorophore.iter().map(load).collect()
 }
 
 /// Reads a file strictly and makes its section, with an absolute path.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{ValueEnum, ValueHint};
 use fluorspar::sensor::{Characterization, CharacterizationSettings, SensorProblem, characterize};
 use fluorspar::units::number_text;
-use fluorspar_experiment::{ResolvedSensor, Warning};
+use fluorspar_experiment::ResolvedSensor;
 use fluorspar_format::{FileFormat, OutputFolder, write_atomically};
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{PhotonTransferPlot, SnrPlot, photon_transfer, signal_to_noise};
@@ -124,8 +124,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     if options.answer.json {
         print_json(&results)?;
     } else {
-        let warnings: Vec<Warning> = measured.warnings.iter().map(Warning::of_sentences).collect();
-        messages.warnings(&warnings);
+        messages.warnings(&measured.warnings);
         print_text(&describe(&resolved, &measured))?;
         messages.status(format!("Wrote {}", place.display()));
     }
