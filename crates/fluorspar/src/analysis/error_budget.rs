@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::mixture_line::DETECTION_Z;
-use super::{LineEstimate, MixtureLine, RegionLight};
+use super::{ChannelNoise, LineEstimate, MixtureLine, RegionLight};
 use crate::sampling::Z_95;
 
 /// One thing that moves the estimate.
@@ -50,12 +50,35 @@ pub struct BudgetInput<'a> {
     pub mean_rgb_dn: [f64; 3],
     /// Variance of that mean, DN².
     pub variance_dn2: [f64; 3],
+    /// Mean R, G, B of another frame that was subtracted, DN, and the ratio of the exposure times; zeros without one.
+    pub subtracted: ([f64; 3], f64),
+    /// Noise of the frame's pixels.
+    pub noise: ChannelNoise,
     /// Mean R, G, B without the pixels at the rim of the region, DN, if any are left.
     pub inner_rgb_dn: Option<[f64; 3]>,
     /// Where the light in R, G and B was emitted, e-.
     pub light: &'a RegionLight,
-    /// Digital numbers per electron.
-    pub dn_per_electron: f64,
+}
+
+impl BudgetInput<'_> {
+    /// Variance of the mean if it were another, DN²: less light brings less shot noise.
+    fn variance_of(&self, rgb_dn: [f64; 3]) -> [f64; 3] {
+        let (subtracted, ratio) = self.subtracted;
+        [0, 1, 2].map(|c| {
+            let of_pixel = |dn: f64| self.noise.variance_over(dn, subtracted[c], ratio);
+            let here = of_pixel(self.mean_rgb_dn[c]);
+            if here > 0.0 { self.variance_dn2[c] * of_pixel(rgb_dn[c]) / here } else { self.variance_dn2[c] }
+        })
+    }
+}
+
+/// What remains of a mean, DN, without a part of the light, e-. Parts are taken in proportion to all of the light: means of interpolated
+/// pixels hold a little of what lies around the region, and noise.
+fn left_of(all: &[f64], part: [f64; 3], mean_dn: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|c| {
+        let share = all.get(c).filter(|all| **all > 0.0).map_or(0.0, |all| part[c] / all);
+        mean_dn[c] * (1.0 - share)
+    })
 }
 
 impl ErrorBudget {
@@ -63,13 +86,12 @@ impl ErrorBudget {
     #[must_use]
     pub fn new(input: &BudgetInput<'_>) -> Option<Self> {
         let BudgetInput { line, mean_rgb_dn, variance_dn2, light, .. } = *input;
-        let estimate = |rgb: [f64; 3]| line.project(rgb, variance_dn2);
-        let here: LineEstimate = estimate(mean_rgb_dn)?;
+        let here: LineEstimate = line.project(mean_rgb_dn, variance_dn2)?;
+        let estimate = |rgb: [f64; 3]| line.project(rgb, input.variance_of(rgb));
         // Electrons of R, G and B: a line has no others
         let without = |electrons: &[f64]| {
             let &[red, green, blue] = electrons else { return None };
-            let taken = [red, green, blue].map(|electrons| input.dn_per_electron * electrons);
-            estimate([0, 1, 2].map(|c| mean_rgb_dn[c] - taken[c]))
+            Some(left_of(&light.all(), [red, green, blue], mean_rgb_dn))
         };
         let mut items = Vec::new();
         let mut item = |source: &str, other: Option<LineEstimate>| {
@@ -78,9 +100,10 @@ impl ErrorBudget {
                 items.push(BudgetItem { source: source.into(), without, change });
             }
         };
-        item("leaked light", without(&light.reflected));
-        item("light of other parts", without(&light.other_parts));
-        item("light that fluoresced twice", without(&light.fluoresced_twice));
+        let estimate_without = |electrons: &[f64]| without(electrons).and_then(estimate);
+        item("leaked light", estimate_without(&light.reflected));
+        item("light of other parts", estimate_without(&light.other_parts));
+        item("light that fluoresced twice", estimate_without(&light.fluoresced_twice));
         item("indirect light", input.direct_line.project(mean_rgb_dn, variance_dn2));
         item("rim of the region", input.inner_rgb_dn.and_then(estimate));
 
@@ -88,7 +111,7 @@ impl ErrorBudget {
         let squares: f64 = items.iter().map(|item| item.change * item.change).sum();
         let half = sensor_noise.hypot(squares.sqrt());
         let total_interval = [here.position - half, here.position + half];
-        let blank = without(&light.porphyrin)?;
+        let blank = estimate_without(&light.porphyrin)?;
         Some(Self {
             share: here.position,
             sensor_noise,
@@ -127,7 +150,8 @@ mod tests {
             variance_dn2: [1e-4; 3],
             inner_rgb_dn: None,
             light: &light,
-            dn_per_electron: 0.5,
+            subtracted: ([0.0; 3], 0.0),
+            noise: ChannelNoise { floor_dn: 1.0, dn_per_electron: 0.5, gain_spread: 0.0 },
         };
         let budget = ErrorBudget::new(&input).unwrap();
         let item = |name: &str| budget.items.iter().find(|item| item.source == name).unwrap();
@@ -140,6 +164,22 @@ mod tests {
         let noisier = ErrorBudget::new(&BudgetInput { variance_dn2: [4e-4; 3], ..input }).unwrap();
         assert!(budget.detection_limit > 0.0);
         assert!((noisier.detection_limit / budget.detection_limit - 2.0).abs() < 1e-9);
+        // Shot noise falls with the light: where nothing leaks, that of the bulk alone is left
+        let clean = RegionLight { reflected: vec![0.0; 3], ..light.clone() };
+        let mean_rgb_dn = [0, 1, 2].map(|channel| 0.5 * clean.all()[channel]);
+        let input = BudgetInput { light: &clean, mean_rgb_dn, ..input };
+        let of_bulk = [0, 1, 2].map(|c| {
+            let [mean, bulk] = [mean_rgb_dn[c], 0.5 * bulk[c]].map(|dn| input.noise.variance(dn));
+            1e-4 * bulk / mean
+        });
+        let expected =
+            DETECTION_Z * line.project(bulk.map(|e| 0.5 * e), of_bulk).unwrap().position_standard_error;
+        let clean = ErrorBudget::new(&input).unwrap();
+        assert!(clean.blank.abs() < 1e-12 && (clean.detection_limit / expected - 1.0).abs() < 1e-12);
+        // A mean that interpolation at the rim pulls down has the same blank
+        let pulled = [mean_rgb_dn[0] * 0.99, mean_rgb_dn[1], mean_rgb_dn[2]];
+        let pulled = ErrorBudget::new(&BudgetInput { mean_rgb_dn: pulled, ..input }).unwrap();
+        assert!(pulled.blank.abs() < 0.01, "{}", pulled.blank);
         let [low, high] = budget.total_interval;
         assert!(low < 10.0 / 110.0 && high > 10.0 / 110.0);
         assert!(high - budget.share > budget.sensor_noise);

@@ -306,26 +306,28 @@ pub fn analyze_region(
     settings: &AnalysisSettings,
 ) -> Result<(Analysis, ChromaticityMap, Option<PorphyrinMap>), AnalysisError> {
     let selection = settings.region.select(image.width, image.height, scene)?;
-    analyze_pixels(image, &selection, model, reflected, settings)
+    let map = ChromaticityMap::of(image, settings.noise_threshold);
+    let (analysis, porphyrin) = analyze_pixels(image, &map, &selection, model, reflected, settings)?;
+    Ok((analysis, map, porphyrin))
 }
 
-/// [`analyze_region`] where the pixels of the region are known.
+/// [`analyze_region`] where the pixels of the region and the chromaticities of the frame are known.
 pub(crate) fn analyze_pixels(
     image: &ChannelImage,
+    map: &ChromaticityMap,
     selection: &PixelSelection,
     model: Option<&MixtureModel>,
     reflected: Option<&ChannelImage>,
     settings: &AnalysisSettings,
-) -> Result<(Analysis, ChromaticityMap, Option<PorphyrinMap>), AnalysisError> {
+) -> Result<(Analysis, Option<PorphyrinMap>), AnalysisError> {
     if let Some(leak) = reflected.filter(|l| (l.width, l.height) != (image.width, image.height)) {
         return Err(AnalysisError::ReflectedSize {
             reflected: [leak.width, leak.height],
             frame: [image.width, image.height],
         });
     }
-    // Compute chromaticities and their statistics
-    let map = ChromaticityMap::of(image, settings.noise_threshold);
-    let statistics = RegionStatistics::new(image, &map, selection);
+    // Compute the statistics of the chromaticities
+    let statistics = RegionStatistics::new(image, map, selection);
     let mut warnings = exclusion_warnings(&statistics.counts);
     let sought = model.map_or_else(SoughtFluorophore::default, |model| model.sought.clone());
 
@@ -387,7 +389,7 @@ pub(crate) fn analyze_pixels(
         targets: Vec::new(),
         warnings,
     };
-    Ok((analysis, map, porphyrin))
+    Ok((analysis, porphyrin))
 }
 
 fn exclusion_warnings(counts: &ExclusionCounts) -> Vec<Warning> {

@@ -11,8 +11,8 @@ use super::targets::{TargetLabels, measured_targets, noise_of};
 use super::tissue_estimate::FamiliesOfFrames;
 use super::{CapturePlanes, CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{
-    Analysis, AnalysisSettings, BudgetInput, ChromaticityMap, ErrorBudget, FluorophoreResponse, MixtureModel,
-    PixelSelection, PixelValidity, PorphyrinMap, RegionFraction, RegionLight, SceneOnSensor,
+    Analysis, AnalysisSettings, BudgetInput, ChannelNoise, ChromaticityMap, ErrorBudget, FluorophoreResponse,
+    MixtureModel, PixelSelection, PixelValidity, PorphyrinMap, RegionFraction, RegionLight, SceneOnSensor,
     SoughtFluorophore, analyze_pixels, channel_response, rgb_channels,
 };
 use crate::geometry::OrientedPoint;
@@ -126,33 +126,40 @@ fn analyzed(
         .select(image.width, image.height, scene)
         .map_err(crate::analysis::AnalysisError::from)?;
     let on_region = scene.map(|scene| (scene, &region));
+    let chromaticity = ChromaticityMap::of(image, settings.noise_threshold);
+    let is_lit = |pixel: usize| chromaticity.validity[pixel] == PixelValidity::Valid;
+    // What is known of the region's light is known of the pixels that the estimate rests on: the others may be brighter or redder
+    let valid = PixelSelection {
+        pixels: region.pixels.iter().copied().filter(|&pixel| is_lit(pixel)).collect(),
+        ..region
+    };
     // On the line that mixtures follow
     let by_line = || -> Result<_, PipelineError> {
         let light = frame_light(study, capture, on_region);
         let mut model = mixture_model(study, sensor, capture, light.as_ref(), settings);
         let emitted = match (components, &settings.porphyrin) {
             (Some(components), Some(porphyrin)) => {
-                region_light(study, components, capture, porphyrin, frame.raw.exposure_s, &region)?
+                region_light(study, components, capture, porphyrin, frame, &valid)?
             }
             _ => None,
         };
         if let (Some(model), Some(emitted), LineEnds::Scene) = (&mut model, &emitted, settings.line_ends) {
             model.ends = line_ends(model, emitted);
         }
-        let (mut analysis, chromaticity, porphyrin) =
-            analyze_pixels(image, &region, model.as_ref(), None, &analysis_settings)?;
+        let (mut analysis, porphyrin) =
+            analyze_pixels(image, &chromaticity, &region, model.as_ref(), None, &analysis_settings)?;
         let sought = study.sought(settings);
         analysis.truth = emitted.as_ref().and_then(|light| light.truth(&sought));
         analysis.sought = sought;
         if let (Some(model), Some(emitted)) = (&model, &emitted) {
-            analysis.budget = budget(&analysis, model, emitted, image, &chromaticity, &region, k);
+            analysis.budget = budget(&analysis, model, emitted, image, &chromaticity, &region, noise);
         }
-        Ok((analysis, chromaticity, porphyrin))
+        Ok((analysis, porphyrin))
     };
     // Families of tissues take as long as all of that
     let (by_line, families) =
         rayon::join(by_line, || FamiliesOfFrames::new(study, settings, frames, on_region));
-    let (mut analysis, chromaticity, porphyrin) = by_line?;
+    let (mut analysis, porphyrin) = by_line?;
     analysis.exposure_s = Some(frame.raw.exposure_s);
     analysis.gain_is_assumed = frames.iter().any(|frame| frame.raw.gain_is_assumed);
     if rgb_channels(image).is_err() || image.channels.len() != 3 {
@@ -161,7 +168,6 @@ fn analyzed(
         analysis.warnings.extend(signals.warnings());
         analysis.signals = Some(signals);
     }
-    let is_lit = |pixel: usize| chromaticity.validity[pixel] == PixelValidity::Valid;
     let estimate = families?.and_then(|families| families.estimate(frames, noise, &is_lit, &region));
     if let Some(estimate) = &estimate {
         analysis.warnings.extend(estimate.warnings(&analysis.sought));
@@ -231,7 +237,7 @@ fn budget(
     image: &ChannelImage,
     chromaticity: &ChromaticityMap,
     region: &PixelSelection,
-    dn_per_electron: f64,
+    noise: ChannelNoise,
 ) -> Option<ErrorBudget> {
     let RegionFraction { mean_rgb_dn, variance_dn2, .. } = analysis.mixture.as_ref()?.region?;
     ErrorBudget::new(&BudgetInput {
@@ -239,10 +245,28 @@ fn budget(
         direct_line: &model.direct_line().ok()?,
         mean_rgb_dn,
         variance_dn2,
+        subtracted: subtracted_mean(image, chromaticity, region),
+        noise,
         inner_rgb_dn: inner_mean(image, chromaticity, region),
         light: emitted,
-        dn_per_electron,
     })
+}
+
+/// Mean R, G, B of the light that was subtracted from the valid pixels of a region, DN, and the ratio of the exposure times.
+fn subtracted_mean(
+    image: &ChannelImage,
+    chromaticity: &ChromaticityMap,
+    region: &PixelSelection,
+) -> ([f64; 3], f64) {
+    let (Some(light), Ok(channels)) = (&image.subtracted, rgb_channels(image)) else {
+        return ([0.0; 3], 0.0);
+    };
+    let valid = || region.pixels.iter().filter(|pixel| chromaticity.at(**pixel).is_some());
+    let mean = |channel: usize| {
+        let value = |pixel: &usize| f64::from(light.dn[pixel * image.channels.len() + channel]);
+        valid().map(value).sum::<f64>() / valid().count().max(1) as f64
+    };
+    (channels.map(mean), light.exposure_ratio)
 }
 
 /// Mean R, G, B of the valid pixels of a region whose eight neighbors belong to it as well, DN: where interpolation of colors saw

@@ -148,8 +148,12 @@ fn with_truth(
         let is = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if is(name));
         let mut sum = 0.0;
         for (frame, capture) in frames {
-            let (study, exposure_s) = (measured.study, frame.raw.exposure_s);
-            let means = region_electrons(study, components, capture, exposure_s, measured.region, &is)?;
+            // Signals are means of the pixels that are not saturated
+            let saturated = &frame.developed.saturated;
+            let pixels = measured.region.pixels.iter().copied();
+            let pixels = pixels.filter(|&pixel| saturated.get(pixel) != Some(&true)).collect();
+            let unsaturated = PixelSelection { pixels, ..*measured.region };
+            let means = region_electrons(measured.study, components, capture, frame, &unsaturated, &is)?;
             sum += means.iter().sum::<f64>();
         }
         Ok(sum)

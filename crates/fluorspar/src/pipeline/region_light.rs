@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 
 use super::capture::{behind_filter, film_extent, film_irradiance, on_sensor, tan_half_width};
 use super::light_by_shape::ShapedRadiance;
-use super::{CameraResponse, PipelineError, SeenComponents};
+use super::{CameraResponse, CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{PixelSelection, RegionLight};
-use crate::image::{Component, ComponentImage, LightPath};
+use crate::image::{ChannelImage, Component, ComponentImage, InterpolationTaps, LightPath};
 use crate::optics::IdealLens;
 use crate::sensor::{ElectronRate, Sensor};
 use crate::study::{Capture, Study};
@@ -14,8 +14,8 @@ use crate::study::{Capture, Study};
 /// A region of the developed frame as pixels of the sensor.
 pub(super) struct RegionOnMosaic<'a> {
     sensor: &'a Sensor,
-    /// Whether a pixel of the sensor belongs to the region.
-    selected: Vec<bool>,
+    /// Weight of each pixel of the sensor in the mean of its channel; 0 outside of the region.
+    weights: Vec<f32>,
     /// Pixels of each channel.
     pub(super) counts: Vec<usize>,
 }
@@ -25,21 +25,58 @@ impl<'a> RegionOnMosaic<'a> {
     pub(super) fn new(sensor: &'a Sensor, region: Option<&PixelSelection>) -> Self {
         let model = sensor.model();
         let (columns, rows) = (model.columns, model.rows);
-        let mut selected = vec![region.is_none(); columns * rows];
+        let mut weights = vec![f32::from(u8::from(region.is_none())); columns * rows];
         if let Some(region) = region {
-            let (wide, high) = (columns / region.width.max(1), rows / region.height.max(1));
+            let [first_column, first_row, width, height] = model.region_px.unwrap_or([0, 0, columns, rows]);
+            let (wide, high) = (width / region.width.max(1), height / region.height.max(1));
             for &pixel in &region.pixels {
-                let (left, top) = ((pixel % region.width) * wide, (pixel / region.width) * high);
+                let left = first_column + (pixel % region.width) * wide;
+                let top = first_row + (pixel / region.width) * high;
                 for row in top..(top + high).min(rows) {
-                    selected[row * columns + left..row * columns + (left + wide).min(columns)].fill(true);
+                    weights[row * columns + left..row * columns + (left + wide).min(columns)].fill(1.0);
                 }
             }
         }
+        Self::weighted(sensor, weights)
+    }
+
+    /// The pixels behind a region of a frame whose colors were interpolated, each with the weight that it has in the mean of the region.
+    ///
+    /// Pixels of one color alone stand for places that lie up to half a pixel beside the region as a whole: where light falls off across
+    /// it, their plain mean would not be that of the frame. Pixels beyond the region have no weight, though they enter at its rim.
+    fn interpolated(sensor: &'a Sensor, region: &PixelSelection, taps: &InterpolationTaps) -> Self {
+        let model = sensor.model();
+        let (columns, rows) = (model.columns, model.rows);
+        let [first_column, first_row, width, height] = model.region_px.unwrap_or([0, 0, columns, rows]);
+        if [width, height] != [region.width, region.height] {
+            return Self::new(sensor, Some(region));
+        }
+        let mut is_inside = vec![false; width * height];
+        region.pixels.iter().for_each(|&pixel| is_inside[pixel] = true);
+        let mut weights = vec![0.0; columns * rows];
+        for &pixel in &region.pixels {
+            for channel in 0..taps.mosaic().channels.len() {
+                let own = || {
+                    let entering = taps.entering([pixel / width, pixel % width], channel, [width, height]);
+                    entering.filter(|(raw, _)| is_inside[*raw] && taps.channel_of(*raw, width) == channel)
+                };
+                let total: f32 = own().map(|(_, weight)| weight).sum();
+                for (raw, weight) in own().filter(|_| total > 0.0) {
+                    let (row, column) = (first_row + raw / width, first_column + raw % width);
+                    weights[row * columns + column] += weight / total;
+                }
+            }
+        }
+        Self::weighted(sensor, weights)
+    }
+
+    fn weighted(sensor: &'a Sensor, weights: Vec<f32>) -> Self {
+        let columns = sensor.model().columns;
         let mut counts = vec![0_usize; sensor.qe().channels().len()];
-        for (index, _) in selected.iter().enumerate().filter(|(_, is)| **is) {
+        for (index, _) in weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
             counts[sensor.mosaic().channel(index / columns, index % columns)] += 1;
         }
-        Self { sensor, selected, counts }
+        Self { sensor, weights, counts }
     }
 
     /// Mean electrons per second of the pixels of each channel, through lens, filters and sensor as [`super::capture()`] does
@@ -57,14 +94,25 @@ impl<'a> RegionOnMosaic<'a> {
         Ok(self.means(&self.sensor.electron_rate_on_film(&irradiance, film)?))
     }
 
-    /// Means of the pixels of each channel.
+    /// Weighted means of the pixels of each channel.
     fn means(&self, rate: &ElectronRate) -> Vec<f64> {
         let columns = self.sensor.model().columns;
-        let mut sums = vec![0.0; self.counts.len()];
-        for (index, value) in rate.data.iter().enumerate().filter(|(index, _)| self.selected[*index]) {
-            sums[self.sensor.mosaic().channel(index / columns, index % columns)] += f64::from(*value);
+        let mut sums = vec![[0.0; 2]; self.counts.len()];
+        let weighted = rate.data.iter().zip(&self.weights).enumerate();
+        for (index, (value, weight)) in weighted.filter(|(_, (_, weight))| **weight != 0.0) {
+            let [sum, weights] = &mut sums[self.sensor.mosaic().channel(index / columns, index % columns)];
+            *sum += f64::from(*weight) * f64::from(*value);
+            *weights += f64::from(*weight);
         }
-        sums.iter().zip(&self.counts).map(|(sum, count)| sum / (*count).max(1) as f64).collect()
+        sums.into_iter().map(|[sum, weights]| if weights > 0.0 { sum / weights } else { 0.0 }).collect()
+    }
+}
+
+/// The pixels of the sensor that stand behind a region of a developed frame.
+fn behind<'a>(sensor: &'a Sensor, region: &PixelSelection, frame: &ChannelImage) -> RegionOnMosaic<'a> {
+    match &frame.interpolation {
+        Some(taps) => RegionOnMosaic::interpolated(sensor, region, taps),
+        None => RegionOnMosaic::new(sensor, Some(region)),
     }
 }
 
@@ -86,14 +134,14 @@ pub(super) fn region_light(
     seen: &SeenComponents<'_>,
     capture: &Capture,
     porphyrin: &str,
-    exposure_s: f64,
+    frame: &CapturedFrame,
     region: &PixelSelection,
 ) -> Result<Option<RegionLight>, PipelineError> {
     let (components, Some(sensor)) = (seen.image, &study.camera.sensor) else { return Ok(None) };
     let Some(lens) = study.camera.lens_behind_filters() else { return Ok(None) };
     let camera = CameraResponse::new(&behind_filter(&lens, capture), sensor, &study.scene.grid, None);
     let channels = camera.rgb().map_or_else(|| camera.seeing_channels(), |rgb| rgb.to_vec());
-    let mosaic = RegionOnMosaic::new(sensor, Some(region));
+    let mosaic = behind(sensor, region, &frame.developed);
     let held = fluorophores_of_region(study, components, region);
     let electrons = |is: &dyn Fn(&LightPath) -> bool| -> Result<Vec<f64>, PipelineError> {
         let drive = |c: &Component| {
@@ -104,7 +152,7 @@ pub(super) fn region_light(
         }
         let rates = seen.film_rates(capture, drive);
         let means = mosaic.means(&sensor.electron_rate_of(&rates, seen.planes.film)?);
-        Ok(channels.iter().map(|&channel| exposure_s * means[channel]).collect())
+        Ok(channels.iter().map(|&channel| frame.raw.exposure_s * means[channel]).collect())
     };
     let is_porphyrin =
         |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if name == porphyrin);
@@ -128,7 +176,7 @@ pub(super) fn region_electrons(
     study: &Study,
     seen: &SeenComponents<'_>,
     capture: &Capture,
-    exposure_s: f64,
+    frame: &CapturedFrame,
     region: &PixelSelection,
     is: &dyn Fn(&LightPath) -> bool,
 ) -> Result<Vec<f64>, PipelineError> {
@@ -138,8 +186,8 @@ pub(super) fn region_electrons(
     };
     let rates = seen.film_rates(capture, drive);
     let means =
-        RegionOnMosaic::new(sensor, Some(region)).means(&sensor.electron_rate_of(&rates, seen.planes.film)?);
-    Ok(means.into_iter().map(|rate| exposure_s * rate).collect())
+        behind(sensor, region, &frame.developed).means(&sensor.electron_rate_of(&rates, seen.planes.film)?);
+    Ok(means.into_iter().map(|rate| frame.raw.exposure_s * rate).collect())
 }
 
 /// Names of the fluorophores that the materials hold which the region shows; all names where the render kept no map of parts.
