@@ -16,7 +16,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use fluorspar::analysis::SpotSeparation;
+use fluorspar::analysis::{SpotScale, SpotSeparation};
 use fluorspar::image::ChannelImage;
 use fluorspar::pipeline::{capture, predict};
 use fluorspar::render::{RenderControl, render};
@@ -247,7 +247,7 @@ fn noisy(electrons: f64, read_e: f64, rng: &mut KeyedRng) -> f64 {
 }
 
 fn print_row(what: &str, classes: &[Vec<Vec<f64>>; 2]) {
-    if let Some(found) = SpotSeparation::new(Vec::new(), Vec::new(), classes) {
+    if let Some(found) = SpotSeparation::new(Vec::new(), Vec::new(), SpotScale::Logarithms, classes) {
         let [low, high] = found.d_prime_interval;
         println!("    {what:<24} d' {:5.2} ({low:.2} to {high:.2})", found.d_prime);
     }

@@ -283,8 +283,9 @@ fn spot_rows(spots: &[SpotSeparation]) -> Vec<Number> {
             format!("{:.2} ({low:.2} to {high:.2})", spot.d_prime),
             "d'",
             format!(
-                "Distance of the two spots in standard deviations of a pixel, with its 95 % interval; an ideal observer assigns {:.0} % of \
-                 single pixels to the right spot.",
+                "Distance of the two spots in standard deviations of a pixel, with its 95 % interval, by {}; an ideal observer assigns \
+                 {:.0} % of single pixels to the right spot.",
+                spot.scale.words(),
                 100.0 * spot.right
             ),
         )

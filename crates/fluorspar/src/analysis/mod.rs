@@ -74,7 +74,7 @@ pub use spectral_mixture::{
     MixtureComponent, MixtureFit, ResidualCorrelation, ResidualScatter, SetMembership, SpectralMixture,
 };
 pub use spectral_overlap::spectral_overlap;
-pub use spot_separation::SpotSeparation;
+pub use spot_separation::{SpotScale, SpotSeparation};
 pub use statistics::{ChannelStatistics, CovarianceEllipse, RegionStatistics, Statistics};
 pub(crate) use summary::analyze_pixels;
 pub use summary::{

@@ -12,6 +12,28 @@ const LEAST_CASES_PER_NUMBER: usize = 4;
 /// Separation from which on what is left between equal cases is rounding.
 const LARGEST: f64 = 1e6;
 
+/// What of the pixels of two spots is compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SpotScale {
+    /// Logarithms of the values: a slope of the light or of the surface changes all channels by one factor.
+    #[default]
+    Logarithms,
+    /// The values themselves, where some pixel of a spot is so dark that its logarithm is noise.
+    Values,
+}
+
+impl SpotScale {
+    /// What is compared, in words.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Logarithms => "the logarithms of the channels",
+            Self::Values => "the values of the channels, as a spot is dark",
+        }
+    }
+}
+
 /// How well some channels of some frames tell the pixels of two spots apart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpotSeparation {
@@ -19,6 +41,9 @@ pub struct SpotSeparation {
     pub frames: Vec<String>,
     /// Channels of each.
     pub channels: Vec<String>,
+    /// What of the pixels is compared.
+    #[serde(default)]
+    pub scale: SpotScale,
     /// Distance of the means in standard deviations of a pixel, channels together (Mahalanobis distance).
     pub d_prime: f64,
     /// Its 95 % interval, by the jackknife over pixels.
@@ -31,7 +56,12 @@ impl SpotSeparation {
     /// Compares cases of two groups, each a list of numbers of equal length. `None` for too few cases, and where some numbers
     /// do not vary.
     #[must_use]
-    pub fn new(frames: Vec<String>, channels: Vec<String>, groups: &[Vec<Vec<f64>>; 2]) -> Option<Self> {
+    pub fn new(
+        frames: Vec<String>,
+        channels: Vec<String>,
+        scale: SpotScale,
+        groups: &[Vec<Vec<f64>>; 2],
+    ) -> Option<Self> {
         let numbers = groups[0].first()?.len();
         let enough = LEAST_CASES_PER_NUMBER * numbers.max(1);
         if groups.iter().any(|cases| cases.len() < enough || cases.iter().any(|c| c.len() != numbers)) {
@@ -42,6 +72,7 @@ impl SpotSeparation {
         Some(Self {
             frames,
             channels,
+            scale,
             d_prime,
             d_prime_interval: [(d_prime - reach).max(0.0), d_prime + reach],
             right: Normal::standard().cdf(0.5 * d_prime),
@@ -124,7 +155,7 @@ mod tests {
     }
 
     fn separation(groups: &[Vec<Vec<f64>>; 2]) -> Option<SpotSeparation> {
-        SpotSeparation::new(vec!["blue".into()], vec!["R".into(), "G".into()], groups)
+        SpotSeparation::new(vec!["blue".into()], vec!["R".into(), "G".into()], SpotScale::Logarithms, groups)
     }
 
     /// The covariance [[1, 0.8], [0.8, 1]] has the inverse element 1 / 0.36: d' = shift / 0.6.

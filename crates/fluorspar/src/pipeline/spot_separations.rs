@@ -1,7 +1,7 @@
 //! Two spots of the frames of a study, compared.
 
 use super::{CapturedFrame, PipelineError};
-use crate::analysis::{AnalysisError, PixelSelection, SceneOnSensor, SpotSeparation};
+use crate::analysis::{AnalysisError, PixelSelection, SceneOnSensor, SpotScale, SpotSeparation};
 use crate::image::ChannelImage;
 use crate::study::{AnalysisPlan, Study};
 use crate::warning::Warning;
@@ -21,8 +21,8 @@ pub(super) struct ComparedSpots {
 /// How well the pixels of the two regions that an analysis compares are told apart: green alone and all channels of every frame with
 /// light, and of all these frames together. Empty where nothing is compared. `scene` serves to find parts by name.
 ///
-/// Pixels are compared by the logarithms of their channels, every second one in both directions, as neighbors share raw values.
-/// What spots hold of structure of their own counts as noise.
+/// Pixels are compared by the logarithms of their channels, or where some are dark by their values ([`SpotScale`]); every second one in
+/// both directions, as neighbors share raw values. What spots hold of structure of their own counts as noise.
 ///
 /// # Errors
 /// A region that does not fit the frames.
@@ -49,9 +49,9 @@ pub(super) fn compared_spots(
     let spots = [select(0)?, select(1)?];
     let ComparedSpots { found, warnings } = &mut compared;
     let mut compare = |images: &[&ChannelImage], channels: &[String], is_told: bool| {
-        let groups = [0, 1].map(|spot| cases(images, channels, &spots[spot]));
+        let (scale, groups) = compared_cases(images, channels, &spots);
         let labels = images.iter().map(|image| image.label.clone()).collect();
-        let separation = SpotSeparation::new(labels, channels.to_vec(), &groups);
+        let separation = SpotSeparation::new(labels, channels.to_vec(), scale, &groups);
         let is_found = separation.is_some();
         let warning = what_is_missing(images, &spots, is_found)
             .filter(|_| is_found || !is_told || any_saturated(images, &spots));
@@ -100,10 +100,8 @@ fn what_is_missing(images: &[&ChannelImage], spots: &[PixelSelection; 2], is_fou
     match (parts.is_empty(), is_found) {
         (true, true) => None,
         (true, false) => Some(Warning::explained(
-            format!(
-                "d' of the spots in {frames}: none, too few of their pixels have light in all channels, or they do not vary"
-            ),
-            "Make the spots larger or add light.",
+            format!("d' of the spots in {frames}: none: too few pixels, or they do not vary"),
+            "Make the spots larger, or add light.",
         )),
         (false, true) => Some(Warning::explained(
             format!("d' of the spots in {frames}: of their unsaturated pixels alone; {}", parts.join(", ")),
@@ -116,12 +114,37 @@ fn what_is_missing(images: &[&ChannelImage], spots: &[PixelSelection; 2], is_fou
     }
 }
 
-/// Logarithms of channels of the pixels of a spot; pixels that are saturated or not positive in any of them are left out.
+/// Standard deviations of dark noise above which all pixels must lie if their logarithms are compared: the logarithm of noise has no
+/// finite spread, and to leave out the dark half of its pixels would move their mean.
+const LIT: f64 = 3.0;
+
+/// What is compared of two spots, and its cases.
+fn compared_cases(
+    images: &[&ChannelImage],
+    channels: &[String],
+    spots: &[PixelSelection; 2],
+) -> (SpotScale, [Vec<Vec<f64>>; 2]) {
+    let values = [0, 1].map(|spot| cases(images, channels, &spots[spot]));
+    // A case holds the channels of one frame after the other
+    let least = |number: usize| LIT * images[number / channels.len().max(1)].noise_floor_dn;
+    let is_lit =
+        |case: &Vec<f64>| case.iter().enumerate().all(|(number, value)| *value > least(number).max(0.0));
+    if !values.iter().flatten().all(is_lit) {
+        return (SpotScale::Values, values);
+    }
+    let logarithms = |spot: Vec<Vec<f64>>| {
+        let of_case = |case: Vec<f64>| case.into_iter().map(f64::ln).collect();
+        spot.into_iter().map(of_case).collect()
+    };
+    (SpotScale::Logarithms, values.map(logarithms))
+}
+
+/// Channels of the pixels of a spot; pixels that are saturated in any of the images are left out.
 fn cases(images: &[&ChannelImage], channels: &[String], spot: &PixelSelection) -> Vec<Vec<f64>> {
     let value = |image: &ChannelImage, pixel: usize, name: &str| {
         let channel = image.channels.iter().position(|other| other == name)?;
         let value = *image.data.get(pixel * image.channels.len() + channel)?;
-        (value > 0.0 && image.saturated.get(pixel) == Some(&false)).then(|| f64::from(value).ln())
+        (image.saturated.get(pixel) == Some(&false)).then_some(f64::from(value))
     };
     let case_of = |pixel: usize| {
         let of_image = |image: &&ChannelImage| {
@@ -177,8 +200,8 @@ mod tests {
         };
         let spots = [half(0), half(10)];
         let told = |image: &ChannelImage| {
-            let groups = [0, 1].map(|spot| cases(&[image], &image.channels, &spots[spot]));
-            let found = SpotSeparation::new(vec!["green".into()], image.channels.clone(), &groups);
+            let (scale, groups) = compared_cases(&[image], &image.channels, &spots);
+            let found = SpotSeparation::new(vec!["green".into()], image.channels.clone(), scale, &groups);
             (found.is_some(), what_is_missing(&[image], &spots, found.is_some()))
         };
         assert_eq!(told(&image), (true, None));
@@ -198,6 +221,39 @@ mod tests {
         image.saturated.fill(false);
         image.data.fill(0.0);
         let (is_found, warning) = told(&image);
-        assert!(!is_found && warning.unwrap().contains("none, too few"));
+        assert!(!is_found && warning.unwrap().contains("none: too few"));
+    }
+
+    /// A spot of dark noise alone, as a blank: no pixel is left out, and d' is that of the values.
+    #[test]
+    fn a_dark_spot_is_compared_by_its_values() {
+        let mut image = frame();
+        let half = |from: usize| {
+            let pixels = (0..200).filter(|pixel| (from..from + 10).contains(&(pixel % 20))).collect();
+            PixelSelection { width: 20, height: 10, pixels }
+        };
+        let spots = [half(0), half(10)];
+        let compared = |image: &ChannelImage| compared_cases(&[image], &image.channels, &spots);
+        assert_eq!(compared(&image).0, SpotScale::Logarithms);
+        // The second spot is dark: its noise, 0 to 100, about zero
+        for pixel in &spots[1].pixels {
+            for value in &mut image.data[2 * pixel..2 * pixel + 2] {
+                *value -= 350.0;
+            }
+        }
+        let (scale, groups) = compared(&image);
+        assert_eq!((scale, groups[1].len()), (SpotScale::Values, 25));
+        let mean = |cases: &[Vec<f64>]| cases.iter().map(|case| case[0]).sum::<f64>() / cases.len() as f64;
+        let spread = |cases: &[Vec<f64>]| {
+            let mean = mean(cases);
+            cases.iter().map(|case| (case[0] - mean).powi(2)).sum::<f64>()
+        };
+        let first: Vec<Vec<Vec<f64>>> =
+            groups.iter().map(|cases| cases.iter().map(|case| vec![case[0]]).collect()).collect();
+        let first: [Vec<Vec<f64>>; 2] = first.try_into().unwrap();
+        let by_hand =
+            (mean(&groups[0]) - mean(&groups[1])) / ((spread(&groups[0]) + spread(&groups[1])) / 48.0).sqrt();
+        let found = SpotSeparation::new(vec!["green".into()], vec!["R".into()], scale, &first).unwrap();
+        assert!((found.d_prime / by_hand - 1.0).abs() < 1e-12, "{} {by_hand}", found.d_prime);
     }
 }
