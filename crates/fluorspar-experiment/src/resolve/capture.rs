@@ -422,8 +422,16 @@ fn wanted_share(section: &AnalysisSection) -> Option<&String> {
     section.porphyrin.as_ref().filter(|name| *name != NO_SHARE)
 }
 
+/// Whether tissue of the mouth holds a fluorophore of this name.
+fn is_of_tissue(name: &str) -> bool {
+    ["dorsal_tongue", "tooth"]
+        .iter()
+        .any(|site| Site::named(site).is_ok_and(|site| site.fluorophores().contains(&name)))
+}
+
 /// The porphyrin that an analysis means that names none: the one that the region holds, else the one of the scene. Where there is none,
-/// that of the catalogue: a control has a line, too.
+/// that of the catalogue, as a control has a line, too; but no share is asked for where the scene glows with what is in no tissue, as a
+/// leaf or a phantom of dyes does.
 fn porphyrin_of_scene(
     context: &Context<'_>,
     section: &AnalysisSection,
@@ -447,7 +455,10 @@ fn porphyrin_of_scene(
     }
     let mut names = found.into_iter();
     match (names.next(), names.next()) {
-        (None, _) => Ok(DEFAULT_PORPHYRIN.into()),
+        (None, _) => {
+            let is_foreign = seen.objects.iter().flat_map(held_by).any(|name| !is_of_tissue(name));
+            Ok(if is_foreign { NO_SHARE } else { DEFAULT_PORPHYRIN }.into())
+        }
         (Some(only), None) => Ok(only.into()),
         (Some(first), Some(second)) => {
             let all: Vec<&str> = [first, second].into_iter().chain(names).collect();

@@ -153,7 +153,7 @@ pub struct AnalysisSection {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub region: Vec<AnalysisRegionSection>,
     /// Fluorophore whose share is estimated; "none" for no such estimate. Default: the porphyrin that the region holds, else that of
-    /// the scene; "protoporphyrin_ix" where there is none.
+    /// the scene; where there is none "protoporphyrin_ix", but "none" if the scene holds a fluorophore that no tissue has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub porphyrin: Option<String>,
     /// Fluorophores that form the bulk of the tissue: the name of a material, whose fluorophores count without the

@@ -206,6 +206,10 @@ fn one_tissue(sought: &SoughtFluorophore) -> Warning {
 /// phantom do.
 fn what_the_line_assumes(study: &Study, settings: &AnalysisPlan) -> Option<Warning> {
     let sought = study.sought(settings);
+    // Blood lies on the line of the porphyrin; what is sought in a leaf or a dish has none in front of it
+    if !sought.is_porphyrin() {
+        return None;
+    }
     let held = |part: &String| study.tissues.iter().any(|tissue| tissue.parts.contains(part));
     if settings.parts.iter().any(held) {
         return Some(one_tissue(&sought));
