@@ -32,8 +32,8 @@ pub struct Experiment {
 /// Reads an experiment: text, base experiments, then overrides such as `light.blue.strength.power_mw=20`,
 /// `unset analysis` or `insert analysis.region.lip={ parts = ["lower_lip"] }`.
 ///
-/// `source_name` is how messages call the text. Relative paths in the text, in overrides and in the name of a base
-/// file start at `base_dir`.
+/// `source_name` is how messages call the text. Relative paths in the text and in the name of a base file start at `base_dir`, those in
+/// overrides at the working folder, where they are typed.
 ///
 /// # Errors
 /// The first defect found.
@@ -91,7 +91,7 @@ pub(super) fn read_document(
 ) -> Result<Document, ExperimentError> {
     let changes = overrides.iter().map(|text| SceneChange::read(text)).collect::<Result<Vec<_>, _>>();
     let mut document = read_merged(schema, text, source_name, base_dir)?;
-    change_document(&mut document, schema, &changes?, base_dir)?;
+    change_document(&mut document, schema, &changes?, Path::new("."))?;
     finish_document(&mut document, schema)?;
     Ok(document)
 }

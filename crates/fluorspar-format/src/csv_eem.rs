@@ -33,8 +33,10 @@ pub struct MeasuredEem {
     pub values: Vec<f64>,
     /// Unit of the values.
     pub unit: EemUnit,
-    /// Empty cells, which were taken as zero.
+    /// Empty cells, filled as [`CsvEemOptions::empty_cells`] says.
     pub empty_cells: usize,
+    /// Negative values that were taken as zero: how many, and the lowest.
+    pub clipped: (usize, f64),
     /// Cells that were cut out of bands of scattered light of the first and of the second order.
     pub cut_cells: [usize; 2],
     /// What the file has otherwise than the form that is written here, in words: lines about an instrument, decimal commas.
@@ -52,6 +54,19 @@ pub enum AntiStokes {
     SetToZero,
 }
 
+/// Treatment of empty cells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EmptyCells {
+    /// An error.
+    #[default]
+    Refuse,
+    /// Zero: nothing fluoresces there.
+    Zero,
+    /// On a straight line along the emission between the nearest cells with values under the same excitation. Cells below their excitation,
+    /// and those without a value to both sides, which lie beyond what was measured, become zero.
+    Interpolate,
+}
+
 /// How to read a matrix. The default refuses anti-Stokes values above 0.1 % of the peak, negative values and empty
 /// cells, and takes the unit from the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,8 +77,8 @@ pub struct CsvEemOptions {
     pub anti_stokes: AntiStokes,
     /// Treatment of negative values.
     pub negative: Negative,
-    /// Take empty cells as zero instead of refusing them.
-    pub empty_as_zero: bool,
+    /// Treatment of empty cells.
+    pub empty_cells: EmptyCells,
     /// Cut bands of scattered excitation light out before the checks.
     pub cut: Option<ScatterCut>,
 }
@@ -93,7 +108,7 @@ impl Default for CsvEemOptions {
             unit: None,
             anti_stokes: AntiStokes::Refuse(1e-3),
             negative: Negative::Refuse,
-            empty_as_zero: false,
+            empty_cells: EmptyCells::Refuse,
             cut: None,
         }
     }
@@ -136,13 +151,18 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
     let Axes { unit, emission_nm, excitation_nm } = axes(path, &table, options.unit)?;
 
     let mut values = Vec::with_capacity(emission_nm.len() * excitation_nm.len());
-    let (mut wrong, mut empty_cells) = (WrongCells::default(), 0);
+    let (mut wrong, mut empty, mut clipped) = (WrongCells::default(), Vec::new(), (0, 0.0));
     for (row, emission_nm) in table.rows().zip(&emission_nm) {
         for (column, excitation_nm) in (1..).zip(&excitation_nm) {
             let value = match table.number(path, row, column) {
-                Ok(Some(value)) => table.checked_sign(path, row, column, value, options.negative),
-                Ok(None) if options.empty_as_zero => {
-                    empty_cells += 1;
+                Ok(Some(value)) => {
+                    if value < 0.0 && options.negative == Negative::ClipToZero {
+                        clipped = (clipped.0 + 1, f64::min(clipped.1, value));
+                    }
+                    table.checked_sign(path, row, column, value, options.negative)
+                }
+                Ok(None) if options.empty_cells != EmptyCells::Refuse => {
+                    empty.push(values.len());
                     Ok(0.0)
                 }
                 Ok(None) => {
@@ -160,8 +180,13 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
     }
     wrong.refused()?;
     let (read_as, unstated_axes) = layout.map_or_else(Default::default, |l| (l.read_as, l.unstated_axes));
+    let empty_cells = empty.len();
+    let cut_cells = [0; 2];
     let mut eem =
-        MeasuredEem { emission_nm, excitation_nm, values, unit, empty_cells, cut_cells: [0; 2], read_as };
+        MeasuredEem { emission_nm, excitation_nm, values, unit, empty_cells, clipped, cut_cells, read_as };
+    if options.empty_cells == EmptyCells::Interpolate {
+        eem.interpolate(&empty);
+    }
     if let Some((line, corner)) = unstated_axes {
         eem.take_rows_as_emission(path, line, &corner)?;
     }
@@ -320,11 +345,40 @@ impl MeasuredEem {
                 below += value.max(0.0);
             }
         }
+        if below > CLEARLY_MORE * above {
+            return Err(FormatError::at_line(
+                path,
+                line,
+                "the axes are not named, and most light would lie at emission wavelengths below the excitation if rows were emission",
+                format!(
+                    "Transpose the table, so that rows are emission and columns excitation, and write \"{CORNER}\" into the corner cell"
+                ),
+            ));
+        }
         if above <= CLEARLY_MORE * below {
             return check_corner(path, corner, line);
         }
         self.read_as.push("rows taken as emission, as most light is then above its excitation".into());
         Ok(())
+    }
+
+    /// Fills empty cells, by their places, from their neighbors along the emission ([`EmptyCells::Interpolate`]).
+    fn interpolate(&mut self, empty: &[usize]) {
+        let (rows, columns) = (self.emission_nm.len(), self.excitation_nm.len());
+        let mut is_empty = vec![false; self.values.len()];
+        empty.iter().for_each(|place| is_empty[*place] = true);
+        let measured = self.values.clone();
+        for &place in empty {
+            let (row, column) = (place / columns, place % columns);
+            let has_value = |row: &usize| !is_empty[row * columns + column];
+            let at = |row: usize| (self.emission_nm[row], measured[row * columns + column]);
+            let sides = ((0..row).rev().find(has_value).map(at), (row..rows).find(has_value).map(at));
+            if let (Some(before), Some(after)) = sides
+                && self.emission_nm[row] >= self.excitation_nm[column]
+            {
+                self.values[place] = on_the_line(before, after, self.emission_nm[row]);
+            }
+        }
     }
 
     /// Cuts the bands of scattered light of both orders out, and counts their cells. The neighbors of one band may not be cells of the other.
@@ -350,10 +404,7 @@ impl MeasuredEem {
                     _ if is_below => 0.0,
                     (CutTo::Zero, ..) | (_, None, None) => 0.0,
                     (_, Some((_, value)), None) | (_, None, Some((_, value))) => value,
-                    (_, Some((nm_0, value_0)), Some((nm_1, value_1))) => {
-                        let share = (self.emission_nm[row] - nm_0) / (nm_1 - nm_0);
-                        value_0 + share * (value_1 - value_0)
-                    }
+                    (_, Some(below), Some(above)) => on_the_line(below, above, self.emission_nm[row]),
                 };
             }
         }
@@ -375,6 +426,11 @@ impl MeasuredEem {
         text.push('\n');
         text
     }
+}
+
+/// The value at `nm` on the straight line through two points.
+fn on_the_line((nm_0, value_0): (f64, f64), (nm_1, value_1): (f64, f64), nm: f64) -> f64 {
+    value_0 + (nm - nm_0) / (nm_1 - nm_0) * (value_1 - value_0)
 }
 
 /// How many times more light must lie above its excitation than below it to tell the axes apart: scattered light is about as much on both

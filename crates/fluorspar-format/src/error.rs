@@ -213,6 +213,13 @@ impl FormatError {
         }
     }
 
+    /// What else is wrong with cells of the file, in words.
+    pub fn also(&self) -> Option<String> {
+        let Self::Cells { next, more, .. } = self else { return None };
+        let more = if *more > 0 { format!("; and {more} more cells") } else { String::new() };
+        Some(format!("Also {}{more}", next.join("; ")))
+    }
+
     /// Line of a text file, from 1, where one is to blame.
     pub fn line(&self) -> Option<u64> {
         match self {
@@ -352,9 +359,8 @@ impl fmt::Display for Problem<'_> {
                 f,
                 "the cell at excitation {excitation_nm} nm is empty. Fill it from its neighbors, or take empty cells as zero on purpose"
             ),
-            FormatError::Cells { first, next, more } => {
-                write!(f, "{}. Also {}", first.problem(), next.join("; "))?;
-                if *more > 0 { write!(f, "; and {more} more cells") } else { Ok(()) }
+            FormatError::Cells { first, .. } => {
+                write!(f, "{}. {}", first.problem(), self.0.also().unwrap_or_default())
             }
             FormatError::OtherFormat { other, .. } => write!(f, "{other}"),
             FormatError::Json { source, .. } => {

@@ -73,8 +73,8 @@ mod toml_text;
 pub use cache::{Cache, count_as_program};
 pub use csv_cell::{csv_cell, quoted_csv_cell};
 pub use csv_eem::{
-    AntiStokes, CsvEemOptions, CutTo, EemUnit, LeastCuts, MeasuredEem, ScatterCut, eem_csv, read_eem_csv,
-    refuse_scattered_light,
+    AntiStokes, CsvEemOptions, CutTo, EemUnit, EmptyCells, LeastCuts, MeasuredEem, ScatterCut, eem_csv,
+    read_eem_csv, refuse_scattered_light,
 };
 pub use csv_fluorophore::{CsvFluorophore, read_fluorophore_csv};
 pub use csv_spectrum::{CsvColumns, CsvSpectrumOptions, NamedCurve, read_spectrum_csv};

@@ -66,7 +66,7 @@ fn region_option(text: &str) -> Result<RegionOption, CliError> {
     } else if words.iter().all(is_number) {
         vec![("rectangle_px".into(), format!("[{place}]"))]
     } else if is_mask(Path::new(place)) {
-        vec![("mask".into(), quoted(&from_here(place)))]
+        vec![("mask".into(), quoted(place))]
     } else {
         let parts: Vec<String> = words.iter().map(|word| quoted(word)).collect();
         vec![("parts".into(), format!("[{}]", parts.join(", ")))]
@@ -81,16 +81,7 @@ fn region_option(text: &str) -> Result<RegionOption, CliError> {
 fn fields_of_table(text: &str) -> Option<Vec<(String, String)>> {
     let table: toml::Table = read_toml(&format!("region = {text}")).ok()?;
     let fields = table.get("region")?.as_table()?;
-    let value = |field: &str, value: &toml::Value| match value.as_str() {
-        Some(path) if field == "mask" => super::quoted(&from_here(path)),
-        _ => value.to_string(),
-    };
-    Some(fields.iter().map(|(field, given)| (field.clone(), value(field, given))).collect())
-}
-
-/// A path of the command line, which starts in the working folder and not beside the experiment.
-fn from_here(path: &str) -> String {
-    std::path::absolute(path).map_or_else(|_| path.to_owned(), |path| path.to_string_lossy().into_owned())
+    Some(fields.iter().map(|(field, given)| (field.clone(), given.to_string())).collect())
 }
 
 impl RegionOption {
@@ -133,10 +124,8 @@ mod tests {
         assert_eq!(fields("a=1,2,30,40"), one("rectangle_px", "[1,2,30,40]"));
         assert_eq!(fields("a=[1,2,30,40]"), one("rectangle_px", "[1,2,30,40]"));
         assert_eq!(fields("a=[[1,2],[3,4],[5,0]]"), one("polygon_px", "[[1,2],[3,4],[5,0]]"));
-        let here =
-            |path: &str| super::super::quoted(&std::env::current_dir().unwrap().join(path).to_string_lossy());
-        assert_eq!(fields("a=b/mask.PNG"), one("mask", &here("b/mask.PNG")));
-        assert_eq!(fields("a={mask=\"mask.png\"}"), one("mask", &here("mask.png")));
+        assert_eq!(fields("a=b/mask.PNG"), one("mask", "\"b/mask.PNG\""));
+        assert_eq!(fields("a={mask=\"mask.png\"}"), one("mask", "\"mask.png\""));
         assert_eq!(fields("a={parts=[\"x\"], inset_px=3}").len(), 2);
         for text in ["lip", "=lip", "lip=", "a={parts=", "a={frame=\"white\"}", "a\"b=lip"] {
             let error = region_option(text).unwrap_err().to_string();

@@ -165,7 +165,7 @@ fn every_kind_of_file_is_imported() {
         "anti.csv",
         "--yield-unit=photons",
         "--allow-anti-stokes",
-        "--empty-as-zero",
+        "--empty-cells=zero",
         "--stokes=off",
         "--out=a.toml",
     ];
@@ -291,26 +291,36 @@ fn all_that_is_wrong_with_a_table_is_told_at_once() {
     let refused = import("Sample: 10 uM in PBS\nem;ex 350,0 nm;ex 360,0 nm\n400,0;-1,5;\n410,0;2,5;4,5\n");
     assert_eq!(refused.code, Some(2));
     for words in [
-        "(--yield-unit photons or --yield-unit energy). Then column",
-        "(--allow-negative). Then the cell at excitation 360 nm is empty",
-        "This takes the file: `fluorspar fluorophore import dye.csv --yield-unit photons --allow-negative --empty-as-zero`",
+        "(--yield-unit photons or --yield-unit energy). Then, on line 3, column",
+        "(--allow-negative). Also line 3",
+        "Then, on line 3, the cell at excitation 360 nm is empty",
+        "This takes the file: `fluorspar fluorophore import dye.csv --yield-unit photons --allow-negative --empty-cells interpolate`",
     ] {
         assert!(refused.stderr.contains(words), "{words}: {}", refused.stderr);
     }
-    let options = ["--yield-unit=photons", "--allow-negative", "--empty-as-zero"];
+    let options = ["--yield-unit=photons", "--allow-negative", "--empty-cells=zero"];
     let args = [&["fluorophore", "import", "dye.csv", "--out=dye.toml"][..], &options].concat();
     let read = fluorspar(folder, args).well();
     assert!(read.stderr.contains("a line beside the table is left out; decimal commas"), "{}", read.stderr);
+    // What was made of cells is told, and stays in the section
+    let cells = [
+        "1, taken as zero: no fluorescence there",
+        "1, taken as zero, the lowest -1.5 (33.33 % of the peak)",
+    ];
+    let section = fs::read_to_string(folder.join("dye.toml")).unwrap();
+    for words in cells {
+        assert!(read.stderr.contains(words) && section.contains(words), "{words}: {} {section}", read.stderr);
+    }
     // And an experiment reads the same file
     let shown = fluorspar(folder, ["fluorophore", "show", "dye.toml", "--json"]).json();
     assert_eq!(shown["emission_peak_nm"], 410.0, "{shown}");
     let head = "# unit: photons\nem_nm\\ex_nm,380,400\n";
     for (cells, option) in
-        [("500,-1,2\n520,-3,4\n", "--allow-negative"), ("500,,2\n520,,4\n", "--empty-as-zero")]
+        [("500,-1,2\n520,-3,4\n", "--allow-negative"), ("500,,2\n520,,4\n", "--empty-cells interpolate")]
     {
         let refused = import(&format!("{head}{cells}"));
         assert!(refused.code == Some(2) && refused.stderr.contains(". Also line 4"), "{refused:?}");
-        assert!(refused.stderr.contains(&format!("({option})")), "{option}: {}", refused.stderr);
+        assert!(refused.stderr.contains(&format!("({option}")), "{option}: {}", refused.stderr);
     }
 }
 

@@ -425,12 +425,13 @@ fn spectra_with_mistakes_are_refused_and_leniency_is_written() {
     for (cells, said, field) in [
         (["0.1", "0", "-40", "0.6"], "below zero", "allow_negative"),
         (["0.1", "0.3", "0.4", "0.6"], "380", "allow_anti_stokes"),
-        (["0.1", "0", "", "0.6"], "empty", "empty_as_zero"),
+        (["0.1", "0", "", "0.6"], "empty", "empty_cells"),
     ] {
         let refused = check(cells, "");
         assert!(refused.code == Some(2) && refused.stderr.contains(said), "{refused:?}");
         assert!(refused.stderr.contains(field), "{refused:?}");
-        let lenient = check(cells, &format!("{field} = true"));
+        let value = if field == "empty_cells" { "\"interpolate\"" } else { "true" };
+        let lenient = check(cells, &format!("{field} = {value}"));
         assert_eq!(lenient.code, Some(0), "{lenient:?}");
     }
 }

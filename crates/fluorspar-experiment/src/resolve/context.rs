@@ -188,7 +188,11 @@ impl<'a> Context<'a> {
                         format!("there is no file \"{}\"", excerpt_to(&file.to_string_lossy(), 400)),
                     );
                 }
-                return Err(error.with_paths_from(PathsFrom::ExperimentFile));
+                let from = match error.details().blamed_override {
+                    Some(_) => PathsFrom::WorkingFolder,
+                    None => PathsFrom::ExperimentFile,
+                };
+                return Err(error.with_paths_from(from));
             }
             Err(error) => return self.fail(at, error.problem().to_string()),
         };

@@ -293,7 +293,7 @@ const ANTI_STOKES_TOLERANCE: f64 = 1e-3;
 const ALLOW_NEGATIVE: &str = "Subtract the background correctly, or take negative values as zero with allow_negative = true in this [[fluorophore]]";
 const ALLOW_ANTI_STOKES: &str = "; allow_anti_stokes = true in this [[fluorophore]] accepts such values, and `fluorspar fluorophore import --cut-scatter NM` cuts \
      scattered light out";
-const EMPTY_AS_ZERO: &str = "; empty_as_zero = true in this [[fluorophore]] takes them as zero";
+const EMPTY_CELLS: &str = "; empty_cells = \"interpolate\" in this [[fluorophore]] fills them along the emission, empty_cells = \"zero\" takes them as zero";
 
 fn negative(section: &FluorophoreSection) -> Negative {
     if section.allow_negative { Negative::ClipToZero } else { Negative::Refuse }
@@ -304,12 +304,16 @@ fn reader_error(context: &Context<'_>, at: &Place, error: &FormatError) -> crate
     let field = match error.first() {
         FormatError::Negative { .. } => "; allow_negative = true in this [[fluorophore]] takes them as zero",
         FormatError::AntiStokes { .. } | FormatError::ScatteredLight { .. } => ALLOW_ANTI_STOKES,
-        FormatError::EmptyCell { .. } => EMPTY_AS_ZERO,
+        FormatError::EmptyCell { .. } => EMPTY_CELLS,
         _ => "",
     };
     match field {
         "" => context.file_error(at, error),
-        field => context.error(at, format!("{error}{field}")).without_value(),
+        field => {
+            // The cure beside the first, and then where else it is needed
+            let also = error.also().map(|also| format!(". {also}")).unwrap_or_default();
+            context.error(at, format!("{}{field}{also}", error.first())).without_value()
+        }
     }
 }
 
@@ -356,7 +360,7 @@ fn matrix_from_csv(
             false => AntiStokes::Refuse(ANTI_STOKES_TOLERANCE),
         },
         negative: negative(section),
-        empty_as_zero: section.empty_as_zero,
+        empty_cells: section.empty_cells.into(),
         cut: None,
     };
     let read = read_eem_csv(file.as_ref(), &options).map_err(|error| match (&error, unit) {

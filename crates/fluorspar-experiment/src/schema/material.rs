@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{FilePath, ReflectanceReference, SpectrumReference, TextureReference};
 use fluorspar::spectral::{Stokes, YieldUnit};
+use fluorspar_format::EmptyCells;
 
 /// The photon yield of a measured fluorophore whose yield nobody stated: the order of those of the catalogue.
 pub const ASSUMED_PHOTON_YIELD: f64 = 1e-3;
@@ -21,7 +22,8 @@ pub const ASSUMED_PHOTON_YIELD: f64 = 1e-3;
     "mat": "source = { mat = \"...\" }",
     "excitation_csv": "source = { excitation_csv = \"...\", emission_csv = \"...\" }",
     "emission_csv": "source = { excitation_csv = \"...\", emission_csv = \"...\" }",
-    "unit": "source = { ..., unit = \"...\" }"
+    "unit": "source = { ..., unit = \"...\" }",
+    "empty_as_zero": "empty_cells = \"zero\""
 }))]
 pub struct FluorophoreSection {
     /// Name by which materials refer to it.
@@ -45,9 +47,39 @@ pub struct FluorophoreSection {
     /// refusing them. Default false; with stokes = "off" they are part of the matrix.
     #[serde(default, skip_serializing_if = "is_false")]
     pub allow_anti_stokes: bool,
-    /// Take empty cells of a matrix as zero instead of refusing them. Default false.
-    #[serde(default, skip_serializing_if = "is_false")]
-    pub empty_as_zero: bool,
+    /// What becomes of empty cells of a matrix. Default "refuse".
+    #[serde(default, skip_serializing_if = "EmptyCellsChoice::is_default")]
+    pub empty_cells: EmptyCellsChoice,
+}
+
+/// Treatment of empty cells of a matrix.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EmptyCellsChoice {
+    /// The matrix is refused.
+    #[default]
+    Refuse,
+    /// They are zero: nothing fluoresces there.
+    Zero,
+    /// They are interpolated along the emission between the nearest values under the same excitation; zero below the excitation and beyond
+    /// the values.
+    Interpolate,
+}
+
+impl EmptyCellsChoice {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl From<EmptyCellsChoice> for EmptyCells {
+    fn from(choice: EmptyCellsChoice) -> Self {
+        match choice {
+            EmptyCellsChoice::Refuse => Self::Refuse,
+            EmptyCellsChoice::Zero => Self::Zero,
+            EmptyCellsChoice::Interpolate => Self::Interpolate,
+        }
+    }
 }
 
 /// A name of the catalogue, or a table with `eem_csv`, `csv`, `mat`, or `excitation_csv` and `emission_csv`.

@@ -39,10 +39,10 @@ pub use light::{
     RingLight, SourceStrength, SpectralEnvironmentLight, SphereLight, SpotLight, TurnedMap,
 };
 pub use material::{
-    ASSUMED_PHOTON_YIELD, ConductorSection, DielectricSection, DiffuseSection, FluorophoreSection,
-    FluorophoreSource, GlossSection, MatSource, MaterialSection, MatrixSource, MetalIndex, MetalReference,
-    MixSection, NormalMapSection, ScatteringSection, SpectraSource, TableSource, TissueMaterialSection,
-    TwoSidedSection,
+    ASSUMED_PHOTON_YIELD, ConductorSection, DielectricSection, DiffuseSection, EmptyCellsChoice,
+    FluorophoreSection, FluorophoreSource, GlossSection, MatSource, MaterialSection, MatrixSource,
+    MetalIndex, MetalReference, MixSection, NormalMapSection, ScatteringSection, SpectraSource, TableSource,
+    TissueMaterialSection, TwoSidedSection,
 };
 pub use object::{
     BoxShape, DiscShape, DisplacementSection, EmissionSection, EmissionSides, InstanceSection, LesionSection,

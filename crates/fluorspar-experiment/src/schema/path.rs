@@ -9,8 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::preset::is_lens_file;
 
-/// Path of a file. In a file relative to the folder of that file, in an override to the folder of the
-/// experiment file; absolute once it is read.
+/// Path of a file. In a file relative to the folder of that file, in an override to the working folder; absolute once it is read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct FilePath(String);

@@ -6,8 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use fluorspar_format::{
-    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, CutTo, EemUnit, Negative, ScatterCut,
-    read_eem_csv, read_fluorophore_csv, read_spectrum_csv,
+    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, CutTo, EemUnit, EmptyCells, Negative,
+    ScatterCut, read_eem_csv, read_fluorophore_csv, read_spectrum_csv,
 };
 
 /// What a reader says about a file with this content, its folder left out.
@@ -211,7 +211,7 @@ fn anti_stokes_cells_follow_the_options() {
             unit: Some(EemUnit::Energy),
             anti_stokes,
             negative,
-            empty_as_zero: true,
+            empty_cells: EmptyCells::Zero,
             cut: None,
         };
         loaded(text, |path| read_eem_csv(path, &options)).values
@@ -219,6 +219,23 @@ fn anti_stokes_cells_follow_the_options() {
     assert_eq!(read(AntiStokes::Keep, Negative::Keep), [1.0, 0.5, -2.0, 3.0, 0.0, 3.0]);
     assert_eq!(read(AntiStokes::SetToZero, Negative::ClipToZero), [1.0, 0.0, 0.0, 3.0, 0.0, 3.0]);
     assert_eq!(read(AntiStokes::Refuse(0.2), Negative::ClipToZero), [1.0, 0.5, 0.0, 3.0, 0.0, 3.0]);
+}
+
+/// Empty cells between values under one excitation lie on the line between them; what lies below its excitation or beyond the values is zero.
+#[test]
+fn empty_cells_are_interpolated_between_values_alone() {
+    let text =
+        "# unit: photons\nem_nm\\ex_nm,350,450\n400,,\n420,8,\n440,,\n460,,6\n500,4,\n560,1,3\n600,,\n";
+    let options = |empty_cells| CsvEemOptions { empty_cells, ..CsvEemOptions::default() };
+    let read = |choice| loaded(text, |path| read_eem_csv(path, &options(choice)));
+    let found = read(EmptyCells::Interpolate);
+    assert_eq!(found.empty_cells, 9);
+    let expected = [0.0, 0.0, 8.0, 0.0, 7.0, 0.0, 6.0, 6.0, 4.0, 4.8, 1.0, 3.0, 0.0, 0.0];
+    for (value, expected) in found.values.iter().zip(expected) {
+        assert!((value - expected).abs() < 1e-12, "{:?}", found.values);
+    }
+    let zeros = read(EmptyCells::Zero).values;
+    assert_eq!(zeros.iter().filter(|value| **value == 0.0).count(), 9);
 }
 
 /// A dye whose emission keeps its place, with light of the lamp on a line that follows the excitation.
@@ -367,7 +384,7 @@ fn matrices_are_read_as_instruments_export_them() {
         ("no corner", no_corner, &[axes]),
     ] {
         let read = loaded(&format!("# unit: energy\n{text}"), |path| {
-            read_eem_csv(path, &CsvEemOptions { empty_as_zero: true, ..CsvEemOptions::default() })
+            read_eem_csv(path, &CsvEemOptions { empty_cells: EmptyCells::Zero, ..CsvEemOptions::default() })
         });
         assert_eq!(
             (&read.excitation_nm[..], &read.emission_nm[..]),

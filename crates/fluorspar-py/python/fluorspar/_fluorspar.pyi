@@ -176,7 +176,7 @@ def analyze(
     threads: int | None = None,
 ) -> FrameAnalysis | None: ...
 def channel_planes(
-    experiment: Experiment, components: Components, capture: str, *, threads: int | None = None
+    experiment: Experiment, components: Components, capture: str, *, lit: bool = False, threads: int | None = None
 ) -> Planes: ...
 def read_mesh(
     path: str | os.PathLike[str], unit_m: float = 1.0

@@ -108,18 +108,22 @@ class Components:
         sums: NDArray[np.float32] = np.tensordot(np.asarray(factors, dtype=np.float32), self.radiance, axes=1)
         return sums
 
-    def planes(self, experiment: Experiment, capture: str, *, threads: int | None = None) -> NDArray[np.float32]:
+    def planes(
+        self, experiment: Experiment, capture: str, *, lit: bool = False, threads: int | None = None
+    ) -> NDArray[np.float32]:
         """Electrons per second that each component frees in each channel of the camera of a capture, ``[component, channel, row,
         col]``, float32, at the rendered powers and concentrations: a read-only view.
 
         Lens, filters and quantum efficiency are in them, so that drives, concentrations and exposures are factors: for one's own
-        optimizers. Rows and columns are those of the render, electrons those of one pixel of the sensor.
+        optimizers. Rows and columns are those of the render, electrons those of one pixel of the sensor. With ``lit`` the planes of
+        components under light groups that the capture leaves dark are zero and take no time: half of it where a render has two groups.
         """
         native = native_of(experiment)
         names = native.captures
         if _given.text(capture, "capture") not in names:
             raise _given.unknown("capture", capture, names)
-        return _fluorspar.channel_planes(native, self._native, capture, threads=_given.threads(threads)).electrons_per_s
+        asked = _given.threads(threads)
+        return _fluorspar.channel_planes(native, self._native, capture, lit=lit, threads=asked).electrons_per_s
 
     def part_mask(self, name: str) -> NDArray[np.bool_]:
         """Whether a pixel sees a part, ``[row, col]``, bool."""

@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use clap::{ValueEnum, ValueHint};
 use fluorspar_experiment::Warning;
-use fluorspar_experiment::schema::{FilePath, FluorophoreSection};
+use fluorspar_experiment::schema::{EmptyCellsChoice, FilePath, FluorophoreSection};
 use fluorspar_format::{CutTo, Output, OutputSet, Outputs, ScatterCut, read_start, write_atomically};
 
 use super::loading::{checked, everywhere_nm, from_file, peaks_nm, section_toml};
@@ -94,22 +94,26 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         let words = cut_in_words(cut, eem.cut_cells);
         let input = options.input.file_name().unwrap_or_default().to_string_lossy();
         let comments = [format!("{input} without scattered excitation light: {words}")];
+        let comments: Vec<String> = comments.into_iter().chain(measured.changed.iter().cloned()).collect();
         write_atomically(place, |file| file.write_all(eem.to_csv(&comments).as_bytes()))?;
         let absolute = std::path::absolute(place).unwrap_or_else(|_| place.clone());
         for path in section.source.files_mut() {
             *path = FilePath::from(absolute.to_string_lossy().into_owned());
         }
         // What was decided about cells is done in the new file
-        (section.allow_negative, section.empty_as_zero) = (false, false);
+        section.allow_negative = false;
+        section.empty_cells = EmptyCellsChoice::Refuse;
         remark = format!("# Scattered excitation light is cut out: {words}.\n");
         measured.findings.push(("scattered light".into(), format!("cut out: {words}")));
     }
+    remark.extend(measured.changed.iter().map(|words| format!("# {words}.\n")));
     let fluorophore = checked(&options.input, &section)?;
 
     let folder = if to_stdout { Path::new(".") } else { options.out.parent().unwrap_or(Path::new(".")) };
     refer_from(folder, &mut section);
     let text = format!(
-        "{WRITTEN_BY_IMPORT}{}. Put this section into an experiment or flat sample; paths start at its folder.\n\
+        "{WRITTEN_BY_IMPORT}{}. Put this section into an experiment or flat sample, and its name into the\n\
+         # `concentrations` of a material or sample; paths start at the folder of that file.\n\
          # photon_yield: photons out per photon in at the best excitation, concentration 1{}.\n{remark}{}",
         options.input.file_name().unwrap_or_default().to_string_lossy(),
         if options.file.photon_yield.is_some() { "" } else { " [assumed]" },

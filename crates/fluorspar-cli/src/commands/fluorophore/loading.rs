@@ -148,7 +148,7 @@ pub(super) fn from_file(
         }),
         allow_negative: options.allow_negative,
         allow_anti_stokes: options.allow_anti_stokes,
-        empty_as_zero: options.empty_as_zero,
+        empty_cells: options.empty_cells.into(),
     };
     Ok((section, measured))
 }

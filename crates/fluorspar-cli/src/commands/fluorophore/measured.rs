@@ -7,7 +7,9 @@ use fluorspar_format::{
     read_eem_csv, read_fluorophore_csv, read_iset_fluorophore, read_start, refuse_scattered_light,
 };
 
-use super::{FileOptions, StokesChoice, Unit};
+use fluorspar_experiment::schema::EmptyCellsChoice;
+
+use super::{Empty, FileOptions, StokesChoice, Unit};
 use crate::error::CliError;
 
 /// Largest share of the peak that a value below its excitation may have, as the reader of matrices has it.
@@ -41,6 +43,8 @@ pub(super) struct Measured {
     pub(super) unit: Unit,
     /// Pairs of what and how much, for people.
     pub(super) findings: Vec<(String, String)>,
+    /// What was made of its cells, a line each; empty where they are as measured.
+    pub(super) changed: Vec<String>,
     /// What is accepted and should not be.
     pub(super) warnings: Vec<String>,
     /// The matrix whose scattered light was cut out, where that was wanted.
@@ -50,7 +54,7 @@ pub(super) struct Measured {
 impl Measured {
     /// Without warnings, as it is.
     fn as_it_is(kind: Kind, name: Option<String>, unit: Unit, findings: Vec<(String, String)>) -> Self {
-        Self { kind, name, unit, findings, warnings: Vec::new(), without_scatter: None }
+        Self { kind, name, unit, findings, changed: Vec::new(), warnings: Vec::new(), without_scatter: None }
     }
 }
 
@@ -97,12 +101,18 @@ fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError)
         if option.is_none() && fixes == 0 {
             return error.into();
         }
-        text += &match fixes {
-            0 => error.to_string(),
-            _ => format!(". Then {}", error.problem()),
+        let first = error.first();
+        text += &match (fixes, error.line()) {
+            (0, _) => first.to_string(),
+            (_, Some(line)) => format!(". Then, on line {line}, {}", first.problem()),
+            (_, None) => format!(". Then {}", first.problem()),
         };
-        let Some(option) = option else { break };
-        text += &format!(" ({option})");
+        // The option beside what it cures
+        text += &option.as_ref().map(|option| format!(" ({option})")).unwrap_or_default();
+        text += &error.also().map(|also| format!(". {also}")).unwrap_or_default();
+        if option.is_none() {
+            break;
+        }
         fixes += 1;
         // What else is wrong with the form is told with the unit
         if matches!(&error, FormatError::Cells { first, .. } if matches!(**first, FormatError::Unit { .. })) {
@@ -144,9 +154,9 @@ fn fixed(kind: Kind, path: &Path, error: &FormatError, tried: &mut FileOptions) 
             tried.allow_negative = true;
             Some("--allow-negative".into())
         }
-        FormatError::EmptyCell { .. } if !tried.empty_as_zero => {
-            tried.empty_as_zero = true;
-            Some("--empty-as-zero".into())
+        FormatError::EmptyCell { .. } if tried.empty_cells == Empty::Refuse => {
+            tried.empty_cells = Empty::Interpolate;
+            Some("--empty-cells interpolate fills them along the emission, --empty-cells zero says that nothing fluoresces there".into())
         }
         _ => None,
     }
@@ -197,7 +207,8 @@ fn import_command(path: &Path, options: &FileOptions) -> String {
     for (is_given, option) in [
         (options.stokes == StokesChoice::Off, " --stokes off"),
         (options.allow_negative, " --allow-negative"),
-        (options.empty_as_zero, " --empty-as-zero"),
+        (options.empty_cells == Empty::Zero, " --empty-cells zero"),
+        (options.empty_cells == Empty::Interpolate, " --empty-cells interpolate"),
         (options.allow_anti_stokes, " --allow-anti-stokes"),
     ] {
         command += if is_given { option } else { "" };
@@ -256,7 +267,7 @@ fn csv_options(options: &FileOptions) -> CsvEemOptions {
             AntiStokes::Refuse(ANTI_STOKES_TOLERANCE)
         },
         negative: negative(options),
-        empty_as_zero: options.empty_as_zero,
+        empty_cells: EmptyCellsChoice::from(options.empty_cells).into(),
         cut: options.cut,
     }
 }
@@ -272,10 +283,17 @@ fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> 
         findings.push(("form of the file".into(), read.read_as.join("; ")));
     }
     describe(path, &matrix, &mut findings)?;
-    findings.push(("empty cells".into(), empty_cells(read.empty_cells)));
+    let peak = matrix.values.iter().copied().fold(0.0, f64::max);
+    let of_cells = [
+        ("empty cells", empty_cells(read.empty_cells, options.empty_cells)),
+        ("negative cells", negative_cells(read.clipped, peak)),
+    ];
+    let changed = of_cells.iter().filter(|(_, words)| words != NO_CELL);
+    let changed = changed.map(|(what, words)| format!("{what}: {words}")).collect();
+    findings.extend(of_cells.into_iter().map(|(what, words)| (what.into(), words)));
     let mut warnings = accepted_scatter(path, &matrix, options);
     warnings.extend(options.cut.and_then(|cut| peak_in_cut(&matrix, cut)));
-    Ok(Measured { kind: Kind::MatrixCsv, name: None, unit, findings, warnings, without_scatter })
+    Ok(Measured { kind: Kind::MatrixCsv, name: None, unit, findings, changed, warnings, without_scatter })
 }
 
 /// A matrix whose largest value lies in a band that was cut out of it, or ends one: the dye may emit most within the band.
@@ -315,14 +333,29 @@ fn accepted_scatter(path: &Path, matrix: &Matrix, options: &FileOptions) -> Vec<
     found.err().map(words).into_iter().collect()
 }
 
-/// What was made of empty cells. Nothing is interpolated: what lies in a hole of a matrix is not known.
-fn empty_cells(count: usize) -> String {
-    match count {
-        0 => "none".into(),
-        count => format!(
-            "{count}, taken as zero: no fluorescence there. Where it was only cut out with scattered light, fill them from their neighbors"
+/// Said of cells of which there are none.
+const NO_CELL: &str = "none";
+
+/// What was made of empty cells.
+fn empty_cells(count: usize, choice: Empty) -> String {
+    match (count, choice) {
+        (0, _) => NO_CELL.into(),
+        (count, Empty::Interpolate) => format!(
+            "{count}, interpolated along the emission; zero below the excitation and beyond the values"
         ),
+        (count, _) => format!("{count}, taken as zero: no fluorescence there"),
     }
+}
+
+/// What was made of negative values, and how much that is: noise is cut to one side.
+fn negative_cells((count, lowest): (usize, f64), peak: f64) -> String {
+    if count == 0 {
+        return NO_CELL.into();
+    }
+    let percent = 100.0 * lowest.abs() / peak.max(f64::MIN_POSITIVE);
+    format!(
+        "{count}, taken as zero, the lowest {lowest} ({percent:.2} % of the peak): what is left of noise about zero is positive"
+    )
 }
 
 fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {

@@ -11,6 +11,7 @@ mod plot;
 mod show;
 
 use clap::ValueEnum;
+use fluorspar_experiment::schema::EmptyCellsChoice;
 use fluorspar_format::ScatterCut;
 
 use crate::commands::actions::actions;
@@ -49,9 +50,10 @@ struct FileOptions {
     /// Accept values of a file at emission wavelengths below the excitation.
     #[arg(long)]
     allow_anti_stokes: bool,
-    /// Take empty cells of a matrix as zero instead of refusing them.
-    #[arg(long)]
-    empty_as_zero: bool,
+    /// What becomes of empty cells of a matrix: refused, taken as zero, or interpolated along the emission between the nearest values (zero
+    /// below the excitation and beyond the values).
+    #[arg(long, value_enum, default_value = "refuse")]
+    empty_cells: Empty,
     /// Set by `import`, which writes what it has cut.
     #[arg(skip)]
     cut: Option<ScatterCut>,
@@ -66,7 +68,7 @@ impl FileOptions {
             (self.stokes != StokesChoice::Mask, "--stokes off"),
             (self.allow_negative, "--allow-negative"),
             (self.allow_anti_stokes, "--allow-anti-stokes"),
-            (self.empty_as_zero, "--empty-as-zero"),
+            (self.empty_cells != Empty::Refuse, "--empty-cells"),
         ]
         .into_iter()
         .find_map(|(given, option)| given.then_some(option))
@@ -77,6 +79,23 @@ impl FileOptions {
 enum Unit {
     Photons,
     Energy,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Empty {
+    Refuse,
+    Zero,
+    Interpolate,
+}
+
+impl From<Empty> for EmptyCellsChoice {
+    fn from(choice: Empty) -> Self {
+        match choice {
+            Empty::Refuse => Self::Refuse,
+            Empty::Zero => Self::Zero,
+            Empty::Interpolate => Self::Interpolate,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
