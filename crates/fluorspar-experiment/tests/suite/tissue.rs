@@ -424,10 +424,10 @@ fn layers_vary_over_a_surface_and_can_be_changed() {
         study.scene.materials[0].diffuse().unwrap().reflectance[0].spectrum.at(635.0)
     };
     let plain = reflectance(&[]);
-    assert!(
-        reflectance(&["tissue.mine.layer.epithelium.absorption.curves.ink={ csv = \"ink.csv\" }"])
-            < 0.8 * plain
-    );
+    let ink = folder.path().join("ink.csv");
+    let inked =
+        format!("tissue.mine.layer.epithelium.absorption.curves.ink={{ csv = {:?} }}", ink.to_str().unwrap());
+    assert!(reflectance(&[&inked]) < 0.8 * plain);
     assert!(reflectance(&["tissue.mine.layer.deep_stroma.scattering.reduced_per_mm=0.5"]) < 0.9 * plain);
     // Another kind of tissue takes the place of the layers.
     let skin = reflectance(&["tissue.mine.site=\"facial_skin\""]);
