@@ -56,6 +56,13 @@ fn a_compressed_dng_with_a_mask_is_analyzed() {
         let same = fluorspar(folder, [&given[..], &["--set", &set]].concat()).well().stdout;
         assert_eq!(same.replace(other, "disc.png"), told.stdout);
     }
+    // A path is looked for where it is typed, wherever the experiment stands
+    fs::create_dir(folder.join("cameras")).unwrap();
+    fs::copy(folder.join("violet.toml"), folder.join("cameras/violet.toml")).unwrap();
+    let elsewhere = ["analyze", "--experiment", "cameras/violet.toml", "--frame", "violet=bggr_jpeg.dng"];
+    let same =
+        fluorspar(folder, [&elsewhere[..], &["--set", "analysis.mask=disc.png"]].concat()).well().stdout;
+    assert_eq!(same, told.stdout);
     // A polygon around the disc's square, compared with the rest of the frame.
     let polygon = "analysis.polygon_px=[[22, 12], [39, 12], [39, 29], [22, 29]]";
     let compared = "analysis.compared_px=[{ mask = \"disc.png\" }, { polygon_px = [[0, 0], [16, 0], [16, 40], [0, 40]] }]";
@@ -63,7 +70,7 @@ fn a_compressed_dng_with_a_mask_is_analyzed() {
     assert!(told.contains("289 pixels: ") && told.contains("Spots told apart by"), "{told}");
     // What does not fit is told, and nothing is written.
     for (set, expected) in [
-        ("analysis.mask=none.png", "there is no such file"),
+        ("analysis.mask=none.png", "there is no such file; paths are relative to where the program runs"),
         ("analysis.mask=bggr_jpeg.dng", "analysis.mask"),
         ("analysis.polygon_px=[[0, 0], [60, 0], [0, 9]]", "outside of the image of 48 columns and 40 rows"),
         ("analysis.rectangle_px=[0, 0, 49, 9]", "48 x 40 pixels"),
