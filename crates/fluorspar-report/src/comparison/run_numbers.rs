@@ -142,12 +142,13 @@ fn region_numbers(
     numbers
 }
 
-/// The estimate of the share with its interval, as tables have it: of the tissue, else on the mixture line, else unmixed. `None` where nothing
-/// is estimated.
-pub(crate) fn share_text(analysis: &Analysis) -> Option<String> {
+/// The estimate of the share with its interval, as tables have it: of the tissue, else on the mixture line, else unmixed; and whether the
+/// interval holds the sensor's noise alone. `None` where nothing is estimated.
+pub(crate) fn share_text(analysis: &Analysis) -> Option<(String, bool)> {
     let numbers = share_numbers(analysis, "");
     let estimate = numbers.into_iter().find(|number| number.interval.is_some() || number.words.is_some())?;
-    Some(ComparedSide::from(estimate).text())
+    let noise_alone = estimate.noise_alone;
+    Some((ComparedSide::from(estimate).text(), noise_alone))
 }
 
 /// The estimates of the share, what they err by, and the least that is detected.
