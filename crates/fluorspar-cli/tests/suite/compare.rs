@@ -353,6 +353,24 @@ fn runs_of_a_monochrome_camera_are_judged() {
     assert_eq!((&results["width_px"], &results["height_px"]), (&16.into(), &12.into()));
     for name in ["a", "shots"] {
         let found = compare(folder, name, "b");
-        println!("{}", found["verdict"]);
+        let verdict = found["verdict"].as_str().unwrap();
+        assert!(
+            verdict.starts_with("Both runs have an upper limit only: neither tells the porphyrin from none."),
+            "{verdict}"
+        );
+        assert!(verdict.contains("by the noise of sensor and render"), "{verdict}");
+        // A patch is no lip
+        assert!(verdict.contains("A limit below 100 % is less than what is there"), "{verdict}");
     }
+    // Without a tissue the least share that noise lets see decides
+    run("flat-a", &["--unset=analysis.tissue"]);
+    run("flat-b", &["--unset=analysis.tissue", "--set=light.blue.spectrum=led_405"]);
+    let found = compare(folder, "flat-a", "flat-b");
+    let verdict = found["verdict"].as_str().unwrap();
+    assert!(verdict.starts_with("B sees smaller amounts of porphyrin than A."), "{verdict}");
+    // A run that looks for another fluorophore is told as such
+    run("fad", &["--unset=analysis.tissue", "--set=analysis.porphyrin=fad"]);
+    let found = compare(folder, "fad", "flat-b");
+    let verdict = found["verdict"].as_str().unwrap();
+    assert_eq!(verdict, "Which run sees smaller amounts is not told: A looks for fad, B for porphyrin.");
 }

@@ -48,9 +48,15 @@ pub fn comparison_verdict(
         let sentence = ranked(target, limits, [a, b], Measure::Limit);
         format!("{sentence} It holds the sensor's noise alone, not what is unknown of the sample.")
     } else {
-        let why = [("A", of_a), ("B", of_b)].into_iter().filter_map(|(letter, analysis)| {
-            Some(format!("{letter} {}", nothing_to_compare(analysis, target)?))
-        });
+        let has_value = |side: fn(&ComparedNumber) -> &Option<ComparedSide>| {
+            let numbers = [WIDTH_OVER_TRUTH, LIMIT_OVER_TRUTH].into_iter().filter_map(find);
+            numbers.filter_map(|number| side(number).as_ref()).any(|side| side.value.is_some())
+        };
+        let sides = [("A", of_a, has_value(|n| &n.a)), ("B", of_b, has_value(|n| &n.b))];
+        let why =
+            sides.into_iter().filter(|(.., has_value)| !has_value).filter_map(|(letter, analysis, _)| {
+                Some(format!("{letter} {}", nothing_to_compare(analysis, target)?))
+            });
         let why: Vec<String> = why.collect();
         let why = if why.is_empty() {
             "one of them has no interval or limit that compares with the truth".into()
@@ -98,8 +104,9 @@ fn nothing_to_compare(analysis: &Analysis, target: &str) -> Option<String> {
     match &analysis.truth {
         None => Some(format!("does not know the true share of {target}")),
         Some(truth) if truth.share <= 0.0 => Some(format!("holds no {target}")),
-        Some(_) if analysis.posterior.is_none() && analysis.detection_limit().is_none() => Some(
-            "has neither an interval of the share that holds the variety of tissue nor a detection limit"
+        Some(_) if analysis.posterior.is_none() => Some(
+            "has neither an interval of the share that holds the variety of tissue nor a detection limit: its frames don't tell the fluorophore \
+             from the bulk, which takes two channels or further frames"
                 .into(),
         ),
         Some(_) => None,
@@ -138,6 +145,13 @@ fn ranked(target: &str, [a, b]: [f64; 2], runs: [&FinishedRun; 2], measure: Meas
         [true, false] => " A has an upper limit only.",
         [false, true] => " B has an upper limit only.",
         _ => "",
+    };
+    // Limits of a tissue that is not that of the sample may leave out the truth
+    let limit_of_one = match limits_only {
+        [true, true] if a.min(b) < 100.0 => {
+            " A limit below 100 % is less than what is there: its tissue is another."
+        }
+        _ => limit_of_one,
     };
     let ratio = b / a;
     let [error_a, error_b] = match runs.map(|run| relative_error(run, measure)) {
