@@ -202,6 +202,7 @@ fn regions_of_both_runs_stand_row_by_row() {
     let lines: Vec<&str> =
         said.stdout.lines().filter(|l| l.starts_with("patch") || l.starts_with("middle")).collect();
     assert!(said.stdout.contains("Regions of frame \"blue\"") && lines.len() >= 2, "{said:?}");
+    assert!(said.stdout.contains("share (95 % in all)"), "{said:?}");
     let read = |name: &str| -> Value {
         serde_json::from_str(&fs::read_to_string(folder.join(name).join("results.json")).unwrap()).unwrap()
     };
