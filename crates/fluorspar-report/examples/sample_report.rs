@@ -244,6 +244,7 @@ fn report(
         ],
         provenance: vec![("Fluorspar".into(), "0.1.0".into()), ("Seed".into(), "7".into())],
         experiment_toml: "# every setting\ntitle = \"a < b & c\"\n[camera]\nexposure_s = 0.03\n".into(),
+        input_files: Vec::new(),
         rerun_command: "fluorspar run report.html".into(),
     }
 }
@@ -347,6 +348,6 @@ fn parts_section() -> Section {
             ),
             "",
         )
-        .show(sensor_response(&channels(&|_| 1.0), &channels(&long_pass)), "")
+        .show(sensor_response(&channels(&|_| 1.0), &[("filtered".into(), channels(&long_pass))]), "")
         .with(ReportItem::Table(table))
 }

@@ -102,6 +102,7 @@ pub fn design_report(found: &DesignFindings<'_>) -> ReportData {
             ("version".into(), env!("CARGO_PKG_VERSION").into()),
         ],
         experiment_toml: found.design_toml.into(),
+        input_files: Vec::new(),
         rerun_command: format!("fluorspar design {} DESIGN.toml", found.action),
     }
 }

@@ -169,7 +169,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         })
         .map_err(|error| folder.at_its_place(error))?;
     let count = frames.len();
-    let mut results = results_json(&options.image, &list);
+    let labels = image.labels();
+    let mut results = results_json(&options.image, [labels.width, labels.height], &list);
     if options.report {
         let analysis = analyze_seen(study, Some(&seen), &frames)?;
         let regions = analyze_regions(study, Some(&seen), &frames)?;
@@ -210,13 +211,15 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
 }
 
 /// What the folder of a capture tells: the component image that the frames come from, and the frames.
-fn results_json(image: &Path, frames: &[Value]) -> Map<String, Value> {
+fn results_json(image: &Path, [width, height]: [usize; 2], frames: &[Value]) -> Map<String, Value> {
     let image = image.canonicalize().unwrap_or_else(|_| image.to_path_buf());
     Map::from_iter([
         ("format".into(), json!(FileFormat::RESULTS.version())),
         ("program".into(), json!("fluorspar")),
         ("version".into(), json!(env!("CARGO_PKG_VERSION"))),
         ("components_file".into(), json!(image)),
+        ("width_px".into(), json!(width)),
+        ("height_px".into(), json!(height)),
         ("frames".into(), json!(frames)),
     ])
 }

@@ -138,14 +138,21 @@ impl Side {
             FileFormat::RESULTS.check(stated).map_err(|other| wrong(other.to_string()))?;
         }
         let experiment = experiment_of(&folder);
-        let target = |region: Option<&str>| {
-            experiment.as_ref().map_or_else(|_| "porphyrin".into(), |experiment| target(experiment, region))
+        let target = |region: Option<&str>| match &experiment {
+            Ok(experiment) => target(experiment, region),
+            Err(_) => target_of_results(&results, region),
         };
         let run = FinishedRun::read(&path.display().to_string(), &target, &results)
             .map_err(|error| wrong(error.to_string()))?;
         let analyzed = run.analysis.as_ref().map(|analysis| analysis.frame.as_str());
-        let run =
-            FinishedRun { frame_pixels: analyzed.and_then(|frame| pixels_of_preview(&folder, frame)), ..run };
+        let frame_pixels = analyzed.and_then(|frame| pixels_of_preview(&folder, frame));
+        // Results of frames don't tell the render behind them; its experiment does
+        let rendered = || {
+            let render = &experiment.as_ref().ok()?.file.render;
+            Some(u64::from(render.width_px) * u64::from(render.height_px))
+        };
+        let render_pixels = run.render_pixels.or_else(rendered);
+        let run = FinishedRun { frame_pixels, render_pixels, ..run };
         // The results of an analysis have no title
         let title = experiment.as_ref().map_or_else(|_| String::new(), |e| e.file.title.clone());
         let run = if run.title.is_empty() { FinishedRun { title, ..run } } else { run };
@@ -213,6 +220,17 @@ fn target(experiment: &Experiment, region: Option<&str>) -> String {
             own.unwrap_or_else(|| name.replace('_', " "))
         }
     }
+}
+
+/// The same as the results tell it: they name what is no porphyrin.
+fn target_of_results(results: &Value, region: Option<&str>) -> String {
+    let regions = results["regions"].as_array();
+    let own = regions.into_iter().flatten().find(|other| other["name"].as_str() == region);
+    let analysis = match region {
+        Some(_) => own.map_or(&Value::Null, |own| &own["analysis"]),
+        None => results.get("analysis").unwrap_or(results),
+    };
+    analysis["sought"].as_str().unwrap_or("porphyrin").to_owned()
 }
 
 /// The frames with light that both have, as pictures of one exposure; where names differ, those that are analyzed or the last ones.

@@ -103,7 +103,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         &chain(&light_curves, &filter_curves, &excitation, &emission, &efficiency),
     )?;
     set.finish()?;
-    let kept = kept_by_filters(options, &fluorophores, first)?;
+    let kept = kept_by_filters(options, &fluorophores, &lights)?;
     if options.answer.json {
         let names = ["lights", "filters", "excitation", "emission", "quantum_efficiency"];
         let list = |curves: &Vec<PlotCurve>| -> serde_json::Value {
@@ -133,16 +133,26 @@ struct Kept {
     fluorescence_kept_percent: f64,
     /// Share of the first light that passes it, %, likewise; `None` without a light.
     light_passed_percent: Option<f64>,
+    /// The same of each light.
+    lights_passed: Vec<LightPassed>,
     /// Wavelengths between which it was counted, nm.
     range_nm: [f64; 2],
+}
+
+/// How much of a light passes a viewing filter.
+#[derive(Clone, Debug, Serialize)]
+struct LightPassed {
+    light: String,
+    percent: f64,
 }
 
 /// What each viewing filter keeps of each fluorophore under the first light. Engineers choose a long-pass by it and by what leaks.
 fn kept_by_filters(
     options: &Options,
     fluorophores: &[Fluorophore],
-    light: Option<&Curve>,
+    lights: &[(&String, Curve)],
 ) -> Result<Vec<Kept>, CliError> {
+    let light = lights.first().map(|(_, curve)| curve);
     let efficiency = options.qe.as_deref().map_or(Ok(Curve::constant(1.0)), efficiency_of_all)?;
     let share = |photons: &Curve, filter: &Curve| {
         let sum = |curve: &Curve| curve.integral(COUNTED_NM[0], COUNTED_NM[1]);
@@ -150,15 +160,21 @@ fn kept_by_filters(
         let all = sum(&seen);
         if all > 0.0 { 100.0 * sum(&seen.times(filter)) / all } else { 0.0 }
     };
-    let photons = light.map(|light| light.times(&Curve::from_fn(COUNTED_NM[0], COUNTED_NM[1], |nm| nm)));
+    let photons = |light: &Curve| light.times(&Curve::from_fn(COUNTED_NM[0], COUNTED_NM[1], |nm| nm));
     let mut kept = Vec::new();
     for name in &options.view_filter {
         let filter = curves::filters(std::slice::from_ref(name))?;
+        let passed = |(name, light): &(&String, Curve)| LightPassed {
+            light: curves::label(name),
+            percent: share(&photons(light), &filter),
+        };
+        let lights_passed: Vec<LightPassed> = lights.iter().map(passed).collect();
         kept.extend(fluorophores.iter().map(|fluorophore| Kept {
             view_filter: curves::label(name),
             fluorophore: fluorophore.title.clone(),
             fluorescence_kept_percent: share(&emission(fluorophore, light), &filter),
-            light_passed_percent: photons.as_ref().map(|photons| share(photons, &filter)),
+            light_passed_percent: lights_passed.first().map(|passed| passed.percent),
+            lights_passed: lights_passed.clone(),
             range_nm: COUNTED_NM,
         }));
     }
@@ -177,16 +193,26 @@ const COUNTED_NM: [f64; 2] = [300.0, 900.0];
 
 /// The same as a table.
 fn kept_text(kept: &[Kept]) -> String {
-    let head = ["viewing filter", "fluorophore", "fluorescence kept", "light passed"].map(String::from);
+    let mut head = ["viewing filter", "fluorophore", "fluorescence kept"].map(String::from).to_vec();
+    let passed = kept.first().map_or(&[][..], |of| &of.lights_passed);
+    head.extend(match passed {
+        [] | [_] => vec!["light passed".into()],
+        // The fluorescence is that under the first one
+        several => several.iter().map(|passed| format!("{} passed", passed.light)).collect(),
+    });
     let row = |of: &Kept| {
-        vec![
+        let mut row = vec![
             of.view_filter.clone(),
             of.fluorophore.clone(),
             format!("{:.1} %", of.fluorescence_kept_percent),
-            of.light_passed_percent.map_or_else(|| "-".into(), |passed| format!("{} %", short(passed))),
-        ]
+        ];
+        row.extend(of.lights_passed.iter().map(|passed| format!("{} %", short(passed.percent))));
+        if of.lights_passed.is_empty() {
+            row.push("-".into());
+        }
+        row
     };
-    let rows: Vec<Vec<String>> = std::iter::once(head.to_vec()).chain(kept.iter().map(row)).collect();
+    let rows: Vec<Vec<String>> = std::iter::once(head).chain(kept.iter().map(row)).collect();
     align(&rows, &[])
 }
 

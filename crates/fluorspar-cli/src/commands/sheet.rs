@@ -65,8 +65,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let sheet = ContactSheet::new(panels.len(), options.width);
     let mut pictures: Vec<(String, Raster)> = Vec::with_capacity(panels.len());
     let mut first_level = None;
+    let mut exposures = None;
     for (panel, size) in panels.iter().zip(sheet.picture_sizes()) {
-        let (frame, picture) = picture(options, &image, panel, messages)?;
+        let panel = exposed_as(panel, common.len(), exposures.as_deref().unwrap_or_default());
+        let Shot { frame, picture, automatic } = picture(options, &image, &panel, messages)?;
+        exposures.get_or_insert(automatic);
         let level = brightness_dn(&frame);
         let first = *first_level.get_or_insert(level);
         let title = match first > 0.0 && !pictures.is_empty() {
@@ -120,13 +123,44 @@ fn panel(text: &str, common: &[Override]) -> Result<Panel, CliError> {
     Ok(Panel { title: title.into(), changes: common.iter().cloned().chain(own).collect() })
 }
 
+/// The frame of a panel.
+struct Shot {
+    frame: CapturedFrame,
+    picture: Preview,
+    /// The automatic exposures of its captures, as changes that set them.
+    automatic: Vec<Override>,
+}
+
+/// A panel whose exposures, where they are automatic, are those of the first one, so that pictures differ by their light alone. What its own
+/// changes set, behind those that are common to all panels, stays.
+fn exposed_as(panel: &Panel, common: usize, exposures: &[Override]) -> Panel {
+    let mut changes = panel.changes.clone();
+    changes.splice(common..common, exposures.iter().cloned());
+    Panel { title: panel.title.clone(), changes }
+}
+
+/// The automatic exposures of captures as they came out.
+fn automatic_exposures(study: &Study, frames: &[CapturedFrame]) -> Vec<Override> {
+    let pinned = frames.iter().filter_map(|frame| {
+        let capture = study.capture(&frame.raw.label)?;
+        capture.frame.exposure_ms.is_none().then(|| {
+            Override::set(&format!(
+                "capture.{}.exposure_ms={:?}",
+                frame.raw.label,
+                1e3 * frame.raw.exposure_s
+            ))
+        })
+    });
+    pinned.collect()
+}
+
 /// The frame of a panel and its picture.
 fn picture(
     options: &Options,
     image: &RenderedImage,
     panel: &Panel,
     messages: Messages,
-) -> Result<(CapturedFrame, Preview), CliError> {
+) -> Result<Shot, CliError> {
     let (_, parsed) = image.experiment(&panel.changes)?;
     let ShownByImage { experiment, changes } = image.shown(&parsed, &panel.changes)?;
     let study = &experiment.study;
@@ -137,10 +171,11 @@ fn picture(
     let view = image.seen_by(study, &study.captures, changes)?;
     view.say_uncertainty(study, messages);
     let frames = capture_from_planes(study, &view.components(image, &study.captures))?;
+    let automatic = automatic_exposures(study, &frames);
     let frame = frames.into_iter().find(|frame| frame.raw.label == capture.frame.label);
     let frame = frame.ok_or_else(|| CliError::Failed("the capture gave no frame".into()))?;
     let picture = preview(&frame.developed, &ColorRendering::of_frame(study, capture));
-    Ok((frame, picture))
+    Ok(Shot { frame, picture, automatic })
 }
 
 /// The capture that is shown.
@@ -214,6 +249,20 @@ mod tests {
         assert_eq!([raster.at(1, 0), raster.at(2, 3)], [[5, 100, 0], [65, 100, 0]]);
         let larger = fitted(&Preview { width: 1, height: 1, rgb: vec![7, 8, 9] }, [3, 3]);
         assert!(larger.pixels.iter().all(|pixel| *pixel == [7, 8, 9]));
+    }
+
+    /// Panels have the exposures of the first one, but for what they set themselves.
+    #[test]
+    fn exposures_stand_behind_what_is_common_and_before_what_is_own() {
+        let common = [Override::set("capture.blue.gain=2")];
+        let own = panel("mine: capture.blue.exposure_ms=5", &common).unwrap();
+        let found = exposed_as(&own, common.len(), &[Override::set("capture.blue.exposure_ms=59.3")]);
+        let sets: Vec<&str> = found.changes.iter().map(|c| c.set.as_str()).collect();
+        assert_eq!(
+            sets,
+            ["capture.blue.gain=2", "capture.blue.exposure_ms=59.3", "capture.blue.exposure_ms=5"]
+        );
+        assert_eq!(exposed_as(&own, common.len(), &[]).changes.len(), 2);
     }
 
     #[test]

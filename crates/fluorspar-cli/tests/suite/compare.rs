@@ -88,7 +88,11 @@ fn runs_are_compared_by_settings_numbers_and_frames() {
     fs::remove_file(folder.join("seed/preview_blue.png")).unwrap();
     let unknown = compare(folder, "b", "seed");
     let unknown = unknown["verdict"].as_str().unwrap();
-    assert!(unknown.contains("is not known, so neither is called better"), "{unknown}");
+    assert!(
+        unknown.contains("is not known, so neither is called better: of B preview_blue.png is missing"),
+        "{unknown}"
+    );
+    assert!(unknown.contains("compare the whole folder"), "{unknown}");
     let said = fluorspar(folder, ["compare", "a", "b", "--out", "ab"]).well();
     assert!(said.stdout.contains(verdict), "{}", said.stdout);
     for part in ["light.blue.spectrum", "led_405", "told apart", "Intervals are of 95 %", "Safe captures"] {
@@ -198,6 +202,7 @@ fn regions_of_both_runs_stand_row_by_row() {
     let lines: Vec<&str> =
         said.stdout.lines().filter(|l| l.starts_with("patch") || l.starts_with("middle")).collect();
     assert!(said.stdout.contains("Regions of frame \"blue\"") && lines.len() >= 2, "{said:?}");
+    assert!(said.stdout.contains("share (95 % in all)"), "{said:?}");
     let read = |name: &str| -> Value {
         serde_json::from_str(&fs::read_to_string(folder.join(name).join("results.json")).unwrap()).unwrap()
     };
@@ -295,4 +300,78 @@ fn what_is_no_finished_run_is_refused() {
     );
     let help = fluorspar(folder, ["compare", "--help"]).well();
     assert!(help.stdout.contains("design compare"), "{}", help.stdout);
+}
+
+const MONO: &str = r#"format = 1
+base = "flat-patch"
+unset = ["sensor", "capture", "analysis"]
+[sensor]
+preset = "monochrome_3_45um"
+columns = 32
+rows = 24
+[[capture]]
+name = "green_band"
+light_groups = { blue = 1.0 }
+filters = ["band_pass_525_45"]
+exposure_ms = 2.0
+[[capture]]
+name = "red_band"
+light_groups = { blue = 1.0 }
+filters = ["band_pass_635_50"]
+exposure_ms = 2.0
+[analysis]
+frame = "red_band"
+parts = ["patch"]
+further_frames = ["green_band"]
+tissue = "lip"
+"#;
+
+/// One light shows more porphyrin beside the bulk than the other: runs of a monochrome camera are judged as those of a color camera are, and so
+/// are reports of captures.
+#[test]
+fn runs_of_a_monochrome_camera_are_judged() {
+    let temp = tempfile::tempdir().unwrap();
+    let folder = temp.path();
+    fs::write(folder.join("mono.toml"), MONO).unwrap();
+    let run = |name: &str, changes: &[&str]| {
+        let args = ["run", "mono.toml", "-q", "--set=render.width_px=16", "--set=render.height_px=12"];
+        fluorspar(folder, [&args[..], changes, &["--out", name]].concat()).well()
+    };
+    run("a", &[]);
+    run("b", &["--set=light.blue.spectrum=led_405"]);
+    let page = fs::read_to_string(folder.join("a/report.html")).unwrap();
+    // Each frame is seen through its own filter
+    assert!(
+        page.contains("through a filter that passes 502 to 548 nm")
+            && page.contains("mono, frame &quot;red_band&quot;")
+    );
+    assert!(page.contains("optical density 5 (band_pass_525_45, band_pass_635_50"));
+    assert!(page.contains("red_band over green_band"));
+    let shots = ["capture", "a/components.exr", "-q", "--report", "--out", "shots"];
+    fluorspar(folder, shots).well();
+    let results: Value =
+        serde_json::from_str(&fs::read_to_string(folder.join("shots/results.json")).unwrap()).unwrap();
+    assert_eq!((&results["width_px"], &results["height_px"]), (&16.into(), &12.into()));
+    for name in ["a", "shots"] {
+        let found = compare(folder, name, "b");
+        let verdict = found["verdict"].as_str().unwrap();
+        assert!(
+            verdict.starts_with("Both runs have an upper limit only: neither tells the porphyrin from none."),
+            "{verdict}"
+        );
+        assert!(verdict.contains("by the noise of sensor and render"), "{verdict}");
+        // A patch is no lip
+        assert!(verdict.contains("A limit below 100 % is less than what is there"), "{verdict}");
+    }
+    // Without a tissue the least share that noise lets see decides
+    run("flat-a", &["--unset=analysis.tissue"]);
+    run("flat-b", &["--unset=analysis.tissue", "--set=light.blue.spectrum=led_405"]);
+    let found = compare(folder, "flat-a", "flat-b");
+    let verdict = found["verdict"].as_str().unwrap();
+    assert!(verdict.starts_with("B sees smaller amounts of porphyrin than A."), "{verdict}");
+    // A run that looks for another fluorophore is told as such
+    run("fad", &["--unset=analysis.tissue", "--set=analysis.porphyrin=fad"]);
+    let found = compare(folder, "fad", "flat-b");
+    let verdict = found["verdict"].as_str().unwrap();
+    assert_eq!(verdict, "Which run sees smaller amounts is not told: A looks for fad, B for porphyrin.");
 }

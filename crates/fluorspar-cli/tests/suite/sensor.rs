@@ -136,3 +136,46 @@ fn bad_input_is_refused_and_leaves_nothing() {
         assert!(before == after, "{args:?} left {after:?}");
     }
 }
+
+/// The capacity of a sheet is what both the sheet and what is shown of it count from.
+#[test]
+fn a_sheet_and_what_is_shown_of_it_have_one_dynamic_range() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("sheet.toml"), SHEET).unwrap();
+    let shown = fluorspar(folder.path(), ["sensor", "show", "sheet.toml", "--json"]).json();
+    let value = |name: &str| {
+        let rows = shown["quantities"].as_array().unwrap().iter();
+        rows.clone().find(|row| row["quantity"] == name).unwrap()["value"].as_f64().unwrap()
+    };
+    let saturation = value("saturation capacity");
+    assert!((saturation / 10_300.0 - 1.0).abs() < 1e-3, "{saturation}");
+    assert!((value("largest SNR") - 10.0 * 10_300f64.log10()).abs() < 0.01);
+    let range = 20.0 * (10_300.0 / value("sensitivity threshold")).log10();
+    assert!((value("dynamic range") - range).abs() < 0.01);
+    // What a sheet says of itself by the same definition is accepted, to the digit that is shown
+    let own = format!("{SHEET}dynamic_range_db = {range:.2}\nsnr_max_db = 40.13\n");
+    fs::write(folder.path().join("own.toml"), own).unwrap();
+    fluorspar(folder.path(), ["sensor", "show", "own.toml"]).well();
+}
+
+#[test]
+fn dark_noise_below_quantization_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let coarse = [
+        ("gain_e_per_dn = 2.7", "gain_e_per_dn = 10.4"),
+        ("bit_depth = 12", "bit_depth = 10"),
+        ("10300", "8000"),
+    ];
+    let coarse = coarse.into_iter().fold(SHEET.to_owned(), |text, (fine, coarse)| text.replace(fine, coarse));
+    fs::write(folder.path().join("coarse.toml"), coarse).unwrap();
+    let args = ["sensor", "characterize", "coarse.toml", "--levels", "20", "--stack", "8", "--json"];
+    let warnings = |found: &serde_json::Value| found["warnings"].to_string();
+    let found = fluorspar(folder.path(), args).json();
+    assert!(warnings(&found).contains("Quantization hides the dark noise"), "{}", warnings(&found));
+    // 0.396 DN of 10.4 e-
+    assert!(warnings(&found).contains("below 4.1 e-"), "{}", warnings(&found));
+    fs::write(folder.path().join("fine.toml"), SHEET).unwrap();
+    let args = ["sensor", "characterize", "fine.toml", "--levels", "20", "--stack", "8", "--json"];
+    let found = fluorspar(folder.path(), args).json();
+    assert!(!warnings(&found).contains("Quantization"), "{}", warnings(&found));
+}

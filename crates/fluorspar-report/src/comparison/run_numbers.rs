@@ -4,6 +4,7 @@ use fluorspar::analysis::{
     Analysis, ChannelSignal, ErrorBudget, RegionFraction, SharePosterior, SignalSummary, TargetDetection,
 };
 use fluorspar::safety::DAY_S;
+use fluorspar::sampling::Z_95;
 
 use super::finished_run::{FinishedCapture, FinishedFrame, FinishedRun, FinishedSafety};
 use super::{ComparedSide, short};
@@ -142,12 +143,13 @@ fn region_numbers(
     numbers
 }
 
-/// The estimate of the share with its interval, as tables have it: of the tissue, else on the mixture line, else unmixed. `None` where nothing
-/// is estimated.
-pub(crate) fn share_text(analysis: &Analysis) -> Option<String> {
+/// The estimate of the share with its interval, as tables have it: of the tissue, else on the mixture line, else unmixed; and whether the
+/// interval holds the sensor's noise alone. `None` where nothing is estimated.
+pub(crate) fn share_text(analysis: &Analysis) -> Option<(String, bool)> {
     let numbers = share_numbers(analysis, "");
     let estimate = numbers.into_iter().find(|number| number.interval.is_some() || number.words.is_some())?;
-    Some(ComparedSide::from(estimate).text())
+    let noise_alone = estimate.noise_alone;
+    Some((ComparedSide::from(estimate).text(), noise_alone))
 }
 
 /// The estimates of the share, what they err by, and the least that is detected.
@@ -242,9 +244,27 @@ fn numbers_over_truth(posterior: &SharePosterior, truth: Option<f64>) -> Vec<Run
     ]
 }
 
+/// Standard errors of the least share that is told from none with errors of 5 % either way, twice the one-sided 1.645 (Currie 1968).
+const DETECTION_Z: f64 = 3.29;
+
+/// The detection limit of cameras whose channels have no mixture line, over the true share: that of the share of the sought fluorophore unmixed
+/// from all signals, by the sensor's noise.
+fn unmixed_limit_over_truth(analysis: &Analysis) -> Option<f64> {
+    // The true share tells that one is looked for; it is the last term
+    analysis.truth.as_ref()?;
+    let [.., _, sought] = analysis.signals.as_ref()?.unmixing.as_ref()?.terms.as_slice() else { return None };
+    let truth = sought.true_share.filter(|share| *share > 0.0)?;
+    let [low, high] = sought.share_interval;
+    Some(DETECTION_Z * 0.5 * (high - low) / Z_95 / truth)
+}
+
 /// The detection limit as a share of the light, and where the truth is known, relative to it.
 fn limit_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
-    let Some(limit) = analysis.detection_limit() else { return Vec::new() };
+    let Some(limit) = analysis.detection_limit() else {
+        let over_truth = unmixed_limit_over_truth(analysis);
+        let number = |ratio| RunNumber::new(Subject::Estimate, LIMIT_OVER_TRUTH, "%", 100.0 * ratio);
+        return over_truth.map(number).into_iter().collect();
+    };
     let mut numbers = vec![RunNumber::new(
         Subject::Estimate,
         format!("Detection limit of the {target} share"),

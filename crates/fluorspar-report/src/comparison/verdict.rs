@@ -1,6 +1,6 @@
 //! Which of two runs sees smaller amounts of porphyrin, in a sentence.
 
-use fluorspar::analysis::{Analysis, ChannelStatistics};
+use fluorspar::analysis::{Analysis, ChannelStatistics, SharePosterior};
 use fluorspar::sampling::Z_95;
 use fluorspar_experiment::SettingDifference;
 
@@ -35,30 +35,35 @@ pub fn comparison_verdict(
         let value = |side: &Option<ComparedSide>| side.as_ref().and_then(|side| side.value);
         Some([value(&number.a)?, value(&number.b)?])
     };
-    let target = &a.target;
-    let sentence = if let Some(widths) = values(WIDTH_OVER_TRUTH) {
-        ranked(target, widths, [a, b].map(|run| relative_error(run, Measure::Width)), Measure::Width)
+    let (target, other) = sought(a, b);
+    let sentence = if !has(WIDTH_OVER_TRUTH) && !has(LIMIT_OVER_TRUTH) {
+        return None;
+    } else if let Some(other) = other {
+        return Some(format!(
+            "Which run sees smaller amounts is not told: A looks for {target}, B for {other}."
+        ));
+    } else if let Some(widths) = values(WIDTH_OVER_TRUTH) {
+        ranked(target, widths, [a, b], Measure::Width)
     } else if let Some(limits) = values(LIMIT_OVER_TRUTH) {
-        let errors = [a, b].map(|run| relative_error(run, Measure::Limit));
-        let sentence = ranked(target, limits, errors, Measure::Limit);
-        format!("{sentence} It holds the sensor's noise alone, not what is unknown of the tissue.")
-    } else if has(WIDTH_OVER_TRUTH) || has(LIMIT_OVER_TRUTH) {
-        let withdrawn = [("A", of_a), ("B", of_b)].into_iter().filter(|(_, analysis)| {
-            analysis.posterior.as_ref().is_some_and(|posterior| posterior.is_no_estimate())
-        });
-        let why: Vec<String> = withdrawn
-            .map(|(letter, _)| {
-                format!("{letter} gives no estimate, as its light is not that of the assumed tissue")
-            })
-            .collect();
+        let sentence = ranked(target, limits, [a, b], Measure::Limit);
+        format!("{sentence} It holds the sensor's noise alone, not what is unknown of the sample.")
+    } else {
+        let has_value = |side: fn(&ComparedNumber) -> &Option<ComparedSide>| {
+            let numbers = [WIDTH_OVER_TRUTH, LIMIT_OVER_TRUTH].into_iter().filter_map(find);
+            numbers.filter_map(|number| side(number).as_ref()).any(|side| side.value.is_some())
+        };
+        let sides = [("A", of_a, has_value(|n| &n.a)), ("B", of_b, has_value(|n| &n.b))];
+        let why =
+            sides.into_iter().filter(|(.., has_value)| !has_value).filter_map(|(letter, analysis, _)| {
+                Some(format!("{letter} {}", nothing_to_compare(analysis, target)?))
+            });
+        let why: Vec<String> = why.collect();
         let why = if why.is_empty() {
             "one of them has no interval or limit that compares with the truth".into()
         } else {
             why.join("; ")
         };
         return Some(format!("Which run sees smaller amounts of {target} is not told: {why}."));
-    } else {
-        return None;
     };
     let sample: Vec<&str> = settings
         .unwrap_or_default()
@@ -78,75 +83,168 @@ pub fn comparison_verdict(
     })
 }
 
-/// The sentence for numbers in percent of the true share, of which the smaller one is better, and their relative standard errors.
+/// What both runs look for, and where they look for different fluorophores, that of the second run. One that estimates no share looks for none.
+fn sought<'a>(a: &'a FinishedRun, b: &'a FinishedRun) -> (&'a str, Option<&'a str>) {
+    let looks = |run: &FinishedRun| {
+        let analysis = run.analysis.as_ref();
+        analysis.is_some_and(|a| a.truth.is_some() || a.posterior.is_some() || a.mixture.is_some())
+    };
+    match (looks(a), looks(b)) {
+        (true, true) if a.target != b.target => (&a.target, Some(&b.target)),
+        (false, true) => (&b.target, None),
+        _ => (&a.target, None),
+    }
+}
+
+/// Why a run has no number in units of the true share, after its letter; `None` where that is not known.
+fn nothing_to_compare(analysis: &Analysis, target: &str) -> Option<String> {
+    if analysis.posterior.as_ref().is_some_and(SharePosterior::is_no_estimate) {
+        return Some("gives no estimate, as its light is not that of the assumed tissue".into());
+    }
+    match &analysis.truth {
+        None => Some(format!("does not know the true share of {target}")),
+        Some(truth) if truth.share <= 0.0 => Some(format!("holds no {target}")),
+        Some(_) if analysis.posterior.is_none() => Some(
+            "has neither an interval of the share that holds the variety of tissue nor a detection limit: its frames don't tell the fluorophore \
+             from the bulk, which takes two channels or further frames"
+                .into(),
+        ),
+        Some(_) => None,
+    }
+}
+
+/// Whether a run has an upper limit of the share and no more.
+fn has_limit_only(run: &FinishedRun) -> bool {
+    let posterior = run.analysis.as_ref().and_then(|analysis| analysis.posterior.as_ref());
+    posterior.is_some_and(|posterior| !posterior.excludes_none())
+}
+
+/// The sentence for numbers in percent of the true share, of which the smaller one is better.
 ///
-/// `ln(b/a)` has the standard error `hypot(error_a, error_b)`; where its 95 % interval holds 0, repeats of one camera would differ as much.
-fn ranked(target: &str, [a, b]: [f64; 2], errors: [Option<f64>; 2], measure: Measure) -> String {
-    let (what, adjective) = match measure {
-        Measure::Width => ("the 95 % interval is", " wide"),
-        Measure::Limit => ("the detection limit is", ""),
+/// `ln(b/a)` has the standard error `hypot(error_a, error_b)` of the relative ones; where its 95 % interval holds 0, repeats of one camera would
+/// differ as much.
+fn ranked(target: &str, [a, b]: [f64; 2], runs: [&FinishedRun; 2], measure: Measure) -> String {
+    let limits_only = runs.map(|run| measure == Measure::Width && has_limit_only(run));
+    let (what, adjective) = match (measure, limits_only) {
+        (Measure::Width, [true, true]) => ("the upper limit is", ""),
+        (Measure::Width, _) => ("the 95 % interval is", " wide"),
+        (Measure::Limit, _) => ("the detection limit is", ""),
     };
     let numbers = format!(
         "In units of the {target} share that is there, {what} {} %{adjective} in A, {} % in B",
         short(a),
         short(b)
     );
+    let limits = match limits_only {
+        [true, true] => {
+            format!("Both runs have an upper limit only: neither tells the {target} from none. ")
+        }
+        _ => String::new(),
+    };
+    let limit_of_one = match limits_only {
+        [true, false] => " A has an upper limit only.",
+        [false, true] => " B has an upper limit only.",
+        _ => "",
+    };
+    // Limits of a tissue that is not that of the sample may leave out the truth
+    let limit_of_one = match limits_only {
+        [true, true] if a.min(b) < 100.0 => {
+            " A limit below 100 % is less than what is there: its tissue is another."
+        }
+        _ => limit_of_one,
+    };
     let ratio = b / a;
-    let [Some(error_a), Some(error_b)] = errors else {
-        return format!(
-            "{numbers}: {} times as much in B. How far repeats of the runs would differ is not known, so neither is called better.",
-            short(ratio)
-        );
+    let [error_a, error_b] = match runs.map(|run| relative_error(run, measure)) {
+        [Ok(error_a), Ok(error_b)] => [error_a, error_b],
+        [of_a, of_b] => {
+            let why = [("A", of_a.err()), ("B", of_b.err())];
+            let why: Vec<String> =
+                why.into_iter().filter_map(|(letter, why)| Some(format!("of {letter} {}", why?))).collect();
+            return format!(
+                "{limits}{numbers}: {} times as much in B. How far repeats of the runs would differ is not known, so neither is called \
+                 better: {}.{limit_of_one}",
+                short(ratio),
+                why.join("; ")
+            );
+        }
     };
     let reach = Z_95 * error_a.hypot(error_b);
     let [low, high] = [-1.0, 1.0].map(|sign: f64| ratio * (sign * reach).exp());
     let numbers = format!(
-        "{numbers}: {} times as much in B, {} to {} by the noise of sensor and render.",
+        "{numbers}: {} times as much in B, {} to {} by the noise of sensor and render.{limit_of_one}",
         short(ratio),
         short(low),
         short(high)
     );
-    if low <= 1.0 && high >= 1.0 {
-        return format!(
-            "A and B are not told apart by the smallest amounts of {target} that they see. {numbers}"
-        );
-    }
     let [better, other] = if a < b { ["A", "B"] } else { ["B", "A"] };
-    format!("{better} sees smaller amounts of {target} than {other}. {numbers}")
+    match (low <= 1.0 && high >= 1.0, limits.is_empty()) {
+        (true, true) => {
+            format!("A and B are not told apart by the smallest amounts of {target} that they see. {numbers}")
+        }
+        (false, true) => format!("{better} sees smaller amounts of {target} than {other}. {numbers}"),
+        (true, false) => format!("{limits}The limits are not told apart. {numbers}"),
+        (false, false) => format!("{limits}That of {better} is the lower one. {numbers}"),
+    }
 }
 
-/// Relative standard error of a number over the true share if the run were repeated with another seed; `None` where it is not known.
+/// Relative standard error of a number over the true share if the run were repeated with another seed, or what is missing to tell it, and the remedy.
 ///
 /// Pixels of a render are independent, so its noise moves the mean of a channel over `n` of them by `sd/(mean sqrt(n))` at most, where `sd` is
 /// all that the pixels differ by, structure included: `r`, the largest of the channels. A share, porphyrin over all light, then moves by
 /// `sqrt(2) r`. An end of the interval follows the estimate one to one at most, so with the width `w` in units of the truth it moves `w` by
 /// `sqrt(2) r max(1, |1/w - 1|)`, truth and interval together, and the sensor's noise `s` of the share moves it by `s/width`. The detection limit
 /// goes with the root of the signals: `r/2` on top of the truth's `sqrt(2) r`.
-fn relative_error(run: &FinishedRun, measure: Measure) -> Option<f64> {
-    let analysis = run.analysis.as_ref()?;
+fn relative_error(run: &FinishedRun, measure: Measure) -> Result<f64, String> {
+    let analysis = run.analysis.as_ref().ok_or("there is no analysis")?;
     let of_mean = render_error(run, analysis)?;
     let of_truth = std::f64::consts::SQRT_2 * of_mean;
     if measure == Measure::Limit {
-        return Some(of_truth + of_mean / 2.0);
+        return Ok(of_truth + of_mean / 2.0);
     }
-    let posterior = analysis.posterior.as_ref()?;
-    let width = posterior.interval[1] - posterior.interval[0];
-    let truth = analysis.truth.as_ref()?.share;
-    let sensor_noise = match &analysis.budget {
-        Some(budget) => budget.sensor_noise / Z_95,
-        None => analysis.mixture.as_ref()?.region?.estimate.position_standard_error,
+    let interval = analysis.posterior.as_ref().map(|posterior| posterior.interval[1] - posterior.interval[0]);
+    let truth = analysis.truth.as_ref().map(|truth| truth.share);
+    let (Some(width), Some(truth)) = (interval.filter(|width| *width > 0.0), truth) else {
+        return Err("there is no interval".into());
     };
-    (width > 0.0).then(|| (of_truth * (truth / width - 1.0).abs().max(1.0)).hypot(sensor_noise / width))
+    let sensor_noise = sensor_noise(analysis, truth).ok_or(
+        "the noise of the share by the sensor is not known: analyze frames that tell the sought fluorophore from the bulk",
+    )?;
+    Ok((of_truth * (truth / width - 1.0).abs().max(1.0)).hypot(sensor_noise / width))
+}
+
+/// Standard error of the share of the analyzed frame by the sensor's noise: on the mixture line, else that of the share unmixed from all signals,
+/// which cameras of any channels have. That one is of other light; it is as large in units of what is there.
+fn sensor_noise(analysis: &Analysis, truth: f64) -> Option<f64> {
+    if let Some(budget) = &analysis.budget {
+        return Some(budget.sensor_noise / Z_95);
+    }
+    if let Some(region) = analysis.mixture.as_ref().and_then(|mixture| mixture.region) {
+        return Some(region.estimate.position_standard_error);
+    }
+    let unmixing = analysis.signals.as_ref()?.unmixing.as_ref()?;
+    // The sought fluorophore is the last term
+    let [.., _, sought] = unmixing.terms.as_slice() else { return None };
+    let of_all = sought.true_share.filter(|share| *share > 0.0)?;
+    let [low, high] = sought.share_interval;
+    Some(0.5 * (high - low) / Z_95 * truth / of_all)
 }
 
 /// How far the noise of a render moves the mean of a channel over the region at most, relative to it.
-fn render_error(run: &FinishedRun, analysis: &Analysis) -> Option<f64> {
+fn render_error(run: &FinishedRun, analysis: &Analysis) -> Result<f64, String> {
+    let rendered = run.render_pixels.ok_or(
+        "the size of the render is not known: compare folders of `run` or `capture --report`, with their experiment.toml",
+    )?;
+    let recorded = run.frame_pixels.ok_or_else(|| {
+        let frame = &analysis.frame;
+        format!("preview_{frame}.png is missing, which tells the size of the frame: compare the whole folder")
+    })?;
     // Several pixels of the sensor may see one of the render
-    let pixels_per_pixel = run.render_pixels? as f64 / run.frame_pixels? as f64;
+    let pixels_per_pixel = rendered as f64 / recorded as f64;
     let of_channel = |channel: &ChannelStatistics| {
         let of = channel.statistics.as_ref()?;
         let independent = of.n as f64 * pixels_per_pixel.min(1.0);
         Some(of.sd? / of.mean / independent.sqrt()).filter(|error| error.is_finite() && *error >= 0.0)
     };
-    analysis.channels.iter().map(of_channel).reduce(|a, b| Some(a?.max(b?)))?
+    let largest = analysis.channels.iter().map(of_channel).reduce(|a, b| Some(a?.max(b?)));
+    largest.flatten().ok_or_else(|| "a channel has no pixels that count, or no light".into())
 }

@@ -40,7 +40,7 @@ pub(super) fn place(
         let width = widest + 6.0;
         let height = LINE * (rows.len() - 1) as f64 + f64::from(SIZE) + 5.0;
         let mut best: Option<(f64, Frame, bool)> = None;
-        for (ring, reach) in [10.0, 24.0, 42.0, 64.0].into_iter().enumerate() {
+        for (ring, reach) in [10.0, 24.0, 42.0, 64.0, 90.0].into_iter().enumerate() {
             for (turn, [dx, dy]) in DIRECTIONS.into_iter().enumerate() {
                 let left = at[0]
                     + dx * reach
@@ -66,8 +66,8 @@ pub(super) fn place(
                 let within = |points: &[[f64; 2]]| {
                     points.iter().filter(|point| frame.contains(**point)).count() as f64
                 };
-                let covered = 6000.0 * within(crowd) / crowd.len().max(1) as f64 + 25.0 * within(lines);
-                let cost = 30.0 * outside + 20.0 * hidden + covered + 120.0 * ring as f64 + 5.0 * turn as f64;
+                let covered = 12_000.0 * within(crowd) / crowd.len().max(1) as f64 + 40.0 * within(lines);
+                let cost = 30.0 * outside + 20.0 * hidden + covered + 60.0 * ring as f64 + 5.0 * turn as f64;
                 if best.is_none_or(|(least, ..)| cost < least) {
                     best = Some((cost, frame, covered > 0.0));
                 }
@@ -126,6 +126,20 @@ mod tests {
         );
         let words: Vec<&str> = rows.iter().rev().map(|(_, text)| text.as_str()).collect();
         assert_eq!(words.join(" "), text);
+    }
+
+    /// A name in a ring that is too narrow for it stands outside rather than across the ring.
+    #[test]
+    fn a_label_does_not_lie_across_a_line() {
+        let label = Label { at: [0.0; 2], text: "Collagen I".into() };
+        let panel = Frame { left: 0.0, top: 0.0, width: 300.0, height: 300.0 };
+        let ring: Vec<[f64; 2]> = (0..60)
+            .map(|step| f64::from(step) * std::f64::consts::TAU / 60.0)
+            .map(|angle| [150.0 + 38.0 * angle.cos(), 150.0 + 38.0 * angle.sin()])
+            .collect();
+        let mut marks = Vec::new();
+        place(&[(&label, [150.0, 150.0])], &[], &ring, panel, &mut marks);
+        assert!(!marks.iter().any(|mark| matches!(mark, Mark::Rect { .. })), "it covers a part of the ring");
     }
 
     #[test]

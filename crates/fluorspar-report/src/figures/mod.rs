@@ -97,7 +97,7 @@ mod tests {
             eem_maps(std::slice::from_ref(map), Some(385.0)),
             eem_maps(&[], None),
             emission(curves, "light", "each at concentration 1", ["emission", "W"], Some([450.0, 700.0])),
-            sensor_response(curves, curves),
+            sensor_response(curves, &[("filtered".into(), curves.to_vec())]),
             radiance_by_component(curves.first(), curves.last(), curves, "tongue", Scale::Linear),
             radiance_by_component(None, None, curves, "tongue", Scale::Log10),
             spectral_readings("readings", curves),

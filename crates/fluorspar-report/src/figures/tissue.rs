@@ -54,6 +54,13 @@ pub fn light_by_radius(curves: &[EstimatedCurve]) -> Figure {
     )
 }
 
+/// The name of a layer beside a dot that lies within the layer: of a thin one the name itself lies beyond its interfaces.
+fn layer_name(at: [f64; 2], name: &str) -> [Series; 2] {
+    let dot = SeriesShape::Markers { points: vec![at], radius: 2.5, hollow: false };
+    let label = Label { at, text: name.into() };
+    [Series::unnamed(Ink::Muted, dot), Series::unnamed(Ink::Muted, SeriesShape::Labels(vec![label]))]
+}
+
 /// Fluence against depth, mm, with the lower end, mm, and the name of each layer.
 pub fn light_by_depth(curves: &[EstimatedCurve], layers: &[(f64, String)]) -> Figure {
     let values = curves.iter().flat_map(|curve| &curve.points).map(|point| point[1]);
@@ -64,8 +71,9 @@ pub fn light_by_depth(curves: &[EstimatedCurve], layers: &[(f64, String)]) -> Fi
     for (bottom, name) in layers.iter().filter(|_| y.limits[1] > 0.0) {
         if top < x.limits[1] {
             let at = [0.5 * (top + bottom.min(x.limits[1])), 0.96 * y.limits[1]];
-            let label = Label { at, text: name.clone() };
-            panel = panel.with(Series::unnamed(Ink::Muted, SeriesShape::Labels(vec![label])));
+            for series in layer_name(at, name) {
+                panel = panel.with(series);
+            }
         }
         if *bottom < x.limits[1] {
             let points = vec![[*bottom, y.limits[0]], [*bottom, y.limits[1]]];
@@ -80,7 +88,7 @@ pub fn light_by_depth(curves: &[EstimatedCurve], layers: &[(f64, String)]) -> Fi
     Figure::new("Light in the tissue", panel).explained(
         "Light that passes a point from all directions (fluence), relative to the light on the surface, against the depth. \
          Light that is scattered back passes again, so there may be more than fell in. Bands are one standard error; dotted \
-         lines are the interfaces of the layers.",
+         lines are the interfaces of the layers, a dot lies in the layer that its name tells.",
     )
 }
 
@@ -116,8 +124,9 @@ pub fn light_sources_by_depth(
     for (number, (bottom, name)) in layers.iter().enumerate() {
         if top < x.limits[1] {
             let at = [0.5 * (top + bottom.min(x.limits[1])), 0.97 - 0.055 * (number % 3) as f64];
-            let label = Label { at, text: name.clone() };
-            panel = panel.with(Series::unnamed(Ink::Muted, SeriesShape::Labels(vec![label])));
+            for series in layer_name(at, name) {
+                panel = panel.with(series);
+            }
         }
         if *bottom < x.limits[1] {
             let points = vec![[*bottom, 0.0], [*bottom, 1.0]];
@@ -132,7 +141,7 @@ pub fn light_sources_by_depth(
     }
     Figure::new(format!("Where fluorescence arises: {title}"), panel).explained(
         "The share of the fluorescence of each channel that arises above a depth: half of the light comes from above where its \
-         line crosses 0.5. Dotted lines are the interfaces of the layers.",
+         line crosses 0.5. Dotted lines are the interfaces of the layers, a dot lies in the layer that its name tells.",
     )
 }
 

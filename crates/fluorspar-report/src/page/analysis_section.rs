@@ -1,9 +1,9 @@
 //! An analysis in plain words.
 
 use fluorspar::analysis::{
-    ASSUMED_GAIN, Analysis, ErrorBudget, LineEstimate, MixtureSummary, OtherLight, PorphyrinTruth,
-    SharePosterior, SignalSummary, SoughtFluorophore, SpotSeparation, Statistics, TargetDetection,
-    UnmixedTerm,
+    ASSUMED_GAIN, Analysis, ChannelSignal, ErrorBudget, LineEstimate, MixtureSummary, OtherLight,
+    PorphyrinTruth, SharePosterior, SignalRatio, SignalSummary, SoughtFluorophore, SpotSeparation,
+    Statistics, TargetDetection, UnmixedTerm,
 };
 
 use super::report_data::{Number, NumberMatrix, NumberTable, Origin, ReportItem, Section};
@@ -293,6 +293,30 @@ fn spot_rows(spots: &[SpotSeparation]) -> Vec<Number> {
     spots.iter().map(row).collect()
 }
 
+/// Signals of a summary whose ratios are told pair by pair, at most: three give one pair beside those over the strongest.
+const MOST_PAIRED: usize = 4;
+
+/// Each signal over each before it, where its ratio to the strongest one does not tell it: the red band over the green one of frames that begin
+/// with a white one.
+fn other_ratios(summary: &SignalSummary) -> Vec<SignalRatio> {
+    let known = |above: &ChannelSignal, below: &ChannelSignal| {
+        let names = [above.name(), below.name()];
+        summary.ratios.iter().any(|r| names.contains(&r.above) && names.contains(&r.below))
+    };
+    if summary.signals.len() > MOST_PAIRED {
+        return Vec::new();
+    }
+    let pairs = summary
+        .signals
+        .iter()
+        .enumerate()
+        .flat_map(|(place, above)| summary.signals[..place].iter().map(move |below| (above, below)));
+    pairs
+        .filter(|(above, below)| !known(above, below))
+        .filter_map(|(above, below)| SignalRatio::new(above, below))
+        .collect()
+}
+
 /// Levels of all channels of all frames, their ratios, and what they are made of.
 fn with_signals(section: Section, summary: &SignalSummary, gain_is_assumed: bool) -> Section {
     let gain = if gain_is_assumed {
@@ -316,7 +340,8 @@ fn with_signals(section: Section, summary: &SignalSummary, gain_is_assumed: bool
                saturated, so that a mean is a lower limit where more than 1 % are.".to_owned() + &gain,
     }));
     if !summary.ratios.is_empty() {
-        let rows = summary.ratios.iter().map(|r| {
+        let others = other_ratios(summary);
+        let rows = summary.ratios.iter().chain(&others).map(|r| {
             let value = with_error(r.ratio, r.standard_error);
             Number::computed(
                 format!("{} over {}", r.above, r.below),

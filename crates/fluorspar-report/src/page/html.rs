@@ -114,8 +114,9 @@ impl ReportData {
         if folded {
             let _ = writeln!(
                 html,
-                "<section id=\"experiment\">\n<details class=\"fold\">\n<summary><h2>{heading}</h2> <span class=\"note\">the whole \
-                 experiment, its seed and its digest</span></summary>"
+                "<section id=\"experiment\">\n<details class=\"fold\">\n<summary><h2>{heading}</h2> <span class=\"note\">the {}experiment, \
+                 its seed and its digest</span></summary>",
+                if self.input_files.is_empty() { "whole " } else { "" }
             );
         } else {
             let _ = writeln!(html, "<section id=\"experiment\">\n<h2>{heading}</h2>");
@@ -128,10 +129,21 @@ impl ReportData {
         } else {
             let _ = writeln!(
                 html,
-                "<p>This page contains the whole experiment. Saved as a file, it can be run again:</p>\n\
-                 <pre class=\"command\">{}</pre>",
+                "<p>{} Saved as a file, it can be run again:</p>\n<pre class=\"command\">{}</pre>",
+                match self.input_files.is_empty() {
+                    true => "This page contains the whole experiment.",
+                    false =>
+                        "This page contains the experiment, but not the files that it reads, which are listed below.",
+                },
                 escape(&self.rerun_command)
             );
+        }
+        if !self.input_files.is_empty() {
+            html.push_str("<p>Files that it needs besides, at these places:</p>\n<ul class=\"files\">\n");
+            for file in &self.input_files {
+                let _ = writeln!(html, "<li><code>{}</code></li>", escape(file));
+            }
+            html.push_str("</ul>\n");
         }
         if !self.provenance.is_empty() {
             html.push_str("<table class=\"provenance\">\n<tbody>\n");
@@ -412,6 +424,7 @@ mod tests {
             ],
             provenance: vec![(evil.into(), evil.into())],
             experiment_toml: evil.into(),
+            input_files: vec![evil.into()],
             rerun_command: evil.into(),
         }
     }
@@ -424,6 +437,14 @@ mod tests {
         assert_eq!(html.matches("<script").count(), 1);
         assert_eq!(html.matches("</script").count(), 1);
         assert_eq!(extract_experiment(&html).as_deref(), Some(report.experiment_toml.as_str()));
+    }
+
+    #[test]
+    fn a_page_names_the_files_that_it_does_not_hold() {
+        let with = hostile().to_html();
+        assert!(with.contains("not the files that it reads") && with.contains("Files that it needs besides"));
+        let without = ReportData { input_files: Vec::new(), ..hostile() }.to_html();
+        assert!(without.contains("This page contains the whole experiment.") && !without.contains("besides"));
     }
 
     #[test]

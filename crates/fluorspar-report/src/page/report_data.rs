@@ -23,6 +23,8 @@ pub struct ReportData {
     pub provenance: Vec<(String, String)>,
     /// The resolved experiment, TOML; empty for a page that no experiment was made for, which then has no part on how to run it again.
     pub experiment_toml: String,
+    /// Files that the experiment reads, by path: they are not in the page.
+    pub input_files: Vec<String>,
     /// The command that makes this run again, for instance `fluorspar run report.html`; empty where the experiment only describes what
     /// is assumed of frames that were recorded.
     pub rerun_command: String,

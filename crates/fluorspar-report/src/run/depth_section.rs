@@ -17,11 +17,13 @@ pub(super) fn depth_section(run: &RunResults<'_>) -> Option<(Section, Option<Fig
     let mut section = Section::new("From how deep the light of each channel comes").folded(note).say(
         "Light enters the tissue, is scattered and absorbed, and excites fluorophores on its way; what they give off has to find its \
          way out. Half of the fluorescence that a channel sees comes from above the median depth, nine tenths from above the second \
-         one. Red light is absorbed least by blood and so comes from deeper than green. Each tissue in its mean state over \
-         its surfaces, under the direct light, weighted by filters and quantum efficiency.",
+         one. Each tissue in its mean state over its surfaces, under the direct light, weighted by filters and quantum efficiency.",
     );
     let own: Vec<&DepthOfLight> = depths.iter().filter(|depth| depth.tissue == analyzed).collect();
-    let frame = own.first().map_or("", |depth| depth.frame.as_str());
+    if let Some(sentence) = deepest_and_shallowest(&own) {
+        section = section.say(sentence);
+    }
+    let frame = shown_frame(run, &own);
     let mut rows = Vec::new();
     for depth in &own {
         rows.push(depth_row(&format!("Frame \"{}\": {}", depth.frame, depth.channel), depth));
@@ -50,12 +52,44 @@ pub(super) fn depth_section(run: &RunResults<'_>) -> Option<(Section, Option<Fig
 
 /// Median depths of some channels, each frame by its name where there are several.
 fn brief(depths: &[&DepthOfLight]) -> String {
-    let several = depths.windows(2).any(|pair| pair[0].frame != pair[1].frame);
-    let depth = |depth: &&DepthOfLight| match several {
+    let several = frames_differ(depths);
+    depths.iter().take(3).map(|depth| brief_of(depth, several)).collect::<Vec<_>>().join(", ")
+}
+
+fn frames_differ(depths: &[&DepthOfLight]) -> bool {
+    depths.windows(2).any(|pair| pair[0].frame != pair[1].frame)
+}
+
+/// The median depth of a channel, of a frame that is named where there are several.
+fn brief_of(depth: &DepthOfLight, several_frames: bool) -> String {
+    match several_frames {
         true => format!("{} of frame \"{}\" {:.0} µm", depth.channel, depth.frame, depth.median_um),
         false => format!("{} {:.0} µm", depth.channel, depth.median_um),
-    };
-    depths.iter().take(3).map(depth).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// The frame that the figure shows: the analyzed one, else the first.
+fn shown_frame<'d>(run: &RunResults<'_>, depths: &[&'d DepthOfLight]) -> &'d str {
+    let analyzed = run.experiment.study.analysis.as_ref().map(|analysis| analysis.frame.as_str());
+    let own = depths.iter().find(|depth| Some(depth.frame.as_str()) == analyzed);
+    own.or(depths.first()).map_or("", |depth| depth.frame.as_str())
+}
+
+/// Medians that are this close, relative to the deeper one, are about the same: tissue is not known any better.
+const SAME_DEPTH: f64 = 0.02;
+
+/// Which channel sees deepest and which least deep, in a sentence; `None` of one alone.
+fn deepest_and_shallowest(depths: &[&DepthOfLight]) -> Option<String> {
+    let by_median = |a: &&&DepthOfLight, b: &&&DepthOfLight| a.median_um.total_cmp(&b.median_um);
+    let (deep, shallow) = (depths.iter().max_by(by_median)?, depths.iter().min_by(by_median)?);
+    if depths.len() < 2 {
+        return None;
+    }
+    let [deepest, least] = [deep, shallow].map(|depth| brief_of(depth, frames_differ(depths)));
+    Some(match deep.median_um - shallow.median_um > SAME_DEPTH * deep.median_um {
+        true => format!("By the medians {deepest} comes from deepest here and {least} from least deep."),
+        false => format!("All come from about the same depth here: {least} to {deepest}."),
+    })
 }
 
 /// The tissue of the analyzed region, otherwise the first one.
@@ -111,5 +145,16 @@ mod tests {
             brief(&[&green, &red]),
             "mono of frame \"green_band\" 276 µm, mono of frame \"red_band\" 278 µm"
         );
+        // What is said of them follows from the numbers
+        let said = deepest_and_shallowest(&[&green, &red]).unwrap();
+        assert!(said.starts_with("All come from about the same depth here"), "{said}");
+        let channel =
+            |name: &str, median_um| DepthOfLight { channel: name.into(), ..depth("blue", median_um) };
+        let [r, g, b] = [channel("R", 269.0), channel("G", 284.0), channel("B", 240.0)];
+        assert_eq!(
+            deepest_and_shallowest(&[&r, &g, &b]).unwrap(),
+            "By the medians G 284 µm comes from deepest here and B 240 µm from least deep."
+        );
+        assert_eq!(deepest_and_shallowest(&[&r]), None);
     }
 }

@@ -9,6 +9,7 @@ mod region_outline;
 mod regions_section;
 mod report;
 mod safety_section;
+mod view_filters;
 mod words;
 
 pub(crate) use display::{DisplayImage, for_display};

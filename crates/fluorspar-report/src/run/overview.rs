@@ -17,7 +17,8 @@ use super::region_outline::region_outline;
 use super::regions_section::region_names;
 use super::report::{electrons, percent, percent_saturated};
 use super::safety_section::eye_safe_captures;
-use super::words::{Words, capital};
+use super::view_filters::assumed_blocking;
+use super::words::{NO_LIGHT, Words, capital};
 use super::{FrameOrigin, RunResults};
 use crate::figure::rgba_png;
 use crate::figures::ShareMap;
@@ -45,7 +46,7 @@ fn views(run: &RunResults<'_>, words: &Words<'_>) -> Vec<FrameView> {
     let is_analyzed = |frame: &CapturedFrame| analyzed.is_some_and(|a| a.analysis.frame == frame.raw.label);
     let shown = run.evaluation.frames.iter().filter_map(|frame| {
         let capture = study.capture(&frame.raw.label)?;
-        let is_lit = words.lights(capture) != "no light" || run.frames_from == FrameOrigin::Given;
+        let is_lit = words.lights(capture) != NO_LIGHT || run.frames_from == FrameOrigin::Given;
         is_lit.then_some((frame, capture))
     });
     let mut views = Vec::new();
@@ -73,8 +74,14 @@ fn view(
     image.rgb.iter_mut().for_each(|value| *value = (*value / step * step).saturating_add(step / 2));
     let png = Raster::from_rgb8(image.width, image.height, &image.rgb)?.to_png()?;
     let label = &frame.raw.label;
-    let mut caption =
-        format!("Frame \"{label}\": {}, {:.1} ms", words.lights(capture), 1e3 * frame.raw.exposure_s);
+    let lights = match words.lights(capture) {
+        // Who recorded the frame may have had a lamp of his own: that of the room
+        none if none == NO_LIGHT && run.frames_from == FrameOrigin::Given => {
+            "none of the experiment's lights".into()
+        }
+        lights => lights,
+    };
+    let mut caption = format!("Frame \"{label}\": {lights}, {:.1} ms", 1e3 * frame.raw.exposure_s);
     if !shown.done.is_empty() {
         caption += &format!(". {}", capital(&shown.done));
     }
@@ -370,7 +377,7 @@ fn cards(run: &RunResults<'_>, words: &Words<'_>) -> Vec<Number> {
     let analyzed = evaluation.analysis.as_ref();
     let label = analyzed.map(|analyzed| analyzed.analysis.frame.as_str());
     let lit = |frame: &&CapturedFrame| {
-        run.experiment.study.capture(&frame.raw.label).is_some_and(|c| words.lights(c) != "no light")
+        run.experiment.study.capture(&frame.raw.label).is_some_and(|c| words.lights(c) != NO_LIGHT)
     };
     let of_interest = match label {
         Some(label) => evaluation.frames.iter().find(|frame| frame.raw.label == label),
@@ -608,6 +615,9 @@ fn assumed(run: &RunResults<'_>, words: &Words<'_>) -> Vec<String> {
     let record = &run.experiment.record;
     let sections = record.experiment.as_deref().map_or(&[][..], |file| &file.fluorophore);
     sentences.extend(spectra_rest_on(&study.scene.fluorophores, &record.inputs, sections));
+    if let Some(file) = record.experiment.as_deref() {
+        sentences.extend(assumed_blocking(file));
+    }
     if let Some(efficiency) = words.efficiency() {
         sentences.push(format!("Quantum efficiency: {efficiency}."));
     }

@@ -17,11 +17,11 @@ pub(super) fn regions_section(run: &RunResults<'_>) -> Option<Section> {
     let matrix = regions_matrix(run.experiment, main, regions)?;
     // The folded section tells the estimates, the first thing that a reader wants of a region
     let brief = |region: &AnalyzedRegion| match share_text(&region.analyzed.analysis) {
-        Some(share) => format!("{} {share}", region.name),
+        Some((share, _)) => format!("{} {share}", region.name),
         None => region.name.clone(),
     };
     let list = regions.iter().map(brief).collect::<Vec<_>>().join("; ");
-    let note = match matrix.columns.iter().any(|column| column == SHARE) {
+    let note = match matrix.columns.iter().any(|column| column.starts_with(SHARE)) {
         true => format!("{} share: {list}", Words::of(run.experiment).target()),
         false => list,
     };
@@ -52,10 +52,11 @@ pub fn regions_matrix(
     };
     let mut rows: Vec<Vec<String>> =
         std::iter::once(row(&main.region_description, main)).chain(regions.iter().map(of_region)).collect();
+    let share = share_heading(main, regions);
     let channels: Vec<&str> = main.channels.iter().map(|channel| channel.name.as_str()).collect();
     let channels = channels.join(", ");
     let mut columns: Vec<String> =
-        ["Region", "pixels", SHARE, "true share", "detection limit"].map(String::from).into();
+        ["Region", "pixels", &share, "true share", "detection limit"].map(String::from).into();
     columns.extend([format!("signal {channels}, e-"), format!("signal to noise {channels}")]);
     // What no region has needs no column
     let is_there: Vec<bool> = (0..columns.len()).map(|k| rows.iter().any(|row| row[k] != NOTHING)).collect();
@@ -65,7 +66,7 @@ pub fn regions_matrix(
     rows = rows.into_iter().map(of_interest).collect();
     let columns: Vec<String> = of_interest(columns);
     let mut note = String::new();
-    if columns.iter().any(|column| column == SHARE) {
+    if columns.contains(&share) {
         note += &format!(
             "{} share of the light of each region, where its tissue is known for all that is not known of it, else on the mixture line. ",
             words.target().capitalized()
@@ -78,8 +79,21 @@ pub fn regions_matrix(
     Some(NumberMatrix { caption: format!("Regions of frame \"{}\"", main.frame), columns, rows, note })
 }
 
-/// Heading of the column of estimates.
-const SHARE: &str = "share (95 %)";
+/// Heading of the column of estimates, before what their intervals hold.
+const SHARE: &str = "share (95 %";
+
+/// The heading with what the intervals hold: the sensor's noise alone, or in all what moves the estimate.
+fn share_heading(main: &Analysis, regions: &[AnalyzedRegion]) -> String {
+    let all = std::iter::once(main).chain(regions.iter().map(|region| &region.analyzed.analysis));
+    let kinds: Vec<bool> = all.filter_map(share_text).map(|(_, noise_alone)| noise_alone).collect();
+    match (kinds.contains(&true), kinds.contains(&false)) {
+        (true, false) => format!("{SHARE} by sensor noise alone)"),
+        (false, _) => format!("{SHARE} in all)"),
+        (true, true) => {
+            format!("{SHARE} in all, or by sensor noise alone where no tissue or budget is known)")
+        }
+    }
+}
 /// What stands where a region has no such number.
 const NOTHING: &str = "-";
 
@@ -107,7 +121,7 @@ fn row(name: &str, analysis: &Analysis) -> Vec<String> {
     vec![
         name.to_owned(),
         analysis.counts.total().to_string(),
-        or_dash(share_text(analysis)),
+        or_dash(share_text(analysis).map(|(share, _)| share)),
         or_dash(analysis.truth.as_ref().map(|truth| format!("{:.4}", truth.share))),
         or_dash(analysis.detection_limit().map(|limit| format!("{limit:.4}"))),
         or_dash(signal),

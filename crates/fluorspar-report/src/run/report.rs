@@ -16,7 +16,8 @@ use super::depth_section::depth_section;
 use super::overview::overview;
 use super::regions_section::{region_warnings, regions_section};
 use super::safety_section::safety_section;
-use super::words::Words;
+use super::view_filters::{ViewFilters, view_band, view_filter_of};
+use super::words::{NO_LIGHT, Words};
 use super::{FrameOrigin, RunResults};
 use crate::figures::{
     ChannelValues, ChromaticityPlot, EemMap, PlotCurve, chromaticity, eem_maps, emission, filters,
@@ -94,6 +95,7 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
         sections: Vec::new(),
         provenance: provenance(run),
         experiment_toml: record.resolved_toml.clone(),
+        input_files: record.inputs.iter().map(|input| input.path.display().to_string()).collect(),
         rerun_command: match run.frames_from {
             FrameOrigin::Simulated => "fluorspar run report.html".into(),
             FrameOrigin::Given => String::new(),
@@ -243,7 +245,10 @@ fn leak_ratio_rows(leak: &FrameLeak, ratio: f64) -> Vec<Number> {
 /// The title of a fluorophore, as the pictures of the matrices have it.
 fn title_of(run: &RunResults<'_>, name: &str) -> String {
     let scene = &run.experiment.study.scene;
-    scene.fluorophores.iter().find(|f| f.name == name).map_or_else(|| name.to_owned(), |f| f.title.clone())
+    let own = scene.fluorophores.iter().find(|f| f.name == name).map(|f| f.title.clone());
+    // One that is looked for need not be in the scene
+    own.or_else(|| preset::fluorophore(name).ok().map(|preset| preset.title.clone()))
+        .unwrap_or_else(|| name.to_owned())
 }
 
 /// Electrons with as many digits as tell something.
@@ -306,7 +311,7 @@ fn frames_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
         let capture = study.capture(&frame.raw.label);
         let figure = frame_histograms(frame, capture.and_then(|c| c.subtract.as_deref()));
         // A dark frame is to lie at the left
-        let advice = match capture.is_some_and(|c| words.lights(c) != "no light") {
+        let advice = match capture.is_some_and(|c| words.lights(c) != NO_LIGHT) {
             true => "A frame that fills only the far left wastes the sensor's range.",
             false => "",
         };
@@ -482,33 +487,44 @@ fn parts_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
         count(scene.fluorophores.len(), "fluorophore")
     );
     let mut section = Section::new("Lights, filters, fluorophores and sensor").folded(note);
-    let view = fine("in front of the lens", &study.camera.view_filter.transmittance, range);
+    let views = ViewFilters::of(study);
+    // Beside filters none is no line at 1
+    let any = views.iter().any(|view| view.is_filtered);
+    let (drawn, open): (Vec<&ViewFilters>, Vec<&ViewFilters>) =
+        views.iter().partition(|view| view.is_filtered || !any);
+    let view_curves: Vec<PlotCurve> =
+        drawn.iter().map(|view| fine(&view.name(), &view.transmittance, range)).collect();
     if !light_curves.is_empty() {
         section = builder.show(
             section,
             "lights",
-            lights(&light_curves, std::slice::from_ref(&view)),
+            lights(&light_curves, &view_curves),
             "Each light source behind its own filters, relative to its maximum. Where a light source and the viewing filter overlap, its light leaks.",
         );
     }
-    section = builder.show(section, "view_filter", filters(std::slice::from_ref(&view)), "");
+    let open: Vec<String> = open.iter().map(|view| format!("Without a filter: {}.", view.frames)).collect();
+    section = builder.show(section, "view_filter", filters(&view_curves), &open.concat());
     if !scene.fluorophores.is_empty() {
         section = fluorophore_figures(run, builder, section, range);
     }
     if let Some(sensor) = &study.camera.sensor {
-        let figure = sensor_figure(&study.camera, sensor.qe(), range);
+        let figure = sensor_figure(&study.camera, &views, sensor.qe(), range);
         section = builder.show(section, "sensor", figure, "");
     }
     section.with(ReportItem::Table(NumberTable { caption: "Camera".into(), rows: camera_rows(run) }))
 }
 
-/// Quantum efficiency alone, and behind lens and filters.
-fn sensor_figure(camera: &Camera, qe: &SpectralQe, range: (f64, f64)) -> Figure {
+/// Quantum efficiency alone, and behind lens and filters: those of each frame of a wheel.
+fn sensor_figure(camera: &Camera, views: &[ViewFilters], qe: &SpectralQe, range: (f64, f64)) -> Figure {
     let curves = |qe: &SpectralQe| -> Vec<PlotCurve> {
         qe.channels().iter().map(|c| fine(&c.name, &c.curve, range)).collect()
     };
-    let lens = camera.lens_behind_filters();
-    let filtered = lens.map_or_else(Vec::new, |lens| curves(&qe.behind(&lens.transmittance)));
+    let behind = |view: &ViewFilters| {
+        let lens = &camera.lens.as_ref()?.equation.transmittance;
+        let name = if view.frames.is_empty() { "filtered" } else { &view.frames };
+        Some((name.to_owned(), curves(&qe.behind(&lens.times(&view.transmittance)))))
+    };
+    let filtered: Vec<(String, Vec<PlotCurve>)> = views.iter().filter_map(behind).collect();
     sensor_response(&curves(qe), &filtered)
 }
 
@@ -561,7 +577,7 @@ fn fluorophore_figures(
         &format!("the light \"{}\"", scene.light_groups[light.group].name),
         "each at concentration 1",
         ["emitted photons", "1/nm per photon"],
-        view_band(&study.camera.view_filter.transmittance, range),
+        view_band(&view_filter_of(study, frame), range),
     );
     builder.show(section, "emission", figure, "")
 }
@@ -592,15 +608,6 @@ fn nominal_wavelength(file: &ExperimentFile, group: &str, peak_nm: f64) -> Optio
              peaks at {peak_nm:.0} nm. {source}"
         )
     })
-}
-
-/// Where a filter passes at least half of its maximum.
-pub(super) fn view_band(filter: &Curve, range: (f64, f64)) -> Option<[f64; 2]> {
-    let nodes: Vec<f64> = (0..=(range.1 - range.0) as usize).map(|i| range.0 + i as f64).collect();
-    let peak = nodes.iter().map(|&nm| filter.at(nm)).fold(0.0, f64::max);
-    let passed: Vec<f64> = nodes.into_iter().filter(|&nm| filter.at(nm) >= 0.5 * peak).collect();
-    let (first, last) = (*passed.first()?, *passed.last()?);
-    (last - first < range.1 - range.0 - 2.0).then_some([first, last])
 }
 
 fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
@@ -673,9 +680,18 @@ fn sensor_rows(m: &SensorModel, from: FrameOrigin) -> Vec<Number> {
             "Read noise",
             format!("{:.1}", m.read_noise_electrons()),
             "e-",
-            "noise of a dark pixel, rms",
+            match m.read_noise_mv {
+                Some(mv) => format!("noise of a dark pixel, rms: {mv} mV over the conversion gain"),
+                None => "noise of a dark pixel, rms".into(),
+            },
         )
-        .from(table(m.read_noise_electrons() == published.read_noise_electrons())),
+        .from(
+            match (m.read_noise_mv, table(m.read_noise_electrons() == published.read_noise_electrons())) {
+                // Millivolts are stated; electrons follow from them and the conversion gain
+                (Some(_), Origin::Stated(_)) => Origin::Computed,
+                (_, origin) => origin,
+            },
+        ),
     );
     rows.push(
         Number::computed(
@@ -788,7 +804,9 @@ mod tests {
             change(&mut model);
             let rows = sensor_rows(&model, FrameOrigin::Simulated);
             for (other, name) in NAMES.into_iter().enumerate() {
-                let expected = if other == index { "stated" } else { "published" };
+                // Its millivolts are stated, its electrons follow from them
+                let own = if name == "Read noise" { "other" } else { "stated" };
+                let expected = if other == index { own } else { "published" };
                 assert_eq!(word(&rows, name), expected, "{name} after change {index}");
             }
         }

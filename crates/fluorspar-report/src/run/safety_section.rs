@@ -14,14 +14,23 @@ struct Limiting<'a> {
     capture: &'a CaptureSafety,
     viewer: &'a ViewerSafety,
     assessment: &'a Assessment,
-    /// Exposures in 8 hours; 0 where one is too many.
+    /// Exposures in 8 hours; 0 where one is too many, without an end of what is judged one exposure at a time.
     per_day: u64,
 }
 
 impl Limiting<'_> {
     /// Whether the dose ends before the day does.
     fn is_limit(&self) -> bool {
-        (self.per_day + 1) as f64 * self.capture.light_on_s <= DAY_S
+        self.per_day.saturating_add(1) as f64 * self.capture.light_on_s <= DAY_S
+    }
+
+    /// What follows from the dose of one exposure.
+    fn consequence(&self) -> String {
+        match (self.is_limit(), self.assessment.exposures_per_day) {
+            (true, _) => format!("so {} exposures of it alone fit into 8 hours", self.per_day),
+            (false, Some(_)) => "so more of it alone are allowed than fit into 8 hours".into(),
+            (false, None) => "in each exposure, however many there are".into(),
+        }
     }
 
     /// Whether it allows less than another one: fewer exposures, or where the day limits both, with the smaller margin.
@@ -42,10 +51,12 @@ fn limiting(report: &SafetyReport) -> Option<Limiting<'_>> {
     for capture in &report.captures {
         for viewer in &capture.viewers {
             for assessment in &viewer.hazards {
-                // Burns happen in one exposure or not at all.
-                let too_much = assessment.margin.is_some_and(|margin| margin < 1.0);
-                let Some(per_day) = (if too_much { Some(0) } else { assessment.exposures_per_day }) else {
-                    continue;
+                // Burns happen in one exposure or not at all: their doses do not add up
+                let per_day = match (assessment.margin, assessment.exposures_per_day) {
+                    (Some(margin), _) if margin < 1.0 => 0,
+                    (_, Some(per_day)) => per_day,
+                    (Some(_), None) => u64::MAX,
+                    (None, None) => continue,
                 };
                 let this = Limiting { capture, viewer, assessment, per_day };
                 if found.as_ref().is_none_or(|worst| this.is_worse_than(worst)) {
@@ -144,17 +155,13 @@ pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
     }
     let (note, sentence) = match limiting(report) {
         Some(limiting) => {
-            let is_limit = limiting.is_limit();
+            let (is_limit, consequence) = (limiting.is_limit(), limiting.consequence());
             let Limiting { capture, viewer, assessment, per_day } = limiting;
             let who = viewer.viewer.name(report.is_mouth);
             let place = viewer.distance_mm.map_or_else(String::new, |mm| format!(" at {} mm", number(mm)));
             let hazard = name(assessment.hazard);
-            let (exposures, fit) = match is_limit {
-                true => (format!("{per_day} exposures"), format!("{per_day} exposures of it alone fit into")),
-                false => {
-                    ("no limit of exposures".into(), "more of it alone are allowed than fit into".into())
-                }
-            };
+            let exposures =
+                if is_limit { format!("{per_day} exposures") } else { "no limit of exposures".into() };
             (
                 match sequences(report) {
                     Some((count, _)) if count == NO_LIMIT => {
@@ -171,13 +178,13 @@ pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
                 },
                 format!(
                     "{} {hazard} ({}) for the {who}{place}: one exposure of frame \"{}\" gives {} {} of the {} {} that are \
-                     allowed, so {fit} 8 hours.",
+                     allowed, {consequence}.",
                     if is_limit {
                         "The limiting hazard is"
                     } else {
                         "No hazard limits a day; the smallest margin is that of"
                     },
-                    explain(assessment.hazard),
+                    explain(assessment.hazard, report.is_mouth),
                     capture.name,
                     number(assessment.value),
                     assessment.unit,
@@ -302,7 +309,7 @@ fn viewer_rows(viewer: &ViewerSafety, light_on_s: f64, is_mouth: bool) -> Vec<Nu
         .filter_map(|a| {
             let meaning = format!(
                 "{}: {} = {} {}, limit {} {}{}",
-                explain(a.hazard),
+                explain(a.hazard, is_mouth),
                 a.quantity,
                 number(a.value),
                 a.unit,
@@ -338,14 +345,15 @@ fn name(hazard: Hazard) -> &'static str {
     }
 }
 
-fn explain(hazard: Hazard) -> &'static str {
+fn explain(hazard: Hazard, is_mouth: bool) -> &'static str {
     match hazard {
         Hazard::ActinicUv => "inflammation of cornea and skin",
         Hazard::NearUv => "clouding of the lens of the eye",
         Hazard::BlueLight | Hazard::BlueLightSmallSource => "photochemical damage of the retina",
         Hazard::RetinalThermal | Hazard::RetinalThermalWeakStimulus => "burns of the retina",
         Hazard::InfraredEye => "heating of cornea and lens",
-        Hazard::SkinThermal => "burns of the tissue",
+        Hazard::SkinThermal if is_mouth => "burns of the mucosa",
+        Hazard::SkinThermal => "burns of the skin",
     }
 }
 
@@ -497,6 +505,18 @@ mod tests {
         }
         assert!(!text.contains("1440000"), "{text}");
         assert_eq!(eye_safe_captures(&free).unwrap().value, "no limit");
+        // Burns are judged one exposure at a time, which no day ends: theirs is the smallest margin all the same
+        let burns = Assessment { exposures_per_day: None, ..of(Hazard::SkinThermal, 2e4, 0) };
+        let burns = tissue(vec![of(Hazard::ActinicUv, 3e8, day), burns]);
+        let text = plain(&safety_section(&burns).unwrap());
+        for part in [
+            "the smallest margin is that of burns (burns of the skin) for the skin in the light",
+            "in each exposure, however many there are.",
+        ] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        let card = eye_safe_captures(&burns).unwrap();
+        assert!(card.value == "no limit" && card.meaning.contains("smallest margin: burns"), "{card:?}");
         // One exposure less than the day allows is a limit of the dose
         let limited = tissue(vec![of(Hazard::ActinicUv, 1e9, day), of(Hazard::SkinThermal, 2e9, day - 1)]);
         let text = plain(&safety_section(&limited).unwrap());

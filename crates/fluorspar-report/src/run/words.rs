@@ -6,12 +6,16 @@ use fluorspar::study::Capture;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_experiment::schema::{EfficiencyReference, ExperimentFile, LightSection, SpectrumReference};
 
+use super::view_filters::view_band;
 use super::{FrameOrigin, RunResults};
 
 /// Lights whose half maximum is wider are called by what they cover, not by a peak, nm.
 const NARROW_LIGHT_NM: f64 = 80.0;
 /// Objects that are named one by one.
 const MOST_OBJECTS: usize = 4;
+
+/// What stands for the lights of a capture that switches none on.
+pub(super) const NO_LIGHT: &str = "no light";
 
 /// The words of one run.
 pub(super) struct Words<'a> {
@@ -70,7 +74,7 @@ impl<'a> Words<'a> {
                 }
             }
         }
-        if texts.is_empty() { "no light".into() } else { texts.join(" and ") }
+        if texts.is_empty() { NO_LIGHT.into() } else { texts.join(" and ") }
     }
 
     /// The section of the first light of a group.
@@ -116,10 +120,14 @@ impl<'a> Words<'a> {
 
     /// The viewing filter in words; `None` without one.
     pub(super) fn filter(&self) -> Option<String> {
+        self.filter_words(&self.experiment.study.camera.view_filter.transmittance)
+    }
+
+    /// A filter by what it passes; `None` of one that passes all the same.
+    fn filter_words(&self, filter: &Curve) -> Option<String> {
         let study = &self.experiment.study;
-        let filter = &study.camera.view_filter.transmittance;
         let range = (study.scene.grid.start_nm(), study.scene.grid.end_nm());
-        super::report::view_band(filter, range).map(|[from, to]| {
+        view_band(filter, range).map(|[from, to]| {
             if to >= range.1 - 1.0 {
                 format!("a filter that passes from {from:.0} nm on")
             } else if from <= range.0 + 1.0 {
@@ -157,7 +165,8 @@ impl<'a> Words<'a> {
                 || run.evaluation.frames.iter().any(|frame| frame.raw.label == *label)
         };
         let lit =
-            study.captures.iter().filter(|capture| is_there(capture) && self.lights(capture) != "no light");
+            study.captures.iter().filter(|capture| is_there(capture) && self.lights(capture) != NO_LIGHT);
+        let wheel = study.captures.iter().any(|capture| is_there(capture) && capture.filter.is_some());
         let frames: Vec<String> = lit
             .map(|capture| {
                 // Doubled drives are light that the stated power does not tell
@@ -171,7 +180,14 @@ impl<'a> Words<'a> {
                     }
                     _ => String::new(),
                 };
-                format!("\"{}\" under {}{drive}", capture.frame.label, self.lights(capture))
+                let own = match &capture.filter {
+                    Some(filter) => self.filter_words(filter).map(|own| format!(" through {own}")),
+                    // Beside frames of a wheel one without a filter is told
+                    None if wheel => Some(" without a filter of its own".into()),
+                    None => None,
+                };
+                let (lights, own) = (self.lights(capture), own.unwrap_or_default());
+                format!("\"{}\" under {lights}{drive}{own}", capture.frame.label)
             })
             .collect();
         let sensor = study.camera.sensor.as_ref().map(|sensor| {
@@ -180,9 +196,7 @@ impl<'a> Words<'a> {
             format!("by a sensor of {} x {} pixels ({})", model.columns, model.rows, channels.join(", "))
         });
         let filter = self.filter().map(|filter| format!("through {filter}"));
-        let wheel = study.captures.iter().any(|capture| is_there(capture) && capture.filter.is_some());
-        let wheel = wheel.then(|| "through a filter of its own for each frame".to_owned());
-        let seen: Vec<String> = filter.into_iter().chain(wheel).chain(sensor).collect();
+        let seen: Vec<String> = filter.into_iter().chain(sensor).collect();
         let what = match run.frames_from {
             FrameOrigin::Simulated => format!("Simulated: {}", self.scene()),
             FrameOrigin::Given => {

@@ -224,5 +224,8 @@ pub(super) fn responsivity(setup: &Setup<'_>) -> Result<Outcome, ValidationError
         .check(Check::at_least("peak of R less peak of G", 0.0, red - green, "nm", order))
         .check(Check::at_least("peak of G less peak of B", 0.0, green - blue, "nm", order))
         .check(Check::at_most(what, 0.01, largest, "", why).said("the sensor responds only to 475-700 nm"))
-        .show("figure_5d_responsivity", sensor_response(&curves(|c| &c.bare), &curves(|c| &c.seen))))
+        .show(
+            "figure_5d_responsivity",
+            sensor_response(&curves(|c| &c.bare), &[("filtered".into(), curves(|c| &c.seen))]),
+        ))
 }

@@ -160,6 +160,21 @@ impl Characterization {
 /// Share of dark pixels at zero up to which dark noise and offsets count as measured (EMVA 1288, section 6.5).
 const MOST_EMPTY: f64 = 0.005;
 
+/// Variance of dark frames, DN², below which quantization hides the temporal dark noise (EMVA 1288, section 6): the deviation is 0.49 DN,
+/// of which quantization alone makes 0.29.
+const LEAST_DARK_VARIANCE_DN2: f64 = 0.24;
+
+/// What is left of dark noise that quantization hides: an upper limit, `sqrt(0.24 - 1/12) / K`.
+fn quantization_warning(dark_dn2: f64, dn_per_electron: f64) -> Warning {
+    let limit_e = (LEAST_DARK_VARIANCE_DN2 - QUANTIZATION_NOISE_DN.powi(2)).sqrt() / dn_per_electron;
+    let statement = format!(
+        "Quantization hides the dark noise: dark frames vary by {:.2} DN, below 0.49 DN, so the temporal dark noise is only known to lie below \
+         {limit_e:.1} e- (EMVA 1288), and the sensitivity threshold and the dynamic range rest on it",
+        dark_dn2.sqrt()
+    );
+    Warning::explained(statement, "Raise the gain of the exposure or the bit depth.")
+}
+
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     let count = values.len() as f64;
     values.sum::<f64>() / count
@@ -510,6 +525,7 @@ pub fn characterize(
     }
 
     let (dark_dn, dark_dn2) = bench.pair("dark", 0.0, 0)?;
+    let is_hidden = dark_dn2 < LEAST_DARK_VARIANCE_DN2;
     let beyond_e = light_beyond_saturation(&bench, dark_dn)?;
     // The last doubling crossed saturation: between half of it and all of it lies the largest variance.
     let sweep = |series: &str,
@@ -565,6 +581,9 @@ pub fn characterize(
     let deviations: Vec<f64> =
         range.map(|p| (p.signal_dn / (offset + slope * p.light_e) - 1.0).abs()).collect();
 
+    if is_hidden {
+        warnings.push(quantization_warning(dark_dn2, gain));
+    }
     let threshold_e = sensitivity_threshold_e(dark_noise_e, gain);
     let mut result = Characterization {
         settings: CharacterizationSettings { region: laboratory.image_size(), ..*settings },

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::photon_transfer::{Limit, saturation_capacity_e};
 use super::readout::Readout;
 use super::relative_illumination::RelativeIllumination;
 use super::{Binning, BinningKind, Crosstalk, Emva1288, Shutter, Strobe};
@@ -290,6 +291,20 @@ impl SensorModel {
         self.read_noise_electrons()
             .hypot(after_gain_dn / (self.base_dn_per_electron() * self.analog_gain * gain))
             .hypot(electrons(self.row_noise_mv).hypot(electrons(self.column_noise_mv)))
+    }
+
+    /// Saturation capacity of EMVA 1288 at an exposure's gain, e-: the mean signal of the largest temporal variance, where a well that fills
+    /// or the last code of the converter ends it, whichever comes first. It lies below both, as pixels fill one after the other.
+    #[must_use]
+    pub fn saturation_capacity_e(&self, gain: f64) -> f64 {
+        let prnu = self.prnu_percent.hypot(self.column_gain_percent) * 1e-2;
+        let dn_per_electron = self.base_dn_per_electron() * self.analog_gain * gain;
+        let converter = Limit {
+            electrons: (f64::from(self.max_code()) - self.black_level_dn) / dn_per_electron,
+            noise_e: self.dark_noise_electrons(gain),
+        };
+        let well = saturation_capacity_e(Limit::well(self.well_capacity_e), prnu);
+        well.min(saturation_capacity_e(converter, prnu))
     }
 
     /// Standard deviation of the pixels' offsets, e-.

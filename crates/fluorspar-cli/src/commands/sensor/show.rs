@@ -41,6 +41,8 @@ fn facts(sensor: &Sensor) -> Vec<(&'static str, f64, &'static str)> {
     let dark_noise_e = model.dark_noise_electrons(1.0);
     let last_code_e = (f64::from(model.max_code()) - model.black_level_dn) / k;
     let full_e = model.well_capacity_e.min(last_code_e);
+    // A data sheet counts from its saturation capacity (EMVA 1288), which lies below full scale
+    let saturation_e = model.saturation_capacity_e(1.0);
     let threshold_e = sensitivity_threshold_e(dark_noise_e, k);
     vec![
         ("pixel pitch", model.pixel_size_um, "um"),
@@ -49,12 +51,13 @@ fn facts(sensor: &Sensor) -> Vec<(&'static str, f64, &'static str)> {
         ("full well", model.well_capacity_e, "e-"),
         ("last code", last_code_e, "e-"),
         ("full scale", full_e, "e-"),
+        ("saturation capacity", saturation_e, "e-"),
         ("dark current", model.dark_electrons_per_s(), "e-/s"),
         ("DSNU", model.dsnu_electrons(), "e-"),
         ("PRNU", model.prnu_percent, "%"),
         ("sensitivity threshold", threshold_e, "e-"),
-        ("dynamic range", 20.0 * (full_e / threshold_e).log10(), "dB"),
-        ("largest SNR", 10.0 * full_e.log10(), "dB"),
+        ("dynamic range", 20.0 * (saturation_e / threshold_e).log10(), "dB"),
+        ("largest SNR", 10.0 * saturation_e.log10(), "dB"),
     ]
 }
 
