@@ -3,6 +3,8 @@
 use fluorspar::analysis::DETECTION_Z;
 use fluorspar::design::{Criterion, Design, DesignSpace, FineBands, Merits, Score, Sensitivity, WorstCase};
 
+use crate::design_recommendation::{limit_in_words, recommendation, recommended};
+use crate::design_remarks::{best_case, ideal_edges};
 use crate::figures::PlotCurve;
 use crate::{
     Axis, ColorBar, ColorMap, Dash, Figure, Ink, Label, Number, NumberTable, Panel, Raster, ReportData,
@@ -114,6 +116,7 @@ fn lead(found: &DesignFindings<'_>) -> Vec<String> {
     }
     lead.push(format!("Designs are ranked by {}; less is better.", found.criterion));
     lead.extend(recommendation(found));
+    lead.extend(best_case(found.space.problem()));
     for compared in found.compared {
         let region = &compared.merits.regions[0];
         if region.rank < region.weights.len() {
@@ -128,96 +131,8 @@ fn lead(found: &DesignFindings<'_>) -> Vec<String> {
     lead
 }
 
-/// The design of the least loss within tolerances, of those for which that is known: where some keep to all limits there, of these.
-fn best_within_tolerances<'a>(
-    found: &DesignFindings<'a>,
-) -> Option<(usize, &'a JudgedDesign, &'a WorstCase)> {
-    let known = || {
-        let worst = found.best.iter().zip(found.worst_cases).enumerate();
-        worst.map(|(place, (judged, worst))| (place, judged, worst)).filter(|of| of.2.loss.is_finite())
-    };
-    let least = |of: &mut dyn Iterator<Item = (usize, &'a JudgedDesign, &'a WorstCase)>| {
-        of.min_by(|a, b| a.2.loss.total_cmp(&b.2.loss))
-    };
-    least(&mut known().filter(|of| of.2.broken.is_empty())).or_else(|| least(&mut known()))
-}
-
-/// The design that is recommended and its place among the best: the one that is best as it will be made, else as it is meant.
-fn recommended<'a>(found: &DesignFindings<'a>) -> Option<(usize, &'a JudgedDesign)> {
-    let made = best_within_tolerances(found).map(|(place, judged, _)| (place, judged));
-    made.or_else(|| found.best.first().map(|best| (0, best)))
-}
-
-/// Which design is recommended, and what it fails at, a sentence each.
-pub fn recommendation(found: &DesignFindings<'_>) -> Vec<String> {
-    let (Some(best), Some((place, made))) = (found.best.first(), recommended(found)) else {
-        let why = if found.left_out.is_empty() { String::new() } else { format!(" {}.", found.left_out) };
-        return vec![format!("No design keeps to all limits and sees what is asked for.{why}")];
-    };
-    let tried = found.worst_cases.len();
-    let mut sentences = vec![match (place, found.worst_cases.get(place)) {
-        (0, Some(worst)) if worst.loss.is_finite() => {
-            format!("The best is {}, as meant and within tolerances.", best.name)
-        }
-        (0, _) => format!("The best is {}.", best.name),
-        (_, worst) => format!(
-            "Recommended is {}: of the {tried} best it has the least loss within tolerances, {}. As meant {} is the best, with a loss of {}, \
-             but within tolerances of {}.",
-            made.name,
-            digits(worst.map_or(f64::NAN, |worst| worst.loss)),
-            best.name,
-            digits(best.merits.loss),
-            digits(found.worst_cases[0].loss)
-        ),
-    }];
-    sentences.extend(failings(found, place, made).into_iter().map(|what| format!("But {what}.")));
-    sentences
-}
-
-/// What a design fails at though no limit of the file keeps it out, each as the end of a sentence.
-fn failings(found: &DesignFindings<'_>, place: usize, judged: &JudgedDesign) -> Vec<String> {
-    let merits = &judged.merits;
-    let mut failings = Vec::new();
-    if merits.saturation > 1.0 {
-        failings.push(format!(
-            "it saturates: its brightest pixel collects {} times what it holds, and the file lets it (limit.saturation)",
-            digits(merits.saturation)
-        ));
-    }
-    let margins =
-        [("an eye that looks into its lights", merits.eye_margin), ("the tissue", merits.tissue_margin)];
-    for (who, margin) in margins {
-        if let Some(margin) = margin.filter(|margin| *margin < 1.0) {
-            failings.push(format!("{who} gets {} times the exposure limit", digits(1.0 / margin)));
-        }
-    }
-    if let Some(worst) = found.worst_cases.get(place) {
-        if !worst.loss.is_finite() {
-            failings.push("within its tolerances it does not see what is asked for".into());
-        } else if !worst.broken.is_empty() {
-            failings
-                .push(format!("within its tolerances it breaks the limit of {}", worst.broken.join(", ")));
-        }
-    }
-    if let Criterion::Contrast(k) = found.space.problem().criterion {
-        for region in &merits.regions {
-            let value = region.contrast_values.get(k).copied().flatten();
-            let sd = region.contrasts.get(k).copied().filter(|sd| sd.is_finite());
-            if let Some((value, sd)) = value.zip(sd).filter(|(value, sd)| value.abs() < DETECTION_Z * sd) {
-                let told = digits(DETECTION_Z * sd);
-                failings.push(format!(
-                    "the value itself, {}, is not told from none: it would have to be {told}",
-                    digits(value)
-                ));
-                break;
-            }
-        }
-    }
-    failings
-}
-
 /// Four digits.
-fn digits(value: f64) -> String {
+pub(crate) fn digits(value: f64) -> String {
     if !value.is_finite() {
         "not seen".into()
     } else if value == 0.0 {
@@ -400,30 +315,18 @@ fn captures_figure(found: &DesignFindings<'_>, recommended: &JudgedDesign) -> Fi
     )
 }
 
-/// Patches with the names of exposures to the left and of channels above.
+/// Patches, the axes named by exposures and channels.
 fn patch_panel(space: &DesignSpace, design: &Design, raster: Raster) -> Panel {
     const CELL: f64 = 90.0;
     let p = space.problem();
     let channels = &p.cameras[design.camera].channels;
-    let mut exposures: Vec<&str> = design.lights.iter().map(|&k| p.lights[k].name.as_str()).collect();
-    exposures.extend(p.white.as_ref().map(|_| "white"));
-    let (columns, rows) = (channels.len() as f64, exposures.len() as f64);
-    let left = exposures.iter().map(|name| name.chars().count()).max().unwrap_or(0) as f64 * 0.085 + 0.1;
-    let above = channels
-        .iter()
-        .enumerate()
-        .map(|(c, name)| Label { at: [c as f64 + 0.1, rows + 0.08], text: name.clone() });
-    let beside = exposures
-        .iter()
-        .enumerate()
-        .map(|(k, name)| Label { at: [-left, rows - k as f64 - 0.5], text: (*name).to_owned() });
-    let labels = above.chain(beside).collect();
-    let [wide, high] = [columns + left, rows + 0.35];
-    let picture = SeriesShape::Picture { x: [0.0, columns], y: [0.0, rows], raster };
-    Panel::new(Axis::hidden([-left, columns]), Axis::hidden([0.0, high]))
-        .sized(CELL * wide, CELL * high)
-        .with(Series::unnamed(Ink::Text, picture))
-        .with(Series::unnamed(Ink::Text, SeriesShape::Labels(labels)))
+    let lights = design.lights.iter().map(|&k| p.lights[k].name.clone());
+    let exposures = lights.chain(p.white.as_ref().map(|_| "white".to_owned()));
+    let (x, y) = (Axis::named("channel", channels.iter().cloned()), Axis::named("", exposures));
+    let [width, height] = [&x, &y].map(|axis| CELL * (axis.limits[1] - axis.limits[0]).abs());
+    // Names of rows stand from the top down
+    let picture = SeriesShape::Picture { x: x.limits, y: [y.limits[1], y.limits[0]], raster };
+    Panel::new(x, y.downward()).sized(width, height).with(Series::unnamed(Ink::Text, picture))
 }
 
 /// Noisy patches, a row for each exposure, a column for each channel.
@@ -494,6 +397,9 @@ fn choices_section(found: &DesignFindings<'_>) -> Section {
                 format!("{} % of the fluorescence kept by the filter", digits(100.0 * kept))
             }),
             format!("saturation {}", digits(merits.saturation)),
+            merits
+                .tissue_margin
+                .map_or_else(String::new, |margin| format!("tissue margin {}", digits(margin))),
             format!("price {}", digits(merits.cost)),
         ];
         // Where designs are ranked by leak, what that costs in the contrasts
@@ -503,7 +409,13 @@ fn choices_section(found: &DesignFindings<'_>) -> Section {
                 .filter(|_| found.space.problem().criterion == Criterion::Leak)
                 .map(|(contrast, sd)| format!("standard deviation of {} {}", contrast.name, digits(*sd))),
         );
-        meaning.extend(worst.map(|worst| format!("loss within tolerances {}", digits(worst.loss))));
+        meaning.extend(worst.map(|worst| {
+            let broken = match &worst.broken[..] {
+                [] => String::new(),
+                broken => format!(", where it breaks the limit of {}", broken.join(", ")),
+            };
+            format!("loss within tolerances {}{broken}", digits(worst.loss))
+        }));
         meaning.retain(|words| !words.is_empty());
         Number::computed(&judged.name, digits(merits.loss), "", meaning.join(", "))
     };
@@ -530,6 +442,8 @@ struct Across {
     of: Box<dyn Fn(&Score) -> f64>,
     /// What that is, in words.
     words: &'static str,
+    /// Whether it is the place by loss.
+    is_place: bool,
 }
 
 impl Across {
@@ -553,29 +467,77 @@ impl Across {
         if counts[chosen] > 1 {
             let (label, unit, pick) = objectives[chosen];
             let words = "Of price, time and number of exposures the one that varies most is drawn.";
-            return Self { label, unit, of: Box::new(pick), words };
+            return Self { label, unit, of: Box::new(pick), words, is_place: false };
         }
         let mut losses: Vec<f64> = seen.iter().map(|s| s.loss).collect();
         losses.sort_by(f64::total_cmp);
         let place = move |s: &Score| 1.0 + losses.partition_point(|loss| *loss < s.loss) as f64;
         let words = "All cost the same, in the same time and as many exposures, so they stand in the order of their loss.";
-        Self { label: "place by loss", unit: "", of: Box::new(place), words }
+        Self { label: "place by loss", unit: "", of: Box::new(place), words, is_place: true }
     }
 }
 
-/// Designs whose names are written beside their marks, at most.
+/// Designs and lights whose names are written in figures, at most.
 const MOST_NAMES: usize = 12;
+
+/// Designs that have a row each in their figure, at most.
+const MOST_ROWS: usize = 24;
+
+/// Height of a row, px.
+const ROW: f64 = 26.0;
+
+/// The loss of a few designs, each in a row of its own with its name, the best above. A compared design that is none of them has its row below.
+fn ranked_figure(found: &DesignFindings<'_>, words: &str) -> Figure {
+    let mut names: Vec<String> = found.best.iter().map(|judged| judged.name.clone()).collect();
+    let row_of = |design: &Design| found.best.iter().position(|judged| judged.design == *design);
+    let mut row = |judged: &JudgedDesign| {
+        row_of(&judged.design).unwrap_or_else(|| {
+            names.push(judged.name.clone());
+            names.len() - 1
+        })
+    };
+    let mut marks = |designs: &[JudgedDesign]| -> Vec<[f64; 2]> {
+        let seen = designs.iter().filter(|judged| judged.merits.loss.is_finite());
+        seen.map(|judged| [judged.merits.loss, (row(judged) + 1) as f64]).collect()
+    };
+    let markers = |points, radius, hollow| SeriesShape::Markers { points, radius, hollow };
+    let (all, front, compared) = (marks(found.best), marks(found.front), marks(found.compared));
+    let worst = found.worst_cases.iter().enumerate().filter(|(_, worst)| worst.loss.is_finite());
+    let worst: Vec<[f64; 2]> = worst.map(|(place, worst)| [worst.loss, (place + 1) as f64]).collect();
+    let losses = || all.iter().chain(&compared).chain(&worst).map(|point| point[0]);
+    let (low, high) = losses().fold((f64::INFINITY, 0.0f64), |(a, b), loss| (a.min(loss), b.max(loss)));
+    let x = Axis::log10("loss", "", [low * 0.8, (high * 1.2).min(low * 1e4)]);
+    let height = ROW * names.len().max(3) as f64;
+    let series = |name: &str, ink, shape| Series { name: Some(name.into()), ink, shape };
+    let panel = Panel::new(x, Axis::named("design", names).downward())
+        .sized(520.0, height)
+        .with(series("within tolerances", Ink::cycle(2), markers(worst, 4.0, true)))
+        .with(series("as meant", Ink::Muted, markers(all, 4.0, false)))
+        .with(series("front", Ink::cycle(0), markers(front, 5.0, false)))
+        .with(series("compared", Ink::cycle(1), markers(compared, 6.0, true)));
+    Figure::new("Loss of all designs", panel).explained(format!(
+        "Each row is a design that keeps to all limits. Those of the front are not beaten in loss, time, price and number of exposures at \
+         once. {words}{}",
+        missing_in_words(found, 0)
+    ))
+}
 
 /// Loss against what varies most among designs.
 fn front_figure(found: &DesignFindings<'_>) -> Figure {
     let seen: Vec<&Score> = found.scores.iter().map(|(_, s)| s).filter(|s| s.loss.is_finite()).collect();
-    let Across { label, unit, of: pick, words } = Across::of(&seen);
+    let Across { label, unit, of: pick, words, is_place } = Across::of(&seen);
+    if is_place && found.best.len() == seen.len() && seen.len() <= MOST_ROWS {
+        return ranked_figure(found, words);
+    }
     let points: Vec<[f64; 2]> = seen.iter().map(|s| [pick(s), s.loss]).collect();
     let (low, high) = points.iter().fold((f64::INFINITY, 0.0f64), |(a, b), p| (a.min(p[1]), b.max(p[1])));
     let top = (high * 1.2).min(low * 1e4);
     let beyond = points.iter().filter(|point| point[1] > top).count();
     let y = Axis::log10("loss", "", [low * 0.8, top]);
-    let x = Axis::from_zero(label, unit, points.iter().map(|p| p[0] * 1.1));
+    let x = match is_place {
+        true => Axis::linear(label, unit, [0.0, seen.len() as f64 + 1.0]),
+        false => Axis::from_zero(label, unit, points.iter().map(|p| p[0] * 1.1)),
+    };
     let marks = |designs: &[JudgedDesign]| -> Vec<[f64; 2]> {
         let score = |d: &JudgedDesign| Score {
             loss: d.merits.loss,
@@ -587,11 +549,8 @@ fn front_figure(found: &DesignFindings<'_>) -> Figure {
     };
     let front = SeriesShape::Markers { points: marks(found.front), radius: 5.0, hollow: false };
     let other = SeriesShape::Markers { points: marks(found.compared), radius: 6.0, hollow: true };
-    // In their order by loss marks lie apart, and few have room for their names
-    let is_in_order = unit.is_empty() && label.starts_with("place");
-    let named = if is_in_order && seen.len() <= MOST_NAMES { found.best.len() } else { 1 };
-    let also = recommended(found).filter(|(place, _)| *place >= named).map(|(_, judged)| judged);
-    let labels = found.best.iter().take(named).chain(also).flat_map(|judged| {
+    let also = recommended(found).filter(|(place, _)| *place > 0).map(|(_, judged)| judged);
+    let labels = found.best.iter().take(1).chain(also).flat_map(|judged| {
         let at = marks(std::slice::from_ref(judged));
         at.into_iter().map(|at| Label { at, text: judged.name.clone() })
     });
@@ -785,10 +744,11 @@ fn assumptions_section(found: &DesignFindings<'_>) -> Section {
     let place = recommended(found).map_or(0, |(place, _)| place);
     if let Some((worst, judged)) = found.worst_cases.get(place).zip(found.best.get(place)) {
         let shifts: Vec<String> = worst.light_shifts_nm.iter().map(|nm| format!("{nm:+} nm")).collect();
-        let broken = match &worst.broken[..] {
-            [] => String::new(),
-            broken => format!(" Somewhere within them it breaks the limit of {}.", broken.join(", ")),
-        };
+        let broken: String = worst
+            .excesses
+            .iter()
+            .map(|excess| format!(" Somewhere within them {}.", limit_in_words(excess)))
+            .collect();
         section = section.say(format!(
             "At the worst end of the tolerances (lights {}, filter {:+} nm, light at {} degrees) the loss of {} is {}, and its largest leak \
              within them is {}.{broken} The spectra as made are taken to be known then: without a calibration there is a bias besides.",
@@ -800,5 +760,5 @@ fn assumptions_section(found: &DesignFindings<'_>) -> Section {
             digits(worst.leak)
         ));
     }
-    section
+    ideal_edges(found.space.problem()).into_iter().fold(section, Section::say)
 }

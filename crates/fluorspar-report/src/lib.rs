@@ -13,6 +13,8 @@
 //! Out of scope: physics. Everything here draws and explains numbers that were computed elsewhere.
 
 mod comparison;
+mod design_recommendation;
+mod design_remarks;
 mod design_report;
 mod figure;
 pub mod figures;
@@ -26,7 +28,9 @@ pub use comparison::{
     UnreadableRun, compared_numbers, compared_pictures, comparison_figures, comparison_remarks,
     comparison_report, comparison_verdict, numbers_by_region, setting_cells,
 };
-pub use design_report::{DesignFindings, JudgedDesign, design_figures, design_report, recommendation};
+pub use design_recommendation::recommendation;
+pub use design_remarks::{best_case, cures, ideal_edges};
+pub use design_report::{DesignFindings, JudgedDesign, design_figures, design_report};
 pub use figure::{
     Axis, ColorBar, ColorMap, ContactSheet, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale,
     Series, SeriesShape,

@@ -5,10 +5,13 @@ use crate::quote::excerpt;
 /// Longest name for which a similar one is looked for, bytes.
 const LONGEST: usize = 200;
 
+/// Shortest name, bytes, that counts as meant where another one contains it: shorter ones are in any word.
+const SHORTEST: usize = 3;
+
 /// The candidate most similar to a name that was not found; `None` where nothing is similar.
 ///
 /// Similar means a Damerau-Levenshtein distance of at most two, or of a third of the letters, or that one name contains
-/// the other. Capitals do not count, and `-`, ` ` and `_` are the same.
+/// the other, if that has at least three letters. Capitals do not count, and `-`, ` ` and `_` are the same.
 pub fn nearest_name<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |text: &str| text.to_lowercase().replace(['-', ' '], "_");
     // No name is that long; the distance takes time in proportion to both lengths.
@@ -22,7 +25,8 @@ pub fn nearest_name<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str
         .filter_map(|candidate| {
             let other = plain(candidate);
             let distance = strsim::damerau_levenshtein(&wanted, &other);
-            let contained = wanted.len() >= 3 && (other.contains(&wanted) || wanted.contains(&other));
+            let contained = wanted.len().min(other.len()) >= SHORTEST
+                && (other.contains(&wanted) || wanted.contains(&other));
             let close = distance <= allowed && distance < other.chars().count();
             (close || contained).then_some((distance, candidate))
         })
@@ -59,6 +63,9 @@ mod tests {
         assert_eq!(nearest_name("powr_mw", ["power_mw", "count"]), Some("power_mw"));
         assert_eq!(did_you_mean("Tounge", ["tongue", "palate"]), ", did you mean \"tongue\"?");
         assert_eq!(did_you_mean("xenon", ["led_385"]), ".");
+        // A name of one letter is in any word
+        assert_eq!(nearest_name("kept", ["minimax", "d", "a", "e", "contrast", "leak"]), None);
+        assert_eq!(nearest_name("leakage", ["d", "a", "e", "leak"]), Some("leak"));
     }
 
     #[test]

@@ -260,10 +260,11 @@ fn facts(resolved: &ResolvedSample, prediction: &Prediction) -> Vec<(&'static st
         let estimate = &porphyrin.measured.estimate;
         let [low, high] = estimate.fraction_interval;
         let value = format!(
-            "{:.4} from the color of one pixel ({low:.4} to {high:.4} by sensor noise), true {:.4}",
-            estimate.fraction, porphyrin.true_fraction
+            "{:.4} from the color of one pixel ({low:.4} to {high:.4} by sensor noise), true {:.4}; of {} over it and one unit of all others, \
+             no share of the light",
+            estimate.fraction, porphyrin.true_fraction, porphyrin.name
         );
-        facts.push(("porphyrin fraction", value));
+        facts.push(("ratio of amounts", value));
     }
     if resolved.compatibility == SampleCompatibility::ToolboxEem {
         let value = "the authors' toolbox: matrices of peak 1, so fluorescence has no absolute level";

@@ -306,7 +306,8 @@ fn led_width() -> f64 {
     12.0
 }
 
-/// Viewing filters to choose from: one for each edge.
+/// Viewing filters to choose from: one for each edge. An edge given in nm is ideal: it passes everything beyond, where a filter of the catalogue
+/// passes less (`long_pass_475`: 0.95), and has the optical density below that is assumed here.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FilterChoiceSection {
@@ -325,7 +326,7 @@ pub struct FilterChoiceSection {
     /// Distance from 10 % to 90 % of the long-pass edges, nm, 0.1 to 100. Default 8.
     #[serde(default = "edge_width")]
     pub edge_width_nm: f64,
-    /// Optical density below the long-pass edges, 0 to 12. Default 5.
+    /// Optical density below the long-pass edges, 0 to 12, assumed: the leak of a light that ends before the edge follows from it. Default 5.
     #[serde(default = "edge_density")]
     pub optical_density: f64,
     /// Price of one, in any unit, 0 or more. Default 0.
@@ -516,7 +517,7 @@ pub struct ExposuresSection {
     pub counts: Vec<u32>,
     /// What all of them have together. Default 30 ms.
     pub total: ExposureTotal,
-    /// How they share it, to choose from. Default "equal_time".
+    /// How two or more of them share it, to choose from. Default "equal_time".
     pub splits: Vec<SplitChoice>,
     /// Factors on all lights to choose from, 1e-6 to 1e6. Default 1.
     pub drives: Vec<f64>,
@@ -565,7 +566,7 @@ fn white_led() -> SpectrumReference {
     SpectrumReference::named("white_led")
 }
 
-/// What is not known besides the weights: standard deviations of normal priors; 0 is known exactly.
+/// What is not known besides the weights: standard deviations of normal priors; 0 is known exactly. With all of them 0 results are best cases.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct UnknownsSection {
@@ -620,8 +621,8 @@ impl Default for UnknownsSection {
     }
 }
 
-/// A ratio of amounts, such as NADH / (NADH + FAD). In layered tissue an amount is the light that a fluorophore sends between 500 and
-/// 700 nm under 405 nm.
+/// A ratio of amounts, such as NADH / (NADH + FAD). In layered tissue and in rendered scenes an amount is the light that a fluorophore sends between
+/// 500 and 700 nm under 405 nm.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ContrastSection {

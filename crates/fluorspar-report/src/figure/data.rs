@@ -29,7 +29,8 @@ impl Figure {
     /// What is seen: the peak of each line over wavelengths, the range of the rest.
     pub(crate) fn seen(&self) -> String {
         let mut words = Vec::new();
-        for panel in &self.panels {
+        // What stands over names is not high or low
+        for panel in self.panels.iter().filter(|panel| panel.y.names.is_empty()) {
             for series in &panel.series {
                 let (Some(name), Some(points)) = (&series.name, series.shape.points()) else { continue };
                 let inside = points.iter().filter(|p| is_inside(&panel.x, p[0]) && p[1].is_finite());

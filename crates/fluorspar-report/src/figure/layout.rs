@@ -95,7 +95,9 @@ fn x_ticks(panel: &Panel) -> Vec<Tick> {
 }
 
 fn y_ticks(axis: &Axis, height: f64) -> Vec<Tick> {
-    axis.ticks((height / 44.0) as usize)
+    // Names need no more room than their lines
+    let room = if axis.names.is_empty() { 44.0 } else { 14.0 };
+    axis.ticks((height / room) as usize)
 }
 
 fn widest(ticks: &[Tick]) -> f64 {

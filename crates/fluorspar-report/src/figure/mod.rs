@@ -224,6 +224,13 @@ impl Panel {
     }
 }
 
+impl Panel {
+    /// Whether its height follows its width where it is made narrower: that of a picture, and of a square.
+    fn keeps_shape(&self) -> bool {
+        self.x.is_hidden || !self.x.names.is_empty() || self.size[0] == self.size[1]
+    }
+}
+
 impl Figure {
     /// A figure of one panel.
     pub fn new(title: impl Into<String>, panel: Panel) -> Self {
@@ -268,7 +275,7 @@ impl Figure {
         for panel in &mut narrow.panels {
             let [w, h] = panel.size;
             let scale = (NARROW_PANEL / w).min(1.0);
-            let flat = if panel.x.is_hidden || w == h { scale } else { scale.max(0.7) };
+            let flat = if panel.keeps_shape() { scale } else { scale.max(0.7) };
             panel.size = [(w * scale).round(), (h * flat).round()];
             // Beside a narrow panel there is no room for the name of its color bar.
             if let Some(bar) = &mut panel.color_bar
@@ -297,7 +304,7 @@ impl Figure {
         for panel in &mut self.panels {
             let [w, h] = panel.size;
             let smaller = (w - excess).max(0.4 * w).floor();
-            let flat = if panel.x.is_hidden || w == h { smaller / w } else { 1.0 };
+            let flat = if panel.keeps_shape() { smaller / w } else { 1.0 };
             panel.size = [smaller, (h * flat).round()];
         }
     }

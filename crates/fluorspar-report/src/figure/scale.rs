@@ -23,6 +23,8 @@ pub struct Axis {
     pub scale: Scale,
     /// Without ticks.
     pub(super) is_hidden: bool,
+    /// Names at 1, 2, 3 and so on, instead of numbers; empty for an axis of numbers.
+    pub(super) names: Vec<String>,
 }
 
 /// A tick: value and text; minor ticks have no text.
@@ -34,12 +36,13 @@ pub(super) struct Tick {
 impl Axis {
     /// A linear axis.
     pub fn linear(label: impl Into<String>, unit: impl Into<String>, limits: [f64; 2]) -> Self {
-        Self { label: label.into(), unit: unit.into(), limits, scale: Scale::Linear, is_hidden: false }
+        let (label, unit) = (label.into(), unit.into());
+        Self { label, unit, limits, scale: Scale::Linear, is_hidden: false, names: Vec::new() }
     }
 
     /// A logarithmic axis; both limits must be positive.
     pub fn log10(label: impl Into<String>, unit: impl Into<String>, limits: [f64; 2]) -> Self {
-        Self { label: label.into(), unit: unit.into(), limits, scale: Scale::Log10, is_hidden: false }
+        Self { scale: Scale::Log10, ..Self::linear(label, unit, limits) }
     }
 
     /// A wavelength axis, nm.
@@ -50,6 +53,20 @@ impl Axis {
     /// An axis without label and ticks, for display.
     pub fn hidden(limits: [f64; 2]) -> Self {
         Self { is_hidden: true, ..Self::linear("", "", limits) }
+    }
+
+    /// An axis of names at 1, 2, 3 and so on, half a step of room at both ends.
+    pub fn named(label: impl Into<String>, names: impl IntoIterator<Item = String>) -> Self {
+        let names: Vec<String> = names.into_iter().collect();
+        let limits = [0.5, names.len().max(1) as f64 + 0.5];
+        Self { names, ..Self::linear(label, "", limits) }
+    }
+
+    /// The axis with its limits exchanged, such as one of rows that are read from the top down.
+    #[must_use]
+    pub fn downward(mut self) -> Self {
+        self.limits.reverse();
+        self
     }
 
     /// A linear axis from zero to a round number at or above the largest of some values.
@@ -96,6 +113,11 @@ impl Axis {
     pub(super) fn ticks(&self, most: usize) -> Vec<Tick> {
         if self.is_hidden {
             return Vec::new();
+        }
+        if !self.names.is_empty() {
+            let tick = |(k, name): (usize, &String)| Tick { value: (k + 1) as f64, text: Some(name.clone()) };
+            let step = self.names.len().div_ceil(most.max(1));
+            return self.names.iter().enumerate().step_by(step).map(tick).collect();
         }
         match self.scale {
             Scale::Linear => self.linear_ticks(most.max(2)),
@@ -253,6 +275,19 @@ mod tests {
         for limits in [[1e-4, 1.0], [0.05, 40.0], [0.2, 30.0]] {
             assert!(of(limits).len() >= 2, "{limits:?}");
         }
+    }
+
+    #[test]
+    fn names_stand_at_whole_numbers() {
+        let axis = Axis::named("design", ["a", "b", "c"].map(String::from)).downward();
+        let ticks = |most| -> Vec<(f64, String)> {
+            axis.ticks(most).into_iter().map(|tick| (axis.position(tick.value), tick.text.unwrap())).collect()
+        };
+        let texts: Vec<String> = ticks(3).into_iter().map(|(_, text)| text).collect();
+        assert_eq!(texts, ["a", "b", "c"]);
+        // The first is the uppermost
+        assert!((ticks(3)[0].0 - 5.0 / 6.0).abs() < 1e-12 && (ticks(3)[2].0 - 1.0 / 6.0).abs() < 1e-12);
+        assert_eq!(ticks(2).len(), 2);
     }
 
     #[test]

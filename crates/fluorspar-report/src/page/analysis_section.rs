@@ -3,7 +3,7 @@
 use fluorspar::analysis::{
     ASSUMED_GAIN, Analysis, ChannelSignal, ErrorBudget, LineEstimate, MixtureSummary, OtherLight,
     PorphyrinTruth, SharePosterior, SignalRatio, SignalSummary, SoughtFluorophore, SpotSeparation,
-    Statistics, TargetDetection, UnmixedTerm,
+    Statistics, TargetDetection, UnmixedTerm, with_error,
 };
 
 use super::report_data::{Number, NumberMatrix, NumberTable, Origin, ReportItem, Section};
@@ -342,7 +342,7 @@ fn with_signals(section: Section, summary: &SignalSummary, gain_is_assumed: bool
     if !summary.ratios.is_empty() {
         let others = other_ratios(summary);
         let rows = summary.ratios.iter().chain(&others).map(|r| {
-            let value = with_error(r.ratio, r.standard_error);
+            let value = with_error(r.ratio, r.standard_error).replace('-', "−");
             Number::computed(
                 format!("{} over {}", r.above, r.below),
                 value,
@@ -652,12 +652,6 @@ fn amount_rows(mixture: &MixtureSummary, estimate: &LineEstimate, sought: &Sough
     rows
 }
 
-/// A number with its standard error, of which two digits are written where four decimals hold none.
-fn with_error(value: f64, error: f64) -> String {
-    let digits = if error > 0.0 { (1.0 - error.log10().floor()).clamp(4.0, 12.0) as usize } else { 4 };
-    format!("{value:.digits$} ± {error:.digits$}").replace('-', "−")
-}
-
 /// Four digits, without trailing zeros.
 fn short(value: f64) -> String {
     let magnitude = if value == 0.0 { 0.0 } else { value.abs().log10().floor() };
@@ -680,13 +674,6 @@ mod tests {
             [0.0, 5.0, 1234.56, -0.012345, 12.5, 98765.0].map(short),
             ["0", "5", "1235", "−0.01235", "12.5", "98765"]
         );
-    }
-
-    #[test]
-    fn errors_are_never_written_as_nothing() {
-        assert_eq!(with_error(0.4348, 0.000_002_1), "0.4348000 ± 0.0000021");
-        assert_eq!(with_error(-1.5, 0.25), "−1.5000 ± 0.2500");
-        assert_eq!(with_error(1.0, 0.0), "1.0000 ± 0.0000");
     }
 
     #[test]

@@ -378,7 +378,8 @@ impl SignalSummary {
             })
             .collect();
         lines.extend(self.ratios.iter().map(|r| {
-            format!("Signals, {} over {}: {:.4} ± {:.4}", r.above, r.below, r.ratio, r.standard_error)
+            let ratio = with_error(r.ratio, r.standard_error);
+            format!("Signals per second of exposure, {} over {}: {ratio}", r.above, r.below)
         }));
         if let Some(unmixing) = &self.unmixing {
             lines.push(format!(
@@ -409,6 +410,13 @@ impl SignalSummary {
     }
 }
 
+/// A number with its standard error, of which two digits are written where four decimals hold none.
+#[must_use]
+pub fn with_error(value: f64, error: f64) -> String {
+    let digits = if error > 0.0 { (1.0 - error.log10().floor()).clamp(4.0, 12.0) as usize } else { 4 };
+    format!("{value:.digits$} ± {error:.digits$}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -429,6 +437,13 @@ mod tests {
             standard_error_e: error,
             snr_of_pixel: 10.0,
         }
+    }
+
+    #[test]
+    fn errors_have_two_digits_where_four_decimals_hold_none() {
+        assert_eq!(with_error(0.4348, 0.000_002_1), "0.4348000 ± 0.0000021");
+        assert_eq!(with_error(-1.5, 0.25), "-1.5000 ± 0.2500");
+        assert_eq!(with_error(1.0, 0.0), "1.0000 ± 0.0000");
     }
 
     fn terms() -> Vec<UnmixingTerm> {

@@ -48,7 +48,7 @@ mod target_detection;
 
 pub use channel_noise::ChannelNoise;
 pub use channel_signals::{
-    ChannelSignal, OtherLight, SignalRatio, SignalSummary, UnmixedTerm, Unmixing, UnmixingTerm,
+    ChannelSignal, OtherLight, SignalRatio, SignalSummary, UnmixedTerm, Unmixing, UnmixingTerm, with_error,
 };
 pub use chromaticity::{
     ChromaticityMap, DEFAULT_NOISE_THRESHOLD, ExclusionCounts, MissingChannel, PixelValidity,

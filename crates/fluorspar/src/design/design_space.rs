@@ -25,7 +25,7 @@ pub struct Design {
     pub lens: usize,
     /// Factor on the lights.
     pub drive: usize,
-    /// How the exposures share the budget.
+    /// How the exposures share the budget; 0 of one exposure, which has all of it.
     pub split: usize,
     /// Geometry; 0 where there is none to choose.
     pub geometry: usize,
@@ -141,23 +141,35 @@ impl DesignSpace {
         &self.problem
     }
 
-    /// How many choices each variable has: geometries, sets of lights, filters, sensors, apertures, drives, splits.
-    fn sizes(&self) -> [usize; 7] {
+    /// Sets of one light, which come first.
+    fn single_lights(&self) -> usize {
+        self.light_sets.partition_point(|set| set.len() == 1)
+    }
+
+    /// How many choices a set of lights leaves: filters, sensors, apertures, drives, splits. One exposure has nothing to split.
+    fn sizes(&self, set: usize) -> [usize; 5] {
         let p = &self.problem;
-        [
-            p.geometry_count(),
-            self.light_sets.len(),
-            p.filters.len(),
-            p.cameras.len(),
-            p.lenses.len(),
-            p.drives.len(),
-            p.splits.len(),
-        ]
+        let splits = if set < self.single_lights() { 1 } else { p.splits.len() };
+        [p.filters.len(), p.cameras.len(), p.lenses.len(), p.drives.len(), splits]
+    }
+
+    /// Designs with a set of lights in one geometry.
+    fn designs_with(&self, set: usize) -> u64 {
+        self.sizes(set).iter().map(|&size| size as u64).product()
+    }
+
+    /// Designs in one geometry whose set of lights comes before this one.
+    fn designs_before(&self, set: usize) -> u64 {
+        let single = self.single_lights();
+        // Sets of one light have as many designs each, and so have all others
+        let of_single = set.min(single) as u64 * self.designs_with(0);
+        let others = set.saturating_sub(single) as u64;
+        of_single + if others > 0 { others * self.designs_with(single) } else { 0 }
     }
 
     /// Number of designs.
     pub fn len(&self) -> u64 {
-        self.sizes().iter().map(|&size| size as u64).product()
+        self.problem.geometry_count() as u64 * self.designs_before(self.light_sets.len())
     }
 
     /// Never true: a space has a design.
@@ -165,31 +177,43 @@ impl DesignSpace {
         false
     }
 
-    /// The design of a number; the last ones repeat for numbers beyond [`DesignSpace::len`].
+    /// The design of a number; the first ones repeat for numbers beyond [`DesignSpace::len`].
     pub fn design(&self, number: u64) -> Design {
-        let sizes = self.sizes();
-        let mut rest = number % self.len();
-        let mut digits = [0; 7];
-        for (digit, size) in digits.iter_mut().zip(sizes).rev() {
+        let in_geometry = self.designs_before(self.light_sets.len());
+        let (geometry, within) = ((number % self.len() / in_geometry) as usize, number % in_geometry);
+        let single = self.single_lights();
+        let set = match within.checked_sub(self.designs_before(single)) {
+            None => within / self.designs_with(0),
+            Some(beyond) => single as u64 + beyond / self.designs_with(single),
+        } as usize;
+        let mut rest = within - self.designs_before(set);
+        let mut digits = [0; 5];
+        for (digit, size) in digits.iter_mut().zip(self.sizes(set)).rev() {
             *digit = (rest % size as u64) as usize;
             rest /= size as u64;
         }
-        let [geometry, set, filter, camera, lens, drive, split] = digits;
+        let [filter, camera, lens, drive, split] = digits;
         Design { lights: self.light_sets[set].clone(), filter, camera, lens, drive, split, geometry }
     }
 
-    /// The number of a design; `None` where its lights are not rising or something does not exist.
+    /// The number of a design; `None` where its lights are not rising or something does not exist. Designs of one exposure that differ in
+    /// their split are the same.
     pub fn number(&self, design: &Design) -> Option<u64> {
-        let set = self.light_sets.binary_search_by(|set| {
-            set.len().cmp(&design.lights.len()).then_with(|| set.cmp(&design.lights))
-        });
+        let by_lights =
+            |set: &Vec<usize>| set.len().cmp(&design.lights.len()).then_with(|| set.cmp(&design.lights));
+        let set = self.light_sets.binary_search_by(by_lights).ok()?;
         let &Design { filter, camera, lens, drive, split, geometry, .. } = design;
-        let digits = [geometry, set.ok()?, filter, camera, lens, drive, split];
-        let sizes = self.sizes();
-        digits
-            .iter()
-            .zip(sizes)
-            .try_fold(0, |number, (&digit, size)| (digit < size).then(|| number * size as u64 + digit as u64))
+        let p = &self.problem;
+        let split = match split < p.splits.len() {
+            true if set < self.single_lights() => 0,
+            _ => split,
+        };
+        let digits = [filter, camera, lens, drive, split];
+        let within = digits.iter().zip(self.sizes(set)).try_fold(0, |number, (&digit, size)| {
+            (digit < size).then(|| number * size as u64 + digit as u64)
+        })?;
+        let before = geometry as u64 * self.designs_before(self.light_sets.len()) + self.designs_before(set);
+        (geometry < p.geometry_count()).then_some(before + within)
     }
 
     /// A design in words.

@@ -51,6 +51,24 @@ pub struct Merits {
     pub eye_margin: Option<f64>,
 }
 
+/// A limit that a design does not keep to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LimitExcess {
+    /// Name of the limit, as in [`Merits::broken`].
+    pub limit: &'static str,
+    /// What the design has: of a margin too little, of everything else too much. Times are in seconds.
+    pub value: f64,
+    /// What the limit allows.
+    pub allowed: f64,
+}
+
+impl LimitExcess {
+    /// Whether it is farther from the limit than another excess of the same limit.
+    pub(super) fn is_beyond(&self, other: &Self) -> bool {
+        (self.value - self.allowed).abs() > (other.value - other.allowed).abs()
+    }
+}
+
 impl DesignSpace {
     /// Exposure times, s, of the fluorescence under the lights of a design.
     fn times(&self, design: &Design) -> Vec<f64> {
@@ -292,7 +310,7 @@ impl DesignSpace {
                 .flatten(),
             regions,
         };
-        merits.broken = self.broken_limits(&merits);
+        merits.broken = self.excesses(&merits).iter().map(|excess| excess.limit).collect();
         merits
     }
 
@@ -325,23 +343,21 @@ impl DesignSpace {
             .reduce(f64::min)
     }
 
-    fn broken_limits(&self, merits: &Merits) -> Vec<&'static str> {
+    /// The limits that a design does not keep to.
+    pub(super) fn excesses(&self, merits: &Merits) -> Vec<LimitExcess> {
         let limits = &self.problem.limits;
-        let above = |value: f64, limit: Option<f64>| limit.is_some_and(|limit| value > limit);
-        let below = |value: Option<f64>, limit: Option<f64>| matches!((value, limit), (Some(value), Some(limit)) if value < limit);
-        let mut broken = Vec::new();
-        for (name, is_broken) in [
-            ("tissue_margin", below(merits.tissue_margin, limits.tissue_margin)),
-            ("eye_margin", below(merits.eye_margin, limits.eye_margin)),
-            ("leak", above(merits.leak, limits.leak)),
-            ("saturation", above(merits.saturation, limits.saturation)),
-            ("time", above(merits.time_s, limits.time_s)),
-            ("cost", above(merits.cost, limits.cost)),
-        ] {
-            if is_broken {
-                broken.push(name);
-            }
-        }
-        broken
+        let is_margin = |name: &str| name.ends_with("margin");
+        [
+            ("tissue_margin", merits.tissue_margin, limits.tissue_margin),
+            ("eye_margin", merits.eye_margin, limits.eye_margin),
+            ("leak", Some(merits.leak), limits.leak),
+            ("saturation", Some(merits.saturation), limits.saturation),
+            ("time", Some(merits.time_s), limits.time_s),
+            ("cost", Some(merits.cost), limits.cost),
+        ]
+        .into_iter()
+        .filter_map(|(limit, value, allowed)| Some(LimitExcess { limit, value: value?, allowed: allowed? }))
+        .filter(|of| if is_margin(of.limit) { of.value < of.allowed } else { of.value > of.allowed })
+        .collect()
     }
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 use crate::spectral::Curve;
 
 use super::design_space::{Design, DesignError, DesignSpace};
-use super::merits::Merits;
+use super::merits::{LimitExcess, Merits};
 use super::problem::{Budget, DesignProblem, LongPassEdge};
 use super::region_model::RegionModel;
 
@@ -177,15 +177,24 @@ pub struct WorstCase {
     pub angle_deg: f64,
     /// Limits that the design breaks anywhere within its tolerances.
     pub broken: Vec<&'static str>,
+    /// How far it is beyond each of them at most.
+    pub excesses: Vec<LimitExcess>,
 }
 
 impl WorstCase {
     /// The worse of two by their losses, with the larger leak and the limits that either breaks.
     fn or(self, other: Self) -> Self {
         let leak = self.leak.max(other.leak);
-        let mut broken = self.broken.clone();
-        broken.extend(other.broken.iter().filter(|limit| !self.broken.contains(limit)));
-        Self { leak, broken, ..if other.loss > self.loss { other } else { self } }
+        let mut excesses = self.excesses.clone();
+        for of_other in &other.excesses {
+            match excesses.iter_mut().find(|excess| excess.limit == of_other.limit) {
+                Some(excess) if of_other.is_beyond(excess) => *excess = *of_other,
+                Some(_) => {}
+                None => excesses.push(*of_other),
+            }
+        }
+        let broken = excesses.iter().map(|excess| excess.limit).collect();
+        Self { leak, broken, excesses, ..if other.loss > self.loss { other } else { self } }
     }
 }
 
@@ -207,8 +216,9 @@ pub fn worst_case(
         let scale = (1.0 - sine * sine).sqrt();
         let space = DesignSpace::new(as_made(problem, design, &light_shifts_nm, filter_shift_nm, scale))?;
         let merits = space.evaluate(&space.design(0));
+        let excesses = space.excesses(&merits);
         let Merits { loss, leak, broken, .. } = merits;
-        Ok(WorstCase { loss, leak, light_shifts_nm, filter_shift_nm, angle_deg, broken })
+        Ok(WorstCase { loss, leak, light_shifts_nm, filter_shift_nm, angle_deg, broken, excesses })
     };
     let ends: Vec<WorstCase> = (0..1_usize << (lights + 2))
         .into_par_iter()

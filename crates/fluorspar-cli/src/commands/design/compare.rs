@@ -1,9 +1,10 @@
 //! The designs that a file names, side by side.
 
+use fluorspar_report::cures;
 use serde_json::json;
 
 use super::ProblemArgs;
-use super::outcome::{compared, criterion_text, design_json, legend, provenance, table};
+use super::outcome::{compared, criterion_text, design_json, legend, provenance, remarks, table};
 use crate::args::Answer;
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
@@ -37,7 +38,17 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     } else {
         let space = &problem.space;
         let table = table(space, designs.iter(), &[]);
-        let text = format!("by {}\n\n{table}{}\n", criterion_text(space), legend(space, designs.first()));
+        let mut text = format!(
+            "by {}\n{}\n{table}{}\n",
+            criterion_text(space),
+            remarks(space),
+            legend(space, designs.first())
+        );
+        if designs.iter().all(|judged| !judged.merits.loss.is_finite()) {
+            for cure in cures(space, designs.into_iter().map(|judged| judged.design)) {
+                text += &format!("{cure}\n");
+            }
+        }
         print_text(&text)?;
     }
     Ok(())

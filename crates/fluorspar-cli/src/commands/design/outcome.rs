@@ -10,7 +10,9 @@ use fluorspar::design::{
 };
 use fluorspar_experiment::TolerancesSection;
 use fluorspar_format::{FileFormat, OutputFolder, csv_cell, write_atomically};
-use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_report, recommendation};
+use fluorspar_report::{
+    DesignFindings, JudgedDesign, best_case, design_figures, design_report, ideal_edges, recommendation,
+};
 use serde_json::{Value, json};
 
 use super::Problem;
@@ -171,22 +173,26 @@ impl Outcome {
             self.found.search,
             self.feasible
         );
-        if !self.left_out.is_empty() {
+        if !self.left_out.is_empty() && !self.best.is_empty() {
             text += &format!("{}\n", self.left_out);
         }
-        if self.best.is_empty() {
-            text += &format!(
-                "No design keeps to all limits and sees {}; relax the limits, or offer more lights or channels\n",
-                criterion_text(space)
-            );
-        } else {
+        if !self.best.is_empty() {
             text += &format!("ranked by {}\n", criterion_text(space));
-            for sentence in self.with_findings(problem, recommendation) {
-                text += &format!("{sentence}\n");
-            }
+        }
+        for sentence in self.with_findings(problem, recommendation) {
+            text += &format!("{sentence}\n");
+        }
+        text += &remarks(space);
+        if !self.best.is_empty() {
             text.push('\n');
             text += &table(space, self.best.iter().take(SHOWN), &self.worst_cases);
             text += &format!("{}\n", legend(space, self.best.first()));
+            if self.best.len().min(SHOWN) > self.worst_cases.len() {
+                text += &format!(
+                    "Tolerances are tried for the {} best; - of the others\n",
+                    self.worst_cases.len()
+                );
+            }
             if self.best.len() > SHOWN {
                 text += &format!("{} more in designs.csv\n", self.best.len() - SHOWN);
             }
@@ -197,8 +203,12 @@ impl Outcome {
         };
         text += &table(space, self.compared.iter(), &[]);
         if let (Some(best), Some(worst)) = (self.best.first(), self.worst_cases.first()) {
+            let broken = match &worst.broken[..] {
+                [] => String::new(),
+                broken => format!(", and breaks the limit of {}", broken.join(", ")),
+            };
             text += &format!(
-                "\nwithin tolerances {}, the best as meant, has a loss of {} (as meant {}), a leak of {}\n",
+                "\nwithin tolerances {}, the best as meant, has a loss of {} (as meant {}), a leak of {}{broken}\n",
                 best.name,
                 short(worst.loss),
                 short(best.merits.loss),
@@ -378,6 +388,15 @@ fn finite(value: f64) -> Value {
     if value.is_finite() { json!(value) } else { Value::Null }
 }
 
+/// What the numbers rest on, a line each: that nothing is unknown, and, where the leak counts, what is assumed of ideal edges.
+pub(super) fn remarks(space: &DesignSpace) -> String {
+    let p = space.problem();
+    let is_mixed = p.filters.iter().any(|filter| filter.long_pass.is_none());
+    let counts = p.criterion == Criterion::Leak || p.limits.leak.is_some() || is_mixed;
+    let edges = ideal_edges(p).filter(|_| counts);
+    best_case(p).into_iter().chain(edges).map(|remark| remark + "\n").collect()
+}
+
 /// What the columns of [`table`] mean.
 pub(super) fn legend(space: &DesignSpace, first: Option<&JudgedDesign>) -> String {
     let values =
@@ -388,9 +407,18 @@ pub(super) fn legend(space: &DesignSpace, first: Option<&JudgedDesign>) -> Strin
     };
     let names = space.problem().contrasts.iter().map(|contrast| contrast.name.as_str());
     let of_contrasts: String = names.enumerate().map(of_contrast).collect();
+    let ratios = match space.problem().contrasts.is_empty() {
+        true => "",
+        // `predict` tells another one
+        false => {
+            "\nSuch a ratio is one of the light that fluorophores send from 500 to 700 nm under 405 nm, of plain surfaces one of their \
+             concentrations; the ratio of amounts of `predict` is another"
+        }
+    };
     format!(
         "A fluorophore's column is the relative standard deviation of its weight{of_contrasts}; fluorescence e-: the sum over the channels, one pixel each, \
-         reflected light left out; kept: what the viewing filter lets pass of them; leak: reflected over fluorescent electrons"
+         reflected light left out; kept: what the viewing filter lets pass of them; leak: reflected over fluorescent electrons; tissue margin: limit \
+         over exposure of the tissue{ratios}"
     )
 }
 
@@ -406,7 +434,7 @@ pub(super) fn table<'a>(
     let names = first.iter().map(|f| f.name.clone());
     let head = ["design".to_owned(), "loss".into()].into_iter().chain(names);
     let contrasts = p.contrasts.iter().map(|c| c.name.clone());
-    let tail = ["fluorescence e-", "kept", "ms", "leak"].into_iter();
+    let tail = ["fluorescence e-", "kept", "ms", "leak", "tissue margin"].into_iter();
     let tail = tail.chain((!worst.is_empty()).then_some("loss within tolerances")).chain([""]);
     let mut rows: Vec<Vec<String>> = vec![head.chain(contrasts).chain(tail.map(String::from)).collect()];
     for (place, judged) in designs.enumerate() {
@@ -418,11 +446,14 @@ pub(super) fn table<'a>(
         let kept =
             judged.fluorescence_kept.map_or_else(|| "-".into(), |kept| format!("{:.1} %", 100.0 * kept));
         row.extend([short(merits.fluorescence_e), kept, short(merits.time_s * 1e3), short(merits.leak)]);
+        row.push(merits.tissue_margin.map_or_else(|| "-".into(), short));
         if !worst.is_empty() {
             row.push(worst.get(place).map_or_else(|| "-".into(), |worst| number(worst.loss)));
         }
         let singular = region.rank < region.weights.len();
+        let made = worst.get(place).map_or(&[][..], |worst| &worst.broken);
         let note = match (&merits.broken[..], singular) {
+            ([], false) if !made.is_empty() => format!("breaks {} within tolerances", made.join(", ")),
             ([], false) => String::new(),
             ([], true) => format!("singular: {} of {} seen", region.rank, region.weights.len()),
             (broken, _) => format!("breaks {}", broken.join(", ")),

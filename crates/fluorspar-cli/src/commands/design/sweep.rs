@@ -128,12 +128,11 @@ impl<'a> Work<'a> {
         let mine: Vec<u64> =
             (0..self.blocks).filter(|&block| shard.is_none_or(|shard| shard.holds(block))).collect();
         if !done.is_empty() {
-            messages.status(format!(
-                "{}: {} of {} blocks are finished, the rest follows",
-                path.display(),
-                done.len(),
-                mine.len()
-            ));
+            let [path, count] = [path.display().to_string(), mine.len().to_string()];
+            messages.status(match mine.iter().filter(|block| done.contains_key(block)).count() {
+                all if all == mine.len() => format!("{path}: all designs are evaluated already"),
+                finished => format!("{path}: {finished} of {count} blocks are finished, the rest follows"),
+            });
         }
         save_when_interrupted(Left::Results);
         let progress = WorkReport::begin("Evaluating designs", "the sweep", messages);

@@ -97,7 +97,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         several => format!("{}, one behind the other", several.join(" + ")),
     };
     let mut text = format!(
-        "{}: reflected light against fluorescence behind {behind}, photons/(s m2 sr)\n\n{}",
+        "{}: reflected light against fluorescence behind {behind}, photons/(s m2 sr); leak: of photons, before any sensor\n\n{}",
         source.name,
         align(&rows, &[])
     );
