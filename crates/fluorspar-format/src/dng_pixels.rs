@@ -49,7 +49,7 @@ pub(super) fn read_dng_pixels(
     tiff: &TiffBytes<'_>,
     raw: &Directory<'_>,
 ) -> Result<DngPixels, FormatError> {
-    let damaged = |what: String| FormatError::malformed(path, what, "Was it copied completely?");
+    let damaged = |what: String| FormatError::malformed(path, what, "Copy the file again");
     let layout = layout(path, tiff, raw)?;
     let is_tiled = raw.data(324).is_some();
     let (offsets, counts) = if is_tiled { (324, 325) } else { (273, 279) };

@@ -146,7 +146,7 @@ pub fn read_film_layout(path: &Path) -> Result<(FilmLayout, bool), FormatError> 
 fn read_failed(path: &Path, source: io::Error) -> FormatError {
     match source.kind() {
         io::ErrorKind::UnexpectedEof => {
-            FormatError::malformed(path, "the file ends too early", "Was it copied completely?")
+            FormatError::malformed(path, "the file ends too early", "Copy the file again")
         }
         _ => FormatError::io(path, "read", source),
     }

@@ -182,7 +182,7 @@ fn chunks<'b>(path: &Path, bytes: &'b [u8]) -> Result<(&'b [u8], Option<&'b [u8]
     while let (Some(length), Some(kind)) = (word(at), word(at + 4)) {
         let end = (at + 8).saturating_add(length as usize);
         let Some(chunk) = bytes.get(at + 8..end) else {
-            return Err(FormatError::malformed(path, "the file ends too early", "Was it copied completely?"));
+            return Err(FormatError::malformed(path, "the file ends too early", "Copy the file again"));
         };
         match kind {
             JSON_CHUNK => text = text.or(Some(chunk)),

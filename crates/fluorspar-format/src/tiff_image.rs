@@ -27,11 +27,9 @@ pub(super) fn damaged_tiff(path: &Path, error: tiff::TiffError) -> FormatError {
         tiff::TiffError::IoError(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
             FormatError::io(path, "read", source)
         }
-        error => FormatError::malformed(
-            path,
-            format!("not a valid TIFF file: {error}"),
-            "Was it copied completely?",
-        ),
+        error => {
+            FormatError::malformed(path, format!("not a valid TIFF file: {error}"), "Copy the file again")
+        }
     }
 }
 

@@ -368,7 +368,7 @@ fn films_of_other_scenes_and_films_in_the_way_are_refused() {
     }
     fs::write(folder.join("a.film"), &film[..film.len() / 2]).unwrap();
     let said = run(&["--resume"]);
-    assert!(said.code == Some(2) && said.stderr.contains("copied completely"), "{}", said.stderr);
+    assert!(said.code == Some(2) && said.stderr.contains("Copy the file again"), "{}", said.stderr);
 }
 
 /// Two components: light that a patch reflects once, and none that fluoresces.

@@ -399,7 +399,7 @@ pub(super) fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
             return Err(FormatError::malformed(
                 path,
                 format!("the header claims {} blocks in a file of {length} bytes", header.chunk_count),
-                "Was it copied completely?",
+                "Copy the file again",
             ));
         }
     }
@@ -418,7 +418,7 @@ pub(super) fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
 }
 
 pub(super) fn damaged(path: &Path, error: &exr::error::Error) -> FormatError {
-    FormatError::malformed(path, format!("not a valid OpenEXR file: {error}"), "Was it copied completely?")
+    FormatError::malformed(path, format!("not a valid OpenEXR file: {error}"), "Copy the file again")
 }
 
 /// Where the samples of a channel go: `buffers[buffer][offset + stride * pixel]`.

@@ -57,7 +57,7 @@ const COMPLEX: u32 = 0x0800;
 /// # Errors
 /// A file that ends too early, sizes that don't fit, damaged compression, more than the limits above.
 pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Fields, FormatError> {
-    let damaged = |what: String| FormatError::malformed(path, what, "Was it copied completely?");
+    let damaged = |what: String| FormatError::malformed(path, what, "Copy the file again");
     if bytes.len() < HEADER_BYTES {
         return Err(damaged(format!("the header has {} of {HEADER_BYTES} bytes", bytes.len())));
     }

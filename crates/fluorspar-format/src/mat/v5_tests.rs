@@ -205,7 +205,7 @@ fn damage_is_named_with_its_variable() {
     for (variable, expected) in cases {
         let said = read(&maker.file(&[variable])).unwrap_err();
         assert!(said.starts_with(&format!("f.mat: {expected}")), "{said}");
-        assert!(said.ends_with(". Was it copied completely?"), "{said}");
+        assert!(said.ends_with(". Copy the file again"), "{said}");
     }
 }
 

@@ -338,7 +338,7 @@ fn absurd_sizes_are_refused_before_memory_is_taken() {
     bytes[height..height + 4].copy_from_slice(&400_u32.to_le_bytes());
     fs::write(&path, &bytes).unwrap();
     let expected = format!(
-        "f.tiff: the header claims 72000000 bytes of pixels in a file of {} bytes. Was it copied completely?",
+        "f.tiff: the header claims 72000000 bytes of pixels in a file of {} bytes. Copy the file again",
         bytes.len()
     );
     assert_eq!(said(folder.path(), read_sensor_image(&path)), expected);
@@ -403,7 +403,7 @@ fn numpy_mistakes_are_explained() {
     let cases = [
         (
             array("'<f4'", "False", "(2, 2)"),
-            "a.npy: the shape [2, 2] needs 16 bytes but 0 follow. Was it copied completely?",
+            "a.npy: the shape [2, 2] needs 16 bytes but 0 follow. Copy the file again",
         ),
         (
             array("'<c8'", "False", "(2, 2)"),
@@ -421,7 +421,7 @@ fn numpy_mistakes_are_explained() {
         ),
         (
             b"\x93NUMPY\x02\x00\xff\xff\xff\xff".to_vec(),
-            "a.npy: the header claims 4294967295 bytes in a file of 12. Was it copied completely?",
+            "a.npy: the header claims 4294967295 bytes in a file of 12. Copy the file again",
         ),
         (
             b"PK\x03\x04 and so on, no array".to_vec(),

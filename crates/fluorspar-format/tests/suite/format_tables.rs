@@ -70,7 +70,7 @@ fn empty_cells_and_negative_values_follow_the_options() {
 #[test]
 fn bad_spectra_are_explained() {
     let cases: &[(&[u8], &str)] = &[
-        (b"", "t.csv: the file is empty. Was it copied completely?"),
+        (b"", "t.csv: the file is empty. Copy the file again"),
         (b"# only this\n", "t.csv: the file holds no table. Give a header line and lines of numbers"),
         (b"nm,a\n", "t.csv:1: the file ends after the header line. Give at least two lines of numbers"),
         (

@@ -522,7 +522,7 @@ mod tests {
             .unwrap_err();
         assert_eq!(
             error.to_string(),
-            "the scene has no part \"Tounge\", did you mean \"tongue\"? Its parts: tongue, upper_teeth, palate"
+            "the scene has no part \"Tounge\"; did you mean \"tongue\"? Its parts: tongue, upper_teeth, palate"
         );
         let error = RegionOfInterest::of_parts(["xyz"])
             .select(4, 2, Some(SceneOnSensor::filling(&scene())))
