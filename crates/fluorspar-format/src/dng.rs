@@ -249,7 +249,7 @@ pub(super) struct Told {
 /// Reads a DNG without what may be described beside it.
 pub(super) fn read_dng_description(path: &Path, bytes: &[u8]) -> Result<DngFrame, FormatError> {
     let damaged = |what: &str| FormatError::malformed(path, what, "Copy the file again");
-    let tiff = TiffBytes::new(bytes).ok_or_else(|| damaged("this does not begin as a DNG does"))?;
+    let tiff = TiffBytes::new(bytes).ok_or_else(|| damaged("this does not begin like a DNG file"))?;
     let directories = tiff.directories();
     let first = directories.first().ok_or_else(|| damaged("the file has no directory"))?;
     let raw = raw_directory(&directories).ok_or_else(|| {

@@ -161,7 +161,7 @@ pub(super) fn read_sidecar<T: serde::de::DeserializeOwned>(
 /// How a missing description comes back.
 fn describes(format: &FileFormat) -> &'static str {
     if *format == FileFormat::RAW_FRAME {
-        "Keep the two files together. Of a camera's frame `fluorspar describe FRAME` writes one"
+        "Keep the two files together. For a frame from a camera, `fluorspar describe FRAME` writes the description"
     } else {
         "Keep the two files together; without it neither units nor exposure are known"
     }

@@ -202,7 +202,7 @@ fn open(path: &Path) -> Result<Opened, FormatError> {
     }
     let planes = 3 * header.components.len();
     if film_bytes(header.width, header.height, grid.len(), planes) > MAX_FILM_BYTES {
-        return Err(FormatError::too_large(path, "the film", format!("{MAX_FILM_BYTES} bytes")));
+        return Err(FormatError::too_large(path, "the film is too large", format!("{MAX_FILM_BYTES} bytes")));
     }
     let layout = FilmLayout {
         grid,

@@ -48,7 +48,7 @@ fn unpacked(path: &Path, bytes: Vec<u8>) -> Result<Vec<u8>, FormatError> {
     if plain.len() as u64 > MAX_MESH_BYTES {
         return Err(FormatError::too_large(
             path,
-            "the file unpacks to more",
+            "the file is too large when decompressed",
             format!("{MAX_MESH_BYTES} bytes"),
         ));
     }

@@ -220,8 +220,8 @@ pub(super) fn component_parts(path: &Path, headers: &[Header]) -> Result<Compone
     let Some((grid, size)) = shared else {
         return Err(FormatError::unsupported(
             path,
-            "the file holds no components",
-            "Read it as a spectral image, or render the components",
+            "this image holds radiance, not the component images that are needed",
+            "Give components.exr of a run, or render one with `fluorspar render --components`",
         ));
     };
     Ok(ComponentParts { grid, size, components, samples_per_pixel, targets })

@@ -131,8 +131,8 @@ fn files_include_others_beside_them_but_never_themselves() {
 #[test]
 fn mistakes_are_named_with_their_places() {
     for (text, expected) in [
-        ("Shpae \"sphere\"", "1:1: Shpae is no directive; did you mean \"Shape\"?"),
-        ("\n Shape sphere", "2:2: the type of what follows must follow this directive, in quotes"),
+        ("Shpae \"sphere\"", "1:1: Shpae is not a directive; did you mean \"Shape\"?"),
+        ("\n Shape sphere", "2:2: this directive needs its type in quotes, for instance Shape \"sphere\""),
         (
             "Shape \"sphere\" \"flaot radius\" 1",
             "1:16: no parameter has the type \"flaot\"; did you mean \"float\"?",
