@@ -242,7 +242,7 @@ mod tests {
             (Chromophore::Blood(Blood { vessel_radius_um: 4e3, ..blood }), "in µm"),
             (Chromophore::Melanin { volume_fraction: 5.0 }, "share"),
             (Chromophore::Water { volume_fraction: f64::NAN }, "share"),
-            (Chromophore::BetaCarotene { concentration_umol_per_l: 1e3 }, "umol/l"),
+            (Chromophore::BetaCarotene { concentration_umol_per_l: 1e3 }, "µmol/l"),
             (Chromophore::Curve { name: "blood".into(), absorption_per_mm: Arc::new(curve) }, "1/cm"),
         ];
         for (chromophore, words) in cases {
