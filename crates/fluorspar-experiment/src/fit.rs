@@ -256,20 +256,25 @@ impl Fit<'_> {
         match table.variant_of(node) {
             Found::Variant(index) => Ok(Some(index)),
             Found::Unsaid if table.variants.is_empty() || table.default.is_some() => Ok(table.default),
-            Found::Unsaid | Found::Several => match table.tag() {
-                Some(tag) => {
-                    let message = format!("the field `{tag}` is missing; give one of {}", marks().join(", "));
-                    Err(self.missing(at, tag, message))
+            found @ (Found::Unsaid | Found::Several) => {
+                if let (Some(tag), Found::Unsaid) = (table.tag(), &found) {
+                    return Err(self.missing(at, tag, missing_tag(table, tag)));
                 }
-                None => {
-                    let message = format!("give exactly one of {}", marks().join(", "));
-                    Err(self.document.error(at, message).without_value())
-                }
-            },
+                let known = if table.tag().is_some() { marks_of(table, by_field) } else { marks() };
+                let message = format!("give exactly one of {}", known.join(", "));
+                Err(self.document.error(at, message).without_value())
+            }
             Found::UnknownTag(tag) => {
                 let at = at.field(tag);
+                let fields = marks_of(table, by_field);
                 match node.get(tag).and_then(Node::as_str) {
-                    Some(text) => self.word(&marks(), text, &at).map(|()| None),
+                    Some(text) if fields.iter().any(|field| field == text) => {
+                        let example = if is_file(text) { "\"FILE\"" } else { "..." };
+                        let message =
+                            format!("unknown value \"{text}\"; write {{ {text} = {example} }} without {tag}");
+                        self.fail(&at, message)
+                    }
+                    Some(text) => self.word(&marks_of(table, by_tag), text, &at).map(|()| None),
                     None => self.fail(&at, "expected a text in quotes"),
                 }
             }
@@ -295,15 +300,11 @@ impl Fit<'_> {
         at: &Place,
     ) -> ExperimentError {
         let has_it = |variant: &&Variant| variant.fields.iter().any(|field| field.name == unknown);
-        let others: Vec<String> = table.variants.iter().filter(has_it).map(in_words).collect();
+        let others: Vec<&Variant> = table.variants.iter().filter(has_it).collect();
         let this = variant.map(|index| &table.variants[index]);
         let message = match (this, table.renamed(unknown)) {
             (_, Some(now)) => format!("unknown field `{unknown}`; write {now}").into(),
-            (Some(this), None) if !others.is_empty() => {
-                let fix = if table.tag().is_some() { "remove it or change the type" } else { "remove it" };
-                let others = others.join(" or ");
-                format!("{} has no field `{unknown}`, it belongs to {others}; {fix}", in_words(this)).into()
-            }
+            (Some(this), None) if !others.is_empty() => field_of_others(this, &others, unknown).into(),
             _ => self.not_known(table, variant, unknown),
         };
         self.document.error_at_key(at, &Step::Key(unknown.into()), message)
@@ -337,10 +338,13 @@ impl Fit<'_> {
     fn example(&self, field: &Field) -> String {
         let shape = self.schema.resolve(&field.shape);
         match shape {
-            Shape::Either(either) => format!(": {}", either.expected),
+            _ if field.expected.is_some() => {
+                format!("; give {}", field.expected.as_deref().unwrap_or_default())
+            }
+            Shape::Either(either) => format!("; give {}", either.expected),
             Shape::Text(TextKind::NameOrLensPath) => {
                 let lenses = crate::preset::names(crate::preset::PresetKind::Lens).join(", ");
-                format!(": a lens of the catalogue ({lenses}) or a lens file")
+                format!("; give a lens of the catalogue ({lenses}) or a lens file")
             }
             Shape::Table(table) if table.tag().is_none() && !table.variants.is_empty() => {
                 let marks = table.variants.iter().map(|v| format!("{}.{}", field.name, mark_name(v)));
@@ -359,8 +363,12 @@ impl Fit<'_> {
     ) -> ExperimentError {
         let of_all = table.fields.iter().any(|field| field.name == missing.name);
         let who = variant.filter(|_| !of_all).map(|index| &table.variants[index]);
-        let who = who.map_or_else(String::new, |who| format!(", which {} needs", in_words(who)));
-        let message = format!("the field `{}` is missing{who}{}", missing.name, self.example(missing));
+        let (name, example) = (&missing.name, self.example(missing));
+        let message = match (who, example.as_str()) {
+            (None, _) => format!("the field `{name}` is missing{example}"),
+            (Some(who), "") => format!("{} needs the field `{name}`; add it", in_words(who)),
+            (Some(who), _) => format!("{} needs the field `{name}`{example}", in_words(who)),
+        };
         self.missing(at, &missing.name, message)
     }
 
@@ -386,6 +394,65 @@ fn by_field(variant: &Variant) -> bool {
     matches!(variant.mark, Mark::Field(_))
 }
 
+/// Whether a variant is marked by the value of a field that all have.
+fn by_tag(variant: &Variant) -> bool {
+    matches!(variant.mark, Mark::Tag { .. })
+}
+
+/// The marks of some variants.
+fn marks_of(table: &Table, which: fn(&Variant) -> bool) -> Vec<String> {
+    table.variants.iter().filter(|variant| which(variant)).map(mark_name).collect()
+}
+
+/// Whether a field that marks a variant names a file.
+fn is_file(field: &str) -> bool {
+    ["csv", "mat"].contains(&field)
+}
+
+/// What to say of a table without the field that selects its variant.
+fn missing_tag(table: &Table, tag: &str) -> String {
+    let values: Vec<String> = marks_of(table, by_tag).iter().map(|value| format!("\"{value}\"")).collect();
+    let values = match values.split_last() {
+        Some((last, others)) if !others.is_empty() => format!("{} or {last}", others.join(", ")),
+        _ => values.concat(),
+    };
+    let fields = marks_of(table, by_field);
+    let instead = match fields.is_empty() {
+        true => String::new(),
+        false => format!(", or give the field {} instead", fields.join(" or ")),
+    };
+    format!("the field `{tag}` is missing; give {tag} = {values}{instead}")
+}
+
+/// What to say of a field that only other variants have.
+fn field_of_others(this: &Variant, others: &[&Variant], unknown: &str) -> String {
+    let Mark::Tag { field: tag, .. } = &this.mark else {
+        let own = match &this.mark {
+            Mark::Field(field) => field.as_str(),
+            _ => this.fields.first().map_or("", |field| field.name.as_str()),
+        };
+        let owners: Vec<String> =
+            others.iter().filter(|other| by_field(other)).map(|other| in_words(other)).collect();
+        let goes_with = match owners.is_empty() {
+            true => String::new(),
+            false => format!(": `{unknown}` goes with {}", owners.join(" or ")),
+        };
+        return format!("`{own}` and `{unknown}` exclude each other{goes_with}; remove one of them");
+    };
+    let named = |which: fn(&Variant) -> bool| {
+        let names: Vec<String> =
+            others.iter().filter(|other| which(other)).map(|other| mark_name(other)).collect();
+        names.join(", ")
+    };
+    let (tagged, marked) = (named(by_tag), named(by_field));
+    let instead = match (tagged.as_str(), marked.as_str()) {
+        (_, "") => format!("use a {tag} that has it: {tagged}"),
+        ("", _) => format!("give {marked} instead of {tag}"),
+        _ => format!("use a {tag} that has it: {tagged}, or give {marked} instead of {tag}"),
+    };
+    format!("{} has no field `{unknown}`. Remove the field, or {instead}", in_words(this))
+}
+
 /// The field or tag that selects a variant.
 fn mark_name(variant: &Variant) -> String {
     match &variant.mark {
@@ -399,6 +466,6 @@ fn mark_name(variant: &Variant) -> String {
 fn in_words(variant: &Variant) -> String {
     match &variant.mark {
         Mark::Tag { field, value } => format!("{field} \"{value}\""),
-        Mark::Field(_) | Mark::None => mark_name(variant),
+        Mark::Field(_) | Mark::None => format!("`{}`", mark_name(variant)),
     }
 }

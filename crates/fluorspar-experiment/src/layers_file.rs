@@ -149,7 +149,7 @@ pub fn parse_layers(
         all if all == layers.len() => Some(emission(&context, &file.layer, stack_of)?),
         _ => {
             let lacks = file.layer.iter().position(|section| section.emission.is_none()).unwrap_or(0);
-            let message = "other layers have an [layer.emission] table, this one has none; emission passes all layers, so give \
+            let message = "other layers have a [layer.emission] table, this one has none; emission passes all layers, so give \
                            each its properties there (strength_per_mm = 0 where nothing fluoresces)";
             return context.fail(&steps!["layer", lacks], message);
         }
@@ -161,7 +161,7 @@ pub fn parse_layers(
 fn layer(context: &Context<'_>, at: &Place, section: &LayerSection) -> Resolved<OpticalLayer> {
     let field = |name: &'static str, value, range, unit| context.within(&at.field(name), value, range, unit);
     Ok(OpticalLayer {
-        thickness_mm: field("thickness_mm", section.thickness_mm, THICKNESS_MM, "mm (1 mm = 1000 um)")?,
+        thickness_mm: field("thickness_mm", section.thickness_mm, THICKNESS_MM, "mm (1 mm = 1000 µm)")?,
         absorption_per_mm: coefficient(context, at, "absorption_per_mm", section.absorption_per_mm)?,
         scattering_per_mm: coefficient(context, at, "scattering_per_mm", section.scattering_per_mm)?,
         anisotropy: field("anisotropy", section.anisotropy, ANISOTROPY, "")?,
@@ -259,7 +259,7 @@ mod tests {
             "[layer.emission]\nabsorption_per_mm = 0.1\nscattering_per_mm = 15\nstrength_per_mm = 0.4\n";
         for (text, overrides, message) in [
             ("format = 1\n", &[] as &[&str], "there is no layer; add a [[layer]] section"),
-            (TWO, &["layer.dermis.thickness_mm=0"], "must be between 1e-6 and 10000 mm (1 mm = 1000 um)"),
+            (TWO, &["layer.dermis.thickness_mm=0"], "must be between 1e-6 and 10000 mm (1 mm = 1000 µm)"),
             (
                 TWO,
                 &["layer.dermis.absorption_per_mm=-1"],

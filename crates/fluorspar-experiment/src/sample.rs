@@ -277,7 +277,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
     if file.compatibility == SampleCompatibility::ToolboxEem
         && grid.centers_nm() != ToolboxEem::wavelengths_nm()
     {
-        let message = "compatibility \"toolbox_eem\" requires the grid 365:5:705 nm; remove this section";
+        let message = "compatibility \"toolbox_eem\" needs the wavelengths 365 to 705 nm in steps of 5 nm; remove [spectral] and --step-nm";
         return context.fail(&steps!["spectral"], message);
     }
     let irradiance = irradiance(context, &file.light, &grid)?;

@@ -196,7 +196,7 @@ fn names_beside(root: &Node, path: &[Step]) -> String {
             (None, Step::Key(key), Content::Table(entries)) if !entries.is_empty() => {
                 let names: Vec<&str> = entries.iter().map(|(name, _)| name.as_str()).collect();
                 let known: Vec<String> = names.iter().map(|name| excerpt(name)).collect();
-                return format!("{} There: {}", did_you_mean(key, names.iter().copied()), known.join(", "));
+                return format!("{} Known: {}", did_you_mean(key, names.iter().copied()), known.join(", "));
             }
             _ => break,
         }

@@ -163,13 +163,10 @@ mod tests {
     #[test]
     fn mistakes_in_scripts_are_told_with_their_line() {
         let cases = [
-            (
-                "[[change]]\nset = \"a\"\n",
-                "s.toml:2: change[0]: the field `value` is missing, which set needs",
-            ),
+            ("[[change]]\nset = \"a\"\n", "s.toml:2: change[0]: `set` needs the field `value`; add it"),
             (
                 "[[change]]\ndelete = \"a\"\nvalue = 1\n",
-                "delete has no field `value`, it belongs to set or insert; remove it",
+                "`delete` and `value` exclude each other: `value` goes with `set` or `insert`; remove one of them",
             ),
             ("[[change]]\nvalue = 1\n", "give exactly one of set, insert, delete"),
             ("[[change]]\nset = \"a\"\ndelete = \"a\"\n", "give exactly one of set, insert, delete"),

@@ -100,6 +100,8 @@ pub(super) struct Field {
     pub(super) name: String,
     pub(super) shape: Shape,
     pub(super) required: bool,
+    /// What it holds, in words, where that is not all that its type can be.
+    pub(super) expected: Option<String>,
     /// Other fields of the table that it takes the place of.
     pub(super) replaces: Vec<String>,
 }
@@ -434,6 +436,7 @@ impl SchemaReader<'_> {
                 name: name.clone(),
                 shape: self.shape(value),
                 required: required.contains(name),
+                expected: part(value, "x-expected").as_str().map(String::from),
                 replaces: texts(value, "x-mutually-exclusive-with"),
             })
             .collect()

@@ -540,7 +540,7 @@ fn unit(path: &Path, comments: &[(u64, String)], given: Option<EemUnit>) -> Resu
         (Some(unit), _) | (None, Some(unit)) => Ok(unit),
         (None, None) => Err(FormatError::unit(
             path,
-            "the unit of the values is unknown: photons or energy (they differ by emission/excitation wavelength)",
+            "the file does not say whether its values count photons or energy (the two differ by the ratio of emission to excitation wavelength)",
             "Add a line \"# unit: photons\" or \"# unit: energy\", or give the unit when reading",
         )),
     }

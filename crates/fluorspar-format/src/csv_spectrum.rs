@@ -90,7 +90,7 @@ fn read_column(
                     path,
                     row.line,
                     format!("column {} is empty at {nm} nm", table.column_name(column)),
-                    "Fill the cell, remove the line, or skip empty cells on purpose",
+                    "Fill the cell or remove the line",
                 ));
             }
         }

@@ -179,7 +179,7 @@ impl Table {
                 path,
                 line,
                 format!("column {} holds {}", self.column_name(column), excerpt(text)),
-                "Every value must be a finite number: remove the line or leave the cell empty and skip empty cells",
+                "Give a finite number, or remove the line",
             )),
             Err(_) if text.contains(',') => Err(FormatError::at_line(
                 path,

@@ -248,8 +248,8 @@ pub(super) struct Told {
 
 /// Reads a DNG without what may be described beside it.
 pub(super) fn read_dng_description(path: &Path, bytes: &[u8]) -> Result<DngFrame, FormatError> {
-    let damaged = |what: &str| FormatError::malformed(path, what, "Was it copied completely?");
-    let tiff = TiffBytes::new(bytes).ok_or_else(|| damaged("this does not begin as a DNG does"))?;
+    let damaged = |what: &str| FormatError::malformed(path, what, "Copy the file again");
+    let tiff = TiffBytes::new(bytes).ok_or_else(|| damaged("this does not begin like a DNG file"))?;
     let directories = tiff.directories();
     let first = directories.first().ok_or_else(|| damaged("the file has no directory"))?;
     let raw = raw_directory(&directories).ok_or_else(|| {
@@ -274,7 +274,7 @@ fn own_description(path: &Path, json: &[u8], size: [u64; 2]) -> Result<Descripti
     FileFormat::RAW_FRAME.check_json(path, json)?;
     let description: Description = serde_json::from_slice(json).map_err(|_| {
         let what = "its description (DNGPrivateData) is damaged";
-        FormatError::malformed(path, what, "Was it copied completely?")
+        FormatError::malformed(path, what, "Copy the file again")
     })?;
     if [description.width, description.height] != size {
         let [width, height] = size;

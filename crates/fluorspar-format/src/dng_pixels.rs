@@ -49,7 +49,7 @@ pub(super) fn read_dng_pixels(
     tiff: &TiffBytes<'_>,
     raw: &Directory<'_>,
 ) -> Result<DngPixels, FormatError> {
-    let damaged = |what: String| FormatError::malformed(path, what, "Was it copied completely?");
+    let damaged = |what: String| FormatError::malformed(path, what, "Copy the file again");
     let layout = layout(path, tiff, raw)?;
     let is_tiled = raw.data(324).is_some();
     let (offsets, counts) = if is_tiled { (324, 325) } else { (273, 279) };
@@ -90,18 +90,23 @@ pub(super) fn read_dng_pixels(
 
 fn layout(path: &Path, tiff: &TiffBytes<'_>, raw: &Directory<'_>) -> Result<Layout, FormatError> {
     let unsupported = |what: String| {
-        FormatError::unsupported(path, what, "Convert it to a DNG that is not compressed, or without loss")
+        FormatError::unsupported(path, what, "Convert it to an uncompressed or losslessly compressed DNG")
     };
     let (width, height) = (raw.first(256).unwrap_or(0), raw.first(257).unwrap_or(0));
     let samples = super::dng::samples(raw);
     if ![1, 3].contains(&samples) {
-        return Err(unsupported(format!("it has {samples} values a pixel")));
+        return Err(unsupported(format!("{samples} samples per pixel are not supported")));
     }
     check_image_size(path, width, height, 2 * samples, MAX_IMAGE_BYTES)?;
     check_packing(path, width * height * samples, tiff.bytes().len() as u64)?;
     let bits = raw.first(258).unwrap_or(1);
-    if !(8..=16).contains(&bits) || raw.first(339).is_some_and(|format| format != 1) {
-        return Err(unsupported(format!("it has {bits} bits a pixel, or numbers that are not whole")));
+    if !(8..=16).contains(&bits) {
+        return Err(unsupported(format!("{bits} bits per sample are not supported")));
+    }
+    match raw.first(339) {
+        None | Some(1) => {}
+        Some(3) => return Err(unsupported("floating-point samples are not supported".into())),
+        Some(other) => return Err(unsupported(format!("TIFF sample format {other} is not supported"))),
     }
     let compression = raw.first(259).unwrap_or(1);
     if ![1, 7, 8, 32_946].contains(&compression) {
@@ -109,12 +114,12 @@ fn layout(path: &Path, tiff: &TiffBytes<'_>, raw: &Directory<'_>) -> Result<Layo
     }
     let predictor = raw.first(317).unwrap_or(1);
     if compression != 7 && !(predictor == 1 || (predictor == 2 && [8, 16].contains(&bits))) {
-        return Err(unsupported(format!(
-            "its values are predicted in a way of their own (predictor {predictor})"
-        )));
+        return Err(unsupported(format!("TIFF predictor {predictor} is not supported")));
     }
     if raw.first(284).is_some_and(|planes| planes != 1) && samples > 1 {
-        return Err(unsupported("its colors are stored in planes of their own".into()));
+        return Err(unsupported(
+            "the channels are stored in separate planes (planar configuration 2)".into(),
+        ));
     }
     let block = match (raw.first(322), raw.first(323)) {
         (Some(across), Some(down)) if raw.data(324).is_some() => [across, down],

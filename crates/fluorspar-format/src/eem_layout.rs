@@ -380,7 +380,7 @@ fn refuse_single_spectra(path: &Path, lines: &[&str]) -> Result<(), FormatError>
     Err(FormatError::at_line(
         path,
         first as u64 + 1,
-        "from here on there are two columns of numbers: one spectrum, no matrix",
+        "from here on there are two columns of numbers: one spectrum, not a matrix",
         format!(
             "Export the scans of all excitations as one table, or put their values side by side below a line \"{CORNER},350,360\" of excitation \
              wavelengths in nm; of excitation and emission spectra alone make a table \"wavelength_nm,excitation,emission\""

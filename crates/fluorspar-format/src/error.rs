@@ -352,12 +352,12 @@ impl fmt::Display for Problem<'_> {
             | FormatError::Unit { what, hint, .. } => write!(f, "{what}. {hint}"),
             FormatError::Negative { column, value, .. } => write!(
                 f,
-                "column {column} holds {value}, below zero. Subtract the background correctly, or allow or clip \
-                 negative values on purpose"
+                "column {column} holds {value}, below zero. Subtract the background correctly, or set the \
+                 value to 0"
             ),
             FormatError::EmptyCell { excitation_nm, .. } => write!(
                 f,
-                "the cell at excitation {excitation_nm} nm is empty. Fill it from its neighbors, or take empty cells as zero on purpose"
+                "the cell at excitation {excitation_nm} nm is empty. Fill it from its neighbors or with 0"
             ),
             FormatError::Cells { first, .. } => {
                 write!(f, "{}. {}", first.problem(), self.0.also().unwrap_or_default())
@@ -367,12 +367,15 @@ impl fmt::Display for Problem<'_> {
                 write!(f, "{}. Restore the file as it was written", bounded(&source.to_string()))
             }
             FormatError::TooLarge { what, limit, .. } => {
-                write!(f, "{what}; at most {limit} is read. The file is damaged or meant for something else")
+                write!(
+                    f,
+                    "{what}; the limit is {limit}. Check that this is the right file and that it is complete"
+                )
             }
             FormatError::Transposed { percent, .. } => write!(
                 f,
-                "{percent:.0} % of the matrix lies at emission wavelengths below the excitation. \
-                 Rows are emission, columns are excitation: is the table transposed?"
+                "{percent:.0} % of the signal lies at emission wavelengths shorter than the excitation. Transpose the table: \
+                 rows must be emission and columns excitation"
             ),
             FormatError::AntiStokes { emission_nm, excitation_nm, value, percent_of_peak, .. } => write!(
                 f,
@@ -381,12 +384,14 @@ impl fmt::Display for Problem<'_> {
                  to 0 or allow anti-Stokes values"
             ),
             FormatError::ScatteredLight { order, excitation_nm: [first, last], percent_of_peak, .. } => {
-                let line = if *order == 1 { "emission = excitation" } else { "emission = 2 x excitation" };
+                let what = match order {
+                    1 => "first-order scatter (Rayleigh and Tyndall) lies along emission = excitation",
+                    _ => "second-order scatter lies along emission = 2 x excitation",
+                };
                 write!(
                     f,
-                    "scattered excitation light stands on the line {line}, from {first} to {last} nm: up to {percent_of_peak:.0} % of the peak \
-                     beside it. Measure again with a blank subtracted, or put the values of both sides, or 0, into the cells on the line and \
-                     within a bandpass of it"
+                    "{what} for excitations from {first} to {last} nm, up to {percent_of_peak:.0} % of the largest value off that line. \
+                     Subtract a blank, or replace the cells within one bandwidth of that line by interpolation or by 0"
                 )
             }
             FormatError::Refused { why, hint, .. } => write!(f, "{why}; {hint}"),
@@ -411,7 +416,7 @@ fn bounded(what: &str) -> String {
 fn io_advice(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::NotFound => " Check the path and its folder",
-        io::ErrorKind::PermissionDenied => " Check who may use the file and its folder",
+        io::ErrorKind::PermissionDenied => " Check the permissions of the file and its folder",
         io::ErrorKind::StorageFull => " Free some disk space",
         io::ErrorKind::IsADirectory => " It is a folder: give a file",
         _ => " Check the disk and the path",

@@ -28,7 +28,7 @@ pub(super) const MAX_MESH_BYTES: u64 = 4 << 30;
 pub(super) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, FormatError> {
     let bytes = read_bounded(path, limit)?;
     if bytes.is_empty() {
-        return Err(FormatError::malformed(path, "the file is empty", "Was it copied completely?"));
+        return Err(FormatError::malformed(path, "the file is empty", "Copy the file again"));
     }
     Ok(bytes)
 }
@@ -92,7 +92,7 @@ pub(super) fn check_packing(path: &Path, pixel_bytes: u64, length: u64) -> Resul
     Err(FormatError::malformed(
         path,
         format!("the header claims {pixel_bytes} bytes of pixels in a file of {length} bytes"),
-        "Was it copied completely?",
+        "Copy the file again",
     ))
 }
 
@@ -161,7 +161,7 @@ pub(super) fn read_sidecar<T: serde::de::DeserializeOwned>(
 /// How a missing description comes back.
 fn describes(format: &FileFormat) -> &'static str {
     if *format == FileFormat::RAW_FRAME {
-        "Keep the two files together. Of a camera's frame `fluorspar describe FRAME` writes one"
+        "Keep the two files together. For a frame from a camera, `fluorspar describe FRAME` writes the description"
     } else {
         "Keep the two files together; without it neither units nor exposure are known"
     }

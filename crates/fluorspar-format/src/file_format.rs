@@ -30,7 +30,7 @@ impl FileFormat {
     pub const EXPERIMENT: Self = Self::new(
         "file",
         1,
-        ["Write format = 1 as its first line", "Use the version that it was written for"],
+        ["Write format = 1 as its first line", "Use a version of Fluorspar that reads this format"],
     );
     /// Component images (OpenEXR).
     pub const COMPONENT_IMAGE: Self = Self::new("component image", 1, MAKE_AGAIN);
@@ -42,7 +42,7 @@ impl FileFormat {
     pub const RAW_FRAME: Self = Self::new(
         "description",
         1,
-        ["Write \"format\": 1 into it", "Use the version that it was written for"],
+        ["Write \"format\": 1 into it", "Use a version of Fluorspar that reads this format"],
     );
     /// `results.json` of a run and of a characterized sensor.
     pub const RESULTS: Self = Self::new("file of results", 1, MAKE_AGAIN);

@@ -146,7 +146,7 @@ pub fn read_film_layout(path: &Path) -> Result<(FilmLayout, bool), FormatError> 
 fn read_failed(path: &Path, source: io::Error) -> FormatError {
     match source.kind() {
         io::ErrorKind::UnexpectedEof => {
-            FormatError::malformed(path, "the file ends too early", "Was it copied completely?")
+            FormatError::malformed(path, "the file ends too early", "Copy the file again")
         }
         _ => FormatError::io(path, "read", source),
     }
@@ -202,7 +202,7 @@ fn open(path: &Path) -> Result<Opened, FormatError> {
     }
     let planes = 3 * header.components.len();
     if film_bytes(header.width, header.height, grid.len(), planes) > MAX_FILM_BYTES {
-        return Err(FormatError::too_large(path, "the film", format!("{MAX_FILM_BYTES} bytes")));
+        return Err(FormatError::too_large(path, "the film is too large", format!("{MAX_FILM_BYTES} bytes")));
     }
     let layout = FilmLayout {
         grid,

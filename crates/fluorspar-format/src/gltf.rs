@@ -182,7 +182,7 @@ fn chunks<'b>(path: &Path, bytes: &'b [u8]) -> Result<(&'b [u8], Option<&'b [u8]
     while let (Some(length), Some(kind)) = (word(at), word(at + 4)) {
         let end = (at + 8).saturating_add(length as usize);
         let Some(chunk) = bytes.get(at + 8..end) else {
-            return Err(FormatError::malformed(path, "the file ends too early", "Was it copied completely?"));
+            return Err(FormatError::malformed(path, "the file ends too early", "Copy the file again"));
         };
         match kind {
             JSON_CHUNK => text = text.or(Some(chunk)),
@@ -281,7 +281,7 @@ impl Reader<'_> {
             if places.len() > MAX_PLACES {
                 return Err(FormatError::too_large(
                     self.path,
-                    "the number of places of its meshes",
+                    "the meshes have too many placements",
                     format!("{MAX_PLACES}"),
                 ));
             }
@@ -377,8 +377,11 @@ impl Reader<'_> {
             return Err(damaged());
         }
         let left = self.elements_left.get().checked_sub(count).ok_or_else(|| {
-            let what = "its meshes name the same elements again and again, more of them";
-            FormatError::too_large(self.path, what, "a multiple of its buffers")
+            let what = "the meshes reuse the elements of their buffers too often";
+            let limit = format!(
+                "{USUAL_ELEMENTS} elements, or {ELEMENTS_PER_BYTE} for each byte of the buffers if that is more"
+            );
+            FormatError::too_large(self.path, what, limit)
         })?;
         self.elements_left.set(left);
         (0..count)
@@ -416,7 +419,7 @@ impl Reader<'_> {
             .iter()
             .map(number)
             .collect::<Option<_>>()
-            .ok_or_else(|| broken(self.path, "triangles are named by fractions"))
+            .ok_or_else(|| broken(self.path, "vertex indices are not whole numbers"))
     }
 }
 

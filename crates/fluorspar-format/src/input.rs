@@ -31,7 +31,7 @@ pub fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>, FormatError> {
     bytes.try_reserve_exact(length as usize).map_err(|_| failed(io::ErrorKind::OutOfMemory.into()))?;
     file.take(limit + 1).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 > limit {
-        return Err(too_large("the file goes on and on".into()));
+        return Err(too_large("the file has no end".into()));
     }
     Ok(bytes)
 }
@@ -138,10 +138,7 @@ mod tests {
         assert_eq!(read_start(&path, 2).unwrap(), b"ab");
         assert_eq!(digest_bounded(&path, 3).unwrap(), fluorspar::digest::sha256_hex(["abc"]));
         for said in [message(read_bounded(&path, 2)), message(digest_bounded(&path, 2))] {
-            assert!(
-                said.contains("the file has 3 bytes") && said.contains("at most 2 bytes is read"),
-                "{said}"
-            );
+            assert!(said.contains("the file has 3 bytes") && said.contains("the limit is 2 bytes"), "{said}");
         }
         let said = message(read_text_bounded(&folder.path().join("none"), 3));
         assert!(said.ends_with("Check the path and its folder"), "{said}");
@@ -160,7 +157,7 @@ mod tests {
         let status = Path::new("/proc/self/status");
         if status.exists() {
             assert!(!read_bounded(status, 1 << 20).unwrap().is_empty());
-            assert!(message(read_bounded(status, 10)).contains("at most 10 bytes is read"));
+            assert!(message(read_bounded(status, 10)).contains("the limit is 10 bytes"));
             assert!(digest_bounded(status, 10).is_err());
         }
         let (reader, mut writer) = io::pipe().unwrap();
@@ -169,7 +166,7 @@ mod tests {
             assert!(message(digest_bounded(Path::new(&path), 3)).contains("this is a pipe"));
             io::Write::write_all(&mut writer, b"abcd").unwrap();
             drop(writer);
-            assert!(message(read_bounded(Path::new(&path), 3)).contains("the file goes on and on"));
+            assert!(message(read_bounded(Path::new(&path), 3)).contains("the file has no end"));
         }
     }
 }

@@ -126,11 +126,7 @@ fn tiff_mask(path: &Path, file: File, length: u64) -> Result<MaskImage, FormatEr
             }
         };
         if inside.len() != width as usize * height as usize {
-            return Err(FormatError::malformed(
-                path,
-                "rows of the image are missing",
-                "Was it copied completely?",
-            ));
+            return Err(FormatError::malformed(path, "rows of the image are missing", "Copy the file again"));
         }
         Ok(MaskImage { width: width as usize, height: height as usize, inside })
     })

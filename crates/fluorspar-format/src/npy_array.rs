@@ -156,7 +156,7 @@ fn read_npy_of(
         return Err(FormatError::malformed(
             path,
             format!("the header claims {header_bytes} bytes in a file of {length}"),
-            "Was it copied completely?",
+            "Copy the file again",
         ));
     }
     let mut text = vec![0; header_bytes as usize];
@@ -195,7 +195,7 @@ fn read_npy_of(
         return Err(FormatError::malformed(
             path,
             format!("the shape {:?} needs {bytes} bytes but {} follow", header.shape, length - data_start),
-            "Was it copied completely?",
+            "Copy the file again",
         ));
     }
 

@@ -141,7 +141,7 @@ pub(super) fn read_packed(
         return Err(FormatError::malformed(
             path,
             format!("{lines} rows of {stride} bytes need {needed} bytes; the file has {}", bytes.len()),
-            "Was it copied completely? Do width, height and packing in the description fit?",
+            "Copy the file again, or correct width, height and packing in the description",
         ));
     }
     let mut data = Vec::with_capacity(columns * lines);

@@ -43,12 +43,12 @@ fn unpacked(path: &Path, bytes: Vec<u8>) -> Result<Vec<u8>, FormatError> {
     let read = GzDecoder::new(bytes.as_slice()).take(MAX_MESH_BYTES + 1).read_to_end(&mut plain);
     if let Err(error) = read {
         let what = format!("the gzip data are damaged: {error}");
-        return Err(FormatError::malformed(path, what, "Was the file copied completely?"));
+        return Err(FormatError::malformed(path, what, "Copy the file again"));
     }
     if plain.len() as u64 > MAX_MESH_BYTES {
         return Err(FormatError::too_large(
             path,
-            "the file unpacks to more",
+            "the file is too large when decompressed",
             format!("{MAX_MESH_BYTES} bytes"),
         ));
     }
@@ -60,7 +60,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
         path: path.into(),
         line: error.line().map(|line| line as u64),
         what: format!("not a valid PLY file: {}", first_sentence(&error)),
-        hint: "Was it copied completely? Otherwise export the mesh again".into(),
+        hint: "Copy the file again, or export the mesh again".into(),
     };
     let mut reader = Reader::new(BufReader::new(bytes));
     let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(damaged)?;
@@ -78,7 +78,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
                     element.name,
                     bytes.len()
                 ),
-                "Was it copied completely?",
+                "Copy the file again",
             ));
         }
         let has = |name: &str| element.properties.contains_key(name);

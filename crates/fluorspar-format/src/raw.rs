@@ -431,7 +431,8 @@ pub(super) fn read_frame_png(path: &Path) -> Result<(usize, usize, Vec<u16>), Fo
     if raw.has_tone_curve {
         let what =
             "its numbers lie on a tone curve (sRGB or a gamma), so that they are not proportional to light";
-        let hint = "Give the raw frame, or export it linear (gamma 1); of this program that is raw_NAME, not preview_NAME";
+        let hint =
+            "Give the raw frame, or export it linear (gamma 1); of Fluorspar's own files, give raw_NAME";
         return Err(FormatError::unsupported(path, what, hint));
     }
     let data = match raw.depth {

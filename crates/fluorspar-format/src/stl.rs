@@ -38,7 +38,7 @@ pub fn read_stl(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
             Err(FormatError::malformed(
                 path,
                 "not a valid STL file: its length does not fit its number of triangles",
-                "Was it copied completely? Otherwise export the mesh again",
+                "Copy the file again, or export the mesh again",
             ))
         }
     })?;
@@ -86,7 +86,7 @@ fn text_corners(path: &Path, bytes: &[u8]) -> Result<Vec<Vec3>, FormatError> {
         return Err(FormatError::malformed(
             path,
             format!("{} corners do not make triangles", corners.len()),
-            "Was it copied completely? Otherwise export the mesh again",
+            "Copy the file again, or export the mesh again",
         ));
     }
     Ok(corners)

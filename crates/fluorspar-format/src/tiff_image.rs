@@ -27,11 +27,9 @@ pub(super) fn damaged_tiff(path: &Path, error: tiff::TiffError) -> FormatError {
         tiff::TiffError::IoError(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
             FormatError::io(path, "read", source)
         }
-        error => FormatError::malformed(
-            path,
-            format!("not a valid TIFF file: {error}"),
-            "Was it copied completely?",
-        ),
+        error => {
+            FormatError::malformed(path, format!("not a valid TIFF file: {error}"), "Copy the file again")
+        }
     }
 }
 
@@ -77,15 +75,16 @@ pub(super) fn read_tiff_pixels(path: &Path, file: File, length: u64) -> Result<T
             _ => {
                 return Err(FormatError::unsupported(
                     path,
-                    "its numbers are not whole",
+                    "its samples are not unsigned integers",
                     "Save it with 16 bits",
                 ));
             }
         };
         let (width, height) = (width as usize, height as usize);
         if data.len() != width * height * samples {
-            let what = "its colors are stored in planes of their own, or rows are missing";
-            return Err(FormatError::unsupported(path, what, "Save it with the colors of a pixel together"));
+            let what =
+                "the channels are stored in separate planes (planar configuration 2), or rows are missing";
+            return Err(FormatError::unsupported(path, what, "Save it with interleaved channels"));
         }
         Ok(TiffPixels { width, height, samples, bits, data })
     })

@@ -72,7 +72,7 @@ pub fn read_toml_document(text: &str) -> Result<DocumentMut, TomlError> {
 
 /// Brackets of a TOML text that no parser may follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("more than {MOST_BRACKETS} brackets are open here; is one before not closed?")]
+#[error("more than {MOST_BRACKETS} brackets are open here; close the brackets above this line")]
 struct DeepBrackets {
     /// Line of the first bracket beyond, from 1.
     line: usize,

@@ -46,14 +46,14 @@ impl Convert<'_> {
             }
             "distant" => {
                 let Some(direction) = direction else {
-                    return Err(self.error(at, "\"from\" and \"to\" are the same point"));
+                    return Err(self.error(at, "\"from\" and \"to\" are the same point; move one of them"));
                 };
                 let spectrum = self.scaled(&given, "L", Some(("illuminance", 1.0)))?;
                 (spectrum, Emitter::from(DistantEmitter { direction: direction.as_vec3() }))
             }
             "spot" => {
                 let Some(direction) = direction else {
-                    return Err(self.error(at, "\"from\" and \"to\" are the same point"));
+                    return Err(self.error(at, "\"from\" and \"to\" are the same point; move one of them"));
                 };
                 let (exponent, k) = self.spot(&given);
                 let spectrum = self.scaled(&given, "I", Some(("power", k)))?;
@@ -148,7 +148,7 @@ impl Convert<'_> {
         if self.is_v4() && !is_square {
             self.remark(
                 at,
-                "the image is no square: it is taken as longitude and latitude, not as an equal-area map",
+                "the image is not square: it is taken as longitude and latitude, not as an equal-area map",
             );
         }
         let look = if self.is_v4() && is_square { equal_area } else { latitude_longitude };

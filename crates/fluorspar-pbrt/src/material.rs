@@ -44,8 +44,9 @@ impl Convert<'_> {
         let tree = self.tree;
         let entity = &tree.materials[index].entity;
         if depth == MOST_MIXED {
-            let message =
-                format!("mixtures within mixtures, more than {MOST_MIXED}; does one contain itself?");
+            let message = format!(
+                "mixtures are nested more than {MOST_MIXED} deep; remove a mixture that contains itself"
+            );
             return Err(self.error(entity.at, message));
         }
         if INVISIBLE.contains(&entity.class.as_str()) {

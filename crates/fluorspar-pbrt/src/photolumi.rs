@@ -34,16 +34,16 @@ impl Convert<'_> {
         let bands = if is_grid { ((last - first) / step).round() + 1.0 } else { 0.0 };
         if !(2.0..=MOST_BANDS as f64).contains(&bands) {
             let message = format!(
-                "wavelengths from {first} to {last} nm by {step} nm are no bands; give 2 to {MOST_BANDS} of them"
+                "wavelengths from {first} to {last} nm by {step} nm do not form bands; give 2 to {MOST_BANDS} bands with a positive step"
             );
             return Err(self.error(at, message));
         }
         let bands = bands as usize;
         if matrix.len() != bands * bands {
             let message = format!(
-                "{} numbers don't fill the matrix of {bands} x {bands} bands; {} are needed after the wavelengths",
-                matrix.len(),
-                bands * bands
+                "the matrix of {bands} x {bands} bands needs {} numbers after the wavelengths; it has {}",
+                bands * bands,
+                matrix.len()
             );
             return Err(self.error(at, message));
         }

@@ -220,9 +220,8 @@ impl Convert<'_> {
             None => return Err(self.error(at, "a mesh needs \"integer indices\", three for each triangle")),
         };
         if !corners.len().is_multiple_of(3) {
-            return Err(
-                self.error(at, format!("{} indices are no triangles; give three for each", corners.len()))
-            );
+            return Err(self
+                .error(at, format!("{} indices do not form triangles; give three for each", corners.len())));
         }
         given.used(&["S", "faceIndices"]);
         let triangles = corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
@@ -242,7 +241,7 @@ impl Convert<'_> {
         };
         if !corners.len().is_multiple_of(4) {
             return Err(
-                self.error(at, format!("{} indices are no patches; give four for each", corners.len()))
+                self.error(at, format!("{} indices do not form patches; give four for each", corners.len()))
             );
         }
         self.note(at, "each bilinear patch is two triangles, which is exact where it is flat");

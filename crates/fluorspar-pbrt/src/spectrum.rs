@@ -66,7 +66,7 @@ impl Convert<'_> {
             (PbrtValues::Numbers(numbers), _) if numbers.len() == 1 => Ok(Curve::constant(numbers[0])),
             _ => {
                 let message = format!(
-                    "\"{}\" is no spectrum; give rgb, spectrum or blackbody",
+                    "\"{}\" is not a spectrum; give rgb, spectrum or blackbody",
                     excerpt(&parameter.name)
                 );
                 Err(self.error(at, message))
@@ -150,7 +150,7 @@ impl Convert<'_> {
             .map_err(|(line, problem)| self.error(at, format!("{}:{line}: {problem}", path.display())))?;
         if !numbers.len().is_multiple_of(2) {
             let message = format!(
-                "{}: {} numbers are no pairs of wavelength (nm) and value",
+                "{}: {} numbers do not form pairs of wavelength (nm) and value",
                 path.display(),
                 numbers.len()
             );
@@ -216,7 +216,9 @@ impl Convert<'_> {
             None => Curve::constant(1.0),
         };
         if let Some(value) = curve.values().iter().find(|value| **value < 0.0) {
-            return Err(self.error(at, format!("a light can't send {value}; give 0 or more")));
+            return Err(
+                self.error(at, format!("the spectrum of a light is {value}; give values of 0 or more"))
+            );
         }
         if !self.is_v4() {
             return Ok(LightSpectrum { curve, scale: 1.0 });

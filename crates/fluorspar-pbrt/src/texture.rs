@@ -85,7 +85,9 @@ impl Convert<'_> {
         if depth < MOST_NESTED {
             return Ok(());
         }
-        let message = format!("textures within textures, more than {MOST_NESTED}; does one contain itself?");
+        let message = format!(
+            "textures are nested more than {MOST_NESTED} deep; remove a texture that contains itself"
+        );
         Err(self.error(at, message))
     }
 

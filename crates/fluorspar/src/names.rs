@@ -42,7 +42,7 @@ fn number(name: &str) -> u64 {
     last.and_then(|digits| digits.parse().ok()).unwrap_or(0)
 }
 
-/// The end of a sentence about a name that was not found: `, did you mean "led_385"?`, or a full stop where no candidate
+/// The end of a sentence about a name that was not found: `; did you mean "led_385"?`, or a full stop where no candidate
 /// is similar.
 pub fn did_you_mean<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> String {
     suggestion(nearest_name(name, candidates))
@@ -50,7 +50,7 @@ pub fn did_you_mean<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str
 
 /// The same for a suggestion that is known already.
 pub fn suggestion(nearest: Option<&str>) -> String {
-    nearest.map_or_else(|| ".".into(), |name| format!(", did you mean \"{}\"?", excerpt(name)))
+    nearest.map_or_else(|| ".".into(), |name| format!("; did you mean \"{}\"?", excerpt(name)))
 }
 
 #[cfg(test)]
@@ -61,7 +61,7 @@ mod tests {
     fn nothing_similar_is_not_guessed() {
         assert_eq!(nearest_name("xenon", ["led_385", "halogen"]), None);
         assert_eq!(nearest_name("powr_mw", ["power_mw", "count"]), Some("power_mw"));
-        assert_eq!(did_you_mean("Tounge", ["tongue", "palate"]), ", did you mean \"tongue\"?");
+        assert_eq!(did_you_mean("Tounge", ["tongue", "palate"]), "; did you mean \"tongue\"?");
         assert_eq!(did_you_mean("xenon", ["led_385"]), ".");
         // A name of one letter is in any word
         assert_eq!(nearest_name("kept", ["minimax", "d", "a", "e", "contrast", "leak"]), None);

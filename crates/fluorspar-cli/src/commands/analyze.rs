@@ -78,6 +78,16 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             folder.display()
         )));
     }
+    let has_experiment = |folder: &&PathBuf| folder.join("experiment.toml").exists();
+    if let (None, Some(folder)) = (&options.experiment, options.folder.as_ref())
+        && !has_experiment(&folder)
+    {
+        return Err(CliError::Input(format!(
+            "{}: this folder has no experiment.toml; give a folder that `run` or `capture` wrote, or an experiment with \
+             --experiment",
+            folder.display()
+        )));
+    }
     let regions = region_options(&options.named_region)?;
     let beside = |name: &str| options.folder.as_ref().map(|folder| folder.join(name));
     let default = beside("experiment.toml").map(|path| path.display().to_string());

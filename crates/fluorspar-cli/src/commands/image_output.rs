@@ -102,7 +102,7 @@ impl ImageOutput {
             return refuse(format!("--out {}", self.out.display()), "write an .exr file");
         }
         if let Some(path) = &self.preview {
-            return refuse(format!("--preview {}", path.display()), "leave the preview away");
+            return refuse(format!("--preview {}", path.display()), "leave the preview out");
         }
         Ok(())
     }

@@ -246,7 +246,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
 fn film_of_basis(film: &Path, basis: &BasisSettings, needed: u64, settings: &RenderSettings) -> CliError {
     let [needed_text, limit] = memory_texts(needed, settings.memory_limit_bytes);
     let instead = if needed > settings.memory_limit_bytes {
-        "raise render.memory_limit_gib, render fewer pixels, or leave --film away: then they are brought into a short form, some rows at a time"
+        "raise render.memory_limit_gib, render fewer pixels, or leave --film out: then they are brought into a short form, some rows at a time"
     } else {
         "name a file, not a folder"
     };

@@ -146,7 +146,7 @@ fn check_options(
     if experiment.study.time_limit_s.is_some() {
         return Err(CliError::Input(format!(
             "render.time_limit_s: {why}, so that the image is rendered in bands of rows and would lack rows if it were cut \
-             short; leave the time limit away, or {instead}"
+             short; leave the time limit out, or {instead}"
         )));
     }
     match &options.film {
@@ -233,7 +233,7 @@ fn in_bands(options: &Options, error: &RowBandError, film_bytes: u64) -> CliErro
             )
         }
         RowBandError::Overlap(band) => format!(
-            "--film {folder}: {} does not fit to the others: the folder holds films of several renders. Name another one",
+            "--film {folder}: {} does not match the others: the folder holds films of several renders. Name another one",
             film_name(band)
         ),
         RowBandError::TooTall { band, fit } => format!(
@@ -264,7 +264,7 @@ fn check_folder(renderer: &FilmRenderer, folder: &Path) -> Result<(), CliError> 
         renderer.check_layout(&layout).map_err(|error| in_film(&path, &error))?;
         if name == WHOLE && holds_samples {
             return Err(CliError::Input(format!(
-                "{}: this film holds samples, and a film of this name without samples belongs into a folder of films; move it \
+                "{}: this film holds samples, and a film of this name without samples belongs in a folder of films; move it \
                  elsewhere, or name another folder",
                 path.display()
             )));

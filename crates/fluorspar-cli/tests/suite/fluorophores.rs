@@ -209,18 +209,16 @@ fn scattered_light_is_cut_out_of_a_matrix() {
     };
     let refused = import(&[]);
     assert!(
-        refused.code == Some(2)
-            && refused.stderr.contains("` cuts it out, with the narrowest band that leaves none"),
+        refused.code == Some(2) && refused.stderr.contains("` is the narrowest band that removes it"),
         "{refused:?}"
     );
     // The command that the refusal ends with takes the file
-    let command = refused.stderr.split("This takes the file: `fluorspar ").nth(1).unwrap();
+    let command = refused.stderr.split("To import the file, run: `fluorspar ").nth(1).unwrap();
     let command: Vec<&str> = command.split('`').next().unwrap().split_whitespace().collect();
     assert!(command.contains(&"--cut-scatter") && command.contains(&"raw.toml"), "{command:?}");
     fluorspar(folder, &command).well();
     let accepted = import(&["--allow-anti-stokes"]).well();
-    let warned =
-        "--allow-anti-stokes accepts what is no fluorescence: scattered excitation light stands on the line";
+    let warned = "--allow-anti-stokes accepts what is no fluorescence: first-order scatter (Rayleigh and Tyndall) lies along";
     assert!(accepted.stderr.contains(warned), "{}", accepted.stderr);
     let said = import(&["--cut-scatter=20", "--out=dye.toml"]).well();
     assert!(
@@ -281,7 +279,7 @@ fn all_that_is_wrong_with_a_table_is_told_at_once() {
     let refused = import("# 10 uM in PBS\nex_nm,500,490,480\n510,1,2,5\n520,3,4,5\n505,3,4,5\n");
     assert_eq!(refused.code, Some(2));
     for words in [
-        "the unit of the values is unknown",
+        "the file does not say whether its values count photons or energy",
         "--yield-unit photons or --yield-unit energy",
         "the emission wavelength 505 nm follows 520 nm",
     ] {
@@ -294,7 +292,7 @@ fn all_that_is_wrong_with_a_table_is_told_at_once() {
         "(--yield-unit photons or --yield-unit energy). Then, on line 3, column",
         "(--allow-negative). Also line 3",
         "Then, on line 3, the cell at excitation 360 nm is empty",
-        "This takes the file: `fluorspar fluorophore import dye.csv --yield-unit photons --allow-negative --empty-cells interpolate`",
+        "To import the file, run: `fluorspar fluorophore import dye.csv --yield-unit photons --allow-negative --empty-cells interpolate`",
     ] {
         assert!(refused.stderr.contains(words), "{words}: {}", refused.stderr);
     }

@@ -222,7 +222,7 @@ fn wrong_input_is_told() {
         (format!("m.csv {fad} --relative --common-blood"), "--common-blood: there is no blood"),
         (
             format!("m.csv {fad} --relative --below-blood fda"),
-            "--below-blood fda: no component has this name, did you mean \"fad\"?",
+            "--below-blood fda: no component has this name; did you mean \"fad\"?",
         ),
         (format!("m.csv {fad},fad --relative"), "two components are named \"fad\""),
         (

@@ -70,7 +70,7 @@ fn mistakes_end_with_two_and_name_their_places() {
     fs::write(folder.path().join("s.pbrt"), SCENE.replace("Shape", "Shpae")).unwrap();
     fs::write(folder.path().join("good.pbrt"), SCENE).unwrap();
     for (args, expected) in [
-        (&["render", "s.pbrt"][..], "error: s.pbrt:8:1: Shpae is no directive, did you mean \"Shape\"?"),
+        (&["render", "s.pbrt"][..], "error: s.pbrt:8:1: Shpae is not a directive; did you mean \"Shape\"?"),
         (&["render", "none.pbrt"], "none.pbrt: can't read it"),
         (&["run", "good.pbrt"], "this is a scene of pbrt, no experiment; `fluorspar render` takes it"),
         (&["check", "good.pbrt"], "`fluorspar render` takes it"),

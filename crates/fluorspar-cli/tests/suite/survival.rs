@@ -368,7 +368,7 @@ fn films_of_other_scenes_and_films_in_the_way_are_refused() {
     }
     fs::write(folder.join("a.film"), &film[..film.len() / 2]).unwrap();
     let said = run(&["--resume"]);
-    assert!(said.code == Some(2) && said.stderr.contains("copied completely"), "{}", said.stderr);
+    assert!(said.code == Some(2) && said.stderr.contains("Copy the file again"), "{}", said.stderr);
 }
 
 /// Two components: light that a patch reflects once, and none that fluoresces.
@@ -543,7 +543,7 @@ fn images_larger_than_the_limit_come_in_bands_to_the_same_bits() {
             vec!["--film", "f.film", "--resume", "--set=render.memory_limit_gib=0.003"],
             "raise render.memory_limit_gib",
         ),
-        (vec![limit, "--preview", "p.png"], "leave the preview away"),
+        (vec![limit, "--preview", "p.png"], "leave the preview out"),
         (vec!["--film", "f.film", "--resume", "--preview", "p.png"], "--film names a folder"),
         (vec![limit, "--out", "a.npy"], "write an .exr file"),
         (vec![limit, "--set=render.time_limit_s=9"], "would lack rows"),

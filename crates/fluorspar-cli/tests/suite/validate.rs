@@ -89,7 +89,7 @@ fn wrong_input_is_told_and_leaves_nothing() {
     for (args, told) in [
         (
             vec!["--case", "figure-7d"],
-            "error: --case figure-7d: there is no such case, did you mean \"figure-",
+            "error: --case figure-7d: there is no such case; did you mean \"figure-",
         ),
         (vec!["--reference", "nowhere"], "error: --reference nowhere: there is no such folder"),
         (vec!["--set", "light.spectrum=\"led_386\""], "led_385"),

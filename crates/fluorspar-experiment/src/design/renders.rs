@@ -268,7 +268,7 @@ fn geometries(context: &Context<'_>, sections: &[GeometrySection]) -> Resolved<V
         }
         if !distances.is_empty() && found[0].distance_mm.is_some() {
             return context
-                .fail(&at_distances, "another geometry gives the distances already; remove one of both");
+                .fail(&at_distances, "another geometry gives the distances already; remove one of the two");
         }
         let last = section.field.rsplit('.').next().unwrap_or_default();
         let label = section.name.as_deref().unwrap_or(last);

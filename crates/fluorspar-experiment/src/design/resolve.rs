@@ -117,7 +117,8 @@ pub fn parse_design(
         if section.rendered.is_none() {
             regions.push(region(context, &at, &file, section, &axes)?);
         } else if section.material.is_some() {
-            return context.fail(&at.field("material"), "the region is rendered already; remove one of both");
+            return context
+                .fail(&at.field("material"), "the region is rendered already; remove one of the two");
         } else if !section.apart.is_empty() {
             let message = "the region is rendered; give rendered = { apart = [...] } instead";
             return context.fail(&at.field("apart"), message);

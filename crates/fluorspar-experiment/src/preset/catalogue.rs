@@ -105,7 +105,7 @@ mod tests {
         assert!(available.len() >= 10);
         let message = error.to_string();
         assert!(
-            message.starts_with("there is no light spectrum \"led385\", did you mean \"led_385\"? Known: ")
+            message.starts_with("there is no light spectrum \"led385\"; did you mean \"led_385\"? Known: ")
         );
         assert!(text(PresetKind::Light, "../lights/led_385").is_err());
     }

@@ -286,7 +286,7 @@ fn regions(
         let earlier = shared.region[..index].iter().map(|other| other.name.as_str());
         context.unique_name(&at, &section.name, earlier)?;
         if section.names_nothing() {
-            return context.fail(&at, "names nothing; give parts, rectangle_px, polygon_px or mask");
+            return context.fail(&at, "selects no pixels; give parts, rectangle_px, polygon_px or mask");
         }
         let places = FieldPlaces::of_region(index);
         let (analysis, of_surfaces) =

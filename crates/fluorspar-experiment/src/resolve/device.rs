@@ -176,7 +176,7 @@ pub(super) fn camera(
             let field_deg =
                 traced.and_then(|lens| lens.covering_tangent()).map(|t| 2.0 * t.atan().to_degrees());
             let Some(field_deg) = field_deg.filter(|field_deg| *field_deg < 179.0) else {
-                let message = "no ray through the middle of its stop reaches the corners of the film; take a smaller sensor \
+                let message = "no ray through the middle of its stop reaches the corners of the sensor; take a smaller sensor \
                                or a lens with a larger image";
                 return context.fail(&steps!["lens", "prescription"], message);
             };
@@ -189,8 +189,10 @@ pub(super) fn camera(
                 }
                 FieldOfView::Degrees(_) => {
                     let message = if formation == ImageFormation::PointSpread {
+                        // Rounded up: what the message says is enough
                         format!(
-                            "the film sees {field_deg:.2} degrees, distortion included; give as much, or \"from_lens\""
+                            "the sensor covers {:.2} degrees, distortion included; give at least that, or \"from_lens\"",
+                            (field_deg * 100.0).ceil() / 100.0
                         )
                     } else {
                         "a traced lens sets the field of view; set this to \"from_lens\"".into()
@@ -408,7 +410,7 @@ fn traced_lens(
     let corner_mm = 0.5 * width_mm.hypot(height_mm);
     if traced.relative_illumination(0.98 * corner_mm) <= 0.0 {
         let message = format!(
-            "the corners of the film, {corner_mm:.2} mm from the axis, stay dark: this lens does not cover it"
+            "the corners of the sensor, {corner_mm:.2} mm from the axis, stay dark: this lens does not cover it"
         );
         context.warn(&at("prescription"), message);
     }

@@ -91,7 +91,7 @@ impl<'a> Counted<'a> {
                 if is_wavelength(low) && is_wavelength(high) && low < high {
                     return Ok(Self::Range([low, high]));
                 }
-                let message = "must rise, between 0 and 100000: [first, last] in nm, such as [500, 700]";
+                let message = "must increase and lie between 0 and 100000: give [first, last] in nm, such as [500, 700]";
                 context.fail(&at, message)
             }
             (Some(_), Some(_)) => context.fail(&at, "excludes error_captures; give one of the two"),
@@ -154,7 +154,7 @@ fn group_channels(
         .collect();
     if weights.iter().all(|&w| w == 0.0) {
         let [first, last] = [0, grid.len() - 1].map(|band| grid.center_nm(band));
-        let message = format!("holds no band of the render; they lie between {first} and {last} nm");
+        let message = format!("holds no band of the render; its bands lie between {first} and {last} nm");
         return context.fail(&steps!["render", "error_range_nm"], message);
     }
     let channel = |(index, group): (usize, &LightGroup)| {

@@ -141,7 +141,7 @@ fn from_section(
         })
         .fold(0.0, f64::max);
     if best <= 0.0 {
-        return context.fail(at, "the fluorophore emits nothing: all its values are zero");
+        return context.fail(at, "all values of the matrix are zero. Check the file or export it again");
     }
     Ok(Fluorophore {
         name: section.name.clone(),
@@ -263,8 +263,12 @@ fn separable(
     };
     let (excitation, emission) = (weighted(excitation, |nm| 1.0 / nm)?, weighted(emission, |nm| nm)?);
     let area = emission.total();
-    if !(area > 0.0 && excitation.max() > 0.0) {
-        return context.fail(at, "the fluorophore emits nothing: a spectrum is zero everywhere");
+    for (what, is_dark) in [("excitation", excitation.max() <= 0.0), ("emission", area <= 0.0)] {
+        if is_dark {
+            let message =
+                format!("the {what} is zero at every wavelength. Check the column or export it again");
+            return context.fail(at, message);
+        }
     }
     let excitation = excitation.scaled(1.0 / excitation.max());
     Ok(PhotonEem::separable(
@@ -302,7 +306,9 @@ fn negative(section: &FluorophoreSection) -> Negative {
 /// The error of a file with the field that lets it pass.
 fn reader_error(context: &Context<'_>, at: &Place, error: &FormatError) -> crate::ExperimentError {
     let field = match error.first() {
-        FormatError::Negative { .. } => "; allow_negative = true in this [[fluorophore]] takes them as zero",
+        FormatError::Negative { .. } => {
+            "; allow_negative = true in this [[fluorophore]] takes negative values as zero"
+        }
         FormatError::AntiStokes { .. } | FormatError::ScatteredLight { .. } => ALLOW_ANTI_STOKES,
         FormatError::EmptyCell { .. } => EMPTY_CELLS,
         _ => "",
@@ -327,8 +333,9 @@ fn check_stokes(context: &Context<'_>, at: &Place, wave_nm: &[f64], values: &[f6
         Some((index, &value)) if value > ANTI_STOKES_TOLERANCE * peak => context.fail(
             at,
             format!(
-                "emission at {} nm under excitation at {} nm is {:.1} % of the peak, but light can't be emitted below its excitation. \
-                 Rows are emission, columns are excitation: is the matrix transposed, or does it hold scattered light?{ALLOW_ANTI_STOKES}",
+                "emission at {} nm under excitation at {} nm is {:.1} % of the peak, but fluorescence does not appear below its excitation \
+                 wavelength. If the matrix is transposed, transpose it (rows emission, columns excitation); if it holds scattered light, \
+                 remove that{ALLOW_ANTI_STOKES}",
                 wave_nm[index / n],
                 wave_nm[index % n],
                 100.0 * value / peak

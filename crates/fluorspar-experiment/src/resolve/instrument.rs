@@ -98,9 +98,9 @@ pub(super) fn spectroradiometers(
         if section.aim.is_some() && !section.parts.is_empty() {
             return context.fail(&at("aim"), "given together with parts; keep one of the two");
         }
-        for (axis, value) in section.aim.unwrap_or([0.5; 2]).iter().enumerate() {
-            let at = steps!["spectroradiometer", index, "aim", axis];
-            context.within(&at, *value, [0.0, 1.0], "of the image")?;
+        if section.aim.is_some_and(|aim| aim.iter().any(|share| !(0.0..=1.0).contains(share))) {
+            let message = "both numbers must be between 0 and 1: fractions of the image width and height";
+            return context.fail(&at("aim"), message);
         }
         context.within(&at("acceptance_deg"), section.acceptance_deg, [0.01, 60.0], "degrees")?;
         let mut filter = Curve::constant(1.0);

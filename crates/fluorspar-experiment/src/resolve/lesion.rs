@@ -273,7 +273,7 @@ impl Spot {
         let Some((along_u, along_v)) = stretch(mesh, center) else {
             let [low, high] = uv_bounds(mesh);
             let message = format!(
-                "the part has no surface at these texture coordinates; it lies between [{:.2}, {:.2}] and [{:.2}, {:.2}]. \
+                "the part has no surface at these texture coordinates; its surface lies between [{:.2}, {:.2}] and [{:.2}, {:.2}]. \
                  Choose another center",
                 low.x, low.y, high.x, high.y
             );

@@ -155,8 +155,8 @@ fn metal_index(
             let mut part = |key: &str, reference: &SpectrumReference| {
                 let at = at.field(key);
                 if reference.catalogue_name().is_some() {
-                    let message = "the catalogue has no single indices; give a number, a table, a CSV file, or the name \
-                                   of a metal instead of n and k";
+                    let message = "n and k cannot be named separately from the catalogue; write metal = \"gold\", or give n and k \
+                                   each as a number, a table or a CSV file";
                     return context.fail(&at, message);
                 }
                 context.spectrum(&at, reference, Role::Absolute, 0.0, grid)
@@ -193,6 +193,10 @@ fn reflectance(
         ReflectanceReference::Spectrum(reference) => {
             let spectrum = context.spectrum(at, reference, Role::Reflectance, 0.0, grid)?;
             return Ok(vec![ReflectanceTerm { spectrum, weight: ScalarTexture::Constant(1.0) }]);
+        }
+        ReflectanceReference::Sum(terms) if terms.is_empty() => {
+            return context
+                .fail(at, "the sum has no terms; give at least one { spectrum, weight }, or 0 for black");
         }
         ReflectanceReference::Sum(terms) => terms,
     };

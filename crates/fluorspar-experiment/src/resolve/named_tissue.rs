@@ -66,8 +66,8 @@ impl NamedTissue {
         match self {
             Self::Site(site) => Ok(site),
             Self::Layers { .. } => {
-                let message = "is described by its layers, of which is not known how they vary among people; give a site of the \
-                               catalogue";
+                let message = "is described by its layers, and their variation among people is not known; give a tissue site of \
+                               the catalogue";
                 context.fail(at, message)
             }
         }
@@ -223,8 +223,7 @@ pub(crate) fn of_section(
         Some(site) => match given(&only_layers) {
             None => Ok(NamedTissue::Site(of_site(context, at, section, site)?)),
             Some(field) => {
-                let message =
-                    "a site has its own layers; remove this, or the site to describe the layers one by one";
+                let message = "a tissue site has its own layers; remove this field, or remove `site` to describe the layers yourself";
                 context.fail(&at.field(field), message)
             }
         },
@@ -236,7 +235,7 @@ pub(crate) fn of_section(
         None => match given(&only_sites) {
             None => of_layers(context, at, section, fluorophores, grid),
             Some(field) => {
-                let message = "is for sites of the catalogue; this tissue is described by its layers: change them instead";
+                let message = "applies only to sites of the catalogue; this tissue is described by its layers, so change the layers";
                 context.fail(&at.field(field), message)
             }
         },
@@ -292,7 +291,7 @@ fn of_layer(
 ) -> Resolved<TissueLayer> {
     let thickness = at.field("thickness_um");
     let thickness_um =
-        context.within(&thickness, section.thickness_um, THICKNESS_UM, "um (1 mm = 1000 um)")?;
+        context.within(&thickness, section.thickness_um, THICKNESS_UM, "µm (1 mm = 1000 µm)")?;
     if let Some(index) = section.refractive_index {
         let hint = "(tissue has 1.33 to 1.65)";
         context.within(&at.field("refractive_index"), index, REFRACTIVE_INDEX, hint)?;
@@ -352,8 +351,7 @@ fn scattering(
             return context.fail(at, message);
         }
         (Some(_), Some(_)) => {
-            let message =
-                "scattering_per_mm is given already; one follows from the other with the anisotropy";
+            let message = "scattering_per_mm is given as well, and each follows from the other; remove one";
             return context.fail(&at.field("reduced_per_mm"), message);
         }
     };

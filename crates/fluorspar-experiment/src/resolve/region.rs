@@ -97,7 +97,7 @@ fn shapes(
     section: &SensorRegionSection,
 ) -> Resolved<RegionOfInterest> {
     if *section == SensorRegionSection::default() {
-        return context.fail(at, "names nothing; give parts, rectangle_px, polygon_px or mask");
+        return context.fail(at, "selects no pixels; give parts, rectangle_px, polygon_px or mask");
     }
     check_parts(context, &at.field("parts"), &section.parts, seen)?;
     let mut region = RegionOfInterest::of_parts(section.parts.iter().cloned());
@@ -172,7 +172,8 @@ fn place(
     };
     let Some(lesion) = &section.lesion else {
         if shape == SensorRegionSection::default() {
-            return context.fail(at, "names nothing; give lesion, parts, rectangle_px, polygon_px or mask");
+            return context
+                .fail(at, "selects no pixels; give lesion, parts, rectangle_px, polygon_px or mask");
         }
         return Ok(TargetPlace::Region(shapes(context, file, seen, at, &shape)?));
     };

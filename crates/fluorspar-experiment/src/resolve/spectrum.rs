@@ -85,7 +85,7 @@ impl Context<'_> {
             SpectrumReference::Table(table) => self.table(at, table, grid)?,
             SpectrumReference::Matlab(column) => self.matlab(at, column, grid)?,
         };
-        self.check_values(at, &curve, role)?;
+        self.check_values(at, reference, &curve, role)?;
         Ok(curve)
     }
 
@@ -181,7 +181,13 @@ impl Context<'_> {
         self.error(at, error.to_string()).without_value()
     }
 
-    fn check_values(&self, at: &Place, curve: &Curve, role: Role) -> Resolved<()> {
+    fn check_values(
+        &self,
+        at: &Place,
+        reference: &SpectrumReference,
+        curve: &Curve,
+        role: Role,
+    ) -> Resolved<()> {
         let most = match role {
             Role::Filter | Role::Reflectance => 1.0,
             Role::Light => LARGEST_RELATIVE,
@@ -199,12 +205,24 @@ impl Context<'_> {
         };
         let number = curve.values()[index];
         let [value, nm] = [number, curve.wavelengths_nm()[index]].map(number_text);
+        let is_number = matches!(reference, SpectrumReference::Constant(_));
+        let place = if is_number { String::new() } else { format!(" at {nm} nm") };
         if role.is_fraction() {
-            let hint = if number > 1.0 && number <= 100.0 { "; percent? Give fractions" } else { "" };
-            return self.fail(at, format!("the value {value} at {nm} nm is not between 0 and 1{hint}"));
+            let hint = match reference {
+                _ if number <= 1.0 || number > 100.0 => "",
+                SpectrumReference::Constant(_) => ". If it is a percentage, divide it by 100",
+                SpectrumReference::Text(_) => {
+                    ". If the values are percentages, divide them by 100, or give the file as { csv = \"FILE\", scale = 0.01 }"
+                }
+                SpectrumReference::Table(_) | SpectrumReference::Matlab(_) => {
+                    ". If the values are percentages, set scale = 0.01, or divide the given scale by 100"
+                }
+                SpectrumReference::Model(_) => ". If the values are percentages, divide them by 100",
+            };
+            return self.fail(at, format!("the value {value}{place} is not between 0 and 1{hint}"));
         }
         let most = number_text(most);
-        self.fail(at, format!("the value {value} at {nm} nm is not between 0 and {most}"))
+        self.fail(at, format!("the value {value}{place} is not between 0 and {most}"))
     }
 
     /// A texture from its reference. Values must be between 0 and `highest`.

@@ -460,8 +460,8 @@ fn check_held(
             "Its strength is 0: give it one among the parameters of a [[tissue]]"
         }
         NamedTissue::Site(_) => {
-            "A site takes no others: for another dye describe the tissue by its layers, [[tissue.layer]], or lay the dye on surfaces, as \
-             oraleye-2021-surface has them"
+            "A tissue site accepts no others. For another dye, describe the tissue by layers ([[tissue.layer]]), or use diffuse \
+             materials with concentrations, as the experiment oraleye-2021-surface does"
         }
     };
     let message = format!(

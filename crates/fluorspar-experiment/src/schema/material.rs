@@ -290,8 +290,10 @@ pub enum MetalReference {
 #[serde(deny_unknown_fields)]
 pub struct MetalIndex {
     /// Real part of the refractive index: a number, a table or a CSV file.
+    #[schemars(extend("x-expected" = "a number, { csv = \"FILE\" } or a table of wavelengths and values"))]
     pub n: SpectrumReference,
     /// Extinction coefficient: a number, a table or a CSV file.
+    #[schemars(extend("x-expected" = "a number, { csv = \"FILE\" } or a table of wavelengths and values"))]
     pub k: SpectrumReference,
 }
 

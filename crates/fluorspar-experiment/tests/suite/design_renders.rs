@@ -177,7 +177,7 @@ fn what_can_not_be_rendered_is_told_with_its_cure() {
         (vec!["region.elastin.rendered={ parts = [\"elastin_spere\"] }"], "did you mean"),
         (vec!["region.elastin.rendered={ apart = [\"elastine\"] }"], "did you mean"),
         (vec!["region.elastin.rendered={ rectangle_px = [40, 0, 20, 10] }"], "48 x 32 pixels"),
-        (vec!["region.elastin.material={ reflectance = 0.5 }"], "remove one of both"),
+        (vec!["region.elastin.material={ reflectance = 0.5 }"], "remove one of the two"),
         (vec!["scene.preset=\"fluorescent-spheres\""], "fluorescent-sphere"),
         (vec!["scene.light_group=\"room\""], "violet"),
         (vec!["scene.set=[\"camera.position=3\"]"], "can't be rendered"),

@@ -304,7 +304,7 @@ fn experiments_place_meshes() {
     for (object, message) in [
         (
             "type = \"sphere\"\nradius_mm = 1\n[[object.instance]]\n",
-            "it belongs to type \"mesh\" or type \"quad\" or type \"box\"",
+            "use a type that has it: mesh, quad, box",
         ),
         (
             "type = \"box\"\nsize_mm = [1, 1, 1]\n[[object.instance]]\nstretch = [1, 0, 1]\n",

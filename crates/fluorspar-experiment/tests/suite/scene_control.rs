@@ -139,7 +139,7 @@ fn parts_are_given_materials_of_their_own() {
     );
     assert_eq!(values(&experiment, "ball_2/transform.translate_mm").len(), 1);
     let said = changed(SCENE, &["ball_3/material=pink"]).unwrap_err();
-    assert!(said.contains("no part is named `ball_3`, did you mean \"ball_2\"?"), "{said}");
+    assert!(said.contains("no part is named `ball_3`; did you mean \"ball_2\"?"), "{said}");
 }
 
 #[test]

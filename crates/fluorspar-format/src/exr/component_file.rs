@@ -257,7 +257,7 @@ impl ComponentFile {
 }
 
 /// What to do about a damaged file.
-const DAMAGED: &str = "Was it copied completely?";
+const DAMAGED: &str = "Copy the file again";
 
 /// Planes must fill the image.
 fn check_planes(
@@ -330,7 +330,7 @@ impl ComponentFile {
         if !seen.iter().enumerate().any(is_missing) {
             return Ok(());
         }
-        Err(FormatError::malformed(&self.path, "rows of the image are missing", "Was it copied completely?"))
+        Err(FormatError::malformed(&self.path, "rows of the image are missing", "Copy the file again"))
     }
 }
 

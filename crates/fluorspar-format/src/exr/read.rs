@@ -220,8 +220,8 @@ pub(super) fn component_parts(path: &Path, headers: &[Header]) -> Result<Compone
     let Some((grid, size)) = shared else {
         return Err(FormatError::unsupported(
             path,
-            "the file holds no components",
-            "Read it as a spectral image, or render the components",
+            "this image holds radiance, not the component images that are needed",
+            "Give components.exr of a run, or render one with `fluorspar render --components`",
         ));
     };
     Ok(ComponentParts { grid, size, components, samples_per_pixel, targets })
@@ -399,7 +399,7 @@ pub(super) fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
             return Err(FormatError::malformed(
                 path,
                 format!("the header claims {} blocks in a file of {length} bytes", header.chunk_count),
-                "Was it copied completely?",
+                "Copy the file again",
             ));
         }
     }
@@ -418,7 +418,7 @@ pub(super) fn headers(path: &Path) -> Result<Vec<Header>, FormatError> {
 }
 
 pub(super) fn damaged(path: &Path, error: &exr::error::Error) -> FormatError {
-    FormatError::malformed(path, format!("not a valid OpenEXR file: {error}"), "Was it copied completely?")
+    FormatError::malformed(path, format!("not a valid OpenEXR file: {error}"), "Copy the file again")
 }
 
 /// Where the samples of a channel go: `buffers[buffer][offset + stride * pixel]`.

@@ -77,7 +77,7 @@ pub(super) fn rows_of_24_bits(
     let unpacked = decompressor.zlib_decompress(packed, &mut bytes);
     if !unpacked.is_ok_and(|length| length == bytes.len()) {
         let what = "not a valid OpenEXR file: compressed PXR24 data";
-        return Err(FormatError::malformed(path, what, "Was it copied completely?"));
+        return Err(FormatError::malformed(path, what, "Copy the file again"));
     }
     for (row, of_row) in bytes.chunks_exact(VALUE_BYTES * width * channels.len()).enumerate() {
         for (stored, band) in of_row.chunks_exact(VALUE_BYTES * width).zip(bands) {

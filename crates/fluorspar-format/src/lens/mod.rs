@@ -144,7 +144,11 @@ mod tests {
 
     #[test]
     fn bad_pbrt_tables_are_explained() {
-        assert!(fault("40 6 1.6\n", "dat").starts_with("1: 3 numbers"), "{}", fault("40 6 1.6\n", "dat"));
+        assert!(
+            fault("40 6 1.6\n", "dat").starts_with("1: this line has 3 numbers"),
+            "{}",
+            fault("40 6 1.6\n", "dat")
+        );
         assert!(fault("40 6 x 20\n", "dat").contains("\"x\" is not a finite number"));
         assert!(fault("40 6 1.6 20\n-70 0 1 20\n", "dat").contains("no stop"));
         assert!(fault("# nothing\n", "dat").contains("no surface"));

@@ -18,8 +18,9 @@ pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
         }
         let [radius, thickness, index_of_refraction, diameter] = words[..] else {
             let message = format!(
-                "{} numbers; a surface has four: radius, thickness, index, aperture diameter",
-                words.len()
+                "this line has {} number{}; a surface needs four: radius, thickness, index, aperture diameter",
+                words.len(),
+                if words.len() == 1 { "" } else { "s" }
             );
             return Err(Fault::at(at, message));
         };
@@ -49,7 +50,7 @@ pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
         return Err(Fault::anywhere("no surface; give lines of radius, thickness, index, aperture diameter"));
     }
     if !surfaces.iter().any(|surface| surface.is_stop) {
-        return Err(Fault::anywhere("no stop; one line must have the radius 0 and the index 0"));
+        return Err(Fault::anywhere("the lens has no stop; add one line with radius 0 and index 0"));
     }
     Ok(LensPrescription::new(name, surfaces))
 }

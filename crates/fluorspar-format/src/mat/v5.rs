@@ -57,7 +57,7 @@ const COMPLEX: u32 = 0x0800;
 /// # Errors
 /// A file that ends too early, sizes that don't fit, damaged compression, more than the limits above.
 pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Fields, FormatError> {
-    let damaged = |what: String| FormatError::malformed(path, what, "Was it copied completely?");
+    let damaged = |what: String| FormatError::malformed(path, what, "Copy the file again");
     if bytes.len() < HEADER_BYTES {
         return Err(damaged(format!("the header has {} of {HEADER_BYTES} bytes", bytes.len())));
     }
@@ -121,16 +121,16 @@ impl Left {
         self.values = self
             .values
             .checked_sub(count)
-            .ok_or_else(|| Fault::TooLarge { what: "its variables hold more numbers", limit: limit() })?;
+            .ok_or_else(|| Fault::TooLarge { what: "the variables hold too many numbers", limit: limit() })?;
         Ok(())
     }
 
     fn take_entry(&mut self) -> Result<(), Fault> {
-        let limit = || format!("{MAX_ENTRIES} of them");
-        self.entries = self
-            .entries
-            .checked_sub(1)
-            .ok_or_else(|| Fault::TooLarge { what: "it holds more variables and fields", limit: limit() })?;
+        let limit = || format!("{MAX_ENTRIES}");
+        self.entries = self.entries.checked_sub(1).ok_or_else(|| Fault::TooLarge {
+            what: "the file holds too many variables and fields",
+            limit: limit(),
+        })?;
         Ok(())
     }
 }
@@ -220,10 +220,10 @@ fn inflated(content: &[u8], order: Order, left: &mut Left) -> Result<(String, Ma
         return damaged(format!("it can't be unpacked: {error}"));
     }
     let limit = || format!("{MAX_INFLATED} bytes");
-    left.inflated = left
-        .inflated
-        .checked_sub(bytes.len())
-        .ok_or_else(|| Fault::TooLarge { what: "its variables unpack to more bytes", limit: limit() })?;
+    left.inflated = left.inflated.checked_sub(bytes.len()).ok_or_else(|| Fault::TooLarge {
+        what: "the variables are too large when decompressed",
+        limit: limit(),
+    })?;
     let mut elements = Elements { bytes: &bytes, order };
     matrix(elements.expect(kind::MATRIX, "the array is")?, order, 0, left)
 }

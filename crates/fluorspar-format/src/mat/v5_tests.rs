@@ -205,7 +205,7 @@ fn damage_is_named_with_its_variable() {
     for (variable, expected) in cases {
         let said = read(&maker.file(&[variable])).unwrap_err();
         assert!(said.starts_with(&format!("f.mat: {expected}")), "{said}");
-        assert!(said.ends_with(". Was it copied completely?"), "{said}");
+        assert!(said.ends_with(". Copy the file again"), "{said}");
     }
 }
 
@@ -257,17 +257,17 @@ fn compressed_variables_end_at_a_fixed_size() {
     assert!(bomb.len() < 1 << 20);
     let said = bounded(&LITTLE.file(&[bomb])).unwrap_err();
     assert!(
-        said.starts_with("f.mat: its variables unpack to more bytes; at most 67108864 bytes is read"),
+        said.starts_with("f.mat: the variables are too large when decompressed; the limit is 67108864 bytes"),
         "{said}"
     );
     // Each small enough, all together not.
     let array = LITTLE.array(DOUBLE, &[1 << 23, 1], "a", &LITTLE.element(2, &vec![0; 1 << 23]));
     let part = LITTLE.compressed(&array);
     let said = bounded(&LITTLE.file(&vec![part; 20])).unwrap_err();
-    assert!(said.contains("its variables hold more numbers; at most 16777216 values"), "{said}");
+    assert!(said.contains("the variables hold too many numbers; the limit is 16777216 values"), "{said}");
     let empty = LITTLE.compressed(&LITTLE.element(14, &[]));
     let said = bounded(&LITTLE.file(&vec![empty; 100_001])).unwrap_err();
-    assert!(said.contains("it holds more variables and fields"), "{said}");
+    assert!(said.contains("the file holds too many variables and fields"), "{said}");
 }
 
 #[test]

@@ -28,7 +28,9 @@ struct Left {
 }
 
 fn damaged(path: &Path, error: &Error) -> FormatError {
-    FormatError::malformed(path, format!("the MATLAB 7.3 data can't be read: {error}"), "Save it with '-v7'")
+    const HINT: &str =
+        "If the file is incomplete, copy it again; otherwise save it in MATLAB with save(..., '-v7')";
+    FormatError::malformed(path, format!("the MATLAB 7.3 data can't be read: {error}"), HINT)
 }
 
 fn read_group(path: &Path, group: &Group, depth: usize, left: &mut Left) -> Result<Fields, FormatError> {
@@ -63,7 +65,7 @@ fn read_dataset(
         FormatError::too_large(path, what, format!("{MAX_VALUES} values in all"))
     })?;
     left.entries = left.entries.checked_sub(1).ok_or_else(|| {
-        FormatError::too_large(path, "it holds more variables and fields", format!("{MAX_ENTRIES} of them"))
+        FormatError::too_large(path, "the file holds too many variables and fields", format!("{MAX_ENTRIES}"))
     })?;
     check_packing(path, count, left.length)?;
     let attributes = dataset.attrs().map_err(failed)?;

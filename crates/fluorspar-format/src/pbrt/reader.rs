@@ -341,7 +341,7 @@ impl Reader {
             return Ok(Some(Next::Directive));
         }
         let hint = did_you_mean(&word, DIRECTIVES.iter().copied());
-        Err(Fault::new(spot, format!("{} is no directive{hint}", excerpt(&word))))
+        Err(Fault::new(spot, format!("{} is not a directive{hint}", excerpt(&word))))
     }
 
     /// Directives that change the current transform.
@@ -688,7 +688,10 @@ impl Reader {
 
     /// The class and the parameters behind a directive; `kind` is what `Attribute` calls it.
     fn entity(&mut self, line: &mut Line<'_, '_>, kind: Option<&str>) -> Outcome<PbrtEntity> {
-        let class = line.text("the type of what follows")?;
+        let Some((Token::Text(class), _)) = line.tokens.next()? else {
+            return Err(line.fault("this directive needs its type in quotes, for instance Shape \"sphere\""));
+        };
+        let class = class.into_owned();
         if V4_CLASSES.contains(&class.as_str()) && !(class == "diffuse" && kind == Some("light")) {
             self.scene.version = PbrtVersion::V4;
         }
@@ -820,7 +823,7 @@ fn read_plain(path: &Path) -> Result<Vec<u8>, String> {
         .map_err(|error| format!("the gzip data are damaged: {error}. Copy the file again"))?;
     if plain.len() as u64 > MAX_FILE_BYTES {
         return Err(format!(
-            "it unpacks to more than {} GiB; put meshes into .ply files",
+            "it is larger than {} GiB when decompressed; put meshes into .ply files",
             MAX_FILE_BYTES >> 30
         ));
     }

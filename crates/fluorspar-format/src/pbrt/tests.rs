@@ -131,11 +131,11 @@ fn files_include_others_beside_them_but_never_themselves() {
 #[test]
 fn mistakes_are_named_with_their_places() {
     for (text, expected) in [
-        ("Shpae \"sphere\"", "1:1: Shpae is no directive, did you mean \"Shape\"?"),
-        ("\n Shape sphere", "2:2: the type of what follows must follow this directive, in quotes"),
+        ("Shpae \"sphere\"", "1:1: Shpae is not a directive; did you mean \"Shape\"?"),
+        ("\n Shape sphere", "2:2: this directive needs its type in quotes, for instance Shape \"sphere\""),
         (
             "Shape \"sphere\" \"flaot radius\" 1",
-            "1:16: no parameter has the type \"flaot\", did you mean \"float\"?",
+            "1:16: no parameter has the type \"flaot\"; did you mean \"float\"?",
         ),
         ("Shape \"sphere\" \"radius\" 1", "1:16: a parameter is declared with its type and its name"),
         ("Shape \"sphere\" \"float radius\" [ 1 x ]", "1:35: \"x\" is not a number"),
@@ -169,7 +169,7 @@ fn mistakes_are_named_with_their_places() {
         ("MakeNamedMaterial \"a\" \"float Kd\" 1", "1:1: material \"a\" has no type"),
         ("Material \"matte\" \"texture Kd\" \"t\"", "1:18: no Texture defines \"t\""),
         ("Texture \"t\" \"foo\" \"constant\"", "1:1: a texture is of float or spectrum"),
-        ("Attribute \"shap\" \"float a\" 1", "1:1: Attribute knows no \"shap\", did you mean \"shape\"?"),
+        ("Attribute \"shap\" \"float a\" 1", "1:1: Attribute knows no \"shap\"; did you mean \"shape\"?"),
     ] {
         let said = refused(text);
         assert!(said.starts_with(expected), "{text}\n{said}\n{expected}");

@@ -271,7 +271,7 @@ fn other_formats_are_refused_with_what_to_do() {
         said("radiance-1.npy.json", &|bytes| replace(bytes, b"\"format\": 1", b"\"format\": 2")),
         format!("radiance-1.npy.json: the description has format 2; this program reads format 1. {again}")
     );
-    let told = "Use the version that it was written for";
+    let told = "Use a version of Fluorspar that reads this format";
     assert_eq!(
         said("frame-1.tiff.json", &|bytes| replace(bytes, b"\"format\": 1", b"\"format\": 2")),
         format!("frame-1.tiff.json: the description has format 2; this program reads format 1. {told}")

@@ -259,7 +259,7 @@ fn openexr_mistakes_are_explained() {
     );
     assert_eq!(
         said(folder.path(), read_component_exr(&path)),
-        "i.exr: the file holds no components. Read it as a spectral image, or render the components"
+        "i.exr: this image holds radiance, not the component images that are needed. Give components.exr of a run, or render one with `fluorspar render --components`"
     );
     write_component_exr(&path, &components(), &ExrOptions::default()).unwrap();
     assert_eq!(
@@ -304,11 +304,11 @@ fn absurd_sizes_are_refused_before_memory_is_taken() {
     for (last, expected) in [
         (
             99_999_i32,
-            "i.exr: the image claims 100000 rows and 100000 columns of 16 bytes; at most 8589934592 bytes is read. The file is damaged or meant for something else",
+            "i.exr: the image claims 100000 rows and 100000 columns of 16 bytes; the limit is 8589934592 bytes. Check that this is the right file and that it is complete",
         ),
         (
             199_999,
-            "i.exr: the image claims 200000 rows and 200000 columns; at most 100000 a side is read. The file is damaged or meant for something else",
+            "i.exr: the image claims 200000 rows and 200000 columns; the limit is 100000 a side. Check that this is the right file and that it is complete",
         ),
     ] {
         bytes[at..at + 4].copy_from_slice(&last.to_le_bytes());
@@ -330,15 +330,15 @@ fn absurd_sizes_are_refused_before_memory_is_taken() {
     fs::write(&path, &bytes).unwrap();
     assert_eq!(
         said(folder.path(), read_sensor_image(&path)),
-        "f.tiff: the image claims 4 rows and 3000000 columns; at most 100000 a side is read. \
-         The file is damaged or meant for something else"
+        "f.tiff: the image claims 4 rows and 3000000 columns; the limit is 100000 a side. \
+         Check that this is the right file and that it is complete"
     );
 
     bytes[at..at + 4].copy_from_slice(&90_000_u32.to_le_bytes());
     bytes[height..height + 4].copy_from_slice(&400_u32.to_le_bytes());
     fs::write(&path, &bytes).unwrap();
     let expected = format!(
-        "f.tiff: the header claims 72000000 bytes of pixels in a file of {} bytes. Was it copied completely?",
+        "f.tiff: the header claims 72000000 bytes of pixels in a file of {} bytes. Copy the file again",
         bytes.len()
     );
     assert_eq!(said(folder.path(), read_sensor_image(&path)), expected);
@@ -349,8 +349,8 @@ fn absurd_sizes_are_refused_before_memory_is_taken() {
     encoder.write_header().unwrap().write_image_data(&[0; 100_001]).unwrap();
     assert_eq!(
         said(folder.path(), read_texture_png(&path, Transfer::Linear)),
-        "t.png: the image claims 1 rows and 100001 columns; at most 100000 a side is read. \
-         The file is damaged or meant for something else"
+        "t.png: the image claims 1 rows and 100001 columns; the limit is 100000 a side. \
+         Check that this is the right file and that it is complete"
     );
 }
 
@@ -403,7 +403,7 @@ fn numpy_mistakes_are_explained() {
     let cases = [
         (
             array("'<f4'", "False", "(2, 2)"),
-            "a.npy: the shape [2, 2] needs 16 bytes but 0 follow. Was it copied completely?",
+            "a.npy: the shape [2, 2] needs 16 bytes but 0 follow. Copy the file again",
         ),
         (
             array("'<c8'", "False", "(2, 2)"),
@@ -416,12 +416,12 @@ fn numpy_mistakes_are_explained() {
         ),
         (
             array("'<f4'", "False", "(9000000000, 9000000000)"),
-            "a.npy: the array claims the shape [9000000000, 9000000000]; at most 8589934592 bytes is read. \
-             The file is damaged or meant for something else",
+            "a.npy: the array claims the shape [9000000000, 9000000000]; the limit is 8589934592 bytes. \
+             Check that this is the right file and that it is complete",
         ),
         (
             b"\x93NUMPY\x02\x00\xff\xff\xff\xff".to_vec(),
-            "a.npy: the header claims 4294967295 bytes in a file of 12. Was it copied completely?",
+            "a.npy: the header claims 4294967295 bytes in a file of 12. Copy the file again",
         ),
         (
             b"PK\x03\x04 and so on, no array".to_vec(),
@@ -476,7 +476,7 @@ fn raw_mistakes_are_explained() {
         (
             "\"format\": 1",
             "\"format\": 9",
-            "f.tiff.json: the description has format 9; this program reads format 1. Use the version that it was written for",
+            "f.tiff.json: the description has format 9; this program reads format 1. Use a version of Fluorspar that reads this format",
         ),
         (
             "\"gain\": 2.0",
@@ -498,7 +498,7 @@ fn raw_mistakes_are_explained() {
     assert_eq!(
         read().replace(&sidecar.display().to_string(), "f.tiff.json"),
         "f.tiff: its description f.tiff.json is missing. \
-         Keep the two files together. Of a camera's frame `fluorspar describe FRAME` writes one"
+         Keep the two files together. For a frame from a camera, `fluorspar describe FRAME` writes the description"
     );
 
     let target = folder.path().join("new.tiff");

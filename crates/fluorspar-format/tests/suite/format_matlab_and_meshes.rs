@@ -90,19 +90,16 @@ fn bad_matlab_files_are_explained() {
     let mut twice = v5.clone();
     twice[wave + 2] = 0x90;
     let cases: &[(&[u8], &str)] = &[
-        (b"", "f.mat: the file is empty. Was it copied completely?"),
+        (b"", "f.mat: the file is empty. Copy the file again"),
         (
             b"hello, this is text and nothing else",
             "f.mat: this is not a MATLAB file. Save it in MATLAB with save(..., '-v7'), or in Python with scipy.io.savemat",
         ),
         (&v4, "f.mat: this is a MATLAB version 4 file. Load it in MATLAB and save it with save(..., '-v7')"),
-        (&v5[..100], "f.mat: the header has 100 of 128 bytes. Was it copied completely?"),
-        (&v5[..132], "f.mat: the variable at byte 128 is cut off. Was it copied completely?"),
-        (
-            &v5[..150],
-            "f.mat: the variable at byte 128 claims 64 bytes but 14 follow. Was it copied completely?",
-        ),
-        (&no_order, "f.mat: the header names no byte order. Was it copied completely?"),
+        (&v5[..100], "f.mat: the header has 100 of 128 bytes. Copy the file again"),
+        (&v5[..132], "f.mat: the variable at byte 128 is cut off. Copy the file again"),
+        (&v5[..150], "f.mat: the variable at byte 128 claims 64 bytes but 14 follow. Copy the file again"),
+        (&no_order, "f.mat: the header names no byte order. Copy the file again"),
         (&v5[..128], "f.mat: there is no variable or field \"emission\". The file holds: nothing"),
         (&twice, "f.mat: the wavelength 400 nm appears twice. Keep one value per wavelength"),
         (
@@ -200,7 +197,7 @@ fn bad_ply_files_are_explained() {
         (ply("property float y\n", ""), "m.ply: vertices have no x, y, z. Export positions"),
         (
             ply("element vertex 5", "element vertex 5000000000"),
-            "m.ply: the header claims 5000000000 elements \"vertex\" in 345 bytes. Was it copied completely?",
+            "m.ply: the header claims 5000000000 elements \"vertex\" in 345 bytes. Copy the file again",
         ),
         (
             ply("3 0 1 4", "3 0 1 9"),
@@ -216,7 +213,7 @@ fn bad_ply_files_are_explained() {
         ),
         (
             ply("500 500 500", "500 nan 500"),
-            "m.ply:18: not a valid PLY file: Couldn't read element line. Was it copied completely? Otherwise export the mesh again",
+            "m.ply:18: not a valid PLY file: Couldn't read element line. Copy the file again, or export the mesh again",
         ),
     ];
     for (content, expected) in cases {
@@ -248,7 +245,7 @@ fn obj_shapes_are_merged() {
 fn bad_obj_files_are_explained() {
     let obj = |from: &str, to: &str| OBJ.replacen(from, to, 1);
     let cases = [
-        ("".to_string(), "m.obj: the file is empty. Was it copied completely?"),
+        ("".to_string(), "m.obj: the file is empty. Copy the file again"),
         ("v 0 0 0\n".into(), "m.obj: the mesh has no triangles. Fix the mesh or export it again"),
         (
             obj("v 10 10 0", "v 10 x 0"),

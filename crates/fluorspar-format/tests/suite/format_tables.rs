@@ -70,7 +70,7 @@ fn empty_cells_and_negative_values_follow_the_options() {
 #[test]
 fn bad_spectra_are_explained() {
     let cases: &[(&[u8], &str)] = &[
-        (b"", "t.csv: the file is empty. Was it copied completely?"),
+        (b"", "t.csv: the file is empty. Copy the file again"),
         (b"# only this\n", "t.csv: the file holds no table. Give a header line and lines of numbers"),
         (b"nm,a\n", "t.csv:1: the file ends after the header line. Give at least two lines of numbers"),
         (
@@ -123,15 +123,15 @@ fn bad_spectra_are_explained() {
         ),
         (
             b"nm,a\n400,1\n410,-2\n",
-            "t.csv:3: column \"a\" holds -2, below zero. Subtract the background correctly, or allow or clip negative values on purpose",
+            "t.csv:3: column \"a\" holds -2, below zero. Subtract the background correctly, or set the value to 0",
         ),
         (
             b"nm,a\n400,1\n410,NaN\n",
-            "t.csv:3: column \"a\" holds NaN. Every value must be a finite number: remove the line or leave the cell empty and skip empty cells",
+            "t.csv:3: column \"a\" holds NaN. Give a finite number, or remove the line",
         ),
         (
             b"nm,a\n400,1\n410,\n",
-            "t.csv:3: column \"a\" is empty at 410 nm. Fill the cell, remove the line, or skip empty cells on purpose",
+            "t.csv:3: column \"a\" is empty at 410 nm. Fill the cell or remove the line",
         ),
         (b"nm,a\n400,1\n,2\n", "t.csv:3: the wavelength is empty. Give every line a wavelength in nm"),
         (
@@ -260,11 +260,14 @@ fn scattered_light_of_the_lamp_is_refused_and_small_stokes_shifts_are_not() {
     for step in [5, 10, 20] {
         let first = |m: f64, x: f64| 0.4 * bell(m, x, 4.0);
         let text = complaint(table(step, [400.0, 520.0], &first).as_bytes(), strict);
-        assert!(text.contains("on the line emission = excitation, from 3"), "{step}: {text}");
+        assert!(text.contains("lies along emission = excitation for excitations from 3"), "{step}: {text}");
         loaded(&table(step, [400.0, 520.0], &first), |path| read_eem_csv(path, &kept));
         let second = |m: f64, x: f64| 0.3 * bell(m, 2.0 * x, 4.0);
         let text = complaint(table(step, [400.0, 520.0], &second).as_bytes(), strict);
-        assert!(text.contains("on the line emission = 2 x excitation, from 3"), "{step}: {text}");
+        assert!(
+            text.contains("second-order scatter lies along emission = 2 x excitation for excitations from 3"),
+            "{step}: {text}"
+        );
         // The dye alone, with shifts of 120, 40, 15 and 0 nm
         for peaks in [[400.0, 520.0], [400.0, 440.0], [430.0, 445.0], [430.0, 430.0]] {
             loaded(&table(step, peaks, &|_, _| 0.0), strict);
@@ -403,7 +406,7 @@ fn matrices_are_read_as_instruments_export_them() {
 #[test]
 fn forms_of_instruments_that_leave_a_guess_are_refused() {
     let told = |text: &str| complaint(text.as_bytes(), |path| read_eem_csv(path, &CsvEemOptions::default()));
-    let unit = "t.csv: the unit of the values is unknown";
+    let unit = "t.csv: the file does not say whether its values count photons or energy";
     for (text, words) in [
         (
             "\t350\t360\n400\t1,234\t2,345\n410\t1,111\t1,222\n",
@@ -421,7 +424,7 @@ fn forms_of_instruments_that_leave_a_guess_are_refused() {
         (";350;360\n400;1;2\n410;1;2\nhere\n420;1;2\n", "line 4: \"here\" stands between rows of the table"),
         (
             "PE FL  SUBTECH SPECTRUM\n#DATA\n400.0\t1\n401.0\t2\n402.0\t3\n403.0\t4\n404.0\t4\n",
-            "line 3: from here on there are two columns of numbers: one spectrum, no matrix",
+            "line 3: from here on there are two columns of numbers: one spectrum, not a matrix",
         ),
         ("ex\\em,400,410\n350,1,2\n360,1,2\n", "line 1: the columns are emission and the rows excitation"),
         (
@@ -481,7 +484,7 @@ fn bad_matrices_are_explained() {
     let cases: &[(&str, &str)] = &[
         (
             "em_nm\\ex_nm,350,400\n380,1,0\n450,2,3\n",
-            "t.csv: the unit of the values is unknown: photons or energy (they differ by emission/excitation wavelength). Add a line \"# unit: photons\" or \"# unit: energy\", or give the unit when reading",
+            "t.csv: the file does not say whether its values count photons or energy (the two differ by the ratio of emission to excitation wavelength). Add a line \"# unit: photons\" or \"# unit: energy\", or give the unit when reading",
         ),
         (
             "# unit: counts\nem_nm\\ex_nm,350\n380,1\n450,2\n",
@@ -494,7 +497,7 @@ fn bad_matrices_are_explained() {
         // All that is wrong with the form at once
         (
             "ex_nm,400,350,375\n380,1,0,3\n",
-            "t.csv: the unit of the values is unknown: photons or energy (they differ by emission/excitation wavelength). Add a line \"# unit: photons\" or \"# unit: energy\", or give the unit when reading. Also line 1: the corner cell is \"ex_nm\". Write \"em_nm\\ex_nm\" if rows are emission and columns excitation, both in nm; line 1: the excitation wavelength 350 nm follows 400 nm. Sort by wavelength, shortest first",
+            "t.csv: the file does not say whether its values count photons or energy (the two differ by the ratio of emission to excitation wavelength). Add a line \"# unit: photons\" or \"# unit: energy\", or give the unit when reading. Also line 1: the corner cell is \"ex_nm\". Write \"em_nm\\ex_nm\" if rows are emission and columns excitation, both in nm; line 1: the excitation wavelength 350 nm follows 400 nm. Sort by wavelength, shortest first",
         ),
         (
             "@ex_nm\\em_nm,380,450\n350,1,2\n400,0,3\n",
@@ -506,7 +509,7 @@ fn bad_matrices_are_explained() {
         ),
         (
             "@em_nm\\ex_nm,380,450\n350,1,2\n400,0,3\n",
-            "t.csv: 100 % of the matrix lies at emission wavelengths below the excitation. Rows are emission, columns are excitation: is the table transposed?",
+            "t.csv: 100 % of the signal lies at emission wavelengths shorter than the excitation. Transpose the table: rows must be emission and columns excitation",
         ),
         (
             "@em_nm\\ex_nm,350,400\n380,1,0.03\n450,2,3\n",
@@ -530,15 +533,15 @@ fn bad_matrices_are_explained() {
         ),
         (
             "@em_nm\\ex_nm,350,400\n380,1,0\n450,-2,3\n",
-            "t.csv:4: column \"350\" holds -2, below zero. Subtract the background correctly, or allow or clip negative values on purpose",
+            "t.csv:4: column \"350\" holds -2, below zero. Subtract the background correctly, or set the value to 0",
         ),
         (
             "@em_nm\\ex_nm,350,400\n380,1,0\n450,nan,3\n",
-            "t.csv:4: column \"350\" holds nan. Every value must be a finite number: remove the line or leave the cell empty and skip empty cells",
+            "t.csv:4: column \"350\" holds nan. Give a finite number, or remove the line",
         ),
         (
             "@em_nm\\ex_nm,350,400\n380,1,0\n450,,3\n",
-            "t.csv:4: the cell at excitation 350 nm is empty. Fill it from its neighbors, or take empty cells as zero on purpose",
+            "t.csv:4: the cell at excitation 350 nm is empty. Fill it from its neighbors or with 0",
         ),
         (
             "@em_nm\\ex_nm,350,400\n380,1,0\n450,2\n",

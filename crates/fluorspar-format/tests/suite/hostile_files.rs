@@ -153,8 +153,8 @@ fn a_png_is_judged_by_its_header() {
     let path = file(&folder, "t.png", png_of(18_000, 18_000, 1 << 20));
     assert_eq!(
         complaint(&path, |path| read_texture_png(path, Transfer::Linear)),
-        "t.png: 18000 x 18000 pixels take 4634 MiB of memory; at most 512 MiB is read. \
-         The file is damaged or meant for something else"
+        "t.png: 18000 x 18000 pixels take 4634 MiB of memory; the limit is 512 MiB. \
+         Check that this is the right file and that it is complete"
     );
 }
 
@@ -181,7 +181,7 @@ fn long_tables_are_read_line_by_line_and_not_slower() {
     let path = file(&folder, "wide.csv", format!("{wide}\n{wide}\n"));
     assert!(
         complaint(&path, |path| read_spectrum_csv(path, &CsvSpectrumOptions::default()))
-            .starts_with("wide.csv: the header has 10001 columns; at most 10000 columns is read")
+            .starts_with("wide.csv: the header has 10001 columns; the limit is 10000 columns")
     );
 }
 

@@ -81,7 +81,7 @@ pub enum MixtureError {
     /// Both ends have the same chromaticity.
     #[error(
         "bulk and {sought} have the same sensor chromaticity ({r:.4}, {g:.4}) through these filters and this sensor; \
-         mixtures cannot be distinguished"
+         mixtures cannot be distinguished; change the filters or the sensor"
     )]
     SameChromaticity {
         /// What is told from the bulk.

@@ -71,7 +71,7 @@ pub struct PixelSelection {
 #[non_exhaustive]
 pub enum RegionError {
     /// A part that the scene does not have.
-    #[error("the scene has no part \"{name}\"{} Its parts: {}", suggestion(.nearest.as_deref()), .available.join(", "))]
+    #[error("the rendered scene has no part \"{name}\"{} Name one of its parts, or use the experiment of this image. Its parts: {}", suggestion(.nearest.as_deref()), .available.join(", "))]
     UnknownPart {
         /// The requested name.
         name: String,
@@ -522,14 +522,14 @@ mod tests {
             .unwrap_err();
         assert_eq!(
             error.to_string(),
-            "the scene has no part \"Tounge\", did you mean \"tongue\"? Its parts: tongue, upper_teeth, palate"
+            "the rendered scene has no part \"Tounge\"; did you mean \"tongue\"? Name one of its parts, or use the experiment of this image. Its parts: tongue, upper_teeth, palate"
         );
         let error = RegionOfInterest::of_parts(["xyz"])
             .select(4, 2, Some(SceneOnSensor::filling(&scene())))
             .unwrap_err();
         assert_eq!(
             error.to_string(),
-            "the scene has no part \"xyz\". Its parts: tongue, upper_teeth, palate"
+            "the rendered scene has no part \"xyz\". Name one of its parts, or use the experiment of this image. Its parts: tongue, upper_teeth, palate"
         );
     }
 

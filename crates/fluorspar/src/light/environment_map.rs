@@ -66,7 +66,7 @@ pub enum EnvironmentMapError {
         value: f32,
     },
     /// Nothing shines.
-    #[error("the environment map is black everywhere")]
+    #[error("the environment map is black everywhere; give a map with values above 0")]
     Black,
 }
 

@@ -23,13 +23,13 @@ pub struct PhotonExcess {
 }
 
 impl fmt::Display for PhotonExcess {
-    /// As the predicate of a sentence: `creates photons: at 405 nm ...`.
+    /// As the predicate of a sentence: `emits more photons than it receives: at 405 nm, ...`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { wavelength_nm, reflectance, photon_yield, excess } = self;
         write!(
             f,
-            "creates photons: at {wavelength_nm} nm reflectance {reflectance:.4} plus fluorescence yield \
-             {photon_yield:.4} exceed 1 by {excess:.4}. Lower the reflectance or the concentrations"
+            "emits more photons than it receives: at {wavelength_nm} nm, reflectance {reflectance:.4} plus fluorescence \
+             yield {photon_yield:.4} exceeds 1 by {excess:.4}. Lower the reflectance or the concentrations"
         )
     }
 }

@@ -29,8 +29,8 @@ pub enum NormalMapError {
     },
     /// A normal that points into the surface.
     #[error(
-        "the normal of pixel ({col}, {row}) points into the surface: its blue is {blue:.3}, below one half. Is this \
-         a normal map in tangent space, stored without the sRGB curve?"
+        "the normal of pixel ({col}, {row}) points into the surface: its blue is {blue:.3}, below 0.5. Give a \
+         tangent-space normal map with linear values (not sRGB-encoded)"
     )]
     Inward {
         /// Column.

@@ -58,7 +58,11 @@ impl LensState {
         let (lens, film_mm, focus_travel) = focus(lens, &at_infinity, setting)?;
         let shift_mm = setting.film_shift_mm;
         if film_mm + shift_mm <= at_infinity.last_vertex_mm {
-            let message = format!("{} mm moves the film into the lens", number_text(shift_mm));
+            let message = format!(
+                "a shift of {} mm moves the image plane into the lens; give more than {:.3} mm",
+                number_text(shift_mm),
+                at_infinity.last_vertex_mm - film_mm
+            );
             return Err(PrescriptionError::new("film_shift_mm", message));
         }
         check_range(shift_mm, [-1e6, 1e6], "give mm")
@@ -120,8 +124,8 @@ fn check_collects(lens: &Paraxial) -> Result<(), PrescriptionError> {
         return Ok(());
     }
     let message = format!(
-        "the focal length is {focal_length_mm:.4} mm and the focus lies {behind_mm:.4} mm behind the last surface; a camera \
-         lens needs both positive. Check signs of radii, thicknesses and order (object side first)"
+        "the focal length is {focal_length_mm:.4} mm and the back focal length is {behind_mm:.4} mm; a camera lens needs both \
+         positive. Check the signs of the radii, the thicknesses and the order of the surfaces (object side first)"
     );
     Err(PrescriptionError::new("surfaces", message))
 }
@@ -164,8 +168,10 @@ fn aperture(
             Ok((stop_at(height), focal_length_mm / (2.0 * height)))
         }
         Some(wanted) => {
-            let message =
-                format!("{wanted} is out of range: the lens opens to f/{fastest:.3}; stop it down further");
+            let message = format!(
+                "{} is outside {fastest:.3} to 1000: the lens is f/{fastest:.3} wide open; give a larger f-number",
+                number_text(wanted)
+            );
             Err(PrescriptionError::new("f_number", message))
         }
     }
@@ -194,8 +200,9 @@ fn focus(
                     Ok((lens.clone(), film, 0.0))
                 }
                 _ => fail(format!(
-                    "{distance_mm} mm from the entrance pupil lies inside the lens or its focal length of {:.3} mm, so \
-                     there is no real image; move the object away",
+                    "an object {} mm from the entrance pupil has no real image behind this lens (focal length {:.3} mm); \
+                     increase the distance",
+                    number_text(distance_mm),
                     at_infinity.focal_length_mm
                 )),
             }

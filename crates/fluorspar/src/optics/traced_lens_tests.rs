@@ -132,7 +132,7 @@ fn impossible_settings_are_explained() {
     let error = |setting: LensSetting| LensState::new(&descartes(), setting).unwrap_err();
     let fast = error(LensSetting { f_number: Some(1.4), ..LensSetting::default() });
     assert_eq!(fast.place, "f_number");
-    assert!(fast.message.contains("opens to f/2.000"), "{fast}");
+    assert!(fast.message.contains("the lens is f/2.000 wide open"), "{fast}");
     let near = error(LensSetting { object_distance_mm: Some(20.0), ..LensSetting::default() });
     assert!(near.place == "focus_distance_mm" && near.message.contains("no real image"), "{near}");
     let diverging = LensPrescription::new(

@@ -172,8 +172,9 @@ pub enum PipelineError {
     /// A change that only a new render can follow.
     #[error(
         "{0} has changed since the component image was rendered, and the image would not show it: run or render the \
-         experiment again, or undo the change. Drives and concentrations of fluorophores can be changed without a render: \
-         capture.NAME.light_groups.GROUP and concentration.NAME, and spectra of lights with render.excitation_basis_nm"
+         experiment again, or undo the change. Without a new render you can change the drive level of a light group \
+         (capture.NAME.light_groups.GROUP), the concentration of a fluorophore (concentration.NAME) and, if the image was \
+         rendered with render.excitation_basis_nm, the spectra of the lights"
     )]
     OtherScene(String),
     /// A mask that does not cover the image.

@@ -25,7 +25,7 @@ pub enum RowBandError {
         limit: u64,
     },
     /// A band that was begun before overlaps another one or lies outside of the image.
-    #[error("the tile rows {} to {} do not fit to the other bands", .0.start, .0.end)]
+    #[error("the tile rows {} to {} do not match the other bands", .0.start, .0.end)]
     Overlap(Range<usize>),
     /// A band that was begun before is larger than what fits into the limit now.
     #[error("the tile rows {} to {} are more than the {fit} that fit into the memory limit", .band.start, .band.end)]

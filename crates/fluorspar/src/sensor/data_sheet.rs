@@ -103,7 +103,7 @@ fn one_of(
                 return Ok(a);
             }
             let message = format!(
-                "{} contradicts {a_name} = {}, which is {other:.4} by this; keep the right one",
+                "{} means {a_name} = {other:.4}, but {a_name} = {} is given too; remove the wrong one",
                 number_text(b),
                 number_text(a)
             );
@@ -242,8 +242,8 @@ impl Emva1288 {
         let saturation = self.saturation_capacity_e;
         if black + gain * saturation > codes - 0.5 {
             let message = format!(
-                "{saturation} e- at {gain:.4} DN/e- above a black level of {black} DN need {:.0} codes, but {} bits \
-                 have {codes}; gain, saturation capacity or bit depth is wrong",
+                "{saturation} e- at {gain:.4} DN/e- above a black level of {black} DN need {:.0} DN levels, but {} \
+                 bits have {codes}; correct the gain, the saturation capacity, the black level or the bit depth",
                 (black + gain * saturation).ceil(),
                 self.bit_depth
             );
@@ -277,7 +277,7 @@ impl Emva1288 {
                 !agrees
             }) {
                 let message = format!(
-                    "{} {unit} contradict the sheet: its saturation capacity, dark noise and gain give \
+                    "{} {unit} contradicts the sheet: its saturation capacity, dark noise and gain give \
                      {follows:.1} {unit}",
                     number_text(given)
                 );
@@ -318,7 +318,7 @@ impl Emva1288 {
             return Ok(());
         }
         let message = format!(
-            "{percent} % at {nm} nm contradict the curves of quantum_efficiency, whose best channel has {best:.1} % \
+            "{percent} % at {nm} nm contradicts the curves of quantum_efficiency, whose best channel has {best:.1} % \
              there; use the curves of this sensor"
         );
         Err(problem("quantum_efficiency_percent", message))

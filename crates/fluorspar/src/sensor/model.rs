@@ -475,7 +475,7 @@ impl SensorModel {
             "pixel_size_um",
             self.pixel_size_um,
             [0.1, 1e3],
-            "give the pitch in um",
+            "give the pitch in µm",
         )?;
         SensorProblem::unless_within(
             "fill_factor",
@@ -485,7 +485,7 @@ impl SensorModel {
         )?;
         if let Some(aperture) = self.aperture_um.filter(|a| !(1e-3..=self.pixel_size_um).contains(a)) {
             let message = format!(
-                "{} is outside 0.001 to the pixel size, {} um; give the side of the square that collects light",
+                "{} is outside 0.001 to the pixel size, {} µm; give the side of the square that collects light",
                 number_text(aperture),
                 self.pixel_size_um
             );

@@ -99,8 +99,9 @@ impl Readout {
             ] {
                 if first % step != 0 || count % step != 0 {
                     let message = format!(
-                        "{count} {field} from {first} are not a multiple of {step}, the repeating cell times the \
-                         binning; give region_px with multiples of it"
+                        "{count} {field} from {} {first} do not divide into blocks of {step} (mosaic cell times binning); make \
+                         the start and the size of region_px multiples of {step}",
+                        field.trim_end_matches('s')
                     );
                     return Err(SensorProblem::new(format!("binning.{field}"), message));
                 }

@@ -148,7 +148,7 @@ impl Chromophore {
                 check(place, "blood.saturation", blood.saturation, [0.0, 1.0], hint)?;
                 let hint = "adults have 120 to 170 g/l (12 to 17 g/dl)";
                 check(place, "blood.hemoglobin_g_per_l", blood.hemoglobin_g_per_l, [50.0, 250.0], hint)?;
-                let hint = "it is in um; capillaries have 3 to 5";
+                let hint = "it is in µm; capillaries have 3 to 5";
                 check(place, "blood.vessel_radius_um", blood.vessel_radius_um, [0.0, 1000.0], hint)
             }
             Self::Melanin { volume_fraction } => {
@@ -158,7 +158,7 @@ impl Chromophore {
                 check(place, "water.volume_fraction", *volume_fraction, [0.0, 1.0], share)
             }
             Self::BetaCarotene { concentration_umol_per_l } => {
-                let hint = "it is in umol/l; plasma has 0.1 to 2";
+                let hint = "it is in µmol/l; plasma has 0.1 to 2";
                 let name = "beta_carotene.concentration_umol_per_l";
                 check(place, name, *concentration_umol_per_l, [0.0, 100.0], hint)
             }
@@ -239,10 +239,10 @@ mod tests {
             (Chromophore::Blood(Blood { hemoglobin_g_per_l: 15.0, ..blood }), "g/dl"),
             (Chromophore::Blood(Blood { saturation: 93.3, ..blood }), "outside 0 to 1"),
             (Chromophore::Blood(Blood { volume_fraction: -0.1, ..blood }), "share of the volume"),
-            (Chromophore::Blood(Blood { vessel_radius_um: 4e3, ..blood }), "in um"),
+            (Chromophore::Blood(Blood { vessel_radius_um: 4e3, ..blood }), "in µm"),
             (Chromophore::Melanin { volume_fraction: 5.0 }, "share"),
             (Chromophore::Water { volume_fraction: f64::NAN }, "share"),
-            (Chromophore::BetaCarotene { concentration_umol_per_l: 1e3 }, "umol/l"),
+            (Chromophore::BetaCarotene { concentration_umol_per_l: 1e3 }, "µmol/l"),
             (Chromophore::Curve { name: "blood".into(), absorption_per_mm: Arc::new(curve) }, "1/cm"),
         ];
         for (chromophore, words) in cases {

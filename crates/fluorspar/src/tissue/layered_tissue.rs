@@ -125,7 +125,7 @@ impl TissueLayer {
     }
 
     fn validate(&self, place: &str) -> Result<(), TissueError> {
-        let hint = "it is in um (1 mm = 1000 um)";
+        let hint = "it is in µm (1 mm = 1000 µm)";
         check(place, "thickness_um", self.thickness_um, [0.1, 1e6], hint)?;
         if let Some(index) = self.refractive_index {
             let hint = "tissue has 1.33 to 1.65";

@@ -48,7 +48,7 @@ impl OpticalLayer {
     /// # Errors
     /// The first number that is outside its range, with the range; `place` says of which layer.
     pub fn validate(&self, place: &str) -> Result<(), TissueError> {
-        let hint = "thickness is in mm (1 mm = 1000 um)";
+        let hint = "thickness is in mm (1 mm = 1000 µm)";
         check(place, "thickness_mm", self.thickness_mm, THICKNESS_MM, hint)?;
         let hint = "coefficients are in 1/mm (1/cm = 0.1/mm)";
         check(place, "absorption_per_mm", self.absorption_per_mm, COEFFICIENT_PER_MM, hint)?;

@@ -129,7 +129,7 @@ fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError)
             (None, Some(_)) => ", or with --yield-unit energy where the values are energies",
             _ => "",
         };
-        text += &format!(". This takes the file: `{}`{unit}", import_command(path, &tried));
+        text += &format!(". To import the file, run: `{}`{unit}", import_command(path, &tried));
     }
     CliError::Input(text)
 }
@@ -174,18 +174,18 @@ fn scatter_fixed(path: &Path, tried: &mut FileOptions) -> Option<String> {
     if let Some(nm) = for_all.filter(|all| for_tails.is_some_and(|tails| *all <= tails + BANDPASS_NM)) {
         tried.cut = cut(nm);
         return Some(format!(
-            "`fluorophore import --cut-scatter {nm}` cuts it out, with the narrowest band that leaves none; --allow-anti-stokes accepts it"
+            "`fluorophore import --cut-scatter {nm}` is the narrowest band that removes it; --allow-anti-stokes keeps the values"
         ));
     }
     tried.allow_anti_stokes = true;
     tried.cut = for_tails.and_then(cut);
     Some(match for_tails {
         Some(nm) => format!(
-            "`fluorophore import --cut-scatter {nm}` cuts out the lines with their tails; --allow-anti-stokes accepts the noise of single cells that then \
-             is left below the excitation, where the Stokes mask leaves it out"
+            "`fluorophore import --cut-scatter {nm}` removes the lines with their tails; --allow-anti-stokes keeps the noise of single cells below the \
+             excitation, which the Stokes mask leaves out"
         ),
         None => {
-            "--allow-anti-stokes accepts it, and the Stokes mask leaves out what lies below the excitation"
+            "--allow-anti-stokes keeps the values, and the Stokes mask leaves out what lies below the excitation"
                 .into()
         }
     })
@@ -368,7 +368,7 @@ fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError>
     let range = |(first, last): (f64, f64)| format!("{first} to {last} nm");
     for (name, curve) in [("excitation", &read.excitation), ("emission", &read.emission)] {
         if curve.max() <= 0.0 {
-            return Err(nothing(path));
+            return Err(nothing(path, &format!("the {name}")));
         }
         let text = format!(
             "{}, {} samples, peak at {} nm",
@@ -421,7 +421,7 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
             refuse_negative(what, &values)?;
             let best = (0..values.len()).fold(0, |best, i| if values[i] > values[best] { i } else { best });
             if values[best] <= 0.0 {
-                return Err(nothing(path));
+                return Err(nothing(path, &format!("the {what}")));
             }
             let (first, last) = (read.wave_nm[0], read.wave_nm[read.wave_nm.len() - 1]);
             let text =
@@ -459,8 +459,12 @@ fn emission_only(path: &Path) -> CliError {
     ))
 }
 
-fn nothing(path: &Path) -> CliError {
-    CliError::Input(format!("{}: the fluorophore emits nothing: all its values are zero", path.display()))
+/// A part of a fluorophore that is zero everywhere.
+fn nothing(path: &Path, what: &str) -> CliError {
+    CliError::Input(format!(
+        "{}: {what} is zero at every wavelength. Check the column or export it again",
+        path.display()
+    ))
 }
 
 /// Share of the sum of all values that lies below its excitation.
@@ -502,7 +506,8 @@ fn describe(path: &Path, matrix: &Matrix, findings: &mut Vec<(String, String)>) 
     for (name, axis) in [("excitation", &matrix.excitation_nm), ("emission", &matrix.emission_nm)] {
         let (Some(first), Some(last), true) = (axis.first(), axis.last(), axis.len() > 1) else {
             return Err(CliError::Input(format!(
-                "{}: a matrix needs at least two {name} wavelengths; this one has {}",
+                "{}: a matrix needs at least two {name} wavelengths; this one has {}. Measure at more of them, or give excitation and emission spectra as the \
+                 columns wavelength_nm, excitation, emission",
                 path.display(),
                 axis.len()
             )));
@@ -513,7 +518,7 @@ fn describe(path: &Path, matrix: &Matrix, findings: &mut Vec<(String, String)>) 
     let best = (0..matrix.values.len())
         .fold(0, |best, i| if matrix.values[i] > matrix.values[best] { i } else { best });
     if matrix.values[best] <= 0.0 {
-        return Err(nothing(path));
+        return Err(nothing(path, "the matrix"));
     }
     let peak = [matrix.excitation_nm[best % columns], matrix.emission_nm[best / columns]];
     findings.push(("peak".into(), format!("excitation {} nm, emission {} nm", peak[0], peak[1])));

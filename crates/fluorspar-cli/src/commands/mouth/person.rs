@@ -25,7 +25,7 @@ impl PersonArgs {
     pub(crate) fn parameters(&self, pose: Option<&str>) -> Result<MouthParameters, CliError> {
         let mut parameters = self.person.map_or_else(MouthParameters::default, sample_person);
         if let Some(name) = pose {
-            parameters = find_view(name)?.pose(&parameters);
+            parameters = find_view("--pose", name)?.pose(&parameters);
         }
         if let Some(detail) = self.detail {
             parameters.detail = detail;
@@ -49,7 +49,7 @@ impl PersonArgs {
                 )));
             }
             tree[field] = serde_json::from_str(value).map_err(|_| {
-                CliError::Input(format!("--set {change}: \"{value}\" is not a number, list or truth value"))
+                CliError::Input(format!("--set {change}: \"{value}\" is not a number, a list, true or false"))
             })?;
         }
         let parameters: MouthParameters =
@@ -80,10 +80,13 @@ pub(super) fn parse_person(text: &str) -> Result<u32, String> {
         .ok_or_else(|| format!("give a whole number from 1 to {}, for instance 7", u32::MAX))
 }
 
-/// A view or pose by name.
-pub(crate) fn find_view(name: &str) -> Result<&'static ExaminationView, CliError> {
+/// A view or pose by name, which stands behind `option`.
+pub(crate) fn find_view(option: &str, name: &str) -> Result<&'static ExaminationView, CliError> {
     ExaminationView::find(name).ok_or_else(|| {
         let known: Vec<&str> = EXAMINATION_VIEWS.iter().chain(&POSES).map(|view| view.name).collect();
-        CliError::Input(format!("there is no view \"{name}\". Known: {}", known.join(", ")))
+        CliError::Input(format!(
+            "{option} {name}: there is no view of this name. Known: {}",
+            known.join(", ")
+        ))
     })
 }

@@ -64,7 +64,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let views: Vec<&ExaminationView> = if options.views.is_empty() {
         EXAMINATION_VIEWS.iter().chain(&POSES).collect()
     } else {
-        options.views.iter().map(|name| find_view(name)).collect::<Result<_, _>>()?
+        options.views.iter().map(|name| find_view("--views", name)).collect::<Result<_, _>>()?
     };
     let experiment = PathBuf::from(&options.experiment);
     let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&[experiment]).declare()?;

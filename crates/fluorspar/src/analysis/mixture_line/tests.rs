@@ -150,7 +150,7 @@ fn a_line_needs_two_lit_ends_apart() {
     assert_eq!(
         message(MixtureLine::new([1.0, 2.0, 1.0], [2.0, 4.0, 2.0])),
         "bulk and porphyrin have the same sensor chromaticity (0.2500, 0.5000) through these filters and this sensor; \
-         mixtures cannot be distinguished"
+         mixtures cannot be distinguished; change the filters or the sensor"
     );
     let responses = [("FAD", [1.0, 4.0, 1.0]), ("elastin", [1.0, 2.0, 3.0]), ("porphyrins", [8.0, 1.0, 1.0])]
         .map(|(name, rgb_per_amount)| FluorophoreResponse { name: name.into(), rgb_per_amount });

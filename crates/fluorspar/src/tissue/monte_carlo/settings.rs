@@ -94,7 +94,7 @@ impl MonteCarloSettings {
     pub(super) fn validate(&self, layers: usize, is_fluorescence: bool) -> Result<(), TissueError> {
         let place = "Monte Carlo";
         check(place, "photons", self.photons as f64, PHOTONS, "a million give standard errors near 0.2 %")?;
-        let hint = "tissue needs some um to 0.1 mm";
+        let hint = "tissue needs some µm to 0.1 mm";
         check(place, "depth_step_mm", self.grid.depth_step_mm, STEP_MM, hint)?;
         check(place, "depth_limit_mm", self.grid.depth_limit_mm, STEP_MM, "light reaches some mm deep")?;
         check(place, "radial_step_mm", self.grid.radial_step_mm, STEP_MM, hint)?;
