@@ -194,6 +194,18 @@ def test_planes_make_frames_by_sums(mouth, components) -> None:
         components.planes(mouth, "bleu")
 
 
+def test_planes_of_lit_components_are_those_of_all(mouth, components) -> None:
+    """Planes of what a capture leaves dark are zero where only lit ones are asked for, whatever was asked for before."""
+    other = mouth.set("view_filter.filters", ["long_pass_515"])
+    lit = np.array([group == "blue" for group in components.light_groups])
+    first = components.planes(other, "blue", lit=True)
+    whole = components.planes(other, "blue")
+    again = components.planes(other, "blue", lit=True)
+    assert whole[~lit].any() and not first[~lit].any()
+    np.testing.assert_array_equal(first[lit], whole[lit])
+    np.testing.assert_array_equal(again, first)
+
+
 def test_what_was_kept_of_an_analysis_gives_the_same(program, tmp_path) -> None:
     """The second analysis of a mouth of tissue looks at no surface; it is that of the program to the last bit."""
     experiment = fs.experiment("oraleye-2021").with_(

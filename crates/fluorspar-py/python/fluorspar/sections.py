@@ -344,6 +344,9 @@ Stokes: TypeAlias = "Literal['mask', 'off']"
 """Whether light may be emitted at wavelengths shorter than those that excite it. Stokes' observation is a mask, not a law:
 warm molecules have real anti-Stokes tails. It is on by default, as in the paper (section 3.2)."""
 
+EmptyCellsChoice: TypeAlias = "Literal['refuse', 'zero', 'interpolate']"
+"""Treatment of empty cells of a matrix."""
+
 TextureReference: TypeAlias = "float | TextureTable"
 """A number, or a map such as { image = "x.png" }, { checker = [8, 8] } or { noise = [5, 5] }."""
 
@@ -1058,8 +1061,8 @@ class FluorophoreSection(TypedDict, total=False):
     allow_anti_stokes: bool
     """Accept values of a matrix below their excitation, scattered light for instance, which the Stokes mask then leaves out,
     instead of refusing them. Default false; with stokes = "off" they are part of the matrix."""
-    empty_as_zero: bool
-    """Take empty cells of a matrix as zero instead of refusing them. Default false."""
+    empty_cells: EmptyCellsChoice
+    """What becomes of empty cells of a matrix. Default "refuse"."""
 
 
 class MatrixSource(TypedDict, total=False):
@@ -1790,7 +1793,7 @@ class AnalysisSection(TypedDict, total=False):
     """Further regions of the frame, each analyzed by itself. Default: none."""
     porphyrin: str
     """Fluorophore whose share is estimated; "none" for no such estimate. Default: the porphyrin that the region holds, else
-    that of the scene; "protoporphyrin_ix" where there is none."""
+    that of the scene; where there is none "protoporphyrin_ix", but "none" if the scene holds a fluorophore that no tissue has."""
     bulk: BulkReference
     """Fluorophores that form the bulk of the tissue: the name of a material, whose fluorophores count without the porphyrin
     (where a concentration is a map, with its mean over the region), or a table of concentrations. Default: the material of the
