@@ -196,7 +196,7 @@ def test_planes_make_frames_by_sums(mouth, components) -> None:
 
 def test_planes_of_lit_components_are_those_of_all(mouth, components) -> None:
     """Planes of what a capture leaves dark are zero where only lit ones are asked for, whatever was asked for before."""
-    other = mouth.set("view_filter.filters", ["long_pass_515"])
+    other = mouth.set("view_filter.filters", ["long_pass_520"])
     lit = np.array([group == "blue" for group in components.light_groups])
     first = components.planes(other, "blue", lit=True)
     whole = components.planes(other, "blue")
