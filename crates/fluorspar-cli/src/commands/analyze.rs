@@ -229,10 +229,7 @@ fn inputs(options: &Options) -> Vec<PathBuf> {
 /// The size of a real camera's frames, as changes of the experiment's sensor: what it knows of pixels counts for frames of any size.
 fn sensor_of_frames(options: &Options) -> Result<Vec<Override>, CliError> {
     let Some(first) = options.frame.first() else { return Ok(Vec::new()) };
-    // What is no pair of name and file is told later.
-    let Some((_, file)) = first.split_once('=').filter(|(_, file)| !file.is_empty()) else {
-        return Ok(Vec::new());
-    };
+    let (_, file) = named_frame(first)?;
     let image = read_sensor_image(Path::new(file))?.image;
     let side = |path: &str, value: usize| Override::of_option(path, value, format!("--frame {first}"));
     let mut sides = vec![side("sensor.columns", image.width), side("sensor.rows", image.height)];
@@ -295,6 +292,16 @@ fn as_recorded(options: &Options, is_without_image: bool, experiment: &mut Resol
         let files: Vec<String> = named_files(options).map(|(_, file)| file_name(file)).collect();
         experiment.record.title = format!("{}, analyzed as by \"{of}\"", files.join(", "));
     }
+}
+
+/// The label and the file of a frame.
+fn named_frame(text: &str) -> Result<(&str, &str), CliError> {
+    let named = text.split_once('=').filter(|(label, file)| !label.is_empty() && !file.is_empty());
+    named.ok_or_else(|| {
+        CliError::Input(format!(
+            "--frame {text}: write the name of a capture and a file, for instance --frame blue=IMG_0001.dng"
+        ))
+    })
 }
 
 /// Labels and files of the frames that were named, as far as they are pairs.
@@ -542,13 +549,7 @@ fn named_frames(options: &Options, study: &Study, wanted: &str) -> Result<Vec<Ra
     let known: Vec<&str> = study.captures.iter().map(|c| c.frame.label.as_str()).collect();
     let mut frames: Vec<RawExposures> = Vec::new();
     for text in &options.frame {
-        let Some((label, file)) =
-            text.split_once('=').filter(|(label, file)| !label.is_empty() && !file.is_empty())
-        else {
-            return Err(CliError::Input(format!(
-                "--frame {text}: write the name of a capture and a file, for instance --frame blue=IMG_0001.dng"
-            )));
-        };
+        let (label, file) = named_frame(text)?;
         // Exposures of a bracket bear the name of their capture.
         let capture = known
             .iter()

@@ -68,6 +68,22 @@ fn a_compressed_dng_with_a_mask_is_analyzed() {
     let compared = "analysis.compared_px=[{ mask = \"disc.png\" }, { polygon_px = [[0, 0], [16, 0], [16, 40], [0, 40]] }]";
     let told = fluorspar(folder, [&given[..], &["--set", polygon, "--set", compared]].concat()).well().stdout;
     assert!(told.contains("289 pixels: ") && told.contains("Spots told apart by"), "{told}");
+    // A frame without its name is told before what else would not fit
+    let unnamed = [
+        "analyze",
+        "--experiment",
+        "oraleye-2021",
+        "--frame",
+        "bggr_jpeg.dng",
+        "--set",
+        "analysis.mask=disc.png",
+    ];
+    let told = fluorspar(folder, unnamed);
+    assert!(
+        told.code == Some(2) && told.stderr.contains("write the name of a capture and a file"),
+        "{}",
+        told.stderr
+    );
     // What does not fit is told, and nothing is written.
     for (set, expected) in [
         ("analysis.mask=none.png", "there is no such file; paths are relative to where the program runs"),

@@ -52,8 +52,7 @@ impl RawExposures {
 pub fn complete_raw(study: &Study, raw: &mut SensorImage) -> Result<(), String> {
     if raw.exposure_s <= 0.0 {
         return Err(
-            "its exposure time is not known; give it with `fluorspar describe FRAME --exposure-ms MS --replace`"
-                .into(),
+            "its exposure time is not known; give it with `fluorspar describe FRAME --exposure-ms MS`".into(),
         );
     }
     if raw.dn_per_electron > 0.0 {
