@@ -1,15 +1,16 @@
 //! The `fluorspar` command as a library: [`main`] is the program, [`answer_of`] a command within another program.
 
 mod args;
-mod budget;
 mod commands;
 mod embedded;
 mod error;
 mod experiment_source;
 mod interrupt;
 mod message;
+mod named_spectra;
 mod progress;
 mod rendered_scene;
+mod resource_needs;
 mod values;
 
 use std::ffi::OsString;

@@ -17,10 +17,10 @@ use fluorspar::units::memory_text;
 use fluorspar_format::{FormatError, Provenance, unfinished_files, write_film, write_rgb_png, written_share};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::budget::say_time;
 use crate::error::CliError;
 use crate::interrupt::{Left, STOP, save_when_interrupted};
 use crate::message::Messages;
+use crate::resource_needs::say_time;
 
 /// Files that are written during a render.
 #[derive(Debug, Default)]

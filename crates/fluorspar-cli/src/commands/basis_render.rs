@@ -5,11 +5,11 @@ use fluorspar::pipeline::render_with_basis;
 use fluorspar::render::{BasisSettings, FilmRenderer, Share};
 use fluorspar::study::Study;
 
-use crate::budget::say_time;
 use crate::error::CliError;
 use crate::interrupt::interrupted;
 use crate::message::Messages;
 use crate::progress::{Keep, fill_with_progress};
+use crate::resource_needs::say_time;
 
 /// Renders with the excitation basis of the settings, in bands of rows where its film does not fit into memory at once.
 pub(super) fn render(

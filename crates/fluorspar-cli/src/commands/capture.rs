@@ -24,10 +24,10 @@ use super::coarse_render::coarse_image;
 use super::frame_report::{FrameReport, warn_of_darkness};
 use super::rendered_image::{RenderedImage, ShownByImage};
 use crate::args::{Answer, Changes, Seed};
-use crate::budget::frame_bytes;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
+use crate::resource_needs::frame_bytes;
 use crate::values::{Override, as_typed};
 
 /// Options of `capture`.

@@ -1,4 +1,4 @@
-//! `fluorspar check`: validate only.
+//! `fluorspar check`: whether an experiment holds, what its camera sees, and what a run needs, without a run.
 
 use std::collections::BTreeMap;
 use std::process::ExitCode;
@@ -13,11 +13,11 @@ use serde_json::json;
 
 use super::coarse_render::warnings_before_run;
 use crate::args::{Answer, Changes, RenderOptions};
-use crate::budget::{Budget, Limits, render_seconds, say_time};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
 use crate::progress::duration;
+use crate::resource_needs::{Budget, Limits, render_seconds, say_time};
 
 /// Options of `check`.
 #[derive(Clone, Debug, clap::Args)]

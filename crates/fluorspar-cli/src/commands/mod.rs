@@ -1,4 +1,4 @@
-//! One file per command.
+//! One file or folder per command, and what several of them share.
 
 mod actions;
 pub(crate) mod analyze;
@@ -8,7 +8,6 @@ pub(crate) mod check;
 pub(crate) mod coarse_render;
 pub(crate) mod compare;
 pub(crate) mod completions;
-pub(crate) mod curves;
 pub(crate) mod denoise;
 pub(crate) mod describe;
 pub(crate) mod design;

@@ -12,9 +12,9 @@ use fluorspar_experiment::{FileRecord, InputFile, ResolvedExperiment, Warning, p
 use fluorspar_pbrt::{Emission, PbrtOptions, PbrtStudy, load, to_experiment};
 
 use crate::args::{ExperimentArgs, StatisticsOption};
-use crate::budget::Limits;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
+use crate::resource_needs::Limits;
 use crate::values::{Override, as_typed, sets};
 
 /// Lines of an error that names what has no counterpart.

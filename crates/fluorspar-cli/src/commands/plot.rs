@@ -10,11 +10,12 @@ use fluorspar_format::{Output, Outputs};
 use fluorspar_report::figures::{PlotCurve, chain};
 use serde::Serialize;
 
+use super::FigureFormat;
 use super::spectra::{plot_curve, wavelengths, write_figure};
 use super::table::{align, short};
-use super::{FigureFormat, curves};
 use crate::error::CliError;
 use crate::message::Messages;
+use crate::named_spectra;
 
 /// Options of `plot`.
 #[derive(Clone, Debug, clap::Args)]
@@ -58,10 +59,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         .map(PathBuf::from)
         .collect();
     let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&inputs).declare()?;
-    let behind = curves::filters(&options.light_filter)?;
+    let behind = named_spectra::filters(&options.light_filter)?;
     let mut lights = Vec::new();
     for name in &options.light {
-        let curve = curves::light(name)?.times(&behind);
+        let curve = named_spectra::light(name)?.times(&behind);
         lights.push((name, curve));
     }
     let fluorophores: Vec<Fluorophore> = options
@@ -69,11 +70,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         .iter()
         .map(|name| Ok(preset::fluorophore(name)?.fluorophore()))
         .collect::<Result<_, CliError>>()?;
-    let one = |name: &str, curve: &Curve| plot_curve(curves::label(name), curve, range_nm);
+    let one = |name: &str, curve: &Curve| plot_curve(named_spectra::label(name), curve, range_nm);
     let light_curves: Vec<PlotCurve> = lights.iter().map(|(name, curve)| one(name, curve)).collect();
     let mut filter_curves = Vec::new();
     for name in options.light_filter.iter().chain(&options.view_filter) {
-        filter_curves.push(one(name, &curves::filters(std::slice::from_ref(name))?));
+        filter_curves.push(one(name, &named_spectra::filters(std::slice::from_ref(name))?));
     }
     let first = lights.first().map(|(_, curve)| curve);
     let excitation = fluorophores
@@ -163,14 +164,14 @@ fn kept_by_filters(
     let photons = |light: &Curve| light.times(&Curve::from_fn(COUNTED_NM[0], COUNTED_NM[1], |nm| nm));
     let mut kept = Vec::new();
     for name in &options.view_filter {
-        let filter = curves::filters(std::slice::from_ref(name))?;
+        let filter = named_spectra::filters(std::slice::from_ref(name))?;
         let passed = |(name, light): &(&String, Curve)| LightPassed {
-            light: curves::label(name),
+            light: named_spectra::label(name),
             percent: share(&photons(light), &filter),
         };
         let lights_passed: Vec<LightPassed> = lights.iter().map(passed).collect();
         kept.extend(fluorophores.iter().map(|fluorophore| Kept {
-            view_filter: curves::label(name),
+            view_filter: named_spectra::label(name),
             fluorophore: fluorophore.title.clone(),
             fluorescence_kept_percent: share(&emission(fluorophore, light), &filter),
             light_passed_percent: lights_passed.first().map(|passed| passed.percent),

@@ -20,12 +20,12 @@ use super::image_output::ImageOutput;
 use super::pbrt_scene::PbrtArgs;
 use super::row_bands;
 use crate::args::{Answer, ExperimentArgs};
-use crate::budget::{Budget, Limits, film_file_bytes, image_room_bytes};
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::ExperimentSource;
 use crate::interrupt::{Left, interrupted};
 use crate::message::Messages;
 use crate::progress::{Keep, WritingReport, fill_with_progress};
+use crate::resource_needs::{Budget, Limits, film_file_bytes, image_room_bytes};
 use crate::values;
 
 /// Options of `render`.

@@ -16,13 +16,13 @@ use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{Provenance, SpooledImage, read_film_layout, read_film_rows, write_film};
 
 use super::render::{Options, peak_memory_bytes, say_surfaces};
-use crate::budget::say_time;
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::ExperimentSource;
 use crate::interrupt::Left;
 use crate::message;
 use crate::message::Messages;
 use crate::progress::{Keep, WritingReport, fill_with_progress};
+use crate::resource_needs::say_time;
 
 /// The film of a folder that holds no samples but what belongs to the whole image.
 const WHOLE: &str = "picture.film";

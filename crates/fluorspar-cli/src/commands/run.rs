@@ -18,12 +18,12 @@ use super::basis_render;
 use super::coarse_render::warnings_before_run;
 use super::frame_report::{regions_table, warn_of_darkness};
 use crate::args::{Answer, ExperimentArgs, OutOption};
-use crate::budget::{Budget, Limits};
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::{ExperimentSource, read_text};
 use crate::interrupt::interrupted;
 use crate::message::Messages;
 use crate::progress::{WritingReport, render_with_progress};
+use crate::resource_needs::{Budget, Limits};
 
 /// Options of `run`.
 #[derive(Clone, Debug, Default, clap::Args)]

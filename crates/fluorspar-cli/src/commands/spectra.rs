@@ -11,10 +11,11 @@ use fluorspar_report::Figure;
 use fluorspar_report::figures::{PlotCurve, filters, lights, reflectances, sensor_response};
 use serde_json::{Value, json};
 
+use super::FigureFormat;
 use super::table::{ListOptions, short};
-use super::{FigureFormat, curves};
 use crate::error::CliError;
 use crate::message::Messages;
+use crate::named_spectra;
 
 /// Options of `light`, `reflectance` and `qe`.
 #[derive(Clone, Debug, clap::Args)]
@@ -89,13 +90,13 @@ pub(crate) fn act(action: &Action, kind: PresetKind) -> Result<(), CliError> {
 }
 
 fn entry(name: &str, kind: PresetKind) -> Result<Entry, CliError> {
-    if curves::is_file(name) {
+    if named_spectra::is_file(name) {
         let curve = match kind {
-            PresetKind::Light => curves::light(name)?,
-            PresetKind::Filter => curves::filters(std::slice::from_ref(&name.to_string()))?,
-            _ => curves::first_column(name, Negative::Refuse)?,
+            PresetKind::Light => named_spectra::light(name)?,
+            PresetKind::Filter => named_spectra::filters(std::slice::from_ref(&name.to_string()))?,
+            _ => named_spectra::first_column(name, Negative::Refuse)?,
         };
-        let title = curves::label(name);
+        let title = named_spectra::label(name);
         return Ok(Entry { name: name.into(), title, about: None, curves: vec![(String::new(), curve)] });
     }
     let of_curve = |preset: CurvePreset| Entry {

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use fluorspar::design::{
     Assumptions, Budget, ContrastDefinition, Criterion, Design, DesignCamera, DesignProblem, ExcitationBasis,
     ExposedEye, FilterChoice, FineBands, LensChoice, LibraryError, LightChoice, Limits, LongPass,
-    LongPassEdge, Split, WeightPrior, WhiteFrame,
+    LongPassEdge, RegionModel, Split, WeightPrior, WhiteFrame,
 };
 use fluorspar::digest::sha256_hex;
 use fluorspar::optics::IdealLens;
@@ -103,27 +103,7 @@ pub fn parse_design(
     let cameras = cameras(context, &file, &lens, &grid)?;
     let axes = Axes { grid: &grid, nodes_nm: nodes(context, &file)? };
     check_span(context, &lights, &axes);
-    let mut regions = Vec::new();
-    if file.region.is_empty() {
-        return context.fail(
-            &steps!["region"],
-            "there is no region; add a [[region]] section with a name and a material",
-        );
-    }
-    for (index, section) in file.region.iter().enumerate() {
-        let at = steps!["region", index];
-        let earlier = file.region[..index].iter().map(|other| other.name.as_str());
-        context.unique_name(&at, &section.name, earlier)?;
-        if section.rendered.is_none() {
-            regions.push(region(context, &at, &file, section, &axes)?);
-        } else if section.material.is_some() {
-            return context
-                .fail(&at.field("material"), "the region is rendered already; remove one of the two");
-        } else if !section.apart.is_empty() {
-            let message = "the region is rendered; give rendered = { apart = [...] } instead";
-            return context.fail(&at.field("apart"), message);
-        }
-    }
+    let regions = flat_regions(context, &file, &axes)?;
     let cohort = match &file.cohort {
         Some(section) => Some(cohort(context, &file, section, &axes)?),
         None => None,
@@ -185,6 +165,32 @@ pub fn parse_design(
         names_compared,
         record,
     })
+}
+
+/// The regions whose signals follow from their materials; those that are rendered come with the renders.
+fn flat_regions(context: &mut Context<'_>, file: &DesignFile, axes: &Axes<'_>) -> Resolved<Vec<RegionModel>> {
+    let mut regions = Vec::new();
+    if file.region.is_empty() {
+        return context.fail(
+            &steps!["region"],
+            "there is no region; add a [[region]] section with a name and a material",
+        );
+    }
+    for (index, section) in file.region.iter().enumerate() {
+        let at = steps!["region", index];
+        let earlier = file.region[..index].iter().map(|other| other.name.as_str());
+        context.unique_name(&at, &section.name, earlier)?;
+        if section.rendered.is_none() {
+            regions.push(region(context, &at, file, section, axes)?);
+        } else if section.material.is_some() {
+            return context
+                .fail(&at.field("material"), "the region is rendered already; remove one of the two");
+        } else if !section.apart.is_empty() {
+            let message = "the region is rendered; give rendered = { apart = [...] } instead";
+            return context.fail(&at.field("apart"), message);
+        }
+    }
+    Ok(regions)
 }
 
 /// Checks the numbers of search and tolerances.

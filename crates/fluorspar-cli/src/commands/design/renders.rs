@@ -11,11 +11,11 @@ use fluorspar::pipeline::{BasisRender, eye_before_group, rendered_regions};
 use fluorspar_experiment::{DesignRender, ResolvedDesign};
 use fluorspar_format::{Claim, ComponentFile, ExrOptions, Provenance, check_room, write_component_exr};
 
-use crate::budget::image_room_bytes;
 use crate::commands::basis_render;
 use crate::error::CliError;
 use crate::interrupt::STOP;
 use crate::message::Messages;
+use crate::resource_needs::image_room_bytes;
 
 /// Time between looks at what other processes render.
 const LOOK_AGAIN: Duration = Duration::from_millis(500);

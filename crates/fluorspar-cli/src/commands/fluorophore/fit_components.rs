@@ -10,8 +10,9 @@ use fluorspar_format::{CsvSpectrumOptions, NamedCurve, Negative, read_spectrum_c
 
 use super::fit::Options;
 use super::loading::load;
-use crate::commands::{curves, tissue};
+use crate::commands::tissue;
 use crate::error::CliError;
+use crate::named_spectra;
 
 /// Largest optical density of blood that is looked for.
 const LARGEST_DENSITY: f64 = 40.0;
@@ -56,12 +57,12 @@ impl<'a> Components<'a> {
         for path in &options.component {
             besides.extend(read_spectrum_csv(path, &strict)?);
         }
-        Ok(Self { options, place, light, filter: curves::filters(&options.filter)?, besides })
+        Ok(Self { options, place, light, filter: named_spectra::filters(&options.filter)?, besides })
     }
 
     /// Light and filters, for people.
     pub(super) fn light(&self) -> Option<String> {
-        let label = |name: &String| curves::label(name);
+        let label = |name: &String| named_spectra::label(name);
         let light = self.options.light.as_ref().map(label)?;
         let behind = |names: &[String]| names.iter().map(label).collect::<Vec<_>>().join(", ");
         let on_light = match self.options.light_filter.is_empty() {
@@ -229,7 +230,7 @@ fn to_peak(components: &mut [MixtureComponent], blood: &mut BloodBefore) {
 
 /// Irradiance behind the light's filters, and its sum, W/m².
 fn irradiance(options: &Options, name: &str) -> Result<(Curve, f64), CliError> {
-    let light = curves::light(name)?.times(&curves::filters(&options.light_filter)?);
+    let light = named_spectra::light(name)?.times(&named_spectra::filters(&options.light_filter)?);
     let (total, wanted) = (light.total(), options.irradiance.unwrap_or(1.0));
     if total > 0.0 {
         return Ok((light.scaled(wanted / total), wanted));

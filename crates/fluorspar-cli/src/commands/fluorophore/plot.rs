@@ -12,9 +12,10 @@ use fluorspar_report::figures::{EemMap, PlotCurve, eem_maps, emission};
 
 use super::FileOptions;
 use super::loading::load;
-use crate::commands::{FigureFormat, beside, curves};
+use crate::commands::{FigureFormat, beside};
 use crate::error::CliError;
 use crate::message::Messages;
+use crate::named_spectra;
 
 /// Width of a cell of a heat map, nm.
 const CELL_NM: f64 = 2.5;
@@ -50,7 +51,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     for name in &options.names {
         fluorophores.extend(load(name, &options.file)?.into_iter().map(|loaded| loaded.fluorophore));
     }
-    let light = options.light.as_deref().map(curves::light).transpose()?;
+    let light = options.light.as_deref().map(named_spectra::light).transpose()?;
 
     let mut figures = vec![(options.out.clone(), eem_figure(&fluorophores, light.as_ref()))];
     if let (Some(curve), Some(name)) = (&light, &options.light) {
@@ -96,7 +97,7 @@ fn emission_figure(fluorophores: &[Fluorophore], light: &Curve, name: &str) -> F
         PlotCurve::new(f.title.clone(), nm.clone(), radiance)
     };
     let curves: Vec<PlotCurve> = fluorophores.iter().map(curve).collect();
-    let light = format!("{IRRADIANCE_W_PER_M2} W/m² of {}", curves::label(name));
+    let light = format!("{IRRADIANCE_W_PER_M2} W/m² of {}", named_spectra::label(name));
     let (amount, y) =
         ("each at concentration 1 (the unit of the catalogue)", ["spectral radiance", "W/(sr m² nm)"]);
     emission(&curves, &light, amount, y, None)

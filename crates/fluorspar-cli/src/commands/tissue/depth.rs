@@ -14,9 +14,10 @@ use serde::Serialize;
 use super::source::{SiteArgs, find};
 use crate::args::Answer;
 use crate::commands::table::{align, short};
-use crate::commands::{FigureFormat, curves, print_json, print_text};
+use crate::commands::{FigureFormat, print_json, print_text};
 use crate::error::CliError;
 use crate::message::Messages;
+use crate::named_spectra;
 use crate::values::{self, check_range};
 
 /// Wavelengths that are solved, nm.
@@ -122,12 +123,12 @@ fn line(nm: f64) -> Result<Curve, CliError> {
 
 impl Options {
     fn light_name(&self) -> String {
-        self.excitation_nm.map_or_else(|| curves::label(&self.light), |nm| format!("{nm} nm"))
+        self.excitation_nm.map_or_else(|| named_spectra::label(&self.light), |nm| format!("{nm} nm"))
     }
 
     /// Photons of the light, of any scale.
     fn light(&self) -> Result<Curve, CliError> {
-        let energy = self.excitation_nm.map_or_else(|| curves::light(&self.light), line)?;
+        let energy = self.excitation_nm.map_or_else(|| named_spectra::light(&self.light), line)?;
         let [first, last] = RANGE_NM;
         Ok(energy.times(&Curve::from_fn(first, last, |nm| nm)))
     }
@@ -137,7 +138,7 @@ impl Options {
         if !self.emission_nm.is_empty() {
             return self.emission_nm.iter().map(|nm| Ok((format!("{nm} nm"), line(*nm)?))).collect();
         }
-        let filter = curves::filters(&self.filter)?;
+        let filter = named_spectra::filters(&self.filter)?;
         let channels = preset::quantum_efficiency(&self.qe)?.channels()?;
         Ok(channels.into_iter().map(|(name, qe)| (name, qe.times(&filter))).collect())
     }

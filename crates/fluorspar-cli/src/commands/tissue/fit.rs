@@ -13,9 +13,10 @@ use fluorspar_format::{Negative, OutputFolder, write_atomically};
 use super::fit_output::{as_json, describe, figure, residuals, section};
 use super::source::{SiteArgs, find};
 use crate::args::Answer;
-use crate::commands::{curves, print_json, print_text};
+use crate::commands::{print_json, print_text};
 use crate::error::CliError;
 use crate::message::Messages;
+use crate::named_spectra;
 use crate::values::{self, check_range};
 
 /// A section, a table, results and a figure.
@@ -170,7 +171,7 @@ impl Options {
 
     /// Averages over steps around multiples of the step, between two wavelengths.
     fn sampled(&self, name: &str, from_nm: f64, to_nm: f64) -> Result<(Vec<f64>, Vec<f64>), CliError> {
-        let curve = curves::first_column(name, Negative::Keep)?;
+        let curve = named_spectra::first_column(name, Negative::Keep)?;
         let (first, last) = curve.range_nm();
         let (first, last) = (first.max(from_nm), last.min(to_nm));
         let half = 0.5 * self.step_nm;
@@ -203,17 +204,17 @@ impl Options {
     }
 
     fn fluorescences(&self) -> Result<Vec<MeasuredFluorescence>, CliError> {
-        let filter = curves::filters(&self.filter)?;
+        let filter = named_spectra::filters(&self.filter)?;
         let (from, to) = (self.from_nm.unwrap_or(WAVELENGTH_NM[0]), self.to_nm.unwrap_or(WAVELENGTH_NM[1]));
         let read = |(i, (name, light)): (usize, (&String, &String))| {
-            let mut viewing = Viewing::new(&curves::light(light)?, filter.clone())?;
+            let mut viewing = Viewing::new(&named_spectra::light(light)?, filter.clone())?;
             if let Some(leak) = self.leak.get(i) {
-                let leak: Curve = curves::first_column(leak, Negative::ClipToZero)?;
+                let leak: Curve = named_spectra::first_column(leak, Negative::ClipToZero)?;
                 viewing = viewing.with_leak(leak);
             }
             let (wavelengths_nm, values) = self.sampled(name, from, to)?;
             Ok(MeasuredFluorescence {
-                name: format!("{name} under {}", curves::label(light)),
+                name: format!("{name} under {}", named_spectra::label(light)),
                 viewing,
                 wavelengths_nm,
                 values,

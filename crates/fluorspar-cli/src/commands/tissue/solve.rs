@@ -17,9 +17,10 @@ use serde::Serialize;
 use super::solve_output::{describe, figures, tables};
 use super::source::{SiteArgs, find};
 use crate::args::Answer;
-use crate::commands::{curves, print_json, print_text};
+use crate::commands::{print_json, print_text};
 use crate::error::CliError;
 use crate::message::Messages;
+use crate::named_spectra;
 use crate::values::{self, check_range};
 
 /// Two tables, results and some figures.
@@ -151,8 +152,9 @@ impl Options {
     /// Names and spectra of the lights.
     fn lights(&self) -> Result<Vec<(String, Viewing)>, CliError> {
         let unfiltered = || Curve::constant(1.0);
-        let named =
-            |name: &String| Ok((curves::label(name), Viewing::new(&curves::light(name)?, unfiltered())?));
+        let named = |name: &String| {
+            Ok((named_spectra::label(name), Viewing::new(&named_spectra::light(name)?, unfiltered())?))
+        };
         let line = |nm: &f64| {
             // A line that is no wider than the steps of a light.
             let curve = Curve::new(vec![nm - LINE_NM, *nm, nm + LINE_NM], vec![0.0, 1.0, 0.0]);

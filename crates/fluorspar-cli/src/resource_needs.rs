@@ -1,4 +1,4 @@
-//! What a job takes, told and judged before it begins.
+//! What a job needs of memory, disk and time, told and held against limits before it begins.
 
 use fluorspar::image::StatisticsKind;
 use fluorspar::render::{FilmRenderer, Share, basis_bytes, memory_bytes, surface_bytes, whole_image_bytes};
