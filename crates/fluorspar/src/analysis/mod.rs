@@ -76,9 +76,9 @@ pub use spectral_mixture::{
 pub use spectral_overlap::spectral_overlap;
 pub use spot_separation::{SpotScale, SpotSeparation};
 pub use statistics::{ChannelStatistics, CovarianceEllipse, RegionStatistics, Statistics};
-pub(crate) use summary::analyze_pixels;
 pub use summary::{
     ASSUMED_GAIN, Analysis, AnalysisError, AnalysisSettings, MedianLevel, MixtureModel, MixtureSummary,
     PredictedFluorophore, RegionFraction, analyze_region,
 };
+pub(crate) use summary::{PixelAnalysis, analyze_pixels};
 pub use target_detection::{ChannelContrast, RenderNoise, TargetDetection};

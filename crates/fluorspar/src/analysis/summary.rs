@@ -307,8 +307,18 @@ pub fn analyze_region(
 ) -> Result<(Analysis, ChromaticityMap, Option<PorphyrinMap>), AnalysisError> {
     let selection = settings.region.select(image.width, image.height, scene)?;
     let map = ChromaticityMap::of(image, settings.noise_threshold);
-    let (analysis, porphyrin) = analyze_pixels(image, &map, &selection, model, reflected, settings)?;
+    let PixelAnalysis { mut analysis, porphyrin, of_line } =
+        analyze_pixels(image, &map, &selection, model, reflected, settings)?;
+    analysis.warnings.extend(of_line);
     Ok((analysis, map, porphyrin))
+}
+
+/// A region of which the pixels are analyzed.
+pub(crate) struct PixelAnalysis {
+    pub(crate) analysis: Analysis,
+    pub(crate) porphyrin: Option<PorphyrinMap>,
+    /// Warnings about the estimate on the mixture line, which are none where another estimate takes its place.
+    pub(crate) of_line: Vec<Warning>,
 }
 
 /// [`analyze_region`] where the pixels of the region and the chromaticities of the frame are known.
@@ -319,7 +329,7 @@ pub(crate) fn analyze_pixels(
     model: Option<&MixtureModel>,
     reflected: Option<&ChannelImage>,
     settings: &AnalysisSettings,
-) -> Result<(Analysis, Option<PorphyrinMap>), AnalysisError> {
+) -> Result<PixelAnalysis, AnalysisError> {
     if let Some(leak) = reflected.filter(|l| (l.width, l.height) != (image.width, image.height)) {
         return Err(AnalysisError::ReflectedSize {
             reflected: [leak.width, leak.height],
@@ -328,7 +338,7 @@ pub(crate) fn analyze_pixels(
     }
     // Compute the statistics of the chromaticities
     let statistics = RegionStatistics::new(image, map, selection);
-    let mut warnings = exclusion_warnings(&statistics.counts);
+    let (mut warnings, mut of_line) = (exclusion_warnings(&statistics.counts), Vec::new());
     let sought = model.map_or_else(SoughtFluorophore::default, |model| model.sought.clone());
 
     // Predict the mixture line from the fluorophores
@@ -351,13 +361,14 @@ pub(crate) fn analyze_pixels(
             selection.pixels.iter().copied().filter(|&pixel| map.at(pixel).is_some()).collect();
         let mean = mean_of_pixels(image, &lit, &settings.noise, reflected)?;
         let summary = summarize(line, &estimates, mean, statistics.ellipse.as_ref());
-        warnings.extend(region_warnings(summary.region.as_ref(), image, &sought));
+        warnings.extend(level_warnings(summary.region.as_ref(), image));
+        of_line.extend(line_warnings(summary.region.as_ref(), &sought));
         if summary.off_line * 20 > statistics.counts.valid {
             let statement = format!(
                 "{} of {} valid pixels lie off the bulk-{sought} line by more than noise explains",
                 summary.off_line, statistics.counts.valid
             );
-            warnings.push(Warning::explained(
+            of_line.push(Warning::explained(
                 statement,
                 "Their light contains something else: reflected light, or another bulk than assumed. Their shares on the line are biased.",
             ));
@@ -389,7 +400,7 @@ pub(crate) fn analyze_pixels(
         targets: Vec::new(),
         warnings,
     };
-    Ok((analysis, porphyrin))
+    Ok(PixelAnalysis { analysis, porphyrin, of_line })
 }
 
 fn exclusion_warnings(counts: &ExclusionCounts) -> Vec<Warning> {
@@ -416,13 +427,9 @@ fn exclusion_warnings(counts: &ExclusionCounts) -> Vec<Warning> {
 /// How far from the line a region may lie by sampling noise of the render and by interpolation of colors at its rim, (r, g).
 const LINE_TOLERANCE: f64 = 0.002;
 
-/// What makes the estimate of a region doubtful.
-fn region_warnings(
-    region: Option<&RegionFraction>,
-    image: &ChannelImage,
-    sought: &SoughtFluorophore,
-) -> Vec<Warning> {
-    let Some(RegionFraction { mean_rgb_dn, estimate, .. }) = region else { return Vec::new() };
+/// Levels of a region that make any estimate doubtful.
+fn level_warnings(region: Option<&RegionFraction>, image: &ChannelImage) -> Vec<Warning> {
+    let Some(RegionFraction { mean_rgb_dn, .. }) = region else { return Vec::new() };
     let mut warnings = Vec::new();
     for (name, mean) in ["R", "G", "B"].iter().zip(mean_rgb_dn) {
         if *mean < 3.0 * image.noise_floor_dn {
@@ -438,6 +445,13 @@ fn region_warnings(
             warnings.push(Warning::explained(statement, "Shorten the exposure."));
         }
     }
+    warnings
+}
+
+/// What makes the estimate of a region on the mixture line doubtful.
+fn line_warnings(region: Option<&RegionFraction>, sought: &SoughtFluorophore) -> Vec<Warning> {
+    let Some(RegionFraction { estimate, .. }) = region else { return Vec::new() };
+    let mut warnings = Vec::new();
     let allowed = (3.0 * estimate.distance_standard_error).max(LINE_TOLERANCE);
     if estimate.distance.abs() > allowed {
         let statement = format!(

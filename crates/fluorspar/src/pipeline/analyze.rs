@@ -12,8 +12,8 @@ use super::tissue_estimate::FamiliesOfFrames;
 use super::{CapturePlanes, CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{
     Analysis, AnalysisSettings, BudgetInput, ChannelNoise, ChromaticityMap, ErrorBudget, FluorophoreResponse,
-    MixtureModel, PixelSelection, PixelValidity, PorphyrinMap, RegionFraction, RegionLight, SceneOnSensor,
-    SoughtFluorophore, analyze_pixels, channel_response, rgb_channels,
+    MixtureModel, PixelAnalysis, PixelSelection, PixelValidity, PorphyrinMap, RegionFraction, RegionLight,
+    SceneOnSensor, SoughtFluorophore, analyze_pixels, channel_response, rgb_channels,
 };
 use crate::geometry::OrientedPoint;
 use crate::image::{ChannelImage, ComponentFactors, ComponentImage};
@@ -146,20 +146,21 @@ fn analyzed(
         if let (Some(model), Some(emitted), LineEnds::Scene) = (&mut model, &emitted, settings.line_ends) {
             model.ends = line_ends(model, emitted);
         }
-        let (mut analysis, porphyrin) =
+        let mut found =
             analyze_pixels(image, &chromaticity, &region, model.as_ref(), None, &analysis_settings)?;
+        let analysis = &mut found.analysis;
         let sought = study.sought(settings);
         analysis.truth = emitted.as_ref().and_then(|light| light.truth(&sought));
         analysis.sought = sought;
         if let (Some(model), Some(emitted)) = (&model, &emitted) {
-            analysis.budget = budget(&analysis, model, emitted, image, &chromaticity, &region, noise);
+            analysis.budget = budget(analysis, model, emitted, image, &chromaticity, &region, noise);
         }
-        Ok((analysis, porphyrin))
+        Ok(found)
     };
     // Families of tissues take as long as all of that
     let (by_line, families) =
         rayon::join(by_line, || FamiliesOfFrames::new(study, settings, frames, on_region));
-    let (mut analysis, porphyrin) = by_line?;
+    let PixelAnalysis { mut analysis, porphyrin, of_line } = by_line?;
     analysis.exposure_s = Some(frame.raw.exposure_s);
     analysis.gain_is_assumed = frames.iter().any(|frame| frame.raw.gain_is_assumed);
     if rgb_channels(image).is_err() || image.channels.len() != 3 {
@@ -172,6 +173,7 @@ fn analyzed(
     if let Some(estimate) = &estimate {
         analysis.warnings.extend(estimate.warnings(&analysis.sought));
     } else if analysis.mixture.is_some() {
+        analysis.warnings.extend(of_line);
         analysis.warnings.extend(what_the_line_assumes(study, settings));
     }
     analysis.posterior = estimate;
