@@ -71,7 +71,8 @@ pub(crate) struct Options {
 /// Maps and results, at most.
 const OUT_BYTES: u64 = 1 << 30;
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+/// Refuses what is not a folder of frames with their experiment.
+fn check_folder(options: &Options) -> Result<(), CliError> {
     if let Some(folder) = options.folder.as_ref().filter(|folder| !folder.is_dir()) {
         return Err(CliError::Input(format!(
             "{}: not a folder; give one that `run` or `capture` wrote, or name frames with --frame",
@@ -88,6 +89,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             folder.display()
         )));
     }
+    Ok(())
+}
+
+pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+    check_folder(options)?;
     let regions = region_options(&options.named_region)?;
     let beside = |name: &str| options.folder.as_ref().map(|folder| folder.join(name));
     let default = beside("experiment.toml").map(|path| path.display().to_string());
