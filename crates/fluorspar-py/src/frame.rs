@@ -187,11 +187,25 @@ struct FormedPlanes {
 
 /// Components whose planes are asked for.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Asked {
+pub(crate) enum Asked<'a> {
     /// Those under a light that some capture of the camera switches on.
     Lit,
-    /// All.
-    All,
+    /// In the camera of one capture those under a light that it switches on.
+    LitBy(&'a str),
+    /// In the camera of one capture all.
+    AllOf(&'a str),
+}
+
+impl Asked<'_> {
+    /// Whether a capture asks for components under a light group.
+    fn asks(self, capture: &Capture, group: &str) -> bool {
+        let is_lit = || capture.frame.drive(group) != 0.0;
+        match self {
+            Self::Lit => is_lit(),
+            Self::LitBy(name) => capture.frame.label == name && is_lit(),
+            Self::AllOf(name) => capture.frame.label == name,
+        }
+    }
 }
 
 impl KeptPlanes {
@@ -204,7 +218,7 @@ impl KeptPlanes {
         study: &Study,
         image: &ComponentImage,
         factors: &mut ComponentFactors,
-        asked: Asked,
+        asked: Asked<'_>,
     ) -> Result<CapturePlanes, PipelineError> {
         let CaptureResponses { responses, of_capture } =
             CaptureResponses::new(study, &study.captures, image)?;
@@ -212,7 +226,7 @@ impl KeptPlanes {
         let is_asked = |response: usize, component: usize| {
             let group = &image.components[component].light_group;
             let mut own = study.captures.iter().zip(&of_capture).filter(|(_, of)| **of == response);
-            asked == Asked::All || own.any(|(capture, _)| capture.frame.drive(group) != 0.0)
+            own.any(|(capture, _)| asked.asks(capture, group))
         };
         let planes = self.of_cameras(&responses, image, is_asked);
         let planes = CapturePlanes { planes, of_capture: of_capture.clone(), film };
@@ -295,7 +309,7 @@ impl View {
         experiment: ResolvedExperiment,
         image: Arc<ComponentImage>,
         mut factors: ComponentFactors,
-        (kept, asked): (&KeptPlanes, Asked),
+        (kept, asked): (&KeptPlanes, Asked<'_>),
     ) -> Result<Self, ViewError> {
         let planes = kept.of_captures(&experiment.study, &image, &mut factors, asked)?;
         Ok(Self { experiment, image, factors, planes })
@@ -308,7 +322,7 @@ impl View {
         experiment: &Experiment,
         components: &Components,
         threads: Option<usize>,
-        asked: Asked,
+        asked: Asked<'_>,
         complete: impl FnOnce(Study) -> Study + Send,
     ) -> PyResult<Option<Self>> {
         let Some(rendered) = rendered_for(components, experiment) else { return Ok(None) };
@@ -342,7 +356,7 @@ impl View {
         py: Python<'_>,
         experiment: &Experiment,
         components: &Components,
-        asked: Asked,
+        asked: Asked<'_>,
         threads: Option<usize>,
     ) -> PyResult<Self> {
         let without = Self::without_surfaces(py, experiment, components, threads, asked, |study| study)?;
@@ -357,7 +371,7 @@ impl View {
         py: Python<'_>,
         experiment: &Experiment,
         components: &Components,
-        (is_same, asked): (bool, Asked),
+        (is_same, asked): (bool, Asked<'_>),
         threads: Option<usize>,
     ) -> PyResult<Self> {
         let image = components.image.clone();

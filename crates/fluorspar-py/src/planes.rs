@@ -40,7 +40,7 @@ pub(crate) fn channel_planes(
     threads: Option<usize>,
 ) -> PyResult<Planes> {
     let py = experiment.py();
-    let asked = if lit { Asked::Lit } else { Asked::All };
+    let asked = if lit { Asked::LitBy(capture) } else { Asked::AllOf(capture) };
     let view = View::of_captures(py, experiment.get(), components.get(), asked, threads)?;
     let names: Vec<&str> =
         view.study().captures.iter().map(|settings| settings.frame.label.as_str()).collect();
