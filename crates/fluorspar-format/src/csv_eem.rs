@@ -33,9 +33,9 @@ pub struct MeasuredEem {
     pub values: Vec<f64>,
     /// Unit of the values.
     pub unit: EemUnit,
-    /// Empty cells, filled as [`CsvEemOptions::empty_cells`] says.
-    pub empty_cells: usize,
-    /// Negative values that were taken as zero: how many, and the lowest.
+    /// Places of empty cells among the values, filled as [`CsvEemOptions::empty_cells`] says.
+    pub empty_cells: Vec<usize>,
+    /// Negative values that were taken as zero: how many, and the lowest. Those that are cut out do not count.
     pub clipped: (usize, f64),
     /// Cells that were cut out of bands of scattered light of the first and of the second order.
     pub cut_cells: [usize; 2],
@@ -90,6 +90,13 @@ pub struct ScatterCut {
     pub within_nm: f64,
     /// What the cells become.
     pub to: CutTo,
+}
+
+impl ScatterCut {
+    /// The band in which a cell lies: 0 of the first order, 1 of the second.
+    fn order(self, emission_nm: f64, excitation_nm: f64) -> Option<usize> {
+        [1.0, 2.0].iter().position(|order| (emission_nm - order * excitation_nm).abs() <= self.within_nm)
+    }
 }
 
 /// What cells of a band that is cut out become.
@@ -151,10 +158,15 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
     let Axes { unit, emission_nm, excitation_nm } = axes(path, &table, options.unit)?;
 
     let mut values = Vec::with_capacity(emission_nm.len() * excitation_nm.len());
+    let is_cut = |emission_nm, excitation_nm| {
+        options.cut.is_some_and(|cut| cut.order(emission_nm, excitation_nm).is_some())
+    };
     let (mut wrong, mut empty, mut clipped) = (WrongCells::default(), Vec::new(), (0, 0.0));
     for (row, emission_nm) in table.rows().zip(&emission_nm) {
         for (column, excitation_nm) in (1..).zip(&excitation_nm) {
             let value = match table.number(path, row, column) {
+                // What is cut out has no value
+                Ok(Some(value)) if value < 0.0 && is_cut(*emission_nm, *excitation_nm) => Ok(0.0),
                 Ok(Some(value)) => {
                     if value < 0.0 && options.negative == Negative::ClipToZero {
                         clipped = (clipped.0 + 1, f64::min(clipped.1, value));
@@ -180,12 +192,19 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
     }
     wrong.refused()?;
     let (read_as, unstated_axes) = layout.map_or_else(Default::default, |l| (l.read_as, l.unstated_axes));
-    let empty_cells = empty.len();
     let cut_cells = [0; 2];
-    let mut eem =
-        MeasuredEem { emission_nm, excitation_nm, values, unit, empty_cells, clipped, cut_cells, read_as };
+    let mut eem = MeasuredEem {
+        emission_nm,
+        excitation_nm,
+        values,
+        unit,
+        empty_cells: empty,
+        clipped,
+        cut_cells,
+        read_as,
+    };
     if options.empty_cells == EmptyCells::Interpolate {
-        eem.interpolate(&empty);
+        eem.interpolate();
     }
     if let Some((line, corner)) = unstated_axes {
         eem.take_rows_as_emission(path, line, &corner)?;
@@ -362,13 +381,13 @@ impl MeasuredEem {
         Ok(())
     }
 
-    /// Fills empty cells, by their places, from their neighbors along the emission ([`EmptyCells::Interpolate`]).
-    fn interpolate(&mut self, empty: &[usize]) {
+    /// Fills empty cells from their neighbors along the emission ([`EmptyCells::Interpolate`]).
+    fn interpolate(&mut self) {
         let (rows, columns) = (self.emission_nm.len(), self.excitation_nm.len());
         let mut is_empty = vec![false; self.values.len()];
-        empty.iter().for_each(|place| is_empty[*place] = true);
+        self.empty_cells.iter().for_each(|place| is_empty[*place] = true);
         let measured = self.values.clone();
-        for &place in empty {
+        for &place in &self.empty_cells {
             let (row, column) = (place / columns, place % columns);
             let has_value = |row: &usize| !is_empty[row * columns + column];
             let at = |row: usize| (self.emission_nm[row], measured[row * columns + column]);
@@ -386,12 +405,7 @@ impl MeasuredEem {
         let (rows, columns) = (self.emission_nm.len(), self.excitation_nm.len());
         let measured = self.values.clone();
         for column in 0..columns {
-            let order = |row: usize| {
-                let near = |order: f64| {
-                    (self.emission_nm[row] - order * self.excitation_nm[column]).abs() <= cut.within_nm
-                };
-                if near(1.0) { Some(0) } else { near(2.0).then_some(1) }
-            };
+            let order = |row: usize| cut.order(self.emission_nm[row], self.excitation_nm[column]);
             let kept = |row: &usize| order(*row).is_none();
             for row in 0..rows {
                 let Some(order) = order(row) else { continue };

@@ -229,13 +229,27 @@ fn empty_cells_are_interpolated_between_values_alone() {
     let options = |empty_cells| CsvEemOptions { empty_cells, ..CsvEemOptions::default() };
     let read = |choice| loaded(text, |path| read_eem_csv(path, &options(choice)));
     let found = read(EmptyCells::Interpolate);
-    assert_eq!(found.empty_cells, 9);
+    assert_eq!(found.empty_cells.len(), 9);
     let expected = [0.0, 0.0, 8.0, 0.0, 7.0, 0.0, 6.0, 6.0, 4.0, 4.8, 1.0, 3.0, 0.0, 0.0];
     for (value, expected) in found.values.iter().zip(expected) {
         assert!((value - expected).abs() < 1e-12, "{:?}", found.values);
     }
     let zeros = read(EmptyCells::Zero).values;
     assert_eq!(zeros.iter().filter(|value| **value == 0.0).count(), 9);
+}
+
+/// A negative value within a band that is cut out is no value: it is neither refused nor counted.
+#[test]
+fn negative_values_that_are_cut_out_do_not_count() {
+    let text = "# unit: photons\nem_nm\\ex_nm,350,450\n350,-4,0\n420,8,0\n450,7,-9\n560,1,3\n700,-2,1\n";
+    let read = |within_nm: Option<f64>, negative| {
+        let cut = within_nm.map(|within_nm| ScatterCut { within_nm, to: CutTo::Zero });
+        let options = CsvEemOptions { cut, negative, ..CsvEemOptions::default() };
+        loaded(text, |path| read_eem_csv(path, &options).map(|eem| eem.clipped))
+    };
+    assert_eq!(read(Some(5.0), Negative::Refuse), (0, 0.0));
+    assert_eq!(read(Some(5.0), Negative::ClipToZero), (0, 0.0));
+    assert_eq!(read(None, Negative::ClipToZero), (3, -9.0));
 }
 
 /// A dye whose emission keeps its place, with light of the lamp on a line that follows the excitation.

@@ -73,7 +73,9 @@ fn cut(options: &Options) -> Result<Option<ScatterCut>, CliError> {
 /// What was cut, in words.
 fn cut_in_words(cut: ScatterCut, [first, second]: [usize; 2]) -> String {
     let to = match cut.to {
-        CutTo::Neighbors => "interpolated along the emission",
+        CutTo::Neighbors => {
+            "interpolated along the emission, at the ends of the emission the nearest value, below the excitation 0"
+        }
         CutTo::Zero => "set to 0",
     };
     format!(

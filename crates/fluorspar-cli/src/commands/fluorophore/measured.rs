@@ -285,7 +285,7 @@ fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> 
     describe(path, &matrix, &mut findings)?;
     let peak = matrix.values.iter().copied().fold(0.0, f64::max);
     let of_cells = [
-        ("empty cells", empty_cells(read.empty_cells, options.empty_cells)),
+        ("empty cells", empty_cells(&matrix, &read.empty_cells, options.empty_cells)),
         ("negative cells", negative_cells(read.clipped, peak)),
     ];
     let changed = of_cells.iter().filter(|(_, words)| words != NO_CELL);
@@ -337,12 +337,27 @@ fn accepted_scatter(path: &Path, matrix: &Matrix, options: &FileOptions) -> Vec<
 const NO_CELL: &str = "none";
 
 /// What was made of empty cells.
-fn empty_cells(count: usize, choice: Empty) -> String {
-    match (count, choice) {
+fn empty_cells(matrix: &Matrix, places: &[usize], choice: Empty) -> String {
+    const TOLD: usize = 3;
+    let columns = matrix.excitation_nm.len();
+    let filled = |place: &&usize| matrix.values[**place] != 0.0;
+    let told = |place: &usize| {
+        let [emission_nm, excitation_nm] =
+            [matrix.emission_nm[place / columns], matrix.excitation_nm[place % columns]];
+        format!("{} at emission {emission_nm} nm, excitation {excitation_nm} nm", matrix.values[*place])
+    };
+    let told: Vec<String> = places.iter().filter(filled).take(TOLD).map(told).collect();
+    let filled = places.iter().filter(filled).count();
+    match (places.len(), choice) {
         (0, _) => NO_CELL.into(),
-        (count, Empty::Interpolate) => format!(
-            "{count}, interpolated along the emission; zero below the excitation and beyond the values"
-        ),
+        (count, Empty::Interpolate) => {
+            let more = if filled > told.len() { ", and others" } else { "" };
+            let values = if told.is_empty() { String::new() } else { format!(": {}{more}", told.join("; ")) };
+            let zero = count - filled;
+            format!(
+                "{filled} interpolated along the emission{values}; {zero} taken as zero, below the excitation or beyond the values"
+            )
+        }
         (count, _) => format!("{count}, taken as zero: no fluorescence there"),
     }
 }
