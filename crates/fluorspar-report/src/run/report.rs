@@ -16,7 +16,7 @@ use super::depth_section::depth_section;
 use super::overview::overview;
 use super::regions_section::{region_warnings, regions_section};
 use super::safety_section::safety_section;
-use super::view_filters::{ViewFilters, view_band, view_filter_of};
+use super::view_filters::{ViewFilters, assumed_blocking, view_band, view_filter_of};
 use super::words::{NO_LIGHT, Words};
 use super::{FrameOrigin, RunResults};
 use crate::figures::{
@@ -747,6 +747,10 @@ fn assumptions_section(run: &RunResults<'_>) -> Section {
         "Spectra of the catalogue are models: published measurements described by a few numbers each. What is assumed is \
          marked so in the files of the catalogue and can be changed in the experiment.",
     );
+    let file = run.experiment.record.experiment.as_deref();
+    if let Some(blocking) = file.and_then(assumed_blocking) {
+        section = section.say(blocking);
+    }
     if !silent.is_empty() {
         let mut names = silent;
         names.dedup();
