@@ -15,7 +15,7 @@ use super::dark_frames::dark_frames;
 use super::depth_section::depth_section;
 use super::overview::overview;
 use super::regions_section::{region_warnings, regions_section};
-use super::safety_section::safety_section;
+use super::safety_section::{risk_group_warning, safety_section};
 use super::view_filters::{ViewFilters, assumed_blocking, view_band, view_filter_of};
 use super::words::{NO_LIGHT, Words};
 use super::{FrameOrigin, RunResults};
@@ -85,6 +85,8 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
         );
         warnings.push(text.into());
     }
+    let risk = run.evaluation.safety.as_ref().and_then(risk_group_warning);
+    warnings.extend(risk.map(Warning::from));
     warnings.extend(dark_frames(run.experiment, &run.evaluation.frames).into_iter().map(Warning::from));
     let mut page = ReportData {
         title: record.title.clone(),
@@ -747,6 +749,10 @@ fn assumptions_section(run: &RunResults<'_>) -> Section {
         "Spectra of the catalogue are models: published measurements described by a few numbers each. What is assumed is \
          marked so in the files of the catalogue and can be changed in the experiment.",
     );
+    let file = run.experiment.record.experiment.as_deref();
+    if let Some(blocking) = file.and_then(assumed_blocking) {
+        section = section.say(blocking);
+    }
     let file = run.experiment.record.experiment.as_deref();
     if let Some(blocking) = file.and_then(assumed_blocking) {
         section = section.say(blocking);
