@@ -313,13 +313,26 @@ fn frames_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
         let capture = study.capture(&frame.raw.label);
         let figure = frame_histograms(frame, capture.and_then(|c| c.subtract.as_deref()));
         // A dark frame is to lie at the left
-        let advice = match capture.is_some_and(|c| words.lights(c) != NO_LIGHT) {
-            true => "A frame that fills only the far left wastes the sensor's range.",
-            false => "",
+        let is_lit = capture.is_some_and(|c| words.lights(c) != NO_LIGHT);
+        let advice = if is_lit && is_far_left(frame) {
+            "This frame fills only the far left: a longer exposure or more light would use more of the sensor's range."
+        } else {
+            ""
         };
         section = builder.show(section, &format!("histogram_{}", frame.raw.label), figure, advice);
     }
     section
+}
+
+/// Levels above this share of full scale use the sensor's range.
+const FAR_LEFT: f64 = 0.1;
+
+/// Whether hardly any value of a frame, one of a thousand, is above the far left of its histogram.
+fn is_far_left(frame: &CapturedFrame) -> bool {
+    let developed = &frame.developed;
+    let level = FAR_LEFT * developed.full_scale_dn;
+    let above = developed.data.iter().filter(|&&value| f64::from(value) > level).count();
+    1000 * above <= developed.data.len() && !developed.saturated.contains(&true)
 }
 
 /// Exposure, clipping and the median of each channel of all frames.
@@ -425,12 +438,17 @@ fn radiance_section(run: &RunResults<'_>, radiance: &RegionRadiance, builder: &m
          spectroradiometer would measure there.",
         radiance.pixels
     ));
+    // Of a region with one fluorophore there is nothing of the kind
+    let elsewhere = if glow.len() > 1 {
+        " Light of a fluorophore that the region does not hold, if there is any, was given off elsewhere and reflected here."
+    } else {
+        ""
+    };
     section = builder.show(
         section,
         "radiance_log",
         radiance_by_component(Some(&total), Some(&reflected), &glow, &region, Scale::Log10),
-        "Logarithmic: where reflected light of the lights exceeds fluorescence, the filters must keep it away. Light of a fluorophore \
-         that the region does not hold was given off elsewhere and reflected here.",
+        &format!("Logarithmic: where reflected light of the lights exceeds fluorescence, the filters must keep it away.{elsewhere}"),
     );
     builder.show(
         section,
@@ -749,10 +767,6 @@ fn assumptions_section(run: &RunResults<'_>) -> Section {
         "Spectra of the catalogue are models: published measurements described by a few numbers each. What is assumed is \
          marked so in the files of the catalogue and can be changed in the experiment.",
     );
-    let file = run.experiment.record.experiment.as_deref();
-    if let Some(blocking) = file.and_then(assumed_blocking) {
-        section = section.say(blocking);
-    }
     let file = run.experiment.record.experiment.as_deref();
     if let Some(blocking) = file.and_then(assumed_blocking) {
         section = section.say(blocking);
