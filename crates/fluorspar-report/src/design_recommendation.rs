@@ -88,7 +88,7 @@ fn what_tolerances_do(worst: &WorstCase) -> String {
     }
 }
 
-/// A limit that is broken with its numbers, as a part of a sentence: `its leak rises to 0.1175, beyond limit.leak = 0.01`.
+/// A limit that is broken with its numbers, as a part of a sentence: `its leak rises to 11.75 %, beyond limit.leak = 0.01 (1 %)`.
 pub(crate) fn limit_in_words(excess: &LimitExcess) -> String {
     let (what, field, factor, unit) = match excess.limit {
         "tissue_margin" => ("margin of the tissue falls", "tissue_margin", 1.0, ""),
@@ -96,11 +96,16 @@ pub(crate) fn limit_in_words(excess: &LimitExcess) -> String {
         "saturation" => ("saturation rises", "saturation", 1.0, ""),
         "time" => ("time rises", "total_ms", 1e3, " ms"),
         "cost" => ("price rises", "cost", 1.0, ""),
-        _ => ("leak rises", "leak", 1.0, ""),
+        _ => ("leak rises", "leak", 100.0, " %"),
     };
     let value = if excess.value.is_finite() { digits(factor * excess.value) } else { "infinity".into() };
     // The limit as the file has it, without what the change of units rounded
-    let allowed = if factor == 1.0 { excess.allowed } else { (1e9 * factor * excess.allowed).round() * 1e-9 };
+    let rounded = (1e9 * factor * excess.allowed).round() / 1e9;
+    let allowed = match field {
+        "total_ms" => rounded.to_string(),
+        "leak" => format!("{} ({rounded} %)", excess.allowed),
+        _ => excess.allowed.to_string(),
+    };
     format!("its {what} to {value}{unit}, beyond limit.{field} = {allowed}")
 }
 
@@ -131,7 +136,7 @@ fn failings(found: &DesignFindings<'_>, place: usize, judged: &JudgedDesign) -> 
             if let Some((value, sd)) = value.zip(sd).filter(|(value, sd)| value.abs() < DETECTION_Z * sd) {
                 let told = digits(DETECTION_Z * sd);
                 failings.push(format!(
-                    "the value itself, {}, is not told from none: it would have to be {told}",
+                    "the value itself, {}, can't be told from zero: it would have to be {told}",
                     digits(value)
                 ));
                 break;

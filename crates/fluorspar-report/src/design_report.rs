@@ -105,7 +105,7 @@ pub fn design_report(found: &DesignFindings<'_>) -> ReportData {
         ],
         experiment_toml: found.design_toml.into(),
         input_files: Vec::new(),
-        rerun_command: format!("fluorspar design {} DESIGN.toml", found.action),
+        rerun_command: format!("fluorspar design {} report.html", found.action),
     }
 }
 
@@ -168,9 +168,9 @@ fn headline(found: &DesignFindings<'_>) -> Vec<Number> {
     numbers.push(Number::computed("time", digits(merits.time_s * 1e3), "ms", "of all exposures"));
     numbers.push(Number::computed(
         "leak",
-        digits(merits.leak),
-        "",
-        "reflected per fluorescent electron, at most",
+        digits(100.0 * merits.leak),
+        "%",
+        "reflected electrons over those of fluorescence, at most",
     ));
     numbers.extend(recommended.fluorescence_kept.map(|kept| {
         let meaning = "of the electrons of fluorescence pass the viewing filter";
@@ -211,15 +211,15 @@ fn bounds(found: &DesignFindings<'_>, judged: &JudgedDesign) -> Vec<ReportItem> 
     p.regions_of(judged.design.geometry).zip(&judged.merits.regions).map(table).collect()
 }
 
-/// What the standard deviation of a contrast is to be judged by: the contrast itself, and the change that is told from none with errors of 5 %
+/// What the standard deviation of a contrast is to be judged by: the contrast itself, and the change that can be detected with errors of 5 %
 /// either way (Currie 1968).
 fn yardstick(value: f64, sd: f64) -> String {
     if !sd.is_finite() {
         return format!(" of a value of {}", digits(value));
     }
     let told = DETECTION_Z * sd;
-    let verdict = if value.abs() < told { ", so that the value itself is not told from none" } else { "" };
-    format!(" of a value of {}; a change of {} is told{verdict}", digits(value), digits(told))
+    let verdict = if value.abs() < told { ", so that the value itself can't be told from zero" } else { "" };
+    format!(" of a value of {}; a change of {} can be detected{verdict}", digits(value), digits(told))
 }
 
 fn recommended_section(found: &DesignFindings<'_>, recommended: &JudgedDesign) -> Section {
@@ -308,8 +308,8 @@ fn captures_figure(found: &DesignFindings<'_>, recommended: &JudgedDesign) -> Fi
             panels.push(patch_panel(found.space, &judged.design, raster).titled(title));
         }
     }
-    let columns = panels.len().clamp(1, 2);
-    Figure::grid("Simulated captures", panels, columns).explained(
+    // Below each other: beside each other nine channels would be wider than a page
+    Figure::grid("Simulated captures", panels, 1).explained(
         "Each square is a patch of the region as one channel records it, with the noise of single pixels: a row for each exposure, \
          a column for each channel. Gray follows the electrons to the power of 0.45; white is 1.3 times the brightest mean of that design.",
     )
@@ -387,12 +387,13 @@ fn blind_section(found: &DesignFindings<'_>, recommended: &JudgedDesign) -> Sect
 }
 
 fn choices_section(found: &DesignFindings<'_>) -> Section {
+    let is_priced = found.scores.iter().any(|(_, score)| score.cost != 0.0);
     let row = |judged: &JudgedDesign, worst: Option<&WorstCase>| {
         let merits = &judged.merits;
         let mut meaning = vec![
             format!("{} electrons of fluorescence", digits(merits.fluorescence_e)),
             format!("{} ms", digits(merits.time_s * 1e3)),
-            format!("leak {}", digits(merits.leak)),
+            format!("leak {} %", digits(100.0 * merits.leak)),
             judged.fluorescence_kept.map_or_else(String::new, |kept| {
                 format!("{} % of the fluorescence kept by the filter", digits(100.0 * kept))
             }),
@@ -400,7 +401,7 @@ fn choices_section(found: &DesignFindings<'_>) -> Section {
             merits
                 .tissue_margin
                 .map_or_else(String::new, |margin| format!("tissue margin {}", digits(margin))),
-            format!("price {}", digits(merits.cost)),
+            if is_priced { format!("price {}", digits(merits.cost)) } else { String::new() },
         ];
         // Where designs are ranked by leak, what that costs in the contrasts
         let contrasts = found.space.problem().contrasts.iter().zip(&merits.regions[0].contrasts);
@@ -435,6 +436,9 @@ fn choices_section(found: &DesignFindings<'_>) -> Section {
         .with(ReportItem::Table(front))
 }
 
+/// Label of an axis of numbers of exposures.
+const EXPOSURES: &str = "exposures";
+
 /// What designs are drawn against.
 struct Across {
     label: &'static str,
@@ -453,7 +457,7 @@ impl Across {
         let objectives: [(&str, &str, Objective); 3] = [
             ("price", "", |s| s.cost),
             ("time", "ms", |s| s.time_s * 1e3),
-            ("exposures", "", |s| s.exposures as f64),
+            (EXPOSURES, "", |s| s.exposures as f64),
         ];
         let distinct = |pick: Objective| {
             let mut values: Vec<u64> =
@@ -500,7 +504,6 @@ fn ranked_figure(found: &DesignFindings<'_>, words: &str) -> Figure {
         let seen = designs.iter().filter(|judged| judged.merits.loss.is_finite());
         seen.map(|judged| [judged.merits.loss, (row(judged) + 1) as f64]).collect()
     };
-    let markers = |points, radius, hollow| SeriesShape::Markers { points, radius, hollow };
     let (all, front, compared) = (marks(found.best), marks(found.front), marks(found.compared));
     let worst = found.worst_cases.iter().enumerate().filter(|(_, worst)| worst.loss.is_finite());
     let worst: Vec<[f64; 2]> = worst.map(|(place, worst)| [worst.loss, (place + 1) as f64]).collect();
@@ -508,13 +511,11 @@ fn ranked_figure(found: &DesignFindings<'_>, words: &str) -> Figure {
     let (low, high) = losses().fold((f64::INFINITY, 0.0f64), |(a, b), loss| (a.min(loss), b.max(loss)));
     let x = Axis::log10("loss", "", [low * 0.8, (high * 1.2).min(low * 1e4)]);
     let height = ROW * names.len().max(3) as f64;
-    let series = |name: &str, ink, shape| Series { name: Some(name.into()), ink, shape };
-    let panel = Panel::new(x, Axis::named("design", names).downward())
-        .sized(520.0, height)
-        .with(series("within tolerances", Ink::cycle(2), markers(worst, 4.0, true)))
-        .with(series("as meant", Ink::Muted, markers(all, 4.0, false)))
-        .with(series("front", Ink::cycle(0), markers(front, 5.0, false)))
-        .with(series("compared", Ink::cycle(1), markers(compared, 6.0, true)));
+    let panel = Panel::new(x, Axis::named("design", names).downward()).sized(520.0, height);
+    let panel = with_marks(panel, "within tolerances", Ink::cycle(2), (worst, 4.0, true));
+    let panel = with_marks(panel, "as meant", Ink::Muted, (all, 4.0, false));
+    let panel = with_marks(panel, "front", Ink::cycle(0), (front, 5.0, false));
+    let panel = with_marks(panel, "compared", Ink::cycle(1), (compared, 6.0, true));
     Figure::new("Loss of all designs", panel).explained(format!(
         "Each row is a design that keeps to all limits. Those of the front are not beaten in loss, time, price and number of exposures at \
          once. {words}{}",
@@ -526,6 +527,7 @@ fn ranked_figure(found: &DesignFindings<'_>, words: &str) -> Figure {
 fn front_figure(found: &DesignFindings<'_>) -> Figure {
     let seen: Vec<&Score> = found.scores.iter().map(|(_, s)| s).filter(|s| s.loss.is_finite()).collect();
     let Across { label, unit, of: pick, words, is_place } = Across::of(&seen);
+    let is_count = label == EXPOSURES;
     if is_place && found.best.len() == seen.len() && seen.len() <= MOST_ROWS {
         return ranked_figure(found, words);
     }
@@ -536,6 +538,7 @@ fn front_figure(found: &DesignFindings<'_>) -> Figure {
     let y = Axis::log10("loss", "", [low * 0.8, top]);
     let x = match is_place {
         true => Axis::linear(label, unit, [0.0, seen.len() as f64 + 1.0]),
+        false if is_count => Axis::from_zero(label, unit, points.iter().map(|p| p[0] + 0.5)).of_counts(),
         false => Axis::from_zero(label, unit, points.iter().map(|p| p[0] * 1.1)),
     };
     let marks = |designs: &[JudgedDesign]| -> Vec<[f64; 2]> {
@@ -547,24 +550,36 @@ fn front_figure(found: &DesignFindings<'_>) -> Figure {
         };
         designs.iter().map(score).filter(|s| s.loss.is_finite()).map(|s| [pick(&s), s.loss]).collect()
     };
-    let front = SeriesShape::Markers { points: marks(found.front), radius: 5.0, hollow: false };
-    let other = SeriesShape::Markers { points: marks(found.compared), radius: 6.0, hollow: true };
     let also = recommended(found).filter(|(place, _)| *place > 0).map(|(_, judged)| judged);
     let labels = found.best.iter().take(1).chain(also).flat_map(|judged| {
         let at = marks(std::slice::from_ref(judged));
         at.into_iter().map(|at| Label { at, text: judged.name.clone() })
     });
     let labels = labels.collect();
-    let mut panel = Panel::new(x, y)
-        .with(Series::unnamed(Ink::Muted, SeriesShape::Dots { points, radius: 1.5, opacity: 0.5 }))
-        .with(Series { name: Some("front".into()), ink: Ink::cycle(0), shape: front })
-        .with(Series { name: Some("compared".into()), ink: Ink::cycle(1), shape: other });
-    panel = panel.with(Series::unnamed(Ink::Text, SeriesShape::Labels(labels)));
+    let dots = SeriesShape::Dots { points, radius: 1.5, opacity: 0.5 };
+    let panel = Panel::new(x, y).with(Series::unnamed(Ink::Muted, dots));
+    let panel = with_marks(panel, "front", Ink::cycle(0), (marks(found.front), 5.0, false));
+    let panel = with_marks(panel, "compared", Ink::cycle(1), (marks(found.compared), 6.0, true));
+    let panel = panel.with(Series::unnamed(Ink::Text, SeriesShape::Labels(labels)));
     Figure::new("Loss of all designs", panel).explained(format!(
         "Each dot is a design that keeps to all limits. Those of the front are not beaten in loss, time, price and number of \
          exposures at once. {words}{}",
         missing_in_words(found, beyond)
     ))
+}
+
+/// A panel with marks of a radius, hollow or not, where there are any: a legend names nothing that is not drawn.
+fn with_marks(
+    panel: Panel,
+    name: &str,
+    ink: Ink,
+    (points, radius, hollow): (Vec<[f64; 2]>, f64, bool),
+) -> Panel {
+    if points.is_empty() {
+        return panel;
+    }
+    let shape = SeriesShape::Markers { points, radius, hollow };
+    panel.with(Series { name: Some(name.into()), ink, shape })
 }
 
 /// Which designs have no dot and why, as sentences that go on a text; empty where all have one.
@@ -644,22 +659,29 @@ fn single_lights(found: &DesignFindings<'_>) -> Figure {
     ))
 }
 
-/// The least loss with each pair of lights.
-fn light_map(found: &DesignFindings<'_>) -> Figure {
-    let lights = &found.space.problem().lights;
-    let count = lights.len();
+/// The least loss of designs with each pair of so many lights, in either order, on the diagonal of those with one light; infinite where there
+/// is none.
+fn least_of_pairs(count: usize, losses: impl Iterator<Item = (Vec<usize>, f64)>) -> Vec<f64> {
     let mut least = vec![f64::INFINITY; count * count];
-    for (number, score) in found.scores {
-        let design = found.space.design(*number);
-        for &a in &design.lights {
-            for &b in &design.lights {
-                if a < b || design.lights.len() == 1 {
+    for (lights, loss) in losses {
+        for &a in &lights {
+            for &b in &lights {
+                if a != b || lights.len() == 1 {
                     let cell = &mut least[a * count + b];
-                    *cell = cell.min(score.loss);
+                    *cell = cell.min(loss);
                 }
             }
         }
     }
+    least
+}
+
+/// The least loss with each pair of lights, in either order.
+fn light_map(found: &DesignFindings<'_>) -> Figure {
+    let lights = &found.space.problem().lights;
+    let count = lights.len();
+    let losses = found.scores.iter().map(|(number, score)| (found.space.design(*number).lights, score.loss));
+    let least = least_of_pairs(count, losses);
     let finite = || least.iter().copied().filter(|loss| loss.is_finite());
     let low = finite().fold(f64::INFINITY, f64::min);
     let high = finite().fold(0.0, f64::max).min(low * 1e3).max(low * 1.001);
@@ -676,40 +698,26 @@ fn light_map(found: &DesignFindings<'_>) -> Figure {
         }
     });
     let peaks_nm: Vec<f64> = lights.iter().map(|light| light.peak_nm).collect();
-    let even = even_peaks(&peaks_nm);
-    let picture = |range: [f64; 2], x: Axis, y: Axis| {
-        let picture = SeriesShape::Picture { x: range, y: range, raster: raster.clone() };
-        Panel::new(x, y).sized(480.0, 480.0).with(Series::unnamed(Ink::Text, picture))
-    };
-    let mut panel = match even {
+    let (x, y) = match even_peaks(&peaks_nm) {
         Some(range_nm) => {
-            let axis = |which: &str| Axis::linear(format!("peak of the {which} light"), "nm", range_nm);
-            picture(range_nm, axis("shorter"), axis("longer"))
+            let axis = |which: &str| Axis::linear(format!("peak of {which} light"), "nm", range_nm);
+            (axis("one"), axis("the other"))
         }
         // Lights that are not evenly spaced bear their names at the sides
         None => {
-            let whole = count as f64;
-            let longest = lights.iter().map(|light| light.name.chars().count()).max().unwrap_or(0) as f64;
-            let left = (0.016 * (longest + 1.0)).min(0.4) * whole;
-            let step = count.div_ceil(9).max(1);
-            let beside = (0..count)
-                .step_by(step)
-                .map(|k| Label { at: [-left, k as f64 + 0.5], text: lights[k].name.clone() });
-            let below = (0..count)
-                .step_by(step)
-                .map(|k| Label { at: [k as f64 + 0.1, -0.03 * whole], text: lights[k].name.clone() });
-            let (x, y) = (Axis::hidden([-left, whole]), Axis::hidden([-0.06 * whole, whole]));
-            let names = SeriesShape::Labels(beside.chain(below).collect());
-            picture([0.0, whole], x, y).with(Series::unnamed(Ink::Text, names))
+            let names = || lights.iter().map(|light| light.name.clone());
+            (Axis::named("one light", names()), Axis::named("the other light", names()))
         }
     };
+    let picture = SeriesShape::Picture { x: x.limits, y: y.limits, raster };
+    let mut panel = Panel::new(x, y).sized(480.0, 480.0).with(Series::unnamed(Ink::Text, picture));
     panel.color_bar = Some(ColorBar {
         axis: Axis::log10("inverse of the least loss", "", [1.0 / high, 1.0 / low]),
         map: ColorMap::Viridis,
     });
     Figure::new("Which lights", panel).explained(
-        "The least loss of all designs with these two lights, the one of the column and the one of the row, and of single lights on \
-         the diagonal. Bright is good, gray is not seen or breaks a limit.",
+        "The least loss of all designs with these two lights, the one of the column and the one of the row, in either order, and of \
+         single lights on the diagonal. Bright is good. Gray: no design with these lights keeps to all limits and sees what is asked for.",
     )
 }
 
@@ -751,14 +759,37 @@ fn assumptions_section(found: &DesignFindings<'_>) -> Section {
             .collect();
         section = section.say(format!(
             "At the worst end of the tolerances (lights {}, filter {:+} nm, light at {} degrees) the loss of {} is {}, and its largest leak \
-             within them is {}.{broken} The spectra as made are taken to be known then: without a calibration there is a bias besides.",
+             within them is {} %.{broken} The spectra as made are taken to be known then: without a calibration there is a bias besides.",
             shifts.join(" and "),
             worst.filter_shift_nm,
             worst.angle_deg,
             judged.name,
             digits(worst.loss),
-            digits(worst.leak)
+            digits(100.0 * worst.leak)
         ));
     }
     ideal_edges(found.space.problem()).into_iter().fold(section, Section::say)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pair_of_lights_has_its_loss_in_either_order() {
+        let none = f64::INFINITY;
+        let losses = [(vec![0], 3.0), (vec![0, 2], 1.0), (vec![2, 0], 2.0), (vec![1], none)];
+        let least = least_of_pairs(3, losses.into_iter());
+        assert_eq!(least, [3.0, none, 1.0, none, none, none, 1.0, none, none]);
+    }
+
+    #[test]
+    fn a_legend_names_only_what_is_drawn() {
+        let axis = || Axis::linear("", "", [0.0, 1.0]);
+        let empty =
+            with_marks(Panel::new(axis(), axis()), "compared", Ink::cycle(1), (Vec::new(), 6.0, true));
+        assert!(empty.series.is_empty());
+        let one = with_marks(empty, "front", Ink::cycle(0), (vec![[0.5, 0.5]], 5.0, false));
+        assert_eq!(one.series.len(), 1);
+    }
 }

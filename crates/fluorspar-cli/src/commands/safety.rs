@@ -89,7 +89,7 @@ fn describe_capture(capture: &CaptureSafety, is_mouth: bool) -> String {
 fn describe_viewer(viewer: &ViewerSafety, is_mouth: bool) -> String {
     let who = viewer.viewer.name(is_mouth);
     if let Some(reason) = &viewer.not_assessed {
-        return format!("  {who}: no margin: {reason}\n");
+        return format!("  {who}: not assessed: {reason}\n");
     }
     let mut text = format!(
         "  {who} at {} mm: {} W/m2\n",

@@ -361,7 +361,14 @@ fn a_sweep_of_single_lights_names_them() {
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/03-four-leds.toml");
     fluorspar(folder.path(), ["design", "sweep", example.to_str().unwrap(), "--out", "a", "-q"]).well();
     let read = |name: &str| fs::read_to_string(folder.path().join("a").join(name)).unwrap();
-    assert!(read("report.html").contains("fluorspar design sweep DESIGN.toml"));
+    let page = read("report.html");
+    assert!(page.contains("fluorspar design sweep report.html"));
+    // Nothing has a price, and a leak has its unit
+    assert!(!page.contains("price 0") && page.contains(" %, "), "{page}");
+    // The page runs again as it says
+    fluorspar(folder.path(), ["design", "sweep", "a/report.html", "--out", "b", "-q"]).well();
+    let of = |run: &str| fs::read_to_string(folder.path().join(run).join("designs.csv")).unwrap();
+    assert_eq!(of("a"), of("b"));
     let lights = read("lights.svg");
     for name in ["365 nm: ", "385 nm: ", "405 nm: ", "450 nm: ", "peak of the light"] {
         assert!(lights.contains(name), "{name}");
@@ -378,6 +385,24 @@ fn a_sweep_of_single_lights_names_them() {
     for name in ["within tolerances", "365 nm", "385 nm", "405 nm", "450 nm"] {
         assert!(designs.contains(name), "{name}");
     }
+}
+
+/// The map of pairs of lights names them at its sides, not in its cells, and an axis of exposures has no fractions.
+#[test]
+fn a_map_of_pairs_of_lights_names_them_at_its_sides() {
+    let folder = tempfile::tempdir().unwrap();
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/03-four-leds.toml");
+    let args = ["design", "sweep", example.to_str().unwrap(), "--set=exposure.counts=[1,2]", "--out=a", "-q"];
+    fluorspar(folder.path(), args).well();
+    let read = |name: &str| fs::read_to_string(folder.path().join("a").join(name)).unwrap();
+    let lights = read("lights.svg");
+    for name in ["365 nm", "385 nm", "405 nm", "450 nm"] {
+        assert!(lights.matches(&format!(">{name}<")).count() == 2, "{name}");
+    }
+    assert!(lights.contains(">one light<") && lights.contains(">the other light<"));
+    let designs = read("designs.svg");
+    assert!([">exposures<", ">1<", ">2<"].iter().all(|text| designs.contains(text)));
+    assert!(!designs.contains(">0.2<") && !designs.contains(">1.0<"));
 }
 
 /// A design whose leak passes its limit within tolerances is left out for that and not for its loss there, which is smaller.
@@ -407,8 +432,8 @@ fn the_reason_why_a_design_is_not_recommended_is_the_true_one() {
             text.contains("Recommended is 405 nm, long-pass 470 nm: of the 5 best 4 keep to all limits"),
             "{text}"
         );
-        assert!(text.contains("within tolerances its leak rises to 0.1"), "{text}");
-        assert!(text.contains("beyond limit.leak = 0.01."), "{text}");
+        assert!(text.contains("within tolerances its leak rises to 1"), "{text}");
+        assert!(text.contains(" %, beyond limit.leak = 0.01 (1 %)."), "{text}");
         // What is not known is nothing, and what ranks rest on
         assert!(text.contains("Nothing but the weights is unknown"), "{text}");
         assert!(text.contains("1e-5 (assumed, optical_density = 5)"), "{text}");

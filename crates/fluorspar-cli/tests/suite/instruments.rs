@@ -213,9 +213,9 @@ fn safety_is_told_for_every_capture_and_only_with_a_distance() {
     for word in ["patient's eye at 100", "operator's eye at 300", "mucosa", "near uv", "not a certificate"] {
         assert!(said.stdout.contains(word), "{word}: {}", said.stdout);
     }
-    // A file that tells no distance gets no margin for eyes.
+    // A file that tells no distance gets no assessment of eyes.
     let said = fluorspar(folder, ["safety", "flat-patch"]).well();
-    assert!(said.stdout.contains("no margin: its distance is not known"), "{}", said.stdout);
+    assert!(said.stdout.contains("not assessed: its distance is not known"), "{}", said.stdout);
     assert!(
         said.stdout.contains("--patient-eye-mm") || said.stdout.contains("safety.patient_eye_distance_mm")
     );

@@ -8,13 +8,13 @@ const SIZE: u32 = 12;
 /// Distance of the lines of a label of several, px.
 const LINE: f64 = 15.0;
 
-/// The lines of a label, none wider than `width` px but a word that is.
-fn wrapped(text: &str, width: f64) -> Vec<String> {
+/// The lines of a text of a size, none wider than `width` px but a word that is.
+pub(super) fn wrapped(text: &str, size: u32, width: f64) -> Vec<String> {
     let mut rows = vec![String::new()];
     for word in text.split(' ') {
         let row = rows.last().cloned().unwrap_or_default();
         let longer = if row.is_empty() { word.to_owned() } else { format!("{row} {word}") };
-        match font::width(&longer, f64::from(SIZE)) > width && !row.is_empty() {
+        match font::width(&longer, f64::from(size)) > width && !row.is_empty() {
             true => rows.push(word.to_owned()),
             false => *rows.last_mut().unwrap_or(&mut String::new()) = longer,
         }
@@ -35,7 +35,7 @@ pub(super) fn place(
         .map(|(_, at)| Frame { left: at[0] - 7.0, top: at[1] - 7.0, width: 14.0, height: 14.0 })
         .collect();
     for (label, at) in labels {
-        let rows = wrapped(&label.text, panel.width - 6.0);
+        let rows = wrapped(&label.text, SIZE, panel.width - 6.0);
         let widest = rows.iter().map(|row| font::width(row, f64::from(SIZE))).fold(0.0, f64::max);
         let width = widest + 6.0;
         let height = LINE * (rows.len() - 1) as f64 + f64::from(SIZE) + 5.0;

@@ -9,6 +9,8 @@ use super::{Axis, ColorBar, Figure, Ink, Label, Panel, Raster, Series, SeriesSha
 const TITLE_SIZE: u32 = 16;
 const LABEL_SIZE: u32 = 13;
 const TICK_SIZE: u32 = 12;
+/// Distance of the lines of a panel's title, px.
+const TITLE_LINE: f64 = 19.0;
 const EDGE: f64 = 14.0;
 const BAR_WIDTH: f64 = 16.0;
 
@@ -83,11 +85,13 @@ fn text_mark(at: [f64; 2], text: &str, size: u32, anchor: Anchor, ink: Ink) -> M
 
 /// As many ticks as have room for their texts.
 fn x_ticks(panel: &Panel) -> Vec<Tick> {
-    let mut most = (panel.size[0] / 44.0) as usize;
+    // Names stand closer than numbers: each of a row of channels is to be read
+    let (room, gap) = if panel.x.names.is_empty() { (44.0, 16.0) } else { (20.0, 6.0) };
+    let mut most = (panel.size[0] / room) as usize;
     loop {
         let ticks = panel.x.ticks(most);
         let labeled = ticks.iter().filter(|tick| tick.text.is_some()).count().max(2) - 1;
-        if most <= 2 || panel.size[0] / labeled as f64 >= widest(&ticks) + 16.0 {
+        if most <= 2 || panel.size[0] / labeled as f64 >= widest(&ticks) + gap {
             return ticks;
         }
         most -= 1;
@@ -108,9 +112,14 @@ fn widest(ticks: &[Tick]) -> f64 {
         .fold(0.0, f64::max)
 }
 
+/// The title of a panel in lines that fit a width, px.
+pub(super) fn wrapped_title(title: &str, width: f64) -> String {
+    labels::wrapped(title, LABEL_SIZE, width).join("\n")
+}
+
 fn heading_width(panel: &Panel) -> f64 {
     let width = |text: &str| font::width(text, f64::from(LABEL_SIZE));
-    width(&panel.title).max(width(&panel.y.title())) + 12.0
+    panel.title.lines().map(width).fold(width(&panel.y.title()), f64::max) + 12.0
 }
 
 fn margins(panel: &Panel) -> Margins {
@@ -122,7 +131,7 @@ fn margins(panel: &Panel) -> Margins {
     Margins {
         left: if panel.y.is_hidden { 0.0 } else { widest(&y_ticks(&panel.y, panel.size[1])) + 10.0 },
         right: 20.0 + bar,
-        top: if panel.title.is_empty() { 4.0 } else { 22.0 }
+        top: if panel.title.is_empty() { 4.0 } else { 3.0 + TITLE_LINE * panel.title.lines().count() as f64 }
             + if panel.y.is_hidden && panel.color_bar.is_none() { 0.0 } else { 25.0 },
         bottom: if panel.x.is_hidden { 10.0 } else { 48.0 },
     }
@@ -201,10 +210,11 @@ fn draw_panel(panel: &Panel, frame: Frame, left_margin: f64, marks: &mut Vec<Mar
         ));
     }
     if !panel.y.is_hidden || panel.color_bar.is_some() {
-        heading -= 19.0;
+        heading -= TITLE_LINE;
     }
-    if !panel.title.is_empty() {
-        marks.push(text_mark([heading_left, heading], &panel.title, LABEL_SIZE, Anchor::Start, Ink::Text));
+    for line in panel.title.lines().rev() {
+        marks.push(text_mark([heading_left, heading], line, LABEL_SIZE, Anchor::Start, Ink::Text));
+        heading -= TITLE_LINE;
     }
 
     let covered = panel.series.iter().any(|series| matches!(series.shape, SeriesShape::Picture { .. }));

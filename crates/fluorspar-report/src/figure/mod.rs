@@ -26,6 +26,8 @@ use canvas::Canvas;
 const PIXELS_PER_PX: f64 = 2.0;
 /// Width of a panel on a telephone before its ticks are measured, px.
 const NARROW_PANEL: f64 = 250.0;
+/// What the edges take of the width of a panel's title, px.
+const TITLE_ROOM: f64 = 44.0;
 
 /// A figure: one or more panels under a title and one shared legend.
 #[derive(Clone, Debug, PartialEq)]
@@ -284,6 +286,8 @@ impl Figure {
                 panel.title = bar.axis.title();
                 (bar.axis.label, bar.axis.unit) = (String::new(), String::new());
             }
+            // A long title would make the figure wide however narrow its panel is
+            panel.title = layout::wrapped_title(&panel.title, width - TITLE_ROOM);
             for series in &mut panel.series {
                 if let SeriesShape::Dots { points, .. } = &mut series.shape {
                     *points = points.iter().copied().step_by(3).collect();
@@ -323,5 +327,35 @@ impl Figure {
         let mut canvas = Canvas::new(drawing.width, drawing.height, PIXELS_PER_PX, Ink::Paper)?;
         drawing.marks.iter().for_each(|mark| canvas.draw(mark));
         Ok(canvas.into_raster())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A row of nine channels under a long title: on a telephone the row is as wide as the figure, and nothing is scaled down.
+    #[test]
+    fn a_long_title_does_not_make_a_narrow_figure_wide() {
+        let channels = (0..9).map(|k| (450 + 30 * k).to_string());
+        let (x, y) = (Axis::named("channel", channels), Axis::named("", ["405 nm".to_owned()]));
+        let title = "405 nm + 450 nm, nine bands, long-pass 500 nm, f/2.8, equal times: dorsal tongue";
+        let figure = Figure::new("Captures", Panel::new(x, y).sized(810.0, 90.0).titled(title));
+        let narrow = figure.narrow(304.0);
+        let drawing = layout::lay_out(&Figure { title: String::new(), ..narrow.clone() });
+        assert!(drawing.width <= 305.0, "{}", drawing.width);
+        assert!(narrow.panels[0].size[0] > 180.0, "{:?}", narrow.panels[0].size);
+        let texts: Vec<&str> = drawing
+            .marks
+            .iter()
+            .filter_map(|mark| match mark {
+                drawing::Mark::Text { text, .. } => Some(text.as_str()),
+                _ => None,
+            })
+            .collect();
+        let is_named = |k: i32| texts.contains(&(450 + 30 * k).to_string().as_str());
+        assert!((0..9).step_by(2).all(is_named), "{texts:?}");
+        let lines: Vec<&str> = narrow.panels[0].title.lines().collect();
+        assert!(lines.len() > 1 && lines.join(" ") == title, "{lines:?}");
     }
 }

@@ -23,6 +23,8 @@ pub struct Axis {
     pub scale: Scale,
     /// Without ticks.
     pub(super) is_hidden: bool,
+    /// Of whole numbers, without ticks between them.
+    pub(super) is_count: bool,
     /// Names at 1, 2, 3 and so on, instead of numbers; empty for an axis of numbers.
     pub(super) names: Vec<String>,
 }
@@ -37,7 +39,15 @@ impl Axis {
     /// A linear axis.
     pub fn linear(label: impl Into<String>, unit: impl Into<String>, limits: [f64; 2]) -> Self {
         let (label, unit) = (label.into(), unit.into());
-        Self { label, unit, limits, scale: Scale::Linear, is_hidden: false, names: Vec::new() }
+        Self {
+            label,
+            unit,
+            limits,
+            scale: Scale::Linear,
+            is_hidden: false,
+            is_count: false,
+            names: Vec::new(),
+        }
     }
 
     /// A logarithmic axis; both limits must be positive.
@@ -67,6 +77,12 @@ impl Axis {
     pub fn downward(mut self) -> Self {
         self.limits.reverse();
         self
+    }
+
+    /// The axis with ticks at whole numbers only.
+    #[must_use]
+    pub fn of_counts(self) -> Self {
+        Self { is_count: true, ..self }
     }
 
     /// A linear axis from zero to a round number at or above the largest of some values.
@@ -131,7 +147,7 @@ impl Axis {
         if !(range > 0.0 && range.is_finite()) {
             return Vec::new();
         }
-        let step = nice_step(range / most as f64);
+        let step = nice_step(range / most as f64).max(if self.is_count { 1.0 } else { 0.0 });
         let first = (low / step - 1e-6).ceil() as i64;
         let last = (high / step + 1e-6).floor() as i64;
         let largest = low.abs().max(high.abs());
@@ -244,6 +260,7 @@ mod tests {
         let axis = Axis::wavelength([380.0, 780.0]);
         assert_eq!(texts(&axis, 5), ["400", "500", "600", "700"]);
         assert_eq!(texts(&Axis::linear("r", "", [0.0, 1.0]), 5), ["0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(texts(&Axis::linear("exposures", "", [0.0, 2.5]).of_counts(), 8), ["0", "1", "2"]);
         assert_eq!(texts(&Axis::linear("x", "", [-0.1, 0.1]), 3), ["−0.1", "0", "0.1"]);
         assert_eq!(texts(&Axis::linear("x", "", [0.0, 2e-5]), 2), ["0", "1×10⁻⁵", "2×10⁻⁵"]);
         assert_eq!(texts(&Axis::linear("x", "", [1.0, 0.0]), 2), ["0", "0.5", "1.0"]);

@@ -112,7 +112,7 @@ pub fn emission(
     let limits = wavelength_limits(curves);
     let y = Axis::from_zero(quantity, unit, curves.iter().map(PlotCurve::peak));
     let mut panel = Panel::new(Axis::wavelength(limits), y);
-    for shade in view_band_nm.into_iter().flat_map(|band| blocked(band, limits)) {
+    for shade in view_band_nm.into_iter().flat_map(|band| blocked(band, curves, limits)) {
         panel = panel.with(shade);
     }
     let inks = Ink::of_fluorophores(curves.iter().map(|curve| curve.name.as_str()));
@@ -133,11 +133,36 @@ pub fn emission(
         .explained(format!("What each fluorophore would give off under {light}, {amount}.{overlap}{gray}"))
 }
 
-/// Shades over the wavelengths outside a band that the viewing filter passes.
-fn blocked([low, high]: [f64; 2], limits: [f64; 2]) -> Vec<Series> {
+/// Shades over the wavelengths outside a band that the viewing filter passes. Nothing is known of it where there are no curves: a band that
+/// goes to their end goes on.
+fn blocked([low, high]: [f64; 2], curves: &[PlotCurve], limits: [f64; 2]) -> Vec<Series> {
     let name = Some("viewing filter passes less than half".to_owned());
     let shade =
         |x| Series { name: name.clone(), ink: Ink::Muted, shape: SeriesShape::Span { x, opacity: 0.22 } };
-    let outside = [[limits[0], low.max(limits[0])], [high.min(limits[1]), limits[1]]];
-    outside.into_iter().filter(|x| x[1] > x[0]).map(shade).collect()
+    let nm = || curves.iter().flat_map(|curve| curve.wavelength_nm.iter().copied());
+    let (first, last) = (nm().fold(f64::INFINITY, f64::min), nm().fold(f64::NEG_INFINITY, f64::max));
+    // The band is known to 1 nm
+    let below = (low - first > 1.0).then_some([limits[0], low]);
+    let above = (last - high > 1.0).then_some([high, limits[1]]);
+    below.into_iter().chain(above).map(shade).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A long-pass filter passes on where the curves end before the axis does.
+    #[test]
+    fn only_what_the_filter_blocks_is_gray() {
+        let curve = PlotCurve::new("dye", vec![350.0, 600.0, 752.5], vec![0.0, 1.0, 0.2]);
+        let spans = |band| {
+            let figure = emission(&[curve.clone()], "light", "1 each", ["photons", ""], Some(band));
+            let shapes = figure.panels[0].series.iter().map(|series| series.shape.clone());
+            let span = |shape| if let SeriesShape::Span { x, .. } = shape { Some(x) } else { None };
+            shapes.filter_map(span).collect::<Vec<[f64; 2]>>()
+        };
+        assert_eq!(spans([640.0, 752.0]), [[350.0, 640.0]]);
+        assert_eq!(spans([350.0, 650.0]), [[650.0, 760.0]]);
+        assert_eq!(spans([476.0, 700.0]), [[350.0, 476.0], [700.0, 760.0]]);
+    }
 }

@@ -6,7 +6,7 @@ use crate::{Axis, Dash, Figure, Ink, Panel, Series};
 /// Least optical density at the top of the axis, so that weak filters do not look like strong ones.
 const LEAST_DENSITY: f64 = 4.0;
 
-/// Transmittance (left) and optical density, `-log10 T` (right), of each filter.
+/// Transmittance and, beside or below it, optical density, `-log10 T`, of each filter.
 pub fn filters(filters: &[PlotCurve]) -> Figure {
     let limits = wavelength_limits(filters);
     // A transmittance of exactly zero has no density; the line leaves through the top instead.
@@ -24,8 +24,8 @@ pub fn filters(filters: &[PlotCurve]) -> Figure {
         blocking = blocking.with(Series::dashed(filter.name.clone(), ink, filter.mapped(density), dash));
     }
     Figure::grid("Filters", vec![linear, blocking], 2).explained(
-        "Left: the share of light that each filter lets through. Right: the same as optical density, the number of powers \
-         of ten by which light is weakened: 4 means that one part in ten thousand gets through. The right plot shows how well a \
-         filter blocks, which the left one cannot.",
+        "The first plot shows the share of light that each filter lets through. The second shows the same as optical density, the number \
+         of powers of ten by which light is weakened: 4 means that one part in ten thousand gets through. Only the second shows how well \
+         a filter blocks.",
     )
 }

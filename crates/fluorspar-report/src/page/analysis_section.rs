@@ -152,7 +152,7 @@ fn posterior_rows(posterior: &SharePosterior, sought: &SoughtFluorophore) -> Vec
             "With a prior twice as wide",
             range(posterior.with_prior_twice_as_wide),
             "",
-            "The interval if tissue were twice as various as assumed: far from the one above, the assumption decides.",
+            "The interval if tissue varied twice as much as assumed: far from the one above, the assumption decides.",
         ),
     ]);
     rows.extend(tissue_row(posterior));

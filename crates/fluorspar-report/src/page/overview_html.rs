@@ -25,6 +25,8 @@ impl Overview {
             write_answer(html, answer);
         }
         write_cards(html, &self.cards);
+        html.push_str("</div>\n");
+        // Below both columns: in one of them alone it would reach beyond the screen
         if !self.assumed.is_empty() {
             let _ = writeln!(
                 html,
@@ -32,7 +34,7 @@ impl Overview {
                 escape(&self.assumed.join(" "))
             );
         }
-        html.push_str("</div>\n</section>\n");
+        html.push_str("</section>\n");
     }
 
     fn write_views(&self, html: &mut String) {

@@ -17,7 +17,7 @@ use super::region_outline::region_outline;
 use super::regions_section::region_names;
 use super::report::{electrons, percent, percent_saturated};
 use super::safety_section::eye_safe_captures;
-use super::view_filters::assumed_blocking;
+use super::view_filters::assumed_blocking_in_short;
 use super::words::{NO_LIGHT, Words, capital};
 use super::{FrameOrigin, RunResults};
 use crate::figure::rgba_png;
@@ -583,7 +583,8 @@ fn spectra_rest_on(
     let models = fluorophores.iter().filter(|fluorophore| file(fluorophore).is_none()).count();
     if models > 0 {
         let noun = if models == 1 { "one fluorophore" } else { &format!("{models} fluorophores") };
-        sentences.push(format!("Spectra and yields of {noun} are models; ratios are surer than levels."));
+        sentences
+            .push(format!("Spectra and yields of {noun} are models; ratios are more reliable than levels."));
     }
     let measured: Vec<String> =
         fluorophores.iter().filter_map(|f| Some(format!("{} ({})", f.title, file(f)?))).collect();
@@ -616,7 +617,7 @@ fn assumed(run: &RunResults<'_>, words: &Words<'_>) -> Vec<String> {
     let sections = record.experiment.as_deref().map_or(&[][..], |file| &file.fluorophore);
     sentences.extend(spectra_rest_on(&study.scene.fluorophores, &record.inputs, sections));
     if let Some(file) = record.experiment.as_deref() {
-        sentences.extend(assumed_blocking(file));
+        sentences.extend(assumed_blocking_in_short(file));
     }
     if let Some(efficiency) = words.efficiency() {
         sentences.push(format!("Quantum efficiency: {efficiency}."));

@@ -15,8 +15,8 @@ use super::dark_frames::dark_frames;
 use super::depth_section::depth_section;
 use super::overview::overview;
 use super::regions_section::{region_warnings, regions_section};
-use super::safety_section::safety_section;
-use super::view_filters::{ViewFilters, view_band, view_filter_of};
+use super::safety_section::{risk_group_warning, safety_section};
+use super::view_filters::{ViewFilters, assumed_blocking, view_band, view_filter_of};
 use super::words::{NO_LIGHT, Words};
 use super::{FrameOrigin, RunResults};
 use crate::figures::{
@@ -85,6 +85,8 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
         );
         warnings.push(text.into());
     }
+    let risk = run.evaluation.safety.as_ref().and_then(risk_group_warning);
+    warnings.extend(risk.map(Warning::from));
     warnings.extend(dark_frames(run.experiment, &run.evaluation.frames).into_iter().map(Warning::from));
     let mut page = ReportData {
         title: record.title.clone(),
@@ -311,13 +313,26 @@ fn frames_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
         let capture = study.capture(&frame.raw.label);
         let figure = frame_histograms(frame, capture.and_then(|c| c.subtract.as_deref()));
         // A dark frame is to lie at the left
-        let advice = match capture.is_some_and(|c| words.lights(c) != NO_LIGHT) {
-            true => "A frame that fills only the far left wastes the sensor's range.",
-            false => "",
+        let is_lit = capture.is_some_and(|c| words.lights(c) != NO_LIGHT);
+        let advice = if is_lit && is_far_left(frame) {
+            "This frame fills only the far left: a longer exposure or more light would use more of the sensor's range."
+        } else {
+            ""
         };
         section = builder.show(section, &format!("histogram_{}", frame.raw.label), figure, advice);
     }
     section
+}
+
+/// Levels above this share of full scale use the sensor's range.
+const FAR_LEFT: f64 = 0.1;
+
+/// Whether hardly any value of a frame, one of a thousand, is above the far left of its histogram.
+fn is_far_left(frame: &CapturedFrame) -> bool {
+    let developed = &frame.developed;
+    let level = FAR_LEFT * developed.full_scale_dn;
+    let above = developed.data.iter().filter(|&&value| f64::from(value) > level).count();
+    1000 * above <= developed.data.len() && !developed.saturated.contains(&true)
 }
 
 /// Exposure, clipping and the median of each channel of all frames.
@@ -423,12 +438,17 @@ fn radiance_section(run: &RunResults<'_>, radiance: &RegionRadiance, builder: &m
          spectroradiometer would measure there.",
         radiance.pixels
     ));
+    // Of a region with one fluorophore there is nothing of the kind
+    let elsewhere = if glow.len() > 1 {
+        " Light of a fluorophore that the region does not hold, if there is any, was given off elsewhere and reflected here."
+    } else {
+        ""
+    };
     section = builder.show(
         section,
         "radiance_log",
         radiance_by_component(Some(&total), Some(&reflected), &glow, &region, Scale::Log10),
-        "Logarithmic: where reflected light of the lights exceeds fluorescence, the filters must keep it away. Light of a fluorophore \
-         that the region does not hold was given off elsewhere and reflected here.",
+        &format!("Logarithmic: where reflected light of the lights exceeds fluorescence, the filters must keep it away.{elsewhere}"),
     );
     builder.show(
         section,
@@ -747,6 +767,10 @@ fn assumptions_section(run: &RunResults<'_>) -> Section {
         "Spectra of the catalogue are models: published measurements described by a few numbers each. What is assumed is \
          marked so in the files of the catalogue and can be changed in the experiment.",
     );
+    let file = run.experiment.record.experiment.as_deref();
+    if let Some(blocking) = file.and_then(assumed_blocking) {
+        section = section.say(blocking);
+    }
     if !silent.is_empty() {
         let mut names = silent;
         names.dedup();

@@ -106,6 +106,15 @@ pub(super) fn eye_safe_captures(report: &SafetyReport) -> Option<Number> {
     Some(Number::computed(title, count, "in 8 h", meaning))
 }
 
+/// Says so where the lights are of the highest risk group: the number of safe exposures does not show it.
+pub(super) fn risk_group_warning(report: &SafetyReport) -> Option<String> {
+    (report.risk_group == Some(RiskGroup::High) && report.has_light()).then(|| {
+        "The lights are of risk group 3 (IEC 62471), a high risk: where they shine longer than the frames need, even a short look into \
+         them is a hazard."
+            .into()
+    })
+}
+
 /// Whether the exposure of some eye is assessed.
 fn has_eye(report: &SafetyReport) -> bool {
     let mut viewers = report.captures.iter().flat_map(|capture| &capture.viewers);
@@ -300,7 +309,7 @@ fn quantity_name(quantity: &str) -> String {
 fn viewer_rows(viewer: &ViewerSafety, light_on_s: f64, is_mouth: bool) -> Vec<Number> {
     let who = capital(viewer.viewer.name(is_mouth));
     if let Some(reason) = &viewer.not_assessed {
-        return vec![Number::computed(who, "no margin", "", reason.clone())];
+        return vec![Number::computed(who, "not assessed", "", reason.clone())];
     }
     let place = viewer.distance_mm.map_or_else(String::new, |mm| format!(" at {} mm", number(mm)));
     viewer
@@ -403,6 +412,12 @@ mod tests {
             risk_group: Some(RiskGroup::High),
             risk_quantities: Vec::new(),
         };
+        let warning = risk_group_warning(&report).unwrap();
+        assert!(warning.contains("risk group 3"), "{warning}");
+        let lower = SafetyReport { risk_group: Some(RiskGroup::Moderate), ..report.clone() };
+        assert_eq!(risk_group_warning(&lower), None);
+        let rows = viewer_rows(&report.captures[0].viewers[0], 1.0, false);
+        assert!(rows.len() == 1 && rows[0].value == "not assessed", "{rows:?}");
         let card = eye_safe_captures(&report).unwrap();
         assert_eq!((card.name.as_str(), card.value.as_str()), ("Safe captures", "212"));
         for part in [

@@ -67,8 +67,8 @@ pub(super) fn view_band(filter: &Curve, range: (f64, f64)) -> Option<[f64; 2]> {
     (last - first < range.1 - range.0 - 2.0).then_some([first, last])
 }
 
-/// How well the filters of the catalogue block, where that is assumed, in a sentence: what leaks goes with it.
-pub(super) fn assumed_blocking(file: &ExperimentFile) -> Option<String> {
+/// The filters of the catalogue whose blocking is assumed, by its optical density.
+fn assumed_densities(file: &ExperimentFile) -> Vec<(f64, Vec<&str>)> {
     let of_lights = file.light.iter().flat_map(|light| &light.filters);
     let of_captures = file.capture.iter().flat_map(|capture| &capture.filters);
     let mut densities: Vec<(f64, Vec<&str>)> = Vec::new();
@@ -86,11 +86,26 @@ pub(super) fn assumed_blocking(file: &ExperimentFile) -> Option<String> {
             None => densities.push((optical_density, vec![name])),
         }
     }
+    densities.sort_by(|a, b| a.0.total_cmp(&b.0));
+    densities
+}
+
+/// How well the filters of the catalogue block, where that is assumed, in a short sentence without their names.
+pub(super) fn assumed_blocking_in_short(file: &ExperimentFile) -> Option<String> {
+    let densities = assumed_densities(file);
+    let (least, most) = (densities.first()?.0, densities.last()?.0);
+    let range = if least < most { format!("{least} to {most}") } else { least.to_string() };
+    Some(format!("Filters block to an assumed optical density of {range}."))
+}
+
+/// How well the filters of the catalogue block, where that is assumed, in a sentence: what leaks goes with it.
+pub(super) fn assumed_blocking(file: &ExperimentFile) -> Option<String> {
+    let densities = assumed_densities(file).into_iter();
     let each: Vec<String> =
-        densities.into_iter().map(|(density, names)| format!("{density} ({})", names.join(", "))).collect();
+        densities.map(|(density, names)| format!("{density} ({})", names.join(", "))).collect();
     (!each.is_empty()).then(|| {
         format!(
-            "Blocking of filters, on which the leak rests, is assumed: optical density {}.",
+            "The blocking of these filters is assumed, and the leak depends on it: optical density {}.",
             each.join(", ")
         )
     })
@@ -139,6 +154,9 @@ exposure_ms = 2.0
         let file = experiment.record.experiment.as_deref().unwrap();
         let said = assumed_blocking(file).unwrap();
         assert!(said.contains("optical density 5 (band_pass_525_45, band_pass_635_50"), "{said}");
+        // The first screen has no room for their names
+        let short = assumed_blocking_in_short(file).unwrap();
+        assert!(short.contains("optical density of") && !short.contains("band_pass"), "{short}");
     }
 
     #[test]

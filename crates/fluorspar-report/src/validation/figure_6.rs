@@ -212,8 +212,8 @@ fn figure(images: &Images) -> Figure {
         ("recipe over scene, -3 % to +3 %".to_owned(), difference),
     ];
     pictures("A mask of porphyrin: recipe and scene", shown, 3).explained(
-        "Left: the porphyrin image, rendered with porphyrin everywhere on the tongue, times the mask, plus the bulk image, as in the \
-         paper. Middle: the mask is the concentration on the tongue, and light goes between its parts. Right: their ratio; yellow \
+        "First: the porphyrin image, rendered with porphyrin everywhere on the tongue, times the mask, plus the bulk image, as in the \
+         paper. Second: the mask is the concentration on the tongue, and light goes between its parts. Third: their ratio; yellow \
          is too bright, violet too dark. Inside the mask the recipe keeps light of porphyrin that is no longer there; around \
          it the light is missing that the masked porphyrin sends out.",
     )

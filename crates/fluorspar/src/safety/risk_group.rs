@@ -41,8 +41,8 @@ impl RiskGroup {
                 "low risk: no hazard as people usually behave, though there is one for those who look into it for long"
             }
             Self::Moderate => {
-                "moderate risk: no hazard as long as people turn away from glare or heat. Ultraviolet does neither, so let the \
-                 lamp shine no longer than the frames need, and warn of it"
+                "moderate risk: no hazard as long as people turn away from glare or heat. Ultraviolet neither dazzles \
+                 nor feels hot, so let the lamp shine no longer than the frames need, and warn of it"
             }
             Self::High => {
                 "high risk: a hazard even for a short look when the lamp shines continuously. Let it shine for the frames only, \

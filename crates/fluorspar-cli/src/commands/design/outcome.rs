@@ -208,11 +208,11 @@ impl Outcome {
                 broken => format!(", and breaks the limit of {}", broken.join(", ")),
             };
             text += &format!(
-                "\nwithin tolerances {}, the best as meant, has a loss of {} (as meant {}), a leak of {}{broken}\n",
+                "\nwithin tolerances {}, the best as meant, has a loss of {} (as meant {}), a leak of {} %{broken}\n",
                 best.name,
                 short(worst.loss),
                 short(best.merits.loss),
-                short(worst.leak)
+                short(100.0 * worst.leak)
             );
         }
         for sensitivity in self.sensitivities.iter().take(5) {
@@ -445,7 +445,8 @@ pub(super) fn table<'a>(
         row.extend(region.weights.iter().chain(&region.contrasts).map(|sd| number(*sd)));
         let kept =
             judged.fluorescence_kept.map_or_else(|| "-".into(), |kept| format!("{:.1} %", 100.0 * kept));
-        row.extend([short(merits.fluorescence_e), kept, short(merits.time_s * 1e3), short(merits.leak)]);
+        let leak = format!("{} %", short(100.0 * merits.leak));
+        row.extend([short(merits.fluorescence_e), kept, short(merits.time_s * 1e3), leak]);
         row.push(merits.tissue_margin.map_or_else(|| "-".into(), short));
         if !worst.is_empty() {
             row.push(worst.get(place).map_or_else(|| "-".into(), |worst| number(worst.loss)));
