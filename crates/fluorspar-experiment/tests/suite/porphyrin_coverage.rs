@@ -72,7 +72,7 @@ fn fluorophores(site: &Site) -> Vec<Arc<fluorspar::spectral::Fluorophore>> {
     names.map(|name| Arc::new(preset::fluorophore(name).unwrap().fluorophore())).collect()
 }
 
-/// The family of the dorsum of the tongue, as various as the population that tissues are drawn from.
+/// The family of the dorsum of the tongue, as varied as the population that tissues are drawn from.
 fn family(lights: &[&str]) -> LightFamily {
     let frames: Vec<FamilyFrame> = lights.iter().map(|name| frame(name)).collect();
     tissue_family(&prior("dorsal_tongue", 1.0), &frames, &grid()).unwrap()

@@ -185,7 +185,7 @@ fn fit_sources(
 /// The prior in words.
 fn describe(prior: &TissuePrior) -> String {
     let mouth = if prior.surroundings { " in a mouth" } else { "" };
-    format!("{}{mouth} ({} times as various as the population)", prior.site.name(), prior.width)
+    format!("{}{mouth} ({} times as varied as the population)", prior.site.name(), prior.width)
 }
 
 /// Whether a variation is one of the tissue's optics, on which light depends in another way than in proportion.
