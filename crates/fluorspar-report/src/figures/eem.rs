@@ -156,7 +156,8 @@ mod tests {
     fn only_what_the_filter_blocks_is_gray() {
         let curve = PlotCurve::new("dye", vec![350.0, 600.0, 752.5], vec![0.0, 1.0, 0.2]);
         let spans = |band| {
-            let figure = emission(&[curve.clone()], "light", "1 each", ["photons", ""], Some(band));
+            let figure =
+                emission(std::slice::from_ref(&curve), "light", "1 each", ["photons", ""], Some(band));
             let shapes = figure.panels[0].series.iter().map(|series| series.shape.clone());
             let span = |shape| if let SeriesShape::Span { x, .. } = shape { Some(x) } else { None };
             shapes.filter_map(span).collect::<Vec<[f64; 2]>>()
