@@ -112,7 +112,9 @@ pub use pbrt::{
 };
 pub use placements::read_placements;
 pub use ply::{read_ply, write_ply};
-pub use png::{TextureImage, Transfer, read_texture_png, write_gray_png, write_label_png, write_rgb_png};
+pub use png::{
+    TextureImage, Transfer, opaque_rgb, read_texture_png, write_gray_png, write_label_png, write_rgb_png,
+};
 pub use provenance::{Loaded, Provenance};
 pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
 pub use spooled_image::SpooledImage;

@@ -101,6 +101,12 @@ pub(super) fn write_png(
     })
 }
 
+/// Colors of opaque pixels, from bytes of red, green, blue and opacity.
+pub fn opaque_rgb(rgba: &[u8]) -> Vec<[u8; 3]> {
+    let (pixels, _) = rgba.as_chunks::<4>();
+    pixels.iter().map(|&[red, green, blue, _]| [red, green, blue]).collect()
+}
+
 /// Pixels of a PNG as stored, with palettes expanded.
 pub(super) struct RawPng {
     pub(super) width: usize,

@@ -18,6 +18,11 @@ pub fn sha256_hex(blocks: impl IntoIterator<Item = impl AsRef<[u8]>>) -> String 
     hex(&hash.finalize())
 }
 
+/// Little-endian bytes of numbers, to digest them.
+pub fn bytes_of(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
 /// SHA-256 of everything that can be read, 64 lower-case hexadecimal digits, block by block.
 ///
 /// # Errors

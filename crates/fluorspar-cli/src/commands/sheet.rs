@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::image::LightPath;
 use fluorspar::pipeline::{
-    CapturedFrame, ColorRendering, Preview, capture_from_planes, check_captures, preview,
+    CapturedFrame, ColorRendering, Preview, bright_level_dn, capture_from_planes, check_captures, preview,
 };
 use fluorspar::study::{Capture, Study};
 use fluorspar_format::{Output, Outputs, write_rgb_png};
@@ -70,13 +70,16 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         let panel = exposed_as(panel, common.len(), exposures.as_deref().unwrap_or_default());
         let Shot { frame, picture, automatic } = picture(options, &image, &panel, messages)?;
         exposures.get_or_insert(automatic);
-        let level = brightness_dn(&frame);
+        let level = bright_level_dn(&frame.developed);
         let first = *first_level.get_or_insert(level);
         let title = match first > 0.0 && !pictures.is_empty() {
             true => format!("{} ({:.0} %)", panel.title, 100.0 * level / first),
             false => panel.title.clone(),
         };
-        pictures.push((title, fitted(&picture, size)));
+        let fitted = picture.fitted(size);
+        let raster = Raster::from_rgb8(fitted.width, fitted.height, &fitted.rgb);
+        pictures
+            .push((title, raster.ok_or_else(|| CliError::Failed("a picture of the sheet is empty".into()))?));
     }
     let named: Vec<(&str, Raster)> =
         pictures.iter().map(|(title, raster)| (title.as_str(), raster.clone())).collect();
@@ -196,60 +199,9 @@ fn shown<'a>(options: &Options, study: &'a Study, analyzed: Option<&str>) -> Res
     })
 }
 
-/// Level of the brightest channel that all but the brightest half percent of the pixels stay below, DN: about what the picture
-/// shows as white.
-fn brightness_dn(frame: &CapturedFrame) -> f64 {
-    let developed = &frame.developed;
-    let mut levels: Vec<f32> = developed
-        .data
-        .chunks_exact(developed.channels.len().max(1))
-        .map(|pixel| pixel.iter().copied().fold(0.0, f32::max))
-        .collect();
-    let index = (levels.len() * 995 / 1000).min(levels.len().saturating_sub(1));
-    if levels.is_empty() {
-        return 0.0;
-    }
-    f64::from(*levels.select_nth_unstable_by(index, f32::total_cmp).1)
-}
-
-/// A picture in a cell of a size, as large as it fits, each pixel the mean of those below it.
-fn fitted(picture: &Preview, [width, height]: [usize; 2]) -> Raster {
-    let scale = (picture.width as f64 / width as f64).max(picture.height as f64 / height as f64);
-    let left = 0.5 * (width as f64 - picture.width as f64 / scale);
-    let top = 0.5 * (height as f64 - picture.height as f64 / scale);
-    let span = |index: usize, border: f64, size: usize| {
-        let at = |edge: f64| ((edge - border) * scale).clamp(0.0, size as f64) as usize;
-        let first = at(index as f64);
-        let is_outside = index as f64 + 0.5 < border || (index as f64 + 0.5 - border) * scale > size as f64;
-        if is_outside { 0..0 } else { first..at(index as f64 + 1.0).clamp(first + 1, size.max(first + 1)) }
-    };
-    Raster::from_fn(width, height, |row, col| {
-        let (rows, columns) = (span(row, top, picture.height), span(col, left, picture.width));
-        let count = (rows.len() * columns.len()) as u32;
-        let mut sums = [0_u32; 3];
-        for at in rows.flat_map(|row| columns.clone().map(move |col| 3 * (row * picture.width + col))) {
-            for (sum, value) in sums.iter_mut().zip(picture.rgb.get(at..at + 3).unwrap_or(&[0; 3])) {
-                *sum += u32::from(*value);
-            }
-        }
-        sums.map(|sum| sum.checked_div(count).unwrap_or(16) as u8)
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn pictures_are_fitted_by_means() {
-        let rgb = (0..8 * 4).flat_map(|i| [10 * (i % 8) as u8, 100, 0]).collect();
-        let raster = fitted(&Preview { width: 8, height: 4, rgb }, [4, 4]);
-        // Two rows of two-by-two means between dark borders.
-        assert_eq!(raster.at(0, 0), [16; 3]);
-        assert_eq!([raster.at(1, 0), raster.at(2, 3)], [[5, 100, 0], [65, 100, 0]]);
-        let larger = fitted(&Preview { width: 1, height: 1, rgb: vec![7, 8, 9] }, [3, 3]);
-        assert!(larger.pixels.iter().all(|pixel| *pixel == [7, 8, 9]));
-    }
 
     /// Panels have the exposures of the first one, but for what they set themselves.
     #[test]

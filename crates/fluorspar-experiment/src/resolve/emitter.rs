@@ -6,7 +6,7 @@ use super::context::{Context, KnownFluorophore, Resolved};
 use super::fluorophore::Fluorophores;
 use crate::error::Place;
 use crate::schema::FluorophoreSection;
-use fluorspar::digest::sha256_hex;
+use fluorspar::digest::{bytes_of, sha256_hex};
 use fluorspar::spectral::{Fluorophore, YieldDensity};
 
 /// A fluorophore that tissue may hold: of the sections of the file, otherwise of the catalogue.
@@ -31,18 +31,17 @@ pub(super) fn known_emitter(
 
 /// Digest of the spectra of a fluorophore, to the last bit.
 fn digest(fluorophore: &Fluorophore) -> String {
-    let bytes = |values: &[f64]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
     let eem = &fluorophore.eem;
     let mut blocks = vec![fluorophore.name.clone().into_bytes(), format!("{:?}", eem.stokes()).into_bytes()];
-    blocks.push(bytes(&[eem.scale()]));
+    blocks.push(bytes_of(&[eem.scale()]));
     match eem.density() {
         YieldDensity::Separable(terms) => {
             for curve in terms.iter().flat_map(|term| [&term.excitation, &term.emission]) {
-                blocks.extend([bytes(curve.wavelengths_nm()), bytes(curve.values())]);
+                blocks.extend([bytes_of(curve.wavelengths_nm()), bytes_of(curve.values())]);
             }
         }
         YieldDensity::Table(table) => {
-            blocks.extend([&table.emission_nm, &table.excitation_nm, &table.values].map(|v| bytes(v)));
+            blocks.extend([&table.emission_nm, &table.excitation_nm, &table.values].map(|v| bytes_of(v)));
         }
     }
     sha256_hex(blocks)

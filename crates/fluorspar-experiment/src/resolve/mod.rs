@@ -21,7 +21,6 @@ mod record;
 mod region;
 mod seen;
 pub(super) mod spectrum;
-mod surface_mean;
 pub(super) mod tissue;
 
 pub use self::record::{FileRecord, InputFile};

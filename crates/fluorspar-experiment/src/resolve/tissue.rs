@@ -8,7 +8,6 @@ use super::emitter::known_emitter;
 use super::fluorophore::{Fluorophores, MAX_CONCENTRATION};
 use super::gloss::gloss;
 use super::named_tissue::{NamedTissue, of_section};
-use super::surface_mean::rough_surface_mean;
 use crate::ExperimentError;
 use crate::error::{Message, Place, steps};
 use crate::kept::kept_tissue;
@@ -21,7 +20,7 @@ use fluorspar::material::{
 };
 use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
-use fluorspar::scene::Object;
+use fluorspar::scene::{Object, rough_surface_mean};
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
 use fluorspar::study::StudyTissue;
 use fluorspar::tissue::{

@@ -1,11 +1,12 @@
 //! Frames of two runs as pictures of one scale.
 
 use fluorspar::image::ChannelImage;
-use fluorspar::pipeline::{ColorRendering, Preview, preview_white, preview_with_white};
+use fluorspar::pipeline::{
+    ColorRendering, DisplayImage, Preview, for_display, preview_white, preview_with_white,
+};
 
 use super::short;
 use crate::Raster;
-use crate::run::{DisplayImage, for_display};
 
 /// Steps of a picture's values: noise of the last bits would be most of the page.
 const STEP: u8 = 3;

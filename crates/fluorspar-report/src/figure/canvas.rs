@@ -1,5 +1,6 @@
 //! Draws marks as pixels.
 
+use fluorspar_format::opaque_rgb;
 use thiserror::Error;
 use tiny_skia::{
     Color, ColorU8, FillRule, LineCap, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, Rect, Stroke,
@@ -54,9 +55,7 @@ impl Canvas {
     pub(super) fn into_raster(self) -> Raster {
         let (width, height) = (self.pixels.width() as usize, self.pixels.height() as usize);
         // The paper is opaque: premultiplied bytes are those of the colors
-        let (pixels, _) = self.pixels.data().as_chunks::<4>();
-        let pixels = pixels.iter().map(|&[red, green, blue, _]| [red, green, blue]).collect();
-        Raster { width, height, pixels }
+        Raster { width, height, pixels: opaque_rgb(self.pixels.data()) }
     }
 
     /// Draws a mark over what is there.

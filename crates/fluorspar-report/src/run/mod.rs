@@ -2,7 +2,6 @@
 
 mod dark_frames;
 mod depth_section;
-mod display;
 mod folder;
 mod overview;
 mod region_outline;
@@ -12,7 +11,6 @@ mod safety_section;
 mod view_filters;
 mod words;
 
-pub(crate) use display::{DisplayImage, for_display};
 pub(crate) use regions_section::{RegionLevel, level};
 pub use regions_section::{region_warnings, regions_matrix};
 pub(crate) use words::capital;

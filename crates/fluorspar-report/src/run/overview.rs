@@ -6,13 +6,14 @@ use fluorspar::analysis::{
     ASSUMED_GAIN, Analysis, ExclusionCounts, PixelSelection, SpotSeparation, Statistics, UnmixedTerm,
     Unmixing,
 };
-use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview, preview};
+use fluorspar::pipeline::{
+    AnalyzedFrame, CapturedFrame, ColorRendering, DisplayImage, Preview, for_display, preview,
+};
 use fluorspar::spectral::Fluorophore;
 use fluorspar::study::Capture;
 use fluorspar_experiment::InputFile;
 use fluorspar_experiment::schema::{ASSUMED_PHOTON_YIELD, FluorophoreSection};
 
-use super::display::{DisplayImage, for_display};
 use super::region_outline::region_outline;
 use super::regions_section::region_names;
 use super::report::{electrons, percent, percent_saturated};

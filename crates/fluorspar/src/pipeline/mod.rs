@@ -17,6 +17,7 @@
 //! | targets, told from what lies around them | [`analyze`] | [`TargetLabels`], [`crate::analysis::TargetDetection`]s |
 //! | two spots, told apart | [`analyze`] | [`crate::analysis::SpotSeparation`]s |
 //! | less noise, for display | [`denoise`] | [`crate::image::ComponentImage`], labeled |
+//! | a frame for the screen, less noisy | [`for_display`] | [`DisplayImage`] |
 //! | previews | [`preview`] | 8-bit sRGB |
 //! | a scene without its light: clay, parts, depth | [`surface_view`] of [`crate::render::visible_surfaces`] | 8-bit sRGB |
 //! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
@@ -40,6 +41,7 @@ mod concentration;
 mod denoise;
 mod depth_of_light;
 mod direct_light;
+mod display;
 mod evaluate;
 mod excitation_basis;
 mod film_response;
@@ -76,6 +78,7 @@ pub use capture_planes::{CapturePlanes, CaptureResponses, SeenComponents};
 pub use concentration::{MultipleUncertainty, concentration_factors, scale_multiple};
 pub use denoise::{DenoiseError, DenoiseSettings, denoise};
 pub use depth_of_light::{DepthOfLight, LayerShare, depths_of_light};
+pub use display::{DisplayImage, for_display};
 pub use evaluate::{Evaluation, evaluate, evaluate_frames, evaluate_from_planes};
 pub use excitation_basis::{
     LightOutsideBasis, RelitImage, image_and_basis, relight_with_basis, render_with_basis,
@@ -87,8 +90,8 @@ pub use predict::{
     ChannelPrediction, Chromaticity, PredictError, PredictedPorphyrin, Prediction, RadianceSplit, predict,
 };
 pub use preview::{
-    ColorRendering, Preview, light_group_preview, preview, preview_white, preview_with_white,
-    radiance_preview,
+    ColorRendering, Preview, bright_level_dn, light_group_preview, preview, preview_white,
+    preview_with_white, radiance_preview,
 };
 pub use region_radiance::RegionRadiance;
 pub use region_signal::{CameraResponse, MixtureSpectra, PorphyrinEstimate, estimate_porphyrin};

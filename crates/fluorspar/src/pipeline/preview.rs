@@ -24,6 +24,44 @@ pub struct Preview {
     pub rgb: Vec<u8>,
 }
 
+impl Preview {
+    /// The image as large as it fits in a cell of `[width, height]`, each pixel the mean of those below it, between dark borders.
+    pub fn fitted(&self, [width, height]: [usize; 2]) -> Preview {
+        let scale = (self.width as f64 / width as f64).max(self.height as f64 / height as f64);
+        let left = 0.5 * (width as f64 - self.width as f64 / scale);
+        let top = 0.5 * (height as f64 - self.height as f64 / scale);
+        let span = |index: usize, border: f64, size: usize| {
+            let at = |edge: f64| ((edge - border) * scale).clamp(0.0, size as f64) as usize;
+            let first = at(index as f64);
+            let is_outside =
+                index as f64 + 0.5 < border || (index as f64 + 0.5 - border) * scale > size as f64;
+            if is_outside {
+                0..0
+            } else {
+                first..at(index as f64 + 1.0).clamp(first + 1, size.max(first + 1))
+            }
+        };
+        let mut rgb = Vec::with_capacity(3 * width * height);
+        for row in 0..height {
+            let rows = span(row, top, self.height);
+            for col in 0..width {
+                let columns = span(col, left, self.width);
+                let count = (rows.len() * columns.len()) as u32;
+                let mut sums = [0_u32; 3];
+                let below =
+                    rows.clone().flat_map(|row| columns.clone().map(move |col| 3 * (row * self.width + col)));
+                for at in below {
+                    for (sum, value) in sums.iter_mut().zip(self.rgb.get(at..at + 3).unwrap_or(&[0; 3])) {
+                        *sum += u32::from(*value);
+                    }
+                }
+                rgb.extend(sums.map(|sum| sum.checked_div(count).unwrap_or(16) as u8));
+            }
+        }
+        Preview { width, height, rgb }
+    }
+}
+
 /// How channel values become colors.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ColorRendering {
@@ -177,6 +215,18 @@ pub fn preview(image: &ChannelImage, rendering: &ColorRendering) -> Preview {
     preview_with_white(image, rendering, preview_white(image, rendering))
 }
 
+/// Level of the brightest channel that all but the brightest half percent of the pixels stay below, DN: about what [`preview`]
+/// shows as white. 0 of an image without pixels.
+pub fn bright_level_dn(image: &ChannelImage) -> f64 {
+    let pixels = image.data.chunks_exact(image.channels.len().max(1));
+    let mut levels: Vec<f32> = pixels.map(|pixel| pixel.iter().copied().fold(0.0, f32::max)).collect();
+    if levels.is_empty() {
+        return 0.0;
+    }
+    let index = ((levels.len() as f64 * WHITE_PERCENTILE) as usize).min(levels.len() - 1);
+    f64::from(*levels.select_nth_unstable_by(index, f32::total_cmp).1)
+}
+
 /// The level that [`preview`] shows as white: that which all but the brightest half percent of the pixels stay below, and never noise
 /// alone. On the scale of the rendering's colors, for which [`preview_with_white`] takes it.
 pub fn preview_white(image: &ChannelImage, rendering: &ColorRendering) -> f64 {
@@ -263,4 +313,21 @@ fn to_srgb(
         }
     });
     Preview { width, height, rgb: rgb.into_flattened() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_fitted_by_means() {
+        let rgb = (0..8 * 4).flat_map(|i| [10 * (i % 8) as u8, 100, 0]).collect();
+        let fitted = Preview { width: 8, height: 4, rgb }.fitted([4, 4]);
+        let at = |row: usize, col: usize| &fitted.rgb[3 * (row * 4 + col)..][..3];
+        // Two rows of two-by-two means between dark borders.
+        assert_eq!(at(0, 0), [16; 3]);
+        assert_eq!([at(1, 0), at(2, 3)], [[5, 100, 0], [65, 100, 0]]);
+        let larger = Preview { width: 1, height: 1, rgb: vec![7, 8, 9] }.fitted([3, 3]);
+        assert_eq!(larger.rgb, [7, 8, 9].repeat(9));
+    }
 }

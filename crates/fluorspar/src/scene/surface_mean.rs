@@ -4,9 +4,9 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-use fluorspar::geometry::{MeshInstance, MeshInstances, TriangleMesh};
-use fluorspar::material::ScalarTexture;
-use fluorspar::scene::Shape;
+use super::Shape;
+use crate::geometry::{MeshInstance, MeshInstances, TriangleMesh};
+use crate::material::ScalarTexture;
 
 /// Samples over one shape, about: enough to see every field of a coarse map, few enough to take no time.
 const SAMPLES: f32 = 20_000.0;
@@ -26,7 +26,7 @@ impl Integral {
 }
 
 /// Mean of a texture over the area of shapes; over its unit square where there is no area.
-pub(super) fn surface_mean<'s>(texture: &ScalarTexture, shapes: impl Iterator<Item = &'s Shape>) -> f64 {
+pub fn surface_mean<'s>(texture: &ScalarTexture, shapes: impl Iterator<Item = &'s Shape>) -> f64 {
     let mut integral = Integral::default();
     for shape in shapes {
         match shape {
@@ -46,7 +46,7 @@ pub(super) fn surface_mean<'s>(texture: &ScalarTexture, shapes: impl Iterator<It
 }
 
 /// [`surface_mean`] from some two thousand triangles of each mesh: to a few per cent, in no time.
-pub(super) fn rough_surface_mean<'s>(
+pub fn rough_surface_mean<'s>(
     texture: &ScalarTexture,
     shapes: impl Iterator<Item = &'s Shape> + Clone,
 ) -> f64 {
@@ -191,7 +191,7 @@ mod tests {
     use glam::Affine3;
 
     use super::*;
-    use fluorspar::material::ImageTexture;
+    use crate::material::ImageTexture;
 
     /// A map whose value is `1 - v`, from 0.9 at the bottom to 0.1 at the top: constant beyond the middles of its rows.
     fn falling() -> ScalarTexture {

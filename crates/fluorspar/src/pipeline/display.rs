@@ -1,6 +1,6 @@
 //! Frames for the screen: at the resolution of the sensor, averaged where it is noisy. No number is made from them.
 
-use fluorspar::image::ChannelImage;
+use crate::image::ChannelImage;
 
 /// Widest image on a page, px; wider sensors are averaged over blocks of pixels.
 const WIDEST: usize = 1280;
@@ -20,18 +20,20 @@ const SHADE: f64 = 0.06;
 /// Light of so many standard deviations of the dark noise keeps half of its color.
 const FADED: f64 = 2.0;
 
-/// A frame for the screen.
-pub(crate) struct DisplayImage {
+/// A developed frame made ready for the screen.
+#[derive(Clone, Debug)]
+pub struct DisplayImage {
     /// Its channels.
-    pub(crate) image: ChannelImage,
+    pub image: ChannelImage,
     /// Pixels of the sensor along a side of a pixel of the image.
-    pub(crate) block: usize,
+    pub block: usize,
     /// What was done, in words.
-    pub(crate) done: String,
+    pub done: String,
 }
 
-/// Prepares a developed frame for the screen.
-pub(crate) fn for_display(frame: &ChannelImage, dn_per_electron: f64) -> DisplayImage {
+/// Prepares a developed frame, DN, for the screen: averaged over blocks where it is wider than a page, smoothed where its noise
+/// (`noise_floor_dn` and the shot noise that `dn_per_electron` gives) shows in bright light.
+pub fn for_display(frame: &ChannelImage, dn_per_electron: f64) -> DisplayImage {
     let block = frame.width.max(frame.height).div_ceil(WIDEST).max(1);
     let binned = blocks(frame, block);
     let noise = Noise {
