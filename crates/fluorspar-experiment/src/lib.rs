@@ -10,6 +10,7 @@
 //! | paths with wildcards, parts by name, the tree of a scene | [`SceneChange`], [`scene_nodes`] | `scene_path.rs`, `scene_parts.rs`, `scene_tree.rs` |
 //! | changes written into a file, and files of changes | [`edit_experiment`], [`parse_script`] | `scene_edit.rs`, `scene_script.rs` |
 //! | what two experiments set differently, by path | [`setting_differences`] | `setting_difference.rs` |
+//! | sections to text | [`file_text()`] | `file_text.rs` |
 //! | the small file of a flat sample | [`parse_sample`] | `sample.rs` |
 //! | the small file of a sensor | [`parse_sensor`] | `sensor_file.rs` |
 //! | the small file of plane layers | [`parse_layers`] | `layers_file.rs` |
@@ -23,6 +24,7 @@
 mod design;
 mod document;
 mod error;
+mod file_text;
 mod fit;
 mod format_version;
 mod kept;
@@ -54,6 +56,7 @@ pub use design::{
     TolerancesSection, UnknownsSection, WheelFilterSection, WhiteFrameSection, parse_design,
 };
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
+pub use file_text::file_text;
 pub use fluorspar::warning::Warning;
 pub use kept::{cache, kept_mouth, use_cache};
 pub use layers_file::{

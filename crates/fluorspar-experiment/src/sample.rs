@@ -497,7 +497,7 @@ fn write_out(context: &Context<'_>, file: &SampleFile) -> Resolved<(String, Stri
     }
     let failed =
         |error: toml::ser::Error| context.error(&[], format!("the sample can't be written out: {error}"));
-    let text = toml::to_string(&complete).map_err(failed)?;
+    let text = crate::file_text(&complete).map_err(failed)?;
     complete.title.clear();
     complete.description.clear();
     let digest = context.digest(&complete).map_err(failed)?;

@@ -96,7 +96,7 @@ pub fn parse_sensor(
     let sensor = device::sensor(&mut context, &file.sensor, &WavelengthGrid::default())?;
     let mut complete = file.clone();
     complete.sensor.model = device::filled(&complete.sensor.model);
-    let resolved_toml = toml::to_string(&complete).map_err(|error| {
+    let resolved_toml = crate::file_text(&complete).map_err(|error| {
         document.error(&steps!["sensor"], format!("the sensor can't be written out: {error}"))
     })?;
     let base_files = document.base_files.iter().cloned();

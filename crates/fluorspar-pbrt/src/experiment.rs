@@ -94,7 +94,7 @@ pub fn to_experiment(loaded: &PbrtStudy, title: &str, folder: &str) -> Result<Co
     let file = writer.file(&loaded.study, title);
     let SceneWriter { mut lost, files, .. } = writer;
     lost.dedup();
-    let body = toml::to_string(&file).map_err(|error| error.to_string())?;
+    let body = fluorspar_experiment::file_text(&file).map_err(|error| error.to_string())?;
     let mut text = format!("# {title}, a scene of pbrt, {} scene convert\n", fluorspar_format::WRITTEN_BY);
     let remarks = loaded.messages.iter().zip(&loaded.remarks).filter(|(_, remark)| remark.matters);
     for line in remarks.map(|(line, _)| line).chain(&lost) {

@@ -134,7 +134,7 @@ pub fn parse_design(
     let compared = compared(context, &file, &problem, &rendered.geometries)?;
     let failed =
         |error: toml::ser::Error| context.error(&[], format!("the file can't be written out: {error}"));
-    let resolved_toml = toml::to_string(&file).map_err(failed)?;
+    let resolved_toml = crate::file_text(&file).map_err(failed)?;
     let mut nameless = file.clone();
     nameless.title.clear();
     nameless.description.clear();

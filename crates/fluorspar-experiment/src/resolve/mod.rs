@@ -586,7 +586,7 @@ fn not_written(context: &Context<'_>, error: &toml::ser::Error) -> ExperimentErr
 /// The file with all that it leaves to defaults, and its text.
 fn completed(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(ExperimentFile, String)> {
     let complete = complete(file);
-    let text = toml::to_string(&complete).map_err(|error| not_written(context, &error))?;
+    let text = crate::file_text(&complete).map_err(|error| not_written(context, &error))?;
     Ok((complete, text))
 }
 

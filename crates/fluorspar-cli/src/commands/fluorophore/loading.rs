@@ -4,12 +4,12 @@ use std::path::Path;
 
 use fluorspar::spectral::{Fluorophore, Stokes, YieldDensity, YieldUnit};
 use fluorspar::units::number_text;
-use fluorspar_experiment::parse_sample;
 use fluorspar_experiment::preset::{self, FluorophorePreset};
 use fluorspar_experiment::schema::ASSUMED_PHOTON_YIELD;
 use fluorspar_experiment::schema::{
     FilePath, FluorophoreSection, FluorophoreSource, MatSource, MatrixSource, TableSource,
 };
+use fluorspar_experiment::{file_text, parse_sample};
 use fluorspar_format::read_toml;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -52,7 +52,7 @@ struct NamedSection {
 
 /// Sections as TOML.
 pub(super) fn section_toml(section: &FluorophoreSection) -> Result<String, CliError> {
-    toml::to_string(&Sections { fluorophore: [section.clone()] })
+    file_text(&Sections { fluorophore: [section.clone()] })
         .map_err(|error| CliError::Failed(format!("the section can't be written: {error}")))
 }
 
