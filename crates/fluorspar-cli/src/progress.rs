@@ -193,7 +193,9 @@ impl WorkReport {
         }
         self.bar.set_position(thousandth);
         let elapsed = self.elapsed().as_secs_f64();
-        let left = self.pace.lock().ok().and_then(|mut pace| pace.left(elapsed, share));
+        // Held to the end: lines of several threads come in order
+        let Ok(mut pace) = self.pace.lock() else { return };
+        let left = pace.left(elapsed, share);
         let left =
             left.map_or_else(String::new, |left| format!(", about {} of {} left", duration(left), self.work));
         if !self.lines {

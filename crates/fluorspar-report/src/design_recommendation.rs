@@ -59,8 +59,42 @@ pub fn recommendation(found: &DesignFindings<'_>) -> Vec<String> {
             what_tolerances_do(&found.worst_cases[0]),
         ),
     }];
+    sentences.extend(why_others_see_less(found, made));
     sentences.extend(failings(found, place, made).into_iter().map(|what| format!("But {what}.")));
     sentences
+}
+
+/// Share of the fluorophores that a contrast asks for in the fluorescence that a design collects, and their names; `None` where no contrast
+/// ranks the designs, or where it asks for all that fluoresces.
+pub(crate) fn sought_share(found: &DesignFindings<'_>, judged: &JudgedDesign) -> Option<(String, f64)> {
+    let p = found.space.problem();
+    let Criterion::Contrast(k) = p.criterion else { return None };
+    let sought = &p.contrasts.get(k)?.part;
+    let shares = &judged.fluorescence.as_ref()?.shares;
+    let region = p.regions_of(judged.design.geometry).next()?;
+    let (mut names, mut share) = (Vec::new(), 0.0);
+    for (part, of_part) in region.response.fluorescence.iter().zip(shares) {
+        if sought.contains(&part.name) {
+            names.push(part.name.as_str());
+            share += of_part;
+        }
+    }
+    (!names.is_empty() && names.len() < shares.len()).then(|| (names.join(" and "), share))
+}
+
+/// How much of the collected light is what the contrast asks for, beside the other designs that are shown: what lights and filters choose by.
+fn why_others_see_less(found: &DesignFindings<'_>, made: &JudgedDesign) -> Option<String> {
+    let (names, share) = sought_share(found, made)?;
+    let percent = |share: f64| digits(100.0 * share);
+    let others = found.best.iter().filter(|judged| judged.design != made.design);
+    let shares: Vec<f64> = others.filter_map(|judged| Some(sought_share(found, judged)?.1)).collect();
+    let least = percent(shares.iter().copied().reduce(f64::min)?);
+    let most = percent(shares.iter().copied().reduce(f64::max)?);
+    let range = if least == most { least } else { format!("{least} to {most}") };
+    Some(format!(
+        "It collects fluorescence of which {} % is {names}; of the other designs in the table {range} %.",
+        percent(share)
+    ))
 }
 
 /// Of which designs the recommended one has the least loss within tolerances, as a part of a sentence that the loss follows.
@@ -136,7 +170,7 @@ fn failings(found: &DesignFindings<'_>, place: usize, judged: &JudgedDesign) -> 
             if let Some((value, sd)) = value.zip(sd).filter(|(value, sd)| value.abs() < DETECTION_Z * sd) {
                 let told = digits(DETECTION_Z * sd);
                 failings.push(format!(
-                    "the value itself, {}, can't be told from zero: it would have to be {told}",
+                    "the value itself, {}, can't be told from zero: it would have to be {told}, {DETECTION_Z:.2} standard deviations",
                     digits(value)
                 ));
                 break;

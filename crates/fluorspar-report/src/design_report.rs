@@ -1,9 +1,11 @@
 //! The page of a design search: what is best, what it costs, what it rests on, and what it can't tell apart.
 
 use fluorspar::analysis::DETECTION_Z;
-use fluorspar::design::{Criterion, Design, DesignSpace, FineBands, Merits, Score, Sensitivity, WorstCase};
+use fluorspar::design::{
+    Criterion, Design, DesignSpace, FilteredFluorescence, FineBands, Merits, Score, Sensitivity, WorstCase,
+};
 
-use crate::design_recommendation::{limit_in_words, recommendation, recommended};
+use crate::design_recommendation::{limit_in_words, recommendation, recommended, sought_share};
 use crate::design_remarks::{best_case, ideal_edges};
 use crate::figures::PlotCurve;
 use crate::{
@@ -20,8 +22,8 @@ pub struct JudgedDesign {
     pub design: Design,
     /// Its figures of merit.
     pub merits: Merits,
-    /// Share of the fluorescence that its viewing filter lets pass, 0 to 1; `None` where nothing fluoresces.
-    pub fluorescence_kept: Option<f64>,
+    /// What its viewing filter does to the fluorescence; `None` where nothing that fluoresces is seen.
+    pub fluorescence: Option<FilteredFluorescence>,
 }
 
 /// What a search found.
@@ -172,9 +174,9 @@ fn headline(found: &DesignFindings<'_>) -> Vec<Number> {
         "%",
         "reflected electrons over those of fluorescence, at most",
     ));
-    numbers.extend(recommended.fluorescence_kept.map(|kept| {
+    numbers.extend(recommended.fluorescence.iter().map(|fluorescence| {
         let meaning = "of the electrons of fluorescence pass the viewing filter";
-        Number::computed("fluorescence kept", digits(100.0 * kept), "%", meaning)
+        Number::computed("fluorescence kept", digits(100.0 * fluorescence.kept), "%", meaning)
     }));
     for (name, margin, meaning) in [
         ("tissue margin", merits.tissue_margin, "limit over exposure of the tissue, all exposures together"),
@@ -394,8 +396,11 @@ fn choices_section(found: &DesignFindings<'_>) -> Section {
             format!("{} electrons of fluorescence", digits(merits.fluorescence_e)),
             format!("{} ms", digits(merits.time_s * 1e3)),
             format!("leak {} %", digits(100.0 * merits.leak)),
-            judged.fluorescence_kept.map_or_else(String::new, |kept| {
-                format!("{} % of the fluorescence kept by the filter", digits(100.0 * kept))
+            judged.fluorescence.as_ref().map_or_else(String::new, |fluorescence| {
+                format!("{} % of the fluorescence kept by the filter", digits(100.0 * fluorescence.kept))
+            }),
+            sought_share(found, judged).map_or_else(String::new, |(names, share)| {
+                format!("{} % of it {names}", digits(100.0 * share))
             }),
             format!("saturation {}", digits(merits.saturation)),
             merits

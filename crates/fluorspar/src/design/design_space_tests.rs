@@ -353,13 +353,14 @@ fn the_share_of_fluorescence_that_a_filter_keeps() {
         p.filters[0] =
             FilterChoice { fixed: Curve::constant(transmittance), long_pass: None, ..p.filters[0].clone() };
         let space = DesignSpace::new(p).unwrap();
-        space.fluorescence_kept(&space.design(0)).unwrap()
+        space.filtered_fluorescence(&space.design(0)).unwrap().kept
     };
     assert!((kept(1.0) - 1.0).abs() < 1e-12 && (kept(0.5) - 0.5).abs() < 1e-12);
     let space = DesignSpace::new(problem()).unwrap();
     let design = space.design(0);
-    let of_long_pass = space.fluorescence_kept(&design).unwrap();
-    assert!(of_long_pass > 0.0 && of_long_pass < 1.0, "{of_long_pass}");
+    let of_long_pass = space.filtered_fluorescence(&design).unwrap();
+    assert!(of_long_pass.kept > 0.0 && of_long_pass.kept < 1.0, "{of_long_pass:?}");
+    assert!((of_long_pass.shares.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{of_long_pass:?}");
 }
 
 /// A rendered region of twice the light is a flat one of twice the response, and each geometry is searched.

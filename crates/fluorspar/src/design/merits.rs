@@ -51,6 +51,15 @@ pub struct Merits {
     pub eye_margin: Option<f64>,
 }
 
+/// What a viewing filter does to the fluorescence of a region.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilteredFluorescence {
+    /// Share of its electrons that pass, 0 to 1.
+    pub kept: f64,
+    /// Share of each fluorophore of the region in those that pass, 0 to 1, one in sum.
+    pub shares: Vec<f64>,
+}
+
 /// A limit that a design does not keep to.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LimitExcess {
@@ -217,29 +226,35 @@ impl DesignSpace {
         exposures.iter().zip(&signals).enumerate().map(of).collect()
     }
 
-    /// Share of the electrons of fluorescence that the viewing filter of a design lets pass, 0 to 1: those of the first region in all channels of
-    /// all its exposures, over those without the filter. `None` where nothing fluoresces.
-    pub fn fluorescence_kept(&self, design: &Design) -> Option<f64> {
+    /// What the viewing filter of a design does to the fluorescence of the first region, in electrons of all channels of all its exposures.
+    /// `None` where nothing that fluoresces is seen.
+    pub fn filtered_fluorescence(&self, design: &Design) -> Option<FilteredFluorescence> {
         let p = &self.problem;
         let region = p.regions_of(design.geometry).next()?;
         let bands = FineBands::of(&region.response.grid);
         let (camera, times) = (&p.cameras[design.camera], self.times(design));
-        let through = |filter: &Curve, spectra: &[Vec<f64>]| -> f64 {
+        let through = |filter: &Curve, spectra: &[Vec<f64>]| -> Vec<f64> {
             let channels = camera.behind(filter, &bands).by_band;
             let of = |weights: &[f64], spectrum: &[f64]| -> f64 {
                 weights.iter().zip(spectrum).map(|(w, value)| w * value).sum()
             };
-            channels.iter().map(|weights| spectra.iter().map(|s| of(weights, s)).sum::<f64>()).sum()
+            spectra.iter().map(|s| channels.iter().map(|weights| of(weights, s)).sum()).collect()
         };
-        let (mut kept, mut all) = (0.0, 0.0);
+        let mut all = 0.0;
+        let mut parts = vec![0.0; region.response.fluorescence.len()];
         for (&light, time_s) in design.lights.iter().zip(times) {
             let choice = &p.lights[light];
-            let spectra = region.response.fluorescence_under(&choice.spectrum);
             let amount = choice.light * time_s;
-            kept += amount * through(&p.filters[design.filter].transmittance(choice.peak_nm), &spectra);
-            all += amount * through(&Curve::constant(1.0), &spectra);
+            let filter = p.filters[design.filter].transmittance(choice.peak_nm);
+            let spectra = region.response.fluorescence_under(&choice.spectrum);
+            for (part, electrons) in parts.iter_mut().zip(through(&filter, &spectra)) {
+                *part += amount * electrons;
+            }
+            all += amount * through(&Curve::constant(1.0), &spectra).iter().sum::<f64>();
         }
-        (all > 0.0).then(|| kept / all)
+        let passed: f64 = parts.iter().sum();
+        parts.iter_mut().for_each(|part| *part /= passed);
+        (passed > 0.0).then(|| FilteredFluorescence { kept: passed / all, shares: parts })
     }
 
     /// All figures of merit of a design.

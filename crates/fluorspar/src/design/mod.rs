@@ -44,7 +44,7 @@ pub use evaluation::{
 };
 pub use eye::ExposedEye;
 pub use fisher::{Bound, Information, UncertainData, WeakDirection};
-pub use merits::{LimitExcess, Merits};
+pub use merits::{FilteredFluorescence, LimitExcess, Merits};
 pub use problem::{
     Budget, Cohort, ContrastDefinition, DesignProblem, FilterChoice, GeometryChoice, LensChoice, LightChoice,
     Limits, LongPass, LongPassEdge, Split, WeightPrior, WhiteFrame,

@@ -67,8 +67,8 @@ fn tolerances(section: &TolerancesSection) -> Tolerances {
 
 pub(super) fn judged(space: &DesignSpace, name: String, design: Design) -> JudgedDesign {
     let merits = space.evaluate(&design);
-    let fluorescence_kept = space.fluorescence_kept(&design);
-    JudgedDesign { name, design, merits, fluorescence_kept }
+    let fluorescence = space.filtered_fluorescence(&design);
+    JudgedDesign { name, design, merits, fluorescence }
 }
 
 /// The designs of the file to compare with.
@@ -323,6 +323,11 @@ pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
     let p = space.problem();
     let (design, merits) = (&judged.design, &judged.merits);
     let lights: Vec<&str> = design.lights.iter().map(|&k| p.lights[k].name.as_str()).collect();
+    let shares =
+        p.regions_of(design.geometry).next().zip(judged.fluorescence.as_ref()).map(|(region, of)| {
+            let names = region.response.fluorescence.iter().map(|f| f.name.clone());
+            names.zip(of.shares.iter().map(|share| json!(share))).collect::<serde_json::Map<_, _>>()
+        });
     let regions: Vec<Value> = p
         .regions_of(design.geometry)
         .zip(&merits.regions)
@@ -372,7 +377,8 @@ pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
         "broken_limits": merits.broken,
         "electrons": merits.electrons,
         "fluorescence_e": merits.fluorescence_e,
-        "fluorescence_kept": judged.fluorescence_kept,
+        "fluorescence_kept": judged.fluorescence.as_ref().map(|fluorescence| fluorescence.kept),
+        "fluorescence_shares": shares,
         "cost": merits.cost,
         "leak": finite(merits.leak),
         "saturation": merits.saturation,
@@ -443,8 +449,8 @@ pub(super) fn table<'a>(
         let region = &merits.regions[0];
         let mut row = vec![judged.name.clone(), number(merits.loss)];
         row.extend(region.weights.iter().chain(&region.contrasts).map(|sd| number(*sd)));
-        let kept =
-            judged.fluorescence_kept.map_or_else(|| "-".into(), |kept| format!("{:.1} %", 100.0 * kept));
+        let kept = judged.fluorescence.as_ref();
+        let kept = kept.map_or_else(|| "-".into(), |of| format!("{:.1} %", 100.0 * of.kept));
         let leak = format!("{} %", short(100.0 * merits.leak));
         row.extend([short(merits.fluorescence_e), kept, short(merits.time_s * 1e3), leak]);
         row.push(merits.tissue_margin.map_or_else(|| "-".into(), short));
@@ -512,7 +518,9 @@ fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
             row.extend(region.weights.iter().chain(&region.contrasts).map(|sd| number(*sd)));
         }
         row.extend([merits.electrons, merits.fluorescence_e].map(number));
-        row.push(judged.fluorescence_kept.map_or_else(String::new, number));
+        row.push(
+            judged.fluorescence.as_ref().map_or_else(String::new, |fluorescence| number(fluorescence.kept)),
+        );
         row.push(number(merits.time_s * 1e3));
         row.extend([merits.cost, merits.leak, merits.saturation].map(number));
         row.extend(
