@@ -48,6 +48,17 @@ pub(crate) struct Options {
     answer: crate::args::Answer,
 }
 
+/// Refuses several names behind one option, with what to type instead.
+fn refuse_lists(option: &str, names: &[String]) -> Result<(), CliError> {
+    let list = names.iter().find(|name| name.contains(',') && !named_spectra::is_file(name));
+    let Some(list) = list else { return Ok(()) };
+    let each = list.split(',').map(|name| format!("{option} {}", name.trim()));
+    Err(CliError::Input(format!(
+        "{option} {list}: it takes one name. Repeat it: {}",
+        each.collect::<Vec<_>>().join(" ")
+    )))
+}
+
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let format = FigureFormat::of(&options.out)?;
     let range_nm = wavelengths(options.from_nm, options.to_nm)?;
@@ -59,6 +70,14 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         .map(PathBuf::from)
         .collect();
     let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&inputs).declare()?;
+    for (option, names) in [
+        ("--light", &options.light),
+        ("--light-filter", &options.light_filter),
+        ("--fluorophore", &options.fluorophore),
+        ("--view-filter", &options.view_filter),
+    ] {
+        refuse_lists(option, names)?;
+    }
     let behind = named_spectra::filters(&options.light_filter)?;
     let mut lights = Vec::new();
     for name in &options.light {

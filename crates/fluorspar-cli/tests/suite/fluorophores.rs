@@ -338,6 +338,17 @@ fn measured_matrices_come_through() {
     }
 }
 
+/// A list behind an option of `plot` is refused with what to type instead.
+#[test]
+fn a_list_of_names_is_refused_with_its_cure() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = fluorspar(folder.path(), ["plot", "--light", "led_385,led_405"]);
+    assert!(
+        refused.code == Some(2) && refused.stderr.contains("--light led_385 --light led_405"),
+        "{refused:?}"
+    );
+}
+
 /// What `plot` says that a filter keeps of the fluorescence and lets pass of the light, against the sums by hand, and against `design`.
 #[test]
 fn what_a_viewing_filter_keeps_is_the_ratio_of_the_integrals() {
