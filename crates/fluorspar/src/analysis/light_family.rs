@@ -68,12 +68,15 @@ impl CubicTerms {
     /// Value of the polynomial with some coefficients, and its slopes by the coordinates, four of these numbers at a time.
     fn sum(&self, coefficients: &[f64], sums: &mut [Lanes]) {
         for (sum, terms) in sums.iter_mut().zip(&self.lanes) {
-            // In a variable of its own, which is kept in registers
-            let mut total = [0.0; 4];
+            // In variables of their own, which are kept in registers; without calls, which little optimization leaves in
+            let [mut a, mut b, mut c, mut d] = [0.0; 4];
             for (term, coefficient) in terms.iter().zip(coefficients) {
-                total = [0, 1, 2, 3].map(|lane| total[lane] + term[lane] * coefficient);
+                a += term[0] * coefficient;
+                b += term[1] * coefficient;
+                c += term[2] * coefficient;
+                d += term[3] * coefficient;
             }
-            *sum = total;
+            *sum = [a, b, c, d];
         }
     }
 }
