@@ -82,7 +82,7 @@ pub(crate) fn sought_share(found: &DesignFindings<'_>, judged: &JudgedDesign) ->
     (!names.is_empty() && names.len() < shares.len()).then(|| (names.join(" and "), share))
 }
 
-/// How much of the collected light is what the contrast asks for, beside the other designs that are shown: what lights and filters choose by.
+/// How much of the collected light is what the contrast asks for, beside the others of the best: what lights and filters choose by.
 fn why_others_see_less(found: &DesignFindings<'_>, made: &JudgedDesign) -> Option<String> {
     let (names, share) = sought_share(found, made)?;
     let percent = |share: f64| digits(100.0 * share);
@@ -92,8 +92,9 @@ fn why_others_see_less(found: &DesignFindings<'_>, made: &JudgedDesign) -> Optio
     let most = percent(shares.iter().copied().reduce(f64::max)?);
     let range = if least == most { least } else { format!("{least} to {most}") };
     Some(format!(
-        "It collects fluorescence of which {} % is {names}; of the other designs in the table {range} %.",
-        percent(share)
+        "It collects fluorescence of which {} % is {names}; of the other {} of the best designs {range} %.",
+        percent(share),
+        shares.len()
     ))
 }
 

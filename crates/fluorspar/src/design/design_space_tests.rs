@@ -356,6 +356,7 @@ fn the_share_of_fluorescence_that_a_filter_keeps() {
         space.filtered_fluorescence(&space.design(0)).unwrap().kept
     };
     assert!((kept(1.0) - 1.0).abs() < 1e-12 && (kept(0.5) - 0.5).abs() < 1e-12);
+    assert_eq!(kept(0.0), 0.0);
     let space = DesignSpace::new(problem()).unwrap();
     let design = space.design(0);
     let of_long_pass = space.filtered_fluorescence(&design).unwrap();

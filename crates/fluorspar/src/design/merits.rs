@@ -56,7 +56,7 @@ pub struct Merits {
 pub struct FilteredFluorescence {
     /// Share of its electrons that pass, 0 to 1.
     pub kept: f64,
-    /// Share of each fluorophore of the region in those that pass, 0 to 1, one in sum.
+    /// Share of each fluorophore of the region in those that pass, 0 to 1: one in sum, all 0 where nothing passes.
     pub shares: Vec<f64>,
 }
 
@@ -227,7 +227,7 @@ impl DesignSpace {
     }
 
     /// What the viewing filter of a design does to the fluorescence of the first region, in electrons of all channels of all its exposures.
-    /// `None` where nothing that fluoresces is seen.
+    /// `None` where the sensor would see no fluorescence without the filter.
     pub fn filtered_fluorescence(&self, design: &Design) -> Option<FilteredFluorescence> {
         let p = &self.problem;
         let region = p.regions_of(design.geometry).next()?;
@@ -253,8 +253,10 @@ impl DesignSpace {
             all += amount * through(&Curve::constant(1.0), &spectra).iter().sum::<f64>();
         }
         let passed: f64 = parts.iter().sum();
-        parts.iter_mut().for_each(|part| *part /= passed);
-        (passed > 0.0).then(|| FilteredFluorescence { kept: passed / all, shares: parts })
+        if passed > 0.0 {
+            parts.iter_mut().for_each(|part| *part /= passed);
+        }
+        (all > 0.0).then(|| FilteredFluorescence { kept: passed / all, shares: parts })
     }
 
     /// All figures of merit of a design.
