@@ -1,28 +1,115 @@
-//! Spectra that options name: of the catalogue, or of CSV files.
+//! Spectra that options name: of the catalogue, of files, or of one column of a file as an experiment writes it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use fluorspar::spectral::Curve;
 use fluorspar_experiment::preset;
-use fluorspar_format::{CsvColumns, CsvSpectrumOptions, Negative, read_spectrum_csv};
+use fluorspar_experiment::schema::{NameOrTable, SpectrumReference};
+use fluorspar_format::{
+    MeasuredSpectra, Negative, Quantity, SpectrumColumns, SpectrumOptions, read_spectra, read_toml,
+};
+use serde::Deserialize;
 
 use crate::error::CliError;
+use crate::message::Messages;
 
-/// Whether a name is that of a file.
+/// Whether a name is that of a file, or a table `{ csv = "FILE", column = .., unit = .. }` that names one.
 pub(crate) fn is_file(name: &str) -> bool {
-    name.contains(['/', '\\']) || name.to_ascii_lowercase().ends_with(".csv")
+    is_table(name) || NameOrTable::is_path(name)
+}
+
+fn is_table(name: &str) -> bool {
+    name.trim_start().starts_with('{')
 }
 
 /// Name of a spectrum for people.
 pub(crate) fn label(name: &str) -> String {
-    Path::new(name).file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy().into_owned())
+    let file =
+        if is_table(name) { table(name).map(|table| table.path).unwrap_or_default() } else { name.into() };
+    Path::new(&file).file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy().into_owned())
 }
 
-/// The first spectrum of a file.
-pub(crate) fn first_column(name: &str, negative: Negative) -> Result<Curve, CliError> {
-    let columns = CsvColumns::Numbered(vec![1]);
-    let options = CsvSpectrumOptions { columns, negative, ..CsvSpectrumOptions::default() };
-    let column = read_spectrum_csv(Path::new(name), &options)?.into_iter().next();
+/// One column of a file.
+struct Table {
+    path: PathBuf,
+    options: SpectrumOptions,
+    scale: f64,
+}
+
+/// The table that an option writes as an experiment does.
+fn table(name: &str) -> Result<Table, CliError> {
+    #[derive(Deserialize)]
+    struct Written {
+        spectrum: SpectrumReference,
+    }
+    let wrong = |what: String| {
+        CliError::Input(format!(
+            "{name}: {what}. Write it like {{ csv = \"FILE\", column = \"T\", unit = \"percent\" }}"
+        ))
+    };
+    let written: Written =
+        read_toml(&format!("spectrum = {name}")).map_err(|error| wrong(error.message().to_string()))?;
+    let (path, column, scale, unit) = match written.spectrum {
+        SpectrumReference::Table(table) => (table.csv, table.column, table.scale, table.unit),
+        SpectrumReference::Matlab(table) => {
+            (table.mat, table.column.map(|number| number.to_string()), table.scale, None)
+        }
+        _ => return Err(wrong("this names no file".into())),
+    };
+    let columns = column.map_or(SpectrumColumns::One, |column| SpectrumColumns::Named(vec![column]));
+    let options = SpectrumOptions { columns, unit: unit.map(Into::into), ..SpectrumOptions::default() };
+    let path: &Path = path.as_ref();
+    Ok(Table { path: path.into(), options, scale: scale.unwrap_or(1.0) })
+}
+
+/// A table that an option writes, with the path of its file from the root, as TOML; `None` of other texts, and of tables that hold an
+/// equation.
+pub(crate) fn absolute_table(name: &str) -> Option<String> {
+    if !is_table(name) {
+        return None;
+    }
+    let mut written: toml::Table = read_toml(&format!("spectrum = {name}")).ok()?;
+    let table = written.get_mut("spectrum")?.as_table_mut()?;
+    for key in ["csv", "mat"] {
+        if let Some(path) = table.get(key).and_then(|path| std::path::absolute(path.as_str()?).ok()) {
+            table.insert(key.into(), path.to_string_lossy().into_owned().into());
+        }
+    }
+    Some(toml::Value::Table(table.clone()).to_string())
+}
+
+/// Spectra of a file as a quantity; what was taken of it is told.
+pub(crate) fn of_file(
+    name: &str,
+    columns: SpectrumColumns,
+    quantity: Quantity,
+    negative: Negative,
+) -> Result<MeasuredSpectra, CliError> {
+    let Table { path, options, scale } = match is_table(name) {
+        true => table(name)?,
+        false => {
+            let options = SpectrumOptions { columns, ..SpectrumOptions::default() };
+            Table { path: name.into(), options, scale: 1.0 }
+        }
+    };
+    // Who gives a factor speaks of the values as they are stored
+    let is_stored = scale != 1.0 && options.unit.is_none();
+    let quantity = if is_stored { Quantity::Stored } else { quantity };
+    let mut spectra = read_spectra(&path, &SpectrumOptions { quantity, negative, ..options })?;
+    if scale != 1.0 {
+        for column in &mut spectra.curves {
+            column.curve = column.curve.scaled(scale);
+        }
+    }
+    if !spectra.read_as.is_empty() {
+        Messages::default().status(format!("{}: read as {}", path.display(), spectra.read_as.join("; ")));
+    }
+    Ok(spectra)
+}
+
+/// One spectrum of a file: the only column, that which an instrument computed, or the first.
+pub(crate) fn one_column(name: &str, quantity: Quantity, negative: Negative) -> Result<Curve, CliError> {
+    let column = of_file(name, SpectrumColumns::One, quantity, negative)?.curves.into_iter().next();
     column.map(|column| column.curve).ok_or_else(|| CliError::Input(format!("{name}: there is no spectrum")))
 }
 
@@ -31,7 +118,7 @@ pub(crate) fn light(name: &str) -> Result<Curve, CliError> {
     if !is_file(name) {
         return Ok(preset::light_spectrum(name)?.curve());
     }
-    let curve = first_column(name, Negative::Refuse)?;
+    let curve = one_column(name, Quantity::SpectralPower, Negative::Refuse)?;
     if curve.total() > 0.0 {
         return Ok(curve);
     }
@@ -41,11 +128,14 @@ pub(crate) fn light(name: &str) -> Result<Curve, CliError> {
 /// Transmittance of filters one behind the other.
 pub(crate) fn filters(names: &[String]) -> Result<Curve, CliError> {
     names.iter().try_fold(Curve::constant(1.0), |product, name| {
-        let curve =
-            if is_file(name) { first_column(name, Negative::Refuse)? } else { preset::filter(name)?.curve() };
+        let curve = if is_file(name) {
+            one_column(name, Quantity::Fraction, Negative::Refuse)?
+        } else {
+            preset::filter(name)?.curve()
+        };
         if curve.max() > 1.0 {
             return Err(CliError::Input(format!(
-                "{name}: a filter passes at most 1, but this reaches {}; are the values in percent?",
+                "{name}: a filter passes at most 1, but this reaches {}; name the unit of its values: {{ csv = \"FILE\", unit = \"percent\" }}",
                 curve.max()
             )));
         }

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::FormatError;
-use super::csv_spectrum::{CsvColumns, CsvSpectrumOptions, read_spectrum_csv};
 use super::csv_table::Negative;
+use super::spectra::{SpectrumColumns, SpectrumOptions, read_spectra};
 use fluorspar::spectral::Curve;
 
 /// Excitation and emission spectra of a fluorophore, as stored: neither normalized nor converted.
@@ -22,14 +22,15 @@ pub struct CsvFluorophore {
 /// column, so that the two spectra may cover different ranges.
 ///
 /// # Errors
-/// As [`read_spectrum_csv`].
+/// As [`read_spectra`].
 pub fn read_fluorophore_csv(path: &Path, negative: Negative) -> Result<CsvFluorophore, FormatError> {
-    let options = CsvSpectrumOptions {
-        columns: CsvColumns::Named(vec!["excitation".into(), "emission".into()]),
+    let options = SpectrumOptions {
+        columns: SpectrumColumns::Named(vec!["excitation".into(), "emission".into()]),
         negative,
         skip_empty_cells: true,
+        ..SpectrumOptions::default()
     };
-    let mut curves = read_spectrum_csv(path, &options)?.into_iter().map(|column| column.curve);
+    let mut curves = read_spectra(path, &options)?.curves.into_iter().map(|column| column.curve);
     let (Some(excitation), Some(emission)) = (curves.next(), curves.next()) else {
         return Err(FormatError::malformed(path, "columns are missing", "Give excitation and emission"));
     };

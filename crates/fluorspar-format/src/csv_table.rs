@@ -4,7 +4,6 @@ use fluorspar::quote::excerpt;
 use std::path::Path;
 
 use super::FormatError;
-use super::file::{MAX_TEXT_BYTES, as_text, read_file};
 
 /// Most columns of a table.
 const MAX_COLUMNS: usize = 10_000;
@@ -51,14 +50,24 @@ pub enum Negative {
 }
 
 impl Table {
-    /// Reads a table whose cells are separated by commas, tabs or semicolons (whichever the header line uses).
-    /// Lines that begin with `#` are comments.
-    pub(super) fn read(path: &Path) -> Result<Self, FormatError> {
-        let bytes = read_file(path, MAX_TEXT_BYTES)?;
-        Self::parse(path, as_text(path, &bytes)?)
+    /// A table of rows that were found elsewhere, each with its line in the file.
+    pub(super) fn of_rows(
+        path: &Path,
+        header: Header,
+        rows: Vec<(u64, Vec<String>)>,
+        comments: Vec<(u64, String)>,
+    ) -> Result<Self, FormatError> {
+        check_width(path, header.cells.len())?;
+        let mut table = (Vec::new(), String::new(), Vec::new());
+        for (line, cells) in rows {
+            push_row(path, &header, line, cells.len(), cells.iter().map(String::as_str), &mut table)?;
+        }
+        let (lines, text, ends) = table;
+        Ok(Self { header, lines, text, ends, comments })
     }
 
-    /// The same of text that was read.
+    /// The table of a text, whose cells are separated by commas, tabs or semicolons (whichever the header line uses).
+    /// Lines that begin with `#` are comments.
     pub(super) fn parse(path: &Path, text: &str) -> Result<Self, FormatError> {
         let lines = || text.lines().enumerate().map(|(index, line)| (index as u64 + 1, line.trim()));
         let comments = comments_of(text);
@@ -101,7 +110,7 @@ impl Table {
             }
             match &header {
                 None => header = Some(header_of(path, line, &record)?),
-                Some(header) => push_row(path, header, line, &record, &mut table)?,
+                Some(header) => push_row(path, header, line, record.len(), record.iter(), &mut table)?,
             }
         }
         let Some(header) = header else {
@@ -242,27 +251,33 @@ fn delimiter_of(header: &str) -> u8 {
     [b',', b'\t', b';'].into_iter().find(|mark| header.as_bytes().contains(mark)).unwrap_or(b',')
 }
 
-fn header_of(path: &Path, line: u64, record: &csv::StringRecord) -> Result<Header, FormatError> {
-    if record.len() > MAX_COLUMNS {
-        let what = format!("the header has {} columns", record.len());
+fn check_width(path: &Path, columns: usize) -> Result<(), FormatError> {
+    if columns > MAX_COLUMNS {
+        let what = format!("the header has {columns} columns");
         return Err(FormatError::too_large(path, what, format!("{MAX_COLUMNS} columns")));
     }
+    Ok(())
+}
+
+fn header_of(path: &Path, line: u64, record: &csv::StringRecord) -> Result<Header, FormatError> {
+    check_width(path, record.len())?;
     Ok(Header { line, cells: record.iter().map(String::from).collect() })
 }
 
 /// Appends a row to the lines, the text and the ends of cells of a table.
-fn push_row(
+fn push_row<'a>(
     path: &Path,
     header: &Header,
     line: u64,
-    record: &csv::StringRecord,
+    width: usize,
+    record: impl Iterator<Item = &'a str>,
     (lines, text, ends): &mut (Vec<u64>, String, Vec<usize>),
 ) -> Result<(), FormatError> {
-    if record.len() != header.cells.len() {
+    if width != header.cells.len() {
         return Err(FormatError::at_line(
             path,
             line,
-            format!("this line has {} cells but the header has {}", record.len(), header.cells.len()),
+            format!("this line has {width} cells but the header has {}", header.cells.len()),
             "Give every line one cell per column",
         ));
     }

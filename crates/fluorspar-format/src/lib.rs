@@ -2,10 +2,10 @@
 //!
 //! | content | read | write |
 //! |---|---|---|
-//! | spectra, CSV | [`read_spectrum_csv`] | |
+//! | spectra: text of instruments and spreadsheets, JCAMP-DX, IES TM-27, MATLAB (ISET) | [`read_spectra`] | |
 //! | fluorophore (excitation and emission), CSV | [`read_fluorophore_csv`] | |
 //! | excitation-emission matrix, CSV | [`read_eem_csv`] | |
-//! | fluorophore, spectra, MATLAB (ISET) | [`read_iset_fluorophore`], [`read_mat_spectra`] | |
+//! | fluorophore, MATLAB (ISET) | [`read_iset_fluorophore`] | |
 //! | spectral image, OpenEXR or NumPy | [`read_spectral_exr`], [`read_spectral_npy`] | [`write_spectral_exr`], [`write_spectral_npy`] |
 //! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
 //! | component image, part by part | [`ComponentFile`] | |
@@ -26,14 +26,13 @@
 //! Every writer leaves a complete file or none ([`write_atomically`]). Equal results give equal bytes. A command declares all that
 //! it will write before it begins ([`Outputs`], [`OutputFolder`]). What takes long to make is kept in a [`Cache`].
 //!
-//! Out of scope: what the numbers mean. Readers neither normalize nor convert.
+//! Out of scope: what the numbers mean. Readers do not normalize, and convert nothing but units that a file names.
 
 mod axis;
 mod cache;
 mod csv_cell;
 mod csv_eem;
 mod csv_fluorophore;
-mod csv_spectrum;
 mod csv_table;
 mod dng;
 mod dng_pixels;
@@ -46,6 +45,8 @@ mod film;
 mod frame_description;
 mod gltf;
 mod input;
+mod instrument_text;
+mod jcamp;
 mod lens;
 mod lossless_jpeg;
 mod mask;
@@ -63,12 +64,15 @@ mod ply_binary;
 mod png;
 mod provenance;
 mod raw;
+mod spectra;
 mod spooled_image;
 mod stl;
 mod texture;
 mod tiff_directory;
 mod tiff_image;
+mod tm27;
 mod toml_text;
+mod value_unit;
 
 pub use cache::{Cache, count_as_program};
 pub use csv_cell::{csv_cell, quoted_csv_cell};
@@ -77,7 +81,6 @@ pub use csv_eem::{
     read_eem_csv, refuse_scattered_light,
 };
 pub use csv_fluorophore::{CsvFluorophore, read_fluorophore_csv};
-pub use csv_spectrum::{CsvColumns, CsvSpectrumOptions, NamedCurve, read_spectrum_csv};
 pub use csv_table::Negative;
 pub use dng::{DngColor, write_sensor_dng};
 pub use error::{FormatError, Problem};
@@ -94,7 +97,7 @@ pub use gltf::{read_gltf, read_gltf_instances, write_gltf};
 pub use input::{digest_bounded, read_bounded, read_start, read_text_bounded};
 pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
 pub use mask::{MaskImage, read_mask};
-pub use mat::{IsetFluorophore, MatSpectra, read_iset_fluorophore, read_mat_spectra};
+pub use mat::{IsetFluorophore, read_iset_fluorophore};
 pub use mesh_set::{NamedMesh, write_obj, write_pbrt};
 pub use npy::{
     read_component_image, read_component_npy, read_spectral_image, read_spectral_npy, write_component_npy,
@@ -117,7 +120,9 @@ pub use png::{
 };
 pub use provenance::{Loaded, Provenance};
 pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
+pub use spectra::{MeasuredSpectra, NamedCurve, SpectrumColumns, SpectrumOptions, read_spectra};
 pub use spooled_image::SpooledImage;
 pub use stl::read_stl;
 pub use texture::read_texture;
 pub use toml_text::{TomlError, read_toml, read_toml_document, read_toml_places};
+pub use value_unit::{Quantity, ValueUnit};

@@ -204,7 +204,12 @@ impl<'a> SceneWriter<'a> {
             self.spectra.push((curve.clone(), path.as_str().into()));
             path.as_str().into()
         });
-        SpectrumReference::Table(SpectrumTable { csv: FilePath::from(path), column: None, scale: None })
+        SpectrumReference::Table(SpectrumTable {
+            csv: FilePath::from(path),
+            column: None,
+            unit: None,
+            scale: None,
+        })
     }
 
     /// A texture times a factor.

@@ -16,6 +16,7 @@ use crate::args::{Answer, Changes};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
+use crate::named_spectra;
 use crate::values::{self, Override, number};
 
 /// Options of `predict`.
@@ -67,9 +68,13 @@ enum Compatibility {
 
 /// A name of the catalogue, or a file, which is relative to where the program runs and not to the sample's folder.
 fn name_or_file(text: &str, folder: &Path) -> String {
-    let is_file = text.contains(['/', '\\']) || text.to_ascii_lowercase().ends_with(".csv");
+    if let Some(table) = named_spectra::absolute_table(text) {
+        return table;
+    }
     match std::path::absolute(text) {
-        Ok(path) if is_file && folder != Path::new(".") => quoted(&path.to_string_lossy()),
+        Ok(path) if named_spectra::is_file(text) && folder != Path::new(".") => {
+            quoted(&path.to_string_lossy())
+        }
         _ => quoted(text),
     }
 }

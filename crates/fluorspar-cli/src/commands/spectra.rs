@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::{Subcommand, ValueHint};
 use fluorspar::spectral::Curve;
 use fluorspar_experiment::preset::{self, CurvePreset, PresetKind};
-use fluorspar_format::{Negative, Output, Outputs, write_atomically};
+use fluorspar_format::{Negative, Output, Outputs, Quantity, SpectrumColumns, write_atomically};
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{PlotCurve, filters, lights, reflectances, sensor_response};
 use serde_json::{Value, json};
@@ -91,13 +91,19 @@ pub(crate) fn act(action: &Action, kind: PresetKind) -> Result<(), CliError> {
 
 fn entry(name: &str, kind: PresetKind) -> Result<Entry, CliError> {
     if named_spectra::is_file(name) {
-        let curve = match kind {
-            PresetKind::Light => named_spectra::light(name)?,
-            PresetKind::Filter => named_spectra::filters(std::slice::from_ref(&name.to_string()))?,
-            _ => named_spectra::first_column(name, Negative::Refuse)?,
+        let one = |curve| vec![(String::new(), curve)];
+        let curves = match kind {
+            PresetKind::Light => one(named_spectra::light(name)?),
+            PresetKind::Filter => one(named_spectra::filters(std::slice::from_ref(&name.to_string()))?),
+            PresetKind::QuantumEfficiency => {
+                let quantity = Quantity::QuantumEfficiency;
+                let of_file = named_spectra::of_file(name, SpectrumColumns::All, quantity, Negative::Refuse)?;
+                of_file.curves.into_iter().map(|column| (column.name, column.curve)).collect()
+            }
+            _ => one(named_spectra::one_column(name, Quantity::Fraction, Negative::Refuse)?),
         };
         let title = named_spectra::label(name);
-        return Ok(Entry { name: name.into(), title, about: None, curves: vec![(String::new(), curve)] });
+        return Ok(Entry { name: name.into(), title, about: None, curves });
     }
     let of_curve = |preset: CurvePreset| Entry {
         name: name.into(),

@@ -18,7 +18,7 @@ use fluorspar_experiment::{
     parse_tissue, preset, resolve,
 };
 use fluorspar_format as format;
-use fluorspar_format::{CsvEemOptions, CsvSpectrumOptions, ExrCompression, ExrOptions, RawPacking, Transfer};
+use fluorspar_format::{CsvEemOptions, ExrCompression, ExrOptions, RawPacking, SpectrumOptions, Transfer};
 use glam::{Vec2, Vec3};
 
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -316,7 +316,7 @@ fn tables(subjects: &mut Subjects) {
         "spectra CSV",
         "s.csv",
         table("# c\nwavelength_nm,a,\"b\"\n400,1,2\n410,1.5e-3,2\n420,3,4\n"),
-        |path| format::read_spectrum_csv(path, &CsvSpectrumOptions::default()).is_ok(),
+        |path| format::read_spectra(path, &SpectrumOptions::default()).is_ok(),
     );
     subjects.add(
         "matrix CSV",
@@ -352,7 +352,7 @@ fn matlab(subjects: &mut Subjects) -> Outcome<()> {
     let file = |name: &str| fs::read(data.join(name)).map_err(|error| format!("{name}: {error}"));
     let v5 = vec![file("iset_v5.mat")?, file("iset_v7_struct.mat")?, file("iset_emission_only.mat")?];
     let is_fluorophore = |path: &Path| format::read_iset_fluorophore(path).is_ok();
-    let is_spectra = |path: &Path| format::read_mat_spectra(path).is_ok();
+    let is_spectra = |path: &Path| format::read_spectra(path, &SpectrumOptions::default()).is_ok();
     subjects.add("fluorophore MAT 5", "f.mat", v5, is_fluorophore);
     subjects.add("fluorophore MAT 7.3", "f.mat", vec![file("iset_v73.mat")?], is_fluorophore);
     let v5 = vec![file("spectra_v5.mat")?, file("spectra_v4.mat")?];

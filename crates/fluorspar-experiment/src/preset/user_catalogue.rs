@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use fluorspar_format::{CsvSpectrumOptions, FormatError, read_spectrum_csv, read_text_bounded};
+use fluorspar_format::{FormatError, Quantity, SpectrumOptions, read_spectra, read_text_bounded};
 
 use super::catalogue::built_in_names;
 use super::curve_preset::{filter, light_spectrum, quantum_efficiency, reflectance};
@@ -88,9 +88,14 @@ fn text_of_entry(kind: PresetKind, name: &str, path: &Path) -> Result<Option<Str
 
 /// A table in the form of the catalogue.
 fn text_of_table(kind: PresetKind, name: &str, path: &Path) -> Result<String, PresetError> {
-    let columns =
-        read_spectrum_csv(path, &CsvSpectrumOptions::default()).map_err(|error| of_file(path, &error))?;
     let is_qe = kind == PresetKind::QuantumEfficiency;
+    let quantity = match kind {
+        PresetKind::Light => Quantity::SpectralPower,
+        PresetKind::Filter | PresetKind::Reflectance => Quantity::Fraction,
+        _ => Quantity::QuantumEfficiency,
+    };
+    let options = SpectrumOptions { quantity, ..SpectrumOptions::default() };
+    let columns = read_spectra(path, &options).map_err(|error| of_file(path, &error))?.curves;
     if columns.is_empty() || (!is_qe && columns.len() > 1) {
         let message =
             format!("a {kind} has one column beside the wavelength, this table has {}", columns.len());

@@ -23,7 +23,7 @@ use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, GridError, WavelengthGrid};
 use fluorspar::study::{Lens, ViewFilter};
 use fluorspar::units::{memory_gib, memory_texts};
-use fluorspar_format::{CsvColumns, CsvSpectrumOptions, Negative};
+use fluorspar_format::{Negative, Quantity, SpectrumColumns, SpectrumOptions};
 
 const LONGEST_SIDE_PX: u64 = 16_384;
 const MOST_SAMPLES: u64 = 1_000_000;
@@ -540,10 +540,15 @@ fn quantum_efficiency(
     let reference = match reference {
         NameOrTable::Name(name) => name,
         NameOrTable::File(path) => {
-            let columns = CsvColumns::Named(wanted);
-            let options =
-                CsvSpectrumOptions { columns, negative: Negative::ClipToZero, skip_empty_cells: true };
-            let curves = context.csv(at, path, &options)?;
+            let columns = SpectrumColumns::Named(wanted);
+            let options = SpectrumOptions {
+                columns,
+                quantity: Quantity::QuantumEfficiency,
+                negative: Negative::ClipToZero,
+                skip_empty_cells: true,
+                unit: None,
+            };
+            let curves = context.spectra(at, path, &options)?;
             return Ok(curves.into_iter().map(|column| (column.name, column.curve)).collect());
         }
     };

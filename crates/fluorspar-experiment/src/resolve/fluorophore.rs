@@ -12,8 +12,8 @@ use fluorspar::spectral::{
     YieldUnit,
 };
 use fluorspar_format::{
-    AntiStokes, CsvColumns, CsvEemOptions, CsvSpectrumOptions, EemUnit, FormatError, Negative, read_eem_csv,
-    read_fluorophore_csv, read_iset_fluorophore, refuse_scattered_light,
+    AntiStokes, CsvEemOptions, EemUnit, FormatError, Negative, SpectrumColumns, SpectrumOptions,
+    read_eem_csv, read_fluorophore_csv, read_iset_fluorophore, refuse_scattered_light,
 };
 
 /// Largest concentration that is accepted.
@@ -117,13 +117,13 @@ fn from_section(
             (separable(context, &at, *unit, read.excitation, read.emission, stokes)?, csv)
         }
         FluorophoreSource::Spectra(SpectraSource { excitation_csv, emission_csv, unit }) => {
-            let options = CsvSpectrumOptions {
-                columns: CsvColumns::Numbered(vec![1]),
+            let options = SpectrumOptions {
+                columns: SpectrumColumns::One,
                 negative: negative(section),
-                ..CsvSpectrumOptions::default()
+                ..SpectrumOptions::default()
             };
             let mut first = |key: &str, file: &FilePath| -> Resolved<Curve> {
-                Ok(context.csv(&at_source.field(key), file, &options)?.swap_remove(0).curve)
+                Ok(context.spectra(&at_source.field(key), file, &options)?.swap_remove(0).curve)
             };
             let excitation = first("excitation_csv", excitation_csv)?;
             let emission = first("emission_csv", emission_csv)?;

@@ -16,7 +16,7 @@ use fluorspar::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_N
 use fluorspar::units::number_text;
 use fluorspar_anatomy::PorphyrinRamp;
 use fluorspar_format::{
-    CsvColumns, CsvSpectrumOptions, FormatError, NamedCurve, Transfer, read_mat_spectra, read_spectrum_csv,
+    FormatError, NamedCurve, Quantity, SpectrumColumns, SpectrumOptions, Transfer, read_spectra,
     read_texture_png,
 };
 
@@ -37,6 +37,15 @@ pub(crate) enum Role {
 impl Role {
     fn is_fraction(self) -> bool {
         matches!(self, Self::Filter | Self::Reflectance)
+    }
+
+    /// What the values of a file become.
+    fn quantity(self) -> Quantity {
+        match self {
+            Self::Light => Quantity::SpectralPower,
+            Self::Filter | Self::Reflectance => Quantity::Fraction,
+            Self::Absolute => Quantity::Stored,
+        }
     }
 
     fn preset(self, name: &str) -> Result<CurvePreset, preset::PresetError> {
@@ -67,14 +76,9 @@ impl Context<'_> {
                 }
                 curve
             }
-            SpectrumReference::Text(NameOrTable::File(path))
-                if path.extension().as_deref() == Some("mat") =>
-            {
-                self.matlab(at, &MatlabSpectrum { mat: path.clone(), column: None, scale: None }, grid)?
-            }
             SpectrumReference::Text(NameOrTable::File(path)) => {
-                let table = SpectrumTable { csv: path.clone(), column: None, scale: None };
-                self.table(at, &table, grid)?
+                let table = SpectrumTable { csv: path.clone(), column: None, scale: None, unit: None };
+                self.table(at, &table, role, grid)?
             }
             SpectrumReference::Text(NameOrTable::Name(name)) => {
                 let preset = role.preset(name).map_err(|error| self.error(at, error))?;
@@ -82,8 +86,8 @@ impl Context<'_> {
                 self.note_range(at, preset.valid_nm, grid);
                 preset.curve_at_angle(angle_deg)
             }
-            SpectrumReference::Table(table) => self.table(at, table, grid)?,
-            SpectrumReference::Matlab(column) => self.matlab(at, column, grid)?,
+            SpectrumReference::Table(table) => self.table(at, table, role, grid)?,
+            SpectrumReference::Matlab(column) => self.matlab(at, column, role, grid)?,
         };
         self.check_values(at, reference, &curve, role)?;
         Ok(curve)
@@ -121,27 +125,37 @@ impl Context<'_> {
         }
     }
 
-    fn table(&mut self, at: &Place, table: &SpectrumTable, grid: &WavelengthGrid) -> Resolved<Curve> {
+    fn table(
+        &mut self,
+        at: &Place,
+        table: &SpectrumTable,
+        role: Role,
+        grid: &WavelengthGrid,
+    ) -> Resolved<Curve> {
         let columns = match &table.column {
-            Some(name) => CsvColumns::Named(vec![name.clone()]),
-            None => CsvColumns::Numbered(vec![1]),
+            Some(name) => SpectrumColumns::Named(vec![name.clone()]),
+            None => SpectrumColumns::One,
         };
-        let options = CsvSpectrumOptions { columns, ..CsvSpectrumOptions::default() };
-        let curve = self.csv(at, &table.csv, &options)?.swap_remove(0).curve;
+        // Who gives a factor speaks of the values as they are stored
+        let is_stored = table.scale.is_some() && table.unit.is_none();
+        let quantity = if is_stored { Quantity::Stored } else { role.quantity() };
+        let unit = table.unit.map(Into::into);
+        let options = SpectrumOptions { columns, quantity, unit, ..SpectrumOptions::default() };
+        let curve = self.spectra(at, &table.csv, &options)?.swap_remove(0).curve;
         self.scaled(at, curve, table.scale, grid)
     }
 
-    fn matlab(&mut self, at: &Place, column: &MatlabSpectrum, grid: &WavelengthGrid) -> Resolved<Curve> {
-        self.note_input(at, &column.mat)?;
-        let spectra = read_mat_spectra(column.mat.as_ref()).map_err(|error| self.file_error(at, &error))?;
-        let count = spectra.curves.len();
-        let number = column.column.unwrap_or(1) as usize;
-        let Some(curve) = number.checked_sub(1).and_then(|index| spectra.curves.into_iter().nth(index))
-        else {
-            let columns = if count == 1 { "one column".to_owned() } else { format!("{count} columns") };
-            return self.fail(&at.field("column"), format!("\"data\" has {columns}; they count from 1"));
-        };
-        self.scaled(at, curve, column.scale, grid)
+    fn matlab(
+        &mut self,
+        at: &Place,
+        file: &MatlabSpectrum,
+        role: Role,
+        grid: &WavelengthGrid,
+    ) -> Resolved<Curve> {
+        let column = file.column.unwrap_or(1).to_string();
+        let table =
+            SpectrumTable { csv: file.mat.clone(), column: Some(column), scale: file.scale, unit: None };
+        self.table(at, &table, role, grid)
     }
 
     /// A curve of a file, times a factor; warns where the grid goes beyond its data.
@@ -163,17 +177,22 @@ impl Context<'_> {
         }
     }
 
-    /// Columns of a CSV file of spectra, at least one.
-    pub(crate) fn csv(
+    /// Columns of a file of spectra, at least one; what was taken of the file, and as what, is told.
+    pub(crate) fn spectra(
         &mut self,
         at: &Place,
         file: &FilePath,
-        options: &CsvSpectrumOptions,
+        options: &SpectrumOptions,
     ) -> Resolved<Vec<NamedCurve>> {
         self.note_input(at, file)?;
-        let curves =
-            read_spectrum_csv(file.as_ref(), options).map_err(|error| self.file_error(at, &error))?;
-        if curves.is_empty() { self.fail(at, "the file has no column of values") } else { Ok(curves) }
+        let spectra = read_spectra(file.as_ref(), options).map_err(|error| self.file_error(at, &error))?;
+        if !spectra.read_as.is_empty() {
+            self.warn(at, format!("the file is read as {}", spectra.read_as.join("; ")));
+        }
+        if spectra.curves.is_empty() {
+            return self.fail(at, "the file has no column of values");
+        }
+        Ok(spectra.curves)
     }
 
     /// An error of a reader; it names its file itself.
@@ -212,10 +231,10 @@ impl Context<'_> {
                 _ if number <= 1.0 || number > 100.0 => "",
                 SpectrumReference::Constant(_) => ". If it is a percentage, divide it by 100",
                 SpectrumReference::Text(_) => {
-                    ". If the values are percentages, divide them by 100, or give the file as { csv = \"FILE\", scale = 0.01 }"
+                    ". If the values are percentages, give the file as { csv = \"FILE\", unit = \"percent\" }"
                 }
                 SpectrumReference::Table(_) | SpectrumReference::Matlab(_) => {
-                    ". If the values are percentages, set scale = 0.01, or divide the given scale by 100"
+                    ". If the values are percentages, set unit = \"percent\" or scale = 0.01, or divide the given scale by 100"
                 }
                 SpectrumReference::Model(_) => ". If the values are percentages, divide them by 100",
             };

@@ -52,8 +52,8 @@ pub use object::{
 pub use path::{FilePath, NameOrLens, NameOrTable};
 pub use reference::{
     AnatomyMap, CheckerMap, DorsalTongueMap, EfficiencyReference, ImageMap, MatlabSpectrum, NoiseMap,
-    ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable, TextureReference,
-    TextureTable, TongueMap,
+    ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable, TableUnit,
+    TextureReference, TextureTable, TongueMap,
 };
 pub use region::{RegionReference, SensorRegionSection, TargetSection};
 pub use settings::{EdgeBins, RenderSection, SpectralSection, StatisticsChoice, UniformBins};

@@ -77,11 +77,13 @@ impl NameOrTable {
         }
     }
 
-    /// Whether a text is the path of a table rather than a name.
-    pub(crate) fn is_path(text: &str) -> bool {
-        let lower = text.to_lowercase();
-        let endings = [".csv", ".txt", ".tsv", ".mat"];
-        text.contains(['/', '\\']) || endings.iter().any(|ending| lower.ends_with(ending))
+    /// Whether a text is the path of a table rather than a name: it has a slash, or an ending such as `.csv`.
+    pub fn is_path(text: &str) -> bool {
+        let ending = text.rsplit_once('.').map_or("", |(_, ending)| ending);
+        let is_ending = ending.len() <= 12
+            && ending.starts_with(|c: char| c.is_ascii_alphabetic())
+            && ending.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        text.contains(['/', '\\']) || is_ending
     }
 }
 

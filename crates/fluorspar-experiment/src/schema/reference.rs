@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{FilePath, NameOrTable};
 use fluorspar::spectral::CurveModel;
 use fluorspar_anatomy::{SurfaceMap, Tissue};
+use fluorspar_format::ValueUnit;
 
 /// A spectrum: a number, a name of the catalogue, the path of a CSV or MATLAB file, a table with `csv` or `mat` (one
 /// column of a file), or an equation such as { type = "led", ... }.
@@ -49,18 +50,59 @@ impl Default for SpectrumReference {
     }
 }
 
-/// One column of a CSV file with wavelengths in nm in its first column.
+/// One column of a table, as instruments and spreadsheets write it. The header names the unit of the values; transmittances and reflectances
+/// become fractions, lights power per nm, quantum efficiencies electrons per photon.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpectrumTable {
     /// Path of the file.
     pub csv: FilePath,
-    /// Header of the column. Default: the only or first one.
+    /// Header of the column. Default: the only one, that which the instrument computed, or the first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
-    /// Factor on the values, for instance 0.01 for percent. Default 1.
+    /// Unit of the values. Default: what the header says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<TableUnit>,
+    /// Factor on the values; without a unit, on those that the file holds, whatever its header says. Default 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
+}
+
+/// Unit of the values of a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TableUnit {
+    /// Fractions of 1.
+    Fraction,
+    /// Percent.
+    Percent,
+    /// Optical density or absorbance, decimal.
+    Od,
+    /// Decibels.
+    Db,
+    /// Amperes per watt.
+    APerW,
+    /// Photons or moles of photons.
+    Photons,
+    /// Counts of a spectrometer, taken for photons.
+    Counts,
+    /// Energy or power.
+    Energy,
+}
+
+impl From<TableUnit> for ValueUnit {
+    fn from(unit: TableUnit) -> Self {
+        match unit {
+            TableUnit::Fraction => Self::Fraction,
+            TableUnit::Percent => Self::Percent,
+            TableUnit::Od => Self::OpticalDensity,
+            TableUnit::Db => Self::Decibel,
+            TableUnit::APerW => Self::AmperesPerWatt,
+            TableUnit::Photons => Self::Photons,
+            TableUnit::Counts => Self::Counts,
+            TableUnit::Energy => Self::Energy,
+        }
+    }
 }
 
 /// One column of a MATLAB file of spectra, as ISET saves them: variables `wavelength` (nm) and `data`, a column a spectrum.

@@ -209,11 +209,18 @@ fn the_digest_follows_what_decides_the_result() {
 fn a_spectrum_of_a_matlab_file_is_that_of_a_table() {
     let folder = tempfile::tempdir().unwrap();
     let matlab = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fluorspar-format/tests/data/spectra_v5.mat");
-    let curves = fluorspar_format::read_mat_spectra(&matlab).unwrap().curves;
+    let curves = fluorspar_format::read_spectra(&matlab, &fluorspar_format::SpectrumOptions::default())
+        .unwrap()
+        .curves;
     fs::copy(&matlab, folder.path().join("lights.mat")).unwrap();
     for (index, curve) in curves.iter().enumerate() {
-        let rows: String =
-            curve.wavelengths_nm().iter().zip(curve.values()).map(|(nm, v)| format!("{nm},{v}\n")).collect();
+        let rows: String = curve
+            .curve
+            .wavelengths_nm()
+            .iter()
+            .zip(curve.curve.values())
+            .map(|(nm, v)| format!("{nm},{v}\n"))
+            .collect();
         fs::write(folder.path().join(format!("{index}.csv")), format!("wavelength_nm,power\n{rows}"))
             .unwrap();
     }

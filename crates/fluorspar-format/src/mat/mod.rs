@@ -10,8 +10,8 @@ use std::path::Path;
 use super::FormatError;
 use super::axis::check_axis;
 use super::csv_fluorophore::is_constant;
-use super::csv_spectrum::shortened_list;
 use super::file::{guarded, read_file};
+use super::spectra::shortened_list;
 use fluorspar::spectral::Curve;
 
 /// Largest MATLAB file read, bytes: fluorophores and spectra take kilobytes.
@@ -70,13 +70,11 @@ pub struct IsetFluorophore {
     pub emission_only: bool,
 }
 
-/// Spectra of a MATLAB file with `wavelength` (or `wave`), `data` and `comment`.
+/// Spectra of a MATLAB file with `wavelength` (or `wave`) and `data`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct MatSpectra {
+pub(super) struct MatSpectra {
     /// One per column of `data`.
     pub curves: Vec<Curve>,
-    /// Comment of the author.
-    pub comment: String,
 }
 
 /// Reads a fluorophore: variables (or one struct with fields) `name`, `solvent`, `wave` or `spectrum.wave`,
@@ -119,11 +117,11 @@ pub fn read_iset_fluorophore(path: &Path) -> Result<IsetFluorophore, FormatError
     })
 }
 
-/// Reads spectra: variables `wavelength` or `wave`, `data` (a column per spectrum) and `comment`.
+/// Reads spectra: variables `wavelength` or `wave`, and `data` (a column per spectrum).
 ///
 /// # Errors
 /// As [`read_iset_fluorophore`].
-pub fn read_mat_spectra(path: &Path) -> Result<MatSpectra, FormatError> {
+pub(super) fn read_mat_spectra(path: &Path) -> Result<MatSpectra, FormatError> {
     let fields = holder(path, read_variables(path)?, &["data"])?;
     let wave_nm = wavelengths(path, &fields)?;
     let (dims, values) = match find(&fields, "data") {
@@ -156,7 +154,7 @@ pub fn read_mat_spectra(path: &Path) -> Result<MatSpectra, FormatError> {
             )
         })?);
     }
-    Ok(MatSpectra { curves, comment: text(&fields, "comment") })
+    Ok(MatSpectra { curves })
 }
 
 fn read_variables(path: &Path) -> Result<Fields, FormatError> {

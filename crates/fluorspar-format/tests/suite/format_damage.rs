@@ -14,12 +14,11 @@ use fluorspar::image::{
 };
 use fluorspar::spectral::{Radiance, WavelengthGrid};
 use fluorspar_format::{
-    ComponentFile, CsvEemOptions, CsvSpectrumOptions, DngColor, ExrCompression, ExrOptions, Provenance,
-    RawPacking, Transfer, read_component_exr, read_component_npy, read_eem_csv, read_iset_fluorophore,
-    read_mat_spectra, read_obj, read_ply, read_sensor_image, read_spectral_exr, read_spectral_npy,
-    read_spectrum_csv, read_texture_png, write_component_exr, write_component_npy, write_packed_raw,
-    write_ply, write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff, write_spectral_exr,
-    write_spectral_npy,
+    ComponentFile, CsvEemOptions, DngColor, ExrCompression, ExrOptions, Provenance, RawPacking,
+    SpectrumOptions, Transfer, read_component_exr, read_component_npy, read_eem_csv, read_iset_fluorophore,
+    read_obj, read_ply, read_sensor_image, read_spectra, read_spectral_exr, read_spectral_npy,
+    read_texture_png, write_component_exr, write_component_npy, write_packed_raw, write_ply, write_rgb_png,
+    write_sensor_dng, write_sensor_png, write_sensor_tiff, write_spectral_exr, write_spectral_npy,
 };
 use glam::{Vec2, Vec3};
 
@@ -184,7 +183,7 @@ fn tables() {
     let (_guard, folder) = folder();
     let path = folder.join("t.csv");
     fs::write(&path, "# c\nwavelength_nm,a,\"b\"\n400,1,2\n410,1.5e-3,2\n420,3,4\n").unwrap();
-    damage(&path, |path| read_spectrum_csv(path, &CsvSpectrumOptions::default()).is_ok());
+    damage(&path, |path| read_spectra(path, &SpectrumOptions::default()).is_ok());
     fs::write(&path, "# unit: photons\nem_nm\\ex_nm,350,400\n380,1,0\n450,2,3\n").unwrap();
     damage(&path, |path| read_eem_csv(path, &CsvEemOptions::default()).is_ok());
 }
@@ -200,7 +199,7 @@ fn matlab() {
     }
     for name in ["spectra_v5.mat", "spectra_v73.mat"] {
         fs::copy(data.join(name), &path).unwrap();
-        damage(&path, |path| read_mat_spectra(path).is_ok());
+        damage(&path, |path| read_spectra(path, &SpectrumOptions::default()).is_ok());
     }
 }
 

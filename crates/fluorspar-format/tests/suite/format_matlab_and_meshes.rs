@@ -8,7 +8,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use fluorspar::geometry::TriangleMesh;
-use fluorspar_format::{FormatError, read_iset_fluorophore, read_mat_spectra, read_obj, read_ply, write_ply};
+use fluorspar_format::{
+    FormatError, SpectrumOptions, read_iset_fluorophore, read_obj, read_ply, read_spectra, write_ply,
+};
 use glam::{Vec2, Vec3};
 
 fn data(name: &str) -> PathBuf {
@@ -71,11 +73,11 @@ fn a_constant_excitation_is_no_excitation() {
 
 #[test]
 fn matlab_spectra_are_columns() {
-    for (name, comment) in [("spectra_v5.mat", "two spectra"), ("spectra_v73.mat", "plain HDF5")] {
-        let spectra = read_mat_spectra(&data(name)).unwrap();
-        assert_eq!((spectra.curves.len(), spectra.comment.as_str()), (2, comment));
-        assert_eq!(spectra.curves[0].values(), EMISSION);
-        assert_eq!(spectra.curves[1].values(), EMISSION.map(|v| 2.0 * v + 1.0));
+    for name in ["spectra_v5.mat", "spectra_v73.mat"] {
+        let spectra = read_spectra(&data(name), &SpectrumOptions::default()).unwrap();
+        assert_eq!(spectra.curves.len(), 2);
+        assert_eq!(spectra.curves[0].curve.values(), EMISSION);
+        assert_eq!(spectra.curves[1].curve.values(), EMISSION.map(|v| 2.0 * v + 1.0));
     }
 }
 
@@ -111,7 +113,7 @@ fn bad_matlab_files_are_explained() {
         assert_eq!(complaint("f.mat", content, read_iset_fluorophore), *expected);
     }
     assert_eq!(
-        complaint("f.mat", &v5, read_mat_spectra),
+        complaint("f.mat", &v5, |path| read_spectra(path, &SpectrumOptions::default())),
         "f.mat: there is no variable or field \"data\". \
          The file holds: name, type, solvent, wave, excitation, emission, qe, comment, eem"
     );

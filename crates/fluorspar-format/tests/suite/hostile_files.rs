@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use fluorspar_format::{
-    CsvSpectrumOptions, FormatError, Transfer, read_gltf, read_gltf_instances, read_lens, read_mat_spectra,
-    read_obj, read_spectrum_csv, read_texture_png,
+    FormatError, SpectrumOptions, Transfer, read_gltf, read_gltf_instances, read_lens, read_obj,
+    read_spectra, read_texture_png,
 };
 
 fn folder() -> tempfile::TempDir {
@@ -167,20 +167,20 @@ fn long_tables_are_read_line_by_line_and_not_slower() {
     }
     let path = file(&folder, "long.csv", &text);
     let begun = Instant::now();
-    let read = read_spectrum_csv(&path, &CsvSpectrumOptions::default()).unwrap();
-    assert_eq!(read[0].curve.values().len(), 100_000);
+    let read = read_spectra(&path, &SpectrumOptions::default()).unwrap();
+    assert_eq!(read.curves[0].curve.values().len(), 100_000);
     assert!(begun.elapsed() < Duration::from_secs(30), "{:?}", begun.elapsed());
 
-    text.push_str("900,\"0.5\n901,0.5\n");
+    text.push_str("900,\"0.5,1\n901,0.5\n");
     let path = file(&folder, "long.csv", &text);
     assert_eq!(
-        complaint(&path, |path| read_spectrum_csv(path, &CsvSpectrumOptions::default())),
-        "long.csv:100002: a quotation mark is not closed on this line. Close it, or remove it"
+        complaint(&path, |path| read_spectra(path, &SpectrumOptions::default())),
+        "long.csv:100002: column \"a\" holds \"0.5,1\", which is not a number. Write decimals with a point"
     );
     let wide = vec!["1"; 10_001].join(",");
     let path = file(&folder, "wide.csv", format!("{wide}\n{wide}\n"));
     assert!(
-        complaint(&path, |path| read_spectrum_csv(path, &CsvSpectrumOptions::default()))
+        complaint(&path, |path| read_spectra(path, &SpectrumOptions::default()))
             .starts_with("wide.csv: the header has 10001 columns; the limit is 10000 columns")
     );
 }
@@ -195,11 +195,10 @@ fn a_link_to_an_endless_device_is_refused() {
         path
     };
     let refused = ": this is a device; give a file";
+    assert!(complaint(&link("s.csv"), |p| read_spectra(p, &SpectrumOptions::default())).ends_with(refused));
     assert!(
-        complaint(&link("s.csv"), |p| read_spectrum_csv(p, &CsvSpectrumOptions::default()))
-            .ends_with(refused)
+        complaint(&link("s.mat"), |path| read_spectra(path, &SpectrumOptions::default())).ends_with(refused)
     );
-    assert!(complaint(&link("s.mat"), read_mat_spectra).ends_with(refused));
     assert!(complaint(&link("m.obj"), |path| read_obj(path, 1.0)).ends_with(refused));
     assert!(complaint(&link("t.png"), |path| read_texture_png(path, Transfer::Linear)).ends_with(refused));
     assert!(read_lens(&link("l.dat")).unwrap_err().to_string().ends_with(refused));

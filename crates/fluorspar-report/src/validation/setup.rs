@@ -11,7 +11,7 @@ use fluorspar::spectral::{Curve, Fluorophore};
 use fluorspar::study::{FlatSample, Study};
 use fluorspar_experiment::preset::{self, PresetError};
 use fluorspar_experiment::{DEFAULT_SAMPLE, ExperimentError, parse, parse_sample, resolve};
-use fluorspar_format::{CsvSpectrumOptions, FormatError, NamedCurve, Negative, read_spectrum_csv};
+use fluorspar_format::{FormatError, NamedCurve, Negative, SpectrumOptions, read_spectra};
 use thiserror::Error;
 
 /// The experiment whose mouth the cases render: surface materials, as in the paper.
@@ -106,12 +106,12 @@ impl Setup<'_> {
     /// Measured spectra of a file below the folder of data; `None` without the folder or the file. Negative values are kept.
     pub(super) fn measured(&self, file: &str) -> Result<Option<Vec<NamedCurve>>, ValidationError> {
         let Some(path) = self.reference_file(file) else { return Ok(None) };
-        let options = CsvSpectrumOptions {
+        let options = SpectrumOptions {
             negative: Negative::Keep,
             skip_empty_cells: true,
-            ..CsvSpectrumOptions::default()
+            ..SpectrumOptions::default()
         };
-        Ok(Some(read_spectrum_csv(&path, &options)?))
+        Ok(Some(read_spectra(&path, &options)?.curves))
     }
 
     /// A file below the folder of data, if it is there.

@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueHint;
 use fluorspar::analysis::{ComponentSets, FitError, MixtureFit, SpectralMixture};
 use fluorspar::spectral::Curve;
-use fluorspar_format::{
-    CsvColumns, CsvSpectrumOptions, NamedCurve, Negative, OutputFolder, read_spectrum_csv,
-};
+use fluorspar_format::{NamedCurve, Negative, OutputFolder, SpectrumColumns, SpectrumOptions, read_spectra};
 
 use super::FileOptions;
 use super::fit_components::Components;
@@ -213,10 +211,18 @@ impl Options {
     }
 
     fn read(&self, path: &Path) -> Result<Vec<NamedCurve>, CliError> {
-        let columns =
-            if self.column.is_empty() { CsvColumns::All } else { CsvColumns::Named(self.column.clone()) };
-        let options = CsvSpectrumOptions { columns, negative: Negative::Keep, skip_empty_cells: true };
-        Ok(read_spectrum_csv(path, &options)?)
+        let columns = if self.column.is_empty() {
+            SpectrumColumns::All
+        } else {
+            SpectrumColumns::Named(self.column.clone())
+        };
+        let options = SpectrumOptions {
+            columns,
+            negative: Negative::Keep,
+            skip_empty_cells: true,
+            ..Default::default()
+        };
+        Ok(read_spectra(path, &options)?.curves)
     }
 
     /// The columns that are fitted, within the wavelengths that are used.
@@ -225,7 +231,7 @@ impl Options {
         let errors = self.standard_errors.as_ref().map(|path| Ok::<_, CliError>((path, self.read(path)?)));
         let errors = errors.transpose()?;
         let (from, to) = (self.from_nm.unwrap_or(WAVELENGTH_NM[0]), self.to_nm.unwrap_or(WAVELENGTH_NM[1]));
-        let measured = |NamedCurve { name, curve }: &NamedCurve| {
+        let measured = |NamedCurve { name, curve, .. }: &NamedCurve| {
             let used = |nm: &f64| (from..=to).contains(nm);
             let samples = || curve.wavelengths_nm().iter().zip(curve.values()).filter(|(nm, _)| used(nm));
             let wavelengths_nm: Vec<f64> = samples().map(|(nm, _)| *nm).collect();

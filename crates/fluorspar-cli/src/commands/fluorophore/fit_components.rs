@@ -6,7 +6,7 @@ use fluorspar::pipeline::{TISSUE_BLOOD, TissueView, tissue_mixture};
 use fluorspar::spectral::{Curve, Fluorophore, oxyhemoglobin_extinction};
 use fluorspar::tissue::fit::Viewing;
 use fluorspar::tissue::{KeptSolutions, Site};
-use fluorspar_format::{CsvSpectrumOptions, NamedCurve, Negative, read_spectrum_csv};
+use fluorspar_format::{NamedCurve, Negative, SpectrumOptions, read_spectra};
 
 use super::fit::Options;
 use super::loading::load;
@@ -52,10 +52,10 @@ impl<'a> Components<'a> {
         };
         let light = options.light.as_deref().map(|name| irradiance(options, name)).transpose()?;
         let strict =
-            CsvSpectrumOptions { negative: Negative::Keep, skip_empty_cells: true, ..Default::default() };
+            SpectrumOptions { negative: Negative::Keep, skip_empty_cells: true, ..Default::default() };
         let mut besides = Vec::new();
         for path in &options.component {
-            besides.extend(read_spectrum_csv(path, &strict)?);
+            besides.extend(read_spectra(path, &strict)?.curves);
         }
         Ok(Self { options, place, light, filter: named_spectra::filters(&options.filter)?, besides })
     }

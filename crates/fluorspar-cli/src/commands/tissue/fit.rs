@@ -8,7 +8,7 @@ use fluorspar::names::did_you_mean;
 use fluorspar::spectral::Curve;
 use fluorspar::tissue::fit::{Fit, MeasuredFluorescence, MeasuredReflectance, TissueFit, Viewing};
 use fluorspar::tissue::{DiscreteOrdinates, Population, Site};
-use fluorspar_format::{Negative, OutputFolder, write_atomically};
+use fluorspar_format::{Negative, OutputFolder, Quantity, write_atomically};
 
 use super::fit_output::{as_json, describe, figure, residuals, section};
 use super::source::{SiteArgs, find};
@@ -170,8 +170,14 @@ impl Options {
     }
 
     /// Averages over steps around multiples of the step, between two wavelengths.
-    fn sampled(&self, name: &str, from_nm: f64, to_nm: f64) -> Result<(Vec<f64>, Vec<f64>), CliError> {
-        let curve = named_spectra::first_column(name, Negative::Keep)?;
+    fn sampled(
+        &self,
+        name: &str,
+        quantity: Quantity,
+        from_nm: f64,
+        to_nm: f64,
+    ) -> Result<(Vec<f64>, Vec<f64>), CliError> {
+        let curve = named_spectra::one_column(name, quantity, Negative::Keep)?;
         let (first, last) = curve.range_nm();
         let (first, last) = (first.max(from_nm), last.min(to_nm));
         let half = 0.5 * self.step_nm;
@@ -188,7 +194,8 @@ impl Options {
 
     fn reflectances(&self) -> Result<Vec<MeasuredReflectance>, CliError> {
         let read = |name: &String| {
-            let (wavelengths_nm, values) = self.sampled(name, WAVELENGTH_NM[0], WAVELENGTH_NM[1])?;
+            let (wavelengths_nm, values) =
+                self.sampled(name, Quantity::Fraction, WAVELENGTH_NM[0], WAVELENGTH_NM[1])?;
             if values.iter().any(|value| *value > 1.0) {
                 let message = format!("{name}: reflectance is at most 1; are the values in percent?");
                 return Err(CliError::Input(message));
@@ -209,10 +216,11 @@ impl Options {
         let read = |(i, (name, light)): (usize, (&String, &String))| {
             let mut viewing = Viewing::new(&named_spectra::light(light)?, filter.clone())?;
             if let Some(leak) = self.leak.get(i) {
-                let leak: Curve = named_spectra::first_column(leak, Negative::ClipToZero)?;
+                let leak: Curve =
+                    named_spectra::one_column(leak, Quantity::SpectralPower, Negative::ClipToZero)?;
                 viewing = viewing.with_leak(leak);
             }
-            let (wavelengths_nm, values) = self.sampled(name, from, to)?;
+            let (wavelengths_nm, values) = self.sampled(name, Quantity::SpectralPower, from, to)?;
             Ok(MeasuredFluorescence {
                 name: format!("{name} under {}", named_spectra::label(light)),
                 viewing,

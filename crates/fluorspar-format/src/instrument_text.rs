@@ -1,0 +1,290 @@
+//! Text of instruments and other programs: its encoding, line ends, and the table of numbers among its lines.
+
+use std::borrow::Cow;
+use std::path::Path;
+
+use super::FormatError;
+
+/// Bytes looked at to tell text from binary files.
+const START: usize = 4096;
+
+/// Text as instruments write it: UTF-8 or UTF-16 with a mark, or Latin-1; lines may end as in Windows, Unix or old Macs.
+pub(super) fn instrument_text<'a>(path: &Path, bytes: &'a [u8]) -> Result<Cow<'a, str>, FormatError> {
+    let wide = |bytes: &[u8], unit: fn([u8; 2]) -> u16| {
+        let units: Vec<u16> = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]])).collect();
+        String::from_utf16_lossy(&units)
+    };
+    let text: Cow<'a, str> = if let Some(rest) = bytes.strip_prefix(b"\xFF\xFE") {
+        wide(rest, u16::from_le_bytes).into()
+    } else if let Some(rest) = bytes.strip_prefix(b"\xFE\xFF") {
+        wide(rest, u16::from_be_bytes).into()
+    } else {
+        refuse_binary(path, bytes)?;
+        let rest = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+        match std::str::from_utf8(rest) {
+            Ok(text) => text.into(),
+            Err(_) => rest.iter().copied().map(char::from).collect::<String>().into(),
+        }
+    };
+    Ok(match text.contains('\r') {
+        true => text.replace("\r\n", "\n").replace('\r', "\n").into(),
+        false => text,
+    })
+}
+
+/// Says which binary file this is.
+fn refuse_binary(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
+    let start = &bytes[..bytes.len().min(START)];
+    let known: [(&[u8], &str); 5] = [
+        (b"PK\x03\x04", "a ZIP archive or a spreadsheet"),
+        (b"\xD0\xCF\x11\xE0", "a spreadsheet of Excel"),
+        (b"%PDF", "a PDF"),
+        (b"\x89PNG", "a picture"),
+        (b"AVS8", "a binary file of AvaSoft"),
+    ];
+    let what = known.iter().find(|(mark, _)| start.starts_with(mark)).map(|(_, what)| *what);
+    let control = |byte: &&u8| **byte < 32 && !matches!(**byte, b'\n' | b'\r' | b'\t' | 0x0C | 0x1A);
+    let what = what.or_else(|| (start.iter().filter(control).count() > 0).then_some("a binary file"));
+    what.map_or(Ok(()), |what| {
+        let hint = "Export the spectra as text (CSV) from the program that wrote it";
+        Err(FormatError::unsupported(path, format!("this is {what}, not text"), hint))
+    })
+}
+
+/// How the cells of a table are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Form {
+    /// What separates cells; `None` for blanks.
+    mark: Option<char>,
+    has_decimal_commas: bool,
+}
+
+/// In the order in which they are preferred where a table reads well in several.
+const FORMS: [Form; 7] = [
+    Form { mark: Some('\t'), has_decimal_commas: false },
+    Form { mark: Some('\t'), has_decimal_commas: true },
+    Form { mark: Some(';'), has_decimal_commas: false },
+    Form { mark: Some(';'), has_decimal_commas: true },
+    Form { mark: Some(','), has_decimal_commas: false },
+    Form { mark: None, has_decimal_commas: false },
+    Form { mark: None, has_decimal_commas: true },
+];
+
+impl Form {
+    /// Cells of a line, without quotation marks around them and empty ones at the end.
+    fn cells(self, line: &str) -> Vec<&str> {
+        let mut cells: Vec<&str> = match self.mark {
+            None => line.split_whitespace().collect(),
+            Some(mark) => {
+                let mut is_quoted = false;
+                let split = line.split(|c: char| {
+                    is_quoted ^= c == '"';
+                    c == mark && !is_quoted
+                });
+                split.map(|cell| cell.trim().trim_matches('"').trim()).collect()
+            }
+        };
+        while cells.last().is_some_and(|cell| cell.is_empty()) {
+            cells.pop();
+        }
+        cells
+    }
+
+    fn number(self, cell: &str) -> Option<f64> {
+        let cell = cell.strip_suffix("nm").map_or(cell, str::trim_end);
+        let value =
+            if self.has_decimal_commas { cell.replace(',', ".").parse::<f64>() } else { cell.parse() };
+        value.ok().filter(|value| value.is_finite())
+    }
+
+    /// Whether cells may be a row of a spectrum: a number, and others that are numbers or missing.
+    fn is_row(self, cells: &[&str]) -> bool {
+        let [first, values @ ..] = cells else { return false };
+        let is_number = |cell: &&str| self.number(cell).is_some();
+        is_number(first)
+            && values.iter().any(is_number)
+            && values.iter().all(|cell| is_number(cell) || is_missing(cell))
+    }
+
+    /// A cell with a decimal point, or empty where there is no value.
+    fn plain(self, cell: &str) -> String {
+        match self.number(cell) {
+            Some(value) if self.has_decimal_commas || cell.ends_with("nm") => value.to_string(),
+            None if is_missing(cell) => String::new(),
+            _ => cell.to_string(),
+        }
+    }
+}
+
+/// Whether a cell says that there is no value.
+fn is_missing(cell: &str) -> bool {
+    matches!(cell, "" | "-" | "--" | "NA" | "N/A" | "#N/A" | "n/a" | "nan" | "NaN" | "NAN")
+}
+
+/// A table of numbers among lines of text.
+#[derive(Debug)]
+pub(super) struct TextTable {
+    /// Line of the header, from 1; that of the first row where there is none.
+    pub(super) header_line: u64,
+    /// A text for each column; empty ones without a header.
+    pub(super) header: Vec<String>,
+    /// Line and cells of each row, decimals with a point, missing values empty.
+    pub(super) rows: Vec<(u64, Vec<String>)>,
+    /// Lines above the table.
+    pub(super) preamble: Vec<String>,
+    /// What the file has otherwise than a plain table, in words.
+    pub(super) read_as: Vec<String>,
+}
+
+/// Words for a wavelength in headers.
+const WAVELENGTH_WORDS: [&str; 16] = [
+    "wavelength",
+    "wavelengths",
+    "wave",
+    "waves",
+    "lambda",
+    "λ",
+    "wl",
+    "wvl",
+    "nm",
+    "nanometers",
+    "nanometer",
+    "nanometres",
+    "nanometre",
+    "wellenlänge",
+    "longueur",
+    "w",
+];
+
+/// Whether a header names wavelengths, in whatever unit.
+pub(super) fn names_wavelengths(header: &str) -> bool {
+    let lower = header.to_lowercase();
+    lower.split(|c: char| !c.is_alphanumeric()).any(|word| WAVELENGTH_WORDS.contains(&word))
+        || lower.starts_with("wavelength")
+}
+
+/// Lines above the rows among which the header is looked for.
+const HEADER_WITHIN: usize = 4;
+
+/// Finds the table: the longest run of lines of numbers, however they are separated. `None` where no two lines follow each other that
+/// hold numbers.
+pub(super) fn find_table(text: &str) -> Option<TextTable> {
+    let lines = text.lines().enumerate().map(|(index, line)| (index as u64 + 1, line.trim()));
+    let (mut held, mut all): (Vec<(u64, &str)>, Vec<(u64, &str)>) = (Vec::new(), Vec::new());
+    for (number, line) in lines.filter(|(_, line)| !line.is_empty()) {
+        all.push((number, line));
+        if !line.starts_with('#') {
+            held.push((number, line));
+        }
+    }
+    let (form, cells, run) = FORMS
+        .into_iter()
+        .map(|form| {
+            let cells: Vec<Vec<&str>> = held.iter().map(|(_, line)| form.cells(line)).collect();
+            let run = longest_run(form, &cells);
+            (form, cells, run)
+        })
+        .rev()
+        .max_by_key(|(_, _, run)| run.len())?;
+    if run.len() < 2 {
+        return None;
+    }
+    let first_line = held[run.start].0;
+    let above_run: Vec<(u64, &str)> =
+        all.iter().copied().filter(|(number, _)| *number < first_line).collect();
+    let lengths = || cells[run.clone()].iter().map(Vec::len);
+    // Rows may be shorter than the header, not longer
+    let widest = lengths().max()?;
+    let mut counts = std::collections::BTreeMap::new();
+    lengths().for_each(|length| *counts.entry(length).or_insert(0) += 1);
+    let usual = || counts.iter().rev().max_by_key(|(_, count)| **count).map(|(length, _)| *length);
+    let width = if header(form, &above_run, widest).is_some() { widest } else { usual()? };
+    let region = extended(form, &cells, run, width);
+    let first_line = held[region.start].0;
+    let above: Vec<(u64, &str)> = all.iter().copied().filter(|(number, _)| *number < first_line).collect();
+    let found = header(form, &above, width);
+    let (header_line, header, used) = found.unwrap_or_else(|| (first_line, vec![String::new(); width], 0));
+    let comments = |lines: &[(u64, &str)]| lines.iter().filter(|(_, line)| line.starts_with('#')).count();
+    let left_out = (above.len() - comments(&above)).saturating_sub(used) + held.len() - region.end;
+    let rows = region.map(|place| {
+        let mut row: Vec<String> = cells[place].iter().map(|cell| form.plain(cell)).collect();
+        row.resize(row.len().max(width), String::new());
+        (held[place].0, row)
+    });
+    let read_as = [
+        (left_out > 0).then(|| format!("without {left_out} lines beside the table")),
+        form.has_decimal_commas.then(|| "decimal commas".to_string()),
+    ];
+    Some(TextTable {
+        header_line,
+        header,
+        rows: rows.collect(),
+        preamble: above.into_iter().map(|(_, line)| line.to_string()).collect(),
+        read_as: read_as.into_iter().flatten().collect(),
+    })
+}
+
+/// The longest run of rows of one length.
+fn longest_run(form: Form, cells: &[Vec<&str>]) -> std::ops::Range<usize> {
+    let mut best = 0..0;
+    let mut run = 0..0;
+    for (place, line) in cells.iter().enumerate() {
+        if !form.is_row(line) {
+            continue;
+        }
+        run = if run.end == place && !run.is_empty() { run.start..place + 1 } else { place..place + 1 };
+        if run.len() > best.len() {
+            best = run.clone();
+        }
+    }
+    best
+}
+
+/// The run with all other lines that must be rows of the same table, so that a wrong one among them is told: those as wide that begin with
+/// a number, and what lies between.
+fn extended(
+    form: Form,
+    cells: &[Vec<&str>],
+    run: std::ops::Range<usize>,
+    width: usize,
+) -> std::ops::Range<usize> {
+    let belongs =
+        |line: &Vec<&str>| form.mark.is_some() && line.len() == width && form.number(line[0]).is_some();
+    let start = cells[..run.start].iter().position(|line| belongs(line) && form.is_row(line));
+    let end = cells[run.end..].iter().rposition(belongs);
+    start.unwrap_or(run.start)..end.map_or(run.end, |place| run.end + place + 1)
+}
+
+/// The header above the rows: its line, its cells, and how many lines it takes.
+fn header(form: Form, above: &[(u64, &str)], width: usize) -> Option<(u64, Vec<String>, usize)> {
+    let cells_of = |line: &str| -> Option<Vec<String>> {
+        let line = line.trim_start_matches(['#', '%']).trim();
+        let of_other_marks = FORMS.into_iter().filter(|other| !other.has_decimal_commas);
+        let as_wide =
+            |cells: &Vec<&str>| cells.len() == width && cells.iter().any(|cell| form.number(cell).is_none());
+        let found = std::iter::once(form).chain(of_other_marks).map(|way| way.cells(line)).find(as_wide);
+        // The last columns may have no name, or the last names no column
+        let other = || {
+            let mut cells = form.cells(line);
+            let is_header = cells.len() > 1 && names_wavelengths(cells[0]);
+            cells.resize(width, "");
+            is_header.then_some(cells)
+        };
+        found.or_else(other).map(|cells| cells.into_iter().map(String::from).collect())
+    };
+    let near = above.iter().rev().take(HEADER_WITHIN).enumerate();
+    let (distance, number, cells) = near
+        .filter_map(|(distance, (number, line))| Some((distance, *number, cells_of(line)?)))
+        .find(|(distance, _, cells)| *distance == 0 || names_wavelengths(&cells[0]))?;
+    // Names above a line of units
+    let names = above.len().checked_sub(distance + 2).and_then(|place| cells_of(above[place].1));
+    let names = names.filter(|names| names_wavelengths(&names[0]) && cells[0].starts_with(['[', '(']));
+    Some(match names {
+        None => (number, cells, 1),
+        Some(names) => {
+            let both =
+                names.iter().zip(&cells).map(|(name, unit)| format!("{name} {unit}").trim().to_string());
+            (number, both.collect(), 2)
+        }
+    })
+}

@@ -1,0 +1,668 @@
+//! Spectra as tables: of this program's form, and as instruments and other programs write them.
+
+use fluorspar::quote::excerpt;
+use fluorspar::spectral::Curve;
+use std::path::Path;
+
+use super::FormatError;
+use super::axis::check_axis;
+use super::csv_table::{Header, Negative, Row, Table, comments_of};
+use super::file::{MAX_TEXT_BYTES, read_file};
+use super::instrument_text::{TextTable, find_table, instrument_text, names_wavelengths};
+use super::jcamp::jcamp_table;
+use super::mat::read_mat_spectra;
+use super::tm27::tm27_table;
+use super::value_unit::{Conversion, Quantity, StatedUnit, ValueUnit, stated_unit};
+
+/// Which columns of values to read.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum SpectrumColumns {
+    /// All of them.
+    #[default]
+    All,
+    /// The only one, or that which an instrument computed from its others, or else the first; which, is told.
+    One,
+    /// Those with these headers, in this order.
+    Named(Vec<String>),
+}
+
+/// How to read a table of spectra. The default reads every column as stored and refuses negative values and empty cells.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SpectrumOptions {
+    /// Which columns.
+    pub columns: SpectrumColumns,
+    /// What the values are converted to.
+    pub quantity: Quantity,
+    /// Unit of the values, whatever the file says of it.
+    pub unit: Option<ValueUnit>,
+    /// Treatment of negative values. Where they are refused, those of a converted quantity that are noise about 0 become 0.
+    pub negative: Negative,
+    /// Leave out samples whose cell is empty, column by column, instead of refusing them.
+    pub skip_empty_cells: bool,
+}
+
+/// One column of a table of spectra.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedCurve {
+    /// Header of the column.
+    pub name: String,
+    /// The spectrum.
+    pub curve: Curve,
+    /// Its standard error, of a column beside it that says so.
+    pub standard_error: Option<Curve>,
+}
+
+/// Spectra of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeasuredSpectra {
+    /// One per column, one at least.
+    pub curves: Vec<NamedCurve>,
+    /// What was taken of the file, and as what, in words; empty for a plain table in the wanted unit.
+    pub read_as: Vec<String>,
+}
+
+/// Share of the largest value, or of the sum of all above 0, up to which values below 0 are noise.
+const NOISE: f64 = 0.02;
+/// Largest fraction that is 1 with noise.
+const LARGEST_FRACTION: f64 = 1.05;
+/// Largest transmittance or reflectance in percent, with noise.
+const LARGEST_PERCENT: f64 = 110.0;
+/// Values of a wavelength, nm, where no header says that it is one.
+const PLAUSIBLE_NM: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
+/// The same where a line above the table states their unit.
+const STATED_NM: std::ops::RangeInclusive<f64> = 100.0..=20_000.0;
+
+/// Reads spectra from a text file, a MATLAB file of ISET (`.mat`), JCAMP-DX, or IES TM-27 (`.spdx`).
+///
+/// A text is read as instruments and spreadsheets write it: cells between commas, semicolons, tabs or blanks, decimals with a point or a comma,
+/// lines about the instrument above and below, wavelengths in either direction. The header names the wavelengths and their unit (nm
+/// where it is missing and the values are between 150 and 3000), and the unit of the values, which become the wanted quantity:
+/// percent, optical density, decibels, A/W, photons, counts. Columns of standard errors go with the column before them.
+///
+/// # Errors
+/// Anything that is not such a table, a unit that isn't known or isn't of the quantity, with file, line and column.
+pub fn read_spectra(path: &Path, options: &SpectrumOptions) -> Result<MeasuredSpectra, FormatError> {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mat")) {
+        return matlab_spectra(path, options);
+    }
+    let bytes = read_file(path, MAX_TEXT_BYTES)?;
+    let text = instrument_text(path, &bytes)?;
+    let (table, read_as, preamble) = match foreign_table(path, &text)? {
+        Some(TextTable { header_line, header, rows, preamble, read_as }) => {
+            let header = Header { line: header_line, cells: header };
+            (Table::of_rows(path, header, rows, comments_of(&text))?, read_as, preamble)
+        }
+        None => (Table::parse(path, &text)?, Vec::new(), Vec::new()),
+    };
+    SpectrumReader { path, table: &table, preamble: &preamble, options, read_as }.read()
+}
+
+/// The table of a file in a form of its own, or found among lines of text.
+fn foreign_table(path: &Path, text: &str) -> Result<Option<TextTable>, FormatError> {
+    let start = text.trim_start();
+    if start.starts_with("##") {
+        return jcamp_table(path, text).map(Some);
+    }
+    if start.starts_with('<') {
+        return tm27_table(path, text).map(Some);
+    }
+    Ok(find_table(text))
+}
+
+fn matlab_spectra(path: &Path, options: &SpectrumOptions) -> Result<MeasuredSpectra, FormatError> {
+    let spectra = read_mat_spectra(path)?;
+    let count = spectra.curves.len();
+    let rows_of = |curve: &Curve| -> Vec<(u64, Vec<String>)> {
+        let samples = curve.wavelengths_nm().iter().zip(curve.values());
+        samples.map(|(nm, value)| (0, vec![nm.to_string(), value.to_string()])).collect()
+    };
+    let mut curves = Vec::with_capacity(count);
+    let mut read_as = Vec::new();
+    for (number, curve) in (1..).zip(&spectra.curves) {
+        let header = Header { line: 0, cells: vec!["wavelength_nm".into(), format!("{number}")] };
+        let table = Table::of_rows(path, header, rows_of(curve), Vec::new())?;
+        let reader = SpectrumReader { path, table: &table, preamble: &[], options, read_as: Vec::new() };
+        let columns = [ValueColumn { axis: 0, values: 1, error: None }];
+        let read = reader.read_columns(Axes { scale_to_nm: AxisUnit::Nanometers }, &columns)?;
+        read_as.extend(read.read_as.into_iter().filter(|_| number == 1));
+        curves.extend(read.curves);
+    }
+    let wanted: Vec<usize> = match &options.columns {
+        SpectrumColumns::All => (0..count).collect(),
+        SpectrumColumns::One => vec![0],
+        SpectrumColumns::Named(names) => {
+            let place =
+                |name: &String| name.parse::<usize>().ok().filter(|number| (1..=count).contains(number));
+            let found = names.iter().map(|name| {
+                place(name).map(|number| number - 1).ok_or_else(|| {
+                    let what = format!("there is no column \"{}\" of \"data\"", excerpt(name));
+                    FormatError::malformed(path, what, format!("Columns are numbered from 1 to {count}"))
+                })
+            });
+            found.collect::<Result<_, _>>()?
+        }
+    };
+    if options.columns == SpectrumColumns::One && count > 1 {
+        read_as.push(format!("column 1 of {count}"));
+    }
+    let curves = wanted.into_iter().filter_map(|place| curves.get(place).cloned()).collect();
+    Ok(MeasuredSpectra { curves, read_as })
+}
+
+/// Unit of a column of wavelengths.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum AxisUnit {
+    Nanometers,
+    Micrometers,
+    Meters,
+    Angstroms,
+    Wavenumbers,
+    ElectronVolts,
+}
+
+impl AxisUnit {
+    fn in_nm(self, value: f64) -> f64 {
+        match self {
+            Self::Nanometers => value,
+            Self::Micrometers => 1e3 * value,
+            Self::Meters => 1e9 * value,
+            Self::Angstroms => 0.1 * value,
+            Self::Wavenumbers => 1e7 / value,
+            Self::ElectronVolts => 1_239.841_984 / value,
+        }
+    }
+
+    fn in_words(self) -> Option<&'static str> {
+        Some(match self {
+            Self::Nanometers => return None,
+            Self::Micrometers => "wavelengths in micrometers",
+            Self::Meters => "wavelengths in meters",
+            Self::Angstroms => "wavelengths in angstroms",
+            Self::Wavenumbers => "wavenumbers in 1/cm",
+            Self::ElectronVolts => "photon energies in eV",
+        })
+    }
+
+    /// The unit that a text names.
+    fn named(text: &str) -> Option<Self> {
+        let lower = text.to_lowercase();
+        let words: Vec<&str> =
+            lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+        let has = |names: &[&str]| words.iter().any(|word| names.iter().any(|name| word == name));
+        let starts = |name: &str| words.iter().any(|word| word.starts_with(name));
+        if has(&["nm"]) || starts("nanomet") {
+            Some(Self::Nanometers)
+        } else if has(&["um", "µm", "μm", "micron", "microns"]) || starts("micromet") {
+            Some(Self::Micrometers)
+        } else if has(&["cm", "wavenumber", "wavenumbers"]) {
+            Some(Self::Wavenumbers)
+        } else if has(&["ev"]) {
+            Some(Self::ElectronVolts)
+        } else if has(&["m"]) || starts("meter") || starts("metre") {
+            Some(Self::Meters)
+        } else if has(&["å", "aa"]) || starts("angstr") || starts("ångstr") {
+            Some(Self::Angstroms)
+        } else {
+            None
+        }
+    }
+}
+
+/// What the columns of wavelengths hold.
+#[derive(Clone, Copy)]
+struct Axes {
+    scale_to_nm: AxisUnit,
+}
+
+/// A column of values, with that of its wavelengths and that of its standard errors.
+#[derive(Clone, Copy)]
+struct ValueColumn {
+    axis: usize,
+    values: usize,
+    error: Option<usize>,
+}
+
+struct SpectrumReader<'a> {
+    path: &'a Path,
+    table: &'a Table,
+    preamble: &'a [String],
+    options: &'a SpectrumOptions,
+    read_as: Vec<String>,
+}
+
+impl SpectrumReader<'_> {
+    fn read(mut self) -> Result<MeasuredSpectra, FormatError> {
+        self.refuse_matrix()?;
+        if self.table.header.cells.len() < 2 {
+            return Err(self.in_header(
+                "there is only a wavelength column",
+                "Give at least one column of values; cells are separated by commas",
+            ));
+        }
+        let axis = self.first_axis()?;
+        let unit = self.axis_unit(axis)?;
+        let columns = self.value_columns(axis);
+        let chosen = self.chosen(&columns)?;
+        self.read_columns(Axes { scale_to_nm: unit }, &chosen)
+    }
+
+    fn headers(&self) -> &[String] {
+        &self.table.header.cells
+    }
+
+    fn in_header(&self, what: impl Into<String>, hint: impl Into<String>) -> FormatError {
+        FormatError::at_line(self.path, self.table.header.line, what, hint)
+    }
+
+    fn refuse_matrix(&self) -> Result<(), FormatError> {
+        let header = self.headers()[0].as_str();
+        if !header.contains('\\') {
+            return Ok(());
+        }
+        Err(self.in_header(
+            format!("the first cell is \"{}\": this is an excitation-emission matrix", excerpt(header)),
+            "Read it as a matrix, or give a first column \"wavelength_nm\"",
+        ))
+    }
+
+    /// The first column of wavelengths: by its name, or else the first whose values go one way and may be wavelengths.
+    fn first_axis(&mut self) -> Result<usize, FormatError> {
+        let is_index = |header: &str| {
+            let lower = header.to_lowercase();
+            ["pixel", "index"].iter().any(|word| lower.starts_with(word))
+        };
+        let headers = self.headers();
+        if let Some(named) = headers.iter().position(|header| names_wavelengths(header) && !is_index(header))
+        {
+            return Ok(named);
+        }
+        if let Some(named) = headers.iter().position(|header| AxisUnit::named(header).is_some()) {
+            return Ok(named);
+        }
+        let stated = self.axis_unit_above();
+        let unit = stated.unwrap_or(AxisUnit::Nanometers);
+        let range_nm = if stated.is_some() { STATED_NM } else { PLAUSIBLE_NM };
+        let plausible = |column: &usize| {
+            let numbers: Vec<f64> = self
+                .table
+                .rows()
+                .filter_map(|row| self.table.number(self.path, row, *column).ok().flatten())
+                .map(|value| unit.in_nm(value))
+                .collect();
+            let rises = || numbers.windows(2).all(|pair| pair[0] < pair[1]);
+            let falls = || numbers.windows(2).all(|pair| pair[0] > pair[1]);
+            // Curves that were read off a figure
+            let is_x = || {
+                headers[*column].split_whitespace().last().is_some_and(|word| word.eq_ignore_ascii_case("x"))
+            };
+            numbers.len() == self.table.row_count()
+                && numbers.iter().all(|value| range_nm.contains(value))
+                && (rises() || falls() || is_x())
+        };
+        let is_headless = headers.iter().all(String::is_empty);
+        // Two lines are too few to tell
+        let few = !is_headless && self.table.row_count() < 8;
+        match (0..headers.len()).find(plausible).filter(|_| !few) {
+            Some(column) => {
+                let name = match self.headers()[column].as_str() {
+                    "" => format!("column {}", column + 1),
+                    header => format!("\"{}\"", excerpt(header)),
+                };
+                self.read_as.push(format!("{name} as wavelengths"));
+                Ok(column)
+            }
+            None if is_headless => Err(FormatError::at_line(
+                self.path,
+                self.table.line_of(0),
+                "no line names the columns, and none holds wavelengths between 150 and 3000 nm that rise or fall",
+                "Put a line such as \"wavelength_nm,transmittance\" above the numbers",
+            )),
+            None => Err(self.in_header(
+                format!("the first column is \"{}\", not a wavelength", excerpt(&self.headers()[0])),
+                "Put the wavelength first and call it \"wavelength_nm\"",
+            )),
+        }
+    }
+
+    /// Unit of the wavelengths: of their header, or of a line above the table.
+    fn axis_unit(&mut self, axis: usize) -> Result<AxisUnit, FormatError> {
+        let stated = AxisUnit::named(&self.headers()[axis]).or_else(|| self.axis_unit_above());
+        let unit = stated.unwrap_or(AxisUnit::Nanometers);
+        self.read_as.extend(unit.in_words().map(String::from));
+        Ok(unit)
+    }
+
+    /// Unit of the wavelengths, of a line above the table that speaks of units.
+    fn axis_unit_above(&self) -> Option<AxisUnit> {
+        let is_about = |line: &&String| {
+            let lower = line.to_lowercase();
+            lower.contains("unit") && (lower.contains("wavelength") || lower.starts_with('x'))
+        };
+        self.preamble.iter().filter(is_about).find_map(|line| AxisUnit::named(line))
+    }
+
+    /// Columns of values: all but wavelengths, other axes and standard errors.
+    fn value_columns(&self, first_axis: usize) -> Vec<ValueColumn> {
+        let mut columns: Vec<ValueColumn> = Vec::new();
+        let mut axis = first_axis;
+        let is_filled = |column: usize| self.table.rows().any(|row| !self.table.cell(row, column).is_empty());
+        for (column, header) in self.headers().iter().enumerate() {
+            let lower = header.to_lowercase();
+            let is_other_axis = ["pixel", "index", "wavenumber", "raman shift", "frequency"]
+                .iter()
+                .any(|word| lower.starts_with(word));
+            if column == first_axis || (names_wavelengths(header) && self.is_axis(column)) {
+                axis = column;
+            } else if is_other_axis || (header.is_empty() && !is_filled(column)) {
+            } else if is_standard_error(&lower) {
+                if let Some(last) = columns.last_mut() {
+                    last.error = Some(column);
+                }
+            } else {
+                columns.push(ValueColumn { axis, values: column, error: None });
+            }
+        }
+        columns
+    }
+
+    /// Whether a column that is called a wavelength holds some.
+    fn is_axis(&self, column: usize) -> bool {
+        let numbers =
+            self.table.rows().filter_map(|row| self.table.number(self.path, row, column).ok().flatten());
+        let mut numbers = numbers.peekable();
+        numbers.peek().is_some() && numbers.all(|value| PLAUSIBLE_NM.contains(&value))
+    }
+
+    fn chosen(&mut self, columns: &[ValueColumn]) -> Result<Vec<ValueColumn>, FormatError> {
+        let names: Vec<String> = columns.iter().map(|column| self.headers()[column.values].clone()).collect();
+        if columns.is_empty() {
+            return Err(self.in_header("there is no column of values", "Give one beside the wavelengths"));
+        }
+        match &self.options.columns {
+            SpectrumColumns::All => Ok(columns.to_vec()),
+            SpectrumColumns::One => {
+                let place = computed_column(&names).unwrap_or(0);
+                if columns.len() > 1 {
+                    let name = match names[place].as_str() {
+                        "" => format!("column {}", columns[place].values + 1),
+                        name => format!("column \"{}\"", excerpt(name)),
+                    };
+                    self.read_as.push(format!("{name} of {}", shortened_list(&names)));
+                }
+                Ok(vec![columns[place]])
+            }
+            SpectrumColumns::Named(wanted) => wanted
+                .iter()
+                .map(|name| {
+                    let is_named = |header: &str| header == name;
+                    // With or without the unit in brackets
+                    let is_short =
+                        |header: &str| header.split(['(', '[']).next().unwrap_or("").trim() == name;
+                    let exact = names.iter().any(|header| is_named(header));
+                    let mut found = columns
+                        .iter()
+                        .zip(&names)
+                        .filter(|(_, header)| if exact { is_named(header) } else { is_short(header) });
+                    match (found.next(), found.next()) {
+                        (Some((column, _)), None) => Ok(*column),
+                        (Some(_), Some(_)) => Err(self.in_header(
+                            format!("two columns are called \"{}\"", excerpt(name)),
+                            "Give each column its own name",
+                        )),
+                        _ => Err(self.in_header(
+                            format!("there is no column \"{}\"", excerpt(name)),
+                            format!("Columns are: {}", shortened_list(&names)),
+                        )),
+                    }
+                })
+                .collect(),
+        }
+    }
+
+    fn read_columns(mut self, axes: Axes, columns: &[ValueColumn]) -> Result<MeasuredSpectra, FormatError> {
+        let mut curves = Vec::with_capacity(columns.len());
+        for column in columns {
+            curves.push(self.read_column(axes, *column)?);
+        }
+        Ok(MeasuredSpectra { curves, read_as: self.read_as })
+    }
+
+    /// The unit of a column: as given, as its header says, or a line above the table that speaks of units.
+    fn unit(&self, column: usize) -> Result<Option<ValueUnit>, FormatError> {
+        if self.options.quantity == Quantity::Stored {
+            return Ok(None);
+        }
+        if self.options.unit.is_some() {
+            return Ok(self.options.unit);
+        }
+        let of_line = |line: &String| {
+            let lower = line.to_lowercase();
+            let is_about = lower.contains("unit")
+                || lower.contains("(qntm)")
+                || ["transmi", "reflect", "irradi", "absorb"].iter().any(|word| lower.starts_with(word));
+            let is_about_x = lower.trim_start_matches('#').starts_with('x');
+            match stated_unit(line) {
+                StatedUnit::Known(unit) if is_about && !is_about_x => Some(unit),
+                _ => None,
+            }
+        };
+        match stated_unit(&self.headers()[column]) {
+            StatedUnit::Known(unit) => Ok(Some(unit)),
+            StatedUnit::Unstated => Ok(self.preamble.iter().find_map(of_line)),
+            StatedUnit::Unknown(unit) => Err(FormatError::unit(
+                self.path,
+                format!(
+                    "column {} is in \"{}\", which isn't known here",
+                    self.table.column_name(column),
+                    excerpt(&unit)
+                ),
+                unit_hint(self.path),
+            )),
+        }
+    }
+
+    fn read_column(&mut self, axes: Axes, column: ValueColumn) -> Result<NamedCurve, FormatError> {
+        let mut samples = self.samples(axes, column)?;
+        self.sort(&mut samples);
+        let nm: Vec<f64> = samples.iter().map(|sample| sample.nm).collect();
+        check_axis(self.path, "the", &nm, |index| Some(samples[index].row.line))?;
+        let name = self.headers()[column.values].clone();
+        let mut unit = self.unit(column.values)?;
+        if self.options.quantity == Quantity::Fraction
+            && unit.is_none()
+            && self.must_be_percent(&samples, &name)
+        {
+            unit = Some(ValueUnit::Percent);
+        }
+        let convert = unit.map(|unit| {
+            let is_loss = samples.iter().map(|sample| sample.value).sum::<f64>() > 0.0;
+            Conversion::new(unit, self.options.quantity, is_loss).map_err(|what| {
+                let what = format!("column {}: {what}", self.table.column_name(column.values));
+                FormatError::unit(self.path, what, unit_hint(self.path))
+            })
+        });
+        let convert = convert.transpose()?;
+        let of =
+            |sample: &Sample| convert.map_or(sample.value, |convert| convert.of(sample.nm, sample.value));
+        self.say(convert.and_then(Conversion::in_words).map(String::from));
+        let mut values: Vec<f64> = samples.iter().map(of).collect();
+        self.check_values(column.values, &samples, &mut values)?;
+        let errors = samples.iter().map(|sample| {
+            sample.error.map(|error| match convert {
+                Some(convert) => convert.of_error(sample.nm, sample.value, error),
+                None => error,
+            })
+        });
+        let errors: Option<Vec<f64>> = errors.collect();
+        let standard_error = errors.filter(|_| column.error.is_some()).map(|e| Curve::new(nm.clone(), e));
+        let curve = Curve::new(nm, values).map_err(|error| {
+            FormatError::malformed(
+                self.path,
+                format!("column {} is not a valid spectrum: {error}", self.table.column_name(column.values)),
+                "Check the column",
+            )
+        })?;
+        Ok(NamedCurve { name, curve, standard_error: standard_error.and_then(Result::ok) })
+    }
+
+    /// Adds to what is said of the file, once.
+    fn say(&mut self, words: Option<String>) {
+        self.read_as.extend(words.filter(|words| !self.read_as.contains(words)));
+    }
+
+    fn samples(&self, axes: Axes, column: ValueColumn) -> Result<Vec<Sample>, FormatError> {
+        let is_filled = |row: &Row| !self.table.cell(*row, column.values).is_empty();
+        let last_filled = self.table.rows().filter(is_filled).last().map_or(0, |row| row.line);
+        let mut samples = Vec::with_capacity(self.table.row_count());
+        for row in self.table.rows() {
+            let value = self.table.number(self.path, row, column.values)?;
+            let Some(nm) = self.table.number(self.path, row, column.axis)? else {
+                // The end of the shorter of two pairs of columns
+                if value.is_none() && column.axis > 0 {
+                    continue;
+                }
+                return Err(FormatError::at_line(
+                    self.path,
+                    row.line,
+                    "the wavelength is empty",
+                    "Give every line a wavelength in nm",
+                ));
+            };
+            let error =
+                column.error.map(|error| self.table.number(self.path, row, error)).transpose()?.flatten();
+            match value {
+                Some(value) => samples.push(Sample { row, nm: axes.scale_to_nm.in_nm(nm), value, error }),
+                None if self.options.skip_empty_cells => {}
+                // A spectrometer computes no value where it has no light: at the ends
+                None if self.options.quantity != Quantity::Stored
+                    && (samples.is_empty() || row.line > last_filled) => {}
+                None => {
+                    return Err(FormatError::at_line(
+                        self.path,
+                        row.line,
+                        format!("column {} is empty at {nm} nm", self.table.column_name(column.values)),
+                        "Fill the cell or remove the line",
+                    ));
+                }
+            }
+        }
+        Ok(samples)
+    }
+
+    /// Sorts samples by wavelength, and leaves out those that stand there twice.
+    fn sort(&mut self, samples: &mut Vec<Sample>) {
+        let rises = samples.windows(2).all(|pair| pair[0].nm < pair[1].nm);
+        let falls = samples.windows(2).all(|pair| pair[0].nm > pair[1].nm);
+        if rises {
+            return;
+        }
+        samples.sort_by(|a, b| a.nm.total_cmp(&b.nm));
+        samples.dedup_by(|b, a| a.nm == b.nm && a.value == b.value);
+        self.say((!falls).then(|| "lines sorted by wavelength".to_string()));
+    }
+
+    /// Whether a transmittance or reflectance without a unit is so large that it must be percent.
+    fn must_be_percent(&self, samples: &[Sample], name: &str) -> bool {
+        let largest = samples.iter().map(|sample| sample.value).fold(0.0, f64::max);
+        let lower = name.to_lowercase();
+        let mut words = lower.split(|c: char| !c.is_alphanumeric());
+        let is_named = words.any(|word| {
+            ["transmi", "reflect", "remission"].iter().any(|start| word.starts_with(start))
+                || matches!(word, "t" | "r")
+        });
+        is_named && largest > 1.5 && largest <= LARGEST_PERCENT
+    }
+
+    /// Applies the rule for negative values and, of fractions, for those above 1.
+    fn check_values(
+        &mut self,
+        column: usize,
+        samples: &[Sample],
+        values: &mut [f64],
+    ) -> Result<(), FormatError> {
+        let quantity = self.options.quantity;
+        let largest = values.iter().copied().fold(0.0, f64::max);
+        let sum_of = |sign: f64| values.iter().map(|value| (sign * value).max(0.0)).sum::<f64>();
+        let is_noisy = sum_of(-1.0) <= NOISE * sum_of(1.0);
+        let (mut below, mut above) = ((0, 0.0_f64), (0, 1.0_f64));
+        for (sample, value) in samples.iter().zip(values) {
+            let is_noise =
+                quantity != Quantity::Stored && *value < 0.0 && (is_noisy || *value >= -NOISE * largest);
+            if is_noise && self.options.negative == Negative::Refuse {
+                below = (below.0 + 1, below.1.min(*value));
+                *value = 0.0;
+            } else if quantity == Quantity::Fraction
+                && *value > 1.0
+                && self.options.negative == Negative::Refuse
+            {
+                if *value > LARGEST_FRACTION {
+                    return Err(FormatError::unit(
+                        self.path,
+                        format!(
+                            "line {}: column {} holds {value}, which is more than all light",
+                            sample.row.line,
+                            self.table.column_name(column),
+                        ),
+                        unit_hint(self.path),
+                    ));
+                }
+                above = (above.0 + 1, above.1.max(*value));
+                *value = 1.0;
+            }
+            *value = self.table.checked_sign(self.path, sample.row, column, *value, self.options.negative)?;
+        }
+        let of = |(count, extreme): (usize, f64), what: &str| {
+            (count > 0).then(|| format!("{count} values {what}, as far as {extreme:.2e}"))
+        };
+        self.say(of(below, "below 0 taken as 0"));
+        self.say(of(above, "above 1 taken as 1"));
+        Ok(())
+    }
+}
+
+/// What is measured at one wavelength.
+struct Sample {
+    row: Row,
+    nm: f64,
+    value: f64,
+    error: Option<f64>,
+}
+
+fn unit_hint(path: &Path) -> String {
+    let names = ValueUnit::ALL.map(ValueUnit::name);
+    format!(
+        "Give the file as '{{ csv = \"{}\", unit = \"percent\" }}'; units are {}",
+        path.display(),
+        names.join(", ")
+    )
+}
+
+fn is_standard_error(lower: &str) -> bool {
+    let plain: String = lower.chars().filter(|c| c.is_alphanumeric() || *c == ' ').collect();
+    let joined: String = plain.split_whitespace().collect();
+    ["std", "stdev", "stddev", "standarddev", "standarderror", "stderr", "sem", "uncertainty", "sigma"]
+        .iter()
+        .any(|name| joined == *name || (name.len() > 5 && joined.starts_with(name)))
+        || plain.split_whitespace().any(|word| matches!(word, "std" | "stdev" | "stddev" | "sd" | "stderr"))
+}
+
+/// The column that a spectrometer computed from its sample, dark and reference.
+fn computed_column(names: &[String]) -> Option<usize> {
+    let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
+    let raw = |name: &str| {
+        let first = name.split(|c: char| !c.is_alphanumeric()).find(|word| !word.is_empty()).unwrap_or("");
+        matches!(first, "dark" | "reference" | "ref" | "sample" | "scope" | "raw" | "d" | "r" | "s")
+    };
+    let has_dark = lower.iter().any(|name| name.starts_with("dark") || name == "d");
+    let mut computed = (0..lower.len()).filter(|place| !raw(&lower[*place]));
+    has_dark.then(|| computed.next_back()).flatten()
+}
+
+/// The first of some names, and how many more there are.
+pub(super) fn shortened_list(names: &[String]) -> String {
+    let mut list = names.iter().take(12).map(|name| excerpt(name)).collect::<Vec<_>>().join(", ");
+    if names.len() > 12 {
+        list.push_str(&format!(" and {} more", names.len() - 12));
+    }
+    list
+}

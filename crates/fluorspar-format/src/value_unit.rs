@@ -1,0 +1,294 @@
+//! Units of the values of spectra as tables name them, and what the values are in the quantity that is asked for.
+
+/// Wavelength of a photon of 1 eV, nm: a responsivity of R A/W at λ nm is R · 1239.84 / λ electrons per photon.
+const NM_OF_ONE_EV: f64 = 1_239.841_984;
+
+/// What spectra are read for: their values are converted to it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quantity {
+    /// Whatever the file holds, as stored.
+    #[default]
+    Stored,
+    /// Transmittance or reflectance, 0 to 1.
+    Fraction,
+    /// Power per nm, of any scale.
+    SpectralPower,
+    /// Electrons per photon.
+    QuantumEfficiency,
+}
+
+/// Unit of the values of a spectrum.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ValueUnit {
+    /// Fractions of 1.
+    Fraction,
+    /// Percent.
+    Percent,
+    /// Optical density or absorbance: minus the decimal logarithm of what passes or returns.
+    OpticalDensity,
+    /// Decibels of what passes: 0 and below, or, of a loss, 0 and above.
+    Decibel,
+    /// Amperes per watt.
+    AmperesPerWatt,
+    /// Photons, moles of photons.
+    Photons,
+    /// Counts of a spectrometer whose response is not divided out. They are taken for photons.
+    Counts,
+    /// Energy or power.
+    Energy,
+}
+
+impl ValueUnit {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::Fraction,
+        Self::Percent,
+        Self::OpticalDensity,
+        Self::Decibel,
+        Self::AmperesPerWatt,
+        Self::Photons,
+        Self::Counts,
+        Self::Energy,
+    ];
+
+    /// Its name in options and files of experiments.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fraction => "fraction",
+            Self::Percent => "percent",
+            Self::OpticalDensity => "od",
+            Self::Decibel => "db",
+            Self::AmperesPerWatt => "a_per_w",
+            Self::Photons => "photons",
+            Self::Counts => "counts",
+            Self::Energy => "energy",
+        }
+    }
+
+    /// What is done with values in it, for the line that says how a file was read; `None` where nothing is.
+    fn in_words(self, quantity: Quantity) -> Option<&'static str> {
+        Some(match self {
+            Self::Fraction => return None,
+            Self::Energy => "energy",
+            Self::Percent => "percent",
+            Self::OpticalDensity => "optical density",
+            Self::Decibel => "decibels",
+            Self::AmperesPerWatt => "amperes per watt",
+            Self::Photons if quantity == Quantity::SpectralPower => "photons, weighted with 1 / wavelength",
+            Self::Photons => "photons",
+            Self::Counts if quantity == Quantity::SpectralPower => {
+                "counts, taken for photons; the spectrometer's response is not divided out"
+            }
+            Self::Counts => "counts",
+        })
+    }
+}
+
+/// What a header says of the unit of values.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum StatedUnit {
+    /// Nothing, or that they are relative.
+    Unstated,
+    /// This one.
+    Known(ValueUnit),
+    /// Words in brackets that mean nothing here.
+    Unknown(String),
+}
+
+/// Words in brackets that state no unit.
+const NO_UNIT: [&str; 17] = [
+    "",
+    "a.u.",
+    "a. u.",
+    "au",
+    "a.u",
+    "arb",
+    "arb.",
+    "arb. units",
+    "arb.u.",
+    "arbitrary",
+    "arbitrary units",
+    "rel",
+    "rel.",
+    "relative",
+    "normalized",
+    "norm.",
+    "nm",
+];
+
+/// The unit that a text names: a header, or a line about the units of a file.
+pub(super) fn stated_unit(text: &str) -> StatedUnit {
+    let lower = text.to_lowercase().replace("w.length", "wavelength");
+    let words: Vec<&str> = lower
+        .split(|c: char| !(c.is_alphanumeric() || c == 'µ' || c == 'μ'))
+        .filter(|w| !w.is_empty())
+        .collect();
+    let has = |names: &[&str]| words.iter().any(|word| names.contains(word));
+    let starts = |names: &[&str]| words.iter().any(|word| names.iter().any(|name| word.starts_with(name)));
+    let known = StatedUnit::Known;
+    if lower.contains('%') || starts(&["percent", "prozent", "pourcent"]) || has(&["pct"]) {
+        return known(ValueUnit::Percent);
+    }
+    if lower.contains("a/w") || lower.contains("a w-1") || lower.contains("a·w") || starts(&["ampere"]) {
+        return known(ValueUnit::AmperesPerWatt);
+    }
+    if starts(&["efficiency"])
+        || has(&["qe", "eqe", "iqe"])
+        || lower.contains("/photon")
+        || lower.contains("per photon")
+    {
+        return StatedUnit::Unstated;
+    }
+    if has(&["db", "decibel", "decibels"]) {
+        return known(ValueUnit::Decibel);
+    }
+    if starts(&["photon", "quanta", "µmol", "μmol", "umol", "mmol", "einstein"])
+        || has(&["mol", "pfd", "ppfd", "ypfd", "qntm", "quantum"])
+    {
+        return known(ValueUnit::Photons);
+    }
+    let is_energy = starts(&["irradi", "radian", "watt", "µwatt", "µw", "μw", "uw", "mwatt"])
+        || has(&["w", "mw", "nw", "power", "j", "mj", "uj", "µj", "joule", "joules", "energy"]);
+    if is_energy {
+        return known(ValueUnit::Energy);
+    }
+    if starts(&["absorban"]) || has(&["od", "abs"]) || lower.contains("optical density") {
+        return known(ValueUnit::OpticalDensity);
+    }
+    if starts(&["count"]) || has(&["adc", "dn", "scope"]) {
+        return known(ValueUnit::Counts);
+    }
+    if has(&["fraction", "fractions"]) {
+        return known(ValueUnit::Fraction);
+    }
+    match bracketed(&lower) {
+        Some(unit) if !NO_UNIT.contains(&unit) && unit.parse::<f64>().is_err() && unit != "-" => {
+            StatedUnit::Unknown(unit.to_owned())
+        }
+        _ => StatedUnit::Unstated,
+    }
+}
+
+/// What stands in the last brackets of a text.
+fn bracketed(text: &str) -> Option<&str> {
+    let (open, close) = if text.trim_end().ends_with(']') { ('[', ']') } else { ('(', ')') };
+    let inside = text.trim_end().strip_suffix(close)?;
+    inside.rfind(open).map(|place| inside[place + 1..].trim())
+}
+
+/// How values in a unit become a quantity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Conversion {
+    unit: ValueUnit,
+    quantity: Quantity,
+    /// Decibels of a loss, which count up.
+    is_loss: bool,
+}
+
+impl Conversion {
+    /// From a unit to a quantity; `loss` where decibels count what is lost.
+    ///
+    /// # Errors
+    /// Values that can't be it, in words.
+    pub(super) fn new(unit: ValueUnit, quantity: Quantity, is_loss: bool) -> Result<Self, String> {
+        let fits = match (quantity, unit) {
+            (Quantity::Stored, _) | (_, ValueUnit::Percent | ValueUnit::Fraction) => true,
+            (Quantity::Fraction, unit) => matches!(unit, ValueUnit::OpticalDensity | ValueUnit::Decibel),
+            (Quantity::SpectralPower, unit) => {
+                matches!(unit, ValueUnit::Photons | ValueUnit::Counts | ValueUnit::Energy)
+            }
+            (Quantity::QuantumEfficiency, unit) => unit == ValueUnit::AmperesPerWatt,
+        };
+        let wanted = match quantity {
+            Quantity::Stored => "any",
+            Quantity::Fraction => "a transmittance or reflectance",
+            Quantity::SpectralPower => "the spectrum of a light",
+            Quantity::QuantumEfficiency => "a quantum efficiency",
+        };
+        match fits {
+            true => Ok(Self { unit, quantity, is_loss }),
+            false => Err(format!(
+                "its values are {}, not {wanted}",
+                unit.in_words(Quantity::Stored).unwrap_or("fractions")
+            )),
+        }
+    }
+
+    /// A value at a wavelength, nm.
+    pub(super) fn of(self, nm: f64, value: f64) -> f64 {
+        if self.quantity == Quantity::Stored {
+            return value;
+        }
+        match self.unit {
+            ValueUnit::Fraction | ValueUnit::Energy => value,
+            ValueUnit::Percent => 0.01 * value,
+            ValueUnit::OpticalDensity => 10_f64.powf(-value),
+            ValueUnit::Decibel if self.is_loss => 10_f64.powf(-0.1 * value),
+            ValueUnit::Decibel => 10_f64.powf(0.1 * value),
+            ValueUnit::AmperesPerWatt => value * NM_OF_ONE_EV / nm,
+            ValueUnit::Photons | ValueUnit::Counts => value / nm,
+        }
+    }
+
+    /// A standard error of a value at a wavelength, nm.
+    pub(super) fn of_error(self, nm: f64, value: f64, error: f64) -> f64 {
+        match self.unit {
+            _ if self.quantity == Quantity::Stored => error,
+            ValueUnit::OpticalDensity => std::f64::consts::LN_10 * self.of(nm, value) * error,
+            ValueUnit::Decibel => 0.1 * std::f64::consts::LN_10 * self.of(nm, value) * error,
+            _ => self.of(nm, error),
+        }
+    }
+
+    /// What is said of it; `None` where values stay as they are.
+    pub(super) fn in_words(self) -> Option<&'static str> {
+        match self.quantity {
+            Quantity::Stored => None,
+            _ => self.unit.in_words(self.quantity).filter(|_| self.unit != ValueUnit::Energy),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_read_from_words() {
+        use ValueUnit::*;
+        for (text, unit) in [
+            ("Transmittance(%)", Percent),
+            ("Transmission [percent]", Percent),
+            ("absorbance", OpticalDensity),
+            ("OD", OpticalDensity),
+            ("IL (dB)", Decibel),
+            ("R (A/W)", AmperesPerWatt),
+            ("PFD(umol m-2 s-1)", Photons),
+            ("photon flux (umol m-2 s-1 nm-1)", Photons),
+            ("Abs. irradiance [µW/cm²/nm]", Energy),
+            ("Intensity [counts]", Counts),
+        ] {
+            assert_eq!(stated_unit(text), StatedUnit::Known(unit), "{text}");
+        }
+        for text in ["R", "Intensity (a.u.)", "red", "QE (e-/photon)", "quantum efficiency", "transmittance"]
+        {
+            assert_eq!(stated_unit(text), StatedUnit::Unstated, "{text}");
+        }
+        assert_eq!(stated_unit("flux (erg)"), StatedUnit::Unknown("erg".into()));
+    }
+
+    #[test]
+    fn conversions_follow_their_definitions() {
+        let of = |unit, quantity, nm, value| Conversion::new(unit, quantity, false).unwrap().of(nm, value);
+        assert_eq!(of(ValueUnit::OpticalDensity, Quantity::Fraction, 500.0, 2.0), 0.01);
+        assert_eq!(of(ValueUnit::Decibel, Quantity::Fraction, 500.0, -20.0), 0.01);
+        // 0.27 A/W at 610 nm
+        let qe = of(ValueUnit::AmperesPerWatt, Quantity::QuantumEfficiency, 610.0, 0.27);
+        assert!((qe - 0.548_8).abs() < 1e-4, "{qe}");
+        // As many photons at 400 as at 800 nm have twice the energy
+        let energy = |nm| of(ValueUnit::Photons, Quantity::SpectralPower, nm, 1.0);
+        assert_eq!(energy(400.0) / energy(800.0), 2.0);
+        assert!(Conversion::new(ValueUnit::OpticalDensity, Quantity::SpectralPower, false).is_err());
+    }
+}
