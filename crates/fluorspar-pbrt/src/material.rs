@@ -1,8 +1,8 @@
 //! Materials.
 
 use fluorspar::material::{
-    Coat, Coated, Conductor, Dielectric, FluorophoreAmount, Lambertian, MIN_ROUGHNESS, Material, Mixture,
-    NormalMap, ReflectanceTerm, ScalarTexture, Scattering,
+    Coat, Coated, Conductor, Dielectric, FluorophoreAmount, Lambertian, MAX_DIELECTRIC_INDEX, MIN_ROUGHNESS,
+    Material, Mixture, NormalMap, ReflectanceTerm, ScalarTexture, Scattering,
 };
 use fluorspar::quote::excerpt;
 use fluorspar::spectral::Curve;
@@ -321,9 +321,9 @@ impl Convert<'_> {
             Some(parameter) => self.index(parameter)?,
             None => 1.5,
         };
-        if !(index > 1.0 && index <= MOST_INDEX) {
+        if !(index > 1.0 && index <= f64::from(MAX_DIELECTRIC_INDEX)) {
             let message = format!(
-                "an index of {index}; it must lie above 1 and up to {MOST_INDEX}. For one below 1, turn the surface around by \
+                "an index of {index}; it must lie above 1 and up to {MAX_DIELECTRIC_INDEX}. For one below 1, turn the surface around by \
                  ReverseOrientation"
             );
             return Err(self.error(at, message));
