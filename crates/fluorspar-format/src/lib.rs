@@ -61,6 +61,7 @@ mod placements;
 mod ply;
 mod ply_binary;
 mod png;
+mod polygon;
 mod provenance;
 mod raw;
 mod spooled_image;
@@ -111,7 +112,7 @@ pub use pbrt::{
     PbrtRemark, PbrtScene, PbrtSettings, PbrtShape, PbrtTexture, PbrtValues, PbrtVersion, read_pbrt,
 };
 pub use placements::read_placements;
-pub use ply::{read_ply, write_ply};
+pub use ply::{LeftOutFaces, PlyMesh, read_ply, read_ply_leniently, write_ply};
 pub use png::{
     TextureImage, Transfer, opaque_rgb, read_texture_png, write_gray_png, write_label_png, write_rgb_png,
 };
