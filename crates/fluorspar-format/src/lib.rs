@@ -13,7 +13,7 @@
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
 //! | mask, PNG, TIFF or NumPy | [`read_mask`] | |
 //! | description of a camera's frame | [`describe_frame`] | [`FrameDescription::write`] |
-//! | texture, image, PNG, OpenEXR or PFM | [`read_texture`], [`read_texture_png`] | [`write_gray_png, write_rgb_png`] |
+//! | texture, image: PNG, JPEG, TGA, QOI, OpenEXR, Radiance or PFM | [`read_texture`], [`read_texture_png`] | [`write_gray_png, write_rgb_png`] |
 //! | scene of pbrt, versions 3 and 4 | [`read_pbrt`] | |
 //! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile`] |
 //! | mesh, PLY, OBJ, STL, glTF | [`read_ply`], [`read_obj`], [`read_stl`], [`read_gltf`] | [`write_ply`] |

@@ -454,10 +454,22 @@ impl Convert<'_> {
         };
         let mut parts = [0; 2];
         for (part, name) in parts.iter_mut().zip([first, second]) {
-            let Some(&index) = self.tree.named_materials.get(name) else {
-                return Err(self.error(at, format!("no MakeNamedMaterial defines \"{}\"", excerpt(name))));
+            let found = match self.tree.named_materials.get(name) {
+                Some(&index) => self.material_within(index, depth + 1)?,
+                None if self.is_v4() => {
+                    let message = format!("no MakeNamedMaterial defines \"{}\"", excerpt(name));
+                    return Err(self.error(at, message));
+                }
+                None => {
+                    let name = excerpt(name);
+                    let text = format!(
+                        "\"{name}\" is taken as matte, as in pbrt-v3: no MakeNamedMaterial defines it"
+                    );
+                    self.remark(at, text);
+                    self.material(None)?
+                }
             };
-            match self.material_within(index, depth + 1)? {
+            match found {
                 Some(number) => *part = number,
                 None => {
                     self.remark(at, "a mixture with a material without surface is no surface");

@@ -606,3 +606,14 @@ fn bodies_of_high_index_are_read() {
     // A binomial share of 4096 samples: standard error 0.0072.
     assert!((image.mean[40] - 0.3086).abs() < 0.03, "{}", image.mean[40]);
 }
+
+#[test]
+fn a_mixture_takes_what_is_not_defined_as_matte_in_version_3() {
+    let mix = "LightSource \"infinite\" MakeNamedMaterial \"a\" \"string type\" \"matte\"\n\
+        Material \"mix\" \"string namedmaterial1\" \"a\" \"string namedmaterial2\" \"b\"\nShape \"sphere\"";
+    let said = "\"b\" is taken as matte, as in pbrt-v3: no MakeNamedMaterial defines it";
+    assert_eq!(remarks(&load_text(mix)), [said]);
+    let version_4 = format!("ColorSpace \"srgb\" {mix}");
+    let error = load_files(&[("s.pbrt", version_4.as_bytes())], &PbrtOptions::default()).unwrap_err();
+    assert!(error.message.contains("no MakeNamedMaterial defines \"b\""), "{error}");
+}
