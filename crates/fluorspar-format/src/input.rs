@@ -4,13 +4,16 @@
 //! at several places, must be plain files; all others may be pipes.
 
 use std::fs::{self, File, FileType};
-use std::io::{self, Read};
+use std::io::{self, Read, Seek};
 use std::path::Path;
 
 use super::FormatError;
 use super::file::as_text;
 use fluorspar::digest::sha256_of;
 
+/// How a file begins that Git LFS leaves in place of another one, and how long such files are at most.
+const LFS_START: &[u8] = b"version https://git-lfs.github.com/spec/";
+const LFS_BYTES: u64 = 1024;
 /// Most bytes read from a pipe.
 const MAX_PIPE_BYTES: u64 = 256 << 20;
 
@@ -90,10 +93,20 @@ fn open(path: &Path) -> Result<(File, Option<u64>), FormatError> {
     let failed = |source| FormatError::io(path, "read", source);
     // What can't be read to its end is not opened: opening alone may wait or do something.
     check_kind(path, fs::metadata(path).map_err(failed)?.file_type())?;
-    let file = File::open(path).map_err(failed)?;
+    let mut file = File::open(path).map_err(failed)?;
     let metadata = file.metadata().map_err(failed)?;
     check_kind(path, metadata.file_type())?;
-    Ok((file, metadata.is_file().then_some(metadata.len())))
+    let length = metadata.is_file().then_some(metadata.len());
+    if length.is_some_and(|length| (LFS_START.len() as u64..LFS_BYTES).contains(&length)) {
+        let mut start = Vec::new();
+        (&file).take(LFS_START.len() as u64).read_to_end(&mut start).map_err(failed)?;
+        if start == LFS_START {
+            let (what, hint) = ("a Git LFS pointer, not the file itself", "fetch it with `git lfs pull`");
+            return Err(not_a_file(path, what, hint));
+        }
+        file.rewind().map_err(failed)?;
+    }
+    Ok((file, length))
 }
 
 fn check_kind(path: &Path, kind: FileType) -> Result<(), FormatError> {
@@ -143,6 +156,28 @@ mod tests {
         let said = message(read_text_bounded(&folder.path().join("none"), 3));
         assert!(said.ends_with("Check the path and its folder"), "{said}");
         assert!(message(read_bounded(folder.path(), 3)).ends_with(": this is a folder; give a file in it"));
+    }
+
+    #[test]
+    fn a_pointer_of_git_lfs_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lens.dat");
+        let digest = "0".repeat(64);
+        let pointer =
+            format!("version https://git-lfs.github.com/spec/v1\noid sha256:{digest}\nsize 12345\n");
+        fs::write(&path, &pointer).unwrap();
+        let expected =
+            "lens.dat: this is a Git LFS pointer, not the file itself; fetch it with `git lfs pull`";
+        for said in [
+            message(read_bounded(&path, 1 << 20)),
+            message(digest_bounded(&path, 1 << 20)),
+            message(open_plain(&path)),
+            crate::read_lens(&path).unwrap_err().to_string(),
+        ] {
+            assert!(said.ends_with(expected), "{said}");
+        }
+        fs::write(&path, pointer.replace("version", "# version")).unwrap();
+        assert_eq!(read_bounded(&path, 1 << 20).unwrap().len(), pointer.len() + 2);
     }
 
     #[cfg(unix)]

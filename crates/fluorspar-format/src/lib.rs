@@ -13,7 +13,7 @@
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
 //! | mask, PNG, TIFF or NumPy | [`read_mask`] | |
 //! | description of a camera's frame | [`describe_frame`] | [`FrameDescription::write`] |
-//! | texture, image, PNG, OpenEXR or PFM | [`read_texture`], [`read_texture_png`] | [`write_gray_png, write_rgb_png`] |
+//! | texture, image: PNG, JPEG, TGA, QOI, OpenEXR, Radiance or PFM | [`read_texture`], [`read_texture_png`] | [`write_gray_png, write_rgb_png`] |
 //! | scene of pbrt, versions 3 and 4 | [`read_pbrt`] | |
 //! | lens, TOML, pbrt, ISET JSON or Zemax | [`read_lens`] | [`LensFile`] |
 //! | mesh, PLY, OBJ, STL, glTF | [`read_ply`], [`read_obj`], [`read_stl`], [`read_gltf`] | [`write_ply`] |
@@ -47,6 +47,7 @@ mod gltf;
 mod input;
 mod instrument_text;
 mod jcamp;
+mod jpeg;
 mod lens;
 mod lossless_jpeg;
 mod mask;
@@ -62,12 +63,16 @@ mod placements;
 mod ply;
 mod ply_binary;
 mod png;
+mod polygon;
 mod provenance;
+mod qoi;
+mod radiance_hdr;
 mod raw;
 mod spectra;
 mod spooled_image;
 mod stl;
 mod texture;
+mod tga;
 mod tiff_directory;
 mod tiff_image;
 mod tm27;
@@ -114,7 +119,7 @@ pub use pbrt::{
     PbrtRemark, PbrtScene, PbrtSettings, PbrtShape, PbrtTexture, PbrtValues, PbrtVersion, read_pbrt,
 };
 pub use placements::read_placements;
-pub use ply::{read_ply, write_ply};
+pub use ply::{LeftOutFaces, PlyMesh, read_ply, read_ply_leniently, write_ply};
 pub use png::{
     TextureImage, Transfer, opaque_rgb, read_texture_png, write_gray_png, write_label_png, write_rgb_png,
 };

@@ -50,7 +50,7 @@ pub(super) fn check(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatE
     Ok(())
 }
 
-/// Writes an OBJ file in millimeters: one object with its own `usemtl` for every mesh, with normals and texture
+/// Writes an OBJ file in meters: one object with its own `usemtl` for every mesh, with normals and texture
 /// coordinates where there are some. The materials are in a file next to it, `NAME.mtl`.
 ///
 /// # Errors
@@ -66,7 +66,7 @@ pub fn write_obj(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatErro
         Ok(())
     })?;
     write_atomically(path, |writer| {
-        writeln!(writer, "# written by fluorspar, millimeters")?;
+        writeln!(writer, "# written by fluorspar, meters")?;
         if let Some(name) = library.file_name() {
             writeln!(writer, "mtllib {}", name.to_string_lossy())?;
         }
@@ -74,7 +74,7 @@ pub fn write_obj(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatErro
         for NamedMesh { name, material, mesh, .. } in meshes {
             writeln!(writer, "o {name}\nusemtl {material}")?;
             for p in &mesh.positions {
-                writeln!(writer, "v {} {} {}", p.x * 1e3, p.y * 1e3, p.z * 1e3)?;
+                writeln!(writer, "v {} {} {}", p.x, p.y, p.z)?;
             }
             for uv in &mesh.uvs {
                 writeln!(writer, "vt {} {}", uv.x, uv.y)?;

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::FormatError;
 use super::file::{MAX_MESH_BYTES, guarded, read_file};
-use super::ply::finish_mesh;
+use super::ply::{finish_mesh, push_polygon};
 use fluorspar::geometry::TriangleMesh;
 
 /// Reads all shapes of an OBJ file as one mesh; polygons are split into triangles, materials are ignored. Normals and
@@ -25,7 +25,7 @@ pub fn read_obj(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
     let models = guarded(path, "OBJ", || {
         let options = tobj::LoadOptions {
             single_index: true,
-            triangulate: true,
+            triangulate: false,
             ignore_points: true,
             ignore_lines: true,
         };
@@ -46,8 +46,17 @@ pub fn read_obj(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
             positions: model.positions.chunks_exact(3).map(Vec3::from_slice).collect(),
             normals: model.normals.chunks_exact(3).map(Vec3::from_slice).collect(),
             uvs: model.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
-            triangles: model.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+            triangles: Vec::new(),
         };
+        if model.face_arities.is_empty() {
+            part.triangles = model.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+        }
+        let mut rest = model.indices.as_slice();
+        for (number, arity) in model.face_arities.iter().enumerate() {
+            let (corners, others) = rest.split_at_checked(*arity as usize).unwrap_or((rest, &[]));
+            push_polygon(path, number, corners, &mut part)?;
+            rest = others;
+        }
         // Where only some corners of a shape have them, the reader's lists are too short to tell which.
         let vertices = part.positions.len();
         part.normals.truncate(if part.normals.len() == vertices { vertices } else { 0 });

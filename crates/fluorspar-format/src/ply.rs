@@ -1,27 +1,72 @@
 //! Stanford PLY meshes, text and binary.
 
+use std::borrow::Cow;
 use std::io::{BufReader, Read, Write};
 use std::path::Path;
 
 use flate2::read::GzDecoder;
 use glam::{Vec2, Vec3};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
-use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
+use ply_rs_bw::ply::{Encoding, Property, PropertyAccess, PropertyAccessResult};
 
 use super::FormatError;
 use super::file::{MAX_MESH_BYTES, guarded, read_file};
 use super::output::write_atomically;
-use super::ply_binary::read_binary;
+use super::ply_binary::{payload, read_binary};
+use super::polygon::{MOST_CONCAVE_CORNERS, push_triangles};
 use fluorspar::geometry::TriangleMesh;
 
+/// A PLY file as it is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PlyMesh {
+    /// Its mesh, maybe without triangles.
+    pub mesh: TriangleMesh,
+    /// Faces of fewer than three corners, which are not part of it: how many, and number and corners of the first.
+    pub left_out: Option<LeftOutFaces>,
+}
+
+/// Faces that are none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LeftOutFaces {
+    /// How many.
+    pub count: usize,
+    /// Number of the first one, from 0.
+    pub first: usize,
+    /// Its corners, fewer than three.
+    pub corners: usize,
+}
+
 /// Reads a PLY file, plain or compressed by gzip: vertices with `x y z`, optionally `nx ny nz` and `u v`, `s t` or `texture_u texture_v`; faces
-/// with `vertex_indices` (or `vertex_index`), split into fans of triangles. Everything else is passed over.
+/// with `vertex_indices` (or `vertex_index`), split into triangles. Everything else is passed over.
 ///
 /// `unit_m` is the length of one unit of the file, m: 0.001 for a file in millimeters.
 ///
 /// # Errors
-/// Anything that is not such a file, with the line where known.
+/// Anything that is not such a file, with the line where known; no faces, and faces of fewer than three corners.
 pub fn read_ply(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
+    let PlyMesh { mesh, left_out } = read_any_ply(path)?;
+    if let Some(LeftOutFaces { first, corners, .. }) = left_out {
+        return Err(FormatError::malformed(
+            path,
+            format!("face {first} has {corners} corners"),
+            "Faces need three or more: triangulate the mesh before exporting it",
+        ));
+    }
+    finish_mesh(path, mesh, unit_m)
+}
+
+/// Reads a PLY file as renderers do: faces of fewer than three corners are left out, and there may be none at all. Lengths are
+/// those of the file.
+///
+/// # Errors
+/// Anything else that [`read_ply`] refuses.
+pub fn read_ply_leniently(path: &Path) -> Result<PlyMesh, FormatError> {
+    let found = read_any_ply(path)?;
+    let is_empty = found.mesh.triangles.is_empty();
+    Ok(PlyMesh { mesh: if is_empty { found.mesh } else { finish_mesh(path, found.mesh, 1.0)? }, ..found })
+}
+
+fn read_any_ply(path: &Path) -> Result<PlyMesh, FormatError> {
     let bytes = unpacked(path, read_file(path, MAX_MESH_BYTES)?)?;
     if !bytes.starts_with(b"ply") {
         return Err(FormatError::malformed(
@@ -30,8 +75,7 @@ pub fn read_ply(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
             "A PLY file begins with the line \"ply\"",
         ));
     }
-    let mesh = guarded(path, "PLY", || parse(path, &bytes))?;
-    finish_mesh(path, mesh, unit_m)
+    guarded(path, "PLY", || parse(path, &bytes))
 }
 
 /// The bytes themselves, or what they hold if they are compressed by gzip.
@@ -55,7 +99,29 @@ fn unpacked(path: &Path, bytes: Vec<u8>) -> Result<Vec<u8>, FormatError> {
     Ok(plain)
 }
 
-fn parse(path: &Path, bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
+/// The text with a digit on both sides of every decimal point: the parser takes neither `.5` nor `1.`, which C prints and reads.
+fn with_full_numbers(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let Some(numbers) = payload(bytes) else { return bytes.into() };
+    let header = bytes.len() - numbers.len();
+    let is_digit = |at: Option<usize>| at.and_then(|at| bytes.get(at)).is_some_and(u8::is_ascii_digit);
+    let mut full = Vec::new();
+    let mut copied = 0;
+    for at in (header..bytes.len()).filter(|at| bytes[*at] == b'.') {
+        let [before, after] = [is_digit(at.checked_sub(1)), is_digit(Some(at + 1))];
+        if before != after {
+            full.extend_from_slice(&bytes[copied..at]);
+            full.extend_from_slice(if before { b".0" } else { b"0." });
+            copied = at + 1;
+        }
+    }
+    if copied == 0 {
+        return bytes.into();
+    }
+    full.extend_from_slice(&bytes[copied..]);
+    full.into()
+}
+
+fn parse(path: &Path, bytes: &[u8]) -> Result<PlyMesh, FormatError> {
     let damaged = |error: ParseError| FormatError::Malformed {
         path: path.into(),
         line: error.line().map(|line| line as u64),
@@ -65,9 +131,15 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     let mut reader = Reader::new(BufReader::new(bytes));
     let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(damaged)?;
     if let Some(mesh) = read_binary(bytes, &header) {
-        return Ok(mesh);
+        return Ok(PlyMesh { mesh, left_out: None });
     }
-    let mut mesh = TriangleMesh::default();
+    let is_text = header.encoding == Encoding::Ascii;
+    let text = if is_text { with_full_numbers(bytes) } else { bytes.into() };
+    if is_text {
+        reader = Reader::new(BufReader::new(&text));
+        Parser::<Skipped>::new().read_header(&mut reader).map_err(damaged)?;
+    }
+    let (mut mesh, mut faces) = (TriangleMesh::default(), Vec::new());
     for (_, element) in &header.elements {
         if element.count > bytes.len() {
             return Err(FormatError::malformed(
@@ -101,11 +173,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
             }
             "face" => {
                 let parser = Parser::<Face>::new();
-                let faces =
-                    parser.read_payload_for_element(&mut reader, element, &header).map_err(damaged)?;
-                for (number, face) in faces.iter().enumerate() {
-                    push_fan(path, number, &face.corners, &mut mesh.triangles)?;
-                }
+                faces = parser.read_payload_for_element(&mut reader, element, &header).map_err(damaged)?;
             }
             _ => {
                 let parser = Parser::<Skipped>::new();
@@ -113,7 +181,17 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
             }
         }
     }
-    Ok(mesh)
+    // Faces may stand before the vertices that they name.
+    let mut left_out: Option<LeftOutFaces> = None;
+    for (number, Face { corners }) in faces.iter().enumerate() {
+        if corners.len() < 3 {
+            let first = LeftOutFaces { count: 0, first: number, corners: corners.len() };
+            left_out.get_or_insert(first).count += 1;
+        } else {
+            push_face(path, number, corners, &mut mesh)?;
+        }
+    }
+    Ok(PlyMesh { mesh, left_out })
 }
 
 /// The parser's message without its place and the nested messages below it.
@@ -127,14 +205,15 @@ fn first_sentence(error: &ParseError) -> String {
     text.trim_end_matches('.').to_string()
 }
 
-fn push_fan(
+/// Adds a polygon to the triangles of a mesh.
+fn push_face(
     path: &Path,
     number: usize,
     corners: &[i64],
-    triangles: &mut Vec<[u32; 3]>,
+    mesh: &mut TriangleMesh,
 ) -> Result<(), FormatError> {
-    let vertex = |corner: i64| {
-        u32::try_from(corner).map_err(|_| {
+    let vertex = |corner: &i64| {
+        u32::try_from(*corner).map_err(|_| {
             FormatError::malformed(
                 path,
                 format!("face {number} names vertex {corner}"),
@@ -142,17 +221,28 @@ fn push_fan(
             )
         })
     };
-    if corners.len() < 3 {
-        return Err(FormatError::malformed(
-            path,
-            format!("face {number} has {} corners", corners.len()),
-            "Faces need three or more: triangulate the mesh before exporting it",
-        ));
+    let corners = corners.iter().map(vertex).collect::<Result<Vec<u32>, _>>()?;
+    push_polygon(path, number, &corners, mesh)
+}
+
+/// Adds a polygon of three or more corners to the triangles of a mesh.
+pub(super) fn push_polygon(
+    path: &Path,
+    number: usize,
+    corners: &[u32],
+    mesh: &mut TriangleMesh,
+) -> Result<(), FormatError> {
+    if push_triangles(&mesh.positions, corners, &mut mesh.triangles) {
+        return Ok(());
     }
-    for pair in corners[1..].windows(2) {
-        triangles.push([vertex(corners[0])?, vertex(pair[0])?, vertex(pair[1])?]);
-    }
-    Ok(())
+    Err(FormatError::unsupported(
+        path,
+        format!(
+            "face {number} has {} corners and is not convex; such faces are read up to {MOST_CONCAVE_CORNERS}",
+            corners.len()
+        ),
+        "Triangulate the mesh before exporting it",
+    ))
 }
 
 /// Scales a mesh to meters and checks it.

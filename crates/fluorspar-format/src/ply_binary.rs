@@ -33,7 +33,7 @@ pub(super) fn read_binary(bytes: &[u8], header: &Header) -> Option<TriangleMesh>
 }
 
 /// What follows the header.
-fn payload(bytes: &[u8]) -> Option<&[u8]> {
+pub(super) fn payload(bytes: &[u8]) -> Option<&[u8]> {
     let mut rest = bytes;
     loop {
         let end = rest.iter().position(|byte| *byte == b'\n')?;

@@ -125,7 +125,7 @@ const PNG_PACKING: u64 = 32;
 
 /// Refuses an image whose pixels would take more memory than its file can justify, before any pixel is decoded.
 /// `bytes_per_pixel` counts all that a pixel takes: as stored, and as the numbers that are made from it.
-fn check_memory(
+pub(super) fn check_memory(
     path: &Path,
     width: u32,
     height: u32,
@@ -162,7 +162,9 @@ pub(super) fn read_png(path: &Path, value_bytes: u64) -> Result<RawPng, FormatEr
         let samples = color.samples() as u64;
         let bytes_per_pixel = samples * if depth == BitDepth::Sixteen { 2 } else { 1 };
         check_memory(path, width, height, bytes_per_pixel + samples * value_bytes, length)?;
-        check_packing(path, bytes_per_pixel * u64::from(width) * u64::from(height), length)?;
+        // What is packed are rows as they are stored: numbers of a palette, maybe eight in a byte.
+        let packed = reader.info().raw_row_length() as u64 * u64::from(height);
+        check_packing(path, packed, length)?;
         let size = reader.output_buffer_size().unwrap_or(0);
         let mut bytes = vec![0; size];
         let frame = reader.next_frame(&mut bytes).map_err(damaged)?;
@@ -210,7 +212,47 @@ pub fn read_texture_png(path: &Path, transfer: Transfer) -> Result<TextureImage,
     Ok(TextureImage { width: raw.width, height: raw.height, channels, data })
 }
 
+/// A texture of bytes, `[row, col, channel]`, without opacity.
+pub(super) fn texture_of_bytes(
+    [width, height, channels]: [usize; 3],
+    samples: &[u8],
+    transfer: Transfer,
+) -> TextureImage {
+    let light: Vec<f32> = (0..=u8::MAX)
+        .map(|byte| {
+            let value = f32::from(byte) / 255.0;
+            if transfer == Transfer::Srgb { srgb_to_linear(value) } else { value }
+        })
+        .collect();
+    let data = samples.iter().map(|byte| light[usize::from(*byte)]).collect();
+    TextureImage { width, height, channels, data }
+}
+
 /// sRGB decoding: `v/12.92` below 0.04045, `((v + 0.055)/1.055)^2.4` above (IEC 61966-2-1).
 fn srgb_to_linear(value: f32) -> f32 {
     if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 2048² pixels of one bit are 524 288 bytes, which deflate packs into a thousandth; as colors they are 24 times as many.
+    #[test]
+    fn a_small_file_of_a_palette_holds_a_large_image() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lines.png");
+        let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 2048, 2048);
+        encoder.set_color(ColorType::Indexed);
+        encoder.set_depth(BitDepth::One);
+        encoder.set_palette(vec![255, 0, 0, 0, 0, 255]);
+        encoder.set_compression(png::Compression::High);
+        let mut pixels = vec![0; 2048 * 256];
+        pixels[0] = 0b0100_0000;
+        encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
+        assert!(std::fs::metadata(&path).unwrap().len() < 2048 * 2048 * 3 / 2000);
+        let image = read_texture_png(&path, Transfer::Linear).unwrap();
+        assert_eq!((image.width, image.height, image.channels), (2048, 2048, 3));
+        assert_eq!(image.data[..9], [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
+    }
 }

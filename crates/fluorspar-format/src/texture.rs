@@ -5,10 +5,14 @@ use std::path::Path;
 use super::exr::read_texture_exr;
 use super::file::{MAX_IMAGE_BYTES, check_image_size};
 use super::input::read_bounded;
+use super::jpeg::read_jpeg;
+use super::qoi::read_qoi;
+use super::radiance_hdr::read_hdr;
+use super::tga::read_tga;
 use super::{FormatError, TextureImage, Transfer, read_texture_png};
 
-/// Reads a gray or color image by its ending: `.png`, `.exr` (channels R, G, B or Y), `.pfm`. `transfer` says how the
-/// numbers of a PNG relate to light; the others hold light as it is, of any amount.
+/// Reads a gray or color image by its ending: `.png`, `.jpg`, `.tga`, `.qoi`, whose numbers relate to light as `transfer` says;
+/// `.exr` (channels R, G, B or Y), `.hdr`, `.pfm`, which hold light as it is, of any amount.
 ///
 /// # Errors
 /// Other endings, damaged files, values that are not finite.
@@ -18,9 +22,17 @@ pub fn read_texture(path: &Path, transfer: Transfer) -> Result<TextureImage, For
         Some("png") => read_texture_png(path, transfer)?,
         Some("exr") => read_texture_exr(path)?,
         Some("pfm") => read_pfm(path)?,
+        Some("hdr") => read_hdr(path, &read_bounded(path, MAX_IMAGE_BYTES)?)?,
+        Some("tga") => read_tga(path, &read_bounded(path, MAX_IMAGE_BYTES)?, transfer)?,
+        Some("qoi") => read_qoi(path, &read_bounded(path, MAX_IMAGE_BYTES)?, transfer)?,
+        Some("jpg" | "jpeg") => read_jpeg(path, &read_bounded(path, MAX_IMAGE_BYTES)?, transfer)?,
         _ => {
             let what = "this is not an image that is read here";
-            return Err(FormatError::unsupported(path, what, "Save it as .png, .exr or .pfm"));
+            return Err(FormatError::unsupported(
+                path,
+                what,
+                "Save it as .png, .jpg, .tga, .qoi, .exr, .hdr or .pfm",
+            ));
         }
     };
     match image.data.iter().find(|value| !value.is_finite()) {
@@ -108,6 +120,6 @@ mod tests {
         let image = read_texture(&path, Transfer::Srgb).unwrap();
         assert_eq!((image.width, image.height, image.channels), (2, 1, 3));
         assert_eq!(image.data, [0.0, 2.5, 0.25, 1.0, 2.5, 0.25]);
-        assert!(read_texture(&folder.path().join("a.tga"), Transfer::Srgb).is_err());
+        assert!(read_texture(&folder.path().join("a.bmp"), Transfer::Srgb).is_err());
     }
 }

@@ -79,6 +79,7 @@ pub fn load(path: &Path, options: &PbrtOptions) -> Result<PbrtStudy, PbrtError> 
     let (camera, render) = convert.camera()?;
     convert.lights()?;
     convert.shapes()?;
+    convert.note_darkness();
     let Convert { mut remarks, materials, fluorophores, lights, objects, read, .. } = convert;
     let groups = vec![LightGroup { name: "light".into() }];
     let grid = options.grid.clone();
@@ -95,17 +96,28 @@ pub fn load(path: &Path, options: &PbrtOptions) -> Result<PbrtStudy, PbrtError> 
     Ok(PbrtStudy { study, remarks, messages, files })
 }
 
+/// What is said of a scene whose image would be black.
+const NO_LIGHTS: &str = "the scene has no lights; add a LightSource, or an AreaLightSource before a Shape";
+
+/// Whether nothing shines.
+fn is_dark(lights: &[Light], objects: &[Object]) -> bool {
+    lights.is_empty() && objects.iter().all(|object| object.emission.is_none())
+}
+
+/// Refuses a scene that is to be rendered and in which nothing shines.
+///
+/// # Errors
+/// What it lacks.
+pub fn check_light(scene: &Scene) -> Result<(), &'static str> {
+    if is_dark(&scene.lights, &scene.objects) { Err(NO_LIGHTS) } else { Ok(()) }
+}
+
 /// Checks that are those of every scene.
 fn check(tree: &PbrtScene, scene: &Scene) -> Result<(), PbrtError> {
     let main = tree.files.first().cloned().unwrap_or_default();
-    let is_dark = scene.lights.is_empty() && scene.objects.iter().all(|object| object.emission.is_none());
-    let missing = match (scene.objects.is_empty(), is_dark) {
-        (true, _) => Some("the scene has no objects; add a Shape"),
-        (_, true) => Some("the scene has no lights; add a LightSource, or an AreaLightSource before a Shape"),
-        _ => None,
-    };
-    if let Some(message) = missing {
-        return Err(PbrtError { file: main, at: None, message: message.into() });
+    if scene.objects.is_empty() {
+        let message = "the scene has no objects; add a Shape".into();
+        return Err(PbrtError { file: main, at: None, message });
     }
     scene.check().map_err(|error| {
         let hint = match &error {
@@ -182,6 +194,14 @@ impl<'a> Convert<'a> {
     /// Names what is left out or changed, and may show.
     pub(crate) fn remark(&mut self, at: PbrtPlace, text: impl Into<String>) {
         self.remarks.push(Remark { at, text: text.into(), matters: true });
+    }
+
+    /// Names that nothing shines, as in scenes that are parts of others.
+    fn note_darkness(&mut self) {
+        if is_dark(&self.lights, &self.objects) {
+            let at = self.tree.shapes.first().map(|shape| shape.entity.at).unwrap_or_default();
+            self.remark(at, NO_LIGHTS);
+        }
     }
 
     /// Names what has no effect on the light.

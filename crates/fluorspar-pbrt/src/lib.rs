@@ -28,6 +28,6 @@ mod shape;
 mod spectrum;
 mod texture;
 
-pub use convert::{Emission, PbrtOptions, PbrtStudy, Remark, load};
+pub use convert::{Emission, PbrtOptions, PbrtStudy, Remark, check_light, load};
 pub use experiment::{ConvertedScene, to_experiment};
 pub use rgb::{color_spectrum, primaries};

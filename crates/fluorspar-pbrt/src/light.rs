@@ -18,6 +18,8 @@ use crate::spectrum::{LightSpectrum, luminance};
 const MOST_ROWS: usize = 1024;
 /// Samples of the image across each pixel of the map.
 const SAMPLES: usize = 2;
+/// Largest exponent of a spot.
+const MOST_EXPONENT: f64 = 1000.0;
 
 impl Convert<'_> {
     /// All lights without shapes.
@@ -123,13 +125,15 @@ impl Convert<'_> {
         // Where the edge has fallen to one half: version 4 by a smooth step, version 3 by a fourth power.
         let half = if self.is_v4() { 0.5 } else { 0.5_f64.powf(0.25) };
         let at_half = (end + (start - end) * half).min(1.0 - 1e-6);
-        let exponent = (0.5_f64.ln() / at_half.max(1e-6).ln()).clamp(0.0, 1e4);
-        self.remark(
-            given.entity.at,
-            format!(
-                "\"spot\": its intensity is cos^{exponent:.1}, which is one half where that of the cone is"
-            ),
-        );
+        let wanted = 0.5_f64.ln() / at_half.max(1e-6).ln();
+        let exponent = wanted.clamp(0.0, MOST_EXPONENT);
+        let where_half = if wanted > MOST_EXPONENT {
+            let degrees = 0.5_f64.powf(1.0 / MOST_EXPONENT).acos().to_degrees();
+            format!("the narrowest here: one half at {degrees:.1} degrees, wider than the cone")
+        } else {
+            "which is one half where that of the cone is".into()
+        };
+        self.remark(given.entity.at, format!("\"spot\": its intensity is cos^{exponent:.1}, {where_half}"));
         (exponent, 2.0 * PI * ((1.0 - start) + 0.5 * (start - end)))
     }
 

@@ -1,8 +1,8 @@
 //! Materials.
 
 use fluorspar::material::{
-    Coat, Coated, Conductor, Dielectric, FluorophoreAmount, Lambertian, MIN_ROUGHNESS, Material, Mixture,
-    NormalMap, ReflectanceTerm, ScalarTexture, Scattering,
+    Coat, Coated, Conductor, Dielectric, FluorophoreAmount, Lambertian, MAX_DIELECTRIC_INDEX, MIN_ROUGHNESS,
+    Material, Mixture, NormalMap, ReflectanceTerm, ScalarTexture, Scattering,
 };
 use fluorspar::quote::excerpt;
 use fluorspar::spectral::Curve;
@@ -321,9 +321,9 @@ impl Convert<'_> {
             Some(parameter) => self.index(parameter)?,
             None => 1.5,
         };
-        if !(index > 1.0 && index <= MOST_INDEX) {
+        if !(index > 1.0 && index <= f64::from(MAX_DIELECTRIC_INDEX)) {
             let message = format!(
-                "an index of {index}; it must lie above 1 and up to {MOST_INDEX}. For one below 1, turn the surface around by \
+                "an index of {index}; it must lie above 1 and up to {MAX_DIELECTRIC_INDEX}. For one below 1, turn the surface around by \
                  ReverseOrientation"
             );
             return Err(self.error(at, message));
@@ -454,10 +454,22 @@ impl Convert<'_> {
         };
         let mut parts = [0; 2];
         for (part, name) in parts.iter_mut().zip([first, second]) {
-            let Some(&index) = self.tree.named_materials.get(name) else {
-                return Err(self.error(at, format!("no MakeNamedMaterial defines \"{}\"", excerpt(name))));
+            let found = match self.tree.named_materials.get(name) {
+                Some(&index) => self.material_within(index, depth + 1)?,
+                None if self.is_v4() => {
+                    let message = format!("no MakeNamedMaterial defines \"{}\"", excerpt(name));
+                    return Err(self.error(at, message));
+                }
+                None => {
+                    let name = excerpt(name);
+                    let text = format!(
+                        "\"{name}\" is taken as matte, as in pbrt-v3: no MakeNamedMaterial defines it"
+                    );
+                    self.remark(at, text);
+                    self.material(None)?
+                }
             };
-            match self.material_within(index, depth + 1)? {
+            match found {
                 Some(number) => *part = number,
                 None => {
                     self.remark(at, "a mixture with a material without surface is no surface");

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use fluorspar::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 use fluorspar::quote::excerpt;
 use fluorspar::scene::{Object, Shape};
-use fluorspar_format::{PbrtError, PbrtShape, read_ply};
+use fluorspar_format::{PbrtError, PbrtShape, read_ply_leniently};
 use glam::{Affine3, DMat4, DVec3, Vec2, Vec3};
 
 use crate::convert::Convert;
@@ -23,8 +23,6 @@ const MOST_OBJECTS: usize = 60_000;
 /// A shape in its own frame.
 enum Made {
     Mesh(TriangleMesh),
-    /// A surface of revolution: its normals turn around with its orientation.
-    Revolved(TriangleMesh),
     /// A whole sphere about the origin.
     Sphere(f64),
     /// A whole disc across z at a height.
@@ -79,6 +77,10 @@ impl Convert<'_> {
         given.used(&["shadowalpha", "splitnormal"]);
         let Some(made) = self.made(&given)? else { return Ok(()) };
         given.finish("Shape", &mut self.remarks);
+        if matches!(&made, Made::Mesh(mesh) if mesh.triangles.is_empty()) {
+            self.remark(at, "the mesh has no triangles and is left out");
+            return Ok(());
+        }
         let determinant = shape.to_world.determinant();
         if determinant == 0.0 || !determinant.is_finite() {
             return Err(self.error(at, "the transform of this shape flattens it; change it"));
@@ -208,7 +210,7 @@ impl Convert<'_> {
             at,
             format!("the {} is a mesh of {STEPS_AROUND} steps around", excerpt(&given.entity.class)),
         );
-        Ok(Made::Revolved(revolved(profile, degrees.to_radians())))
+        Ok(Made::Mesh(revolved(profile, degrees.to_radians())))
     }
 
     fn triangle_mesh(&mut self, given: &Given<'_>) -> Result<TriangleMesh, PbrtError> {
@@ -274,7 +276,11 @@ impl Convert<'_> {
         self.checked(mesh, given)
     }
 
+    /// A mesh whose numbers fit, or one without triangles.
     fn checked(&self, mesh: TriangleMesh, given: &Given<'_>) -> Result<TriangleMesh, PbrtError> {
+        if mesh.triangles.is_empty() {
+            return Ok(mesh);
+        }
         mesh.validate().map_err(|error| self.error(given.entity.at, error.to_string()))?;
         Ok(mesh)
     }
@@ -289,9 +295,19 @@ impl Convert<'_> {
         }
         given.used(&["edgelength"]);
         let path = self.tree.path_of(at, name);
-        let mesh = read_ply(&path, 1.0).map_err(|error| self.error(at, error.to_string()))?;
+        let read = read_ply_leniently(&path).map_err(|error| self.error(at, error.to_string()))?;
         self.note_read(path);
-        Ok(mesh)
+        if let Some(faces) = read.left_out {
+            let text = match faces.count {
+                1 => format!("face {} has {} corners and is left out", faces.first, faces.corners),
+                count => format!(
+                    "{count} faces of fewer than three corners are left out; the first is face {}",
+                    faces.first
+                ),
+            };
+            self.remark(at, text);
+        }
+        Ok(read.mesh)
     }
 
     /// A shape at its place in the scene.
@@ -312,14 +328,14 @@ impl Convert<'_> {
                     radius_m: (radius * map.x_axis.length()) as f32,
                 }
             }
-            made => Shape::Mesh(Arc::new(self.moved(made, &map, shape.is_reversed, is_textured))),
+            made => Shape::Mesh(Arc::new(moved(made, &map, shape.is_reversed, is_textured))),
         }
     }
 
     /// A shape at the places of its object.
     fn instanced(&mut self, made: Made, shape: &PbrtShape, places: &[DMat4], is_textured: bool) -> Shape {
         let unit = DMat4::from_scale(DVec3::splat(self.options.unit_m));
-        let own = self.moved(made, &(unit * shape.to_world), shape.is_reversed, is_textured);
+        let own = moved(made, &(unit * shape.to_world), shape.is_reversed, is_textured);
         let scene = self.scene_from_world();
         let back = DMat4::from_scale(DVec3::splat(1.0 / self.options.unit_m));
         let instances = places.iter().map(|place| {
@@ -336,35 +352,6 @@ impl Convert<'_> {
         }))
     }
 
-    /// A mesh moved by a map, with the side of its normals as pbrt has it.
-    fn moved(&self, made: Made, map: &DMat4, is_reversed: bool, is_textured: bool) -> TriangleMesh {
-        let turns_normals = self.is_v4() || !matches!(made, Made::Mesh(_));
-        let mut mesh = mesh(made);
-        if is_textured && mesh.uvs.is_empty() {
-            mesh = with_usual_uvs(&mesh);
-        }
-        let normal_map = glam::DMat3::from_mat4(*map).inverse().transpose();
-        for position in &mut mesh.positions {
-            *position = map.transform_point3(position.as_dvec3()).as_vec3();
-        }
-        // Version 4 turns given normals around with the orientation, version 3 leaves those of meshes.
-        let sign = if is_reversed && turns_normals { -1.0 } else { 1.0 };
-        for normal in &mut mesh.normals {
-            *normal = (normal_map * normal.as_dvec3() * sign).as_vec3().normalize_or_zero();
-        }
-        let mirrors = map.determinant() < 0.0;
-        for index in 0..mesh.triangles.len() {
-            let faces_inward = match mesh.normals.is_empty() {
-                true => mirrors != is_reversed,
-                false => turns_from_normals(&mesh, index),
-            };
-            if faces_inward {
-                mesh.triangles[index].swap(1, 2);
-            }
-        }
-        mesh
-    }
-
     /// Joins meshes of one material where there are more objects than images can number.
     fn join_objects(&mut self) {
         if self.objects.len() <= MOST_OBJECTS {
@@ -374,6 +361,34 @@ impl Convert<'_> {
         let at = self.tree.shapes.first().map(|shape| shape.entity.at).unwrap_or_default();
         self.note(at, format!("more than {MOST_OBJECTS} shapes: those of one material are one object"));
     }
+}
+
+/// A mesh moved by a map, with the side of its normals as pbrt has it.
+fn moved(made: Made, map: &DMat4, is_reversed: bool, is_textured: bool) -> TriangleMesh {
+    let mut mesh = mesh(made);
+    if is_textured && mesh.uvs.is_empty() {
+        mesh = with_usual_uvs(&mesh);
+    }
+    let normal_map = glam::DMat3::from_mat4(*map).inverse().transpose();
+    for position in &mut mesh.positions {
+        *position = map.transform_point3(position.as_dvec3()).as_vec3();
+    }
+    // Given normals turn around with the orientation: of version 3 at hits, of version 4 in the mesh itself.
+    let sign = if is_reversed { -1.0 } else { 1.0 };
+    for normal in &mut mesh.normals {
+        *normal = (normal_map * normal.as_dvec3() * sign).as_vec3().normalize_or_zero();
+    }
+    let mirrors = map.determinant() < 0.0;
+    for index in 0..mesh.triangles.len() {
+        let faces_inward = match mesh.normals.is_empty() {
+            true => mirrors != is_reversed,
+            false => turns_from_normals(&mesh, index),
+        };
+        if faces_inward {
+            mesh.triangles[index].swap(1, 2);
+        }
+    }
+    mesh
 }
 
 /// Objects in which meshes of one material and kind that do not shine are one.
@@ -425,7 +440,7 @@ fn is_similar(map: &DMat4) -> bool {
 
 fn mesh(made: Made) -> TriangleMesh {
     match made {
-        Made::Mesh(mesh) | Made::Revolved(mesh) => mesh,
+        Made::Mesh(mesh) => mesh,
         Made::Sphere(radius) => {
             let profile = curve(STEPS_ALONG, |t| {
                 let latitude = PI * (t - 0.5);

@@ -15,14 +15,14 @@ import sys
 
 
 def read_obj(path):
-    """Vertices with texture coordinates, and triangles by part."""
+    """Vertices, mm, with texture coordinates, and triangles by part, of a file in meters."""
     vertices, uvs, parts, name = [], [], {}, None
     for line in open(path):
         words = line.split()
         if not words:
             continue
         if words[0] == "v":
-            vertices.append(tuple(map(float, words[1:4])))
+            vertices.append(tuple(1e3 * float(word) for word in words[1:4]))
         elif words[0] == "vt":
             uvs.append(tuple(map(float, words[1:3])))
         elif words[0] == "o":

@@ -9,7 +9,7 @@ use fluorspar::image::StatisticsKind;
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::Study;
 use fluorspar_experiment::{FileRecord, InputFile, ResolvedExperiment, Warning, parse, resolve};
-use fluorspar_pbrt::{Emission, PbrtOptions, PbrtStudy, load, to_experiment};
+use fluorspar_pbrt::{Emission, PbrtOptions, PbrtStudy, check_light, load, to_experiment};
 
 use crate::args::{ExperimentArgs, StatisticsOption};
 use crate::error::CliError;
@@ -156,6 +156,8 @@ impl PbrtArgs {
         };
         let PbrtStudy { study, files, .. } = loaded;
         let mut study = changed.unwrap_or(study);
+        check_light(&study.scene)
+            .map_err(|problem| CliError::Input(format!("{}: {problem}", path.display())))?;
         study.time_limit_s = limits.time_limit_s();
         let render = &mut study.render;
         render.samples_per_pixel = args.render.spp.unwrap_or(render.samples_per_pixel);

@@ -4,6 +4,8 @@
 
 use std::fs;
 
+use fluorspar::spectral::{Curve, Reflectance, StandardObserver, WavelengthGrid, linear_srgb};
+
 use crate::support::fluorspar;
 
 #[test]
@@ -64,4 +66,70 @@ fn a_contact_sheet_has_a_name_above_every_image() {
     let size = |at: usize| u32::from_be_bytes(file[at..at + 4].try_into().unwrap());
     // Two images of 64 x 48 above one of twice the width, each below a strip of 20 pixels.
     assert_eq!((size(16), size(20)), (132, 20 + 48 + 4 + 20 + 99));
+}
+
+/// What a tissue sends back under diffuse light as `tissue solve` tells it, as a color by the 1931 observer, against what
+/// files for Blender and pbrt say. Tissue varies over a surface, so that they are not the same.
+#[test]
+fn colors_of_meshes_are_those_of_the_tissues() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
+    fluorspar(
+        folder.path(),
+        ["mouth", "generate", "--detail=0.25", "--out=m.obj", "--out=m.pbrt", "--out=m.glb"],
+    )
+    .well();
+    let numbers =
+        |text: &str| -> Vec<f64> { text.split_whitespace().map_while(|word| word.parse().ok()).collect() };
+    let after = |text: &str, start: &str| {
+        let rest = text.split_once(start).unwrap_or_else(|| panic!("{start}")).1;
+        numbers(rest)
+    };
+    let grid = WavelengthGrid::uniform(380.0, 750.0, 5.0).unwrap();
+    let observer = StandardObserver::new(&grid);
+    let srgb = |spectrum: &[f32]| linear_srgb(observer.xyz(spectrum));
+    let white = srgb(&vec![1.0; grid.len()]);
+    for (material, tissue) in [
+        ("cheek", "buccal_mucosa"),
+        ("gingiva", "gingiva"),
+        ("tongue_ventral", "ventral_tongue"),
+        ("hard_palate", "hard_palate"),
+        ("lip", "lip"),
+        ("floor_of_mouth", "floor_of_mouth"),
+    ] {
+        let told = fluorspar(folder.path(), ["tissue", "solve", tissue, "--json"]).json();
+        let list = |name: &str| -> Vec<f64> {
+            told[name].as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect()
+        };
+        let curve = Curve::new(list("wavelength_nm"), list("reflectance")).unwrap();
+        let values: Vec<f32> =
+            curve.on_grid::<Reflectance>(&grid).values().iter().map(|value| *value as f32).collect();
+        let color = srgb(&values);
+        let in_obj = after(&read("m.mtl"), &format!("newmtl {material}\nKd "));
+        let in_pbrt = after(
+            &read("m.pbrt"),
+            &format!("\"{material}\" \"string type\" [ \"diffuse\" ] \"rgb reflectance\" [ "),
+        );
+        for channel in 0..3 {
+            let expected = color[channel] / white[channel];
+            assert!((in_obj[channel] - expected).abs() < 0.05, "{material}: {in_obj:?} {color:?} {white:?}");
+        }
+        assert_eq!(in_obj, in_pbrt, "{material}");
+    }
+    // Meters in all: a face is 0.05 to 0.2 m wide.
+    let width = |xs: Vec<f64>| {
+        xs.iter().copied().fold(f64::MIN, f64::max) - xs.iter().copied().fold(f64::MAX, f64::min)
+    };
+    let obj =
+        width(read("m.obj").lines().filter_map(|line| Some(numbers(line.strip_prefix("v ")?)[0])).collect());
+    let glb = fluorspar_format::read_gltf(&folder.path().join("m.glb"), 1.0).unwrap().bounds();
+    assert!((obj - f64::from(glb.1.x - glb.0.x)).abs() < 1e-5 && (0.05..0.2).contains(&obj), "{obj} {glb:?}");
+    // The scene of pbrt is a part without lights, which is read.
+    let said = fluorspar(folder.path(), ["scene", "check", "m.pbrt", "--unit=m"]).well();
+    assert!(said.stderr.contains("the scene has no lights"), "{}", said.stderr);
+    assert!(
+        fluorspar(folder.path(), ["render", "m.pbrt", "--unit=m", "--spp=1"])
+            .stderr
+            .contains("the scene has no lights")
+    );
 }

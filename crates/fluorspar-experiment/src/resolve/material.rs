@@ -15,8 +15,8 @@ use crate::schema::{
     ScatteringSection, SpectrumReference, TextureReference,
 };
 use fluorspar::material::{
-    Coated, Conductor, Dielectric, FluorophoreAmount, Lambertian, Material, Mixture, NormalMap,
-    ReflectanceTerm, ScalarTexture, Scattering, TwoSided,
+    Coated, Conductor, Dielectric, FluorophoreAmount, Lambertian, MAX_DIELECTRIC_INDEX, Material, Mixture,
+    NormalMap, ReflectanceTerm, ScalarTexture, Scattering, TwoSided,
 };
 use fluorspar::spectral::{Curve, WavelengthGrid};
 use fluorspar_format::{Transfer, read_texture_png};
@@ -100,8 +100,9 @@ fn scattering(
         ScatteringSection::Tissue(_) => Ok(Scattering::default()),
         ScatteringSection::Dielectric(glass) => {
             let index = glass.refractive_index;
-            if !(index > 1.0 && index <= 3.0) {
-                return context.fail(&at.field("refractive_index"), "must be above 1 and at most 3");
+            if !(index > 1.0 && index <= f64::from(MAX_DIELECTRIC_INDEX)) {
+                let message = format!("must be above 1 and at most {MAX_DIELECTRIC_INDEX}");
+                return context.fail(&at.field("refractive_index"), message);
             }
             let roughness = context.texture(&at.field("roughness"), &glass.roughness, 1.0)?;
             let transmittance_at = at.field("transmittance");

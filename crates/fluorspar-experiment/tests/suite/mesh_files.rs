@@ -35,8 +35,9 @@ fn parts_and_materials_reach_other_programs() {
     }
 
     write_obj(&path("mouth.obj"), &meshes).unwrap();
-    let back = read_obj(&path("mouth.obj"), 1e-3).unwrap();
+    let back = read_obj(&path("mouth.obj"), 1.0).unwrap();
     assert_eq!(back.triangles.len(), triangles);
+    assert_eq!(back.positions[0], mouth.parts[0].mesh.positions[0]);
     let obj = fs::read_to_string(path("mouth.obj")).unwrap();
     assert!(obj.contains("mtllib mouth.mtl") && obj.contains("o tooth_11\nusemtl tooth"));
     let library = fs::read_to_string(path("mouth.mtl")).unwrap();

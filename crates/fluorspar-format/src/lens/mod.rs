@@ -142,6 +142,21 @@ mod tests {
         );
     }
 
+    /// Without refraction at the stop the focal length is that of the glass alone: for 4 mm between 70 and -70 mm,
+    /// 1/f = 0.6 (2/70 - 0.6 * 4 / (1.6 * 70²)), f = 58.96 mm.
+    #[test]
+    fn a_stop_within_glass_is_read() {
+        let lens = parse_lens("70 2 1.6 20\n0 2 1.6 12\n-70 0 1 20\n", "dat", "x").unwrap();
+        assert_eq!(lens.surfaces.iter().map(|s| s.is_stop).collect::<Vec<_>>(), [false, true, false]);
+        let f = Paraxial::new(&lens, 550.0).focal_length_mm;
+        let expected = 1.0 / (0.6 * (2.0 / 70.0 - 0.6 * 4.0 / (1.6 * 4900.0)));
+        assert!((f / expected - 1.0).abs() < 1e-9, "{f} {expected}");
+        // A stop in air comes first: the flat face is glass.
+        let both =
+            parse_lens("0 2 1.6 20\n-70 1 1 20\n0 2 0 4\n40 6 1.6 20\n-70 0 1 20\n", "dat", "x").unwrap();
+        assert!(!both.surfaces[0].is_stop && both.surfaces[2].is_stop);
+    }
+
     #[test]
     fn bad_pbrt_tables_are_explained() {
         assert!(

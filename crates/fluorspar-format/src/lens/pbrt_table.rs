@@ -49,8 +49,16 @@ pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
     if surfaces.is_empty() {
         return Err(Fault::anywhere("no surface; give lines of radius, thickness, index, aperture diameter"));
     }
+    // pbrt takes radius 0 as the stop whatever the index; here where there is no other.
+    if !surfaces.iter().any(|surface| surface.is_stop)
+        && let Some(flat) = surfaces.iter_mut().find(|surface| surface.curvature_per_mm == 0.0)
+    {
+        flat.is_stop = true;
+    }
     if !surfaces.iter().any(|surface| surface.is_stop) {
-        return Err(Fault::anywhere("the lens has no stop; add one line with radius 0 and index 0"));
+        return Err(Fault::anywhere(
+            "the lens has no stop; add one line with radius 0: index 0 in air, that of the glass within one",
+        ));
     }
     Ok(LensPrescription::new(name, surfaces))
 }

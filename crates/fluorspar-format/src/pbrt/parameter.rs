@@ -77,6 +77,14 @@ impl PbrtKind {
         }
     }
 
+    /// The kind that stands for all of which a name has one value: colors and spectra are one.
+    fn group(self) -> Self {
+        match self {
+            Self::Rgb | Self::Xyz | Self::Blackbody => Self::Spectrum,
+            other => other,
+        }
+    }
+
     /// Whether its values are texts.
     fn holds_texts(self) -> bool {
         matches!(self, Self::String | Self::Texture)
@@ -128,11 +136,12 @@ impl PbrtParameter {
 }
 
 /// Reads the parameters that follow a directive. `file` is the number of the file, `budget` the numbers that may still be
-/// read.
+/// read, `replaced` takes those that a later one of their name and type replaces.
 pub(super) fn parameters(
     tokens: &mut Tokens<'_>,
     file: u32,
     budget: &mut usize,
+    replaced: &mut Vec<PbrtParameter>,
 ) -> Result<Vec<PbrtParameter>, Fault> {
     let mut list: Vec<PbrtParameter> = Vec::new();
     while let Some((Token::Text(_), _)) = tokens.peek()? {
@@ -143,10 +152,8 @@ pub(super) fn parameters(
                 format!("a directive with more than {MOST_PARAMETERS} parameters is not read; split it");
             return Err(Fault::new(place, message));
         }
-        if list.iter().any(|other| other.name == name && other.kind == kind) {
-            let message = format!("parameter \"{}\" is given twice; remove one", excerpt(&declaration));
-            return Err(Fault::new(place, message));
-        }
+        let former = |other: &mut PbrtParameter| other.name == name && other.kind.group() == kind.group();
+        replaced.extend(list.extract_if(.., former));
         let values = values(tokens, kind, &declaration, place, budget)?;
         let at = PbrtPlace { file, line: place[0], column: place[1] };
         list.push(PbrtParameter { name, kind, values, at, texture: [None; 2] });

@@ -22,10 +22,10 @@ use fluorspar::quote::excerpt;
 const MAX_FILE_BYTES: u64 = 1 << 30;
 /// Most bytes of all files of a scene; one that is included twice counts twice.
 const MAX_SCENE_BYTES: u64 = 4 << 30;
+/// Bytes that a file counts at least: opening one takes about as long, and files of a few bytes have an end, too.
+const LEAST_FILE_BYTES: u64 = 16 << 10;
 /// Most files within files.
 const MAX_INCLUDE_DEPTH: usize = 32;
-/// Most includes of a scene.
-const MAX_INCLUDES: usize = 10_000;
 /// Most blocks within blocks.
 const MAX_BLOCK_DEPTH: usize = 4096;
 /// Most values of all parameters.
@@ -195,7 +195,6 @@ struct Reader {
     awaiting: Vec<(usize, String, PbrtPlace)>,
     /// Files that are being read, outermost first.
     open_files: Vec<PathBuf>,
-    includes: usize,
     bytes: u64,
     values_left: Option<usize>,
 }
@@ -211,6 +210,15 @@ impl Reader {
         for (shape, name, at) in std::mem::take(&mut self.awaiting) {
             match self.scene.named_materials.get(&name) {
                 Some(&material) => self.scene.shapes[shape].material = Some(material),
+                // Version 3 goes on with a matte one.
+                None if self.scene.version == PbrtVersion::V3 => {
+                    let text = format!(
+                        "\"{}\" is taken as matte, as in pbrt-v3: no MakeNamedMaterial defines it{}",
+                        excerpt(&name),
+                        did_you_mean(&name, self.scene.named_materials.keys().map(String::as_str))
+                    );
+                    self.remark(at, text, true);
+                }
                 None => return Err(self.unknown_material(&name, at)),
             }
         }
@@ -263,22 +271,21 @@ impl Reader {
             let message = format!("{} includes itself; remove this line", path.display());
             return Err(refuse(&self.scene, message));
         }
-        self.includes += 1;
-        if self.open_files.len() == MAX_INCLUDE_DEPTH || self.includes > MAX_INCLUDES {
-            let message = format!(
-                "more than {MAX_INCLUDE_DEPTH} files within files, or {MAX_INCLUDES} includes, are not read; join some"
-            );
+        if self.open_files.len() == MAX_INCLUDE_DEPTH {
+            let message = format!("more than {MAX_INCLUDE_DEPTH} files within files are not read; join some");
             return Err(refuse(&self.scene, message));
         }
         let bytes = read_plain(path).map_err(|message| {
             let message = if from.is_some() { format!("{}: {message}", path.display()) } else { message };
             refuse(&self.scene, message)
         })?;
-        self.bytes += bytes.len() as u64;
+        self.bytes += (bytes.len() as u64).max(LEAST_FILE_BYTES);
         if self.bytes > MAX_SCENE_BYTES {
             let message = format!(
-                "the files of the scene hold more than {} GiB; put meshes into .ply files",
-                MAX_SCENE_BYTES >> 30
+                "the files of the scene hold more than {} GiB, each counted as often as it is included and as {} KiB at least; \
+                 put meshes into .ply files and repeated parts into objects",
+                MAX_SCENE_BYTES >> 30,
+                LEAST_FILE_BYTES >> 10
             );
             return Err(refuse(&self.scene, message));
         }
@@ -309,6 +316,10 @@ impl Reader {
                     return Err(self.scene.error(PbrtPlace { file, line, column }, message));
                 }
             }
+        }
+        if let Some([line, column]) = tokens.comma() {
+            let text = "numbers are followed by commas, which are passed over; write them without";
+            self.remark(PbrtPlace { file, line, column }, text, true);
         }
         self.open_files.pop();
         Ok(())
@@ -700,7 +711,14 @@ impl Reader {
     }
 
     fn parameters(&mut self, line: &mut Line<'_, '_>) -> Outcome<Vec<PbrtParameter>> {
-        parameters(line.tokens, line.at.file, self.values_left.get_or_insert(MAX_VALUES))
+        let mut replaced = Vec::new();
+        let budget = self.values_left.get_or_insert(MAX_VALUES);
+        let list = parameters(line.tokens, line.at.file, budget, &mut replaced)?;
+        for former in replaced {
+            let text = format!("parameter \"{}\" is given twice: the last one counts", excerpt(&former.name));
+            self.remark(former.at, text, false);
+        }
+        Ok(list)
     }
 
     /// Adds what `Attribute` gives, and finds the textures that are named.

@@ -25,18 +25,25 @@ pub(super) struct Tokens<'a> {
     line: u32,
     line_start: usize,
     peeked: Option<(Token<'a>, [u32; 2])>,
+    /// The first number with a comma behind it.
+    comma: Option<[u32; 2]>,
 }
 
 impl<'a> Tokens<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
         let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
-        Self { bytes, at: 0, line: 1, line_start: 0, peeked: None }
+        Self { bytes, at: 0, line: 1, line_start: 0, peeked: None, comma: None }
     }
 
     /// Line and column of the next byte.
     pub(super) fn here(&self) -> [u32; 2] {
         let column = self.at.saturating_sub(self.line_start) + 1;
         [self.line, u32::try_from(column).unwrap_or(u32::MAX)]
+    }
+
+    /// The place of the first number with a comma behind it, which was passed over.
+    pub(super) fn comma(&self) -> Option<[u32; 2]> {
+        self.comma
     }
 
     /// The next word without taking it.
@@ -75,7 +82,14 @@ impl<'a> Tokens<'a> {
                     |byte: &u8| byte.is_ascii_whitespace() || matches!(byte, b'[' | b']' | b'"' | b'#');
                 let length = rest.iter().position(ends).unwrap_or(rest.len());
                 self.at += length;
-                Token::Word(&rest[..length])
+                match &rest[..length] {
+                    // As version 3 reads numbers, up to what is none.
+                    [number @ .., b','] if matches!(first, b'0'..=b'9' | b'+' | b'-' | b'.') => {
+                        self.comma.get_or_insert(place);
+                        Token::Word(number)
+                    }
+                    word => Token::Word(word),
+                }
             }
         };
         Ok(Some((token, place)))

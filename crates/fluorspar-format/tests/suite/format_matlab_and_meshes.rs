@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 
 use fluorspar::geometry::TriangleMesh;
 use fluorspar_format::{
-    FormatError, SpectrumOptions, read_iset_fluorophore, read_obj, read_ply, read_spectra, write_ply,
+    FormatError, LeftOutFaces, SpectrumOptions, read_iset_fluorophore, read_obj, read_ply,
+    read_ply_leniently, read_spectra, read_stl, write_ply,
 };
 use glam::{Vec2, Vec3};
 
@@ -140,6 +141,67 @@ fn text_ply_in_millimeters_becomes_meters() {
     assert!(mesh.normals.is_empty());
 }
 
+/// As C prints and reads them, in all formats of text.
+#[test]
+fn numbers_without_digits_on_one_side_of_the_point_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n-.5 .25e1 0\n1. -1. +2.e-1\n.75 1 0.\n3 0 1 2\n";
+    fs::write(path("m.ply"), ply).unwrap();
+    fs::write(path("m.obj"), "v -.5 .25e1 0\nv 1. -1. +2.e-1\nv .75 1 0.\nf 1 2 3\n").unwrap();
+    let stl = "solid s\nfacet normal 0 0 1\nouter loop\nvertex -.5 .25e1 0\nvertex 1. -1. +2.e-1\nvertex .75 1 0.\n\
+        endloop\nendfacet\nendsolid s\n";
+    fs::write(path("m.stl"), stl).unwrap();
+    let expected = [Vec3::new(-0.5, 2.5, 0.0), Vec3::new(1.0, -1.0, 0.2), Vec3::new(0.75, 1.0, 0.0)];
+    let meshes =
+        [read_ply(&path("m.ply"), 1.0), read_obj(&path("m.obj"), 1.0), read_stl(&path("m.stl"), 1.0)];
+    for mesh in meshes {
+        assert_eq!(mesh.unwrap().positions, expected);
+    }
+    let dots = ply.replace("1. -1.", "1. .");
+    let said = complaint("m.ply", dots.as_bytes(), |path| read_ply(path, 1.0));
+    assert!(said.starts_with("m.ply:11: not a valid PLY file"), "{said}");
+}
+
+/// A square of side 2 without the triangle (1, 1), (0.9, -0.9), (-1, 1) of area 1.9, which a fan would cover.
+#[test]
+fn concave_polygons_are_covered_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let (ply, obj) = (folder.path().join("m.ply"), folder.path().join("m.obj"));
+    let corners = "-1 -1 0\n1 -1 0\n1 1 0\n0.9 -0.9 0\n-1 1 0\n";
+    let head = "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nelement vertex 5\n\
+        property float x\nproperty float y\nproperty float z\nend_header\n5 0 1 2 3 4\n";
+    fs::write(&ply, format!("{head}{corners}")).unwrap();
+    let vertices: String = corners.lines().map(|line| format!("v {line}\n")).collect();
+    fs::write(&obj, format!("{vertices}f 1 2 3 4 5\nf 1 2 5\nl 1 2\np 3\n")).unwrap();
+    let mesh = read_ply(&ply, 1.0).unwrap();
+    assert!((mesh.area_m2() - 2.1).abs() < 1e-6, "{mesh:?}");
+    let mesh = read_obj(&obj, 1.0).unwrap();
+    assert!((mesh.area_m2() - 4.1).abs() < 1e-6, "{mesh:?}");
+}
+
+#[test]
+fn faces_without_area_can_be_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.ply");
+    let faces =
+        ASCII_PLY.replace("element face 2", "element face 4").replace("3 0 1 4\n", "0\n3 0 1 4\n2 0 1\n");
+    fs::write(&path, &faces).unwrap();
+    let read = read_ply_leniently(&path).unwrap();
+    assert_eq!(read.mesh.triangles, [[0, 1, 2], [0, 2, 3], [0, 1, 4]]);
+    assert_eq!(read.left_out, Some(LeftOutFaces { count: 2, first: 1, corners: 0 }));
+    let said = complaint("m.ply", faces.as_bytes(), |path| read_ply(path, 1.0));
+    assert!(said.starts_with("m.ply: face 1 has 0 corners. Faces need three or more"), "{said}");
+    fs::write(
+        &path,
+        ASCII_PLY.replace("element face 2", "element face 0").replace("4 0 1 2 3\n3 0 1 4\n", ""),
+    )
+    .unwrap();
+    let read = read_ply_leniently(&path).unwrap();
+    assert!(read.mesh.triangles.is_empty() && read.left_out.is_none() && read_ply(&path, 1.0).is_err());
+}
+
 #[test]
 fn binary_ply_is_read_in_both_byte_orders() {
     let folder = tempfile::tempdir().unwrap();
@@ -221,7 +283,7 @@ fn bad_ply_files_are_explained() {
     for (content, expected) in cases {
         assert_eq!(complaint("m.ply", content.as_bytes(), |path| read_ply(path, 0.001)), expected);
     }
-    let truncated = &ASCII_PLY.as_bytes()[..ASCII_PLY.len() - 20];
+    let truncated = &ASCII_PLY.as_bytes()[..ASCII_PLY.len() - 22];
     let said = complaint("m.ply", truncated, |path| read_ply(path, 1.0));
     assert!(said.starts_with("m.ply:18: not a valid PLY file: "), "{said}");
     assert_eq!(

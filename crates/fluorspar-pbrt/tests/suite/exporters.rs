@@ -2,7 +2,7 @@
 
 use fluorspar::material::Scattering;
 use fluorspar::scene::Shape;
-use fluorspar_pbrt::PbrtOptions;
+use fluorspar_pbrt::{PbrtOptions, check_light};
 
 use super::support::{has_read, load_files, load_text, remarks, rendered};
 
@@ -562,4 +562,58 @@ Translate 0 0 4 NamedMaterial "a" Shape "sphere" NamedMaterial "b" Translate 3 0
         at(450.0)
     );
     assert!(study.study.scene.check().is_ok());
+}
+
+/// Parts of scenes, of which others are lit: all is there but light.
+#[test]
+fn a_scene_without_lights_is_read_and_says_so() {
+    let study = load_text("WorldBegin\nMaterial \"matte\"\nShape \"sphere\"\nShape \"disk\"");
+    assert_eq!((study.study.scene.objects.len(), study.study.scene.lights.len()), (2, 0));
+    let text = "the scene has no lights; add a LightSource, or an AreaLightSource before a Shape";
+    assert_eq!(remarks(&study), [text]);
+    assert!(study.messages[0].contains("s.pbrt:3:1: "), "{:?}", study.messages);
+    assert_eq!(check_light(&study.study.scene), Err(text));
+    let lit = load_text("AreaLightSource \"diffuse\"\nShape \"sphere\"");
+    assert!(check_light(&lit.study.scene).is_ok() && remarks(&lit).is_empty());
+}
+
+#[test]
+fn meshes_without_triangles_and_faces_without_corners_are_left_out() {
+    let ply = PLY.replace("element face 1", "element face 2").replace("4 0 1 2 3", "0\n4 0 1 2 3");
+    let empty = PLY.replace("element face 1", "element face 0").replace("4 0 1 2 3\n", "");
+    let main = br#"LightSource "infinite"
+Shape "trianglemesh" "point P" [] "integer indices" []
+Shape "plymesh" "string filename" "empty.ply"
+Shape "plymesh" "string filename" "m.ply"
+"#;
+    let files: [(&str, &[u8]); 3] =
+        [("s.pbrt", main), ("m.ply", ply.as_bytes()), ("empty.ply", empty.as_bytes())];
+    let study = load_files(&files, &PbrtOptions::default()).unwrap();
+    let [object] = &study.study.scene.objects[..] else { panic!() };
+    let Shape::Mesh(mesh) = &object.shape else { panic!() };
+    assert_eq!(mesh.triangles.len(), 2);
+    let none = "the mesh has no triangles and is left out";
+    assert_eq!(remarks(&study), [none, none, "face 0 has 0 corners and is left out"]);
+}
+
+/// Silicon, diamond: Fresnel's equations hold for all. At normal incidence ((3.5 - 1) / (3.5 + 1))² = 0.3086 comes back.
+#[test]
+fn bodies_of_high_index_are_read() {
+    let text = "LookAt 0 0 3  0 0 0  0 1 0\nCamera \"perspective\" \"float fov\" 0.1\nIntegrator \"path\" \"integer maxdepth\" 1\n\
+        Film \"image\" \"integer xresolution\" 1 \"integer yresolution\" 1\nWorldBegin\nLightSource \"infinite\" \"rgb L\" [1 1 1]\n\
+        Material \"glass\" \"float eta\" 3.5 \"rgb Kt\" [0 0 0]\nShape \"sphere\"";
+    let image = rendered(&load_text(text), 4096, 40);
+    // A binomial share of 4096 samples: standard error 0.0072.
+    assert!((image.mean[40] - 0.3086).abs() < 0.03, "{}", image.mean[40]);
+}
+
+#[test]
+fn a_mixture_takes_what_is_not_defined_as_matte_in_version_3() {
+    let mix = "LightSource \"infinite\" MakeNamedMaterial \"a\" \"string type\" \"matte\"\n\
+        Material \"mix\" \"string namedmaterial1\" \"a\" \"string namedmaterial2\" \"b\"\nShape \"sphere\"";
+    let said = "\"b\" is taken as matte, as in pbrt-v3: no MakeNamedMaterial defines it";
+    assert_eq!(remarks(&load_text(mix)), [said]);
+    let version_4 = format!("ColorSpace \"srgb\" {mix}");
+    let error = load_files(&[("s.pbrt", version_4.as_bytes())], &PbrtOptions::default()).unwrap_err();
+    assert!(error.message.contains("no MakeNamedMaterial defines \"b\""), "{error}");
 }

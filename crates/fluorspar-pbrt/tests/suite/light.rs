@@ -47,6 +47,16 @@ fn one_sided_light_leaves_the_front_only() {
     // Given normals decide instead.
     let normals = "\"normal N\" [0 0 -1 0 0 -1 0 0 -1 0 0 -1]";
     assert_eq!(brightest(&square("", &format!("{light}{QUAD}{normals}"))), Some(3));
+    assert_eq!(brightest(&square("", &format!("{light}ReverseOrientation {QUAD}{normals}"))), None);
+    let away = "\"normal N\" [0 0 1 0 0 1 0 0 1 0 0 1]";
+    for version in ["", "ColorSpace \"srgb\" "] {
+        assert_eq!(brightest(&square(version, &format!("{light}{QUAD}{away}"))), None);
+        assert_eq!(
+            brightest(&square(version, &format!("{light}ReverseOrientation {QUAD}{away}"))),
+            Some(3),
+            "{version}"
+        );
+    }
     // Discs face +z, spheres outward.
     let disk = "Translate 3 3 4 Shape \"disk\" \"float radius\" 1";
     assert_eq!(brightest(&square("", &format!("{light}{disk}"))), None);
@@ -175,4 +185,16 @@ fn lights_without_counterpart_are_named() {
         found.contains(&"LightSource \"point\": \"foo\" has no counterpart and is left out"),
         "{found:?}"
     );
+}
+
+/// The lobe is wider than such a cone, but as bright on its axis: E = I / r² = 100 / 25.
+#[test]
+fn narrow_spots_are_as_bright_on_their_axis() {
+    let light = "LightSource \"spot\" \"rgb I\" [100 100 100] \"point from\" [0 0 5] \"point to\" [0 0 0] \
+                 \"float coneangle\" 2 \"float conedeltaangle\" 1";
+    let found = plane(light, &PbrtOptions::default(), HALF)[40];
+    assert!((found / (0.5 / PI * 4.0) - 1.0).abs() < 1e-3, "{found}");
+    let study = load_text(&format!("{light}\nShape \"sphere\""));
+    let said = "\"spot\": its intensity is cos^1000.0, the narrowest here: one half at 2.1 degrees, wider than the cone";
+    assert_eq!(remarks(&study), [said]);
 }

@@ -22,7 +22,6 @@ fn what_can_not_be_is_refused_at_its_place() {
         ),
         ("Camera \"realistic\"", "1:1: this camera needs a lens"),
         ("Film \"image\" \"integer xresolution\" 1000000000", "1:1: an image of 1000000000 x 720 pixels"),
-        ("Shape \"sphere\"", "the scene has no lights; add a LightSource"),
         (light, "the scene has no objects; add a Shape"),
         ("Shape \"sphere\" \"float radius\" -1", "1:1: a radius of -1"),
         ("Scale 1 1 0 Shape \"sphere\"", "1:13: the transform of this shape flattens it"),

@@ -15,6 +15,9 @@ use super::texture::ScalarTexture;
 use crate::sampling::warp;
 use crate::spectral::{Curve, WavelengthGrid};
 
+/// Largest index of a dielectric body: no solid that visible light or the near infrared passes has as much.
+pub const MAX_DIELECTRIC_INDEX: f32 = 10.0;
+
 /// The surface of a dielectric body, smooth or rough. The side of the geometric normal is air.
 ///
 /// Reflection and refraction by Fresnel's equations; GGX microfacets when rough (Walter et al. 2007). Radiance is
@@ -23,7 +26,7 @@ use crate::spectral::{Curve, WavelengthGrid};
 /// The refractive index is the same for all wavelengths: directions must not depend on the wavelength.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dielectric {
-    /// Index of the body against that of the surroundings, above 1 to 3.
+    /// Index of the body against that of the surroundings, above 1 to [`MAX_DIELECTRIC_INDEX`].
     pub refractive_index: f32,
     /// GGX roughness alpha, 0 to 1; below [`super::MIN_ROUGHNESS`] the surface is smooth.
     pub roughness: ScalarTexture,
@@ -37,8 +40,8 @@ impl Dielectric {
     /// Checks index, transmittance and roughness.
     pub(super) fn check(&self) -> Result<(), MaterialError> {
         let value = self.refractive_index;
-        if !(value > 1.0 && value <= 3.0) {
-            let range = "above 1 and at most 3";
+        if !(value > 1.0 && value <= MAX_DIELECTRIC_INDEX) {
+            let range = "above 1 and at most 10";
             return Err(MaterialError::RefractiveIndex { layer: "dielectric", value, range });
         }
         if let Some(value) = self.transmittance.values().iter().find(|v| !(0.0..=1.0).contains(*v)) {
@@ -433,7 +436,17 @@ mod tests {
     /// them from every direction, smooth or rough.
     #[test]
     fn surfaces_lose_no_light() {
-        for (index, roughness) in [(1.5, 0.0), (1.5, 0.02), (1.5, 0.1), (1.5, 0.3), (1.33, 0.6), (1.8, 1.0)] {
+        for (index, roughness) in [
+            (1.5, 0.0),
+            (1.5, 0.02),
+            (1.5, 0.1),
+            (1.5, 0.3),
+            (1.33, 0.6),
+            (1.8, 1.0),
+            (3.5, 0.0),
+            (10.0, 0.0),
+            (3.5, 0.3),
+        ] {
             for front in [false, true] {
                 let eta = f64::from(if front { index } else { 1.0 / index });
                 for cos in [0.05, 0.2, 0.4, 0.6, 0.7, 0.745, 0.8, 0.95, 1.0] {

@@ -1,6 +1,6 @@
 //! Diffuse reflection.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::bsdf::{BsdfSample, BsdfValue, SpectralTerm, cosine_lobe};
 use super::state_grid::StateGrid;
@@ -44,6 +44,14 @@ impl Lambertian {
     pub fn of_states(reflectances: Vec<Curve>, states: StateGrid) -> Self {
         let term = |spectrum| ReflectanceTerm { spectrum, weight: ScalarTexture::Constant(1.0) };
         Self { reflectance: reflectances.into_iter().map(term).collect(), states: Some(states) }
+    }
+
+    /// Weights of the terms at a point, in their order.
+    pub fn weights_at(&self, uv: Vec2) -> Vec<f32> {
+        match &self.states {
+            None => self.reflectance.iter().map(|term| term.weight.at(uv)).collect(),
+            Some(states) => states.weights_at(uv),
+        }
     }
 
     /// Sum of a value over the terms where their weights are largest: of the states of a tissue, whose weights add up to

@@ -42,7 +42,7 @@ pub(crate) use bsdf::{BsdfSample, BsdfValue};
 pub use check::PhotonExcess;
 pub use coated::{Coat, CoatAlbedo, Coated};
 pub use conductor::{Conductor, ConductorReflectance};
-pub use dielectric::{Dielectric, DielectricAlbedo};
+pub use dielectric::{Dielectric, DielectricAlbedo, MAX_DIELECTRIC_INDEX};
 pub use lambertian::{Lambertian, ReflectanceTerm};
 pub use material_error::MaterialError;
 pub use microfacet::{AlbedoTable, MIN_ROUGHNESS};

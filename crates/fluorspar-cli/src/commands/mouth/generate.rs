@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use clap::ValueHint;
 use fluorspar::spectral::{Reflectance, StandardObserver, linear_srgb};
+use fluorspar::tissue::diffuse_reflectance;
 use fluorspar_anatomy::{Mouth, MouthParameters};
 use fluorspar_experiment::kept_mouth;
 use fluorspar_format::{
@@ -29,7 +30,7 @@ pub(crate) struct Options {
     pose: Option<String>,
     /// File or folder for the meshes: .glb, .obj, .pbrt, or a folder for one .ply file for each part. May be repeated.
     ///
-    /// Lengths are meters, in .obj files millimeters. Without it, only the dimensions are printed.
+    /// Lengths are meters. Without it, only the dimensions are printed.
     #[arg(long, value_name = "PATH", value_hint = ValueHint::AnyPath)]
     out: Vec<PathBuf>,
     /// Print the answer as JSON.
@@ -152,7 +153,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
 /// Color of a tissue that the default experiment does not have.
 const GRAY: [f64; 3] = [0.5; 3];
 
-/// Mean color of every tissue of the default experiment under even light, linear sRGB.
+/// Mean color of every tissue of the default experiment under even light, without gloss: linear sRGB.
 fn tissue_colors() -> Result<BTreeMap<String, [f64; 3]>, CliError> {
     let source = ExperimentSource::find(None)?;
     let scene = source.resolve(&[])?.study.scene;
@@ -165,16 +166,26 @@ fn tissue_colors() -> Result<BTreeMap<String, [f64; 3]>, CliError> {
         .collect();
     let mut colors = BTreeMap::new();
     for material in &scene.materials {
+        let Some(diffuse) = material.diffuse() else { continue };
+        // A coat lets in what it does not reflect; the reflectance below it is that of the light let in.
+        let passed =
+            material.coat().map_or(1.0, |coat| 1.0 - diffuse_reflectance(1.0, coat.refractive_index.into()));
+        let mut weights = vec![0.0_f64; diffuse.reflectance.len()];
+        for uv in &grid {
+            let at_point = diffuse.weights_at((*uv).into());
+            weights.iter_mut().zip(at_point).for_each(|(sum, weight)| *sum += f64::from(weight));
+        }
         let mut reflectance = vec![0.0_f32; scene.grid.len()];
-        for term in material.diffuse().map_or(&[][..], |diffuse| &diffuse.reflectance) {
-            let weight = grid.iter().map(|uv| term.weight.at((*uv).into())).sum::<f32>() / grid.len() as f32;
+        for (term, weight) in diffuse.reflectance.iter().zip(&weights) {
+            let share = passed * weight / grid.len() as f64;
             let values = term.spectrum.on_grid::<Reflectance>(&scene.grid);
             reflectance
                 .iter_mut()
                 .zip(values.values())
-                .for_each(|(sum, value)| *sum += weight * *value as f32);
+                .for_each(|(sum, value)| *sum += (share * *value) as f32);
         }
         let color = srgb(&reflectance);
+        // Saturated colors may lie a little outside of sRGB.
         colors.insert(material.name.clone(), std::array::from_fn(|c| (color[c] / white[c]).clamp(0.0, 1.0)));
     }
     Ok(colors)
