@@ -170,13 +170,8 @@ const HEADER_WITHIN: usize = 4;
 /// hold numbers.
 pub(super) fn find_table(text: &str) -> Option<TextTable> {
     let lines = text.lines().enumerate().map(|(index, line)| (index as u64 + 1, line.trim()));
-    let (mut held, mut all): (Vec<(u64, &str)>, Vec<(u64, &str)>) = (Vec::new(), Vec::new());
-    for (number, line) in lines.filter(|(_, line)| !line.is_empty()) {
-        all.push((number, line));
-        if !line.starts_with('#') {
-            held.push((number, line));
-        }
-    }
+    let all: Vec<(u64, &str)> = lines.filter(|(_, line)| !line.is_empty()).collect();
+    let held: Vec<(u64, &str)> = all.iter().copied().filter(|(_, line)| !line.starts_with('#')).collect();
     let (form, cells, run) = FORMS
         .into_iter()
         .map(|form| {
