@@ -6,7 +6,7 @@ use fluorspar::spectral::Curve;
 use fluorspar_experiment::preset;
 use fluorspar_experiment::schema::{NameOrTable, SpectrumReference};
 use fluorspar_format::{
-    MeasuredSpectra, Negative, Quantity, SpectrumColumns, SpectrumOptions, read_spectra, read_toml,
+    MeasuredSpectra, Negative, SpectrumColumns, SpectrumOptions, SpectrumQuantity, read_spectra, read_toml,
 };
 use serde::Deserialize;
 
@@ -82,7 +82,7 @@ pub(crate) fn absolute_table(name: &str) -> Option<String> {
 pub(crate) fn of_file(
     name: &str,
     columns: SpectrumColumns,
-    quantity: Quantity,
+    quantity: SpectrumQuantity,
     negative: Negative,
 ) -> Result<MeasuredSpectra, CliError> {
     let Table { path, options, scale } = match is_table(name) {
@@ -94,7 +94,7 @@ pub(crate) fn of_file(
     };
     // Who gives a factor speaks of the values as they are stored
     let is_stored = scale != 1.0 && options.unit.is_none();
-    let quantity = if is_stored { Quantity::Stored } else { quantity };
+    let quantity = if is_stored { SpectrumQuantity::Stored } else { quantity };
     let mut spectra = read_spectra(&path, &SpectrumOptions { quantity, negative, ..options })?;
     if scale != 1.0 {
         for column in &mut spectra.curves {
@@ -108,7 +108,11 @@ pub(crate) fn of_file(
 }
 
 /// One spectrum of a file: the only column, that which an instrument computed, or the first.
-pub(crate) fn one_column(name: &str, quantity: Quantity, negative: Negative) -> Result<Curve, CliError> {
+pub(crate) fn one_column(
+    name: &str,
+    quantity: SpectrumQuantity,
+    negative: Negative,
+) -> Result<Curve, CliError> {
     let column = of_file(name, SpectrumColumns::One, quantity, negative)?.curves.into_iter().next();
     column.map(|column| column.curve).ok_or_else(|| CliError::Input(format!("{name}: there is no spectrum")))
 }
@@ -118,7 +122,7 @@ pub(crate) fn light(name: &str) -> Result<Curve, CliError> {
     if !is_file(name) {
         return Ok(preset::light_spectrum(name)?.curve());
     }
-    let curve = one_column(name, Quantity::SpectralPower, Negative::Refuse)?;
+    let curve = one_column(name, SpectrumQuantity::SpectralPower, Negative::Refuse)?;
     if curve.total() > 0.0 {
         return Ok(curve);
     }
@@ -129,7 +133,7 @@ pub(crate) fn light(name: &str) -> Result<Curve, CliError> {
 pub(crate) fn filters(names: &[String]) -> Result<Curve, CliError> {
     names.iter().try_fold(Curve::constant(1.0), |product, name| {
         let curve = if is_file(name) {
-            one_column(name, Quantity::Fraction, Negative::Refuse)?
+            one_column(name, SpectrumQuantity::Fraction, Negative::Refuse)?
         } else {
             preset::filter(name)?.curve()
         };

@@ -292,6 +292,7 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
     }
 
     let camera = camera(context, file, &grid)?;
+    context.check_filter_data([&irradiance], &grid)?;
     let exposure = exposure(context, file)?;
     let (resolved_toml, sha256) = write_out(context, file)?;
     let used = material.fluorophores.iter().map(|(fluorophore, _)| fluorophore);

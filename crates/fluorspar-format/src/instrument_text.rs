@@ -245,9 +245,13 @@ fn extended(
 ) -> std::ops::Range<usize> {
     let belongs =
         |line: &Vec<&str>| form.mark.is_some() && line.len() == width && form.number(line[0]).is_some();
-    let start = cells[..run.start].iter().position(|line| belongs(line) && form.is_row(line));
+    let is_row = |line: &Vec<&str>| belongs(line) && form.is_row(line);
+    let mut start = cells[..run.start].iter().position(is_row).unwrap_or(run.start);
+    while start > 0 && belongs(&cells[start - 1]) {
+        start -= 1;
+    }
     let end = cells[run.end..].iter().rposition(belongs);
-    start.unwrap_or(run.start)..end.map_or(run.end, |place| run.end + place + 1)
+    start..end.map_or(run.end, |place| run.end + place + 1)
 }
 
 /// The header above the rows: its line, its cells, and how many lines it takes.
@@ -255,9 +259,17 @@ fn header(form: Form, above: &[(u64, &str)], width: usize) -> Option<(u64, Vec<S
     let cells_of = |line: &str| -> Option<Vec<String>> {
         let line = line.trim_start_matches(['#', '%']).trim();
         let of_other_marks = FORMS.into_iter().filter(|other| !other.has_decimal_commas);
-        let as_wide =
-            |cells: &Vec<&str>| cells.len() == width && cells.iter().any(|cell| form.number(cell).is_none());
-        let found = std::iter::once(form).chain(of_other_marks).map(|way| way.cells(line)).find(as_wide);
+        let as_wide = |cells: &Vec<&str>| {
+            let mut numbers = cells.iter().filter(|cell| form.number(cell).is_some());
+            let is_named =
+                names_wavelengths(cells[0]) || (numbers.next().is_none() && !cells[0].ends_with(':'));
+            cells.len() == width && is_named
+        };
+        let found = std::iter::once(form)
+            .chain(of_other_marks)
+            .map(|way| way.cells(line))
+            .filter(|cells| !cells.is_empty())
+            .find(as_wide);
         // The last columns may have no name, or the last names no column
         let other = || {
             let mut cells = form.cells(line);

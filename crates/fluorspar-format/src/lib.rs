@@ -130,4 +130,4 @@ pub use spooled_image::SpooledImage;
 pub use stl::read_stl;
 pub use texture::read_texture;
 pub use toml_text::{TomlError, read_toml, read_toml_document, read_toml_places};
-pub use value_unit::{Quantity, ValueUnit};
+pub use value_unit::{SpectrumQuantity, ValueUnit};

@@ -2,6 +2,7 @@
 
 use fluorspar::quote::excerpt;
 use fluorspar::spectral::Curve;
+use fluorspar::units::counted;
 use std::path::Path;
 
 use super::FormatError;
@@ -12,7 +13,7 @@ use super::instrument_text::{TextTable, find_table, instrument_text, names_wavel
 use super::jcamp::jcamp_table;
 use super::mat::read_mat_spectra;
 use super::tm27::tm27_table;
-use super::value_unit::{Conversion, Quantity, StatedUnit, ValueUnit, stated_unit};
+use super::value_unit::{Conversion, SpectrumQuantity, StatedUnit, ValueUnit, stated_unit};
 
 /// Which columns of values to read.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -32,7 +33,7 @@ pub struct SpectrumOptions {
     /// Which columns.
     pub columns: SpectrumColumns,
     /// What the values are converted to.
-    pub quantity: Quantity,
+    pub quantity: SpectrumQuantity,
     /// Unit of the values, whatever the file says of it.
     pub unit: Option<ValueUnit>,
     /// Treatment of negative values. Where they are refused, those of a converted quantity that are noise about 0 become 0.
@@ -65,6 +66,8 @@ pub struct MeasuredSpectra {
 const NOISE: f64 = 0.02;
 /// Largest fraction that is 1 with noise.
 const LARGEST_FRACTION: f64 = 1.05;
+/// Largest quantum efficiency: below 300 nm a photon may free two electrons.
+const LARGEST_EFFICIENCY: f64 = 2.0;
 /// Largest transmittance or reflectance in percent, with noise.
 const LARGEST_PERCENT: f64 = 110.0;
 /// Values of a wavelength, nm, where no header says that it is one.
@@ -429,7 +432,7 @@ impl SpectrumReader<'_> {
 
     /// The unit of a column: as given, as its header says, or a line above the table that speaks of units.
     fn unit(&self, column: usize) -> Result<Option<ValueUnit>, FormatError> {
-        if self.options.quantity == Quantity::Stored {
+        if self.options.quantity == SpectrumQuantity::Stored {
             return Ok(None);
         }
         if self.options.unit.is_some() {
@@ -468,7 +471,7 @@ impl SpectrumReader<'_> {
         check_axis(self.path, "the", &nm, |index| Some(samples[index].row.line))?;
         let name = self.headers()[column.values].clone();
         let mut unit = self.unit(column.values)?;
-        if self.options.quantity == Quantity::Fraction
+        if self.options.quantity == SpectrumQuantity::Fraction
             && unit.is_none()
             && self.must_be_percent(&samples, &name)
         {
@@ -478,7 +481,11 @@ impl SpectrumReader<'_> {
             let is_loss = samples.iter().map(|sample| sample.value).sum::<f64>() > 0.0;
             Conversion::new(unit, self.options.quantity, is_loss).map_err(|what| {
                 let what = format!("column {}: {what}", self.table.column_name(column.values));
-                FormatError::unit(self.path, what, unit_hint(self.path))
+                let hint = format!(
+                    "Choose a file or column that holds one; if the header is wrong, say the unit. {}",
+                    unit_hint(self.path)
+                );
+                FormatError::unit(self.path, what, hint)
             })
         });
         let convert = convert.transpose()?;
@@ -534,7 +541,7 @@ impl SpectrumReader<'_> {
                 Some(value) => samples.push(Sample { row, nm: axes.scale_to_nm.in_nm(nm), value, error }),
                 None if self.options.skip_empty_cells => {}
                 // A spectrometer computes no value where it has no light: at the ends
-                None if self.options.quantity != Quantity::Stored
+                None if self.options.quantity != SpectrumQuantity::Stored
                     && (samples.is_empty() || row.line > last_filled) => {}
                 None => {
                     return Err(FormatError::at_line(
@@ -566,10 +573,8 @@ impl SpectrumReader<'_> {
         let largest = samples.iter().map(|sample| sample.value).fold(0.0, f64::max);
         let lower = name.to_lowercase();
         let mut words = lower.split(|c: char| !c.is_alphanumeric());
-        let is_named = words.any(|word| {
-            ["transmi", "reflect", "remission"].iter().any(|start| word.starts_with(start))
-                || matches!(word, "t" | "r")
-        });
+        let is_named =
+            words.any(|word| ["transmi", "reflect", "remission"].iter().any(|start| word.starts_with(start)));
         is_named && largest > 1.5 && largest <= LARGEST_PERCENT
     }
 
@@ -584,35 +589,37 @@ impl SpectrumReader<'_> {
         let largest = values.iter().copied().fold(0.0, f64::max);
         let sum_of = |sign: f64| values.iter().map(|value| (sign * value).max(0.0)).sum::<f64>();
         let is_noisy = sum_of(-1.0) <= NOISE * sum_of(1.0);
+        let refuses = self.options.negative == Negative::Refuse;
         let (mut below, mut above) = ((0, 0.0_f64), (0, 1.0_f64));
         for (sample, value) in samples.iter().zip(values) {
-            let is_noise =
-                quantity != Quantity::Stored && *value < 0.0 && (is_noisy || *value >= -NOISE * largest);
-            if is_noise && self.options.negative == Negative::Refuse {
+            let is_noise = quantity != SpectrumQuantity::Stored
+                && *value < 0.0
+                && (is_noisy || *value >= -NOISE * largest);
+            if is_noise && refuses {
                 below = (below.0 + 1, below.1.min(*value));
                 *value = 0.0;
-            } else if quantity == Quantity::Fraction
-                && *value > 1.0
-                && self.options.negative == Negative::Refuse
-            {
-                if *value > LARGEST_FRACTION {
-                    return Err(FormatError::unit(
-                        self.path,
-                        format!(
-                            "line {}: column {} holds {value}, which is more than all light",
-                            sample.row.line,
-                            self.table.column_name(column),
-                        ),
-                        unit_hint(self.path),
-                    ));
+            }
+            let too_large = match quantity {
+                SpectrumQuantity::Fraction if *value > LARGEST_FRACTION => Some("more than 1"),
+                SpectrumQuantity::QuantumEfficiency if *value > LARGEST_EFFICIENCY => {
+                    Some("more electrons than a photon frees")
                 }
+                _ => None,
+            };
+            if let Some(what) = too_large {
+                let column = self.table.column_name(column);
+                let what = format!("column {column} holds {value}, {what}");
+                return Err(FormatError::at_line(self.path, sample.row.line, what, unit_hint(self.path)));
+            }
+            if quantity == SpectrumQuantity::Fraction && *value > 1.0 && refuses {
                 above = (above.0 + 1, above.1.max(*value));
                 *value = 1.0;
             }
             *value = self.table.checked_sign(self.path, sample.row, column, *value, self.options.negative)?;
         }
         let of = |(count, extreme): (usize, f64), what: &str| {
-            (count > 0).then(|| format!("{count} values {what}, as far as {extreme:.2e}"))
+            (count > 0)
+                .then(|| format!("{} {what}, as far as {extreme:.2e}", counted(count, "value", "values")))
         };
         self.say(of(below, "below 0 taken as 0"));
         self.say(of(above, "above 1 taken as 1"));
@@ -631,7 +638,7 @@ struct Sample {
 fn unit_hint(path: &Path) -> String {
     let names = ValueUnit::ALL.map(ValueUnit::name);
     format!(
-        "Give the file as '{{ csv = \"{}\", unit = \"percent\" }}'; units are {}",
+        "Give the file as {{ csv = \"{}\", unit = \"percent\" }}, between apostrophes on a command line; units are {}",
         path.display(),
         names.join(", ")
     )

@@ -5,7 +5,7 @@ const NM_OF_ONE_EV: f64 = 1_239.841_984;
 
 /// What spectra are read for: their values are converted to it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Quantity {
+pub enum SpectrumQuantity {
     /// Whatever the file holds, as stored.
     #[default]
     Stored,
@@ -67,7 +67,7 @@ impl ValueUnit {
     }
 
     /// What is done with values in it, for the line that says how a file was read; `None` where nothing is.
-    fn in_words(self, quantity: Quantity) -> Option<&'static str> {
+    fn in_words(self, quantity: SpectrumQuantity) -> Option<&'static str> {
         Some(match self {
             Self::Fraction => return None,
             Self::Energy => "energy",
@@ -75,9 +75,11 @@ impl ValueUnit {
             Self::OpticalDensity => "optical density",
             Self::Decibel => "decibels",
             Self::AmperesPerWatt => "amperes per watt",
-            Self::Photons if quantity == Quantity::SpectralPower => "photons, weighted with 1 / wavelength",
+            Self::Photons if quantity == SpectrumQuantity::SpectralPower => {
+                "photons, weighted with 1 / wavelength"
+            }
             Self::Photons => "photons",
-            Self::Counts if quantity == Quantity::SpectralPower => {
+            Self::Counts if quantity == SpectrumQuantity::SpectralPower => {
                 "counts, taken for photons; the spectrometer's response is not divided out"
             }
             Self::Counts => "counts",
@@ -181,7 +183,7 @@ fn bracketed(text: &str) -> Option<&str> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Conversion {
     unit: ValueUnit,
-    quantity: Quantity,
+    quantity: SpectrumQuantity,
     /// Decibels of a loss, which count up.
     is_loss: bool,
 }
@@ -191,33 +193,35 @@ impl Conversion {
     ///
     /// # Errors
     /// Values that can't be it, in words.
-    pub(super) fn new(unit: ValueUnit, quantity: Quantity, is_loss: bool) -> Result<Self, String> {
+    pub(super) fn new(unit: ValueUnit, quantity: SpectrumQuantity, is_loss: bool) -> Result<Self, String> {
         let fits = match (quantity, unit) {
-            (Quantity::Stored, _) | (_, ValueUnit::Percent | ValueUnit::Fraction) => true,
-            (Quantity::Fraction, unit) => matches!(unit, ValueUnit::OpticalDensity | ValueUnit::Decibel),
-            (Quantity::SpectralPower, unit) => {
+            (SpectrumQuantity::Stored, _) | (_, ValueUnit::Percent | ValueUnit::Fraction) => true,
+            (SpectrumQuantity::Fraction, unit) => {
+                matches!(unit, ValueUnit::OpticalDensity | ValueUnit::Decibel)
+            }
+            (SpectrumQuantity::SpectralPower, unit) => {
                 matches!(unit, ValueUnit::Photons | ValueUnit::Counts | ValueUnit::Energy)
             }
-            (Quantity::QuantumEfficiency, unit) => unit == ValueUnit::AmperesPerWatt,
+            (SpectrumQuantity::QuantumEfficiency, unit) => unit == ValueUnit::AmperesPerWatt,
         };
         let wanted = match quantity {
-            Quantity::Stored => "any",
-            Quantity::Fraction => "a transmittance or reflectance",
-            Quantity::SpectralPower => "the spectrum of a light",
-            Quantity::QuantumEfficiency => "a quantum efficiency",
+            SpectrumQuantity::Stored => "any",
+            SpectrumQuantity::Fraction => "a transmittance or reflectance",
+            SpectrumQuantity::SpectralPower => "the spectrum of a light",
+            SpectrumQuantity::QuantumEfficiency => "a quantum efficiency",
         };
         match fits {
             true => Ok(Self { unit, quantity, is_loss }),
             false => Err(format!(
                 "its values are {}, not {wanted}",
-                unit.in_words(Quantity::Stored).unwrap_or("fractions")
+                unit.in_words(SpectrumQuantity::Stored).unwrap_or("fractions")
             )),
         }
     }
 
     /// A value at a wavelength, nm.
     pub(super) fn of(self, nm: f64, value: f64) -> f64 {
-        if self.quantity == Quantity::Stored {
+        if self.quantity == SpectrumQuantity::Stored {
             return value;
         }
         match self.unit {
@@ -234,7 +238,7 @@ impl Conversion {
     /// A standard error of a value at a wavelength, nm.
     pub(super) fn of_error(self, nm: f64, value: f64, error: f64) -> f64 {
         match self.unit {
-            _ if self.quantity == Quantity::Stored => error,
+            _ if self.quantity == SpectrumQuantity::Stored => error,
             ValueUnit::OpticalDensity => std::f64::consts::LN_10 * self.of(nm, value) * error,
             ValueUnit::Decibel => 0.1 * std::f64::consts::LN_10 * self.of(nm, value) * error,
             _ => self.of(nm, error),
@@ -244,7 +248,7 @@ impl Conversion {
     /// What is said of it; `None` where values stay as they are.
     pub(super) fn in_words(self) -> Option<&'static str> {
         match self.quantity {
-            Quantity::Stored => None,
+            SpectrumQuantity::Stored => None,
             _ => self.unit.in_words(self.quantity).filter(|_| self.unit != ValueUnit::Energy),
         }
     }
@@ -281,14 +285,14 @@ mod tests {
     #[test]
     fn conversions_follow_their_definitions() {
         let of = |unit, quantity, nm, value| Conversion::new(unit, quantity, false).unwrap().of(nm, value);
-        assert_eq!(of(ValueUnit::OpticalDensity, Quantity::Fraction, 500.0, 2.0), 0.01);
-        assert_eq!(of(ValueUnit::Decibel, Quantity::Fraction, 500.0, -20.0), 0.01);
+        assert_eq!(of(ValueUnit::OpticalDensity, SpectrumQuantity::Fraction, 500.0, 2.0), 0.01);
+        assert_eq!(of(ValueUnit::Decibel, SpectrumQuantity::Fraction, 500.0, -20.0), 0.01);
         // 0.27 A/W at 610 nm
-        let qe = of(ValueUnit::AmperesPerWatt, Quantity::QuantumEfficiency, 610.0, 0.27);
+        let qe = of(ValueUnit::AmperesPerWatt, SpectrumQuantity::QuantumEfficiency, 610.0, 0.27);
         assert!((qe - 0.548_8).abs() < 1e-4, "{qe}");
         // As many photons at 400 as at 800 nm have twice the energy
-        let energy = |nm| of(ValueUnit::Photons, Quantity::SpectralPower, nm, 1.0);
+        let energy = |nm| of(ValueUnit::Photons, SpectrumQuantity::SpectralPower, nm, 1.0);
         assert_eq!(energy(400.0) / energy(800.0), 2.0);
-        assert!(Conversion::new(ValueUnit::OpticalDensity, Quantity::SpectralPower, false).is_err());
+        assert!(Conversion::new(ValueUnit::OpticalDensity, SpectrumQuantity::SpectralPower, false).is_err());
     }
 }

@@ -209,6 +209,7 @@ impl<'a> SceneWriter<'a> {
             column: None,
             unit: None,
             scale: None,
+            outside: None,
         })
     }
 

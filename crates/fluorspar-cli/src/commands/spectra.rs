@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::{Subcommand, ValueHint};
 use fluorspar::spectral::Curve;
 use fluorspar_experiment::preset::{self, CurvePreset, PresetKind};
-use fluorspar_format::{Negative, Output, Outputs, Quantity, SpectrumColumns, write_atomically};
+use fluorspar_format::{Negative, Output, Outputs, SpectrumColumns, SpectrumQuantity, write_atomically};
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{PlotCurve, filters, lights, reflectances, sensor_response};
 use serde_json::{Value, json};
@@ -96,11 +96,11 @@ fn entry(name: &str, kind: PresetKind) -> Result<Entry, CliError> {
             PresetKind::Light => one(named_spectra::light(name)?),
             PresetKind::Filter => one(named_spectra::filters(std::slice::from_ref(&name.to_string()))?),
             PresetKind::QuantumEfficiency => {
-                let quantity = Quantity::QuantumEfficiency;
+                let quantity = SpectrumQuantity::QuantumEfficiency;
                 let of_file = named_spectra::of_file(name, SpectrumColumns::All, quantity, Negative::Refuse)?;
                 of_file.curves.into_iter().map(|column| (column.name, column.curve)).collect()
             }
-            _ => one(named_spectra::one_column(name, Quantity::Fraction, Negative::Refuse)?),
+            _ => one(named_spectra::one_column(name, SpectrumQuantity::Fraction, Negative::Refuse)?),
         };
         let title = named_spectra::label(name);
         return Ok(Entry { name: name.into(), title, about: None, curves });
@@ -141,34 +141,37 @@ fn entry(name: &str, kind: PresetKind) -> Result<Entry, CliError> {
     })
 }
 
-/// What a list and `show` tell of a curve: name, unit and value.
-fn numbers(curve: &Curve, kind: PresetKind) -> Vec<(&'static str, &'static str, f64)> {
+/// What a list and `show` tell of a curve: name, unit and value; none where the curve has no data.
+fn numbers(curve: &Curve, kind: PresetKind) -> Vec<(&'static str, &'static str, Option<f64>)> {
+    let (first, last) = curve.range_nm();
+    let at = |nm: f64| (first..=last).contains(&nm).then(|| curve.at(nm));
     let shown = curve.clipped(250.0, 1000.0);
     let highest = shown.max();
+    let density = |nm: f64| at(nm).map(|value| -value.max(1e-30).log10());
     let half = half_maxima_nm(&shown, highest);
-    let peak = ("peak_nm", "nm", shown.peak_nm());
+    let peak = ("peak_nm", "nm", Some(shown.peak_nm()));
     match kind {
         PresetKind::Light => {
             let moment = shown.times(&Curve::from_fn(250.0, 1000.0, |nm| nm)).total();
             vec![
                 peak,
-                ("full_width_nm", "nm", half[1] - half[0]),
-                ("centroid_nm", "nm", moment / shown.total()),
+                ("full_width_nm", "nm", Some(half[1] - half[0])),
+                ("centroid_nm", "nm", Some(moment / shown.total())),
             ]
         }
         PresetKind::Filter => vec![
-            ("highest", "", highest),
-            ("half_from_nm", "nm", half[0]),
-            ("half_to_nm", "nm", half[1]),
-            ("density_385_nm", "", -shown.at(385.0).max(1e-30).log10()),
-            ("density_450_nm", "", -shown.at(450.0).max(1e-30).log10()),
+            ("highest", "", Some(highest)),
+            ("half_from_nm", "nm", Some(half[0])),
+            ("half_to_nm", "nm", Some(half[1])),
+            ("density_385_nm", "", density(385.0)),
+            ("density_450_nm", "", density(450.0)),
         ],
         PresetKind::Reflectance => ["at_400_nm", "at_550_nm", "at_630_nm"]
             .into_iter()
             .zip([400.0, 550.0, 630.0])
-            .map(|(name, nm)| (name, "", shown.at(nm)))
+            .map(|(name, nm)| (name, "", at(nm)))
             .collect(),
-        _ => vec![("highest", "e-/photon", highest), peak],
+        _ => vec![("highest", "e-/photon", Some(highest)), peak],
     }
 }
 
@@ -197,7 +200,7 @@ fn list(options: &ListOptions, kind: PresetKind) -> Result<(), CliError> {
         } else {
             for (name, _, number) in of {
                 head.push(name);
-                row.push(short(number));
+                row.push(number.map_or_else(|| "-".into(), short));
                 value[name] = number.into();
             }
         }
@@ -236,7 +239,10 @@ fn show(options: &ShowOptions, kind: PresetKind) -> Result<(), CliError> {
     for (channel, curve) in &entry.curves {
         let of = numbers(curve, kind).into_iter().map(|(name, unit, number)| {
             let words = name.trim_end_matches("_nm").replace('_', " ");
-            format!("{words} {} {unit}", short(number)).trim_end().to_string()
+            match number {
+                Some(number) => format!("{words} {} {unit}", short(number)).trim_end().to_string(),
+                None => format!("{words} not measured"),
+            }
         });
         let label = if channel.is_empty() { String::new() } else { format!("{channel}: ") };
         text += &format!("{label}{}\n", of.collect::<Vec<String>>().join(", "));

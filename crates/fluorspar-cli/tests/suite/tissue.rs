@@ -350,7 +350,7 @@ fn wrong_words_of_tissue_commands_are_told() {
         ("tissue depth lip --out depth.pdf", ".svg or .png"),
         ("tissue fit lip", "give --reflectance CSV"),
         ("tissue fit lip --fluorescence percent.csv", "give one light for each spectrum"),
-        ("tissue fit lip --reflectance percent.csv", "in percent?"),
+        ("tissue fit lip --reflectance percent.csv", "more than 1"),
         ("tissue fit lip --reflectance percent.csv --free blood", "this does not vary in lip"),
         ("tissue fit lip --reflectance none.csv", "none.csv"),
     ];

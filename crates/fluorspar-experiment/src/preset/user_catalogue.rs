@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use fluorspar_format::{FormatError, Quantity, SpectrumOptions, read_spectra, read_text_bounded};
+use fluorspar_format::{FormatError, SpectrumOptions, SpectrumQuantity, read_spectra, read_text_bounded};
 
 use super::catalogue::built_in_names;
 use super::curve_preset::{filter, light_spectrum, quantum_efficiency, reflectance};
@@ -90,9 +90,9 @@ fn text_of_entry(kind: PresetKind, name: &str, path: &Path) -> Result<Option<Str
 fn text_of_table(kind: PresetKind, name: &str, path: &Path) -> Result<String, PresetError> {
     let is_qe = kind == PresetKind::QuantumEfficiency;
     let quantity = match kind {
-        PresetKind::Light => Quantity::SpectralPower,
-        PresetKind::Filter | PresetKind::Reflectance => Quantity::Fraction,
-        _ => Quantity::QuantumEfficiency,
+        PresetKind::Light => SpectrumQuantity::SpectralPower,
+        PresetKind::Filter | PresetKind::Reflectance => SpectrumQuantity::Fraction,
+        _ => SpectrumQuantity::QuantumEfficiency,
     };
     let options = SpectrumOptions { quantity, ..SpectrumOptions::default() };
     let columns = read_spectra(path, &options).map_err(|error| of_file(path, &error))?.curves;

@@ -39,6 +39,9 @@ pub(crate) struct KnownFluorophore {
     pub(super) sha256: String,
 }
 
+/// Share of a light's power that may lie beyond the data of a viewing filter: fluorescence is about as much.
+const UNKNOWN_SHARE: f64 = 1e-3;
+
 /// Whether a grid sees more of a range of wavelengths, nm, than half a usual bin.
 pub(super) fn is_seen([from, to]: [f64; 2], grid: &WavelengthGrid) -> bool {
     const TOLERANCE_NM: f64 = 5.0;
@@ -50,6 +53,8 @@ pub(crate) struct Context<'a> {
     pub(crate) warnings: Vec<Warning>,
     /// Spectra that the wavelengths of the experiment exceed: what each is called, and the range that it holds over.
     exceeded: Vec<(String, [f64; 2])>,
+    /// Viewing filters of files, and the range that their data cover, nm.
+    filter_data: Vec<(Place, [f64; 2])>,
     pub(crate) inputs: Vec<InputFile>,
     /// Entries of the catalogue in use, with the digest of their files.
     pub(crate) presets: BTreeMap<String, String>,
@@ -72,6 +77,7 @@ impl<'a> Context<'a> {
             tissue: None,
             emitters: Vec::new(),
             exceeded: Vec::new(),
+            filter_data: Vec::new(),
             inputs: Vec::new(),
             presets: BTreeMap::new(),
         }
@@ -96,6 +102,40 @@ impl<'a> Context<'a> {
         if !self.warnings.contains(&warning) {
             self.warnings.push(warning);
         }
+    }
+
+    /// Notes the range that the data of a viewing filter cover, nm.
+    pub(crate) fn note_filter_data(&mut self, at: &Place, (first, last): (f64, f64)) {
+        self.filter_data.push((at.clone(), [first, last]));
+    }
+
+    /// Refuses viewing filters that say nothing of wavelengths at which a light shines: a gap in the data is no blocking.
+    pub(crate) fn check_filter_data<'c>(
+        &self,
+        lights: impl IntoIterator<Item = &'c Curve>,
+        grid: &WavelengthGrid,
+    ) -> Resolved<()> {
+        let (start, end) = (grid.start_nm(), grid.end_nm());
+        for light in lights {
+            let total = light.integral(start, end);
+            for (at, [first, last]) in &self.filter_data {
+                let sides = [
+                    ("below", *first, light.integral(start, *first)),
+                    ("above", *last, light.integral(*last, end)),
+                ];
+                for (side, nm, power) in sides {
+                    if power > UNKNOWN_SHARE * total {
+                        let message = format!(
+                            "the file has no data {side} {nm} nm, where {:.2} % of a light's power is: what passes there is not known. \
+                             Give a table that reaches there, or what passes beyond it: {{ csv = \"FILE\", outside = 0.0 }}",
+                            100.0 * power / total
+                        );
+                        return self.fail(at, message);
+                    }
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Notes a spectrum where the grid reaches beyond its data by more than half a usual bin.

@@ -23,7 +23,7 @@ use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, GridError, WavelengthGrid};
 use fluorspar::study::{Lens, ViewFilter};
 use fluorspar::units::{memory_gib, memory_texts};
-use fluorspar_format::{Negative, Quantity, SpectrumColumns, SpectrumOptions};
+use fluorspar_format::{Negative, SpectrumColumns, SpectrumOptions, SpectrumQuantity};
 
 const LONGEST_SIDE_PX: u64 = 16_384;
 const MOST_SAMPLES: u64 = 1_000_000;
@@ -281,6 +281,9 @@ pub(crate) fn view_filter(
     for (index, reference) in section.filters.iter().enumerate() {
         let at = steps!["view_filter", "filters", index];
         let filter = context.filter(&at, reference, section.effective_index, grid)?;
+        if reference.names_file() {
+            context.note_filter_data(&at, filter.curve.range_nm());
+        }
         let curve = if reference.catalogue_name().is_some() {
             context.spectrum(&at, reference, Role::Filter, section.angle_deg, grid)?
         } else {
@@ -543,7 +546,7 @@ fn quantum_efficiency(
             let columns = SpectrumColumns::Named(wanted);
             let options = SpectrumOptions {
                 columns,
-                quantity: Quantity::QuantumEfficiency,
+                quantity: SpectrumQuantity::QuantumEfficiency,
                 negative: Negative::ClipToZero,
                 skip_empty_cells: true,
                 unit: None,

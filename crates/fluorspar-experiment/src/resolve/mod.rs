@@ -78,6 +78,7 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
 
     let mut light_groups = Vec::new();
     let lights = light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
+    context.check_filter_data(lights.iter().map(|light| &light.spectrum), &grid)?;
     fluorophore::check_sections(context, &file.fluorophore)?;
     tissue::check_sections(context, &file.tissue, &file.fluorophore, &grid)?;
     let mut fluorophores = fluorophore::Fluorophores::default();
@@ -254,6 +255,7 @@ pub fn resolve_rendered(
     let (camera, view) = camera(context, file, &grid)?;
     let mut groups = Vec::new();
     study.scene.lights = light::lights(context, &file.light, &view, &grid, &mut groups)?;
+    context.check_filter_data(study.scene.lights.iter().map(|light| &light.spectrum), &grid)?;
     // Groups of lights come first, then those of surfaces that emit.
     if study.scene.light_groups.get(..groups.len()) != Some(groups.as_slice()) {
         return Ok(None);
@@ -321,7 +323,8 @@ pub fn check_settings(experiment: &Experiment) -> Result<(), ExperimentError> {
     device::check_camera(context, &file.camera)?;
     let (camera, view) = camera(context, file, &grid)?;
     let mut light_groups = Vec::new();
-    light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
+    let lights = light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
+    context.check_filter_data(lights.iter().map(|light| &light.spectrum), &grid)?;
     fluorophore::check_sections(context, &file.fluorophore)?;
     if let Some(section) = &file.mouth {
         mouth::check_parameters(context, &section.parameters)?;
@@ -416,6 +419,7 @@ pub fn resolve_captures(
     }
     let mut light_groups = Vec::new();
     let lights = light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
+    context.check_filter_data(lights.iter().map(|light| &light.spectrum), &grid)?;
     let concentrations = concentration::changes(context, file, fluorophores)?;
     let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;

@@ -16,7 +16,7 @@ use fluorspar::spectral::{Curve, CurveModel, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_N
 use fluorspar::units::number_text;
 use fluorspar_anatomy::PorphyrinRamp;
 use fluorspar_format::{
-    FormatError, NamedCurve, Quantity, SpectrumColumns, SpectrumOptions, Transfer, read_spectra,
+    FormatError, NamedCurve, SpectrumColumns, SpectrumOptions, SpectrumQuantity, Transfer, read_spectra,
     read_texture_png,
 };
 
@@ -40,11 +40,11 @@ impl Role {
     }
 
     /// What the values of a file become.
-    fn quantity(self) -> Quantity {
+    fn quantity(self) -> SpectrumQuantity {
         match self {
-            Self::Light => Quantity::SpectralPower,
-            Self::Filter | Self::Reflectance => Quantity::Fraction,
-            Self::Absolute => Quantity::Stored,
+            Self::Light => SpectrumQuantity::SpectralPower,
+            Self::Filter | Self::Reflectance => SpectrumQuantity::Fraction,
+            Self::Absolute => SpectrumQuantity::Stored,
         }
     }
 
@@ -77,7 +77,8 @@ impl Context<'_> {
                 curve
             }
             SpectrumReference::Text(NameOrTable::File(path)) => {
-                let table = SpectrumTable { csv: path.clone(), column: None, scale: None, unit: None };
+                let table =
+                    SpectrumTable { csv: path.clone(), column: None, scale: None, unit: None, outside: None };
                 self.table(at, &table, role, grid)?
             }
             SpectrumReference::Text(NameOrTable::Name(name)) => {
@@ -138,11 +139,17 @@ impl Context<'_> {
         };
         // Who gives a factor speaks of the values as they are stored
         let is_stored = table.scale.is_some() && table.unit.is_none();
-        let quantity = if is_stored { Quantity::Stored } else { role.quantity() };
+        let quantity = if is_stored { SpectrumQuantity::Stored } else { role.quantity() };
         let unit = table.unit.map(Into::into);
         let options = SpectrumOptions { columns, quantity, unit, ..SpectrumOptions::default() };
         let curve = self.spectra(at, &table.csv, &options)?.swap_remove(0).curve;
-        self.scaled(at, curve, table.scale, grid)
+        let Some(outside) = table.outside else { return self.scaled(at, curve, table.scale, grid) };
+        self.within(&at.field("outside"), outside, [0.0, STRENGTH[1]], "")?;
+        let curve = match table.scale {
+            Some(_) => self.scaled(at, curve, table.scale, grid)?,
+            None => curve,
+        };
+        Ok(with_outside(&curve, outside))
     }
 
     fn matlab(
@@ -153,8 +160,13 @@ impl Context<'_> {
         grid: &WavelengthGrid,
     ) -> Resolved<Curve> {
         let column = file.column.unwrap_or(1).to_string();
-        let table =
-            SpectrumTable { csv: file.mat.clone(), column: Some(column), scale: file.scale, unit: None };
+        let table = SpectrumTable {
+            csv: file.mat.clone(),
+            column: Some(column),
+            scale: file.scale,
+            unit: None,
+            outside: None,
+        };
         self.table(at, &table, role, grid)
     }
 
@@ -340,6 +352,18 @@ impl Context<'_> {
             .map_err(|e| self.error(&at, e.to_string()))?;
         Ok(ScalarTexture::Image { image: Arc::new(image), low, high })
     }
+}
+
+/// A curve with a value of its own at all wavelengths beyond its data.
+fn with_outside(curve: &Curve, outside: f64) -> Curve {
+    /// Beside the last sample, nm.
+    const BESIDE_NM: f64 = 1e-6;
+    let (first, last) = curve.range_nm();
+    let left = [(MIN_WAVELENGTH_NM.min(first - 1.0), outside), (first - BESIDE_NM, outside)];
+    let right = [(last + BESIDE_NM, outside), (MAX_WAVELENGTH_NM.max(last + 1.0), outside)];
+    let data = curve.wavelengths_nm().iter().copied().zip(curve.values().iter().copied());
+    let (nm, values) = left.into_iter().chain(data).chain(right).unzip();
+    Curve::new(nm, values).unwrap_or_else(|_| curve.clone())
 }
 
 /// Pixels across and along a map of the back of a tongue: seven to the finest features of its patches.

@@ -35,6 +35,11 @@ impl SpectrumReference {
         Self::Text(NameOrTable::Name(name.into()))
     }
 
+    /// Whether it is data of a file.
+    pub(crate) fn names_file(&self) -> bool {
+        matches!(self, Self::Text(NameOrTable::File(_)) | Self::Table(_) | Self::Matlab(_))
+    }
+
     /// The name of the catalogue, if it is one.
     pub(crate) fn catalogue_name(&self) -> Option<&str> {
         match self {
@@ -66,6 +71,9 @@ pub struct SpectrumTable {
     /// Factor on the values; without a unit, on those that the file holds, whatever its header says. Default 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
+    /// Value at wavelengths beyond the data, where else there is nothing. A viewing filter needs it where a light shines beyond its data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outside: Option<f64>,
 }
 
 /// Unit of the values of a table.

@@ -2,6 +2,7 @@
 
 mod camera_frames;
 mod fixtures;
+mod foreign_spectra;
 mod format_damage;
 mod format_images;
 mod format_matlab_and_meshes;

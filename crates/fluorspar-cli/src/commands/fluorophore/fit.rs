@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::ValueHint;
 use fluorspar::analysis::{ComponentSets, FitError, MixtureFit, SpectralMixture};
 use fluorspar::spectral::Curve;
-use fluorspar_format::{NamedCurve, Negative, OutputFolder, SpectrumColumns, SpectrumOptions, read_spectra};
+use fluorspar_format::{
+    NamedCurve, Negative, OutputFolder, SpectrumColumns, SpectrumOptions, SpectrumQuantity, read_spectra,
+};
 
 use super::FileOptions;
 use super::fit_components::Components;
@@ -211,18 +213,27 @@ impl Options {
     }
 
     fn read(&self, path: &Path) -> Result<Vec<NamedCurve>, CliError> {
-        let columns = if self.column.is_empty() {
-            SpectrumColumns::All
-        } else {
-            SpectrumColumns::Named(self.column.clone())
+        let columns = match self.column.is_empty() {
+            true => SpectrumColumns::All,
+            false => SpectrumColumns::Named(self.column.clone()),
+        };
+        // Absolute spectra are radiances, whatever their header
+        let quantity = match self.irradiance {
+            Some(_) => SpectrumQuantity::Stored,
+            None => SpectrumQuantity::SpectralPower,
         };
         let options = SpectrumOptions {
             columns,
+            quantity,
             negative: Negative::Keep,
             skip_empty_cells: true,
-            ..Default::default()
+            unit: None,
         };
-        Ok(read_spectra(path, &options)?.curves)
+        let read = read_spectra(path, &options)?;
+        if !read.read_as.is_empty() {
+            Messages::default().status(format!("{}: read as {}", path.display(), read.read_as.join("; ")));
+        }
+        Ok(read.curves)
     }
 
     /// The columns that are fitted, within the wavelengths that are used.
@@ -231,7 +242,7 @@ impl Options {
         let errors = self.standard_errors.as_ref().map(|path| Ok::<_, CliError>((path, self.read(path)?)));
         let errors = errors.transpose()?;
         let (from, to) = (self.from_nm.unwrap_or(WAVELENGTH_NM[0]), self.to_nm.unwrap_or(WAVELENGTH_NM[1]));
-        let measured = |NamedCurve { name, curve, .. }: &NamedCurve| {
+        let measured = |NamedCurve { name, curve, standard_error }: &NamedCurve| {
             let used = |nm: &f64| (from..=to).contains(nm);
             let samples = || curve.wavelengths_nm().iter().zip(curve.values()).filter(|(nm, _)| used(nm));
             let wavelengths_nm: Vec<f64> = samples().map(|(nm, _)| *nm).collect();
@@ -243,11 +254,16 @@ impl Options {
                     self.spectra.display(),
                 )));
             }
-            let errors = errors.as_ref().map(|(path, curves)| errors_at(path, curves, name, &wavelengths_nm));
+            let errors = match &errors {
+                Some((path, curves)) => Some(errors_at(path, curves, name, &wavelengths_nm)?),
+                None => {
+                    standard_error.as_ref().map(|of| wavelengths_nm.iter().map(|nm| of.at(*nm)).collect())
+                }
+            };
             Ok(Measured {
                 name: name.clone(),
                 values: samples().map(|(_, value)| *value).collect(),
-                errors: errors.transpose()?,
+                errors,
                 wavelengths_nm,
             })
         };

@@ -8,7 +8,7 @@ use fluorspar::names::did_you_mean;
 use fluorspar::spectral::Curve;
 use fluorspar::tissue::fit::{Fit, MeasuredFluorescence, MeasuredReflectance, TissueFit, Viewing};
 use fluorspar::tissue::{DiscreteOrdinates, Population, Site};
-use fluorspar_format::{Negative, OutputFolder, Quantity, write_atomically};
+use fluorspar_format::{Negative, OutputFolder, SpectrumQuantity, write_atomically};
 
 use super::fit_output::{as_json, describe, figure, residuals, section};
 use super::source::{SiteArgs, find};
@@ -173,7 +173,7 @@ impl Options {
     fn sampled(
         &self,
         name: &str,
-        quantity: Quantity,
+        quantity: SpectrumQuantity,
         from_nm: f64,
         to_nm: f64,
     ) -> Result<(Vec<f64>, Vec<f64>), CliError> {
@@ -195,7 +195,7 @@ impl Options {
     fn reflectances(&self) -> Result<Vec<MeasuredReflectance>, CliError> {
         let read = |name: &String| {
             let (wavelengths_nm, values) =
-                self.sampled(name, Quantity::Fraction, WAVELENGTH_NM[0], WAVELENGTH_NM[1])?;
+                self.sampled(name, SpectrumQuantity::Fraction, WAVELENGTH_NM[0], WAVELENGTH_NM[1])?;
             if values.iter().any(|value| *value > 1.0) {
                 let message = format!("{name}: reflectance is at most 1; are the values in percent?");
                 return Err(CliError::Input(message));
@@ -217,10 +217,10 @@ impl Options {
             let mut viewing = Viewing::new(&named_spectra::light(light)?, filter.clone())?;
             if let Some(leak) = self.leak.get(i) {
                 let leak: Curve =
-                    named_spectra::one_column(leak, Quantity::SpectralPower, Negative::ClipToZero)?;
+                    named_spectra::one_column(leak, SpectrumQuantity::SpectralPower, Negative::ClipToZero)?;
                 viewing = viewing.with_leak(leak);
             }
-            let (wavelengths_nm, values) = self.sampled(name, Quantity::SpectralPower, from, to)?;
+            let (wavelengths_nm, values) = self.sampled(name, SpectrumQuantity::SpectralPower, from, to)?;
             Ok(MeasuredFluorescence {
                 name: format!("{name} under {}", named_spectra::label(light)),
                 viewing,

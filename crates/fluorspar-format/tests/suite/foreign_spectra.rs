@@ -1,0 +1,293 @@
+//! Spectra in the layouts of instruments and programs, written for these tests: each with its values by hand.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "these are tests")]
+
+use std::fs;
+
+use fluorspar_format::{
+    MeasuredSpectra, SpectrumColumns, SpectrumOptions, SpectrumQuantity, ValueUnit, read_spectra,
+};
+
+fn read_bytes(name: &str, content: &[u8], options: &SpectrumOptions) -> Result<MeasuredSpectra, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    fs::write(&path, content).unwrap();
+    let without_folder = |error: fluorspar_format::FormatError| {
+        error.to_string().replace(&format!("{}/", folder.path().display()), "")
+    };
+    read_spectra(&path, options).map_err(without_folder)
+}
+
+fn as_quantity(quantity: SpectrumQuantity) -> SpectrumOptions {
+    SpectrumOptions { columns: SpectrumColumns::One, quantity, ..SpectrumOptions::default() }
+}
+
+/// The one spectrum of a file: wavelengths, nm, and values.
+fn one(name: &str, content: impl AsRef<[u8]>, quantity: SpectrumQuantity) -> (Vec<f64>, Vec<f64>, String) {
+    let read =
+        read_bytes(name, content.as_ref(), &as_quantity(quantity)).unwrap_or_else(|error| panic!("{error}"));
+    let curve = &read.curves[0].curve;
+    (curve.wavelengths_nm().to_vec(), curve.values().to_vec(), read.read_as.join("; "))
+}
+
+fn assert_near(found: &[f64], wanted: &[f64], name: &str) {
+    assert_eq!(found.len(), wanted.len(), "{name}: {found:?}");
+    for (found, wanted) in found.iter().zip(wanted) {
+        assert!((found - wanted).abs() <= 1e-9 * wanted.abs().max(1.0), "{name}: {found} for {wanted}");
+    }
+}
+
+/// A file of a spectrometer: its name, text, and what it is read for; then wavelengths and values.
+type Layout<'a> = (&'a str, &'a str, SpectrumQuantity, &'a [f64], &'a [f64]);
+
+#[test]
+fn layouts_of_instruments_are_read() {
+    use SpectrumQuantity::{Fraction, SpectralPower, Stored};
+    let layouts: &[Layout] = &[
+        (
+            "SpectraSuite and OceanView: no header, decimal commas",
+            "SpectraSuite Data File\n+++++++++++++++\nDate: Mon Jan 14 17:36:35 GMT 2008\nIntegration Time (usec): 100000\n\
+             Number of Pixels in File: 3\n>>>>>Begin Processed Spectral Data<<<<<\n400,10\t0,5\n400,35\t0,25\n400,6\t0,125\n\
+             >>>>>End Processed Spectral Data<<<<<\n",
+            Stored,
+            &[400.1, 400.35, 400.6],
+            &[0.5, 0.25, 0.125],
+        ),
+        (
+            "Jaz: dark, reference, sample and what was computed, none at the end",
+            "Jaz Data File\n+++++++\nDate: Mon Aug 29 16:23:13 2011\nUser: jaz\nSpectrometer: JAZ\nBoxcar: 2\nW\tD\tR\tS\tP\n\
+             >>>>>Begin Spectral Data<<<<<\n410.5\t3.0\t103.0\t53.0\t50.0\n411.0\t2.0\t202.0\t42.0\t20.0\n411.5\t1.0\t1.0\t1.0\tnan\n\
+             >>>>>End Spectral Data<<<<<\n",
+            SpectralPower,
+            &[410.5, 411.0],
+            &[50.0, 20.0],
+        ),
+        (
+            "AvaSoft: names above units, semicolons, a space before numbers",
+            "0804016U1-\nIntegration time: 100.00 ms\nAverage: 20 scans\n\nWave   ;Sample   ;Dark     ;Reference;Transmittance\n\
+             [nm]   ;[counts] ;[counts] ;[counts]\n\n 300.00;   530.0;    30.0;  1030.0; 50.000\n 300.60;   230.0;    30.0;  1030.0; 20.000\n\
+             ",
+            Fraction,
+            &[300.0, 300.6],
+            &[0.5, 0.2],
+        ),
+        (
+            "CRAIC: descending, CR LF",
+            "a feather\r\nReflectance\r\nIT1=448.99ms:Obj=15X\r\n600.0\t0.75\r\n599.5\t0.5\r\n599.0\t0.25\r\n",
+            Fraction,
+            &[599.0, 599.5, 600.0],
+            &[0.25, 0.5, 0.75],
+        ),
+        (
+            "Agilent: percent and standard deviation, all below 1",
+            "Wavelength (nm);Transmittance(%);Std.Dev.\n400;0.012;0.007\n401;0.011;0.005\n402;0.030;0.008\n",
+            Fraction,
+            &[400.0, 401.0, 402.0],
+            &[1.2e-4, 1.1e-4, 3e-4],
+        ),
+        (
+            "LI-COR 1800: quoted lines, blanks, photons",
+            "\"FILE:FL2\"\n\"REM: TLD 36W/865       (QNTM)\"\n\"LIMS: 300- 900NM\"\n\"INT:  1NM\"\n 300  3.000E+00\n 400  4.000E+00\n",
+            SpectralPower,
+            &[300.0, 400.0],
+            &[0.01, 0.01],
+        ),
+        (
+            "LI-180 and others: a wavelength with its unit in each line",
+            "Model Name\tLI-180\nTime\t2021/03/02\nPPFD\t129.8\n380nm\t0.25\n381nm\t0.5\n382nm\t0.75\n",
+            Stored,
+            &[380.0, 381.0, 382.0],
+            &[0.25, 0.5, 0.75],
+        ),
+        (
+            "ENLIGHTEN: pixels and wavenumbers beside the wavelength",
+            "ENLIGHTEN Version,2.1.14\nSerial Number,WP-00413\n\nPixel,Wavelength,Wavenumber,Processed\n0,792.33,90.5,1196.0\n1,792.61,95.0,1198.0\n",
+            Stored,
+            &[792.33, 792.61],
+            &[1196.0, 1198.0],
+        ),
+        (
+            "Spectral libraries: units above, micrometers, percent",
+            "Name: Grass\nX Units:  Wavelength (micrometers)\nY Units:  Reflectance (percent)\nFirst X Value: 0.40\n\n\
+             0.40\t4.0\n0.41\t5.0\n0.42\t6.0\n",
+            Fraction,
+            &[400.0, 410.0, 420.0],
+            &[0.04, 0.05, 0.06],
+        ),
+        (
+            "np.savetxt: a header behind #",
+            "# wavelength [nm], transmissivity\n400,0.01\n450,0.02\n500,0.45\n",
+            Fraction,
+            &[400.0, 450.0, 500.0],
+            &[0.01, 0.02, 0.45],
+        ),
+        (
+            "curves read off a figure: no word for a wavelength, out of order, decimal commas",
+            "Line 2 x;Line 2 y\n8,5E2;9,3E-1\n8,4E2;9,2E-1\n8,3E2;9,1E-1\n8,2E2;9,0E-1\n8,25E2;9,05E-1\n8,1E2;8E-1\n8E2;7E-1\n7,9E2;6E-1\n",
+            Fraction,
+            &[790.0, 800.0, 810.0, 820.0, 825.0, 830.0, 840.0, 850.0],
+            &[0.6, 0.7, 0.8, 0.9, 0.905, 0.91, 0.92, 0.93],
+        ),
+        (
+            "two numbers a line and nothing else",
+            "402.2,0.26\n402.8,0.27\n403.4,0.28\n",
+            Fraction,
+            &[402.2, 402.8, 403.4],
+            &[0.26, 0.27, 0.28],
+        ),
+        (
+            "blanks and tabs mixed",
+            "# a film, new\nw.length transmittance\n190 1\n191 2\n192\t90\n",
+            Fraction,
+            &[190.0, 191.0, 192.0],
+            &[0.01, 0.02, 0.9],
+        ),
+        (
+            "Shimadzu: quoted cells, optical density",
+            "\"Sample 1 - RawData\"\n\"Wavelength nm.\",\"Abs.\"\n500.00,2.0\n501.00,1.0\n502.00,0.0\n",
+            Fraction,
+            &[500.0, 501.0, 502.0],
+            &[0.01, 0.1, 1.0],
+        ),
+        ("old line ends", "nm,T\r400,0.5\r410,0.25\r", Fraction, &[400.0, 410.0], &[0.5, 0.25]),
+        (
+            "wavenumbers",
+            "Wavenumber (cm-1),Transmittance\n25000,0.5\n20000,0.25\n",
+            Fraction,
+            &[400.0, 500.0],
+            &[0.5, 0.25],
+        ),
+        (
+            "decibels of a transmission",
+            "Wavelength (nm),T (dB)\n400,-20\n500,-10\n600,0\n",
+            Fraction,
+            &[400.0, 500.0, 600.0],
+            &[0.01, 0.1, 1.0],
+        ),
+    ];
+    for (name, text, quantity, nm, values) in layouts {
+        let (found_nm, found, _) = one("t.txt", text, *quantity);
+        assert_near(&found_nm, nm, name);
+        assert_near(&found, values, name);
+    }
+}
+
+#[test]
+fn encodings_are_read() {
+    let text = "Wellenlänge (nm);Transmission\n400;0,5\n410;0,25\n";
+    let utf16: Vec<u8> =
+        [0xFF, 0xFE].into_iter().chain(text.encode_utf16().flat_map(u16::to_le_bytes)).collect();
+    let latin: Vec<u8> = text.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect();
+    for bytes in [text.as_bytes().to_vec(), utf16, latin] {
+        let (nm, values, read_as) = one("t.csv", bytes, SpectrumQuantity::Fraction);
+        assert_eq!((nm, values), (vec![400.0, 410.0], vec![0.5, 0.25]));
+        assert_eq!(read_as, "decimal commas");
+    }
+}
+
+#[test]
+fn jcamp_and_tm_27_are_read() {
+    let pairs = "##TITLE= a\n##XUNITS= NANOMETERS\n##YUNITS= TRANSMITTANCE\n##XFACTOR= 1.0\n##YFACTOR= 0.5\n##XYPOINTS= (XY..XY)\n\
+                 400.0, 1.0\n410.0, 0.5\n##END=\n";
+    assert_eq!(one("t.jdx", pairs, SpectrumQuantity::Fraction).1, [0.5, 0.25]);
+    let even = "##TITLE= a\n##XUNITS= MICROMETERS\n##YUNITS= REFLECTANCE\n##FIRSTX= 0.4\n##LASTX= 0.43\n##NPOINTS= 4\n\
+                ##XFACTOR= 1\n##YFACTOR= 1\n##XYDATA= (X++(Y..Y))\n0.4 0.1 0.2\n0.42 0.3 0.4\n##END=\n";
+    let (nm, values, _) = one("t.dx", even, SpectrumQuantity::Fraction);
+    assert_near(&nm, &[400.0, 410.0, 420.0, 430.0], "even");
+    assert_near(&values, &[0.1, 0.2, 0.3, 0.4], "even");
+    let xml = "<?xml version=\"1.0\"?>\n<IESTM2714 xmlns=\"iestm2714\" version=\"1.0\"><SpectralDistribution>\
+               <SpectralQuantity>irradiance</SpectralQuantity><SpectralData wavelength=\"400\">0.25</SpectralData>\
+               <SpectralData wavelength=\"500\">0.5</SpectralData></SpectralDistribution></IESTM2714>\n";
+    assert_eq!(one("t.spdx", xml, SpectrumQuantity::SpectralPower).1, [0.25, 0.5]);
+}
+
+#[test]
+fn units_of_headers_become_the_quantity() {
+    // 0.27 A/W at 610 nm are 0.27 · 1239.84 / 610 electrons a photon
+    let (_, qe, read_as) =
+        one("t.csv", "wavelength_nm,R (A/W)\n600,0.3\n610,0.27\n", SpectrumQuantity::QuantumEfficiency);
+    assert!((qe[1] - 0.548_78).abs() < 1e-5, "{qe:?}");
+    assert_eq!(read_as, "amperes per watt");
+    // Photons at 400 nm have 1.5 times the energy of those at 600 nm
+    let (_, power, _) =
+        one("t.csv", "nm,photon flux (umol m-2 s-1 nm-1)\n400,1\n600,1\n", SpectrumQuantity::SpectralPower);
+    assert!((power[0] / power[1] - 1.5).abs() < 1e-12);
+    // What the caller says wins
+    let options =
+        SpectrumOptions { unit: Some(ValueUnit::Percent), ..as_quantity(SpectrumQuantity::Fraction) };
+    let read = read_bytes("t.csv", b"nm,T\n400,0.5\n410,0.25\n", &options).unwrap();
+    assert_eq!(read.curves[0].curve.values(), [0.005, 0.0025]);
+    // A column by its name without the unit, and its standard error
+    let options = SpectrumOptions {
+        columns: SpectrumColumns::Named(vec!["T".into()]),
+        quantity: SpectrumQuantity::Fraction,
+        ..SpectrumOptions::default()
+    };
+    let read = read_bytes("t.csv", b"nm,other,T (%),Std.Dev.\n400,9,50,2\n410,9,25,1\n", &options).unwrap();
+    assert_eq!(read.curves[0].curve.values(), [0.5, 0.25]);
+    assert_eq!(read.curves[0].standard_error.as_ref().unwrap().values(), [0.02, 0.01]);
+}
+
+#[test]
+fn values_that_can_not_be_the_quantity_are_refused_with_their_cure() {
+    let cases = [
+        (
+            "nm,R\n400,45\n410,54\n",
+            SpectrumQuantity::QuantumEfficiency,
+            "t.csv:2: column \"R\" holds 45, more electrons than a photon frees. Give the file as { csv = \"t.csv\", unit = \"percent\" }",
+        ),
+        (
+            "nm,x\n400,45\n410,54\n",
+            SpectrumQuantity::Fraction,
+            "t.csv:2: column \"x\" holds 45, more than 1. Give the file as { csv = \"t.csv\", unit = \"percent\" }",
+        ),
+        (
+            "nm,flux [erg]\n400,45\n410,54\n",
+            SpectrumQuantity::SpectralPower,
+            "column \"flux [erg]\" is in \"erg\", which isn't known here.",
+        ),
+        (
+            "nm,OD\n400,1\n410,2\n",
+            SpectrumQuantity::SpectralPower,
+            "column \"OD\": its values are optical density, not the spectrum of a light.",
+        ),
+        (
+            "nm,T\n400,0.5\n410,-0.25\n420,0.5\n",
+            SpectrumQuantity::Fraction,
+            "column \"T\" holds -0.25, below zero.",
+        ),
+    ];
+    for (text, quantity, said) in cases {
+        let error = read_bytes("t.csv", text.as_bytes(), &as_quantity(quantity)).unwrap_err();
+        assert!(error.contains(said), "{error}");
+    }
+    // Noise about 0 and 1 is no error, but told
+    let (_, values, read_as) =
+        one("t.csv", "nm,T\n400,1.01\n410,-0.002\n420,0.5\n", SpectrumQuantity::Fraction);
+    assert_eq!(values, [1.0, 0.0, 0.5]);
+    assert_eq!(
+        read_as,
+        "1 value below 0 taken as 0, as far as -2.00e-3; 1 value above 1 taken as 1, as far as 1.01e0"
+    );
+}
+
+#[test]
+fn a_wrong_line_within_a_table_is_told() {
+    let good: String = (0..20).map(|i| format!("{},0.5\n", 400 + i)).collect();
+    let bad = format!("nm,T\n{good}420,o.5\n421,0.5\n");
+    let error = read_bytes("t.csv", bad.as_bytes(), &as_quantity(SpectrumQuantity::Fraction)).unwrap_err();
+    assert!(error.starts_with("t.csv:22: column \"T\" holds \"o.5\", which is not a number"), "{error}");
+    let first = format!("nm,T\n399,o.5\n{good}");
+    let error = read_bytes("t.csv", first.as_bytes(), &as_quantity(SpectrumQuantity::Fraction)).unwrap_err();
+    assert!(error.starts_with("t.csv:2: "), "{error}");
+}
+
+#[test]
+fn binary_files_are_named() {
+    let read = |bytes: &[u8]| read_bytes("t.spc", bytes, &SpectrumOptions::default()).unwrap_err();
+    assert!(
+        read(b"\x00\x04\x00\x00abc")
+            .starts_with("t.spc: this is a binary file, not text. Export the spectra as text")
+    );
+    assert!(read(b"AVS84\x01u").contains("a binary file of AvaSoft"));
+}
