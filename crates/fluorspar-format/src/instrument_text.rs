@@ -193,7 +193,9 @@ pub(super) fn find_table(text: &str) -> Option<TextTable> {
     let mut counts = std::collections::BTreeMap::new();
     lengths().for_each(|length| *counts.entry(length).or_insert(0) += 1);
     let usual = || counts.iter().rev().max_by_key(|(_, count)| **count).map(|(length, _)| *length);
-    let width = if header(form, &above_run, widest).is_some() { widest } else { usual()? };
+    let is_as_wide = |line: &str| FORMS.iter().any(|way| way.cells(line).len() == widest);
+    let mut near = above_run.iter().rev().take(HEADER_WITHIN);
+    let width = if near.any(|(_, line)| is_as_wide(line)) { widest } else { usual()? };
     let region = extended(form, &cells, run, width);
     let first_line = held[region.start].0;
     let above: Vec<(u64, &str)> = all.iter().copied().filter(|(number, _)| *number < first_line).collect();

@@ -138,8 +138,9 @@ fn matlab_spectra(path: &Path, options: &SpectrumOptions) -> Result<MeasuredSpec
                 |name: &String| name.parse::<usize>().ok().filter(|number| (1..=count).contains(number));
             let found = names.iter().map(|name| {
                 place(name).map(|number| number - 1).ok_or_else(|| {
-                    let what = format!("there is no column \"{}\" of \"data\"", excerpt(name));
-                    FormatError::malformed(path, what, format!("Columns are numbered from 1 to {count}"))
+                    let what = format!("there is no column \"{}\"", excerpt(name));
+                    let columns = counted(count, "column", "columns");
+                    FormatError::malformed(path, what, format!("\"data\" has {columns}; they count from 1"))
                 })
             });
             found.collect::<Result<_, _>>()?

@@ -14,7 +14,7 @@ use crate::schema::{ExposureTime, FilePath};
 use fluorspar::digest::sha256_hex;
 use fluorspar::quote::excerpt_to;
 use fluorspar::sensor::{AutoExposure, EXPOSURE_MS};
-use fluorspar::spectral::{Fluorophore, WavelengthGrid};
+use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
 use fluorspar::units::{counted, number_text};
 use fluorspar::warning::Warning;
 use fluorspar_anatomy::{MouthParameters, Tissue};

@@ -40,132 +40,132 @@ fn assert_near(found: &[f64], wanted: &[f64], name: &str) {
 /// A file of a spectrometer: its name, text, and what it is read for; then wavelengths and values.
 type Layout<'a> = (&'a str, &'a str, SpectrumQuantity, &'a [f64], &'a [f64]);
 
-#[test]
-fn layouts_of_instruments_are_read() {
-    use SpectrumQuantity::{Fraction, SpectralPower, Stored};
-    let layouts: &[Layout] = &[
-        (
-            "SpectraSuite and OceanView: no header, decimal commas",
-            "SpectraSuite Data File\n+++++++++++++++\nDate: Mon Jan 14 17:36:35 GMT 2008\nIntegration Time (usec): 100000\n\
+const LAYOUTS: &[Layout] = &[
+    (
+        "SpectraSuite and OceanView: no header, decimal commas",
+        "SpectraSuite Data File\n+++++++++++++++\nDate: Mon Jan 14 17:36:35 GMT 2008\nIntegration Time (usec): 100000\n\
              Number of Pixels in File: 3\n>>>>>Begin Processed Spectral Data<<<<<\n400,10\t0,5\n400,35\t0,25\n400,6\t0,125\n\
              >>>>>End Processed Spectral Data<<<<<\n",
-            Stored,
-            &[400.1, 400.35, 400.6],
-            &[0.5, 0.25, 0.125],
-        ),
-        (
-            "Jaz: dark, reference, sample and what was computed, none at the end",
-            "Jaz Data File\n+++++++\nDate: Mon Aug 29 16:23:13 2011\nUser: jaz\nSpectrometer: JAZ\nBoxcar: 2\nW\tD\tR\tS\tP\n\
+        SpectrumQuantity::Stored,
+        &[400.1, 400.35, 400.6],
+        &[0.5, 0.25, 0.125],
+    ),
+    (
+        "Jaz: dark, reference, sample and what was computed, none at the end",
+        "Jaz Data File\n+++++++\nDate: Mon Aug 29 16:23:13 2011\nUser: jaz\nSpectrometer: JAZ\nBoxcar: 2\nW\tD\tR\tS\tP\n\
              >>>>>Begin Spectral Data<<<<<\n410.5\t3.0\t103.0\t53.0\t50.0\n411.0\t2.0\t202.0\t42.0\t20.0\n411.5\t1.0\t1.0\t1.0\tnan\n\
              >>>>>End Spectral Data<<<<<\n",
-            SpectralPower,
-            &[410.5, 411.0],
-            &[50.0, 20.0],
-        ),
-        (
-            "AvaSoft: names above units, semicolons, a space before numbers",
-            "0804016U1-\nIntegration time: 100.00 ms\nAverage: 20 scans\n\nWave   ;Sample   ;Dark     ;Reference;Transmittance\n\
+        SpectrumQuantity::SpectralPower,
+        &[410.5, 411.0],
+        &[50.0, 20.0],
+    ),
+    (
+        "AvaSoft: names above units, semicolons, a space before numbers",
+        "0804016U1-\nIntegration time: 100.00 ms\nAverage: 20 scans\n\nWave   ;Sample   ;Dark     ;Reference;Transmittance\n\
              [nm]   ;[counts] ;[counts] ;[counts]\n\n 300.00;   530.0;    30.0;  1030.0; 50.000\n 300.60;   230.0;    30.0;  1030.0; 20.000\n\
              ",
-            Fraction,
-            &[300.0, 300.6],
-            &[0.5, 0.2],
-        ),
-        (
-            "CRAIC: descending, CR LF",
-            "a feather\r\nReflectance\r\nIT1=448.99ms:Obj=15X\r\n600.0\t0.75\r\n599.5\t0.5\r\n599.0\t0.25\r\n",
-            Fraction,
-            &[599.0, 599.5, 600.0],
-            &[0.25, 0.5, 0.75],
-        ),
-        (
-            "Agilent: percent and standard deviation, all below 1",
-            "Wavelength (nm);Transmittance(%);Std.Dev.\n400;0.012;0.007\n401;0.011;0.005\n402;0.030;0.008\n",
-            Fraction,
-            &[400.0, 401.0, 402.0],
-            &[1.2e-4, 1.1e-4, 3e-4],
-        ),
-        (
-            "LI-COR 1800: quoted lines, blanks, photons",
-            "\"FILE:FL2\"\n\"REM: TLD 36W/865       (QNTM)\"\n\"LIMS: 300- 900NM\"\n\"INT:  1NM\"\n 300  3.000E+00\n 400  4.000E+00\n",
-            SpectralPower,
-            &[300.0, 400.0],
-            &[0.01, 0.01],
-        ),
-        (
-            "LI-180 and others: a wavelength with its unit in each line",
-            "Model Name\tLI-180\nTime\t2021/03/02\nPPFD\t129.8\n380nm\t0.25\n381nm\t0.5\n382nm\t0.75\n",
-            Stored,
-            &[380.0, 381.0, 382.0],
-            &[0.25, 0.5, 0.75],
-        ),
-        (
-            "ENLIGHTEN: pixels and wavenumbers beside the wavelength",
-            "ENLIGHTEN Version,2.1.14\nSerial Number,WP-00413\n\nPixel,Wavelength,Wavenumber,Processed\n0,792.33,90.5,1196.0\n1,792.61,95.0,1198.0\n",
-            Stored,
-            &[792.33, 792.61],
-            &[1196.0, 1198.0],
-        ),
-        (
-            "Spectral libraries: units above, micrometers, percent",
-            "Name: Grass\nX Units:  Wavelength (micrometers)\nY Units:  Reflectance (percent)\nFirst X Value: 0.40\n\n\
+        SpectrumQuantity::Fraction,
+        &[300.0, 300.6],
+        &[0.5, 0.2],
+    ),
+    (
+        "CRAIC: descending, CR LF",
+        "a feather\r\nReflectance\r\nIT1=448.99ms:Obj=15X\r\n600.0\t0.75\r\n599.5\t0.5\r\n599.0\t0.25\r\n",
+        SpectrumQuantity::Fraction,
+        &[599.0, 599.5, 600.0],
+        &[0.25, 0.5, 0.75],
+    ),
+    (
+        "Agilent: percent and standard deviation, all below 1",
+        "Wavelength (nm);Transmittance(%);Std.Dev.\n400;0.012;0.007\n401;0.011;0.005\n402;0.030;0.008\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 401.0, 402.0],
+        &[1.2e-4, 1.1e-4, 3e-4],
+    ),
+    (
+        "LI-COR 1800: quoted lines, blanks, photons",
+        "\"FILE:FL2\"\n\"REM: TLD 36W/865       (QNTM)\"\n\"LIMS: 300- 900NM\"\n\"INT:  1NM\"\n 300  3.000E+00\n 400  4.000E+00\n",
+        SpectrumQuantity::SpectralPower,
+        &[300.0, 400.0],
+        &[0.01, 0.01],
+    ),
+    (
+        "LI-180 and others: a wavelength with its unit in each line",
+        "Model Name\tLI-180\nTime\t2021/03/02\nPPFD\t129.8\n380nm\t0.25\n381nm\t0.5\n382nm\t0.75\n",
+        SpectrumQuantity::Stored,
+        &[380.0, 381.0, 382.0],
+        &[0.25, 0.5, 0.75],
+    ),
+    (
+        "ENLIGHTEN: pixels and wavenumbers beside the wavelength",
+        "ENLIGHTEN Version,2.1.14\nSerial Number,WP-00413\n\nPixel,Wavelength,Wavenumber,Processed\n0,792.33,90.5,1196.0\n1,792.61,95.0,1198.0\n",
+        SpectrumQuantity::Stored,
+        &[792.33, 792.61],
+        &[1196.0, 1198.0],
+    ),
+    (
+        "Spectral libraries: units above, micrometers, percent",
+        "Name: Grass\nX Units:  Wavelength (micrometers)\nY Units:  Reflectance (percent)\nFirst X Value: 0.40\n\n\
              0.40\t4.0\n0.41\t5.0\n0.42\t6.0\n",
-            Fraction,
-            &[400.0, 410.0, 420.0],
-            &[0.04, 0.05, 0.06],
-        ),
-        (
-            "np.savetxt: a header behind #",
-            "# wavelength [nm], transmissivity\n400,0.01\n450,0.02\n500,0.45\n",
-            Fraction,
-            &[400.0, 450.0, 500.0],
-            &[0.01, 0.02, 0.45],
-        ),
-        (
-            "curves read off a figure: no word for a wavelength, out of order, decimal commas",
-            "Line 2 x;Line 2 y\n8,5E2;9,3E-1\n8,4E2;9,2E-1\n8,3E2;9,1E-1\n8,2E2;9,0E-1\n8,25E2;9,05E-1\n8,1E2;8E-1\n8E2;7E-1\n7,9E2;6E-1\n",
-            Fraction,
-            &[790.0, 800.0, 810.0, 820.0, 825.0, 830.0, 840.0, 850.0],
-            &[0.6, 0.7, 0.8, 0.9, 0.905, 0.91, 0.92, 0.93],
-        ),
-        (
-            "two numbers a line and nothing else",
-            "402.2,0.26\n402.8,0.27\n403.4,0.28\n",
-            Fraction,
-            &[402.2, 402.8, 403.4],
-            &[0.26, 0.27, 0.28],
-        ),
-        (
-            "blanks and tabs mixed",
-            "# a film, new\nw.length transmittance\n190 1\n191 2\n192\t90\n",
-            Fraction,
-            &[190.0, 191.0, 192.0],
-            &[0.01, 0.02, 0.9],
-        ),
-        (
-            "Shimadzu: quoted cells, optical density",
-            "\"Sample 1 - RawData\"\n\"Wavelength nm.\",\"Abs.\"\n500.00,2.0\n501.00,1.0\n502.00,0.0\n",
-            Fraction,
-            &[500.0, 501.0, 502.0],
-            &[0.01, 0.1, 1.0],
-        ),
-        ("old line ends", "nm,T\r400,0.5\r410,0.25\r", Fraction, &[400.0, 410.0], &[0.5, 0.25]),
-        (
-            "wavenumbers",
-            "Wavenumber (cm-1),Transmittance\n25000,0.5\n20000,0.25\n",
-            Fraction,
-            &[400.0, 500.0],
-            &[0.5, 0.25],
-        ),
-        (
-            "decibels of a transmission",
-            "Wavelength (nm),T (dB)\n400,-20\n500,-10\n600,0\n",
-            Fraction,
-            &[400.0, 500.0, 600.0],
-            &[0.01, 0.1, 1.0],
-        ),
-    ];
-    for (name, text, quantity, nm, values) in layouts {
+        SpectrumQuantity::Fraction,
+        &[400.0, 410.0, 420.0],
+        &[0.04, 0.05, 0.06],
+    ),
+    (
+        "np.savetxt: a header behind #",
+        "# wavelength [nm], transmissivity\n400,0.01\n450,0.02\n500,0.45\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 450.0, 500.0],
+        &[0.01, 0.02, 0.45],
+    ),
+    (
+        "curves read off a figure: no word for a wavelength, out of order, decimal commas",
+        "Line 2 x;Line 2 y\n8,5E2;9,3E-1\n8,4E2;9,2E-1\n8,3E2;9,1E-1\n8,2E2;9,0E-1\n8,25E2;9,05E-1\n8,1E2;8E-1\n8E2;7E-1\n7,9E2;6E-1\n",
+        SpectrumQuantity::Fraction,
+        &[790.0, 800.0, 810.0, 820.0, 825.0, 830.0, 840.0, 850.0],
+        &[0.6, 0.7, 0.8, 0.9, 0.905, 0.91, 0.92, 0.93],
+    ),
+    (
+        "two numbers a line and nothing else",
+        "402.2,0.26\n402.8,0.27\n403.4,0.28\n",
+        SpectrumQuantity::Fraction,
+        &[402.2, 402.8, 403.4],
+        &[0.26, 0.27, 0.28],
+    ),
+    (
+        "blanks and tabs mixed",
+        "# a film, new\nw.length transmittance\n190 1\n191 2\n192\t90\n",
+        SpectrumQuantity::Fraction,
+        &[190.0, 191.0, 192.0],
+        &[0.01, 0.02, 0.9],
+    ),
+    (
+        "Shimadzu: quoted cells, optical density",
+        "\"Sample 1 - RawData\"\n\"Wavelength nm.\",\"Abs.\"\n500.00,2.0\n501.00,1.0\n502.00,0.0\n",
+        SpectrumQuantity::Fraction,
+        &[500.0, 501.0, 502.0],
+        &[0.01, 0.1, 1.0],
+    ),
+    ("old line ends", "nm,T\r400,0.5\r410,0.25\r", SpectrumQuantity::Fraction, &[400.0, 410.0], &[0.5, 0.25]),
+    (
+        "wavenumbers",
+        "Wavenumber (cm-1),Transmittance\n25000,0.5\n20000,0.25\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 500.0],
+        &[0.5, 0.25],
+    ),
+    (
+        "decibels of a transmission",
+        "Wavelength (nm),T (dB)\n400,-20\n500,-10\n600,0\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 500.0, 600.0],
+        &[0.01, 0.1, 1.0],
+    ),
+];
+
+#[test]
+fn layouts_of_instruments_are_read() {
+    for (name, text, quantity, nm, values) in LAYOUTS {
         let (found_nm, found, _) = one("t.txt", text, *quantity);
         assert_near(&found_nm, nm, name);
         assert_near(&found, values, name);
