@@ -28,14 +28,16 @@ fn scene(rows: usize, columns: usize, most: usize) -> Vec<u16> {
     (0..rows).flat_map(|row| (0..columns).map(move |col| value(row, col))).collect()
 }
 
-/// Tiles of two components by libjpeg-turbo, covered pixels at the rim, black levels by place that are evened to their mean.
+/// Tiles of two components by libjpeg-turbo, covered pixels at the rim, black levels by place.
 #[test]
 fn a_compressed_dng_is_read_to_the_pixel() {
     let image = read_sensor_image(&camera("bggr_jpeg.dng")).unwrap().image;
     assert_eq!((image.width, image.height, image.bit_depth), (48, 40, 12));
     assert_eq!(image.mosaic, Mosaic::bayer("bggr").unwrap());
     assert_eq!((image.black_level, image.white_level, image.exposure_s, image.gain), (63.0, 4000, 0.04, 2.0));
-    assert_eq!(image.data, scene(40, 48, 3500).iter().map(|v| v + 63).collect::<Vec<_>>());
+    let above: Vec<f64> =
+        image.data.iter().enumerate().map(|(value, &dn)| f64::from(dn) - image.black_of(value)).collect();
+    assert_eq!(above, scene(40, 48, 3500).into_iter().map(f64::from).collect::<Vec<_>>());
     // NoiseProfile: the variance grows by 2e-4 of the range per unit of signal on 0 to 1.
     assert!((image.dn_per_electron - 2e-4 * 3937.0).abs() < 1e-9);
     assert_eq!(image.label, "bggr_jpeg");
@@ -143,7 +145,7 @@ fn a_dng_can_be_described_anew() {
     found.write().unwrap();
     let image = read_sensor_image(&path).unwrap().image;
     assert_eq!((image.exposure_s, image.gain, image.label.as_str()), (0.5, 2.0, "blue"));
-    assert_eq!(image.data[0], 63);
+    assert_eq!(f64::from(image.data[0]) - image.black_of(0), 0.0);
 }
 
 /// A little-endian DNG of 8 x 4 pixels in 16 bits, `values` given, with further tags, each with the bytes of its values.
@@ -188,6 +190,47 @@ fn plain_dng(path: &Path, values: &[u16], tags: &[(u16, u16, u32, Vec<u8>)]) {
     bytes.resize(pixels_at as usize, 0);
     bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
     fs::write(path, bytes).unwrap();
+}
+
+/// Light of 6 (R), 14 (G) and 3 (B) over levels of 60, 64, 70 and 68 in a cell, and what columns (in quarters) and rows add to them:
+/// every pixel has its light left, to the fraction.
+#[test]
+fn black_levels_of_places_columns_and_rows_are_subtracted_from_each_pixel() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.dng");
+    let (cell, light) = ([60, 64, 70, 68], [6, 14, 14, 3]);
+    let columns = [0, 40, 0, 40, 1, -3, 0, 2];
+    let quarters = [0, 0, 1, 2];
+    let place = |pixel: usize| pixel / 8 % 2 * 2 + pixel % 2;
+    let values: Vec<u16> =
+        (0..32).map(|p| (cell[place(p)] + light[place(p)] + columns[p % 8]) as u16).collect();
+    let fractions = |numbers: &[i32], of: i32| {
+        numbers.iter().flat_map(|n| [n.to_le_bytes(), of.to_le_bytes()].concat()).collect::<Vec<u8>>()
+    };
+    let pattern = (50_713, 3, 2, [2u16, 2].map(u16::to_le_bytes).concat());
+    let levels = (50_714, 3, 4, cell.map(|v: i32| (v as u16).to_le_bytes()).concat());
+    let of_columns = (50_715, 10, 8, fractions(&columns, 1));
+    let of_rows = (50_716, 10, 4, fractions(&quarters, 4));
+    plain_dng(&path, &values, &[pattern.clone(), levels.clone(), of_columns, of_rows]);
+    let image = read_sensor_image(&path).unwrap().image;
+    let developed = fluorspar::sensor::Development::default().linearize(&image).unwrap();
+    for (pixel, value) in developed.values.iter().enumerate() {
+        assert_eq!(*value, (light[place(pixel)] as f32) - quarters[pixel / 8] as f32 / 4.0, "{pixel}");
+    }
+    // A dark frame has the same levels: nothing is left of it, whatever they are
+    let dark =
+        fluorspar::sensor::MasterFrame::average([Ok::<_, fluorspar::sensor::DevelopError>(image.clone())]);
+    let development = fluorspar::sensor::Development {
+        dark: Some(&dark.unwrap()),
+        ..fluorspar::sensor::Development::default()
+    };
+    assert!(development.linearize(&image).unwrap().values.iter().all(|&v| v == 0.0));
+    let found = describe_frame(&path, &FrameFacts::default()).unwrap();
+    assert_eq!(fact(&found, "black level by place").1, FactSource::Tag);
+    // As many numbers as there are columns belong there
+    plain_dng(&path, &values, &[pattern, levels, (50_715, 10, 7, fractions(&columns[..7], 1))]);
+    let said = read_sensor_image(&path).unwrap_err().to_string();
+    assert!(said.contains("BlackLevelDeltaH has 7 numbers where 8 belong"), "{said}");
 }
 
 /// A value of a description in words, and where it comes from.

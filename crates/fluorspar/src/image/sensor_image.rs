@@ -81,8 +81,10 @@ pub struct SensorImage {
     pub data: Vec<u16>,
     /// Color filter array; of developed channels the one that they were interpolated from.
     pub mosaic: Mosaic,
-    /// Digital number of no light.
+    /// Digital number of no light; where it differs by place, its mean.
     pub black_level: f64,
+    /// What the black level of each value lies above `black_level`, DN, in the order of `data`; empty where it is the same everywhere.
+    pub black_offsets: Vec<f32>,
     /// Digital number at and above which a pixel is saturated.
     pub white_level: u16,
     /// Bits of the converter.
@@ -108,6 +110,12 @@ impl SensorImage {
     #[must_use]
     pub fn has_all_channels(&self) -> bool {
         self.data.len() > self.width * self.height
+    }
+
+    /// Black level of one value, DN.
+    #[must_use]
+    pub fn black_of(&self, value: usize) -> f64 {
+        self.black_level + self.black_offsets.get(value).map_or(0.0, |offset| f64::from(*offset))
     }
 }
 

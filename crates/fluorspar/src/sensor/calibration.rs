@@ -4,6 +4,14 @@ use super::DevelopError;
 use super::develop::LinearMosaic;
 use crate::image::{Mosaic, SensorImage};
 
+/// Exposure times and gains that differ by no more than this share count as one: cameras tell theirs to a line of the sensor.
+const SAME_EXPOSURE: f64 = 0.01;
+
+/// Whether two exposure times or gains are one setting.
+pub(crate) fn is_same_setting(a: f64, b: f64) -> bool {
+    (a - b).abs() <= SAME_EXPOSURE * a.abs().max(b.abs())
+}
+
 /// Mean of equal raw frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MasterFrame {
@@ -19,12 +27,16 @@ pub struct MasterFrame {
     pub saturated: Vec<bool>,
     /// Frames averaged.
     pub frames: usize,
-    /// Exposure time of each, s.
+    /// Mean of their exposure times, s.
     pub exposure_s: f64,
     /// Their gain, DN per electron.
     pub dn_per_electron: f64,
     /// Their black level, DN.
     pub black_level: f64,
+    /// What the black level of each value lies above it, DN; empty where it is the same everywhere.
+    pub black_offsets: Vec<f32>,
+    /// Name of the first of them.
+    pub label: String,
 }
 
 impl MasterFrame {
@@ -41,6 +53,7 @@ impl MasterFrame {
         let mut sums: Vec<u64> = first.data.iter().map(|&dn| u64::from(dn)).collect();
         let mut saturated: Vec<bool> = first.data.iter().map(|&dn| dn >= first.white_level).collect();
         let mut count = 1usize;
+        let mut times_s = first.exposure_s;
         // Add the frames, which must share sensor and exposure
         for frame in frames {
             let frame = frame?;
@@ -49,17 +62,18 @@ impl MasterFrame {
                 let (frame, ambient) = (first.label, frame.label);
                 return Err(DevelopError::DifferentSensors { frame, ambient }.into());
             }
-            if (frame.exposure_s, frame.dn_per_electron) != (first.exposure_s, first.dn_per_electron) {
-                return Err(DevelopError::OtherExposure {
-                    dark_s: first.exposure_s,
-                    dark_gain: first.dn_per_electron,
-                    frame: frame.label,
-                    exposure_s: frame.exposure_s,
-                    gain: frame.dn_per_electron,
+            if !is_same_setting(frame.exposure_s, first.exposure_s)
+                || !is_same_setting(frame.dn_per_electron, first.dn_per_electron)
+            {
+                return Err(DevelopError::DifferentExposures {
+                    frames: [first.label.clone(), frame.label],
+                    exposure_s: [first.exposure_s, frame.exposure_s],
+                    gain: [first.dn_per_electron, frame.dn_per_electron],
                 }
                 .into());
             }
             count += 1;
+            times_s += frame.exposure_s;
             for ((sum, full), &dn) in sums.iter_mut().zip(&mut saturated).zip(&frame.data) {
                 *sum += u64::from(dn);
                 *full |= dn >= frame.white_level;
@@ -72,10 +86,59 @@ impl MasterFrame {
             mean: sums.into_iter().map(|sum| (sum as f64 / count as f64) as f32).collect(),
             saturated,
             frames: count,
-            exposure_s: first.exposure_s,
+            exposure_s: times_s / count as f64,
             dn_per_electron: first.dn_per_electron,
             black_level: first.black_level,
+            black_offsets: first.black_offsets,
+            label: first.label,
         })
+    }
+
+    /// Whether they were taken with this exposure time and gain.
+    pub fn has_exposure(&self, exposure_s: f64, dn_per_electron: f64) -> bool {
+        is_same_setting(self.exposure_s, exposure_s) && is_same_setting(self.dn_per_electron, dn_per_electron)
+    }
+
+    /// The levels of dark frames in a frame of about their exposure: what lies above the black level grows with exposure time and
+    /// gain. Where the black level is not known nothing tells that part, and the levels stay.
+    ///
+    /// # Errors
+    /// Another exposure.
+    pub(super) fn dark_levels(
+        &self,
+        frame: &str,
+        exposure_s: f64,
+        dn_per_electron: f64,
+    ) -> Result<Vec<f32>, DevelopError> {
+        if !self.has_exposure(exposure_s, dn_per_electron) {
+            return Err(DevelopError::OtherExposure {
+                dark: self.label.clone(),
+                dark_s: self.exposure_s,
+                dark_gain: self.dn_per_electron,
+                frame: frame.into(),
+                exposure_s,
+                gain: dn_per_electron,
+            });
+        }
+        let scale = self.dark_scale(exposure_s, dn_per_electron);
+        if scale == 1.0 {
+            return Ok(self.mean.clone());
+        }
+        let level = |(value, &dn): (usize, &f32)| {
+            let black = self.black_of(value);
+            (black + scale * (f64::from(dn) - black)) as f32
+        };
+        Ok(self.mean.iter().enumerate().map(level).collect())
+    }
+
+    /// What the part above the black level is multiplied by for a frame of this exposure.
+    pub fn dark_scale(&self, exposure_s: f64, dn_per_electron: f64) -> f64 {
+        let own = self.exposure_s * self.dn_per_electron;
+        if self.black_level > 0.0 && own > 0.0 { exposure_s * dn_per_electron / own } else { 1.0 }
+    }
+
+    fn black_of(&self, value: usize) -> f64 {
+        self.black_level + self.black_offsets.get(value).map_or(0.0, |offset| f64::from(*offset))
     }
 
     /// Values of a pixel: 1 on a mosaic, or all channels.
@@ -105,6 +168,12 @@ pub struct FlatField {
     pub height: usize,
     /// Factors, `[row, col]`; 1 where a pixel has no usable response.
     pub gain: Vec<f32>,
+    /// Name of the first of the frames of even light.
+    pub label: String,
+    /// Exposure time of each, s.
+    pub exposure_s: f64,
+    /// Their gain, DN per electron.
+    pub dn_per_electron: f64,
 }
 
 /// Pixels that respond less than this share of the middle have no usable response.
@@ -135,7 +204,14 @@ impl FlatField {
                 }
             }
         }
-        Ok(Self { width: flat.width, height: flat.height, gain })
+        Ok(Self {
+            width: flat.width,
+            height: flat.height,
+            gain,
+            label: flat.label.clone(),
+            exposure_s: flat.exposure_s,
+            dn_per_electron: flat.dn_per_electron,
+        })
     }
 }
 
@@ -204,8 +280,8 @@ impl BadPixels {
         // Mark outliers of the relative response to even light, per channel
         if let Some((flat, flat_dark)) = flat {
             if (flat.width, flat.height) != (any.width, any.height) || flat.mosaic != any.mosaic {
-                let label = |frame: &MasterFrame| format!("mean of {} frames", frame.frames);
-                return Err(DevelopError::DifferentSensors { frame: label(flat), ambient: label(any) });
+                let (frame, ambient) = (flat.label.clone(), any.label.clone());
+                return Err(DevelopError::DifferentSensors { frame, ambient });
             }
             let signal = signal(flat, flat_dark)?;
             let relative = relative_response(flat, &signal);
@@ -280,23 +356,16 @@ impl BadPixels {
 /// Light of an averaged frame, DN.
 fn signal(frame: &MasterFrame, dark: Option<&MasterFrame>) -> Result<Vec<f32>, DevelopError> {
     let Some(dark) = dark else {
-        return Ok(frame.mean.iter().map(|&dn| (f64::from(dn) - frame.black_level) as f32).collect());
+        let above = |(value, &dn): (usize, &f32)| (f64::from(dn) - frame.black_of(value)) as f32;
+        return Ok(frame.mean.iter().enumerate().map(above).collect());
     };
     if (dark.width, dark.height) != (frame.width, frame.height) || dark.mosaic != frame.mosaic {
         let (columns, rows) = (dark.width, dark.height);
-        let label = format!("mean of {} flat frames", frame.frames);
-        return Err(DevelopError::OtherCalibration { what: "dark frame", columns, rows, frame: label });
+        let frame = frame.label.clone();
+        return Err(DevelopError::OtherCalibration { what: "dark frame", columns, rows, frame });
     }
-    if (dark.exposure_s, dark.dn_per_electron) != (frame.exposure_s, frame.dn_per_electron) {
-        return Err(DevelopError::OtherExposure {
-            dark_s: dark.exposure_s,
-            dark_gain: dark.dn_per_electron,
-            frame: format!("mean of {} flat frames", frame.frames),
-            exposure_s: frame.exposure_s,
-            gain: frame.dn_per_electron,
-        });
-    }
-    Ok(frame.mean.iter().zip(&dark.mean).map(|(light, dark)| light - dark).collect())
+    let levels = dark.dark_levels(&frame.label, frame.exposure_s, frame.dn_per_electron)?;
+    Ok(frame.mean.iter().zip(&levels).map(|(light, dark)| light - dark).collect())
 }
 
 /// Signal over the median of its channel in the 5 x 5 cells around, so that the shading of a lens does not count.
@@ -445,6 +514,20 @@ mod tests {
         let development = Development { dark: Some(&dark), ..Development::default() };
         let error = development.linearize(&raw).unwrap_err();
         assert!(matches!(error, DevelopError::OtherExposure { .. }), "{error}");
+        // Frames within 1 % of the exposure are one setting: .5 % more holds .5 % more dark charge
+        let mut hotter = dark.clone();
+        (hotter.mean, hotter.exposure_s) = (vec![164.0; SIDE * SIDE], 0.0603);
+        (hotter.black_level, hotter.black_offsets) = (64.0, Vec::new());
+        let mut even = raw.clone();
+        even.data.fill(200);
+        let development = Development { dark: Some(&hotter), ..Development::default() };
+        let left = development.linearize(&even).unwrap().values;
+        // 200 - (64 + 100 * 0.06 / 0.0603)
+        assert!(left.iter().all(|v| (f64::from(*v) - 36.4975).abs() < 1e-3), "{}", left[0]);
+        hotter.exposure_s = 0.061;
+        let development = Development { dark: Some(&hotter), ..Development::default() };
+        let error = development.linearize(&even).unwrap_err().to_string();
+        assert!(error.contains("has 61 ms") && error.contains("\"frame\" 60 ms"), "{error}");
         let small = BadPixels { width: 2, height: 2, bad: vec![false; 4], in_dark: 0, in_flat: 0 };
         let development = Development { bad_pixels: Some(&small), ..Development::default() };
         assert!(matches!(development.linearize(&raw), Err(DevelopError::OtherCalibration { .. })));

@@ -49,10 +49,12 @@ pub enum DevelopError {
     },
     /// A dark frame of another exposure holds another dark signal.
     #[error(
-        "the dark frame was taken with {dark_s} s and {dark_gain} DN/e-, frame \"{frame}\" with {exposure_s} s and {gain} \
-         DN/e-; take dark frames with the exposure and gain of the frame"
+        "the dark frame \"{dark}\" has {}, the frame \"{frame}\" {}; take dark frames with the exposure time and gain of the frame, \
+         which may differ by 1 %", setting(*.dark_s, *.dark_gain), setting(*.exposure_s, *.gain)
     )]
     OtherExposure {
+        /// Name of the dark frame.
+        dark: String,
         /// Exposure of the dark frame, s.
         dark_s: f64,
         /// Its gain, DN per electron.
@@ -63,6 +65,32 @@ pub enum DevelopError {
         exposure_s: f64,
         /// Its gain, DN per electron.
         gain: f64,
+    },
+    /// A dark frame that no frame can use.
+    #[error(
+        "the dark frame \"{dark}\" has {}, which no other frame has; leave it out, or take it with the exposure time and gain of a \
+         frame", setting(*.dark_s, *.dark_gain)
+    )]
+    UnusedDark {
+        /// Name of the dark frame.
+        dark: String,
+        /// Its exposure, s.
+        dark_s: f64,
+        /// Its gain, DN per electron.
+        dark_gain: f64,
+    },
+    /// Frames of different exposures have no mean.
+    #[error(
+        "the frame \"{}\" has {}, the frame \"{}\" {}; average frames of one exposure time and gain, which may differ by 1 %",
+        .frames[0], setting(.exposure_s[0], .gain[0]), .frames[1], setting(.exposure_s[1], .gain[1])
+    )]
+    DifferentExposures {
+        /// Their names.
+        frames: [String; 2],
+        /// Their exposures, s.
+        exposure_s: [f64; 2],
+        /// Their gains, DN per electron.
+        gain: [f64; 2],
     },
     /// Gradient-corrected interpolation of something that is not a Bayer array.
     #[error(
@@ -82,6 +110,12 @@ pub enum DevelopError {
     /// Nothing to average.
     #[error("there is no exposure to merge, or no raw frame to average; give at least one")]
     Nothing,
+}
+
+/// Exposure time and gain in words.
+fn setting(exposure_s: f64, dn_per_electron: f64) -> String {
+    let rounded = |value: f64, digits: f64| (value * digits).round() / digits;
+    format!("{} ms and {} DN/e-", rounded(1e3 * exposure_s, 1e6), rounded(dn_per_electron, 1e4))
 }
 
 /// How raw frames become linear channels. The default subtracts the black level and interpolates bilinearly.
@@ -143,23 +177,16 @@ impl Development<'_> {
             };
         let mut noise_dn = noise_floor_dn(raw);
         let mut values: Vec<f32> = match self.dark {
-            None => raw.data.iter().map(|&dn| (f64::from(dn) - raw.black_level) as f32).collect(),
+            None => {
+                let above = |(value, &dn): (usize, &u16)| (f64::from(dn) - raw.black_of(value)) as f32;
+                raw.data.iter().enumerate().map(above).collect()
+            }
             Some(dark) => {
                 fits("dark frame", dark.width, dark.height, Some(&dark.mosaic), dark.mean.len())?;
-                let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
-                if !near(dark.exposure_s, raw.exposure_s) || !near(dark.dn_per_electron, raw.dn_per_electron)
-                {
-                    return Err(DevelopError::OtherExposure {
-                        dark_s: dark.exposure_s,
-                        dark_gain: dark.dn_per_electron,
-                        frame: raw.label.clone(),
-                        exposure_s: raw.exposure_s,
-                        gain: raw.dn_per_electron,
-                    });
-                }
+                let levels = dark.dark_levels(&raw.label, raw.exposure_s, raw.dn_per_electron)?;
                 // The mean of n dark frames has noise of its own.
                 noise_dn *= (1.0 + 1.0 / dark.frames.max(1) as f64).sqrt();
-                raw.data.iter().zip(&dark.mean).map(|(&dn, dark)| f32::from(dn) - dark).collect()
+                raw.data.iter().zip(&levels).map(|(&dn, dark)| f32::from(dn) - dark).collect()
             }
         };
         if let Some(flat) = self.flat {
@@ -263,12 +290,12 @@ struct Bracketed {
 /// calibration of each exposure, which differ in their dark frames.
 pub fn merge_exposures<'a>(
     exposures: &[&SensorImage],
-    develop: impl Fn(usize) -> Development<'a>,
+    develop: impl Fn(usize) -> Result<Development<'a>, DevelopError>,
 ) -> Result<LinearMosaic, DevelopError> {
     // Linearize every exposure
     let mut bracket = Vec::with_capacity(exposures.len());
     for (index, raw) in exposures.iter().enumerate() {
-        let frame = develop(index).linearize(raw)?;
+        let frame = develop(index)?.linearize(raw)?;
         if frame.dn_s_per_electron.is_nan() || frame.dn_s_per_electron <= 0.0 {
             return Err(DevelopError::NoExposure { ambient: raw.label.clone(), exposure_s: raw.exposure_s });
         }
@@ -400,6 +427,7 @@ mod tests {
             data,
             mosaic,
             black_level: 64.0,
+            black_offsets: Vec::new(),
             white_level: 4095,
             bit_depth: 12,
             exposure_s: 0.03,
@@ -476,7 +504,8 @@ mod tests {
         };
         // 3000 e-/s in 10, 40 and 160 ms: 30, 120 and 480 e-, all unsaturated.
         let frames = [take(3000.0, 0.01, 0), take(3000.0, 0.04, 1), take(3000.0, 0.16, 2)];
-        let merged = merge_exposures(&frames.iter().collect::<Vec<_>>(), |_| Development::default()).unwrap();
+        let merged =
+            merge_exposures(&frames.iter().collect::<Vec<_>>(), |_| Ok(Development::default())).unwrap();
         let k = frames[0].dn_per_electron;
         let floor = frames[0].read_noise_dn.powi(2) + 1.0 / 12.0;
         let inverse: f64 =
@@ -495,7 +524,7 @@ mod tests {
         );
         // 400 000 e-/s: only the shortest is unsaturated, then none.
         let bright = [take(4e5, 0.01, 0), take(4e5, 0.04, 1)];
-        let merged = merge_exposures(&[&bright[1], &bright[0]], |_| Development::default()).unwrap();
+        let merged = merge_exposures(&[&bright[1], &bright[0]], |_| Ok(Development::default())).unwrap();
         let (mean, _) = statistics(&merged);
         assert!(
             (mean / (16_000.0 * k) - 1.0).abs() < 5.0 / (4000.0f64 * pixels as f64).sqrt() + 1e-4,
@@ -503,9 +532,9 @@ mod tests {
         );
         assert!(merged.saturated.iter().all(|s| !s));
         let full = [take(4e6, 0.01, 0), take(4e6, 0.04, 1)];
-        let merged = merge_exposures(&[&full[0], &full[1]], |_| Development::default()).unwrap();
+        let merged = merge_exposures(&[&full[0], &full[1]], |_| Ok(Development::default())).unwrap();
         assert!(merged.saturated.iter().all(|s| *s));
-        assert_eq!(merge_exposures(&[], |_| Development::default()), Err(DevelopError::Nothing));
+        assert_eq!(merge_exposures(&[], |_| Ok(Development::default())), Err(DevelopError::Nothing));
     }
 
     #[test]
