@@ -11,7 +11,7 @@ use tiff::encoder::{Rational, TiffEncoder, TiffValue};
 use tiff::tags::{Tag, Type};
 
 use super::dng_pixels::{DngPixels, read_dng_pixels};
-use super::file::{MAX_IMAGE_BYTES, read_file, read_sidecar, sidecar_path};
+use super::file::{read_sidecar, sidecar_path};
 use super::output::write_atomically;
 use super::raw::{Description, Samples, description, image_of};
 use super::tiff_directory::{Directory, TiffBytes};
@@ -221,9 +221,8 @@ pub(super) fn is_dng(bytes: &[u8]) -> bool {
 
 /// Reads a DNG: ours whole, another camera's as far as its tags tell. What they do not tell (`dn_per_electron`,
 /// `read_noise_dn`) is 0. A description beside it wins over its tags.
-pub(super) fn read_dng(path: &Path) -> Result<Loaded<SensorImage>, FormatError> {
-    let bytes = read_file(path, MAX_IMAGE_BYTES)?;
-    let DngFrame { description: inner, data, black_offsets, .. } = read_dng_description(path, &bytes)?;
+pub(super) fn read_dng(path: &Path, bytes: &[u8]) -> Result<Loaded<SensorImage>, FormatError> {
+    let DngFrame { description: inner, data, black_offsets, .. } = read_dng_description(path, bytes)?;
     let (width, height) = (inner.width as usize, inner.height as usize);
     let description = match sidecar_path(path).exists() {
         true => read_sidecar(path, &FileFormat::RAW_FRAME)?,

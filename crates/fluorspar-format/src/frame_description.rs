@@ -4,6 +4,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::FormatError;
+use super::camera_raw::refuse_camera_raw;
 use super::dng::{DngFrame, EXPOSURE_TIME, ISO, Told, bits_of, camera_number, is_dng, read_dng_description};
 use super::file::{MAX_IMAGE_BYTES, read_file, sidecar_path, write_sidecar};
 use super::input::open_plain;
@@ -140,6 +141,7 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
             facts.say_black_offsets(&black_offsets);
             (description, data)
         } else {
+            refuse_camera_raw(path, &bytes)?;
             let (file, length) = open_plain(path)?;
             let pixels = read_tiff_pixels(path, file, length)?;
             let tags = TiffBytes::new(&bytes);

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use tiff::encoder::{TiffEncoder, colortype::Gray16};
 use tiff::tags::Tag;
 
+use super::camera_raw::refuse_camera_raw;
 use super::dng::{is_dng, read_dng};
 use super::file::{MAX_IMAGE_BYTES, read_file, read_sidecar, sidecar_path, write_sidecar};
 use super::input::open_plain;
@@ -205,9 +206,11 @@ pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError
         read_frame_png(path)?
     } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
         let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dng"));
-        if named || (!sidecar_path(path).exists() && is_dng(&read_file(path, MAX_IMAGE_BYTES)?)) {
-            return read_dng(path);
+        let bytes = read_file(path, MAX_IMAGE_BYTES)?;
+        if named || (!sidecar_path(path).exists() && is_dng(&bytes)) {
+            return read_dng(path, &bytes);
         }
+        refuse_camera_raw(path, &bytes)?;
         file.rewind().map_err(failed)?;
         let TiffPixels { width, height, data, .. } = read_tiff_pixels(path, file, length)?;
         (width, height, data)

@@ -284,6 +284,72 @@ fn a_dng_without_tags_says_what_is_assumed() {
     assert!(describe_frame(&path, &FrameFacts::default()).unwrap().warnings.is_empty());
 }
 
+/// A TIFF of gray pages in 16 bits, each with its width and its NewSubfileType, after a first RGB image in 8 bits of 16 x 12 where there
+/// is one.
+fn pages(path: &Path, first: Option<u32>, pages: &[(u32, u32)], photometric: u16) {
+    use tiff::encoder::{TiffEncoder, colortype};
+    use tiff::tags::Tag;
+    let mut encoder = TiffEncoder::new(fs::File::create(path).unwrap()).unwrap();
+    if let Some(kind) = first {
+        let mut image = encoder.new_image::<colortype::RGB8>(16, 12).unwrap();
+        image.encoder().write_tag(Tag::NewSubfileType, kind).unwrap();
+        image.encoder().write_tag(Tag::Make, "NIKON CORPORATION").unwrap();
+        image.encoder().write_tag(Tag::Model, "NIKON D750").unwrap();
+        image.write_data(&[7; 3 * 16 * 12]).unwrap();
+    }
+    for &(width, kind) in pages {
+        let mut image = encoder.new_image::<colortype::Gray16>(width, 8).unwrap();
+        image.encoder().write_tag(Tag::NewSubfileType, kind).unwrap();
+        image.encoder().write_tag(Tag::PhotometricInterpretation, photometric).unwrap();
+        image.write_data(&vec![500; 8 * width as usize]).unwrap();
+    }
+}
+
+/// The small picture at the beginning of a raw file is no frame, whatever the file is called.
+#[test]
+fn a_raw_file_that_is_no_dng_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |name: &str, what: &str| {
+        let path = folder.path().join(name);
+        let said = describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string();
+        assert!(said.contains(what) && said.contains("dnglab convert"), "{name}: {said}");
+        let said = read_sensor_image(&path).unwrap_err().to_string();
+        assert!(said.contains(what) && said.contains("dnglab convert"), "{name}: {said}");
+    };
+    // A mosaic behind the picture
+    pages(&folder.path().join("mosaic.tif"), Some(0), &[(8, 0)], 32_803);
+    refused("mosaic.tif", "a raw file of NIKON D750, but no DNG");
+    // A small form of another image, and one without that mark
+    for (name, kind) in [("small.tif", 1), ("larger.tif", 0)] {
+        pages(&folder.path().join(name), Some(kind), &[(64, 0)], 1);
+        refused(name, "its first image, 16 x 12, is a small picture of another one in the file, 64 x 8");
+    }
+    // One image with the ending of raw files, and the mark of CR2
+    pages(&folder.path().join("frame.NEF"), None, &[(8, 0)], 1);
+    refused("frame.NEF", "a raw file of a camera, but no DNG");
+    let (from, to) = (folder.path().join("frame.NEF"), folder.path().join("marked.tif"));
+    let mut bytes = fs::read(from).unwrap();
+    bytes[8..10].copy_from_slice(b"CR");
+    fs::write(to, bytes).unwrap();
+    refused("marked.tif", "a raw file of a camera, but no DNG");
+}
+
+/// The first of several pages is no frame of its own; a smaller form behind it is no page.
+#[test]
+fn a_tiff_of_several_pages_is_refused_with_their_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.tif");
+    pages(&path, None, &[(8, 0), (8, 2), (8, 2)], 1);
+    let said = describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string();
+    assert!(said.contains("it holds 3 images (pages)"), "{said}");
+    let said = read_mask(&path).unwrap_err().to_string();
+    assert!(said.contains("it holds 3 images (pages)"), "{said}");
+    pages(&path, None, &[(8, 0), (4, 1)], 1);
+    describe_frame(&path, &FrameFacts::default()).unwrap().write().unwrap();
+    assert_eq!(read_sensor_image(&path).unwrap().image.data, [500; 64]);
+    read_mask(&path).unwrap();
+}
+
 /// A preview for the screen is no frame.
 #[test]
 fn a_png_on_a_tone_curve_is_refused() {
