@@ -144,6 +144,8 @@ pub struct ChannelImage {
     pub interpolation: Option<Arc<InterpolationTaps>>,
     /// Light of another frame that was subtracted.
     pub subtracted: Option<SubtractedLight>,
+    /// What the frames that calibrated it add to its noise; `None` without such frames.
+    pub calibration: Option<CalibrationNoise>,
     /// Name of the frame.
     pub label: String,
 }
@@ -155,6 +157,19 @@ pub struct SubtractedLight {
     pub dn: Vec<f32>,
     /// Exposure time of the frame over that of the frame that was subtracted.
     pub exposure_ratio: f64,
+}
+
+/// What dark frames and frames of even light do to the noise of developed values.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CalibrationNoise {
+    /// What is added to the variance of each value, DN², `[row, col, channel]`. Below zero where a flat field makes a value smaller.
+    pub variance_dn2: Vec<f32>,
+    /// Variance of the scale of each channel, over its square: the same error for all its values. 0 without a flat field.
+    pub scale_variance: Vec<f64>,
+    /// Whether dark frames took out the pattern of dark signals.
+    pub has_dark: bool,
+    /// Whether frames of even light took out the pattern of responses.
+    pub has_flat: bool,
 }
 
 /// What several frames share is written with each of them.
