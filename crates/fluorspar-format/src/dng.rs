@@ -11,7 +11,7 @@ use tiff::encoder::{Rational, TiffEncoder, TiffValue};
 use tiff::tags::{Tag, Type};
 
 use super::dng_pixels::{DngPixels, read_dng_pixels};
-use super::file::{MAX_IMAGE_BYTES, read_file, read_sidecar, sidecar_path};
+use super::file::{read_sidecar, sidecar_path};
 use super::output::write_atomically;
 use super::raw::{Description, Samples, description, image_of};
 use super::tiff_directory::{Directory, TiffBytes};
@@ -221,21 +221,22 @@ pub(super) fn is_dng(bytes: &[u8]) -> bool {
 
 /// Reads a DNG: ours whole, another camera's as far as its tags tell. What they do not tell (`dn_per_electron`,
 /// `read_noise_dn`) is 0. A description beside it wins over its tags.
-pub(super) fn read_dng(path: &Path) -> Result<Loaded<SensorImage>, FormatError> {
-    let bytes = read_file(path, MAX_IMAGE_BYTES)?;
-    let DngFrame { description: inner, data, .. } = read_dng_description(path, &bytes)?;
+pub(super) fn read_dng(path: &Path, bytes: &[u8]) -> Result<Loaded<SensorImage>, FormatError> {
+    let DngFrame { description: inner, data, black_offsets, .. } = read_dng_description(path, bytes)?;
     let (width, height) = (inner.width as usize, inner.height as usize);
     let description = match sidecar_path(path).exists() {
         true => read_sidecar(path, &FileFormat::RAW_FRAME)?,
         false => inner,
     };
-    image_of(path, width, height, data, description)
+    image_of(path, width, height, data, black_offsets, description)
 }
 
 /// What a DNG tells of itself, and its pixels.
 pub(super) struct DngFrame {
     pub(super) description: Description,
     pub(super) data: Vec<u16>,
+    /// What the black level of each value lies above the described one; empty where it is the same everywhere.
+    pub(super) black_offsets: Vec<f32>,
     pub(super) told: Told,
 }
 
@@ -261,11 +262,11 @@ pub(super) fn read_dng_description(path: &Path, bytes: &[u8]) -> Result<DngFrame
     if let Some(json) = private {
         let description = own_description(path, json, [pixels.width as u64, pixels.height as u64])?;
         let told = Told { black_level: true, white_level: true, gain: true };
-        return Ok(DngFrame { description, data: pixels.data, told });
+        return Ok(DngFrame { description, data: pixels.data, black_offsets: pixels.black_offsets, told });
     }
     let label = path.file_stem().map_or_else(|| "raw".into(), |s| s.to_string_lossy().into_owned());
     let (description, told) = from_tags(path, &tiff, first, raw, &pixels, label)?;
-    Ok(DngFrame { description, data: pixels.data, told })
+    Ok(DngFrame { description, data: pixels.data, black_offsets: pixels.black_offsets, told })
 }
 
 /// The description that our own files carry, of an image of this width and height.

@@ -17,8 +17,10 @@ pub(super) struct DngPixels {
     pub(super) height: usize,
     /// Values of a pixel.
     pub(super) samples: usize,
-    /// Digital number without light, the same everywhere.
+    /// Mean digital number without light.
     pub(super) black_level: f64,
+    /// What that of each value lies above the mean; empty where it is the same everywhere.
+    pub(super) black_offsets: Vec<f32>,
     /// `[row, col, sample]`.
     pub(super) data: Vec<u16>,
 }
@@ -85,7 +87,8 @@ pub(super) fn read_dng_pixels(
             to[left..end].copy_from_slice(&from[..end - left]);
         }
     }
-    Ok(linear(active_area(&layout, raw, data), raw))
+    linear(active_area(&layout, raw, data), raw)
+        .map_err(|what| FormatError::malformed(path, what, "Convert the raw file of the camera to DNG again"))
 }
 
 fn layout(path: &Path, tiff: &TiffBytes<'_>, raw: &Directory<'_>) -> Result<Layout, FormatError> {
@@ -217,37 +220,61 @@ fn active_area(layout: &Layout, raw: &Directory<'_>, data: Vec<u16>) -> DngPixel
         true => data,
         false => rows.flat_map(|row| &row[left * samples..right * samples]).copied().collect(),
     };
-    DngPixels { width: right - left, height: bottom - top, samples, black_level: 0.0, data }
+    DngPixels {
+        width: right - left,
+        height: bottom - top,
+        samples,
+        black_level: 0.0,
+        black_offsets: Vec::new(),
+        data,
+    }
 }
 
-/// Undoes the table of a camera that stores its numbers on a curve, and gives all pixels the same black level.
-fn linear(mut pixels: DngPixels, raw: &Directory<'_>) -> DngPixels {
+/// Undoes the table of a camera that stores its numbers on a curve, and finds the black level of each value: that of its place in a
+/// repeated cell, and what its column and its row add (BlackLevelDeltaH and BlackLevelDeltaV of DNG).
+fn linear(mut pixels: DngPixels, raw: &Directory<'_>) -> Result<DngPixels, String> {
     let table = raw.unsigned(50_712);
     if let Some(&last) = table.last() {
         let of = |value: u16| table.get(usize::from(value)).copied().unwrap_or(last).min(65_535) as u16;
         pixels.data.iter_mut().for_each(|value| *value = of(*value));
     }
-    let levels = raw.numbers(50_714);
+    let (width, samples) = (pixels.width, pixels.samples);
     let cell = match raw.unsigned(50_713).as_slice() {
         [rows @ 1..=64, cols @ 1..=64] => [*rows as usize, *cols as usize],
         _ => [1, 1],
     };
-    if levels.is_empty() || levels.iter().any(|level| !level.is_finite()) {
-        return pixels;
+    // Read the levels, each of which must have a place
+    let mut levels = raw.numbers(50_714);
+    if levels.len() == 1 || levels.is_empty() {
+        levels = vec![levels.first().copied().unwrap_or(0.0); cell[0] * cell[1] * samples];
     }
-    let mean = levels.iter().sum::<f64>() / levels.len() as f64;
-    pixels.black_level = mean;
-    let per_pixel = cell[0] * cell[1] * pixels.samples == levels.len();
-    if per_pixel && levels.iter().any(|level| *level != mean) {
-        let (width, samples) = (pixels.width, pixels.samples);
-        for (index, value) in pixels.data.iter_mut().enumerate() {
-            let (pixel, sample) = (index / samples, index % samples);
-            let (row, col) = (pixel / width % cell[0], pixel % width % cell[1]);
-            let level = levels[(row * cell[1] + col) * samples + sample];
-            *value = (f64::from(*value) + mean - level).round().clamp(0.0, 65_535.0) as u16;
+    let [of_columns, of_rows] = [50_715, 50_716].map(|tag| raw.numbers(tag));
+    for (name, found, wanted) in [
+        ("BlackLevel", levels.len(), cell[0] * cell[1] * samples),
+        ("BlackLevelDeltaH", of_columns.len(), width),
+        ("BlackLevelDeltaV", of_rows.len(), pixels.height),
+    ] {
+        if found != wanted && found > 0 {
+            return Err(format!("its tag {name} has {found} numbers where {wanted} belong"));
         }
     }
-    pixels
+    if levels.iter().chain(&of_columns).chain(&of_rows).any(|level| !level.is_finite()) {
+        return Err("a black level of it is not a number".into());
+    }
+    // Tell their mean, and how each value lies to it
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    pixels.black_level = mean(&levels) + mean(&of_columns) + mean(&of_rows);
+    let offset = |index: usize| {
+        let (row, col, sample) = (index / samples / width, index / samples % width, index % samples);
+        let level = levels[(row % cell[0] * cell[1] + col % cell[1]) * samples + sample];
+        let delta = |deltas: &[f64], at: usize| deltas.get(at).copied().unwrap_or(0.0);
+        (level + delta(&of_columns, col) + delta(&of_rows, row) - pixels.black_level) as f32
+    };
+    let differs = |values: &[f64]| values.iter().any(|value| *value != values[0]);
+    if [&levels, &of_columns, &of_rows].into_iter().any(|values| differs(values)) {
+        pixels.black_offsets = (0..pixels.data.len()).map(offset).collect();
+    }
+    Ok(pixels)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::FormatError;
+use super::camera_raw::refuse_camera_raw;
 use super::dng::{DngFrame, EXPOSURE_TIME, ISO, Told, bits_of, camera_number, is_dng, read_dng_description};
 use super::file::{MAX_IMAGE_BYTES, read_file, sidecar_path, write_sidecar};
 use super::input::open_plain;
@@ -135,9 +136,12 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
     } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
         let bytes = read_file(path, MAX_IMAGE_BYTES)?;
         if is_dng(&bytes) {
-            let DngFrame { description, data, told } = read_dng_description(path, &bytes)?;
-            (facts.of_dng(description, &told), data)
+            let DngFrame { description, data, black_offsets, told } = read_dng_description(path, &bytes)?;
+            let description = facts.of_dng(description, &told);
+            facts.say_black_offsets(&black_offsets);
+            (description, data)
         } else {
+            refuse_camera_raw(path, &bytes)?;
             let (file, length) = open_plain(path)?;
             let pixels = read_tiff_pixels(path, file, length)?;
             let tags = TiffBytes::new(&bytes);
@@ -274,6 +278,16 @@ impl Facts<'_> {
         [description.exposure_s, description.dn_per_electron, description.read_noise_dn] =
             tags.map(|tag| tag.unwrap_or(0.0));
         description
+    }
+
+    /// How far the black levels of pixels lie from their mean, where they do.
+    fn say_black_offsets(&mut self, offsets: &[f32]) {
+        let (low, high) =
+            offsets.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &o| (l.min(o), h.max(o)));
+        if low <= high {
+            let value = format!("{low} to {high:+} DN around it");
+            self.say("black level by place", value, FactSource::Tag, "each pixel has its own subtracted");
+        }
     }
 
     /// The description of an image whose tags tell little.

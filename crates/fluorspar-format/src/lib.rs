@@ -30,6 +30,7 @@
 
 mod axis;
 mod cache;
+mod camera_raw;
 mod csv_cell;
 mod csv_eem;
 mod csv_fluorophore;

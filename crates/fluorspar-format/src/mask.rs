@@ -12,7 +12,7 @@ use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
 use super::input::open_plain;
 use super::npy_array::{NPY_MAGIC, read_npy_mask};
 use super::png::read_png;
-use super::tiff_image::{bounded_decoder, damaged_tiff};
+use super::tiff_image::{bounded_decoder, check_single_page, damaged_tiff};
 
 /// Which pixels of an image are meant.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -125,6 +125,7 @@ fn tiff_mask(path: &Path, file: File, length: u64) -> Result<MaskImage, FormatEr
                 ));
             }
         };
+        check_single_page(path, &mut decoder)?;
         if inside.len() != width as usize * height as usize {
             return Err(FormatError::malformed(path, "rows of the image are missing", "Copy the file again"));
         }

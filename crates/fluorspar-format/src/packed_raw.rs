@@ -148,7 +148,7 @@ pub(super) fn read_packed(
     for line in 0..lines {
         rows.format.unpack(&bytes[line * stride..line * stride + least], columns, &mut data);
     }
-    image_of(path, columns, lines, data, description)
+    image_of(path, columns, lines, data, Vec::new(), description)
 }
 
 /// Bytes from row to row.

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use tiff::encoder::{TiffEncoder, colortype::Gray16};
 use tiff::tags::Tag;
 
+use super::camera_raw::refuse_camera_raw;
 use super::dng::{is_dng, read_dng};
 use super::file::{MAX_IMAGE_BYTES, read_file, read_sidecar, sidecar_path, write_sidecar};
 use super::input::open_plain;
@@ -205,9 +206,11 @@ pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError
         read_frame_png(path)?
     } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
         let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dng"));
-        if named || (!sidecar_path(path).exists() && is_dng(&read_file(path, MAX_IMAGE_BYTES)?)) {
-            return read_dng(path);
+        let bytes = read_file(path, MAX_IMAGE_BYTES)?;
+        if named || (!sidecar_path(path).exists() && is_dng(&bytes)) {
+            return read_dng(path, &bytes);
         }
+        refuse_camera_raw(path, &bytes)?;
         file.rewind().map_err(failed)?;
         let TiffPixels { width, height, data, .. } = read_tiff_pixels(path, file, length)?;
         (width, height, data)
@@ -215,7 +218,7 @@ pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError
         return read_by_description(path);
     };
     let description: Description = read_sidecar(path, &FileFormat::RAW_FRAME)?;
-    image_of(path, width, height, data, description)
+    image_of(path, width, height, data, Vec::new(), description)
 }
 
 /// A file that does not tell its format: its description does.
@@ -243,6 +246,7 @@ pub(super) fn image_of(
     width: usize,
     height: usize,
     data: Vec<u16>,
+    black_offsets: Vec<f32>,
     d: Description,
 ) -> Result<Loaded<SensorImage>, FormatError> {
     // The description of a DNG is inside.
@@ -262,7 +266,7 @@ pub(super) fn image_of(
         return Err(wrong("the pixels are not those that were described (their SHA-256 differs)".into()));
     }
     let provenance = d.provenance.clone();
-    let image = sensor_image(path, &sidecar, width, height, data, &d)?;
+    let image = SensorImage { black_offsets, ..sensor_image(path, &sidecar, width, height, data, &d)? };
     if let Some(problem) = contradiction(&image) {
         return Err(wrong(problem));
     }
@@ -302,6 +306,7 @@ fn sensor_image(
         data,
         mosaic,
         black_level: d.black_level,
+        black_offsets: Vec::new(),
         white_level: d.white_level,
         bit_depth: d.bit_depth,
         exposure_s: d.exposure_s,
@@ -335,6 +340,10 @@ pub(super) fn description(
 ) -> Result<Description, FormatError> {
     if let Some(problem) = contradiction(image) {
         return Err(FormatError::unwritable(path, problem, "Correct the frame before writing it"));
+    }
+    if !image.black_offsets.is_empty() {
+        let what = "its black level differs by place, which a description does not tell";
+        return Err(FormatError::unwritable(path, what, "Keep the DNG that it was read from"));
     }
     Ok(Description {
         format: FileFormat::RAW_FRAME.version(),

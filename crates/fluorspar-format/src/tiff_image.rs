@@ -5,9 +5,13 @@ use std::io::{self, BufReader};
 use std::path::Path;
 
 use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::tags::Tag;
 
 use super::FormatError;
 use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
+
+/// Most pages that are counted.
+const MOST_PAGES: usize = 10_000;
 
 /// Pixels of a gray or RGB image of 8 or 16 bits.
 pub(super) struct TiffPixels {
@@ -47,6 +51,33 @@ pub(super) fn bounded_decoder(
     Ok(decoder.with_limits(limits))
 }
 
+/// Refuses a file of several pages: frames of a series, or the colors of one. Smaller forms of an image do not count.
+///
+/// # Errors
+/// Several pages, with their number.
+pub(super) fn check_single_page(
+    path: &Path,
+    decoder: &mut Decoder<BufReader<File>>,
+) -> Result<(), FormatError> {
+    let mut pages = 1;
+    while decoder.more_images() && pages < MOST_PAGES {
+        let before = decoder.ifd_pointer();
+        // A page of a kind that is not read here is one, too, but not what lies where nothing can be read.
+        let is_read = decoder.next_image().is_ok();
+        if decoder.ifd_pointer() == before {
+            break;
+        }
+        let kind = if is_read { decoder.find_tag_unsigned::<u32>(Tag::NewSubfileType) } else { Ok(None) };
+        pages += usize::from(kind.ok().flatten().is_none_or(|kind| kind & 5 == 0));
+    }
+    if pages == 1 {
+        return Ok(());
+    }
+    let what = format!("it holds {pages} images (pages), and nothing says which one is meant");
+    let hint = "Save the one as a file of its own; frames of a series each as one, colors on pages of their own as one RGB image";
+    Err(FormatError::unsupported(path, what, hint))
+}
+
 /// Reads a gray or RGB image of 8 or 16 bits, packed in any way that the decoder knows.
 ///
 /// # Errors
@@ -80,6 +111,7 @@ pub(super) fn read_tiff_pixels(path: &Path, file: File, length: u64) -> Result<T
                 ));
             }
         };
+        check_single_page(path, &mut decoder)?;
         let (width, height) = (width as usize, height as usize);
         if data.len() != width * height * samples {
             let what =

@@ -145,6 +145,7 @@ fn capture() -> ChannelImage {
         shares: vec![0.25, 0.5, 0.25],
         interpolation: None,
         subtracted: None,
+        calibration: None,
         label: "blue".into(),
     };
     for row in 0..HEIGHT {

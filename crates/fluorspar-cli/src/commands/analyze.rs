@@ -8,8 +8,8 @@ use clap::ValueHint;
 use fluorspar::analysis::{ASSUMED_GAIN, Analysis, PorphyrinLayers, PorphyrinMap, SignalSummary};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
-    AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, RawExposures, SeenComponents, analyze_regions,
-    analyze_seen, bracket_label, complete_raw, develop_frames, subtract_what_is_given,
+    AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, PipelineError, RawExposures, SeenComponents,
+    analyze_regions, analyze_seen, bracket_label, complete_raw, develop_frames, subtract_what_is_given,
 };
 use fluorspar::study::{AnalysisPlan, Capture, RegionPlan, Study};
 use fluorspar::units::number_text;
@@ -467,7 +467,12 @@ fn developed(options: &Options, study: &Study, wanted: &str) -> Result<Vec<Captu
     let develop = &study.develop;
     let (dark, flat) = (read(&options.dark)?, read(&options.flat)?);
     let calibration = Calibration::of_frames(develop.demosaicing, dark, flat, develop.bad_pixel_sigma)?;
-    Ok(develop_frames(study, exposures, &calibration)?)
+    let frames = develop_frames(study, exposures, &calibration)?;
+    let all = frames.iter().flat_map(|frame| std::iter::once(&frame.raw).chain(&frame.bracket));
+    let remarks: Vec<Warning> =
+        calibration.remarks(all).map_err(PipelineError::from)?.into_iter().map(Warning::from).collect();
+    Messages::default().warnings(&remarks);
+    Ok(frames)
 }
 
 /// The frames of a folder that `run` or `capture` wrote, developed with what calibrates them.

@@ -129,6 +129,7 @@ fn frame() -> SensorImage {
         data: (0..24).map(|i| i * 40).collect(),
         mosaic: Mosaic::monochrome(),
         black_level: 64.0,
+        black_offsets: Vec::new(),
         white_level: 1023,
         bit_depth: 10,
         exposure_s: 0.03,

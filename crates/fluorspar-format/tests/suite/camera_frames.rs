@@ -28,14 +28,16 @@ fn scene(rows: usize, columns: usize, most: usize) -> Vec<u16> {
     (0..rows).flat_map(|row| (0..columns).map(move |col| value(row, col))).collect()
 }
 
-/// Tiles of two components by libjpeg-turbo, covered pixels at the rim, black levels by place that are evened to their mean.
+/// Tiles of two components by libjpeg-turbo, covered pixels at the rim, black levels by place.
 #[test]
 fn a_compressed_dng_is_read_to_the_pixel() {
     let image = read_sensor_image(&camera("bggr_jpeg.dng")).unwrap().image;
     assert_eq!((image.width, image.height, image.bit_depth), (48, 40, 12));
     assert_eq!(image.mosaic, Mosaic::bayer("bggr").unwrap());
     assert_eq!((image.black_level, image.white_level, image.exposure_s, image.gain), (63.0, 4000, 0.04, 2.0));
-    assert_eq!(image.data, scene(40, 48, 3500).iter().map(|v| v + 63).collect::<Vec<_>>());
+    let above: Vec<f64> =
+        image.data.iter().enumerate().map(|(value, &dn)| f64::from(dn) - image.black_of(value)).collect();
+    assert_eq!(above, scene(40, 48, 3500).into_iter().map(f64::from).collect::<Vec<_>>());
     // NoiseProfile: the variance grows by 2e-4 of the range per unit of signal on 0 to 1.
     assert!((image.dn_per_electron - 2e-4 * 3937.0).abs() < 1e-9);
     assert_eq!(image.label, "bggr_jpeg");
@@ -143,7 +145,7 @@ fn a_dng_can_be_described_anew() {
     found.write().unwrap();
     let image = read_sensor_image(&path).unwrap().image;
     assert_eq!((image.exposure_s, image.gain, image.label.as_str()), (0.5, 2.0, "blue"));
-    assert_eq!(image.data[0], 63);
+    assert_eq!(f64::from(image.data[0]) - image.black_of(0), 0.0);
 }
 
 /// A little-endian DNG of 8 x 4 pixels in 16 bits, `values` given, with further tags, each with the bytes of its values.
@@ -188,6 +190,47 @@ fn plain_dng(path: &Path, values: &[u16], tags: &[(u16, u16, u32, Vec<u8>)]) {
     bytes.resize(pixels_at as usize, 0);
     bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
     fs::write(path, bytes).unwrap();
+}
+
+/// Light of 6 (R), 14 (G) and 3 (B) over levels of 60, 64, 70 and 68 in a cell, and what columns (in quarters) and rows add to them:
+/// every pixel has its light left, to the fraction.
+#[test]
+fn black_levels_of_places_columns_and_rows_are_subtracted_from_each_pixel() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.dng");
+    let (cell, light) = ([60, 64, 70, 68], [6, 14, 14, 3]);
+    let columns = [0, 40, 0, 40, 1, -3, 0, 2];
+    let quarters = [0, 0, 1, 2];
+    let place = |pixel: usize| pixel / 8 % 2 * 2 + pixel % 2;
+    let values: Vec<u16> =
+        (0..32).map(|p| (cell[place(p)] + light[place(p)] + columns[p % 8]) as u16).collect();
+    let fractions = |numbers: &[i32], of: i32| {
+        numbers.iter().flat_map(|n| [n.to_le_bytes(), of.to_le_bytes()].concat()).collect::<Vec<u8>>()
+    };
+    let pattern = (50_713, 3, 2, [2u16, 2].map(u16::to_le_bytes).concat());
+    let levels = (50_714, 3, 4, cell.map(|v: i32| (v as u16).to_le_bytes()).concat());
+    let of_columns = (50_715, 10, 8, fractions(&columns, 1));
+    let of_rows = (50_716, 10, 4, fractions(&quarters, 4));
+    plain_dng(&path, &values, &[pattern.clone(), levels.clone(), of_columns, of_rows]);
+    let image = read_sensor_image(&path).unwrap().image;
+    let developed = fluorspar::sensor::Development::default().linearize(&image).unwrap();
+    for (pixel, value) in developed.values.iter().enumerate() {
+        assert_eq!(*value, (light[place(pixel)] as f32) - quarters[pixel / 8] as f32 / 4.0, "{pixel}");
+    }
+    // A dark frame has the same levels: nothing is left of it, whatever they are
+    let dark =
+        fluorspar::sensor::MasterFrame::average([Ok::<_, fluorspar::sensor::DevelopError>(image.clone())]);
+    let development = fluorspar::sensor::Development {
+        dark: Some(&dark.unwrap()),
+        ..fluorspar::sensor::Development::default()
+    };
+    assert!(development.linearize(&image).unwrap().values.iter().all(|&v| v == 0.0));
+    let found = describe_frame(&path, &FrameFacts::default()).unwrap();
+    assert_eq!(fact(&found, "black level by place").1, FactSource::Tag);
+    // As many numbers as there are columns belong there
+    plain_dng(&path, &values, &[pattern, levels, (50_715, 10, 7, fractions(&columns[..7], 1))]);
+    let said = read_sensor_image(&path).unwrap_err().to_string();
+    assert!(said.contains("BlackLevelDeltaH has 7 numbers where 8 belong"), "{said}");
 }
 
 /// A value of a description in words, and where it comes from.
@@ -239,6 +282,72 @@ fn a_dng_without_tags_says_what_is_assumed() {
     assert!(describe_frame(&path, &black).unwrap().warnings.is_empty());
     plain_dng(&path, &[600; 32], &[]);
     assert!(describe_frame(&path, &FrameFacts::default()).unwrap().warnings.is_empty());
+}
+
+/// A TIFF of gray pages in 16 bits, each with its width and its NewSubfileType, after a first RGB image in 8 bits of 16 x 12 where there
+/// is one.
+fn pages(path: &Path, first: Option<u32>, pages: &[(u32, u32)], photometric: u16) {
+    use tiff::encoder::{TiffEncoder, colortype};
+    use tiff::tags::Tag;
+    let mut encoder = TiffEncoder::new(fs::File::create(path).unwrap()).unwrap();
+    if let Some(kind) = first {
+        let mut image = encoder.new_image::<colortype::RGB8>(16, 12).unwrap();
+        image.encoder().write_tag(Tag::NewSubfileType, kind).unwrap();
+        image.encoder().write_tag(Tag::Make, "NIKON CORPORATION").unwrap();
+        image.encoder().write_tag(Tag::Model, "NIKON D750").unwrap();
+        image.write_data(&[7; 3 * 16 * 12]).unwrap();
+    }
+    for &(width, kind) in pages {
+        let mut image = encoder.new_image::<colortype::Gray16>(width, 8).unwrap();
+        image.encoder().write_tag(Tag::NewSubfileType, kind).unwrap();
+        image.encoder().write_tag(Tag::PhotometricInterpretation, photometric).unwrap();
+        image.write_data(&vec![500; 8 * width as usize]).unwrap();
+    }
+}
+
+/// The small picture at the beginning of a raw file is no frame, whatever the file is called.
+#[test]
+fn a_raw_file_that_is_no_dng_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |name: &str, what: &str| {
+        let path = folder.path().join(name);
+        let said = describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string();
+        assert!(said.contains(what) && said.contains("dnglab convert"), "{name}: {said}");
+        let said = read_sensor_image(&path).unwrap_err().to_string();
+        assert!(said.contains(what) && said.contains("dnglab convert"), "{name}: {said}");
+    };
+    // A mosaic behind the picture
+    pages(&folder.path().join("mosaic.tif"), Some(0), &[(8, 0)], 32_803);
+    refused("mosaic.tif", "a raw file of NIKON D750, but no DNG");
+    // A small form of another image, and one without that mark
+    for (name, kind) in [("small.tif", 1), ("larger.tif", 0)] {
+        pages(&folder.path().join(name), Some(kind), &[(64, 0)], 1);
+        refused(name, "its first image, 16 x 12, is a small picture of another one in the file, 64 x 8");
+    }
+    // One image with the ending of raw files, and the mark of CR2
+    pages(&folder.path().join("frame.NEF"), None, &[(8, 0)], 1);
+    refused("frame.NEF", "a raw file of a camera, but no DNG");
+    let (from, to) = (folder.path().join("frame.NEF"), folder.path().join("marked.tif"));
+    let mut bytes = fs::read(from).unwrap();
+    bytes[8..10].copy_from_slice(b"CR");
+    fs::write(to, bytes).unwrap();
+    refused("marked.tif", "a raw file of a camera, but no DNG");
+}
+
+/// The first of several pages is no frame of its own; a smaller form behind it is no page.
+#[test]
+fn a_tiff_of_several_pages_is_refused_with_their_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.tif");
+    pages(&path, None, &[(8, 0), (8, 2), (8, 2)], 1);
+    let said = describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string();
+    assert!(said.contains("it holds 3 images (pages)"), "{said}");
+    let said = read_mask(&path).unwrap_err().to_string();
+    assert!(said.contains("it holds 3 images (pages)"), "{said}");
+    pages(&path, None, &[(8, 0), (4, 1)], 1);
+    describe_frame(&path, &FrameFacts::default()).unwrap().write().unwrap();
+    assert_eq!(read_sensor_image(&path).unwrap().image.data, [500; 64]);
+    read_mask(&path).unwrap();
 }
 
 /// A preview for the screen is no frame.

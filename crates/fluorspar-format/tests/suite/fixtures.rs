@@ -84,6 +84,7 @@ fn frame() -> SensorImage {
         data: (0..8).map(|i| i * 100).collect(),
         mosaic: Mosaic::bayer("grbg").unwrap(),
         black_level: 64.0,
+        black_offsets: Vec::new(),
         white_level: 1023,
         bit_depth: 10,
         exposure_s: 0.03,

@@ -20,6 +20,7 @@ fn frame(width: usize, height: usize, bits: u8, mosaic: Mosaic) -> SensorImage {
         data: data.collect(),
         mosaic,
         black_level: 64.0,
+        black_offsets: Vec::new(),
         white_level: (most - 5) as u16,
         bit_depth: bits,
         exposure_s: 0.030_123_456,

@@ -90,6 +90,7 @@ mod tests {
             full_scale_dn: 1e6,
             shares: vec![0.25, 0.5, 0.25],
             subtracted: None,
+            calibration: None,
             interpolation: None,
         }
     }

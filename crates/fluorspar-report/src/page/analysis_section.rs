@@ -689,6 +689,7 @@ mod tests {
             shares: vec![0.25, 0.5, 0.25],
             interpolation: None,
             subtracted: None,
+            calibration: None,
             label: "dark".into(),
         };
         let noise = ChannelNoise { floor_dn: 2.0, dn_per_electron: 0.5, gain_spread: 0.0 };

@@ -8,7 +8,8 @@ use crate::image::ChannelImage;
 ///
 /// `Var(v) = floor² + K (v + b) + K b q + (p v)²`: the photon-transfer relation of EMVA 1288, with `K` in DN per electron, `p`
 /// the photo-response non-uniformity, and `b` the level of the light of another frame that was subtracted, taken in
-/// `1/q` of the exposure time. Its shot noise is in both frames; its fixed pattern cancels.
+/// `1/q` of the exposure time. Its shot noise is in both frames; its fixed pattern cancels. What the noise of calibration frames adds, an
+/// image tells of itself ([`crate::image::CalibrationNoise`]).
 ///
 /// Each value counts as measured on its own. A bilinear demosaic averages two to four raw values into the missing
 /// channels, so for one pixel of such an image the variance is an upper bound. Neighbors are correlated, so for a
@@ -48,7 +49,7 @@ impl ChannelNoise {
         self.floor_dn.powi(2) + shot + (self.gain_spread * signal).powi(2)
     }
 
-    /// Variances of some channels of a pixel of an image, DN².
+    /// Variances of some channels of a pixel of an image, DN², with what calibration frames add.
     pub fn of_pixel<const N: usize>(
         &self,
         image: &ChannelImage,
@@ -56,14 +57,26 @@ impl ChannelNoise {
         pixel: usize,
     ) -> [f64; N] {
         channels.map(|channel| {
-            let index = pixel * image.channels.len() + channel;
-            let value = f64::from(image.data[index]);
-            match &image.subtracted {
-                None => self.variance(value),
-                Some(light) => self.variance_over(value, f64::from(light.dn[index]), light.exposure_ratio),
-            }
+            let value = f64::from(image.data[pixel * image.channels.len() + channel]);
+            self.of_value(image, channel, pixel) + scale_variance_dn2(image, channel, value)
         })
     }
+
+    /// Variance of a value by what differs from pixel to pixel, DN²: the error of a channel's scale is not in it.
+    pub(super) fn of_value(&self, image: &ChannelImage, channel: usize, pixel: usize) -> f64 {
+        let index = pixel * image.channels.len() + channel;
+        let value = f64::from(image.data[index]);
+        let own = match &image.subtracted {
+            None => self.variance(value),
+            Some(light) => self.variance_over(value, f64::from(light.dn[index]), light.exposure_ratio),
+        };
+        own + image.calibration.as_ref().map_or(0.0, |added| f64::from(added.variance_dn2[index]))
+    }
+}
+
+/// Variance of a value, or of a mean of values, by the error of its channel's scale, DN².
+pub(super) fn scale_variance_dn2(image: &ChannelImage, channel: usize, value_dn: f64) -> f64 {
+    image.calibration.as_ref().map_or(0.0, |added| added.scale_variance[channel] * value_dn * value_dn)
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::channel_noise::ChannelNoise;
+use super::channel_noise::{ChannelNoise, scale_variance_dn2};
 use super::chromaticity::{MissingChannel, rgb_channels};
 use crate::image::ChannelImage;
 
@@ -21,7 +21,7 @@ impl PixelMean {
     /// Interpolated values share raw ones. The mean is `sum over raw pixels of w_j v_j` with the weights that interpolation gives
     /// them, raw values are independent, so its variance is `sum of w_j² Var(v_j)`: exact at rims of regions and for single pixels.
     /// Where it is not known how the image was interpolated, `n` pixels count as `n * share` measurements
-    /// ([`ChannelImage::shares`]).
+    /// ([`ChannelImage::shares`]). The error of a channel's scale, of a flat field, is common to all of them.
     #[must_use]
     pub fn new(
         image: &ChannelImage,
@@ -34,14 +34,17 @@ impl PixelMean {
             |channel: usize, pixel: usize| f64::from(image.data[pixel * image.channels.len() + channel]);
         let mean = |channel: usize| pixels.iter().map(|&pixel| value(channel, pixel)).sum::<f64>() / n;
         let dn: Vec<f64> = channels.iter().map(|&channel| mean(channel)).collect();
-        let variance = |&channel: &usize| variance_of_mean(image, channel, pixels, noise);
+        let variance = |&channel: &usize| {
+            variance_of_mean(image, channel, pixels, noise)
+                + scale_variance_dn2(image, channel, mean(channel))
+        };
         let variance_dn2 = channels.par_iter().map(variance).collect();
         (!pixels.is_empty()).then_some(Self { dn, variance_dn2 })
     }
 }
 
 fn variance_of_mean(image: &ChannelImage, channel: usize, pixels: &[usize], noise: &ChannelNoise) -> f64 {
-    let variance = |channel: usize, pixel: usize| noise.of_pixel(image, [channel], pixel)[0];
+    let variance = |channel: usize, pixel: usize| noise.of_value(image, channel, pixel);
     let Some(taps) = &image.interpolation else {
         let n = pixels.len() as f64;
         let sum: f64 = pixels.iter().map(|&pixel| variance(channel, pixel)).sum();

@@ -236,6 +236,7 @@ mod tests {
             shares: vec![0.25, 0.5, 0.25],
             interpolation: None,
             subtracted: None,
+            calibration: None,
             label: "blue".into(),
         };
         image.saturated[1] = true;

@@ -566,6 +566,7 @@ mod tests {
             shares: vec![0.25, 0.5, 0.25],
             interpolation: None,
             subtracted: None,
+            calibration: None,
             label: "blue".into(),
         }
     }

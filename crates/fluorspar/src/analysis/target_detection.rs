@@ -638,6 +638,7 @@ mod tests {
             shares: vec![1.0],
             interpolation: None,
             subtracted: None,
+            calibration: None,
             label: "blue".into(),
         }
     }

@@ -20,5 +20,5 @@ pub use excitation_image::{BasisComponent, ExcitationImage, GroupBasis, RelitCom
 pub use film::{Film, FilmLayout, MergeError};
 pub use interpolation_taps::InterpolationTaps;
 pub(crate) use interpolation_taps::Tap;
-pub use sensor_image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};
+pub use sensor_image::{CalibrationNoise, ChannelImage, Mosaic, SensorImage, SubtractedLight};
 pub use spectral_image::{ImageShapeError, SpectralImage};

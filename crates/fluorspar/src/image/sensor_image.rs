@@ -81,8 +81,10 @@ pub struct SensorImage {
     pub data: Vec<u16>,
     /// Color filter array; of developed channels the one that they were interpolated from.
     pub mosaic: Mosaic,
-    /// Digital number of no light.
+    /// Digital number of no light; where it differs by place, its mean.
     pub black_level: f64,
+    /// What the black level of each value lies above `black_level`, DN, in the order of `data`; empty where it is the same everywhere.
+    pub black_offsets: Vec<f32>,
     /// Digital number at and above which a pixel is saturated.
     pub white_level: u16,
     /// Bits of the converter.
@@ -108,6 +110,12 @@ impl SensorImage {
     #[must_use]
     pub fn has_all_channels(&self) -> bool {
         self.data.len() > self.width * self.height
+    }
+
+    /// Black level of one value, DN.
+    #[must_use]
+    pub fn black_of(&self, value: usize) -> f64 {
+        self.black_level + self.black_offsets.get(value).map_or(0.0, |offset| f64::from(*offset))
     }
 }
 
@@ -136,6 +144,8 @@ pub struct ChannelImage {
     pub interpolation: Option<Arc<InterpolationTaps>>,
     /// Light of another frame that was subtracted.
     pub subtracted: Option<SubtractedLight>,
+    /// What the frames that calibrated it add to its noise; `None` without such frames.
+    pub calibration: Option<CalibrationNoise>,
     /// Name of the frame.
     pub label: String,
 }
@@ -147,6 +157,19 @@ pub struct SubtractedLight {
     pub dn: Vec<f32>,
     /// Exposure time of the frame over that of the frame that was subtracted.
     pub exposure_ratio: f64,
+}
+
+/// What dark frames and frames of even light do to the noise of developed values.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CalibrationNoise {
+    /// What is added to the variance of each value, DN², `[row, col, channel]`. Below zero where a flat field makes a value smaller.
+    pub variance_dn2: Vec<f32>,
+    /// Variance of the scale of each channel, over its square: the same error for all its values. 0 without a flat field.
+    pub scale_variance: Vec<f64>,
+    /// Whether dark frames took out the pattern of dark signals.
+    pub has_dark: bool,
+    /// Whether frames of even light took out the pattern of responses.
+    pub has_flat: bool,
 }
 
 /// What several frames share is written with each of them.

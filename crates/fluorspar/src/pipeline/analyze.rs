@@ -116,7 +116,7 @@ fn analyzed(
     let capture = study.capture(&settings.frame).ok_or_else(no_frame)?;
 
     let k = frame.raw.dn_per_electron;
-    let noise = noise_of(&frame.developed, k, &study.develop, sensor);
+    let noise = noise_of(&frame.developed, k, sensor);
     let analysis_settings =
         AnalysisSettings { region: settings.region(), noise, noise_threshold: settings.noise_threshold };
     let image = &frame.developed;

@@ -4,8 +4,8 @@ use super::PipelineError;
 use super::capture::flat_film_irradiance;
 use crate::image::{SensorImage, SpectralImage};
 use crate::sensor::{
-    AutoExposure, BadPixels, Demosaicing, Development, EXPOSURE_MS, ElectronRate, Exposure, FlatField,
-    MasterFrame, Sensor,
+    AutoExposure, BadPixels, Demosaicing, DevelopError, Development, EXPOSURE_MS, ElectronRate, Exposure,
+    FlatField, MasterFrame, Sensor, is_same_setting,
 };
 use crate::spectral::Radiance;
 use crate::study::{FlatFieldPlan, Study};
@@ -48,7 +48,10 @@ impl Calibration {
         let sensor = study.camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
         let seed = study.render.seed;
         for raw in exposures {
-            if plan.dark_frames > 0 && calibration.dark_for(raw).is_none() {
+            let taken = |dark: &MasterFrame| {
+                (dark.exposure_s, dark.dn_per_electron) == (raw.exposure_s, raw.dn_per_electron)
+            };
+            if plan.dark_frames > 0 && !calibration.darks.iter().any(taken) {
                 let gain = raw.gain / sensor.model().analog_gain;
                 calibration.darks.push(darks(sensor, raw.exposure_s, gain, plan.dark_frames, seed)?);
             }
@@ -88,7 +91,8 @@ impl Calibration {
         for frame in dark_frames {
             let same = |g: &&mut Vec<SensorImage>| {
                 g.first().is_some_and(|first| {
-                    (first.exposure_s, first.dn_per_electron) == (frame.exposure_s, frame.dn_per_electron)
+                    is_same_setting(first.exposure_s, frame.exposure_s)
+                        && is_same_setting(first.dn_per_electron, frame.dn_per_electron)
                 })
             };
             match groups.iter_mut().find(same) {
@@ -106,7 +110,7 @@ impl Calibration {
         let mut flat_master = None;
         if !flat_frames.is_empty() {
             let light = average(flat_frames)?;
-            let dark = calibration.darks.iter().find(|dark| same_exposure(dark, &light));
+            let dark = calibration.dark_for(light.exposure_s, light.dn_per_electron);
             calibration.flat = Some(FlatField::new(&light, dark)?);
             flat_master = Some(light);
         }
@@ -115,7 +119,7 @@ impl Calibration {
             let longest = calibration.darks.iter().max_by(|a, b| a.exposure_s.total_cmp(&b.exposure_s));
             let flat = flat_master
                 .as_ref()
-                .map(|light| (light, calibration.darks.iter().find(|dark| same_exposure(dark, light))));
+                .map(|light| (light, calibration.dark_for(light.exposure_s, light.dn_per_electron)));
             if longest.is_some() || flat.is_some() {
                 calibration.bad_pixels = Some(BadPixels::detect(longest, flat, sigma)?);
             }
@@ -123,26 +127,92 @@ impl Calibration {
         Ok(calibration)
     }
 
-    fn dark_for(&self, raw: &SensorImage) -> Option<&MasterFrame> {
-        let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
-        self.darks.iter().find(|dark| {
-            near(dark.exposure_s, raw.exposure_s) && near(dark.dn_per_electron, raw.dn_per_electron)
+    /// The dark frame of an exposure time and gain, of several the nearest in time.
+    fn dark_for(&self, exposure_s: f64, dn_per_electron: f64) -> Option<&MasterFrame> {
+        let away = |dark: &MasterFrame| (dark.exposure_s - exposure_s).abs();
+        let fitting = self.darks.iter().filter(|dark| dark.has_exposure(exposure_s, dn_per_electron));
+        fitting.min_by(|a, b| away(a).total_cmp(&away(b)))
+    }
+
+    /// How one raw frame is developed: with the dark frame of its exposure, where there are dark frames.
+    ///
+    /// # Errors
+    /// Dark frames, none of which has the exposure time and gain of the frame.
+    pub fn development(&self, raw: &SensorImage) -> Result<Development<'_>, DevelopError> {
+        let dark = self.dark_for(raw.exposure_s, raw.dn_per_electron);
+        let away = |dark: &MasterFrame| (dark.exposure_s / raw.exposure_s).ln().abs();
+        let nearest = self.darks.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+        if let (None, Some(nearest)) = (dark, nearest) {
+            return Err(DevelopError::OtherExposure {
+                dark: nearest.label.clone(),
+                dark_s: nearest.exposure_s,
+                dark_gain: nearest.dn_per_electron,
+                frame: raw.label.clone(),
+                exposure_s: raw.exposure_s,
+                gain: raw.dn_per_electron,
+            });
+        }
+        Ok(Development {
+            demosaicing: self.demosaicing,
+            dark,
+            flat: self.flat.as_ref(),
+            bad_pixels: self.bad_pixels.as_ref(),
         })
     }
 
-    /// How one raw frame is developed: with the dark frame of its exposure, if there is one.
-    pub fn development(&self, raw: &SensorImage) -> Development<'_> {
-        Development {
-            demosaicing: self.demosaicing,
-            dark: self.dark_for(raw),
-            flat: self.flat.as_ref(),
-            bad_pixels: self.bad_pixels.as_ref(),
+    /// What of dark frames is used otherwise than as it was taken, for these frames.
+    ///
+    /// # Errors
+    /// A dark frame that neither these frames nor the flat field can use.
+    pub fn remarks<'a>(
+        &self,
+        frames: impl IntoIterator<Item = &'a SensorImage>,
+    ) -> Result<Vec<String>, DevelopError> {
+        let frames: Vec<&SensorImage> = frames.into_iter().collect();
+        let mut remarks = Vec::new();
+        let lights = frames.iter().map(|raw| (&raw.label, raw.exposure_s, raw.dn_per_electron));
+        let flat = self.flat.as_ref().map(|flat| (&flat.label, flat.exposure_s, flat.dn_per_electron));
+        let lights: Vec<_> = lights.chain(flat).collect();
+        for dark in &self.darks {
+            if !lights.iter().any(|(_, time_s, gain)| dark.has_exposure(*time_s, *gain)) {
+                return Err(DevelopError::UnusedDark {
+                    dark: dark.label.clone(),
+                    dark_s: dark.exposure_s,
+                    dark_gain: dark.dn_per_electron,
+                });
+            }
         }
+        for (label, time_s, gain) in &lights {
+            match self.dark_for(*time_s, *gain) {
+                Some(dark) => {
+                    let scale = dark.dark_scale(*time_s, *gain);
+                    let ms = |time_s: f64| (1e9 * time_s).round() / 1e6;
+                    if (scale - 1.0).abs() > 1e-6 {
+                        remarks.push(format!(
+                            "The dark frame \"{}\" has {} ms, the frame \"{label}\" {} ms: what it holds above the black level counts \
+                             times {scale:.5}",
+                            dark.label,
+                            ms(dark.exposure_s),
+                            ms(*time_s)
+                        ));
+                    } else if (dark.exposure_s / time_s - 1.0).abs() > 1e-6 {
+                        remarks.push(format!(
+                            "The dark frame \"{}\" has {} ms, the frame \"{label}\" {} ms: as its black level is 0, it is subtracted as \
+                             it is",
+                            dark.label,
+                            ms(dark.exposure_s),
+                            ms(*time_s)
+                        ));
+                    }
+                }
+                None if !self.darks.is_empty() => remarks.push(format!(
+                    "No dark frame has the exposure time and gain of the flat frame \"{label}\": its black level is subtracted"
+                )),
+                None => {}
+            }
+        }
+        Ok(remarks)
     }
-}
-
-fn same_exposure(a: &MasterFrame, b: &MasterFrame) -> bool {
-    (a.exposure_s, a.dn_per_electron) == (b.exposure_s, b.dn_per_electron)
 }
 
 fn darks(
@@ -198,4 +268,65 @@ fn flats(study: &Study, sensor: &Sensor, plan: &FlatFieldPlan) -> Result<MasterF
         };
         Ok(sensor.expose_rate(&rate, &exposure)?)
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Mosaic;
+
+    fn raw(label: &str, exposure_s: f64, dn: u16) -> SensorImage {
+        SensorImage {
+            width: 2,
+            height: 2,
+            data: vec![dn; 4],
+            mosaic: Mosaic::monochrome(),
+            black_level: 64.0,
+            black_offsets: Vec::new(),
+            white_level: 4095,
+            bit_depth: 12,
+            exposure_s,
+            gain: 1.0,
+            dn_per_electron: 0.5,
+            read_noise_dn: 6.0,
+            gain_is_assumed: false,
+            seed: 0,
+            label: label.into(),
+        }
+    }
+
+    /// No dark frame is without an effect and without a word.
+    #[test]
+    fn dark_frames_are_used_or_refused() {
+        let with = |darks: Vec<SensorImage>, flats: Vec<SensorImage>| {
+            Calibration::of_frames(Demosaicing::Bilinear, darks, flats, None).unwrap()
+        };
+        let frame = raw("blue", 0.5, 1000);
+        // Two of the same setting but for a line of the sensor are one mean
+        let near = with(vec![raw("dark", 0.501, 264), raw("dark 2", 0.5011, 266)], Vec::new());
+        assert_eq!(near.darks.len(), 1);
+        let left = near.development(&frame).unwrap().linearize(&frame).unwrap().values[0];
+        // 1000 - 64 - 201 * 0.5 / 0.50105
+        assert!((f64::from(left) - 735.421_215).abs() < 1e-3, "{left}");
+        let remarks = near.remarks([&frame]).unwrap();
+        assert!(remarks[0].contains("\"dark\" has 501.05 ms, the frame \"blue\" 500 ms"), "{remarks:?}");
+        // Another time, or another gain
+        let far = with(vec![raw("dark", 0.506, 264)], Vec::new());
+        let said = far.development(&frame).unwrap_err().to_string();
+        assert!(said.contains("506 ms and 0.5 DN/e-, the frame \"blue\" 500 ms and 0.5 DN/e-"), "{said}");
+        let louder = SensorImage { dn_per_electron: 2.0, ..raw("dark", 0.5, 264) };
+        let said = with(vec![louder], Vec::new()).development(&frame).unwrap_err().to_string();
+        assert!(said.contains("500 ms and 2 DN/e-"), "{said}");
+        // One too many
+        let both = with(vec![raw("dark", 0.5, 264), raw("odd", 0.03, 264)], Vec::new());
+        assert!(both.development(&frame).is_ok());
+        let said = both.remarks([&frame]).unwrap_err().to_string();
+        assert!(said.contains("\"odd\" has 30 ms"), "{said}");
+        // Frames of even light without a dark frame, and with one
+        let flat = || vec![raw("flat", 0.03, 3000)];
+        let remarks = with(vec![raw("dark", 0.5, 264)], flat()).remarks([&frame]).unwrap();
+        assert!(remarks[0].contains("flat frame \"flat\": its black level is subtracted"), "{remarks:?}");
+        let remarks = with(vec![raw("dark", 0.5, 264), raw("odd", 0.03, 264)], flat()).remarks([&frame]);
+        assert_eq!(remarks.unwrap(), Vec::<String>::new());
+    }
 }

@@ -44,7 +44,7 @@ pub(super) fn channel_analysis(measured: &Measured<'_>) -> Result<SignalSummary,
             continue;
         }
         let k = frame.raw.dn_per_electron;
-        let noise = noise_of(&frame.developed, k, &study.develop, sensor);
+        let noise = noise_of(&frame.developed, k, sensor);
         let of_frame = [k, frame.raw.exposure_s];
         summary.signals.extend(ChannelSignal::of_frame(&frame.developed, region, &noise, of_frame));
     }

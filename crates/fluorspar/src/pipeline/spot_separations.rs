@@ -187,6 +187,7 @@ mod tests {
             shares: vec![1.0; 2],
             interpolation: None,
             subtracted: None,
+            calibration: None,
             label: "green".into(),
         }
     }

@@ -8,10 +8,10 @@ use super::{CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{
     AnalysisError, ChannelNoise, PixelSelection, RenderNoise, SceneOnSensor, TargetDetection,
 };
-use crate::image::ChannelImage;
+use crate::image::{CalibrationNoise, ChannelImage};
 use crate::material::ImageTexture;
 use crate::sensor::Sensor;
-use crate::study::{AnalysisPlan, Capture, Develop, Study, Target, TargetPlace};
+use crate::study::{AnalysisPlan, Capture, Study, Target, TargetPlace};
 use crate::warning::Warning;
 
 /// Which target each pixel of the frames sees.
@@ -36,16 +36,13 @@ const WIDEST_RING_PX: usize = 400;
 const HALF: f32 = 0.5;
 
 /// Noise of the channels of a developed frame.
-pub(super) fn noise_of(
-    image: &ChannelImage,
-    dn_per_electron: f64,
-    develop: &Develop,
-    sensor: &Sensor,
-) -> ChannelNoise {
+pub(super) fn noise_of(image: &ChannelImage, dn_per_electron: f64, sensor: &Sensor) -> ChannelNoise {
     let model = sensor.model();
     // A flat field takes the spread of the pixels' response out, dark frames that of their dark signal.
-    let prnu = if develop.flat_field.is_some() { 0.0 } else { model.image_prnu_percent() / 100.0 };
-    let dsnu = if develop.dark_frames > 0 { 0.0 } else { dn_per_electron * model.image_dsnu_electrons() };
+    let is_calibrated = |by: fn(&CalibrationNoise) -> bool| image.calibration.as_ref().is_some_and(by);
+    let prnu = if is_calibrated(|by| by.has_flat) { 0.0 } else { model.image_prnu_percent() / 100.0 };
+    let dsnu =
+        if is_calibrated(|by| by.has_dark) { 0.0 } else { dn_per_electron * model.image_dsnu_electrons() };
     ChannelNoise::of_image(image, dn_per_electron, prnu, dsnu)
 }
 
@@ -95,7 +92,7 @@ pub(super) fn measured_targets(
         let mm_per_px = mm_per_pixel(study, sensor, &pixels, scene);
         for frame in &lit {
             let image = &frame.developed;
-            let noise = noise_of(image, frame.raw.dn_per_electron, &study.develop, sensor);
+            let noise = noise_of(image, frame.raw.dn_per_electron, sensor);
             let places = [&pixels, &background];
             let render = components.zip(scene).and_then(|(components, scene)| {
                 render_noise(study, sensor, components, scene, frame, places)

@@ -1,8 +1,16 @@
 //! Dark frames, flat fields and bad pixels.
 
 use super::DevelopError;
-use super::develop::LinearMosaic;
+use super::develop::{LinearMosaic, noise_floor_dn};
 use crate::image::{Mosaic, SensorImage};
+
+/// Exposure times and gains that differ by no more than this share count as one: cameras tell theirs to a line of the sensor.
+const SAME_EXPOSURE: f64 = 0.01;
+
+/// Whether two exposure times or gains are one setting.
+pub(crate) fn is_same_setting(a: f64, b: f64) -> bool {
+    (a - b).abs() <= SAME_EXPOSURE * a.abs().max(b.abs())
+}
 
 /// Mean of equal raw frames.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,12 +27,18 @@ pub struct MasterFrame {
     pub saturated: Vec<bool>,
     /// Frames averaged.
     pub frames: usize,
-    /// Exposure time of each, s.
+    /// Mean of their exposure times, s.
     pub exposure_s: f64,
     /// Their gain, DN per electron.
     pub dn_per_electron: f64,
     /// Their black level, DN.
     pub black_level: f64,
+    /// What the black level of each value lies above it, DN; empty where it is the same everywhere.
+    pub black_offsets: Vec<f32>,
+    /// Standard deviation of the dark noise of one value of one of them, DN.
+    pub noise_floor_dn: f64,
+    /// Name of the first of them.
+    pub label: String,
 }
 
 impl MasterFrame {
@@ -41,6 +55,8 @@ impl MasterFrame {
         let mut sums: Vec<u64> = first.data.iter().map(|&dn| u64::from(dn)).collect();
         let mut saturated: Vec<bool> = first.data.iter().map(|&dn| dn >= first.white_level).collect();
         let mut count = 1usize;
+        let noise_floor_dn = noise_floor_dn(&first);
+        let mut times_s = first.exposure_s;
         // Add the frames, which must share sensor and exposure
         for frame in frames {
             let frame = frame?;
@@ -49,17 +65,18 @@ impl MasterFrame {
                 let (frame, ambient) = (first.label, frame.label);
                 return Err(DevelopError::DifferentSensors { frame, ambient }.into());
             }
-            if (frame.exposure_s, frame.dn_per_electron) != (first.exposure_s, first.dn_per_electron) {
-                return Err(DevelopError::OtherExposure {
-                    dark_s: first.exposure_s,
-                    dark_gain: first.dn_per_electron,
-                    frame: frame.label,
-                    exposure_s: frame.exposure_s,
-                    gain: frame.dn_per_electron,
+            if !is_same_setting(frame.exposure_s, first.exposure_s)
+                || !is_same_setting(frame.dn_per_electron, first.dn_per_electron)
+            {
+                return Err(DevelopError::DifferentExposures {
+                    frames: [first.label.clone(), frame.label],
+                    exposure_s: [first.exposure_s, frame.exposure_s],
+                    gain: [first.dn_per_electron, frame.dn_per_electron],
                 }
                 .into());
             }
             count += 1;
+            times_s += frame.exposure_s;
             for ((sum, full), &dn) in sums.iter_mut().zip(&mut saturated).zip(&frame.data) {
                 *sum += u64::from(dn);
                 *full |= dn >= frame.white_level;
@@ -72,10 +89,75 @@ impl MasterFrame {
             mean: sums.into_iter().map(|sum| (sum as f64 / count as f64) as f32).collect(),
             saturated,
             frames: count,
-            exposure_s: first.exposure_s,
+            exposure_s: times_s / count as f64,
             dn_per_electron: first.dn_per_electron,
             black_level: first.black_level,
+            noise_floor_dn,
+            black_offsets: first.black_offsets,
+            label: first.label,
         })
+    }
+
+    /// Whether they were taken with this exposure time and gain.
+    pub fn has_exposure(&self, exposure_s: f64, dn_per_electron: f64) -> bool {
+        is_same_setting(self.exposure_s, exposure_s) && is_same_setting(self.dn_per_electron, dn_per_electron)
+    }
+
+    /// The levels of dark frames in a frame of about their exposure: what lies above the black level grows with exposure time and
+    /// gain. Where the black level is not known nothing tells that part, and the levels stay.
+    ///
+    /// # Errors
+    /// Another exposure.
+    pub(super) fn dark_levels(
+        &self,
+        frame: &str,
+        exposure_s: f64,
+        dn_per_electron: f64,
+    ) -> Result<Vec<f32>, DevelopError> {
+        if !self.has_exposure(exposure_s, dn_per_electron) {
+            return Err(DevelopError::OtherExposure {
+                dark: self.label.clone(),
+                dark_s: self.exposure_s,
+                dark_gain: self.dn_per_electron,
+                frame: frame.into(),
+                exposure_s,
+                gain: dn_per_electron,
+            });
+        }
+        let scale = self.dark_scale(exposure_s, dn_per_electron);
+        if scale == 1.0 {
+            return Ok(self.mean.clone());
+        }
+        let level = |(value, &dn): (usize, &f32)| {
+            let black = self.black_of(value);
+            (black + scale * (f64::from(dn) - black)) as f32
+        };
+        Ok(self.mean.iter().enumerate().map(level).collect())
+    }
+
+    /// What the part above the black level is multiplied by for a frame of this exposure.
+    pub fn dark_scale(&self, exposure_s: f64, dn_per_electron: f64) -> f64 {
+        let own = self.exposure_s * self.dn_per_electron;
+        if self.black_level > 0.0 && own > 0.0 { exposure_s * dn_per_electron / own } else { 1.0 }
+    }
+
+    /// What a value holds above its black level without light, DN: dark charge. 0 where the black level is not known.
+    pub(super) fn charge_dn(&self, value: usize) -> f64 {
+        if self.black_level > 0.0 {
+            (f64::from(self.mean[value]) - self.black_of(value)).max(0.0)
+        } else {
+            0.0
+        }
+    }
+
+    /// Variance of a value of the mean whose frames hold so much light and charge, DN².
+    fn variance_dn2(&self, collected_dn: f64) -> f64 {
+        let shot = self.dn_per_electron * collected_dn.max(0.0);
+        (self.noise_floor_dn.powi(2) + shot) / self.frames.max(1) as f64
+    }
+
+    fn black_of(&self, value: usize) -> f64 {
+        self.black_level + self.black_offsets.get(value).map_or(0.0, |offset| f64::from(*offset))
     }
 
     /// Values of a pixel: 1 on a mosaic, or all channels.
@@ -95,8 +177,8 @@ impl MasterFrame {
 
 /// Response of each pixel to even light, as the factor that evens it out.
 ///
-/// Each channel is scaled to its own median over the middle ninth of the image: on the axis digital numbers keep their
-/// meaning, toward the corners values grow by what the lens loses there, and their noise with them.
+/// Each channel is scaled to its own response on the axis, where a quadratic that is fitted to the middle ninth of the image has it:
+/// there digital numbers keep their meaning, toward the corners values grow by what the lens loses there, and their noise with them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlatField {
     /// Columns.
@@ -105,38 +187,212 @@ pub struct FlatField {
     pub height: usize,
     /// Factors, `[row, col]`; 1 where a pixel has no usable response.
     pub gain: Vec<f32>,
+    /// Variance of each by the noise of the frames, over its square; 0 where a pixel has no usable response.
+    pub factor_variance: Vec<f32>,
+    /// The same of the response on the axis, by channel; how the responses of the pixels differ there counts, too.
+    pub scale_variance: Vec<f64>,
+    /// Pixels that were saturated in any frame.
+    pub saturated: Vec<bool>,
+    /// Name of the first of the frames of even light.
+    pub label: String,
+    /// Exposure time of each, s.
+    pub exposure_s: f64,
+    /// Their gain, DN per electron.
+    pub dn_per_electron: f64,
 }
 
 /// Pixels that respond less than this share of the middle have no usable response.
 const LEAST_RESPONSE: f32 = 0.02;
+/// Frames of even light of which more of a channel's pixels are saturated are refused; so many may be defect.
+const MOST_SATURATED: f64 = 0.01;
+/// Least signal over noise of a middling pixel in the mean of the frames: below, the inverse of its response is hardly known.
+const LEAST_SIGNAL_TO_NOISE: f64 = 5.0;
+/// Fewest pixels that a quadratic is fitted to: twice its terms.
+const LEAST_FITTED: usize = 12;
+/// Least part of a constant, squared, that may be orthogonal to the terms of a quadratic: in a full square it is 2/7.
+const LEAST_ORTHOGONAL: f64 = 0.05;
 
 impl FlatField {
     /// The factors of averaged frames of even light, minus dark frames of the same exposure or else the black level.
     ///
+    /// The inverse of a response `S` with the variance `V` is too large by `1 + V/S²` in the mean, which is taken out.
+    ///
     /// # Errors
-    /// A dark frame of another sensor or exposure.
+    /// A dark frame of another sensor or exposure; frames that are saturated, or whose noise is as large as what they tell.
     pub fn new(flat: &MasterFrame, dark: Option<&MasterFrame>) -> Result<Self, DevelopError> {
         let signal = signal(flat, dark)?;
-        let mut gain = vec![1.0; signal.len()];
-        let middle = |line: usize, lines: usize| 3 * line >= lines && 3 * line < 2 * lines;
-        for channel in 0..flat.mosaic.channels.len() {
-            let is_middle = |&value: &usize| {
-                let pixel = value / flat.samples();
-                middle(pixel / flat.width, flat.height) && middle(pixel % flat.width, flat.width)
+        let relative_variance = |value: usize| {
+            let light = f64::from(signal[value]);
+            let charge = dark.map_or(0.0, |dark| dark.charge_dn(value));
+            let of_dark = dark.map_or(0.0, |dark| dark.variance_dn2(charge));
+            (flat.variance_dn2(light + charge) + of_dark) / (light * light)
+        };
+        let channels = flat.mosaic.channels.len();
+        let mut field = Self {
+            width: flat.width,
+            height: flat.height,
+            gain: vec![1.0; signal.len()],
+            factor_variance: vec![0.0; signal.len()],
+            scale_variance: vec![0.0; channels],
+            saturated: flat.saturated.clone(),
+            label: flat.label.clone(),
+            exposure_s: flat.exposure_s,
+            dn_per_electron: flat.dn_per_electron,
+        };
+        for channel in 0..channels {
+            flat.refuse_saturated(channel)?;
+            let Some(axis) = AxisResponse::new(flat, channel, &signal) else { continue };
+            let is_usable = |&value: &usize| f64::from(signal[value]) > f64::from(LEAST_RESPONSE) * axis.dn;
+            for value in flat.values_of(channel).filter(is_usable) {
+                let variance = relative_variance(value);
+                field.gain[value] = (axis.dn / f64::from(signal[value]) / (1.0 + variance)) as f32;
+                field.factor_variance[value] = variance as f32;
+            }
+            let mut variances: Vec<f32> =
+                flat.values_of(channel).filter(is_usable).map(|value| field.factor_variance[value]).collect();
+            flat.refuse_dim(channel, median(&mut variances).map_or(0.0, f64::from))?;
+            let of_weight = |&(value, weight): &(usize, f64)| {
+                weight * weight * relative_variance(value) * f64::from(signal[value]).powi(2)
             };
-            let mut values: Vec<f32> = flat.values_of(channel).filter(is_middle).map(|p| signal[p]).collect();
-            if values.is_empty() {
-                values = flat.values_of(channel).map(|p| signal[p]).collect();
-            }
-            let Some(reference) = median(&mut values).filter(|m| *m > 0.0) else { continue };
-            for pixel in flat.values_of(channel) {
-                if signal[pixel] > LEAST_RESPONSE * reference {
-                    gain[pixel] = reference / signal[pixel];
-                }
-            }
+            let of_noise = axis.weights.iter().map(of_weight).sum::<f64>() / (axis.dn * axis.dn);
+            let of_scatter = axis.weights.iter().map(|(_, weight)| weight * weight).sum::<f64>()
+                * relative_scatter(flat, channel, &signal);
+            field.scale_variance[channel] = of_noise.max(of_scatter);
         }
-        Ok(Self { width: flat.width, height: flat.height, gain })
+        Ok(field)
     }
+}
+
+impl MasterFrame {
+    fn refuse_saturated(&self, channel: usize) -> Result<(), DevelopError> {
+        let (full, all) = self.values_of(channel).fold((0usize, 0usize), |(full, all), value| {
+            (full + usize::from(self.saturated[value]), all + 1)
+        });
+        let share = full as f64 / all.max(1) as f64;
+        if share <= MOST_SATURATED {
+            return Ok(());
+        }
+        let (flat, channel) = (self.label.clone(), self.mosaic.channels[channel].clone());
+        Err(DevelopError::SaturatedFlat { flat, channel, percent: 100.0 * share })
+    }
+
+    /// Refuses a mean whose pixels have this variance over their squared signal.
+    fn refuse_dim(&self, channel: usize, relative_variance: f64) -> Result<(), DevelopError> {
+        let most = LEAST_SIGNAL_TO_NOISE.powi(-2);
+        if relative_variance <= most {
+            return Ok(());
+        }
+        Err(DevelopError::DimFlat {
+            flat: self.label.clone(),
+            channel: self.mosaic.channels[channel].clone(),
+            frames: self.frames,
+            signal_to_noise: relative_variance.powf(-0.5),
+            least: LEAST_SIGNAL_TO_NOISE,
+            wanted: (self.frames as f64 * relative_variance / most).ceil() as usize,
+        })
+    }
+}
+
+/// Response of a channel on the axis: the constant of a quadratic in column and row, fitted to the middle ninth by least squares.
+struct AxisResponse {
+    /// DN.
+    dn: f64,
+    /// The values that it is a weighted sum of, with their weights.
+    weights: Vec<(usize, f64)>,
+}
+
+impl AxisResponse {
+    /// `None` of a channel without a response. Of few pixels it is their mean.
+    fn new(flat: &MasterFrame, channel: usize, signal: &[f32]) -> Option<Self> {
+        let middle = |line: usize, lines: usize| 3 * line >= lines && 3 * line < 2 * lines;
+        let place = |value: usize| {
+            let pixel = value / flat.samples();
+            [pixel / flat.width, pixel % flat.width]
+        };
+        let is_middle = |&value: &usize| {
+            let [row, col] = place(value);
+            middle(row, flat.height) && middle(col, flat.width)
+        };
+        let mut values: Vec<usize> = flat.values_of(channel).filter(is_middle).collect();
+        if values.is_empty() {
+            values = flat.values_of(channel).collect();
+        }
+        // Leave out defect pixels
+        let typical = median(&mut values.iter().map(|&value| signal[value]).collect::<Vec<_>>())?;
+        values.retain(|&value| {
+            (0.5 * typical..=2.0 * typical).contains(&signal[value]) && !flat.saturated[value]
+        });
+        let terms = match values.len() {
+            0 => return None,
+            few if few < LEAST_FITTED => Vec::new(),
+            _ => {
+                // In thirds of the image from the axis
+                let at = |value: usize| {
+                    let [row, col] = place(value);
+                    let from_axis =
+                        |line: usize, lines: usize| 6.0 * (line as f64 + 0.5) / lines as f64 - 3.0;
+                    (from_axis(col, flat.width), from_axis(row, flat.height))
+                };
+                let term = |of: fn(f64, f64) -> f64| -> Vec<f64> {
+                    values.iter().map(|&value| at(value)).map(|(x, y)| of(x, y)).collect()
+                };
+                vec![
+                    term(|x, _| x),
+                    term(|_, y| y),
+                    term(|x, _| x * x),
+                    term(|x, y| x * y),
+                    term(|_, y| y * y),
+                ]
+            }
+        };
+        let weights = weights_of_constant(values.len(), terms);
+        let weights: Vec<(usize, f64)> = values.into_iter().zip(weights).collect();
+        let dn = weights.iter().map(|&(value, weight)| weight * f64::from(signal[value])).sum::<f64>();
+        (dn > 0.0).then_some(Self { dn, weights })
+    }
+}
+
+/// Variance of a channel's values over their square by noise and by the responses of pixels, without shading: from the spread of the
+/// second differences of three in a row, whose variance is six times theirs. Defect pixels do not count in it.
+fn relative_scatter(flat: &MasterFrame, channel: usize, signal: &[f32]) -> f64 {
+    let (samples, step) = (flat.samples(), flat.mosaic.cols);
+    let difference = |value: usize| {
+        let col = value / samples % flat.width;
+        let here = signal[value];
+        (col >= step && col + step < flat.width && here > 0.0)
+            .then(|| (signal[value - step * samples] + signal[value + step * samples]) / here - 2.0)
+    };
+    let mut differences: Vec<f32> = flat.values_of(channel).filter_map(difference).collect();
+    robust(&mut differences).map_or(0.0, |(_, spread)| f64::from(spread).powi(2) / 6.0)
+}
+
+/// Weights of `count` values in the constant of their least-squares fit by a constant and some terms: what of the constant is orthogonal
+/// to the terms (theorem of Frisch, Waugh and Lovell).
+fn weights_of_constant(count: usize, terms: Vec<Vec<f64>>) -> Vec<f64> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let mut orthogonal: Vec<Vec<f64>> = Vec::new();
+    let rest_of = |mut column: Vec<f64>, orthogonal: &[Vec<f64>]| {
+        for other in orthogonal {
+            let part = dot(&column, other) / dot(other, other);
+            column.iter_mut().zip(other).for_each(|(value, other)| *value -= part * other);
+        }
+        column
+    };
+    for column in terms {
+        let before = dot(&column, &column);
+        let rest = rest_of(column, &orthogonal);
+        // One that others hold already says nothing, as in one row of pixels
+        if dot(&rest, &rest) > 1e-6 * before {
+            orthogonal.push(rest);
+        }
+    }
+    let mut rest = rest_of(vec![1.0; count], &orthogonal);
+    // Pixels that do not tell a constant from the terms
+    if rest.iter().sum::<f64>() < LEAST_ORTHOGONAL * count as f64 {
+        rest = vec![1.0; count];
+    }
+    let norm = rest.iter().sum::<f64>();
+    rest.into_iter().map(|value| value / norm).collect()
 }
 
 /// Pixels that do not measure light.
@@ -204,8 +460,8 @@ impl BadPixels {
         // Mark outliers of the relative response to even light, per channel
         if let Some((flat, flat_dark)) = flat {
             if (flat.width, flat.height) != (any.width, any.height) || flat.mosaic != any.mosaic {
-                let label = |frame: &MasterFrame| format!("mean of {} frames", frame.frames);
-                return Err(DevelopError::DifferentSensors { frame: label(flat), ambient: label(any) });
+                let (frame, ambient) = (flat.label.clone(), any.label.clone());
+                return Err(DevelopError::DifferentSensors { frame, ambient });
             }
             let signal = signal(flat, flat_dark)?;
             let relative = relative_response(flat, &signal);
@@ -280,23 +536,16 @@ impl BadPixels {
 /// Light of an averaged frame, DN.
 fn signal(frame: &MasterFrame, dark: Option<&MasterFrame>) -> Result<Vec<f32>, DevelopError> {
     let Some(dark) = dark else {
-        return Ok(frame.mean.iter().map(|&dn| (f64::from(dn) - frame.black_level) as f32).collect());
+        let above = |(value, &dn): (usize, &f32)| (f64::from(dn) - frame.black_of(value)) as f32;
+        return Ok(frame.mean.iter().enumerate().map(above).collect());
     };
     if (dark.width, dark.height) != (frame.width, frame.height) || dark.mosaic != frame.mosaic {
         let (columns, rows) = (dark.width, dark.height);
-        let label = format!("mean of {} flat frames", frame.frames);
-        return Err(DevelopError::OtherCalibration { what: "dark frame", columns, rows, frame: label });
+        let frame = frame.label.clone();
+        return Err(DevelopError::OtherCalibration { what: "dark frame", columns, rows, frame });
     }
-    if (dark.exposure_s, dark.dn_per_electron) != (frame.exposure_s, frame.dn_per_electron) {
-        return Err(DevelopError::OtherExposure {
-            dark_s: dark.exposure_s,
-            dark_gain: dark.dn_per_electron,
-            frame: format!("mean of {} flat frames", frame.frames),
-            exposure_s: frame.exposure_s,
-            gain: frame.dn_per_electron,
-        });
-    }
-    Ok(frame.mean.iter().zip(&dark.mean).map(|(light, dark)| light - dark).collect())
+    let levels = dark.dark_levels(&frame.label, frame.exposure_s, frame.dn_per_electron)?;
+    Ok(frame.mean.iter().zip(&levels).map(|(light, dark)| light - dark).collect())
 }
 
 /// Signal over the median of its channel in the 5 x 5 cells around, so that the shading of a lens does not count.
@@ -445,6 +694,20 @@ mod tests {
         let development = Development { dark: Some(&dark), ..Development::default() };
         let error = development.linearize(&raw).unwrap_err();
         assert!(matches!(error, DevelopError::OtherExposure { .. }), "{error}");
+        // Frames within 1 % of the exposure are one setting: .5 % more holds .5 % more dark charge
+        let mut hotter = dark.clone();
+        (hotter.mean, hotter.exposure_s) = (vec![164.0; SIDE * SIDE], 0.0603);
+        (hotter.black_level, hotter.black_offsets) = (64.0, Vec::new());
+        let mut even = raw.clone();
+        even.data.fill(200);
+        let development = Development { dark: Some(&hotter), ..Development::default() };
+        let left = development.linearize(&even).unwrap().values;
+        // 200 - (64 + 100 * 0.06 / 0.0603)
+        assert!(left.iter().all(|v| (f64::from(*v) - 36.4975).abs() < 1e-3), "{}", left[0]);
+        hotter.exposure_s = 0.061;
+        let development = Development { dark: Some(&hotter), ..Development::default() };
+        let error = development.linearize(&even).unwrap_err().to_string();
+        assert!(error.contains("has 61 ms") && error.contains("\"frame\" 60 ms"), "{error}");
         let small = BadPixels { width: 2, height: 2, bad: vec![false; 4], in_dark: 0, in_flat: 0 };
         let development = Development { bad_pixels: Some(&small), ..Development::default() };
         assert!(matches!(development.linearize(&raw), Err(DevelopError::OtherCalibration { .. })));
@@ -452,5 +715,79 @@ mod tests {
             .map(|frame| frame.map_err(Failed::Sensor));
         assert!(MasterFrame::average(mixed).is_err());
         assert!(MasterFrame::average(Vec::<Result<SensorImage, Failed>>::new()).is_err());
+    }
+
+    /// Even light of some DN on a Bayer array of 24 x 24 pixels, each channel shaded by its own share toward the corners.
+    fn shaded(level: [f64; 3], shade: [f64; 3]) -> MasterFrame {
+        let mosaic = Mosaic::bayer("grbg").unwrap();
+        let value = |pixel: usize| {
+            let (row, col) = (pixel / 24, pixel % 24);
+            let r2 = ((row as f64 - 11.5).powi(2) + (col as f64 - 11.5).powi(2)) / (2.0 * 11.5 * 11.5);
+            let channel = mosaic.channel(row, col);
+            (level[channel] * (1.0 - shade[channel] * r2)) as f32 + 64.0
+        };
+        MasterFrame {
+            width: 24,
+            height: 24,
+            mean: (0..24 * 24).map(value).collect(),
+            saturated: vec![false; 24 * 24],
+            frames: 4,
+            exposure_s: 0.03,
+            dn_per_electron: 0.5,
+            black_level: 64.0,
+            black_offsets: Vec::new(),
+            noise_floor_dn: 5.0,
+            label: "even".into(),
+            mosaic,
+        }
+    }
+
+    /// Shading that differs by channel leaves the colors on the axis: of light in the proportions of the channels' levels, however much
+    /// each falls toward the corners.
+    #[test]
+    fn each_channel_is_scaled_to_the_axis() {
+        let (level, shade) = ([2000.0, 3000.0, 1500.0], [0.45, 0.3, 0.25]);
+        let flat = shaded(level, shade);
+        let field = FlatField::new(&flat, None).unwrap();
+        for pixel in [0, 23, 11 * 24 + 12, 5 * 24 + 20] {
+            let channel = flat.mosaic.channel(pixel / 24, pixel % 24);
+            let signal = f64::from(flat.mean[pixel]) - 64.0;
+            // Four frames of read noise and shot noise
+            let variance = (25.0 + 0.5 * signal) / 4.0 / (signal * signal);
+            let leveled = f64::from(field.gain[pixel]) * signal * (1.0 + variance);
+            assert!((leveled / level[channel] - 1.0).abs() < 1e-5, "{pixel}: {leveled}");
+            assert!((f64::from(field.factor_variance[pixel]) / variance - 1.0).abs() < 1e-4);
+        }
+        // A quadratic in a square of n values has its constant with 7/2 of the variance of a mean of them, up to the corners that pixels
+        // of 8 x 8 leave out; R and B have 16 there, G 32.
+        let of_pixel = |level: f64| (25.0 + 0.5 * level) / 4.0 / (level * level);
+        for (channel, n) in [(0, 16.0), (1, 32.0), (2, 16.0)] {
+            let expected = 3.5 * of_pixel(level[channel]) / n;
+            assert!(
+                (field.scale_variance[channel] / expected - 1.0).abs() < 0.3,
+                "{:?}",
+                field.scale_variance
+            );
+        }
+    }
+
+    #[test]
+    fn frames_of_even_light_that_are_full_or_dim_are_refused() {
+        let mut flat = shaded([2000.0, 3000.0, 1500.0], [0.0; 3]);
+        // 4 of the 144 blue pixels are 2.8 %
+        for pixel in [24, 26, 28, 30] {
+            assert_eq!(flat.mosaic.channel(1, pixel % 24), 2);
+            flat.saturated[pixel] = true;
+        }
+        let said = FlatField::new(&flat, None).unwrap_err().to_string();
+        assert!(said.contains("2.8 % of the B pixels of the flat frame \"even\" are saturated"), "{said}");
+        // One may be defect: what lies there is not measured
+        flat.saturated[24..32].fill(false);
+        flat.saturated[24] = true;
+        assert!(FlatField::new(&flat, None).unwrap().saturated[24]);
+        // 10 DN with a variance of (25 + 5) / 4 are 3.65 standard deviations; eight frames make it 5.16
+        let said = FlatField::new(&shaded([2000.0, 3000.0, 10.0], [0.0; 3]), None).unwrap_err().to_string();
+        assert!(said.contains("a B pixel of the mean of 4 flat frames"), "{said}");
+        assert!(said.contains("3.7 times its noise") && said.contains("or 8 of them"), "{said}");
     }
 }

@@ -5,7 +5,7 @@ use thiserror::Error;
 use super::adc::QUANTIZATION_NOISE_DN;
 use super::calibration::{BadPixels, FlatField, MasterFrame};
 use super::demosaic::{Demosaic, Demosaicing};
-use crate::image::{ChannelImage, Mosaic, SensorImage, SubtractedLight};
+use crate::image::{CalibrationNoise, ChannelImage, Mosaic, SensorImage, SubtractedLight};
 
 /// Raw frames that can't be developed together.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -49,10 +49,12 @@ pub enum DevelopError {
     },
     /// A dark frame of another exposure holds another dark signal.
     #[error(
-        "the dark frame was taken with {dark_s} s and {dark_gain} DN/e-, frame \"{frame}\" with {exposure_s} s and {gain} \
-         DN/e-; take dark frames with the exposure and gain of the frame"
+        "the dark frame \"{dark}\" has {}, the frame \"{frame}\" {}; take dark frames with the exposure time and gain of the frame, \
+         which may differ by 1 %", setting(*.dark_s, *.dark_gain), setting(*.exposure_s, *.gain)
     )]
     OtherExposure {
+        /// Name of the dark frame.
+        dark: String,
         /// Exposure of the dark frame, s.
         dark_s: f64,
         /// Its gain, DN per electron.
@@ -63,6 +65,64 @@ pub enum DevelopError {
         exposure_s: f64,
         /// Its gain, DN per electron.
         gain: f64,
+    },
+    /// A dark frame that no frame can use.
+    #[error(
+        "the dark frame \"{dark}\" has {}, which no other frame has; leave it out, or take it with the exposure time and gain of a \
+         frame", setting(*.dark_s, *.dark_gain)
+    )]
+    UnusedDark {
+        /// Name of the dark frame.
+        dark: String,
+        /// Its exposure, s.
+        dark_s: f64,
+        /// Its gain, DN per electron.
+        dark_gain: f64,
+    },
+    /// Frames of different exposures have no mean.
+    #[error(
+        "the frame \"{}\" has {}, the frame \"{}\" {}; average frames of one exposure time and gain, which may differ by 1 %",
+        .frames[0], setting(.exposure_s[0], .gain[0]), .frames[1], setting(.exposure_s[1], .gain[1])
+    )]
+    DifferentExposures {
+        /// Their names.
+        frames: [String; 2],
+        /// Their exposures, s.
+        exposure_s: [f64; 2],
+        /// Their gains, DN per electron.
+        gain: [f64; 2],
+    },
+    /// Frames of even light that are full.
+    #[error(
+        "{percent:.1} % of the {channel} pixels of the flat frame \"{flat}\" are saturated; take frames of even light with a shorter \
+         exposure time"
+    )]
+    SaturatedFlat {
+        /// Name of the first flat frame.
+        flat: String,
+        /// The channel.
+        channel: String,
+        /// Share of its pixels, %.
+        percent: f64,
+    },
+    /// Frames of even light that tell less of a pixel's response than their noise.
+    #[error(
+        "a {channel} pixel of the mean of {frames} flat frames, \"{flat}\" the first, has a signal of {signal_to_noise:.1} times its noise, \
+         fewer than {least}; take frames of brighter even light, or {wanted} of them and as many dark frames of their exposure time"
+    )]
+    DimFlat {
+        /// Name of the first flat frame.
+        flat: String,
+        /// The channel.
+        channel: String,
+        /// How many there are.
+        frames: usize,
+        /// Signal of a pixel of the mean over its noise.
+        signal_to_noise: f64,
+        /// The least that is taken.
+        least: f64,
+        /// How many would do.
+        wanted: usize,
     },
     /// Gradient-corrected interpolation of something that is not a Bayer array.
     #[error(
@@ -82,6 +142,12 @@ pub enum DevelopError {
     /// Nothing to average.
     #[error("there is no exposure to merge, or no raw frame to average; give at least one")]
     Nothing,
+}
+
+/// Exposure time and gain in words.
+fn setting(exposure_s: f64, dn_per_electron: f64) -> String {
+    let rounded = |value: f64, digits: f64| (value * digits).round() / digits;
+    format!("{} ms and {} DN/e-", rounded(1e3 * exposure_s, 1e6), rounded(dn_per_electron, 1e4))
 }
 
 /// How raw frames become linear channels. The default subtracts the black level and interpolates bilinearly.
@@ -122,8 +188,72 @@ pub struct LinearMosaic {
     /// Light of another frame that was subtracted: its level in digital numbers of this frame, `[row, col]`, and this frame's
     /// exposure time over that of the other.
     pub subtracted: Option<(Vec<f32>, f64)>,
+    /// What the frames that calibrated it add to its noise.
+    pub calibration: Option<CalibratedValues>,
     /// Name of the frame.
     pub label: String,
+}
+
+/// What dark frames and a flat field add to the noise of the values of a mosaic.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CalibratedValues {
+    /// Added to the variance of each value, DN²: shot noise of dark charge, and what the flat field's factor does to all noise.
+    pub variance_dn2: Vec<f32>,
+    /// Variance of the flat field's factor of each value, over its square; empty without a flat field.
+    pub factor_variance: Vec<f32>,
+    /// Variance of the scale of each channel, over its square.
+    pub scale_variance: Vec<f64>,
+    /// Whether dark frames were subtracted.
+    pub has_dark: bool,
+}
+
+impl CalibratedValues {
+    /// Of values from which dark levels were subtracted and which a flat field multiplied. The noise of a dark value is that of the raw
+    /// frame and of the dark frames, but for the shot noise of the dark charge.
+    fn new(development: &Development<'_>, raw: &SensorImage, values: &[f32], noise_dn: f64) -> Option<Self> {
+        let (dark, flat) = (development.dark, development.flat);
+        if dark.is_none() && flat.is_none() {
+            return None;
+        }
+        let k = raw.dn_per_electron;
+        let variance = |(value, &dn): (usize, &f32)| {
+            let of_charge = dark.map_or(0.0, |dark| {
+                let charge_dn = dark.dark_scale(raw.exposure_s, k) * dark.charge_dn(value);
+                k * charge_dn * (1.0 + 1.0 / dark.frames.max(1) as f64)
+            });
+            let factor = flat.map_or(1.0, |flat| f64::from(flat.gain[value]));
+            let shot = k * f64::from(dn).max(0.0);
+            ((factor * factor - 1.0) * noise_dn * noise_dn
+                + (factor - 1.0) * shot
+                + factor * factor * of_charge) as f32
+        };
+        Some(Self {
+            variance_dn2: values.iter().enumerate().map(variance).collect(),
+            factor_variance: flat.map(|flat| flat.factor_variance.clone()).unwrap_or_default(),
+            scale_variance: flat
+                .map_or_else(|| vec![0.0; raw.mosaic.channels.len()], |flat| flat.scale_variance.clone()),
+            has_dark: dark.is_some(),
+        })
+    }
+
+    /// What is added to the variance of each value, the error of its flat field's factor with it.
+    fn added(&self, values: &[f32]) -> Vec<f32> {
+        let mut added = self.variance_dn2.clone();
+        for ((added, value), factor) in added.iter_mut().zip(values).zip(&self.factor_variance) {
+            *added += factor * value.max(0.0) * value.max(0.0);
+        }
+        added
+    }
+
+    /// Of a developed image, whose values have what is added to the variance of each.
+    fn of_image(&self, variance_dn2: Vec<f32>) -> CalibrationNoise {
+        CalibrationNoise {
+            variance_dn2,
+            scale_variance: self.scale_variance.clone(),
+            has_dark: self.has_dark,
+            has_flat: !self.factor_variance.is_empty(),
+        }
+    }
 }
 
 impl Development<'_> {
@@ -143,30 +273,27 @@ impl Development<'_> {
             };
         let mut noise_dn = noise_floor_dn(raw);
         let mut values: Vec<f32> = match self.dark {
-            None => raw.data.iter().map(|&dn| (f64::from(dn) - raw.black_level) as f32).collect(),
+            None => {
+                let above = |(value, &dn): (usize, &u16)| (f64::from(dn) - raw.black_of(value)) as f32;
+                raw.data.iter().enumerate().map(above).collect()
+            }
             Some(dark) => {
                 fits("dark frame", dark.width, dark.height, Some(&dark.mosaic), dark.mean.len())?;
-                let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
-                if !near(dark.exposure_s, raw.exposure_s) || !near(dark.dn_per_electron, raw.dn_per_electron)
-                {
-                    return Err(DevelopError::OtherExposure {
-                        dark_s: dark.exposure_s,
-                        dark_gain: dark.dn_per_electron,
-                        frame: raw.label.clone(),
-                        exposure_s: raw.exposure_s,
-                        gain: raw.dn_per_electron,
-                    });
-                }
+                let levels = dark.dark_levels(&raw.label, raw.exposure_s, raw.dn_per_electron)?;
                 // The mean of n dark frames has noise of its own.
                 noise_dn *= (1.0 + 1.0 / dark.frames.max(1) as f64).sqrt();
-                raw.data.iter().zip(&dark.mean).map(|(&dn, dark)| f32::from(dn) - dark).collect()
+                raw.data.iter().zip(&levels).map(|(&dn, dark)| f32::from(dn) - dark).collect()
             }
         };
         if let Some(flat) = self.flat {
             fits("flat field", flat.width, flat.height, None, flat.gain.len())?;
             values.iter_mut().zip(&flat.gain).for_each(|(value, gain)| *value *= gain);
         }
-        let mut frame = linear(raw, values, noise_dn);
+        let calibration = CalibratedValues::new(self, raw, &values, noise_dn);
+        let mut frame = LinearMosaic { calibration, ..linear(raw, values, noise_dn) };
+        if let Some(flat) = self.flat {
+            frame.saturated.iter_mut().zip(&flat.saturated).for_each(|(own, flat)| *own |= flat);
+        }
         if let Some(bad) = self.bad_pixels {
             fits("map of bad pixels", bad.width, bad.height, None, bad.bad.len())?;
             bad.repair(&mut frame);
@@ -196,6 +323,14 @@ impl LinearMosaic {
         let levels: Vec<f32> = ambient.values.iter().map(|v| (scale * f64::from(*v)) as f32).collect();
         for (value, other) in self.values.iter_mut().zip(&ambient.values) {
             *value = (f64::from(*value) - scale * f64::from(*other)) as f32;
+        }
+        // One flat field scales both: its error is that of what is left
+        if let (Some(own), Some(other)) = (&mut self.calibration, &ambient.calibration) {
+            let scale = (scale * scale) as f32;
+            own.variance_dn2
+                .iter_mut()
+                .zip(&other.variance_dn2)
+                .for_each(|(own, other)| *own += scale * other);
         }
         self.subtracted = Some((levels, self.exposure_s / ambient.exposure_s));
         self.saturated.iter_mut().zip(&ambient.saturated).for_each(|(own, other)| *own |= other);
@@ -237,6 +372,7 @@ impl LinearMosaic {
             interpolation: None,
             subtracted: subtracted
                 .map(|(dn, ratio)| SubtractedLight { dn: dn.clone(), exposure_ratio: *ratio }),
+            calibration: self.calibration.as_ref().map(|by| by.of_image(by.added(&self.values))),
             label: self.label.clone(),
         }
     }
@@ -263,12 +399,12 @@ struct Bracketed {
 /// calibration of each exposure, which differ in their dark frames.
 pub fn merge_exposures<'a>(
     exposures: &[&SensorImage],
-    develop: impl Fn(usize) -> Development<'a>,
+    develop: impl Fn(usize) -> Result<Development<'a>, DevelopError>,
 ) -> Result<LinearMosaic, DevelopError> {
     // Linearize every exposure
     let mut bracket = Vec::with_capacity(exposures.len());
     for (index, raw) in exposures.iter().enumerate() {
-        let frame = develop(index).linearize(raw)?;
+        let frame = develop(index)?.linearize(raw)?;
         if frame.dn_s_per_electron.is_nan() || frame.dn_s_per_electron <= 0.0 {
             return Err(DevelopError::NoExposure { ambient: raw.label.clone(), exposure_s: raw.exposure_s });
         }
@@ -306,17 +442,26 @@ pub fn merge_exposures<'a>(
         // Fall back to the least exposed value where all are saturated
         if light == 0.0 {
             let least = &bracket[shortest];
+            let scale = reference / least.frame.dn_s_per_electron;
+            if let (Some(of_all), Some(own)) = (&mut merged.calibration, &least.frame.calibration) {
+                of_all.variance_dn2[pixel] = own.variance_dn2[pixel] * (scale * scale) as f32;
+            }
             merged.values[pixel] = (value(least) * reference / least.frame.dn_s_per_electron) as f32;
             continue;
         }
         // Weight by inverse variance: shot noise of the common estimate, and the noise floor
         let electrons_per_s = (signal / light).max(0.0);
-        let (sum, weights) = usable().fold((0.0, 0.0), |(sum, weights), b| {
+        let (sum, weights, added) = usable().fold((0.0, 0.0, 0.0), |(sum, weights, added), b| {
             let shot_dn2 = b.dn_per_electron.powi(2) * electrons_per_s * b.exposure_s;
             let variance = (shot_dn2 + b.floor_dn2) / b.frame.dn_s_per_electron.powi(2);
             let weight = 1.0 / variance.max(f64::MIN_POSITIVE);
-            (sum + weight * value(b) / b.frame.dn_s_per_electron, weights + weight)
+            let scaled = weight / b.frame.dn_s_per_electron;
+            let own = b.frame.calibration.as_ref().map_or(0.0, |by| f64::from(by.variance_dn2[pixel]));
+            (sum + scaled * value(b), weights + weight, added + scaled * scaled * own)
         });
+        if let Some(of_all) = &mut merged.calibration {
+            of_all.variance_dn2[pixel] = (added * (reference / weights).powi(2)) as f32;
+        }
         merged.values[pixel] = (reference * sum / weights) as f32;
     }
     // In the dark every exposure counts by its floor alone.
@@ -328,7 +473,7 @@ pub fn merge_exposures<'a>(
     Ok(merged)
 }
 
-fn noise_floor_dn(raw: &SensorImage) -> f64 {
+pub(super) fn noise_floor_dn(raw: &SensorImage) -> f64 {
     raw.read_noise_dn.hypot(QUANTIZATION_NOISE_DN)
 }
 
@@ -344,6 +489,7 @@ fn linear(raw: &SensorImage, values: Vec<f32>, noise_floor_dn: f64) -> LinearMos
         noise_floor_dn,
         full_scale_dn: f64::from(raw.white_level) - raw.black_level,
         subtracted: None,
+        calibration: None,
         label: raw.label.clone(),
     }
 }
@@ -364,6 +510,11 @@ fn interpolate(frame: &LinearMosaic, method: &Demosaic) -> ChannelImage {
             let unmarked = vec![false; levels.len()];
             let (dn, _) = method.interpolate(levels, &unmarked, frame.width, frame.height);
             SubtractedLight { dn, exposure_ratio: *exposure_ratio }
+        }),
+        calibration: frame.calibration.as_ref().map(|by| {
+            let added = by.added(&frame.values);
+            let unmarked = vec![false; added.len()];
+            by.of_image(method.interpolate(&added, &unmarked, frame.width, frame.height).0)
         }),
         label: frame.label.clone(),
     }
@@ -400,6 +551,7 @@ mod tests {
             data,
             mosaic,
             black_level: 64.0,
+            black_offsets: Vec::new(),
             white_level: 4095,
             bit_depth: 12,
             exposure_s: 0.03,
@@ -476,7 +628,8 @@ mod tests {
         };
         // 3000 e-/s in 10, 40 and 160 ms: 30, 120 and 480 e-, all unsaturated.
         let frames = [take(3000.0, 0.01, 0), take(3000.0, 0.04, 1), take(3000.0, 0.16, 2)];
-        let merged = merge_exposures(&frames.iter().collect::<Vec<_>>(), |_| Development::default()).unwrap();
+        let merged =
+            merge_exposures(&frames.iter().collect::<Vec<_>>(), |_| Ok(Development::default())).unwrap();
         let k = frames[0].dn_per_electron;
         let floor = frames[0].read_noise_dn.powi(2) + 1.0 / 12.0;
         let inverse: f64 =
@@ -495,7 +648,7 @@ mod tests {
         );
         // 400 000 e-/s: only the shortest is unsaturated, then none.
         let bright = [take(4e5, 0.01, 0), take(4e5, 0.04, 1)];
-        let merged = merge_exposures(&[&bright[1], &bright[0]], |_| Development::default()).unwrap();
+        let merged = merge_exposures(&[&bright[1], &bright[0]], |_| Ok(Development::default())).unwrap();
         let (mean, _) = statistics(&merged);
         assert!(
             (mean / (16_000.0 * k) - 1.0).abs() < 5.0 / (4000.0f64 * pixels as f64).sqrt() + 1e-4,
@@ -503,9 +656,9 @@ mod tests {
         );
         assert!(merged.saturated.iter().all(|s| !s));
         let full = [take(4e6, 0.01, 0), take(4e6, 0.04, 1)];
-        let merged = merge_exposures(&[&full[0], &full[1]], |_| Development::default()).unwrap();
+        let merged = merge_exposures(&[&full[0], &full[1]], |_| Ok(Development::default())).unwrap();
         assert!(merged.saturated.iter().all(|s| *s));
-        assert_eq!(merge_exposures(&[], |_| Development::default()), Err(DevelopError::Nothing));
+        assert_eq!(merge_exposures(&[], |_| Ok(Development::default())), Err(DevelopError::Nothing));
     }
 
     #[test]

@@ -120,6 +120,7 @@ impl Chain {
             data,
             mosaic: readout.mosaic(&sensor.mosaic),
             black_level,
+            black_offsets: Vec::new(),
             white_level,
             bit_depth: bits_of(sensor),
             exposure_s: exposure.time_s,

@@ -77,6 +77,7 @@ mod spectroradiometer;
 mod statistics_tests;
 
 pub use auto_exposure::AutoExposure;
+pub(crate) use calibration::is_same_setting;
 pub use calibration::{BadPixels, FlatField, MasterFrame};
 pub use capture::{CaptureFrame, CaptureSequence};
 pub use characterization::{

@@ -22,6 +22,7 @@ fn developed(seed: Option<u64>, how: Demosaicing) -> ChannelImage {
         data: (0..SIZE[0] * SIZE[1]).map(value).collect(),
         mosaic: Mosaic::bayer("grbg").unwrap(),
         black_level: 0.0,
+        black_offsets: Vec::new(),
         white_level: 4000,
         bit_depth: 12,
         exposure_s: 0.01,

@@ -179,6 +179,7 @@ fn known_reflected_light_is_subtracted() {
         shares: vec![0.25, 0.5, 0.25],
         interpolation: None,
         subtracted: None,
+        calibration: None,
         label: "blue".into(),
     };
     let noise = ChannelNoise { floor_dn: 1.0, dn_per_electron: 0.5, gain_spread: 0.0 };
