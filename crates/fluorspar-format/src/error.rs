@@ -6,7 +6,7 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::OtherFormat;
+use super::{OtherFormat, ScatterLine};
 
 /// Why a file can't be read or written. Every message names the file, the place where known, and what to do.
 #[derive(Debug)]
@@ -137,8 +137,8 @@ pub enum FormatError {
     ScatteredLight {
         /// The file.
         path: PathBuf,
-        /// Emission over excitation wavelength: 1, or 2 of a grating's second order.
-        order: u8,
+        /// The line that they follow.
+        line: ScatterLine,
         /// First and last excitation wavelength at which it is seen, nm.
         excitation_nm: [f64; 2],
         /// Largest of the values over the largest one beyond the line, %.
@@ -383,15 +383,18 @@ impl fmt::Display for Problem<'_> {
                  ({percent_of_peak:.2} % of the peak). Remove scattered light, also that at and just above the excitation, set such cells \
                  to 0 or allow anti-Stokes values"
             ),
-            FormatError::ScatteredLight { order, excitation_nm: [first, last], percent_of_peak, .. } => {
-                let what = match order {
-                    1 => "first-order scatter (Rayleigh and Tyndall) lies along emission = excitation",
-                    _ => "second-order scatter lies along emission = 2 x excitation",
+            FormatError::ScatteredLight { line, excitation_nm: [first, last], percent_of_peak, .. } => {
+                let what = match line {
+                    ScatterLine::First => "first-order scatter (Rayleigh and Tyndall)",
+                    ScatterLine::Second => "second-order scatter",
+                    ScatterLine::Third => "third-order scatter",
+                    ScatterLine::WaterRaman => "Raman scatter of water",
                 };
                 write!(
                     f,
-                    "{what} for excitations from {first} to {last} nm, up to {percent_of_peak:.0} % of the largest value off that line. \
-                     Subtract a blank, or replace the cells within one bandwidth of that line by interpolation or by 0"
+                    "{what} lies along {} for excitations from {first} to {last} nm, up to {percent_of_peak:.0} % of the largest value off that line. \
+                     Subtract a blank, or replace the cells within one bandwidth of that line by interpolation or by 0",
+                    line.equation()
                 )
             }
             FormatError::Refused { why, hint, .. } => write!(f, "{why}; {hint}"),

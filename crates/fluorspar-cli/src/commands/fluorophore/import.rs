@@ -71,7 +71,7 @@ fn cut(options: &Options) -> Result<Option<ScatterCut>, CliError> {
 }
 
 /// What was cut, in words.
-fn cut_in_words(cut: ScatterCut, [first, second]: [usize; 2]) -> String {
+fn cut_in_words(cut: ScatterCut, [first, second, third, water]: [usize; 4]) -> String {
     let to = match cut.to {
         CutTo::Neighbors => {
             "interpolated along the emission, at the ends of the emission the nearest value, below the excitation 0"
@@ -79,7 +79,8 @@ fn cut_in_words(cut: ScatterCut, [first, second]: [usize; 2]) -> String {
         CutTo::Zero => "set to 0",
     };
     format!(
-        "{first} cells within {} nm of emission = excitation and {second} of emission = 2 x excitation, {to}",
+        "{first} cells within {} nm of emission = excitation, {second} of emission = 2 x excitation, {third} of emission = 3 x excitation and {water} of the \
+         Raman line of water, {to}",
         cut.within_nm
     )
 }

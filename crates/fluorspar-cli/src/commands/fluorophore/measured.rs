@@ -167,7 +167,7 @@ fn scatter_fixed(path: &Path, tried: &mut FileOptions) -> Option<String> {
     let uncut = FileOptions { cut: None, allow_anti_stokes: true, ..tried.clone() };
     let eem = read_eem_csv(path, &csv_options(&uncut)).ok()?;
     let to = tried.cut.map_or(CutTo::Neighbors, |cut| cut.to);
-    let LeastCuts { for_all, for_tails } = eem.least_cuts(to, ANTI_STOKES_TOLERANCE);
+    let LeastCuts { for_all, for_tails, for_lines: _ } = eem.least_cuts(to, ANTI_STOKES_TOLERANCE);
     let cut = |nm: u32| Some(ScatterCut { within_nm: f64::from(nm), to });
     // A wider band than the tails need is cut for single cells of noise: at most a bandpass of it
     const BANDPASS_NM: u32 = 10;
