@@ -41,6 +41,11 @@ impl ScatterLine {
         }
     }
 
+    /// Share of the peak below which the line is let be: a little Raman scatter is in most measured matrices.
+    fn least_share(self) -> f64 {
+        if self == Self::WaterRaman { LEAST_WATER } else { LEAST_SCATTER }
+    }
+
     /// The line as an equation.
     #[must_use]
     pub fn equation(self) -> &'static str {
@@ -326,6 +331,8 @@ const BANDPASS_NM: f64 = 10.0;
 const SCATTER_SPAN_NM: f64 = 40.0;
 /// Share of the peak below which scattered light changes little.
 const LEAST_SCATTER: f64 = 0.02;
+/// The same of Raman scatter of water.
+const LEAST_WATER: f64 = 0.5;
 
 /// Refuses a matrix, `[emission][excitation]`, whose values follow a line of scattered light: in three columns or more, over
 /// 40 nm of excitation, the values within a bandpass of that line are more than twice all those one bandpass to three beside it. Where the
@@ -388,7 +395,7 @@ impl AboutLine<'_> {
     fn is_narrow(&self, column: usize, peak: f64) -> bool {
         let beside = self.beside(column).into_iter().flatten().reduce(f64::max);
         let (Some((_, value)), Some(beside)) = (self.on_line(column), beside) else { return false };
-        value > LEAST_SCATTER * peak && value > 2.0 * beside
+        value > self.line.least_share() * peak && value > 2.0 * beside
     }
 
     /// Whether what is on the line is gone from the same emission under the nearest excitations whose line lies elsewhere.
