@@ -632,3 +632,37 @@ fn measured_spectra_and_matrices_load() {
         .count();
     assert!(alfano > 0, "some sources have no excitation data");
 }
+
+/// Third-order light and Raman scatter of water are refused, and cut out of a dye at 370/470 nm. Water's line lies at 1/(1/350 - 3400e-7) = 397.3 nm.
+#[test]
+fn third_order_and_raman_scatter_are_found() {
+    let bell = |nm: f64, peak: f64, sigma: f64| (-0.5 * ((nm - peak) / sigma).powi(2)).exp();
+    let matrix = |scatter: &dyn Fn(f64, f64) -> f64| {
+        let excitation: Vec<f64> = (20..=46).map(|nm| 10.0 * f64::from(nm)).collect();
+        let mut text = String::from("# unit: photons\nem_nm\\ex_nm");
+        excitation.iter().for_each(|ex| text += &format!(",{ex}"));
+        for em in (320..=650).step_by(5).map(f64::from) {
+            text += &format!("\n{em}");
+            for &ex in &excitation {
+                let dye = if em > ex { bell(ex, 370.0, 30.0) * bell(em, 470.0, 30.0) } else { 0.0 };
+                text += &format!(",{}", dye + scatter(em, ex));
+            }
+        }
+        text
+    };
+    let third = |em: f64, ex: f64| 4.0 * bell(em, 3.0 * ex, 4.0);
+    let water = |em: f64, ex: f64| 3.0 * bell(em, 1.0 / (1.0 / ex - 3.4e-4), 4.0);
+    for (text, words) in [(matrix(&third), "3 x excitation"), (matrix(&water), "3400 cm^-1")] {
+        let strict = |path: &Path| read_eem_csv(path, &CsvEemOptions::default());
+        let said = complaint(text.as_bytes(), strict);
+        assert!(said.contains(words), "{said}");
+        let cut = Some(ScatterCut { within_nm: 15.0, to: CutTo::Neighbors });
+        let found =
+            loaded(&text, |path| read_eem_csv(path, &CsvEemOptions { cut, ..CsvEemOptions::default() }));
+        let larger = |a: usize, b: usize| if found.values[b] > found.values[a] { b } else { a };
+        let best = (0..found.values.len()).reduce(larger).unwrap();
+        let columns = found.excitation_nm.len();
+        let peak = [found.excitation_nm[best % columns], found.emission_nm[best / columns]];
+        assert_eq!(peak, [370.0, 470.0], "{words}");
+    }
+}
