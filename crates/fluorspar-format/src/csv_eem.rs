@@ -8,7 +8,7 @@ use fluorspar::quote::excerpt;
 use super::FormatError;
 use super::axis::check_axis;
 use super::csv_table::{Negative, Table, comments_of};
-use super::eem_layout::EemLayout;
+use super::eem_layout::{EemLayout, no_samples};
 use super::eem_scatter::{ScatterCut, refuse_scattered_light};
 use super::file::{MAX_TEXT_BYTES, as_text, read_file};
 
@@ -70,7 +70,7 @@ pub enum EmptyCells {
 
 /// How to read a matrix. The default refuses anti-Stokes values above 0.1 % of the peak, negative values and empty
 /// cells, and takes the unit from the file.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct CsvEemOptions {
     /// Unit of the values of a file that does not state it.
     pub unit: Option<EemUnit>,
@@ -82,6 +82,8 @@ pub struct CsvEemOptions {
     pub empty_cells: EmptyCells,
     /// Cut bands of scattered excitation light out before the checks.
     pub cut: Option<ScatterCut>,
+    /// Name of one of several samples whose scans are in one file.
+    pub sample: Option<String>,
 }
 
 impl Default for CsvEemOptions {
@@ -92,6 +94,7 @@ impl Default for CsvEemOptions {
             negative: Negative::Refuse,
             empty_cells: EmptyCells::Refuse,
             cut: None,
+            sample: None,
         }
     }
 }
@@ -122,13 +125,16 @@ pub fn eem_csv(excitation_nm: &[f64], emission_nm: &[f64], values: &[f64]) -> St
 pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem, FormatError> {
     let bytes = read_file(path, MAX_TEXT_BYTES)?;
     let text = as_text(path, &bytes)?;
-    let layout = EemLayout::of(path, text).map_err(|wrong| {
+    let layout = EemLayout::of(path, text, options.sample.as_deref()).map_err(|wrong| {
         // The unit first, whose option a front adds
         match unit(path, &comments_of(text), options.unit) {
-            Err(unit) => together(unit, vec![wrong]),
-            Ok(_) => wrong,
+            Err(unit) if !matches!(wrong, FormatError::Samples { .. }) => together(unit, vec![wrong]),
+            _ => wrong,
         }
     })?;
+    if layout.is_none() && options.sample.is_some() {
+        return Err(no_samples(path, 1));
+    }
     let table = Table::parse(path, layout.as_ref().map_or(text, |layout| layout.text.as_str()))?;
     let Axes { unit, emission_nm, excitation_nm } = axes(path, &table, options.unit)?;
 

@@ -92,8 +92,8 @@ pub enum CutTo {
     Zero,
 }
 
-/// Widths of band that [`MeasuredEem::least_cuts`] tries, nm.
-const MOST_CUT_NM: u32 = 100;
+/// The widest band that [`MeasuredEem::least_cuts`] tries, nm.
+pub const MOST_CUT_NM: u32 = 100;
 
 /// The least widths of [`ScatterCut`] that are enough, whole nm, up to 100 nm; `None` where none is. Each leaves a dye: emission that keeps its
 /// place while the excitation moves.
@@ -106,6 +106,31 @@ pub struct LeastCuts {
     pub for_tails: Option<u32>,
     /// So that no line of scattered light is seen.
     pub for_lines: Option<u32>,
+}
+
+/// The least width of a band that is enough, or one up to a bandpass wider that the largest value isn't beside. What is left of a line is beside
+/// its band; a dye that a band cuts into is, too, however wide the band is.
+#[derive(Clone, Copy, Default)]
+struct LeastWidth {
+    enough: Option<u32>,
+    clear: Option<u32>,
+}
+
+impl LeastWidth {
+    fn add(&mut self, nm: u32, is_clear: bool) {
+        let enough = *self.enough.get_or_insert(nm);
+        if is_clear && self.clear.is_none() && f64::from(nm - enough) <= BANDPASS_NM {
+            self.clear = Some(nm);
+        }
+    }
+
+    fn is_settled(self, nm: u32) -> bool {
+        self.clear.is_some() || self.enough.is_some_and(|enough| f64::from(nm - enough) >= BANDPASS_NM)
+    }
+
+    fn nm(self) -> Option<u32> {
+        self.clear.or(self.enough)
+    }
 }
 
 /// Cells that share the largest value, side by side along the emission, as those of a detector do that reached its end.
@@ -151,30 +176,31 @@ impl MeasuredEem {
             }
             sum / count.max(1.0) - background <= tolerance * peak
         };
-        let mut least = LeastCuts { for_all: None, for_tails: None, for_lines: None };
+        let [mut for_all, mut for_tails, mut for_lines] = [LeastWidth::default(); 3];
         for nm in 1..=MOST_CUT_NM {
             let within_nm = f64::from(nm);
+            let cut = ScatterCut { within_nm, to };
             let mut eem = self.clone();
-            eem.cut_scattered_light(ScatterCut { within_nm, to });
+            eem.cut_scattered_light(cut);
             if !eem.is_of_a_dye(within_nm) {
                 continue;
             }
             let passes = |rule| check_stokes(Path::new(""), &|_| 0, &mut eem.clone(), rule).is_ok();
-            let shows_no_line = passes(AntiStokes::SetToZero);
-            if shows_no_line && least.for_lines.is_none() {
-                least.for_lines = Some(nm);
+            let is_clear = eem.peak_beside(cut).is_none();
+            if passes(AntiStokes::SetToZero) {
+                for_lines.add(nm, is_clear);
+                if has_no_tail(within_nm, &eem) {
+                    for_tails.add(nm, is_clear);
+                }
             }
-            if shows_no_line && least.for_tails.is_none() && has_no_tail(within_nm, &eem) {
-                least.for_tails = Some(nm);
+            if passes(AntiStokes::Refuse(tolerance)) {
+                for_all.add(nm, is_clear);
             }
-            if least.for_all.is_none() && passes(AntiStokes::Refuse(tolerance)) {
-                least.for_all = Some(nm);
-            }
-            if least.for_all.is_some() && least.for_tails.is_some() {
+            if for_all.is_settled(nm) && for_tails.is_settled(nm) {
                 break;
             }
         }
-        least
+        LeastCuts { for_all: for_all.nm(), for_tails: for_tails.nm(), for_lines: for_lines.nm() }
     }
 
     /// Values below their excitation, and how far, nm.

@@ -1,6 +1,6 @@
 //! Errors of files, with hints.
 
-use fluorspar::quote::excerpt_to;
+use fluorspar::quote::{excerpt, excerpt_to};
 use fluorspar::units::memory_text;
 use std::fmt;
 use std::io;
@@ -144,6 +144,15 @@ pub enum FormatError {
         /// Largest of the values over the largest one beyond the line, %.
         percent_of_peak: f64,
     },
+    /// The columns of a table are of several samples, of which one must be chosen.
+    Samples {
+        /// The file.
+        path: PathBuf,
+        /// Line of the header, from 1.
+        line: u64,
+        /// Names of the samples.
+        names: Vec<String>,
+    },
     /// The place must not be written; nothing was.
     Refused {
         /// The place.
@@ -197,6 +206,7 @@ impl FormatError {
             | Self::Transposed { path, .. }
             | Self::AntiStokes { path, .. }
             | Self::ScatteredLight { path, .. }
+            | Self::Samples { path, .. }
             | Self::Refused { path, .. }
             | Self::NoRoom { path, .. }
             | Self::Failed { path, .. }
@@ -224,7 +234,9 @@ impl FormatError {
     pub fn line(&self) -> Option<u64> {
         match self {
             Self::Malformed { line, .. } | Self::AntiStokes { line, .. } => *line,
-            Self::Negative { line, .. } | Self::EmptyCell { line, .. } => Some(*line),
+            Self::Negative { line, .. } | Self::EmptyCell { line, .. } | Self::Samples { line, .. } => {
+                Some(*line)
+            }
             Self::Cells { first, .. } => first.line(),
             _ => None,
         }
@@ -250,6 +262,7 @@ impl FormatError {
             | Self::Transposed { path, .. }
             | Self::AntiStokes { path, .. }
             | Self::ScatteredLight { path, .. }
+            | Self::Samples { path, .. }
             | Self::Refused { path, .. }
             | Self::NoRoom { path, .. }
             | Self::Failed { path, .. }
@@ -397,6 +410,12 @@ impl fmt::Display for Problem<'_> {
                     line.equation()
                 )
             }
+            FormatError::Samples { names, .. } => write!(
+                f,
+                "the columns are of {} samples: {}. Choose one of them",
+                names.len(),
+                shortened_list(names)
+            ),
             FormatError::Refused { why, hint, .. } => write!(f, "{why}; {hint}"),
             FormatError::NoRoom { needed_bytes, free_bytes, .. } => write!(
                 f,
@@ -424,4 +443,13 @@ fn io_advice(error: &io::Error) -> &'static str {
         io::ErrorKind::IsADirectory => " It is a folder: give a file",
         _ => " Check the disk and the path",
     }
+}
+
+/// The first of some names, and how many more there are.
+pub(super) fn shortened_list(names: &[String]) -> String {
+    let mut list = names.iter().take(12).map(|name| excerpt(name)).collect::<Vec<_>>().join(", ");
+    if names.len() > 12 {
+        list.push_str(&format!(" and {} more", names.len() - 12));
+    }
+    list
 }
