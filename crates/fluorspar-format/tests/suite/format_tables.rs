@@ -484,7 +484,7 @@ fn bad_matrices_are_explained() {
         // All that is wrong with the form at once
         (
             "ex_nm,400,350,375\n380,1,0,3\n",
-            "t.csv: the file does not say whether its values count photons or energy (the two differ by the ratio of emission to excitation wavelength). Add a line \"# unit: photons\" or \"# unit: energy\", or give the unit when reading. Also line 1: the corner cell is \"ex_nm\". Write \"em_nm\\ex_nm\" if rows are emission and columns excitation, both in nm; line 1: the excitation wavelength 380 nm follows 400 nm. Sort by wavelength, shortest first",
+            "t.csv: the file does not say whether its values count photons or energy (the two differ by the ratio of emission to excitation wavelength). Add a line \"# unit: photons\" or \"# unit: energy\", or give the unit when reading. Also line 1: the corner cell is \"ex_nm\". Write \"em_nm\\ex_nm\" if rows are emission and columns excitation, both in nm; line 1: the excitation wavelength 350 nm follows 400 nm. Sort by wavelength, shortest first",
         ),
         (
             "@ex_nm\\em_nm,380,450\n350,1,2\n400,0,3\n",
