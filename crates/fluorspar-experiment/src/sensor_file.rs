@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::document::{Content, Node};
+use super::document::{Content, Node, TextSource};
 use super::error::{ExperimentError, steps};
 use super::read::{experiment_schema, read_document, typed};
 use super::resolve::context::Context;
@@ -81,15 +81,29 @@ pub fn parse_sensor(
             document.error(&[], "there is no [sensor] section; add one, if only with preset = \"NAME\"")
         );
     }
-    if let Content::Table(entries) = &mut document.root.content {
-        // Of an experiment or a sample only the sensor is read.
-        let has = |schema: &Schema, key: &str| {
-            schema.table(schema.root()).is_some_and(|table| table.field(None, key).is_some())
-        };
+    let has = |schema: &Schema, key: &str| {
+        schema.table(schema.root()).is_some_and(|table| table.field(None, key).is_some())
+    };
+    // Of an experiment or a sample only the sensor is read.
+    let is_beside = |key: &str| {
         let others = [experiment_schema(), sample_schema()];
-        entries.retain(|(key, _): &(String, Node)| {
-            has(sensor_schema(), key) || !others.iter().any(|schema| has(schema, key))
-        });
+        !has(sensor_schema(), key) && others.iter().any(|schema| has(schema, key))
+    };
+    for (number, text) in overrides.iter().enumerate() {
+        let path = text.trim_start_matches("insert ").trim_start_matches("unset ");
+        let key = path.split(['.', '=', '[']).next().unwrap_or_default();
+        if is_beside(key) {
+            let of_override =
+                |source: &&TextSource| source.overriding.as_ref().is_some_and(|set| set.number == number);
+            let message = format!("`{key}` is no part of a sensor and changes nothing here; change `sensor`");
+            return Err(match document.sources.iter().find(of_override) {
+                Some(source) => source.error(message),
+                None => document.error(&[], message),
+            });
+        }
+    }
+    if let Content::Table(entries) = &mut document.root.content {
+        entries.retain(|(key, _): &(String, Node)| !is_beside(key));
     }
     let file: SensorFile = typed(&mut document, sensor_schema())?;
     let mut context = Context::new(&document);

@@ -8,7 +8,8 @@ use fluorspar::quote::excerpt;
 use super::FormatError;
 use super::axis::check_axis;
 use super::csv_table::{Negative, Table, comments_of};
-use super::eem_layout::EemLayout;
+use super::eem_layout::{EemLayout, no_samples};
+use super::eem_scatter::{ScatterCut, refuse_scattered_light};
 use super::file::{MAX_TEXT_BYTES, as_text, read_file};
 
 /// Unit of the values of an excitation-emission matrix.
@@ -37,8 +38,8 @@ pub struct MeasuredEem {
     pub empty_cells: Vec<usize>,
     /// Negative values that were taken as zero: how many, and the lowest. Those that are cut out do not count.
     pub clipped: (usize, f64),
-    /// Cells that were cut out of bands of scattered light of the first and of the second order.
-    pub cut_cells: [usize; 2],
+    /// Cells that were cut out of bands of scattered light, by line as in [`ScatterLine::ALL`](super::ScatterLine::ALL).
+    pub cut_cells: [usize; 4],
     /// What the file has otherwise than the form that is written here, in words: lines about an instrument, decimal commas.
     pub read_as: Vec<String>,
 }
@@ -69,7 +70,7 @@ pub enum EmptyCells {
 
 /// How to read a matrix. The default refuses anti-Stokes values above 0.1 % of the peak, negative values and empty
 /// cells, and takes the unit from the file.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct CsvEemOptions {
     /// Unit of the values of a file that does not state it.
     pub unit: Option<EemUnit>,
@@ -81,32 +82,8 @@ pub struct CsvEemOptions {
     pub empty_cells: EmptyCells,
     /// Cut bands of scattered excitation light out before the checks.
     pub cut: Option<ScatterCut>,
-}
-
-/// Bands of scattered excitation light that are cut out: the cells so near the lines emission = excitation and emission = 2 x excitation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ScatterCut {
-    /// Largest distance from a line to either side, nm.
-    pub within_nm: f64,
-    /// What the cells become.
-    pub to: CutTo,
-}
-
-impl ScatterCut {
-    /// The band in which a cell lies: 0 of the first order, 1 of the second.
-    fn order(self, emission_nm: f64, excitation_nm: f64) -> Option<usize> {
-        [1.0, 2.0].iter().position(|order| (emission_nm - order * excitation_nm).abs() <= self.within_nm)
-    }
-}
-
-/// What cells of a band that is cut out become.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CutTo {
-    /// On a straight line along the emission between the nearest cells beside the band, under the same excitation; where it reaches the end of
-    /// the column, the value of the nearest cell. Cells below their excitation become zero.
-    Neighbors,
-    /// Zero.
-    Zero,
+    /// Name of one of several samples whose scans are in one file.
+    pub sample: Option<String>,
 }
 
 impl Default for CsvEemOptions {
@@ -117,6 +94,7 @@ impl Default for CsvEemOptions {
             negative: Negative::Refuse,
             empty_cells: EmptyCells::Refuse,
             cut: None,
+            sample: None,
         }
     }
 }
@@ -147,20 +125,22 @@ pub fn eem_csv(excitation_nm: &[f64], emission_nm: &[f64], values: &[f64]) -> St
 pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem, FormatError> {
     let bytes = read_file(path, MAX_TEXT_BYTES)?;
     let text = as_text(path, &bytes)?;
-    let layout = EemLayout::of(path, text).map_err(|wrong| {
+    let layout = EemLayout::of(path, text, options.sample.as_deref()).map_err(|wrong| {
         // The unit first, whose option a front adds
         match unit(path, &comments_of(text), options.unit) {
-            Err(unit) => together(unit, vec![wrong]),
-            Ok(_) => wrong,
+            Err(unit) if !matches!(wrong, FormatError::Samples { .. }) => together(unit, vec![wrong]),
+            _ => wrong,
         }
     })?;
+    if layout.is_none() && options.sample.is_some() {
+        return Err(no_samples(path, 1));
+    }
     let table = Table::parse(path, layout.as_ref().map_or(text, |layout| layout.text.as_str()))?;
     let Axes { unit, emission_nm, excitation_nm } = axes(path, &table, options.unit)?;
 
     let mut values = Vec::with_capacity(emission_nm.len() * excitation_nm.len());
-    let is_cut = |emission_nm, excitation_nm| {
-        options.cut.is_some_and(|cut| cut.order(emission_nm, excitation_nm).is_some())
-    };
+    let is_cut =
+        |emission_nm, excitation_nm| options.cut.is_some_and(|cut| cut.has(emission_nm, excitation_nm));
     let (mut wrong, mut empty, mut clipped) = (WrongCells::default(), Vec::new(), (0, 0.0));
     for (row, emission_nm) in table.rows().zip(&emission_nm) {
         for (column, excitation_nm) in (1..).zip(&excitation_nm) {
@@ -192,7 +172,7 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
     }
     wrong.refused()?;
     let (read_as, unstated_axes) = layout.map_or_else(Default::default, |l| (l.read_as, l.unstated_axes));
-    let cut_cells = [0; 2];
+    let cut_cells = [0; 4];
     let mut eem = MeasuredEem {
         emission_nm,
         excitation_nm,
@@ -284,101 +264,86 @@ fn together(first: FormatError, next: Vec<FormatError>) -> FormatError {
     }
 }
 
-/// Widths of band that [`MeasuredEem::least_cuts`] tries, nm.
-const MOST_CUT_NM: u32 = 100;
-
-/// The least widths of [`ScatterCut`] that are enough, whole nm.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LeastCuts {
-    /// So that nothing is refused; `None` where no width up to 100 nm does.
-    pub for_all: Option<u32>,
-    /// So that no line of scattered light is seen and its tails below the excitation are no more than the tolerance, on average over the matrix: single
-    /// cells may still hold more, as noise does anywhere.
-    pub for_tails: Option<u32>,
-}
-
 impl MeasuredEem {
-    /// The least widths of band that cut enough of the scattered light out of a matrix, which is read with [`AntiStokes::Keep`] and without a
-    /// cut, for values below their excitation up to a share of the peak.
-    #[must_use]
-    pub fn least_cuts(&self, to: CutTo, tolerance: f64) -> LeastCuts {
-        let cut = |within_nm: u32| {
-            let mut eem = self.clone();
-            eem.cut_scattered_light(ScatterCut { within_nm: f64::from(within_nm), to });
-            eem
-        };
-        let passes = |eem: &mut MeasuredEem, rule| check_stokes(Path::new(""), &|_| 0, eem, rule).is_ok();
-        let background = self.background();
-        let has_no_tail = |within_nm: u32, eem: &MeasuredEem| {
-            let peak = eem.values.iter().copied().fold(0.0, f64::max);
-            let window = f64::from(within_nm)..f64::from(within_nm) + BANDPASS_NM;
-            let (mut sum, mut count) = (0.0, 0.0_f64);
-            for (nm_below, value) in self.below_excitation().filter(|(nm, _)| window.contains(nm)) {
-                if nm_below > window.start {
-                    sum += value;
-                    count += 1.0;
-                }
-            }
-            sum / count.max(1.0) - background <= tolerance * peak
-        };
-        let widths = || 1..=MOST_CUT_NM;
-        LeastCuts {
-            for_all: widths().find(|nm| passes(&mut cut(*nm), AntiStokes::Refuse(tolerance))),
-            for_tails: widths().find(|nm| {
-                let mut eem = cut(*nm);
-                has_no_tail(*nm, &eem) && passes(&mut eem, AntiStokes::SetToZero)
-            }),
-        }
-    }
-
-    /// Values below their excitation, and how far, nm.
-    fn below_excitation(&self) -> impl Iterator<Item = (f64, f64)> {
-        let columns = self.excitation_nm.len();
-        let places = self.values.iter().enumerate();
-        places
-            .map(move |(place, value)| {
-                (self.excitation_nm[place % columns] - self.emission_nm[place / columns], *value)
-            })
-            .filter(|(nm_below, _)| *nm_below > 0.0)
-    }
-
-    /// Median of the values so far below their excitation that neither fluorescence nor a tail of scattered light is there: dark counts, stray
-    /// light. 0 without such values.
-    fn background(&self) -> f64 {
-        let far = self.below_excitation().filter(|(nm_below, _)| *nm_below > 5.0 * BANDPASS_NM);
-        let mut far: Vec<f64> = far.map(|(_, value)| value).collect();
-        far.sort_by(f64::total_cmp);
-        far.get(far.len() / 2).copied().unwrap_or(0.0)
-    }
-
-    /// Takes the rows of a file that doesn't say so as emission, where most light is then at wavelengths above its excitation.
+    /// Takes the rows of a file that names no axes as emission, where what it has says so.
     fn take_rows_as_emission(&mut self, path: &Path, line: u64, corner: &str) -> Result<(), FormatError> {
-        let (mut below, mut above) = (0.0, 0.0);
-        let columns = self.excitation_nm.len();
-        for (place, value) in self.values.iter().enumerate() {
-            let (emission_nm, excitation_nm) =
-                (self.emission_nm[place / columns], self.excitation_nm[place % columns]);
-            if emission_nm > excitation_nm {
-                above += value.max(0.0);
-            } else if emission_nm < excitation_nm {
-                below += value.max(0.0);
-            }
-        }
-        if below > CLEARLY_MORE * above {
+        let by_form = self.rows_are_emission_by_form(corner);
+        let by_light = self.rows_are_emission_by_light();
+        if let (Some((true, form)), Some(false)) = (by_form, by_light) {
             return Err(FormatError::at_line(
                 path,
                 line,
-                "the axes are not named, and most light would lie at emission wavelengths below the excitation if rows were emission",
                 format!(
-                    "Transpose the table, so that rows are emission and columns excitation, and write \"{CORNER}\" into the corner cell"
+                    "the axes are not named: rows would be emission, as {form}, but most light would then lie below its excitation"
+                ),
+                format!(
+                    "Transpose the table if columns are emission, and write \"{CORNER}\" into the corner cell"
                 ),
             ));
         }
-        if above <= CLEARLY_MORE * below {
-            return check_corner(path, corner, line);
+        let by_steps = || self.rows_are_finer().map(|rows| (rows, "the finer scan is emission"));
+        let by_light = by_light.map(|rows| (rows, "most light is then above its excitation"));
+        match by_form.or(by_light).or_else(by_steps) {
+            None => check_corner(path, corner, line),
+            Some((true, reason)) => {
+                self.read_as.push(format!("rows taken as emission, as {reason}"));
+                Ok(())
+            }
+            Some((false, reason)) => Err(FormatError::at_line(
+                path,
+                line,
+                format!("the axes are not named, and columns would be emission, as {reason}"),
+                format!(
+                    "Transpose the table, so that rows are emission and columns excitation, and write \"{CORNER}\" into the corner cell"
+                ),
+            )),
         }
-        self.read_as.push("rows taken as emission, as most light is then above its excitation".into());
-        Ok(())
+    }
+
+    /// Whether rows are emission by the words of an instrument, or as wavelengths of an array of detectors, which are no whole numbers, while those of a
+    /// monochromator that is set to excite are.
+    fn rows_are_emission_by_form(&self, corner: &str) -> Option<(bool, &'static str)> {
+        let plain: String = corner.to_lowercase().split_whitespace().collect();
+        if plain == "sample-blank" {
+            return Some((true, "an Aqualog writes \"Sample - Blank\" above it"));
+        }
+        if ["wavelength", "wavelength(nm)", "wavelength[nm]", "nm"].contains(&plain.as_str()) {
+            return Some((true, "the corner names wavelengths of scans"));
+        }
+        let is_whole = |axis: &[f64]| axis.iter().all(|nm| (nm - nm.round()).abs() < 1e-6);
+        let reason = "emission wavelengths are no whole numbers";
+        match (is_whole(&self.emission_nm), is_whole(&self.excitation_nm)) {
+            (false, true) => Some((true, reason)),
+            (true, false) => Some((false, reason)),
+            _ => None,
+        }
+    }
+
+    /// Whether rows are emission by the light off the line of first-order scatter, which lies to both sides of it.
+    fn rows_are_emission_by_light(&self) -> Option<bool> {
+        let (mut below, mut above) = (0.0, 0.0);
+        let columns = self.excitation_nm.len();
+        for (place, value) in self.values.iter().enumerate() {
+            let nm = self.emission_nm[place / columns] - self.excitation_nm[place % columns];
+            if nm > OFF_LINE_NM {
+                above += value.max(0.0);
+            } else if nm < -OFF_LINE_NM {
+                below += value.max(0.0);
+            }
+        }
+        let clearly = |more: f64, less: f64| more > CLEARLY_MORE * less;
+        clearly(above, below).then_some(true).or(clearly(below, above).then_some(false))
+    }
+
+    /// Whether rows are emission as that of the two evenly spaced axes that has the smaller steps.
+    fn rows_are_finer(&self) -> Option<bool> {
+        let step = |axis: &[f64]| -> Option<f64> {
+            let steps = || axis.windows(2).map(|pair| pair[1] - pair[0]);
+            let (least, most) = (steps().fold(f64::INFINITY, f64::min), steps().fold(0.0, f64::max));
+            (axis.len() > 2 && most - least < 0.01 * most).then_some(most)
+        };
+        let (rows, columns) = (step(&self.emission_nm)?, step(&self.excitation_nm)?);
+        (rows < 0.75 * columns).then_some(true).or((columns < 0.75 * rows).then_some(false))
     }
 
     /// Fills empty cells from their neighbors along the emission ([`EmptyCells::Interpolate`]).
@@ -396,30 +361,6 @@ impl MeasuredEem {
                 && self.emission_nm[row] >= self.excitation_nm[column]
             {
                 self.values[place] = on_the_line(before, after, self.emission_nm[row]);
-            }
-        }
-    }
-
-    /// Cuts the bands of scattered light of both orders out, and counts their cells. The neighbors of one band may not be cells of the other.
-    fn cut_scattered_light(&mut self, cut: ScatterCut) {
-        let (rows, columns) = (self.emission_nm.len(), self.excitation_nm.len());
-        let measured = self.values.clone();
-        for column in 0..columns {
-            let order = |row: usize| cut.order(self.emission_nm[row], self.excitation_nm[column]);
-            let kept = |row: &usize| order(*row).is_none();
-            for row in 0..rows {
-                let Some(order) = order(row) else { continue };
-                self.cut_cells[order] += 1;
-                let at = |row: usize| (self.emission_nm[row], measured[row * columns + column]);
-                let (below, above) = ((0..row).rev().find(kept).map(at), (row..rows).find(kept).map(at));
-                // Below its excitation nothing fluoresces, whatever stands beside the band
-                let is_below = self.emission_nm[row] < self.excitation_nm[column];
-                self.values[row * columns + column] = match (cut.to, below, above) {
-                    _ if is_below => 0.0,
-                    (CutTo::Zero, ..) | (_, None, None) => 0.0,
-                    (_, Some((_, value)), None) | (_, None, Some((_, value))) => value,
-                    (_, Some(below), Some(above)) => on_the_line(below, above, self.emission_nm[row]),
-                };
             }
         }
     }
@@ -443,13 +384,14 @@ impl MeasuredEem {
 }
 
 /// The value at `nm` on the straight line through two points.
-fn on_the_line((nm_0, value_0): (f64, f64), (nm_1, value_1): (f64, f64), nm: f64) -> f64 {
+pub(super) fn on_the_line((nm_0, value_0): (f64, f64), (nm_1, value_1): (f64, f64), nm: f64) -> f64 {
     value_0 + (nm - nm_0) / (nm_1 - nm_0) * (value_1 - value_0)
 }
 
-/// How many times more light must lie above its excitation than below it to tell the axes apart: scattered light is about as much on both
-/// sides.
+/// How many times more light must lie above its excitation than below it to tell the axes apart.
 const CLEARLY_MORE: f64 = 2.0;
+/// Distance from emission = excitation that light of the lamp hardly reaches, nm.
+const OFF_LINE_NM: f64 = 15.0;
 
 /// Wrong cells of a file that are told.
 const MOST_CELLS: usize = 20;
@@ -568,65 +510,7 @@ fn name(unit: EemUnit) -> &'static str {
     }
 }
 
-/// Bandpass of an instrument, nm, at least: scattered light is as wide.
-const BANDPASS_NM: f64 = 10.0;
-/// Excitation wavelengths over which values must follow the excitation to be scattered light, nm. Emission keeps its place: in its own
-/// maximum, or in the tail beyond, it looks so over less.
-const SCATTER_SPAN_NM: f64 = 40.0;
-/// Share of the peak below which scattered light changes little.
-const LEAST_SCATTER: f64 = 0.02;
-
-/// Refuses a matrix, `[emission][excitation]`, whose values follow the excitation or twice the excitation: in three columns or more, over
-/// 40 nm of excitation, the values within a bandpass of that line are more than twice all those one bandpass to three beside it.
-///
-/// # Errors
-/// [`FormatError::ScatteredLight`].
-pub fn refuse_scattered_light(
-    path: &Path,
-    emission_nm: &[f64],
-    excitation_nm: &[f64],
-    values: &[f64],
-) -> Result<(), FormatError> {
-    let steps = emission_nm.windows(2).map(|pair| pair[1] - pair[0]);
-    let step_nm = steps.fold(0.0, f64::max);
-    let wide_nm = BANDPASS_NM.max(0.75 * step_nm);
-    for order in [1_u8, 2] {
-        let columns = excitation_nm.len();
-        let distance =
-            |row: usize, column: usize| emission_nm[row] - f64::from(order) * excitation_nm[column];
-        let largest = |column: usize, wanted: &dyn Fn(f64) -> bool| -> Option<f64> {
-            let rows = (0..emission_nm.len()).filter(|row| wanted(distance(*row, column)));
-            rows.map(|row| values[row * columns + column]).reduce(f64::max)
-        };
-        // What is left of the matrix without the line
-        let beside = |column: usize| largest(column, &|nm| nm.abs() > wide_nm).unwrap_or(0.0);
-        let peak = (0..columns).map(beside).fold(0.0, f64::max);
-        let scattered = |column: &usize| -> bool {
-            let on_line = largest(*column, &|nm| nm.abs() <= wide_nm);
-            let above = largest(*column, &|nm| nm > wide_nm && nm <= 3.0 * wide_nm);
-            let below = largest(*column, &|nm| nm < -wide_nm && nm >= -3.0 * wide_nm).unwrap_or(0.0);
-            let (Some(on_line), Some(above)) = (on_line, above) else { return false };
-            on_line > LEAST_SCATTER * peak && on_line > 2.0 * above.max(below)
-        };
-        let found: Vec<usize> = (0..columns).filter(scattered).collect();
-        let (Some(first), Some(last)) = (found.first(), found.last()) else { continue };
-        let span = [excitation_nm[*first], excitation_nm[*last]];
-        if found.len() < 3 || span[1] - span[0] < SCATTER_SPAN_NM {
-            continue;
-        }
-        let on_line = found.iter().filter_map(|column| largest(*column, &|nm| nm.abs() <= wide_nm));
-        let scattered_peak = on_line.fold(0.0, f64::max);
-        return Err(FormatError::ScatteredLight {
-            path: path.into(),
-            order,
-            excitation_nm: span,
-            percent_of_peak: 100.0 * scattered_peak / if peak > 0.0 { peak } else { scattered_peak },
-        });
-    }
-    Ok(())
-}
-
-fn check_stokes(
+pub(super) fn check_stokes(
     path: &Path,
     line_of: &dyn Fn(usize) -> u64,
     eem: &mut MeasuredEem,
@@ -638,10 +522,12 @@ fn check_stokes(
         for (column, &excitation) in eem.excitation_nm.iter().enumerate() {
             let cell = &mut eem.values[row * columns + column];
             let value = cell.abs();
-            total += value;
             peak = peak.max(value);
+            // Scattered light is no sign of the axes
+            let off_line = if (emission - excitation).abs() > OFF_LINE_NM { value } else { 0.0 };
+            total += off_line;
             if emission < excitation {
-                below += value;
+                below += off_line;
                 if rule == AntiStokes::SetToZero {
                     *cell = 0.0;
                 }

@@ -6,6 +6,7 @@ use fluorspar::quote::excerpt;
 
 use super::FormatError;
 use super::csv_eem::CORNER;
+use super::error::shortened_list;
 
 /// Wavelengths of fluorometers, nm: what a cell holds that names a row or a column.
 const WAVELENGTHS_NM: std::ops::RangeInclusive<f64> = 100.0..=2000.0;
@@ -33,6 +34,8 @@ struct Columns {
     index: usize,
     /// Excitation wavelengths, nm.
     excitation_nm: Vec<f64>,
+    /// Places of these among all columns of values, or pairs; `None` where they are all.
+    chosen: Option<Vec<usize>>,
     /// Whether each is a pair of columns, emission wavelength and value.
     are_pairs: bool,
     /// The corner cell, where neither it nor the columns say which axis is which.
@@ -41,7 +44,7 @@ struct Columns {
 
 /// Which axis a text names.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Axis {
+pub(super) enum Axis {
     Excitation,
     Emission,
 }
@@ -49,11 +52,11 @@ enum Axis {
 impl EemLayout {
     /// Finds the matrix in what an instrument exported: below lines about the instrument and above others, cells separated by tabs,
     /// semicolons or commas, decimals with a point or a comma, excitation wavelengths in any words and in either order, columns of values or
-    /// pairs of columns. `None` for a file in the own form, and for one in which no rows of numbers are found.
+    /// pairs of columns, of one sample or of several of which one is wanted. `None` for a file in the own form, and for one in which no rows of numbers are found.
     ///
     /// # Errors
     /// Rows of numbers that can't be read as a matrix without a guess.
-    pub(super) fn of(path: &Path, text: &str) -> Result<Option<Self>, FormatError> {
+    pub(super) fn of(path: &Path, text: &str, sample: Option<&str>) -> Result<Option<Self>, FormatError> {
         let lines: Vec<&str> = text.lines().collect();
         if is_own_form(&lines) {
             return Ok(None);
@@ -76,10 +79,15 @@ impl EemLayout {
                 rows = &rows[1..];
                 columns
             }
-            None => columns(path, above, rows, has_commas)?,
+            None => columns(path, above, rows, has_commas, sample)?,
         };
+        if sample.is_some() && columns.chosen.is_none() {
+            return Err(no_samples(path, columns.index as u64 + 1));
+        }
         let left_out = table.len() - rows.len() - 1;
-        Self::written(path, &lines, &columns, rows, has_commas, left_out).map(Some)
+        let mut layout = Self::written(path, &lines, &columns, rows, has_commas, left_out)?;
+        layout.read_as.extend(sample.map(|name| format!("sample {}", excerpt(name))));
+        Ok(Some(layout))
     }
 
     fn written(
@@ -107,7 +115,7 @@ impl EemLayout {
         for row in rows {
             let cells = values_of(path, columns, row, has_commas)?;
             let line = &mut written[row.index];
-            *line = plain(row.cells[0]);
+            *line = plain(row.cells.get(columns.emission_place()).copied().unwrap_or_default());
             for &column in order.iter().filter(|column| **column < cells.len()) {
                 *line += &format!(",{}", plain(cells[column]));
             }
@@ -150,15 +158,28 @@ fn cells(line: &str, mark: char) -> Vec<&str> {
     cells
 }
 
-/// Whether the first line of a table has the corner cell of the own form, and the table no commas but those between its cells.
+/// Whether the first line of a table has the corner cell of the own form, and the table its order, no commas but those between its cells, and no
+/// lines about an instrument above or below its rows.
 fn is_own_form(lines: &[&str]) -> bool {
-    let mut table =
-        lines.iter().map(|line| line.trim()).filter(|line| !line.is_empty() && !line.starts_with('#'));
-    let Some(first) = table.next() else { return true };
+    let table: Vec<&str> = lines
+        .iter()
+        .map(|line| line.trim())
+        .filter(|line| !line.is_empty() && !line.starts_with('#'))
+        .collect();
+    let Some((first, rows)) = table.split_first() else { return true };
     let mark = [',', '\t', ';'].into_iter().find(|mark| first.contains(*mark)).unwrap_or(',');
-    let corner = first.split(mark).next().unwrap_or_default().trim_matches('"');
-    let plain: String = corner.to_lowercase().split_whitespace().collect();
-    plain == CORNER && (mark == ',' || !table.any(|line| line.contains(',')))
+    let header = cells(first, mark);
+    let corner: String = header.first().unwrap_or(&"").to_lowercase().split_whitespace().collect();
+    if corner != CORNER || (mark != ',' && rows.iter().any(|line| line.contains(','))) {
+        return false;
+    }
+    let nm: Vec<f64> = header[1..].iter().filter_map(|cell| number(cell, false)).collect();
+    let is_falling = nm.len() > 1 && nm.windows(2).all(|pair| pair[1] < pair[0]);
+    let is_beside = |line: &&str| {
+        let cells = cells(line, mark);
+        cells.len() < header.len() && cells.first().is_none_or(|cell| number(cell, false).is_none())
+    };
+    !is_falling && !rows.first().is_some_and(is_beside) && !rows.last().is_some_and(is_beside)
 }
 
 fn number(cell: &str, has_commas: bool) -> Option<f64> {
@@ -265,6 +286,11 @@ fn axis_of(word: &str) -> Option<Axis> {
     }
 }
 
+/// Whether a header names excitation alone (or emission alone), and no wavelength: `excitation`, `EGFP ex`.
+pub(super) fn names_spectrum(header: &str, axis: Axis) -> bool {
+    axes_in(header) == [axis] && named_wavelength(header, false).is_none()
+}
+
 /// Axes that a corner cell names, in their order.
 fn axes_in(corner: &str) -> Vec<Axis> {
     corner.to_lowercase().split(|c: char| !c.is_alphanumeric()).filter_map(axis_of).collect()
@@ -277,7 +303,13 @@ fn headless(rows: &[Line], has_commas: bool) -> Option<Columns> {
     let excitation_nm: Vec<f64> = numbers.collect::<Option<_>>()?;
     let is_header = first.cells.len() + 1 == second.cells.len() && are_wavelengths(&excitation_nm);
     let unstated_corner = Some(String::new());
-    is_header.then_some(Columns { index: first.index, excitation_nm, are_pairs: false, unstated_corner })
+    is_header.then_some(Columns {
+        index: first.index,
+        excitation_nm,
+        chosen: None,
+        are_pairs: false,
+        unstated_corner,
+    })
 }
 
 fn are_wavelengths(nm: &[f64]) -> bool {
@@ -286,21 +318,84 @@ fn are_wavelengths(nm: &[f64]) -> bool {
     nm.iter().all(|nm| WAVELENGTHS_NM.contains(nm)) && sorted.windows(2).all(|pair| pair[0] < pair[1])
 }
 
+/// The sample that a cell of a header names before the axis: `a` of `a_EX_350.00`, `EGFP` of `EGFP ex`.
+pub(super) fn sample_of(cell: &str) -> &str {
+    let is_of_word = |c: char| c.is_alphanumeric() || c == '.';
+    let starts_word = |place: usize| !cell[..place].ends_with(is_of_word);
+    let word = |place: usize| cell[place..].split(|c: char| !is_of_word(c)).next().unwrap_or_default();
+    let mut places = cell.char_indices().rev().map(|(place, _)| place);
+    let axis = places.find(|place| starts_word(*place) && axis_of(&word(*place).to_lowercase()).is_some());
+    cell[..axis.unwrap_or(0)].trim_end_matches(|c: char| c.is_whitespace() || "_-:,".contains(c))
+}
+
+/// The columns of the wanted sample, of those with these names and wavelengths; `None` where there is one sample.
+fn chosen(
+    path: &Path,
+    line: u64,
+    samples: &[&str],
+    nm: &[f64],
+    wanted: Option<&str>,
+) -> Result<Option<Vec<usize>>, FormatError> {
+    let of = |name: &str| -> Vec<usize> { (0..nm.len()).filter(|place| samples[*place] == name).collect() };
+    let mut names: Vec<&str> = Vec::new();
+    samples.iter().filter(|name| !name.is_empty()).for_each(|name| {
+        if !names.contains(name) {
+            names.push(name);
+        }
+    });
+    match wanted {
+        Some(_) if names.is_empty() => Err(no_samples(path, line)),
+        Some(name) if !names.contains(&name) => Err(no_such_sample(path, line, name, &names)),
+        Some(name) => Ok(Some(of(name))),
+        None if names.len() > 1 && !are_wavelengths(nm) => Err(FormatError::Samples {
+            path: path.into(),
+            line,
+            names: names.into_iter().map(String::from).collect(),
+        }),
+        None => Ok(None),
+    }
+}
+
+/// A sample is wanted of a file that names none.
+pub(super) fn no_samples(path: &Path, line: u64) -> FormatError {
+    FormatError::at_line(path, line, "the columns name no samples", "Leave the choice of a sample out")
+}
+
+/// A sample is wanted that the file has not.
+pub(super) fn no_such_sample(path: &Path, line: u64, name: &str, names: &[&str]) -> FormatError {
+    let names: Vec<String> = names.iter().map(|name| (*name).to_string()).collect();
+    let what = format!("there is no sample \"{}\"", excerpt(name));
+    FormatError::at_line(path, line, what, format!("Samples are: {}", shortened_list(&names)))
+}
+
 /// The nearest line above the rows that names a wavelength for each column.
-fn columns(path: &Path, above: &[Line], rows: &[Line], has_commas: bool) -> Result<Columns, FormatError> {
+fn columns(
+    path: &Path,
+    above: &[Line],
+    rows: &[Line],
+    has_commas: bool,
+    sample: Option<&str>,
+) -> Result<Columns, FormatError> {
     let width = rows.iter().map(|row| row.cells.len()).max().unwrap_or(0);
     for line in above.iter().rev() {
-        let named: Vec<_> = line.cells.iter().map(|cell| named_wavelength(cell, has_commas)).collect();
-        let of_pairs = || named.iter().step_by(2).copied().collect::<Option<Vec<_>>>();
         let are_pairs = line.cells.len() > 1
             && line.cells.iter().skip(1).step_by(2).all(|cell| cell.is_empty())
             && width.div_ceil(2) == line.cells.len().div_ceil(2);
-        let found = if are_pairs { of_pairs() } else { named.iter().skip(1).copied().collect() };
-        let Some(found) = found.filter(|found: &Vec<_>| !found.is_empty()) else { continue };
+        let (skipped, step) = if are_pairs { (0, 2) } else { (1, 1) };
+        let cells: Vec<&str> = line.cells.iter().skip(skipped).step_by(step).copied().collect();
+        let named = cells.iter().map(|cell| named_wavelength(cell, has_commas));
+        let Some(found) = named.collect::<Option<Vec<_>>>().filter(|found| !found.is_empty()) else {
+            continue;
+        };
         if !are_pairs && line.cells.len() != width {
             continue;
         }
-        let excitation_nm: Vec<f64> = found.iter().map(|(_, nm)| *nm).collect();
+        let mut excitation_nm: Vec<f64> = found.iter().map(|(_, nm)| *nm).collect();
+        let samples: Vec<&str> = cells.iter().map(|cell| sample_of(cell)).collect();
+        let chosen = chosen(path, line.index as u64 + 1, &samples, &excitation_nm, sample)?;
+        if let Some(chosen) = &chosen {
+            excitation_nm = chosen.iter().map(|place| excitation_nm[*place]).collect();
+        }
         if !are_wavelengths(&excitation_nm) {
             continue;
         }
@@ -317,7 +412,7 @@ fn columns(path: &Path, above: &[Line], rows: &[Line], has_commas: bool) -> Resu
         }
         let is_stated = of_columns.is_some() || axes.first() == Some(&Axis::Emission);
         let unstated_corner = (!is_stated).then(|| corner.to_string());
-        return Ok(Columns { index: line.index, excitation_nm, are_pairs, unstated_corner });
+        return Ok(Columns { index: line.index, excitation_nm, chosen, are_pairs, unstated_corner });
     }
     let line = rows.first().map_or(1, |row| row.index as u64 + 1);
     Err(FormatError::at_line(
@@ -331,6 +426,17 @@ fn columns(path: &Path, above: &[Line], rows: &[Line], has_commas: bool) -> Resu
     ))
 }
 
+impl Columns {
+    /// Place of the emission wavelength among the cells of a row.
+    fn emission_place(&self) -> usize {
+        if self.are_pairs { 2 * self.places()[0] } else { 0 }
+    }
+
+    fn places(&self) -> Vec<usize> {
+        self.chosen.clone().unwrap_or_else(|| (0..self.excitation_nm.len()).collect())
+    }
+}
+
 /// The cells of a row that hold values.
 fn values_of<'a>(
     path: &Path,
@@ -338,26 +444,26 @@ fn values_of<'a>(
     row: &'a Line,
     has_commas: bool,
 ) -> Result<Vec<&'a str>, FormatError> {
-    let missing = columns.excitation_nm.len() + 1;
+    let places = columns.places();
+    let cell = |place: usize| row.cells.get(place).copied().unwrap_or("");
     if !columns.are_pairs {
-        // Empty cells at the end of a line are cells
-        let wanted = row.cells.len().max(missing);
-        return Ok((1..wanted).map(|place| row.cells.get(place).copied().unwrap_or("")).collect());
+        // Empty cells at the end of a line are cells, and too many are told
+        let count = places.len().max(if columns.chosen.is_none() { row.cells.len() - 1 } else { 0 });
+        return Ok((0..count).map(|at| cell(1 + places.get(at).copied().unwrap_or(at))).collect());
     }
-    let emission = |place: usize| row.cells.get(place).and_then(|cell| number(cell, has_commas));
-    let other = (0..columns.excitation_nm.len()).find(|column| emission(2 * column) != emission(0));
-    if let Some(column) = other {
+    let emission = |place: usize| number(cell(place), has_commas);
+    let first = columns.emission_place();
+    if let Some(at) = places.iter().position(|place| emission(2 * place) != emission(first)) {
         let what = format!(
             "the scan at excitation {} nm has the emission wavelength \"{}\" where the first has \"{}\"",
-            columns.excitation_nm[column],
-            row.cells.get(2 * column).map(|cell| excerpt(cell)).unwrap_or_default(),
-            excerpt(row.cells[0])
+            columns.excitation_nm[at],
+            excerpt(cell(2 * places[at])),
+            excerpt(cell(first))
         );
         let hint = "Export all scans over the same emission wavelengths, or interpolate them to one";
         return Err(FormatError::at_line(path, row.index as u64 + 1, what, hint));
     }
-    let value = |column: usize| row.cells.get(2 * column + 1).copied().unwrap_or("");
-    Ok((0..columns.excitation_nm.len()).map(value).collect())
+    Ok(places.iter().map(|place| cell(2 * place + 1)).collect())
 }
 
 /// A file of two columns of numbers is one spectrum, whatever program wrote it.

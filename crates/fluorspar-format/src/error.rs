@@ -1,12 +1,12 @@
 //! Errors of files, with hints.
 
-use fluorspar::quote::excerpt_to;
+use fluorspar::quote::{excerpt, excerpt_to};
 use fluorspar::units::memory_text;
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::OtherFormat;
+use super::{OtherFormat, ScatterLine};
 
 /// Why a file can't be read or written. Every message names the file, the place where known, and what to do.
 #[derive(Debug)]
@@ -137,12 +137,21 @@ pub enum FormatError {
     ScatteredLight {
         /// The file.
         path: PathBuf,
-        /// Emission over excitation wavelength: 1, or 2 of a grating's second order.
-        order: u8,
+        /// The line that they follow.
+        line: ScatterLine,
         /// First and last excitation wavelength at which it is seen, nm.
         excitation_nm: [f64; 2],
         /// Largest of the values over the largest one beyond the line, %.
         percent_of_peak: f64,
+    },
+    /// The columns of a table are of several samples, of which one must be chosen.
+    Samples {
+        /// The file.
+        path: PathBuf,
+        /// Line of the header, from 1.
+        line: u64,
+        /// Names of the samples.
+        names: Vec<String>,
     },
     /// The place must not be written; nothing was.
     Refused {
@@ -197,6 +206,7 @@ impl FormatError {
             | Self::Transposed { path, .. }
             | Self::AntiStokes { path, .. }
             | Self::ScatteredLight { path, .. }
+            | Self::Samples { path, .. }
             | Self::Refused { path, .. }
             | Self::NoRoom { path, .. }
             | Self::Failed { path, .. }
@@ -224,7 +234,9 @@ impl FormatError {
     pub fn line(&self) -> Option<u64> {
         match self {
             Self::Malformed { line, .. } | Self::AntiStokes { line, .. } => *line,
-            Self::Negative { line, .. } | Self::EmptyCell { line, .. } => Some(*line),
+            Self::Negative { line, .. } | Self::EmptyCell { line, .. } | Self::Samples { line, .. } => {
+                Some(*line)
+            }
             Self::Cells { first, .. } => first.line(),
             _ => None,
         }
@@ -250,6 +262,7 @@ impl FormatError {
             | Self::Transposed { path, .. }
             | Self::AntiStokes { path, .. }
             | Self::ScatteredLight { path, .. }
+            | Self::Samples { path, .. }
             | Self::Refused { path, .. }
             | Self::NoRoom { path, .. }
             | Self::Failed { path, .. }
@@ -383,17 +396,26 @@ impl fmt::Display for Problem<'_> {
                  ({percent_of_peak:.2} % of the peak). Remove scattered light, also that at and just above the excitation, set such cells \
                  to 0 or allow anti-Stokes values"
             ),
-            FormatError::ScatteredLight { order, excitation_nm: [first, last], percent_of_peak, .. } => {
-                let what = match order {
-                    1 => "first-order scatter (Rayleigh and Tyndall) lies along emission = excitation",
-                    _ => "second-order scatter lies along emission = 2 x excitation",
+            FormatError::ScatteredLight { line, excitation_nm: [first, last], percent_of_peak, .. } => {
+                let what = match line {
+                    ScatterLine::First => "first-order scatter (Rayleigh and Tyndall)",
+                    ScatterLine::Second => "second-order scatter",
+                    ScatterLine::Third => "third-order scatter",
+                    ScatterLine::WaterRaman => "Raman scatter of water",
                 };
                 write!(
                     f,
-                    "{what} for excitations from {first} to {last} nm, up to {percent_of_peak:.0} % of the largest value off that line. \
-                     Subtract a blank, or replace the cells within one bandwidth of that line by interpolation or by 0"
+                    "{what} lies along {} for excitations from {first} to {last} nm, up to {percent_of_peak:.0} % of the largest value off that line. \
+                     Subtract a blank, or replace the cells within one bandwidth of that line by interpolation or by 0",
+                    line.equation()
                 )
             }
+            FormatError::Samples { names, .. } => write!(
+                f,
+                "the columns are of {} samples: {}. Choose one of them",
+                names.len(),
+                shortened_list(names)
+            ),
             FormatError::Refused { why, hint, .. } => write!(f, "{why}; {hint}"),
             FormatError::NoRoom { needed_bytes, free_bytes, .. } => write!(
                 f,
@@ -421,4 +443,13 @@ fn io_advice(error: &io::Error) -> &'static str {
         io::ErrorKind::IsADirectory => " It is a folder: give a file",
         _ => " Check the disk and the path",
     }
+}
+
+/// The first of some names, and how many more there are.
+pub(super) fn shortened_list(names: &[String]) -> String {
+    let mut list = names.iter().take(12).map(|name| excerpt(name)).collect::<Vec<_>>().join(", ");
+    if names.len() > 12 {
+        list.push_str(&format!(" and {} more", names.len() - 12));
+    }
+    list
 }

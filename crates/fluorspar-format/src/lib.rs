@@ -38,6 +38,7 @@ mod csv_table;
 mod dng;
 mod dng_pixels;
 mod eem_layout;
+mod eem_scatter;
 mod error;
 mod exr;
 mod file;
@@ -82,13 +83,13 @@ mod value_unit;
 
 pub use cache::{Cache, count_as_program};
 pub use csv_cell::{csv_cell, quoted_csv_cell};
-pub use csv_eem::{
-    AntiStokes, CsvEemOptions, CutTo, EemUnit, EmptyCells, LeastCuts, MeasuredEem, ScatterCut, eem_csv,
-    read_eem_csv, refuse_scattered_light,
-};
-pub use csv_fluorophore::{CsvFluorophore, read_fluorophore_csv};
+pub use csv_eem::{AntiStokes, CsvEemOptions, EemUnit, EmptyCells, MeasuredEem, eem_csv, read_eem_csv};
+pub use csv_fluorophore::{CsvFluorophore, names_excitation_and_emission, read_fluorophore_csv};
 pub use csv_table::Negative;
 pub use dng::{DngColor, write_sensor_dng};
+pub use eem_scatter::{
+    CutTo, LeastCuts, MOST_CUT_NM, Overflow, ScatterCut, ScatterLine, refuse_scattered_light,
+};
 pub use error::{FormatError, Problem};
 pub use exr::{
     ComponentFile, ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,

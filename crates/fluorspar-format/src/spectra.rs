@@ -8,6 +8,7 @@ use std::path::Path;
 use super::FormatError;
 use super::axis::check_axis;
 use super::csv_table::{Header, Negative, Row, Table, comments_of};
+use super::error::shortened_list;
 use super::file::{MAX_TEXT_BYTES, read_file};
 use super::instrument_text::{TextTable, find_table, instrument_text, names_wavelengths};
 use super::jcamp::jcamp_table;
@@ -88,16 +89,27 @@ pub fn read_spectra(path: &Path, options: &SpectrumOptions) -> Result<MeasuredSp
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mat")) {
         return matlab_spectra(path, options);
     }
+    let (table, read_as, preamble) = text_table(path)?;
+    SpectrumReader { path, table: &table, preamble: &preamble, options, read_as }.read()
+}
+
+/// Line and cells of the header of a table in a text file.
+pub(super) fn headers_of(path: &Path) -> Result<(u64, Vec<String>), FormatError> {
+    let Header { line, cells } = text_table(path)?.0.header;
+    Ok((line, cells))
+}
+
+/// The table of a text file, what it has otherwise than a plain one, and the lines above it.
+fn text_table(path: &Path) -> Result<(Table, Vec<String>, Vec<String>), FormatError> {
     let bytes = read_file(path, MAX_TEXT_BYTES)?;
     let text = instrument_text(path, &bytes)?;
-    let (table, read_as, preamble) = match foreign_table(path, &text)? {
+    Ok(match foreign_table(path, &text)? {
         Some(TextTable { header_line, header, rows, preamble, read_as }) => {
             let header = Header { line: header_line, cells: header };
             (Table::of_rows(path, header, rows, comments_of(&text))?, read_as, preamble)
         }
         None => (Table::parse(path, &text)?, Vec::new(), Vec::new()),
-    };
-    SpectrumReader { path, table: &table, preamble: &preamble, options, read_as }.read()
+    })
 }
 
 /// The table of a file in a form of its own, or found among lines of text.
@@ -664,13 +676,4 @@ fn computed_column(names: &[String]) -> Option<usize> {
     let has_dark = lower.iter().any(|name| name.starts_with("dark") || name == "d");
     let mut computed = (0..lower.len()).filter(|place| !raw(&lower[*place]));
     has_dark.then(|| computed.next_back()).flatten()
-}
-
-/// The first of some names, and how many more there are.
-pub(super) fn shortened_list(names: &[String]) -> String {
-    let mut list = names.iter().take(12).map(|name| excerpt(name)).collect::<Vec<_>>().join(", ");
-    if names.len() > 12 {
-        list.push_str(&format!(" and {} more", names.len() - 12));
-    }
-    list
 }

@@ -294,7 +294,11 @@ impl<'a> SceneWriter<'a> {
         FluorophoreSection {
             name: fluorophore.name.clone(),
             title: None,
-            source: FluorophoreSource::Matrix(MatrixSource { eem_csv, unit: Some(YieldUnit::Photons) }),
+            source: FluorophoreSource::Matrix(MatrixSource {
+                eem_csv,
+                unit: Some(YieldUnit::Photons),
+                sample: None,
+            }),
             photon_yield: Some(best / amount),
             stokes: Some(eem.stokes()),
             allow_negative: false,

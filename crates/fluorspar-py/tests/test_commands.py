@@ -19,6 +19,7 @@ CASES = [
     (lambda: fs.tissue("lip").show(), ["tissue", "show", "lip"]),
     (lambda: fs.tissue("lip").solve(from_nm=400, to_nm=500, step_nm=20),
      ["tissue", "solve", "lip", "--from-nm", "400", "--to-nm", "500", "--step-nm", "20"]),
+    (lambda: fs.tissue("lip").depth(), ["tissue", "depth", "lip"]),
     (lambda: fs.sensor("pi_camera_3").show(), ["sensor", "show", "pi_camera_3"]),
     (lambda: fs.light("led_385").show(), ["light", "show", "led_385"]),
     (lambda: fs.filters("view_475_700").show(), ["filter", "show", "view_475_700"]),

@@ -13,6 +13,7 @@ use serde_json::json;
 
 use super::table::align;
 use crate::args::Answer;
+use crate::commands::shell_word;
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
@@ -175,15 +176,6 @@ fn next_command(options: &Options) -> Result<String, CliError> {
         "Next{remark}: fluorspar analyze --experiment {experiment} {} --set analysis.mask=MASK.png --out {out}",
         frames.join(" ")
     ))
-}
-
-/// A word as a shell takes it.
-fn shell_word(text: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "._/=+-:,@".contains(c);
-    match !text.is_empty() && text.chars().all(is_plain) {
-        true => text.into(),
-        false => format!("'{}'", text.replace('\'', "'\\''")),
-    }
 }
 
 /// Each value and where it comes from.

@@ -61,6 +61,15 @@ pub(crate) fn print_text(text: &str) -> Result<(), CliError> {
     Ok(message::answer(text)?)
 }
 
+/// A word as a shell takes it.
+pub(crate) fn shell_word(text: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "._/=+-:,@".contains(c);
+    match !text.is_empty() && text.chars().all(is_plain) {
+        true => text.into(),
+        false => format!("'{}'", text.replace('\'', "'\\''")),
+    }
+}
+
 /// A text as TOML.
 pub(crate) fn quoted(text: &str) -> String {
     toml::Value::String(text.into()).to_string()

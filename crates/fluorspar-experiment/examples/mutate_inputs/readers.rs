@@ -329,7 +329,7 @@ fn tables(subjects: &mut Subjects) {
         "fluorophore CSV",
         "f.csv",
         table("wavelength_nm,excitation,emission\n400,1,0\n450,0.5,0.2\n500,0,1\n"),
-        |path| format::read_fluorophore_csv(path, format::Negative::Refuse).is_ok(),
+        |path| format::read_fluorophore_csv(path, format::Negative::Refuse, None).is_ok(),
     );
     subjects.add(
         "placements CSV",

@@ -98,17 +98,17 @@ fn from_section(
     let stokes = section.stokes.unwrap_or_default();
     let (eem, source) = match &section.source {
         FluorophoreSource::Catalogue(name) => return of_catalogue(context, &at_source, section, name),
-        FluorophoreSource::Matrix(MatrixSource { eem_csv, unit }) => (
-            matrix_from_csv(context, &at_source.field("eem_csv"), eem_csv, *unit, (section, stokes))?,
-            eem_csv,
+        FluorophoreSource::Matrix(matrix) => (
+            matrix_from_csv(context, &at_source.field("eem_csv"), matrix, (section, stokes))?,
+            &matrix.eem_csv,
         ),
         FluorophoreSource::Mat(MatSource { mat, unit }) => {
             (from_mat(context, &at_source.field("mat"), mat, *unit, (section, stokes))?, mat)
         }
-        FluorophoreSource::Table(TableSource { csv, unit }) => {
+        FluorophoreSource::Table(TableSource { csv, unit, sample }) => {
             let at = at_source.field("csv");
             context.note_input(&at, csv)?;
-            let read = read_fluorophore_csv(csv.as_ref(), negative(section))
+            let read = read_fluorophore_csv(csv.as_ref(), negative(section), sample.as_deref())
                 .map_err(|e| reader_error(context, &at, &e))?;
             if read.emission_only {
                 let message = "the excitation column is constant: it was never measured. Give a measured one";
@@ -311,6 +311,7 @@ fn reader_error(context: &Context<'_>, at: &Place, error: &FormatError) -> crate
         }
         FormatError::AntiStokes { .. } | FormatError::ScatteredLight { .. } => ALLOW_ANTI_STOKES,
         FormatError::EmptyCell { .. } => EMPTY_CELLS,
+        FormatError::Samples { .. } => " with sample = \"NAME\" beside the file",
         _ => "",
     };
     match field {
@@ -352,10 +353,10 @@ const UNKNOWN_UNIT: &str =
 fn matrix_from_csv(
     context: &mut Context<'_>,
     at: &Place,
-    file: &FilePath,
-    unit: Option<YieldUnit>,
+    MatrixSource { eem_csv: file, unit, sample }: &MatrixSource,
     (section, stokes): (&FluorophoreSection, Stokes),
 ) -> Resolved<PhotonEem> {
+    let unit = *unit;
     context.note_input(at, file)?;
     let options = CsvEemOptions {
         unit: unit.map(|unit| match unit {
@@ -369,6 +370,7 @@ fn matrix_from_csv(
         negative: negative(section),
         empty_cells: section.empty_cells.into(),
         cut: None,
+        sample: sample.clone(),
     };
     let read = read_eem_csv(file.as_ref(), &options).map_err(|error| match (&error, unit) {
         (FormatError::Unit { .. }, None) => context
@@ -390,6 +392,9 @@ fn matrix_from_csv(
             error.problem()
         );
         context.warn(at, message);
+    }
+    if let Some(overflow) = read.overflow() {
+        context.warn(at, overflow.to_string());
     }
     let table =
         EemTable { emission_nm: read.emission_nm, excitation_nm: read.excitation_nm, values: read.values };

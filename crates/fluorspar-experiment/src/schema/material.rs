@@ -121,17 +121,23 @@ pub struct MatrixSource {
     /// photons by the factor emission over excitation wavelength.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
+    /// Name of the sample that is meant, of a file of several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sample: Option<String>,
 }
 
 /// Excitation and emission in one table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TableSource {
-    /// Path of a table with the columns `wavelength_nm`, `excitation`, `emission`.
+    /// Path of a table with the columns `wavelength_nm`, `excitation`, `emission`; or `NAME ex`, `NAME em`.
     pub csv: FilePath,
     /// Unit of the values, of emission and excitation alike. Default "photons".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
+    /// Name of the dye that is meant, of a file of several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sample: Option<String>,
 }
 
 /// A file of isetfluorescence.

@@ -10,8 +10,8 @@ use std::path::Path;
 use super::FormatError;
 use super::axis::check_axis;
 use super::csv_fluorophore::is_constant;
+use super::error::shortened_list;
 use super::file::{guarded, read_file};
-use super::spectra::shortened_list;
 use fluorspar::spectral::Curve;
 
 /// Largest MATLAB file read, bytes: fluorophores and spectra take kilobytes.

@@ -160,7 +160,7 @@ fn a_missing_file_is_named() {
 
 #[test]
 fn fluorophores_know_when_they_have_no_excitation() {
-    let read = |path: &Path| read_fluorophore_csv(path, Negative::Refuse);
+    let read = |path: &Path| read_fluorophore_csv(path, Negative::Refuse, None);
     let full = loaded("wavelength_nm,excitation,emission\n400,1,\n410,0.5,0\n420,,1\n", read);
     assert_eq!((full.excitation.values(), full.emission.values()), (&[1.0, 0.5][..], &[0.0, 1.0][..]));
     assert!(!full.emission_only);
@@ -185,6 +185,7 @@ fn anti_stokes_cells_follow_the_options() {
             negative,
             empty_cells: EmptyCells::Zero,
             cut: None,
+            sample: None,
         };
         loaded(text, |path| read_eem_csv(path, &options)).values
     };
@@ -287,7 +288,7 @@ fn scattered_light_is_cut_out_along_the_emission() {
     };
     let [first, second] =
         [cells(&|em, ex| (em - ex).abs() <= 15), cells(&|em, ex| (em - 2 * ex).abs() <= 15)];
-    assert_eq!(found.cut_cells, [first, second]);
+    assert_eq!(found.cut_cells, [first, second, 0, 0]);
     for (row, em) in emission.into_iter().enumerate() {
         for (column, ex) in excitation[..3].iter().enumerate() {
             // At the ends of a column there is one neighbor alone
@@ -503,7 +504,7 @@ fn bad_matrices_are_explained() {
         ),
         (
             "@em_nm\\ex_nm,400,350\n380,1,0\n450,2,3\n",
-            "t.csv:2: the excitation wavelength 350 nm follows 400 nm. Sort by wavelength, shortest first",
+            "t.csv:2: the excitation wavelength 380 nm follows 400 nm. Sort by wavelength, shortest first",
         ),
         (
             "@em_nm\\ex_nm,350,400\n450,1,0\n380,2,3\n",
@@ -623,12 +624,170 @@ fn measured_spectra_and_matrices_load() {
             }
         }
     }
-    let read =
-        |path: &Path| read_fluorophore_csv(path, Negative::Keep).unwrap_or_else(|error| panic!("{error}"));
+    let read = |path: &Path| {
+        read_fluorophore_csv(path, Negative::Keep, None).unwrap_or_else(|error| panic!("{error}"))
+    };
     assert!(csv_files(&reference.join("dyes")).iter().all(|path| !read(path).emission_only));
     let alfano = csv_files(&reference.join("fluorophores/toolbox"))
         .into_iter()
         .filter(|path| read(path).emission_only)
         .count();
     assert!(alfano > 0, "some sources have no excitation data");
+}
+
+/// Third-order light and Raman scatter of water are refused, and cut out of a dye at 370/470 nm. Water's line lies at 1/(1/350 - 3400e-7) = 397.3 nm.
+#[test]
+fn third_order_and_raman_scatter_are_found() {
+    let bell = |nm: f64, peak: f64, sigma: f64| (-0.5 * ((nm - peak) / sigma).powi(2)).exp();
+    let matrix = |scatter: &dyn Fn(f64, f64) -> f64| {
+        let excitation: Vec<f64> = (20..=46).map(|nm| 10.0 * f64::from(nm)).collect();
+        let mut text = String::from("# unit: photons\nem_nm\\ex_nm");
+        excitation.iter().for_each(|ex| text += &format!(",{ex}"));
+        for em in (320..=650).step_by(5).map(f64::from) {
+            text += &format!("\n{em}");
+            for &ex in &excitation {
+                let dye = if em > ex { bell(ex, 370.0, 30.0) * bell(em, 470.0, 30.0) } else { 0.0 };
+                text += &format!(",{}", dye + scatter(em, ex));
+            }
+        }
+        text
+    };
+    let third = |em: f64, ex: f64| 4.0 * bell(em, 3.0 * ex, 4.0);
+    let water = |em: f64, ex: f64| 3.0 * bell(em, 1.0 / (1.0 / ex - 3.4e-4), 4.0);
+    for (text, words) in [(matrix(&third), "3 x excitation"), (matrix(&water), "3400 cm^-1")] {
+        let strict = |path: &Path| read_eem_csv(path, &CsvEemOptions::default());
+        let said = complaint(text.as_bytes(), strict);
+        assert!(said.contains(words), "{said}");
+        // The band that is named leaves the dye, not a flank of the line
+        let keep = CsvEemOptions { anti_stokes: AntiStokes::Keep, ..CsvEemOptions::default() };
+        let least = loaded(&text, |path| read_eem_csv(path, &keep)).least_cuts(CutTo::Neighbors, 1e-3);
+        let within_nm = f64::from(least.for_all.unwrap());
+        let cut = Some(ScatterCut { within_nm, to: CutTo::Neighbors });
+        let found =
+            loaded(&text, |path| read_eem_csv(path, &CsvEemOptions { cut, ..CsvEemOptions::default() }));
+        let larger = |a: usize, b: usize| if found.values[b] > found.values[a] { b } else { a };
+        let best = (0..found.values.len()).reduce(larger).unwrap();
+        let columns = found.excitation_nm.len();
+        let peak = [found.excitation_nm[best % columns], found.emission_nm[best / columns]];
+        assert_eq!(peak, [370.0, 470.0], "{words}");
+    }
+}
+
+/// A table of a dye at 340/440 nm with Rayleigh light along emission = excitation, as an Aqualog writes it: lines about the instrument, excitation from long
+/// to short, an array of detectors. It may have the corner cell of the own form.
+#[test]
+fn lines_of_an_instrument_are_read_past_under_any_corner() {
+    let bell = |nm: f64, width: f64| (-(nm / width).powi(2)).exp();
+    let excitation: Vec<f64> = (0..12).map(|i| 250.0 + 10.0 * f64::from(i)).collect();
+    let emission: Vec<f64> = (0..50).map(|i| 245.3 + 4.65 * f64::from(i)).collect();
+    let value = |em: f64, ex: f64| {
+        let dye = if em > ex { bell(ex - 340.0, 40.0) * bell(em - 440.0, 50.0) } else { 0.0 };
+        (1e4 * (dye + 20.0 * bell(em - ex, 4.0))).round() / 1e4
+    };
+    let table = |corner: &str| {
+        let header: String = excitation.iter().rev().map(|ex| format!("\t{ex}")).collect();
+        let mut text = format!("# unit: photons\n{corner}{header}\nnm\t\t\nNormalized by 1.000\n");
+        for &em in &emission {
+            let row: String = excitation.iter().rev().map(|&ex| format!("\t{}", value(em, ex))).collect();
+            text += &format!("{em:.2}{row}\n");
+        }
+        text
+    };
+    let keep = CsvEemOptions { anti_stokes: AntiStokes::Keep, ..CsvEemOptions::default() };
+    for corner in ["Sample - Blank", "em_nm\\ex_nm", "Wavelength (nm)", ""] {
+        let found = loaded(&table(corner), |path| read_eem_csv(path, &keep));
+        assert_eq!(found.excitation_nm, excitation, "{corner}");
+        for (row, em) in emission.iter().enumerate() {
+            assert!((found.emission_nm[row] - em).abs() < 0.006);
+            for (column, ex) in excitation.iter().enumerate() {
+                assert_eq!(found.values[row * 12 + column], value(*em, *ex), "{corner} {em} {ex}");
+            }
+        }
+    }
+    // The other way round, the wavelengths of the detectors stand above the columns
+    let mut turned = String::from("# unit: photons\n,");
+    turned += &emission.iter().map(|em| format!("{em:.2}")).collect::<Vec<_>>().join(",");
+    for &ex in &excitation {
+        turned += &format!("\n{ex}");
+        turned.extend(emission.iter().map(|&em| format!(",{}", value(em, ex))));
+    }
+    let said = complaint(turned.as_bytes(), |path| read_eem_csv(path, &keep));
+    assert!(said.contains("columns would be emission") && said.contains("Transpose the table"), "{said}");
+}
+
+/// Scans of two samples side by side, as pairs of columns or as columns: which there are is told, and one can be chosen.
+#[test]
+fn one_of_several_samples_is_read() {
+    let pairs = "# unit: photons\na_EX_350.00,,b 2_EX_350.00,,a_EX_360.00,,b 2_EX_360.00,\n\
+                 Wavelength (nm),Intensity,Wavelength (nm),Intensity,Wavelength (nm),Intensity,Wavelength (nm),Intensity\n\
+                 400,1,402,10,400,2,402,20\n410,3,412,30,410,4,412,40\n\nInstrument,X\n";
+    let columns = "# unit: photons\nEmission\ta EX 350\ta EX 360\tb 2 EX 350\tb 2 EX 360\n402\t1\t2\t10\t20\n412\t3\t4\t30\t40\n";
+    let of =
+        |sample: Option<&str>| CsvEemOptions { sample: sample.map(String::from), ..CsvEemOptions::default() };
+    for text in [pairs, columns] {
+        let said = complaint(text.as_bytes(), |path| read_eem_csv(path, &of(None)));
+        assert_eq!(said, "t.csv:2: the columns are of 2 samples: a, b 2. Choose one of them");
+        let said = complaint(text.as_bytes(), |path| read_eem_csv(path, &of(Some("c"))));
+        assert_eq!(said, "t.csv:2: there is no sample \"c\". Samples are: a, b 2");
+        let found = loaded(text, |path| read_eem_csv(path, &of(Some("b 2"))));
+        assert_eq!((found.emission_nm, found.excitation_nm), (vec![402.0, 412.0], vec![350.0, 360.0]));
+        assert_eq!(found.values, [10.0, 20.0, 30.0, 40.0]);
+        let found = loaded(text, |path| read_eem_csv(path, &of(Some("a"))));
+        assert_eq!(found.values, [1.0, 2.0, 3.0, 4.0]);
+    }
+    let plain = "# unit: photons\nem_nm\\ex_nm,350,360\n400,1,2\n410,3,4\n";
+    let said = complaint(plain.as_bytes(), |path| read_eem_csv(path, &of(Some("a"))));
+    assert!(said.contains("the columns name no samples"), "{said}");
+}
+
+/// Headers as databases of dyes write them, of one dye or several.
+#[test]
+fn excitation_and_emission_are_found_by_the_name_of_the_dye() {
+    let read = |sample: Option<&'static str>| {
+        move |path: &Path| read_fluorophore_csv(path, Negative::Refuse, sample)
+    };
+    let one = "wavelength,EGFP ex,EGFP em\n400,1,\n410,0.5,0\n420,,1\n";
+    for sample in [None, Some("EGFP")] {
+        let found = loaded(one, read(sample));
+        assert_eq!((found.excitation.values(), found.emission.values()), (&[1.0, 0.5][..], &[0.0, 1.0][..]));
+    }
+    let two = "wavelength,EGFP ex,EGFP em,EGFP 2p,m Cherry ex,m Cherry em\n400,1,,-1,0.2,0\n410,0.5,0,-1,0.1,0.3\n420,,1,-1,0,0.4\n";
+    assert_eq!(
+        complaint(two.as_bytes(), read(None)),
+        "t.csv:1: the columns are of 2 samples: EGFP, m Cherry. Choose one of them"
+    );
+    let found = loaded(two, read(Some("m Cherry")));
+    assert_eq!(
+        (found.excitation.values(), found.emission.values()),
+        (&[0.2, 0.1, 0.0][..], &[0.0, 0.3, 0.4][..])
+    );
+    let said = complaint(two.as_bytes(), read(Some("GFP")));
+    assert!(said.contains("there is no sample \"GFP\""), "{said}");
+    let plain = "wavelength_nm,excitation,emission\n400,1,0\n410,0.5,1\n";
+    assert!(complaint(plain.as_bytes(), read(Some("GFP"))).contains("the columns name no samples"));
+}
+
+/// A flat top of a detector at its end: a bell of width 30 nm and height 1.5 cut at 1 is flat within 30 sqrt(2 ln 1.5) = 27.01 nm of its middle.
+#[test]
+fn detectors_at_their_end_are_found() {
+    let bell = |nm: f64| (-0.5 * (nm / 30.0).powi(2)).exp();
+    let matrix = |end: f64, step: f64| {
+        let mut text = String::from("# unit: photons\nem_nm\\ex_nm,360,370,380");
+        for em in (400..=560).step_by(5) {
+            text += &format!("\n{em}");
+            for ex in [360, 370, 380] {
+                let value = 1.5 * bell(f64::from(ex - 370)) * bell(f64::from(em - 470));
+                text += &format!(",{}", (value.min(end) / step).round() * step);
+            }
+        }
+        loaded(&text, |path| read_eem_csv(path, &CsvEemOptions::default()))
+    };
+    let found = matrix(1.0, 1e-9).overflow().unwrap();
+    // At 360 and 380 nm the bell is 1.4190 high, flat within 25.1 nm
+    assert_eq!((found.value, found.cells), (1.0, 33));
+    assert_eq!((found.excitation_nm, found.emission_nm), ([360.0, 380.0], [445.0, 495.0]));
+    assert!(found.to_string().contains("narrower slit"), "{found}");
+    // A whole peak, and one whose top is flat by rounding to 0.05
+    assert_eq!(matrix(f64::INFINITY, 1e-9).overflow(), None);
+    assert_eq!(matrix(f64::INFINITY, 0.05).overflow(), None);
 }

@@ -113,9 +113,9 @@ class Tissue(_Named):
         """Reflectance and fluorescence: ``solve(excitation_nm=[405, 450], state=["hyperemia"])``."""
         return _record("tissue", "solve", self.name, **options)
 
-    def depth(self, **options: Any) -> Record:
-        """From how deep its light comes."""
-        return _record("tissue", "depth", self.name, **options)
+    def depth(self, **options: Any) -> Any:
+        """From how deep its light comes: a record for each channel, ``depth()[0].mean_depth_um``."""
+        return command("tissue", "depth", self.name, **options)
 
     def monte_carlo(self, **options: Any) -> Record:
         """Photons traced through it: ``monte_carlo(excitation_nm=405, photons=100000)``."""

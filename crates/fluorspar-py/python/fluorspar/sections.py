@@ -1073,15 +1073,19 @@ class MatrixSource(TypedDict, total=False):
     unit: YieldUnit
     """Unit of its values; needed where the file does not state it. "energy" is energy out per energy in, and becomes photons
     by the factor emission over excitation wavelength."""
+    sample: str
+    """Name of the sample that is meant, of a file of several."""
 
 
 class TableSource(TypedDict, total=False):
     """Excitation and emission in one table."""
 
     csv: FilePath
-    """Path of a table with the columns `wavelength_nm`, `excitation`, `emission`."""
+    """Path of a table with the columns `wavelength_nm`, `excitation`, `emission`; or `NAME ex`, `NAME em`."""
     unit: YieldUnit
     """Unit of the values, of emission and excitation alike. Default "photons"."""
+    sample: str
+    """Name of the dye that is meant, of a file of several."""
 
 
 class MatSource(TypedDict, total=False):

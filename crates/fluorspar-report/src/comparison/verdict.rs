@@ -183,7 +183,9 @@ fn ranked(target: &str, [a, b]: [f64; 2], runs: [&FinishedRun; 2], measure: Meas
         }
         (false, true) => format!("{better} sees smaller amounts of {target} than {other}. {numbers}"),
         (true, false) => format!("{limits}The limits are not told apart. {numbers}"),
-        (false, false) => format!("{limits}That of {better} is the lower one. {numbers}"),
+        (false, false) => {
+            format!("{limits}In units of what is there, the limit of {better} is the lower one. {numbers}")
+        }
     }
 }
 

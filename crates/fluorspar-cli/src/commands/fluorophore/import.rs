@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use clap::{ValueEnum, ValueHint};
 use fluorspar_experiment::Warning;
-use fluorspar_experiment::schema::{EmptyCellsChoice, FilePath, FluorophoreSection};
+use fluorspar_experiment::schema::{EmptyCellsChoice, FilePath, FluorophoreSection, FluorophoreSource};
 use fluorspar_format::{CutTo, Output, OutputSet, Outputs, ScatterCut, read_start, write_atomically};
 
 use super::loading::{checked, everywhere_nm, from_file, peaks_nm, section_toml};
@@ -33,8 +33,8 @@ pub(super) struct Options {
     /// Replace the file of --out, if it is a section that `import` wrote.
     #[arg(long)]
     replace: bool,
-    /// Cut scattered excitation light out of a matrix: the cells within NM of emission = excitation and of emission = 2 x excitation. The section
-    /// then refers to a matrix without it, which is written beside --out.
+    /// Cut scattered excitation light out of a matrix: the cells within NM of emission = 1, 2 and 3 x excitation, and, where it is
+    /// seen, of the Raman line of water. The section then refers to a matrix without it, which is written beside --out.
     #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     cut_scatter: Option<f64>,
     /// What cut cells become: what a straight line along the emission between the cells beside the band has, or 0.
@@ -71,7 +71,7 @@ fn cut(options: &Options) -> Result<Option<ScatterCut>, CliError> {
 }
 
 /// What was cut, in words.
-fn cut_in_words(cut: ScatterCut, [first, second]: [usize; 2]) -> String {
+fn cut_in_words(cut: ScatterCut, [first, second, third, water]: [usize; 4]) -> String {
     let to = match cut.to {
         CutTo::Neighbors => {
             "interpolated along the emission, at the ends of the emission the nearest value, below the excitation 0"
@@ -79,7 +79,8 @@ fn cut_in_words(cut: ScatterCut, [first, second]: [usize; 2]) -> String {
         CutTo::Zero => "set to 0",
     };
     format!(
-        "{first} cells within {} nm of emission = excitation and {second} of emission = 2 x excitation, {to}",
+        "{first} cells within {} nm of emission = excitation, {second} of emission = 2 x excitation, {third} of emission = 3 x excitation and {water} of the \
+         Raman line of water, {to}",
         cut.within_nm
     )
 }
@@ -102,7 +103,10 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
         for path in section.source.files_mut() {
             *path = FilePath::from(absolute.to_string_lossy().into_owned());
         }
-        // What was decided about cells is done in the new file
+        // What was decided about samples and cells is done in the new file
+        if let FluorophoreSource::Matrix(matrix) = &mut section.source {
+            matrix.sample = None;
+        }
         section.allow_negative = false;
         section.empty_cells = EmptyCellsChoice::Refuse;
         remark = format!("# Scattered excitation light is cut out: {words}.\n");

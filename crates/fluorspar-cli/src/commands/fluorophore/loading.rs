@@ -121,7 +121,8 @@ pub(super) fn from_file(
     }
     let measured = read(path, options)?;
     let stem = path.file_stem().map_or_else(|| "imported".into(), |stem| stem.to_string_lossy().into_owned());
-    let name = name.map(String::from).or_else(|| measured.name.clone()).unwrap_or(stem);
+    let of_file = || measured.name.clone().or_else(|| options.sample.clone());
+    let name = name.map(String::from).or_else(of_file).unwrap_or(stem);
     if name.trim().is_empty() {
         return Err(CliError::Input(
             "--name: the name is empty; give one that materials can refer to".into(),
@@ -133,12 +134,13 @@ pub(super) fn from_file(
         Unit::Photons => YieldUnit::Photons,
         Unit::Energy => YieldUnit::Energy,
     });
+    let sample = options.sample.clone();
     let section = FluorophoreSection {
         name,
         title: None,
         source: match measured.kind {
-            Kind::MatrixCsv => FluorophoreSource::Matrix(MatrixSource { eem_csv: file, unit }),
-            Kind::SpectraCsv => FluorophoreSource::Table(TableSource { csv: file, unit }),
+            Kind::MatrixCsv => FluorophoreSource::Matrix(MatrixSource { eem_csv: file, unit, sample }),
+            Kind::SpectraCsv => FluorophoreSource::Table(TableSource { csv: file, unit, sample }),
             Kind::Mat => FluorophoreSource::Mat(MatSource { mat: file, unit }),
         },
         photon_yield: Some(photon_yield),

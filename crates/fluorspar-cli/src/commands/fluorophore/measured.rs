@@ -3,13 +3,15 @@
 use std::path::Path;
 
 use fluorspar_format::{
-    AntiStokes, CsvEemOptions, CutTo, EemUnit, FormatError, LeastCuts, MeasuredEem, Negative, ScatterCut,
-    read_eem_csv, read_fluorophore_csv, read_iset_fluorophore, read_start, refuse_scattered_light,
+    AntiStokes, CsvEemOptions, CutTo, EemUnit, FormatError, LeastCuts, MOST_CUT_NM, MeasuredEem, Negative,
+    ScatterCut, names_excitation_and_emission, read_eem_csv, read_fluorophore_csv, read_iset_fluorophore,
+    read_start, refuse_scattered_light,
 };
 
 use fluorspar_experiment::schema::EmptyCellsChoice;
 
 use super::{Empty, FileOptions, StokesChoice, Unit};
+use crate::commands::shell_word;
 use crate::error::CliError;
 
 /// Largest share of the peak that a value below its excitation may have, as the reader of matrices has it.
@@ -76,6 +78,12 @@ pub(super) fn read(path: &Path, options: &FileOptions) -> Result<Measured, CliEr
             path.display()
         )));
     }
+    if options.sample.is_some() && kind == Kind::Mat {
+        return Err(CliError::Input(format!(
+            "--sample: {} is a MATLAB file, of one fluorophore; leave it out",
+            path.display()
+        )));
+    }
     read_kind(kind, path, options).map_err(|error| match error {
         CliError::Format(error) => explained(kind, path, options, error),
         other => other,
@@ -97,8 +105,8 @@ fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError)
     let (mut text, mut fixes, mut passes) = (String::new(), 0, false);
     let mut next = Some(error);
     while let Some(error) = next.take() {
-        let option = fixed(kind, path, &error, &mut tried);
-        if option.is_none() && fixes == 0 {
+        let cure = cured(kind, path, &error, &mut tried);
+        if cure.is_none() && fixes == 0 {
             return error.into();
         }
         let first = error.first();
@@ -108,9 +116,9 @@ fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError)
             (_, None) => format!(". Then {}", first.problem()),
         };
         // The option beside what it cures
-        text += &option.as_ref().map(|option| format!(" ({option})")).unwrap_or_default();
+        text += &cure.as_ref().map(|cure| format!(" ({})", cure.words)).unwrap_or_default();
         text += &error.also().map(|also| format!(". {also}")).unwrap_or_default();
-        if option.is_none() {
+        if !cure.is_some_and(|cure| cure.passes) {
             break;
         }
         fixes += 1;
@@ -134,68 +142,95 @@ fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError)
     CliError::Input(text)
 }
 
-/// The option that lets a file pass, in words, which `tried` then has; `None` where none does.
-fn fixed(kind: Kind, path: &Path, error: &FormatError, tried: &mut FileOptions) -> Option<String> {
+/// What is done about a refusal.
+struct Cure {
+    /// In words.
+    words: String,
+    /// Whether the file passes this refusal with the options that were tried.
+    passes: bool,
+}
+
+impl Cure {
+    fn option(words: impl Into<String>) -> Option<Self> {
+        Some(Self { words: words.into(), passes: true })
+    }
+}
+
+/// The option that lets a file pass, which `tried` then has; `None` where none does.
+fn cured(kind: Kind, path: &Path, error: &FormatError, tried: &mut FileOptions) -> Option<Cure> {
     match error.first() {
         FormatError::Unit { .. } if tried.yield_unit.is_none() => {
             tried.yield_unit = Some(Unit::Photons);
-            Some("--yield-unit photons or --yield-unit energy".into())
+            Cure::option("--yield-unit photons or --yield-unit energy")
         }
         FormatError::AntiStokes { .. } | FormatError::ScatteredLight { .. } if !tried.allow_anti_stokes => {
             match kind {
-                Kind::MatrixCsv => scatter_fixed(path, tried),
+                Kind::MatrixCsv => scatter_cured(path, tried),
                 _ => {
                     tried.allow_anti_stokes = true;
-                    Some("--allow-anti-stokes".into())
+                    Cure::option("--allow-anti-stokes")
                 }
             }
         }
+        FormatError::Samples { names, .. } if tried.sample.is_none() => {
+            tried.sample = names.first().cloned();
+            Cure::option(format!("--sample {}", shell_word(tried.sample.as_deref().unwrap_or_default())))
+        }
         FormatError::Negative { .. } if !tried.allow_negative => {
             tried.allow_negative = true;
-            Some("--allow-negative".into())
+            Cure::option("--allow-negative")
         }
         FormatError::EmptyCell { .. } if tried.empty_cells == Empty::Refuse => {
             tried.empty_cells = Empty::Interpolate;
-            Some("--empty-cells interpolate fills them along the emission, --empty-cells zero says that nothing fluoresces there".into())
+            Cure::option(
+                "--empty-cells interpolate fills them along the emission, --empty-cells zero says that nothing fluoresces there",
+            )
         }
         _ => None,
     }
 }
 
-/// The least band of scattered light that is enough, in words.
-fn scatter_fixed(path: &Path, tried: &mut FileOptions) -> Option<String> {
+/// The least band of scattered light that is enough. What is imported without one may be that light and no dye.
+fn scatter_cured(path: &Path, tried: &mut FileOptions) -> Option<Cure> {
     let uncut = FileOptions { cut: None, allow_anti_stokes: true, ..tried.clone() };
     let eem = read_eem_csv(path, &csv_options(&uncut)).ok()?;
     let to = tried.cut.map_or(CutTo::Neighbors, |cut| cut.to);
-    let LeastCuts { for_all, for_tails } = eem.least_cuts(to, ANTI_STOKES_TOLERANCE);
+    let LeastCuts { for_all, for_tails, for_lines } = eem.least_cuts(to, ANTI_STOKES_TOLERANCE);
     let cut = |nm: u32| Some(ScatterCut { within_nm: f64::from(nm), to });
     // A wider band than the tails need is cut for single cells of noise: at most a bandpass of it
     const BANDPASS_NM: u32 = 10;
     if let Some(nm) = for_all.filter(|all| for_tails.is_some_and(|tails| *all <= tails + BANDPASS_NM)) {
         tried.cut = cut(nm);
-        return Some(format!(
+        return Cure::option(format!(
             "`fluorophore import --cut-scatter {nm}` is the narrowest band that removes it; --allow-anti-stokes keeps the values"
         ));
     }
-    tried.allow_anti_stokes = true;
-    tried.cut = for_tails.and_then(cut);
-    Some(match for_tails {
-        Some(nm) => format!(
-            "`fluorophore import --cut-scatter {nm}` removes the lines with their tails; --allow-anti-stokes keeps the noise of single cells below the \
-             excitation, which the Stokes mask leaves out"
-        ),
-        None => {
-            "--allow-anti-stokes keeps the values, and the Stokes mask leaves out what lies below the excitation"
-                .into()
+    let (nm, removes) = match (for_tails, for_lines) {
+        (Some(nm), _) => {
+            (nm, "removes the lines with their tails; --allow-anti-stokes keeps the noise of single cells")
         }
-    })
+        (None, Some(nm)) => (nm, "removes the lines; --allow-anti-stokes keeps their tails"),
+        (None, None) => {
+            let words = format!(
+                "no band of `fluorophore import --cut-scatter` up to {MOST_CUT_NM} nm leaves a dye: emission that keeps its place while the excitation moves"
+            );
+            return Some(Cure { words, passes: false });
+        }
+    };
+    tried.allow_anti_stokes = true;
+    tried.cut = cut(nm);
+    Cure::option(format!(
+        "`fluorophore import --cut-scatter {nm}` {removes} below the excitation, which the Stokes mask leaves out"
+    ))
 }
 
 /// The command that imports a file with these options.
 fn import_command(path: &Path, options: &FileOptions) -> String {
     let file = path.display().to_string();
-    let quoted = |text: String| if text.contains(char::is_whitespace) { format!("'{text}'") } else { text };
-    let mut command = format!("fluorspar fluorophore import {}", quoted(file));
+    let mut command = format!("fluorspar fluorophore import {}", shell_word(&file));
+    if let Some(sample) = &options.sample {
+        command += &format!(" --sample {}", shell_word(sample));
+    }
     match options.yield_unit {
         Some(Unit::Photons) => command += " --yield-unit photons",
         Some(Unit::Energy) => command += " --yield-unit energy",
@@ -216,7 +251,8 @@ fn import_command(path: &Path, options: &FileOptions) -> String {
     if let Some(cut) = options.cut {
         let to = if cut.to == CutTo::Zero { " --cut-to zero" } else { "" };
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        command += &format!(" --cut-scatter {}{to} --out {}", cut.within_nm, quoted(format!("{stem}.toml")));
+        command +=
+            &format!(" --cut-scatter {}{to} --out {}", cut.within_nm, shell_word(&format!("{stem}.toml")));
     }
     command
 }
@@ -234,11 +270,9 @@ fn kind_of(path: &Path) -> Kind {
         .split([',', ';', '\t'])
         .map(|cell| cell.trim_matches(|c: char| c == '"' || c.is_whitespace()).to_lowercase())
         .collect();
-    if cells.iter().any(|cell| matches!(cell.as_str(), "excitation" | "emission" | "wavelength_nm")) {
-        Kind::SpectraCsv
-    } else {
-        Kind::MatrixCsv
-    }
+    let plain: Vec<&str> = cells.iter().map(String::as_str).collect();
+    let is_plain = plain.iter().any(|cell| matches!(*cell, "excitation" | "emission" | "wavelength_nm"));
+    if is_plain || names_excitation_and_emission(&plain) { Kind::SpectraCsv } else { Kind::MatrixCsv }
 }
 
 fn negative(options: &FileOptions) -> Negative {
@@ -269,6 +303,7 @@ fn csv_options(options: &FileOptions) -> CsvEemOptions {
         negative: negative(options),
         empty_cells: EmptyCellsChoice::from(options.empty_cells).into(),
         cut: options.cut,
+        sample: options.sample.clone(),
     }
 }
 
@@ -276,6 +311,8 @@ fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> 
     let read = read_eem_csv(path, &csv_options(options))?;
     let unit = stated_unit(path, read.unit)?;
     let without_scatter = options.cut.map(|_| MeasuredEem { unit: unit.into(), ..read.clone() });
+    let of_peak = options.cut.and_then(|cut| peak_beside_cut(&read, cut));
+    let of_peak = read.overflow().map(|overflow| overflow.to_string()).or(of_peak);
     let matrix =
         Matrix { emission_nm: read.emission_nm, excitation_nm: read.excitation_nm, values: read.values };
     let mut findings = vec![("content".into(), format!("excitation-emission matrix of {}", word(unit)))];
@@ -292,30 +329,18 @@ fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> 
     let changed = changed.map(|(what, words)| format!("{what}: {words}")).collect();
     findings.extend(of_cells.into_iter().map(|(what, words)| (what.into(), words)));
     let mut warnings = accepted_scatter(path, &matrix, options);
-    warnings.extend(options.cut.and_then(|cut| peak_in_cut(&matrix, cut)));
+    warnings.extend(of_peak);
     Ok(Measured { kind: Kind::MatrixCsv, name: None, unit, findings, changed, warnings, without_scatter })
 }
 
-/// A matrix whose largest value lies in a band that was cut out of it, or ends one: the dye may emit most within the band.
-fn peak_in_cut(matrix: &Matrix, cut: ScatterCut) -> Option<String> {
-    let columns = matrix.excitation_nm.len();
-    let largest =
-        |best: usize, place: usize| if matrix.values[place] > matrix.values[best] { place } else { best };
-    let best = (0..matrix.values.len()).fold(0, largest);
-    let (row, column) = (best / columns, best % columns);
-    let [emission_nm, excitation_nm] = [matrix.emission_nm[row], matrix.excitation_nm[column]];
-    let in_band = |row: usize| {
-        let nm = matrix.emission_nm.get(row)?;
-        Some([1.0, 2.0].iter().any(|order| (nm - order * excitation_nm).abs() <= cut.within_nm))
-    };
-    let places = [Some(row), row.checked_sub(1), Some(row + 1)];
-    places.into_iter().flatten().any(|row| in_band(row) == Some(true)).then(|| {
-        format!(
-            "the largest value that is left, at excitation {excitation_nm} nm and emission {emission_nm} nm, lies in or beside a band of \
-             --cut-scatter {}: the dye may emit most within it. Take a narrower one, or measure with a narrower bandpass or a blank subtracted",
-            cut.within_nm
-        )
-    })
+/// A largest value in or beside a band that was cut out.
+fn peak_beside_cut(eem: &MeasuredEem, cut: ScatterCut) -> Option<String> {
+    let [excitation_nm, emission_nm] = eem.peak_beside(cut)?;
+    Some(format!(
+        "the largest value that is left, at excitation {excitation_nm} nm and emission {emission_nm} nm, lies in or beside a band of \
+         --cut-scatter {}: the dye may emit most within it. Take a narrower one, or measure with a narrower bandpass or a blank subtracted",
+        cut.within_nm
+    ))
 }
 
 /// What a matrix holds of scattered light though it was accepted.
@@ -374,7 +399,7 @@ fn negative_cells((count, lowest): (usize, f64), peak: f64) -> String {
 }
 
 fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
-    let read = read_fluorophore_csv(path, negative(options))?;
+    let read = read_fluorophore_csv(path, negative(options), options.sample.as_deref())?;
     if read.emission_only {
         return Err(emission_only(path));
     }

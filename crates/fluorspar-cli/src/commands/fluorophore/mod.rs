@@ -34,6 +34,9 @@ actions! {
 /// How a file is read.
 #[derive(Clone, Debug, clap::Args)]
 struct FileOptions {
+    /// Which of several samples or dyes in one file.
+    #[arg(long, value_name = "NAME")]
+    sample: Option<String>,
     /// Unit of the values of a file that does not state it.
     #[arg(long, value_enum)]
     yield_unit: Option<Unit>,
@@ -63,6 +66,7 @@ impl FileOptions {
     /// The first option that was given and is not as without it.
     fn first_given(&self) -> Option<&'static str> {
         [
+            (self.sample.is_some(), "--sample"),
             (self.yield_unit.is_some(), "--yield-unit"),
             (self.photon_yield.is_some(), "--photon-yield"),
             (self.stokes != StokesChoice::Mask, "--stokes off"),
