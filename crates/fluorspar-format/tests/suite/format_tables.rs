@@ -503,7 +503,7 @@ fn bad_matrices_are_explained() {
             "t.csv:3: emission at 380 nm is below its excitation at 400 nm but holds 0.03 (1.00 % of the peak). Remove scattered light, also that at and just above the excitation, set such cells to 0 or allow anti-Stokes values",
         ),
         (
-            "@em_nm\\ex_nm,400,350\n380,1,0\n450,2,3\n",
+            "@em_nm\\ex_nm,350,400,380\n450,1,0,2\n460,2,3,1\n",
             "t.csv:2: the excitation wavelength 380 nm follows 400 nm. Sort by wavelength, shortest first",
         ),
         (
