@@ -287,6 +287,9 @@ NameOrTable: TypeAlias = "str"
 FilePath: TypeAlias = "str"
 """Path of a file, relative to the file that names it."""
 
+TableUnit: TypeAlias = "Literal['fraction', 'percent', 'od', 'db', 'a_per_w', 'photons', 'counts', 'energy']"
+"""Unit of the values of a table."""
+
 CurveModel: TypeAlias = "CurveModelConstant | CurveModelTable | CurveModelLed | CurveModelBands | CurveModelEdges | CurveModelSigmoids | CurveModelBlackbody | CurveModelBloodDiffuse"
 """A spectral curve given by an equation. All wavelengths and widths are in nm, in vacuum and at normal incidence. The value
 has the unit that the file around the curve states (relative power, transmittance, reflectance, electrons per photon)."""
@@ -476,14 +479,20 @@ class LensSectionIdeal(TypedDict, total=False):
 
 
 class SpectrumTable(TypedDict, total=False):
-    """One column of a CSV file with wavelengths in nm in its first column."""
+    """One column of a table, as instruments and spreadsheets write it. The header names the unit of the values; transmittances
+    and reflectances become fractions, lights power per nm, quantum efficiencies electrons per photon."""
 
     csv: FilePath
     """Path of the file."""
     column: str
-    """Header of the column. Default: the only or first one."""
+    """Header of the column. Default: the only one, that which the instrument computed, or the first."""
+    unit: TableUnit
+    """Unit of the values. Default: what the header says."""
     scale: float
-    """Factor on the values, for instance 0.01 for percent. Default 1."""
+    """Factor on the values; without a unit, on those that the file holds, whatever its header says. Default 1."""
+    outside: float
+    """Value at wavelengths beyond the data, where else there is nothing. A viewing filter needs it where a light shines beyond
+    its data."""
 
 
 class MatlabSpectrum(TypedDict, total=False):
