@@ -4,11 +4,11 @@
     count_foreign_tables.py [--list] FLUORSPAR FOLDER...
 
 Every text file is shown by the program FLUORSPAR, as a filter where its words speak of transmission, reflection or absorbance,
-else as a light, and read a second time here: the longest run of lines of numbers, the first rising or falling column of them
+as a light where they speak of irradiance or a response, else as one that takes it, and read a second time here: the longest run of lines of numbers, the first rising or falling column of them
 that may hold wavelengths, and each other column. A file is right where the program's curve is that of one of these columns, in the
 unit that the file names (percent, optical density, photons, micrometers), to 1 % of the largest value in the median of all wavelengths,
 and to 3 % in nine of ten; the program tells which column it took.
-Files without such lines do not count. --list prints the files that are not read right, with what the program says.
+Files without such lines, without five of them between 300 and 900 nm, and those of refractive indices, do not count. --list prints the files that are not read right, with what the program says.
 """
 
 import json
@@ -76,7 +76,7 @@ def conversions(words, is_filter):
     """What the values may mean by the words of the file."""
     if re.search(r"absorban|\bOD\b", words) and is_filter:
         return [lambda nm, value: 10.0**-value]
-    if "%" in words or re.search("percent", words, re.I):
+    if is_filter and ("%" in words or re.search("percent", words, re.I)):
         return [lambda nm, value: 0.01 * value]
     if is_filter:
         return [lambda nm, value: value, lambda nm, value: 0.01 * value]
@@ -85,10 +85,12 @@ def conversions(words, is_filter):
     return [lambda nm, value: value]
 
 
-def agrees(found_nm, found, nm, values, convert):
+def agrees(found_nm, found, nm, values, convert, is_filter):
     samples = sorted((x, convert(x, y)) for x, y in zip(nm, values) if y == y)
     pairs = [(y, at(x, samples)) for x, y in zip(found_nm, found)]
     pairs = [(mine, max(theirs, 0.0)) for mine, theirs in pairs if theirs is not None]
+    if is_filter:
+        pairs = [(mine, min(theirs, 1.0)) for mine, theirs in pairs]
     largest = max((theirs for _, theirs in pairs), default=0.0)
     if largest <= 0.0 or len(pairs) < 5:
         return False
@@ -103,18 +105,27 @@ def verdict(program, path):
     words = text[:6000] + str(path)
     scale = 1000.0 if re.search(r"micromet|µm|\bum\b", words) else 1.0
     own = rows and columns(rows, scale)
-    if not own or (len(rows) == len(rows[0])):
+    is_refractive_index = re.search(r"refractive|\b(wl|nm|um)\W+n\W+k\b|-n-k-", words, re.I)
+    in_view = own and sum(300 <= nm <= 900 for nm in own[0]) > 5
+    if not in_view or len(rows) == len(rows[0]) or is_refractive_index:
         return None, ""
-    is_filter = bool(re.search(r"transmi|reflec|absorb|filter|_?tfr|rfr", words, re.I)) and not re.search(r"irradi|response", words, re.I)
-    kind = "filter" if is_filter else "light"
-    answer = subprocess.run([program, kind, "show", str(path), "--json"], capture_output=True, text=True, check=False)
-    if answer.returncode != 0:
+    named = re.search(r"transmi|reflec|absorb|filter|_?tfr|rfr|Reference Spectrum Present: Yes", words, re.I)
+    is_light = re.search(r"irrad|response", words, re.I)
+    kinds = ["light"] if is_light else ["filter"] if named else ["light", "filter"]
+    for kind in kinds:
+        answer = subprocess.run([program, kind, "show", str(path), "--json"], capture_output=True, text=True, check=False)
+        if answer.returncode == 0:
+            break
+    else:
         return "refused", answer.stderr.strip()
+    is_filter = kind == "filter"
     shown = json.loads(answer.stdout)
-    found_nm, found = shown["wavelength_nm"], shown["curves"][0]["value"]
+    curve = shown["curves"][0]
+    has_data = [curve["data_from_nm"] <= nm <= curve["data_to_nm"] for nm in shown["wavelength_nm"]]
+    found_nm, found = ([x for x, has in zip(xs, has_data) if has] for xs in (shown["wavelength_nm"], curve["value"]))
     nm, others = own
     for values in others:
-        if any(agrees(found_nm, found, nm, values, convert) for convert in conversions(words, is_filter)):
+        if any(agrees(found_nm, found, nm, values, convert, is_filter) for convert in conversions(words, is_filter)):
             return "right", ""
     return "wrong", answer.stderr.strip()
 

@@ -7,6 +7,8 @@ use super::FormatError;
 
 /// Bytes looked at to tell text from binary files.
 const START: usize = 4096;
+/// Share of them that may be control characters: some instruments pad lines with them.
+const MOST_CONTROLS: f64 = 0.1;
 
 /// Text as instruments write it: UTF-8 or UTF-16 with a mark, or Latin-1; lines may end as in Windows, Unix or old Macs.
 pub(super) fn instrument_text<'a>(path: &Path, bytes: &'a [u8]) -> Result<Cow<'a, str>, FormatError> {
@@ -26,6 +28,10 @@ pub(super) fn instrument_text<'a>(path: &Path, bytes: &'a [u8]) -> Result<Cow<'a
             Err(_) => rest.iter().copied().map(char::from).collect::<String>().into(),
         }
     };
+    let text: Cow<'a, str> = match text.contains('\0') {
+        true => text.replace('\0', "").into(),
+        false => text,
+    };
     Ok(match text.contains('\r') {
         true => text.replace("\r\n", "\n").replace('\r', "\n").into(),
         false => text,
@@ -44,7 +50,10 @@ fn refuse_binary(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
     ];
     let what = known.iter().find(|(mark, _)| start.starts_with(mark)).map(|(_, what)| *what);
     let control = |byte: &&u8| **byte < 32 && !matches!(**byte, b'\n' | b'\r' | b'\t' | 0x0C | 0x1A);
-    let what = what.or_else(|| (start.iter().filter(control).count() > 0).then_some("a binary file"));
+    let what = what.or_else(|| {
+        (start.iter().filter(control).count() as f64 > MOST_CONTROLS * start.len() as f64)
+            .then_some("a binary file")
+    });
     what.map_or(Ok(()), |what| {
         let hint = "Export the spectra as text (CSV) from the program that wrote it";
         Err(FormatError::unsupported(path, format!("this is {what}, not text"), hint))
@@ -60,7 +69,7 @@ struct Form {
 }
 
 /// In the order in which they are preferred where a table reads well in several.
-const FORMS: [Form; 7] = [
+const FORMS: [Form; 8] = [
     Form { mark: Some('\t'), has_decimal_commas: false },
     Form { mark: Some('\t'), has_decimal_commas: true },
     Form { mark: Some(';'), has_decimal_commas: false },
@@ -68,6 +77,8 @@ const FORMS: [Form; 7] = [
     Form { mark: Some(','), has_decimal_commas: false },
     Form { mark: None, has_decimal_commas: false },
     Form { mark: None, has_decimal_commas: true },
+    // Cells in quotation marks
+    Form { mark: Some(','), has_decimal_commas: true },
 ];
 
 impl Form {
@@ -221,6 +232,9 @@ pub(super) fn find_table(text: &str) -> Option<TextTable> {
     })
 }
 
+/// Wrong lines in sequence among the rows of a table; more separate two tables.
+const LINES_BETWEEN: usize = 2;
+
 /// The longest run of rows of one length.
 fn longest_run(form: Form, cells: &[Vec<&str>]) -> std::ops::Range<usize> {
     let mut best = 0..0;
@@ -248,12 +262,18 @@ fn extended(
     let belongs =
         |line: &Vec<&str>| form.mark.is_some() && line.len() == width && form.number(line[0]).is_some();
     let is_row = |line: &Vec<&str>| belongs(line) && form.is_row(line);
-    let mut start = cells[..run.start].iter().position(is_row).unwrap_or(run.start);
+    let mut start = run.start;
+    while let Some(back) = cells[..start].iter().rev().take(LINES_BETWEEN + 1).position(is_row) {
+        start -= back + 1;
+    }
     while start > 0 && belongs(&cells[start - 1]) {
         start -= 1;
     }
-    let end = cells[run.end..].iter().rposition(belongs);
-    start..end.map_or(run.end, |place| run.end + place + 1)
+    let mut end = run.end;
+    while let Some(more) = cells[end..].iter().take(LINES_BETWEEN + 1).position(belongs) {
+        end += more + 1;
+    }
+    start..end
 }
 
 /// The header above the rows: its line, its cells, and how many lines it takes.

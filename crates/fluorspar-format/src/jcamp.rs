@@ -51,9 +51,12 @@ impl Block {
     }
 }
 
-/// The last table of a file: spectrometers write sample, dark and reference before the spectrum that they computed.
+/// The table of a file that says that it was processed, or else the last: spectrometers write sample, dark and reference beside
+/// the spectrum that they computed.
 pub(super) fn jcamp_table(path: &Path, text: &str) -> Result<TextTable, FormatError> {
     let mut tables: Vec<TextTable> = Vec::new();
+    let mut processed = None;
+    let mut is_processed = false;
     let mut block = Block::new();
     let mut lines = text.lines().enumerate().map(|(index, line)| (index as u64 + 1, line)).peekable();
     while let Some((number, line)) = lines.next() {
@@ -64,7 +67,10 @@ pub(super) fn jcamp_table(path: &Path, text: &str) -> Result<TextTable, FormatEr
         };
         let label: String = label.to_uppercase().chars().filter(|c| c.is_ascii_alphanumeric()).collect();
         match label.as_str() {
-            "TITLE" => block = Block::new(),
+            "TITLE" => {
+                block = Block::new();
+                is_processed = value.to_uppercase().contains("PROCESSED");
+            }
             "XYDATA" | "XYPOINTS" | "PEAKTABLE" => {
                 let mut rows = Vec::new();
                 while let Some((number, line)) = lines.next_if(|(_, line)| !line.trim().starts_with("##")) {
@@ -73,6 +79,7 @@ pub(super) fn jcamp_table(path: &Path, text: &str) -> Result<TextTable, FormatEr
                         push(path, &block, value.contains("++"), number, plain, &mut rows)?;
                     }
                 }
+                processed = processed.or(is_processed.then_some(tables.len()));
                 tables.push(TextTable {
                     header_line: number,
                     header: vec![format!("wavelength {}", block.x_units), block.y_units.clone()],
@@ -85,15 +92,17 @@ pub(super) fn jcamp_table(path: &Path, text: &str) -> Result<TextTable, FormatEr
         }
     }
     let count = tables.len();
-    let mut table = tables.pop().filter(|table| !table.rows.is_empty()).ok_or_else(|| {
-        FormatError::unsupported(
-            path,
-            "this JCAMP-DX file holds no table XYDATA, XYPOINTS or PEAK TABLE",
-            "Export the spectrum as text (CSV)",
-        )
-    })?;
+    let place = processed.unwrap_or(count.saturating_sub(1));
+    let mut table =
+        tables.into_iter().nth(place).filter(|table| !table.rows.is_empty()).ok_or_else(|| {
+            FormatError::unsupported(
+                path,
+                "this JCAMP-DX file holds no table XYDATA, XYPOINTS or PEAK TABLE",
+                "Export the spectrum as text (CSV)",
+            )
+        })?;
     table.read_as.push(if count > 1 {
-        format!("JCAMP-DX, the last of {count} spectra")
+        format!("JCAMP-DX, spectrum {} of {count}", place + 1)
     } else {
         "JCAMP-DX".into()
     });

@@ -71,6 +71,7 @@ mod qoi;
 mod radiance_hdr;
 mod raw;
 mod spectra;
+mod spectrometer;
 mod spooled_image;
 mod stl;
 mod texture;

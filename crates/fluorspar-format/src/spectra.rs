@@ -13,6 +13,7 @@ use super::file::{MAX_TEXT_BYTES, read_file};
 use super::instrument_text::{TextTable, find_table, instrument_text, names_wavelengths};
 use super::jcamp::jcamp_table;
 use super::mat::read_mat_spectra;
+use super::spectrometer::{PLAUSIBLE, RawColumns, RawRow, ratio, without_noisy_ends};
 use super::tm27::tm27_table;
 use super::value_unit::{Conversion, SpectrumQuantity, StatedUnit, ValueUnit, stated_unit};
 
@@ -64,16 +65,20 @@ pub struct MeasuredSpectra {
 }
 
 /// Share of the largest value, or of the sum of all above 0, up to which values below 0 are noise.
-const NOISE: f64 = 0.02;
-/// Largest fraction that is 1 with noise.
-const LARGEST_FRACTION: f64 = 1.05;
+const NOISE: f64 = 0.03;
+/// Samples before and behind one of those many, over which noise averages out.
+const NOISE_WITHIN: usize = 10;
 /// Largest quantum efficiency: below 300 nm a photon may free two electrons.
 const LARGEST_EFFICIENCY: f64 = 2.0;
-/// Largest transmittance or reflectance in percent, with noise.
-const LARGEST_PERCENT: f64 = 110.0;
 /// Values of a wavelength, nm, where no header says that it is one.
 const PLAUSIBLE_NM: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
-/// The same where a line above the table states their unit.
+/// The longest, nm, of sunlight, which begins below 380 nm: infrared spectra in 1/cm do not.
+const LONGEST_OF_SUNLIGHT_NM: f64 = 4500.0;
+/// Wavelengths in micrometers: of none is it so few nm.
+const MICROMETERS: std::ops::RangeInclusive<f64> = 0.15..=30.0;
+/// Share of the lines that may give a wavelength once more: curves read off a figure do where they are steep.
+const MOST_DOUBLED: f64 = 0.1;
+/// Wavelengths in nm where a line above the table states their unit.
 const STATED_NM: std::ops::RangeInclusive<f64> = 100.0..=20_000.0;
 
 /// Reads spectra from a text file, a MATLAB file of ISET (`.mat`), JCAMP-DX, or IES TM-27 (`.spdx`).
@@ -118,10 +123,22 @@ fn foreign_table(path: &Path, text: &str) -> Result<Option<TextTable>, FormatErr
     if start.starts_with("##") {
         return jcamp_table(path, text).map(Some);
     }
+    if start.starts_with('<') && text.contains("SpectralData") {
+        return tm27_table(path, text).map(Some);
+    }
+    let is_page = ["<html", "<!doctype html"].iter().any(|mark| text_starts_with(start, mark));
+    if is_page {
+        let hint = "Copy its table into a text file, with a line such as \"wavelength_nm,transmittance\" above the numbers";
+        return Err(FormatError::unsupported(path, "this is an HTML page, not a table", hint));
+    }
     if start.starts_with('<') {
         return tm27_table(path, text).map(Some);
     }
     Ok(find_table(text))
+}
+
+fn text_starts_with(text: &str, mark: &str) -> bool {
+    text.get(..mark.len()).is_some_and(|start| start.eq_ignore_ascii_case(mark))
 }
 
 fn matlab_spectra(path: &Path, options: &SpectrumOptions) -> Result<MeasuredSpectra, FormatError> {
@@ -298,6 +315,7 @@ impl SpectrumReader<'_> {
         let stated = self.axis_unit_above();
         let unit = stated.unwrap_or(AxisUnit::Nanometers);
         let range_nm = if stated.is_some() { STATED_NM } else { PLAUSIBLE_NM };
+        let is_headless = headers.iter().all(String::is_empty);
         let plausible = |column: &usize| {
             let numbers: Vec<f64> = self
                 .table
@@ -305,17 +323,21 @@ impl SpectrumReader<'_> {
                 .filter_map(|row| self.table.number(self.path, row, *column).ok().flatten())
                 .map(|value| unit.in_nm(value))
                 .collect();
-            let rises = || numbers.windows(2).all(|pair| pair[0] < pair[1]);
-            let falls = || numbers.windows(2).all(|pair| pair[0] > pair[1]);
+            let least = if is_headless { 0.85 } else { 1.0 };
+            let steps = |goes: fn(&[f64]) -> bool| {
+                numbers.windows(2).filter(|pair| goes(pair)).count() as f64
+                    >= least * numbers.len().saturating_sub(1) as f64
+            };
+            let rises = || steps(|pair| pair[0] < pair[1]);
+            let falls = || steps(|pair| pair[0] > pair[1]);
             // Curves that were read off a figure
             let is_x = || {
                 headers[*column].split_whitespace().last().is_some_and(|word| word.eq_ignore_ascii_case("x"))
             };
             numbers.len() == self.table.row_count()
-                && numbers.iter().all(|value| range_nm.contains(value))
+                && (numbers.iter().all(|value| range_nm.contains(value)) || is_of_sunlight(&numbers))
                 && (rises() || falls() || is_x())
         };
-        let is_headless = headers.iter().all(String::is_empty);
         // Two lines are too few to tell
         let few = !is_headless && self.table.row_count() < 8;
         match (0..headers.len()).find(plausible).filter(|_| !few) {
@@ -343,9 +365,31 @@ impl SpectrumReader<'_> {
     /// Unit of the wavelengths: of their header, or of a line above the table.
     fn axis_unit(&mut self, axis: usize) -> Result<AxisUnit, FormatError> {
         let stated = AxisUnit::named(&self.headers()[axis]).or_else(|| self.axis_unit_above());
-        let unit = stated.unwrap_or(AxisUnit::Nanometers);
+        let unit = match stated {
+            Some(unit) => unit,
+            None => self.likely_axis_unit(axis)?,
+        };
         self.read_as.extend(unit.in_words().map(String::from));
         Ok(unit)
+    }
+
+    /// Unit of wavelengths that no header states: nanometers, unless they are too short or too long for it.
+    fn likely_axis_unit(&self, axis: usize) -> Result<AxisUnit, FormatError> {
+        let rows = self.table.rows();
+        let numbers: Vec<f64> =
+            rows.filter_map(|row| self.table.number(self.path, row, axis).ok().flatten()).collect();
+        if !numbers.is_empty() && numbers.iter().all(|value| MICROMETERS.contains(value)) {
+            return Ok(AxisUnit::Micrometers);
+        }
+        let (low, high) = numbers.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
+        let is_unclear = low >= 100.0 && high > *PLAUSIBLE_NM.end() && !is_of_sunlight(&numbers);
+        if is_unclear && high <= 20_000.0 {
+            return Err(self.in_header(
+                format!("the wavelengths run from {low} to {high} without a unit"),
+                "Write the unit into the header of the column: \"wavelength (nm)\", \"wavelength (angstrom)\", \"wavenumber (cm-1)\"",
+            ));
+        }
+        Ok(AxisUnit::Nanometers)
     }
 
     /// Unit of the wavelengths, of a line above the table that speaks of units.
@@ -369,7 +413,7 @@ impl SpectrumReader<'_> {
                 .any(|word| lower.starts_with(word));
             if column == first_axis || (names_wavelengths(header) && self.is_axis(column)) {
                 axis = column;
-            } else if is_other_axis || (header.is_empty() && !is_filled(column)) {
+            } else if is_other_axis || (header.is_empty() && (column < first_axis || !is_filled(column))) {
             } else if is_standard_error(&lower) {
                 if let Some(last) = columns.last_mut() {
                     last.error = Some(column);
@@ -478,18 +522,17 @@ impl SpectrumReader<'_> {
     }
 
     fn read_column(&mut self, axes: Axes, column: ValueColumn) -> Result<NamedCurve, FormatError> {
-        let mut samples = self.samples(axes, column)?;
+        let (mut unit, lines) = self.ratio(column)?;
+        let mut samples = self.samples(axes, column, lines)?;
         self.sort(&mut samples);
+        if self.options.quantity == SpectrumQuantity::Fraction {
+            unit =
+                unit.or_else(|| self.must_be_percent(&samples, column.values).then_some(ValueUnit::Percent));
+            self.leave_out_noisy_ends(unit, &mut samples);
+        }
         let nm: Vec<f64> = samples.iter().map(|sample| sample.nm).collect();
         check_axis(self.path, "the", &nm, |index| Some(samples[index].row.line))?;
         let name = self.headers()[column.values].clone();
-        let mut unit = self.unit(column.values)?;
-        if self.options.quantity == SpectrumQuantity::Fraction
-            && unit.is_none()
-            && self.must_be_percent(&samples, &name)
-        {
-            unit = Some(ValueUnit::Percent);
-        }
         let convert = unit.map(|unit| {
             let is_loss = samples.iter().map(|sample| sample.value).sum::<f64>() > 0.0;
             Conversion::new(unit, self.options.quantity, is_loss).map_err(|what| {
@@ -506,7 +549,7 @@ impl SpectrumReader<'_> {
             |sample: &Sample| convert.map_or(sample.value, |convert| convert.of(sample.nm, sample.value));
         self.say(convert.and_then(Conversion::in_words).map(String::from));
         let mut values: Vec<f64> = samples.iter().map(of).collect();
-        self.check_values(column.values, &samples, &mut values)?;
+        self.check_values(column.values, unit, &samples, &mut values)?;
         let errors = samples.iter().map(|sample| {
             sample.error.map(|error| match convert {
                 Some(convert) => convert.of_error(sample.nm, sample.value, error),
@@ -530,11 +573,60 @@ impl SpectrumReader<'_> {
         self.read_as.extend(words.filter(|words| !self.read_as.contains(words)));
     }
 
-    fn samples(&self, axes: Axes, column: ValueColumn) -> Result<Vec<Sample>, FormatError> {
+    /// Unit of a column: as stated, or as it follows from what a spectrometer measured beside it; and the lines where that had light.
+    fn ratio(
+        &mut self,
+        column: ValueColumn,
+    ) -> Result<(Option<ValueUnit>, std::ops::RangeInclusive<u64>), FormatError> {
+        let stated = self.unit(column.values)?;
+        let all = 0..=u64::MAX;
+        let raw = RawColumns::find(self.headers()).filter(|_| {
+            let is_computed = !RawColumns::is_raw(&self.headers()[column.values]);
+            is_computed && self.options.quantity == SpectrumQuantity::Fraction
+        });
+        let Some(raw) = raw else { return Ok((stated, all)) };
+        let mut rows = Vec::with_capacity(self.table.row_count());
+        let mut lines = Vec::with_capacity(self.table.row_count());
+        for row in self.table.rows() {
+            // A ratio without light is infinite or none; wrong cells are told where the column is read
+            let cell = |column| self.table.number(self.path, row, column).ok().flatten();
+            if let (Some(sample), Some(dark), Some(reference)) =
+                (cell(raw.sample), cell(raw.dark), cell(raw.reference))
+            {
+                rows.push(RawRow { sample, dark, reference, computed: cell(column.values) });
+                lines.push(row.line);
+            }
+        }
+        let Some((unit, lit)) = ratio(&rows) else { return Ok((stated, all)) };
+        let left_out = lines.len() - lit.len();
+        self.say((left_out > 0).then(|| {
+            let lines = counted(left_out, "line", "lines");
+            format!("without {lines} at the ends, where the reference has no light")
+        }));
+        Ok((stated.or(Some(unit)), lines[lit.start]..=lines[lit.end - 1]))
+    }
+
+    /// Leaves out the noise at the ends of a transmittance or reflectance.
+    fn leave_out_noisy_ends(&mut self, unit: Option<ValueUnit>, samples: &mut Vec<Sample>) {
+        let Some(kept) = without_noisy_ends(&fractions(unit, samples)) else { return };
+        if kept.len() < samples.len() {
+            let (first, last) = (samples[kept.start].nm, samples[kept.end - 1].nm);
+            self.say(Some(format!("{first:.1} to {last:.1} nm; beyond lies noise")));
+            samples.truncate(kept.end);
+            samples.drain(..kept.start);
+        }
+    }
+
+    fn samples(
+        &self,
+        axes: Axes,
+        column: ValueColumn,
+        lines: std::ops::RangeInclusive<u64>,
+    ) -> Result<Vec<Sample>, FormatError> {
         let is_filled = |row: &Row| !self.table.cell(*row, column.values).is_empty();
         let last_filled = self.table.rows().filter(is_filled).last().map_or(0, |row| row.line);
         let mut samples = Vec::with_capacity(self.table.row_count());
-        for row in self.table.rows() {
+        for row in self.table.rows().filter(|row| lines.contains(&row.line)) {
             let value = self.table.number(self.path, row, column.values)?;
             let Some(nm) = self.table.number(self.path, row, column.axis)? else {
                 // The end of the shorter of two pairs of columns
@@ -569,7 +661,7 @@ impl SpectrumReader<'_> {
         Ok(samples)
     }
 
-    /// Sorts samples by wavelength, and leaves out those that stand there twice.
+    /// Sorts samples by wavelength, and takes the mean of those few that have the same.
     fn sort(&mut self, samples: &mut Vec<Sample>) {
         let rises = samples.windows(2).all(|pair| pair[0].nm < pair[1].nm);
         let falls = samples.windows(2).all(|pair| pair[0].nm > pair[1].nm);
@@ -578,23 +670,63 @@ impl SpectrumReader<'_> {
         }
         samples.sort_by(|a, b| a.nm.total_cmp(&b.nm));
         samples.dedup_by(|b, a| a.nm == b.nm && a.value == b.value);
-        self.say((!falls).then(|| "lines sorted by wavelength".to_string()));
+        let count = samples.len();
+        let doubled = samples.windows(2).filter(|pair| pair[0].nm == pair[1].nm).count();
+        self.say((!falls && doubled < count).then(|| "lines sorted by wavelength".to_string()));
+        if doubled == 0 || doubled as f64 > MOST_DOUBLED * count as f64 {
+            return;
+        }
+        let runs: Vec<usize> = samples.chunk_by(|a, b| a.nm == b.nm).map(<[Sample]>::len).collect();
+        let mut place = 0;
+        for run in runs {
+            let of = &mut samples[place..place + run];
+            of[0].value = of.iter().map(|sample| sample.value).sum::<f64>() / run as f64;
+            place += run;
+        }
+        samples.dedup_by(|b, a| a.nm == b.nm);
+        let words = counted(doubled, "wavelength", "wavelengths");
+        self.say(Some(format!("{words} given twice: the mean of the values")));
     }
 
     /// Whether a transmittance or reflectance without a unit is so large that it must be percent.
-    fn must_be_percent(&self, samples: &[Sample], name: &str) -> bool {
-        let largest = samples.iter().map(|sample| sample.value).fold(0.0, f64::max);
-        let lower = name.to_lowercase();
-        let mut words = lower.split(|c: char| !c.is_alphanumeric());
-        let is_named =
-            words.any(|word| ["transmi", "reflect", "remission"].iter().any(|start| word.starts_with(start)));
-        is_named && largest > 1.5 && largest <= LARGEST_PERCENT
+    fn must_be_percent(&self, samples: &[Sample], column: usize) -> bool {
+        if without_noisy_ends(&fractions(None, samples)).is_some() {
+            return false;
+        }
+        let percent = fractions(Some(ValueUnit::Percent), samples);
+        let Some(kept) = without_noisy_ends(&percent) else { return false };
+        let largest = percent[kept].iter().copied().fold(0.0, f64::max);
+        let names = |text: &str| {
+            let lower = text.to_lowercase();
+            let mut words = lower.split(|c: char| !c.is_alphanumeric());
+            words.any(|word| ["transmi", "reflect", "remission"].iter().any(|start| word.starts_with(start)))
+        };
+        // No optical density is as large as the second
+        let least = if names(&self.headers()[column]) || self.preamble.iter().any(|line| names(line)) {
+            0.015
+        } else {
+            0.15
+        };
+        largest > least
+    }
+
+    /// What to do with values that are too large.
+    fn hint_of_large(&self, unit: Option<ValueUnit>) -> String {
+        match (self.options.quantity, unit) {
+            (SpectrumQuantity::Fraction, Some(_)) => format!(
+                "Choose a column that holds a transmittance or reflectance; if its white was too dark, give the file as \
+                 {{ csv = \"{}\", scale = 0.25 }}, with the factor that makes it one",
+                self.path.display()
+            ),
+            _ => unit_hint(self.path),
+        }
     }
 
     /// Applies the rule for negative values and, of fractions, for those above 1.
     fn check_values(
         &mut self,
         column: usize,
+        unit: Option<ValueUnit>,
         samples: &[Sample],
         values: &mut [f64],
     ) -> Result<(), FormatError> {
@@ -603,17 +735,18 @@ impl SpectrumReader<'_> {
         let sum_of = |sign: f64| values.iter().map(|value| (sign * value).max(0.0)).sum::<f64>();
         let is_noisy = sum_of(-1.0) <= NOISE * sum_of(1.0);
         let refuses = self.options.negative == Negative::Refuse;
+        let means = means_around(values);
         let (mut below, mut above) = ((0, 0.0_f64), (0, 1.0_f64));
-        for (sample, value) in samples.iter().zip(values) {
+        for ((sample, value), mean) in samples.iter().zip(values).zip(means) {
             let is_noise = quantity != SpectrumQuantity::Stored
                 && *value < 0.0
-                && (is_noisy || *value >= -NOISE * largest);
+                && (is_noisy || value.max(mean) >= -NOISE * largest);
             if is_noise && refuses {
                 below = (below.0 + 1, below.1.min(*value));
                 *value = 0.0;
             }
             let too_large = match quantity {
-                SpectrumQuantity::Fraction if *value > LARGEST_FRACTION => Some("more than 1"),
+                SpectrumQuantity::Fraction if value.min(mean) > *PLAUSIBLE.end() => Some("more than 1"),
                 SpectrumQuantity::QuantumEfficiency if *value > LARGEST_EFFICIENCY => {
                     Some("more electrons than a photon frees")
                 }
@@ -621,8 +754,8 @@ impl SpectrumReader<'_> {
             };
             if let Some(what) = too_large {
                 let column = self.table.column_name(column);
-                let what = format!("column {column} holds {value}, {what}");
-                return Err(FormatError::at_line(self.path, sample.row.line, what, unit_hint(self.path)));
+                let what = format!("column {column} holds {}, {what}{}", sample.value, in_unit(unit));
+                return Err(FormatError::at_line(self.path, sample.row.line, what, self.hint_of_large(unit)));
             }
             if quantity == SpectrumQuantity::Fraction && *value > 1.0 && refuses {
                 above = (above.0 + 1, above.1.max(*value));
@@ -648,6 +781,41 @@ struct Sample {
     error: Option<f64>,
 }
 
+/// The means of the values around each, where there are many; each itself where there are few.
+fn means_around(values: &[f64]) -> Vec<f64> {
+    if values.len() < 10 * NOISE_WITHIN {
+        return values.to_vec();
+    }
+    let sums: Vec<f64> = std::iter::once(0.0)
+        .chain(values.iter().scan(0.0, |sum, value| {
+            *sum += value;
+            Some(*sum)
+        }))
+        .collect();
+    let mean = |place: usize| {
+        let (first, end) = (place.saturating_sub(NOISE_WITHIN), (place + NOISE_WITHIN + 1).min(values.len()));
+        (sums[end] - sums[first]) / (end - first) as f64
+    };
+    (0..values.len()).map(mean).collect()
+}
+
+/// Words for the unit that a value has in the file.
+fn in_unit(unit: Option<ValueUnit>) -> String {
+    unit.map_or(String::new(), |unit| format!(" in unit \"{}\"", unit.name()))
+}
+
+/// Samples as fractions, where their unit is one of a ratio or none.
+fn fractions(unit: Option<ValueUnit>, samples: &[Sample]) -> Vec<f64> {
+    let convert = unit.and_then(|unit| Conversion::new(unit, SpectrumQuantity::Fraction, true).ok());
+    samples.iter().map(|of| convert.map_or(of.value, |convert| convert.of(of.nm, of.value))).collect()
+}
+
+/// Whether wavelengths run from the ultraviolet far into the infrared, as those of tables of sunlight.
+fn is_of_sunlight(nm: &[f64]) -> bool {
+    let (low, high) = nm.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
+    (*PLAUSIBLE_NM.start()..380.0).contains(&low) && high <= LONGEST_OF_SUNLIGHT_NM
+}
+
 fn unit_hint(path: &Path) -> String {
     let names = ValueUnit::ALL.map(ValueUnit::name);
     format!(
@@ -668,12 +836,10 @@ fn is_standard_error(lower: &str) -> bool {
 
 /// The column that a spectrometer computed from its sample, dark and reference.
 fn computed_column(names: &[String]) -> Option<usize> {
-    let lower: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
-    let raw = |name: &str| {
-        let first = name.split(|c: char| !c.is_alphanumeric()).find(|word| !word.is_empty()).unwrap_or("");
-        matches!(first, "dark" | "reference" | "ref" | "sample" | "scope" | "raw" | "d" | "r" | "s")
-    };
-    let has_dark = lower.iter().any(|name| name.starts_with("dark") || name == "d");
-    let mut computed = (0..lower.len()).filter(|place| !raw(&lower[*place]));
+    let has_dark = names.iter().any(|name| {
+        let lower = name.to_lowercase();
+        lower.starts_with("dark") || lower == "d"
+    });
+    let mut computed = (0..names.len()).filter(|place| !RawColumns::is_raw(&names[*place]));
     has_dark.then(|| computed.next_back()).flatten()
 }

@@ -219,7 +219,8 @@ fn show(options: &ShowOptions, kind: PresetKind) -> Result<(), CliError> {
     if options.json {
         let nm: Vec<f64> = (0..=120).map(|i| 300.0 + 5.0 * f64::from(i)).collect();
         let of = |(channel, curve): &(String, Curve)| {
-            let mut value = json!({ "channel": channel });
+            let (first, last) = curve.range_nm();
+            let mut value = json!({ "channel": channel, "data_from_nm": first, "data_to_nm": last });
             for (name, _, number) in numbers(curve, kind) {
                 value[name] = number.into();
             }
