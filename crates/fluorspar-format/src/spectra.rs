@@ -526,8 +526,11 @@ impl SpectrumReader<'_> {
         let mut samples = self.samples(axes, column, lines)?;
         self.sort(&mut samples);
         if self.options.quantity == SpectrumQuantity::Fraction {
-            unit =
-                unit.or_else(|| self.must_be_percent(&samples, column.values).then_some(ValueUnit::Percent));
+            let largest = self.must_be_percent(&samples, column.values).filter(|_| unit.is_none());
+            if let Some(largest) = largest {
+                self.say(Some(format!("no unit, and values up to {largest:.4}: taken for percent")));
+                unit = Some(ValueUnit::Percent);
+            }
             self.leave_out_noisy_ends(unit, &mut samples);
         }
         let nm: Vec<f64> = samples.iter().map(|sample| sample.nm).collect();
@@ -688,13 +691,13 @@ impl SpectrumReader<'_> {
         self.say(Some(format!("{words} given twice: the mean of the values")));
     }
 
-    /// Whether a transmittance or reflectance without a unit is so large that it must be percent.
-    fn must_be_percent(&self, samples: &[Sample], column: usize) -> bool {
+    /// The largest value of a transmittance or reflectance without a unit, where it is so large that it must be percent.
+    fn must_be_percent(&self, samples: &[Sample], column: usize) -> Option<f64> {
         if without_noisy_ends(&fractions(None, samples)).is_some() {
-            return false;
+            return None;
         }
         let percent = fractions(Some(ValueUnit::Percent), samples);
-        let Some(kept) = without_noisy_ends(&percent) else { return false };
+        let kept = without_noisy_ends(&percent)?;
         let largest = percent[kept].iter().copied().fold(0.0, f64::max);
         let names = |text: &str| {
             let lower = text.to_lowercase();
@@ -707,7 +710,7 @@ impl SpectrumReader<'_> {
         } else {
             0.15
         };
-        largest > least
+        (largest > least).then_some(100.0 * largest)
     }
 
     /// What to do with values that are too large.
@@ -735,18 +738,20 @@ impl SpectrumReader<'_> {
         let sum_of = |sign: f64| values.iter().map(|value| (sign * value).max(0.0)).sum::<f64>();
         let is_noisy = sum_of(-1.0) <= NOISE * sum_of(1.0);
         let refuses = self.options.negative == Negative::Refuse;
-        let means = means_around(values);
+        let around = around(values);
         let (mut below, mut above) = ((0, 0.0_f64), (0, 1.0_f64));
-        for ((sample, value), mean) in samples.iter().zip(values).zip(means) {
+        for ((sample, value), near) in samples.iter().zip(values).zip(around) {
             let is_noise = quantity != SpectrumQuantity::Stored
                 && *value < 0.0
-                && (is_noisy || value.max(mean) >= -NOISE * largest);
+                && (is_noisy || value.max(near.mean + near.within) >= -NOISE * largest);
             if is_noise && refuses {
                 below = (below.0 + 1, below.1.min(*value));
                 *value = 0.0;
             }
             let too_large = match quantity {
-                SpectrumQuantity::Fraction if value.min(mean) > *PLAUSIBLE.end() => Some("more than 1"),
+                SpectrumQuantity::Fraction if value.min(near.mean - near.within) > *PLAUSIBLE.end() => {
+                    Some("more than 1")
+                }
                 SpectrumQuantity::QuantumEfficiency if *value > LARGEST_EFFICIENCY => {
                     Some("more electrons than a photon frees")
                 }
@@ -781,22 +786,27 @@ struct Sample {
     error: Option<f64>,
 }
 
-/// The means of the values around each, where there are many; each itself where there are few.
-fn means_around(values: &[f64]) -> Vec<f64> {
+/// Mean of the values around a sample, and three standard errors of it.
+#[derive(Clone, Copy)]
+struct Around {
+    mean: f64,
+    within: f64,
+}
+
+/// What lies around each value, where there are many; each itself where there are few.
+fn around(values: &[f64]) -> Vec<Around> {
     if values.len() < 10 * NOISE_WITHIN {
-        return values.to_vec();
+        return values.iter().map(|value| Around { mean: *value, within: 0.0 }).collect();
     }
-    let sums: Vec<f64> = std::iter::once(0.0)
-        .chain(values.iter().scan(0.0, |sum, value| {
-            *sum += value;
-            Some(*sum)
-        }))
-        .collect();
-    let mean = |place: usize| {
-        let (first, end) = (place.saturating_sub(NOISE_WITHIN), (place + NOISE_WITHIN + 1).min(values.len()));
-        (sums[end] - sums[first]) / (end - first) as f64
+    let of = |place: usize| {
+        let end = (place + NOISE_WITHIN + 1).min(values.len());
+        let near = &values[place.saturating_sub(NOISE_WITHIN)..end];
+        let count = near.len() as f64;
+        let mean = near.iter().sum::<f64>() / count;
+        let variance = near.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        Around { mean, within: 3.0 * (variance / count).sqrt() }
     };
-    (0..values.len()).map(mean).collect()
+    (0..values.len()).map(of).collect()
 }
 
 /// Words for the unit that a value has in the file.

@@ -237,9 +237,24 @@ fn values_that_can_not_be_the_quantity_are_refused_with_their_cure() {
             "t.csv:2: column \"R\" holds 45, more electrons than a photon frees. Give the file as { csv = \"t.csv\", unit = \"percent\" }",
         ),
         (
-            "nm,x\n400,45\n410,54\n",
+            "nm,x\n400,450\n410,54\n",
             SpectrumQuantity::Fraction,
-            "t.csv:2: column \"x\" holds 45, more than 1. Give the file as { csv = \"t.csv\", unit = \"percent\" }",
+            "t.csv:2: column \"x\" holds 450, more than 1. Give the file as { csv = \"t.csv\", unit = \"percent\" }",
+        ),
+        (
+            "nm,T (%)\n400,45\n410,154\n",
+            SpectrumQuantity::Fraction,
+            "column \"T (%)\" holds 154, more than 1 in unit \"percent\". Choose a column",
+        ),
+        (
+            "wavelength,x\n2900,45\n7990,154\n",
+            SpectrumQuantity::Stored,
+            "the wavelengths run from 2900 to 7990 without a unit. Write the unit into the header",
+        ),
+        (
+            "<html><body><pre>\n400 0.5\n410 0.25\n</pre></body></html>\n",
+            SpectrumQuantity::Fraction,
+            "this is an HTML page, not a table. Copy its table",
         ),
         (
             "nm,flux [erg]\n400,45\n410,54\n",
@@ -280,6 +295,96 @@ fn a_wrong_line_within_a_table_is_told() {
     let first = format!("nm,T\n399,o.5\n{good}");
     let error = read_bytes("t.csv", first.as_bytes(), &as_quantity(SpectrumQuantity::Fraction)).unwrap_err();
     assert!(error.starts_with("t.csv:2: "), "{error}");
+}
+
+/// What a spectrometer computes where its lamp has no light: some number of either sign, far beyond 0 to 1.
+fn noise(place: usize) -> f64 {
+    [13.0, -240.0, 95.5, 710.0, -4.0, -1850.0, 7.0][place % 7]
+}
+
+#[test]
+fn ends_without_light_are_left_out() {
+    let wanted: Vec<f64> = (30..170).map(|i| 0.1 + 0.004 * f64::from(i)).collect();
+    let nm = |place: usize| 300.0 + place as f64;
+    // The reference tells where there was light, and the ratio its unit, which no header names
+    let mut jaz =
+        String::from("Jaz Data File\nUser: jaz\n>>>>>Begin Processed Spectral Data<<<<<\nW\tD\tR\tS\tP\n");
+    for place in 0..200 {
+        let (dark, is_lit) = (900.0, (30..170).contains(&place));
+        let (light, ratio) =
+            if is_lit { (20_000.0, 0.1 + 0.004 * place as f64) } else { (1.0, 0.01 * noise(place)) };
+        let computed = if place == 5 { "inf".into() } else { format!("{:.6}", 100.0 * ratio) };
+        jaz += &format!("{}\t{dark}\t{}\t{:.6}\t{computed}\n", nm(place), dark + light, dark + ratio * light);
+    }
+    let (found_nm, found, read_as) = one("t.jaz", &jaz, SpectrumQuantity::Fraction);
+    assert_eq!((found_nm[0], found_nm.len()), (330.0, 140));
+    assert_near(&found, &wanted, "reference");
+    assert!(
+        read_as.contains("without 60 lines at the ends, where the reference has no light; percent"),
+        "{read_as}"
+    );
+    // Without these columns the noise itself tells
+    let value =
+        |place: usize| if (30..170).contains(&place) { 10.0 + 0.4 * place as f64 } else { noise(place) };
+    let bare: String = (0..200).map(|place| format!("{}\t{:.6}\n", nm(place), value(place))).collect();
+    let (found_nm, found, read_as) = one("t.txt", &bare, SpectrumQuantity::Fraction);
+    let first = found_nm.iter().position(|nm| *nm == 330.0).unwrap();
+    assert_near(&found[first..first + 140], &wanted, "noise");
+    assert!(found.len() <= 144 && read_as.contains("beyond lies noise"), "{read_as}");
+    // A band that is too high is no noise
+    let bump = |place: usize| 0.9 + 0.5 * (-((place as f64 - 120.0) / 10.0).powi(2)).exp();
+    let smooth: String = (0..200).map(|place| format!("{}\t{:.6}\n", nm(place), bump(place))).collect();
+    let error = read_bytes("t.txt", smooth.as_bytes(), &as_quantity(SpectrumQuantity::Fraction)).unwrap_err();
+    assert!(error.contains("more than 1"), "{error}");
+}
+
+#[test]
+fn noise_about_zero_becomes_zero_and_an_offset_does_not() {
+    // The sine of a square is as good as random
+    let text = |offset: f64| -> String {
+        let value = |i: i32| if i < 150 { 1.0 } else { offset + 0.3 * (1.7 * f64::from(i * i)).sin() };
+        (0..300).map(|i| format!("{}\t{:.5}\n", 400 + i, value(i))).collect()
+    };
+    let (_, values, read_as) = one("t.txt", text(0.0), SpectrumQuantity::SpectralPower);
+    assert!(values.iter().all(|value| *value >= 0.0) && read_as.contains("below 0 taken as 0"), "{read_as}");
+    let options = as_quantity(SpectrumQuantity::SpectralPower);
+    let error = read_bytes("t.txt", text(-0.2).as_bytes(), &options).unwrap_err();
+    assert!(error.contains("below zero"), "{error}");
+}
+
+#[test]
+fn what_stands_twice_in_a_file_is_told() {
+    // A curve read off a figure has two values where it is steep
+    let rows: String = (0..20).map(|i| format!("{},{}\n", 400 + i, 0.01 * f64::from(i))).collect();
+    let (nm, values, read_as) = one("t.csv", format!("nm,T\n{rows}410,0.9\n"), SpectrumQuantity::Fraction);
+    assert_eq!((nm.len(), values[10]), (20, 0.5));
+    assert!(read_as.contains("1 wavelength given twice: the mean of the values"), "{read_as}");
+    // Two spectra, one below the other: the first
+    let head = |unit: &str| format!("Irradiance [{unit}],\nName,a,\nGPS,,\n[nm],\n{rows}\n\n");
+    let two = head("W/m2/nm") + &head("uE/m2/s/nm");
+    let (nm, values, _) = one("t.csv", two, SpectrumQuantity::SpectralPower);
+    assert_eq!((nm.len(), values[10]), (20, 0.1));
+    // The first of three blocks is the processed one
+    let block = |title: &str, y: f64| {
+        format!(
+            "##TITLE= {title}\n##XUNITS= NANOMETERS\n##YUNITS= Reflectance\n##XYPOINTS= (XY..XY)\n400, {y}\n410, {y}\n##END=\n"
+        )
+    };
+    let link = block("EXPORTED: PROCESSED SPECTRUM", 0.5) + &block("EXPORTED: DARK SPECTRUM", 0.1);
+    assert_eq!(one("t.jdx", link, SpectrumQuantity::Fraction).1, [0.5, 0.5]);
+}
+
+#[test]
+fn further_ways_of_writing_numbers_are_read() {
+    let quoted = "WL(nm),T\n\"405,5\",\"2,5E-1\"\n404,\"5E-1\"\n";
+    let (nm, values, _) = one("t.csv", quoted, SpectrumQuantity::Fraction);
+    assert_eq!((nm, values), (vec![404.0, 405.5], vec![0.5, 0.25]));
+    let padded =
+        format!("instrument: A1{}\r\nWave ;T\r\n[nm] ;[%]\r\n400.0; 50\r\n401.0; 25\r\n", "\0".repeat(6));
+    assert_eq!(one("t.ttt", padded, SpectrumQuantity::Fraction).1, [0.5, 0.25]);
+    let (nm, _, read_as) = one("t.csv", "wavelength,T\n0.4,0.5\n0.5,0.25\n", SpectrumQuantity::Fraction);
+    assert_near(&nm, &[400.0, 500.0], "micrometers");
+    assert_eq!(read_as, "wavelengths in micrometers");
 }
 
 #[test]
