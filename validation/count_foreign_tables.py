@@ -102,7 +102,7 @@ def verdict(program, path):
     data = path.read_bytes()
     text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig", errors="replace")
     rows = table(text)
-    words = text[:6000] + str(path)
+    words = re.sub(r"(?i)humid.*", "", text[:6000]) + str(path)
     scale = 1000.0 if re.search(r"micromet|µm|\bum\b", words) else 1.0
     own = rows and columns(rows, scale)
     is_refractive_index = re.search(r"refractive|\b(wl|nm|um)\W+n\W+k\b|-n-k-", words, re.I)
