@@ -11,6 +11,7 @@ use tiff::encoder::{Rational, TiffEncoder, TiffValue};
 use tiff::tags::{Tag, Type};
 
 use super::dng_pixels::{DngPixels, read_dng_pixels};
+use super::dng_remarks::{FrameRemark, remark_on};
 use super::file::{read_sidecar, sidecar_path};
 use super::output::write_atomically;
 use super::raw::{Description, Samples, description, image_of};
@@ -238,6 +239,7 @@ pub(super) struct DngFrame {
     /// What the black level of each value lies above the described one; empty where it is the same everywhere.
     pub(super) black_offsets: Vec<f32>,
     pub(super) told: Told,
+    pub(super) remarks: Vec<FrameRemark>,
 }
 
 /// Which values the tags of a DNG tell; the others are those that the format has without them.
@@ -262,11 +264,14 @@ pub(super) fn read_dng_description(path: &Path, bytes: &[u8]) -> Result<DngFrame
     if let Some(json) = private {
         let description = own_description(path, json, [pixels.width as u64, pixels.height as u64])?;
         let told = Told { black_level: true, white_level: true, gain: true };
-        return Ok(DngFrame { description, data: pixels.data, black_offsets: pixels.black_offsets, told });
+        let (data, black_offsets) = (pixels.data, pixels.black_offsets);
+        return Ok(DngFrame { description, data, black_offsets, told, remarks: Vec::new() });
     }
     let label = path.file_stem().map_or_else(|| "raw".into(), |s| s.to_string_lossy().into_owned());
-    let (description, told) = from_tags(path, &tiff, first, raw, &pixels, label)?;
-    Ok(DngFrame { description, data: pixels.data, black_offsets: pixels.black_offsets, told })
+    let (mut description, told) = from_tags(path, &tiff, first, raw, &pixels, label)?;
+    let DngPixels { mut data, black_offsets, samples, .. } = pixels;
+    let remarks = remark_on([first, raw], samples, &mut description, &mut data, &black_offsets);
+    Ok(DngFrame { description, data, black_offsets, told, remarks })
 }
 
 /// The description that our own files carry, of an image of this width and height.

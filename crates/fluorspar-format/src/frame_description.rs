@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use super::FormatError;
 use super::camera_raw::refuse_camera_raw;
 use super::dng::{DngFrame, EXPOSURE_TIME, ISO, Told, bits_of, camera_number, is_dng, read_dng_description};
+use super::dng_remarks::{FrameRemark, left_shift};
 use super::file::{MAX_IMAGE_BYTES, read_file, sidecar_path, write_sidecar};
 use super::input::open_plain;
-use super::raw::{Description, Samples, read_frame_png};
+use super::raw::{Description, Samples, align, read_frame_png};
 use super::tiff_directory::{Directory, TiffBytes};
 use super::tiff_image::{TiffPixels, read_tiff_pixels};
 use fluorspar::image::Mosaic;
@@ -118,6 +119,20 @@ pub fn description_path(frame: &Path) -> PathBuf {
     sidecar_path(frame)
 }
 
+/// What a frame has otherwise than most, each in a sentence: levels by plane, plateaus, what its tags tell without effect here. Only
+/// DNGs tell; of other files there is nothing.
+///
+/// # Errors
+/// A DNG that can't be read.
+pub fn frame_remarks(path: &Path) -> Result<Vec<String>, FormatError> {
+    let bytes = read_file(path, MAX_IMAGE_BYTES)?;
+    if !is_dng(&bytes) {
+        return Ok(Vec::new());
+    }
+    let of = |FrameRemark { key, value, remark }: FrameRemark| format!("{key}: {value}; {remark}");
+    Ok(read_dng_description(path, &bytes)?.remarks.into_iter().map(of).collect())
+}
+
 /// Describes the frame of a camera: a DNG, or a TIFF or PNG of gray or RGB with 8 or 16 bits.
 ///
 /// # Errors
@@ -132,20 +147,30 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
         let bits = if data.iter().all(|&value| value < 256) { 8 } else { 16 };
         let samples = data.len() / (width * height).max(1);
         let pixels = TiffPixels { width, height, samples, bits, data };
-        (facts.of_pixels(path, &pixels, None), pixels.data)
+        let description = facts.of_pixels(path, &pixels, None);
+        let mut data = pixels.data;
+        align(&mut data, description.bit_depth);
+        (description, data)
     } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
         let bytes = read_file(path, MAX_IMAGE_BYTES)?;
         if is_dng(&bytes) {
-            let DngFrame { description, data, black_offsets, told } = read_dng_description(path, &bytes)?;
+            let DngFrame { description, data, black_offsets, told, remarks } =
+                read_dng_description(path, &bytes)?;
             let description = facts.of_dng(description, &told);
             facts.say_black_offsets(&black_offsets);
+            for FrameRemark { key, value, remark } in remarks {
+                facts.say(key, value, FactSource::Tag, &remark);
+            }
             (description, data)
         } else {
             refuse_camera_raw(path, &bytes)?;
             let (file, length) = open_plain(path)?;
             let pixels = read_tiff_pixels(path, file, length)?;
             let tags = TiffBytes::new(&bytes);
-            (facts.of_pixels(path, &pixels, tags.as_ref()), pixels.data)
+            let description = facts.of_pixels(path, &pixels, tags.as_ref());
+            let mut data = pixels.data;
+            align(&mut data, description.bit_depth);
+            (description, data)
         }
     } else {
         let what = "this is not a DNG, TIFF or PNG";
@@ -301,7 +326,19 @@ impl Facts<'_> {
         self.say_label(&mut label);
         self.say("width, height", format!("{} x {}", pixels.width, pixels.height), FactSource::Tag, "");
         let (mosaic, samples) = self.mosaic_of(path, pixels, first);
-        let most = pixels.data.iter().copied().max().unwrap_or(0);
+        let shift = left_shift(&pixels.data);
+        let bits_left = (u32::from(pixels.bits)).saturating_sub(shift) as u8;
+        let is_left_aligned = pixels.bits == 16 && [10, 12, 14].contains(&bits_left);
+        if is_left_aligned {
+            let value = format!("{bits_left} bits in the upper ones of 16");
+            self.say(
+                "alignment",
+                value,
+                FactSource::Assumed,
+                &format!("all values are multiples of {}: they are divided by it", 1 << shift),
+            );
+        }
+        let most = pixels.data.iter().copied().max().unwrap_or(0) >> if is_left_aligned { shift } else { 0 };
         let fits = |bits: &u8| u32::from(most) < 1 << bits;
         let guess = [8, 10, 12, 14, 16]
             .into_iter()

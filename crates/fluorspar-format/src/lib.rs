@@ -37,6 +37,7 @@ mod csv_fluorophore;
 mod csv_table;
 mod dng;
 mod dng_pixels;
+mod dng_remarks;
 mod eem_layout;
 mod eem_scatter;
 mod error;
@@ -100,6 +101,7 @@ pub use file_format::{FileFormat, OtherFormat};
 pub use film::{read_film, read_film_layout, read_film_rows, write_film};
 pub use frame_description::{
     FactSource, FrameDescription, FrameFact, FrameFacts, black_level_doubt, describe_frame, description_path,
+    frame_remarks,
 };
 pub use gltf::{read_gltf, read_gltf_instances, write_gltf};
 pub use input::{digest_bounded, read_bounded, read_start, read_text_bounded};

@@ -10,6 +10,7 @@ use tiff::tags::Tag;
 
 use super::camera_raw::refuse_camera_raw;
 use super::dng::{is_dng, read_dng};
+use super::dng_remarks::left_shift;
 use super::file::{MAX_IMAGE_BYTES, read_file, read_sidecar, sidecar_path, write_sidecar};
 use super::input::open_plain;
 use super::output::write_atomically;
@@ -218,7 +219,20 @@ pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError
         return read_by_description(path);
     };
     let description: Description = read_sidecar(path, &FileFormat::RAW_FRAME)?;
+    let mut data = data;
+    if description.program.is_none() {
+        align(&mut data, description.bit_depth);
+    }
     image_of(path, width, height, data, Vec::new(), description)
+}
+
+/// Shifts left-aligned samples of a converter of fewer than 16 bits down.
+pub(super) fn align(data: &mut [u16], bit_depth: u8) {
+    let shift = 16_u32.saturating_sub(u32::from(bit_depth));
+    let is_beyond = data.iter().any(|value| u32::from(*value) >> bit_depth.min(16) > 0);
+    if is_beyond && shift > 0 && left_shift(data) >= shift {
+        data.iter_mut().for_each(|value| *value >>= shift);
+    }
 }
 
 /// A file that does not tell its format: its description does.
@@ -412,6 +426,12 @@ fn contradiction(image: &SensorImage) -> Option<String> {
     ];
     if let Some((name, value)) = negative.iter().find(|(_, value)| *value < 0.0) {
         return Some(format!("the {name} is {value}, below zero"));
+    }
+    if image.bit_depth < 16 && u32::from(image.white_level) >> image.bit_depth > 0 {
+        return Some(format!(
+            "a converter of {} bits has no white level of {}",
+            image.bit_depth, image.white_level
+        ));
     }
     if f64::from(image.white_level) <= image.black_level {
         return Some(format!(

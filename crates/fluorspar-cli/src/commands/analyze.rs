@@ -14,7 +14,9 @@ use fluorspar::pipeline::{
 use fluorspar::study::{AnalysisPlan, Capture, RegionPlan, Study};
 use fluorspar::units::number_text;
 use fluorspar_experiment::{Experiment, KeptAnalysis, ResolvedExperiment, Warning, kept_analysis, resolve};
-use fluorspar_format::{OutputFolder, black_level_doubt, read_sensor_image, write_atomically, write_map_npy};
+use fluorspar_format::{
+    OutputFolder, black_level_doubt, frame_remarks, read_sensor_image, write_atomically, write_map_npy,
+};
 use fluorspar_report::figures::porphyrin_maps;
 use fluorspar_report::{FrameOrigin, regions_json};
 use rayon::prelude::*;
@@ -572,6 +574,10 @@ fn named_frames(options: &Options, study: &Study, wanted: &str) -> Result<Vec<Ra
             )));
         };
         let raw = read_raw(study, Path::new(file), Some(label))?;
+        let remarks = frame_remarks(Path::new(file))?;
+        let remarks: Vec<Warning> =
+            remarks.iter().map(|said| Warning::from(format!("{file}: {said}"))).collect();
+        Messages::default().warnings(&remarks);
         if options.dark.is_empty()
             && let Some(doubt) = black_level_doubt(&raw.data, raw.black_level, raw.white_level)
         {

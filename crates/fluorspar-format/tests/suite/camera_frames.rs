@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use fluorspar::image::Mosaic;
 use fluorspar_format::{
-    FactSource, FrameDescription, FrameFacts, describe_frame, read_mask, read_sensor_image,
+    FactSource, FrameDescription, FrameFacts, describe_frame, frame_remarks, read_mask, read_sensor_image,
 };
 
 fn camera(name: &str) -> PathBuf {
@@ -237,6 +237,89 @@ fn black_levels_of_places_columns_and_rows_are_subtracted_from_each_pixel() {
 fn fact(found: &FrameDescription, key: &str) -> (String, FactSource) {
     let fact = found.facts.iter().find(|fact| fact.key == key).unwrap();
     (fact.value.clone(), fact.source)
+}
+
+/// A tag of 16-bit numbers.
+fn shorts(tag: u16, values: &[u16]) -> (u16, u16, u32, Vec<u8>) {
+    (tag, 3, values.len() as u32, values.iter().flat_map(|value| value.to_le_bytes()).collect())
+}
+
+/// Green ends at 3000 where the file promises 4095: in nine of its sixteen pixels.
+#[test]
+fn a_plateau_below_the_white_level_is_saturation() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.dng");
+    let is_green = |pixel: usize| (pixel / 8 + pixel) % 2 == 1;
+    let value = |pixel: usize| match (is_green(pixel), pixel / 2) {
+        (true, 0..9) => 3000,
+        (true, at) => 2500 - 20 * at as u16,
+        (false, at) => 500 + 31 * at as u16,
+    };
+    let values: Vec<u16> = (0..32).map(value).collect();
+    let tags = [shorts(50_714, &[64]), shorts(50_717, &[4095])];
+    plain_dng(&path, &values, &tags);
+    let image = read_sensor_image(&path).unwrap().image;
+    for (pixel, found) in image.data.iter().enumerate() {
+        let is_saturated = values[pixel] == 3000;
+        assert_eq!(*found, if is_saturated { 4095 } else { values[pixel] }, "{pixel}");
+    }
+    let found = describe_frame(&path, &FrameFacts::default()).unwrap();
+    assert_eq!(fact(&found, "plateau").0, "G 3000 DN in 56.2 % of its pixels");
+    // A frame without noise, and the brightest of many values, are none
+    for values in [vec![3000; 32], (0..32).map(|i| 2000 + 37 * i).collect::<Vec<u16>>()] {
+        plain_dng(&path, &values, &tags);
+        assert_eq!(read_sensor_image(&path).unwrap().image.data, values);
+    }
+}
+
+/// What a viewer turns, what a converter shades and a black level above the pixels are told, each by name.
+#[test]
+fn tags_without_effect_and_a_high_black_level_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.dng");
+    let values: Vec<u16> = (0..32).map(|i| if (i / 8 + i) % 2 == 1 { 60 - i / 8 } else { 500 + i }).collect();
+    // A list of two opcodes: a gain map, and one that nobody knows
+    let opcode = |code: u32| [code, 0, 0, 4, 0].map(u32::to_be_bytes).concat();
+    let list = [2u32.to_be_bytes().to_vec(), opcode(9), opcode(77)].concat();
+    plain_dng(
+        &path,
+        &values,
+        &[
+            shorts(274, &[3]),
+            shorts(50_714, &[64]),
+            shorts(50_717, &[4095]),
+            (51_009, 7, list.len() as u32, list),
+        ],
+    );
+    let found = describe_frame(&path, &FrameFacts::default()).unwrap();
+    assert_eq!(fact(&found, "orientation").0, "viewers show it turned by 180 degrees");
+    assert_eq!(fact(&found, "opcodes").0, "OpcodeList2: GainMap, opcode 77");
+    assert_eq!(fact(&found, "black level").0, "most pixels of G lie below it");
+    assert_eq!(frame_remarks(&path).unwrap().len(), 3);
+    // Upright, black level right: nothing to say
+    plain_dng(&path, &values, &[shorts(274, &[1]), shorts(50_714, &[40]), shorts(50_717, &[4095])]);
+    assert!(frame_remarks(&path).unwrap().is_empty());
+}
+
+/// Twelve bits in the upper ones of sixteen, as many cameras of machines write them: numbers of twelve bits.
+#[test]
+fn left_aligned_samples_are_shifted_down() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.tif");
+    let values: Vec<u16> = (0..32).map(|i| 16 * (100 + 111 * i)).collect();
+    let mut encoder = tiff::encoder::TiffEncoder::new(fs::File::create(&path).unwrap()).unwrap();
+    encoder.write_image::<tiff::encoder::colortype::Gray16>(8, 4, &values).unwrap();
+    let given = FrameFacts { exposure_s: Some(0.01), ..FrameFacts::default() };
+    let found = describe_frame(&path, &given).unwrap();
+    assert_eq!(fact(&found, "alignment").0, "12 bits in the upper ones of 16");
+    assert_eq!(fact(&found, "white_level").0, "4095 DN");
+    found.write().unwrap();
+    let image = read_sensor_image(&path).unwrap().image;
+    assert!(image.data.iter().enumerate().all(|(i, value)| usize::from(*value) == 100 + 111 * i));
+    // Twelve bits have no white level of 65 520
+    let wrong = FrameFacts { bit_depth: Some(12), white_level: Some(65_520), ..given };
+    let said = describe_frame(&path, &wrong).unwrap_err().to_string();
+    assert!(said.contains("a converter of 12 bits has no white level of 65520"), "{said}");
 }
 
 /// Exposure and sensitivity beside the pixels, as TIFF/EP has them, and twelve bits in sixteen.
