@@ -14,8 +14,8 @@ pub(super) struct FrameRemark {
     pub(super) remark: String,
 }
 
-/// Share of a channel's pixels from which those that share its largest value are a plateau; above the second they are all of the picture.
-const PLATEAU_SHARE: std::ops::RangeInclusive<f64> = 1e-3..=0.9;
+/// Share of a channel's pixels from which those that share its largest value are a plateau. Noise lets no sensor give all the same.
+const PLATEAU_SHARE: f64 = 1e-3;
 /// Values below the largest that tell how many pixels a value has there without a plateau, and how many times as many a plateau has.
 const BELOW_PLATEAU: (usize, u64) = (16, 5);
 /// Names of opcodes that change values (Adobe DNG 1.7, chapter 7).
@@ -107,7 +107,7 @@ fn mark_plateaus(description: &Description, samples: usize, data: &mut [u16]) ->
         let holds = value < usize::from(white)
             && value as f64 > least
             && of[value] >= 8
-            && PLATEAU_SHARE.contains(&share)
+            && share >= PLATEAU_SHARE
             && of[value] * below as u64 > times * near;
         holds.then_some((value as u16, share))
     };

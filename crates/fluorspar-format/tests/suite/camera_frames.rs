@@ -265,11 +265,10 @@ fn a_plateau_below_the_white_level_is_saturation() {
     }
     let found = describe_frame(&path, &FrameFacts::default()).unwrap();
     assert_eq!(fact(&found, "plateau").0, "G 3000 DN in 56.2 % of its pixels");
-    // A frame without noise, and the brightest of many values, are none
-    for values in [vec![3000; 32], (0..32).map(|i| 2000 + 37 * i).collect::<Vec<u16>>()] {
-        plain_dng(&path, &values, &tags);
-        assert_eq!(read_sensor_image(&path).unwrap().image.data, values);
-    }
+    // The brightest of many values is none
+    let values: Vec<u16> = (0..32).map(|i| 2000 + 37 * i).collect();
+    plain_dng(&path, &values, &tags);
+    assert_eq!(read_sensor_image(&path).unwrap().image.data, values);
 }
 
 /// What a viewer turns, what a converter shades and a black level above the pixels are told, each by name.
