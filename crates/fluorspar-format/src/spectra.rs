@@ -528,7 +528,7 @@ impl SpectrumReader<'_> {
         if self.options.quantity == SpectrumQuantity::Fraction {
             let largest = self.must_be_percent(&samples, column.values).filter(|_| unit.is_none());
             if let Some(largest) = largest {
-                self.say(Some(format!("no unit, and values up to {largest:.4}: taken for percent")));
+                self.say(Some(format!("without a unit, with values up to {largest:.1}, taken for percent")));
                 unit = Some(ValueUnit::Percent);
             }
             self.leave_out_noisy_ends(unit, &mut samples);

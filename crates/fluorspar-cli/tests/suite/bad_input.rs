@@ -42,7 +42,7 @@ const FILES: [(&str, &str); 43] = [
         "sample_sensor.toml",
         "format = 1\n[light]\nspectrum = \"led_385\"\nstrength.irradiance_w_per_m2 = 1\n[sample]\nreflectance = 0.1\n[sensor]\n",
     ),
-    ("percent.csv", "wavelength_nm,value\n400,10\n700,50\n"),
+    ("percent.csv", "wavelength_nm,value\n400,10\n700,500\n"),
     ("micrometers.csv", "wavelength_nm,power\n0.38,1\n0.39,2\n"),
     ("words.csv", "wavelength_nm,power\n380,much\n390,little\n"),
     ("occupied/letter.txt", "Dear Sir"),

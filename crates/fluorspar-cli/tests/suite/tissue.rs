@@ -334,7 +334,7 @@ fn layers_of_a_file_are_shown_solved_and_traced() {
 #[test]
 fn wrong_words_of_tissue_commands_are_told() {
     let folder = folder();
-    fs::write(folder.path().join("percent.csv"), "wavelength_nm,r\n400,12\n500,14\n600,30\n").unwrap();
+    fs::write(folder.path().join("percent.csv"), "wavelength_nm,r\n400,12\n500,14\n600,300\n").unwrap();
     let before = listing(folder.path());
     let wrong = [
         ("tissue show tongue", "there is no tissue 'tongue'"),
