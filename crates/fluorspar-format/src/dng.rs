@@ -11,12 +11,15 @@ use tiff::encoder::{Rational, TiffEncoder, TiffValue};
 use tiff::tags::{Tag, Type};
 
 use super::dng_pixels::{DngPixels, read_dng_pixels};
-use super::dng_remarks::{FrameRemark, remark_on};
 use super::file::{read_sidecar, sidecar_path};
+use super::frame_judgement::{
+    FrameRemark, FrameTags, StoredFrame, alignment_words, left_aligned_bits, orientation_of,
+};
+use super::opcodes::opcodes_of;
 use super::output::write_atomically;
-use super::raw::{Description, Samples, description, image_of};
+use super::raw::{Description, JudgedFrame, Samples, description, image_of};
 use super::tiff_directory::{Directory, TiffBytes};
-use super::{FileFormat, FormatError, Loaded, Provenance};
+use super::{FileFormat, FormatError, Provenance};
 use fluorspar::image::{Mosaic, SensorImage};
 
 /// Name that opens our private data; a zero byte ends it.
@@ -222,24 +225,20 @@ pub(super) fn is_dng(bytes: &[u8]) -> bool {
 
 /// Reads a DNG: ours whole, another camera's as far as its tags tell. What they do not tell (`dn_per_electron`,
 /// `read_noise_dn`) is 0. A description beside it wins over its tags.
-pub(super) fn read_dng(path: &Path, bytes: &[u8]) -> Result<Loaded<SensorImage>, FormatError> {
-    let DngFrame { description: inner, data, black_offsets, .. } = read_dng_description(path, bytes)?;
-    let (width, height) = (inner.width as usize, inner.height as usize);
+pub(super) fn read_dng(path: &Path, bytes: &[u8]) -> Result<JudgedFrame, FormatError> {
+    let DngFrame { description: inner, stored, .. } = read_dng_description(path, bytes)?;
     let description = match sidecar_path(path).exists() {
         true => read_sidecar(path, &FileFormat::RAW_FRAME)?,
         false => inner,
     };
-    image_of(path, width, height, data, black_offsets, description)
+    image_of(path, stored, &description)
 }
 
 /// What a DNG tells of itself, and its pixels.
 pub(super) struct DngFrame {
     pub(super) description: Description,
-    pub(super) data: Vec<u16>,
-    /// What the black level of each value lies above the described one; empty where it is the same everywhere.
-    pub(super) black_offsets: Vec<f32>,
+    pub(super) stored: StoredFrame,
     pub(super) told: Told,
-    pub(super) remarks: Vec<FrameRemark>,
 }
 
 /// Which values the tags of a DNG tell; the others are those that the format has without them.
@@ -264,14 +263,66 @@ pub(super) fn read_dng_description(path: &Path, bytes: &[u8]) -> Result<DngFrame
     if let Some(json) = private {
         let description = own_description(path, json, [pixels.width as u64, pixels.height as u64])?;
         let told = Told { black_level: true, white_level: true, gain: true };
-        let (data, black_offsets) = (pixels.data, pixels.black_offsets);
-        return Ok(DngFrame { description, data, black_offsets, told, remarks: Vec::new() });
+        let stored = stored_frame(pixels, FrameTags::default());
+        return Ok(DngFrame { description, stored, told });
     }
     let label = path.file_stem().map_or_else(|| "raw".into(), |s| s.to_string_lossy().into_owned());
     let (mut description, told) = from_tags(path, &tiff, first, raw, &pixels, label)?;
-    let DngPixels { mut data, black_offsets, samples, .. } = pixels;
-    let remarks = remark_on([first, raw], samples, &mut description, &mut data, &black_offsets);
-    Ok(DngFrame { description, data, black_offsets, told, remarks })
+    let mut pixels = pixels;
+    let whites: Vec<u16> =
+        raw.unsigned(50_717).iter().map(|white| (*white).clamp(1, 65_535) as u16).collect();
+    let differ = whites.iter().any(|white| *white != whites[0]);
+    let planes = if description.samples == Samples::Mosaic { description.mosaic.channels.len() } else { 3 };
+    let mut tags = FrameTags {
+        orientation: orientation_of([first, raw]),
+        whites: if differ && whites.len() == planes { whites } else { Vec::new() },
+        ..FrameTags::default()
+    };
+    if raw.data(50_712).is_none() {
+        tags.remarks.extend(right_aligned(&mut pixels, &mut description, &mut tags.whites));
+    }
+    let (mosaic, samples, width) = (&description.mosaic, pixels.samples, pixels.width);
+    let channel = |value: usize| match samples {
+        1 => mosaic.channel(value / width, value % width),
+        _ => value % samples,
+    };
+    let opcodes = opcodes_of(raw, &pixels, channel);
+    tags.factors = opcodes.factors;
+    tags.remarks.extend(opcodes.remarks);
+    Ok(DngFrame { description, stored: stored_frame(pixels, tags), told })
+}
+
+fn stored_frame(pixels: DngPixels, tags: FrameTags) -> StoredFrame {
+    let DngPixels { width, height, data, black_offsets, .. } = pixels;
+    StoredFrame { width, height, data, black_offsets, tags }
+}
+
+/// Divides values that stand in the upper bits, and all levels with them.
+fn right_aligned(
+    pixels: &mut DngPixels,
+    description: &mut Description,
+    whites: &mut [u16],
+) -> Option<FrameRemark> {
+    let bits = left_aligned_bits(&pixels.data).filter(|bits| *bits < description.bit_depth)?;
+    let shift = 16 - bits;
+    let by = f64::from(1u32 << shift);
+    for value in pixels.data.iter_mut().chain(whites) {
+        *value >>= shift;
+    }
+    pixels.black_offsets.iter_mut().for_each(|offset| *offset /= by as f32);
+    description.white_level = (description.white_level >> shift).max(1);
+    description.bit_depth = bits;
+    for number in
+        [&mut description.black_level, &mut description.dn_per_electron, &mut description.read_noise_dn]
+    {
+        *number /= by;
+    }
+    Some(FrameRemark {
+        key: "alignment",
+        value: alignment_words(bits, shift),
+        remark: format!("all values are multiples of {by}; the levels of the tags are divided, too"),
+        is_doubtful: true,
+    })
 }
 
 /// The description that our own files carry, of an image of this width and height.
@@ -318,7 +369,8 @@ fn from_tags(
     label: String,
 ) -> Result<(Description, Told), FormatError> {
     let stored_bits = raw.first(258).unwrap_or(16).clamp(1, 16) as u8;
-    let white_tag = raw.first(50_717).map(|white| white.clamp(1, 65_535) as u16);
+    // By plane where they differ
+    let white_tag = raw.unsigned(50_717).into_iter().max().map(|white| white.clamp(1, 65_535) as u16);
     let white_level = white_tag.unwrap_or(((1u32 << stored_bits) - 1) as u16);
     // Many cameras store 12 bits in 16; a table that linearizes makes larger numbers than the stored ones
     let is_linearized = raw.data(50_712).is_some();

@@ -37,7 +37,6 @@ mod csv_fluorophore;
 mod csv_table;
 mod dng;
 mod dng_pixels;
-mod dng_remarks;
 mod eem_layout;
 mod eem_scatter;
 mod error;
@@ -46,6 +45,7 @@ mod file;
 mod file_format;
 mod film;
 mod frame_description;
+mod frame_judgement;
 mod gltf;
 mod input;
 mod instrument_text;
@@ -59,6 +59,7 @@ mod mesh_set;
 mod npy;
 mod npy_array;
 mod obj;
+mod opcodes;
 mod output;
 mod packed_raw;
 mod pbrt;
@@ -100,8 +101,8 @@ pub use exr::{
 pub use file_format::{FileFormat, OtherFormat};
 pub use film::{read_film, read_film_layout, read_film_rows, write_film};
 pub use frame_description::{
-    FactSource, FrameDescription, FrameFact, FrameFacts, black_level_doubt, describe_frame, description_path,
-    frame_remarks,
+    FactSource, FrameDescription, FrameFact, FrameFacts, ToldFrame, black_level_doubt, describe_frame,
+    description_path, read_told_frame,
 };
 pub use gltf::{read_gltf, read_gltf_instances, write_gltf};
 pub use input::{digest_bounded, read_bounded, read_start, read_text_bounded};

@@ -12,7 +12,7 @@ use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
 use super::input::open_plain;
 use super::npy_array::{NPY_MAGIC, read_npy_mask};
 use super::png::read_png;
-use super::tiff_image::{bounded_decoder, check_single_page, damaged_tiff};
+use super::tiff_image::{bounded_decoder, check_kind, check_single_page, damaged_tiff};
 
 /// Which pixels of an image are meant.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -88,6 +88,7 @@ fn npy_mask(path: &Path) -> Result<MaskImage, FormatError> {
 
 fn tiff_mask(path: &Path, file: File, length: u64) -> Result<MaskImage, FormatError> {
     guarded(path, "TIFF", || {
+        check_kind(path)?;
         let damaged = |error| damaged_tiff(path, error);
         let mut decoder = bounded_decoder(path, BufReader::new(file), length)?;
         let (width, height) = decoder.dimensions().map_err(damaged)?;

@@ -9,9 +9,10 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::file::{MAX_IMAGE_BYTES, check_image_size, read_file, write_sidecar};
+use super::frame_judgement::StoredFrame;
 use super::output::write_atomically;
-use super::raw::{Description, description, image_of};
-use super::{FormatError, Loaded, Provenance};
+use super::raw::{Description, JudgedFrame, description, image_of};
+use super::{FormatError, Provenance};
 use fluorspar::image::SensorImage;
 
 /// How pixels are packed.
@@ -129,7 +130,7 @@ pub(super) fn read_packed(
     path: &Path,
     description: Description,
     rows: PackedRows,
-) -> Result<Loaded<SensorImage>, FormatError> {
+) -> Result<JudgedFrame, FormatError> {
     check_image_size(path, description.width, description.height, 2, MAX_IMAGE_BYTES)?;
     let (columns, lines) = (description.width as usize, description.height as usize);
     let least = rows.format.row_bytes(columns);
@@ -148,7 +149,8 @@ pub(super) fn read_packed(
     for line in 0..lines {
         rows.format.unpack(&bytes[line * stride..line * stride + least], columns, &mut data);
     }
-    image_of(path, columns, lines, data, Vec::new(), description)
+    let stored = StoredFrame { width: columns, height: lines, data, ..StoredFrame::default() };
+    image_of(path, stored, &description)
 }
 
 /// Bytes from row to row.

@@ -10,12 +10,16 @@ use tiff::tags::Tag;
 
 use super::camera_raw::refuse_camera_raw;
 use super::dng::{is_dng, read_dng};
-use super::dng_remarks::left_shift;
 use super::file::{MAX_IMAGE_BYTES, read_file, read_sidecar, sidecar_path, write_sidecar};
+use super::frame_judgement::{
+    FrameRemark, FrameTags, StoredFrame, alignment_words, black_offsets_words, high_black_level,
+    mark_plateaus, orientation_of, turned_words, unused_bits, white_levels_words,
+};
 use super::input::open_plain;
 use super::output::write_atomically;
 use super::packed_raw::{PackedRows, read_packed};
 use super::png::{read_png, write_png};
+use super::tiff_directory::TiffBytes;
 use super::tiff_image::{TiffPixels, read_tiff_pixels};
 use super::{FileFormat, FormatError, Loaded, Provenance};
 use fluorspar::digest::sha256_hex;
@@ -67,6 +71,9 @@ pub(super) struct Description {
     pub(super) black_level: f64,
     pub(super) white_level: u16,
     pub(super) bit_depth: u8,
+    /// Bits below those of the converter, all 0, in files that hold its values in the upper ones of 16.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub(super) left_shift: u8,
     pub(super) exposure_s: f64,
     #[serde(default = "unity")]
     pub(super) gain: f64,
@@ -88,6 +95,10 @@ pub(super) struct Description {
 /// Of a camera that does not tell.
 fn is_unknown(value: &f64) -> bool {
     *value == 0.0
+}
+
+fn is_zero(value: &u8) -> bool {
+    *value == 0
 }
 
 fn unity() -> f64 {
@@ -116,6 +127,7 @@ impl Description {
             black_level,
             white_level,
             bit_depth,
+            left_shift: 0,
             exposure_s,
             gain,
             dn_per_electron,
@@ -199,12 +211,28 @@ pub fn write_sensor_png(
 /// # Errors
 /// A missing or mismatched description, another kind of image, damaged files.
 pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError> {
+    read_judged_frame(path).map(|frame| Loaded { image: frame.image, provenance: frame.provenance })
+}
+
+/// A raw frame, and what was found of it.
+#[derive(Clone, Debug)]
+pub(super) struct JudgedFrame {
+    /// The frame, turned as viewers show it.
+    pub(super) image: SensorImage,
+    pub(super) provenance: Option<Provenance>,
+    /// What it has otherwise than most frames.
+    pub(super) remarks: Vec<FrameRemark>,
+}
+
+/// Reads a raw frame as [`read_sensor_image`] does, with what was found of it.
+pub(super) fn read_judged_frame(path: &Path) -> Result<JudgedFrame, FormatError> {
     let failed = |source| FormatError::io(path, "read", source);
     let (mut file, length) = open_plain(path)?;
     let mut magic = Vec::new();
     Read::by_ref(&mut file).take(8).read_to_end(&mut magic).map_err(failed)?;
-    let (width, height, data) = if magic.starts_with(b"\x89PNG") {
-        read_frame_png(path)?
+    let stored = if magic.starts_with(b"\x89PNG") {
+        let (width, height, data) = read_frame_png(path)?;
+        StoredFrame { width, height, data, ..StoredFrame::default() }
     } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
         let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dng"));
         let bytes = read_file(path, MAX_IMAGE_BYTES)?;
@@ -214,29 +242,48 @@ pub fn read_sensor_image(path: &Path) -> Result<Loaded<SensorImage>, FormatError
         refuse_camera_raw(path, &bytes)?;
         file.rewind().map_err(failed)?;
         let TiffPixels { width, height, data, .. } = read_tiff_pixels(path, file, length)?;
-        (width, height, data)
+        StoredFrame { width, height, data, tags: tiff_tags(&bytes), ..StoredFrame::default() }
     } else {
         return read_by_description(path);
     };
     let description: Description = read_sidecar(path, &FileFormat::RAW_FRAME)?;
-    let mut data = data;
-    if description.program.is_none() {
-        align(&mut data, description.bit_depth);
-    }
-    image_of(path, width, height, data, Vec::new(), description)
+    image_of(path, stored, &description)
 }
 
-/// Shifts left-aligned samples of a converter of fewer than 16 bits down.
-pub(super) fn align(data: &mut [u16], bit_depth: u8) {
-    let shift = 16_u32.saturating_sub(u32::from(bit_depth));
-    let is_beyond = data.iter().any(|value| u32::from(*value) >> bit_depth.min(16) > 0);
-    if is_beyond && shift > 0 && left_shift(data) >= shift {
-        data.iter_mut().for_each(|value| *value >>= shift);
+/// What the tags of a TIFF tell beside the description of its frame.
+pub(super) fn tiff_tags(bytes: &[u8]) -> FrameTags {
+    let directories = TiffBytes::new(bytes).map(|tiff| tiff.directories()).unwrap_or_default();
+    FrameTags { orientation: orientation_of(directories.first()), ..FrameTags::default() }
+}
+
+/// Divides the values of a file that holds them in the upper bits, as its description tells, or as they themselves do where some need more
+/// bits than described.
+fn align(data: &mut [u16], d: &Description) -> Result<Option<FrameRemark>, String> {
+    let wide = 16_u8.saturating_sub(d.bit_depth);
+    let most = data.iter().copied().max().unwrap_or(0);
+    let is_beyond = u32::from(most) >> d.bit_depth.min(16) > 0;
+    let is_shifted = is_beyond && wide > 0 && unused_bits(data) >= u32::from(wide);
+    let shift = match d.left_shift {
+        0 if d.program.is_none() && is_shifted => wide,
+        shift => shift,
+    };
+    if shift == 0 {
+        return Ok(None);
     }
+    if shift > 15 || data.iter().any(|value| value.trailing_zeros() < u32::from(shift)) {
+        return Err(format!("\"left_shift\" is {shift}, but not all values are multiples of 2^{shift}"));
+    }
+    data.iter_mut().for_each(|value| *value >>= shift);
+    Ok(Some(FrameRemark {
+        key: "alignment",
+        value: alignment_words(d.bit_depth, shift),
+        remark: format!("all values are multiples of {}; levels are those after the division", 1u32 << shift),
+        is_doubtful: false,
+    }))
 }
 
 /// A file that does not tell its format: its description does.
-fn read_by_description(path: &Path) -> Result<Loaded<SensorImage>, FormatError> {
+fn read_by_description(path: &Path) -> Result<JudgedFrame, FormatError> {
     let unknown = || {
         FormatError::malformed(
             path,
@@ -254,20 +301,19 @@ fn read_by_description(path: &Path) -> Result<Loaded<SensorImage>, FormatError> 
     }
 }
 
-/// Joins pixels and their description, which must fit.
+/// Joins pixels and their description, which must fit. What the pixels show that the description does not tell is found, and the frame is
+/// turned as viewers show it.
 pub(super) fn image_of(
     path: &Path,
-    width: usize,
-    height: usize,
-    data: Vec<u16>,
-    black_offsets: Vec<f32>,
-    d: Description,
-) -> Result<Loaded<SensorImage>, FormatError> {
+    stored: StoredFrame,
+    d: &Description,
+) -> Result<JudgedFrame, FormatError> {
     // The description of a DNG is inside.
     let beside = sidecar_path(path);
     let sidecar = if beside.exists() { beside } else { path.to_path_buf() };
     let wrong =
         |what: String| FormatError::malformed(&sidecar, what, "Keep the two files of one frame together");
+    let (width, height) = (stored.width, stored.height);
     if (d.width, d.height) != (width as u64, height as u64) {
         return Err(wrong(format!(
             "{} rows and {} columns are described but the image has {height} and {width}",
@@ -275,16 +321,47 @@ pub(super) fn image_of(
         )));
     }
     if let Some(expected) = &d.pixels_sha256
-        && *expected != pixels_sha256(&data)
+        && *expected != pixels_sha256(&stored.data)
     {
         return Err(wrong("the pixels are not those that were described (their SHA-256 differs)".into()));
     }
-    let provenance = d.provenance.clone();
-    let image = SensorImage { black_offsets, ..sensor_image(path, &sidecar, width, height, data, &d)? };
+    judged(path, &sidecar, stored, d)
+}
+
+/// A frame that fits its description; where they contradict each other, `said_in` is to blame.
+fn judged(
+    path: &Path,
+    said_in: &Path,
+    stored: StoredFrame,
+    d: &Description,
+) -> Result<JudgedFrame, FormatError> {
+    let cure = if said_in == path {
+        "Give what is right of it, see fluorspar describe --help"
+    } else {
+        "Correct the description, or describe the frame anew with fluorspar describe FRAME --replace"
+    };
+    let wrong = |what: String| FormatError::malformed(said_in, what, cure);
+    let StoredFrame { width, height, mut data, black_offsets, tags } = stored;
+    let FrameTags { orientation, whites, factors, mut remarks } = tags;
+    remarks.extend(align(&mut data, d).map_err(wrong)?);
+    let mut image =
+        SensorImage { black_offsets, factors, ..sensor_image(path, said_in, width, height, data, d)? };
     if let Some(problem) = contradiction(&image) {
         return Err(wrong(problem));
     }
-    Ok(Loaded { image, provenance })
+    // A described level is for all
+    if whites.iter().max() == Some(&image.white_level) {
+        image.white_levels = whites;
+    }
+    remarks.extend(white_levels_words(&image));
+    remarks.extend(black_offsets_words(&image));
+    // Of a simulation, which has no noise where none is wanted, all levels are known
+    if d.program.is_none() {
+        remarks.extend(mark_plateaus(&mut image));
+        remarks.extend(high_black_level(&image));
+    }
+    remarks.extend(turned_words(orientation));
+    Ok(JudgedFrame { image: image.turned(orientation), provenance: d.provenance.clone(), remarks })
 }
 
 /// A frame from its pixels and what is said of them; where they contradict each other, `said_in` is to blame.
@@ -321,6 +398,9 @@ fn sensor_image(
         mosaic,
         black_level: d.black_level,
         black_offsets: Vec::new(),
+        white_levels: Vec::new(),
+        factors: Vec::new(),
+        orientation: fluorspar::image::Orientation::default(),
         white_level: d.white_level,
         bit_depth: d.bit_depth,
         exposure_s: d.exposure_s,
@@ -333,18 +413,13 @@ fn sensor_image(
     })
 }
 
-/// Checks that pixels and a description that is not written yet fit.
-pub(super) fn image_of_parts(path: &Path, data: Vec<u16>, d: &Description) -> Result<(), FormatError> {
-    let (width, height) = (d.width as usize, d.height as usize);
-    let image = sensor_image(path, path, width, height, data, d)?;
-    match contradiction(&image) {
-        None => Ok(()),
-        Some(problem) => Err(FormatError::malformed(
-            path,
-            problem,
-            "Give what is right of it, see fluorspar describe --help",
-        )),
-    }
+/// Joins pixels and a description that is not written yet.
+pub(super) fn image_of_parts(
+    path: &Path,
+    stored: StoredFrame,
+    d: &Description,
+) -> Result<JudgedFrame, FormatError> {
+    judged(path, path, stored, d)
 }
 
 pub(super) fn description(
@@ -355,9 +430,16 @@ pub(super) fn description(
     if let Some(problem) = contradiction(image) {
         return Err(FormatError::unwritable(path, problem, "Correct the frame before writing it"));
     }
-    if !image.black_offsets.is_empty() {
-        let what = "its black level differs by place, which a description does not tell";
-        return Err(FormatError::unwritable(path, what, "Keep the DNG that it was read from"));
+    for (is_told_here, what) in [
+        (image.black_offsets.is_empty(), "its black level differs by place"),
+        (image.white_levels.is_empty(), "its white level differs by channel"),
+        (image.factors.is_empty(), "it has a gain map"),
+        (image.orientation.is_upright(), "it is turned from how its sensor was read out"),
+    ] {
+        if !is_told_here {
+            let what = format!("{what}, which a description does not tell");
+            return Err(FormatError::unwritable(path, what, "Keep the file that it was read from"));
+        }
     }
     Ok(Description {
         format: FileFormat::RAW_FRAME.version(),
@@ -370,6 +452,7 @@ pub(super) fn description(
         black_level: image.black_level,
         white_level: image.white_level,
         bit_depth: image.bit_depth,
+        left_shift: 0,
         exposure_s: image.exposure_s,
         gain: image.gain,
         dn_per_electron: image.dn_per_electron,
@@ -429,8 +512,10 @@ fn contradiction(image: &SensorImage) -> Option<String> {
     }
     if image.bit_depth < 16 && u32::from(image.white_level) >> image.bit_depth > 0 {
         return Some(format!(
-            "a converter of {} bits has no white level of {}",
-            image.bit_depth, image.white_level
+            "a converter of {} bits has no white level of {}; its largest number is {}",
+            image.bit_depth,
+            image.white_level,
+            (1u32 << image.bit_depth) - 1
         ));
     }
     if f64::from(image.white_level) <= image.black_level {

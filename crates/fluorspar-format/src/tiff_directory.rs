@@ -8,6 +8,8 @@ const MOST_DIRECTORIES: usize = 64;
 pub(super) struct TiffBytes<'a> {
     bytes: &'a [u8],
     big_endian: bool,
+    /// Whether offsets and counts have 64 bits (BigTIFF).
+    is_big: bool,
 }
 
 /// One entry: kind of its values, how many, and their bytes.
@@ -29,7 +31,7 @@ fn size_of(kind: u16) -> usize {
         1 | 2 | 6 | 7 => 1,
         3 | 8 => 2,
         4 | 9 | 11 | 13 => 4,
-        5 | 10 | 12 => 8,
+        5 | 10 | 12 | 16..=18 => 8,
         _ => 0,
     }
 }
@@ -48,20 +50,53 @@ fn u32_at(data: &[u8], big_endian: bool) -> Option<u32> {
     Some(if big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
 }
 
+fn u64_at(data: &[u8], big_endian: bool) -> Option<u64> {
+    let bytes = bytes_of::<8>(data)?;
+    Some(if big_endian { u64::from_be_bytes(bytes) } else { u64::from_le_bytes(bytes) })
+}
+
 fn f64_at(data: &[u8], big_endian: bool) -> Option<f64> {
     let bytes = bytes_of::<8>(data)?;
     Some(if big_endian { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
 }
 
 impl<'a> TiffBytes<'a> {
-    /// The file, if it begins as a classic TIFF does.
+    /// The file, if it begins as a TIFF or a BigTIFF does.
     pub(super) fn new(bytes: &'a [u8]) -> Option<Self> {
-        let big_endian = match bytes.get(..4)? {
-            b"II*\0" => false,
-            b"MM\0*" => true,
+        let (big_endian, is_big) = match bytes.get(..4)? {
+            b"II*\0" => (false, false),
+            b"MM\0*" => (true, false),
+            b"II+\0" => (false, true),
+            b"MM\0+" => (true, true),
             _ => return None,
         };
-        Some(Self { bytes, big_endian })
+        Some(Self { bytes, big_endian, is_big })
+    }
+
+    /// An offset or count, of the length that the file has them in.
+    fn offset_at(&self, data: &[u8]) -> Option<u64> {
+        match self.is_big {
+            true => u64_at(data, self.big_endian),
+            false => u32_at(data, self.big_endian).map(u64::from),
+        }
+    }
+
+    /// Bytes of an offset, and of the number of entries of a directory.
+    fn widths(&self) -> [usize; 2] {
+        if self.is_big { [8, 8] } else { [4, 2] }
+    }
+
+    /// Where the entries of a directory begin and end.
+    fn table_of(&self, offset: u64) -> Option<[usize; 2]> {
+        let start = usize::try_from(offset).ok()?;
+        let [offset_bytes, count_bytes] = self.widths();
+        let head = self.bytes.get(start..)?;
+        let count = match self.is_big {
+            true => usize::try_from(u64_at(head, self.big_endian)?).ok()?,
+            false => usize::from(u16_at(head, self.big_endian)?),
+        };
+        let begin = start.checked_add(count_bytes)?;
+        (count <= MOST_ENTRIES).then_some([begin, begin.checked_add(count * (4 + 2 * offset_bytes))?])
     }
 
     pub(super) fn bytes(&self) -> &'a [u8] {
@@ -75,25 +110,21 @@ impl<'a> TiffBytes<'a> {
     /// The directory at an offset, if all of it lies in the file. Entries of unknown type, or whose values do not lie in the
     /// file, are left out.
     pub(super) fn directory(&self, offset: u64) -> Option<Directory<'a>> {
-        let start = usize::try_from(offset).ok()?;
-        let count = usize::from(u16_at(self.bytes.get(start..)?, self.big_endian)?);
-        if count > MOST_ENTRIES {
-            return None;
-        }
-        let table = self.bytes.get(start + 2..start.checked_add(2 + 12 * count)?)?;
-        let mut entries = Vec::with_capacity(count);
-        for row in table.chunks_exact(12) {
+        let [begin, end] = self.table_of(offset)?;
+        let [wide, _] = self.widths();
+        let mut entries = Vec::new();
+        for row in self.bytes.get(begin..end)?.chunks_exact(4 + 2 * wide) {
             let tag = u16_at(row, self.big_endian)?;
             let kind = u16_at(&row[2..], self.big_endian)?;
-            let values = u32_at(&row[4..], self.big_endian)?;
-            let Some(length) = size_of(kind).checked_mul(values as usize).filter(|l| *l > 0) else {
-                continue;
-            };
-            let data = if length <= 4 {
-                row.get(8..8 + length)
+            let values = usize::try_from(self.offset_at(&row[4..])?).ok();
+            let length = values.and_then(|values| size_of(kind).checked_mul(values)).filter(|l| *l > 0);
+            let Some(length) = length else { continue };
+            let cell = &row[4 + wide..];
+            let data = if length <= wide {
+                cell.get(..length)
             } else {
-                let at = u32_at(&row[8..], self.big_endian)? as usize;
-                at.checked_add(length).and_then(|end| self.bytes.get(at..end))
+                let at = usize::try_from(self.offset_at(cell)?).ok();
+                at.and_then(|at| self.bytes.get(at..at.checked_add(length)?))
             };
             if let Some(data) = data {
                 entries.push(Entry { tag, kind, data });
@@ -106,20 +137,16 @@ impl<'a> TiffBytes<'a> {
     pub(super) fn directories(&self) -> Vec<Directory<'a>> {
         let mut found = Vec::new();
         let mut seen = Vec::new();
-        let mut open: Vec<u64> =
-            self.bytes.get(4..).and_then(|d| u32_at(d, self.big_endian)).map(u64::from).into_iter().collect();
+        let first = self.bytes.get(if self.is_big { 8 } else { 4 }..);
+        let mut open: Vec<u64> = first.and_then(|data| self.offset_at(data)).into_iter().collect();
         while let Some(offset) = open.pop() {
             if offset == 0 || seen.contains(&offset) || found.len() >= MOST_DIRECTORIES {
                 continue;
             }
             seen.push(offset);
             let Some(directory) = self.directory(offset) else { continue };
-            let end = usize::try_from(offset).ok().and_then(|start| {
-                let count = usize::from(u16_at(self.bytes.get(start..)?, self.big_endian)?);
-                start.checked_add(2 + 12 * count)
-            });
-            let next = end.and_then(|end| u32_at(self.bytes.get(end..)?, self.big_endian));
-            open.extend(next.map(u64::from));
+            let next = self.table_of(offset).and_then(|[_, end]| self.offset_at(self.bytes.get(end..)?));
+            open.extend(next);
             open.extend(directory.unsigned(330).into_iter().rev());
             found.push(directory);
         }
@@ -132,7 +159,7 @@ impl<'a> Directory<'a> {
         self.entries.iter().find(|entry| entry.tag == tag)
     }
 
-    /// Whole numbers of a tag (BYTE, SHORT, LONG, IFD); empty where there are none.
+    /// Whole numbers of a tag (BYTE, SHORT, LONG, IFD and their forms of 64 bits); empty where there are none.
     pub(super) fn unsigned(&self, tag: u16) -> Vec<u64> {
         let Some(entry) = self.entry(tag) else { return Vec::new() };
         let values = entry.data.chunks_exact(size_of(entry.kind).max(1));
@@ -141,6 +168,7 @@ impl<'a> Directory<'a> {
                 1 | 7 => value.first().map(|v| u64::from(*v)),
                 3 => u16_at(value, self.big_endian).map(u64::from),
                 4 | 13 => u32_at(value, self.big_endian).map(u64::from),
+                16 | 18 => u64_at(value, self.big_endian),
                 _ => None,
             })
             .collect()

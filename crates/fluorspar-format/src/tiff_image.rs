@@ -1,14 +1,15 @@
 //! Pixels of plain TIFF images.
 
 use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::BufReader;
 use std::path::Path;
 
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 
 use super::FormatError;
-use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
+use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, read_file};
+use super::tiff_directory::{Directory, TiffBytes};
 
 /// Most pages that are counted.
 const MOST_PAGES: usize = 10_000;
@@ -28,13 +29,76 @@ pub(super) struct TiffPixels {
 /// An error of the decoder in words.
 pub(super) fn damaged_tiff(path: &Path, error: tiff::TiffError) -> FormatError {
     match error {
-        tiff::TiffError::IoError(source) if source.kind() != io::ErrorKind::UnexpectedEof => {
+        // Decoders of compressed rows have errors of this kind, too, with no system behind them
+        tiff::TiffError::IoError(source) if source.raw_os_error().is_some() => {
             FormatError::io(path, "read", source)
+        }
+        tiff::TiffError::UnsupportedError(kind) => {
+            let what = format!("this kind of TIFF is not read ({kind})");
+            FormatError::unsupported(path, what, plain_copy(path))
         }
         error => {
             FormatError::malformed(path, format!("not a valid TIFF file: {error}"), "Copy the file again")
         }
     }
+}
+
+/// How to make a form of a file that is read.
+fn plain_copy(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    format!(
+        "Save it uncompressed, gray or RGB of 8 or 16 bits, for instance with LibTIFF: tiffcp -c none -p contig {name} {stem}_plain.tif"
+    )
+}
+
+/// Compressions of TIFF by the numbers of tag 259 that are not read here.
+const COMPRESSIONS: [(u64, &str); 11] = [
+    (6, "JPEG as of TIFF 6.0 (old-style)"),
+    (34_712, "JPEG 2000"),
+    (34_887, "LERC"),
+    (34_892, "lossy JPEG of DNG"),
+    (34_925, "LZMA"),
+    (34_926, "ZSTD"),
+    (50_000, "ZSTD"),
+    (50_001, "WebP"),
+    (50_002, "JPEG XL"),
+    (52_546, "JPEG XL"),
+    (32_809, "ThunderScan"),
+];
+
+/// Refuses TIFFs that are valid but of a kind that is not read, by its name.
+///
+/// # Errors
+/// Such a file; one that can't be read.
+pub(super) fn check_kind(path: &Path) -> Result<(), FormatError> {
+    let bytes = read_file(path, MAX_IMAGE_BYTES)?;
+    let Some(tiff) = TiffBytes::new(&bytes) else { return Ok(()) };
+    let directories = tiff.directories();
+    let Some(first) = directories.first() else { return Ok(()) };
+    let compression = first.first(259).unwrap_or(1);
+    let known = COMPRESSIONS.iter().find(|(number, _)| *number == compression);
+    let what = if let Some((_, name)) = known {
+        format!("its pixels are compressed with {name}, which is not read")
+    } else if compression == 5 && has_old_lzw(first, &bytes) {
+        "its pixels are compressed with old-style LZW (bits in reverse order, of before TIFF 6.0), which is not read".into()
+    } else if first.first(262) == Some(3) {
+        let what = "its pixels are indices of a palette, not numbers of light";
+        let hint = "Give the file that it was made from, or save it as gray or RGB";
+        return Err(FormatError::unsupported(path, what, hint));
+    } else if first.first(284) == Some(2) && super::dng::samples(first) > 1 {
+        "its channels are stored in separate planes (planar configuration 2), which are not read".into()
+    } else {
+        return Ok(());
+    };
+    Err(FormatError::unsupported(path, what, plain_copy(path)))
+}
+
+/// Whether rows begin with the clear code from the lowest bit on, by which LibTIFF knows them, too.
+fn has_old_lzw(first: &Directory<'_>, bytes: &[u8]) -> bool {
+    let offset = first.first(273).or_else(|| first.first(324)).and_then(|at| usize::try_from(at).ok());
+    let start = offset.and_then(|at| bytes.get(at..at.checked_add(2)?));
+    start.is_some_and(|start| start[0] == 0 && start[1] & 1 == 1)
 }
 
 /// A decoder that takes no more memory than an image may.
@@ -84,6 +148,7 @@ pub(super) fn check_single_page(
 /// Other images, damaged files.
 pub(super) fn read_tiff_pixels(path: &Path, file: File, length: u64) -> Result<TiffPixels, FormatError> {
     guarded(path, "TIFF", || {
+        check_kind(path)?;
         let damaged = |error| damaged_tiff(path, error);
         let mut decoder = bounded_decoder(path, BufReader::new(file), length)?;
         let (width, height) = decoder.dimensions().map_err(damaged)?;
@@ -114,9 +179,7 @@ pub(super) fn read_tiff_pixels(path: &Path, file: File, length: u64) -> Result<T
         check_single_page(path, &mut decoder)?;
         let (width, height) = (width as usize, height as usize);
         if data.len() != width * height * samples {
-            let what =
-                "the channels are stored in separate planes (planar configuration 2), or rows are missing";
-            return Err(FormatError::unsupported(path, what, "Save it with interleaved channels"));
+            return Err(FormatError::malformed(path, "rows of the image are missing", "Copy the file again"));
         }
         Ok(TiffPixels { width, height, samples, bits, data })
     })

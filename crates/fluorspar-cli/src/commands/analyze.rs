@@ -10,12 +10,14 @@ use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, PipelineError, RawExposures, SeenComponents,
     analyze_regions, analyze_seen, bracket_label, complete_raw, develop_frames, subtract_what_is_given,
+    turned_alike,
 };
 use fluorspar::study::{AnalysisPlan, Capture, RegionPlan, Study};
 use fluorspar::units::number_text;
 use fluorspar_experiment::{Experiment, KeptAnalysis, ResolvedExperiment, Warning, kept_analysis, resolve};
 use fluorspar_format::{
-    OutputFolder, black_level_doubt, frame_remarks, read_sensor_image, write_atomically, write_map_npy,
+    FrameFact, OutputFolder, ToldFrame, black_level_doubt, read_sensor_image, read_told_frame,
+    write_atomically, write_map_npy,
 };
 use fluorspar_report::figures::porphyrin_maps;
 use fluorspar_report::{FrameOrigin, regions_json};
@@ -136,10 +138,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let Some(settings) = &study.analysis else {
         return Err(CliError::Input(format!("{name}: the experiment has no [analysis] section; add one")));
     };
-    let (frames, view) = match seen.filter(|seen| seen.captures.len() == study.captures.len()) {
-        Some(seen) => (seen.frames, Some(seen.view)),
-        None => (developed(options, study, &settings.frame)?, None),
-    };
+    let (Developed { frames, told }, view) =
+        match seen.filter(|seen| seen.captures.len() == study.captures.len()) {
+            Some(seen) => (Developed { frames: seen.frames, told: Vec::new() }, Some(seen.view)),
+            None => (developed(options, study, &settings.frame)?, None),
+        };
     if image.is_none() {
         check_pixels_known(&name, study)?;
     }
@@ -183,6 +186,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         regions: others.clone(),
         components: None,
         frames_from: if options.frame.is_empty() { FrameOrigin::Simulated } else { FrameOrigin::Given },
+        told_frames: told,
         raw_ending: None,
     };
     report.write(out.path()).map_err(|error| error.at_its_place(&out))?;
@@ -454,17 +458,32 @@ fn analyzed_without_surfaces(
     Some((ResolvedExperiment { study, record }, analysis, regions))
 }
 
+/// What frames are, by file.
+type ToldFiles = Vec<(String, Vec<FrameFact>)>;
+
+/// Frames, and what those are that were given.
+struct Developed {
+    frames: Vec<CapturedFrame>,
+    told: ToldFiles,
+}
+
 /// The frames that are analyzed, developed with what calibrates them.
-fn developed(options: &Options, study: &Study, wanted: &str) -> Result<Vec<CapturedFrame>, CliError> {
+fn developed(options: &Options, study: &Study, wanted: &str) -> Result<Developed, CliError> {
     if options.frame.is_empty() {
         let Some(folder) = &options.folder else {
             return Err(CliError::Input("give a folder, or frames with --frame CAPTURE=FILE".into()));
         };
-        return developed_folder(study, folder);
+        return Ok(Developed { frames: developed_folder(study, folder)?, told: Vec::new() });
     }
-    let exposures = named_frames(options, study, wanted)?;
+    let (mut exposures, told) = named_frames(options, study, wanted)?;
+    let turned: Vec<Warning> = turned_alike(&mut exposures).into_iter().map(Warning::from).collect();
+    Messages::default().warnings(&turned);
     let read = |paths: &[PathBuf]| -> Result<Vec<SensorImage>, CliError> {
-        paths.iter().map(|path| read_raw(study, path, None)).collect()
+        let turned = |raw: ToldFrame| match exposures.first() {
+            Some(first) => raw.image.turned_as(&first.raw).0,
+            None => raw.image,
+        };
+        paths.iter().map(|path| Ok(turned(read_raw(study, path, None)?))).collect()
     };
     let develop = &study.develop;
     let (dark, flat) = (read(&options.dark)?, read(&options.flat)?);
@@ -474,7 +493,7 @@ fn developed(options: &Options, study: &Study, wanted: &str) -> Result<Vec<Captu
     let remarks: Vec<Warning> =
         calibration.remarks(all).map_err(PipelineError::from)?.into_iter().map(Warning::from).collect();
     Messages::default().warnings(&remarks);
-    Ok(frames)
+    Ok(Developed { frames, told })
 }
 
 /// The frames of a folder that `run` or `capture` wrote, developed with what calibrates them.
@@ -523,13 +542,14 @@ fn write_layers(out: &OutputFolder, porphyrin: &PorphyrinMap) -> Result<(), CliE
 
 /// The raw frame in a file under the name of a capture. What a real camera does not tell of its conversion gain and noise, the
 /// sensor of the experiment does.
-fn read_raw(study: &Study, path: &Path, label: Option<&str>) -> Result<SensorImage, CliError> {
-    let mut raw = read_sensor_image(path)?.image;
+fn read_raw(study: &Study, path: &Path, label: Option<&str>) -> Result<ToldFrame, CliError> {
+    let mut told = read_told_frame(path)?;
+    let raw = &mut told.image;
     if let Some(label) = label {
         raw.label = label.into();
     }
-    complete_raw(study, &mut raw).map_err(|what| CliError::Input(format!("{}: {what}", path.display())))?;
-    Ok(raw)
+    complete_raw(study, raw).map_err(|what| CliError::Input(format!("{}: {what}", path.display())))?;
+    Ok(told)
 }
 
 fn frames_of_folder(
@@ -541,7 +561,7 @@ fn frames_of_folder(
         let candidates =
             ["tiff", "tif", "png", "dng", "raw"].map(|ending| folder.join(format!("raw_{label}.{ending}")));
         match candidates.iter().find(|path| path.is_file()) {
-            Some(path) => read_raw(study, path, Some(label)),
+            Some(path) => Ok(read_raw(study, path, Some(label))?.image),
             None => Err(CliError::Input(format!(
                 "{}: there is no raw_{label}.tiff for the capture \"{label}\"",
                 folder.display()
@@ -558,9 +578,15 @@ fn frames_of_folder(
     found.into_iter().collect()
 }
 
-fn named_frames(options: &Options, study: &Study, wanted: &str) -> Result<Vec<RawExposures>, CliError> {
+/// The frames that were named, and what each file is.
+fn named_frames(
+    options: &Options,
+    study: &Study,
+    wanted: &str,
+) -> Result<(Vec<RawExposures>, ToldFiles), CliError> {
     let known: Vec<&str> = study.captures.iter().map(|c| c.frame.label.as_str()).collect();
     let mut frames: Vec<RawExposures> = Vec::new();
+    let mut told = Vec::new();
     for text in &options.frame {
         let (label, file) = named_frame(text)?;
         // Exposures of a bracket bear the name of their capture.
@@ -573,11 +599,14 @@ fn named_frames(options: &Options, study: &Study, wanted: &str) -> Result<Vec<Ra
                 known.join(", ")
             )));
         };
-        let raw = read_raw(study, Path::new(file), Some(label))?;
-        let remarks = frame_remarks(Path::new(file))?;
-        let remarks: Vec<Warning> =
-            remarks.iter().map(|said| Warning::from(format!("{file}: {said}"))).collect();
-        Messages::default().warnings(&remarks);
+        let ToldFrame { image: raw, facts } = read_raw(study, Path::new(file), Some(label))?;
+        // Dark frames take the place of a black level
+        let counts = |fact: &&FrameFact| options.dark.is_empty() || fact.key != "black level";
+        let doubtful = facts.iter().filter(|fact| fact.is_doubtful).filter(counts);
+        let doubts: Vec<Warning> =
+            doubtful.map(|fact| Warning::from(format!("{file}: {}", fact.sentence()))).collect();
+        Messages::default().warnings(&doubts);
+        told.push((file_name(file), facts));
         if options.dark.is_empty()
             && let Some(doubt) = black_level_doubt(&raw.data, raw.black_level, raw.white_level)
         {
@@ -602,7 +631,7 @@ fn named_frames(options: &Options, study: &Study, wanted: &str) -> Result<Vec<Ra
             "the analysis is of the capture \"{wanted}\"; give its file with --frame {wanted}=FILE"
         )));
     }
-    Ok(frames)
+    Ok((frames, told))
 }
 
 fn describe(analysis: &Analysis) -> String {

@@ -28,7 +28,7 @@ pub(crate) struct Options {
     /// Capture of the experiment that it is a frame of [default: the name of the file].
     #[arg(long, value_name = "NAME")]
     capture: Option<String>,
-    /// Color filter array from the upper left pixel on: rggb, bggr, grbg, gbrg, or mono [default: from the tags, else mono].
+    /// Color filter array from the upper left pixel on, as the file stores it: rggb, bggr, grbg, gbrg, or mono [default: from the tags, else mono].
     #[arg(long, value_name = "ORDER", value_parser = mosaic)]
     mosaic: Option<Mosaic>,
     /// RGB files: every pixel measured all three colors [default: they were interpolated from a Bayer array].
@@ -43,6 +43,10 @@ pub(crate) struct Options {
     /// Bits of the converter [default: from the tags, else the fewest that hold the largest value].
     #[arg(long, value_name = "BITS", value_parser = values::whole::<u8, 1, 16>, allow_negative_numbers = true)]
     bit_depth: Option<u8>,
+    /// The values stand in the upper bits of 16: of dark frames, whose size does not show it [default: where some need more bits than the
+    /// powers of 2 that all are multiples of leave].
+    #[arg(long)]
+    left_aligned: bool,
     /// Exposure time, ms [default: from the tags].
     #[arg(long, value_name = "MS", value_parser = values::number, allow_negative_numbers = true)]
     exposure_ms: Option<f64>,
@@ -89,6 +93,7 @@ fn facts(options: &Options) -> Result<FrameFacts, CliError> {
         black_level: options.black_level,
         white_level: options.white_level,
         bit_depth: options.bit_depth,
+        is_left_aligned: options.left_aligned,
         exposure_s: options.exposure_ms.map(|ms| 1e-3 * ms),
         gain: options.gain,
         dn_per_electron: options.dn_per_electron,

@@ -10,6 +10,7 @@ use fluorspar::pipeline::{
 };
 use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
+use fluorspar_format::FrameFact;
 use fluorspar_report::{
     FrameOrigin, NumberMatrix, RunResults, dark_frames, regions_matrix, write_frame_report,
 };
@@ -29,6 +30,8 @@ pub(super) struct FrameReport<'a> {
     /// What the frames show, with its spectra; `None` where it is not known.
     pub(super) components: Option<&'a ComponentImage>,
     pub(super) frames_from: FrameOrigin,
+    /// What the frames are that were given, by file.
+    pub(super) told_frames: Vec<(String, Vec<FrameFact>)>,
     /// Ending of the raw files beside the report.
     pub(super) raw_ending: Option<&'a str>,
 }
@@ -50,6 +53,7 @@ impl FrameReport<'_> {
             components: None,
             evaluation: &evaluation,
             frames_from: self.frames_from,
+            told_frames: &self.told_frames,
             raw_ending: self.raw_ending,
         };
         write_frame_report(folder, &run)?;

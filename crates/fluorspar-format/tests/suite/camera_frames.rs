@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use fluorspar::image::Mosaic;
 use fluorspar_format::{
-    FactSource, FrameDescription, FrameFacts, describe_frame, frame_remarks, read_mask, read_sensor_image,
+    FactSource, FrameDescription, FrameFacts, describe_frame, read_mask, read_sensor_image, read_told_frame,
 };
 
 fn camera(name: &str) -> PathBuf {
@@ -148,17 +148,61 @@ fn a_dng_can_be_described_anew() {
     assert_eq!(f64::from(image.data[0]) - image.black_of(0), 0.0);
 }
 
-/// A little-endian DNG of 8 x 4 pixels in 16 bits, `values` given, with further tags, each with the bytes of its values.
-fn plain_dng(path: &Path, values: &[u16], tags: &[(u16, u16, u32, Vec<u8>)]) {
-    let long = |tag: u16, value: u32| (tag, 4, 1, value.to_le_bytes().to_vec());
-    let pixels_at = 1024u32;
+/// A tag: number, kind, count and the bytes of its values.
+type TagBytes = (u16, u16, u32, Vec<u8>);
+
+/// Where the pixels of such files lie.
+const PIXELS_AT: usize = 1024;
+
+/// A little-endian TIFF, or BigTIFF, of one directory.
+fn tiff_bytes(mut tags: Vec<TagBytes>, pixels: &[u8], is_big: bool) -> Vec<u8> {
+    let offset = |at: usize| {
+        let bytes = (at as u64).to_le_bytes();
+        bytes[..if is_big { 8 } else { 4 }].to_vec()
+    };
+    let wide = offset(0).len();
+    tags.sort_by_key(|tag| tag.0);
+    let (mut bytes, count) = match is_big {
+        true => (b"II+\0\x08\0\0\0\x10\0\0\0\0\0\0\0".to_vec(), 8),
+        false => (b"II*\0\x08\0\0\0".to_vec(), 2),
+    };
+    let beyond_at = bytes.len() + count + (4 + 2 * wide) * tags.len() + wide;
+    bytes.extend(&(tags.len() as u64).to_le_bytes()[..count]);
+    let mut beyond = Vec::new();
+    for (tag, kind, count, data) in &tags {
+        bytes.extend(tag.to_le_bytes());
+        bytes.extend(kind.to_le_bytes());
+        bytes.extend(offset(*count as usize));
+        if data.len() > wide {
+            bytes.extend(offset(beyond_at + beyond.len()));
+            beyond.extend_from_slice(data);
+        } else {
+            let mut cell = data.clone();
+            cell.resize(wide, 0);
+            bytes.extend(cell);
+        }
+    }
+    bytes.extend(offset(0));
+    bytes.extend(beyond);
+    assert!(bytes.len() <= PIXELS_AT);
+    bytes.resize(PIXELS_AT, 0);
+    bytes.extend(pixels);
+    bytes
+}
+
+fn long(tag: u16, value: u32) -> TagBytes {
+    (tag, 4, 1, value.to_le_bytes().to_vec())
+}
+
+/// A DNG of 8 x 4 pixels in 16 bits, RGGB, `values` given, with further tags.
+fn dng_bytes(values: &[u16], tags: &[TagBytes], is_big: bool) -> Vec<u8> {
     let mut all = vec![
         long(256, 8),
         long(257, 4),
         long(258, 16),
         long(259, 1),
         long(262, 32_803),
-        long(273, pixels_at),
+        long(273, PIXELS_AT as u32),
         long(277, 1),
         long(279, 64),
         (33_421, 3, 2, [2u16, 2].map(u16::to_le_bytes).concat()),
@@ -166,30 +210,12 @@ fn plain_dng(path: &Path, values: &[u16], tags: &[(u16, u16, u32, Vec<u8>)]) {
         (50_706, 1, 4, vec![1, 4, 0, 0]),
     ];
     all.extend_from_slice(tags);
-    all.sort_by_key(|tag| tag.0);
-    let mut bytes = b"II*\0\x08\0\0\0".to_vec();
-    bytes.extend((all.len() as u16).to_le_bytes());
-    let mut beyond = Vec::new();
-    let beyond_at = 8 + 2 + 12 * all.len() + 4;
-    for (tag, kind, count, data) in &all {
-        bytes.extend(tag.to_le_bytes());
-        bytes.extend(kind.to_le_bytes());
-        bytes.extend(count.to_le_bytes());
-        if data.len() > 4 {
-            bytes.extend(((beyond_at + beyond.len()) as u32).to_le_bytes());
-            beyond.extend_from_slice(data);
-        } else {
-            let mut cell = data.clone();
-            cell.resize(4, 0);
-            bytes.extend(cell);
-        }
-    }
-    bytes.extend([0; 4]);
-    bytes.extend(beyond);
-    assert!(bytes.len() <= pixels_at as usize);
-    bytes.resize(pixels_at as usize, 0);
-    bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-    fs::write(path, bytes).unwrap();
+    let pixels: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    tiff_bytes(all, &pixels, is_big)
+}
+
+fn plain_dng(path: &Path, values: &[u16], tags: &[TagBytes]) {
+    fs::write(path, dng_bytes(values, tags, false)).unwrap();
 }
 
 /// Light of 6 (R), 14 (G) and 3 (B) over levels of 60, 64, 70 and 68 in a cell, and what columns (in quarters) and rows add to them:
@@ -240,8 +266,13 @@ fn fact(found: &FrameDescription, key: &str) -> (String, FactSource) {
 }
 
 /// A tag of 16-bit numbers.
-fn shorts(tag: u16, values: &[u16]) -> (u16, u16, u32, Vec<u8>) {
+fn shorts(tag: u16, values: &[u16]) -> TagBytes {
     (tag, 3, values.len() as u32, values.iter().flat_map(|value| value.to_le_bytes()).collect())
+}
+
+/// Channel of a pixel of `plain_dng`.
+fn channel(pixel: usize) -> usize {
+    pixel / 8 % 2 + pixel % 2
 }
 
 /// Green ends at 3000 where the file promises 4095: in nine of its sixteen pixels.
@@ -249,8 +280,7 @@ fn shorts(tag: u16, values: &[u16]) -> (u16, u16, u32, Vec<u8>) {
 fn a_plateau_below_the_white_level_is_saturation() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.dng");
-    let is_green = |pixel: usize| (pixel / 8 + pixel) % 2 == 1;
-    let value = |pixel: usize| match (is_green(pixel), pixel / 2) {
+    let value = |pixel: usize| match (channel(pixel) == 1, pixel / 2) {
         (true, 0..9) => 3000,
         (true, at) => 2500 - 20 * at as u16,
         (false, at) => 500 + 31 * at as u16,
@@ -258,46 +288,143 @@ fn a_plateau_below_the_white_level_is_saturation() {
     let values: Vec<u16> = (0..32).map(value).collect();
     let tags = [shorts(50_714, &[64]), shorts(50_717, &[4095])];
     plain_dng(&path, &values, &tags);
-    let image = read_sensor_image(&path).unwrap().image;
-    for (pixel, found) in image.data.iter().enumerate() {
-        let is_saturated = values[pixel] == 3000;
-        assert_eq!(*found, if is_saturated { 4095 } else { values[pixel] }, "{pixel}");
+    let told = read_told_frame(&path).unwrap();
+    let developed = fluorspar::sensor::Development::default().linearize(&told.image).unwrap();
+    for (pixel, dn) in values.iter().enumerate() {
+        assert_eq!(developed.saturated[pixel], *dn == 3000, "{pixel}");
+        assert_eq!(told.image.data[pixel], *dn);
     }
-    let found = describe_frame(&path, &FrameFacts::default()).unwrap();
-    assert_eq!(fact(&found, "plateau").0, "G 3000 DN in 56.2 % of its pixels");
-    // The brightest of many values is none
-    let values: Vec<u16> = (0..32).map(|i| 2000 + 37 * i).collect();
-    plain_dng(&path, &values, &tags);
-    assert_eq!(read_sensor_image(&path).unwrap().image.data, values);
+    let fact = told.facts.iter().find(|fact| fact.key == "plateau").unwrap();
+    assert_eq!(fact.value, "56.2 % of G at 3000 DN");
+    assert!(fact.is_doubtful && fact.source == FactSource::Pixels);
+    // All of a channel alike are one; the brightest of many values is none
+    for (values, is_plateau) in [(vec![3000; 32], true), ((0..32).map(|i| 2000 + 37 * i).collect(), false)] {
+        plain_dng(&path, &values, &tags);
+        let image = read_sensor_image(&path).unwrap().image;
+        assert!((0..32).all(|pixel| image.is_saturated(pixel) == is_plateau));
+    }
 }
 
-/// What a viewer turns, what a converter shades and a black level above the pixels are told, each by name.
+/// Green is full at 3000, red and blue at 4095.
 #[test]
-fn tags_without_effect_and_a_high_black_level_are_told() {
+fn the_white_level_of_each_plane_counts_for_its_channel() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.dng");
-    let values: Vec<u16> = (0..32).map(|i| if (i / 8 + i) % 2 == 1 { 60 - i / 8 } else { 500 + i }).collect();
-    // A list of two opcodes: a gain map, and one that nobody knows
-    let opcode = |code: u32| [code, 0, 0, 4, 0].map(u32::to_be_bytes).concat();
-    let list = [2u32.to_be_bytes().to_vec(), opcode(9), opcode(77)].concat();
-    plain_dng(
-        &path,
-        &values,
-        &[
-            shorts(274, &[3]),
-            shorts(50_714, &[64]),
-            shorts(50_717, &[4095]),
-            (51_009, 7, list.len() as u32, list),
-        ],
-    );
+    let values: Vec<u16> = (0..32).map(|pixel| 2990 + 5 * (pixel % 7)).collect();
+    plain_dng(&path, &values, &[shorts(50_714, &[64]), shorts(50_717, &[4095, 3000, 4095])]);
+    let image = read_sensor_image(&path).unwrap().image;
+    for (pixel, dn) in values.iter().enumerate() {
+        assert_eq!(image.is_saturated(pixel), channel(pixel) == 1 && *dn >= 3000, "{pixel}");
+    }
     let found = describe_frame(&path, &FrameFacts::default()).unwrap();
-    assert_eq!(fact(&found, "orientation").0, "viewers show it turned by 180 degrees");
-    assert_eq!(fact(&found, "opcodes").0, "OpcodeList2: GainMap, opcode 77");
-    assert_eq!(fact(&found, "black level").0, "most pixels of G lie below it");
-    assert_eq!(frame_remarks(&path).unwrap().len(), 3);
-    // Upright, black level right: nothing to say
-    plain_dng(&path, &values, &[shorts(274, &[1]), shorts(50_714, &[40]), shorts(50_717, &[4095])]);
-    assert!(frame_remarks(&path).unwrap().is_empty());
+    assert_eq!(fact(&found, "white level by plane").0, "R 4095, G 3000, B 4095 DN");
+    // A level that the user gives is for all
+    let given = FrameFacts { white_level: Some(3010), exposure_s: Some(0.01), ..FrameFacts::default() };
+    describe_frame(&path, &given).unwrap().write().unwrap();
+    let image = read_sensor_image(&path).unwrap().image;
+    assert!((0..32).all(|pixel| image.is_saturated(pixel) == (values[pixel] >= 3010)));
+}
+
+/// A black level above the pixels of blue is told by name; one among them is not.
+#[test]
+fn a_black_level_above_the_pixels_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.dng");
+    let value = |pixel: usize| if channel(pixel) == 2 { 58 + pixel % 3 } else { 500 + pixel };
+    let values: Vec<u16> = (0..32).map(|pixel| value(pixel) as u16).collect();
+    plain_dng(&path, &values, &[shorts(50_714, &[64]), shorts(50_717, &[4095])]);
+    let found = describe_frame(&path, &FrameFacts::default()).unwrap();
+    assert_eq!(fact(&found, "black level").0, "64 DN: most pixels of B lie below it");
+    assert!(found.warnings.iter().any(|said| said.contains("--black-level")), "{:?}", found.warnings);
+    plain_dng(&path, &values, &[shorts(50_714, &[59]), shorts(50_717, &[4095])]);
+    assert!(describe_frame(&path, &FrameFacts::default()).unwrap().warnings.is_empty());
+}
+
+/// An opcode of a list: number, version, flags, length and parameters.
+fn opcode(code: u32, parameters: &[u8]) -> Vec<u8> {
+    let head = [code, 0x0103_0000, 0, parameters.len() as u32].map(u32::to_be_bytes).concat();
+    [head, parameters.to_vec()].concat()
+}
+
+/// A map of the red pixels of a mosaic, 1 at the left border and 3 at the right one: a pixel whose middle lies at x of the width has
+/// 1 + 2 x. What lies above the black level is multiplied; other opcodes are named.
+#[test]
+fn gain_maps_are_applied_and_other_opcodes_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.dng");
+    let wholes = [0u32, 0, 4, 8, 0, 1, 2, 2, 1, 2].map(u32::to_be_bytes).concat();
+    let doubles = [1.0f64, 1.0, 0.0, 0.0].map(f64::to_be_bytes).concat();
+    let gains = [1.0f32, 3.0].map(f32::to_be_bytes).concat();
+    let map = opcode(9, &[wholes, doubles, 1u32.to_be_bytes().to_vec(), gains].concat());
+    let list = [3u32.to_be_bytes().to_vec(), map, opcode(77, &[]), opcode(3, &[0; 56])].concat();
+    let tags =
+        [shorts(50_714, &[100]), shorts(50_717, &[4095]), (51_009, 7, list.len() as u32, list.clone())];
+    plain_dng(&path, &[400; 32], &tags);
+    let image = read_sensor_image(&path).unwrap().image;
+    let developed = fluorspar::sensor::Development::default().linearize(&image).unwrap();
+    for (pixel, value) in developed.values.iter().enumerate() {
+        let gain = if channel(pixel) == 0 { 1.0 + 2.0 * ((pixel % 8) as f32 + 0.5) / 8.0 } else { 1.0 };
+        assert!((value - 300.0 * gain).abs() < 1e-3, "{pixel}: {value}");
+    }
+    let found = describe_frame(&path, &FrameFacts::default()).unwrap();
+    assert_eq!(fact(&found, "gain map").0, "OpcodeList2 GainMap: times 1.000 to 2.625");
+    assert_eq!(fact(&found, "opcodes").0, "OpcodeList2 number 77, OpcodeList2 FixVignetteRadial");
+    assert!(found.warnings[0].contains("--flat"), "{:?}", found.warnings);
+    // Cut anywhere it is no reason to panic
+    for end in 0..list.len() {
+        plain_dng(&path, &[400; 32], &[(51_009, 7, end as u32, list[..end].to_vec())]);
+        read_sensor_image(&path).unwrap();
+    }
+}
+
+/// Where row 0 and column 0 of the stored image are on the shown one, in the words of TIFF 6.0 (Orientation). Values tell place and
+/// channel.
+#[test]
+fn frames_are_turned_as_viewers_show_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.dng");
+    let values: Vec<u16> = (0..32).map(|p| (100 * (p / 8) + 10 * (p % 8) + channel(p)) as u16).collect();
+    let sides = [
+        ("top", "left"),
+        ("top", "right"),
+        ("bottom", "right"),
+        ("bottom", "left"),
+        ("left", "top"),
+        ("right", "top"),
+        ("right", "bottom"),
+        ("left", "bottom"),
+    ];
+    for (tag, (row_0, column_0)) in (1u16..).zip(sides) {
+        plain_dng(&path, &values, &[shorts(274, &[tag]), shorts(50_717, &[4095])]);
+        let image = read_sensor_image(&path).unwrap().image;
+        let [width, height] = if tag < 5 { [8, 4] } else { [4, 8] };
+        assert_eq!([image.width, image.height], [width, height], "{tag}");
+        for (row, col) in (0..4).flat_map(|row| (0..8).map(move |col| (row, col))) {
+            let (mut x, mut y) = (0, 0);
+            for (side, at) in [(row_0, row), (column_0, col)] {
+                match side {
+                    "left" => x = at,
+                    "right" => x = width - 1 - at,
+                    "top" => y = at,
+                    _ => y = height - 1 - at,
+                }
+            }
+            let pixel = row * 8 + col;
+            assert_eq!(image.data[y * width + x], values[pixel], "{tag}: row {row}, column {col}");
+            assert_eq!(image.mosaic.channel(y, x), channel(pixel), "{tag}: row {row}, column {col}");
+        }
+        let found = describe_frame(&path, &FrameFacts::default()).unwrap();
+        assert_eq!(fact(&found, "width, height").0, format!("{width} x {height}"));
+        let said = found.facts.iter().find(|fact| fact.key == "orientation");
+        assert_eq!(said.is_some(), tag > 1);
+        assert!(said.is_none_or(|fact| fact.remark.contains("masks")));
+    }
+}
+
+/// A gray TIFF of 16 bits.
+fn gray_tiff(path: &Path, values: &[u16]) {
+    let mut encoder = tiff::encoder::TiffEncoder::new(fs::File::create(path).unwrap()).unwrap();
+    encoder.write_image::<tiff::encoder::colortype::Gray16>(8, 4, values).unwrap();
 }
 
 /// Twelve bits in the upper ones of sixteen, as many cameras of machines write them: numbers of twelve bits.
@@ -306,19 +433,79 @@ fn left_aligned_samples_are_shifted_down() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.tif");
     let values: Vec<u16> = (0..32).map(|i| 16 * (100 + 111 * i)).collect();
-    let mut encoder = tiff::encoder::TiffEncoder::new(fs::File::create(&path).unwrap()).unwrap();
-    encoder.write_image::<tiff::encoder::colortype::Gray16>(8, 4, &values).unwrap();
+    gray_tiff(&path, &values);
     let given = FrameFacts { exposure_s: Some(0.01), ..FrameFacts::default() };
-    let found = describe_frame(&path, &given).unwrap();
-    assert_eq!(fact(&found, "alignment").0, "12 bits in the upper ones of 16");
-    assert_eq!(fact(&found, "white_level").0, "4095 DN");
-    found.write().unwrap();
-    let image = read_sensor_image(&path).unwrap().image;
-    assert!(image.data.iter().enumerate().all(|(i, value)| usize::from(*value) == 100 + 111 * i));
-    // Twelve bits have no white level of 65 520
-    let wrong = FrameFacts { bit_depth: Some(12), white_level: Some(65_520), ..given };
+    for given in [given.clone(), FrameFacts { bit_depth: Some(12), ..given.clone() }] {
+        let found = describe_frame(&path, &given).unwrap();
+        assert_eq!(fact(&found, "alignment").0, "12 bits left-aligned in 16; divided by 16");
+        assert_eq!(fact(&found, "white_level").0, "4095 DN");
+        found.write().unwrap();
+        let image = read_sensor_image(&path).unwrap().image;
+        assert_eq!((image.bit_depth, image.white_level), (12, 4095));
+        assert!(image.data.iter().enumerate().all(|(i, value)| usize::from(*value) == 100 + 111 * i));
+    }
+    // Twelve bits have no white level of 65 520, and ten none of these values
+    let wrong = FrameFacts { bit_depth: Some(12), white_level: Some(65_520), ..given.clone() };
     let said = describe_frame(&path, &wrong).unwrap_err().to_string();
-    assert!(said.contains("a converter of 12 bits has no white level of 65520"), "{said}");
+    assert!(said.contains("12 bits has no white level of 65520; its largest number is 4095"), "{said}");
+    let said = describe_frame(&path, &FrameFacts { bit_depth: Some(10), ..given.clone() }).unwrap_err();
+    assert!(said.to_string().contains("Give --bit-depth 12"), "{said}");
+    // The size of a dark frame does not show it
+    gray_tiff(&path, &(0..32).map(|i| 16 * (60 + i % 9)).collect::<Vec<u16>>());
+    let found = describe_frame(&path, &given).unwrap();
+    assert!(found.facts.iter().any(|fact| fact.remark.contains("--left-aligned")));
+    let told = FrameFacts { is_left_aligned: true, bit_depth: Some(12), ..given };
+    describe_frame(&path, &told).unwrap().write().unwrap();
+    assert_eq!(read_sensor_image(&path).unwrap().image.data[1], 61);
+    // Levels of a DNG are divided with its values
+    let path = folder.path().join("frame.dng");
+    plain_dng(&path, &values, &[shorts(50_714, &[1024]), shorts(50_717, &[65_520])]);
+    let image = read_sensor_image(&path).unwrap().image;
+    assert_eq!((image.bit_depth, image.white_level, image.black_level), (12, 4095, 64.0));
+    assert_eq!(image.data[1], 211);
+}
+
+/// Valid TIFFs of kinds that are not read are refused by name, as frames and as masks; a BigTIFF DNG is read.
+#[test]
+fn tiffs_of_other_kinds_are_called_by_their_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.tif");
+    let file = |compression: u32, photometric: u32, samples: u32, planar: u32| {
+        let tags = vec![
+            long(256, 8),
+            long(257, 4),
+            shorts(258, &vec![8; samples as usize]),
+            long(259, compression),
+            long(262, photometric),
+            long(273, PIXELS_AT as u32),
+            long(277, samples),
+            long(279, 96),
+            long(284, planar),
+            shorts(320, &[0; 6]),
+        ];
+        tiff_bytes(tags, &[[0, 1], [7, 7]].concat().repeat(24), false)
+    };
+    for (bytes, name) in [
+        (file(50_000, 1, 1, 1), "ZSTD"),
+        (file(34_925, 1, 1, 1), "LZMA"),
+        (file(5, 1, 1, 1), "old-style LZW"),
+        (file(1, 3, 1, 1), "indices of a palette"),
+        (file(1, 2, 3, 2), "planar configuration 2"),
+    ] {
+        fs::write(&path, bytes).unwrap();
+        for said in [
+            describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string(),
+            read_mask(&path).unwrap_err().to_string(),
+        ] {
+            assert!(said.contains(name), "{said}");
+            assert!(!said.contains("Copy the file again") && !said.contains("disk"), "{said}");
+        }
+    }
+    let path = folder.path().join("frame.dng");
+    let values: Vec<u16> = (0..32).map(|i| 70 + 3 * i).collect();
+    fs::write(&path, dng_bytes(&values, &[shorts(50_714, &[64]), shorts(50_717, &[1023])], true)).unwrap();
+    let image = read_sensor_image(&path).unwrap().image;
+    assert_eq!((image.data, image.black_level, image.white_level), (values, 64.0, 1023));
 }
 
 /// Exposure and sensitivity beside the pixels, as TIFF/EP has them, and twelve bits in sixteen.

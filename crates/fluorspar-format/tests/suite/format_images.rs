@@ -68,6 +68,9 @@ fn frame() -> SensorImage {
         mosaic: Mosaic::bayer("grbg").unwrap(),
         black_level: 64.25,
         black_offsets: Vec::new(),
+        white_levels: Vec::new(),
+        factors: Vec::new(),
+        orientation: fluorspar::image::Orientation::default(),
         white_level: 1023,
         bit_depth: 10,
         exposure_s: 0.03,
@@ -482,7 +485,7 @@ fn raw_mistakes_are_explained() {
         (
             "\"gain\": 2.0",
             "\"gian\": 2.0",
-            "f.tiff.json: unknown field `gian`, expected one of `format`, `program`, `label`, `width`, `height`, `mosaic`, `samples`, `black_level`, `white_level`, `bit_depth`, `exposure_s`, `gain`, `dn_per_electron`, `read_noise_dn`, `seed`, `packing`, `pixels_sha256`, `provenance` at line 26 column 8. Restore the file as it was written",
+            "f.tiff.json: unknown field `gian`, expected one of `format`, `program`, `label`, `width`, `height`, `mosaic`, `samples`, `black_level`, `white_level`, `bit_depth`, `left_shift`, `exposure_s`, `gain`, `dn_per_electron`, `read_noise_dn`, `seed`, `packing`, `pixels_sha256`, `provenance` at line 26 column 8. Restore the file as it was written",
         ),
         (
             "\"rows\": 2",

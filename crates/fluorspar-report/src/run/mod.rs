@@ -24,6 +24,7 @@ pub use report::{NamedFigure, RunReport, run_report};
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::Evaluation;
 use fluorspar_experiment::ResolvedExperiment;
+use fluorspar_format::FrameFact;
 
 /// Everything that one run produced.
 #[derive(Clone, Copy, Debug)]
@@ -38,6 +39,8 @@ pub struct RunResults<'a> {
     pub evaluation: &'a Evaluation,
     /// Where the frames come from.
     pub frames_from: FrameOrigin,
+    /// What the frames are that were given.
+    pub told_frames: &'a [(String, Vec<FrameFact>)],
     /// Ending of the raw files `raw_FRAME` beside the report; `None` where there are none.
     pub raw_ending: Option<&'a str>,
 }

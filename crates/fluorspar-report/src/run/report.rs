@@ -10,6 +10,7 @@ use fluorspar::study::{Camera, Lens};
 use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::schema::{ExperimentFile, SpectrumReference};
 use fluorspar_experiment::{ResolvedExperiment, Warning};
+use fluorspar_format::FrameFact;
 
 use super::dark_frames::dark_frames;
 use super::depth_section::depth_section;
@@ -309,6 +310,9 @@ fn frames_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
     let mut section = Section::new("Frames")
         .folded(format!("{} {noun}{clipped}; levels and histograms", frames.len()))
         .with(ReportItem::Matrix(frame_matrix(frames)));
+    if !run.told_frames.is_empty() {
+        section = section.with(ReportItem::Matrix(told_matrix(run.told_frames)));
+    }
     for frame in frames {
         let capture = study.capture(&frame.raw.label);
         let figure = frame_histograms(frame, capture.and_then(|c| c.subtract.as_deref()));
@@ -333,6 +337,38 @@ fn is_far_left(frame: &CapturedFrame) -> bool {
     let level = FAR_LEFT * developed.full_scale_dn;
     let above = developed.data.iter().filter(|&&value| f64::from(value) > level).count();
     1000 * above <= developed.data.len() && !developed.saturated.contains(&true)
+}
+
+/// What frames of a camera are, side by side, as `describe` words it.
+fn told_matrix(frames: &[(String, Vec<FrameFact>)]) -> NumberMatrix {
+    let mut keys: Vec<&str> = Vec::new();
+    let mut remarks: Vec<String> = Vec::new();
+    for fact in frames.iter().flat_map(|(_, facts)| facts) {
+        if !keys.contains(&fact.key) {
+            keys.push(fact.key);
+        }
+        let remark = format!("{}: {}.", fact.key, fact.remark);
+        if !fact.remark.is_empty() && !remarks.contains(&remark) {
+            remarks.push(remark);
+        }
+    }
+    let value = |facts: &[FrameFact], key: &str| {
+        let fact = facts.iter().find(|fact| fact.key == key);
+        fact.map_or_else(String::new, |fact| match fact.value.as_str() {
+            "" => fact.source.word().into(),
+            value => value.into(),
+        })
+    };
+    let row = |key: &&str| {
+        std::iter::once((*key).to_owned()).chain(frames.iter().map(|(_, facts)| value(facts, key))).collect()
+    };
+    let names = frames.iter().map(|(name, _)| name.clone());
+    NumberMatrix {
+        caption: "What the given frames are".into(),
+        columns: std::iter::once("Value".to_owned()).chain(names).collect(),
+        rows: keys.iter().map(row).collect(),
+        note: remarks.join(" "),
+    }
 }
 
 /// Exposure, clipping and the median of each channel of all frames.

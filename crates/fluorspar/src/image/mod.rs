@@ -6,6 +6,7 @@ mod component_rows;
 mod excitation_image;
 pub mod film;
 mod interpolation_taps;
+mod orientation;
 mod sensor_image;
 mod spectral_image;
 
@@ -20,5 +21,6 @@ pub use excitation_image::{BasisComponent, ExcitationImage, GroupBasis, RelitCom
 pub use film::{Film, FilmLayout, MergeError};
 pub use interpolation_taps::InterpolationTaps;
 pub(crate) use interpolation_taps::Tap;
+pub use orientation::Orientation;
 pub use sensor_image::{CalibrationNoise, ChannelImage, Mosaic, SensorImage, SubtractedLight};
 pub use spectral_image::{ImageShapeError, SpectralImage};

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::InterpolationTaps;
+use super::{InterpolationTaps, Orientation};
 
 /// A color filter array: which channel each pixel of a repeating cell sees. Without a pattern every pixel sees all channels.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -63,6 +63,30 @@ impl Mosaic {
         (0..self.channels.len()).map(|c| count(c) as f64 / self.pattern.len().max(1) as f64).collect()
     }
 
+    /// The array of a sensor of `size` columns and rows as stored, shown as `to` turns it, from that which `from` shows.
+    #[must_use]
+    pub fn turned(&self, size: [usize; 2], from: Orientation, to: Orientation) -> Self {
+        if self.pattern.is_empty() || from == to {
+            return self.clone();
+        }
+        // A cell at a corner of the turned image, which may begin within a cell of the stored one. An image that is larger by whole cells
+        // has the same there, also where the image is smaller than a cell
+        let [cols, rows] = Orientation::size(Orientation::size([self.cols, self.rows], from), to);
+        let large = size.map(|side| side + self.rows * self.cols);
+        let channel = |row: usize, col: usize| {
+            let [row, col] = to.stored(large, [row, col]);
+            let place = from.shown(large, [row, col]);
+            self.channel(place[0], place[1])
+        };
+        let places = (0..rows).flat_map(|row| (0..cols).map(move |col| (row, col)));
+        Self {
+            rows,
+            cols,
+            pattern: places.map(|(row, col)| channel(row, col) as u8).collect(),
+            channels: self.channels.clone(),
+        }
+    }
+
     /// Channel number of a pixel.
     pub fn channel(&self, row: usize, col: usize) -> usize {
         usize::from(self.pattern[(row % self.rows) * self.cols + col % self.cols])
@@ -85,8 +109,15 @@ pub struct SensorImage {
     pub black_level: f64,
     /// What the black level of each value lies above `black_level`, DN, in the order of `data`; empty where it is the same everywhere.
     pub black_offsets: Vec<f32>,
-    /// Digital number at and above which a pixel is saturated.
+    /// Digital number at and above which a pixel is saturated; where it differs by channel, the largest.
     pub white_level: u16,
+    /// That of each channel; empty where it is the same for all.
+    pub white_levels: Vec<u16>,
+    /// What evens out the shading of the lens, as the file tells: a factor of each value above its black level, in the order of `data`;
+    /// empty where it tells none.
+    pub factors: Vec<f32>,
+    /// How the frame is turned from the order of its file.
+    pub orientation: Orientation,
     /// Bits of the converter.
     pub bit_depth: u8,
     /// Exposure time, s.
@@ -116,6 +147,68 @@ impl SensorImage {
     #[must_use]
     pub fn black_of(&self, value: usize) -> f64 {
         self.black_level + self.black_offsets.get(value).map_or(0.0, |offset| f64::from(*offset))
+    }
+
+    /// Channel of one value.
+    #[must_use]
+    pub fn channel_of(&self, value: usize) -> usize {
+        match self.data.len() / (self.width * self.height).max(1) {
+            0 | 1 if self.mosaic.pattern.is_empty() => 0,
+            0 | 1 => self.mosaic.channel(value / self.width, value % self.width),
+            samples => value % samples,
+        }
+    }
+
+    /// Whether one value is saturated.
+    #[must_use]
+    pub fn is_saturated(&self, value: usize) -> bool {
+        let white = match self.white_levels.is_empty() {
+            true => None,
+            false => self.white_levels.get(self.channel_of(value)),
+        };
+        self.data[value] >= white.copied().unwrap_or(self.white_level)
+    }
+
+    /// The frame turned as another orientation shows it.
+    #[must_use]
+    pub fn turned(mut self, orientation: Orientation) -> Self {
+        if self.orientation == orientation {
+            return self;
+        }
+        let before = self.orientation;
+        let stored = Orientation::size([self.width, self.height], before);
+        let shown = Orientation::size(stored, orientation);
+        self.mosaic = self.mosaic.turned(stored, before, orientation);
+        fn turn<T: Copy>(values: &[T], size: [usize; 2], [from, to]: [Orientation; 2]) -> Vec<T> {
+            if values.is_empty() { Vec::new() } else { to.turn(size, &from.turn_back(size, values)) }
+        }
+        let turns = [before, orientation];
+        self.data = turn(&self.data, stored, turns);
+        self.black_offsets = turn(&self.black_offsets, stored, turns);
+        self.factors = turn(&self.factors, stored, turns);
+        [self.width, self.height] = shown;
+        self.orientation = orientation;
+        self
+    }
+
+    /// The frame turned as the first one of its analysis is, whose pixels are the same pixels of the sensor, and a remark where its own
+    /// file shows it otherwise: cameras that look down often tell another orientation from frame to frame.
+    #[must_use]
+    pub fn turned_as(self, first: &Self) -> (Self, Option<String>) {
+        let remark = (self.orientation != first.orientation).then(|| {
+            let said = |orientation: Orientation| match orientation.words() {
+                "" => "as it is stored",
+                words => words,
+            };
+            format!(
+                "Frame \"{}\" is to be shown {}, frame \"{}\" {}: it is turned as the latter, pixel by pixel of the sensor",
+                self.label,
+                said(self.orientation),
+                first.label,
+                said(first.orientation)
+            )
+        });
+        (self.turned(first.orientation), remark)
     }
 }
 
@@ -201,8 +294,62 @@ impl ChannelImage {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "these are tests")]
 mod tests {
     use super::*;
+
+    /// A frame of 3 x 5 pixels whose values tell their place and channel: each pixel keeps its own channel, level and factor.
+    #[test]
+    fn a_turned_frame_keeps_the_channel_of_each_pixel() {
+        let mosaic = Mosaic {
+            rows: 2,
+            cols: 3,
+            pattern: vec![0, 1, 2, 2, 1, 1],
+            channels: ["R", "G", "B"].map(String::from).to_vec(),
+        };
+        let pixels = || (0..5usize).flat_map(|row| (0..3usize).map(move |col| (row, col)));
+        let frame = SensorImage {
+            width: 3,
+            height: 5,
+            data: pixels()
+                .map(|(row, col)| (100 * row + 10 * col + mosaic.channel(row, col)) as u16)
+                .collect(),
+            black_offsets: (0..15).map(|pixel| pixel as f32).collect(),
+            factors: (0..15).map(|pixel| 1.0 + pixel as f32).collect(),
+            mosaic,
+            black_level: 0.0,
+            white_level: 1000,
+            white_levels: vec![1000, 211, 1000],
+            orientation: Orientation::default(),
+            bit_depth: 10,
+            exposure_s: 1.0,
+            gain: 1.0,
+            dn_per_electron: 1.0,
+            gain_is_assumed: false,
+            read_noise_dn: 1.0,
+            seed: 0,
+            label: "blue".into(),
+        };
+        for tag in 1..=8 {
+            let turned = frame.clone().turned(Orientation::of_tag(tag).unwrap());
+            for (value, &dn) in turned.data.iter().enumerate() {
+                let (row, col, channel) = (dn / 100, dn / 10 % 10, usize::from(dn % 10));
+                assert_eq!(turned.channel_of(value), channel, "{tag}: {dn}");
+                assert_eq!(turned.black_of(value), f64::from(3 * row + col));
+                assert_eq!(turned.factors[value], f32::from(3 * row + col + 1));
+                assert_eq!(turned.is_saturated(value), channel == 1 && dn >= 211);
+            }
+            let again = turned.turned(Orientation::of_tag(6).unwrap());
+            assert_eq!(again, frame.clone().turned(Orientation::of_tag(6).unwrap()));
+            let (as_first, remark) = again.turned_as(&frame);
+            assert_eq!(as_first, frame);
+            assert!(
+                remark
+                    .unwrap()
+                    .contains("shown turned by 90 degrees clockwise, frame \"blue\" as it is stored")
+            );
+        }
+    }
 
     #[test]
     fn bayer_orders_are_read_and_nonsense_is_not() {

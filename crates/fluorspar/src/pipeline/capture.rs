@@ -44,6 +44,23 @@ impl RawExposures {
     }
 }
 
+/// Turns the frames of an analysis as the first one is, pixel by pixel of the sensor. Tells of each that is to be shown otherwise.
+pub fn turned_alike(exposures: &mut [RawExposures]) -> Vec<String> {
+    let Some((RawExposures { raw: first, bracket }, others)) = exposures.split_first_mut() else {
+        return Vec::new();
+    };
+    let rest = others.iter_mut().flat_map(|one| std::iter::once(&mut one.raw).chain(&mut one.bracket));
+    let turn = |image: &mut SensorImage| -> Option<String> {
+        if image.orientation == first.orientation {
+            return None;
+        }
+        let (turned, remark) = image.clone().turned_as(first);
+        *image = turned;
+        remark
+    };
+    bracket.iter_mut().chain(rest).filter_map(turn).collect()
+}
+
 /// Fills in what a real camera's file does not tell, conversion gain and read noise, from the sensor of a study. What it
 /// tells is kept.
 ///
@@ -80,7 +97,7 @@ fn check_bit_depth(of_frame: u8, of_sensor: u8) -> Result<(), String> {
     }
     Err(format!(
         "its conversion gain is not known, and the sensor of the experiment has {of_sensor} bits where the frame has {of_frame}. Where the \
-         frame holds numbers of {of_sensor} bits, say so with `fluorspar describe FRAME --bit-depth {of_sensor} --replace`; where the sensor \
+         frame holds numbers of {of_sensor} bits, say so with `fluorspar describe FRAME --bit-depth {of_sensor} --replace` and what else was given; where the sensor \
          has {of_frame} bits, set sensor.bit_depth={of_frame}; or describe --dn-per-electron"
     ))
 }

@@ -72,7 +72,7 @@ pub use camera_color::CameraColor;
 pub use capture::{
     CapturedFrame, RawExposures, bracket_label, capture, capture_from_planes, capture_irradiance,
     check_captures, columns_per_column_to_render, columns_per_render_column, complete_raw, develop_frames,
-    frame_radiance, subtract_what_is_given,
+    frame_radiance, subtract_what_is_given, turned_alike,
 };
 pub use capture_planes::{CapturePlanes, CaptureResponses, SeenComponents};
 pub use concentration::{MultipleUncertainty, concentration_factors, scale_multiple};

@@ -53,7 +53,7 @@ impl MasterFrame {
         let mut frames = frames.into_iter();
         let first = frames.next().ok_or(DevelopError::Nothing)??;
         let mut sums: Vec<u64> = first.data.iter().map(|&dn| u64::from(dn)).collect();
-        let mut saturated: Vec<bool> = first.data.iter().map(|&dn| dn >= first.white_level).collect();
+        let mut saturated: Vec<bool> = (0..first.data.len()).map(|value| first.is_saturated(value)).collect();
         let mut count = 1usize;
         let noise_floor_dn = noise_floor_dn(&first);
         let mut times_s = first.exposure_s;
@@ -77,9 +77,9 @@ impl MasterFrame {
             }
             count += 1;
             times_s += frame.exposure_s;
-            for ((sum, full), &dn) in sums.iter_mut().zip(&mut saturated).zip(&frame.data) {
-                *sum += u64::from(dn);
-                *full |= dn >= frame.white_level;
+            for (value, (sum, full)) in sums.iter_mut().zip(&mut saturated).enumerate() {
+                *sum += u64::from(frame.data[value]);
+                *full |= frame.is_saturated(value);
             }
         }
         Ok(Self {

@@ -212,7 +212,7 @@ impl CalibratedValues {
     /// frame and of the dark frames, but for the shot noise of the dark charge.
     fn new(development: &Development<'_>, raw: &SensorImage, values: &[f32], noise_dn: f64) -> Option<Self> {
         let (dark, flat) = (development.dark, development.flat);
-        if dark.is_none() && flat.is_none() {
+        if dark.is_none() && flat.is_none() && raw.factors.is_empty() {
             return None;
         }
         let k = raw.dn_per_electron;
@@ -221,7 +221,10 @@ impl CalibratedValues {
                 let charge_dn = dark.dark_scale(raw.exposure_s, k) * dark.charge_dn(value);
                 k * charge_dn * (1.0 + 1.0 / dark.frames.max(1) as f64)
             });
-            let factor = flat.map_or(1.0, |flat| f64::from(flat.gain[value]));
+            let factor = match flat {
+                Some(flat) => f64::from(flat.gain[value]),
+                None => raw.factors.get(value).map_or(1.0, |factor| f64::from(*factor)),
+            };
             let shot = k * f64::from(dn).max(0.0);
             ((factor * factor - 1.0) * noise_dn * noise_dn
                 + (factor - 1.0) * shot
@@ -257,8 +260,8 @@ impl CalibratedValues {
 }
 
 impl Development<'_> {
-    /// A raw frame in linear digital numbers: minus dark frame or black level, divided by the flat field, bad pixels
-    /// replaced.
+    /// A raw frame in linear digital numbers: minus dark frame or black level, divided by the flat field or else times the factors of
+    /// its file, bad pixels replaced.
     ///
     /// # Errors
     /// Calibration frames that do not fit the frame.
@@ -288,6 +291,9 @@ impl Development<'_> {
         if let Some(flat) = self.flat {
             fits("flat field", flat.width, flat.height, None, flat.gain.len())?;
             values.iter_mut().zip(&flat.gain).for_each(|(value, gain)| *value *= gain);
+        } else {
+            // Frames of even light hold all of the shading that the file tells of
+            values.iter_mut().zip(&raw.factors).for_each(|(value, factor)| *value *= factor);
         }
         let calibration = CalibratedValues::new(self, raw, &values, noise_dn);
         let mut frame = LinearMosaic { calibration, ..linear(raw, values, noise_dn) };
@@ -483,7 +489,7 @@ fn linear(raw: &SensorImage, values: Vec<f32>, noise_floor_dn: f64) -> LinearMos
         height: raw.height,
         mosaic: raw.mosaic.clone(),
         values,
-        saturated: raw.data.iter().map(|&dn| dn >= raw.white_level).collect(),
+        saturated: (0..raw.data.len()).map(|value| raw.is_saturated(value)).collect(),
         exposure_s: raw.exposure_s,
         dn_s_per_electron: raw.exposure_s * raw.dn_per_electron,
         noise_floor_dn,
@@ -552,6 +558,9 @@ mod tests {
             mosaic,
             black_level: 64.0,
             black_offsets: Vec::new(),
+            white_levels: Vec::new(),
+            factors: Vec::new(),
+            orientation: crate::image::Orientation::default(),
             white_level: 4095,
             bit_depth: 12,
             exposure_s: 0.03,
