@@ -485,12 +485,12 @@ fn raw_mistakes_are_explained() {
         (
             "\"gain\": 2.0",
             "\"gian\": 2.0",
-            "f.tiff.json: unknown field `gian`, expected one of `format`, `program`, `label`, `width`, `height`, `mosaic`, `samples`, `black_level`, `white_level`, `bit_depth`, `exposure_s`, `gain`, `dn_per_electron`, `read_noise_dn`, `seed`, `packing`, `pixels_sha256`, `provenance` at line 26 column 8. Restore the file as it was written",
+            "f.tiff.json: unknown field `gian`, expected one of `format`, `program`, `label`, `width`, `height`, `mosaic`, `samples`, `black_level`, `white_level`, `bit_depth`, `left_shift`, `exposure_s`, `gain`, `dn_per_electron`, `read_noise_dn`, `seed`, `packing`, `pixels_sha256`, `provenance` at line 26 column 8. Restore the file as it was written",
         ),
         (
             "\"rows\": 2",
             "\"rows\": 3",
-            "f.tiff.json: the color filter array of 3 by 2 pixels names 4 channels. Keep the two files of one frame together",
+            "f.tiff.json: the color filter array of 3 by 2 pixels names 4 channels. Correct the description, or describe the frame anew with fluorspar describe FRAME --replace",
         ),
     ];
     for (from, to, expected) in edits {
