@@ -46,12 +46,25 @@ pub(super) fn unused_bits(data: &[u16]) -> u32 {
     if data.iter().all(|value| *value == data[0]) { 0 } else { all.trailing_zeros().min(16) }
 }
 
+/// Bits of most converters that write so, and how many different values must be multiples of more to tell another.
+const USUAL_BITS: u8 = 12;
+const FEW_VALUES: usize = 16;
+
 /// Bits of the converter whose values stand in the upper ones of 16: all are multiples of a power of 2, and some need more bits than the
 /// converter has.
 pub(super) fn left_aligned_bits(data: &[u16]) -> Option<u8> {
     let most = data.iter().copied().max().unwrap_or(0);
     let bits = 16 - unused_bits(data);
-    let bits = CONVERTER_BITS.into_iter().find(|known| u32::from(*known) >= bits)?;
+    let mut bits = CONVERTER_BITS.into_iter().find(|known| u32::from(*known) >= bits)?;
+    if bits < USUAL_BITS {
+        // A few values may be multiples of more by chance
+        let mut values = data.to_vec();
+        values.sort_unstable();
+        values.dedup();
+        if values.len() < FEW_VALUES {
+            bits = USUAL_BITS;
+        }
+    }
     (u32::from(most) >> bits > 0).then_some(bits)
 }
 
@@ -60,8 +73,11 @@ pub(super) fn alignment_words(bits: u8, shift: u8) -> String {
     format!("{bits} bits left-aligned in {}; divided by {}", bits + shift, 1u32 << shift)
 }
 
-/// Share of a channel's pixels from which those that have its largest value are a plateau. Noise lets no sensor give all the same.
-const PLATEAU_SHARE: f64 = 1e-3;
+/// Share of a channel's pixels from which those that have its largest value are a plateau; above the second they are all of the picture,
+/// and no plateau unless they lie near the end of the range.
+const PLATEAU_SHARE: [f64; 2] = [1e-3, 0.9];
+/// Part of the range from which a level is near its end.
+const NEAR_END: f64 = 0.9;
 /// Fewest pixels of a plateau.
 const PLATEAU_PIXELS: u64 = 8;
 /// Values below the largest that tell how many pixels a value has there without a plateau, and how many times as many a plateau has.
@@ -115,17 +131,29 @@ fn plateau(counts: &[u64], white: u16, black: f64) -> Option<(u16, f64)> {
     let near: u64 = counts[dn.saturating_sub(below)..dn].iter().sum();
     let is_peak = dn < usize::from(white)
         && counts[dn] >= PLATEAU_PIXELS
-        && share >= PLATEAU_SHARE
+        && share >= PLATEAU_SHARE[0]
         && counts[dn] * below as u64 > times * near;
+    if !is_peak {
+        return None;
+    }
+    let part = (dn as f64 - black) / (f64::from(white) - black);
+    if part >= NEAR_END {
+        return Some((dn as u16, share));
+    }
     // Far above the bulk of the others
     let (mut seen, others) = (0, all - counts[dn]);
     let median = counts.iter().position(|count| {
         seen += count;
         2 * seen >= others
     })?;
-    let is_high = dn as f64 - black > 0.5 * (f64::from(white) - black)
-        || dn as f64 - black > 2.0 * (median as f64 - black).max(1.0);
-    (is_peak && is_high).then_some((dn as u16, share))
+    let is_high = part > 0.5 || dn as f64 - black > 2.0 * (median as f64 - black).max(1.0);
+    // Where another level stands alone as well, the picture has no noise, and a level is nothing but a level
+    let stands_alone = |level: usize| {
+        let around = level.saturating_sub(below)..(level + below + 1).min(counts.len());
+        counts[around].iter().sum::<u64>() == counts[level]
+    };
+    let has_noise = (0..dn).all(|level| times * counts[level] < counts[dn] || !stands_alone(level));
+    (share <= PLATEAU_SHARE[1] && is_high && has_noise).then_some((dn as u16, share))
 }
 
 /// Standard deviations of the mean of a channel from which noise does not put its median below a level.

@@ -297,12 +297,19 @@ fn a_plateau_below_the_white_level_is_saturation() {
     let fact = told.facts.iter().find(|fact| fact.key == "plateau").unwrap();
     assert_eq!(fact.value, "56.2 % of G at 3000 DN");
     assert!(fact.is_doubtful && fact.source == FactSource::Pixels);
-    // All of a channel alike are one; the brightest of many values is none
-    for (values, is_plateau) in [(vec![3000; 32], true), ((0..32).map(|i| 2000 + 37 * i).collect(), false)] {
+    // A frame without noise, of one level or of two, and the brightest of many values, are none
+    let levels = |pixel: usize| if pixel < 16 { 3000 } else { 600 };
+    for values in
+        [vec![3000; 32], (0..32).map(levels).collect(), (0..32).map(|i| 2000 + 37 * i).collect::<Vec<u16>>()]
+    {
         plain_dng(&path, &values, &tags);
         let image = read_sensor_image(&path).unwrap().image;
-        assert!((0..32).all(|pixel| image.is_saturated(pixel) == is_plateau));
+        assert!((0..32).all(|pixel| !image.is_saturated(pixel)));
     }
+    // All of a channel just below the end of the range is
+    plain_dng(&path, &(0..32).map(|p| if channel(p) == 1 { 4000 } else { 600 }).collect::<Vec<_>>(), &tags);
+    let image = read_sensor_image(&path).unwrap().image;
+    assert!((0..32).all(|pixel| image.is_saturated(pixel) == (channel(pixel) == 1)));
 }
 
 /// Green is full at 3000, red and blue at 4095.
@@ -457,6 +464,10 @@ fn left_aligned_samples_are_shifted_down() {
     let told = FrameFacts { is_left_aligned: true, bit_depth: Some(12), ..given };
     describe_frame(&path, &told).unwrap().write().unwrap();
     assert_eq!(read_sensor_image(&path).unwrap().image.data[1], 61);
+    // Few values, all multiples of 64 by chance
+    gray_tiff(&path, &(0..32).map(|i| 5824 * (1 + i % 3)).collect::<Vec<u16>>());
+    let found = describe_frame(&path, &FrameFacts::default()).unwrap();
+    assert_eq!(fact(&found, "bit_depth").0, "12");
     // Levels of a DNG are divided with its values
     let path = folder.path().join("frame.dng");
     plain_dng(&path, &values, &[shorts(50_714, &[1024]), shorts(50_717, &[65_520])]);

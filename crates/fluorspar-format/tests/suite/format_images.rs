@@ -490,7 +490,7 @@ fn raw_mistakes_are_explained() {
         (
             "\"rows\": 2",
             "\"rows\": 3",
-            "f.tiff.json: the color filter array of 3 by 2 pixels names 4 channels. Keep the two files of one frame together",
+            "f.tiff.json: the color filter array of 3 by 2 pixels names 4 channels. Correct the description, or describe the frame anew with fluorspar describe FRAME --replace",
         ),
     ];
     for (from, to, expected) in edits {
