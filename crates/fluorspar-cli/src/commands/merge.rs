@@ -59,9 +59,6 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     };
     let light = options.light.of_film(&provenance)?;
     light.check_sums(options.output.sums())?;
-    if options.output.sums() {
-        light.say(Messages::default());
-    }
     if !options.incomplete {
         check_complete(&film, &provenance, &films)?;
     }
@@ -74,6 +71,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     check_room(&options.output.out, film.layout().memory_bytes() / 2)?;
     if let Some(path) = &options.film {
         write_film(path, &film, Some(&provenance))?;
+    }
+    if options.output.sums() {
+        light.say(Messages::default());
     }
     let (image, basis) = image_and_basis(film).map_err(|error| CliError::Input(error.to_string()))?;
     provenance.samples_per_pixel = image.samples_per_pixel;

@@ -103,15 +103,24 @@ impl Options {
         }
     }
 
-    /// The light of the image, said where it matters.
-    pub(super) fn light(&self, study: &Study) -> Result<CaptureLight, CliError> {
+    /// Whether a sum of components is written, now or on the way.
+    fn sums(&self) -> bool {
+        self.output.sums() && (self.shard.is_none() || self.output.preview.is_some())
+    }
+
+    /// The light of the image.
+    fn light(&self, study: &Study) -> Result<CaptureLight, CliError> {
         let light = self.light.of_study(study)?;
-        let sums = self.output.sums() && (self.shard.is_none() || self.output.preview.is_some());
-        light.check_sums(sums)?;
-        if sums {
-            light.say(Messages::default());
-        }
+        light.check_sums(self.sums())?;
         Ok(light)
+    }
+
+    /// Says what the render takes, and under which light its image is.
+    pub(super) fn say_plan(&self, study: &Study, light: &CaptureLight, messages: Messages) {
+        messages.status(format!("Needs {}", self.budget(study).text()));
+        if self.sums() {
+            light.say(messages);
+        }
     }
 
     /// What the render takes.
@@ -189,7 +198,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         "or leave --shard out: without it, large images are rendered in bands of rows",
     )?;
     let set = options.declare(&source, &experiment)?;
-    messages.status(format!("Needs {}", budget.text()));
+    options.say_plan(study, &light, messages);
     messages.warnings(&experiment.record.warnings);
     let renderer = FilmRenderer::new(scene, settings)?;
     say_surfaces(&renderer, scene, messages);
@@ -284,7 +293,7 @@ fn render_basis(
     let (study, messages) = (&experiment.study, Messages::default());
     let budget = options.budget(study);
     let set = options.declare(source, experiment)?;
-    messages.status(format!("Needs {}", budget.text()));
+    options.say_plan(study, light, messages);
     messages.warnings(&experiment.record.warnings);
     let (image, kept) = basis_render::render(study, basis, messages)?;
     let toml = experiment.record.resolved_toml.clone();

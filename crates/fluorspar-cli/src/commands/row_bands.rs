@@ -45,7 +45,7 @@ pub(super) fn render(
         tile_rows_at_once(scene, settings).map_err(|error| in_bands(options, &error, needed))?;
     // What follows takes minutes for a large image.
     let set = options.declare(source, experiment)?;
-    messages.status(format!("Needs {}", options.budget(&experiment.study).text()));
+    options.say_plan(&experiment.study, light, messages);
     let renderer = FilmRenderer::for_rows(scene, settings)?;
     if let Some(folder) = options.film.as_deref().filter(|folder| folder.is_dir()) {
         check_folder(&renderer, folder)?;

@@ -279,7 +279,7 @@ fn an_image_has_the_light_of_one_capture() {
         folder.join("e.toml"),
         "format = 1\nbase = \"flat-patch\"\n[[capture]]\nname = \"both\"\nlight_groups = { white = 0.5, blue = 2.0 }\n\
          exposure_ms = 5.0\n[[light]]\nname = \"white\"\ntype = \"distant\"\naim.direction = [0.0, 0.0, -1.0]\n\
-         spectrum = \"white\"\nstrength.irradiance_w_per_m2 = 100.0\n",
+         spectrum = \"white_led\"\nstrength.irradiance_w_per_m2 = 100.0\n",
     )
     .unwrap();
     let render = |more: &[&str]| {
