@@ -20,6 +20,9 @@ Exit codes:
    2  something in the input must be fixed
   75  a signal stopped the work (Ctrl-C, SIGTERM, SIGHUP): the same command later, with --resume where a film is kept, goes on";
 
+/// Heading of the options that every command has, below its own.
+const OF_ALL_COMMANDS: &str = "Options of all commands";
+
 /// Predicts what a fluorescence camera records, before the camera is built.
 ///
 /// Without a command, runs the built-in experiment "oraleye-2021": a mouth under white and 385 nm light.
@@ -27,16 +30,17 @@ Exit codes:
 #[command(name = "fluorspar", version, max_term_width = 110, after_help = EXIT_CODES)]
 pub(crate) struct Args {
     /// Threads to use; all cores by default. The results do not depend on it.
-    #[arg(long, global = true, value_name = "N", value_parser = values::threads, allow_negative_numbers = true)]
+    #[arg(long, global = true, value_name = "N", value_parser = values::threads, allow_negative_numbers = true,
+        help_heading = OF_ALL_COMMANDS)]
     pub(crate) threads: Option<usize>,
     /// Print warnings in full instead of one line for each.
-    #[arg(long, short, global = true)]
+    #[arg(long, short, global = true, help_heading = OF_ALL_COMMANDS)]
     pub(crate) verbose: bool,
     /// Print no progress, no warnings and no list of what was written; answers and errors stay.
-    #[arg(long, short, global = true)]
+    #[arg(long, short, global = true, help_heading = OF_ALL_COMMANDS)]
     pub(crate) quiet: bool,
     /// Neither use nor fill the cache of meshes, tissues and channel planes.
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = OF_ALL_COMMANDS)]
     pub(crate) no_cache: bool,
     #[command(subcommand)]
     pub(crate) command: Option<Command>,
@@ -250,4 +254,62 @@ pub(crate) struct OutOption {
     /// Folder for the results [default: the experiment's own, else fluorspar-out/NAME].
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub(crate) out: Option<PathBuf>,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    /// A command and all below it, with their names.
+    fn walk(command: &mut clap::Command, name: &str, see: &mut dyn FnMut(&str, &mut clap::Command)) {
+        let name = format!("{name} {}", command.get_name());
+        if command.get_name() == "help" {
+            return;
+        }
+        see(&name, command);
+        command.get_subcommands_mut().for_each(|sub| walk(sub, &name, see));
+    }
+
+    #[test]
+    fn a_command_helps_with_its_own_options_first() {
+        let mut root = Args::command();
+        root.build();
+        let global: Vec<String> = root
+            .get_arguments()
+            .filter(|arg| arg.is_global_set())
+            .map(|arg| arg.get_id().to_string())
+            .collect();
+        assert_eq!(global, ["threads", "verbose", "quiet", "no_cache"]);
+        let mut seen = 0;
+        walk(&mut root, "", &mut |name, command| {
+            seen += 1;
+            let is_global = |arg: &&clap::Arg| global.iter().any(|id| arg.get_id() == id.as_str());
+            for arg in command.get_arguments() {
+                let heading = arg.get_help_heading();
+                match arg.get_id().as_str() {
+                    _ if is_global(&arg) => assert_eq!(heading, Some(OF_ALL_COMMANDS), "{name}: {arg}"),
+                    "unit" | "strict" | "light_spectra" | "bands" | "single_scattering" => {}
+                    _ => assert_eq!(heading, None, "{name}: {arg}"),
+                }
+            }
+            // As it is printed: own options, then those of all commands, each once
+            let own: Vec<String> = command
+                .get_opts()
+                .filter(|arg| !is_global(arg) && !arg.is_hide_set())
+                .filter_map(|arg| Some(format!("--{}", arg.get_long()?)))
+                .collect();
+            let help = command.render_help().to_string();
+            let parts: Vec<&str> = help.split(&format!("\n{OF_ALL_COMMANDS}:\n")).collect();
+            assert_eq!(parts.len(), 2, "{name}\n{help}");
+            let stands =
+                |part: &str, option: &str| part.split([' ', '\n', ',']).any(|word| word.trim() == option);
+            let below: Vec<&String> = own.iter().filter(|option| !stands(parts[0], option)).collect();
+            assert!(below.is_empty(), "{name}: {below:?}\n{help}");
+            let below = parts[1].lines().filter(|line| line.trim_start().starts_with('-')).count();
+            assert_eq!(below, global.len(), "{name}\n{help}");
+        });
+        assert!(seen > 70, "{seen}");
+    }
 }

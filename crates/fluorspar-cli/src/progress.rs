@@ -17,6 +17,7 @@ use fluorspar::units::memory_text;
 use fluorspar_format::{FormatError, Provenance, unfinished_files, write_film, write_rgb_png, written_share};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::commands::capture_light::CaptureLight;
 use crate::error::CliError;
 use crate::interrupt::{Left, STOP, save_when_interrupted};
 use crate::message::Messages;
@@ -31,6 +32,8 @@ pub(crate) struct Keep<'a> {
     pub(crate) provenance: Option<&'a Provenance>,
     /// Preview of the sum, updated during the render.
     pub(crate) preview: Option<&'a Path>,
+    /// Light of the preview.
+    pub(crate) light: CaptureLight,
     /// What is left of a render that is interrupted.
     pub(crate) left: Left,
 }
@@ -259,7 +262,8 @@ pub(crate) fn fill_with_progress(
     };
 
     if let (Some(path), 0) = (keep.preview, film.paths()) {
-        write_preview(path, &enlarged(&renderer.coarse_sum(COARSE_SIDE), film))?;
+        let coarse = renderer.coarse_sum(COARSE_SIDE, |component| keep.light.weight(component));
+        write_preview(path, &enlarged(&coarse, film))?;
     }
     let film_due = keep.film.map(|(_, interval)| Due::at(interval));
     let preview_due = keep.preview.map(|_| Due::at(FIRST_PREVIEW));
@@ -282,7 +286,7 @@ pub(crate) fn fill_with_progress(
                 let begun = Instant::now();
                 // Black holes of the first pass would be worse than coarse pixels.
                 if film.least_samples() > 0 {
-                    write_preview(path, &film.sum())?;
+                    write_preview(path, &film.sum(|component| keep.light.weight(component)))?;
                 }
                 due.set(started.elapsed() + (PREVIEW_SHARE * begun.elapsed()).max(FIRST_PREVIEW));
             }

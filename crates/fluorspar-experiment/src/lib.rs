@@ -67,7 +67,7 @@ pub use resolve::kept_analysis::{KeptAnalysis, kept_analysis};
 pub use resolve::named_tissue::NamedTissue;
 pub use resolve::{
     CapturesOfRender, FileRecord, InputFile, ResolvedExperiment, check_settings, resolve, resolve_captures,
-    resolve_rendered, resolve_shapes, show_the_same_scene, with_sampling_of,
+    resolve_rendered, resolve_shapes, resolve_unlit, show_the_same_scene, with_sampling_of,
 };
 pub use sample::{
     MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,

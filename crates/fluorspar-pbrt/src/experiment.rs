@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fluorspar::geometry::{MeshInstances, TriangleMesh};
-use fluorspar::light::{Emitter, EnvironmentMap, Light};
+use fluorspar::light::{ConeEdge, Emitter, EnvironmentMap, Light, PointPattern};
 use fluorspar::material::{Coated, ImageTexture, Lambertian, Material, ScalarTexture, Scattering};
 use fluorspar::scene::{Object, Scene, Shape, SurfaceEmission};
 use fluorspar::spectral::{Curve, Fluorophore, Stokes, YieldDensity, YieldUnit};
@@ -18,7 +18,7 @@ use fluorspar_experiment::schema::{
     FluorophoreSection, FluorophoreSource, GlossSection, ImageMap, LightFrame, LightSection, MaterialSection,
     MatrixSource, MeshShape, MetalIndex, MetalReference, MixSection, NoiseMap, ObjectSection, PlacesSection,
     PointLight, ReflectanceReference, ReflectanceTermSection, ScatteringSection, ShapeSection,
-    SourceStrength, SpectralSection, SpectrumReference, SpectrumTable, SphereShape, SpotLight,
+    SourceStrength, SpectralSection, SpectrumReference, SpectrumTable, SphereShape, SpotEdge, SpotLight,
     TextureReference, TextureTable, TwoSidedSection,
 };
 use fluorspar_format::{FormatError, eem_csv, write_atomically, write_gray_png, write_ply};
@@ -438,17 +438,22 @@ impl<'a> SceneWriter<'a> {
         let power = SourceStrength::Power { power_mw: 1e3 * total };
         let emitter = match &light.emitter {
             Emitter::Point(point) => match point.pattern {
-                None => EmitterSection::Point(PointLight {
+                PointPattern::Even => EmitterSection::Point(PointLight {
                     frame: LightFrame::Scene,
                     position_mm: mm(point.position),
                     strength: power,
                 }),
-                Some((axis, exponent)) => EmitterSection::Spot(SpotLight {
-                    frame: LightFrame::Scene,
-                    position_mm: mm(point.position),
-                    aim: Some(Aim::Direction { direction: numbers(axis) }),
-                    half_angle_deg: half_angle_deg(f64::from(exponent)),
-                    strength: power,
+                PointPattern::Lobe { axis, exponent } => EmitterSection::Spot(SpotLight {
+                    half_angle_deg: Some(half_angle_deg(f64::from(exponent))),
+                    ..spot(point.position, axis, power)
+                }),
+                PointPattern::Cone(cone) => EmitterSection::Spot(SpotLight {
+                    cone_deg: Some(cone.angles_deg()),
+                    edge: match cone.edge() {
+                        ConeEdge::SmoothStep => None,
+                        ConeEdge::FourthPower => Some(SpotEdge::FourthPower),
+                    },
+                    ..spot(point.position, cone.axis(), power)
                 }),
             },
             Emitter::Distant(distant) => EmitterSection::Distant(DistantLight {
@@ -526,6 +531,19 @@ fn best_yield(fluorophore: &Fluorophore) -> f64 {
         .map(|step| (excitation.0 + step as f64).min(excitation.1))
         .map(|nm| unmasked.photon_yield(nm, emission.0, emission.1))
         .fold(f64::MIN_POSITIVE, f64::max)
+}
+
+/// A spot that does not say its pattern.
+fn spot(position: Vec3, axis: Vec3, strength: SourceStrength) -> SpotLight {
+    SpotLight {
+        frame: LightFrame::Scene,
+        position_mm: mm(position),
+        aim: Some(Aim::Direction { direction: numbers(axis) }),
+        half_angle_deg: None,
+        cone_deg: None,
+        edge: None,
+        strength,
+    }
 }
 
 /// The angle at which `cos^g` is one half.

@@ -2,12 +2,15 @@
 
 use std::f64::consts::PI;
 
-use fluorspar::light::{DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light, PointEmitter};
+use fluorspar::light::{
+    ConeEdge, DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light, PointEmitter, PointPattern,
+    SpotCone,
+};
 use fluorspar::quote::excerpt;
 use fluorspar::scene::{Shape, SurfaceEmission};
 use fluorspar::spectral::{Curve, daylight_d65};
 use fluorspar_format::{PbrtError, PbrtPlaced, TextureImage, Transfer, read_texture};
-use glam::{DMat3, DMat4, DVec3};
+use glam::{DMat3, DMat4, DVec3, Vec3};
 
 use crate::convert::Convert;
 use crate::given::Given;
@@ -18,8 +21,6 @@ use crate::spectrum::{LightSpectrum, luminance};
 const MOST_ROWS: usize = 1024;
 /// Samples of the image across each pixel of the map.
 const SAMPLES: usize = 2;
-/// Largest exponent of a spot.
-const MOST_EXPONENT: f64 = 1000.0;
 
 impl Convert<'_> {
     /// All lights without shapes.
@@ -44,7 +45,10 @@ impl Convert<'_> {
             "point" => {
                 // Intensity in all directions.
                 let spectrum = self.scaled(&given, "I", Some(("power", 4.0 * PI)))?;
-                (spectrum.scaled(4.0 * PI), Emitter::from(PointEmitter { position, pattern: None }))
+                (
+                    spectrum.scaled(4.0 * PI),
+                    Emitter::from(PointEmitter { position, pattern: PointPattern::Even }),
+                )
             }
             "distant" => {
                 let Some(direction) = direction else {
@@ -57,13 +61,10 @@ impl Convert<'_> {
                 let Some(direction) = direction else {
                     return Err(self.error(at, "\"from\" and \"to\" are the same point; move one of them"));
                 };
-                let (exponent, k) = self.spot(&given);
-                let spectrum = self.scaled(&given, "I", Some(("power", k)))?;
-                let pattern = Some((direction.as_vec3(), exponent as f32));
-                (
-                    spectrum.scaled(2.0 * PI / (exponent + 1.0)),
-                    Emitter::from(PointEmitter { position, pattern }),
-                )
+                let cone = self.spot(&given, direction.as_vec3());
+                let spectrum = self.scaled(&given, "I", Some(("power", cone.solid_angle_sr())))?;
+                let pattern = PointPattern::Cone(cone);
+                (spectrum.scaled(cone.solid_angle_sr()), Emitter::from(PointEmitter { position, pattern }))
             }
             "infinite" | "exinfinite" => match given.text("filename").or(given.text("mapname")) {
                 None => (self.scaled(&given, "L", Some(("illuminance", PI)))?, Emitter::Environment),
@@ -116,25 +117,12 @@ impl Convert<'_> {
         }
     }
 
-    /// Exponent of `cos^g` in place of a cone with a soft edge, and the power of the cone per intensity on its axis, sr.
-    fn spot(&mut self, given: &Given<'_>) -> (f64, f64) {
-        let cone = given.number("coneangle").unwrap_or(30.0).clamp(0.1, 90.0);
-        let delta =
-            given.number("conedeltaangle").or(given.number("conedelta")).unwrap_or(5.0).clamp(0.0, cone);
-        let (end, start) = (cone.to_radians().cos(), (cone - delta).to_radians().cos());
-        // Where the edge has fallen to one half: version 4 by a smooth step, version 3 by a fourth power.
-        let half = if self.is_v4() { 0.5 } else { 0.5_f64.powf(0.25) };
-        let at_half = (end + (start - end) * half).min(1.0 - 1e-6);
-        let wanted = 0.5_f64.ln() / at_half.max(1e-6).ln();
-        let exponent = wanted.clamp(0.0, MOST_EXPONENT);
-        let where_half = if wanted > MOST_EXPONENT {
-            let degrees = 0.5_f64.powf(1.0 / MOST_EXPONENT).acos().to_degrees();
-            format!("the narrowest here: one half at {degrees:.1} degrees, wider than the cone")
-        } else {
-            "which is one half where that of the cone is".into()
-        };
-        self.remark(given.entity.at, format!("\"spot\": its intensity is cos^{exponent:.1}, {where_half}"));
-        (exponent, 2.0 * PI * ((1.0 - start) + 0.5 * (start - end)))
+    /// The cone of a spot. Version 4 lets its edge fall by a smooth step of the cosine, version 3 by a fourth power.
+    fn spot(&self, given: &Given<'_>, axis: Vec3) -> SpotCone {
+        let outer = given.number("coneangle").unwrap_or(30.0).clamp(0.01, 180.0);
+        let delta = given.number("conedeltaangle").or(given.number("conedelta")).unwrap_or(5.0);
+        let edge = if self.is_v4() { ConeEdge::SmoothStep } else { ConeEdge::FourthPower };
+        SpotCone::new(axis, [outer - delta.clamp(0.0, outer), outer], edge)
     }
 
     /// An environment from an image.

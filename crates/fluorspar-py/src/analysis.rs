@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fluorspar::analysis::PorphyrinLayers;
+use fluorspar::analysis::{PorphyrinLayers, RegionError};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, PipelineError, RawExposures, analyze_regions,
@@ -30,13 +30,13 @@ type NamedMap<'py> = (&'static str, Bound<'py, PyArray2<f32>>);
 #[pyclass(frozen, module = "fluorspar._fluorspar")]
 pub(crate) struct FrameAnalysis {
     analyzed: Arc<AnalyzedFrame>,
-    regions: Vec<(String, Arc<AnalyzedFrame>)>,
+    regions: Vec<(String, Result<Arc<AnalyzedFrame>, RegionError>)>,
     warnings: Vec<String>,
 }
 
 impl FrameAnalysis {
     fn new((analyzed, regions): (AnalyzedFrame, Vec<AnalyzedRegion>), warnings: Vec<String>) -> Self {
-        let shared = |region: AnalyzedRegion| (region.name, Arc::new(region.analyzed));
+        let shared = |region: AnalyzedRegion| (region.name, region.analyzed.map(Arc::new));
         Self { analyzed: Arc::new(analyzed), regions: regions.into_iter().map(shared).collect(), warnings }
     }
 }
@@ -48,9 +48,9 @@ impl FrameAnalysis {
     fn json(&self) -> PyResult<String> {
         let mut results = serde_json::to_value(&self.analyzed.analysis).map_err(failed)?;
         if !self.regions.is_empty() {
-            let one = |(name, of): &(String, Arc<AnalyzedFrame>)| {
-                let analysis = serde_json::to_value(&of.analysis)?;
-                Ok(json!({ "name": name, "analysis": analysis }))
+            let one = |(name, of): &(String, Result<Arc<AnalyzedFrame>, RegionError>)| match of {
+                Ok(of) => Ok(json!({ "name": name, "analysis": serde_json::to_value(&of.analysis)? })),
+                Err(why) => Ok(json!({ "name": name, "not_in_view": why.to_string() })),
             };
             let all: Result<Vec<Value>, serde_json::Error> = self.regions.iter().map(one).collect();
             results["regions"] = Value::Array(all.map_err(failed)?);
@@ -58,7 +58,7 @@ impl FrameAnalysis {
         serde_json::to_string(&results).map_err(failed)
     }
 
-    /// The regions beside that of the analysis, by name.
+    /// The regions beside that of the analysis that are in view, by name.
     #[getter]
     fn regions(&self) -> Vec<(String, Self)> {
         let alone = |analyzed: &Arc<AnalyzedFrame>| Self {
@@ -66,7 +66,8 @@ impl FrameAnalysis {
             regions: Vec::new(),
             warnings: Vec::new(),
         };
-        self.regions.iter().map(|(name, analyzed)| (name.clone(), alone(analyzed))).collect()
+        let seen = self.regions.iter().filter_map(|(name, analyzed)| Some((name, analyzed.as_ref().ok()?)));
+        seen.map(|(name, analyzed)| (name.clone(), alone(analyzed))).collect()
     }
 
     /// What makes the numbers mean something else than one may think.

@@ -172,7 +172,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     };
     let analyzed = without_render(options, analyzed);
     let of_frames = |region: AnalyzedRegion| AnalyzedRegion {
-        analyzed: without_render(options, region.analyzed),
+        analyzed: region.analyzed.map(|analyzed| without_render(options, analyzed)),
         ..region
     };
     let others: Vec<AnalyzedRegion> = others.into_iter().map(of_frames).collect();
@@ -359,7 +359,11 @@ fn answer(
     }
     let mut text = describe(analysis);
     for region in regions {
-        text += &format!("\nRegion \"{}\". {}", region.name, describe(&region.analyzed.analysis));
+        let told = match &region.analyzed {
+            Ok(analyzed) => describe(&analyzed.analysis),
+            Err(why) => format!("Not in view: {why}\n"),
+        };
+        text += &format!("\nRegion \"{}\". {told}", region.name);
     }
     text += &regions_table(experiment, analysis, regions);
     super::print_text(&text)

@@ -8,6 +8,7 @@ use fluorspar::pipeline::{DenoiseError, DenoiseSettings, denoise};
 use fluorspar::units::number_text;
 use fluorspar_format::{check_room, read_component_image};
 
+use super::capture_light::CaptureLight;
 use super::image_output::{ImageOutput, Storage};
 use crate::args::Answer;
 use crate::error::CliError;
@@ -75,7 +76,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     output.write(&image, &provenance)?;
     set.finish()?;
     if options.answer.json {
-        let mut answer = output.describe(&image);
+        let mut answer = output.describe(&image, &CaptureLight::default());
         answer["denoised"] = image.denoised.clone().into();
         super::print_json(&answer)?;
     } else {

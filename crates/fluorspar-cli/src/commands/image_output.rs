@@ -12,6 +12,7 @@ use fluorspar_format::{
 };
 use serde_json::{Value, json};
 
+use super::capture_light::CaptureLight;
 use crate::error::CliError;
 
 /// Path and format of an image.
@@ -20,7 +21,7 @@ pub(crate) struct ImageOutput {
     /// File of the image: .exr (spectral OpenEXR) or .npy (NumPy, with a .json next to it).
     #[arg(long, value_name = "FILE", default_value = "radiance.exr", value_hint = ValueHint::FilePath)]
     pub(crate) out: PathBuf,
-    /// Write one layer per light group and fluorophore instead of their sum.
+    /// Write one layer per light group and fluorophore instead of their sum under the light of one capture.
     #[arg(long)]
     pub(crate) components: bool,
     /// Storage of the values in OpenEXR.
@@ -139,17 +140,23 @@ impl ImageOutput {
         )))
     }
 
-    /// Writes the image and the preview.
-    pub(crate) fn write(&self, image: &ComponentImage, provenance: &Provenance) -> Result<(), CliError> {
-        self.write_with(image, None, provenance)
+    /// Whether a sum of components is written.
+    pub(crate) fn sums(&self) -> bool {
+        !self.components || self.preview.is_some()
     }
 
-    /// Writes the image with its excitation basis, if it has one, and the preview.
+    /// Writes the image and the preview.
+    pub(crate) fn write(&self, image: &ComponentImage, provenance: &Provenance) -> Result<(), CliError> {
+        self.write_with(image, None, provenance, &CaptureLight::default())
+    }
+
+    /// Writes the image with its excitation basis, if it has one, and the preview. Sums are under this light.
     pub(crate) fn write_with(
         &self,
         image: &ComponentImage,
         excitation: Option<&ExcitationImage>,
         provenance: &Provenance,
+        light: &CaptureLight,
     ) -> Result<(), CliError> {
         let exr = ExrOptions {
             compression: self.compression(),
@@ -166,7 +173,7 @@ impl ImageOutput {
         if self.components && self.preview.is_none() {
             return Ok(());
         }
-        let sum = image.recombine(|_| 1.0);
+        let sum = image.recombine(|component| light.weight(component));
         if !self.components && npy {
             write_spectral_npy(&self.out, &sum, Some(provenance))?;
         } else if !self.components {
@@ -180,13 +187,18 @@ impl ImageOutput {
     }
 
     /// JSON description of an image.
-    pub(crate) fn describe(&self, image: &ComponentImage) -> Value {
-        let mean = image.recombine(|_| 1.0).mean_spectrum();
-        self.describe_with(image, mean.values())
+    pub(crate) fn describe(&self, image: &ComponentImage, light: &CaptureLight) -> Value {
+        let mean = image.recombine(|component| light.weight(component)).mean_spectrum();
+        self.describe_with(image, mean.values(), light)
     }
 
     /// The same with the mean spectrum given, for images without values.
-    pub(crate) fn describe_with(&self, image: &ComponentImage, mean_radiance: &[f64]) -> Value {
+    pub(crate) fn describe_with(
+        &self,
+        image: &ComponentImage,
+        mean_radiance: &[f64],
+        light: &CaptureLight,
+    ) -> Value {
         json!({
             "file": self.out,
             "width_px": image.width,
@@ -195,6 +207,7 @@ impl ImageOutput {
             "most_samples_per_pixel": image.samples.iter().max().unwrap_or(&image.samples_per_pixel),
             "wavelength_nm": image.grid.centers_nm(),
             "components": image.components.iter().map(|c| c.label()).collect::<Vec<_>>(),
+            "capture": light.json(),
             "mean_radiance": mean_radiance,
             "unit": "W/(sr m^2 nm)",
         })

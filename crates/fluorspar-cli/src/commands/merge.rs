@@ -9,6 +9,7 @@ use fluorspar::pipeline::image_and_basis;
 use fluorspar_experiment::parse;
 use fluorspar_format::{Output, Provenance, check_room, read_film, write_film};
 
+use super::capture_light::CaptureOption;
 use super::image_output::ImageOutput;
 use super::row_bands;
 use crate::args::Answer;
@@ -29,6 +30,8 @@ pub(crate) struct Options {
     incomplete: bool,
     #[command(flatten)]
     output: ImageOutput,
+    #[command(flatten)]
+    light: CaptureOption,
     #[command(flatten)]
     answer: Answer,
 }
@@ -54,6 +57,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let Some((film, Some(mut provenance))) = merged else {
         return Err(CliError::Input("the films do not say where they come from; render them again".into()));
     };
+    let light = options.light.of_film(&provenance)?;
+    light.check_sums(options.output.sums())?;
     if !options.incomplete {
         check_complete(&film, &provenance, &films)?;
     }
@@ -67,12 +72,15 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if let Some(path) = &options.film {
         write_film(path, &film, Some(&provenance))?;
     }
+    if options.output.sums() {
+        light.say(Messages::default());
+    }
     let (image, basis) = image_and_basis(film).map_err(|error| CliError::Input(error.to_string()))?;
     provenance.samples_per_pixel = image.samples_per_pixel;
-    options.output.write_with(&image, basis.as_ref(), &provenance)?;
+    options.output.write_with(&image, basis.as_ref(), &provenance, &light)?;
     set.finish()?;
     if options.answer.json {
-        super::print_json(&options.output.describe(&image))?;
+        super::print_json(&options.output.describe(&image, &light))?;
     } else {
         Messages::default().status(format!("Wrote {}", options.output.out.display()));
     }

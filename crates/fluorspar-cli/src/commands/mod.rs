@@ -4,6 +4,7 @@ mod actions;
 pub(crate) mod analyze;
 mod basis_render;
 pub(crate) mod capture;
+pub(crate) mod capture_light;
 pub(crate) mod check;
 pub(crate) mod coarse_render;
 pub(crate) mod compare;

@@ -20,24 +20,26 @@ use crate::values::{Override, as_typed, sets};
 /// Lines of an error that names what has no counterpart.
 const MOST_LINES: usize = 50;
 
+/// Heading of the options for scenes of pbrt.
+const PBRT: &str = "Scenes of pbrt";
+
 /// How a scene of pbrt (.pbrt) is taken.
 #[derive(Clone, Debug, Default, clap::Args)]
-#[command(next_help_heading = "Scenes of pbrt")]
 pub(crate) struct PbrtArgs {
     /// Length of one unit of the scene; the file does not say it [default: m].
-    #[arg(long, value_enum)]
+    #[arg(help_heading = PBRT, long, value_enum)]
     unit: Option<Unit>,
     /// Refuse a scene with anything that has no counterpart, instead of warnings.
-    #[arg(long)]
+    #[arg(help_heading = PBRT, long)]
     strict: bool,
     /// What the spectra of lights mean in version 4, where they are given wavelength by wavelength [default: absolute].
-    #[arg(long, value_enum, value_name = "MEANING")]
+    #[arg(help_heading = PBRT, long, value_enum, value_name = "MEANING")]
     light_spectra: Option<LightSpectra>,
     /// Bands of the render: first and last middle and step, nm [default: 350:750:5].
-    #[arg(long, value_name = "FIRST:LAST:STEP")]
+    #[arg(help_heading = PBRT, long, value_name = "FIRST:LAST:STEP")]
     bands: Option<Bands>,
     /// Let rough metals and glass lose the light that they scatter more than once, as pbrt does.
-    #[arg(long)]
+    #[arg(help_heading = PBRT, long)]
     single_scattering: bool,
 }
 

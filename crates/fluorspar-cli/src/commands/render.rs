@@ -16,6 +16,7 @@ use fluorspar_format::{Output, OutputSet, Outputs, Provenance, read_film, read_t
 use serde_json::json;
 
 use super::basis_render;
+use super::capture_light::{CaptureLight, CaptureOption};
 use super::image_output::ImageOutput;
 use super::pbrt_scene::PbrtArgs;
 use super::row_bands;
@@ -37,6 +38,8 @@ pub(crate) struct Options {
     pub(super) limits: Limits,
     #[command(flatten)]
     pub(super) output: ImageOutput,
+    #[command(flatten)]
+    pub(super) light: CaptureOption,
     /// Film of the render, which keeps its exact sums: saved while rendering and at the end.
     ///
     /// From a film the render can be resumed after any interruption, given more samples, or merged. Of an image that does not fit
@@ -100,6 +103,26 @@ impl Options {
         }
     }
 
+    /// Whether a sum of components is written, now or on the way.
+    fn sums(&self) -> bool {
+        self.output.sums() && (self.shard.is_none() || self.output.preview.is_some())
+    }
+
+    /// The light of the image.
+    fn light(&self, study: &Study) -> Result<CaptureLight, CliError> {
+        let light = self.light.of_study(study)?;
+        light.check_sums(self.sums())?;
+        Ok(light)
+    }
+
+    /// Says what the render takes, and under which light its image is.
+    pub(super) fn say_plan(&self, study: &Study, light: &CaptureLight, messages: Messages) {
+        messages.status(format!("Needs {}", self.budget(study).text()));
+        if self.sums() {
+            light.say(messages);
+        }
+    }
+
     /// What the render takes.
     pub(super) fn budget(&self, study: &Study) -> Budget {
         Budget::of_render(study, self.output.components, self.film.is_some())
@@ -151,6 +174,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let experiment = options.pbrt.resolve(&source, &options.experiment, &options.limits)?;
     let study = &experiment.study;
     super::check_nothing_painted(study)?;
+    let light = options.light(study)?;
     let (scene, settings) = (&study.scene, &study.render);
     let needed = memory_bytes(scene, settings);
     let budget = options.budget(study);
@@ -161,20 +185,20 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             options.output.check_for_basis()?;
         }
         match &options.film {
-            None => return render_basis(options, &source, &experiment, basis),
+            None => return render_basis(options, &source, &experiment, (basis, &light)),
             Some(film) if in_bands => return Err(film_of_basis(film, basis, needed, settings)),
             Some(_) => {}
         }
     }
     if in_bands && options.shard.is_none() {
-        return row_bands::render(options, &source, &experiment);
+        return row_bands::render(options, &source, &experiment, &light);
     }
     super::check_memory(
         study,
         "or leave --shard out: without it, large images are rendered in bands of rows",
     )?;
     let set = options.declare(&source, &experiment)?;
-    messages.status(format!("Needs {}", budget.text()));
+    options.say_plan(study, &light, messages);
     messages.warnings(&experiment.record.warnings);
     let renderer = FilmRenderer::new(scene, settings)?;
     say_surfaces(&renderer, scene, messages);
@@ -198,6 +222,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         film: options.film.as_deref().map(|path| (path, Duration::from_secs_f64(options.checkpoint_s))),
         provenance: Some(&provenance),
         preview: options.output.preview.as_deref(),
+        light: light.clone(),
         left: if options.shard.is_some() { Left::Film } else { Left::Image },
     };
     let share = options.share();
@@ -226,11 +251,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let (image, basis) = image_and_basis(film).map_err(|error| CliError::Input(error.to_string()))?;
     provenance.samples_per_pixel = image.samples_per_pixel;
     let writing = WritingReport::begin(&options.output.out, messages);
-    options.output.write_with(&image, basis.as_ref(), &provenance)?;
+    options.output.write_with(&image, basis.as_ref(), &provenance, &light)?;
     drop(writing);
     set.finish()?;
     if options.answer.json {
-        let mut answer = options.output.describe(&image);
+        let mut answer = options.output.describe(&image, &light);
         answer["experiment_sha256"] = experiment.record.sha256.clone().into();
         answer["film_bytes"] = needed.into();
         answer["budget"] = budget.json();
@@ -263,20 +288,20 @@ fn render_basis(
     options: &Options,
     source: &ExperimentSource,
     experiment: &ResolvedExperiment,
-    basis: &BasisSettings,
+    (basis, light): (&BasisSettings, &CaptureLight),
 ) -> Result<ExitCode, CliError> {
     let (study, messages) = (&experiment.study, Messages::default());
     let budget = options.budget(study);
     let set = options.declare(source, experiment)?;
-    messages.status(format!("Needs {}", budget.text()));
+    options.say_plan(study, light, messages);
     messages.warnings(&experiment.record.warnings);
     let (image, kept) = basis_render::render(study, basis, messages)?;
     let toml = experiment.record.resolved_toml.clone();
     let provenance = Provenance::new(&source.text, toml, study.render.seed, image.samples_per_pixel);
-    options.output.write_with(&image, Some(&kept), &provenance)?;
+    options.output.write_with(&image, Some(&kept), &provenance, light)?;
     set.finish()?;
     if options.answer.json {
-        let mut answer = options.output.describe(&image);
+        let mut answer = options.output.describe(&image, light);
         answer["experiment_sha256"] = experiment.record.sha256.clone().into();
         answer["excitation_nodes_nm"] = basis.nodes.nodes_nm().into();
         answer["budget"] = budget.json();

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use fluorspar::image::{FeatureMaps, Film, FilmLayout};
+use fluorspar::image::{Component, FeatureMaps, Film, FilmLayout};
 use fluorspar::pipeline::{
     BandPlanes, BandStore, BandedRender, RowBandError, render_row_bands, row_bands, tile_rows_at_once,
 };
@@ -15,6 +15,7 @@ use fluorspar::units::{memory_text, memory_texts};
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{Provenance, SpooledImage, read_film_layout, read_film_rows, write_film};
 
+use super::capture_light::CaptureLight;
 use super::render::{Options, peak_memory_bytes, say_surfaces};
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::ExperimentSource;
@@ -34,6 +35,7 @@ pub(super) fn render(
     options: &Options,
     source: &ExperimentSource,
     experiment: &ResolvedExperiment,
+    light: &CaptureLight,
 ) -> Result<ExitCode, CliError> {
     let (scene, settings) = (&experiment.study.scene, &experiment.study.render);
     let messages = Messages::default();
@@ -43,7 +45,7 @@ pub(super) fn render(
         tile_rows_at_once(scene, settings).map_err(|error| in_bands(options, &error, needed))?;
     // What follows takes minutes for a large image.
     let set = options.declare(source, experiment)?;
-    messages.status(format!("Needs {}", options.budget(&experiment.study).text()));
+    options.say_plan(&experiment.study, light, messages);
     let renderer = FilmRenderer::for_rows(scene, settings)?;
     if let Some(folder) = options.film.as_deref().filter(|folder| folder.is_dir()) {
         check_folder(&renderer, folder)?;
@@ -92,7 +94,9 @@ pub(super) fn render(
         provenance: &provenance,
         spool: SpooledImage::create(beside.unwrap_or(Path::new(".")), size, layout.grid.clone(), images)?,
     };
-    let rendered = render_row_bands(&layout, settings.samples_per_pixel, &bands, planes, &mut store)?;
+    let weight = |component: &Component| light.weight(component);
+    let rendered =
+        render_row_bands(&layout, settings.samples_per_pixel, &bands, (planes, &weight), &mut store)?;
     let spool = store.spool;
     let finished = match rendered {
         BandedRender::Finished(finished) => finished,
@@ -119,7 +123,7 @@ pub(super) fn render(
     drop(writing);
     set.finish()?;
     if options.answer.json {
-        let mut answer = options.output.describe_with(&labels, &mean);
+        let mut answer = options.output.describe_with(&labels, &mean, light);
         answer["experiment_sha256"] = experiment.record.sha256.clone().into();
         answer["film_bytes"] = needed.into();
         answer["memory_limit_bytes"] = settings.memory_limit_bytes.into();
@@ -209,6 +213,7 @@ impl BandStore for Store<'_> {
             film: path.as_deref().map(|path| (path, interval)),
             provenance: Some(self.provenance),
             preview: None,
+            light: CaptureLight::default(),
             left: if path.is_some() { Left::Film } else { Left::Nothing },
         };
         fill_with_progress(self.renderer, share, film, None, Messages::default(), &keep)

@@ -186,6 +186,53 @@ parts = ["patch"]
 polygon_px = [[0, 0], [12, 0], [0, 20]]
 "#;
 
+/// A part behind the patch.
+const HIDDEN: &str = r#"
+[[material]]
+name = "grey"
+reflectance = 0.3
+[[object]]
+name = "hidden"
+material = "grey"
+type = "quad"
+corner_mm = [-10.0, -10.0, -1.0]
+edge_u_mm = [20.0, 0.0, 0.0]
+edge_v_mm = [0.0, 20.0, 0.0]
+[[analysis.region]]
+name = "behind"
+parts = ["hidden"]
+"#;
+
+#[test]
+fn a_region_out_of_view_is_told_beside_the_others() {
+    let temp = tempfile::tempdir().unwrap();
+    let folder = temp.path();
+    fs::write(folder.join("regions.toml"), format!("{REGIONS}{HIDDEN}")).unwrap();
+    let run =
+        |name: &str| fluorspar(folder, [&["run", "regions.toml", "--out", name][..], &SIZE].concat()).well();
+    let said = run("a");
+    let why = "no pixel of the region shows hidden; the parts in view are: patch";
+    let behind = said.stdout.lines().find(|line| line.starts_with("behind")).unwrap();
+    let cells: Vec<&str> = behind.split_whitespace().collect();
+    assert_eq!(cells[..4], ["behind", "not", "in", "view"], "{said:?}");
+    assert!(cells[4..].iter().all(|cell| *cell == "-"), "{behind}");
+    assert!(said.stderr.contains("warning: Region \"behind\": not in view"), "{said:?}");
+    let read = fs::read_to_string(folder.join("a/results.json")).unwrap();
+    let regions = serde_json::from_str::<Value>(&read).unwrap()["regions"].clone();
+    assert_eq!(regions[2], serde_json::json!({ "name": "behind", "not_in_view": why }));
+    assert!([0, 1].iter().all(|k| regions[k]["analysis"]["counts"]["valid"].as_u64() > Some(0)), "{regions}");
+    let page = fs::read_to_string(folder.join("a/report.html")).unwrap();
+    assert!(page.contains("not in view") && page.contains("1 patch, 2 middle, 3 left</p>"));
+    let analyzed = fluorspar(folder, ["analyze", "a"]).well().stdout;
+    assert!(analyzed.contains(&format!("Region \"behind\". Not in view: {why}\n")), "{analyzed}");
+    assert_eq!(fluorspar(folder, ["analyze", "a", "--json"]).json()["regions"], regions);
+    // A comparison tells the regions that both saw
+    run("b");
+    let found = compare(folder, "a", "b");
+    let regions = found["numbers"].as_array().unwrap().iter().filter_map(|row| row["region"].as_str());
+    assert!(regions.clone().any(|name| name == "left") && regions.clone().all(|name| name != "behind"));
+}
+
 #[test]
 fn regions_of_both_runs_stand_row_by_row() {
     let temp = tempfile::tempdir().unwrap();

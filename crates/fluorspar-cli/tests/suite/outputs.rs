@@ -7,6 +7,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use serde_json::Value;
+
 use crate::support::{fluorspar, listing};
 
 /// A render of a few pixels.
@@ -259,4 +261,87 @@ fn a_disk_without_room_is_known_before_the_work() {
     let room = fluorspar_format::free_bytes(folder.path()).unwrap();
     assert!(room > 200 << 30 || huge.code == Some(1), "{huge:?}");
     assert!(huge.code != Some(1) || huge.stderr.contains(" GiB will be written"), "{huge:?}");
+}
+
+/// The numbers of a NumPy file of 32 bits.
+fn npy(path: &Path) -> Vec<f32> {
+    let bytes = fs::read(path).unwrap();
+    let start = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    bytes[start..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+}
+
+/// A picture has the light of one capture: components of its light groups at its drives, and nothing else.
+#[test]
+fn an_image_has_the_light_of_one_capture() {
+    let temp = tempfile::tempdir().unwrap();
+    let folder = temp.path();
+    fs::write(
+        folder.join("e.toml"),
+        "format = 1\nbase = \"flat-patch\"\n[[capture]]\nname = \"both\"\nlight_groups = { white = 0.5, blue = 2.0 }\n\
+         exposure_ms = 5.0\n[[light]]\nname = \"white\"\ntype = \"distant\"\naim.direction = [0.0, 0.0, -1.0]\n\
+         spectrum = \"white_led\"\nstrength.irradiance_w_per_m2 = 100.0\n",
+    )
+    .unwrap();
+    let render = |more: &[&str]| {
+        let args = ["render", "e.toml", "--spp=2", "--set=render.width_px=12", "--set=render.height_px=8"];
+        fluorspar(folder, [&args[..], more].concat())
+    };
+    render(&["--components", "--film", "e.film", "--out", "components.npy"]).well();
+    let described: Value =
+        serde_json::from_str(&fs::read_to_string(folder.join("components.npy.json")).unwrap()).unwrap();
+    let labels: Vec<String> = described["components"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|c| c["light_group"].as_str().unwrap().to_owned())
+        .collect();
+    let components = npy(&folder.join("components.npy"));
+    let size = components.len() / labels.len();
+    let expected = |drive: &dyn Fn(&str) -> f32| -> Vec<f32> {
+        let mut sum = vec![0.0f32; size];
+        for (label, values) in labels.iter().zip(components.chunks(size)) {
+            sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += drive(label) * value);
+        }
+        sum
+    };
+    let same = |file: &str, wanted: &[f32]| {
+        let found = npy(&folder.join(file));
+        assert_eq!(found.len(), wanted.len());
+        let top = wanted.iter().copied().fold(0.0, f32::max);
+        let worst = found.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(top > 0.0 && worst <= 1e-5 * top, "{file}: {worst} of {top}");
+    };
+    let blue = |group: &str| f32::from(u8::from(group == "blue"));
+    let both = |group: &str| if group == "blue" { 2.0 } else { 0.5 };
+    assert!(labels.iter().any(|label| label == "white") && labels.iter().any(|label| label == "blue"));
+    // The first capture of the base is dark, the second is its first with light
+    let said = render(&["--out", "first.npy"]).well().stderr;
+    let line = "Light of the capture \"blue\": light group \"blue\"; others: --capture ambient or both, all lights apart: --components";
+    assert!(said.contains(line), "{said}");
+    same("first.npy", &expected(&blue));
+    let answer = render(&["--capture", "both", "--out", "both.npy", "--json"]).json();
+    assert_eq!(
+        answer["capture"],
+        serde_json::json!({ "name": "both", "light_groups": { "blue": 2.0, "white": 0.5 } })
+    );
+    same("both.npy", &expected(&both));
+    let mean = |values: &[f32]| values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64;
+    let told: Vec<f64> =
+        answer["mean_radiance"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let told = told.iter().sum::<f64>() / told.len() as f64;
+    assert!((told / mean(&expected(&both)) - 1.0).abs() < 1e-4);
+    // A film remembers its captures
+    fluorspar(folder, ["merge", "e.film", "--capture", "both", "--out", "merged.npy"]).well();
+    same("merged.npy", &expected(&both));
+    for (more, message) in [
+        (
+            &["--capture", "bleu"][..],
+            "--capture bleu: there is no such capture; the captures are ambient, blue, both",
+        ),
+        (&["--capture", "blue", "--components"], "with --components every light group stands apart"),
+        (&["--unset=capture", "--unset=analysis", "--capture", "blue"], "the experiment has no captures"),
+    ] {
+        let said = render(&[more, &["--out", "no.npy"]].concat());
+        assert!(said.code == Some(2) && said.stderr.contains(message), "{said:?}");
+    }
 }

@@ -88,3 +88,33 @@ fn mistakes_end_with_two_and_name_their_places() {
         assert!(said.stderr.contains(expected), "{args:?}: {}", said.stderr);
     }
 }
+
+/// A part of a scene that others light goes all ways that the scene of pbrt goes, and is refused where light is needed.
+#[test]
+fn a_scene_without_lights_stays_readable_as_an_experiment() {
+    let folder = tempfile::tempdir().unwrap();
+    let unlit = "Camera \"perspective\"\nFilm \"image\" \"integer xresolution\" [6] \"integer yresolution\" [4]\nWorldBegin\n\
+                 Material \"matte\"\nTranslate 0 0 5 Shape \"sphere\"\nWorldEnd\n";
+    fs::write(folder.path().join("s.pbrt"), unlit).unwrap();
+    let run = |args: &[&str]| fluorspar(folder.path(), args);
+    run(&["scene", "convert", "s.pbrt", "--unit", "cm", "--out", "s.toml"]).well();
+    let told = run(&["scene", "check", "s.toml"]).well();
+    assert_eq!(told.stdout, "s.toml: valid. 1 objects, 1 materials, 0 lights, 0 fluorophores\n");
+    assert!(told.stderr.contains("warning: the scene has no lights"), "{}", told.stderr);
+    let radius = run(&["scene", "get", "s.toml", "object.sphere_0.radius_mm"]).well().stdout;
+    assert!(radius.contains("10"), "{radius}");
+    run(&["scene", "tree", "s.toml"]).well();
+    run(&["scene", "view", "s.toml", "--out", "view.png"]).well();
+    run(&["scene", "convert", "s.toml", "--out", "again.toml"]);
+    for command in ["render", "run", "check"] {
+        let said = run(&[command, "s.toml"]);
+        let what = "s.toml: the scene has no lights; add a [[light]] section";
+        assert!(said.code == Some(2) && said.stderr.contains(what), "{command}: {said:?}");
+    }
+    // With a light it renders
+    let sun = "light.sun={ type = \"environment\", spectrum = 1.0, strength.radiance_w_per_sr_m2 = 4.0 }";
+    run(&["scene", "insert", "s.toml", sun, "--out", "lit.toml"]).well();
+    let said = run(&["scene", "check", "lit.toml"]).well();
+    assert!(said.stdout.contains("1 lights") && !said.stderr.contains("no lights"), "{said:?}");
+    run(&["render", "lit.toml", "--spp=1", "--out", "lit.npy"]).well();
+}

@@ -85,6 +85,24 @@ fn efficiency(channel: usize, nm: f64) -> f64 {
     0.05 + 0.5 * (-((nm - center) / 40.0).powi(2)).exp()
 }
 
+/// ISETCam's negative flags clip nothing: ratios above the voltage swing are those of the electrons.
+#[test]
+fn a_sensor_that_clips_nothing_keeps_its_chromaticity() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = |flag: &str, ms: &str| {
+        let mode = format!("sensor.mode={{ type = \"isetcam\", noise_flag = {flag} }}");
+        predicted(folder.path(), &["--set", &mode, "--exposure-ms", ms])
+    };
+    let [short, long, clipped] = [of("-1", "0.001"), of("-1", "100000"), of("0", "100000")];
+    assert_eq!(clipped["chromaticity"], Value::Null);
+    assert_eq!(clipped["channels"]["G"]["saturated"], true);
+    assert!(long["channels"]["G"]["volts"].as_f64().unwrap() > 0.911, "{long}");
+    for key in ["r", "g"] {
+        let [a, b] = [&short, &long].map(|found| found["chromaticity"][key].as_f64().unwrap());
+        assert!((a - b).abs() < 1e-9, "{key}: {a} and {b}");
+    }
+}
+
 #[test]
 fn mean_values_follow_isetcams_equations() {
     let folder = tempfile::tempdir().unwrap();

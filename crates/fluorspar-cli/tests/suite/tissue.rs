@@ -315,6 +315,13 @@ fn layers_of_a_file_are_shown_solved_and_traced() {
         run("tissue solve phantom.toml --from-nm 400 --to-nm 640 --step-nm 20 --excitation-nm 405 --json")
             .json();
     let reflectance = solved["reflectance"][6].as_f64().unwrap();
+    // What lies below is told as it was computed
+    assert_eq!(solved["below"], "black: nothing returns from below the last layer");
+    let on_air = PHANTOM.replace("\"phantom\"\n", "\"phantom\"\nindex_below = 1.0\n");
+    fs::write(folder.path().join("air.toml"), on_air).unwrap();
+    let on_air =
+        run("tissue solve air.toml --from-nm 400 --to-nm 440 --step-nm 20 --excitation-nm 405").well().stdout;
+    assert!(on_air.contains("below it a medium of index 1: its surface reflects"), "{on_air}");
     assert!(run("tissue depth phantom.toml --light led_405").well().stdout.contains("skin"));
     let traced = run("tissue mc phantom.toml --wavelength-nm 520 --diffuse --photons 40000 --json").json();
     let light = &traced["light"]["diffuse_reflectance"];
@@ -342,6 +349,10 @@ fn wrong_words_of_tissue_commands_are_told() {
         ("tissue show mucosa.toml", "mucosa.toml"),
         ("tissue show tooth --state dysplasia", "has no parameter"),
         ("tissue solve lip --from-nm 200", "--from-nm 200: must be between 350 and 800 nm"),
+        (
+            "tissue solve lip --from-nm 500 --to-nm 510",
+            "--to-nm 510: must be 20 nm or more above --from-nm 500",
+        ),
         ("tissue solve lip --light led_404", "did you mean"),
         ("tissue solve lip --nodes 4", "give a whole number from 8 to 128"),
         ("tissue solve lip --out mucosa.toml", "this is a file"),

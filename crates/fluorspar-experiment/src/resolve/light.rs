@@ -10,12 +10,12 @@ use super::spectrum::{Role, gray};
 use crate::error::{Place, steps};
 use crate::schema::{
     Aim, AnnulusLight, DistantStrength, EmitterSection, EnvironmentMapReference, EnvironmentStrength,
-    FilePath, LightFrame, LightSection, RectangleLight, RingLight, SourceStrength,
+    FilePath, LightFrame, LightSection, RectangleLight, RingLight, SourceStrength, SpotEdge, SpotLight,
 };
 use fluorspar::geometry::OrientedPoint;
 use fluorspar::light::{
-    AnnulusEmitter, DiscEmitter, DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light,
-    LightGroup, LightName, PointEmitter, RectangleEmitter, SphereEmitter,
+    AnnulusEmitter, ConeEdge, DiscEmitter, DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light,
+    LightGroup, LightName, PointEmitter, PointPattern, RectangleEmitter, SphereEmitter, SpotCone,
 };
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, Radiance, WavelengthGrid};
@@ -23,6 +23,8 @@ use fluorspar_format::{Transfer, read_spectral_image, read_texture_png};
 
 /// Half angle of the narrowest pattern that a light may have.
 const NARROWEST_DEG: f64 = 2.2;
+/// Least angle of a cone, degrees.
+const LEAST_CONE_DEG: f64 = 0.01;
 
 /// Emitters of one section, the power of each still to be found.
 struct Emitters {
@@ -262,16 +264,15 @@ fn emitters(
         EmitterSection::Point(point) => {
             let frame = Frame::new(point.frame, camera);
             let center = frame.point(context, &at.field("position_mm"), point.position_mm)?;
-            let list = vec![Emitter::Point(PointEmitter { position: center, pattern: None })];
+            let list = vec![Emitter::Point(PointEmitter { position: center, pattern: PointPattern::Even })];
             Ok((Emitters { center, axis: frame.even_axis(), list }, Strength::Source(point.strength)))
         }
         EmitterSection::Spot(spot) => {
             let frame = Frame::new(spot.frame, camera);
             let center = frame.point(context, &at.field("position_mm"), spot.position_mm)?;
             let axis = frame.axis(context, at, center, spot.aim)?;
-            let exponent = point_exponent(context, at, spot.half_angle_deg)?;
-            let list =
-                vec![Emitter::Point(PointEmitter { position: center, pattern: Some((axis, exponent)) })];
+            let pattern = spot_pattern(context, at, spot, axis)?;
+            let list = vec![Emitter::Point(PointEmitter { position: center, pattern })];
             Ok((Emitters { center, axis, list }, Strength::Source(spot.strength)))
         }
         EmitterSection::Distant(distant) => {
@@ -379,6 +380,29 @@ fn point_exponent(context: &Context<'_>, at: &Place, half_angle_deg: f64) -> Res
         return Ok(0.0);
     }
     Ok(Emitter::exponent_from_half_angle(half_angle_deg) as f32)
+}
+
+/// How the intensity of a spot depends on the direction.
+fn spot_pattern(context: &Context<'_>, at: &Place, spot: &SpotLight, axis: Vec3) -> Resolved<PointPattern> {
+    match (spot.half_angle_deg, spot.cone_deg) {
+        (Some(half_angle_deg), None) => match spot.edge {
+            None => Ok(PointPattern::Lobe { axis, exponent: point_exponent(context, at, half_angle_deg)? }),
+            Some(_) => context.fail(&at.field("edge"), "is that of a cone; remove it, or give `cone_deg`"),
+        },
+        (None, Some([inner, outer])) => {
+            let field = at.field("cone_deg");
+            context.within(&field.index(1), outer, [LEAST_CONE_DEG, 180.0], "degrees")?;
+            context.within(&field.index(0), inner, [0.0, outer], "degrees")?;
+            let edge = match spot.edge {
+                None | Some(SpotEdge::SmoothStep) => ConeEdge::SmoothStep,
+                Some(SpotEdge::FourthPower) => ConeEdge::FourthPower,
+            };
+            Ok(PointPattern::Cone(SpotCone::new(axis, [inner, outer], edge)))
+        }
+        (Some(_), Some(_)) => context
+            .fail(&at.field("cone_deg"), "and `half_angle_deg` exclude each other; remove one of the two"),
+        (None, None) => context.fail(at, "a spot needs `half_angle_deg`, or the two angles of `cone_deg`"),
+    }
 }
 
 /// Exponent of the emission pattern of a flat emitter.

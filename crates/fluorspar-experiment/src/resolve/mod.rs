@@ -64,6 +64,19 @@ pub struct ResolvedExperiment {
 /// # Errors
 /// The first defect found.
 pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, ExperimentError> {
+    resolve_scene(experiment, true)
+}
+
+/// [`resolve`] of what need not shine, such as a part of a scene that others light: without lights there is a dark light group and a
+/// warning.
+///
+/// # Errors
+/// The first defect found.
+pub fn resolve_unlit(experiment: &Experiment) -> Result<ResolvedExperiment, ExperimentError> {
+    resolve_scene(experiment, false)
+}
+
+fn resolve_scene(experiment: &Experiment, needs_light: bool) -> Result<ResolvedExperiment, ExperimentError> {
     let file = &experiment.file;
     let mut context = Context::new(&experiment.document);
     let context = &mut context;
@@ -87,6 +100,12 @@ pub fn resolve(experiment: &Experiment) -> Result<ResolvedExperiment, Experiment
     let _ = mouth.map(JoinHandle::join);
     let (objects, lesions) =
         object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
+    if light_groups.is_empty() && !needs_light {
+        context.push_warning(
+            "the scene has no lights, so that it can't be rendered; add a [[light]] section".to_owned(),
+        );
+        light_groups.push(fluorspar::light::LightGroup { name: "light".into() });
+    }
     let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
     let develop = instrument::develop(context, file, sensor, &grid)?;

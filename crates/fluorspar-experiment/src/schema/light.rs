@@ -246,10 +246,30 @@ pub struct SpotLight {
     /// Where it shines. Default: forward in the frame of the camera, otherwise needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<Aim>,
-    /// Angle from the axis at which the radiant intensity is one half, degrees, 2.2 to 90.
-    pub half_angle_deg: f64,
+    /// Angle from the axis at which the radiant intensity is one half, degrees, 2.2 to 90: it is a power of the cosine. Needed without
+    /// `cone_deg`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-mutually-exclusive-with" = ["cone_deg", "edge"]))]
+    pub half_angle_deg: Option<f64>,
+    /// A cone in place of a power of the cosine: angles from the axis up to which the radiant intensity is even, and from which on there is
+    /// none, degrees, 0 to 180.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cone_deg: Option<[f64; 2]>,
+    /// How the intensity falls between the angles of the cone. Default "smooth_step".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge: Option<SpotEdge>,
     /// Power or irradiance.
     pub strength: SourceStrength,
+}
+
+/// How the intensity of a spot falls at the edge of its cone, over t, which falls from 1 to 0 evenly in the cosine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SpotEdge {
+    /// t² (3 - 2 t).
+    SmoothStep,
+    /// t⁴.
+    FourthPower,
 }
 
 /// Parallel light.

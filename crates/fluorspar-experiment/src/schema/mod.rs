@@ -36,7 +36,7 @@ pub use instrument::{SafetySection, SpectroradiometerSection};
 pub use light::{
     Aim, AnnulusLight, DiscLight, DistantLight, DistantStrength, EmitterSection, EnvironmentLight,
     EnvironmentMapReference, EnvironmentStrength, LightFrame, LightSection, PointLight, RectangleLight,
-    RingLight, SourceStrength, SpectralEnvironmentLight, SphereLight, SpotLight, TurnedMap,
+    RingLight, SourceStrength, SpectralEnvironmentLight, SphereLight, SpotEdge, SpotLight, TurnedMap,
 };
 pub use material::{
     ASSUMED_PHOTON_YIELD, ConductorSection, DielectricSection, DiffuseSection, EmptyCellsChoice,

@@ -77,15 +77,43 @@ fn a_region_is_its_own_analysis_to_the_last_bit() {
         &["analysis.parts=[]", "analysis.rectangle_px=[20, 16, 24, 16]", "analysis.porphyrin=none"],
     ];
     for (region, changes) in regions.iter().zip(changes) {
-        assert_eq!(region.analyzed, alone(changes), "{}", region.name);
+        assert_eq!(region.analyzed, Ok(alone(changes)), "{}", region.name);
     }
     let names: Vec<&str> = regions.iter().map(|region| region.name.as_str()).collect();
+    let seen = |k: usize| regions[k].in_view().unwrap();
     assert_eq!(names, ["spot", "the left, above", "middle"]);
     // They tell what the patch does not: its bulk has less porphyrin, and of a shape alone none is asked for
     let share = |analyzed: &AnalyzedFrame| analyzed.analysis.truth.as_ref().map(|truth| truth.share);
     let of_patch = share(&analysis.unwrap()).unwrap();
-    assert!(share(&regions[0].analyzed).unwrap() > 1.2 * of_patch, "{of_patch}");
-    assert!(share(&regions[1].analyzed).is_some() && share(&regions[2].analyzed).is_none());
+    assert!(share(seen(0)).unwrap() > 1.2 * of_patch, "{of_patch}");
+    assert!(share(seen(1)).is_some() && share(seen(2)).is_none());
+}
+
+/// A spot behind the patch is hidden, and one of no more than its rim is not within it: the others are as without them.
+#[test]
+fn a_region_out_of_view_leaves_the_others_as_they_are() {
+    let hidden = "[[object]]\nname = \"hidden\"\nmaterial = \"spot\"\ntype = \"quad\"\ncorner_mm = [0.0, -100.0, -1.0]\n\
+                  edge_u_mm = [100.0, 0.0, 0.0]\nedge_v_mm = [0.0, 200.0, 0.0]\n";
+    let of = |name: &str, fields: &str| format!("[[analysis.region]]\nname = \"{name}\"\n{fields}\n");
+    let (spot, absent) = (of("spot", "parts = [\"spot\"]"), of("absent", "parts = [\"hidden\"]"));
+    let rim = of("rim", "parts = [\"spot\"]\nrectangle_px = [33, 0, 3, 48]\ninset_px = 20");
+    let all = study(&format!("{hidden}{absent}{spot}{rim}"), &[]);
+    let image = rendered(&all);
+    let Evaluation { analysis, regions, .. } = evaluate(&all, &image).unwrap();
+    let alone = evaluate(&study(&format!("{hidden}{spot}"), &[]), &image).unwrap();
+    assert_eq!((&analysis, &regions[1]), (&alone.analysis, &alone.regions[0]));
+    let why = |k: usize| regions[k].analyzed.as_ref().unwrap_err().to_string();
+    assert_eq!(why(0), "no pixel of the region shows hidden; the parts in view are: patch, spot");
+    assert_eq!(
+        why(2),
+        "no pixel of spot lies 20 pixels of the sensor within its rim: choose a smaller inset"
+    );
+    // A part that the scene has not is a mistake
+    let mistake = study(&format!("{hidden}{spot}"), &[]);
+    let mut mistake = mistake;
+    mistake.regions[0].analysis.parts = vec!["spt".into()];
+    let said = evaluate(&mistake, &image).unwrap_err().to_string();
+    assert!(said.starts_with("the region \"spot\": the rendered scene has no part \"spt\""), "{said}");
 }
 
 /// Names of regions and of other fluorophores stay as they are, whatever is looked for.
@@ -102,7 +130,7 @@ fn each_region_is_told_in_the_words_of_its_own_fluorophore() {
         let warnings = analyzed.analysis.warnings.iter().map(ToString::to_string);
         definition.chain(told).chain(warnings).collect::<Vec<_>>().join("\n")
     };
-    let (main, spot) = (said(&analysis.unwrap()), said(&regions[0].analyzed));
+    let (main, spot) = (said(&analysis.unwrap()), said(regions[0].in_view().unwrap()));
     assert!(main.contains("Fluorescein share on the mixture line"), "{main}");
     assert!(!main.to_lowercase().contains("porphyrin"), "{main}");
     assert!(spot.contains("Porphyrin share on the mixture line"), "{spot}");

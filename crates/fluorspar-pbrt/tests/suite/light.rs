@@ -187,14 +187,59 @@ fn lights_without_counterpart_are_named() {
     );
 }
 
-/// The lobe is wider than such a cone, but as bright on its axis: E = I / r² = 100 / 25.
+/// On the axis E = I / r² = 100 / 25, however narrow; at an angle the intensity of pbrt's `Falloff`, cos⁴ over r² of a plane besides.
 #[test]
-fn narrow_spots_are_as_bright_on_their_axis() {
-    let light = "LightSource \"spot\" \"rgb I\" [100 100 100] \"point from\" [0 0 5] \"point to\" [0 0 0] \
-                 \"float coneangle\" 2 \"float conedeltaangle\" 1";
-    let found = plane(light, &PbrtOptions::default(), HALF)[40];
-    assert!((found / (0.5 / PI * 4.0) - 1.0).abs() < 1e-3, "{found}");
-    let study = load_text(&format!("{light}\nShape \"sphere\""));
-    let said = "\"spot\": its intensity is cos^1000.0, the narrowest here: one half at 2.1 degrees, wider than the cone";
-    assert_eq!(remarks(&study), [said]);
+fn spots_are_flat_cones_with_the_edge_of_their_version() {
+    let spot = |cone: f64, delta: f64, to: f64| {
+        format!(
+            "LightSource \"spot\" \"spectrum I\" [300 100 900 100] \"point from\" [0 0 5] \"point to\" [{to} 0 0] \
+             \"float coneangle\" {cone} \"float conedeltaangle\" {delta}"
+        )
+    };
+    let options = PbrtOptions::default();
+    let full = 0.5 / PI * 4.0;
+    // (cone, delta, angle of the axis from that to the middle of the image)
+    for (cone, delta, off_axis) in [
+        (2.0, 1.0, 0.0),
+        (0.1, 0.05, 0.0),
+        (5.0, 1.0, 3.9),
+        (5.0, 1.0, 4.5),
+        (30.0, 5.0, 27.0),
+        (5.0, 1.0, 5.1),
+    ] {
+        let to = 5.0 * f64::to_radians(off_axis).tan();
+        let cosine = |degrees: f64| degrees.to_radians().cos();
+        let t = (cosine(off_axis) - cosine(cone)) / (cosine(cone - delta) - cosine(cone));
+        let t = t.clamp(0.0, 1.0);
+        for (material, falloff) in [(HALF, t.powi(4)), (HALF_V4, t * t * (3.0 - 2.0 * t))] {
+            let light = spot(cone, delta, to);
+            let found = plane(&light, &options, material)[40];
+            let wrong = (found - falloff * full).abs();
+            assert!(wrong < 2e-3 * full, "{cone} {delta} {off_axis} {material}: {found} {}", falloff * full);
+        }
+    }
+    let study = load_text(&format!("{}\nShape \"sphere\"", spot(2.0, 1.0, 0.0)));
+    assert!(remarks(&study).is_empty(), "{:?}", remarks(&study));
+}
+
+/// A spot of 5/1 degrees on a white wall seen within 2.5 degrees is flat: radiance 1/pi at the distance 1 for an intensity of 1, times
+/// cos³, .3181 on average.
+#[test]
+fn a_narrow_spot_is_flat_over_its_cone() {
+    let text = "LookAt 0 0 1  0 0 0  0 1 0\nCamera \"perspective\" \"float fov\" 5\n\
+                Film \"image\" \"integer xresolution\" 16 \"integer yresolution\" 16\nWorldBegin\n\
+                Material \"matte\" \"rgb Kd\" [1 1 1]\nShape \"disk\" \"float radius\" 10\n\
+                LightSource \"spot\" \"spectrum I\" [300 1 900 1] \"point from\" [0 0 1] \"point to\" [0 0 0] \
+                \"float coneangle\" 5 \"float conedeltaangle\" 1\n";
+    let study = load_files(&[("s.pbrt", text.as_bytes())], &PbrtOptions::default()).unwrap();
+    let found = rendered(&study, 16, 0).mean[40];
+    // E of a plane at 1 m is I cos³; its mean over the square of +-2.5 degrees, by the midpoint rule
+    let side = 2.5_f64.to_radians().tan();
+    let steps = 200;
+    let at = |k: usize| side * (2.0 * (k as f64 + 0.5) / f64::from(steps as u32) - 1.0);
+    let sum: f64 =
+        (0..steps * steps).map(|k| (1.0 + at(k % steps).powi(2) + at(k / steps).powi(2)).powf(-1.5)).sum();
+    let expected = sum / (steps * steps) as f64 / PI;
+    assert!((expected - 0.3177).abs() < 1e-3, "{expected}");
+    assert!((found / expected - 1.0).abs() < 2e-3, "{found} {expected}");
 }

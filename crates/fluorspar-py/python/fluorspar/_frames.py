@@ -152,7 +152,8 @@ class Analysis(Record):
 
     @property
     def regions(self) -> dict[str, Analysis]:
-        """The further regions of the frame (``[[analysis.region]]``) by name, each analyzed by itself; empty without them."""
+        """The further regions of the frame (``[[analysis.region]]``) by name, each analyzed by itself; without those that are not in
+        view."""
         return self._regions
 
     @property

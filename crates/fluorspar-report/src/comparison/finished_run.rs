@@ -27,7 +27,7 @@ pub struct FinishedRun {
     pub frames: Vec<FinishedFrame>,
     /// The analysis of the region.
     pub analysis: Option<Analysis>,
-    /// Further regions of its frame.
+    /// Further regions of its frame that are in view.
     pub regions: Vec<FinishedRegion>,
     /// Reflected light against fluorescence, of frames with light.
     pub leaks: Vec<FrameLeak>,
@@ -46,11 +46,11 @@ pub struct FinishedRegion {
     pub analysis: Analysis,
 }
 
-/// A region as results have it.
+/// A region as results have it; without an analysis where it is not in view.
 #[derive(Deserialize)]
 struct RegionResults {
     name: String,
-    analysis: Analysis,
+    analysis: Option<Analysis>,
 }
 
 /// A frame of a finished run.
@@ -149,10 +149,8 @@ impl FinishedRun {
             regions: part::<Vec<RegionResults>>(results, "regions")?
                 .unwrap_or_default()
                 .into_iter()
-                .map(|RegionResults { name, analysis }| FinishedRegion {
-                    target: target(Some(&name)),
-                    name,
-                    analysis,
+                .filter_map(|RegionResults { name, analysis }| {
+                    Some(FinishedRegion { target: target(Some(&name)), name, analysis: analysis? })
                 })
                 .collect(),
             leaks: part(results, "leaks")?.unwrap_or_default(),

@@ -234,13 +234,17 @@ pub fn evaluation_json(evaluation: &Evaluation) -> Result<Map<String, Value>, se
     ]))
 }
 
-/// Further regions of the analyzed frame, as `results.json` has them: each with its name and its analysis.
+/// Further regions of the analyzed frame, as `results.json` has them: each with its name and its analysis, or with `not_in_view`, why
+/// no pixel shows it.
 ///
 /// # Errors
 /// Numbers that JSON can't hold.
 pub fn regions_json(regions: &[AnalyzedRegion]) -> Result<Value, serde_json::Error> {
-    let one = |region: &AnalyzedRegion| {
-        Ok(json!({ "name": region.name, "analysis": serde_json::to_value(&region.analyzed.analysis)? }))
+    let one = |region: &AnalyzedRegion| match &region.analyzed {
+        Ok(analyzed) => {
+            Ok(json!({ "name": region.name, "analysis": serde_json::to_value(&analyzed.analysis)? }))
+        }
+        Err(why) => Ok(json!({ "name": region.name, "not_in_view": why.to_string() })),
     };
     regions.iter().map(one).collect::<Result<Vec<Value>, _>>().map(Value::Array)
 }

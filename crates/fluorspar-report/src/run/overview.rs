@@ -7,7 +7,7 @@ use fluorspar::analysis::{
     Unmixing,
 };
 use fluorspar::pipeline::{
-    AnalyzedFrame, CapturedFrame, ColorRendering, DisplayImage, Preview, for_display, preview,
+    AnalyzedFrame, AnalyzedRegion, CapturedFrame, ColorRendering, DisplayImage, Preview, for_display, preview,
 };
 use fluorspar::spectral::Fluorophore;
 use fluorspar::study::Capture;
@@ -108,7 +108,7 @@ fn view(
 /// Outlines of the regions that are not the whole frame, and of the targets.
 fn outlines(run: &RunResults<'_>, analyzed: &AnalyzedFrame, block: usize) -> Vec<Vec<[f64; 2]>> {
     let regions =
-        std::iter::once(analyzed).chain(run.evaluation.regions.iter().map(|region| &region.analyzed));
+        std::iter::once(analyzed).chain(run.evaluation.regions.iter().filter_map(AnalyzedRegion::in_view));
     let mut lines: Vec<_> =
         regions.filter(|a| is_part(a)).flat_map(|a| region_outline(&a.region, block)).collect();
     let Some(targets) = &analyzed.targets else { return lines };
@@ -699,7 +699,7 @@ mod tests {
         analyzed.analysis.channels[1].median_of_all = None;
         assert_eq!(level(&analyzed.analysis, &analyzed.analysis.channels[1]), None);
         let main = &analyzed.analysis;
-        let lip = pipeline::AnalyzedRegion { name: "lip".into(), analyzed: analyzed.clone() };
+        let lip = pipeline::AnalyzedRegion { name: "lip".into(), analyzed: Ok(analyzed.clone()) };
         let matrix = regions_matrix(&experiment, main, &[lip]).unwrap();
         assert!(
             matrix.rows.iter().all(|row| row

@@ -16,9 +16,10 @@ pub(super) fn regions_section(run: &RunResults<'_>) -> Option<Section> {
     let regions = &run.evaluation.regions;
     let matrix = regions_matrix(run.experiment, main, regions)?;
     // The folded section tells the estimates, the first thing that a reader wants of a region
-    let brief = |region: &AnalyzedRegion| match share_text(&region.analyzed.analysis) {
-        Some((share, _)) => format!("{} {share}", region.name),
-        None => region.name.clone(),
+    let brief = |region: &AnalyzedRegion| match region.in_view().map(|seen| share_text(&seen.analysis)) {
+        Some(Some((share, _))) => format!("{} {share}", region.name),
+        Some(None) => region.name.clone(),
+        None => format!("{} {NOT_IN_VIEW}", region.name),
     };
     let list = regions.iter().map(brief).collect::<Vec<_>>().join("; ");
     let note = match matrix.columns.iter().any(|column| column.starts_with(SHARE)) {
@@ -48,7 +49,10 @@ pub fn regions_matrix(
             Some(own) if words.wanted().as_ref() != Some(&own) => format!("{} ({own})", region.name),
             _ => region.name.clone(),
         };
-        row(&name, &region.analyzed.analysis)
+        match region.in_view() {
+            Some(seen) => row(&name, &seen.analysis),
+            None => row_out_of_view(&name),
+        }
     };
     let mut rows: Vec<Vec<String>> =
         std::iter::once(row(&main.region_description, main)).chain(regions.iter().map(of_region)).collect();
@@ -84,7 +88,8 @@ const SHARE: &str = "share (95 %";
 
 /// The heading with what the intervals hold: the sensor's noise alone, or in all what moves the estimate.
 fn share_heading(main: &Analysis, regions: &[AnalyzedRegion]) -> String {
-    let all = std::iter::once(main).chain(regions.iter().map(|region| &region.analyzed.analysis));
+    let all =
+        std::iter::once(main).chain(regions.iter().filter_map(|region| Some(&region.in_view()?.analysis)));
     let kinds: Vec<bool> = all.filter_map(share_text).map(|(_, noise_alone)| noise_alone).collect();
     match (kinds.contains(&true), kinds.contains(&false)) {
         (true, false) => format!("{SHARE} by sensor noise alone)"),
@@ -94,15 +99,24 @@ fn share_heading(main: &Analysis, regions: &[AnalyzedRegion]) -> String {
         }
     }
 }
+
 /// What stands where a region has no such number.
 const NOTHING: &str = "-";
+/// What stands in place of the pixels of a region that no pixel shows.
+const NOT_IN_VIEW: &str = "not in view";
 
-/// What the analyses of further regions warn of, each once, and not what that of the frame says already.
+/// What the analyses of further regions warn of, each once, and not what that of the frame says already; and which are not in view.
 #[must_use]
 pub fn region_warnings(main: &Analysis, regions: &[AnalyzedRegion]) -> Vec<Warning> {
     let of_region = |region: &AnalyzedRegion| {
-        let own = region.analyzed.analysis.warnings.iter().filter(|warning| !main.warnings.contains(warning));
-        own.map(|warning| warning.about(&format!("Region \"{}\"", region.name))).collect::<Vec<_>>()
+        let about = format!("Region \"{}\"", region.name);
+        match &region.analyzed {
+            Ok(seen) => {
+                let own = seen.analysis.warnings.iter().filter(|warning| !main.warnings.contains(warning));
+                own.map(|warning| warning.about(&about)).collect::<Vec<_>>()
+            }
+            Err(why) => vec![Warning::from(format!("{NOT_IN_VIEW}: {why}")).about(&about)],
+        }
     };
     regions.iter().flat_map(of_region).collect()
 }
@@ -127,6 +141,11 @@ fn row(name: &str, analysis: &Analysis) -> Vec<String> {
         or_dash(signal),
         or_dash(join(levels.iter().filter_map(|level| Some(format!("{:.1}", level.snr?))).collect())),
     ]
+}
+
+fn row_out_of_view(name: &str) -> Vec<String> {
+    let rest = std::iter::repeat_n(NOTHING, 5);
+    [name, NOT_IN_VIEW].into_iter().chain(rest).map(String::from).collect()
 }
 
 /// Median level of a channel over a region.
@@ -187,7 +206,7 @@ pub(super) fn region_names(
     if regions.is_empty() {
         return Vec::new();
     }
-    let others = regions.iter().map(|region| (region.name.as_str(), &region.analyzed.region));
+    let others = regions.iter().filter_map(|region| Some((region.name.as_str(), &region.in_view()?.region)));
     let all = std::iter::once(main).chain(others);
     all.filter_map(|(name, region)| Some((name.to_owned(), label_place(region, block)?))).collect()
 }

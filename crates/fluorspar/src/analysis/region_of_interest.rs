@@ -149,6 +149,14 @@ pub enum RegionError {
     },
 }
 
+impl RegionError {
+    /// Whether the parts are there and no pixel shows them, or none far enough within their rim.
+    #[must_use]
+    pub fn is_out_of_view(&self) -> bool {
+        matches!(self, Self::NothingInView { .. } | Self::NothingInside { .. })
+    }
+}
+
 fn in_view(visible: &[String]) -> String {
     if visible.is_empty() {
         "no part is in view".into()

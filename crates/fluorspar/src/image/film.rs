@@ -552,15 +552,17 @@ impl Film {
         Ok(())
     }
 
-    /// The sum of all light: what is there so far, black where nothing is. What an excitation basis keeps of it besides does not count
-    /// twice.
-    pub fn sum(&self) -> SpectralImage<Radiance> {
+    /// `sum weight(component) * component`, as [`ComponentImage::recombine`] of what is there so far, black where nothing is. What an
+    /// excitation basis keeps of the light besides does not count twice.
+    pub fn sum(&self, weight: impl Fn(&Component) -> f64) -> SpectralImage<Radiance> {
         let bands = self.layout.grid.len();
         let scale = FilmScale::new(&self.layout);
         let mut image = SpectralImage::zeros(self.layout.grid.clone(), self.layout.width, self.layout.height);
         let mut mean = vec![0.0; bands];
-        let is_light =
-            |c: &usize| !matches!(self.layout.components[*c].excitation, Some(ExcitationBin::Node(_)));
+        let weights: Vec<(usize, f32)> = (0..self.layout.components.len())
+            .filter(|c| !matches!(self.layout.components[*c].excitation, Some(ExcitationBin::Node(_))))
+            .map(|c| (c, weight(&self.layout.components[c]) as f32))
+            .collect();
         for (tile, sums) in self.tiles() {
             let samples = tile.count();
             if samples == 0 {
@@ -568,9 +570,9 @@ impl Film {
             }
             for (index, sums) in sums.chunks(scale.pixel_len()).take(tile.pixels()).enumerate() {
                 let pixel = image.pixel_mut(tile.row + index / tile.cols, tile.col + index % tile.cols);
-                for component in (0..self.layout.components.len()).filter(is_light) {
+                for &(component, weight) in &weights {
                     scale.mean(sums, component, samples, &mut mean);
-                    pixel.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += value);
+                    pixel.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += weight * value);
                 }
             }
         }

@@ -25,6 +25,17 @@ pub enum EmitterError {
         /// Outer radius, m.
         outer_m: f32,
     },
+    /// The angles of a cone are out of range.
+    #[error(
+        "the cone is even up to {inner_deg} and dark from {outer_deg} degrees; the first must be 0 or more and not above the second, that \
+         0.01 to 180 degrees"
+    )]
+    Cone {
+        /// Angle up to which it is even, degrees.
+        inner_deg: f64,
+        /// Angle from which on it is dark, degrees.
+        outer_deg: f64,
+    },
     /// The exponent of the emission pattern is out of range.
     #[error(
         "the emission exponent {exponent} is not between {lowest} and {}; for a flat source 1 is Lambertian (a half angle of 60 degrees)",

@@ -20,6 +20,7 @@ mod mesh;
 mod point;
 mod rectangle;
 mod sphere;
+mod spot_cone;
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -36,10 +37,11 @@ pub(crate) use emitter_sample::{Emission, EmitterSample, LightBounds};
 pub use environment_map::{EnvironmentLayer, EnvironmentMap, EnvironmentMapError};
 pub use light_name::LightName;
 pub(crate) use mesh::emissive_triangles_factor;
-pub use point::PointEmitter;
+pub use point::{PointEmitter, PointPattern};
 pub use rectangle::RectangleEmitter;
 pub use sphere::SphereEmitter;
 pub(crate) use sphere::emissive_sphere_factor;
+pub use spot_cone::{ConeEdge, SpotCone};
 
 use crate::geometry::{OrientedPoint, TriangleMesh};
 use crate::spectral::Curve;

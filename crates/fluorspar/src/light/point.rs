@@ -1,4 +1,4 @@
-//! Point lights: even in all directions, or spots with a cosine-power intensity.
+//! Point lights: even in all directions, or spots with a cosine power or a cone as intensity.
 
 use std::f32::consts::PI;
 
@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 
 use super::cosine_lobe::{check_exponent, irradiance_factor, point_irradiance_per_watt};
 use super::emitter_sample::toward;
+use super::spot_cone::SpotCone;
 use super::{ApparentSize, EmitterError, EmitterSample, LightBounds};
 use crate::geometry::OrientedPoint;
 
@@ -14,25 +15,55 @@ use crate::geometry::OrientedPoint;
 pub struct PointEmitter {
     /// Position, m.
     pub position: Vec3,
-    /// Axis and exponent of `I0 cos^g`; `None` emits evenly in all directions.
-    pub pattern: Option<(Vec3, f32)>,
+    /// How its intensity depends on the direction.
+    pub pattern: PointPattern,
+}
+
+/// Radiant intensity of a point by direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PointPattern {
+    /// The same in all directions.
+    Even,
+    /// `I0 cos^g` about an axis.
+    Lobe {
+        /// Unit vector.
+        axis: Vec3,
+        /// The exponent g, 0 to 1000.
+        exponent: f32,
+    },
+    /// The same within a cone, and falling to none at its edge.
+    Cone(SpotCone),
 }
 
 impl PointEmitter {
     pub(super) fn check(&self) -> Result<(), EmitterError> {
-        self.pattern.map_or(Ok(()), |(_, exponent)| check_exponent(exponent, 0.0))
-    }
-
-    fn pattern_in_double(&self) -> Option<(DVec3, f64)> {
-        self.pattern.map(|(axis, exponent)| (axis.as_dvec3(), f64::from(exponent)))
+        match &self.pattern {
+            PointPattern::Even => Ok(()),
+            PointPattern::Lobe { exponent, .. } => check_exponent(*exponent, 0.0),
+            PointPattern::Cone(cone) => cone.check(),
+        }
     }
 
     pub(super) fn irradiance_factor(&self, at: OrientedPoint) -> f64 {
-        point_factor(at, self.position.as_dvec3(), self.pattern_in_double())
+        let source = self.position.as_dvec3();
+        match &self.pattern {
+            PointPattern::Even => point_factor(at, source, None),
+            PointPattern::Lobe { axis, exponent } => {
+                point_factor(at, source, Some((axis.as_dvec3(), f64::from(*exponent))))
+            }
+            PointPattern::Cone(cone) => cone.irradiance_factor(at, source),
+        }
     }
 
     pub(super) fn irradiance_per_watt(&self, at: OrientedPoint) -> f64 {
-        point_irradiance_per_watt(at, self.position.as_dvec3(), self.pattern_in_double())
+        let source = self.position.as_dvec3();
+        match &self.pattern {
+            PointPattern::Even => point_irradiance_per_watt(at, source, None),
+            PointPattern::Lobe { axis, exponent } => {
+                point_irradiance_per_watt(at, source, Some((axis.as_dvec3(), f64::from(*exponent))))
+            }
+            PointPattern::Cone(cone) => cone.irradiance_factor(at, source),
+        }
     }
 
     pub(super) fn apparent_size(&self, at: OrientedPoint) -> ApparentSize {
@@ -40,19 +71,25 @@ impl PointEmitter {
     }
 
     pub(super) fn bounds(&self) -> LightBounds {
-        LightBounds::Local { center: self.position, radius: 0.0, lobe: self.pattern }
+        let lobe = match &self.pattern {
+            PointPattern::Even => None,
+            PointPattern::Lobe { axis, exponent } => Some((*axis, *exponent)),
+            PointPattern::Cone(cone) => cone.lobe(),
+        };
+        LightBounds::Local { center: self.position, radius: 0.0, lobe }
     }
 
     /// The one direction, with the radiance times solid angle `I / r²`.
     #[inline]
     pub(super) fn sample(&self, position: Vec3, choice: f32) -> Option<EmitterSample> {
         let (direction, distance) = toward(position, self.position)?;
-        let intensity = match self.pattern {
-            None => 1.0 / (4.0 * PI),
-            Some((axis, exponent)) => {
-                let cos = (-direction.dot(axis)).max(0.0);
-                (exponent + 1.0) / (2.0 * PI) * cos.powf(exponent)
+        let intensity = match &self.pattern {
+            PointPattern::Even => 1.0 / (4.0 * PI),
+            PointPattern::Lobe { axis, exponent } => {
+                let cos = (-direction.dot(*axis)).max(0.0);
+                (exponent + 1.0) / (2.0 * PI) * cos.powf(*exponent)
             }
+            PointPattern::Cone(cone) => cone.intensity(-direction),
         };
         let scale = intensity / (distance * distance);
         (scale > 0.0).then_some(EmitterSample {
@@ -88,7 +125,10 @@ mod tests {
     /// `I(0) cos / r²`, and the sample holds the same irradiance.
     #[test]
     fn irradiance_follows_the_closed_form() {
-        let spot = PointEmitter { position: Vec3::Z * 0.1, pattern: Some((Vec3::NEG_Z, 3.0)) };
+        let spot = PointEmitter {
+            position: Vec3::Z * 0.1,
+            pattern: PointPattern::Lobe { axis: Vec3::NEG_Z, exponent: 3.0 },
+        };
         let expected = 4.0 / (2.0 * PI * 0.01);
         assert_close(spot.irradiance_factor(UP), expected, 1e-6);
         assert_close(spot.irradiance_per_watt(UP), expected, 1e-6);

@@ -11,9 +11,10 @@ use super::targets::{TargetLabels, measured_targets, noise_of};
 use super::tissue_estimate::FamiliesOfFrames;
 use super::{CapturePlanes, CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{
-    Analysis, AnalysisSettings, BudgetInput, ChannelNoise, ChromaticityMap, ErrorBudget, FluorophoreResponse,
-    MixtureModel, PixelAnalysis, PixelSelection, PixelValidity, PorphyrinMap, RegionFraction, RegionLight,
-    SceneOnSensor, SoughtFluorophore, analyze_pixels, channel_response, rgb_channels,
+    Analysis, AnalysisError, AnalysisSettings, BudgetInput, ChannelNoise, ChromaticityMap, ErrorBudget,
+    FluorophoreResponse, MixtureModel, PixelAnalysis, PixelSelection, PixelValidity, PorphyrinMap,
+    RegionError, RegionFraction, RegionLight, SceneOnSensor, SoughtFluorophore, analyze_pixels,
+    channel_response, rgb_channels,
 };
 use crate::geometry::OrientedPoint;
 use crate::image::{ChannelImage, ComponentFactors, ComponentImage};
@@ -44,8 +45,16 @@ pub struct AnalyzedFrame {
 pub struct AnalyzedRegion {
     /// Its name.
     pub name: String,
-    /// What its pixels say.
-    pub analyzed: AnalyzedFrame,
+    /// What its pixels say, or why no pixel shows it.
+    pub analyzed: Result<AnalyzedFrame, RegionError>,
+}
+
+impl AnalyzedRegion {
+    /// What its pixels say; `None` where none shows it.
+    #[must_use]
+    pub fn in_view(&self) -> Option<&AnalyzedFrame> {
+        self.analyzed.as_ref().ok()
+    }
 }
 
 /// Analyzes the frame that the study names. `None` without an analysis.
@@ -84,17 +93,21 @@ pub fn analyze_seen(
     study.analysis.as_ref().map(|plan| analyzed(study, plan, components, frames)).transpose()
 }
 
-/// Analyzes the regions beside that of the study's analysis, each as an analysis of it alone would.
+/// Analyzes the regions beside that of the study's analysis, each as an analysis of it alone would. Where a person looks
+/// elsewhere a region may be hidden: that is told of it, and the others are analyzed.
 ///
 /// # Errors
-/// Those of [`analyze`], with the name of the region.
+/// Those of [`analyze`], with the name of the region, but parts that no pixel shows.
 pub fn analyze_regions(
     study: &Study,
     components: Option<&SeenComponents<'_>>,
     frames: &[CapturedFrame],
 ) -> Result<Vec<AnalyzedRegion>, PipelineError> {
     let region = |region: &RegionPlan| match analyzed(study, &region.analysis, components, frames) {
-        Ok(analyzed) => Ok(AnalyzedRegion { name: region.name.clone(), analyzed }),
+        Ok(analyzed) => Ok(AnalyzedRegion { name: region.name.clone(), analyzed: Ok(analyzed) }),
+        Err(PipelineError::Analysis(AnalysisError::Region(why))) if why.is_out_of_view() => {
+            Ok(AnalyzedRegion { name: region.name.clone(), analyzed: Err(why) })
+        }
         Err(error) => Err(PipelineError::Region { name: region.name.clone(), error: Box::new(error) }),
     };
     study.regions.par_iter().map(region).collect()
@@ -121,10 +134,8 @@ fn analyzed(
         AnalysisSettings { region: settings.region(), noise, noise_threshold: settings.noise_threshold };
     let image = &frame.developed;
     let scene = components.and_then(|components| on_sensor(study, components.image));
-    let region = analysis_settings
-        .region
-        .select(image.width, image.height, scene)
-        .map_err(crate::analysis::AnalysisError::from)?;
+    let region =
+        analysis_settings.region.select(image.width, image.height, scene).map_err(AnalysisError::from)?;
     let on_region = scene.map(|scene| (scene, &region));
     let chromaticity = ChromaticityMap::of(image, settings.noise_threshold);
     let is_lit = |pixel: usize| chromaticity.validity[pixel] == PixelValidity::Valid;

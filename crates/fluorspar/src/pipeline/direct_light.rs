@@ -95,7 +95,7 @@ mod tests {
     use glam::{DVec3, Vec3};
 
     use super::*;
-    use crate::light::{DistantEmitter, Emitter, Light, LightGroup, PointEmitter};
+    use crate::light::{DistantEmitter, Emitter, Light, LightGroup, PointEmitter, PointPattern};
     use crate::material::Material;
     use crate::optics::PerspectiveCamera;
     use crate::scene::{Object, Scene, Shape, SurfaceEmission};
@@ -133,7 +133,11 @@ mod tests {
             light_groups: groups.map(|name| LightGroup { name: name.into() }).into(),
             lights: vec![
                 light(0, led(385.0, 1000.0), DistantEmitter { direction: Vec3::NEG_Z }.into()),
-                light(1, led(405.0, 1.0), PointEmitter { position: 0.1 * Vec3::Z, pattern: None }.into()),
+                light(
+                    1,
+                    led(405.0, 1.0),
+                    PointEmitter { position: 0.1 * Vec3::Z, pattern: PointPattern::Even }.into(),
+                ),
                 light(2, led(450.0, 2.0), Emitter::Environment),
             ],
             camera: PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 30.0, 4, 4).unwrap(),

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use crate::image::{ComponentImage, FeatureMaps, Film, FilmLayout, SampleStatistics};
+use crate::image::{Component, ComponentImage, FeatureMaps, Film, FilmLayout, SampleStatistics};
 use crate::render::{RenderSettings, Share, basis_bytes, tile_row_bytes, whole_image_bytes};
 use crate::scene::Scene;
 
@@ -177,7 +177,7 @@ impl FinishedBands {
         &mut self,
         film: Film,
         rows: Range<usize>,
-        planes: BandPlanes,
+        (planes, weight): (BandPlanes, &dyn Fn(&Component) -> f64),
         store: &mut S,
     ) -> Result<(), S::Error> {
         let image = film.into_rows(rows.clone());
@@ -202,7 +202,7 @@ impl FinishedBands {
                 }
             }
         }
-        let sum = image.recombine(|_| 1.0);
+        let sum = image.recombine(weight);
         drop(image);
         for pixel in sum.data().chunks_exact(self.sums.len()) {
             self.sums.iter_mut().zip(pixel).for_each(|(sum, &value)| *sum += f64::from(value));
@@ -223,7 +223,8 @@ pub enum BandedRender {
     Stopped(Range<usize>),
 }
 
-/// Renders an image in bands of tile rows ([`row_bands`]) and stores their finished rows.
+/// Renders an image in bands of tile rows ([`row_bands`]) and stores their finished rows. In the sum and in the
+/// mean a component counts by its `weight`.
 ///
 /// # Errors
 /// Those of the store.
@@ -231,7 +232,7 @@ pub fn render_row_bands<S: BandStore>(
     layout: &FilmLayout,
     samples_per_pixel: u32,
     bands: &[Range<usize>],
-    planes: BandPlanes,
+    (planes, weight): (BandPlanes, &dyn Fn(&Component) -> f64),
     store: &mut S,
 ) -> Result<BandedRender, S::Error> {
     let mut finished =
@@ -253,7 +254,7 @@ pub fn render_row_bands<S: BandStore>(
         }
 
         // Store its rows
-        finished.add(film, rows, planes, store)?;
+        finished.add(film, rows, (planes, weight), store)?;
     }
     Ok(BandedRender::Finished(finished))
 }

@@ -19,7 +19,7 @@ use super::share::Share;
 use crate::image::film::{
     BlockSign, FilmScale, FilmTile, TileMut, block_end, block_start, is_block_boundary,
 };
-use crate::image::{ComponentImage, FeatureMaps, Film, FilmLayout, SpectralImage};
+use crate::image::{Component, ComponentImage, FeatureMaps, Film, FilmLayout, SpectralImage};
 use crate::scene::Scene;
 use crate::spectral::Radiance;
 
@@ -215,9 +215,10 @@ impl FilmRenderer {
         share.samples(self.settings.samples_per_pixel)
     }
 
-    /// The sum of all components in coarse pixels, at most `side` along each side of the image, one sample each: shown
+    /// The sum of all components, each times its `weight`, in coarse pixels, at most `side` along each side of the image, one sample each: shown
     /// while the first samples of the film are not there yet.
-    pub fn coarse_sum(&self, side: usize) -> SpectralImage<Radiance> {
+    pub fn coarse_sum(&self, side: usize, weight: impl Fn(&Component) -> f64) -> SpectralImage<Radiance> {
+        let weights: Vec<f32> = self.layout().components.iter().map(|c| weight(c) as f32).collect();
         let camera = &self.compiled.camera;
         let step = camera.width.max(camera.height).div_ceil(side.max(1));
         let (width, height) = (camera.width.div_ceil(step), camera.height.div_ceil(step));
@@ -230,8 +231,8 @@ impl FilmRenderer {
                     let at = |i: usize, size: usize| (i * step + step / 2).min(size - 1);
                     let (row, col) = (at(row, camera.height), at(col, camera.width));
                     block.render(&self.compiled, &self.settings, std::iter::once((row, col)), 0..1);
-                    for component in block.values.chunks(bands) {
-                        pixel.iter_mut().zip(component).for_each(|(sum, value)| *sum += value);
+                    for (component, weight) in block.values.chunks(bands).zip(&weights) {
+                        pixel.iter_mut().zip(component).for_each(|(sum, value)| *sum += weight * value);
                     }
                 }
             },

@@ -1,7 +1,7 @@
 //! Response of a sensor to a uniform patch, without an image.
 
 use super::exposure::Chain;
-use super::{Exposure, Sensor, SensorProblem};
+use super::{Exposure, Sensor, SensorMode, SensorProblem};
 use crate::spectral::{Irradiance, Spectrum, WavelengthGrid};
 
 /// Response of every channel to a uniform irradiance, without noise.
@@ -23,7 +23,7 @@ pub struct FlatResponse {
     /// Temporal noise of a pixel of the raw image, DN rms: photon noise, read noise and quantization. For the spread over pixels
     /// add PRNU and DSNU.
     pub noise_dn: Vec<f64>,
-    /// Whether the mean fills the well or the converter.
+    /// Whether the mean fills the well or the converter; never where the mode clips nothing.
     pub saturated: Vec<bool>,
 }
 
@@ -88,7 +88,9 @@ impl Sensor {
             }
         };
         let full_e = chain.full_scale_e();
-        let saturated = electrons.iter().map(|e| e + dark_electrons >= full_e).collect();
+        // ISETCam's negative flags clip nothing
+        let clips = !matches!(model.mode, SensorMode::Isetcam { noise_flag: ..0 });
+        let saturated = electrons.iter().map(|e| clips && e + dark_electrons >= full_e).collect();
         let channels = self.mosaic().channels.clone();
         Ok(FlatResponse { channels, electrons, dark_electrons, volts, dn, black_level, noise_dn, saturated })
     }
@@ -98,7 +100,7 @@ impl Sensor {
 mod tests {
     use super::*;
     use crate::image::SpectralImage;
-    use crate::sensor::{SensorMode, SensorModel, SpectralQe};
+    use crate::sensor::{SensorModel, SpectralQe};
     use crate::spectral::Curve;
 
     #[test]
@@ -134,7 +136,7 @@ mod tests {
                 );
                 assert!((raw.black_level - patch.black_level).abs() < 1e-12);
                 let clips = mode != SensorMode::Isetcam { noise_flag: -1 };
-                assert_eq!(patch.saturated[0] && clips, raw.data[0] >= raw.white_level && clips, "{patch:?}");
+                assert_eq!(patch.saturated[0], raw.data[0] >= raw.white_level && clips, "{patch:?}");
             }
         }
     }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::light::{
     DiscEmitter, DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup, PointEmitter,
-    RectangleEmitter, SphereEmitter,
+    PointPattern, RectangleEmitter, SphereEmitter,
 };
 use fluorspar::material::fresnel::conductor_fresnel;
 use fluorspar::material::{Material, ScalarTexture};
@@ -136,9 +136,10 @@ fn an_integrating_sphere_follows_its_series() {
     sphere.fluorophores = dyes.to_vec();
     sphere.materials = vec![with_dyes(Material::lambertian("wall", flat(reflectance)), &amounts)];
     sphere.objects.push(object("wall", Shape::Sphere { center: Vec3::ZERO, radius_m: 1.0 }, 0));
-    sphere
-        .lights
-        .push(light(flat(power), Emitter::Point(PointEmitter { position: Vec3::ZERO, pattern: None })));
+    sphere.lights.push(light(
+        flat(power),
+        Emitter::Point(PointEmitter { position: Vec3::ZERO, pattern: PointPattern::Even }),
+    ));
 
     let arriving = vec![power / (4.0 * PI); n];
     let mut kinds = [arriving, vec![0.0; n], vec![0.0; n], vec![0.0; n]];
@@ -319,7 +320,10 @@ fn lights_illuminate_by_their_form_factors() {
         let center = Vec3::Z * height;
         let disc = Emitter::Disc(DiscEmitter { center, normal, radius_m: 1e-3, exponent: g as f32 });
         check(&format!("pattern {g}"), disc, 1.0, intensity / 4.0, 2e-3);
-        let point = Emitter::Point(PointEmitter { position: center, pattern: Some((normal, g as f32)) });
+        let point = Emitter::Point(PointEmitter {
+            position: center,
+            pattern: PointPattern::Lobe { axis: normal, exponent: g as f32 },
+        });
         check(&format!("point {g}"), point, 1.0, intensity / 4.0, 1e-4);
     }
 }
@@ -367,7 +371,7 @@ fn lights_of_different_kinds_share_a_group() {
         scene.objects.push(wall);
         // As much irradiance as from the wall: P / (4 pi r^2) = pi L.
         let power = 4.0 * PI * PI * f64::from(radius).powi(2);
-        let point = Emitter::Point(PointEmitter { position: Vec3::ZERO, pattern: None });
+        let point = Emitter::Point(PointEmitter { position: Vec3::ZERO, pattern: PointPattern::Even });
         scene.lights.push(Light { group: groups - 1, ..light(gaussian(393.0, 0.8, power), point) });
         let image = run(&scene, &settings(64, 12));
         let bands = image.grid.len();
@@ -561,7 +565,7 @@ fn lights_without_area_are_small_lights() {
     let pairs = [
         (
             "point",
-            Emitter::Point(PointEmitter { position: near, pattern: None }),
+            Emitter::Point(PointEmitter { position: near, pattern: PointPattern::Even }),
             1.0,
             Emitter::Sphere(SphereEmitter { center: near, radius_m: 1e-3 }),
             1.0,

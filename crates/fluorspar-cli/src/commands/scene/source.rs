@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueHint;
 use fluorspar::scene::Scene;
 use fluorspar::study::Study;
-use fluorspar_experiment::{Experiment, Warning, parse, resolve_shapes};
+use fluorspar_experiment::{Experiment, Warning, parse, resolve_shapes, resolve_unlit};
 use fluorspar_format::OutputFolder;
 use fluorspar_pbrt::{ConvertedScene, to_experiment};
 
@@ -96,7 +96,7 @@ impl SceneArgs {
             let (loaded, warnings) = self.pbrt.load(path)?;
             return Ok((loaded.study, warnings));
         }
-        let resolved = source.resolve(&[])?;
+        let resolved = resolve_unlit(&source.parse(&[])?)?;
         Ok((resolved.study, resolved.record.warnings))
     }
 }

@@ -6,9 +6,10 @@ use clap::ValueHint;
 use fluorspar::spectral::Curve;
 use fluorspar::tissue::fit::Viewing;
 use fluorspar::tissue::{
-    DiscreteOrdinates, EffectiveTissue, Incidence, LayerFluorophore, LayeredTissue, Level, LightField, Site,
-    TissueError,
+    Below, DiscreteOrdinates, EffectiveTissue, Incidence, LayerFluorophore, LayeredTissue, Level, LightField,
+    Site, TissueError,
 };
+use fluorspar::units::number_text;
 use fluorspar_experiment::NamedTissue;
 use fluorspar_format::OutputFolder;
 use rayon::prelude::*;
@@ -27,6 +28,8 @@ use crate::values::{self, check_range};
 const FOLDER_BYTES: u64 = 32 << 20;
 /// Wavelengths at which tissue is known, nm.
 const WAVELENGTH_NM: [f64; 2] = [350.0, 800.0];
+/// Least distance of the last wavelength from the first, nm.
+const LEAST_RANGE_NM: f64 = 20.0;
 /// Half width of the light of one wavelength, nm.
 const LINE_NM: f64 = 2.5;
 
@@ -67,7 +70,7 @@ pub(super) struct Found {
     pub(super) title: String,
     pub(super) site: String,
     /// What lies below the last layer.
-    pub(super) below: &'static str,
+    pub(super) below: String,
     pub(super) specular_reflectance_of_diffuse_light: f64,
     pub(super) wavelength_nm: Vec<f64>,
     /// Of diffuse light, above the surface, without what the surface reflects at once.
@@ -127,10 +130,17 @@ pub(super) struct FoundEem {
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
     for (option, value, range) in [
         ("--from-nm", options.from_nm, WAVELENGTH_NM),
-        ("--to-nm", options.to_nm, [options.from_nm + 20.0, WAVELENGTH_NM[1]]),
+        ("--to-nm", options.to_nm, WAVELENGTH_NM),
         ("--step-nm", options.step_nm, [0.5, 20.0]),
     ] {
         check_range(option, value, range, "nm")?;
+    }
+    if options.to_nm < options.from_nm + LEAST_RANGE_NM {
+        return Err(CliError::Input(format!(
+            "--to-nm {}: must be {LEAST_RANGE_NM} nm or more above --from-nm {}",
+            number_text(options.to_nm),
+            number_text(options.from_nm)
+        )));
     }
     for nm in &options.excitation_nm {
         check_range("--excitation-nm", *nm, [options.from_nm + LINE_NM, options.to_nm - LINE_NM], "nm")?;
@@ -193,7 +203,12 @@ impl Options {
         Ok(Found {
             title,
             site: site.name().to_owned(),
-            below: "black: nothing returns from below the last layer",
+            below: match tissue.below {
+                Below::Black => "black: nothing returns from below the last layer".into(),
+                Below::Index(index) => {
+                    format!("a medium of index {index}: its surface reflects, nothing returns from within it")
+                }
+            },
             specular_reflectance_of_diffuse_light: solved.specular_reflectance(),
             reflectance: at(Level::AboveSurface),
             reflectance_below_surface: at(Level::BelowSurface),
