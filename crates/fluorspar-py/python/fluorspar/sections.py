@@ -333,6 +333,9 @@ Aim: TypeAlias = "AimDirection | AimLookAtMm"
 SourceStrength: TypeAlias = "SourceStrengthPowerMw | SourceStrengthIrradianceWPerM2AtDistanceMm"
 """Strength of a light: `power_mw`, or `irradiance_w_per_m2` with `at_distance_mm`."""
 
+SpotEdge: TypeAlias = "Literal['smooth_step', 'fourth_power']"
+"""How the intensity of a spot falls at the edge of its cone, over t, which falls from 1 to 0 evenly in the cosine."""
+
 EnvironmentMapReference: TypeAlias = "FilePath | TurnedMap"
 """The path of an equirectangular map, or a table of `file` and `rotation_deg`. Rows from the top (+y); the middle lies toward
 -z, the right half toward +x."""
@@ -994,6 +997,11 @@ class LightSection(TypedDict, total=False):
     """Radius of the hole, mm; smaller than `radius_mm`."""
     size_mm: list[float]
     """Width and height, mm."""
+    cone_deg: list[float]
+    """A cone in place of a power of the cosine: angles from the axis up to which the radiant intensity is even, and from which
+    on there is none, degrees, 0 to 180."""
+    edge: SpotEdge
+    """How the intensity falls between the angles of the cone. Default "smooth_step"."""
     map: EnvironmentMapReference
     """Gray map of the radiance. Default: the same everywhere."""
 
