@@ -6,7 +6,7 @@ use fluorspar::optics::{CameraLens, LensSetting, LensState, PerspectiveCamera};
 use fluorspar::quote::excerpt;
 use fluorspar::render::RenderSettings;
 use fluorspar_format::{PbrtEntity, PbrtError, PbrtPlaced, read_lens};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use crate::convert::{Convert, usual_settings};
 use crate::given::Given;
@@ -34,11 +34,75 @@ const FULL_TRANSPORT: &[&str] = &[
 /// Largest image, pixels a side.
 const MOST_PIXELS: f64 = 100_000.0;
 
+/// A rectangle of the plane of the image.
+struct Window {
+    /// Half of the width.
+    half: f64,
+    /// The middle off the axis, to the right and up, in halves of the width.
+    center: DVec2,
+    /// Columns and rows.
+    size: [usize; 2],
+}
+
+impl Window {
+    /// The part of the window whose pixels a crop takes.
+    fn cropped(self, crop: &Crop) -> Self {
+        let pitch = 2.0 * self.half / self.size[0] as f64;
+        let [[left, right], [top, bottom]] = [crop.columns, crop.rows].map(|ends| ends.map(|end| end as f64));
+        let half = 0.5 * pitch * (right - left);
+        let [width, height] = self.size.map(|side| side as f64);
+        let moved = 0.5 * pitch * DVec2::new(left + right - width, height - top - bottom);
+        Self {
+            half,
+            center: (self.center * self.half + moved) / half,
+            size: [crop.columns, crop.rows].map(|[from, to]| to - from),
+        }
+    }
+}
+
+/// The pixels of a film that are wanted: first, and past the last.
+struct Crop {
+    columns: [usize; 2],
+    rows: [usize; 2],
+}
+
+impl Crop {
+    /// `pixelbounds`, or `cropwindow` in shares of the sides, rounded up as in pbrt; all pixels without them. `None` where no pixel is left.
+    fn of_film(given: &Given<'_>, [width, height]: [usize; 2]) -> Option<Self> {
+        let pixel = |place: f64, side: usize| place.ceil().clamp(0.0, side as f64) as usize;
+        let shares = given.numbers("cropwindow");
+        let [x0, x1, y0, y1] = match (given.numbers("pixelbounds"), shares) {
+            (Some(&[x0, x1, y0, y1]), _) => [x0, x1, y0, y1],
+            (_, Some(&[x0, x1, y0, y1])) => {
+                // With the precision of pbrt: seven hundredths of 100 pixels are 7, not 8.
+                let part = |share: f64, side: usize| f64::from(share as f32 * side as f32);
+                [
+                    part(x0.min(x1), width),
+                    part(x0.max(x1), width),
+                    part(y0.min(y1), height),
+                    part(y0.max(y1), height),
+                ]
+            }
+            _ => [0.0, width as f64, 0.0, height as f64],
+        };
+        let crop = Self {
+            columns: [pixel(x0, width), pixel(x1, width)],
+            rows: [pixel(y0, height), pixel(y1, height)],
+        };
+        [crop.columns, crop.rows].iter().all(|[from, to]| from < to).then_some(crop)
+    }
+
+    fn is_cropped(&self, [width, height]: [usize; 2]) -> bool {
+        self.columns != [0, width] || self.rows != [0, height]
+    }
+}
+
 impl Convert<'_> {
     /// The camera and the settings of the render.
     pub(crate) fn camera(&mut self) -> Result<(PerspectiveCamera, RenderSettings), PbrtError> {
         let tree = self.tree;
-        let [width, height] = self.film()?;
+        let (size, crop) = self.film()?;
+        let [width, height] = size;
         let none = PbrtPlaced {
             entity: PbrtEntity { class: "perspective".into(), ..PbrtEntity::default() },
             to_world: glam::DMat4::IDENTITY,
@@ -57,10 +121,18 @@ impl Convert<'_> {
             return Err(self.error(at, message));
         }
         let is_lens = LENSES.contains(&class);
+        let window = if is_lens {
+            if crop.is_cropped(size) {
+                self.remark(at, "the crop of the film: the whole image is rendered");
+            }
+            Window { half: 0.5, center: DVec2::ZERO, size }
+        } else {
+            self.window(&given, width, height)?.cropped(&crop)
+        };
+        // Of parallel rays the window is in units of the camera's frame, else on the plane at distance 1.
         let tan_half_width =
-            if is_lens || is_parallel { 0.5 } else { self.tan_half_width(&given, width, height)? };
-        // Of parallel rays the window is in units of the camera's frame.
-        let half_window = if is_parallel { Some(self.half_window(&given, width, height)?) } else { None };
+            if is_lens || is_parallel { 0.5 } else { self.tan_half_field(&given)? * window.half };
+        let half_window = is_parallel.then_some(window.half);
 
         // Place the axes of the camera in the scene
         let map = self.scene_from_world() * camera.to_world;
@@ -78,8 +150,9 @@ impl Convert<'_> {
             right: right.as_vec3(),
             up: right.cross(forward).as_vec3(),
             tan_half_width: tan_half_width as f32,
-            width,
-            height,
+            width: window.size[0],
+            height: window.size[1],
+            center: window.center.as_vec2(),
             lens: None,
             parallel_half_width_m: half_window
                 .map(|half| (half * map.transform_vector3(DVec3::X).length()) as f32),
@@ -95,8 +168,8 @@ impl Convert<'_> {
         }
     }
 
-    /// Tangent of half the field of view across the image.
-    fn tan_half_width(&mut self, given: &Given<'_>, width: usize, height: usize) -> Result<f64, PbrtError> {
+    /// Tangent of half the field of view across the narrower side of the image.
+    fn tan_half_field(&mut self, given: &Given<'_>) -> Result<f64, PbrtError> {
         let at = given.entity.at;
         let degrees = given.number("fov").or(given.number("halffov").map(|half| 2.0 * half)).unwrap_or(90.0);
         if !(degrees > 0.0 && degrees < 179.0) {
@@ -104,11 +177,11 @@ impl Convert<'_> {
                 self.error(at, format!("a field of view of {degrees} degrees; give one between 0 and 179"))
             );
         }
-        Ok((0.5 * degrees.to_radians()).tan() * self.half_window(given, width, height)?)
+        Ok((0.5 * degrees.to_radians()).tan())
     }
 
-    /// Half of the width of the window on the plane at distance 1.
-    fn half_window(&mut self, given: &Given<'_>, width: usize, height: usize) -> Result<f64, PbrtError> {
+    /// The window of the whole image.
+    fn window(&mut self, given: &Given<'_>, width: usize, height: usize) -> Result<Window, PbrtError> {
         let at = given.entity.at;
         if given.number("lensradius").is_some_and(|radius| radius > 0.0) {
             self.remark(at, "\"lensradius\": there is no lens, everything is in focus");
@@ -116,23 +189,21 @@ impl Convert<'_> {
         given.used(&["focaldistance"]);
         let pixels = width as f64 / height as f64;
         let aspect = given.number("frameaspectratio").unwrap_or(pixels);
-        let mut half = aspect.max(1.0);
+        let mut window = Window { half: aspect.max(1.0), center: DVec2::ZERO, size: [width, height] };
         if let Some(&[x0, x1, y0, y1]) = given.numbers("screenwindow") {
-            let is_centered =
-                (x0 + x1).abs() < 1e-6 * (x1 - x0).abs() && (y0 + y1).abs() < 1e-6 * (y1 - y0).abs();
-            if !is_centered || x1 <= x0 || y1 <= y0 {
-                let message =
-                    "a screenwindow whose middle is not 0, 0 has no counterpart; shift the camera instead";
+            if x1 <= x0 || y1 <= y0 {
+                let message = "an empty screenwindow; give \"screenwindow\" [left right bottom top]";
                 return Err(self.error(at, message));
             }
-            half = x1;
-            if ((x1 / y1) / pixels - 1.0).abs() > 1e-3 {
+            window.half = 0.5 * (x1 - x0);
+            window.center = DVec2::new(x0 + x1, y0 + y1) / (x1 - x0);
+            if ((x1 - x0) / (y1 - y0) / pixels - 1.0).abs() > 1e-3 {
                 self.remark(at, "\"screenwindow\": pixels are square here; its width is kept");
             }
         } else if (aspect / pixels - 1.0).abs() > 1e-3 {
             self.remark(at, "\"frameaspectratio\": pixels are square here; the width of the field is kept");
         }
-        Ok(half)
+        Ok(window)
     }
 
     /// Puts the lens of a file before the film.
@@ -170,9 +241,11 @@ impl Convert<'_> {
         Ok(())
     }
 
-    /// Columns and rows.
-    fn film(&mut self) -> Result<[usize; 2], PbrtError> {
-        let Some(film) = &self.tree.settings.film else { return Ok([1280, 720]) };
+    /// Columns and rows of the whole image, and the part of it that is wanted.
+    fn film(&mut self) -> Result<([usize; 2], Crop), PbrtError> {
+        let Some(film) = &self.tree.settings.film else {
+            return Ok(([1280, 720], Crop { columns: [0, 1280], rows: [0, 720] }));
+        };
         let given = Given::new(film);
         let size = [("xresolution", 1280.0), ("yresolution", 720.0)]
             .map(|(name, default)| given.number(name).unwrap_or(default));
@@ -181,11 +254,10 @@ impl Convert<'_> {
                 format!("an image of {} x {} pixels; give 1 to {MOST_PIXELS} a side", size[0], size[1]);
             return Err(self.error(film.at, message));
         }
-        for name in ["cropwindow", "pixelbounds"] {
-            if given.find(name).is_some() {
-                self.remark(film.at, format!("\"{name}\": the whole image is rendered"));
-            }
-        }
+        let size = size.map(|side| side as usize);
+        let crop = Crop::of_film(&given, size).ok_or_else(|| {
+            self.error(film.at, "the crop of the film holds no pixel; give [left right top bottom]")
+        })?;
         // What is done with the light afterwards, and what a lens asks for.
         given.used(&[
             "diagonal",
@@ -206,7 +278,7 @@ impl Convert<'_> {
             "spectralFlag",
         ]);
         given.finish("Film", &mut self.remarks);
-        Ok(size.map(|side| side as usize))
+        Ok((size, crop))
     }
 
     fn settings(&mut self) -> RenderSettings {

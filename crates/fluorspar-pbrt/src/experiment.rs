@@ -8,6 +8,7 @@ use std::sync::Arc;
 use fluorspar::geometry::{MeshInstances, TriangleMesh};
 use fluorspar::light::{ConeEdge, Emitter, EnvironmentMap, Light, PointPattern};
 use fluorspar::material::{Coated, ImageTexture, Lambertian, Material, ScalarTexture, Scattering};
+use fluorspar::optics::PerspectiveCamera;
 use fluorspar::scene::{Object, Scene, Shape, SurfaceEmission};
 use fluorspar::spectral::{Curve, Fluorophore, Stokes, YieldDensity, YieldUnit};
 use fluorspar::study::Study;
@@ -22,7 +23,7 @@ use fluorspar_experiment::schema::{
     TextureReference, TextureTable, TwoSidedSection,
 };
 use fluorspar_format::{FormatError, eem_csv, write_atomically, write_gray_png, write_ply};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use crate::convert::PbrtStudy;
 
@@ -136,7 +137,7 @@ impl<'a> SceneWriter<'a> {
             spectral: SpectralSection::Edges(EdgeBins { edges_nm: scene.grid.edges_nm().to_vec() }),
             ..ExperimentFile::default()
         };
-        let camera = &scene.camera;
+        let camera = &self.centered(&scene.camera);
         file.render.width_px = u32::try_from(camera.width).unwrap_or(u32::MAX);
         file.render.height_px = u32::try_from(camera.height).unwrap_or(u32::MAX);
         file.render.samples_per_pixel = study.render.samples_per_pixel;
@@ -178,6 +179,30 @@ impl<'a> SceneWriter<'a> {
             self.light(light, scene, &mut file.light);
         }
         file
+    }
+
+    /// The camera whose image, about its axis, holds the window that a camera sees.
+    fn centered(&mut self, camera: &PerspectiveCamera) -> PerspectiveCamera {
+        let off = camera.center.abs();
+        if off == Vec2::ZERO {
+            return camera.clone();
+        }
+        self.lost.push(
+            "the camera sees a window off its axis: the experiment's image is the one about the axis that holds it".into(),
+        );
+        // The offset is in halves of the width for both sides.
+        let (width, height) = (camera.width as f32, camera.height as f32);
+        let whole = |side: f32| (side - 1e-3).ceil();
+        let wide = whole(width * (1.0 + off.x));
+        let scale = wide / width;
+        PerspectiveCamera {
+            tan_half_width: camera.tan_half_width * scale,
+            parallel_half_width_m: camera.parallel_half_width_m.map(|half| half * scale),
+            center: Vec2::ZERO,
+            width: wide as usize,
+            height: whole(height + width * off.y) as usize,
+            ..camera.clone()
+        }
     }
 
     /// A file beside the experiment: its path in the text.

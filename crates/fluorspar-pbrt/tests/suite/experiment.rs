@@ -105,12 +105,43 @@ fn fluorescence_and_parallel_rays_become_experiments() {
     assert_eq!(study.study.scene.camera.parallel_half_width_m, Some(3.0));
 }
 
+/// Pixels of a window see what those of the whole image see, whatever way it is asked for; an experiment holds them in its image.
+#[test]
+fn windows_are_parts_of_the_whole_image() {
+    let film =
+        |more: &str| format!("Film \"image\" \"integer xresolution\" 15 \"integer yresolution\" 10 {more}\n");
+    let scene = "WorldBegin LightSource \"infinite\" Shape \"sphere\"\n";
+    let camera_of = |text: String| load_text(&text).study.scene.camera.clone();
+    for kind in ["\"perspective\" \"float fov\" 40", "\"orthographic\""] {
+        let whole = camera_of(format!("Camera {kind}\n{}{scene}", film("")));
+        let crops = [
+            // ceil(15 * 0.3) to ceil(15 * 0.8), ceil(10 * 0.41) to ceil(10 * 0.95)
+            film("\"float cropwindow\" [ .3 .8 .41 .95 ]"),
+            film("\"float cropwindow\" [ 0 1 0 1 ] \"integer pixelbounds\" [ 5 12 5 10 ]"),
+        ];
+        for crop in crops {
+            let text = format!("Camera {kind}\n{crop}{scene}");
+            let window = camera_of(text.clone());
+            assert_eq!((window.width, window.height), (7, 5));
+            let converted = to_experiment(&load_text(&text), "s", "files").unwrap();
+            assert!(converted.lost.iter().any(|line| line.contains("off its axis")), "{:?}", converted.lost);
+            // Columns 3 to 11 and rows 0 to 9 lie about the middle
+            assert!(["width_px = 9", "height_px = 10"].iter().all(|side| converted.text.contains(side)));
+            for (x, y) in [(0.5, 0.5), (6.5, 4.5)] {
+                let ((from, along), (at, wanted)) = (window.ray(x, y), whole.ray(5.0 + x, 5.0 + y));
+                assert!(from.abs_diff_eq(at, 1e-6) && along.abs_diff_eq(wanted, 1e-6), "{kind} {crop}");
+            }
+        }
+    }
+}
+
 /// An orthographic camera sees lengths, not angles: a disc of radius 1 fills pi/24 of a window of 6 x 4, near or far.
 #[test]
 fn parallel_rays_see_things_as_large_as_they_are() {
-    for distance in [1.0, 8.0] {
+    for (distance, left) in [(1.0, -3.0), (8.0, -3.0), (8.0, -1.5)] {
+        let right = left + 6.0;
         let text = format!(
-            "Camera \"orthographic\" \"float screenwindow\" [-3 3 -2 2]\nFilm \"image\" \"integer xresolution\" 240 \"integer \
+            "Camera \"orthographic\" \"float screenwindow\" [{left} {right} -2 2]\nFilm \"image\" \"integer xresolution\" 240 \"integer \
              yresolution\" 160\nWorldBegin LightSource \"infinite\" \"rgb L\" [0 0 0]\nAreaLightSource \"diffuse\" \"rgb L\" \
              [1 1 1] \"bool twosided\" true\nTranslate 1 0 {distance} Shape \"disk\" \"float radius\" 1\n"
         );
@@ -121,6 +152,7 @@ fn parallel_rays_see_things_as_large_as_they_are() {
         // Its outline crosses about 320 pixels, each lit or not by one sample: 9 pixels, three standard errors.
         assert!((share - std::f64::consts::PI / 24.0).abs() < 30.0 / image.pixels.len() as f64, "{share}");
         let column = lit.iter().map(|i| (i % 240) as f64 + 0.5).sum::<f64>() / lit.len() as f64;
-        assert!((column - 160.0).abs() < 0.5, "right of the middle by 1 of 6: {column}");
+        let expected = 240.0 * (1.0 - left) / 6.0;
+        assert!((column - expected).abs() < 0.5, "the middle of the disc is at 1: {column}");
     }
 }

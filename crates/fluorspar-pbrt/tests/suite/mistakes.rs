@@ -17,9 +17,10 @@ fn what_can_not_be_is_refused_at_its_place() {
         ("Camera \"spherical\"", "1:1: Camera \"spherical\" has no counterpart"),
         ("Camera \"perspective\" \"float fov\" 180", "1:1: a field of view of 180 degrees"),
         (
-            "Camera \"perspective\" \"float screenwindow\" [ 0 1 -1 1 ]",
-            "1:1: a screenwindow whose middle is not 0, 0",
+            "Camera \"perspective\" \"float screenwindow\" [ 1 0 -1 1 ]",
+            "1:1: an empty screenwindow; give \"screenwindow\" [left right bottom top]",
         ),
+        ("Film \"image\" \"float cropwindow\" [.5 .5 0 1]", "1:1: the crop of the film holds no pixel"),
         ("Camera \"realistic\"", "1:1: this camera needs a lens"),
         ("Film \"image\" \"integer xresolution\" 1000000000", "1:1: an image of 1000000000 x 720 pixels"),
         (light, "the scene has no objects; add a Shape"),

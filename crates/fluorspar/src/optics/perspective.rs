@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::camera_lens::CameraLens;
 use crate::image::View;
@@ -32,6 +32,9 @@ pub struct PerspectiveCamera {
     /// Half of the width of the image in the scene, m, where all rays are parallel: an orthographic camera, whose rays start in
     /// the plane of its position. None is a pinhole or a lens.
     pub parallel_half_width_m: Option<f32>,
+    /// Where the middle of the image lies off the optical axis, to the right and up, in halves of the width: not 0 where the image
+    /// is a window of a larger one. Without meaning for a lens.
+    pub center: Vec2,
 }
 
 /// A ray of the camera.
@@ -69,12 +72,13 @@ impl PerspectiveCamera {
             height,
             lens: None,
             parallel_half_width_m: None,
+            center: Vec2::ZERO,
         })
     }
 
-    /// The view that image files store; none of parallel rays, which have no field of view.
+    /// The view that image files store; none of parallel rays, which have no field of view, or of a window off the axis.
     pub fn view(&self) -> Option<View> {
-        self.parallel_half_width_m.is_none().then(|| View {
+        (self.parallel_half_width_m.is_none() && self.center == Vec2::ZERO).then(|| View {
             position_m: self.position.to_array(),
             forward: self.forward.to_array(),
             right: self.right.to_array(),
@@ -84,9 +88,10 @@ impl PerspectiveCamera {
 
     /// Origin and unit direction through image coordinates in pixels: x from the left, y from the top.
     pub fn ray(&self, x: f32, y: f32) -> (Vec3, Vec3) {
-        let scale = 2.0 * self.parallel_half_width_m.unwrap_or(self.tan_half_width) / self.width as f32;
-        let dx = (x - 0.5 * self.width as f32) * scale;
-        let dy = (0.5 * self.height as f32 - y) * scale;
+        let half = self.parallel_half_width_m.unwrap_or(self.tan_half_width);
+        let scale = 2.0 * half / self.width as f32;
+        let dx = (x - 0.5 * self.width as f32) * scale + self.center.x * half;
+        let dy = (0.5 * self.height as f32 - y) * scale + self.center.y * half;
         if self.parallel_half_width_m.is_some() {
             return (self.position + self.right * dx + self.up * dy, self.forward);
         }
@@ -150,6 +155,27 @@ mod tests {
         let (corner, direction) = camera.ray(0.0, 0.0);
         assert_eq!((corner, direction), (Vec3::new(-0.5, 0.25, 1.0), Vec3::NEG_Z));
         assert_eq!(camera.view(), None);
+    }
+
+    /// The upper right quarter of an image has the rays of its pixels.
+    #[test]
+    fn windows_have_the_rays_of_their_pixels() {
+        let whole = PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 60.0, 200, 100).unwrap();
+        for whole in [PerspectiveCamera { parallel_half_width_m: Some(0.5), ..whole.clone() }, whole] {
+            let window = PerspectiveCamera {
+                tan_half_width: 0.5 * whole.tan_half_width,
+                parallel_half_width_m: whole.parallel_half_width_m.map(|half| 0.5 * half),
+                center: Vec2::new(1.0, 0.5),
+                width: 100,
+                height: 50,
+                ..whole.clone()
+            };
+            for (x, y) in [(0.0, 0.0), (31.5, 7.5), (100.0, 50.0)] {
+                let ((a, along), (b, wanted)) = (window.ray(x, y), whole.ray(100.0 + x, y));
+                assert!(a.abs_diff_eq(b, 1e-6) && along.abs_diff_eq(wanted, 1e-6));
+            }
+            assert_eq!(window.view(), None);
+        }
     }
 
     #[test]

@@ -133,7 +133,7 @@ fn difference(rendered: &Study, wanted: &Study) -> Option<String> {
     }
     let (a, b) = (&old.camera, &new.camera);
     if (a.position, a.forward, a.right, a.up) != (b.position, b.forward, b.right, b.up)
-        || a.parallel_half_width_m != b.parallel_half_width_m
+        || (a.parallel_half_width_m, a.center) != (b.parallel_half_width_m, b.center)
     {
         return Some("place or direction of the camera".into());
     }

@@ -134,7 +134,9 @@ fn on_image(camera: &PerspectiveCamera, point: InCamera) -> DVec3 {
         None => (f64::from(camera.tan_half_width), point.z, 1.0 / point.z),
     };
     let scale = 0.5 * width / (half * depth);
-    DVec3::new(0.5 * width + scale * point.x, 0.5 * height - scale * point.y, linear)
+    let axis =
+        0.5 * DVec2::new(width, height) + 0.5 * width * DVec2::new(-1.0, 1.0) * camera.center.as_dvec2();
+    DVec3::new(axis.x + scale * point.x, axis.y - scale * point.y, linear)
 }
 
 /// Puts a depth into a pixel if it is the nearest. Equal depths go to the lower number, whatever the order of threads.
