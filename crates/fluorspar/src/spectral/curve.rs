@@ -191,7 +191,11 @@ impl Curve {
         if !(first..=last).contains(&wavelength_nm) {
             return 0.0;
         }
-        let right = self.first_not_below(wavelength_nm).max(1);
+        self.between(self.first_not_below(wavelength_nm).max(1), wavelength_nm)
+    }
+
+    /// Value at a wavelength within the range, of which the first sample that is not below it is known.
+    fn between(&self, right: usize, wavelength_nm: f64) -> f64 {
         let (x0, x1) = (self.wavelength_nm[right - 1], self.wavelength_nm[right]);
         let (y0, y1) = (self.value[right - 1], self.value[right]);
         y0 + (y1 - y0) * (wavelength_nm - x0) / (x1 - x0)
@@ -259,10 +263,10 @@ impl Curve {
         let mut sum = 0.0;
         let mut left = a;
         let mut left_value = self.at(a);
-        let mut next = self.wavelength_nm.partition_point(|&nm| nm <= a);
+        let mut next = self.wavelength_nm.partition_point(|&nm| nm <= a).min(self.wavelength_nm.len() - 1);
         loop {
-            let right = if next < self.wavelength_nm.len() { self.wavelength_nm[next].min(b) } else { b };
-            let right_value = self.at(right);
+            let right = self.wavelength_nm[next].min(b);
+            let right_value = self.between(next, right);
             sum += 0.5 * (left_value + right_value) * (right - left);
             if right >= b {
                 return sum;
@@ -326,18 +330,28 @@ impl Curve {
         if end <= start {
             return Self { wavelength_nm: [a.0, a.1].into(), value: vec![0.0, 0.0] };
         }
-        let mut nodes: Vec<f64> = self
-            .wavelength_nm
-            .iter()
-            .chain(other.wavelength_nm.iter())
-            .copied()
-            .filter(|nm| (start..=end).contains(nm))
-            .collect();
         let steps = ((end - start) / FINE_STEP_NM).ceil() as usize;
-        nodes.extend((0..=steps).map(|i| start + (end - start) * i as f64 / steps as f64));
-        nodes.sort_by(f64::total_cmp);
-        nodes.dedup_by(|next, kept| (*next - *kept).abs() < 1e-9);
-        let value = nodes.iter().map(|&nm| self.at(nm) * other.at(nm)).collect();
+        let mut fine = (0..=steps).map(|i| start + (end - start) * i as f64 / steps as f64).peekable();
+        // Both samplings and the fine one are in order: they are merged, with a place in each
+        let (x, y) = (&self.wavelength_nm, &other.wavelength_nm);
+        let (mut i, mut j) = (x.partition_point(|&nm| nm < start), y.partition_point(|&nm| nm < start));
+        let room = steps + x.len() + y.len();
+        let (mut nodes, mut value) = (Vec::with_capacity(room), Vec::with_capacity(room));
+        loop {
+            let next_of =
+                |x: &[f64], i: usize| x.get(i).copied().filter(|&nm| nm <= end).unwrap_or(f64::INFINITY);
+            let nm = next_of(x, i).min(next_of(y, j)).min(fine.peek().copied().unwrap_or(f64::INFINITY));
+            if nm == f64::INFINITY {
+                break;
+            }
+            if nodes.last().is_none_or(|last| nm - last >= 1e-9) {
+                nodes.push(nm);
+                value.push(self.between(i.max(1), nm) * other.between(j.max(1), nm));
+            }
+            i += usize::from(x.get(i) == Some(&nm));
+            j += usize::from(y.get(j) == Some(&nm));
+            fine.next_if_eq(&nm);
+        }
         Self { wavelength_nm: nodes.into(), value }
     }
 }
