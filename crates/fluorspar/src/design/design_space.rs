@@ -10,7 +10,7 @@ use super::criterion::Contrast;
 use super::design_camera::FineBands;
 use super::prepared_signals::{FilteredCameras, RegionSignals};
 use super::problem::{ContrastDefinition, DesignProblem, Split};
-use super::region_model::RegionModel;
+use super::region_model::{LibraryError, RegionModel};
 
 /// One design: numbers of what is chosen.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -109,9 +109,7 @@ impl DesignSpace {
         let bands = FineBands::of(&grid);
         let cameras = FilteredCameras::new(&problem, &bands);
         let with_library = |regions: &[RegionModel]| -> Vec<Arc<RegionSignals>> {
-            let wrong = |region: &RegionModel| region.clone().with_library_error(&problem.library);
-            let regions: Vec<RegionModel> = regions.iter().map(wrong).collect();
-            cameras.signals_of(&regions).into_iter().map(Arc::new).collect()
+            cameras.signals_of(regions, &problem.library).into_iter().map(Arc::new).collect()
         };
         // Flat regions are the same in every geometry
         let flat = with_library(&problem.regions);
@@ -129,10 +127,11 @@ impl DesignSpace {
             }
         };
         let geometries = (0..problem.geometry_count()).map(of_geometry).collect();
-        let cohort = problem
-            .cohort
-            .as_ref()
-            .map(|cohort| [cameras.signals_of(&cohort.healthy), cameras.signals_of(&cohort.altered)]);
+        // A person's own spectra are no error of the library
+        let known = LibraryError::default();
+        let cohort = problem.cohort.as_ref().map(|cohort| {
+            [&cohort.healthy, &cohort.altered].map(|people| cameras.signals_of(people, &known))
+        });
         Ok(Self { light_sets, geometries, cohort, problem })
     }
 

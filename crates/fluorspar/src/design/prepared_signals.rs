@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::design_camera::{FilteredCamera, FineBands};
 use super::problem::{DesignProblem, FilterChoice, LightChoice};
-use super::region_model::{RegionModel, SignalRates};
+use super::region_model::{LibraryError, RegionModel, SignalRates};
 
 /// Signals of one region.
 #[derive(Clone, Debug)]
@@ -52,19 +52,19 @@ impl<'a> FilteredCameras<'a> {
         Self { problem, bands, lit, white: white.collect() }
     }
 
-    /// Signals of some regions.
-    pub(super) fn signals_of(&self, regions: &[RegionModel]) -> Vec<RegionSignals> {
-        regions.par_iter().map(|region| self.signals(region)).collect()
+    /// Signals of some regions, seen with a library that may be wrong.
+    pub(super) fn signals_of(&self, regions: &[RegionModel], library: &LibraryError) -> Vec<RegionSignals> {
+        regions.par_iter().map(|region| self.signals(region, library)).collect()
     }
 
-    fn signals(&self, region: &RegionModel) -> RegionSignals {
+    fn signals(&self, region: &RegionModel, library: &LibraryError) -> RegionSignals {
         let under = |(light, filters): (&LightChoice, &Vec<Vec<FilteredCamera>>)| {
-            let lit = region.under(light, self.bands);
+            let lit = region.under(light, self.bands, library);
             let row = |cameras: &Vec<FilteredCamera>| cameras.iter().map(|c| lit.through(c)).collect();
             filters.iter().map(row).collect()
         };
         let white = self.problem.white.iter().flat_map(|white| {
-            let lit = region.under(&white.light, self.bands);
+            let lit = region.under(&white.light, self.bands, library);
             self.white.iter().map(move |camera| lit.through(camera))
         });
         RegionSignals {

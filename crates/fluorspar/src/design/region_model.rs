@@ -137,42 +137,36 @@ impl RegionModel {
         }
     }
 
-    /// The same region seen with a library that may be wrong.
-    #[must_use]
-    pub fn with_library_error(mut self, error: &LibraryError) -> Self {
-        let added = library_changes(&self.response, error);
-        self.changes.extend(added);
-        self
-    }
-
-    /// The region under a light, by spectrum, for each W/m² that the light gives a flat region.
-    pub fn under(&self, light: &LightChoice, bands: &FineBands) -> LitRegion {
+    /// The region under a light, by spectrum, for each W/m² that the light gives a flat region, seen with a library of fluorophores
+    /// that may be wrong: its errors are unknowns behind those of the region.
+    pub fn under(&self, light: &LightChoice, bands: &FineBands, library: &LibraryError) -> LitRegion {
         let light = &match self.unit {
             LightUnit::Irradiance => light.spectrum.clone(),
             LightUnit::Power { .. } => light.spectrum.scaled(light.power_w / light.light),
         };
         let coefficients = self.response.excitation.coefficients(light);
         let reflected = |reflected: &Curve| light.times(reflected).bin_averages(&bands.fine);
+        let response = &self.response;
+        let fluorescence: Vec<Vec<f64>> =
+            response.fluorescence.iter().map(|f| bands_of(&f.radiance, &coefficients)).collect();
+        let change = |change: &ResponseChange| {
+            let mut all = vec![0.0; response.grid.len()];
+            for part in change.fluorescence.iter().filter(|part| !part.is_empty()) {
+                let bands = bands_of(part, &coefficients);
+                all.iter_mut().zip(bands).for_each(|(sum, value)| *sum += value);
+            }
+            (all, change.reflected.as_ref().map(reflected))
+        };
+        let library_changes = library_changes(response, &fluorescence, &coefficients, library);
         LitRegion {
-            fluorescence: self
-                .response
-                .fluorescence
-                .iter()
-                .map(|f| bands_of(&f.radiance, &coefficients))
-                .collect(),
-            reflected: reflected(&self.response.reflected),
+            reflected: reflected(&response.reflected),
             changes: self
                 .changes
                 .iter()
-                .map(|change| {
-                    let mut all = vec![0.0; self.response.grid.len()];
-                    for part in change.fluorescence.iter().filter(|part| !part.is_empty()) {
-                        let bands = bands_of(part, &coefficients);
-                        all.iter_mut().zip(bands).for_each(|(sum, value)| *sum += value);
-                    }
-                    (all, change.reflected.as_ref().map(reflected))
-                })
+                .map(change)
+                .chain(library_changes.into_iter().map(|change| (change, None)))
                 .collect(),
+            fluorescence,
         }
     }
 }
@@ -223,67 +217,71 @@ pub struct SignalRates {
     pub changes: Vec<Vec<f64>>,
 }
 
-/// Changes of a response by errors of its library.
-fn library_changes(region: &RegionResponse, error: &LibraryError) -> Vec<ResponseChange> {
+/// Changes of lit fluorescence, `[unknown][band]`, by errors of its library: an error of the emission spectrum acts on what each
+/// fluorophore sends, one of the excitation spectrum on the coefficients of the light.
+fn library_changes(
+    region: &RegionResponse,
+    lit: &[Vec<f64>],
+    coefficients: &[f64],
+    error: &LibraryError,
+) -> Vec<Vec<f64>> {
     let nodes = region.excitation.centers_nm();
     let bands = region.grid.centers_nm();
+    let has_shape_error = error.shape > 0.0 && error.correlation_nm > 0.0;
+    let bumps_of = |axis: &[f64]| if has_shape_error { bumps(axis, error) } else { Vec::new() };
+    let products = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a * b).collect() };
+    let emission_bumps = bumps_of(&bands);
+    // Lights through wrong excitation spectra
+    let mut wrong_lights = Vec::new();
+    if error.excitation_shift_nm > 0.0 {
+        wrong_lights.push(shifted_coefficients(coefficients, &nodes, error.excitation_shift_nm));
+    }
+    let shift_count = wrong_lights.len();
+    wrong_lights.extend(bumps_of(&nodes).iter().map(|bump| products(coefficients, bump)));
     let mut changes = Vec::new();
-    for (number, fluorescence) in region.fluorescence.iter().enumerate() {
-        let matrix = &fluorescence.radiance;
-        let mut add = |what: String, values: Vec<f64>| {
-            let mut of_each = vec![Vec::new(); region.fluorescence.len()];
-            of_each[number] = values;
-            changes.push(ResponseChange {
-                name: format!("{} {what}", fluorescence.name),
-                fluorescence: of_each,
-                reflected: None,
-                growth: ChangeGrowth::Linear,
-            });
-        };
+    for (fluorescence, lit) in region.fluorescence.iter().zip(lit) {
+        let under = |light: &Vec<f64>| bands_of(&fluorescence.radiance, light);
         if error.emission_shift_nm > 0.0 {
-            add("emission shift".into(), shifted(matrix, &bands, &nodes, [error.emission_shift_nm, 0.0]));
+            changes.push(shifted(lit, &bands, error.emission_shift_nm));
         }
-        if error.excitation_shift_nm > 0.0 {
-            add("excitation shift".into(), shifted(matrix, &bands, &nodes, [0.0, error.excitation_shift_nm]));
-        }
-        if error.shape > 0.0 && error.correlation_nm > 0.0 {
-            for (center, bump) in bumps(&bands, error) {
-                let value = |k: usize| bump[k / nodes.len()] * matrix[k];
-                add(format!("emission near {center:.0} nm"), (0..matrix.len()).map(value).collect());
-            }
-            for (center, bump) in bumps(&nodes, error) {
-                let value = |k: usize| bump[k % nodes.len()] * matrix[k];
-                add(format!("excitation near {center:.0} nm"), (0..matrix.len()).map(value).collect());
-            }
-        }
+        changes.extend(wrong_lights[..shift_count].iter().map(under));
+        changes.extend(emission_bumps.iter().map(|bump| products(lit, bump)));
+        changes.extend(wrong_lights[shift_count..].iter().map(under));
     }
     changes
 }
 
-/// The difference that a shift of a matrix by some nanometers of emission and excitation makes.
-fn shifted(matrix: &[f64], bands: &[f64], nodes: &[f64], [emission, excitation]: [f64; 2]) -> Vec<f64> {
-    let at = |axis: &[f64], nm: f64| {
-        let right = axis.partition_point(|&x| x < nm).clamp(1, axis.len() - 1);
-        let share = ((nm - axis[right - 1]) / (axis[right] - axis[right - 1])).clamp(0.0, 1.0);
-        (right, share)
+/// The sample right of a wavelength, at least the second, and the share of the way to it from its neighbor, 0 to 1.
+fn interval_of(axis: &[f64], nm: f64) -> (usize, f64) {
+    let right = axis.partition_point(|&x| x < nm).clamp(1, axis.len() - 1);
+    let share = ((nm - axis[right - 1]) / (axis[right] - axis[right - 1])).clamp(0.0, 1.0);
+    (right, share)
+}
+
+/// The difference that a shift by some nanometers makes to a spectrum.
+fn shifted(values: &[f64], axis: &[f64], shift_nm: f64) -> Vec<f64> {
+    let difference = |(&nm, value): (&f64, &f64)| {
+        let (right, share) = interval_of(axis, nm - shift_nm);
+        values[right - 1] * (1.0 - share) + values[right] * share - value
     };
-    let columns = nodes.len();
-    let mut difference = Vec::with_capacity(matrix.len());
-    for (row, &emission_nm) in bands.iter().enumerate() {
-        let (r, v) = at(bands, emission_nm - emission);
-        for (col, &excitation_nm) in nodes.iter().enumerate() {
-            let (c, u) = at(nodes, excitation_nm - excitation);
-            let along = |r: usize| matrix[r * columns + c - 1] * (1.0 - u) + matrix[r * columns + c] * u;
-            let moved = along(r - 1) * (1.0 - v) + along(r) * v;
-            difference.push(moved - matrix[row * columns + col]);
-        }
+    axis.iter().zip(values).map(difference).collect()
+}
+
+/// The coefficients whose sum over an excitation spectrum is the difference that a shift of the spectrum by some nanometers makes:
+/// the transpose of [`shifted`].
+fn shifted_coefficients(coefficients: &[f64], nodes: &[f64], shift_nm: f64) -> Vec<f64> {
+    let mut found: Vec<f64> = coefficients.iter().map(|c| -c).collect();
+    for (&nm, c) in nodes.iter().zip(coefficients) {
+        let (right, share) = interval_of(nodes, nm - shift_nm);
+        found[right - 1] += c * (1.0 - share);
+        found[right] += c * share;
     }
-    difference
+    found
 }
 
 /// Gaussians at distances of their own width, whose squares add up to the variance of the error: with independent unit weights
 /// their sum has its standard deviation everywhere and a correlation of `exp(-(distance / correlation)² / 4)`.
-fn bumps(axis: &[f64], error: &LibraryError) -> Vec<(f64, Vec<f64>)> {
+fn bumps(axis: &[f64], error: &LibraryError) -> Vec<Vec<f64>> {
     let (first, last) = (axis[0], axis[axis.len() - 1]);
     let width = error.correlation_nm;
     let count = ((last - first) / width).ceil() as usize + 1;
@@ -292,7 +290,7 @@ fn bumps(axis: &[f64], error: &LibraryError) -> Vec<(f64, Vec<f64>)> {
     let bump = |k: usize| {
         let center = first + k as f64 * width;
         let value = |&nm: &f64| height * (-0.5 * ((nm - center) / width).powi(2)).exp();
-        (center, axis.iter().map(value).collect())
+        axis.iter().map(value).collect()
     };
     (0..count).map(bump).collect()
 }
@@ -321,27 +319,39 @@ mod tests {
     fn errors_of_the_library_have_their_standard_deviation() {
         let error = LibraryError { shape: 0.05, correlation_nm: 20.0, ..LibraryError::default() };
         let region = region();
-        let changes = library_changes(&region, &error);
         let nodes = region.excitation.len();
-        // Band 20 is far from both ends: the sum over Gaussians one width apart is constant to 1e-4.
-        let k = 20 * nodes + 12;
-        let variance = |kind: &str| {
-            let held = changes.iter().filter(|change| change.name.contains(kind));
-            held.map(|change| (change.fluorescence[0][k] / region.fluorescence[0].radiance[k]).powi(2))
-                .sum::<f64>()
-        };
-        for kind in ["emission near", "excitation near"] {
-            assert!((variance(kind).sqrt() / 0.05 - 1.0).abs() < 1e-3, "{kind} {}", variance(kind).sqrt());
+        // Light of one excitation node: what it makes the fluorophore send is a column of its matrix
+        let (band, node) = (20, 12);
+        let mut light = vec![0.0; nodes];
+        light[node] = 1.0;
+        let column: Vec<f64> =
+            region.fluorescence[0].radiance.iter().skip(node).step_by(nodes).copied().collect();
+        let changes_by = |error: &LibraryError| library_changes(&region, &[column.clone()], &light, error);
+        let changes = changes_by(&error);
+        // Emission comes first: (700 - 400 - 5) / 20 and (460 - 340) / 20 Gaussians, rounded up, and one. Band and node are far
+        // from both ends: the sum over Gaussians one width apart is constant to 1e-4.
+        let (emission, excitation) = changes.split_at(16);
+        assert_eq!(excitation.len(), 7);
+        for held in [emission, excitation] {
+            let variance: f64 = held.iter().map(|change| (change[band] / column[band]).powi(2)).sum();
+            assert!((variance.sqrt() / 0.05 - 1.0).abs() < 1e-3, "{}", variance.sqrt());
         }
         // A shift by 2 nm on bins of 5 nm: linear interpolation is off by curvature x step²/8 < 0.4 %.
+        let largest = column.iter().copied().fold(0.0, f64::max);
+        let bell = |nm: f64, center: f64, width: f64| (-((nm - center) / width).powi(2)).exp();
         let shift = LibraryError { emission_shift_nm: 2.0, ..LibraryError::default() };
-        let changes = library_changes(&region, &shift);
-        let bands = region.grid.centers_nm();
-        let largest = region.fluorescence[0].radiance.iter().copied().fold(0.0, f64::max);
-        for (row, nm) in bands.iter().enumerate().skip(1) {
-            let bell = |nm: f64| (-((nm - 520.0) / 40.0).powi(2)).exp();
-            let (got, expected) = (changes[0].fluorescence[0][row * nodes + 12], bell(nm - 2.0) - bell(*nm));
+        let changes = changes_by(&shift);
+        let excited = bell(region.excitation.centers_nm()[node], 400.0, 30.0);
+        for (got, nm) in changes[0].iter().zip(region.grid.centers_nm()).skip(1) {
+            let expected = (bell(nm - 2.0, 520.0, 40.0) - bell(nm, 520.0, 40.0)) * excited;
             assert!((got - expected).abs() < 4e-3 * largest, "{nm}: {got} {expected}");
+        }
+        let shift = LibraryError { excitation_shift_nm: 2.0, ..LibraryError::default() };
+        let changes = changes_by(&shift);
+        let nm = region.excitation.centers_nm()[node];
+        let moved = bell(nm - 2.0, 400.0, 30.0) / bell(nm, 400.0, 30.0) - 1.0;
+        for (got, sent) in changes[0].iter().zip(&column) {
+            assert!((got - moved * sent).abs() < 7e-3 * largest, "{got} {}", moved * sent);
         }
     }
 
