@@ -2,19 +2,20 @@
 //! tree, mesh and texture, and looking up small pages costs as much as reading them.
 #![allow(unsafe_code)]
 
-use std::alloc::{GlobalAlloc, Layout, alloc, dealloc};
+use std::alloc::{GlobalAlloc, Layout};
 use std::cell::Cell;
 use std::ffi::c_long;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use libmimalloc_sys::{mi_option_set, mi_option_t};
 use mimalloc::MiMalloc;
+
+use crate::memory::IS_PREPARED;
 
 /// The global allocator of programs that render: mimalloc, and an end with a message where memory runs out.
 ///
 /// A request that the system refuses writes one line to standard error and ends the process with exit code 1, on Unix;
 /// elsewhere, and in a program with another allocator, Rust aborts. What is large enough to be refused in practice, such as the
-/// images of a render, is asked for with [`memory_is_available`] before, which gives an error that the caller can explain.
+/// images of a render, is asked for with [`memory_is_available`](crate::memory_is_available) before, which gives an error that the caller can explain.
 ///
 /// ```
 /// #[global_allocator]
@@ -64,11 +65,6 @@ fn granted(pointer: *mut u8, bytes: usize) -> *mut u8 {
     pointer
 }
 
-thread_local! {
-    /// Whether this thread asks for memory that it can do without.
-    static IS_PREPARED: Cell<bool> = const { Cell::new(false) };
-}
-
 /// Ends the process where nobody is prepared for a refusal.
 #[cold]
 #[inline(never)]
@@ -83,17 +79,6 @@ fn refused(bytes: usize) {
     let _ = bytes;
 }
 
-/// Lets the calling thread say why the process ends. Of several threads that fail together the first does; the others wait here
-/// for the end. To be called before the last message of a program, which ends then.
-pub fn have_the_last_word() {
-    static SAID: AtomicBool = AtomicBool::new(false);
-    if SAID.swap(true, Ordering::SeqCst) {
-        loop {
-            std::thread::yield_now();
-        }
-    }
-}
-
 /// Writes one line and ends the process, without a further request for memory.
 #[cfg(unix)]
 fn end_without_memory(bytes: usize) -> ! {
@@ -105,7 +90,7 @@ fn end_without_memory(bytes: usize) -> ! {
         fn _exit(code: c_int) -> !;
     }
     const STANDARD_ERROR: c_int = 2;
-    have_the_last_word();
+    crate::claim_exit_message();
     let mut line = [0_u8; 256];
     let mut rest = &mut line[..];
     // What does not fit is left out; it does fit.
@@ -122,30 +107,6 @@ fn end_without_memory(bytes: usize) -> ! {
         write(STANDARD_ERROR, line.as_ptr().cast(), length);
         _exit(1)
     }
-}
-
-/// Whether the process may have so many bytes more now: its limits (`ulimit -v`) and the system's rules on overcommitment are
-/// asked with a request that is given back at once, untouched. Other threads, and pages that exist in name only, can still
-/// make a later request fail.
-pub fn memory_is_available(bytes: u64) -> bool {
-    const PAGE: usize = 4096;
-    let Ok(bytes) = usize::try_from(bytes) else { return false };
-    if bytes == 0 {
-        return true;
-    }
-    let Ok(layout) = Layout::from_size_align(bytes, PAGE) else { return false };
-    let before = IS_PREPARED.replace(true);
-    // SAFETY: the layout has a size, and what is given is given back as it is.
-    let pointer = unsafe { alloc(layout) };
-    // The compiler may take an allocation that nobody uses for granted, and leave it out.
-    let pointer = std::hint::black_box(pointer);
-    IS_PREPARED.set(before);
-    if pointer.is_null() {
-        return false;
-    }
-    // SAFETY: it came from `alloc` with this layout and was not given back.
-    unsafe { dealloc(pointer, layout) };
-    true
 }
 
 /// `mi_option_purge_delay` of mimalloc.h: milliseconds that freed pages stay with the program.
@@ -175,13 +136,6 @@ mod tests {
     use libmimalloc_sys::mi_option_get;
 
     use super::*;
-
-    #[test]
-    fn what_no_machine_has_is_not_available() {
-        assert!(memory_is_available(0) && memory_is_available(1 << 20));
-        // More than the addresses of any process.
-        assert!(!memory_is_available(1 << 62) && !memory_is_available(u64::MAX));
-    }
 
     /// The number of the option is that of the library: its default comes before, zero after.
     #[test]

@@ -19,8 +19,8 @@
 //!
 //! Lengths are in the unit of the mesh (meters throughout Fluorspar), `t` too because directions have unit length.
 //!
-//! Programs that trace large meshes declare [`Allocator`] as their global allocator: trees and meshes then lie on large
-//! pages.
+//! Programs that trace large meshes declare `Allocator` (feature `allocator`, which needs a C compiler) as their global allocator:
+//! trees and meshes then lie on large pages.
 //!
 //! Out of scope: motion, curves, and updating a tree after its mesh has moved.
 //!
@@ -43,17 +43,21 @@
 //! [^woop2013]: S. Woop, C. Benthin, I. Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 65-82 (2013).
 //! [^ize2013]: T. Ize, "Robust BVH Ray Traversal", JCGT 2(2), 12-27 (2013).
 
+#[cfg(feature = "allocator")]
 mod allocator;
 pub mod bands;
 mod binary_tree;
 mod instance_bvh;
 mod kernel;
+mod memory;
 mod ray;
 mod triangle_bvh;
 mod wide_tree;
 
-pub use allocator::{Allocator, have_the_last_word, memory_is_available, return_freed_memory_at_once};
+#[cfg(feature = "allocator")]
+pub use allocator::{Allocator, return_freed_memory_at_once};
 pub use instance_bvh::{Instance, InstanceBvh, InstanceHit, is_invertible};
 pub use kernel::{Kernel, Lanes, Simd, Work, prefetch};
+pub use memory::{claim_exit_message, memory_is_available};
 pub use ray::{Hit, Ray};
 pub use triangle_bvh::{BuildError, BuildOptions, LARGEST_COORDINATE, TriangleBvh};

@@ -21,7 +21,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser;
-use fluorspar_accel::have_the_last_word;
+use fluorspar_accel::claim_exit_message;
 use fluorspar_experiment::preset::{PresetKind, use_catalogue};
 use fluorspar_experiment::use_cache;
 use fluorspar_format::Cache;
@@ -57,7 +57,7 @@ fn end_of(work: impl FnOnce() -> Result<ExitCode, CliError>) -> ExitCode {
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(code)) => code,
         Ok(Err(error)) => {
-            have_the_last_word();
+            claim_exit_message();
             message::error(&error);
             error.exit_code()
         }
