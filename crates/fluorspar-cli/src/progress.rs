@@ -21,7 +21,7 @@ use crate::commands::capture_light::CaptureLight;
 use crate::error::CliError;
 use crate::interrupt::{Left, STOP, save_when_interrupted};
 use crate::message::Messages;
-use crate::resource_needs::say_time;
+use crate::resource_needs::{say_time, seconds_of};
 
 /// Files that are written during a render.
 #[derive(Debug, Default)]
@@ -246,7 +246,7 @@ pub(crate) fn fill_with_progress(
     // Of bands of rows the time of all is said before.
     let is_part = matches!(share, Share::TileRange(_));
     if !is_part && (!messages.is_quiet() || time_limit_s.is_some()) {
-        let lacking = renderer.seconds_of(share, Some(film));
+        let lacking = seconds_of(renderer, share, Some(film));
         say_time(lacking, renderer.samples_of(share).len() as u32, time_limit_s, messages)?;
     }
     let report = WorkReport::begin("Rendering", "rendering", messages);

@@ -1,6 +1,8 @@
 //! What a job needs of memory, disk and time, told and held against limits before it begins.
 
-use fluorspar::image::StatisticsKind;
+use std::time::Instant;
+
+use fluorspar::image::{Film, StatisticsKind};
 use fluorspar::render::{FilmRenderer, Share, basis_bytes, memory_bytes, surface_bytes, whole_image_bytes};
 use fluorspar::study::Study;
 use fluorspar::units::{memory_text, memory_texts};
@@ -131,11 +133,19 @@ impl Budget {
     }
 }
 
+/// Seconds of the paths that a film lacks, by timing some thousand of them.
+pub(crate) fn seconds_of(renderer: &FilmRenderer, share: &Share, film: Option<&Film>) -> f64 {
+    let started = Instant::now();
+    let paths = renderer.trial_paths();
+    let per_path = started.elapsed().as_secs_f64() / paths.max(1) as f64;
+    renderer.missing_paths(share, film) as f64 * per_path
+}
+
 /// Seconds that a whole render takes, by a pilot. What a pilot found is kept for the next time: it traces the whole scene.
 pub(crate) fn render_seconds(experiment: &ResolvedExperiment) -> Result<f64, CliError> {
     let pilot = || -> Result<Vec<u8>, CliError> {
         let renderer = FilmRenderer::for_rows(&experiment.study.scene, &experiment.study.render)?;
-        Ok(renderer.seconds_of(&Share::Whole, None).to_le_bytes().to_vec())
+        Ok(seconds_of(&renderer, &Share::Whole, None).to_le_bytes().to_vec())
     };
     // The digest leaves out where files are, and no setting of the render.
     let key = format!("pilot 1 {} {}", experiment.record.sha256, rayon::current_num_threads());

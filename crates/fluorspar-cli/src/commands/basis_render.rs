@@ -9,7 +9,7 @@ use crate::error::CliError;
 use crate::interrupt::interrupted;
 use crate::message::Messages;
 use crate::progress::{Keep, fill_with_progress};
-use crate::resource_needs::say_time;
+use crate::resource_needs::{say_time, seconds_of};
 
 /// Renders with the excitation basis of the settings, in bands of rows where its film does not fit into memory at once.
 pub(super) fn render(
@@ -28,7 +28,7 @@ pub(super) fn render(
     ));
     let renderer = FilmRenderer::for_rows(scene, settings)?;
     if !messages.is_quiet() {
-        say_time(renderer.seconds_of(&Share::Whole, None), settings.samples_per_pixel, None, messages)?;
+        say_time(seconds_of(&renderer, &Share::Whole, None), settings.samples_per_pixel, None, messages)?;
     }
     let rendered = render_with_basis(&renderer, settings, scene, |share, film| {
         fill_with_progress(&renderer, share, film, study.time_limit_s, messages, &Keep::default())

@@ -23,7 +23,7 @@ use crate::interrupt::Left;
 use crate::message;
 use crate::message::Messages;
 use crate::progress::{Keep, WritingReport, fill_with_progress};
-use crate::resource_needs::say_time;
+use crate::resource_needs::{say_time, seconds_of};
 
 /// The film of a folder that holds no samples but what belongs to the whole image.
 const WHOLE: &str = "picture.film";
@@ -73,7 +73,7 @@ pub(super) fn render(
         options.output.out.display()
     ));
     if !messages.is_quiet() {
-        say_time(renderer.seconds_of(&Share::Whole, None), settings.samples_per_pixel, None, messages)?;
+        say_time(seconds_of(&renderer, &Share::Whole, None), settings.samples_per_pixel, None, messages)?;
     }
     messages.warnings(&experiment.record.warnings);
     say_surfaces(&renderer, scene, messages);

@@ -12,7 +12,7 @@ use super::compiled_scene::CompiledScene;
 use super::error::RenderError;
 use super::feature_maps::feature_maps;
 use super::memory::{check_memory, memory_bytes, request_memory, tile_row_bytes, whole_image_bytes};
-use super::pilot::{film_layout, seconds_per_path};
+use super::pilot::{film_layout, trial_paths};
 use super::scene_digest::scene_digest;
 use super::settings::RenderSettings;
 use super::share::Share;
@@ -196,9 +196,13 @@ impl FilmRenderer {
         Ok(fill(&self.compiled, &self.settings, share, film, control, checkpoint))
     }
 
-    /// Seconds that the paths take which a film lacks, estimated from a pilot of some thousand paths. With an error target it is
-    /// the most that they may take.
-    pub fn seconds_of(&self, share: &Share, film: Option<&Film>) -> f64 {
+    /// Traces some thousand paths all over the image, for a caller that times them, and forgets them. Returns their number.
+    pub fn trial_paths(&self) -> usize {
+        trial_paths(&self.compiled, &self.settings)
+    }
+
+    /// Paths that a film lacks of a share; with an error target it is the most that may be traced.
+    pub fn missing_paths(&self, share: &Share, film: Option<&Film>) -> u64 {
         let camera = &self.compiled.camera;
         let parts = match share {
             Share::Tiles { count, .. } => *count,
@@ -207,7 +211,7 @@ impl FilmRenderer {
         let samples = self.samples_of(share).len() as u64;
         let wanted = (camera.width * camera.height) as u64 * samples / u64::from(parts.max(1));
         let held = film.map_or(0, Film::paths);
-        wanted.saturating_sub(held) as f64 * seconds_per_path(&self.compiled, &self.settings)
+        wanted.saturating_sub(held)
     }
 
     /// Samples of each pixel that a share is to hold in the end.

@@ -1,7 +1,5 @@
 //! Pilot samples, which find the quanta of the film.
 
-use std::time::Instant;
-
 use fluorspar_accel::bands::{BandBlock, copy_bands};
 use rayon::prelude::*;
 
@@ -23,14 +21,12 @@ const TIMED_SIDE: usize = 8;
 /// Samples of each pixel of a timed piece: those of a whole block.
 const TIMED_SAMPLES: u32 = 16;
 
-/// Seconds that a path takes with all threads at work, from batches of paths all over the image, as the film is filled with
-/// them. Some thousand paths are timed; none of them is kept.
-pub(super) fn seconds_per_path(compiled: &CompiledScene, settings: &RenderSettings) -> f64 {
+/// Traces some thousand paths all over the image in batches, as the film is filled with them, and forgets them. Returns their number.
+pub(super) fn trial_paths(compiled: &CompiledScene, settings: &RenderSettings) -> usize {
     let camera = &compiled.camera;
     let samples = 0..settings.samples_per_pixel.min(TIMED_SAMPLES);
     let middle = |number: usize, size: usize| (2 * number + 1) * size / (2 * TIMED_SIDE);
-    let started = Instant::now();
-    let paths: usize = (0..TIMED_SIDE * TIMED_SIDE)
+    (0..TIMED_SIDE * TIMED_SIDE)
         .into_par_iter()
         .map_init(
             || BlockSum::new(compiled),
@@ -43,8 +39,7 @@ pub(super) fn seconds_per_path(compiled: &CompiledScene, settings: &RenderSettin
                 count * samples.len()
             },
         )
-        .sum();
-    started.elapsed().as_secs_f64() / paths.max(1) as f64
+        .sum()
 }
 
 /// Layout of the film, with quanta from pilot samples on a grid of pixels.
