@@ -5,6 +5,7 @@ mod architecture;
 mod documented_surroundings;
 mod function_lengths;
 mod light_transport;
+mod proportion;
 mod region_interval;
 mod region_mean;
 mod share_bound;
