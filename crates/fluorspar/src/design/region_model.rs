@@ -326,7 +326,8 @@ mod tests {
         light[node] = 1.0;
         let column: Vec<f64> =
             region.fluorescence[0].radiance.iter().skip(node).step_by(nodes).copied().collect();
-        let changes_by = |error: &LibraryError| library_changes(&region, &[column.clone()], &light, error);
+        let changes_by =
+            |error: &LibraryError| library_changes(&region, std::slice::from_ref(&column), &light, error);
         let changes = changes_by(&error);
         // Emission comes first: (700 - 400 - 5) / 20 and (460 - 340) / 20 Gaussians, rounded up, and one. Band and node are far
         // from both ends: the sum over Gaussians one width apart is constant to 1e-4.

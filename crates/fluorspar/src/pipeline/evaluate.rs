@@ -1,11 +1,16 @@
 //! Everything after the render, each result once.
 
-use super::{
-    AnalyzedFrame, AnalyzedRegion, CapturePlanes, CapturedFrame, ColorRendering, DepthOfLight, FrameLeak,
-    PipelineError, Preview, RegionRadiance, SafetyReport, SeenComponents, SpectroradiometerReading,
-    analyze_regions, analyze_seen, assess_safety, capture_from_planes, check_captures, depths_of_light,
-    frame_leak, preview, read_spectroradiometers,
+use super::capture::{
+    CapturePlanes, CapturedFrame, SeenComponents, SpectroradiometerReading, capture_from_planes,
+    check_captures, read_spectroradiometers,
 };
+use super::display::{ColorRendering, Preview, preview};
+use super::error::PipelineError;
+use super::estimate::{
+    AnalyzedFrame, AnalyzedRegion, DepthOfLight, FrameLeak, RegionRadiance, analyze_regions, analyze_seen,
+    depths_of_light, frame_leak,
+};
+use super::safety::{SafetyReport, assess_safety};
 use crate::image::{ComponentFactors, ComponentImage};
 use crate::study::{Capture, Study};
 

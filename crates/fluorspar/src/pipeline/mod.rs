@@ -31,189 +31,37 @@
 //! | everything after the render, each result once | [`evaluate`] | [`Evaluation`] |
 //! | all of it for a flat sample | [`predict`] | [`Prediction`] |
 
-mod analyze;
-mod calibration;
-mod camera_color;
 mod capture;
-mod capture_planes;
-mod channel_analysis;
-mod concentration;
-mod denoise;
-mod depth_of_light;
-mod direct_light;
 mod display;
+mod error;
+mod estimate;
 mod evaluate;
-mod excitation_basis;
-mod film_response;
-mod filter_leak;
-mod frame_leak;
-mod light_by_shape;
-mod motion;
-mod predict;
-mod preview;
-mod region_light;
-mod region_radiance;
-mod region_signal;
-mod rendered_regions;
-mod row_bands;
 mod safety;
-mod scene_change;
-mod spectroradiometer;
-mod spot_separations;
-mod surface_view;
-mod targets;
-mod tissue_estimate;
-mod tissue_family;
-mod tissue_mixture;
 
-pub use analyze::{AnalyzedFrame, AnalyzedRegion, analyze, analyze_regions, analyze_seen};
-pub use calibration::Calibration;
-pub use camera_color::CameraColor;
 pub use capture::{
-    CapturedFrame, RawExposures, bracket_label, capture, capture_from_planes, capture_irradiance,
-    check_captures, columns_per_column_to_render, columns_per_render_column, complete_raw, develop_frames,
-    frame_radiance, subtract_what_is_given, turned_alike,
+    BandPlanes, BandStore, BandedRender, Calibration, CapturePlanes, CaptureResponses, CapturedFrame,
+    FilmResponse, FinishedBands, MultipleUncertainty, RawExposures, RelitImage, RowBandError, SeenComponents,
+    SpectroradiometerReading, bracket_label, capture, capture_from_planes, capture_irradiance,
+    check_captures, check_same_scene, columns_per_column_to_render, columns_per_render_column, complete_raw,
+    concentration_factors, develop_frames, frame_radiance, image_and_basis, read_spectroradiometers, relight,
+    relight_with_basis, render_row_bands, render_with_basis, row_bands, scale_multiple,
+    subtract_what_is_given, tile_rows_at_once, turned_alike,
 };
-pub use capture_planes::{CapturePlanes, CaptureResponses, SeenComponents};
-pub use concentration::{MultipleUncertainty, concentration_factors, scale_multiple};
-pub use denoise::{DenoiseError, DenoiseSettings, denoise};
-pub use depth_of_light::{DepthOfLight, LayerShare, depths_of_light};
-pub use display::{DisplayImage, for_display};
+pub use display::{
+    CameraColor, ColorRendering, DenoiseError, DenoiseSettings, DisplayImage, Preview, SurfaceView,
+    bright_level_dn, denoise, depth_range_m, for_display, light_group_preview, part_color, preview,
+    preview_white, preview_with_white, radiance_preview, surface_view,
+};
+pub use error::{LightOutsideBasis, PipelineError};
+pub use estimate::{
+    AnalyzedFrame, AnalyzedRegion, BasisRender, CameraResponse, ChannelLeak, ChannelPrediction, Chromaticity,
+    DepthOfLight, FamilyFrame, FilterLeak, FrameLeak, LayerShare, LeakAtAngle, LeakBehindFilters,
+    MixtureSpectra, PorphyrinEstimate, PredictError, PredictedPorphyrin, Prediction, RadianceSplit,
+    RegionRadiance, TISSUE_BLOOD, TargetLabels, TissueView, analyze, analyze_regions, analyze_seen,
+    depths_of_light, estimate_porphyrin, filter_leak, frame_leak, other_tissue_families, predict,
+    rendered_regions, tissue_family, tissue_mixture,
+};
 pub use evaluate::{Evaluation, evaluate, evaluate_frames, evaluate_from_planes};
-pub use excitation_basis::{
-    LightOutsideBasis, RelitImage, image_and_basis, relight_with_basis, render_with_basis,
-};
-pub use film_response::FilmResponse;
-pub use filter_leak::{FilterLeak, LeakAtAngle, LeakBehindFilters, filter_leak};
-pub use frame_leak::{ChannelLeak, FrameLeak, frame_leak};
-pub use predict::{
-    ChannelPrediction, Chromaticity, PredictError, PredictedPorphyrin, Prediction, RadianceSplit, predict,
-};
-pub use preview::{
-    ColorRendering, Preview, bright_level_dn, light_group_preview, preview, preview_white,
-    preview_with_white, radiance_preview,
-};
-pub use region_radiance::RegionRadiance;
-pub use region_signal::{CameraResponse, MixtureSpectra, PorphyrinEstimate, estimate_porphyrin};
-pub use rendered_regions::{BasisRender, rendered_regions};
-pub use row_bands::{
-    BandPlanes, BandStore, BandedRender, FinishedBands, RowBandError, render_row_bands, row_bands,
-    tile_rows_at_once,
-};
 pub use safety::{
     CaptureSafety, ProgramSafety, SafetyReport, Viewer, ViewerSafety, assess_safety, eye_before_group,
 };
-pub use scene_change::{check_same_scene, relight};
-pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};
-pub use surface_view::{SurfaceView, depth_range_m, part_color, surface_view};
-pub use targets::TargetLabels;
-pub use tissue_family::{FamilyFrame, other_tissue_families, tissue_family};
-pub use tissue_mixture::{TISSUE_BLOOD, TissueView, tissue_mixture};
-
-use crate::analysis::AnalysisError;
-use crate::image::SpectrumOutOfSpan;
-use crate::sensor::{DevelopError, SensorProblem};
-use crate::tissue::TissueError;
-
-/// Why a stage of a study failed.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum PipelineError {
-    /// The study lacks something that the stage needs.
-    #[error("the experiment has no {0}")]
-    Missing(&'static str),
-    /// The sensor can't take the frame.
-    #[error(transparent)]
-    Sensor(#[from] SensorProblem),
-    /// A frame can't be developed.
-    #[error(transparent)]
-    Develop(#[from] DevelopError),
-    /// A frame can't be analyzed.
-    #[error(transparent)]
-    Analysis(#[from] AnalysisError),
-    /// The depths of the light can't be computed.
-    #[error("the depths of the light: {0}")]
-    Depths(TissueError),
-    /// The tissue that is assumed can't be computed.
-    #[error("the tissue that analysis.tissue assumes: {0}")]
-    Tissue(#[from] TissueError),
-    /// A region beside that of the analysis can't be analyzed.
-    #[error("the region \"{name}\": {error}")]
-    Region {
-        /// Its name.
-        name: String,
-        /// Why.
-        error: Box<Self>,
-    },
-    /// A frame that another refers to is not there.
-    #[error("there is no frame \"{wanted}\"; the frames are: {known}")]
-    NoFrame {
-        /// The requested name.
-        wanted: String,
-        /// The names that exist.
-        known: String,
-    },
-    /// A frame wants lights that were not rendered.
-    #[error(
-        "the frame \"{frame}\" switches on the light group \"{group}\", which the component image does not hold; it \
-         holds: {known}. Render the experiment again"
-    )]
-    OtherLights {
-        /// The frame.
-        frame: String,
-        /// The light group.
-        group: String,
-        /// The groups of the image.
-        known: String,
-    },
-    /// A light spectrum that the excitation bins of the image can't give.
-    #[error(transparent)]
-    Spectrum(#[from] SpectrumOutOfSpan),
-    /// A light spectrum that the excitation basis of the image can't give.
-    #[error(transparent)]
-    OutsideBasis(#[from] LightOutsideBasis),
-    /// A change that only a new render can follow.
-    #[error(
-        "{0} has changed since the component image was rendered, and the image would not show it: run or render the \
-         experiment again, or undo the change. Without a new render you can change the drive level of a light group \
-         (capture.NAME.light_groups.GROUP), the concentration of a fluorophore (concentration.NAME) and, if the image was \
-         rendered with render.excitation_basis_nm, the spectra of the lights"
-    )]
-    OtherScene(String),
-    /// A mask that does not cover the image.
-    #[error(
-        "concentration.{name}: the mask has {} x {} pixels, the render {} x {}; paint it on an image of the same \
-         proportions, for instance a preview", .mask[0], .mask[1], .image[0], .image[1]
-    )]
-    OtherProportions {
-        /// The fluorophore.
-        name: String,
-        /// Columns and rows of the mask.
-        mask: [usize; 2],
-        /// Columns and rows of the image.
-        image: [usize; 2],
-    },
-    /// Even light of which nothing reaches the sensor.
-    #[error(
-        "nothing of the light of the flat field passes the lens and its filters; give develop.flat_field.spectrum a light \
-         that the camera sees"
-    )]
-    DarkFlatField,
-    /// The image was seen from elsewhere.
-    #[error(
-        "the component image was rendered from another place or in another direction than the [camera] of this \
-         experiment; a moved camera sees other light. Render the experiment again"
-    )]
-    OtherCamera,
-    /// Images that belong together differ in their wavelengths.
-    #[error(
-        "the component image has {image} bands and the experiment {study}; they were made from different \
-         experiments. Render again"
-    )]
-    OtherGrid {
-        /// Bands of the image.
-        image: usize,
-        /// Bands of the study.
-        study: usize,
-    },
-}

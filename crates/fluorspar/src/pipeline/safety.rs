@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::Vec3;
 use serde::Serialize;
 
-use super::CapturedFrame;
+use super::capture::CapturedFrame;
 use crate::design::ExposedEye;
 use crate::geometry::OrientedPoint;
 use crate::light::ApparentSize;

@@ -519,6 +519,7 @@ const WITHOUT_CIRCLES: &[(&str, &str)] = &[
     ("fluorspar", "render"),
     ("fluorspar", "material"),
     ("fluorspar", "light"),
+    ("fluorspar", "pipeline"),
     ("fluorspar-experiment", ""),
 ];
 

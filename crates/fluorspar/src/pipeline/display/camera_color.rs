@@ -1,7 +1,7 @@
 //! Color of a camera: from CIE 1931 tristimulus values to its channels, fitted from its quantum efficiency.
 
-use super::analyze::frame_light;
 use super::preview::inverse;
+use crate::pipeline::estimate::frame_light::frame_light;
 use crate::spectral::{Curve, QuantumEfficiency, Spectrum, StandardObserver, WavelengthGrid, daylight_d65};
 use crate::study::{Capture, Study};
 use crate::units::photons_per_joule;

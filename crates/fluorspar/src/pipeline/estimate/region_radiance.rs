@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::capture::{behind_filter, on_sensor};
-use super::light_by_shape::component_spectrum;
 use crate::analysis::{PixelSelection, channel_response};
 use crate::image::{Component, ComponentImage, LightPath};
+use crate::pipeline::capture::film_irradiance::{behind_filter, on_sensor};
+use crate::pipeline::capture::light_by_shape::component_spectrum;
 use crate::sensor::CaptureFrame;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
 use crate::study::Study;

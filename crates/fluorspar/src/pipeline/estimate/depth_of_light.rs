@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use super::analyze::frame_light;
-use super::capture::behind_filter;
+use super::frame_light::frame_light;
+use crate::pipeline::capture::film_irradiance::behind_filter;
 use crate::spectral::Curve;
 use crate::study::{Capture, Study, StudyTissue};
 use crate::tissue::{EffectiveTissue, TissueError};

@@ -9,8 +9,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::{CapturePlanes, PipelineError};
-use crate::image::{ChannelPlanes, ComponentFactors, ComponentImage, LightPath};
+use super::capture_planes::CapturePlanes;
+use super::film_response::FilmResponse;
+use crate::image::{ChannelPlanes, ComponentFactors, ComponentImage, ComponentRows, LightPath, PreparedRows};
+use crate::pipeline::PipelineError;
 use crate::study::{Capture, ConcentrationChange, PaintedFactor, Study};
 
 /// Factors on the components of a render that give it the concentrations of a study. `rendered` holds the factors by name that it
@@ -122,6 +124,33 @@ pub fn scale_multiple(
         factors.even[group.twice] *= factor;
     }
     worst
+}
+
+impl CapturePlanes {
+    /// Planes of captures with what changed concentrations ask beyond factors on their components: light that fluoresced twice is
+    /// scaled ([`scale_multiple`]), and where a lens mixes pixels the planes are formed anew with painted masks before it, which
+    /// `factors` then hold no longer. `rows` are the spectra, of which those of the `wanted` components are read. Returns what stays
+    /// uncertain.
+    ///
+    /// # Errors
+    /// Rows that can't be read.
+    pub fn with_concentrations<R: ComponentRows>(
+        mut self,
+        responses: &[FilmResponse],
+        (components, captures): (&ComponentImage, &[Capture]),
+        factors: &mut ComponentFactors,
+        rows: &R,
+        wanted: impl Fn(usize) -> bool + Sync,
+    ) -> Result<(Self, Option<MultipleUncertainty>), R::Error> {
+        let uncertainty = scale_multiple(factors, components, &self, captures);
+        if factors.has_maps() && !responses.iter().all(FilmResponse::is_local) {
+            let rows = PreparedRows { rows, factors, width: components.width };
+            let all: Vec<&FilmResponse> = responses.iter().collect();
+            self.planes = FilmResponse::planes(&all, wanted, &rows)?;
+            factors.maps.fill(None);
+        }
+        Ok((self, uncertainty))
+    }
 }
 
 /// Components of the light of one group, by number.

@@ -1,12 +1,14 @@
 //! The share of the porphyrin in the frames of a study whose region is tissue of a known site.
 
-use super::analyze::frame_light;
-use super::capture::behind_filter;
+use super::frame_light::frame_light;
+use super::region_signal::CameraResponse;
 use super::tissue_family::{FamilyFrame, other_tissue_families, tissue_family};
-use super::{CameraResponse, CapturedFrame, PipelineError};
 use crate::analysis::{
     ChannelNoise, FamilyAverage, LightFamily, PixelMean, PixelSelection, SceneOnSensor, SharePosterior,
 };
+use crate::pipeline::PipelineError;
+use crate::pipeline::capture::CapturedFrame;
+use crate::pipeline::capture::film_irradiance::behind_filter;
 use crate::study::{AnalysisPlan, Capture, Study};
 
 /// What the camera of a study sees of the tissues that its region may be of, in the analyzed frame and the further ones. It rests on

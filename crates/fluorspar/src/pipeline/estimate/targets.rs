@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
-use super::{CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{
     AnalysisError, ChannelNoise, PixelSelection, RenderNoise, SceneOnSensor, TargetDetection,
 };
 use crate::image::{CalibrationNoise, ChannelImage};
 use crate::material::ImageTexture;
+use crate::pipeline::PipelineError;
+use crate::pipeline::capture::{CapturedFrame, SeenComponents};
 use crate::sensor::Sensor;
 use crate::study::{AnalysisPlan, Capture, Study, Target, TargetPlace};
 use crate::warning::Warning;

@@ -7,12 +7,12 @@ use fluorspar_accel::bands::{self, WeightedSums};
 use fluorspar_accel::{Lanes, Simd, Work};
 use rayon::prelude::*;
 
-use super::PipelineError;
-use super::capture::{behind_filter, film_extent, projected_solid_angle, tan_half_width};
+use super::film_irradiance::{behind_filter, film_extent, projected_solid_angle, tan_half_width};
 use super::light_by_shape::component_spectrum;
 use crate::digest::sha256_hex;
 use crate::image::{ChannelPlanes, ComponentImage, ComponentRows, LightPath, RelitComponent};
 use crate::optics::{CameraLens, FilterAutofluorescence, IdealLens};
+use crate::pipeline::PipelineError;
 use crate::sensor::FilmExtent;
 use crate::spectral::{Curve, Transmittance, WavelengthGrid};
 use crate::study::{Capture, Study};

@@ -1,8 +1,9 @@
 //! Two spots of the frames of a study, compared.
 
-use super::{CapturedFrame, PipelineError};
 use crate::analysis::{AnalysisError, PixelSelection, SceneOnSensor, SpotScale, SpotSeparation};
 use crate::image::ChannelImage;
+use crate::pipeline::PipelineError;
+use crate::pipeline::capture::CapturedFrame;
 use crate::study::{AnalysisPlan, Study};
 use crate::warning::Warning;
 

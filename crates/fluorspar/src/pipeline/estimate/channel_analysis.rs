@@ -1,15 +1,17 @@
 //! The region of a study in all channels of all frames: cameras of one channel behind filters, and of many.
 
-use super::analyze::frame_light;
-use super::capture::behind_filter;
+use super::frame_light::frame_light;
 use super::region_light::region_electrons;
+use super::region_signal::CameraResponse;
 use super::targets::noise_of;
-use super::{CameraResponse, CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{
     ChannelSignal, OtherLight, PixelSelection, SceneOnSensor, SignalRatio, SignalSummary, UnmixedTerm,
     Unmixing, UnmixingTerm,
 };
 use crate::image::LightPath;
+use crate::pipeline::PipelineError;
+use crate::pipeline::capture::film_irradiance::behind_filter;
+use crate::pipeline::capture::{CapturedFrame, SeenComponents};
 use crate::render::direct_exitance;
 use crate::sensor::Sensor;
 use crate::study::{AnalysisPlan, Capture, Study};

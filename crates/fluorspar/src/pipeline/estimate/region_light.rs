@@ -2,12 +2,16 @@
 
 use std::collections::BTreeSet;
 
-use super::capture::{behind_filter, film_extent, film_irradiance, on_sensor, tan_half_width};
-use super::light_by_shape::ShapedRadiance;
-use super::{CameraResponse, CapturedFrame, PipelineError, SeenComponents};
+use super::region_signal::CameraResponse;
 use crate::analysis::{PixelSelection, RegionLight};
 use crate::image::{ChannelImage, Component, ComponentImage, InterpolationTaps, LightPath};
 use crate::optics::IdealLens;
+use crate::pipeline::PipelineError;
+use crate::pipeline::capture::film_irradiance::{
+    behind_filter, film_extent, film_irradiance, on_sensor, tan_half_width,
+};
+use crate::pipeline::capture::light_by_shape::ShapedRadiance;
+use crate::pipeline::capture::{CapturedFrame, SeenComponents};
 use crate::sensor::{ElectronRate, Sensor};
 use crate::study::{Capture, Study};
 
@@ -79,7 +83,7 @@ impl<'a> RegionOnMosaic<'a> {
         Self { sensor, weights, counts }
     }
 
-    /// Mean electrons per second of the pixels of each channel, through lens, filters and sensor as [`super::capture()`] does
+    /// Mean electrons per second of the pixels of each channel, through lens, filters and sensor as [`crate::pipeline::capture()`] does
     /// it, without noise and at rest.
     pub(super) fn mean_rates(
         &self,

@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use super::PipelineError;
 use crate::image::film::TILE;
 use crate::image::{
     BasisBuilder, Component, ComponentImage, ExcitationBin, ExcitationImage, FeatureMaps, Film, FilmLayout,
     GroupBasis, LightPath, RelitComponent,
 };
+use crate::pipeline::{LightOutsideBasis, PipelineError};
 use crate::render::{FilmRenderer, RenderSettings, Share, are_in_proportion, excitation_responses};
 use crate::scene::Scene;
 use crate::spectral::{Curve, ExcitationNodes, NodesError};
@@ -15,21 +15,6 @@ use crate::study::Study;
 
 /// Share of a light that may lie outside the nodes.
 const MOST_OUTSIDE: f64 = 1e-3;
-/// A light spectrum that an excitation basis can't make up.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "{percent:.1} % of the light of group \"{group}\" lies outside the {} to {} nm that the render kept apart; render with \
-     render.excitation_basis_nm around its peak", .span_nm[0], .span_nm[1]
-)]
-pub struct LightOutsideBasis {
-    /// The light group.
-    pub group: String,
-    /// Share outside, %.
-    pub percent: f64,
-    /// First and last node, nm.
-    pub span_nm: [f64; 2],
-}
-
 /// Estimated relative error of what a light excites in a scene, from the nodes alone.
 fn node_error(scene: &Scene, nodes: &ExcitationNodes, light: &Curve) -> f64 {
     nodes.error(light, &excitation_responses(scene))

@@ -3,14 +3,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::PipelineError;
-use super::capture::{behind_filter, on_sensor};
 use super::filter_leak::{LeakBehindFilters, behind_filters};
-use super::light_by_shape::{component_spectrum, light_by_shape};
 use super::region_light::RegionOnMosaic;
 use super::region_radiance::RegionRadiance;
 use crate::analysis::PixelSelection;
 use crate::image::ComponentImage;
+use crate::pipeline::PipelineError;
+use crate::pipeline::capture::film_irradiance::{behind_filter, on_sensor};
+use crate::pipeline::capture::light_by_shape::{component_spectrum, light_by_shape};
 use crate::spectral::{Curve, Transmittance};
 use crate::study::{Capture, Study};
 use crate::units::photons_per_joule;
@@ -60,7 +60,7 @@ impl FrameLeak {
 }
 
 /// Splits the expected electrons of a frame by whether their light fluoresced: through lens, filters and sensor as
-/// [`super::capture()`] does it, without noise and at rest. Means are over `region`, pixels of the developed frame, or over
+/// [`crate::pipeline::capture()`] does it, without noise and at rest. Means are over `region`, pixels of the developed frame, or over
 /// the whole sensor.
 ///
 /// `None` for a study without lens or sensor and for a frame without light.

@@ -1,8 +1,8 @@
 //! The channel planes of all captures of a study.
 
 use super::film_response::FilmResponse;
-use super::{MultipleUncertainty, PipelineError, scale_multiple};
-use crate::image::{ChannelPlanes, Component, ComponentFactors, ComponentImage, ComponentRows, PreparedRows};
+use crate::image::{ChannelPlanes, Component, ComponentFactors, ComponentImage};
+use crate::pipeline::PipelineError;
 use crate::sensor::{FilmExtent, FilmRates};
 use crate::study::{Capture, Study};
 
@@ -53,31 +53,6 @@ pub struct CapturePlanes {
 }
 
 impl CapturePlanes {
-    /// Planes of captures with what changed concentrations ask beyond factors on their components: light that fluoresced twice is
-    /// scaled ([`scale_multiple`]), and where a lens mixes pixels the planes are formed anew with painted masks before it, which
-    /// `factors` then hold no longer. `rows` are the spectra, of which those of the `wanted` components are read. Returns what stays
-    /// uncertain.
-    ///
-    /// # Errors
-    /// Rows that can't be read.
-    pub fn with_concentrations<R: ComponentRows>(
-        mut self,
-        responses: &[FilmResponse],
-        (components, captures): (&ComponentImage, &[Capture]),
-        factors: &mut ComponentFactors,
-        rows: &R,
-        wanted: impl Fn(usize) -> bool + Sync,
-    ) -> Result<(Self, Option<MultipleUncertainty>), R::Error> {
-        let uncertainty = scale_multiple(factors, components, &self, captures);
-        if factors.has_maps() && !responses.iter().all(FilmResponse::is_local) {
-            let rows = PreparedRows { rows, factors, width: components.width };
-            let all: Vec<&FilmResponse> = responses.iter().collect();
-            self.planes = FilmResponse::planes(&all, wanted, &rows)?;
-            factors.maps.fill(None);
-        }
-        Ok((self, uncertainty))
-    }
-
     /// The planes of a study's captures from one pass over the spectra of an image in memory.
     ///
     /// # Errors

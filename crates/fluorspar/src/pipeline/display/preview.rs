@@ -4,8 +4,9 @@ use glam::DMat3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::direct_light::group_spectrum;
 use crate::image::{ChannelImage, SpectralImage};
+use crate::pipeline::capture::direct_light::group_spectrum;
+use crate::pipeline::estimate::frame_light::frame_light;
 use crate::sensor::Sensor;
 use crate::spectral::{
     Curve, QuantumEfficiency, Radiance, Spectrum, StandardObserver, encode_srgb, linear_srgb,
@@ -188,7 +189,7 @@ impl ColorRendering {
         let (Some(sensor), Some(lens)) = (&study.camera.sensor, study.camera.lens_behind_filters()) else {
             return own;
         };
-        let Some(light) = super::analyze::frame_light(study, capture, None) else { return own };
+        let Some(light) = frame_light(study, capture, None) else { return own };
         if !covers_the_visible_range(&light) {
             return own;
         }

@@ -2,10 +2,10 @@
 
 use serde::Serialize;
 
-use super::PipelineError;
 use super::light_by_shape::{light_by_shape, transmittance_ratio};
 use crate::analysis::{AnalysisError, RegionOfInterest, SceneOnSensor};
 use crate::image::{ComponentImage, SpectralImage};
+use crate::pipeline::PipelineError;
 use crate::sensor::SpectralReading;
 use crate::spectral::{Radiance, Spectrum};
 use crate::study::{SpectroradiometerTarget, Study};

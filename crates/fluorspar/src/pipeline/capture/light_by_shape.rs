@@ -11,17 +11,17 @@ use crate::spectral::{Curve, Radiance, Transmittance, WavelengthGrid};
 use crate::study::Study;
 
 /// Radiance of one shape.
-pub(super) struct ShapedRadiance {
-    pub(super) radiance: SpectralImage<Radiance>,
+pub(in crate::pipeline) struct ShapedRadiance {
+    pub(in crate::pipeline) radiance: SpectralImage<Radiance>,
     /// Whether it fluoresced.
-    pub(super) fluorescent: bool,
+    pub(in crate::pipeline) fluorescent: bool,
     /// Spectrum within each band, up to a factor; `None` is even.
-    pub(super) shape: Option<Curve>,
+    pub(in crate::pipeline) shape: Option<Curve>,
 }
 
 /// Splits the light of a frame: all fluorescence, then reflected light by light group. The sum is
 /// [`super::frame_radiance`]. One image is made at a time.
-pub(super) fn light_by_shape<'a>(
+pub(in crate::pipeline) fn light_by_shape<'a>(
     study: &'a Study,
     frame: &'a CaptureFrame,
     components: &'a ComponentImage,
@@ -49,7 +49,7 @@ pub(super) fn light_by_shape<'a>(
 }
 
 /// Spectrum of the lights that a component is lit by, up to a factor; only the bin of excitation where the render keeps bins.
-pub(super) fn component_spectrum(study: &Study, component: &Component) -> Option<Curve> {
+pub(in crate::pipeline) fn component_spectrum(study: &Study, component: &Component) -> Option<Curve> {
     let light = group_spectrum(study, &component.light_group)?;
     Some(match component.excitation {
         Some(ExcitationBin::Between([first, last])) => light.clipped(first, last),

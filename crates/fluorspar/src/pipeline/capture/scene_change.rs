@@ -2,9 +2,9 @@
 
 use std::fmt::Display;
 
-use super::PipelineError;
 use crate::image::{ComponentFactors, ComponentImage};
 use crate::light::Light;
+use crate::pipeline::PipelineError;
 use crate::spectral::Curve;
 use crate::study::{Capture, Study};
 use crate::units::number_text;

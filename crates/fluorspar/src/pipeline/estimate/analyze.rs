@@ -2,22 +2,22 @@
 
 use rayon::prelude::*;
 
-use super::capture::{behind_filter, on_sensor};
 use super::channel_analysis::{Measured, channel_analysis};
-use super::direct_light::{axis_point, irradiance_on, region_points};
+use super::frame_light::frame_light;
 use super::region_light::region_light;
 use super::spot_separations::compared_spots;
 use super::targets::{TargetLabels, measured_targets, noise_of};
 use super::tissue_estimate::FamiliesOfFrames;
-use super::{CapturePlanes, CapturedFrame, PipelineError, SeenComponents};
 use crate::analysis::{
     Analysis, AnalysisError, AnalysisSettings, BudgetInput, ChannelNoise, ChromaticityMap, ErrorBudget,
     FluorophoreResponse, MixtureModel, PixelAnalysis, PixelSelection, PixelValidity, PorphyrinMap,
-    RegionError, RegionFraction, RegionLight, SceneOnSensor, SoughtFluorophore, analyze_pixels,
-    channel_response, rgb_channels,
+    RegionError, RegionFraction, RegionLight, SoughtFluorophore, analyze_pixels, channel_response,
+    rgb_channels,
 };
-use crate::geometry::OrientedPoint;
 use crate::image::{ChannelImage, ComponentFactors, ComponentImage};
+use crate::pipeline::PipelineError;
+use crate::pipeline::capture::film_irradiance::{behind_filter, on_sensor};
+use crate::pipeline::capture::{CapturePlanes, CapturedFrame, SeenComponents};
 use crate::render::direct_exitance;
 use crate::sensor::Sensor;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
@@ -311,31 +311,6 @@ fn inner_mean(
         }
     }
     (pixels > 0).then(|| sum.map(|sum| sum / pixels as f64))
-}
-
-/// Irradiance spectrum under the lights that a developed frame holds, W/(m² nm): the mean over the points of a region, or
-/// where the camera's axis meets the plane in focus. `None` when the frame is dark.
-///
-/// Direct light, unoccluded. Where no light meets the lit side of any point (a region in its own shadow), the surface
-/// is taken to face the camera: the proportions of the lights matter here, not the level.
-pub(crate) fn frame_light(
-    study: &Study,
-    capture: &Capture,
-    region: Option<(SceneOnSensor<'_>, &PixelSelection)>,
-) -> Option<Curve> {
-    let mut points = region.map(|(scene, region)| region_points(study, scene, region)).unwrap_or_default();
-    if points.is_empty() {
-        points.push(axis_point(study));
-    }
-    irradiance_on(study, capture, &points).or_else(|| {
-        let camera = study.scene.camera.position.as_dvec3();
-        let toward = |point: &OrientedPoint| OrientedPoint {
-            normal: (camera - point.position).try_normalize().unwrap_or(point.normal),
-            ..*point
-        };
-        let facing: Vec<OrientedPoint> = points.iter().map(toward).collect();
-        irradiance_on(study, capture, &facing)
-    })
 }
 
 fn mixture_model(

@@ -1,8 +1,8 @@
 //! Dark frames, flat fields and bad pixels of a study's own sensor, or of a real one.
 
-use super::PipelineError;
-use super::capture::flat_film_irradiance;
+use super::film_irradiance::flat_film_irradiance;
 use crate::image::{SensorImage, SpectralImage};
+use crate::pipeline::PipelineError;
 use crate::sensor::{
     AutoExposure, BadPixels, Demosaicing, DevelopError, Development, EXPOSURE_MS, ElectronRate, Exposure,
     FlatField, MasterFrame, Sensor, is_same_setting,
