@@ -29,7 +29,7 @@ use fluorspar::pipeline::{
 use fluorspar::render::{RenderControl, render};
 use fluorspar::sampling::random::Key;
 use fluorspar::study::{Study, TissuePrior};
-use fluorspar::tissue::{KeptSolutions, Population, Site};
+use fluorspar::tissue::{CachedSolutions, Population, Site};
 use fluorspar_anatomy::sample_person;
 use fluorspar_experiment::{parse, preset, resolve};
 
@@ -208,7 +208,7 @@ fn told(study: &Study, site: &str, frames: &[&str], width: f64) -> Fallible<Told
         library_error: TissuePrior::LIBRARY_ERROR,
         surroundings: true,
         site_probability: TissuePrior::SITE_PROBABILITY,
-        kept: KeptSolutions::default(),
+        kept: CachedSolutions::default(),
     };
     let lens = study.camera.lens_behind_filters().ok_or("a lens")?;
     let sensor = study.camera.sensor.as_ref().ok_or("a sensor")?;

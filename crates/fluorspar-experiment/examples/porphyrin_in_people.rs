@@ -22,7 +22,7 @@ use fluorspar::pipeline::{CameraResponse, FamilyFrame, tissue_family};
 use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, WavelengthGrid};
 use fluorspar::study::TissuePrior;
-use fluorspar::tissue::{KeptSolutions, Site};
+use fluorspar::tissue::{CachedSolutions, Site};
 use fluorspar_experiment::{DEFAULT_SAMPLE, parse_sample, preset};
 
 type Fallible<T> = Result<T, Box<dyn Error>>;
@@ -194,7 +194,7 @@ fn family(
         .map(|name| Ok(Arc::new(preset::fluorophore(name)?.fluorophore())))
         .collect::<Fallible<_>>()?;
     let (width, library_error) = (TissuePrior::WIDTH, TissuePrior::LIBRARY_ERROR);
-    let kept = KeptSolutions::default();
+    let kept = CachedSolutions::default();
     let prior = TissuePrior {
         site,
         fluorophores,

@@ -21,13 +21,13 @@
 //! Every error names file, line, entry, field and value, says what is wrong and how to fix it. No stage of the physics
 //! knows of this crate.
 
+mod cache;
 mod design;
 mod document;
 mod error;
 mod file_text;
 mod fit;
 mod format_version;
-mod kept;
 mod layers_file;
 mod merge;
 mod read;
@@ -47,6 +47,7 @@ mod tissue_file;
 pub mod preset;
 pub mod schema;
 
+pub use cache::{cache, cached_mouth, use_cache};
 pub use design::{
     CohortSection, ComparedDesign, ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile,
     DesignRegion, DesignRender, DesignRenders, ExcitationSection, ExposuresSection, FilterChoiceSection,
@@ -58,12 +59,11 @@ pub use design::{
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use file_text::file_text;
 pub use fluorspar::warning::Warning;
-pub use kept::{cache, kept_mouth, use_cache};
 pub use layers_file::{
     LayerEmissionSection, LayerSection, LayersFile, ResolvedEmission, ResolvedLayers, parse_layers,
 };
 pub use read::{Experiment, parse, parse_changed};
-pub use resolve::kept_analysis::{KeptAnalysis, kept_analysis};
+pub use resolve::cached_analysis::{CachedAnalysis, cached_analysis};
 pub use resolve::named_tissue::NamedTissue;
 pub use resolve::{
     CapturesOfRender, FileRecord, InputFile, ResolvedExperiment, check_settings, resolve, resolve_captures,

@@ -377,8 +377,8 @@ impl Plan<'_> {
         self.schema.items(shape).is_some()
     }
 
-    /// Removes what a path names; `whence` ends the words "there is no ...".
-    fn delete(&self, path: &str, whence: &str) -> Result<Vec<Edit>, ExperimentError> {
+    /// Removes what a path names; `source` ends the words "there is no ...".
+    fn delete(&self, path: &str, source: &str) -> Result<Vec<Edit>, ExperimentError> {
         let ScenePath { part, steps } = self.path(path)?;
         let mut found = match part {
             None => self.find(&steps)?,
@@ -391,7 +391,7 @@ impl Plan<'_> {
         found.retain(|path| path.iter().try_fold(self.root, |node, step| node.step(step)).is_some());
         if found.is_empty() {
             let beside = names_beside(self.root, &first);
-            let message = format!("there is no `{}` {whence}{beside}", excerpt(path));
+            let message = format!("there is no `{}` {source}{beside}", excerpt(path));
             return Err(self.source.error(message));
         }
         // From the end, so that the numbers of the entries before stay right.

@@ -5,9 +5,9 @@ use fluorspar::quote::excerpt;
 use fluorspar_anatomy::MouthParameters;
 use serde::Deserialize;
 
+use super::cache::cached_mouth;
 use super::document::{Content, Node, TextSource};
 use super::error::{ExperimentError, Step};
-use super::kept::kept_mouth;
 use super::scene_path::Pattern;
 
 /// A part of a scene.
@@ -67,7 +67,7 @@ fn entries<'a>(node: &'a Node, key: &str) -> &'a [Node] {
 }
 
 fn mouth_parts(section: &Node) -> Result<Vec<ScenePart>, String> {
-    let mouth = kept_mouth(&mouth_parameters(section)?)
+    let mouth = cached_mouth(&mouth_parameters(section)?)
         .map_err(|error| format!("mouth.{}: {}", error.field, error.message))?;
     let materials = section.get("materials");
     let said = |key: &str| materials?.get(key)?.as_str().map(String::from);

@@ -124,7 +124,7 @@ pub(crate) fn analyze(
     let labels: Vec<&str> = frames.iter().map(|frame| frame.raw.label.as_str()).collect();
     let is_given = |label: &str| !is_raw || labels.contains(&label);
     if let Some(components) = components
-        && let Some(mut view) = View::of_kept_analysis(py, experiment.get(), components.get(), threads)?
+        && let Some(mut view) = View::of_cached_analysis(py, experiment.get(), components.get(), threads)?
     {
         let mut warnings = in_words(&view.subtract_what_is_given(is_given));
         let exposures = developed(view.study(), &frames)?;

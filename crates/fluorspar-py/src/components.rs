@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 
 use crate::error::failed;
 use crate::experiment::Experiment;
-use crate::frame::KeptPlanes;
+use crate::frame::CachedPlanes;
 use crate::process::work_through;
 use crate::view::view;
 
@@ -24,7 +24,7 @@ pub(crate) struct Components {
     /// The experiment that it was rendered from.
     pub(crate) experiment: Option<Py<Experiment>>,
     /// What cameras have seen of it.
-    pub(crate) planes: KeptPlanes,
+    pub(crate) planes: CachedPlanes,
 }
 
 impl Components {
@@ -42,7 +42,7 @@ impl Components {
                 Some(Py::new(py, Experiment::new(py, text, name, ".".into(), Vec::new())?)?)
             }
         };
-        Ok(Self { image: Arc::new(image), provenance, experiment, planes: KeptPlanes::default() })
+        Ok(Self { image: Arc::new(image), provenance, experiment, planes: CachedPlanes::default() })
     }
 }
 

@@ -12,7 +12,7 @@ use fluorspar::pipeline::{
 use fluorspar::study::{Capture, Study};
 use fluorspar_cli::{RenderedScene, coarse_image, dark_frames};
 use fluorspar_experiment::{
-    Experiment as Parsed, ExperimentError, ResolvedExperiment, kept_analysis, with_sampling_of,
+    Experiment as Parsed, ExperimentError, ResolvedExperiment, cached_analysis, with_sampling_of,
 };
 use fluorspar_format::{read_sensor_image, write_sensor_tiff};
 use numpy::{PyArray2, PyArray3};
@@ -176,7 +176,7 @@ impl From<PipelineError> for ViewError {
 
 /// Channel planes of some cameras, so that other exposures, drives and concentrations need no spectra.
 #[derive(Default)]
-pub(crate) struct KeptPlanes(Mutex<Vec<FormedPlanes>>);
+pub(crate) struct CachedPlanes(Mutex<Vec<FormedPlanes>>);
 
 /// Channel planes, and of which components they were formed: the others are dark.
 #[derive(Clone)]
@@ -208,7 +208,7 @@ impl Asked<'_> {
     }
 }
 
-impl KeptPlanes {
+impl CachedPlanes {
     /// Cameras whose planes are kept.
     const MOST: usize = 4;
 
@@ -309,7 +309,7 @@ impl View {
         experiment: ResolvedExperiment,
         image: Arc<ComponentImage>,
         mut factors: ComponentFactors,
-        (kept, asked): (&KeptPlanes, Asked<'_>),
+        (kept, asked): (&CachedPlanes, Asked<'_>),
     ) -> Result<Self, ViewError> {
         let planes = kept.of_captures(&experiment.study, &image, &mut factors, asked)?;
         Ok(Self { experiment, image, factors, planes })
@@ -341,13 +341,13 @@ impl View {
     }
 
     /// The view of an analysis of which was kept what it asks of surfaces. `None` where nothing was kept.
-    pub(crate) fn of_kept_analysis(
+    pub(crate) fn of_cached_analysis(
         py: Python<'_>,
         experiment: &Experiment,
         components: &Components,
         threads: Option<usize>,
     ) -> PyResult<Option<Self>> {
-        let Some(kept) = kept_analysis(&experiment.parsed) else { return Ok(None) };
+        let Some(kept) = cached_analysis(&experiment.parsed) else { return Ok(None) };
         Self::without_surfaces(py, experiment, components, threads, Asked::Lit, |study| kept.complete(study))
     }
 

@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use crate::components::Components;
 use crate::error::{RenderStopped, failed};
 use crate::experiment::Experiment;
-use crate::frame::KeptPlanes;
+use crate::frame::CachedPlanes;
 use crate::process::{work, work_through};
 
 /// Renders an experiment. `progress` is called with the paths done and all paths, some 50 times a second, in the calling thread.
@@ -118,6 +118,6 @@ fn finished(experiment: &Bound<'_, Experiment>, film: Film, threads: Option<usiz
         image: Arc::new(image),
         provenance: Some(provenance),
         experiment: Some(experiment.clone().unbind()),
-        planes: KeptPlanes::default(),
+        planes: CachedPlanes::default(),
     })
 }

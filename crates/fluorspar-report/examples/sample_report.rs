@@ -7,8 +7,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use fluorspar::analysis::{
-    Analysis, AnalysisSettings, ChannelNoise, ChromaticityMap, FluorophoreResponse, MixtureLine,
-    MixtureModel, PorphyrinMap, Rectangle, RegionOfInterest, SoughtFluorophore, analyze_region,
+    Analysis, AnalysisSettings, Analyte, ChannelNoise, ChromaticityMap, FluorophoreResponse, MixtureLine,
+    MixtureModel, PorphyrinMap, Rectangle, RegionOfInterest, analyze_region,
 };
 use fluorspar::image::ChannelImage;
 use fluorspar_report::figures::{
@@ -110,7 +110,7 @@ fn model() -> MixtureModel {
         responses: FLUOROPHORES.iter().map(response).collect(),
         bulk_weights: vec![("collagen".into(), 0.1), ("elastin".into(), 0.8), ("FAD".into(), 0.1)],
         porphyrin: "porphyrins".into(),
-        sought: SoughtFluorophore::default(),
+        analyte: Analyte::default(),
         ends: None,
     }
 }
@@ -202,7 +202,7 @@ fn report(
     if let Some(porphyrin) = porphyrin {
         let gray: Vec<u8> = preview(image).pixels.iter().map(|pixel| pixel[1]).collect();
         let figure = porphyrin_map(
-            (PorphyrinQuantity::Share, &SoughtFluorophore::default()),
+            (PorphyrinQuantity::Share, &Analyte::default()),
             [WIDTH, HEIGHT],
             &porphyrin.fractions_on_line(),
             Some(&gray),
@@ -265,7 +265,7 @@ fn chromaticity_figure(analysis: &Analysis, map: &ChromaticityMap) -> Figure {
         region: "the tongue".into(),
         pixels: (0..WIDTH * HEIGHT).filter(inside).filter_map(|pixel| map.at(pixel)).collect(),
         fluorophores: points.collect(),
-        target: SoughtFluorophore::default(),
+        target: Analyte::default(),
         mixture_line: analysis.mixture.as_ref().map(|mixture| [mixture.bulk, mixture.porphyrin]),
         ellipse: analysis.ellipse.map(|ellipse| ellipse.outline(2.4477, 90)).unwrap_or_default(),
     })

@@ -66,15 +66,15 @@ pub fn recommendation(found: &DesignFindings<'_>) -> Vec<String> {
 
 /// Share of the fluorophores that a contrast asks for in the fluorescence that a design collects, and their names; `None` where no contrast
 /// ranks the designs, or where it asks for all that fluoresces.
-pub(crate) fn sought_share(found: &DesignFindings<'_>, judged: &JudgedDesign) -> Option<(String, f64)> {
+pub(crate) fn analyte_share(found: &DesignFindings<'_>, judged: &JudgedDesign) -> Option<(String, f64)> {
     let p = found.space.problem();
     let Criterion::Contrast(k) = p.criterion else { return None };
-    let sought = &p.contrasts.get(k)?.part;
+    let analyte = &p.contrasts.get(k)?.part;
     let shares = &judged.fluorescence.as_ref()?.shares;
     let region = p.regions_of(judged.design.geometry).next()?;
     let (mut names, mut share) = (Vec::new(), 0.0);
     for (part, of_part) in region.response.fluorescence.iter().zip(shares) {
-        if sought.contains(&part.name) {
+        if analyte.contains(&part.name) {
             names.push(part.name.as_str());
             share += of_part;
         }
@@ -84,10 +84,10 @@ pub(crate) fn sought_share(found: &DesignFindings<'_>, judged: &JudgedDesign) ->
 
 /// How much of the collected light is what the contrast asks for, beside the others of the best: what lights and filters choose by.
 fn why_others_see_less(found: &DesignFindings<'_>, made: &JudgedDesign) -> Option<String> {
-    let (names, share) = sought_share(found, made)?;
+    let (names, share) = analyte_share(found, made)?;
     let percent = |share: f64| digits(100.0 * share);
     let others = found.best.iter().filter(|judged| judged.design != made.design);
-    let shares: Vec<f64> = others.filter_map(|judged| Some(sought_share(found, judged)?.1)).collect();
+    let shares: Vec<f64> = others.filter_map(|judged| Some(analyte_share(found, judged)?.1)).collect();
     let least = percent(shares.iter().copied().reduce(f64::min)?);
     let most = percent(shares.iter().copied().reduce(f64::max)?);
     let range = if least == most { least } else { format!("{least} to {most}") };

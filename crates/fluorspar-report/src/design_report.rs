@@ -5,7 +5,7 @@ use fluorspar::design::{
     Criterion, Design, DesignSpace, FilteredFluorescence, FineBands, Merits, Score, Sensitivity, WorstCase,
 };
 
-use crate::design_recommendation::{limit_in_words, recommendation, recommended, sought_share};
+use crate::design_recommendation::{analyte_share, limit_in_words, recommendation, recommended};
 use crate::design_remarks::{best_case, ideal_edges};
 use crate::figures::PlotCurve;
 use crate::{
@@ -399,7 +399,7 @@ fn choices_section(found: &DesignFindings<'_>) -> Section {
             judged.fluorescence.as_ref().map_or_else(String::new, |fluorescence| {
                 format!("{} % of the fluorescence kept by the filter", digits(100.0 * fluorescence.kept))
             }),
-            sought_share(found, judged).map_or_else(String::new, |(names, share)| {
+            analyte_share(found, judged).map_or_else(String::new, |(names, share)| {
                 format!("{} % of it {names}", digits(100.0 * share))
             }),
             format!("saturation {}", digits(merits.saturation)),

@@ -14,7 +14,9 @@ use fluorspar::pipeline::{
 };
 use fluorspar::study::{AnalysisPlan, Capture, RegionPlan, Study};
 use fluorspar::units::number_text;
-use fluorspar_experiment::{Experiment, KeptAnalysis, ResolvedExperiment, Warning, kept_analysis, resolve};
+use fluorspar_experiment::{
+    CachedAnalysis, Experiment, ResolvedExperiment, Warning, cached_analysis, resolve,
+};
 use fluorspar_format::{
     FrameFact, OutputFolder, ToldFrame, black_level_doubt, read_sensor_image, read_told_frame,
     write_atomically, write_map_npy,
@@ -113,7 +115,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     // Frames and channel planes come while materials are resolved, unless what the analysis asks of these was kept
     let frames_at = options.folder.as_ref().filter(|_| options.frame.is_empty());
     let is_alone = options.out.is_none();
-    let kept = frames_at.filter(|_| is_alone && image.is_some()).and_then(|_| kept_analysis(&parsed));
+    let kept = frames_at.filter(|_| is_alone && image.is_some()).and_then(|_| cached_analysis(&parsed));
     let (resolved, (opened, seen)) = rayon::join(
         || kept.is_none().then(|| resolve(&parsed)),
         || {
@@ -406,7 +408,7 @@ fn seen_early(
     parsed: &Experiment,
     folder: &Path,
     image: &RenderedImage,
-    kept: Option<&KeptAnalysis>,
+    kept: Option<&CachedAnalysis>,
 ) -> Option<Early> {
     let ShownByImage { experiment, changes } = image.without_surfaces(parsed).ok()??;
     let study = &experiment.study;
@@ -449,7 +451,7 @@ fn looked_at(study: &Study, plans: &[&AnalysisPlan]) -> Vec<Capture> {
 /// The analysis with what was kept of it. `None` where it has no estimate from a family of tissues, which nothing was kept for, or fails:
 /// the usual way tells of that.
 fn analyzed_without_surfaces(
-    kept: KeptAnalysis,
+    kept: CachedAnalysis,
     seen: &Early,
     image: &RenderedImage,
 ) -> Option<(ResolvedExperiment, Analysis, Vec<AnalyzedRegion>)> {
@@ -521,7 +523,7 @@ fn write_maps(
     }
     let mut files = vec![("results.json".to_owned(), serde_json::to_vec_pretty(&results)?)];
     if let Some(porphyrin) = &analyzed.porphyrin {
-        for (stem, figure) in porphyrin_maps(porphyrin, &analyzed.analysis.sought, None) {
+        for (stem, figure) in porphyrin_maps(porphyrin, &analyzed.analysis.analyte, None) {
             files.push((format!("{stem}.png"), figure.to_png()?));
         }
         write_layers(&out, porphyrin)?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::analysis::SoughtFluorophore;
+use fluorspar::analysis::Analyte;
 use fluorspar::pipeline::{CapturedFrame, ColorRendering};
 use fluorspar::study::Study;
 use fluorspar_experiment::{
@@ -213,7 +213,7 @@ fn target(experiment: &Experiment, region: Option<&str>) -> String {
     let name = own
         .and_then(|region| region.porphyrin.as_deref())
         .or_else(|| analysis.and_then(|analysis| analysis.porphyrin.as_deref()));
-    match name.filter(|name| !SoughtFluorophore::names_porphyrin(name) && *name != "none") {
+    match name.filter(|name| !Analyte::names_porphyrin(name) && *name != "none") {
         None => "porphyrin".into(),
         Some(name) => {
             let own = file.fluorophore.iter().find(|f| f.name == name).and_then(|f| f.title.clone());
@@ -230,7 +230,9 @@ fn target_of_results(results: &Value, region: Option<&str>) -> String {
         Some(_) => own.map_or(&Value::Null, |own| &own["analysis"]),
         None => results.get("analysis").unwrap_or(results),
     };
-    analysis["sought"].as_str().unwrap_or("porphyrin").to_owned()
+    // Older results say `sought`
+    let analyte = analysis["analyte"].as_str().or(analysis["sought"].as_str());
+    analyte.unwrap_or("porphyrin").to_owned()
 }
 
 /// The frames with light that both have, as pictures of one exposure; where names differ, those that are analyzed or the last ones.

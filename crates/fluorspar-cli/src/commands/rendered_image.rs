@@ -293,7 +293,7 @@ impl RenderedImage {
         for (number, response) in responses.iter().enumerate() {
             let seen = |component| is_seen(number, component);
             let held = match self.file.planes(response.camera(), seen)? {
-                None => self.kept_planes(response, seen),
+                None => self.cached_planes(response, seen),
                 held => held,
             };
             planes.push(held);
@@ -336,7 +336,11 @@ impl RenderedImage {
     }
 
     /// Channel planes that an earlier command has formed, if those of all wanted components are among them.
-    fn kept_planes(&self, response: &FilmResponse, wanted: impl Fn(usize) -> bool) -> Option<ChannelPlanes> {
+    fn cached_planes(
+        &self,
+        response: &FilmResponse,
+        wanted: impl Fn(usize) -> bool,
+    ) -> Option<ChannelPlanes> {
         let bytes = cache()?.get(PLANES_KIND, self.key_of_planes(response)?.as_bytes())?;
         planes_of_bytes(&bytes, response, wanted)
     }

@@ -168,10 +168,10 @@ fn no_command_after_a_render_makes_its_mouth_again() {
     }
     for frames in ["dim", "weak"] {
         let analyze = ["analyze", frames, "--json", "-q"];
-        let of_kept = fluorspar(&analyze);
+        let of_cached = fluorspar(&analyze);
         assert_eq!(mouths(&kept(&cache)), 0, "{frames}");
-        assert!(String::from_utf8_lossy(&of_kept).contains("posterior"));
-        assert!(fluorspar(&[&["--no-cache"], analyze.as_slice()].concat()) == of_kept, "{frames}");
+        assert!(String::from_utf8_lossy(&of_cached).contains("posterior"));
+        assert!(fluorspar(&[&["--no-cache"], analyze.as_slice()].concat()) == of_cached, "{frames}");
     }
     // With regions, too
     let analyze = ["analyze", "dim", "--json", "-q", "--named-region", "lip=lower_lip"];
@@ -179,7 +179,7 @@ fn no_command_after_a_render_makes_its_mouth_again() {
     for file in kept(&cache).iter().filter(|file| file.to_string_lossy().contains("/mouth-")) {
         fs::remove_file(file).unwrap();
     }
-    let of_kept = fluorspar(&analyze);
+    let of_cached = fluorspar(&analyze);
     assert_eq!(mouths(&kept(&cache)), 0);
-    assert!(of_kept == whole && String::from_utf8_lossy(&of_kept).contains("\"regions\""));
+    assert!(of_cached == whole && String::from_utf8_lossy(&of_cached).contains("\"regions\""));
 }

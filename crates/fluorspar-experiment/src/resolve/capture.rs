@@ -12,13 +12,13 @@ use super::region;
 use super::seen::{Seen, check_parts};
 use super::spectrum::Role;
 use super::tissue;
+use crate::cache::cached_solutions;
 use crate::error::{Message, Place, Step, steps};
-use crate::kept::kept_solutions;
 use crate::schema::{
     AnalysisSection, BulkReference, CaptureSection, ConcentrationFactor, DEFAULT_PORPHYRIN, ExperimentFile,
     ExposureTime, TextureReference,
 };
-use fluorspar::analysis::SoughtFluorophore;
+use fluorspar::analysis::Analyte;
 use fluorspar::light::LightGroup;
 use fluorspar::material::{FluorophoreAmount, ScalarTexture};
 use fluorspar::names::did_you_mean;
@@ -446,7 +446,7 @@ fn porphyrin_of_scene(
         let is_looked_at =
             |object: &&Object| !of_region || section.parts.is_empty() || section.parts.contains(&object.name);
         let names = seen.objects.iter().filter(is_looked_at).flat_map(held_by);
-        names.filter(|name| SoughtFluorophore::names_porphyrin(name)).collect()
+        names.filter(|name| Analyte::names_porphyrin(name)).collect()
     };
     let (mut found, mut place) = (porphyrins(true), "region");
     if found.is_empty() {
@@ -543,7 +543,7 @@ fn tissue_prior(
         known.index(context, &at, &file.fluorophore, name)?;
     }
     let fluorophores = known.list.into_iter().map(Arc::new).collect();
-    let kept = kept_solutions();
+    let kept = cached_solutions();
     Ok(Some(TissuePrior { site, fluorophores, width, library_error, surroundings, site_probability, kept }))
 }
 

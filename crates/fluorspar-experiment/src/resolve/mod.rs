@@ -1,6 +1,7 @@
 //! From the sections of an experiment to a study.
 
 mod analyzed_region;
+pub(super) mod cached_analysis;
 mod capture;
 mod concentration;
 pub(super) mod context;
@@ -10,7 +11,6 @@ mod error_target;
 pub(super) mod fluorophore;
 mod gloss;
 mod instrument;
-pub(super) mod kept_analysis;
 mod lesion;
 mod light;
 mod material;
@@ -31,16 +31,16 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 
 use self::analyzed_region::FieldPlaces;
+use self::cached_analysis::keep_analysis;
 use self::capture::Analyses;
 use self::context::{Context, Resolved};
-use self::kept_analysis::keep_analysis;
 use super::error::steps;
 use super::schema::{
     AnalysisRegionSection, AnalysisSection, DiffuseSection, ExperimentFile, FieldOfView, LensSection,
     ReflectanceReference, ScatteringSection, SpectrumReference,
 };
 use super::{Experiment, ExperimentError};
-use crate::kept::fetch_mouth;
+use crate::cache::fetch_mouth;
 use crate::preset;
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::render::{RenderSettings, basis_bytes, memory_bytes, tile_row_bytes, whole_image_bytes};

@@ -11,8 +11,8 @@ use super::light::group_index;
 use super::material::Materials;
 use super::mouth;
 use super::spectrum::Role;
+use crate::cache::cached_mouth;
 use crate::error::{Message, Place, steps};
-use crate::kept::kept_mouth;
 use crate::schema::{
     BoxShape, DiscShape, DisplacementSection, EmissionSection, EmissionSides, ExperimentFile, FilePath,
     InstanceSection, MouthSection, ObjectSection, PlacesSection, QuadShape, ShapeSection, SphereShape,
@@ -525,7 +525,7 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
         }
     }
     let mouth =
-        kept_mouth(&section.parameters).map_err(|e| context.error(&steps!["mouth", e.field], e.message))?;
+        cached_mouth(&section.parameters).map_err(|e| context.error(&steps!["mouth", e.field], e.message))?;
     for key in section.materials.keys() {
         let is_tissue = Tissue::ALL.iter().any(|tissue| tissue.name() == key);
         if !is_tissue && mouth.part(key).is_none() {

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::context::{Context, Resolved, STRENGTH};
+use crate::cache::cached_surface_map;
 use crate::error::Place;
-use crate::kept::kept_surface_map;
 use crate::preset::{self, CurvePreset};
 use crate::schema::{
     AnatomyMap, CheckerMap, DorsalTongueMap, FilePath, MatlabSpectrum, NameOrTable, SpectrumReference,
@@ -347,7 +347,7 @@ impl Context<'_> {
         };
         let mut person = mouth.clone();
         person.seed = map.seed.unwrap_or(person.seed);
-        let baked = kept_surface_map(map.anatomy, tissue, &person);
+        let baked = cached_surface_map(map.anatomy, tissue, &person);
         let image = ImageTexture::new(baked.columns, baked.rows, baked.values.clone())
             .map_err(|e| self.error(&at, e.to_string()))?;
         Ok(ScalarTexture::Image { image: Arc::new(image), low, high })

@@ -9,8 +9,8 @@ use super::fluorophore::{Fluorophores, MAX_CONCENTRATION};
 use super::gloss::gloss;
 use super::named_tissue::{NamedTissue, of_section};
 use crate::ExperimentError;
+use crate::cache::cached_tissue;
 use crate::error::{Message, Place, steps};
-use crate::kept::kept_tissue;
 use crate::schema::{
     ExperimentFile, FluorophoreSection, GlossSection, LesionSection, TissueMaterialSection, TissueSection,
 };
@@ -283,7 +283,7 @@ impl TissueRecipe {
         let key = self.key(&named, &layers, &varying, &parameters, grid);
         let maps = parameters.iter().map(|p| (p.name.clone(), p.map.clone())).collect();
         let make = || TissueSurface::varying(parameters, tissue, grid);
-        let surface = kept_tissue(&key, maps, &|name| layers.find(name), make)
+        let surface = cached_tissue(&key, maps, &|name| layers.find(name), make)
             .map_err(|error| self.failed(context, &error))?;
         if surface.error > INTERPOLATION_ERROR {
             let percent = 100.0 * surface.error;

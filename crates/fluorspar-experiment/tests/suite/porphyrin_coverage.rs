@@ -21,7 +21,7 @@ use fluorspar::tissue::monte_carlo::{
     simulate,
 };
 use fluorspar::tissue::{
-    DiscreteOrdinates, EffectiveTissue, Incidence, KeptSolutions, LayeredTissue, Level, Population, Site,
+    CachedSolutions, DiscreteOrdinates, EffectiveTissue, Incidence, LayeredTissue, Level, Population, Site,
 };
 use fluorspar::units::photons_per_joule;
 use fluorspar_experiment::preset;
@@ -88,7 +88,7 @@ fn prior(site: &str, width: f64) -> TissuePrior {
         library_error: TissuePrior::LIBRARY_ERROR,
         surroundings: true,
         site_probability: TissuePrior::SITE_PROBABILITY,
-        kept: KeptSolutions::default(),
+        kept: CachedSolutions::default(),
     };
     // Light of teeth asks for their fluorophores.
     prior.fluorophores.extend(fluorophores(&Site::named("tooth").unwrap()));

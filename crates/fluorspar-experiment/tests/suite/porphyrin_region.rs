@@ -44,18 +44,18 @@ fn a_bulk_without_blood_is_told_where_tissue_could_be_meant() {
 /// Without a porphyrin in the scene a share is asked for of tissue, which could hold some, and not of a leaf or of a dye.
 #[test]
 fn a_scene_of_what_no_tissue_holds_is_asked_for_no_porphyrin() {
-    let sought = |concentrations: &str| {
+    let analyte = |concentrations: &str| {
         let change = format!("material.patch.concentrations={{ {concentrations} }}");
         let text =
             "format = 1\nbase = \"flat-patch\"\n[[fluorophore]]\nname = \"my_dye\"\nsource = \"fad\"\n";
         let experiment = parse(text, "leaf.toml", Path::new("."), &[change]).unwrap();
         resolve(&experiment).unwrap().study.analysis.unwrap().porphyrin
     };
-    assert_eq!(sought("fad = 0.2, elastin = 1.0").as_deref(), Some("protoporphyrin_ix"));
-    assert_eq!(sought("fad = 0.2, biofilm_porphyrin = 0.1").as_deref(), Some("biofilm_porphyrin"));
-    assert_eq!(sought("chlorophyll_a = 1.0, nadh = 0.3"), None);
-    assert_eq!(sought("my_dye = 1.0"), None);
-    assert_eq!(sought("my_dye = 1.0, protoporphyrin_ix = 0.1").as_deref(), Some("protoporphyrin_ix"));
+    assert_eq!(analyte("fad = 0.2, elastin = 1.0").as_deref(), Some("protoporphyrin_ix"));
+    assert_eq!(analyte("fad = 0.2, biofilm_porphyrin = 0.1").as_deref(), Some("biofilm_porphyrin"));
+    assert_eq!(analyte("chlorophyll_a = 1.0, nadh = 0.3"), None);
+    assert_eq!(analyte("my_dye = 1.0"), None);
+    assert_eq!(analyte("my_dye = 1.0, protoporphyrin_ix = 0.1").as_deref(), Some("protoporphyrin_ix"));
 }
 
 /// The mouth of colored surfaces, small: what the budget adds up holds the truth that is printed beside the estimate.

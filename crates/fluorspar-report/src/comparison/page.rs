@@ -295,12 +295,12 @@ mod tests {
         };
         let term = |name: &str| ShareOf::Term(name.into());
         let numbers = [
-            number(None, ShareNumber::Estimate(ShareOf::Sought), 0.3),
-            number(None, ShareNumber::Truth(ShareOf::Sought), 0.35),
+            number(None, ShareNumber::Estimate(ShareOf::Analyte), 0.3),
+            number(None, ShareNumber::Truth(ShareOf::Analyte), 0.35),
             number(None, ShareNumber::Estimate(term("porphyrin")), 0.15),
             number(None, ShareNumber::Truth(term("porphyrin")), 0.17),
             number(None, ShareNumber::Estimate(term("fad")), 0.85),
-            number(Some("lip"), ShareNumber::Estimate(ShareOf::Sought), 0.01),
+            number(Some("lip"), ShareNumber::Estimate(ShareOf::Analyte), 0.01),
         ];
         let truth = |place: usize| {
             truth_of(&numbers[place], &numbers).and_then(|truth| truth.a.as_ref().and_then(|a| a.value))

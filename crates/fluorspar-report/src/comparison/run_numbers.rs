@@ -39,7 +39,7 @@ pub(crate) enum ShareNumber {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum ShareOf {
     /// The fluorophore that is looked for, in the light of the analyzed frame.
-    Sought,
+    Analyte,
     /// A term of the unmixing, by its name, in the light of all signals.
     Term(String),
 }
@@ -177,7 +177,7 @@ fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
     let estimate = analysis.mixture.as_ref().and_then(|mixture| mixture.region).map(|region| region.estimate);
     if let Some(estimate) = estimate {
         let quantity = format!("{name} share on the mixture line");
-        let estimated = ShareNumber::Estimate(ShareOf::Sought);
+        let estimated = ShareNumber::Estimate(ShareOf::Analyte);
         let number = |value| RunNumber::of_share(estimated, quantity, value);
         let number = match &analysis.budget {
             Some(ErrorBudget { share, total_interval, .. }) => number(*share).within(*total_interval),
@@ -187,7 +187,7 @@ fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
     }
     numbers.extend(truth.map(|share| {
         let quantity = format!("True {target} share of the analyzed frame, which the simulation knows");
-        RunNumber::of_share(ShareNumber::Truth(ShareOf::Sought), quantity, share)
+        RunNumber::of_share(ShareNumber::Truth(ShareOf::Analyte), quantity, share)
     }));
     numbers.extend(limit_numbers(analysis, target));
     let terms =
@@ -212,7 +212,7 @@ fn share_numbers(analysis: &Analysis, target: &str) -> Vec<RunNumber> {
 /// The share if the region is tissue of a known site. Where none can't be excluded there is only a limit.
 fn posterior_number(posterior: &SharePosterior, name: &str) -> RunNumber {
     let quantity = format!("{name} share of the light");
-    let estimated = ShareNumber::Estimate(ShareOf::Sought);
+    let estimated = ShareNumber::Estimate(ShareOf::Analyte);
     let number = RunNumber::of_share(estimated, quantity, posterior.median).within(posterior.interval);
     if posterior.is_no_estimate() {
         return RunNumber { value: None, interval: None, words: Some("no estimate".into()), ..number };
@@ -247,14 +247,16 @@ fn numbers_over_truth(posterior: &SharePosterior, truth: Option<f64>) -> Vec<Run
 /// Standard errors of the least share that is told from none with errors of 5 % either way, twice the one-sided 1.645 (Currie 1968).
 const DETECTION_Z: f64 = 3.29;
 
-/// The detection limit of cameras whose channels have no mixture line, over the true share: that of the share of the sought fluorophore unmixed
+/// The detection limit of cameras whose channels have no mixture line, over the true share: that of the share of the analyte unmixed
 /// from all signals, by the sensor's noise.
 fn unmixed_limit_over_truth(analysis: &Analysis) -> Option<f64> {
     // The true share tells that one is looked for; it is the last term
     analysis.truth.as_ref()?;
-    let [.., _, sought] = analysis.signals.as_ref()?.unmixing.as_ref()?.terms.as_slice() else { return None };
-    let truth = sought.true_share.filter(|share| *share > 0.0)?;
-    let [low, high] = sought.share_interval;
+    let [.., _, analyte] = analysis.signals.as_ref()?.unmixing.as_ref()?.terms.as_slice() else {
+        return None;
+    };
+    let truth = analyte.true_share.filter(|share| *share > 0.0)?;
+    let [low, high] = analyte.share_interval;
     Some(DETECTION_Z * 0.5 * (high - low) / Z_95 / truth)
 }
 

@@ -35,7 +35,7 @@ pub fn comparison_verdict(
         let value = |side: &Option<ComparedSide>| side.as_ref().and_then(|side| side.value);
         Some([value(&number.a)?, value(&number.b)?])
     };
-    let (target, other) = sought(a, b);
+    let (target, other) = analyte(a, b);
     let sentence = if !has(WIDTH_OVER_TRUTH) && !has(LIMIT_OVER_TRUTH) {
         return None;
     } else if let Some(other) = other {
@@ -84,7 +84,7 @@ pub fn comparison_verdict(
 }
 
 /// What both runs look for, and where they look for different fluorophores, that of the second run. One that estimates no share looks for none.
-fn sought<'a>(a: &'a FinishedRun, b: &'a FinishedRun) -> (&'a str, Option<&'a str>) {
+fn analyte<'a>(a: &'a FinishedRun, b: &'a FinishedRun) -> (&'a str, Option<&'a str>) {
     let looks = |run: &FinishedRun| {
         let analysis = run.analysis.as_ref();
         analysis.is_some_and(|a| a.truth.is_some() || a.posterior.is_some() || a.mixture.is_some())
@@ -209,7 +209,7 @@ fn relative_error(run: &FinishedRun, measure: Measure) -> Result<f64, String> {
         return Err("there is no interval".into());
     };
     let sensor_noise = sensor_noise(analysis, truth).ok_or(
-        "the noise of the share by the sensor is not known: analyze frames that tell the sought fluorophore from the bulk",
+        "the noise of the share by the sensor is not known: analyze frames that tell the analyte from the bulk",
     )?;
     Ok((of_truth * (truth / width - 1.0).abs().max(1.0)).hypot(sensor_noise / width))
 }
@@ -224,10 +224,10 @@ fn sensor_noise(analysis: &Analysis, truth: f64) -> Option<f64> {
         return Some(region.estimate.position_standard_error);
     }
     let unmixing = analysis.signals.as_ref()?.unmixing.as_ref()?;
-    // The sought fluorophore is the last term
-    let [.., _, sought] = unmixing.terms.as_slice() else { return None };
-    let of_all = sought.true_share.filter(|share| *share > 0.0)?;
-    let [low, high] = sought.share_interval;
+    // The analyte is the last term
+    let [.., _, analyte] = unmixing.terms.as_slice() else { return None };
+    let of_all = analyte.true_share.filter(|share| *share > 0.0)?;
+    let [low, high] = analyte.share_interval;
     Some(0.5 * (high - low) / Z_95 * truth / of_all)
 }
 

@@ -1,6 +1,6 @@
 //! Sensor chromaticity of the pixels of a region among the predicted fluorophores.
 
-use fluorspar::analysis::SoughtFluorophore;
+use fluorspar::analysis::Analyte;
 
 use crate::{Axis, Dash, Figure, Ink, Label, Panel, Series, SeriesShape};
 
@@ -14,7 +14,7 @@ pub struct ChromaticityPlot {
     /// Name and predicted `(r, g)` of each fluorophore.
     pub fluorophores: Vec<(String, [f64; 2])>,
     /// The fluorophore at the end of the line.
-    pub target: SoughtFluorophore,
+    pub target: Analyte,
     /// `(r, g)` of bulk and of the target: the ends of the line on which mixtures lie.
     pub mixture_line: Option<[[f64; 2]; 2]>,
     /// Outline of an ellipse that shows how the pixels spread; empty for none.

@@ -1,6 +1,6 @@
 //! Pictures with a meaning: the developed image with its region, and the map of porphyrin.
 
-use fluorspar::analysis::{PorphyrinLayers, PorphyrinMap, SoughtFluorophore};
+use fluorspar::analysis::{Analyte, PorphyrinLayers, PorphyrinMap};
 
 use crate::{Axis, ColorBar, ColorMap, Dash, Figure, Ink, Panel, Raster, Series, SeriesShape};
 
@@ -52,25 +52,25 @@ pub enum PorphyrinQuantity {
 
 impl PorphyrinQuantity {
     /// Title, label of the color scale, and what it means.
-    fn words(self, sought: &SoughtFluorophore) -> [String; 3] {
+    fn words(self, analyte: &Analyte) -> [String; 3] {
         match self {
             Self::Share => [
-                format!("{} share of the light, on the mixture line", sought.capitalized()),
-                format!("{sought} share"),
+                format!("{} share of the light, on the mixture line", analyte.capitalized()),
+                format!("{analyte} share"),
                 format!(
-                    "Colored pixels lie in the region: electrons of {sought} light over those of {sought} and bulk, as if the bulk were \
+                    "Colored pixels lie in the region: electrons of {analyte} light over those of {analyte} and bulk, as if the bulk were \
                      known. Gray pixels are outside the region, saturated, too dark, or hold other light."
                 ),
             ],
             Self::Uncertainty => [
-                format!("Uncertainty of the {sought} share"),
+                format!("Uncertainty of the {analyte} share"),
                 "half of the 95 % interval".into(),
                 "How far the sensor's noise leaves the share of each pixel open to either side: half the length of its 95 % interval. \
                  Errors of the model are not in it."
                     .into(),
             ],
             Self::DetectionLimit => [
-                format!("Detection limit of the {sought} share"),
+                format!("Detection limit of the {analyte} share"),
                 "detection limit".into(),
                 "The share that the noise of a single pixel mistakes for none, and none for it, in 5 % of cases: less than that is not \
                  seen there."
@@ -85,7 +85,7 @@ impl PorphyrinQuantity {
 ///
 /// The color scale ends at `top`, for instance the 99th percentile; larger numbers take its last color.
 pub fn porphyrin_map(
-    (quantity, sought): (PorphyrinQuantity, &SoughtFluorophore),
+    (quantity, analyte): (PorphyrinQuantity, &Analyte),
     [width, height]: [usize; 2],
     values: &[Option<f32>],
     underlay: Option<&[u8]>,
@@ -95,7 +95,7 @@ pub fn porphyrin_map(
     if values.len() != pixels || underlay.is_some_and(|gray| gray.len() != pixels) || pixels == 0 {
         return None;
     }
-    let [title, label, explained] = quantity.words(sought);
+    let [title, label, explained] = quantity.words(analyte);
     let axis = Axis::from_zero(label, "", [top.clamp(1e-3, 1.0)]);
     let full = axis.limits[1];
     let raster = Raster::from_fn(width, height, |row, col| {
@@ -115,7 +115,7 @@ pub fn porphyrin_map(
 /// [`porphyrin_map`].
 pub fn porphyrin_maps(
     porphyrin: &PorphyrinMap,
-    sought: &SoughtFluorophore,
+    analyte: &Analyte,
     underlay: Option<&[u8]>,
 ) -> Vec<(&'static str, Figure)> {
     let PorphyrinLayers { share, low, high, detection_limit } = porphyrin.layers();
@@ -132,7 +132,7 @@ pub fn porphyrin_maps(
         sorted.sort_by(f32::total_cmp);
         let top = sorted.get(sorted.len() * 99 / 100).copied().map_or(1.0, f64::from);
         let size = [porphyrin.width, porphyrin.height];
-        Some((stem, porphyrin_map((quantity, sought), size, &values, underlay, top)?))
+        Some((stem, porphyrin_map((quantity, analyte), size, &values, underlay, top)?))
     })
     .collect()
 }
@@ -144,21 +144,11 @@ mod tests {
     #[test]
     fn a_map_must_fill_its_picture() {
         let share = PorphyrinQuantity::Share;
-        assert!(
-            porphyrin_map((share, &SoughtFluorophore::default()), [2, 2], &[None; 3], None, 1.0).is_none()
-        );
-        assert!(
-            porphyrin_map((share, &SoughtFluorophore::default()), [2, 1], &[None; 2], Some(&[1]), 1.0)
-                .is_none()
-        );
-        let map = porphyrin_map(
-            (share, &SoughtFluorophore::default()),
-            [2, 1],
-            &[Some(0.5), None],
-            Some(&[0, 100]),
-            0.5,
-        )
-        .unwrap();
+        assert!(porphyrin_map((share, &Analyte::default()), [2, 2], &[None; 3], None, 1.0).is_none());
+        assert!(porphyrin_map((share, &Analyte::default()), [2, 1], &[None; 2], Some(&[1]), 1.0).is_none());
+        let map =
+            porphyrin_map((share, &Analyte::default()), [2, 1], &[Some(0.5), None], Some(&[0, 100]), 0.5)
+                .unwrap();
         let SeriesShape::Picture { raster, .. } = &map.panels[0].series[0].shape else {
             panic!("no picture")
         };

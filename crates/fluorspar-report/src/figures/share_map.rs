@@ -1,6 +1,6 @@
 //! The share of a fluorophore over the region, and how little of it a pixel shows.
 
-use fluorspar::analysis::{PorphyrinMap, SoughtFluorophore, Statistics};
+use fluorspar::analysis::{Analyte, PorphyrinMap, Statistics};
 
 use crate::{Axis, ColorBar, ColorMap, Figure, Ink, Panel, Raster, Series, SeriesShape};
 
@@ -66,7 +66,7 @@ impl ShareMap {
 
 /// Share of the light on the mixture line, averaged over blocks of pixels within the bounds of the region; `None` without a pixel that
 /// counts. `target` is the fluorophore in a word.
-pub fn share_map(porphyrin: &PorphyrinMap, target: &SoughtFluorophore) -> Option<Figure> {
+pub fn share_map(porphyrin: &PorphyrinMap, target: &Analyte) -> Option<Figure> {
     let region: Vec<usize> = porphyrin.estimates.iter().map(|(pixel, _)| *pixel).collect();
     let map = ShareMap::of(porphyrin, &region)?;
     let top = map.top();

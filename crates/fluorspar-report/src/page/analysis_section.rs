@@ -1,9 +1,9 @@
 //! An analysis in plain words.
 
 use fluorspar::analysis::{
-    ASSUMED_GAIN, Analysis, ChannelSignal, ErrorBudget, LineEstimate, MixtureSummary, OtherLight,
-    PorphyrinTruth, SharePosterior, SignalRatio, SignalSummary, SoughtFluorophore, SpotSeparation,
-    Statistics, TargetDetection, UnmixedTerm, with_error,
+    ASSUMED_GAIN, Analysis, Analyte, ChannelSignal, ErrorBudget, LineEstimate, MixtureSummary, OtherLight,
+    PorphyrinTruth, SharePosterior, SignalRatio, SignalSummary, SpotSeparation, Statistics, TargetDetection,
+    UnmixedTerm, with_error,
 };
 
 use super::report_data::{Number, NumberMatrix, NumberTable, Origin, ReportItem, Section};
@@ -16,7 +16,7 @@ pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>, from: Fra
         FrameOrigin::Simulated => "the simulated sensor image, in the way they would be from a recorded one",
         FrameOrigin::Given => "recorded frames",
     };
-    let sought = &analysis.sought;
+    let analyte = &analysis.analyte;
     // Say what a camera would not have
     let known: Vec<&str> = [
         analysis.mixture.as_ref().map(|_| "the ends of the line"),
@@ -49,22 +49,22 @@ pub fn analysis_section(analysis: &Analysis, figures: Vec<ReportItem>, from: Fra
     }
     if let Some(posterior) = &analysis.posterior {
         section = section.with(table(
-            &format!("{} in tissue that is not known", sought.capitalized()),
-            posterior_rows(posterior, sought),
+            &format!("{} in tissue that is not known", analyte.capitalized()),
+            posterior_rows(posterior, analyte),
         ));
     }
     if let Some(mixture) = &analysis.mixture {
         // Amounts in layered tissue are factors on what it holds: their ratio tells nothing.
         let with_amounts = analysis.posterior.is_none();
-        let mut rows = mixture_rows(mixture, analysis.counts.valid, with_amounts, sought);
+        let mut rows = mixture_rows(mixture, analysis.counts.valid, with_amounts, analyte);
         rows.extend(detection_row(analysis));
-        section = section.with(table(&format!("{} share on the mixture line", sought.capitalized()), rows));
+        section = section.with(table(&format!("{} share on the mixture line", analyte.capitalized()), rows));
     }
     if let Some(truth) = &analysis.truth {
-        section = section.with(table("What the simulation knows", truth_rows(truth, sought)));
+        section = section.with(table("What the simulation knows", truth_rows(truth, analyte)));
     }
     if let Some(budget) = &analysis.budget {
-        section = section.with(table("What moves the estimate on the line", budget_rows(budget, sought)));
+        section = section.with(table("What moves the estimate on the line", budget_rows(budget, analyte)));
     }
     if !analysis.spots.is_empty() {
         section = section.with(table("How well two spots are told apart", spot_rows(&analysis.spots)));
@@ -105,13 +105,13 @@ fn range([low, high]: [f64; 2]) -> String {
     format!("{low:.3} to {high:.3}")
 }
 
-fn posterior_rows(posterior: &SharePosterior, sought: &SoughtFluorophore) -> Vec<Number> {
+fn posterior_rows(posterior: &SharePosterior, analyte: &Analyte) -> Vec<Number> {
     let mut rows = vec![Number::computed(
-        format!("{} share of the light", sought.capitalized()),
+        format!("{} share of the light", analyte.capitalized()),
         posterior.finding(),
         "",
         format!(
-            "Electrons of {sought} light over those of all fluorescence of the region in frame \"{}\". The interval holds sensor noise, leak, \
+            "Electrons of {analyte} light over those of all fluorescence of the region in frame \"{}\". The interval holds sensor noise, leak, \
              indirect light, the variety of tissue and errors of the library of spectra. From {}. Assumed beforehand: {}.",
             posterior.frames.first().map_or("", String::as_str),
             posterior.frames_in_words(),
@@ -140,7 +140,7 @@ fn posterior_rows(posterior: &SharePosterior, sought: &SoughtFluorophore) -> Vec
     });
     rows.extend([
         Number::computed(
-            format!("No {sought}"),
+            format!("No {analyte}"),
             format!("{:.0}", 100.0 * posterior.probability_of_none),
             "%",
             format!(
@@ -208,10 +208,10 @@ fn distance_row(posterior: &SharePosterior) -> Number {
     )
 }
 
-fn truth_rows(truth: &PorphyrinTruth, sought: &SoughtFluorophore) -> Vec<Number> {
+fn truth_rows(truth: &PorphyrinTruth, analyte: &Analyte) -> Vec<Number> {
     let [low, high] = truth.share_with_light_that_fluoresced_twice;
     vec![Number::computed(
-        format!("True {sought} share"),
+        format!("True {analyte} share"),
         format!("{:.4}", truth.share),
         "",
         format!(
@@ -221,7 +221,7 @@ fn truth_rows(truth: &PorphyrinTruth, sought: &SoughtFluorophore) -> Vec<Number>
     )]
 }
 
-fn budget_rows(budget: &ErrorBudget, sought: &SoughtFluorophore) -> Vec<Number> {
+fn budget_rows(budget: &ErrorBudget, analyte: &Analyte) -> Vec<Number> {
     let signed = |value: f64| format!("{value:+.4}").replace('-', "−");
     let [low, high] = budget.total_interval.map(|end| format!("{end:.4}").replace('-', "−"));
     let mut rows = vec![
@@ -230,7 +230,7 @@ fn budget_rows(budget: &ErrorBudget, sought: &SoughtFluorophore) -> Vec<Number> 
             format!("{} ({low} to {high})", format!("{:.4}", budget.share).replace('-', "−")),
             "",
             format!(
-                "Share of the electrons that the {sought} emitted, with all that follows, added as squares. The variety of tissue and \
+                "Share of the electrons that the {analyte} emitted, with all that follows, added as squares. The variety of tissue and \
                  errors of the library of spectra are not in it."
             ),
         ),
@@ -255,16 +255,16 @@ fn budget_rows(budget: &ErrorBudget, sought: &SoughtFluorophore) -> Vec<Number> 
         "Blank",
         format!("{:.4}", budget.blank).replace('-', "−"),
         "",
-        format!("The estimate from the same light without that of the {sought}."),
+        format!("The estimate from the same light without that of the {analyte}."),
     ));
     rows
 }
 
 /// The detection limit, of simulated frames as of recorded ones, whose blank nobody knows.
 fn detection_row(analysis: &Analysis) -> Option<Number> {
-    let sought = &analysis.sought;
+    let analyte = &analysis.analyte;
     let meaning = format!(
-        "So far beyond the blank sensor noise mistakes neither a blank for {sought} nor {sought} for a blank in more than 5 % of cases."
+        "So far beyond the blank sensor noise mistakes neither a blank for {analyte} nor {analyte} for a blank in more than 5 % of cases."
     );
     let limit = analysis.detection_limit()?;
     Some(Number::computed(
@@ -557,7 +557,7 @@ fn mixture_rows(
     mixture: &MixtureSummary,
     valid: usize,
     with_amounts: bool,
-    sought: &SoughtFluorophore,
+    analyte: &Analyte,
 ) -> Vec<Number> {
     let mut rows = Vec::new();
     if let Some(region) = &mixture.region {
@@ -568,12 +568,12 @@ fn mixture_rows(
             format!("{:.4} ({low} to {high})", estimate.position).replace('-', "−"),
             "",
             format!(
-                "Electrons of {sought} light over those of {sought} and bulk, from the region's mean color, as if the bulk were known; with \
+                "Electrons of {analyte} light over those of {analyte} and bulk, from the region's mean color, as if the bulk were known; with \
                  the 95 % interval that the sensor's noise leaves. Errors of the model are not in it."
             ),
         ));
         if with_amounts {
-            rows.extend(amount_rows(mixture, estimate, sought));
+            rows.extend(amount_rows(mixture, estimate, analyte));
         }
     }
     if let Some(s) = &mixture.distance {
@@ -583,7 +583,7 @@ fn mixture_rows(
             format!("{:.4}{spread}", s.mean).replace('-', "−"),
             "r, g",
             format!(
-                "How far pixels lie beside the line between bulk and {sought}. Far from zero, something else is in the light: \
+                "How far pixels lie beside the line between bulk and {analyte}. Far from zero, something else is in the light: \
                  reflected light, or another bulk than assumed."
             ),
         ));
@@ -599,7 +599,7 @@ fn mixture_rows(
             "Angle to the line",
             format!("{angle:.1}"),
             "degrees",
-            format!("Between the long axis of the cloud and the line. Small when pixels differ mainly in {sought}."),
+            format!("Between the long axis of the cloud and the line. Small when pixels differ mainly in {analyte}."),
         ));
     }
     rows.push(Number::computed(
@@ -607,7 +607,7 @@ fn mixture_rows(
         format!("{} of {valid}", mixture.clamped),
         "pixels",
         format!(
-            "Pixels past the bulk or the {sought} point; they count as lying at that end. Without {sought}, noise puts half of them there."
+            "Pixels past the bulk or the {analyte} point; they count as lying at that end. Without {analyte}, noise puts half of them there."
         ),
     ));
     rows.push(Number::computed(
@@ -615,21 +615,21 @@ fn mixture_rows(
         format!("{:.4}", mixture.length),
         "r, g",
         format!(
-            "Distance between bulk and {sought}. The longer it is beside the noise, the better this design tells them apart."
+            "Distance between bulk and {analyte}. The longer it is beside the noise, the better this design tells them apart."
         ),
     ));
     rows
 }
 
 /// The ratio of amounts, which is no share of the light.
-fn amount_rows(mixture: &MixtureSummary, estimate: &LineEstimate, sought: &SoughtFluorophore) -> Vec<Number> {
+fn amount_rows(mixture: &MixtureSummary, estimate: &LineEstimate, analyte: &Analyte) -> Vec<Number> {
     let [low, high] = estimate.fraction_interval;
     let mut rows = vec![Number::computed(
         "Ratio of amounts",
         format!("{:.4} ({low:.4} to {high:.4})", estimate.fraction),
         "",
         format!(
-            "Amount of {sought} over the amounts of {sought} and bulk, in the units of the catalogue (Lyu et al. 2021, Sec. 4.1): no \
+            "Amount of {analyte} over the amounts of {analyte} and bulk, in the units of the catalogue (Lyu et al. 2021, Sec. 4.1): no \
              share of the light, which depends on how bright a unit of each is."
         ),
     )];

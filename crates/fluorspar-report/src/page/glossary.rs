@@ -1,6 +1,6 @@
 //! Words that a report uses.
 
-use fluorspar::analysis::SoughtFluorophore;
+use fluorspar::analysis::Analyte;
 
 use super::report_data::{Overview, ReportData, ReportItem, Section};
 
@@ -59,11 +59,7 @@ const TERMS: [Term; 8] = [
 
 /// The glossary of a page for readers from another field: terms that its text contains. `target` is the fluorophore that is looked
 /// for, if any, `bulk` the names of the others that it is told from.
-pub(crate) fn glossary_section(
-    text: &str,
-    target: Option<&SoughtFluorophore>,
-    bulk: &[String],
-) -> Option<Section> {
+pub(crate) fn glossary_section(text: &str, target: Option<&Analyte>, bulk: &[String]) -> Option<Section> {
     let mut terms: Vec<(String, String)> = Vec::new();
     for (term, signs, meaning) in TERMS {
         if signs.iter().any(|sign| text.contains(sign)) {
@@ -78,7 +74,7 @@ pub(crate) fn glossary_section(
             format!("The fluorescence of {} together, from which {target} is told.", bulk.join(", "));
         terms.push(("Bulk".into(), meaning));
     }
-    if target.is_some_and(SoughtFluorophore::is_porphyrin) && text.to_lowercase().contains("porphyrin") {
+    if target.is_some_and(Analyte::is_porphyrin) && text.to_lowercase().contains("porphyrin") {
         let meaning = "Substances, in the mouth made mostly by bacteria, whose fluorescence is deep red.";
         terms.push(("Porphyrins".into(), meaning.into()));
     }
@@ -142,7 +138,7 @@ mod tests {
     fn only_words_that_occur_are_explained() {
         let section = glossary_section(
             "a sensor chromaticity of the bulk",
-            Some(&SoughtFluorophore::new("chlorophyll_a", "chlorophyll")),
+            Some(&Analyte::new("chlorophyll_a", "chlorophyll")),
             &["waxes".into()],
         )
         .unwrap();
@@ -150,7 +146,7 @@ mod tests {
         let names: Vec<&str> = terms.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(names, ["Sensor chromaticity (r, g)", "Bulk"]);
         assert!(terms[1].1.contains("waxes") && terms[1].1.contains("chlorophyll"));
-        assert_eq!(glossary_section("nothing", Some(&SoughtFluorophore::default()), &[]), None);
+        assert_eq!(glossary_section("nothing", Some(&Analyte::default()), &[]), None);
         // Nothing is looked for: no word of it, whatever the page says.
         assert_eq!(glossary_section("a bulk without porphyrin", None, &["waxes".into()]), None);
     }

@@ -45,7 +45,7 @@ pub fn regions_matrix(
         let plan = experiment.study.regions.iter().find(|plan| plan.name == region.name);
         let own = plan.filter(|plan| plan.analysis.porphyrin.is_some());
         // Another fluorophore than that of the analysis is named
-        let name = match own.map(|plan| experiment.study.sought(&plan.analysis)) {
+        let name = match own.map(|plan| experiment.study.analyte(&plan.analysis)) {
             Some(own) if words.wanted().as_ref() != Some(&own) => format!("{} ({own})", region.name),
             _ => region.name.clone(),
         };

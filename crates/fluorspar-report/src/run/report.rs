@@ -425,7 +425,7 @@ fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut 
         };
         figures.push(builder.item("chromaticity", plot, note));
     }
-    if let Some(figure) = analyzed.porphyrin.as_ref().and_then(|map| share_map(map, &analysis.sought)) {
+    if let Some(figure) = analyzed.porphyrin.as_ref().and_then(|map| share_map(map, &analysis.analyte)) {
         figures.push(builder.item("share_map", figure, ""));
     }
     let region = &analysis.region_description;
@@ -450,7 +450,7 @@ fn chromaticity_plot(run: &RunResults<'_>, analyzed: &AnalyzedFrame) -> Figure {
             .iter()
             .filter_map(|f| f.chromaticity.map(|point| (title_of(run, &f.name), point)))
             .collect(),
-        target: analysis.sought.clone(),
+        target: analysis.analyte.clone(),
         mixture_line: analysis.mixture.as_ref().map(|m| [m.bulk, m.porphyrin]),
         ellipse: analysis.ellipse.map(|e| e.outline(ELLIPSE_95, 90)).unwrap_or_default(),
     })

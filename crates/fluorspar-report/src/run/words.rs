@@ -1,6 +1,6 @@
 //! What ran, in words: lights by wavelength, filters, scene, the fluorophore that is looked for.
 
-use fluorspar::analysis::SoughtFluorophore;
+use fluorspar::analysis::Analyte;
 use fluorspar::spectral::Curve;
 use fluorspar::study::Capture;
 use fluorspar_experiment::ResolvedExperiment;
@@ -139,14 +139,14 @@ impl<'a> Words<'a> {
     }
 
     /// The fluorophore whose share is estimated; `None` where no share is asked for.
-    pub(super) fn wanted(&self) -> Option<SoughtFluorophore> {
+    pub(super) fn wanted(&self) -> Option<Analyte> {
         let study = &self.experiment.study;
         let plan = study.analysis.as_ref().filter(|plan| plan.porphyrin.is_some())?;
-        Some(study.sought(plan))
+        Some(study.analyte(plan))
     }
 
     /// The same in texts that stand only where a share is asked for.
-    pub(super) fn target(&self) -> SoughtFluorophore {
+    pub(super) fn target(&self) -> Analyte {
         self.wanted().unwrap_or_default()
     }
 

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{
-    ChannelNoise, MissingChannel, PixelSelection, SoughtFluorophore, chromaticity_covariance, rgb_channels,
+    Analyte, ChannelNoise, MissingChannel, PixelSelection, chromaticity_covariance, rgb_channels,
     sensor_chromaticity,
 };
 use crate::image::ChannelImage;
@@ -80,12 +80,12 @@ pub enum MixtureError {
     NoBulk,
     /// Both ends have the same chromaticity.
     #[error(
-        "bulk and {sought} have the same sensor chromaticity ({r:.4}, {g:.4}) through these filters and this sensor; \
+        "bulk and {analyte} have the same sensor chromaticity ({r:.4}, {g:.4}) through these filters and this sensor; \
          mixtures cannot be distinguished; change the filters or the sensor"
     )]
     SameChromaticity {
         /// What is told from the bulk.
-        sought: SoughtFluorophore,
+        analyte: Analyte,
         /// r of both.
         r: f64,
         /// g of both.
@@ -107,14 +107,14 @@ pub enum MixtureEnd {
     /// The bulk of the tissue.
     Bulk,
     /// The fluorophore whose share is estimated.
-    Sought(SoughtFluorophore),
+    Analyte(Analyte),
 }
 
 impl fmt::Display for MixtureEnd {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Bulk => f.write_str("bulk"),
-            Self::Sought(sought) => sought.fmt(f),
+            Self::Analyte(analyte) => analyte.fmt(f),
         }
     }
 }
@@ -122,12 +122,12 @@ impl fmt::Display for MixtureEnd {
 impl MixtureError {
     /// The same error of the line to another fluorophore than the porphyrin.
     #[must_use]
-    pub fn of(self, sought: &SoughtFluorophore) -> Self {
+    pub fn of(self, analyte: &Analyte) -> Self {
         match self {
-            Self::Dark { end: MixtureEnd::Sought(_), rgb } => {
-                Self::Dark { end: MixtureEnd::Sought(sought.clone()), rgb }
+            Self::Dark { end: MixtureEnd::Analyte(_), rgb } => {
+                Self::Dark { end: MixtureEnd::Analyte(analyte.clone()), rgb }
             }
-            Self::SameChromaticity { r, g, .. } => Self::SameChromaticity { sought: sought.clone(), r, g },
+            Self::SameChromaticity { r, g, .. } => Self::SameChromaticity { analyte: analyte.clone(), r, g },
             other => other,
         }
     }
@@ -191,10 +191,10 @@ impl MixtureLine {
     pub fn new(bulk_rgb: [f64; 3], porphyrin_rgb: [f64; 3]) -> Result<Self, MixtureError> {
         let end = |end: MixtureEnd, rgb| sensor_chromaticity(rgb).ok_or(MixtureError::Dark { end, rgb });
         let bulk = end(MixtureEnd::Bulk, bulk_rgb)?;
-        let porphyrin = end(MixtureEnd::Sought(SoughtFluorophore::default()), porphyrin_rgb)?;
+        let porphyrin = end(MixtureEnd::Analyte(Analyte::default()), porphyrin_rgb)?;
         if (bulk[0] - porphyrin[0]).hypot(bulk[1] - porphyrin[1]) < 1e-6 {
-            let sought = SoughtFluorophore::default();
-            return Err(MixtureError::SameChromaticity { sought, r: bulk[0], g: bulk[1] });
+            let analyte = Analyte::default();
+            return Err(MixtureError::SameChromaticity { analyte, r: bulk[0], g: bulk[1] });
         }
         Ok(Self { bulk_rgb, porphyrin_rgb, bulk, porphyrin })
     }

@@ -24,6 +24,7 @@
 //! Out of scope: telling the four bulk fluorophores apart. Under one excitation light their chromaticities are too
 //! close, and three channels leave no room for five unknowns.
 
+mod analyte;
 mod channel_noise;
 mod channel_signals;
 mod chromaticity;
@@ -38,7 +39,6 @@ mod region_light;
 mod region_of_interest;
 mod region_shape;
 mod share_posterior;
-mod sought_fluorophore;
 mod spectral_mixture;
 mod spectral_overlap;
 mod spot_separation;
@@ -46,6 +46,7 @@ mod statistics;
 mod summary;
 mod target_detection;
 
+pub use analyte::Analyte;
 pub use channel_noise::ChannelNoise;
 pub use channel_signals::{
     ChannelSignal, OtherLight, SignalRatio, SignalSummary, UnmixedTerm, Unmixing, UnmixingTerm, with_error,
@@ -68,7 +69,6 @@ pub use region_light::{PorphyrinTruth, RegionLight};
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
 pub use region_shape::{PixelMask, Polygon};
 pub use share_posterior::{BlindDirection, IntervalWithout, ShareInterval, SharePosterior};
-pub use sought_fluorophore::SoughtFluorophore;
 pub use spectral_mixture::{
     BloodBefore, ComponentSet, ComponentSets, FitChiSquare, FitError, FittedBlood, FittedWeight,
     MixtureComponent, MixtureFit, ResidualCorrelation, ResidualScatter, SetMembership, SpectralMixture,

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::SoughtFluorophore;
+use super::Analyte;
 
 /// Mean electrons per valid pixel of a region in some channels, by where their light was emitted, e-. Known in a simulation only.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -55,14 +55,14 @@ impl RegionLight {
     }
 
     /// What is meant by the share of the porphyrin.
-    fn definition(&self, sought: &SoughtFluorophore) -> String {
+    fn definition(&self, analyte: &Analyte) -> String {
         let channels = match self.channels.as_slice() {
             [] => "all channels".into(),
             [only] => only.clone(),
             [others @ .., last] => format!("{} and {last}", others.join(", ")),
         };
         format!(
-            "electrons in {channels} from light whose only fluorescence was in the {sought}, over those from light whose only \
+            "electrons in {channels} from light whose only fluorescence was in the {analyte}, over those from light whose only \
              fluorescence was in any fluorophore of the region's materials, by whatever way it came: means over the valid \
              pixels of the region, without noise"
         )
@@ -70,12 +70,12 @@ impl RegionLight {
 
     /// The share of the porphyrin, or of what else is looked for; `None` without fluorescence.
     #[must_use]
-    pub fn truth(&self, sought: &SoughtFluorophore) -> Option<PorphyrinTruth> {
+    pub fn truth(&self, analyte: &Analyte) -> Option<PorphyrinTruth> {
         let (porphyrin, others) = (total(&self.porphyrin), total(&self.bulk));
         let twice = total(&self.fluoresced_twice);
         let all = porphyrin + others;
         (all > 0.0).then(|| PorphyrinTruth {
-            definition: self.definition(sought),
+            definition: self.definition(analyte),
             share: porphyrin / all,
             share_with_light_that_fluoresced_twice: [
                 porphyrin / (all + twice),
@@ -102,7 +102,7 @@ mod tests {
             &["R", "G", "B"],
             [&[8.0, 1.0, 1.0], &[25.0, 50.0, 15.0], &[5.0, 10.0, 5.0], &[1.0, 0.0, 0.0], &[0.0, 0.0, 7.0]],
         );
-        let truth = found.truth(&SoughtFluorophore::default()).unwrap();
+        let truth = found.truth(&Analyte::default()).unwrap();
         assert!((truth.share - 0.1).abs() < 1e-15);
         let [low, high] = truth.share_with_light_that_fluoresced_twice;
         assert!((low - 10.0 / 101.0).abs() < 1e-15 && (high - 11.0 / 101.0).abs() < 1e-15);
@@ -111,21 +111,19 @@ mod tests {
         let nothing = [0.0; 3];
         assert_eq!(
             light(&["R", "G", "B"], [&nothing, &nothing, &nothing, &nothing, &[1.0; 3]])
-                .truth(&SoughtFluorophore::default()),
+                .truth(&Analyte::default()),
             None
         );
     }
 
     #[test]
     fn one_channel_and_many_have_a_share_as_well() {
-        let one = light(&["mono"], [&[1.0], &[3.0], &[0.0], &[0.0], &[0.0]])
-            .truth(&SoughtFluorophore::default())
-            .unwrap();
+        let one =
+            light(&["mono"], [&[1.0], &[3.0], &[0.0], &[0.0], &[0.0]]).truth(&Analyte::default()).unwrap();
         assert!((one.share - 0.25).abs() < 1e-15 && one.definition.starts_with("electrons in mono from"));
         let parts: [&[f64]; 5] = [&[2.0, 0.0], &[1.0, 1.0], &[0.0; 2], &[0.0; 2], &[0.0; 2]];
         assert!(
-            (light(&["band_1", "band_2"], parts).truth(&SoughtFluorophore::default()).unwrap().share - 0.5)
-                .abs()
+            (light(&["band_1", "band_2"], parts).truth(&Analyte::default()).unwrap().share - 0.5).abs()
                 < 1e-15
         );
     }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use statrs::function::erf::erfc;
 
-use super::SoughtFluorophore;
+use super::Analyte;
 use super::family_average::{FamilyAverage, TissueDoubt};
 use super::light_family::{FamilyPoint, LightFamily, NuisanceGroup};
 use crate::warning::Warning;
@@ -62,7 +62,7 @@ pub struct SharePosterior {
 impl SharePosterior {
     /// What makes the result doubtful.
     #[must_use]
-    pub fn warnings(&self, sought: &SoughtFluorophore) -> Vec<Warning> {
+    pub fn warnings(&self, analyte: &Analyte) -> Vec<Warning> {
         let other = self.doubt.as_ref().and_then(TissueDoubt::warning);
         let foreign = self.foreign.then(|| {
             let statement = format!(
@@ -72,7 +72,7 @@ impl SharePosterior {
             );
             let explanation = match self.explained_by() {
                 Some(tissue) => format!("The estimate is an average over tissues, of which {tissue} explains the light."),
-                None => format!("The {sought} share is not to be trusted."),
+                None => format!("The {analyte} share is not to be trusted."),
             };
             Warning::explained(statement, explanation)
         });
@@ -131,20 +131,20 @@ impl SharePosterior {
 
     /// The result in words, one line each.
     #[must_use]
-    pub fn lines(&self, sought: &SoughtFluorophore) -> Vec<String> {
+    pub fn lines(&self, analyte: &Analyte) -> Vec<String> {
         let of_first = match &self.frames[..] {
             [first, _, ..] => format!("; a share of the fluorescence electrons in frame \"{first}\""),
             _ => String::new(),
         };
         let mut lines = vec![format!(
             "{} share of the light: {}, for {} from {}{of_first}",
-            sought.capitalized(),
+            analyte.capitalized(),
             self.finding(),
             self.prior,
             self.frames_in_words()
         )];
         if !self.is_no_estimate() {
-            lines.push(self.line_of_none(sought));
+            lines.push(self.line_of_none(analyte));
         }
         lines.extend(self.doubt.as_ref().map(|doubt| format!("  {}", doubt.words())));
         if let Some(BlindDirection { name, correlation }) =
@@ -158,10 +158,10 @@ impl SharePosterior {
     }
 
     /// How probable it is that there is none, and what the prior does to the interval.
-    fn line_of_none(&self, sought: &SoughtFluorophore) -> String {
+    fn line_of_none(&self, analyte: &Analyte) -> String {
         let [wide_low, wide_high] = self.with_prior_twice_as_wide;
         format!(
-            "  no {sought}: {:.0} % probable ({:.0} % before the measurement); with a prior twice as wide {wide_low:.3} to \
+            "  no {analyte}: {:.0} % probable ({:.0} % before the measurement); with a prior twice as wide {wide_low:.3} to \
              {wide_high:.3}",
             100.0 * self.probability_of_none,
             100.0 * self.prior_probability_of_none

@@ -6,11 +6,11 @@ use thiserror::Error;
 use super::mixture_line::DETECTION_Z;
 use super::pixel_mean::mean_of_pixels;
 use super::{
-    ChannelNoise, ChannelStatistics, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD,
+    Analyte, ChannelNoise, ChannelStatistics, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD,
     ErrorBudget, ExclusionCounts, FluorophoreResponse, LineEstimate, MissingChannel, MixtureError,
     MixtureLine, PixelSelection, PorphyrinMap, PorphyrinTruth, RegionError, RegionOfInterest,
-    RegionStatistics, SceneOnSensor, SharePosterior, SignalSummary, SoughtFluorophore, SpotSeparation,
-    Statistics, TargetDetection,
+    RegionStatistics, SceneOnSensor, SharePosterior, SignalSummary, SpotSeparation, Statistics,
+    TargetDetection,
 };
 use crate::image::ChannelImage;
 use crate::warning::Warning;
@@ -43,7 +43,7 @@ pub struct MixtureModel {
     /// Name of the porphyrin.
     pub porphyrin: String,
     /// What texts call it.
-    pub sought: SoughtFluorophore,
+    pub analyte: Analyte,
     /// R, G, B of the light of the bulk and of the porphyrin as they reach the sensor from the region, by all ways, at any
     /// scale: they give the ends of the line their colors. `None`: the ends are those of flat samples under direct light.
     pub ends: Option<[[f64; 3]; 2]>,
@@ -61,7 +61,7 @@ impl MixtureModel {
         match self.ends {
             None => Ok(direct),
             Some([bulk, porphyrin]) => {
-                direct.with_colors(bulk, porphyrin).map_err(|error| error.of(&self.sought))
+                direct.with_colors(bulk, porphyrin).map_err(|error| error.of(&self.analyte))
             }
         }
     }
@@ -72,7 +72,7 @@ impl MixtureModel {
     /// As [`Self::line`].
     pub fn direct_line(&self) -> Result<MixtureLine, MixtureError> {
         MixtureLine::from_fluorophores(&self.responses, &self.bulk_weights, &self.porphyrin)
-            .map_err(|error| error.of(&self.sought))
+            .map_err(|error| error.of(&self.analyte))
     }
 }
 
@@ -141,8 +141,8 @@ pub struct Analysis {
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub gain_is_assumed: bool,
     /// What texts call the fluorophore whose share is estimated; results leave the porphyrin out.
-    #[serde(default, skip_serializing_if = "SoughtFluorophore::is_porphyrin")]
-    pub sought: SoughtFluorophore,
+    #[serde(default, alias = "sought", skip_serializing_if = "Analyte::is_porphyrin")]
+    pub analyte: Analyte,
     /// The region in words.
     pub region_description: String,
     /// The requested value.
@@ -231,17 +231,17 @@ impl Analysis {
             lines.push(format!(
                 "True {} share of the fluorescence electrons of the region in frame \"{}\": {:.4} ({low:.4} to {high:.4} with light \
                  that fluoresced twice)",
-                self.sought, self.frame, truth.share
+                self.analyte, self.frame, truth.share
             ));
         }
         if let Some(posterior) = &self.posterior {
-            lines.extend(posterior.lines(&self.sought));
+            lines.extend(posterior.lines(&self.analyte));
         }
         if let Some(RegionFraction { estimate: e, .. }) = self.mixture.as_ref().and_then(|m| m.region) {
             let [low, high] = e.position_interval();
             lines.push(format!(
                 "{} share on the mixture line: {:.4} ({low:.4} to {high:.4} by sensor noise alone)",
-                self.sought.capitalized(),
+                self.analyte.capitalized(),
                 e.position
             ));
             if let Some(budget) = &self.budget {
@@ -339,7 +339,7 @@ pub(crate) fn analyze_pixels(
     // Compute the statistics of the chromaticities
     let statistics = RegionStatistics::new(image, map, selection);
     let (mut warnings, mut of_line) = (exclusion_warnings(&statistics.counts), Vec::new());
-    let sought = model.map_or_else(SoughtFluorophore::default, |model| model.sought.clone());
+    let analyte = model.map_or_else(Analyte::default, |model| model.analyte.clone());
 
     // Predict the mixture line from the fluorophores
     let line = match model.map(MixtureModel::line) {
@@ -347,7 +347,7 @@ pub(crate) fn analyze_pixels(
         Some(Ok(line)) => Some(line),
         Some(Err(error @ MixtureError::UnknownFluorophore { .. })) => return Err(error.into()),
         Some(Err(error)) => {
-            warnings.push(format!("No {sought} share on a mixture line: {error}").into());
+            warnings.push(format!("No {analyte} share on a mixture line: {error}").into());
             None
         }
     };
@@ -362,10 +362,10 @@ pub(crate) fn analyze_pixels(
         let mean = mean_of_pixels(image, &lit, &settings.noise, reflected)?;
         let summary = summarize(line, &estimates, mean, statistics.ellipse.as_ref());
         warnings.extend(level_warnings(summary.region.as_ref(), image));
-        of_line.extend(line_warnings(summary.region.as_ref(), &sought));
+        of_line.extend(line_warnings(summary.region.as_ref(), &analyte));
         if summary.off_line * 20 > statistics.counts.valid {
             let statement = format!(
-                "{} of {} valid pixels lie off the bulk-{sought} line by more than noise explains",
+                "{} of {} valid pixels lie off the bulk-{analyte} line by more than noise explains",
                 summary.off_line, statistics.counts.valid
             );
             of_line.push(Warning::explained(
@@ -381,7 +381,7 @@ pub(crate) fn analyze_pixels(
         frame: image.label.clone(),
         exposure_s: None,
         gain_is_assumed: false,
-        sought,
+        analyte,
         region_description: settings.region.describe(),
         settings: settings.clone(),
         least_sum_dn: map.least_sum_dn,
@@ -449,13 +449,13 @@ fn level_warnings(region: Option<&RegionFraction>, image: &ChannelImage) -> Vec<
 }
 
 /// What makes the estimate of a region on the mixture line doubtful.
-fn line_warnings(region: Option<&RegionFraction>, sought: &SoughtFluorophore) -> Vec<Warning> {
+fn line_warnings(region: Option<&RegionFraction>, analyte: &Analyte) -> Vec<Warning> {
     let Some(RegionFraction { estimate, .. }) = region else { return Vec::new() };
     let mut warnings = Vec::new();
     let allowed = (3.0 * estimate.distance_standard_error).max(LINE_TOLERANCE);
     if estimate.distance.abs() > allowed {
         let statement = format!(
-            "The region lies {:.4} beside the bulk-{sought} line, {:.0} times what noise explains: the share on that line is biased",
+            "The region lies {:.4} beside the bulk-{analyte} line, {:.0} times what noise explains: the share on that line is biased",
             estimate.distance.abs(),
             estimate.distance.abs() / estimate.distance_standard_error
         );
@@ -464,7 +464,7 @@ fn line_warnings(region: Option<&RegionFraction>, sought: &SoughtFluorophore) ->
     }
     if estimate.position < 0.0 {
         let text = format!(
-            "The estimate lies below zero, at {:.4} (standard error {:.4}): the bulk is not as assumed, or there is no {sought}",
+            "The estimate lies below zero, at {:.4} (standard error {:.4}): the bulk is not as assumed, or there is no {analyte}",
             estimate.position, estimate.position_standard_error
         );
         warnings.push(text.into());
@@ -536,7 +536,7 @@ mod tests {
             ],
             bulk_weights: vec![("elastin".into(), 0.8), ("FAD".into(), 0.2)],
             porphyrin: "porphyrins".into(),
-            sought: SoughtFluorophore::default(),
+            analyte: Analyte::default(),
             ends: None,
         }
     }

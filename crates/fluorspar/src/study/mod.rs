@@ -29,7 +29,7 @@ pub use program::{
 pub use study_tissue::StudyTissue;
 pub use target::{Target, TargetPlace};
 
-use crate::analysis::SoughtFluorophore;
+use crate::analysis::Analyte;
 use crate::render::RenderSettings;
 use crate::scene::Scene;
 use crate::sensor::CaptureSequence;
@@ -97,13 +97,13 @@ impl Study {
 
     /// What texts call the fluorophore whose share an analysis of this study looks for; the porphyrin where it looks for none.
     #[must_use]
-    pub fn sought(&self, plan: &AnalysisPlan) -> SoughtFluorophore {
-        let Some(name) = &plan.porphyrin else { return SoughtFluorophore::default() };
+    pub fn analyte(&self, plan: &AnalysisPlan) -> Analyte {
+        let Some(name) = &plan.porphyrin else { return Analyte::default() };
         let known = self.scene.fluorophores.iter().chain(&plan.fluorophores);
         let titles: Vec<(&str, &str)> = known.map(|f| (f.name.as_str(), f.title.as_str())).collect();
         match titles.iter().find(|(known, _)| known == name) {
-            Some((_, title)) => SoughtFluorophore::new(name, title),
-            None => SoughtFluorophore::new(name, &name.replace('_', " ")),
+            Some((_, title)) => Analyte::new(name, title),
+            None => Analyte::new(name, &name.replace('_', " ")),
         }
     }
 

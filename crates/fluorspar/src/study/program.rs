@@ -6,7 +6,7 @@ use super::Target;
 use crate::analysis::{PixelMask, Polygon, Rectangle, RegionOfInterest};
 use crate::sensor::{CaptureFrame, Demosaicing, Spectroradiometer};
 use crate::spectral::{Curve, Fluorophore};
-use crate::tissue::{KeptSolutions, Site};
+use crate::tissue::{CachedSolutions, Site};
 
 /// A factor on all concentrations of a fluorophore. What holds everywhere is part of the scene, too, so that a new render shows it;
 /// what is painted holds for images of a finished render only.
@@ -241,7 +241,7 @@ pub struct TissuePrior {
     /// Probability beforehand that the tissue is of this site, above 0 to 1. Below 1 the sites of [`Self::COMPARED`] share the rest.
     pub site_probability: f64,
     /// Where solved tissues of the family are kept.
-    pub kept: KeptSolutions,
+    pub kept: CachedSolutions,
 }
 
 impl TissuePrior {

@@ -6,7 +6,7 @@
 //! | [`Site`], [`SiteParameter`], [`TissueState`] | tissues of the catalogue by name, as parameters that may be changed, and their states |
 //! | [`Population`], [`Variation`] | how a site varies among people and within a person, and tissues drawn from it |
 //! | [`EffectiveTissue`] | reflectance and fluorescence of a tissue as of a surface, by layer and fluorophore; depths |
-//! | [`KeptSolutions`], [`SolutionStore`] | solved tissues that are kept from one run to the next |
+//! | [`CachedSolutions`], [`SolutionStore`] | solved tissues that are kept from one run to the next |
 //! | [`OpticalLayer`], [`OpticalStack`] | plane layers at one wavelength, what solvers start from |
 //! | [`DiscreteOrdinates`], [`LightField`] | the deterministic solver, and the light that it finds |
 //! | [`fit`] | parameters of a tissue from measured spectra, with intervals; spectra under other lights |
@@ -19,6 +19,7 @@ pub mod monte_carlo;
 
 mod angular_quadrature;
 mod beam_source;
+mod cached_solutions;
 mod chromophore;
 mod depth_quadrature;
 mod discrete_ordinates;
@@ -28,7 +29,6 @@ mod effective_tissue;
 #[cfg(test)]
 mod effective_tissue_tests;
 mod fresnel_interface;
-mod kept_solutions;
 mod layer_modes;
 mod layered_tissue;
 mod light_field;
@@ -42,11 +42,11 @@ mod surroundings;
 mod tissue_error;
 mod tissue_state;
 
+pub use cached_solutions::{CachedSolutions, SolutionStore};
 pub use chromophore::{Blood, Chromophore};
 pub use discrete_ordinates::{DiscreteOrdinates, Incidence};
 pub use effective_tissue::{COMPRESSION_ERROR, DepthProfile, EffectiveTissue, LayerFluorophore, Level};
 pub use fresnel_interface::{diffuse_reflectance, fresnel_reflectance};
-pub use kept_solutions::{KeptSolutions, SolutionStore};
 pub use layered_tissue::{Below, LayeredTissue, TissueFluorophore, TissueLayer};
 pub use light_field::LightField;
 pub use optical_layer::{

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "these are tests")]
 
 use fluorspar::analysis::{
-    AnalysisSettings, ChannelNoise, FluorophoreResponse, MixtureModel, RegionOfInterest, SoughtFluorophore,
+    AnalysisSettings, Analyte, ChannelNoise, FluorophoreResponse, MixtureModel, RegionOfInterest,
     analyze_region,
 };
 use fluorspar::image::SensorImage;
@@ -41,7 +41,7 @@ fn mixture() -> (MixtureModel, [f64; 3]) {
         responses: vec![response("bulk", bulk), response("porphyrin", porphyrin)],
         bulk_weights: vec![("bulk".into(), 1.0)],
         porphyrin: "porphyrin".into(),
-        sought: SoughtFluorophore::default(),
+        analyte: Analyte::default(),
         ends: None,
     };
     (model, std::array::from_fn(|c| 40_000.0 * ((1.0 - TRUTH) * bulk[c] + TRUTH * porphyrin[c])))

@@ -5,7 +5,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use fluorspar::analysis::{
-    FamilyAverage, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup, SoughtFluorophore,
+    Analyte, FamilyAverage, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup,
 };
 use fluorspar::sampling::random::Key;
 use nalgebra::DMatrix;
@@ -202,11 +202,11 @@ fn the_average_over_one_and_the_same_family_is_that_family() {
         (named.posterior(&electrons, &variance).unwrap(), average.posterior(&electrons, &variance).unwrap());
     assert_eq!(alone.doubt, None);
     let doubt = found.doubt.as_ref().unwrap();
-    let sought = SoughtFluorophore::default();
+    let analyte = Analyte::default();
     assert!(
         (doubt.bayes_factor - 1.0).abs() < 1e-12
             && !doubt.is_strong
-            && found.warnings(&sought) == alone.warnings(&sought)
+            && found.warnings(&analyte) == alone.warnings(&analyte)
     );
     for (evidence, probability) in doubt.tissues.iter().zip([0.8, 0.1, 0.1]) {
         assert!((evidence.probability - probability).abs() < 1e-12, "{doubt:?}");
@@ -230,8 +230,7 @@ fn other_tissue_is_named_in_words() {
     let others = [other];
     let average = FamilyAverage { named: &named, others: &others, probability_of_named: 0.9 };
     let found = average.posterior(&electrons, &variance).unwrap();
-    let said: Vec<String> =
-        found.warnings(&SoughtFluorophore::default()).iter().map(ToString::to_string).collect();
+    let said: Vec<String> = found.warnings(&Analyte::default()).iter().map(ToString::to_string).collect();
     let said = said.join(" ");
     assert!(
         said.contains("not those of a test") && said.contains("another test explains its light"),

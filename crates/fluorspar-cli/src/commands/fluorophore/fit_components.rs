@@ -5,7 +5,7 @@ use fluorspar::names::did_you_mean;
 use fluorspar::pipeline::{TISSUE_BLOOD, TissueView, tissue_mixture};
 use fluorspar::spectral::{Curve, Fluorophore, oxyhemoglobin_extinction};
 use fluorspar::tissue::fit::Viewing;
-use fluorspar::tissue::{KeptSolutions, Site};
+use fluorspar::tissue::{CachedSolutions, Site};
 use fluorspar_format::{NamedCurve, Negative, SpectrumOptions, read_spectra};
 
 use super::fit::Options;
@@ -164,7 +164,7 @@ impl<'a> Components<'a> {
         let viewing = Viewing::new(light, self.filter.clone())?;
         let view =
             TissueView { viewing: &viewing, irradiance_w_per_m2: *irradiance_w_per_m2, wavelengths_nm: nm };
-        let (components, blood) = tissue_mixture(site, &tissue::find, view, &KeptSolutions::default())?;
+        let (components, blood) = tissue_mixture(site, &tissue::find, view, &CachedSolutions::default())?;
         let known: Vec<&str> = components.iter().map(|component| component.name.as_str()).collect();
         if let Some(unknown) = names.iter().find(|name| !known.contains(&name.as_str())) {
             let hint = did_you_mean(unknown, known.iter().copied());

@@ -8,7 +8,7 @@ use clap::ValueHint;
 use fluorspar::spectral::{Reflectance, StandardObserver, linear_srgb};
 use fluorspar::tissue::diffuse_reflectance;
 use fluorspar_anatomy::{Mouth, MouthParameters};
-use fluorspar_experiment::kept_mouth;
+use fluorspar_experiment::cached_mouth;
 use fluorspar_format::{
     NamedMesh, Output, OutputFolder, OutputSet, Outputs, write_gltf, write_obj, write_pbrt, write_ply,
 };
@@ -125,7 +125,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let targets: Vec<OutputKind> = options.out.iter().map(|path| target(path)).collect::<Result<_, _>>()?;
     let parameters = options.person.parameters(options.pose.as_deref())?;
     let files = Files::declare(&options.out, &targets)?;
-    let mouth = kept_mouth(&parameters).map_err(|error| CliError::Input(format!("mouth: {error}")))?;
+    let mouth = cached_mouth(&parameters).map_err(|error| CliError::Input(format!("mouth: {error}")))?;
     let names: Vec<String> = mouth.parts.iter().map(|part| part.tissue.name().to_owned()).collect();
     let colors = if options.out.is_empty() { BTreeMap::new() } else { tissue_colors()? };
     let meshes: Vec<NamedMesh<'_>> = mouth

@@ -25,7 +25,7 @@ pub struct Calibration {
 
 /// Exposure of the frames of a flat field, s.
 const FLAT_EXPOSURE_S: f64 = 0.03;
-/// Electrons per second of the brightest pixel before the level is sought: every well fills within an hour.
+/// Electrons per second of the brightest pixel before the level is analyte: every well fills within an hour.
 const FLAT_RATE: f64 = 1e7;
 /// Columns of the image of even light: its shading is smooth.
 const FLAT_COLUMNS: usize = 96;

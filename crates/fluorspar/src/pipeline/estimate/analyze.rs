@@ -9,10 +9,9 @@ use super::spot_separations::compared_spots;
 use super::targets::{TargetLabels, measured_targets, noise_of};
 use super::tissue_estimate::FamiliesOfFrames;
 use crate::analysis::{
-    Analysis, AnalysisError, AnalysisSettings, BudgetInput, ChannelNoise, ChromaticityMap, ErrorBudget,
-    FluorophoreResponse, MixtureModel, PixelAnalysis, PixelSelection, PixelValidity, PorphyrinMap,
-    RegionError, RegionFraction, RegionLight, SoughtFluorophore, analyze_pixels, channel_response,
-    rgb_channels,
+    Analysis, AnalysisError, AnalysisSettings, Analyte, BudgetInput, ChannelNoise, ChromaticityMap,
+    ErrorBudget, FluorophoreResponse, MixtureModel, PixelAnalysis, PixelSelection, PixelValidity,
+    PorphyrinMap, RegionError, RegionFraction, RegionLight, analyze_pixels, channel_response, rgb_channels,
 };
 use crate::image::{ChannelImage, ComponentFactors, ComponentImage};
 use crate::pipeline::PipelineError;
@@ -160,9 +159,9 @@ fn analyzed(
         let mut found =
             analyze_pixels(image, &chromaticity, &region, model.as_ref(), None, &analysis_settings)?;
         let analysis = &mut found.analysis;
-        let sought = study.sought(settings);
-        analysis.truth = emitted.as_ref().and_then(|light| light.truth(&sought));
-        analysis.sought = sought;
+        let analyte = study.analyte(settings);
+        analysis.truth = emitted.as_ref().and_then(|light| light.truth(&analyte));
+        analysis.analyte = analyte;
         if let (Some(model), Some(emitted)) = (&model, &emitted) {
             analysis.budget = budget(analysis, model, emitted, image, &chromaticity, &region, noise);
         }
@@ -182,7 +181,7 @@ fn analyzed(
     }
     let estimate = families?.and_then(|families| families.estimate(frames, noise, &is_lit, &region));
     if let Some(estimate) = &estimate {
-        analysis.warnings.extend(estimate.warnings(&analysis.sought));
+        analysis.warnings.extend(estimate.warnings(&analysis.analyte));
     } else if analysis.mixture.is_some() {
         analysis.warnings.extend(of_line);
         analysis.warnings.extend(what_the_line_assumes(study, settings));
@@ -198,18 +197,18 @@ fn analyzed(
 }
 
 /// What an estimate on the mixture line alone leaves out where the region is tissue, or may stand for it.
-fn no_blood(sought: &SoughtFluorophore) -> Warning {
+fn no_blood(analyte: &Analyte) -> Warning {
     let explanation = format!(
-        "Blood moves the color of real tissue along the very line on which {sought} is measured; give analysis.tissue the site of the \
+        "Blood moves the color of real tissue along the very line on which {analyte} is measured; give analysis.tissue the site of the \
          tissue for an estimate that knows."
     );
     Warning::explained("The bulk is taken without blood, as that of a phantom is", explanation)
 }
 
 /// The same where the bulk is layered tissue of the scene.
-fn one_tissue(sought: &SoughtFluorophore) -> Warning {
+fn one_tissue(analyte: &Analyte) -> Warning {
     let explanation = format!(
-        "Other blood moves the color along the very line on which {sought} is measured; give analysis.tissue a site of the catalogue for \
+        "Other blood moves the color along the very line on which {analyte} is measured; give analysis.tissue a site of the catalogue for \
          an estimate that knows."
     );
     Warning::explained("The bulk is the tissue of the scene, as if its blood were known", explanation)
@@ -218,21 +217,21 @@ fn one_tissue(sought: &SoughtFluorophore) -> Warning {
 /// The warning about an estimate on the mixture line alone; none where the bulk holds nothing that fluoresces in tissue, as dyes of a
 /// phantom do.
 fn what_the_line_assumes(study: &Study, settings: &AnalysisPlan) -> Option<Warning> {
-    let sought = study.sought(settings);
-    // Blood lies on the line of the porphyrin; what is sought in a leaf or a dish has none in front of it
-    if !sought.is_porphyrin() {
+    let analyte = study.analyte(settings);
+    // Blood lies on the line of the porphyrin; the analyte in a leaf or a dish has none in front of it
+    if !analyte.is_porphyrin() {
         return None;
     }
     let held = |part: &String| study.tissues.iter().any(|tissue| tissue.parts.contains(part));
     if settings.parts.iter().any(held) {
-        return Some(one_tissue(&sought));
+        return Some(one_tissue(&analyte));
     }
     let of_tissue = |name: &str| {
         ["dorsal_tongue", "tooth"]
             .iter()
             .any(|site| Site::named(site).is_ok_and(|site| site.fluorophores().contains(&name)))
     };
-    settings.bulk.iter().any(|(name, amount)| *amount > 0.0 && of_tissue(name)).then(|| no_blood(&sought))
+    settings.bulk.iter().any(|(name, amount)| *amount > 0.0 && of_tissue(name)).then(|| no_blood(&analyte))
 }
 
 /// Colors of the ends of the line as the light of the region has them at the sensor. A porphyrin that is not there has the color of
@@ -340,6 +339,6 @@ fn mixture_model(
             Some(FluorophoreResponse { name: fluorophore.name.clone(), rgb_per_amount })
         })
         .collect();
-    let sought = study.sought(settings);
-    Some(MixtureModel { responses, bulk_weights: settings.bulk.clone(), porphyrin, sought, ends: None })
+    let analyte = study.analyte(settings);
+    Some(MixtureModel { responses, bulk_weights: settings.bulk.clone(), porphyrin, analyte, ends: None })
 }

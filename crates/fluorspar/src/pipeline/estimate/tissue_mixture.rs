@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::analysis::{BloodBefore, MixtureComponent};
 use crate::spectral::Fluorophore;
 use crate::tissue::fit::Viewing;
-use crate::tissue::{DiscreteOrdinates, KeptSolutions, Site, TissueError};
+use crate::tissue::{CachedSolutions, DiscreteOrdinates, Site, TissueError};
 
 /// The parameter whose blood lies before most of what fluoresces.
 pub const TISSUE_BLOOD: &str = "superficial_blood_fraction";
@@ -40,7 +40,7 @@ pub fn tissue_mixture(
     site: &Site,
     find: &dyn Fn(&str) -> Option<Arc<Fluorophore>>,
     view: TissueView<'_>,
-    kept: &KeptSolutions,
+    kept: &CachedSolutions,
 ) -> Result<(Vec<MixtureComponent>, BloodBefore), TissueError> {
     let typical = site.get(TISSUE_BLOOD)?;
     let range = site.parameters().find(|(parameter, _)| parameter.name == TISSUE_BLOOD);
@@ -123,7 +123,7 @@ mod tests {
         let nm: Vec<f64> = (0..41).map(|i| 500.0 + 5.0 * f64::from(i)).collect();
         let site = Site::named("lip").unwrap();
         let view = TissueView { viewing: &viewing, irradiance_w_per_m2: 10.0, wavelengths_nm: &nm };
-        let (components, blood) = tissue_mixture(&site, &find, view, &KeptSolutions::default()).unwrap();
+        let (components, blood) = tissue_mixture(&site, &find, view, &CachedSolutions::default()).unwrap();
         let mut other = site.clone();
         other.set(TISSUE_BLOOD, 2.0 * site.get(TISSUE_BLOOD).unwrap()).unwrap();
         let solved_nm: Vec<f64> = (0..=72).map(|i| 350.0 + 5.0 * f64::from(i)).collect();

@@ -12,9 +12,9 @@ const PORPHYRIN: &str = "porphyrin";
 /// It displays as that word; [`Self::default`] is the porphyrin.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct SoughtFluorophore(String);
+pub struct Analyte(String);
 
-impl SoughtFluorophore {
+impl Analyte {
     /// The fluorophore of a name, with its title.
     #[must_use]
     pub fn new(name: &str, title: &str) -> Self {
@@ -41,13 +41,13 @@ impl SoughtFluorophore {
     }
 }
 
-impl Default for SoughtFluorophore {
+impl Default for Analyte {
     fn default() -> Self {
         Self(PORPHYRIN.into())
     }
 }
 
-impl fmt::Display for SoughtFluorophore {
+impl fmt::Display for Analyte {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0)
     }
@@ -59,9 +59,9 @@ mod tests {
 
     #[test]
     fn every_porphyrin_has_one_word_and_others_their_titles() {
-        let word = |name: &str, title: &str| SoughtFluorophore::new(name, title).to_string();
+        let word = |name: &str, title: &str| Analyte::new(name, title).to_string();
         assert_eq!(word("protoporphyrin_ix", "Protoporphyrin IX"), "porphyrin");
         assert_eq!(word("fad", "FAD"), "FAD");
-        assert_eq!(SoughtFluorophore::new("x", "éosine").capitalized(), "Éosine");
+        assert_eq!(Analyte::new("x", "éosine").capitalized(), "Éosine");
     }
 }

@@ -5,7 +5,7 @@ use std::thread::{self, JoinHandle};
 
 use fluorspar::material::{ScalarTexture, TissueSurface};
 use fluorspar::spectral::Fluorophore;
-use fluorspar::tissue::{KeptSolutions, SolutionStore};
+use fluorspar::tissue::{CachedSolutions, SolutionStore};
 use fluorspar_anatomy::{
     BakedMap, Mouth, MouthParameters, ParameterError, SurfaceMap, Tissue, generate_mouth, shared_mouth,
     shared_surface_map,
@@ -29,7 +29,7 @@ pub fn cache() -> Option<&'static Cache> {
 ///
 /// # Errors
 /// Those of [`generate_mouth`].
-pub fn kept_mouth(parameters: &MouthParameters) -> Result<Arc<Mouth>, ParameterError> {
+pub fn cached_mouth(parameters: &MouthParameters) -> Result<Arc<Mouth>, ParameterError> {
     shared_mouth(parameters, |key| {
         let kept = cache().and_then(|cache| Mouth::from_bytes(&cache.get("mouth", key.as_bytes())?));
         if let Some(mouth) = kept {
@@ -44,7 +44,7 @@ pub fn kept_mouth(parameters: &MouthParameters) -> Result<Arc<Mouth>, ParameterE
 }
 
 /// Where solutions of light transport are kept: the cache.
-pub(crate) fn kept_solutions() -> KeptSolutions {
+pub(crate) fn cached_solutions() -> CachedSolutions {
     struct InCache;
     impl SolutionStore for InCache {
         fn get(&self, key: &[u8]) -> Option<Vec<u8>> {
@@ -57,10 +57,10 @@ pub(crate) fn kept_solutions() -> KeptSolutions {
             }
         }
     }
-    KeptSolutions::new(Arc::new(InCache))
+    CachedSolutions::new(Arc::new(InCache))
 }
 
-/// Reads a mouth from the cache, if it is there, while its caller does something else: [`kept_mouth`] finds it after this thread has
+/// Reads a mouth from the cache, if it is there, while its caller does something else: [`cached_mouth`] finds it after this thread has
 /// been joined.
 pub(crate) fn fetch_mouth(parameters: &MouthParameters) -> JoinHandle<()> {
     let parameters = parameters.clone();
@@ -82,7 +82,7 @@ const MOST_TISSUES: usize = 48;
 ///
 /// # Errors
 /// Those of `make`.
-pub(crate) fn kept_tissue<E>(
+pub(crate) fn cached_tissue<E>(
     key: &str,
     parameters: Vec<(String, ScalarTexture)>,
     find: &dyn Fn(&str) -> Option<Arc<Fluorophore>>,
@@ -122,7 +122,7 @@ fn keep(key: &str, surface: &TissueSurface) {
 }
 
 /// [`shared_surface_map`], from this process or from the cache.
-pub(crate) fn kept_surface_map(
+pub(crate) fn cached_surface_map(
     map: SurfaceMap,
     tissue: Tissue,
     parameters: &MouthParameters,

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::analyzed_region::as_analysis;
 use super::capture::{OfSurfaces, plan};
-use crate::kept::{cache, kept_solutions};
+use crate::cache::{cache, cached_solutions};
 use crate::preset::has_user_catalogue;
 use crate::read::Experiment;
 use crate::schema::{AnalysisSection, ExperimentFile, RenderSection};
@@ -25,7 +25,7 @@ const KIND: &str = "analysis";
 
 /// The analysis of an experiment with its regions, and as much of its scene as that looks at.
 #[derive(Clone, Debug, PartialEq)]
-pub struct KeptAnalysis {
+pub struct CachedAnalysis {
     plan: AnalysisPlan,
     regions: Vec<RegionPlan>,
     names: Names,
@@ -139,7 +139,7 @@ impl AnalysisNames {
                     library_error: section.library_error,
                     surroundings: file.mouth.is_some(),
                     site_probability: section.tissue_probability,
-                    kept: kept_solutions(),
+                    kept: cached_solutions(),
                 })
             }
         };
@@ -184,7 +184,7 @@ pub(crate) fn keep_analysis(file: &ExperimentFile, all: &[OfSurfaces], scene: &S
 }
 
 /// The analysis of an experiment with its regions, where one was kept whose surfaces are the same.
-pub fn kept_analysis(experiment: &Experiment) -> Option<KeptAnalysis> {
+pub fn cached_analysis(experiment: &Experiment) -> Option<CachedAnalysis> {
     let file = &experiment.file;
     let section = file.analysis.as_ref()?;
     if has_user_catalogue() {
@@ -209,10 +209,10 @@ pub fn kept_analysis(experiment: &Experiment) -> Option<KeptAnalysis> {
     let is_whole = names.of_scene <= main.fluorophores.len()
         && names.parts.iter().all(|(_, material)| *material < names.materials.len())
         && names.materials.iter().flatten().all(|number| *number < names.of_scene);
-    is_whole.then_some(KeptAnalysis { plan: main, regions, names })
+    is_whole.then_some(CachedAnalysis { plan: main, regions, names })
 }
 
-impl KeptAnalysis {
+impl CachedAnalysis {
     /// The analysis, then those of its regions.
     pub fn plans(&self) -> impl Iterator<Item = &AnalysisPlan> {
         std::iter::once(&self.plan).chain(self.regions.iter().map(|region| &region.analysis))

@@ -17,9 +17,9 @@ pub trait SolutionStore: Send + Sync {
 
 /// Where solutions are kept, if anywhere. It changes no result, so that any two are equal.
 #[derive(Clone, Default)]
-pub struct KeptSolutions(Option<Arc<dyn SolutionStore>>);
+pub struct CachedSolutions(Option<Arc<dyn SolutionStore>>);
 
-impl KeptSolutions {
+impl CachedSolutions {
     /// Those in a store.
     #[must_use]
     pub fn new(store: Arc<dyn SolutionStore>) -> Self {
@@ -49,13 +49,13 @@ impl KeptSolutions {
     }
 }
 
-impl fmt::Debug for KeptSolutions {
+impl fmt::Debug for CachedSolutions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(if self.0.is_some() { "KeptSolutions(in a store)" } else { "KeptSolutions(nowhere)" })
+        f.write_str(if self.0.is_some() { "CachedSolutions(in a store)" } else { "CachedSolutions(nowhere)" })
     }
 }
 
-impl PartialEq for KeptSolutions {
+impl PartialEq for CachedSolutions {
     fn eq(&self, _: &Self) -> bool {
         true
     }
@@ -153,9 +153,9 @@ mod tests {
     #[test]
     fn what_is_kept_is_what_was_solved_to_the_bit_and_of_these_tissues_alone() {
         let memory = Arc::new(Memory::default());
-        let kept = KeptSolutions::new(memory.clone());
+        let kept = CachedSolutions::new(memory.clone());
         let nm = [450.0, 500.0, 600.0];
-        let curves = |kept: &KeptSolutions, tissues: &[LayeredTissue]| {
+        let curves = |kept: &CachedSolutions, tissues: &[LayeredTissue]| {
             let solved = kept.solve(tissues, &nm, DiscreteOrdinates::DIFFUSE).unwrap();
             solved.iter().map(|tissue| tissue.reflectance(Level::AboveSurface)).collect::<Vec<_>>()
         };
@@ -163,7 +163,7 @@ mod tests {
         assert_eq!(memory.found.load(Ordering::Relaxed), 0);
         assert_eq!(curves(&kept, &tissues(0.05)), first);
         assert_eq!(memory.found.load(Ordering::Relaxed), 1);
-        assert_eq!(curves(&KeptSolutions::default(), &tissues(0.05)), first);
+        assert_eq!(curves(&CachedSolutions::default(), &tissues(0.05)), first);
         // Other blood is another tissue.
         assert_ne!(curves(&kept, &tissues(0.051)), first);
         assert_eq!(memory.found.load(Ordering::Relaxed), 1);
