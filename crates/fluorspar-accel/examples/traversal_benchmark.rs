@@ -11,7 +11,7 @@
 //! Python package `embreex` brings one), Embree traces ray by ray and in packets of sixteen (`rtcIntersect16`,
 //! `rtcOccluded16`) that are declared coherent or incoherent. Embree 4 has no ray streams. Every contender starts from
 //! the same slice of rays: filling batches and packets is part of the time. The last tables are rows of
-//! docs/performance-parts.md: our rates over those of Embree with its robust flag, each the median of the ratios of
+//! docs/performance.md: our rates over those of Embree with its robust flag, each the median of the ratios of
 //! neighboring runs with its standard error, 1.25 standard deviations (from the median absolute deviation) over the
 //! square root of the number of repetitions.
 
@@ -214,7 +214,7 @@ fn embree_contenders(library: &str, mesh: &Mesh) -> Result<Vec<Contender>, Box<d
 
 type Rates = [Vec<f64>; 5];
 
-/// Rows of docs/performance-parts.md: our rates over those of one kind of query of Embree with its robust flag.
+/// Rows of docs/performance.md: our rates over those of one kind of query of Embree with its robust flag.
 fn print_ratios(contenders: &[Contender], rates: &[Rates], names: [&str; 5], wanted: Query) {
     let is_peer =
         |c: &Contender| matches!(c, Contender::Embree { robust: true, query, .. } if *query == wanted);
