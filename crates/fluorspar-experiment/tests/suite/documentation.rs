@@ -1,11 +1,11 @@
-//! The examples of README.md and of the documents: the Rust code compiles, the TOML files are valid.
+//! The examples of ARCHITECTURE.md and of the documents: the Rust code compiles, the TOML files are valid.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use fluorspar_experiment::{parse, parse_design, parse_sample};
 
-/// The Rust example of README.md, word for word.
+/// The Rust example of ARCHITECTURE.md, word for word.
 #[allow(clippy::print_stdout, reason = "the example prints its result")]
 mod readme_example {
     include!("readme_example.rs");
@@ -37,13 +37,13 @@ fn blocks(text: &str, language: &str) -> Vec<(usize, String)> {
 }
 
 #[test]
-fn the_rust_example_of_the_readme_is_compiled() {
-    let readme = fs::read_to_string(repository().join("README.md")).unwrap();
-    let examples = blocks(&readme, "rust");
+fn the_rust_example_of_the_architecture_page_is_compiled() {
+    let page = fs::read_to_string(repository().join("ARCHITECTURE.md")).unwrap();
+    let examples = blocks(&page, "rust");
     assert_eq!(examples.len(), 1, "one Rust block; compile further ones here, too");
     assert!(
         examples[0].1 == include_str!("readme_example.rs"),
-        "README.md and readme_example.rs differ: copy the block to the file"
+        "ARCHITECTURE.md and readme_example.rs differ: copy the block to the file"
     );
     let _ = readme_example::MAIN;
 }
