@@ -22,32 +22,22 @@
 //! knows of this crate.
 
 mod cache;
+mod change;
 mod design;
 mod document;
 mod error;
 mod file_text;
-mod fit;
-mod format_version;
-mod layers_file;
-mod merge;
+mod part_file;
 mod read;
 mod resolve;
-mod sample;
-mod scene_change;
-mod scene_edit;
-mod scene_parts;
-mod scene_path;
-mod scene_script;
-mod scene_tree;
-mod sensor_file;
+mod scene;
 mod setting_difference;
-mod shape;
-mod tissue_file;
 
 pub mod preset;
 pub mod schema;
 
 pub use cache::{cache, cached_mouth, use_cache};
+pub use change::scene_change::SceneChange;
 pub use design::{
     CohortSection, ComparedDesign, ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile,
     DesignRegion, DesignRender, DesignRenders, ExcitationSection, ExposuresSection, FilterChoiceSection,
@@ -59,9 +49,15 @@ pub use design::{
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use file_text::file_text;
 pub use fluorspar::warning::Warning;
-pub use layers_file::{
+pub use part_file::layers::{
     LayerEmissionSection, LayerSection, LayersFile, ResolvedEmission, ResolvedLayers, parse_layers,
 };
+pub use part_file::sample::{
+    MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,
+    SampleMaterial, SampleSurface, SampleTissue, is_experiment, is_sample, parse_sample,
+};
+pub use part_file::sensor::{ResolvedSensor, SensorFile, parse_sensor};
+pub use part_file::tissue::{TissueFile, parse_tissue};
 pub use read::{Experiment, parse, parse_changed};
 pub use resolve::cached_analysis::{CachedAnalysis, cached_analysis};
 pub use resolve::named_tissue::NamedTissue;
@@ -69,17 +65,10 @@ pub use resolve::{
     CapturesOfRender, FileRecord, InputFile, ResolvedExperiment, check_settings, resolve, resolve_captures,
     resolve_rendered, resolve_shapes, resolve_unlit, show_the_same_scene, with_sampling_of,
 };
-pub use sample::{
-    MeasuredLight, ResolvedSample, SampleCompatibility, SampleExposure, SampleFile, SampleLight,
-    SampleMaterial, SampleSurface, SampleTissue, is_experiment, is_sample, parse_sample,
-};
-pub use scene_change::SceneChange;
-pub use scene_edit::edit_experiment;
-pub use scene_script::{parse_script, script_text};
-pub use scene_tree::{SceneNode, SceneValue, scene_nodes, scene_values};
-pub use sensor_file::{ResolvedSensor, SensorFile, parse_sensor};
+pub use scene::edit::edit_experiment;
+pub use scene::script::{parse_script, script_text};
+pub use scene::tree::{SceneNode, SceneValue, scene_nodes, scene_values};
 pub use setting_difference::{SettingDifference, setting_differences};
-pub use tissue_file::{TissueFile, parse_tissue};
 
 /// JSON schema of an experiment file, with units, ranges and defaults as descriptions.
 pub fn json_schema() -> serde_json::Value {

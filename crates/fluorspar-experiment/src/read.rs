@@ -7,14 +7,14 @@ use std::sync::OnceLock;
 use serde::de::DeserializeOwned;
 use serde_path_to_error::Segment;
 
-use super::document::{Content, Document, MAX_TEXT_BYTES, Node, TextSource, read_tree};
 use super::error::{ExperimentError, Step, steps};
-use super::fit::{check, complete};
-use super::format_version::check_format;
-use super::merge::merge;
-use super::scene_change::{Edit, SceneChange, apply_change, apply_unset};
 use super::schema::ExperimentFile;
-use super::shape::Schema;
+use crate::change::scene_change::{Edit, SceneChange, apply_change, apply_unset};
+use crate::document::fit::{check, complete};
+use crate::document::format_version::check_format;
+use crate::document::merge::merge;
+use crate::document::shape::Schema;
+use crate::document::tree::{Content, Document, MAX_TEXT_BYTES, Node, TextSource, read_tree};
 use crate::preset;
 use fluorspar_format::read_text_bounded;
 

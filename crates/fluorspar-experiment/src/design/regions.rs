@@ -11,12 +11,12 @@ use fluorspar::tissue::{Population, Site, TissueState};
 
 use super::schema::{CohortSection, DesignFile, RegionSection};
 use crate::error::{Message, Place, steps};
+use crate::part_file::sample::{SampleMaterial, SampleSurface, SampleTissue};
 use crate::resolve::context::{Context, Resolved};
 use crate::resolve::fluorophore::Fluorophores;
 use crate::resolve::named_tissue::NamedTissue;
 use crate::resolve::spectrum::Role;
 use crate::resolve::tissue::{FlatTissue, Layers, check_sections, flat_layers, named_tissue};
-use crate::sample::{SampleMaterial, SampleSurface, SampleTissue};
 
 /// Name of all fluorophores together that have no weight of their own.
 pub(super) const BULK: &str = "bulk";

@@ -21,14 +21,14 @@ use super::schema::{
     LedSeriesSection, SearchSection, SensorChoiceSection, SensorSource, SplitChoice, SplitRule,
     TolerancesSection,
 };
+use crate::document::shape::Schema;
 use crate::error::{ExperimentError, Message, Place, steps};
+use crate::part_file::sensor::parse_sensor;
 use crate::read::{read_document, typed};
 use crate::resolve::context::{Context, Resolved, STRENGTH};
 use crate::resolve::spectrum::Role;
 use crate::resolve::{FileRecord, device, fluorophore};
 use crate::schema::SpectrumReference;
-use crate::sensor_file::parse_sensor;
-use crate::shape::Schema;
 use fluorspar_format::read_text_bounded;
 
 /// Largest sensor file, bytes.

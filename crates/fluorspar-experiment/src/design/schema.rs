@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::sample::SampleMaterial;
+use crate::part_file::sample::SampleMaterial;
 use crate::schema::{
     FilePath, FluorophoreSection, FormatVersion, SpectralSection, SpectrumReference, TissueSection,
 };

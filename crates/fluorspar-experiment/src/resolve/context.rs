@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use super::record::InputFile;
-use crate::document::Document;
+use crate::document::tree::Document;
 use crate::error::{ExperimentError, Message, PathsFrom, Place, Step};
 use crate::schema::{ExposureTime, FilePath};
 use fluorspar::digest::sha256_hex;

@@ -6,11 +6,11 @@ use std::sync::OnceLock;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{ExperimentError, Place, steps};
-use super::read::{read_document, typed};
-use super::resolve::context::{Context, Resolved};
-use super::schema::FormatVersion;
-use super::shape::Schema;
+use crate::document::shape::Schema;
+use crate::error::{ExperimentError, Place, steps};
+use crate::read::{read_document, typed};
+use crate::resolve::context::{Context, Resolved};
+use crate::schema::FormatVersion;
 use fluorspar::tissue::{
     ANISOTROPY, COEFFICIENT_PER_MM, OpticalLayer, OpticalStack, REFRACTIVE_INDEX, THICKNESS_MM,
 };

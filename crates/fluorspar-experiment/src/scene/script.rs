@@ -6,11 +6,11 @@ use std::sync::OnceLock;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::ExperimentError;
-use super::read::{read_document, typed};
-use super::scene_change::SceneChange;
-use super::schema::FormatVersion;
-use super::shape::Schema;
+use crate::change::scene_change::SceneChange;
+use crate::document::shape::Schema;
+use crate::error::ExperimentError;
+use crate::read::{read_document, typed};
+use crate::schema::FormatVersion;
 use fluorspar_format::{WRITTEN_BY, read_toml};
 
 /// A script: changes in their order.

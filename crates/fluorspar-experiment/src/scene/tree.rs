@@ -2,12 +2,12 @@
 
 use serde::Serialize;
 
-use super::Experiment;
-use super::document::{Content, Node, Origin, TextSource};
-use super::error::{ExperimentError, Step, step_text};
-use super::read::experiment_schema;
-use super::scene_parts::{ScenePart, named_parts, scene_parts};
-use super::scene_path::{Finder, Pattern, ScenePath};
+use crate::Experiment;
+use crate::change::scene_parts::{ScenePart, named_parts, scene_parts};
+use crate::change::scene_path::{Finder, Pattern, ScenePath};
+use crate::document::tree::{Content, Node, Origin, TextSource};
+use crate::error::{ExperimentError, Step, step_text};
+use crate::read::experiment_schema;
 
 /// Longest summary of a node, characters.
 const LONGEST_SUMMARY: usize = 90;

@@ -5,17 +5,17 @@
 
 use fluorspar::quote::excerpt;
 
-use super::document::{Content, Node, TextSource};
-use super::error::{ExperimentError, Message, Step};
-use super::shape::{Mark, Schema, Shape, Table};
+use crate::document::shape::{Mark, Schema, Shape, Table};
+use crate::document::tree::{Content, Node, TextSource};
+use crate::error::{ExperimentError, Message, Step};
 
 /// Most things that a path may name.
 const MOST_TARGETS: usize = 100_000;
 
 /// A step of a path as it is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Pattern {
-    pub(super) text: String,
+pub(crate) struct Pattern {
+    pub(crate) text: String,
     is_quoted: bool,
 }
 
@@ -24,20 +24,20 @@ const MOST_STEPS: usize = 64;
 
 /// A path as it is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct ScenePath {
+pub(crate) struct ScenePath {
     /// The parts before the slash, where there is one.
-    pub(super) part: Option<Pattern>,
-    pub(super) steps: Vec<Pattern>,
+    pub(crate) part: Option<Pattern>,
+    pub(crate) steps: Vec<Pattern>,
 }
 
 impl Pattern {
     /// Whether it stands for several names.
-    pub(super) fn is_wild(&self) -> bool {
+    pub(crate) fn is_wild(&self) -> bool {
         !self.is_quoted && self.text.contains(['*', '?'])
     }
 
     /// Whether a name is one of those that it stands for.
-    pub(super) fn matches(&self, name: &str) -> bool {
+    pub(crate) fn matches(&self, name: &str) -> bool {
         if self.is_wild() { matches(&self.text, name) } else { self.text == name }
     }
 }
@@ -67,7 +67,7 @@ fn matches(pattern: &str, name: &str) -> bool {
 
 impl ScenePath {
     /// Reads a path, and finds the place of its `=`, if there is one.
-    pub(super) fn read(text: &str, source: &TextSource) -> Result<(Self, Option<usize>), ExperimentError> {
+    pub(crate) fn read(text: &str, source: &TextSource) -> Result<(Self, Option<usize>), ExperimentError> {
         let mut reader = Steps::default();
         let mut equals = None;
         let mut is_quoted = false;
@@ -126,7 +126,7 @@ impl Pattern {
     }
 
     /// A name without wildcards.
-    pub(super) fn plain(name: &str) -> Self {
+    pub(crate) fn plain(name: &str) -> Self {
         Self { text: name.into(), is_quoted: true }
     }
 }
@@ -159,16 +159,16 @@ impl Steps {
 }
 
 /// Finds what a path names in a tree.
-pub(super) struct Finder<'a> {
-    pub(super) schema: &'a Schema,
-    pub(super) source: &'a TextSource,
+pub(crate) struct Finder<'a> {
+    pub(crate) schema: &'a Schema,
+    pub(crate) source: &'a TextSource,
     found: Vec<Vec<Step>>,
     /// First thing that was passed over below a wildcard.
     passed: Option<ExperimentError>,
 }
 
 impl<'a> Finder<'a> {
-    pub(super) fn new(schema: &'a Schema, source: &'a TextSource) -> Self {
+    pub(crate) fn new(schema: &'a Schema, source: &'a TextSource) -> Self {
         Self { schema, source, found: Vec::new(), passed: None }
     }
 
@@ -177,7 +177,7 @@ impl<'a> Finder<'a> {
     ///
     /// # Errors
     /// Names that are not there, wildcards that nothing matches.
-    pub(super) fn find(mut self, root: &Node, steps: &[Pattern]) -> Result<Vec<Vec<Step>>, ExperimentError> {
+    pub(crate) fn find(mut self, root: &Node, steps: &[Pattern]) -> Result<Vec<Vec<Step>>, ExperimentError> {
         let schema = self.schema;
         self.walk(Some(schema.root()), Some(root), "", steps, &mut Vec::new(), false)?;
         if self.found.is_empty() {
@@ -295,7 +295,7 @@ impl<'a> Finder<'a> {
 fn can_have(table: &Table, node: Option<&Node>, key: &str) -> bool {
     let variant = node.and_then(|node| table.variant_or_default(node));
     let by_fields = || {
-        let of_variant = |variant: &super::shape::Variant| {
+        let of_variant = |variant: &crate::document::shape::Variant| {
             !matches!(variant.mark, Mark::Tag { .. }) && variant.fields.iter().any(|field| field.name == key)
         };
         table.variants.iter().any(of_variant)

@@ -5,30 +5,30 @@ use fluorspar::quote::excerpt;
 use fluorspar_anatomy::MouthParameters;
 use serde::Deserialize;
 
-use super::cache::cached_mouth;
-use super::document::{Content, Node, TextSource};
-use super::error::{ExperimentError, Step};
 use super::scene_path::Pattern;
+use crate::cache::cached_mouth;
+use crate::document::tree::{Content, Node, TextSource};
+use crate::error::{ExperimentError, Step};
 
 /// A part of a scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct ScenePart {
-    pub(super) name: String,
+pub(crate) struct ScenePart {
+    pub(crate) name: String,
     /// What it is: an object, a scan, or the tissue of a part of the mouth.
-    pub(super) kind: String,
+    pub(crate) kind: String,
     /// Its section, where it has one: parts that the parameters of the mouth make have none.
-    pub(super) section: Option<Vec<Step>>,
+    pub(crate) section: Option<Vec<Step>>,
     /// Where its material is written, or would be.
-    pub(super) material_at: Vec<Step>,
+    pub(crate) material_at: Vec<Step>,
     /// The name of its material, as far as it is said.
-    pub(super) material: Option<String>,
+    pub(crate) material: Option<String>,
 }
 
 /// All parts: those of the mouth, then the objects, as a scene has them.
 ///
 /// # Errors
 /// A mouth that can't be made, which its parts depend on.
-pub(super) fn scene_parts(root: &Node) -> Result<Vec<ScenePart>, String> {
+pub(crate) fn scene_parts(root: &Node) -> Result<Vec<ScenePart>, String> {
     let mut parts = Vec::new();
     if let Some(section) = root.get("mouth") {
         parts.extend(mouth_parts(section)?);
@@ -117,7 +117,7 @@ fn mouth_parameters(section: &Node) -> Result<MouthParameters, String> {
 ///
 /// # Errors
 /// None.
-pub(super) fn named_parts(
+pub(crate) fn named_parts(
     root: &Node,
     pattern: &Pattern,
     source: &TextSource,
@@ -140,7 +140,7 @@ pub(super) fn named_parts(
 }
 
 /// Names of materials that a material is made of, or other places where one is named besides those of parts.
-pub(super) fn materials_within_others(root: &Node) -> Vec<String> {
+pub(crate) fn materials_within_others(root: &Node) -> Vec<String> {
     let within = ["first", "second", "front", "back"];
     let of_material = |node: &Node| -> Vec<String> {
         within.iter().filter_map(|key| node.get(key)?.as_str().map(String::from)).collect()

@@ -22,17 +22,17 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde_json::Value;
 
-use super::document::Node;
+use super::tree::Node;
 
 /// The shapes of one kind of file.
-pub(super) struct Schema {
+pub(crate) struct Schema {
     root: Shape,
     named: BTreeMap<String, Shape>,
 }
 
 /// The allowed values at one place.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Shape {
+pub(crate) enum Shape {
     /// Whatever TOML can hold.
     Anything,
     Boolean,
@@ -55,7 +55,7 @@ pub(super) enum Shape {
 
 /// Meaning of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum TextKind {
+pub(crate) enum TextKind {
     Plain,
     /// Path of a file.
     Path,
@@ -67,56 +67,56 @@ pub(super) enum TextKind {
 
 /// Values of different types: a number, a name, a list, a table.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Either {
+pub(crate) struct Either {
     /// The expected value, in words.
-    pub(super) expected: String,
+    pub(crate) expected: String,
     /// All but the tables.
-    pub(super) values: Vec<Shape>,
+    pub(crate) values: Vec<Shape>,
     /// Fields of a table.
-    pub(super) table: Option<Table>,
+    pub(crate) table: Option<Table>,
     /// Whether an override replaces it as a whole.
-    pub(super) whole: bool,
+    pub(crate) whole: bool,
 }
 
 /// A table: fields that it always may have, and those of one variant.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Table {
-    pub(super) fields: Vec<Field>,
+pub(crate) struct Table {
+    pub(crate) fields: Vec<Field>,
     /// Entries under names that the user chooses.
-    pub(super) rest: Option<Box<Shape>>,
-    pub(super) variants: Vec<Variant>,
+    pub(crate) rest: Option<Box<Shape>>,
+    pub(crate) variants: Vec<Variant>,
     /// Number of the variant of a table that names none.
-    pub(super) default: Option<usize>,
+    pub(crate) default: Option<usize>,
     /// Whether an override replaces it as a whole.
-    pub(super) whole: bool,
+    pub(crate) whole: bool,
     /// Field whose new value makes it another thing.
-    pub(super) identity: Option<String>,
+    pub(crate) identity: Option<String>,
     /// What to write now for fields that were written otherwise before format 1.
     renamed: BTreeMap<String, String>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Field {
-    pub(super) name: String,
-    pub(super) shape: Shape,
-    pub(super) required: bool,
+pub(crate) struct Field {
+    pub(crate) name: String,
+    pub(crate) shape: Shape,
+    pub(crate) required: bool,
     /// What it holds, in words, where that is not all that its type can be.
-    pub(super) expected: Option<String>,
+    pub(crate) expected: Option<String>,
     /// Other fields of the table that it takes the place of.
-    pub(super) replaces: Vec<String>,
+    pub(crate) replaces: Vec<String>,
 }
 
 /// One variant of a choice.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Variant {
-    pub(super) mark: Mark,
+pub(crate) struct Variant {
+    pub(crate) mark: Mark,
     /// Its fields; of a tagged variant without the tag.
-    pub(super) fields: Vec<Field>,
+    pub(crate) fields: Vec<Field>,
 }
 
 /// How a table says which variant it is.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Mark {
+pub(crate) enum Mark {
     /// By the value of a field: `type = "sphere"`.
     Tag { field: String, value: String },
     /// By a field that only it has, and must have: `power_mw`.
@@ -127,7 +127,7 @@ pub(super) enum Mark {
 
 /// Which variant a table is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Found<'a> {
+pub(crate) enum Found<'a> {
     /// The variant of this number.
     Variant(usize),
     /// The table says nothing about it.
@@ -140,7 +140,7 @@ pub(super) enum Found<'a> {
 
 impl Table {
     /// Field that selects the variant, if it is one field.
-    pub(super) fn tag(&self) -> Option<&str> {
+    pub(crate) fn tag(&self) -> Option<&str> {
         self.variants.iter().find_map(|variant| match &variant.mark {
             Mark::Tag { field, .. } => Some(field.as_str()),
             _ => None,
@@ -148,13 +148,13 @@ impl Table {
     }
 
     /// What to write for a field that was written otherwise before format 1; the tag `type` was `kind`.
-    pub(super) fn renamed(&self, field: &str) -> Option<&str> {
+    pub(crate) fn renamed(&self, field: &str) -> Option<&str> {
         let tag = self.tag().filter(|tag| field == "kind" && *tag == "type");
         tag.or_else(|| self.renamed.get(field).map(String::as_str))
     }
 
     /// Which variant a table says it is.
-    pub(super) fn variant_of<'a>(&'a self, node: &Node) -> Found<'a> {
+    pub(crate) fn variant_of<'a>(&'a self, node: &Node) -> Found<'a> {
         let has = |key: &str| node.get(key).is_some();
         if let Some(tag) = self.tag()
             && let Some(given) = node.get(tag)
@@ -182,7 +182,7 @@ impl Table {
     }
 
     /// The variant of a complete table: what it says, or the default.
-    pub(super) fn variant_or_default(&self, node: &Node) -> Option<usize> {
+    pub(crate) fn variant_or_default(&self, node: &Node) -> Option<usize> {
         match self.variant_of(node) {
             Found::Variant(index) => Some(index),
             Found::Unsaid => self.default,
@@ -191,25 +191,25 @@ impl Table {
     }
 
     /// A field of a variant, or of all.
-    pub(super) fn field(&self, variant: Option<usize>, name: &str) -> Option<&Field> {
+    pub(crate) fn field(&self, variant: Option<usize>, name: &str) -> Option<&Field> {
         self.fields_of(variant).find(|field| field.name == name)
     }
 
     /// The fields of a variant, those that all have first.
-    pub(super) fn fields_of(&self, variant: Option<usize>) -> impl Iterator<Item = &Field> {
+    pub(crate) fn fields_of(&self, variant: Option<usize>) -> impl Iterator<Item = &Field> {
         let of_variant = variant.and_then(|index| self.variants.get(index));
         self.fields.iter().chain(of_variant.into_iter().flat_map(|variant| &variant.fields))
     }
 
     /// Shape of the value under a key.
-    pub(super) fn shape(&self, variant: Option<usize>, key: &str) -> Option<&Shape> {
+    pub(crate) fn shape(&self, variant: Option<usize>, key: &str) -> Option<&Shape> {
         self.field(variant, key).map(|field| &field.shape).or(self.rest.as_deref())
     }
 }
 
 impl Schema {
     /// The shapes of a type.
-    pub(super) fn of<T: JsonSchema>() -> Self {
+    pub(crate) fn of<T: JsonSchema>() -> Self {
         let root = schemars::schema_for!(T).to_value();
         let empty = serde_json::Map::new();
         let definitions = root.get("$defs").and_then(Value::as_object).unwrap_or(&empty);
@@ -219,12 +219,12 @@ impl Schema {
     }
 
     /// The shape of a whole file.
-    pub(super) fn root(&self) -> &Shape {
+    pub(crate) fn root(&self) -> &Shape {
         &self.root
     }
 
     /// The shape that a name refers to.
-    pub(super) fn resolve<'a>(&'a self, shape: &'a Shape) -> &'a Shape {
+    pub(crate) fn resolve<'a>(&'a self, shape: &'a Shape) -> &'a Shape {
         match shape {
             Shape::Named(name) => self.named.get(name).map_or(&Shape::Anything, |shape| self.resolve(shape)),
             _ => shape,
@@ -232,7 +232,7 @@ impl Schema {
     }
 
     /// Fields of a table of this shape.
-    pub(super) fn table<'a>(&'a self, shape: &'a Shape) -> Option<&'a Table> {
+    pub(crate) fn table<'a>(&'a self, shape: &'a Shape) -> Option<&'a Table> {
         match self.resolve(shape) {
             Shape::Table(table) => Some(table),
             Shape::Either(either) => either.table.as_ref(),
@@ -241,7 +241,7 @@ impl Schema {
     }
 
     /// Shape of the entries of a list of this shape.
-    pub(super) fn items<'a>(&'a self, shape: &'a Shape) -> Option<&'a Shape> {
+    pub(crate) fn items<'a>(&'a self, shape: &'a Shape) -> Option<&'a Shape> {
         match self.resolve(shape) {
             Shape::List { items, .. } => Some(items),
             Shape::Either(either) => either.values.iter().find_map(|value| self.items(value)),
@@ -250,7 +250,7 @@ impl Schema {
     }
 
     /// Whether an override replaces the value as a whole.
-    pub(super) fn is_whole(&self, shape: &Shape) -> bool {
+    pub(crate) fn is_whole(&self, shape: &Shape) -> bool {
         match self.resolve(shape) {
             Shape::Table(table) => table.whole,
             Shape::Either(either) => either.whole,

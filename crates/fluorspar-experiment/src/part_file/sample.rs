@@ -8,18 +8,18 @@ use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::document::Document;
-use super::error::{ExperimentError, steps};
-use super::read::{read_document, typed};
-use super::resolve::context::{Context, Resolved, STRENGTH};
-use super::resolve::spectrum::Role;
-use super::resolve::tissue::flat_tissue;
-use super::resolve::{FileRecord, device, fluorophore, problem_of};
-use super::schema::{
+use crate::document::shape::Schema;
+use crate::document::tree::Document;
+use crate::error::{ExperimentError, steps};
+use crate::read::{read_document, typed};
+use crate::resolve::context::{Context, Resolved, STRENGTH};
+use crate::resolve::spectrum::Role;
+use crate::resolve::tissue::flat_tissue;
+use crate::resolve::{FileRecord, device, fluorophore, problem_of};
+use crate::schema::{
     DEFAULT_PORPHYRIN, ExposureTime, FluorophoreSection, FormatVersion, LensSection, SensorSection,
     SpectralSection, SpectrumReference, TissueSection, UniformBins, ViewFilterSection,
 };
-use super::shape::Schema;
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::light::{DistantEmitter, Light, LightGroup};
 use fluorspar::material::{FluorophoreAmount, Material, ScalarTexture};
@@ -265,7 +265,7 @@ pub fn parse_sample(
 }
 
 /// The shapes of the file of a flat sample.
-pub(super) fn sample_schema() -> &'static Schema {
+pub(crate) fn sample_schema() -> &'static Schema {
     static SCHEMA: OnceLock<Schema> = OnceLock::new();
     SCHEMA.get_or_init(Schema::of::<SampleFile>)
 }

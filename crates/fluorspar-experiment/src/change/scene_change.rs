@@ -6,12 +6,12 @@ use std::path::Path;
 use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
 
-use super::document::{Content, Document, Node, Origin, Overriding, TextSource, read_tree};
-use super::error::{ExperimentError, Step};
-use super::merge::make_room;
 use super::scene_parts::{ScenePart, materials_within_others, named_parts, scene_parts};
 use super::scene_path::{Finder, Pattern, ScenePath};
-use super::shape::{Found, Schema, Shape};
+use crate::document::merge::make_room;
+use crate::document::shape::{Found, Schema, Shape};
+use crate::document::tree::{Content, Document, Node, Origin, Overriding, TextSource, read_tree};
+use crate::error::{ExperimentError, Step};
 
 /// One change of a scene.
 ///
@@ -112,7 +112,7 @@ fn overriding(name: String, number: usize, folder: Option<&Path>) -> TextSource 
 
 /// What a change comes to on a tree.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Edit {
+pub(crate) enum Edit {
     /// A value at a place, the tables around it included.
     Put { path: Vec<Step>, value: Node },
     /// A new entry at the end of a list.
@@ -125,7 +125,7 @@ pub(super) enum Edit {
 ///
 /// # Errors
 /// Paths that name nothing, entries that exist already.
-pub(super) fn apply_change(
+pub(crate) fn apply_change(
     document: &mut Document,
     schema: &Schema,
     number: usize,
@@ -156,7 +156,7 @@ pub(super) fn apply_change(
 ///
 /// # Errors
 /// Something else than a list of texts, paths that name nothing there.
-pub(super) fn apply_unset(
+pub(crate) fn apply_unset(
     document: &mut Document,
     schema: &Schema,
     unset: &Node,

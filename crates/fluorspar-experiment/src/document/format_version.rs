@@ -1,9 +1,9 @@
 //! The version of the form of a file, and what to write for the spellings from before there was one.
 
-use super::document::{Content, Node, TextSource};
-use super::error::ExperimentError;
-use super::schema::FormatVersion;
 use super::shape::{Schema, Shape};
+use super::tree::{Content, Node, TextSource};
+use crate::error::ExperimentError;
+use crate::schema::FormatVersion;
 use fluorspar_format::FileFormat;
 
 /// Largest number of old spellings in a message.
@@ -13,7 +13,7 @@ const MOST_NAMED: usize = 6;
 ///
 /// # Errors
 /// A format that is absent or another one.
-pub(super) fn check_format(schema: &Schema, root: &Node, source: &TextSource) -> Result<(), ExperimentError> {
+pub(crate) fn check_format(schema: &Schema, root: &Node, source: &TextSource) -> Result<(), ExperimentError> {
     let (message, given) = match root.get("format") {
         None => (missing_format(schema, root), None),
         Some(node) => match &node.content {

@@ -6,13 +6,13 @@ use std::sync::OnceLock;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{ExperimentError, steps};
-use super::read::{read_document, typed};
-use super::resolve::context::Context;
-use super::resolve::device;
-use super::resolve::named_tissue::{NamedTissue, of_section};
-use super::schema::{FormatVersion, SpectralSection, TissueSection};
-use super::shape::Schema;
+use crate::document::shape::Schema;
+use crate::error::{ExperimentError, steps};
+use crate::read::{read_document, typed};
+use crate::resolve::context::Context;
+use crate::resolve::device;
+use crate::resolve::named_tissue::{NamedTissue, of_section};
+use crate::schema::{FormatVersion, SpectralSection, TissueSection};
 
 /// A tissue by itself. The section can be copied into an experiment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -3,16 +3,16 @@
 use fluorspar::quote::excerpt;
 use std::path::PathBuf;
 
-use super::document::{Content, Document, Node, TextSource};
-use super::error::{ExperimentError, Message, Place, Step};
-use super::schema::NameOrTable;
 use super::shape::{Either, Field, Found, Mark, Schema, Shape, Table, TextKind, Variant};
+use super::tree::{Content, Document, Node, TextSource};
+use crate::error::{ExperimentError, Message, Place, Step};
 use crate::preset::is_lens_file;
+use crate::schema::NameOrTable;
 use fluorspar::names::{did_you_mean, nearest_name, suggestion};
 
 /// Makes a merged tree complete: relative paths start where they were written, and tables that leave the tag of their
 /// variant out get that of the default.
-pub(super) fn complete(schema: &Schema, shape: &Shape, node: &mut Node, sources: &[TextSource]) {
+pub(crate) fn complete(schema: &Schema, shape: &Shape, node: &mut Node, sources: &[TextSource]) {
     let origin = node.origin;
     match (schema.resolve(shape), &mut node.content) {
         (Shape::Text(kind), Content::Leaf(toml::Value::String(text))) => {
@@ -72,7 +72,7 @@ fn anchor(kind: TextKind, text: &mut String, folder: Option<&PathBuf>) {
 ///
 /// # Errors
 /// The first thing that does not fit.
-pub(super) fn check(schema: &Schema, document: &Document) -> Result<(), ExperimentError> {
+pub(crate) fn check(schema: &Schema, document: &Document) -> Result<(), ExperimentError> {
     Fit { schema, document }.value(schema.root(), &document.root, &Place::default())
 }
 

@@ -3,11 +3,11 @@
 //! The types of the schema say how (see `shape.rs`): tables are merged key by key, lists of named entries entry by entry,
 //! a table of another variant takes the place of what the old variant had, and everything else is replaced.
 
-use super::document::{Content, Node};
 use super::shape::{Found, Schema, Shape, Table};
+use super::tree::{Content, Node};
 
 /// Puts `over` on top of `under`. An entry of a list with `remove = true` disappears.
-pub(super) fn merge(schema: &Schema, shape: Option<&Shape>, under: &mut Node, over: Node) {
+pub(crate) fn merge(schema: &Schema, shape: Option<&Shape>, under: &mut Node, over: Node) {
     let is_whole = shape.is_some_and(|shape| schema.is_whole(shape));
     match (&mut under.content, over.content) {
         (Content::Table(_), Content::Table(overrides)) if !is_whole => {
@@ -69,7 +69,7 @@ fn is_named(items: &[Node]) -> bool {
 /// Removes from a table what the fields of another one take the place of: all but the common fields if it is of another
 /// variant, everything if it is another thing altogether, and the fields that one of its own replaces. What is to be kept
 /// in any case stays.
-pub(super) fn make_room(table: &Table, under: &mut Node, over: &Node, keep: impl Fn(&Node) -> bool) {
+pub(crate) fn make_room(table: &Table, under: &mut Node, over: &Node, keep: impl Fn(&Node) -> bool) {
     let is_other_thing = table.identity.as_deref().is_some_and(|identity| {
         let text = |node: &Node| node.get(identity).and_then(Node::as_str).map(String::from);
         text(over).is_some() && text(over) != text(under)

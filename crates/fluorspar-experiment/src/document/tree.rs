@@ -6,45 +6,45 @@ use std::path::PathBuf;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::error::{
+use crate::error::{
     BlamedOverride, ErrorDetails, ExperimentError, Message, Place, Step, path_text, step_text,
 };
 use fluorspar::units::number_text;
 use fluorspar_format::read_toml_places;
 
 /// Longest text of an experiment, bytes.
-pub(super) const MAX_TEXT_BYTES: usize = 4 << 20;
+pub(crate) const MAX_TEXT_BYTES: usize = 4 << 20;
 /// Most keys of a table and tables of a list.
 const MAX_ENTRIES: usize = 10_000;
 
 /// Where values come from.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct TextSource {
+pub(crate) struct TextSource {
     /// Name for messages: a file, a preset or an override.
-    pub(super) name: String,
+    pub(crate) name: String,
     /// The override that it is, if it is no file.
-    pub(super) overriding: Option<Overriding>,
+    pub(crate) overriding: Option<Overriding>,
     /// Where its relative paths start; the files of the catalogue name no others.
-    pub(super) folder: Option<PathBuf>,
+    pub(crate) folder: Option<PathBuf>,
 }
 
 /// What an override overrides.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Overriding {
+pub(crate) struct Overriding {
     /// Its number among the overrides, from 0.
-    pub(super) number: usize,
+    pub(crate) number: usize,
     /// The value that it sets; nothing while that is not known.
-    pub(super) path: Vec<Step>,
+    pub(crate) path: Vec<Step>,
 }
 
 impl TextSource {
     /// Whether line numbers mean anything: not in an override.
-    pub(super) fn has_lines(&self) -> bool {
+    pub(crate) fn has_lines(&self) -> bool {
         self.overriding.is_none()
     }
 
     /// An error that belongs to no line.
-    pub(super) fn error(&self, message: impl Into<Message>) -> ExperimentError {
+    pub(crate) fn error(&self, message: impl Into<Message>) -> ExperimentError {
         let Message { text: message, known } = message.into();
         ExperimentError(Box::new(ErrorDetails {
             source_name: self.name.clone(),
@@ -61,7 +61,7 @@ impl TextSource {
     }
 
     /// The override, if it is one, as what holds the defect at a path.
-    pub(super) fn blame(&self, path: &[Step]) -> Option<BlamedOverride> {
+    pub(crate) fn blame(&self, path: &[Step]) -> Option<BlamedOverride> {
         let Overriding { number, path: set } = self.overriding.as_ref()?;
         Some(BlamedOverride { number: *number, sets_field: path.starts_with(set) })
     }
@@ -69,22 +69,22 @@ impl TextSource {
 
 /// Place of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Origin {
+pub(crate) struct Origin {
     /// Index into the sources of the document.
-    pub(super) source: usize,
+    pub(crate) source: usize,
     /// Line, from 1.
-    pub(super) line: usize,
+    pub(crate) line: usize,
 }
 
 /// A value with its place.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Node {
-    pub(super) content: Content,
-    pub(super) origin: Origin,
+pub(crate) struct Node {
+    pub(crate) content: Content,
+    pub(crate) origin: Origin,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Content {
+pub(crate) enum Content {
     Table(Vec<(String, Node)>),
     Array(Vec<Node>),
     Leaf(toml::Value),
@@ -92,22 +92,22 @@ pub(super) enum Content {
 
 /// A tree and the sources it was merged from.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Document {
-    pub(super) sources: Vec<TextSource>,
+pub(crate) struct Document {
+    pub(crate) sources: Vec<TextSource>,
     /// Files of base experiments that were read.
-    pub(super) base_files: Vec<PathBuf>,
-    pub(super) root: Node,
+    pub(crate) base_files: Vec<PathBuf>,
+    pub(crate) root: Node,
 }
 
 impl Node {
-    pub(super) fn get(&self, key: &str) -> Option<&Self> {
+    pub(crate) fn get(&self, key: &str) -> Option<&Self> {
         match &self.content {
             Content::Table(entries) => entries.iter().find(|(k, _)| k == key).map(|(_, node)| node),
             _ => None,
         }
     }
 
-    pub(super) fn get_mut(&mut self, key: &str) -> Option<&mut Self> {
+    pub(crate) fn get_mut(&mut self, key: &str) -> Option<&mut Self> {
         match &mut self.content {
             Content::Table(entries) => entries.iter_mut().find(|(k, _)| k == key).map(|(_, node)| node),
             _ => None,
@@ -115,20 +115,20 @@ impl Node {
     }
 
     /// Adds a key that the table does not have yet.
-    pub(super) fn insert(&mut self, key: &str, value: Self) {
+    pub(crate) fn insert(&mut self, key: &str, value: Self) {
         if let Content::Table(entries) = &mut self.content {
             entries.push((key.into(), value));
         }
     }
 
     /// Removes a key of a table.
-    pub(super) fn take(&mut self, key: &str) -> Option<Self> {
+    pub(crate) fn take(&mut self, key: &str) -> Option<Self> {
         let Content::Table(entries) = &mut self.content else { return None };
         let index = entries.iter().position(|(k, _)| k == key)?;
         Some(entries.remove(index).1)
     }
 
-    pub(super) fn step(&self, step: &Step) -> Option<&Self> {
+    pub(crate) fn step(&self, step: &Step) -> Option<&Self> {
         match (step, &self.content) {
             (Step::Key(key), _) => self.get(key),
             (Step::Index(index), Content::Array(items)) => items.get(*index),
@@ -136,7 +136,7 @@ impl Node {
         }
     }
 
-    pub(super) fn as_str(&self) -> Option<&str> {
+    pub(crate) fn as_str(&self) -> Option<&str> {
         match &self.content {
             Content::Leaf(toml::Value::String(text)) => Some(text),
             _ => None,
@@ -144,12 +144,12 @@ impl Node {
     }
 
     /// Name of an entry of a list, where it has one.
-    pub(super) fn name(&self) -> Option<&str> {
+    pub(crate) fn name(&self) -> Option<&str> {
         self.get("name")?.as_str()
     }
 
     /// A path from here as changes write it: entries of lists by their names, where they have one.
-    pub(super) fn named_path(&self, path: &[Step]) -> String {
+    pub(crate) fn named_path(&self, path: &[Step]) -> String {
         let (mut node, mut text) = (Some(self), String::new());
         for step in path {
             node = node.and_then(|node| node.step(step));
@@ -163,7 +163,7 @@ impl Node {
         text
     }
 
-    pub(super) fn to_value(&self) -> toml::Value {
+    pub(crate) fn to_value(&self) -> toml::Value {
         match &self.content {
             Content::Table(entries) => {
                 toml::Value::Table(entries.iter().map(|(key, node)| (key.clone(), node.to_value())).collect())
@@ -202,18 +202,18 @@ impl Node {
 
 impl Document {
     /// Reads a text into a tree.
-    pub(super) fn read(text: &str, source: TextSource) -> Result<Self, ExperimentError> {
+    pub(crate) fn read(text: &str, source: TextSource) -> Result<Self, ExperimentError> {
         let root = read_tree(text, &source, 0)?;
         Ok(Self { sources: vec![source], base_files: Vec::new(), root })
     }
 
     /// Whether there is a value at a path.
-    pub(super) fn has(&self, path: &[Step]) -> bool {
+    pub(crate) fn has(&self, path: &[Step]) -> bool {
         path.iter().try_fold(&self.root, |node, step| node.step(step)).is_some()
     }
 
     /// An error about the value at a path, or about the nearest thing around it that exists.
-    pub(super) fn error(&self, path: &[Step], message: impl Into<Message>) -> ExperimentError {
+    pub(crate) fn error(&self, path: &[Step], message: impl Into<Message>) -> ExperimentError {
         let Message { text: message, known } = message.into();
         let mut node = &self.root;
         let mut depth = 0;
@@ -241,7 +241,7 @@ impl Document {
     }
 
     /// An error about a table, on the line of one of its keys.
-    pub(super) fn error_at_key(
+    pub(crate) fn error_at_key(
         &self,
         table: &Place,
         key: &Step,
@@ -283,7 +283,7 @@ impl Lines {
 }
 
 /// Reads a text into nodes of a given source.
-pub(super) fn read_tree(text: &str, source: &TextSource, index: usize) -> Result<Node, ExperimentError> {
+pub(crate) fn read_tree(text: &str, source: &TextSource, index: usize) -> Result<Node, ExperimentError> {
     if text.len() > MAX_TEXT_BYTES {
         let message = format!(
             "the text has {} bytes; at most {MAX_TEXT_BYTES} are read. Put long tables into files of their own",
@@ -367,7 +367,7 @@ impl Reader<'_> {
 }
 
 /// A value fit for a message.
-pub(super) fn shortened(text: &str) -> String {
+pub(crate) fn shortened(text: &str) -> String {
     // Paths are looked for by their end.
     if text.contains('/') { excerpt_to(text, 400) } else { excerpt(text) }
 }

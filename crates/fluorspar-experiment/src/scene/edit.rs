@@ -4,11 +4,11 @@ use std::path::Path;
 
 use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
-use super::document::{Content, Document, Node, TextSource};
-use super::error::{ExperimentError, Step, step_text};
-use super::read::{change_document, experiment_schema, parse, read_merged};
-use super::scene_change::{Edit, SceneChange};
-use super::shape::Schema;
+use crate::change::scene_change::{Edit, SceneChange};
+use crate::document::shape::Schema;
+use crate::document::tree::{Content, Document, Node, TextSource};
+use crate::error::{ExperimentError, Step, step_text};
+use crate::read::{change_document, experiment_schema, parse, read_merged};
 use fluorspar_format::read_toml_document;
 
 /// The text of an experiment file after some changes. Everything that they do not touch stays as it was typed. Files of base
