@@ -25,13 +25,23 @@ pub(super) fn refuse_camera_raw(path: &Path, bytes: &[u8]) -> Result<(), FormatE
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let is_named = RAW_EXTENSIONS.contains(&ending.as_str());
     let has_mosaic = others.iter().any(|directory| directory.first(262) == Some(CFA));
+    let camera = camera(first);
     let what = if is_named || bytes.get(8..10) == Some(b"CR") || has_mosaic {
-        format!("this is a raw file of {}, but no DNG", camera(first))
+        format!("this is a raw file of {}, but no DNG", camera.as_deref().unwrap_or("a camera"))
     } else if let Some([width, height]) = larger_image(first, others) {
         let [small_width, small_height] = size(first);
-        format!(
+        let what = format!(
             "its first image, {small_width} x {small_height}, is a small picture of another one in the file, {width} x {height}"
-        )
+        );
+        match camera {
+            Some(_) => what,
+            None if is_reduced(first) => {
+                let hint = "Save the large one as a file of its own";
+                return Err(FormatError::unsupported(path, what, hint));
+            }
+            // Pages of different sizes, which are counted elsewhere
+            None => return Ok(()),
+        }
     } else {
         return Ok(());
     };
@@ -57,8 +67,8 @@ fn larger_image(first: &Directory<'_>, others: &[Directory<'_>]) -> Option<[u64;
     (is_reduced(first) || pixels(largest) > pixels(size(first))).then_some(largest)
 }
 
-/// Maker and model of a camera as its file tells them.
-fn camera(first: &Directory<'_>) -> String {
+/// Maker and model of a camera, where its file tells them.
+fn camera(first: &Directory<'_>) -> Option<String> {
     let text = |tag: u16| {
         let bytes = first.data(tag).unwrap_or_default();
         let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
@@ -68,9 +78,9 @@ fn camera(first: &Directory<'_>) -> String {
     // Many models begin with the maker's name.
     let maker = make.split_whitespace().next().unwrap_or_default().to_lowercase();
     match (make.is_empty(), model.is_empty()) {
-        (true, true) => "a camera".into(),
-        (_, true) => excerpt(&make),
-        _ if model.to_lowercase().starts_with(&maker) => excerpt(&model),
-        _ => excerpt(&format!("{make} {model}")),
+        (true, true) => None,
+        (_, true) => Some(excerpt(&make)),
+        _ if model.to_lowercase().starts_with(&maker) => Some(excerpt(&model)),
+        _ => Some(excerpt(&format!("{make} {model}"))),
     }
 }

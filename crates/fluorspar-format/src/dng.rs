@@ -254,10 +254,7 @@ pub(super) fn read_dng_description(path: &Path, bytes: &[u8]) -> Result<DngFrame
     let tiff = TiffBytes::new(bytes).ok_or_else(|| damaged("this does not begin like a DNG file"))?;
     let directories = tiff.directories();
     let first = directories.first().ok_or_else(|| damaged("the file has no directory"))?;
-    let raw = raw_directory(&directories).ok_or_else(|| {
-        let what = "no directory of it holds a mosaic or a linear raw image";
-        FormatError::unsupported(path, what, "Give the raw file of the camera, not an image made of it")
-    })?;
+    let raw = raw_directory(path, &directories)?;
     let pixels = read_dng_pixels(path, &tiff, raw)?;
     let private = first.data(50_740).and_then(|data| data.strip_prefix(PRIVATE_MARK));
     if let Some(json) = private {
@@ -269,17 +266,15 @@ pub(super) fn read_dng_description(path: &Path, bytes: &[u8]) -> Result<DngFrame
     let label = path.file_stem().map_or_else(|| "raw".into(), |s| s.to_string_lossy().into_owned());
     let (mut description, told) = from_tags(path, &tiff, first, raw, &pixels, label)?;
     let mut pixels = pixels;
-    let whites: Vec<u16> =
-        raw.unsigned(50_717).iter().map(|white| (*white).clamp(1, 65_535) as u16).collect();
-    let differ = whites.iter().any(|white| *white != whites[0]);
-    let planes = if description.samples == Samples::Mosaic { description.mosaic.channels.len() } else { 3 };
-    let mut tags = FrameTags {
-        orientation: orientation_of([first, raw]),
-        whites: if differ && whites.len() == planes { whites } else { Vec::new() },
-        ..FrameTags::default()
-    };
+    let whites = white_levels(path, raw, &description)?;
+    if let Some(highest) = whites.iter().max() {
+        description.white_level = *highest;
+    }
+    let orientation = orientation_of([first, raw]);
+    let mut tags = FrameTags { orientation, whites, has_levels: true, ..FrameTags::default() };
     if raw.data(50_712).is_none() {
-        tags.remarks.extend(right_aligned(&mut pixels, &mut description, &mut tags.whites));
+        let told_white = if told.white_level { description.white_level } else { 0 };
+        tags.remarks.extend(right_aligned(&mut pixels, &mut description, &mut tags.whites, told_white));
     }
     let (mosaic, samples, width) = (&description.mosaic, pixels.samples, pixels.width);
     let channel = |value: usize| match samples {
@@ -297,13 +292,37 @@ fn stored_frame(pixels: DngPixels, tags: FrameTags) -> StoredFrame {
     StoredFrame { width, height, data, black_offsets, tags }
 }
 
+/// White levels by channel, where they differ: told by plane, or by place in the cell of a mosaic, of which the lowest counts.
+fn white_levels(path: &Path, raw: &Directory<'_>, d: &Description) -> Result<Vec<u16>, FormatError> {
+    let whites: Vec<u16> =
+        raw.unsigned(50_717).iter().map(|white| (*white).clamp(1, 65_535) as u16).collect();
+    if whites.iter().all(|white| *white == whites[0]) {
+        return Ok(Vec::new());
+    }
+    let (is_mosaic, mosaic) = (d.samples == Samples::Mosaic, &d.mosaic);
+    let planes = if is_mosaic { mosaic.channels.len() } else { 3 };
+    if whites.len() == planes {
+        return Ok(whites);
+    }
+    if is_mosaic && whites.len() == mosaic.pattern.len() {
+        let lowest = |channel: usize| {
+            let places = mosaic.pattern.iter().zip(&whites).filter(|(of, _)| usize::from(**of) == channel);
+            places.map(|(_, white)| *white).min().unwrap_or(d.white_level)
+        };
+        return Ok((0..planes).map(lowest).collect());
+    }
+    let what = format!("its tag WhiteLevel has {} numbers where 1 or {planes} belong", whites.len());
+    Err(FormatError::malformed(path, what, "Convert the raw file of the camera to DNG again"))
+}
+
 /// Divides values that stand in the upper bits, and all levels with them.
 fn right_aligned(
     pixels: &mut DngPixels,
     description: &mut Description,
     whites: &mut [u16],
+    told_white: u16,
 ) -> Option<FrameRemark> {
-    let bits = left_aligned_bits(&pixels.data).filter(|bits| *bits < description.bit_depth)?;
+    let bits = left_aligned_bits(&pixels.data, told_white).filter(|bits| *bits < description.bit_depth)?;
     let shift = 16 - bits;
     let by = f64::from(1u32 << shift);
     for value in pixels.data.iter_mut().chain(whites) {
@@ -344,15 +363,37 @@ fn own_description(path: &Path, json: &[u8], size: [u64; 2]) -> Result<Descripti
     Ok(description)
 }
 
-/// The largest directory with a mosaic or with linear channels: previews are smaller.
-fn raw_directory<'a, 'b>(directories: &'b [Directory<'a>]) -> Option<&'b Directory<'a>> {
+/// The largest directory with a mosaic or with linear channels that is a frame itself, and neither a small nor an enhanced form of it
+/// (NewSubFileType).
+fn raw_directory<'a, 'b>(
+    path: &Path,
+    directories: &'b [Directory<'a>],
+) -> Result<&'b Directory<'a>, FormatError> {
     let is_raw = |d: &&Directory<'_>| {
         let kind = d.first(262);
         kind == Some(u64::from(CFA)) || (kind == Some(u64::from(LINEAR_RAW)) && [1, 3].contains(&samples(d)))
     };
-    let size = |d: &&Directory<'_>| d.first(256).unwrap_or(0).saturating_mul(d.first(257).unwrap_or(0));
-    // Of equal ones the first.
-    directories.iter().rev().filter(is_raw).max_by_key(size)
+    let size = |d: &Directory<'_>| d.first(256).unwrap_or(0).saturating_mul(d.first(257).unwrap_or(0));
+    let raw: Vec<&Directory<'_>> = directories.iter().filter(is_raw).collect();
+    let mut frames: Vec<_> = raw.iter().copied().filter(|d| d.first(254).unwrap_or(0) == 0).collect();
+    if frames.is_empty() {
+        frames = raw;
+    }
+    let largest = frames.iter().map(|d| size(d)).max();
+    frames.retain(|d| Some(size(d)) == largest);
+    match frames.as_slice() {
+        [] => {
+            let what = "no directory of it holds a mosaic or a linear raw image";
+            let hint = "Give the raw file of the camera, not an image made of it";
+            Err(FormatError::unsupported(path, what, hint))
+        }
+        [one] => Ok(one),
+        several => {
+            let what = format!("it holds {} raw images, and nothing says which one is meant", several.len());
+            let hint = "Save each frame of a burst or of shifted pixels as a DNG of its own";
+            Err(FormatError::unsupported(path, what, hint))
+        }
+    }
 }
 
 pub(super) fn samples(directory: &Directory<'_>) -> u64 {
@@ -378,7 +419,7 @@ fn from_tags(
     let bits = white_tag.map_or(stored_bits, |white| bits_of(white).min(most_bits));
     let black_level = pixels.black_level;
     let exposure_s = camera_number(tiff, &[raw, first], EXPOSURE_TIME).unwrap_or(0.0);
-    let gain = camera_number(tiff, &[raw, first], ISO).map(|iso| iso / 100.0);
+    let gain = camera_number(tiff, &[raw, first], ISO).and_then(gain_of_iso);
     let told = Told {
         black_level: raw.data(50_714).is_some(),
         white_level: white_tag.is_some(),
@@ -416,6 +457,11 @@ fn from_tags(
 /// Exposure time, s, and sensitivity (ISO 12232).
 pub(super) const EXPOSURE_TIME: u16 = 33_434;
 pub(super) const ISO: u16 = 34_855;
+
+/// Gain of a sensitivity, base gain being ISO 100. The largest number of the tag says that other tags tell it (Exif 2.3).
+pub(super) fn gain_of_iso(iso: f64) -> Option<f64> {
+    (iso < 65_535.0).then_some(iso / 100.0)
+}
 
 /// A number above 0 that a camera tells of its frame: in the Exif directory that one of the directories points to, as most do, else
 /// among their own tags, as TIFF/EP (ISO 12234-2) has it.

@@ -10,6 +10,7 @@ use super::FormatError;
 use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing};
 use super::lossless_jpeg::decode_lossless_jpeg;
 use super::tiff_directory::{Directory, TiffBytes};
+use super::tiff_image::compression_name;
 
 /// Pixels of the active area of a raw image, linear.
 pub(super) struct DngPixels {
@@ -87,7 +88,8 @@ pub(super) fn read_dng_pixels(
             to[left..end].copy_from_slice(&from[..end - left]);
         }
     }
-    linear(active_area(&layout, raw, data), raw)
+    active_area(&layout, raw, data)
+        .and_then(|pixels| linear(pixels, raw))
         .map_err(|what| FormatError::malformed(path, what, "Convert the raw file of the camera to DNG again"))
 }
 
@@ -102,18 +104,33 @@ fn layout(path: &Path, tiff: &TiffBytes<'_>, raw: &Directory<'_>) -> Result<Layo
     }
     check_image_size(path, width, height, 2 * samples, MAX_IMAGE_BYTES)?;
     check_packing(path, width * height * samples, tiff.bytes().len() as u64)?;
+    match raw.first(339) {
+        None | Some(1) => {}
+        Some(3) => {
+            let what = "its values are floating-point numbers, which sensors do not give";
+            let hint = "Give the frames that it was made from, as the camera wrote them";
+            return Err(FormatError::unsupported(path, what, hint));
+        }
+        Some(other) => return Err(unsupported(format!("TIFF sample format {other} is not supported"))),
+    }
     let bits = raw.first(258).unwrap_or(1);
     if !(8..=16).contains(&bits) {
         return Err(unsupported(format!("{bits} bits per sample are not supported")));
     }
-    match raw.first(339) {
-        None | Some(1) => {}
-        Some(3) => return Err(unsupported("floating-point samples are not supported".into())),
-        Some(other) => return Err(unsupported(format!("TIFF sample format {other} is not supported"))),
-    }
     let compression = raw.first(259).unwrap_or(1);
     if ![1, 7, 8, 32_946].contains(&compression) {
-        return Err(unsupported(format!("the pixels are compressed (TIFF compression {compression})")));
+        let name = compression_name(compression);
+        return Err(unsupported(format!("the pixels are compressed with {name}")));
+    }
+    for (name, tag) in [
+        ("FillOrder", 266),
+        ("CFALayout", 50_711),
+        ("RowInterleaveFactor", 50_975),
+        ("ColumnInterleaveFactor", 52_547),
+    ] {
+        if let Some(other) = raw.first(tag).filter(|value| *value != 1) {
+            return Err(unsupported(format!("its tag {name} is {other}, and only 1 is read")));
+        }
     }
     let predictor = raw.first(317).unwrap_or(1);
     if compression != 7 && !(predictor == 1 || (predictor == 2 && [8, 16].contains(&bits))) {
@@ -205,14 +222,20 @@ fn unpack_row(row: &[u8], columns: usize, bits: u32, big_endian: bool, out: &mut
 }
 
 /// The pixels that see light: sensors have covered ones around them. Color filter array and black levels begin at its corner.
-fn active_area(layout: &Layout, raw: &Directory<'_>, data: Vec<u16>) -> DngPixels {
+fn active_area(layout: &Layout, raw: &Directory<'_>, data: Vec<u16>) -> Result<DngPixels, String> {
     let whole = [0, 0, layout.height, layout.width];
     let area = raw.unsigned(50_829);
     let [top, left, bottom, right] = match area.as_slice() {
+        [] => whole,
         [t, l, b, r] if t < b && l < r && *b <= whole[2] as u64 && *r <= whole[3] as u64 => {
             [*t, *l, *b, *r].map(|n| n as usize)
         }
-        _ => whole,
+        _ => {
+            let [_, _, height, width] = whole;
+            return Err(format!(
+                "its tag ActiveArea, {area:?}, is no part of its {height} rows and {width} columns"
+            ));
+        }
     };
     let samples = layout.samples;
     let rows = data.chunks_exact(layout.width * samples).take(bottom).skip(top);
@@ -220,14 +243,14 @@ fn active_area(layout: &Layout, raw: &Directory<'_>, data: Vec<u16>) -> DngPixel
         true => data,
         false => rows.flat_map(|row| &row[left * samples..right * samples]).copied().collect(),
     };
-    DngPixels {
+    Ok(DngPixels {
         width: right - left,
         height: bottom - top,
         samples,
         black_level: 0.0,
         black_offsets: Vec::new(),
         data,
-    }
+    })
 }
 
 /// Undoes the table of a camera that stores its numbers on a curve, and finds the black level of each value: that of its place in a

@@ -27,10 +27,16 @@ pub(super) const MAX_MESH_BYTES: u64 = 4 << 30;
 /// The whole file, refused above `limit` bytes and when it is empty.
 pub(super) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, FormatError> {
     let bytes = read_bounded(path, limit)?;
-    if bytes.is_empty() {
-        return Err(FormatError::malformed(path, "the file is empty", "Copy the file again"));
-    }
+    check_not_empty(path, bytes.len() as u64)?;
     Ok(bytes)
+}
+
+/// Refuses a file without a byte.
+pub(super) fn check_not_empty(path: &Path, length: u64) -> Result<(), FormatError> {
+    if length > 0 {
+        return Ok(());
+    }
+    Err(FormatError::malformed(path, "the file is empty", "Copy the file again"))
 }
 
 /// Text as UTF-8, without byte order mark.

@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 
 use super::FormatError;
 use super::camera_raw::refuse_camera_raw;
-use super::dng::{DngFrame, EXPOSURE_TIME, ISO, Told, bits_of, camera_number, is_dng, read_dng_description};
-use super::file::{MAX_IMAGE_BYTES, read_file, sidecar_path, write_sidecar};
+use super::dng::{
+    DngFrame, EXPOSURE_TIME, ISO, Told, bits_of, camera_number, gain_of_iso, is_dng, read_dng_description,
+};
+use super::file::{MAX_IMAGE_BYTES, check_not_empty, read_file, sidecar_path, write_sidecar};
 use super::frame_judgement::{FrameRemark, StoredFrame, alignment_words, left_aligned_bits, unused_bits};
 use super::input::open_plain;
 use super::raw::{
@@ -209,17 +211,18 @@ const FROM_PIXELS: [&str; 3] = ["alignment", "plateau", "black level"];
 /// # Errors
 /// A file that is no such frame; facts that contradict each other.
 pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescription, FormatError> {
-    let (mut file, _) = open_plain(path)?;
+    let (mut file, length) = open_plain(path)?;
+    check_not_empty(path, length)?;
     let mut magic = Vec::new();
     Read::by_ref(&mut file).take(8).read_to_end(&mut magic).map_err(|e| FormatError::io(path, "read", e))?;
     let mut facts = Facts { given, said: Vec::new() };
     let (mut description, stored) = if magic.starts_with(b"\x89PNG") {
-        let (width, height, data) = read_frame_png(path)?;
+        let StoredFrame { width, height, data, tags, .. } = read_frame_png(path)?;
         let bits = if data.iter().all(|&value| value < 256) { 8 } else { 16 };
         let samples = data.len() / (width * height).max(1);
         let pixels = TiffPixels { width, height, samples, bits, data };
         let description = facts.of_pixels(path, &pixels, None)?;
-        (description, StoredFrame { width, height, data: pixels.data, ..StoredFrame::default() })
+        (description, StoredFrame { width, height, data: pixels.data, tags, ..StoredFrame::default() })
     } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
         let bytes = read_file(path, MAX_IMAGE_BYTES)?;
         if is_dng(&bytes) {
@@ -227,8 +230,8 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
             (facts.of_dng(description, &told), stored)
         } else {
             refuse_camera_raw(path, &bytes)?;
-            let (file, length) = open_plain(path)?;
-            let pixels = read_tiff_pixels(path, file, length)?;
+            let (file, _) = open_plain(path)?;
+            let pixels = read_tiff_pixels(path, file, &bytes)?;
             let description = facts.of_pixels(path, &pixels, TiffBytes::new(&bytes).as_ref())?;
             let TiffPixels { width, height, data, .. } = pixels;
             let tags = tiff_tags(&bytes);
@@ -236,11 +239,9 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
         }
     } else {
         let what = "this is not a DNG, TIFF or PNG";
-        return Err(FormatError::unsupported(
-            path,
-            what,
-            "Describe other frames by hand: docs/file-formats.md",
-        ));
+        let hint = "Save its numbers (of PGM or NumPy, for instance) as a TIFF or PNG of 16 bits, gray or linear RGB; of packed frames \
+                    write the description by hand: docs/file-formats.md";
+        return Err(FormatError::unsupported(path, what, hint));
     };
     facts.of_levels(&mut description);
     // What the reader would refuse is refused here.
@@ -393,7 +394,7 @@ impl Facts<'_> {
             [given.white_level.map(f64::from), in_first(50_717)],
             (largest_of(bits), &remark),
         );
-        let gain = of_camera(ISO).map(|iso| iso / 100.0);
+        let gain = of_camera(ISO).and_then(gain_of_iso);
         let gain = self.number("gain", [given.gain, gain], (1.0, "--gain gives another"));
         let exposure_s = of_camera(EXPOSURE_TIME).unwrap_or(0.0);
         let mut description = Description::of_camera(
@@ -420,7 +421,7 @@ impl Facts<'_> {
         let most = pixels.data.iter().copied().max().unwrap_or(0);
         let is_wide = pixels.bits == 16;
         let unused = if is_wide { unused_bits(&pixels.data) as u8 } else { 0 };
-        let found = if is_wide { left_aligned_bits(&pixels.data) } else { None };
+        let found = if is_wide { left_aligned_bits(&pixels.data, 0) } else { None };
         let bits = match (given.bit_depth, given.is_left_aligned, found) {
             (Some(bits), false, _) if u32::from(most) >> bits.min(16) == 0 => None,
             (Some(bits), ..) => {

@@ -24,6 +24,8 @@ pub(super) struct FrameTags {
     pub(super) whites: Vec<u16>,
     pub(super) factors: Vec<f32>,
     pub(super) remarks: Vec<FrameRemark>,
+    /// Whether black and white level are told for the values as stored.
+    pub(super) has_levels: bool,
 }
 
 /// Pixels as a file stores them.
@@ -50,22 +52,41 @@ pub(super) fn unused_bits(data: &[u16]) -> u32 {
 const USUAL_BITS: u8 = 12;
 const FEW_VALUES: usize = 16;
 
-/// Bits of the converter whose values stand in the upper ones of 16: all are multiples of a power of 2, and some need more bits than the
-/// converter has.
-pub(super) fn left_aligned_bits(data: &[u16]) -> Option<u8> {
-    let most = data.iter().copied().max().unwrap_or(0);
+/// Bits of the converter whose values stand in the upper ones of 16: all are multiples of a power of 2, and some, or the white level where
+/// it is told, need more bits than the converter has.
+pub(super) fn left_aligned_bits(data: &[u16], white: u16) -> Option<u8> {
+    let most = data.iter().copied().max().unwrap_or(0).max(white);
     let bits = 16 - unused_bits(data);
     let mut bits = CONVERTER_BITS.into_iter().find(|known| u32::from(*known) >= bits)?;
     if bits < USUAL_BITS {
         // A few values may be multiples of more by chance
-        let mut values = data.to_vec();
-        values.sort_unstable();
-        values.dedup();
-        if values.len() < FEW_VALUES {
+        if !has_many_values(data) {
             bits = USUAL_BITS;
         }
     }
     (u32::from(most) >> bits > 0).then_some(bits)
+}
+
+fn has_many_values(data: &[u16]) -> bool {
+    let mut values = data.to_vec();
+    values.sort_unstable();
+    values.dedup();
+    values.len() >= FEW_VALUES
+}
+
+/// What makes values doubtful that are all multiples of 4 or more, and too small to show that they stand in the upper bits.
+pub(super) fn maybe_left_aligned(data: &[u16], bit_depth: u8) -> Option<FrameRemark> {
+    let unused = unused_bits(data);
+    ((9..16).contains(&bit_depth) && unused >= 2 && has_many_values(data)).then(|| FrameRemark {
+        key: "alignment",
+        value: format!("all values are multiples of {}", 1u32 << unused),
+        remark: format!(
+            "where brighter frames of the camera have more than {} DN, its bits are left-aligned in 16, and all levels here are too large: \
+             describe the frame with --left-aligned",
+            (1u32 << bit_depth) - 1
+        ),
+        is_doubtful: true,
+    })
 }
 
 /// What is said of values that were shifted down.
@@ -73,15 +94,18 @@ pub(super) fn alignment_words(bits: u8, shift: u8) -> String {
     format!("{bits} bits left-aligned in {}; divided by {}", bits + shift, 1u32 << shift)
 }
 
-/// Share of a channel's pixels from which those that have its largest value are a plateau; above the second they are all of the picture,
-/// and no plateau unless they lie near the end of the range.
-const PLATEAU_SHARE: [f64; 2] = [1e-3, 0.9];
+/// Shares of a channel's pixels from which those that have its largest value are a plateau: high in the range, and anywhere.
+const PLATEAU_SHARE: [f64; 2] = [1e-3, 1e-2];
 /// Part of the range from which a level is near its end.
 const NEAR_END: f64 = 0.9;
 /// Fewest pixels of a plateau.
 const PLATEAU_PIXELS: u64 = 8;
+/// Fewest pixels of a level that stands alone, and of a spread.
+const LEVEL_PIXELS: u64 = 4;
 /// Values below the largest that tell how many pixels a value has there without a plateau, and how many times as many a plateau has.
 const BELOW_PLATEAU: (usize, u64) = (16, 5);
+/// Numbers above the black level from which light has noise that spreads it over several values.
+const NOISY_FROM: f64 = 64.0;
 
 /// Takes plateaus for saturation: values that many pixels of a channel share and none exceeds.
 pub(super) fn mark_plateaus(image: &mut SensorImage) -> Option<FrameRemark> {
@@ -95,8 +119,12 @@ pub(super) fn mark_plateaus(image: &mut SensorImage) -> Option<FrameRemark> {
     let whites: Vec<u16> = (0..channels)
         .map(|channel| image.white_levels.get(channel).copied().unwrap_or(image.white_level))
         .collect();
-    let plateaus: Vec<Option<(u16, f64)>> =
-        counts.iter().zip(&whites).map(|(of, white)| plateau(of, *white, image.black_level)).collect();
+    let has_noise = counts.iter().any(|of| has_noise(of));
+    let plateaus: Vec<Option<(u16, f64)>> = counts
+        .iter()
+        .zip(&whites)
+        .map(|(of, white)| plateau(of, *white, image.black_level, has_noise))
+        .collect();
     if plateaus.iter().all(Option::is_none) {
         return None;
     }
@@ -122,38 +150,56 @@ pub(super) fn mark_plateaus(image: &mut SensorImage) -> Option<FrameRemark> {
     })
 }
 
+/// Whether values spread: some differ from the largest, and none of many pixels stands alone, as levels of a picture without noise do.
+fn has_noise(counts: &[u64]) -> bool {
+    let Some(largest) = counts.iter().rposition(|count| *count > 0) else { return false };
+    let (near, times) = BELOW_PLATEAU;
+    let stands_alone = |level: usize| {
+        let around = level.saturating_sub(near)..(level + near + 1).min(counts.len());
+        counts[around].iter().sum::<u64>() == counts[level]
+    };
+    let is_level = |level: usize| {
+        let count = counts[level];
+        count >= LEVEL_PIXELS && times * count >= counts[largest] && stands_alone(level)
+    };
+    counts[..largest].iter().sum::<u64>() >= LEVEL_PIXELS && !(0..largest).any(is_level)
+}
+
 /// The plateau of a channel below its white level, and the share of its pixels there, by how many pixels each value has.
-fn plateau(counts: &[u64], white: u16, black: f64) -> Option<(u16, f64)> {
+fn plateau(counts: &[u64], white: u16, black: f64, has_noise: bool) -> Option<(u16, f64)> {
     let dn = counts.iter().rposition(|count| *count > 0)?;
     let all: u64 = counts.iter().sum();
     let share = counts[dn] as f64 / all as f64;
     let (below, times) = BELOW_PLATEAU;
-    let near: u64 = counts[dn.saturating_sub(below)..dn].iter().sum();
+    let near = &counts[dn.saturating_sub(below)..dn];
     let is_peak = dn < usize::from(white)
         && counts[dn] >= PLATEAU_PIXELS
         && share >= PLATEAU_SHARE[0]
-        && counts[dn] * below as u64 > times * near;
+        && counts[dn] * below as u64 > times * near.iter().sum::<u64>();
     if !is_peak {
         return None;
     }
-    let part = (dn as f64 - black) / (f64::from(white) - black);
-    if part >= NEAR_END {
+    let (above, range) = (dn as f64 - black, f64::from(white) - black);
+    if above >= NEAR_END * range {
         return Some((dn as u16, share));
     }
-    // Far above the bulk of the others
-    let (mut seen, others) = (0, all - counts[dn]);
+    // Without noise a level is nothing but a level; dim light may have none that shows, and most pixels then share one value or two
+    let is_beyond_neighbors = counts[dn] > 2 * near.iter().copied().max().unwrap_or(0);
+    let is_plateau = share >= PLATEAU_SHARE[1] && above >= NOISY_FROM && is_beyond_neighbors;
+    (has_noise && (is_plateau || is_far_above_others(counts, dn, above, range))).then_some((dn as u16, share))
+}
+
+/// Whether the largest value lies high in the range, or far above the bulk of the others, which are no few.
+fn is_far_above_others(counts: &[u64], dn: usize, above: f64, range: f64) -> bool {
+    let others: u64 = counts[..dn].iter().sum();
+    let mut seen = 0;
     let median = counts.iter().position(|count| {
         seen += count;
         2 * seen >= others
-    })?;
-    let is_high = part > 0.5 || dn as f64 - black > 2.0 * (median as f64 - black).max(1.0);
-    // Where another level stands alone as well, the picture has no noise, and a level is nothing but a level
-    let stands_alone = |level: usize| {
-        let around = level.saturating_sub(below)..(level + below + 1).min(counts.len());
-        counts[around].iter().sum::<u64>() == counts[level]
-    };
-    let has_noise = (0..dn).all(|level| times * counts[level] < counts[dn] || !stands_alone(level));
-    (share <= PLATEAU_SHARE[1] && is_high && has_noise).then_some((dn as u16, share))
+    });
+    let is_high = above > 0.5 * range
+        || median.is_some_and(|median| above > 2.0 * (above - (dn - median) as f64).max(1.0));
+    10 * others >= counts[dn] && is_high
 }
 
 /// Standard deviations of the mean of a channel from which noise does not put its median below a level.

@@ -82,6 +82,7 @@ mod tiff_directory;
 mod tiff_image;
 mod tm27;
 mod toml_text;
+mod tone_curve;
 mod value_unit;
 
 pub use cache::{Cache, count_as_program};

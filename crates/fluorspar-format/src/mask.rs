@@ -6,13 +6,15 @@ use std::path::Path;
 
 use png::{BitDepth, ColorType};
 use tiff::decoder::DecodingResult;
+use tiff::tags::Tag;
 
 use super::FormatError;
-use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
+use super::file::{MAX_IMAGE_BYTES, check_image_size, check_not_empty, check_packing, guarded, read_file};
 use super::input::open_plain;
 use super::npy_array::{NPY_MAGIC, read_npy_mask};
 use super::png::read_png;
 use super::tiff_image::{bounded_decoder, check_kind, check_single_page, damaged_tiff};
+use fluorspar::image::Orientation;
 
 /// Which pixels of an image are meant.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,6 +36,7 @@ pub fn read_mask(path: &Path) -> Result<MaskImage, FormatError> {
     let failed = |source| FormatError::io(path, "read", source);
     let (mut file, length) = open_plain(path)?;
     let mut magic = Vec::new();
+    check_not_empty(path, length)?;
     Read::by_ref(&mut file).take(8).read_to_end(&mut magic).map_err(failed)?;
     let mask = if magic.starts_with(b"\x89PNG") {
         png_mask(path)?
@@ -59,6 +62,12 @@ fn is_inside<T: Copy + PartialEq + Default>(pixel: &[T], colors: usize) -> bool 
     pixel[..colors].iter().any(|value| *value != zero) && pixel.get(colors).is_none_or(|alpha| *alpha != zero)
 }
 
+/// A mask as viewers show it, as frames are.
+fn turned(orientation: Orientation, size: [usize; 2], stored: Vec<bool>) -> MaskImage {
+    let [width, height] = Orientation::size(size, orientation);
+    MaskImage { width, height, inside: orientation.turn(size, &stored) }
+}
+
 fn png_mask(path: &Path) -> Result<MaskImage, FormatError> {
     let raw = read_png(path, 1)?;
     let samples = raw.color.samples();
@@ -72,7 +81,7 @@ fn png_mask(path: &Path) -> Result<MaskImage, FormatError> {
         }
         _ => raw.bytes.chunks_exact(samples).map(|pixel| is_inside(pixel, colors)).collect(),
     };
-    Ok(MaskImage { width: raw.width, height: raw.height, inside })
+    Ok(turned(raw.orientation, [raw.width, raw.height], inside))
 }
 
 fn npy_mask(path: &Path) -> Result<MaskImage, FormatError> {
@@ -88,9 +97,11 @@ fn npy_mask(path: &Path) -> Result<MaskImage, FormatError> {
 
 fn tiff_mask(path: &Path, file: File, length: u64) -> Result<MaskImage, FormatError> {
     guarded(path, "TIFF", || {
-        check_kind(path)?;
+        check_kind(path, &read_file(path, MAX_IMAGE_BYTES)?, false)?;
         let damaged = |error| damaged_tiff(path, error);
         let mut decoder = bounded_decoder(path, BufReader::new(file), length)?;
+        let orientation = decoder.find_tag_unsigned::<u16>(Tag::Orientation).ok().flatten();
+        let orientation = orientation.and_then(|tag| Orientation::of_tag(u64::from(tag))).unwrap_or_default();
         let (width, height) = decoder.dimensions().map_err(damaged)?;
         let color = decoder.colortype().map_err(damaged)?;
         let (colors, samples, bits) = match color {
@@ -130,6 +141,6 @@ fn tiff_mask(path: &Path, file: File, length: u64) -> Result<MaskImage, FormatEr
         if inside.len() != width as usize * height as usize {
             return Err(FormatError::malformed(path, "rows of the image are missing", "Copy the file again"));
         }
-        Ok(MaskImage { width: width as usize, height: height as usize, inside })
+        Ok(turned(orientation, [width as usize, height as usize], inside))
     })
 }

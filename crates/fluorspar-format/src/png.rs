@@ -1,14 +1,18 @@
 //! PNG images: previews out, textures in.
 
-use std::io::{self, BufReader};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use png::{BitDepth, ColorType};
 
 use super::FormatError;
 use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
+use super::frame_judgement::orientation_of;
 use super::input::open_plain;
 use super::output::write_atomically;
+use super::tiff_directory::TiffBytes;
+use super::tone_curve::profile_is_curved;
+use fluorspar::image::Orientation;
 
 /// How stored numbers relate to light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,8 +118,10 @@ pub(super) struct RawPng {
     pub(super) color: ColorType,
     pub(super) depth: BitDepth,
     pub(super) bytes: Vec<u8>,
-    /// Whether the file says that its numbers are not proportional to light: an sRGB chunk, or a gamma other than 1.
-    pub(super) has_tone_curve: bool,
+    /// What of the file says that its numbers are not proportional to light.
+    pub(super) tone_curve: Option<&'static str>,
+    /// How the image is to be shown.
+    pub(super) orientation: Orientation,
 }
 
 /// Bytes of memory that the pixels of any PNG may take, whatever the size of its file.
@@ -156,9 +162,7 @@ pub(super) fn read_png(path: &Path, value_bytes: u64) -> Result<RawPng, FormatEr
         let mut reader = decoder.read_info().map_err(damaged)?;
         let (width, height) = reader.info().size();
         let (color, depth) = reader.output_color_type();
-        let info = reader.info();
-        let is_curved = |gamma: png::ScaledFloat| (gamma.into_value() - 1.0).abs() > 0.01;
-        let has_tone_curve = info.srgb.is_some() || info.gama_chunk.is_some_and(is_curved);
+        let tone_curve = tone_curve(path, reader.info());
         let samples = color.samples() as u64;
         let bytes_per_pixel = samples * if depth == BitDepth::Sixteen { 2 } else { 1 };
         check_memory(path, width, height, bytes_per_pixel + samples * value_bytes, length)?;
@@ -169,8 +173,66 @@ pub(super) fn read_png(path: &Path, value_bytes: u64) -> Result<RawPng, FormatEr
         let mut bytes = vec![0; size];
         let frame = reader.next_frame(&mut bytes).map_err(damaged)?;
         bytes.truncate(frame.buffer_size());
-        Ok(RawPng { width: width as usize, height: height as usize, color, depth, bytes, has_tone_curve })
+        let orientation = orientation(path);
+        let (width, height) = (width as usize, height as usize);
+        Ok(RawPng { width, height, color, depth, bytes, tone_curve, orientation })
     })
+}
+
+/// Most bytes of a chunk that describes an image.
+const MAX_CHUNK_BYTES: u64 = 1 << 22;
+
+/// The content of the first chunk of a name.
+fn chunk(path: &Path, name: &[u8; 4]) -> Option<Vec<u8>> {
+    let (file, _) = open_plain(path).ok()?;
+    let mut file = BufReader::new(file);
+    file.seek(SeekFrom::Start(8)).ok()?;
+    loop {
+        let mut head = [0; 8];
+        file.read_exact(&mut head).ok()?;
+        let [a, b, c, d, kind @ ..] = head;
+        let length = u32::from_be_bytes([a, b, c, d]);
+        if kind == *name {
+            let mut bytes = Vec::new();
+            file.take(u64::from(length).min(MAX_CHUNK_BYTES)).read_to_end(&mut bytes).ok()?;
+            return Some(bytes);
+        }
+        // The check sum follows
+        file.seek_relative(i64::from(length) + 4).ok()?;
+    }
+}
+
+/// What says that the numbers of an image lie on a curve: code points (cICP) before all others.
+fn tone_curve(path: &Path, info: &png::Info<'_>) -> Option<&'static str> {
+    const LINEAR: u8 = 8;
+    const UNSPECIFIED: u8 = 2;
+    match info.coding_independent_code_points.map(|points| points.transfer_function) {
+        Some(LINEAR) => return None,
+        None | Some(UNSPECIFIED) => {}
+        Some(_) => return Some("its chunk cICP"),
+    }
+    let is_curved = |gamma: png::ScaledFloat| (gamma.into_value() - 1.0).abs() > 0.01;
+    if info.srgb.is_some() {
+        return Some("sRGB");
+    }
+    if info.gama_chunk.is_some_and(is_curved) {
+        return Some("a gamma");
+    }
+    // A name, a zero byte, the number of the compression, and the profile
+    let packed = chunk(path, b"iCCP")?;
+    let start = packed.iter().position(|byte| *byte == 0)? + 2;
+    let mut profile = Vec::new();
+    let mut unpacked = flate2::read::ZlibDecoder::new(packed.get(start..)?).take(MAX_CHUNK_BYTES);
+    // What is damaged is read as far as it goes
+    let _ = unpacked.read_to_end(&mut profile);
+    profile_is_curved(&profile).then_some("its ICC profile")
+}
+
+/// The orientation that an Exif directory of the file tells.
+fn orientation(path: &Path) -> Orientation {
+    let exif = chunk(path, b"eXIf").unwrap_or_default();
+    let exif = exif.strip_prefix(b"Exif\0\0").unwrap_or(&exif);
+    orientation_of(TiffBytes::new(exif).map(|tiff| tiff.directories()).unwrap_or_default().first())
 }
 
 fn damaged_png(path: &Path, error: png::DecodingError) -> FormatError {

@@ -10,10 +10,10 @@ use tiff::tags::Tag;
 
 use super::camera_raw::refuse_camera_raw;
 use super::dng::{is_dng, read_dng};
-use super::file::{MAX_IMAGE_BYTES, read_file, read_sidecar, sidecar_path, write_sidecar};
+use super::file::{MAX_IMAGE_BYTES, check_not_empty, read_file, read_sidecar, sidecar_path, write_sidecar};
 use super::frame_judgement::{
     FrameRemark, FrameTags, StoredFrame, alignment_words, black_offsets_words, high_black_level,
-    mark_plateaus, orientation_of, turned_words, unused_bits, white_levels_words,
+    mark_plateaus, maybe_left_aligned, orientation_of, turned_words, unused_bits, white_levels_words,
 };
 use super::input::open_plain;
 use super::output::write_atomically;
@@ -21,6 +21,7 @@ use super::packed_raw::{PackedRows, read_packed};
 use super::png::{read_png, write_png};
 use super::tiff_directory::TiffBytes;
 use super::tiff_image::{TiffPixels, read_tiff_pixels};
+use super::tone_curve::tone_curve_error;
 use super::{FileFormat, FormatError, Loaded, Provenance};
 use fluorspar::digest::sha256_hex;
 use fluorspar::image::{Mosaic, SensorImage};
@@ -229,10 +230,10 @@ pub(super) fn read_judged_frame(path: &Path) -> Result<JudgedFrame, FormatError>
     let failed = |source| FormatError::io(path, "read", source);
     let (mut file, length) = open_plain(path)?;
     let mut magic = Vec::new();
+    check_not_empty(path, length)?;
     Read::by_ref(&mut file).take(8).read_to_end(&mut magic).map_err(failed)?;
     let stored = if magic.starts_with(b"\x89PNG") {
-        let (width, height, data) = read_frame_png(path)?;
-        StoredFrame { width, height, data, ..StoredFrame::default() }
+        read_frame_png(path)?
     } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
         let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dng"));
         let bytes = read_file(path, MAX_IMAGE_BYTES)?;
@@ -241,7 +242,7 @@ pub(super) fn read_judged_frame(path: &Path) -> Result<JudgedFrame, FormatError>
         }
         refuse_camera_raw(path, &bytes)?;
         file.rewind().map_err(failed)?;
-        let TiffPixels { width, height, data, .. } = read_tiff_pixels(path, file, length)?;
+        let TiffPixels { width, height, data, .. } = read_tiff_pixels(path, file, &bytes)?;
         StoredFrame { width, height, data, tags: tiff_tags(&bytes), ..StoredFrame::default() }
     } else {
         return read_by_description(path);
@@ -288,7 +289,7 @@ fn read_by_description(path: &Path) -> Result<JudgedFrame, FormatError> {
         FormatError::malformed(
             path,
             "this is neither TIFF, PNG nor DNG, and no JSON description of its packing is next to it",
-            "Name a raw frame, or write a description with \"packing\"",
+            "Name a raw frame, save others (PGM, NumPy) as TIFF or PNG of 16 bits, or write a description with \"packing\"",
         )
     };
     if !sidecar_path(path).exists() {
@@ -342,8 +343,12 @@ fn judged(
     };
     let wrong = |what: String| FormatError::malformed(said_in, what, cure);
     let StoredFrame { width, height, mut data, black_offsets, tags } = stored;
-    let FrameTags { orientation, whites, factors, mut remarks } = tags;
-    remarks.extend(align(&mut data, d).map_err(wrong)?);
+    let FrameTags { orientation, whites, factors, mut remarks, has_levels } = tags;
+    match align(&mut data, d).map_err(wrong)? {
+        Some(remark) => remarks.push(remark),
+        None if has_levels || d.program.is_some() => {}
+        None => remarks.extend(maybe_left_aligned(&data, d.bit_depth)),
+    }
     let mut image =
         SensorImage { black_offsets, factors, ..sensor_image(path, said_in, width, height, data, d)? };
     if let Some(problem) = contradiction(&image) {
@@ -534,20 +539,16 @@ fn pixels_sha256(data: &[u16]) -> String {
     )
 }
 
-/// A frame as PNG: columns, rows, and one number or three a pixel.
-pub(super) fn read_frame_png(path: &Path) -> Result<(usize, usize, Vec<u16>), FormatError> {
+/// A frame as PNG: one number or three a pixel.
+pub(super) fn read_frame_png(path: &Path) -> Result<StoredFrame, FormatError> {
     let raw = read_png(path, size_of::<u16>() as u64)?;
     if ![ColorType::Grayscale, ColorType::Rgb].contains(&raw.color) {
         let what = format!("the image is stored as {:?}", raw.color);
         let hint = "Raw frames are gray mosaics or linear RGB of 8 or 16 bits; export it as such";
         return Err(FormatError::unsupported(path, what, hint));
     }
-    if raw.has_tone_curve {
-        let what =
-            "its numbers lie on a tone curve (sRGB or a gamma), so that they are not proportional to light";
-        let hint =
-            "Give the raw frame, or export it linear (gamma 1); of Fluorspar's own files, give raw_NAME";
-        return Err(FormatError::unsupported(path, what, hint));
+    if let Some(told_by) = raw.tone_curve {
+        return Err(tone_curve_error(path, told_by));
     }
     let data = match raw.depth {
         BitDepth::Sixteen => {
@@ -555,5 +556,6 @@ pub(super) fn read_frame_png(path: &Path) -> Result<(usize, usize, Vec<u16>), Fo
         }
         _ => raw.bytes.iter().map(|&byte| u16::from(byte)).collect(),
     };
-    Ok((raw.width, raw.height, data))
+    let tags = FrameTags { orientation: raw.orientation, ..FrameTags::default() };
+    Ok(StoredFrame { width: raw.width, height: raw.height, data, tags, ..StoredFrame::default() })
 }

@@ -1,15 +1,16 @@
 //! Pixels of plain TIFF images.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{self, BufReader};
 use std::path::Path;
 
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 
 use super::FormatError;
-use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded, read_file};
+use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
 use super::tiff_directory::{Directory, TiffBytes};
+use super::tone_curve::{is_bent, profile_is_curved, tone_curve_error};
 
 /// Most pages that are counted.
 const MOST_PAGES: usize = 10_000;
@@ -29,13 +30,20 @@ pub(super) struct TiffPixels {
 /// An error of the decoder in words.
 pub(super) fn damaged_tiff(path: &Path, error: tiff::TiffError) -> FormatError {
     match error {
-        // Decoders of compressed rows have errors of this kind, too, with no system behind them
-        tiff::TiffError::IoError(source) if source.raw_os_error().is_some() => {
+        // Decoders of compressed rows have errors of this kind, too, with no system behind them, and a place before the begin of the file
+        // is refused by the system
+        tiff::TiffError::IoError(source)
+            if source.raw_os_error().is_some() && source.kind() != io::ErrorKind::InvalidInput =>
+        {
             FormatError::io(path, "read", source)
+        }
+        tiff::TiffError::IoError(source) if source.kind() == io::ErrorKind::InvalidInput => {
+            let what = "not a valid TIFF file: it tells of a place outside the file";
+            FormatError::malformed(path, what, "Copy the file again")
         }
         tiff::TiffError::UnsupportedError(kind) => {
             let what = format!("this kind of TIFF is not read ({kind})");
-            FormatError::unsupported(path, what, plain_copy(path))
+            FormatError::unsupported(path, what, python_copy(path, ""))
         }
         error => {
             FormatError::malformed(path, format!("not a valid TIFF file: {error}"), "Copy the file again")
@@ -43,55 +51,137 @@ pub(super) fn damaged_tiff(path: &Path, error: tiff::TiffError) -> FormatError {
     }
 }
 
-/// How to make a form of a file that is read.
-fn plain_copy(path: &Path) -> String {
+/// Names of a file and of a copy of it beside it.
+fn names(path: &Path) -> [String; 2] {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    [name.into_owned(), format!("{stem}_plain.tif")]
+}
+
+/// How to make a form of a file that is read, of what LibTIFF knows.
+fn plain_copy(path: &Path) -> String {
+    let [from, to] = names(path);
     format!(
-        "Save it uncompressed, gray or RGB of 8 or 16 bits, for instance with LibTIFF: tiffcp -c none -p contig {name} {stem}_plain.tif"
+        "Save it uncompressed, gray or RGB of 8 or 16 bits, for instance with LibTIFF: tiffcp -c none {from} {to}"
     )
 }
 
-/// Compressions of TIFF by the numbers of tag 259 that are not read here.
-const COMPRESSIONS: [(u64, &str); 11] = [
-    (6, "JPEG as of TIFF 6.0 (old-style)"),
-    (34_712, "JPEG 2000"),
-    (34_887, "LERC"),
-    (34_892, "lossy JPEG of DNG"),
-    (34_925, "LZMA"),
-    (34_926, "ZSTD"),
-    (50_000, "ZSTD"),
-    (50_001, "WebP"),
-    (50_002, "JPEG XL"),
-    (52_546, "JPEG XL"),
-    (32_809, "ThunderScan"),
+/// The same of what LibTIFF does not copy; `change` is what becomes of the array.
+fn python_copy(path: &Path, change: &str) -> String {
+    let [from, to] = names(path);
+    format!(
+        "Save it uncompressed, gray or RGB of 8 or 16 bits, for instance in Python (pip install tifffile imagecodecs): \
+         python -c \"import tifffile as t; t.imwrite('{to}', t.imread('{from}'){change})\""
+    )
+}
+
+/// Compressions of TIFF by the numbers of tag 259 that are not read here, and whether LibTIFF makes a plain copy.
+const COMPRESSIONS: [(u64, &str, bool); 11] = [
+    (6, "JPEG as of TIFF 6.0 (old-style)", true),
+    (34_712, "JPEG 2000", false),
+    (34_887, "LERC", false),
+    (34_892, "lossy JPEG of DNG", false),
+    (34_925, "LZMA", true),
+    (34_926, "ZSTD", true),
+    (50_000, "ZSTD", true),
+    (50_001, "WebP", false),
+    (50_002, "JPEG XL", false),
+    (52_546, "JPEG XL", false),
+    (32_809, "ThunderScan", true),
 ];
 
-/// Refuses TIFFs that are valid but of a kind that is not read, by its name.
+/// The name of a compression of TIFF, else its number.
+pub(super) fn compression_name(number: u64) -> String {
+    let known = COMPRESSIONS.iter().find(|(known, ..)| *known == number);
+    known.map_or_else(|| format!("TIFF compression {number}"), |(_, name, _)| (*name).into())
+}
+
+/// Photometric interpretations of TIFF (tag 262) that no frame has: what its numbers are.
+const PHOTOMETRICS: [(u64, &str); 9] = [
+    (4, "a mask of transparency"),
+    (5, "CMYK, amounts of ink"),
+    (6, "YCbCr, brightness and color on a tone curve"),
+    (8, "CIE L*a*b*, on a tone curve"),
+    (9, "ICC L*a*b*, on a tone curve"),
+    (10, "ITU L*a*b*, on a tone curve"),
+    (32_844, "logarithms of luminance"),
+    (32_845, "logarithms of luminance"),
+    (34_892, "linear raw values of a DNG without its version"),
+];
+/// Photometric interpretation of a mosaic.
+const CFA: u64 = 32_803;
+
+/// Refuses TIFFs that are valid but of a kind that is not read, by its name: of frames more kinds than of masks.
 ///
 /// # Errors
-/// Such a file; one that can't be read.
-pub(super) fn check_kind(path: &Path) -> Result<(), FormatError> {
-    let bytes = read_file(path, MAX_IMAGE_BYTES)?;
-    let Some(tiff) = TiffBytes::new(&bytes) else { return Ok(()) };
+/// Such a file.
+pub(super) fn check_kind(path: &Path, bytes: &[u8], is_frame: bool) -> Result<(), FormatError> {
+    let Some(tiff) = TiffBytes::new(bytes) else { return Ok(()) };
     let directories = tiff.directories();
     let Some(first) = directories.first() else { return Ok(()) };
     let compression = first.first(259).unwrap_or(1);
-    let known = COMPRESSIONS.iter().find(|(number, _)| *number == compression);
-    let what = if let Some((_, name)) = known {
-        format!("its pixels are compressed with {name}, which is not read")
-    } else if compression == 5 && has_old_lzw(first, &bytes) {
-        "its pixels are compressed with old-style LZW (bits in reverse order, of before TIFF 6.0), which is not read".into()
+    let known = COMPRESSIONS.iter().find(|(number, ..)| *number == compression);
+    let (what, hint) = if let Some((_, name, is_copied)) = known {
+        let hint = if *is_copied { plain_copy(path) } else { python_copy(path, "") };
+        (format!("its pixels are compressed with {name}, which is not read"), hint)
+    } else if compression == 5 && has_old_lzw(first, bytes) {
+        let what = "its pixels are compressed with old-style LZW (bits in reverse order, of before TIFF 6.0), which is not read";
+        (what.into(), plain_copy(path))
+    } else if first.first(266) == Some(2) {
+        let what = "the bits of its bytes are stored in reverse order (FillOrder 2), which is not read";
+        (what.into(), plain_copy(path))
     } else if first.first(262) == Some(3) {
         let what = "its pixels are indices of a palette, not numbers of light";
-        let hint = "Give the file that it was made from, or save it as gray or RGB";
-        return Err(FormatError::unsupported(path, what, hint));
+        (what.into(), "Give the file that it was made from, or save it as gray or RGB".into())
     } else if first.first(284) == Some(2) && super::dng::samples(first) > 1 {
-        "its channels are stored in separate planes (planar configuration 2), which are not read".into()
+        let what = "its channels are stored in separate planes (planar configuration 2), which are not read";
+        (what.into(), python_copy(path, ".transpose(1, 2, 0), photometric='rgb'"))
+    } else {
+        return if is_frame { check_numbers(path, first) } else { Ok(()) };
+    };
+    Err(FormatError::unsupported(path, what, hint))
+}
+
+/// Refuses images whose numbers are none of light.
+fn check_numbers(path: &Path, first: &Directory<'_>) -> Result<(), FormatError> {
+    let photometric = first.first(262);
+    let bits = first.first(258).unwrap_or(1);
+    let tables = first.unsigned(301);
+    let samples = super::dng::samples(first) as usize;
+    // One for all samples, or one for each
+    let of_sample =
+        if tables.len().is_multiple_of(3) && samples > 1 { tables.len() / 3 } else { tables.len() };
+    let (what, hint): (String, String) = if first.first(259) == Some(7) {
+        let what = "its pixels are compressed with JPEG, which does not keep the numbers of a camera";
+        (what.into(), "Give the frame as the camera wrote it, uncompressed or losslessly compressed".into())
+    } else if photometric == Some(CFA) {
+        let what = "it holds a mosaic as TIFF/EP does, and is no DNG";
+        let gray = python_copy(path, ", photometric='minisblack'");
+        (what.into(), format!("{gray}, and describe that with --mosaic"))
+    } else if let Some((_, name)) = PHOTOMETRICS.iter().find(|(number, _)| Some(*number) == photometric) {
+        let hint = "Give the raw frame of the camera, or its linear gray or RGB numbers";
+        (format!("its numbers are {name}"), hint.into())
+    } else if photometric == Some(0) {
+        let what = "its zero is white (PhotometricInterpretation 0): numbers fall where light rises";
+        (what.into(), python_copy(path, ".__invert__(), photometric='minisblack'"))
+    } else if let Some(format @ (2 | 3)) = first.first(339) {
+        let kind = if format == 2 { "signed" } else { "floating-point" };
+        let whole = python_copy(path, ".round().clip(0, 65535).astype('uint16')");
+        (
+            format!("its numbers are {kind} ones of {bits} bits"),
+            format!("{whole}, of digital numbers as the camera tells them"),
+        )
+    } else if bits > 16 {
+        let whole = python_copy(path, ".clip(0, 65535).astype('uint16')");
+        (format!("its numbers have {bits} bits"), whole)
+    } else if tables.chunks(of_sample.max(1)).any(is_bent) {
+        return Err(tone_curve_error(path, "its TransferFunction"));
+    } else if first.data(34_675).is_some_and(profile_is_curved) {
+        return Err(tone_curve_error(path, "its ICC profile"));
     } else {
         return Ok(());
     };
-    Err(FormatError::unsupported(path, what, plain_copy(path)))
+    Err(FormatError::unsupported(path, what, hint))
 }
 
 /// Whether rows begin with the clear code from the lowest bit on, by which LibTIFF knows them, too.
@@ -146,9 +236,10 @@ pub(super) fn check_single_page(
 ///
 /// # Errors
 /// Other images, damaged files.
-pub(super) fn read_tiff_pixels(path: &Path, file: File, length: u64) -> Result<TiffPixels, FormatError> {
+pub(super) fn read_tiff_pixels(path: &Path, file: File, bytes: &[u8]) -> Result<TiffPixels, FormatError> {
+    let length = bytes.len() as u64;
     guarded(path, "TIFF", || {
-        check_kind(path)?;
+        check_kind(path, bytes, true)?;
         let damaged = |error| damaged_tiff(path, error);
         let mut decoder = bounded_decoder(path, BufReader::new(file), length)?;
         let (width, height) = decoder.dimensions().map_err(damaged)?;

@@ -200,7 +200,13 @@ impl<'a> Convert<'a> {
     fn note_darkness(&mut self) {
         if is_dark(&self.lights, &self.objects) {
             let at = self.tree.shapes.first().map(|shape| shape.entity.at).unwrap_or_default();
-            self.remark(at, NO_LIGHTS);
+            let text = match self.tree.lights.is_empty() && self.tree.area_lights.is_empty() {
+                true => NO_LIGHTS,
+                false => {
+                    "the scene has no lights left: those that it has are left out or dark; add one that is read"
+                }
+            };
+            self.remark(at, text);
         }
     }
 

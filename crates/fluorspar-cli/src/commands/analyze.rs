@@ -178,6 +178,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         ..region
     };
     let others: Vec<AnalyzedRegion> = others.into_iter().map(of_frames).collect();
+    warn_of_unused_frames(options, study, &analyzed.analysis);
     answer(options, &experiment, &analyzed.analysis, &others, &frames)?;
     let Some(out) = out else { return Ok(next_step()) };
     let report = FrameReport {
@@ -262,6 +263,13 @@ fn readout_of_frames(options: &Options, parsed: &Experiment) -> Result<Vec<Overr
         return Ok(Vec::new());
     };
     let raw = read_sensor_image(Path::new(file))?.image;
+    if raw.black_level < 0.0 {
+        return Err(CliError::Input(format!(
+            "{file}: its black level, {} DN, is below zero; describe the frame with --black-level, the mean of a frame with the cap on the \
+             lens",
+            raw.black_level
+        )));
+    }
     let model = parsed.file.sensor.as_ref().map(|section| section.model.clone()).unwrap_or_default();
     let typed = || format!("--frame {}", options.frame[0]);
     let mut found = Vec::new();
@@ -291,6 +299,49 @@ fn warn_of_missing_frames(options: &Options, experiment: &mut ResolvedExperiment
         Messages::default().warnings(&[Warning::from(text.clone())]);
         experiment.record.warnings.push(Warning::from(text));
     }
+}
+
+/// Tells of frames that were given and that no analysis looks at. Where channels are taken apart or targets are sought, all frames with
+/// light count.
+fn warn_of_unused_frames(options: &Options, study: &Study, analysis: &Analysis) {
+    if analysis.signals.is_some() || !analysis.targets.is_empty() {
+        return;
+    }
+    let plans: Vec<&AnalysisPlan> =
+        study.analysis.iter().chain(study.regions.iter().map(|region| &region.analysis)).collect();
+    let used = looked_at(study, &plans);
+    let is_used = |label: &str| {
+        let of_it =
+            |name: &str| label == name || label.strip_prefix(name).is_some_and(|r| r.starts_with("_ev"));
+        used.iter().any(|capture| of_it(&capture.frame.label))
+    };
+    let unused = named_files(options).filter(|(label, _)| !is_used(label));
+    let texts: Vec<Warning> = unused
+        .map(|(label, _)| {
+            let frame = &analysis.frame;
+            Warning::from(format!(
+                "The frame \"{label}\" has no part in the analysis, which is of \"{frame}\""
+            ))
+        })
+        .collect();
+    Messages::default().warnings(&texts);
+}
+
+/// Share of the pixels of a frame that is subtracted which may be defect and full.
+const FEW_SATURATED: f64 = 0.01;
+
+/// What is said of a frame that is subtracted where it is full: nothing is measured there.
+fn saturated_words(study: &Study, raw: &SensorImage) -> Option<String> {
+    let is_subtracted = study.captures.iter().any(|c| c.subtract.as_ref() == Some(&raw.label));
+    let full = (0..raw.data.len()).filter(|value| raw.is_saturated(*value)).count();
+    let share = full as f64 / raw.data.len().max(1) as f64;
+    (is_subtracted && share > FEW_SATURATED).then(|| {
+        format!(
+            "The frame \"{}\", which is subtracted, is itself saturated in {:.0} % of its pixels: nothing is measured there",
+            raw.label,
+            100.0 * share
+        )
+    })
 }
 
 /// Makes an experiment that of the frames that were given, or of frames whose component image is gone.
@@ -612,6 +663,8 @@ fn named_frames(
         let doubts: Vec<Warning> =
             doubtful.map(|fact| Warning::from(format!("{file}: {}", fact.sentence()))).collect();
         Messages::default().warnings(&doubts);
+        Messages::default()
+            .warnings(&saturated_words(study, &raw).into_iter().map(Warning::from).collect::<Vec<_>>());
         told.push((file_name(file), facts));
         if options.dark.is_empty()
             && let Some(doubt) = black_level_doubt(&raw.data, raw.black_level, raw.white_level)

@@ -312,6 +312,27 @@ fn a_plateau_below_the_white_level_is_saturation() {
     assert!((0..32).all(|pixel| image.is_saturated(pixel) == (channel(pixel) == 1)));
 }
 
+/// Green ends at 1000 where the file promises 16383: in nine pixels of sixteen, or in all of them, while red and blue have noise. Without
+/// noise anywhere, of dim light, and of two neighboring values, it tells nothing.
+#[test]
+fn a_plateau_low_in_the_range_is_saturation_where_there_is_noise() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.dng");
+    let noisy = |at: usize| 500 + 31 * at as u16;
+    let saturated = |green: &dyn Fn(usize) -> u16, other: &dyn Fn(usize) -> u16| {
+        let value = |pixel: usize| if channel(pixel) == 1 { green(pixel / 2) } else { other(pixel / 2) };
+        let values: Vec<u16> = (0..32).map(value).collect();
+        plain_dng(&path, &values, &[shorts(50_714, &[64]), shorts(50_717, &[16_383])]);
+        let image = read_sensor_image(&path).unwrap().image;
+        (0..32).filter(|pixel| image.is_saturated(*pixel)).count()
+    };
+    assert_eq!(saturated(&|at| if at < 9 { 1000 } else { 940 - 3 * at as u16 }, &noisy), 9);
+    assert_eq!(saturated(&|_| 1000, &noisy), 16);
+    assert_eq!(saturated(&|_| 1000, &|_| 500), 0);
+    assert_eq!(saturated(&|_| 80, &noisy), 0);
+    assert_eq!(saturated(&|at| if at < 9 { 1000 } else { 999 }, &noisy), 0);
+}
+
 /// Green is full at 3000, red and blue at 4095.
 #[test]
 fn the_white_level_of_each_plane_counts_for_its_channel() {
@@ -330,6 +351,69 @@ fn the_white_level_of_each_plane_counts_for_its_channel() {
     describe_frame(&path, &given).unwrap().write().unwrap();
     let image = read_sensor_image(&path).unwrap().image;
     assert!((0..32).all(|pixel| image.is_saturated(pixel) == (values[pixel] >= 3010)));
+}
+
+/// Four numbers are those of the places of a cell: R, G, G and B, of which the lower G counts.
+#[test]
+fn white_levels_of_places_count_for_their_channels() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.dng");
+    let values: Vec<u16> = (0..32).map(|pixel| 2990 + 5 * (pixel % 7)).collect();
+    plain_dng(&path, &values, &[shorts(50_714, &[64]), shorts(50_717, &[3010, 4095, 3000, 3015])]);
+    let image = read_sensor_image(&path).unwrap().image;
+    for (pixel, dn) in values.iter().enumerate() {
+        assert_eq!(image.is_saturated(pixel), *dn >= [3010, 3000, 3015][channel(pixel)], "{pixel}");
+    }
+    plain_dng(&path, &values, &[shorts(50_717, &[4095, 3000])]);
+    let said = read_sensor_image(&path).unwrap_err().to_string();
+    assert!(said.contains("WhiteLevel has 2 numbers where 1 or 3 belong"), "{said}");
+}
+
+/// Layouts of a DNG that would be misread are refused by the name of their tag.
+#[test]
+fn layouts_that_are_not_read_are_called_by_their_tags() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.dng");
+    for (tag, what) in [
+        (shorts(266, &[2]), "FillOrder is 2"),
+        (shorts(50_711, &[2]), "CFALayout is 2"),
+        (long(50_975, 2), "RowInterleaveFactor is 2"),
+        (shorts(50_829, &[0, 0, 5, 8]), "ActiveArea, [0, 0, 5, 8], is no part of its 4 rows and 8 columns"),
+        (shorts(339, &[3]), "floating-point"),
+    ] {
+        plain_dng(&path, &[500; 32], &[tag]);
+        let said = read_sensor_image(&path).unwrap_err().to_string();
+        assert!(said.contains(what), "{said}");
+    }
+}
+
+/// A DNG of raw images of 8 rows, each with its width, its NewSubfileType and its value.
+fn several_raw(path: &Path, images: &[(u32, u32, u16)]) {
+    use tiff::encoder::{TiffEncoder, colortype::Gray16};
+    use tiff::tags::Tag;
+    let mut encoder = TiffEncoder::new(fs::File::create(path).unwrap()).unwrap();
+    for &(width, kind, value) in images {
+        let mut image = encoder.new_image::<Gray16>(width, 8).unwrap();
+        let tags = image.encoder();
+        tags.write_tag(Tag::NewSubfileType, kind).unwrap();
+        tags.write_tag(Tag::PhotometricInterpretation, 32_803u16).unwrap();
+        tags.write_tag(Tag::Unknown(33_421), &[2u16, 2][..]).unwrap();
+        tags.write_tag(Tag::Unknown(33_422), &[0u8, 1, 1, 2][..]).unwrap();
+        tags.write_tag(Tag::Unknown(50_706), &[1u8, 4, 0, 0][..]).unwrap();
+        image.write_data(&vec![value; 8 * width as usize]).unwrap();
+    }
+}
+
+/// The frame itself is read, not a larger form of it that a program made; of two frames none.
+#[test]
+fn the_frame_of_several_raw_images_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.dng");
+    several_raw(&path, &[(4, 1, 100), (8, 0, 200), (16, 16, 300)]);
+    assert_eq!(read_sensor_image(&path).unwrap().image.data, [200; 64]);
+    several_raw(&path, &[(8, 0, 200), (8, 0, 300)]);
+    let said = read_sensor_image(&path).unwrap_err().to_string();
+    assert!(said.contains("it holds 2 raw images"), "{said}");
 }
 
 /// A black level above the pixels of blue is told by name; one among them is not.
@@ -461,15 +545,27 @@ fn left_aligned_samples_are_shifted_down() {
     gray_tiff(&path, &(0..32).map(|i| 16 * (60 + i % 9)).collect::<Vec<u16>>());
     let found = describe_frame(&path, &given).unwrap();
     assert!(found.facts.iter().any(|fact| fact.remark.contains("--left-aligned")));
-    let told = FrameFacts { is_left_aligned: true, bit_depth: Some(12), ..given };
+    let told = FrameFacts { is_left_aligned: true, bit_depth: Some(12), ..given.clone() };
     describe_frame(&path, &told).unwrap().write().unwrap();
     assert_eq!(read_sensor_image(&path).unwrap().image.data[1], 61);
     // Few values, all multiples of 64 by chance
     gray_tiff(&path, &(0..32).map(|i| 5824 * (1 + i % 3)).collect::<Vec<u16>>());
     let found = describe_frame(&path, &FrameFacts::default()).unwrap();
     assert_eq!(fact(&found, "bit_depth").0, "12");
-    // Levels of a DNG are divided with its values
+    // Many values below 2^12 may stand in the upper bits, too, which is said of the described frame as well
+    gray_tiff(&path, &(0..32).map(|i| 16 * (60 + i)).collect::<Vec<u16>>());
+    let found = describe_frame(&path, &given).unwrap();
+    assert!(found.warnings.iter().any(|said| said.contains("--left-aligned")), "{:?}", found.warnings);
+    fs::remove_file(found.path()).unwrap();
+    found.write().unwrap();
+    let told = read_told_frame(&path).unwrap();
+    assert!(told.facts.iter().any(|fact| fact.is_doubtful && fact.value == "all values are multiples of 16"));
+    // Levels of a DNG are divided with its values, of a dark one, too
     let path = folder.path().join("frame.dng");
+    let dark: Vec<u16> = (0..32).map(|i| 16 * (60 + i % 9)).collect();
+    plain_dng(&path, &dark, &[shorts(50_714, &[1024]), shorts(50_717, &[65_520])]);
+    let image = read_sensor_image(&path).unwrap().image;
+    assert_eq!((image.bit_depth, image.black_level, image.data[1]), (12, 64.0, 61));
     plain_dng(&path, &values, &[shorts(50_714, &[1024]), shorts(50_717, &[65_520])]);
     let image = read_sensor_image(&path).unwrap().image;
     assert_eq!((image.bit_depth, image.white_level, image.black_level), (12, 4095, 64.0));
@@ -496,12 +592,18 @@ fn tiffs_of_other_kinds_are_called_by_their_names() {
         ];
         tiff_bytes(tags, &[[0, 1], [7, 7]].concat().repeat(24), false)
     };
+    let with = |photometric: u32, tag: TagBytes| {
+        let tags = vec![long(256, 8), long(257, 4), long(273, PIXELS_AT as u32), long(279, 96)];
+        let tags = [tags, vec![long(258, 8), long(277, 1), long(262, photometric), tag]].concat();
+        tiff_bytes(tags, &[7; 96], false)
+    };
     for (bytes, name) in [
         (file(50_000, 1, 1, 1), "ZSTD"),
         (file(34_925, 1, 1, 1), "LZMA"),
         (file(5, 1, 1, 1), "old-style LZW"),
         (file(1, 3, 1, 1), "indices of a palette"),
         (file(1, 2, 3, 2), "planar configuration 2"),
+        (with(1, shorts(266, &[2])), "FillOrder 2"),
     ] {
         fs::write(&path, bytes).unwrap();
         for said in [
@@ -512,6 +614,24 @@ fn tiffs_of_other_kinds_are_called_by_their_names() {
             assert!(!said.contains("Copy the file again") && !said.contains("disk"), "{said}");
         }
     }
+    // Numbers that are none of light are no frame
+    for (bytes, name) in [
+        (with(0, shorts(339, &[1])), "its zero is white"),
+        (with(1, shorts(339, &[2])), "its numbers are signed ones of 8 bits"),
+        (with(1, shorts(339, &[3])), "its numbers are floating-point ones"),
+        (with(1, shorts(259, &[7])), "compressed with JPEG"),
+        (with(32_803, shorts(339, &[1])), "a mosaic as TIFF/EP does"),
+        (with(8, shorts(339, &[1])), "CIE L*a*b*"),
+    ] {
+        fs::write(&path, bytes).unwrap();
+        let said = describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string();
+        assert!(said.contains(name) && !said.contains("Copy the file again"), "{said}");
+    }
+    fs::write(&path, []).unwrap();
+    assert!(describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string().contains("is empty"));
+    fs::write(&path, b"P5\n2 1\n255\n\0\0").unwrap();
+    let said = describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string();
+    assert!(said.contains("TIFF or PNG of 16 bits"), "{said}");
     let path = folder.path().join("frame.dng");
     let values: Vec<u16> = (0..32).map(|i| 70 + 3 * i).collect();
     fs::write(&path, dng_bytes(&values, &[shorts(50_714, &[64]), shorts(50_717, &[1023])], true)).unwrap();
@@ -539,6 +659,10 @@ fn tags_beside_the_pixels_of_a_dng_are_read() {
         assert_eq!(fact(&found, key), (value.into(), FactSource::Tag), "{key}");
     }
     assert!(found.warnings.is_empty(), "{:?}", found.warnings);
+    // The largest number stands for a sensitivity that other tags tell
+    plain_dng(&path, &values, &[shorts(34_855, &[65_535])]);
+    let found = describe_frame(&path, &FrameFacts::default()).unwrap();
+    assert_eq!(fact(&found, "gain"), ("1".into(), FactSource::Assumed));
 }
 
 /// What no tag tells is assumed, and said to be; pixels that all lie far above a black level of 0 are told.
@@ -614,6 +738,18 @@ fn a_raw_file_that_is_no_dng_is_refused_by_name() {
     refused("marked.tif", "a raw file of a camera, but no DNG");
 }
 
+/// A small form before its image is no frame, either; without the name of a camera there is no raw file to convert.
+#[test]
+fn a_small_form_before_its_image_is_no_camera_raw() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.tif");
+    for (kind, what) in [(1, "Save the large one as a file of its own"), (0, "it holds 2 images (pages)")] {
+        pages(&path, None, &[(4, kind), (8, 0)], 1);
+        let said = describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string();
+        assert!(said.contains(what) && !said.contains("dnglab"), "{said}");
+    }
+}
+
 /// The first of several pages is no frame of its own; a smaller form behind it is no page.
 #[test]
 fn a_tiff_of_several_pages_is_refused_with_their_number() {
@@ -651,6 +787,150 @@ fn a_png_on_a_tone_curve_is_refused() {
     for curve in curves {
         let said = write(curve).unwrap_err().to_string();
         assert!(said.contains("tone curve"), "{said}");
+    }
+}
+
+/// A color profile whose red curve is `curve`.
+fn profile(curve: &[u8]) -> Vec<u8> {
+    let entry =
+        [b"rTRC".to_vec(), 144u32.to_be_bytes().to_vec(), (curve.len() as u32).to_be_bytes().to_vec()];
+    [vec![0; 128], 1u32.to_be_bytes().to_vec(), entry.concat(), curve.to_vec()].concat()
+}
+
+/// A curve of a color profile: `curv` with its numbers of 16 bits.
+fn curve(numbers: &[u16]) -> Vec<u8> {
+    let count = (numbers.len() as u32).to_be_bytes();
+    let numbers: Vec<u8> = numbers.iter().flat_map(|number| number.to_be_bytes()).collect();
+    [b"curv\0\0\0\0".to_vec(), count.to_vec(), numbers].concat()
+}
+
+/// Curves of color profiles, and whether they are straight: none, gamma 1 and 2.2 in 256ths, a line, a square; `para` of the gamma 1 and
+/// 2.2 in 65536ths.
+fn curves() -> Vec<(Vec<u8>, bool)> {
+    let para = |gamma: u32| [b"para\0\0\0\0\0\0\0\0".to_vec(), gamma.to_be_bytes().to_vec()].concat();
+    vec![
+        (curve(&[]), true),
+        (curve(&[256]), true),
+        (curve(&[563]), false),
+        (curve(&[0, 32_768, 65_535]), true),
+        (curve(&[0, 16_384, 65_535]), false),
+        (para(65_536), true),
+        (para(144_179), false),
+    ]
+}
+
+/// A gray TIFF of 8 bits and 8 x 4 pixels with a further tag.
+fn tagged_tiff(tag: TagBytes) -> Vec<u8> {
+    let tags = vec![long(256, 8), long(257, 4), long(258, 8), long(259, 1), long(262, 1), long(277, 1)];
+    let tags = [tags, vec![long(273, PIXELS_AT as u32), long(279, 32), tag]].concat();
+    tiff_bytes(tags, &(0..32).collect::<Vec<u8>>(), false)
+}
+
+#[test]
+fn a_tiff_on_a_tone_curve_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.tif");
+    let refused = |tag: TagBytes, what: &str, is_straight: bool| {
+        fs::write(&path, tagged_tiff(tag)).unwrap();
+        let said = describe_frame(&path, &FrameFacts::default()).err().map(|error| error.to_string());
+        assert_eq!(said.is_none(), is_straight, "{what}: {said:?}");
+        assert!(said.is_none_or(|said| said.contains("tone curve") && said.contains(what)));
+    };
+    for (curve, is_straight) in curves() {
+        let profile = profile(&curve);
+        refused((34_675, 7, profile.len() as u32, profile), "its ICC profile", is_straight);
+    }
+    let table = |of: fn(f64) -> f64| (0..256).map(|i| (65_535.0 * of(f64::from(i) / 255.0)) as u16).collect();
+    for (table, is_straight) in
+        [(table(|x| x), true), (table(|x| x.powf(2.2)), false)] as [(Vec<u16>, bool); 2]
+    {
+        refused(shorts(301, &table), "its TransferFunction", is_straight);
+    }
+}
+
+/// A PNG of 8 x 4 gray pixels of 16 bits with a chunk before its pixels, or behind them.
+fn png_with(values: &[u16], name: &[u8; 4], data: &[u8], is_behind: bool) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 8, 4);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let pixels: Vec<u8> = values.iter().flat_map(|value| value.to_be_bytes()).collect();
+    encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
+    let body = [name.as_slice(), data].concat();
+    let mut sum = flate2::Crc::new();
+    sum.update(&body);
+    let length = (data.len() as u32).to_be_bytes();
+    let chunk = [length.as_slice(), &body, &sum.sum().to_be_bytes()].concat();
+    // Behind the mark, and the header of 25 bytes; before the end of 12
+    let at = if is_behind { bytes.len() - 12 } else { 33 };
+    bytes.splice(at..at, chunk);
+    bytes
+}
+
+/// Color profiles and code points (ITU-T H.273: 8 linear, 13 sRGB) of PNG.
+#[test]
+fn a_png_of_a_curved_profile_is_refused() {
+    use std::io::Write;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.png");
+    let values: Vec<u16> = (0..32).map(|i| 70 + 3 * i).collect();
+    let is_read = |name: &[u8; 4], data: &[u8]| {
+        fs::write(&path, png_with(&values, name, data, false)).unwrap();
+        describe_frame(&path, &FrameFacts::default()).map_err(|error| error.to_string())
+    };
+    for (curve, is_straight) in curves() {
+        let mut packed =
+            flate2::write::ZlibEncoder::new(b"name\0\0".to_vec(), flate2::Compression::default());
+        packed.write_all(&profile(&curve)).unwrap();
+        let read = is_read(b"iCCP", &packed.finish().unwrap());
+        assert_eq!(read.is_ok(), is_straight, "{curve:?}");
+        assert!(read.err().is_none_or(|said| said.contains("its ICC profile")));
+    }
+    is_read(b"cICP", &[1, 8, 0, 1]).unwrap();
+    assert!(is_read(b"cICP", &[1, 13, 0, 1]).unwrap_err().contains("cICP"));
+}
+
+/// An Exif directory that tells an orientation.
+fn exif(orientation: u8) -> Vec<u8> {
+    [b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec(), vec![orientation, 0, 0, 0, 0, 0, 0, 0]]
+        .concat()
+}
+
+/// A frame and a mask that are to be shown turned by 90 degrees clockwise: row 0 of the stored image is the last column, as
+/// `frames_are_turned_as_viewers_show_them` has it of DNGs.
+#[test]
+fn png_frames_and_masks_are_turned_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.png");
+    let values: Vec<u16> = (0..32).map(|i| 70 + 3 * i).collect();
+    let turned = |row: usize, col: usize| (3 - col) * 8 + row;
+    for is_behind in [false, true] {
+        fs::write(&path, png_with(&values, b"eXIf", &exif(6), is_behind)).unwrap();
+        let given = FrameFacts { exposure_s: Some(0.01), ..FrameFacts::default() };
+        let found = describe_frame(&path, &given).unwrap();
+        assert_eq!(fact(&found, "width, height").0, "4 x 8");
+        fs::remove_file(found.path()).ok();
+        found.write().unwrap();
+        let image = read_sensor_image(&path).unwrap().image;
+        assert_eq!((image.width, image.height), (4, 8));
+        for (row, col) in (0..8).flat_map(|row| (0..4).map(move |col| (row, col))) {
+            assert_eq!(image.data[row * 4 + col], values[turned(row, col)]);
+        }
+    }
+    // Pixel 11 alone
+    let only: Vec<u16> = (0..32).map(|i| u16::from(i == 11)).collect();
+    let tiff = folder.path().join("mask.tif");
+    let mut bytes = tagged_tiff(shorts(274, &[6]));
+    bytes.truncate(PIXELS_AT);
+    bytes.extend(only.iter().map(|value| *value as u8));
+    fs::write(&tiff, bytes).unwrap();
+    fs::write(&path, png_with(&only, b"eXIf", &exif(6), false)).unwrap();
+    for path in [path, tiff] {
+        let mask = read_mask(&path).unwrap();
+        assert_eq!((mask.width, mask.height), (4, 8));
+        let inside: Vec<bool> =
+            (0..8).flat_map(|row| (0..4).map(move |col| turned(row, col) == 11)).collect();
+        assert_eq!(mask.inside, inside);
     }
 }
 

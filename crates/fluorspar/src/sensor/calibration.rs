@@ -12,6 +12,15 @@ pub(crate) fn is_same_setting(a: f64, b: f64) -> bool {
     (a - b).abs() <= SAME_EXPOSURE * a.abs().max(b.abs())
 }
 
+/// What dark frames must know of a frame from which they are subtracted.
+pub(super) struct DarkenedFrame<'a> {
+    pub(super) label: &'a str,
+    pub(super) exposure_s: f64,
+    pub(super) dn_per_electron: f64,
+    pub(super) black_level: f64,
+    pub(super) black_offsets: &'a [f32],
+}
+
 /// Mean of equal raw frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MasterFrame {
@@ -52,7 +61,7 @@ impl MasterFrame {
     ) -> Result<Self, E> {
         let mut frames = frames.into_iter();
         let first = frames.next().ok_or(DevelopError::Nothing)??;
-        let mut sums: Vec<u64> = first.data.iter().map(|&dn| u64::from(dn)).collect();
+        let mut sums: Vec<f64> = first.data.iter().map(|&dn| f64::from(dn)).collect();
         let mut saturated: Vec<bool> = (0..first.data.len()).map(|value| first.is_saturated(value)).collect();
         let mut count = 1usize;
         let noise_floor_dn = noise_floor_dn(&first);
@@ -77,8 +86,11 @@ impl MasterFrame {
             }
             count += 1;
             times_s += frame.exposure_s;
+            // Of frames whose black level moved what lies above it counts
+            let is_known = first.black_level > 0.0 && frame.black_level > 0.0;
             for (value, (sum, full)) in sums.iter_mut().zip(&mut saturated).enumerate() {
-                *sum += u64::from(frame.data[value]);
+                let moved = if is_known { first.black_of(value) - frame.black_of(value) } else { 0.0 };
+                *sum += f64::from(frame.data[value]) + moved;
                 *full |= frame.is_saturated(value);
             }
         }
@@ -86,7 +98,7 @@ impl MasterFrame {
             width: first.width,
             height: first.height,
             mosaic: first.mosaic,
-            mean: sums.into_iter().map(|sum| (sum as f64 / count as f64) as f32).collect(),
+            mean: sums.into_iter().map(|sum| (sum / count as f64) as f32).collect(),
             saturated,
             frames: count,
             exposure_s: times_s / count as f64,
@@ -103,36 +115,65 @@ impl MasterFrame {
         is_same_setting(self.exposure_s, exposure_s) && is_same_setting(self.dn_per_electron, dn_per_electron)
     }
 
-    /// The levels of dark frames in a frame of about their exposure: what lies above the black level grows with exposure time and
-    /// gain. Where the black level is not known nothing tells that part, and the levels stay.
+    /// The levels of dark frames in a frame of about their exposure: what lies above their black level grows with exposure time and
+    /// gain, and stands on the black level of the frame. Where a black level is not known nothing tells that part, and the levels stay.
     ///
     /// # Errors
     /// Another exposure.
-    pub(super) fn dark_levels(
-        &self,
-        frame: &str,
-        exposure_s: f64,
-        dn_per_electron: f64,
-    ) -> Result<Vec<f32>, DevelopError> {
+    pub(super) fn dark_levels(&self, frame: &DarkenedFrame<'_>) -> Result<Vec<f32>, DevelopError> {
+        let (exposure_s, dn_per_electron) = (frame.exposure_s, frame.dn_per_electron);
         if !self.has_exposure(exposure_s, dn_per_electron) {
             return Err(DevelopError::OtherExposure {
                 dark: self.label.clone(),
                 dark_s: self.exposure_s,
                 dark_gain: self.dn_per_electron,
-                frame: frame.into(),
+                frame: frame.label.into(),
                 exposure_s,
                 gain: dn_per_electron,
             });
         }
         let scale = self.dark_scale(exposure_s, dn_per_electron);
-        if scale == 1.0 {
+        let has_other_black = self.black_level > 0.0
+            && frame.black_level > 0.0
+            && (self.black_level, self.black_offsets.as_slice()) != (frame.black_level, frame.black_offsets);
+        if scale == 1.0 && !has_other_black {
             return Ok(self.mean.clone());
         }
         let level = |(value, &dn): (usize, &f32)| {
-            let black = self.black_of(value);
-            (black + scale * (f64::from(dn) - black)) as f32
+            let own = self.black_of(value);
+            let black = match has_other_black {
+                true => frame.black_level + frame.black_offsets.get(value).map_or(0.0, |o| f64::from(*o)),
+                false => own,
+            };
+            (black + scale * (f64::from(dn) - own)) as f32
         };
         Ok(self.mean.iter().enumerate().map(level).collect())
+    }
+
+    /// The median of each channel above the black level, where they differ by more than the dark noise of one value: without light
+    /// channels differ in nothing.
+    pub(crate) fn uneven_channels(&self) -> Option<Vec<(&str, f64)>> {
+        let level = |channel: usize| {
+            let above = |value: usize| (f64::from(self.mean[value]) - self.black_of(value)) as f32;
+            median(&mut self.values_of(channel).map(above).collect::<Vec<_>>()).map(f64::from)
+        };
+        let names = self.mosaic.channels.iter().enumerate();
+        let levels: Vec<(&str, f64)> =
+            names.filter_map(|(channel, name)| Some((name.as_str(), level(channel)?))).collect();
+        let (low, high) =
+            levels.iter().fold((f64::MAX, f64::MIN), |(l, h), (_, dn)| (l.min(*dn), h.max(*dn)));
+        (high - low > self.noise_floor_dn.max(1.0)).then_some(levels)
+    }
+
+    /// Refuses dark frames of which more of a channel's pixels are full than may be defect.
+    pub(crate) fn refuse_saturated_dark(&self) -> Result<(), DevelopError> {
+        for (channel, name) in self.mosaic.channels.iter().enumerate() {
+            if let Some(percent) = self.percent_saturated(channel) {
+                let (dark, channel) = (self.label.clone(), name.clone());
+                return Err(DevelopError::SaturatedDark { dark, channel, percent });
+            }
+        }
+        Ok(())
     }
 
     /// What the part above the black level is multiplied by for a frame of this exposure.
@@ -150,10 +191,14 @@ impl MasterFrame {
         }
     }
 
+    /// Variance of a value of one of the frames, which holds so much light and charge, DN².
+    fn variance_of_one_dn2(&self, collected_dn: f64) -> f64 {
+        self.noise_floor_dn.powi(2) + self.dn_per_electron * collected_dn.max(0.0)
+    }
+
     /// Variance of a value of the mean whose frames hold so much light and charge, DN².
     fn variance_dn2(&self, collected_dn: f64) -> f64 {
-        let shot = self.dn_per_electron * collected_dn.max(0.0);
-        (self.noise_floor_dn.powi(2) + shot) / self.frames.max(1) as f64
+        self.variance_of_one_dn2(collected_dn) / self.frames.max(1) as f64
     }
 
     fn black_of(&self, value: usize) -> f64 {
@@ -185,6 +230,8 @@ pub struct FlatField {
     pub width: usize,
     /// Rows.
     pub height: usize,
+    /// Color filter array.
+    pub mosaic: Mosaic,
     /// Factors, `[row, col]`; 1 where a pixel has no usable response.
     pub gain: Vec<f32>,
     /// Variance of each by the noise of the frames, over its square; 0 where a pixel has no usable response.
@@ -227,10 +274,18 @@ impl FlatField {
             let of_dark = dark.map_or(0.0, |dark| dark.variance_dn2(charge));
             (flat.variance_dn2(light + charge) + of_dark) / (light * light)
         };
+        // Of one frame of light and one dark frame, which may still have to be taken
+        let variance_of_pair = |value: usize| {
+            let light = f64::from(signal[value]);
+            let charge = dark.map_or(0.0, |dark| dark.charge_dn(value));
+            let of_dark = dark.unwrap_or(flat).variance_of_one_dn2(charge);
+            ((flat.variance_of_one_dn2(light + charge) + of_dark) / (light * light)) as f32
+        };
         let channels = flat.mosaic.channels.len();
         let mut field = Self {
             width: flat.width,
             height: flat.height,
+            mosaic: flat.mosaic.clone(),
             gain: vec![1.0; signal.len()],
             factor_variance: vec![0.0; signal.len()],
             scale_variance: vec![0.0; channels],
@@ -239,18 +294,31 @@ impl FlatField {
             exposure_s: flat.exposure_s,
             dn_per_electron: flat.dn_per_electron,
         };
+        let (mut dimmest, mut pairs) = ((0, 0.0), 0.0f64);
         for channel in 0..channels {
             flat.refuse_saturated(channel)?;
-            let Some(axis) = AxisResponse::new(flat, channel, &signal) else { continue };
+            let Some(axis) = AxisResponse::new(flat, channel, &signal) else {
+                // A name of which the array has no pixel
+                if flat.values_of(channel).next().is_none() {
+                    continue;
+                }
+                return Err(flat.dim(channel, f64::INFINITY, None));
+            };
             let is_usable = |&value: &usize| f64::from(signal[value]) > f64::from(LEAST_RESPONSE) * axis.dn;
             for value in flat.values_of(channel).filter(is_usable) {
                 let variance = relative_variance(value);
                 field.gain[value] = (axis.dn / f64::from(signal[value]) / (1.0 + variance)) as f32;
                 field.factor_variance[value] = variance as f32;
             }
-            let mut variances: Vec<f32> =
-                flat.values_of(channel).filter(is_usable).map(|value| field.factor_variance[value]).collect();
-            flat.refuse_dim(channel, median(&mut variances).map_or(0.0, f64::from))?;
+            let middling = |of: &dyn Fn(usize) -> f32| {
+                let mut values: Vec<f32> = flat.values_of(channel).filter(is_usable).map(of).collect();
+                median(&mut values).map_or(0.0, f64::from)
+            };
+            let variance = middling(&|value| field.factor_variance[value]);
+            if variance > dimmest.1 {
+                dimmest = (channel, variance);
+            }
+            pairs = pairs.max(middling(&variance_of_pair));
             let of_weight = |&(value, weight): &(usize, f64)| {
                 weight * weight * relative_variance(value) * f64::from(signal[value]).powi(2)
             };
@@ -259,37 +327,41 @@ impl FlatField {
                 * relative_scatter(flat, channel, &signal);
             field.scale_variance[channel] = of_noise.max(of_scatter);
         }
+        let (channel, variance) = dimmest;
+        if variance > LEAST_SIGNAL_TO_NOISE.powi(-2) {
+            let wanted = (pairs * LEAST_SIGNAL_TO_NOISE.powi(2)).ceil() as usize;
+            return Err(flat.dim(channel, variance, Some(wanted)));
+        }
         Ok(field)
     }
 }
 
 impl MasterFrame {
-    fn refuse_saturated(&self, channel: usize) -> Result<(), DevelopError> {
+    /// Share of a channel's pixels that are full, %, where they are more than may be defect.
+    fn percent_saturated(&self, channel: usize) -> Option<f64> {
         let (full, all) = self.values_of(channel).fold((0usize, 0usize), |(full, all), value| {
             (full + usize::from(self.saturated[value]), all + 1)
         });
         let share = full as f64 / all.max(1) as f64;
-        if share <= MOST_SATURATED {
-            return Ok(());
-        }
-        let (flat, channel) = (self.label.clone(), self.mosaic.channels[channel].clone());
-        Err(DevelopError::SaturatedFlat { flat, channel, percent: 100.0 * share })
+        (share > MOST_SATURATED).then_some(100.0 * share)
     }
 
-    /// Refuses a mean whose pixels have this variance over their squared signal.
-    fn refuse_dim(&self, channel: usize, relative_variance: f64) -> Result<(), DevelopError> {
-        let most = LEAST_SIGNAL_TO_NOISE.powi(-2);
-        if relative_variance <= most {
-            return Ok(());
-        }
-        Err(DevelopError::DimFlat {
+    fn refuse_saturated(&self, channel: usize) -> Result<(), DevelopError> {
+        let Some(percent) = self.percent_saturated(channel) else { return Ok(()) };
+        let (flat, channel) = (self.label.clone(), self.mosaic.channels[channel].clone());
+        Err(DevelopError::SaturatedFlat { flat, channel, percent })
+    }
+
+    /// Why frames of even light are refused whose pixels have this variance over their squared signal.
+    fn dim(&self, channel: usize, relative_variance: f64, wanted: Option<usize>) -> DevelopError {
+        DevelopError::DimFlat {
             flat: self.label.clone(),
             channel: self.mosaic.channels[channel].clone(),
             frames: self.frames,
             signal_to_noise: relative_variance.powf(-0.5),
             least: LEAST_SIGNAL_TO_NOISE,
-            wanted: (self.frames as f64 * relative_variance / most).ceil() as usize,
-        })
+            wanted,
+        }
     }
 }
 
@@ -544,7 +616,13 @@ fn signal(frame: &MasterFrame, dark: Option<&MasterFrame>) -> Result<Vec<f32>, D
         let frame = frame.label.clone();
         return Err(DevelopError::OtherCalibration { what: "dark frame", columns, rows, frame });
     }
-    let levels = dark.dark_levels(&frame.label, frame.exposure_s, frame.dn_per_electron)?;
+    let levels = dark.dark_levels(&DarkenedFrame {
+        label: &frame.label,
+        exposure_s: frame.exposure_s,
+        dn_per_electron: frame.dn_per_electron,
+        black_level: frame.black_level,
+        black_offsets: &frame.black_offsets,
+    })?;
     Ok(frame.mean.iter().zip(&levels).map(|(light, dark)| light - dark).collect())
 }
 
@@ -785,9 +863,21 @@ mod tests {
         flat.saturated[24..32].fill(false);
         flat.saturated[24] = true;
         assert!(FlatField::new(&flat, None).unwrap().saturated[24]);
-        // 10 DN with a variance of (25 + 5) / 4 are 3.65 standard deviations; eight frames make it 5.16
+        // 10 DN with a variance of (25 + 5) / 4 are 3.65 standard deviations; less dark frames that of n of both is (25 + 5 + 25) / n, of
+        // 14 pairs 5.05
         let said = FlatField::new(&shaded([2000.0, 3000.0, 10.0], [0.0; 3]), None).unwrap_err().to_string();
         assert!(said.contains("a B pixel of the mean of 4 flat frames"), "{said}");
-        assert!(said.contains("3.7 times its noise") && said.contains("or 8 of them"), "{said}");
+        assert!(said.contains("3.7 times its noise") && said.contains("or 14 of them"), "{said}");
+        let pairs = |frames: usize| {
+            let flat = MasterFrame { frames, ..shaded([2000.0, 3000.0, 10.0], [0.0; 3]) };
+            let dark = MasterFrame { frames, ..shaded([0.0; 3], [0.0; 3]) };
+            FlatField::new(&flat, Some(&dark))
+        };
+        assert!(pairs(14).is_ok());
+        assert!(pairs(13).unwrap_err().to_string().contains("or 14 of them"));
+        // The cap on the lens: no number of frames makes up for it
+        let said = FlatField::new(&shaded([2000.0, 0.0, 1500.0], [0.0; 3]), None).unwrap_err().to_string();
+        assert!(said.contains("a G pixel") && said.contains("0.0 times its noise"), "{said}");
+        assert!(said.ends_with("take frames of brighter even light"), "{said}");
     }
 }

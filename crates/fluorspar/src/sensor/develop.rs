@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use super::adc::QUANTIZATION_NOISE_DN;
-use super::calibration::{BadPixels, FlatField, MasterFrame};
+use super::calibration::{BadPixels, DarkenedFrame, FlatField, MasterFrame, is_same_setting};
 use super::demosaic::{Demosaic, Demosaicing};
 use crate::image::{CalibrationNoise, ChannelImage, Mosaic, SensorImage, SubtractedLight};
 
@@ -49,8 +49,9 @@ pub enum DevelopError {
     },
     /// A dark frame of another exposure holds another dark signal.
     #[error(
-        "the dark frame \"{dark}\" has {}, the frame \"{frame}\" {}; take dark frames with the exposure time and gain of the frame, \
-         which may differ by 1 %", setting(*.dark_s, *.dark_gain), setting(*.exposure_s, *.gain)
+        "the dark frame \"{dark}\" has {}, the frame \"{frame}\" {}: another {}; take dark frames with the exposure time and gain of the \
+         frame, which may differ by 1 %",
+        setting(*.dark_s, *.dark_gain), setting(*.exposure_s, *.gain), difference([*.dark_s, *.exposure_s], [*.dark_gain, *.gain])
     )]
     OtherExposure {
         /// Name of the dark frame.
@@ -105,10 +106,22 @@ pub enum DevelopError {
         /// Share of its pixels, %.
         percent: f64,
     },
+    /// Dark frames that are full.
+    #[error(
+        "{percent:.1} % of the {channel} pixels of the dark frame \"{dark}\" are saturated; take dark frames with the cap on the lens"
+    )]
+    SaturatedDark {
+        /// Name of the first dark frame.
+        dark: String,
+        /// The channel.
+        channel: String,
+        /// Share of its pixels, %.
+        percent: f64,
+    },
     /// Frames of even light that tell less of a pixel's response than their noise.
     #[error(
         "a {channel} pixel of the mean of {frames} flat frames, \"{flat}\" the first, has a signal of {signal_to_noise:.1} times its noise, \
-         fewer than {least}; take frames of brighter even light, or {wanted} of them and as many dark frames of their exposure time"
+         fewer than {least}; take frames of brighter even light{}", or_more(*.wanted)
     )]
     DimFlat {
         /// Name of the first flat frame.
@@ -121,8 +134,8 @@ pub enum DevelopError {
         signal_to_noise: f64,
         /// The least that is taken.
         least: f64,
-        /// How many would do.
-        wanted: usize,
+        /// How many would do, with as many dark frames; none where there is no signal.
+        wanted: Option<usize>,
     },
     /// Gradient-corrected interpolation of something that is not a Bayer array.
     #[error(
@@ -142,6 +155,22 @@ pub enum DevelopError {
     /// Nothing to average.
     #[error("there is no exposure to merge, or no raw frame to average; give at least one")]
     Nothing,
+}
+
+/// What two settings differ in.
+fn difference([a_s, b_s]: [f64; 2], [a_gain, b_gain]: [f64; 2]) -> &'static str {
+    match (is_same_setting(a_s, b_s), is_same_setting(a_gain, b_gain)) {
+        (true, _) => "gain (ISO)",
+        (false, true) => "exposure time",
+        (false, false) => "exposure time and gain (ISO)",
+    }
+}
+
+/// How many frames would do, in words.
+fn or_more(wanted: Option<usize>) -> String {
+    wanted.map_or_else(String::new, |wanted| {
+        format!(", or {wanted} of them and as many dark frames of their exposure time")
+    })
 }
 
 /// Exposure time and gain in words.
@@ -282,14 +311,20 @@ impl Development<'_> {
             }
             Some(dark) => {
                 fits("dark frame", dark.width, dark.height, Some(&dark.mosaic), dark.mean.len())?;
-                let levels = dark.dark_levels(&raw.label, raw.exposure_s, raw.dn_per_electron)?;
+                let levels = dark.dark_levels(&DarkenedFrame {
+                    label: &raw.label,
+                    exposure_s: raw.exposure_s,
+                    dn_per_electron: raw.dn_per_electron,
+                    black_level: raw.black_level,
+                    black_offsets: &raw.black_offsets,
+                })?;
                 // The mean of n dark frames has noise of its own.
                 noise_dn *= (1.0 + 1.0 / dark.frames.max(1) as f64).sqrt();
                 raw.data.iter().zip(&levels).map(|(&dn, dark)| f32::from(dn) - dark).collect()
             }
         };
         if let Some(flat) = self.flat {
-            fits("flat field", flat.width, flat.height, None, flat.gain.len())?;
+            fits("flat field", flat.width, flat.height, Some(&flat.mosaic), flat.gain.len())?;
             values.iter_mut().zip(&flat.gain).for_each(|(value, gain)| *value *= gain);
         } else {
             // Frames of even light hold all of the shading that the file tells of

@@ -104,7 +104,9 @@ impl Calibration {
             |frames: Vec<SensorImage>| MasterFrame::average(frames.into_iter().map(Ok::<_, PipelineError>));
         let mut calibration = Self { demosaicing, ..Self::default() };
         for group in groups {
-            calibration.darks.push(average(group)?);
+            let dark = average(group)?;
+            dark.refuse_saturated_dark()?;
+            calibration.darks.push(dark);
         }
         // Make the flat field
         let mut flat_master = None;
@@ -174,12 +176,34 @@ impl Calibration {
         let flat = self.flat.as_ref().map(|flat| (&flat.label, flat.exposure_s, flat.dn_per_electron));
         let lights: Vec<_> = lights.chain(flat).collect();
         for dark in &self.darks {
+            if let Some(levels) = dark.uneven_channels() {
+                let levels: Vec<String> = levels.iter().map(|(name, dn)| format!("{name} {dn:.1}")).collect();
+                remarks.push(format!(
+                    "The channels of the dark frame \"{}\" differ by more than noise: {} DN. Light may have fallen on it: take dark frames \
+                     with the cap on the lens",
+                    dark.label,
+                    levels.join(", ")
+                ));
+            }
             if !lights.iter().any(|(_, time_s, gain)| dark.has_exposure(*time_s, *gain)) {
                 return Err(DevelopError::UnusedDark {
                     dark: dark.label.clone(),
                     dark_s: dark.exposure_s,
                     dark_gain: dark.dn_per_electron,
                 });
+            }
+        }
+        for raw in &frames {
+            let dark = self.dark_for(raw.exposure_s, raw.dn_per_electron);
+            let has_other = |dark: &&MasterFrame| {
+                dark.black_level > 0.0 && raw.black_level > 0.0 && dark.black_level != raw.black_level
+            };
+            if let Some(dark) = dark.filter(has_other) {
+                remarks.push(format!(
+                    "The dark frame \"{}\" has a black level of {} DN, the frame \"{}\" {} DN: what it holds above its own is subtracted \
+                     with the latter",
+                    dark.label, dark.black_level, raw.label, raw.black_level
+                ));
             }
         }
         for (label, time_s, gain) in &lights {
@@ -319,7 +343,7 @@ mod tests {
         assert!(said.contains("506 ms and 0.5 DN/e-, the frame \"blue\" 500 ms and 0.5 DN/e-"), "{said}");
         let louder = SensorImage { dn_per_electron: 2.0, ..raw("dark", 0.5, 264) };
         let said = with(vec![louder], Vec::new()).development(&frame).unwrap_err().to_string();
-        assert!(said.contains("500 ms and 2 DN/e-"), "{said}");
+        assert!(said.contains("500 ms and 2 DN/e-") && said.contains("another gain (ISO)"), "{said}");
         // One too many
         let both = with(vec![raw("dark", 0.5, 264), raw("odd", 0.03, 264)], Vec::new());
         assert!(both.development(&frame).is_ok());
@@ -331,5 +355,42 @@ mod tests {
         assert!(remarks[0].contains("flat frame \"flat\": its black level is subtracted"), "{remarks:?}");
         let remarks = with(vec![raw("dark", 0.5, 264), raw("odd", 0.03, 264)], flat()).remarks([&frame]);
         assert_eq!(remarks.unwrap(), Vec::<String>::new());
+    }
+
+    /// 1000 DN less a dark charge of 200: 64 + 200 where the black level is that of the frame, 70 + 200 where it moved by 6, and of one
+    /// of each as much.
+    #[test]
+    fn dark_charge_stands_on_the_black_level_of_the_frame() {
+        let frame = raw("blue", 0.5, 1000);
+        let moved = || SensorImage { black_level: 70.0, ..raw("moved", 0.5, 270) };
+        for darks in [vec![raw("dark", 0.5, 264)], vec![moved()], vec![raw("dark", 0.5, 264), moved()]] {
+            let name = darks[0].label.clone();
+            let calibration = Calibration::of_frames(Demosaicing::Bilinear, darks, Vec::new(), None).unwrap();
+            let left = calibration.development(&frame).unwrap().linearize(&frame).unwrap();
+            assert!(left.values.iter().all(|value| *value == 736.0), "{name}: {:?}", left.values);
+            let remarks = calibration.remarks([&frame]).unwrap();
+            assert_eq!(remarks.len(), usize::from(name == "moved"), "{remarks:?}");
+            assert!(
+                remarks
+                    .iter()
+                    .all(|said| said.contains("has a black level of 70 DN, the frame \"blue\" 64 DN"))
+            );
+        }
+    }
+
+    /// A dark frame that is full, or whose channels differ as light makes them, was taken without the cap.
+    #[test]
+    fn lit_dark_frames_are_refused_or_told() {
+        let frame = SensorImage { mosaic: Mosaic::bayer("rggb").unwrap(), ..raw("blue", 0.5, 1000) };
+        let dark = |data: [u16; 4]| {
+            let dark = SensorImage { label: "dark".into(), data: data.to_vec(), ..frame.clone() };
+            Calibration::of_frames(Demosaicing::Bilinear, vec![dark], Vec::new(), None)
+        };
+        let said = dark([70, 4095, 70, 70]).unwrap_err().to_string();
+        assert!(said.contains("50.0 % of the G pixels of the dark frame \"dark\" are saturated"), "{said}");
+        // The dark noise of one value is 6 DN
+        assert_eq!(dark([70, 72, 72, 75]).unwrap().remarks([&frame]).unwrap(), Vec::<String>::new());
+        let remarks = dark([70, 90, 90, 75]).unwrap().remarks([&frame]).unwrap();
+        assert!(remarks[0].contains("differ by more than noise: R 6.0, G 26.0, B 11.0 DN"), "{remarks:?}");
     }
 }

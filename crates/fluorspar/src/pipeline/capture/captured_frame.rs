@@ -80,7 +80,7 @@ pub fn complete_raw(study: &Study, raw: &mut SensorImage) -> Result<(), String> 
         );
     };
     let model = sensor.model();
-    check_bit_depth(raw.bit_depth, model.bit_depth)?;
+    check_bit_depth(raw, model.bit_depth)?;
     raw.dn_per_electron = model.base_dn_per_electron() * raw.gain;
     raw.gain_is_assumed = true;
     if raw.read_noise_dn <= 0.0 {
@@ -90,13 +90,24 @@ pub fn complete_raw(study: &Study, raw: &mut SensorImage) -> Result<(), String> 
 }
 
 /// Refuses the gain of a sensor whose numbers have other bits than those of a frame.
-fn check_bit_depth(of_frame: u8, of_sensor: u8) -> Result<(), String> {
+fn check_bit_depth(raw: &SensorImage, of_sensor: u8) -> Result<(), String> {
+    let of_frame = raw.bit_depth;
     if of_frame == of_sensor {
         return Ok(());
     }
+    // A tag may tell a white level that fewer bits do not have, and values may stand in the upper ones
+    let most = (1u32 << of_sensor.clamp(1, 16)) - 1;
+    let unused = raw.data.iter().fold(0, |all, value| all | value).trailing_zeros();
+    let further = if of_frame == 16 && unused >= 16 - u32::from(of_sensor.min(16)) {
+        " --left-aligned".into()
+    } else if u32::from(raw.white_level) > most {
+        format!(" --white-level {most}")
+    } else {
+        String::new()
+    };
     Err(format!(
         "its conversion gain is not known, and the sensor of the experiment has {of_sensor} bits where the frame has {of_frame}. Where the \
-         frame holds numbers of {of_sensor} bits, say so with `fluorspar describe FRAME --bit-depth {of_sensor} --replace` and what else was given; where the sensor \
+         frame holds numbers of {of_sensor} bits, say so with `fluorspar describe FRAME --bit-depth {of_sensor}{further} --replace` and what else was given; where the sensor \
          has {of_frame} bits, set sensor.bit_depth={of_frame}; or describe --dn-per-electron"
     ))
 }
