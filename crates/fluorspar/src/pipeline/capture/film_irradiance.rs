@@ -163,7 +163,7 @@ fn frame_columns(study: &Study) -> Option<f64> {
 }
 
 /// Irradiance on the film in one capture, in all bands, W/(m² nm): the light of its lights behind lens and filters, and the
-/// extent of the image. Frames are made of [`CapturePlanes`], which join this with the sensor.
+/// extent of the image. Frames are made of [`CapturePlanes`](crate::pipeline::capture::CapturePlanes), which join this with the sensor.
 ///
 /// # Errors
 /// A study without a lens.
