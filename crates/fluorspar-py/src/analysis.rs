@@ -12,6 +12,7 @@ use fluorspar::study::Study;
 use fluorspar_cli::dark_frames;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::black_level_doubt;
+use fluorspar_session::Wanted;
 use numpy::{PyArray2, ndarray::Array2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -20,7 +21,7 @@ use serde_json::{Value, json};
 use crate::components::Components;
 use crate::error::failed;
 use crate::experiment::Experiment;
-use crate::frame::{Asked, Frame, View};
+use crate::frame::{Frame, View};
 use crate::process::work_through;
 
 /// A map over the frame, `[row, col]`, and its name.
@@ -141,7 +142,7 @@ pub(crate) fn analyze(
     let mut warnings = in_words(&subtract_what_is_given(&mut resolved.study, is_given));
     let exposures = developed(&resolved.study, &frames)?;
     let mut view = components
-        .map(|components| View::whole(py, experiment.get(), components.get(), (false, Asked::Lit), threads))
+        .map(|components| View::whole(py, experiment.get(), components.get(), (false, Wanted::Lit), threads))
         .transpose()?;
     if let Some(view) = &mut view {
         view.subtract_what_is_given(is_given);

@@ -23,13 +23,13 @@ use fluorspar_format::{
 };
 use fluorspar_report::figures::porphyrin_maps;
 use fluorspar_report::{FrameOrigin, regions_json};
+use fluorspar_session::{CaptureView, FinishedRender, ShownExperiment, Wanted};
 use rayon::prelude::*;
 use serde_json::Value;
 
 use super::frame_report::regions_table;
 use super::frame_report::{FrameReport, warn_of_darkness};
 use super::region_option::{region_options, with_regions};
-use super::rendered_image::{CaptureView, RenderedImage, ShownByImage};
 use crate::args::{Answer, Changes};
 use crate::error::CliError;
 use crate::experiment_source::{ExperimentSource, read_text};
@@ -119,7 +119,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let (resolved, (opened, seen)) = rayon::join(
         || kept.is_none().then(|| resolve(&parsed)),
         || {
-            let opened = image.as_ref().map(|path| RenderedImage::open(path));
+            let opened = image.as_ref().map(|path| FinishedRender::open(path));
             let seen = match (&opened, frames_at) {
                 (Some(Ok(image)), Some(folder)) => seen_early(&plain, folder, image, kept.as_ref()),
                 _ => None,
@@ -162,10 +162,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
                 Some(view) => view,
                 None => {
                     let changes = image.changes(&parsed, &experiment, false)?;
-                    image.seen_by(study, &study.captures, changes)?
+                    image.seen_by(study, &study.captures, changes, Wanted::Lit)?
                 }
             };
-            let components = view.components(image, &study.captures);
+            let components = view.components(image);
             all(Some(&components))?
         }
     };
@@ -458,10 +458,10 @@ struct Early {
 fn seen_early(
     parsed: &Experiment,
     folder: &Path,
-    image: &RenderedImage,
+    image: &FinishedRender,
     kept: Option<&CachedAnalysis>,
 ) -> Option<Early> {
-    let ShownByImage { experiment, changes } = image.without_surfaces(parsed).ok()??;
+    let ShownExperiment { experiment, changes } = image.shown_without_surfaces(parsed).ok()??;
     let study = &experiment.study;
     let captures = match kept {
         Some(kept) => looked_at(study, &kept.plans().collect::<Vec<_>>()),
@@ -472,7 +472,7 @@ fn seen_early(
         let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all)).ok()?;
         develop_frames(study, exposures, &calibration).ok()
     };
-    let (frames, view) = rayon::join(frames, || image.seen_by(study, &captures, changes).ok());
+    let (frames, view) = rayon::join(frames, || image.seen_by(study, &captures, changes, Wanted::Lit).ok());
     let (frames, view) = frames.zip(view)?;
     Some(Early { experiment, captures, frames, view })
 }
@@ -504,11 +504,11 @@ fn looked_at(study: &Study, plans: &[&AnalysisPlan]) -> Vec<Capture> {
 fn analyzed_without_surfaces(
     kept: CachedAnalysis,
     seen: &Early,
-    image: &RenderedImage,
+    image: &FinishedRender,
 ) -> Option<(ResolvedExperiment, Analysis, Vec<AnalyzedRegion>)> {
     let ResolvedExperiment { study, record } = seen.experiment.clone();
     let study = kept.complete(study);
-    let components = seen.view.components(image, &seen.captures);
+    let components = seen.view.components(image);
     let analysis = analyze_seen(&study, Some(&components), &seen.frames).ok()??.analysis;
     analysis.posterior.as_ref()?;
     let regions = analyze_regions(&study, Some(&components), &seen.frames).ok()?;

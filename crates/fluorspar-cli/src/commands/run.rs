@@ -13,9 +13,9 @@ use fluorspar::study::Study;
 use fluorspar_experiment::{FileRecord, ResolvedExperiment, Warning};
 use fluorspar_format::OutputFolder;
 use fluorspar_report::{FrameOrigin, RunResults, region_warnings, write_run_components, write_run_folder};
+use fluorspar_session::warnings_before_run;
 
 use super::basis_render;
-use super::coarse_render::warnings_before_run;
 use super::frame_report::{regions_table, warn_of_darkness};
 use crate::args::{Answer, ExperimentArgs, OutOption};
 use crate::error::{CliError, STOPPED};
