@@ -32,7 +32,6 @@ use crate::values::MOST_THREADS;
 pub use embedded::{
     CommandAnswer, CommandFailure, FoundExperiment, answer_of, find_experiment, stop, use_surroundings,
 };
-pub use fluorspar_report::dark_frames;
 
 /// Runs the command that a command line names, whose first word is the name of the program. What it says goes to standard error,
 /// what it answers to standard output. `before_render` is called before commands that render. Call it once in a process: it starts the

@@ -10,9 +10,9 @@ use fluorspar::pipeline::{
     subtract_what_is_given,
 };
 use fluorspar::study::{Capture, Study};
-use fluorspar_cli::dark_frames;
 use fluorspar_experiment::{ResolvedExperiment, cached_analysis};
 use fluorspar_format::{read_sensor_image, write_sensor_tiff};
+use fluorspar_report::dark_frames;
 use fluorspar_session::{CaptureView, FinishedRender, SessionError, ShownExperiment, Wanted, coarse_image};
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;

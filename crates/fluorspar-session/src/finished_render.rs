@@ -305,8 +305,7 @@ impl FinishedRender {
         for (number, response) in responses.iter().enumerate() {
             // The same captures share responses before and after
             let old = rendered.responses.get(number);
-            let held =
-                old.map(|old| self.stored_planes(old, |component| self.is_lit(component, captures)));
+            let held = old.map(|old| self.stored_planes(old, |component| self.is_lit(component, captures)));
             let held = held.transpose()?.flatten();
             let is_new = |component: usize| held.is_none() || rows.relit[component].is_some();
             // Of components that the basis gives, few spectra pass the camera; a lens that mixes pixels needs all bands
@@ -375,7 +374,8 @@ impl FinishedRender {
     ) -> Result<Vec<ChannelPlanes>, SessionError> {
         let labels = self.labels();
         let count = labels.components.len();
-        let before = |(number, response)| self.formed_before(response, |component| is_wanted(number, component));
+        let before =
+            |(number, response)| self.formed_before(response, |component| is_wanted(number, component));
         let mut all: Vec<FormedPlanes> =
             responses.iter().enumerate().map(before).collect::<Result<_, SessionError>>()?;
         let lacks =

@@ -136,7 +136,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
     };
     let ShownExperiment { mut experiment, changes } = shown;
-    if let Some(warning) = coarse_image(image.labels(), image.experiment().ok().flatten().map(Arc::as_ref), &experiment.study) {
+    if let Some(warning) =
+        coarse_image(image.labels(), image.experiment().ok().flatten().map(Arc::as_ref), &experiment.study)
+    {
         messages.warnings(std::slice::from_ref(&warning));
         experiment.record.warnings.push(warning);
     }

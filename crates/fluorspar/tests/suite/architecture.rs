@@ -115,7 +115,14 @@ const CRATES: &[(&str, &[&str])] = &[
     ),
     (
         "fluorspar-py",
-        &["fluorspar", "fluorspar-cli", "fluorspar-experiment", "fluorspar-format", "fluorspar-session"],
+        &[
+            "fluorspar",
+            "fluorspar-cli",
+            "fluorspar-experiment",
+            "fluorspar-format",
+            "fluorspar-report",
+            "fluorspar-session",
+        ],
     ),
 ];
 

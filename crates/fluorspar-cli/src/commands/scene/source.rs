@@ -1,14 +1,12 @@
 //! Scenes: experiment files, built-in experiments, reports, and scenes of pbrt, which are taken as experiments.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use fluorspar::scene::Scene;
 use fluorspar::study::Study;
 use fluorspar_experiment::{Experiment, Warning, parse, resolve_shapes, resolve_unlit};
-use fluorspar_format::OutputFolder;
+use fluorspar_format::{OutputFolder, read_start};
 use fluorspar_pbrt::{ConvertedScene, to_experiment};
 
 use crate::commands::pbrt_scene::{PbrtArgs, changed_study};
@@ -123,8 +121,7 @@ fn other_kind(path: &Path) -> Option<&'static str> {
     if !path.is_file() {
         return None;
     }
-    let mut start = Vec::new();
-    File::open(path).ok()?.take(4).read_to_end(&mut start).ok()?;
+    let start = read_start(path, 4).ok()?;
     let of_start = BEGINNINGS.iter().find(|(mark, _)| start.starts_with(mark)).map(|(_, kind)| *kind);
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
     let is_mesh = ["obj", "stl", "gltf"].iter().any(|known| ending.as_deref() == Some(known));
