@@ -123,11 +123,15 @@ impl FinishedRender {
         Ok(self.experiment.get_or_init(|| read).as_ref())
     }
 
-    /// [`Self::experiment`] as one that wants to see the image compares itself with it: with how many samples and within which limits it
-    /// was rendered, which a command may say for itself, is no difference between the two.
+    /// [`Self::experiment`] as one that wants to see the image compares itself with it. With how many samples and within which limits an image
+    /// in memory was rendered, which a call may say for itself, is no difference between the two; of a file a change of these would have no
+    /// effect.
     fn experiment_for(&self, now: &Experiment) -> Result<Option<Arc<Experiment>>, SessionError> {
         let rendered = self.experiment()?;
-        Ok(rendered.map(|rendered| match rendered.file.render == now.file.render {
+        let is_same = |rendered: &Experiment| {
+            matches!(self.spectra, Spectra::File(_)) || rendered.file.render == now.file.render
+        };
+        Ok(rendered.map(|rendered| match is_same(rendered) {
             true => rendered.clone(),
             false => Arc::new(with_sampling_of(rendered, now)),
         }))

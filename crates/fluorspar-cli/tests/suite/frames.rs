@@ -323,7 +323,7 @@ fn a_target_is_measured_with_its_labels() {
     ];
     let named = ["--named-region", "left=0,0,100,200", "--out", "given"];
     let told = fluorspar(folder, [&given[..], &there, &named].concat()).well().stdout;
-    assert!(told.contains("Target \"spot\" in frame \"blue\""), "{told}");
+    assert!(told.contains("d' of target \"spot\", frame \"blue\": "), "{told}");
     // Of recorded frames the interval holds the noise alone, and their dark frame may have had the lamp of the room
     let page = fs::read_to_string(folder.join("given/report.html")).unwrap();
     assert!(page.contains("share (95 % by sensor noise alone)") && !page.contains("share (95 % in all"));

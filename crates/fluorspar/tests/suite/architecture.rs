@@ -56,6 +56,7 @@ const MODULES: &[(&str, &[&str])] = &[
             "optics", "tissue", "scene", "render", "safety", "sensor", "analysis", "study", "design",
         ],
     ),
+    ("findings", &["sampling", "safety", "analysis", "pipeline"]),
 ];
 
 /// Crates above the library, or folders of them: the modules of the library that they may use, and the other crates of
@@ -85,6 +86,11 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
     (
         "fluorspar-pbrt/src/",
         &["quote", "spectral", "geometry", "material", "light", "optics", "scene", "render", "study"],
+        &["fluorspar_experiment", "fluorspar_format"],
+    ),
+    (
+        "fluorspar-session/src/",
+        &["image", "light", "scene", "study", "pipeline"],
         &["fluorspar_experiment", "fluorspar_format"],
     ),
 ];
