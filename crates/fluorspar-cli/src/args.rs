@@ -1,13 +1,14 @@
 //! Command-line arguments.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand, ValueEnum, ValueHint};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum, ValueHint};
 use clap_complete::Shell;
 
 use crate::commands::{
-    analyze, capture, check, compare, denoise, describe, design, filter, fluorophore, lens, merge, mouth,
-    new, plot, predict, presets, render, run, safety, scene, schema, sensor, sheet, spectra,
+    analyze, capture, catalog, check, compare, denoise, describe, design, filter, fluorophore, lens, merge,
+    mouth, new, plot, predict, presets, render, run, safety, scene, schema, sensor, sheet, spectra,
     spectroradiometer, tissue, validate,
 };
 use crate::values::{self, Override};
@@ -46,6 +47,43 @@ pub(crate) struct Args {
     pub(crate) command: Option<Command>,
 }
 
+/// The commands as `--help` groups them.
+const GROUPS: [(&str, &[&str]); 6] = [
+    ("Run and look", &["run", "new", "render", "capture", "analyze", "sheet", "compare", "merge", "denoise"]),
+    ("Frames of a camera", &["describe"]),
+    ("Design", &["design", "predict", "filter", "plot", "safety"]),
+    ("Parts", &["catalog", "fluorophore", "sensor", "lens", "tissue", "spectroradiometer"]),
+    ("Scenes", &["scene", "mouth"]),
+    ("Checks", &["check", "validate", "schema", "completions"]),
+];
+
+impl Args {
+    /// The command with its help in groups.
+    pub(crate) fn grouped() -> clap::Command {
+        let command = Self::command();
+        let mut list = String::new();
+        for (title, names) in GROUPS {
+            list += &format!("\n{title}:\n");
+            for name in names {
+                let about = command.find_subcommand(name).and_then(clap::Command::get_about);
+                let about = about.map_or_else(String::new, ToString::to_string);
+                // The rest is in the help of the command
+                let about = about.split(". ").next().unwrap_or_default().to_owned();
+                list += &format!("  {name:<18} {about}\n");
+            }
+        }
+        command.help_template(format!(
+            "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n{list}\nOptions:\n{{options}}{{after-help}}\n"
+        ))
+    }
+
+    /// Reads a command line, whose first word is the name of the program.
+    pub(crate) fn read(line: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
+        let matches = Self::grouped().try_get_matches_from(line)?;
+        Self::from_arg_matches(&matches)
+    }
+}
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Run an experiment from scene to report.
@@ -70,25 +108,30 @@ pub(crate) enum Command {
     Compare(compare::Options),
     /// Write the description that a camera's frame needs beside it: from its tags, and from what you know.
     Describe(describe::Options),
-    /// List, show, plot or import fluorophores.
+    /// List, show and plot parts of the catalogue: lights, filters, dyes, sensors, lenses, tissues.
+    Catalog(catalog::Options),
+    /// Import measured fluorophores, or fit spectra with them.
     Fluorophore(fluorophore::Options),
-    /// List, show and characterize sensors (EMVA 1288).
+    /// Characterize a sensor as in EMVA 1288.
     Sensor(sensor::Options),
-    /// Trace a lens, list the lenses of the catalogue.
+    /// Trace a lens.
     Lens(lens::Options),
-    /// List, show and plot filters; assess viewing filters.
+    /// Assess viewing filters.
     Filter(filter::Options),
     /// List, show and plot light spectra.
+    #[command(hide = true)]
     Light(spectra::Options),
     /// List, show and plot diffuse reflectances.
+    #[command(hide = true)]
     Reflectance(spectra::Options),
     /// List, show and plot quantum efficiencies.
+    #[command(hide = true)]
     Qe(spectra::Options),
     /// Draw light, filters, fluorophores and sensor over one axis of wavelengths.
     Plot(plot::Options),
     /// Generate mouths: meshes, contact sheets of views, cohorts of people.
     Mouth(mouth::Options),
-    /// List, show, solve and fit layered tissues; trace photons through them.
+    /// Solve and fit layered tissues; trace photons through them.
     Tissue(tissue::Options),
     /// Predict spectra and mean sensor values of a flat sample, without geometry.
     Predict(predict::Options),
@@ -98,9 +141,10 @@ pub(crate) enum Command {
     Safety(safety::Options),
     /// Read spectra of a component image or a flat sample as a spectroradiometer would.
     Spectroradiometer(spectroradiometer::Options),
-    /// Compute the figures and tables of Lyu et al. 2021, and compare them.
+    /// Compute the figures and tables of the paper (Lyu 2021) and compare them with it.
     Validate(validate::Options),
     /// List the catalogue, or print the file of an experiment, a flat sample or a design problem.
+    #[command(hide = true)]
     Presets(presets::Options),
     /// Check an experiment or sample file without running it.
     Check(check::Options),
@@ -258,8 +302,6 @@ pub(crate) struct OutOption {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     use super::*;
 
     /// A command and all below it, with their names.
@@ -270,6 +312,17 @@ mod tests {
         }
         see(&name, command);
         command.get_subcommands_mut().for_each(|sub| walk(sub, &name, see));
+    }
+
+    #[test]
+    fn every_command_is_in_a_group_of_the_help() {
+        let command = Args::command();
+        let shown = command.get_subcommands().filter(|sub| !sub.is_hide_set());
+        let mut named: Vec<&str> = shown.map(clap::Command::get_name).collect();
+        let mut grouped: Vec<&str> = GROUPS.iter().flat_map(|(_, names)| names.iter().copied()).collect();
+        named.sort_unstable();
+        grouped.sort_unstable();
+        assert_eq!(named, grouped);
     }
 
     #[test]

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
-use clap::Parser;
 use fluorspar_experiment::ExperimentError;
 use thiserror::Error;
 
@@ -48,7 +47,7 @@ pub struct CommandFailure {
 /// ```
 pub fn answer_of(args: impl IntoIterator<Item = OsString>) -> Result<CommandAnswer, CommandFailure> {
     let words = std::iter::once(OsString::from("fluorspar")).chain(args);
-    let args = match Args::try_parse_from(words) {
+    let args = match Args::read(words) {
         Ok(args) => args,
         Err(said) if said.use_stderr() => {
             return Err(refused(said.to_string()));

@@ -141,7 +141,7 @@ impl ExperimentSource {
         if is_experiment(&self.text) {
             return Err(CliError::Input(format!(
                 "{}: this is an experiment with a scene; `fluorspar run` takes it. A flat sample has the sections [light] \
-                 and [sample]: `fluorspar presets {DEFAULT_SAMPLE}` prints one",
+                 and [sample]: `fluorspar catalog show sample {DEFAULT_SAMPLE}` prints one",
                 self.name
             )));
         }

@@ -19,7 +19,6 @@ use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::process::ExitCode;
 
-use clap::Parser;
 use fluorspar_accel::claim_exit_message;
 use fluorspar_experiment::preset::{PresetKind, use_catalogue};
 use fluorspar_experiment::use_cache;
@@ -37,7 +36,7 @@ pub use embedded::{
 /// what it answers to standard output. `before_render` is called before commands that render. Call it once in a process: it starts the
 /// threads of all work and listens to signals.
 pub fn main(command_line: impl IntoIterator<Item = OsString>, before_render: impl FnOnce()) -> ExitCode {
-    let args = match Args::try_parse_from(command_line) {
+    let args = match Args::read(command_line) {
         Ok(args) => args,
         Err(answer) => return print_answer(&answer),
     };
@@ -144,6 +143,7 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Analyze(options) => commands::analyze::run(&options),
         Command::Compare(options) => commands::compare::run(&options),
         Command::Describe(options) => commands::describe::run(&options),
+        Command::Catalog(options) => commands::catalog::run(&options),
         Command::Fluorophore(options) => commands::fluorophore::run(&options),
         Command::Sensor(options) => commands::sensor::run(&options),
         Command::Lens(options) => commands::lens::run(&options),

@@ -172,7 +172,7 @@ pub(crate) fn with_answers_kept<T>(work: impl FnOnce() -> T) -> (T, String) {
 /// Prints an answer on standard output, with one end of line behind it.
 ///
 /// # Errors
-/// If standard output can't take it, other than for want of a reader: one who has seen enough (`fluorspar presets | head`)
+/// If standard output can't take it, other than for want of a reader: one who has seen enough (`fluorspar catalog list | head`)
 /// ends neither the work nor changes the exit code.
 pub(crate) fn answer(text: &str) -> io::Result<()> {
     let is_kept = KEPT.with_borrow_mut(|kept| {

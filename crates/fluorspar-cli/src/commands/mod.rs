@@ -5,6 +5,7 @@ pub(crate) mod analyze;
 mod basis_render;
 pub(crate) mod capture;
 pub(crate) mod capture_light;
+pub(crate) mod catalog;
 pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod completions;

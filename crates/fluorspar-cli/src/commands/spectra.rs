@@ -28,10 +28,13 @@ pub(crate) struct Options {
 #[derive(Clone, Debug, Subcommand)]
 pub(crate) enum Action {
     /// List the catalogue.
+    #[command(hide = true)]
     List(ListOptions),
     /// Show one: its main numbers and its source.
+    #[command(hide = true)]
     Show(ShowOptions),
     /// Draw several over one axis.
+    #[command(hide = true)]
     Plot(PlotOptions),
 }
 
@@ -184,7 +187,7 @@ fn half_maxima_nm(curve: &Curve, highest: f64) -> [f64; 2] {
     [above.first(), above.last()].map(|nm| nm.copied().unwrap_or(0.0))
 }
 
-fn list(options: &ListOptions, kind: PresetKind) -> Result<(), CliError> {
+pub(crate) fn list(options: &ListOptions, kind: PresetKind) -> Result<(), CliError> {
     let (mut list, mut rows, mut head) = (Vec::new(), Vec::new(), Vec::new());
     for name in preset::names(kind) {
         let entry = entry(name, kind)?;
@@ -214,7 +217,7 @@ fn list(options: &ListOptions, kind: PresetKind) -> Result<(), CliError> {
     options.print(&list, &head, rows, &left)
 }
 
-fn show(options: &ShowOptions, kind: PresetKind) -> Result<(), CliError> {
+pub(crate) fn show(options: &ShowOptions, kind: PresetKind) -> Result<(), CliError> {
     let entry = entry(&options.name, kind)?;
     if options.json {
         let nm: Vec<f64> = (0..=120).map(|i| 300.0 + 5.0 * f64::from(i)).collect();
@@ -262,7 +265,7 @@ fn show(options: &ShowOptions, kind: PresetKind) -> Result<(), CliError> {
     super::print_text(&text)
 }
 
-fn plot(options: &PlotOptions, kind: PresetKind) -> Result<(), CliError> {
+pub(crate) fn plot(options: &PlotOptions, kind: PresetKind) -> Result<(), CliError> {
     let format = FigureFormat::of(&options.out)?;
     let inputs: Vec<PathBuf> = options.names.iter().map(PathBuf::from).collect();
     let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&inputs).declare()?;

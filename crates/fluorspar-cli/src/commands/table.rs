@@ -14,6 +14,10 @@ pub(crate) struct ListOptions {
 }
 
 impl ListOptions {
+    pub(crate) fn is_json(&self) -> bool {
+        self.json
+    }
+
     /// Prints a list as JSON or as lines of cells, their head first; the columns of `left` are left-aligned.
     pub(crate) fn print(
         &self,

@@ -12,14 +12,16 @@ use crate::support::fluorspar;
 /// Commands, and those within them.
 fn commands(within: &[&str]) -> Vec<Vec<String>> {
     let help = help(within);
-    let Some(list) = help.split("\nCommands:\n").nth(1) else {
-        return vec![within.iter().map(|word| word.to_string()).collect()];
-    };
-    let names = list.lines().take_while(|line| !line.is_empty()).filter_map(|line| {
+    let list = help.split("\nOptions").next().unwrap();
+    let names = list.lines().filter_map(|line| {
         let name = line.strip_prefix("  ")?.split(' ').next()?;
-        (!name.is_empty() && name != "help").then(|| name.to_string())
+        (name.starts_with(|c: char| c.is_ascii_lowercase()) && name != "help").then(|| name.to_string())
     });
-    names.flat_map(|name| commands(&[within, &[&name]].concat())).collect()
+    let names: Vec<String> = names.collect();
+    if names.is_empty() {
+        return vec![within.iter().map(|word| word.to_string()).collect()];
+    }
+    names.into_iter().flat_map(|name| commands(&[within, &[&name]].concat())).collect()
 }
 
 fn help(command: &[&str]) -> String {
@@ -234,11 +236,12 @@ fn the_command_lines_of_the_documents_exist() {
             if line.starts_with('[') {
                 continue;
             }
-            let mut words = line.split_whitespace();
-            let first = words.next().unwrap_or_default().to_string();
-            let both = format!("{first} {}", words.next().unwrap_or_default());
-            let Some(options) = known.get(&both).or_else(|| known.get(&first)) else {
-                wrong.push(format!("{}: no command {both}: {line}", path.display()));
+            // Of alternatives the first
+            let words: Vec<&str> =
+                line.split_whitespace().filter_map(|word| word.split('|').next()).collect();
+            let named = (1..=3).rev().filter_map(|count| known.get(&words.get(..count)?.join(" "))).next();
+            let Some(options) = named else {
+                wrong.push(format!("{}: no such command: {line}", path.display()));
                 continue;
             };
             let unknown = self::options(&line)

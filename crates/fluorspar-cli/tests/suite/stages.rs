@@ -289,7 +289,7 @@ fn help_names_every_command_and_option() {
         "predict",
         "safety",
         "spectroradiometer",
-        "presets",
+        "catalog",
         "check",
         "schema",
         "completions",

@@ -209,7 +209,8 @@ fn answer(analysis: &Analysis) -> Option<Answer> {
     let words = FindingWords::of(&analysis.analyte);
     let of = |id: FindingId| findings.iter().filter(move |finding| finding.id == id);
     let (share, answer) = (answering_share(&findings)?, ShareAnswer::of(&findings, &analysis.analyte)?);
-    let truth = share.reference.map_or_else(String::new, |truth| format!("True share: {}", number(truth)));
+    let truth =
+        share.reference.map_or_else(String::new, |truth| format!("True share: {} %", number(100.0 * truth)));
     let line =
         of(FindingId::LineShare).next().filter(|line| line.id != share.id && analysis.budget.is_none());
     let width = share.interval.map(|[low, high]| high - low).filter(|width| *width > 0.0);

@@ -159,7 +159,7 @@ impl Options {
         let has_fluorophores = !self.fluorophore.is_empty() || self.tissue.is_some();
         if !has_fluorophores && self.component.is_empty() {
             return says(
-                "there is nothing to fit with; give --fluorophore with names of the catalogue (`fluorspar fluorophore list`), \
+                "there is nothing to fit with; give --fluorophore with names of the catalogue (`fluorspar catalog list fluorophore`), \
                  --tissue or --component",
             );
         }

@@ -10,6 +10,10 @@ mod measured;
 mod plot;
 mod show;
 
+pub(crate) use list::run as list;
+pub(crate) use plot::{Options as PlotOptions, run as plot};
+pub(crate) use show::{Options as ShowOptions, run as show};
+
 use clap::ValueEnum;
 use fluorspar_experiment::schema::EmptyCellsChoice;
 use fluorspar_format::ScatterCut;
@@ -20,10 +24,13 @@ use crate::values;
 
 actions! {
     /// List the fluorophores of the catalogue.
+    #[command(hide = true)]
     List(ListOptions) => list::run,
     /// Show source, range, yields and terms of a fluorophore.
+    #[command(hide = true)]
     Show(show::Options) => show::run,
     /// Draw excitation-emission matrices, and the emission under a light.
+    #[command(hide = true)]
     Plot(plot::Options) => plot::run,
     /// Check a measured fluorophore and write its section of an experiment.
     Import(import::Options) => import::run,

@@ -24,7 +24,7 @@ const IRRADIANCE_W_PER_M2: f64 = 1000.0;
 
 /// Options of `fluorophore plot`.
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Options {
+pub(crate) struct Options {
     /// Names of the catalogue, or files: matrix CSV, excitation and emission CSV, ISET .mat, .toml with [[fluorophore]] sections.
     #[arg(value_name = "NAME|FILE", required = true)]
     names: Vec<String>,
@@ -38,7 +38,7 @@ pub(super) struct Options {
     file: FileOptions,
 }
 
-pub(super) fn run(options: &Options) -> Result<(), CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let format = FigureFormat::of(&options.out)?;
     let emission_file = beside(&options.out, "_emission");
     let mut outputs = Outputs::new().and(Output::file("--out", &options.out));

@@ -15,7 +15,7 @@ const LIGHTS_NM: [f64; 4] = [365.0, 385.0, 405.0, 450.0];
 
 /// Options of `fluorophore show`.
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Options {
+pub(crate) struct Options {
     /// Name of the catalogue, or a file: matrix CSV, excitation and emission CSV, ISET .mat, .toml with a [[fluorophore]] section.
     #[arg(value_name = "NAME|FILE")]
     name: String,
@@ -26,7 +26,7 @@ pub(super) struct Options {
     json: bool,
 }
 
-pub(super) fn run(options: &Options) -> Result<(), CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let mut all = load(&options.name, &options.file)?;
     let Some(loaded) = all.pop().filter(|_| all.is_empty()) else {
         let message = "the file has several [[fluorophore]] sections; `fluorophore plot` draws all, `show` wants a file with one";

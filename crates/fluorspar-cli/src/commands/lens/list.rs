@@ -9,7 +9,7 @@ use crate::error::CliError;
 
 const HEAD: [&str; 5] = ["name", "focal mm", "f-number", "surfaces", "title"];
 
-pub(super) fn run(options: &ListOptions) -> Result<(), CliError> {
+pub(crate) fn run(options: &ListOptions) -> Result<(), CliError> {
     let mut list = Vec::new();
     let mut rows = Vec::new();
     for name in preset::names(PresetKind::Lens) {

@@ -3,11 +3,15 @@
 mod list;
 mod report;
 
+pub(crate) use list::run as list;
+pub(crate) use report::{Options as ReportOptions, run as report};
+
 use crate::commands::actions::actions;
 use crate::commands::table::ListOptions;
 
 actions! {
     /// List the lenses of the catalogue.
+    #[command(hide = true)]
     List(ListOptions) => list::run,
     /// Trace a lens: focal length, pupils, illumination, distortion, field curvature, spots, MTF, drawings.
     Report(report::Options) => report::run,

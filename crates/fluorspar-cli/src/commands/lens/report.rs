@@ -18,7 +18,7 @@ use crate::values::{self, check_range};
 
 /// Options of `lens report`.
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Options {
+pub(crate) struct Options {
     /// Lens of the catalogue, or a file: .toml, .dat (pbrt), .json (ISET), .zmx (Zemax).
     #[arg(value_name = "LENS", value_hint = ValueHint::FilePath)]
     lens: String,
@@ -55,7 +55,7 @@ pub(super) struct Options {
 /// What the names of the figures end in, after that of the drawing.
 const FIGURES: [&str; 4] = ["", "_spots", "_mtf", "_field"];
 
-pub(super) fn run(options: &Options) -> Result<(), CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     if let Some(nm) = options.wavelength_nm {
         check_range("--wavelength-nm", nm, [200.0, 1200.0], "nm")?;
     }

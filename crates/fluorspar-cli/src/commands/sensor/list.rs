@@ -10,7 +10,7 @@ use crate::error::CliError;
 const HEAD: [&str; 8] =
     ["name", "channels", "pixels", "pitch um", "bits", "well e-", "dark noise e-", "title"];
 
-pub(super) fn run(options: &ListOptions) -> Result<(), CliError> {
+pub(crate) fn run(options: &ListOptions) -> Result<(), CliError> {
     let mut list = Vec::new();
     let mut rows = Vec::new();
     for name in preset::names(PresetKind::Sensor) {

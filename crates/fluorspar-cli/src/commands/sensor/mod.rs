@@ -4,6 +4,9 @@ mod characterize;
 mod list;
 mod show;
 
+pub(crate) use list::run as list;
+pub(crate) use show::{Options as ShowOptions, run as show};
+
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
@@ -23,8 +26,10 @@ actions! {
     /// Characterize a sensor with simulated flats and darks as in EMVA 1288, and draw its photon-transfer curve.
     Characterize(characterize::Options) => characterize::run,
     /// Show a sensor in electrons and as an EMVA 1288 data sheet.
+    #[command(hide = true)]
     Show(show::Options) => show::run,
     /// List the sensors of the catalogue.
+    #[command(hide = true)]
     List(ListOptions) => list::run,
 }
 

@@ -12,7 +12,7 @@ use crate::message::Messages;
 
 /// Options of `sensor show`.
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Options {
+pub(crate) struct Options {
     #[command(flatten)]
     sensor: SensorArgs,
     /// Print the answer as JSON.
@@ -23,7 +23,7 @@ pub(super) struct Options {
     toml: bool,
 }
 
-pub(super) fn run(options: &Options) -> Result<(), CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let resolved = options.sensor.resolve(Messages::unless(options.json || options.toml))?;
     if options.toml {
         print_text(&resolved.resolved_toml)

@@ -6,7 +6,7 @@ use serde_json::json;
 use crate::commands::table::ListOptions;
 use crate::error::CliError;
 
-pub(super) fn run(options: &ListOptions) -> Result<(), CliError> {
+pub(crate) fn run(options: &ListOptions) -> Result<(), CliError> {
     let (mut list, mut rows) = (Vec::new(), Vec::new());
     for name in Site::names() {
         let site = Site::named(name)?;

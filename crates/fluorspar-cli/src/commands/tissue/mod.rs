@@ -13,13 +13,18 @@ mod source;
 
 pub(crate) use source::{find, site_named};
 
+pub(crate) use list::run as list;
+pub(crate) use show::{Options as ShowOptions, run as show};
+
 use crate::commands::actions::actions;
 use crate::commands::table::ListOptions;
 
 actions! {
     /// List the tissues of the catalogue.
+    #[command(hide = true)]
     List(ListOptions) => list::run,
     /// Show parameters, layers, fluorophores and states of a tissue.
+    #[command(hide = true)]
     Show(show::Options) => show::run,
     /// Compute reflectance and fluorescence of a tissue.
     Solve(solve::Options) => solve::run,

@@ -17,7 +17,7 @@ const TOLD_NM: [f64; 3] = [405.0, 520.0, 635.0];
 
 /// Options of `tissue show`.
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Options {
+pub(crate) struct Options {
     #[command(flatten)]
     site: SiteArgs,
     /// Print the answer as JSON.
@@ -25,7 +25,7 @@ pub(super) struct Options {
     json: bool,
 }
 
-pub(super) fn run(options: &Options) -> Result<(), CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let (title, site) = options.site.resolve()?;
     let tissue = site.tissue(&find)?;
     match site {

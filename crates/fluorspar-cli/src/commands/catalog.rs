@@ -1,0 +1,140 @@
+//! `fluorspar catalog`: list, show and plot what is built in, of every kind.
+
+use std::process::ExitCode;
+
+use clap::{Subcommand, ValueEnum};
+use fluorspar_experiment::preset::PresetKind;
+
+use super::actions::{Ended, actions};
+use super::table::ListOptions;
+use super::{fluorophore, lens, presets, sensor, spectra, tissue};
+use crate::error::CliError;
+
+actions! {
+    /// List a kind of parts with their main numbers, or everything by name.
+    List(ListArgs) => list,
+    /// Show one part: its main numbers, what of it is assumed, its source; of an experiment its file.
+    Show(ShowArgs) => show,
+    /// Draw parts over one axis.
+    Plot(PlotArgs) => plot,
+}
+
+/// Options of `list`.
+#[derive(Clone, Debug, clap::Args)]
+struct ListArgs {
+    /// The kind; all kinds without it.
+    #[arg(value_enum)]
+    kind: Option<Kind>,
+    #[command(flatten)]
+    options: ListOptions,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Kind {
+    Light,
+    Filter,
+    Reflectance,
+    Qe,
+    Fluorophore,
+    Sensor,
+    Lens,
+    Tissue,
+}
+
+fn list(args: &ListArgs) -> Result<(), CliError> {
+    let options = &args.options;
+    match args.kind {
+        None => presets::list(options),
+        Some(Kind::Light) => spectra::list(options, PresetKind::Light),
+        Some(Kind::Filter) => spectra::list(options, PresetKind::Filter),
+        Some(Kind::Reflectance) => spectra::list(options, PresetKind::Reflectance),
+        Some(Kind::Qe) => spectra::list(options, PresetKind::QuantumEfficiency),
+        Some(Kind::Fluorophore) => fluorophore::list(options),
+        Some(Kind::Sensor) => sensor::list(options),
+        Some(Kind::Lens) => lens::list(options),
+        Some(Kind::Tissue) => tissue::list(options),
+    }
+}
+
+/// Options of `show`.
+#[derive(Clone, Debug, clap::Args)]
+struct ShowArgs {
+    #[command(subcommand)]
+    part: Shown,
+}
+
+#[derive(Clone, Debug, Subcommand)]
+#[allow(clippy::large_enum_variant, reason = "a program holds one")]
+enum Shown {
+    /// A light spectrum.
+    Light(spectra::ShowOptions),
+    /// A filter.
+    Filter(spectra::ShowOptions),
+    /// A diffuse reflectance.
+    Reflectance(spectra::ShowOptions),
+    /// Quantum efficiencies of the channels of a sensor.
+    Qe(spectra::ShowOptions),
+    /// A fluorophore: source, range, yields and terms.
+    Fluorophore(fluorophore::ShowOptions),
+    /// A sensor in electrons and as an EMVA 1288 data sheet.
+    Sensor(sensor::ShowOptions),
+    /// A lens, traced: focal length, pupils, spots, MTF.
+    Lens(lens::ReportOptions),
+    /// A tissue: parameters, layers, fluorophores, states.
+    Tissue(tissue::ShowOptions),
+    /// The file of an experiment.
+    Experiment(presets::FileOptions),
+    /// The file of a flat sample.
+    Sample(presets::FileOptions),
+    /// The file of a design problem.
+    Design(presets::FileOptions),
+}
+
+fn show(args: &ShowArgs) -> Result<Ended, CliError> {
+    match &args.part {
+        Shown::Light(options) => spectra::show(options, PresetKind::Light)?,
+        Shown::Filter(options) => spectra::show(options, PresetKind::Filter)?,
+        Shown::Reflectance(options) => spectra::show(options, PresetKind::Reflectance)?,
+        Shown::Qe(options) => spectra::show(options, PresetKind::QuantumEfficiency)?,
+        Shown::Fluorophore(options) => fluorophore::show(options)?,
+        Shown::Sensor(options) => sensor::show(options)?,
+        Shown::Lens(options) => lens::report(options)?,
+        Shown::Tissue(options) => tissue::show(options)?,
+        Shown::Experiment(options) => presets::show(options, PresetKind::Experiment)?,
+        Shown::Sample(options) => presets::show(options, PresetKind::Sample)?,
+        Shown::Design(options) => presets::show(options, PresetKind::Design)?,
+    }
+    Ok(ExitCode::SUCCESS.into())
+}
+
+/// Options of `plot`.
+#[derive(Clone, Debug, clap::Args)]
+struct PlotArgs {
+    #[command(subcommand)]
+    parts: Plotted,
+}
+
+#[derive(Clone, Debug, Subcommand)]
+enum Plotted {
+    /// Light spectra.
+    Light(spectra::PlotOptions),
+    /// Filters.
+    Filter(spectra::PlotOptions),
+    /// Diffuse reflectances.
+    Reflectance(spectra::PlotOptions),
+    /// Quantum efficiencies.
+    Qe(spectra::PlotOptions),
+    /// Excitation-emission matrices of fluorophores, and their emission under a light.
+    Fluorophore(fluorophore::PlotOptions),
+}
+
+fn plot(args: &PlotArgs) -> Result<Ended, CliError> {
+    match &args.parts {
+        Plotted::Light(options) => spectra::plot(options, PresetKind::Light)?,
+        Plotted::Filter(options) => spectra::plot(options, PresetKind::Filter)?,
+        Plotted::Reflectance(options) => spectra::plot(options, PresetKind::Reflectance)?,
+        Plotted::Qe(options) => spectra::plot(options, PresetKind::QuantumEfficiency)?,
+        Plotted::Fluorophore(options) => fluorophore::plot(options)?,
+    }
+    Ok(ExitCode::SUCCESS.into())
+}
