@@ -603,7 +603,7 @@ fn tiffs_of_other_kinds_are_called_by_their_names() {
         (file(5, 1, 1, 1), "old-style LZW"),
         (file(1, 3, 1, 1), "indices of a palette"),
         (file(1, 2, 3, 2), "planar configuration 2"),
-        (with(1, shorts(266, &[2])), "FillOrder 2"),
+        (with(1, shorts(266, &[2])), "tiffcp -f msb2lsb -c none "),
     ] {
         fs::write(&path, bytes).unwrap();
         for said in [
@@ -620,6 +620,8 @@ fn tiffs_of_other_kinds_are_called_by_their_names() {
         (with(1, shorts(339, &[2])), "its numbers are signed ones of 8 bits"),
         (with(1, shorts(339, &[3])), "its numbers are floating-point ones"),
         (with(1, shorts(259, &[7])), "compressed with JPEG"),
+        (with(1, shorts(259, &[6])), "does not keep the numbers of a camera"),
+        (file(1, 1, 2, 1), "its pixels have 2 numbers of 8 bits"),
         (with(32_803, shorts(339, &[1])), "a mosaic as TIFF/EP does"),
         (with(8, shorts(339, &[1])), "CIE L*a*b*"),
     ] {
@@ -629,9 +631,6 @@ fn tiffs_of_other_kinds_are_called_by_their_names() {
     }
     fs::write(&path, []).unwrap();
     assert!(describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string().contains("is empty"));
-    fs::write(&path, b"P5\n2 1\n255\n\0\0").unwrap();
-    let said = describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string();
-    assert!(said.contains("TIFF or PNG of 16 bits"), "{said}");
     let path = folder.path().join("frame.dng");
     let values: Vec<u16> = (0..32).map(|i| 70 + 3 * i).collect();
     fs::write(&path, dng_bytes(&values, &[shorts(50_714, &[64]), shorts(50_717, &[1023])], true)).unwrap();
@@ -736,6 +735,36 @@ fn a_raw_file_that_is_no_dng_is_refused_by_name() {
     bytes[8..10].copy_from_slice(b"CR");
     fs::write(to, bytes).unwrap();
     refused("marked.tif", "a raw file of a camera, but no DNG");
+}
+
+/// Files of other kinds are called by their names, and cures name files as a shell takes them.
+#[test]
+fn files_of_other_kinds_are_called_by_their_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a frame.x");
+    let copies = format!("{0}/a frame.x' '{0}/a frame", folder.path().display());
+    let whole = dng_bytes(&[500; 32], &[], false);
+    for (bytes, what) in [
+        (
+            b"P5\n2 1\n255\n\0\0".as_slice(),
+            format!("netpbmfile as n; t.imwrite(sys.argv[2], n.imread(sys.argv[1]))\" '{copies}_plain.tif'"),
+        ),
+        (b"\x93NUMPY\x01\0", "numpy.load(sys.argv[1])".into()),
+        (b"IIRO\x08\0\0\0", format!("dnglab convert '{copies}.dng'")),
+        (b"\0\0\0\x18ftypcrx \0\0\0\x01", "a raw file of a camera, but no DNG".into()),
+        (b"\xff\xd8\xff\xe0", "this is a JPEG".into()),
+        (b"GIF89a", "this is not a DNG, TIFF or PNG".into()),
+        (&tagged_tiff(long(266, 1))[..PIXELS_AT + 9], "the TIFF file is cut short".into()),
+        (&whole[..PIXELS_AT + 9], "rows from 0 on".into()),
+    ] {
+        fs::write(&path, bytes).unwrap();
+        for said in [
+            describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string(),
+            read_sensor_image(&path).unwrap_err().to_string(),
+        ] {
+            assert!(said.contains(&what), "{said}");
+        }
+    }
 }
 
 /// A small form before its image is no frame, either; without the name of a camera there is no raw file to convert.
