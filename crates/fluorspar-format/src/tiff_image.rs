@@ -43,7 +43,7 @@ pub(super) fn damaged_tiff(path: &Path, error: tiff::TiffError) -> FormatError {
             FormatError::malformed(path, what, "Copy the file again")
         }
         tiff::TiffError::IoError(source) if source.kind() == io::ErrorKind::UnexpectedEof => {
-            let what = "the TIFF file is cut short: it ends before its pixels and what describes them do";
+            let what = "the TIFF file is cut short: it ends amid its pixels or the tags that describe them";
             FormatError::malformed(path, what, "Copy the file again")
         }
         tiff::TiffError::UnsupportedError(kind) => {
