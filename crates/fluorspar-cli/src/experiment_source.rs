@@ -1,5 +1,7 @@
 //! Finds experiments and flat samples: files, reports, built-in ones.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use fluorspar_experiment::preset::{self, ExperimentPreset, PresetError, PresetKind};
@@ -31,6 +33,29 @@ pub(crate) struct ExperimentSource {
     pub(crate) base_dir: PathBuf,
     /// The file, unless it is built in.
     pub(crate) file: Option<PathBuf>,
+}
+
+/// What a file is that is taken for a scene by mistake, by its first bytes or its ending.
+fn other_kind(path: &Path) -> Option<&'static str> {
+    const BEGINNINGS: [(&[u8], &str); 8] = [
+        (b"\x89PNG", "picture"),
+        (b"\xff\xd8\xff", "picture"),
+        (b"II*\0", "picture"),
+        (b"MM\0*", "picture"),
+        (b"v/1\x01", "picture"),
+        (b"\x93NUM", "NumPy array"),
+        (b"ply", "mesh"),
+        (b"glTF", "mesh"),
+    ];
+    if !path.is_file() {
+        return None;
+    }
+    let mut start = Vec::new();
+    File::open(path).ok()?.take(4).read_to_end(&mut start).ok()?;
+    let of_start = BEGINNINGS.iter().find(|(mark, _)| start.starts_with(mark)).map(|(_, kind)| *kind);
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    let is_mesh = ["obj", "stl", "gltf"].iter().any(|known| ending.as_deref() == Some(known));
+    of_start.or(is_mesh.then_some("mesh"))
 }
 
 impl ExperimentSource {
@@ -81,6 +106,11 @@ impl ExperimentSource {
 
     /// A file, or the experiment that a report carries.
     fn from_file(name: &str, path: &Path) -> Result<Self, CliError> {
+        if let Some(kind) = other_kind(path) {
+            return Err(CliError::Input(format!(
+                "{name}: this is a {kind}, not a scene; give an experiment (.toml) or a scene of pbrt (.pbrt), which may name it"
+            )));
+        }
         let text = if is_pbrt(path) {
             String::from_utf8_lossy(&read_bounded(path, LARGEST_SCENE_BYTES)?).into_owned()
         } else {
