@@ -227,6 +227,10 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
         let bytes = read_file(path, MAX_IMAGE_BYTES)?;
         if is_dng(&bytes) {
             let DngFrame { description, stored, told } = read_dng_description(path, &bytes)?;
+            if given.is_left_aligned {
+                let what = "the levels of a DNG tell where its values stand";
+                return Err(FormatError::unsupported(path, what, "Leave --left-aligned out"));
+            }
             (facts.of_dng(description, &told), stored)
         } else {
             refuse_camera_raw(path, &bytes)?;
@@ -240,6 +244,10 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
     } else {
         return Err(no_frame(path, &magic));
     };
+    if given.is_measured && description.samples != Samples::Measured {
+        let what = "it has one number a pixel, where not all colors were measured";
+        return Err(FormatError::unsupported(path, what, "Leave --measured out"));
+    }
     facts.of_levels(&mut description);
     // What the reader would refuse is refused here.
     let frame = image_of_parts(path, stored, &description)?;

@@ -346,6 +346,13 @@ fn the_white_level_of_each_plane_counts_for_its_channel() {
     }
     let found = describe_frame(&path, &FrameFacts::default()).unwrap();
     assert_eq!(fact(&found, "white level by plane").0, "R 4095, G 3000, B 4095 DN");
+    for (given, option) in [
+        (FrameFacts { is_left_aligned: true, ..FrameFacts::default() }, "--left-aligned"),
+        (FrameFacts { is_measured: true, ..FrameFacts::default() }, "--measured"),
+    ] {
+        let said = describe_frame(&path, &given).unwrap_err().to_string();
+        assert!(said.ends_with(&format!("Leave {option} out")), "{said}");
+    }
     // A level that the user gives is for all
     let given = FrameFacts { white_level: Some(3010), exposure_s: Some(0.01), ..FrameFacts::default() };
     describe_frame(&path, &given).unwrap().write().unwrap();
@@ -429,6 +436,13 @@ fn a_black_level_above_the_pixels_is_told() {
     assert!(found.warnings.iter().any(|said| said.contains("--black-level")), "{:?}", found.warnings);
     plain_dng(&path, &values, &[shorts(50_714, &[59]), shorts(50_717, &[4095])]);
     assert!(describe_frame(&path, &FrameFacts::default()).unwrap().warnings.is_empty());
+    // Signed numbers are read as such
+    for level in
+        [(50_714, 8, 1, (-20i16).to_le_bytes().to_vec()), (50_714, 9, 1, (-20i32).to_le_bytes().to_vec())]
+    {
+        plain_dng(&path, &values, &[level, shorts(50_717, &[4095])]);
+        assert_eq!(read_sensor_image(&path).unwrap().image.black_level, -20.0);
+    }
 }
 
 /// An opcode of a list: number, version, flags, length and parameters.
