@@ -814,21 +814,26 @@ fn a_tiff_of_several_pages_is_refused_with_their_number() {
 fn a_png_on_a_tone_curve_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("preview.png");
-    let write = |change: fn(&mut png::Encoder<'_, fs::File>)| {
+    let write = |bytes: usize, change: fn(&mut png::Encoder<'_, fs::File>)| {
         let mut encoder = png::Encoder::new(fs::File::create(&path).unwrap(), 2, 1);
         encoder.set_color(png::ColorType::Rgb);
         change(&mut encoder);
-        encoder.write_header().unwrap().write_image_data(&[9; 6]).unwrap();
+        encoder.write_header().unwrap().write_image_data(&[9; 6][..bytes]).unwrap();
         describe_frame(&path, &FrameFacts::default())
     };
-    write(|_| ()).unwrap();
-    write(|encoder| encoder.set_source_gamma(png::ScaledFloat::new(1.0))).unwrap();
+    write(6, |_| ()).unwrap();
+    write(6, |encoder| encoder.set_source_gamma(png::ScaledFloat::new(1.0))).unwrap();
+    let palette = write(2, |encoder| {
+        encoder.set_color(png::ColorType::Indexed);
+        encoder.set_palette(vec![9; 30]);
+    });
+    assert!(palette.unwrap_err().to_string().contains("a palette of colors"));
     let curves: [fn(&mut png::Encoder<'_, fs::File>); 2] = [
         |encoder| encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual),
         |encoder| encoder.set_source_gamma(png::ScaledFloat::new(0.45)),
     ];
     for curve in curves {
-        let said = write(curve).unwrap_err().to_string();
+        let said = write(6, curve).unwrap_err().to_string();
         assert!(said.contains("tone curve"), "{said}");
     }
 }
