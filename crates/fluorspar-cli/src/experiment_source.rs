@@ -54,8 +54,11 @@ fn other_kind(path: &Path) -> Option<&'static str> {
     File::open(path).ok()?.take(4).read_to_end(&mut start).ok()?;
     let of_start = BEGINNINGS.iter().find(|(mark, _)| start.starts_with(mark)).map(|(_, kind)| *kind);
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
-    let is_mesh = ["obj", "stl", "gltf"].iter().any(|known| ending.as_deref() == Some(known));
-    of_start.or(is_mesh.then_some("mesh"))
+    of_start.or(match ending.as_deref() {
+        Some("obj" | "stl" | "gltf") => Some("mesh"),
+        Some("hdr" | "pfm" | "pgm" | "ppm" | "tga" | "qoi" | "gif" | "bmp" | "webp") => Some("picture"),
+        _ => None,
+    })
 }
 
 impl ExperimentSource {
