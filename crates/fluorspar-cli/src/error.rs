@@ -13,6 +13,7 @@ use fluorspar_experiment::preset::{LensError, PresetError};
 use fluorspar_experiment::{DEFAULT_EXPERIMENT, ExperimentError};
 use fluorspar_format::{FormatError, OutputFolder, PbrtError};
 use fluorspar_report::{FigureError, RunFolderError};
+use fluorspar_session::SessionError;
 use thiserror::Error;
 
 /// Exit code of wrong input: something that the user gave must be fixed.
@@ -74,6 +75,17 @@ pub(crate) enum CliError {
     Json(#[from] serde_json::Error),
     #[error("can't write to standard output: {0}")]
     Stdout(#[from] io::Error),
+}
+
+impl From<SessionError> for CliError {
+    fn from(error: SessionError) -> Self {
+        match error {
+            SessionError::Experiment(error) => Self::Experiment(error),
+            SessionError::Pipeline(error) => Self::Pipeline(error),
+            SessionError::Format(error) => Self::Format(error),
+            other => Self::Input(format!("{other}; name one with --experiment")),
+        }
+    }
 }
 
 /// What to add to an experiment file that lacks something.

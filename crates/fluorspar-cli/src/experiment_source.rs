@@ -1,7 +1,5 @@
 //! Finds experiments and flat samples: files, reports, built-in ones.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use fluorspar_experiment::preset::{self, ExperimentPreset, PresetError, PresetKind};
@@ -9,7 +7,7 @@ use fluorspar_experiment::{
     DEFAULT_DESIGN, DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, Experiment, FileRecord, ResolvedExperiment,
     ResolvedSample, is_experiment, is_sample, parse, parse_sample, resolve,
 };
-use fluorspar_format::{read_bounded, read_text_bounded};
+use fluorspar_format::{read_bounded, read_start, read_text_bounded};
 use fluorspar_report::extract_experiment;
 
 use crate::error::CliError;
@@ -50,8 +48,7 @@ fn other_kind(path: &Path) -> Option<&'static str> {
     if !path.is_file() {
         return None;
     }
-    let mut start = Vec::new();
-    File::open(path).ok()?.take(4).read_to_end(&mut start).ok()?;
+    let start = read_start(path, 4).ok()?;
     let of_start = BEGINNINGS.iter().find(|(mark, _)| start.starts_with(mark)).map(|(_, kind)| *kind);
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
     of_start.or(match ending.as_deref() {

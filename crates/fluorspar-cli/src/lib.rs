@@ -9,7 +9,6 @@ mod interrupt;
 mod message;
 mod named_spectra;
 mod progress;
-mod rendered_scene;
 mod resource_needs;
 mod values;
 
@@ -30,12 +29,9 @@ use crate::args::{Args, Command};
 use crate::error::{CliError, FAILED, WRONG_INPUT};
 use crate::values::MOST_THREADS;
 
-pub use commands::coarse_render::{coarse_image, warnings_before_run};
 pub use embedded::{
     CommandAnswer, CommandFailure, FoundExperiment, answer_of, find_experiment, stop, use_surroundings,
 };
-pub use fluorspar_report::dark_frames;
-pub use rendered_scene::{RenderedScene, SceneChanges};
 
 /// Runs the command that a command line names, whose first word is the name of the program. What it says goes to standard error,
 /// what it answers to standard output. `before_render` is called before commands that render. Call it once in a process: it starts the

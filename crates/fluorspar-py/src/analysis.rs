@@ -9,18 +9,18 @@ use fluorspar::pipeline::{
     analyze_seen, complete_raw, develop_frames, subtract_what_is_given,
 };
 use fluorspar::study::Study;
-use fluorspar_cli::dark_frames;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::black_level_doubt;
+use fluorspar_report::{analysis_json, dark_frames};
+use fluorspar_session::Wanted;
 use numpy::{PyArray2, ndarray::Array2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use serde_json::{Value, json};
 
 use crate::components::Components;
 use crate::error::failed;
 use crate::experiment::Experiment;
-use crate::frame::{Asked, Frame, View};
+use crate::frame::{Frame, View};
 use crate::process::work_through;
 
 /// A map over the frame, `[row, col]`, and its name.
@@ -46,15 +46,11 @@ impl FrameAnalysis {
     /// The numbers, as `analyze --json` prints them.
     #[getter]
     fn json(&self) -> PyResult<String> {
-        let mut results = serde_json::to_value(&self.analyzed.analysis).map_err(failed)?;
-        if !self.regions.is_empty() {
-            let one = |(name, of): &(String, Result<Arc<AnalyzedFrame>, RegionError>)| match of {
-                Ok(of) => Ok(json!({ "name": name, "analysis": serde_json::to_value(&of.analysis)? })),
-                Err(why) => Ok(json!({ "name": name, "not_in_view": why.to_string() })),
-            };
-            let all: Result<Vec<Value>, serde_json::Error> = self.regions.iter().map(one).collect();
-            results["regions"] = Value::Array(all.map_err(failed)?);
-        }
+        let regions = self
+            .regions
+            .iter()
+            .map(|(name, analyzed)| (name.as_str(), analyzed.as_ref().map(|analyzed| &analyzed.analysis)));
+        let results = analysis_json(&self.analyzed.analysis, regions).map_err(failed)?;
         serde_json::to_string(&results).map_err(failed)
     }
 
@@ -141,7 +137,7 @@ pub(crate) fn analyze(
     let mut warnings = in_words(&subtract_what_is_given(&mut resolved.study, is_given));
     let exposures = developed(&resolved.study, &frames)?;
     let mut view = components
-        .map(|components| View::whole(py, experiment.get(), components.get(), (false, Asked::Lit), threads))
+        .map(|components| View::whole(py, experiment.get(), components.get(), (false, Wanted::Lit), threads))
         .transpose()?;
     if let Some(view) = &mut view {
         view.subtract_what_is_given(is_given);

@@ -7,12 +7,12 @@ use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar_format::{
     ExrCompression, ExrOptions, Provenance, read_component_image, write_component_exr, write_component_npy,
 };
+use fluorspar_session::FinishedRender;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArray4};
 use pyo3::prelude::*;
 
 use crate::error::failed;
 use crate::experiment::Experiment;
-use crate::frame::CachedPlanes;
 use crate::process::work_through;
 use crate::view::view;
 
@@ -23,11 +23,23 @@ pub(crate) struct Components {
     pub(crate) provenance: Option<Provenance>,
     /// The experiment that it was rendered from.
     pub(crate) experiment: Option<Py<Experiment>>,
-    /// What cameras have seen of it.
-    pub(crate) planes: CachedPlanes,
+    /// The same for captures.
+    pub(crate) render: Arc<FinishedRender>,
 }
 
 impl Components {
+    /// A component image, where it is from, and the experiment that it was rendered from.
+    pub(crate) fn new(
+        image: ComponentImage,
+        provenance: Option<Provenance>,
+        experiment: Option<Py<Experiment>>,
+    ) -> Self {
+        let image = Arc::new(image);
+        let parsed = experiment.as_ref().map(|experiment| experiment.get().parsed.clone());
+        let render = Arc::new(FinishedRender::of_image(image.clone(), parsed));
+        Self { image, provenance, experiment, render }
+    }
+
     /// An image with the experiment that it carries.
     fn with_experiment(
         py: Python<'_>,
@@ -42,7 +54,7 @@ impl Components {
                 Some(Py::new(py, Experiment::new(py, text, name, ".".into(), Vec::new())?)?)
             }
         };
-        Ok(Self { image: Arc::new(image), provenance, experiment, planes: CachedPlanes::default() })
+        Ok(Self::new(image, provenance, experiment))
     }
 }
 

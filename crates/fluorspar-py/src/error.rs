@@ -4,6 +4,7 @@ use std::fmt::Display;
 
 use fluorspar_cli::CommandFailure;
 use fluorspar_experiment::ExperimentError;
+use fluorspar_session::SessionError;
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
 use pyo3::prelude::*;
 use pyo3::{create_exception, intern};
@@ -65,6 +66,14 @@ pub(crate) fn of_command(py: Python<'_>, failure: &CommandFailure) -> PyErr {
     match error.value(py).setattr(intern!(py, "code"), failure.code) {
         Ok(()) => error,
         Err(other) => other,
+    }
+}
+
+/// Why a component image can't be used.
+pub(crate) fn of_session(py: Python<'_>, error: SessionError) -> PyErr {
+    match error {
+        SessionError::Experiment(error) => of_experiment(py, &error),
+        other => failed(other),
     }
 }
 

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-use fluorspar_cli::{find_experiment, warnings_before_run};
+use fluorspar_cli::find_experiment;
 use fluorspar_experiment::{
     Experiment as Parsed, ResolvedExperiment, check_settings, json_schema, parse, resolve, scene_nodes,
     scene_values,
 };
+use fluorspar_session::warnings_before_run;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};

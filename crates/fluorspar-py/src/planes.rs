@@ -1,13 +1,14 @@
 //! Channel planes.
 
 use fluorspar::image::ChannelPlanes;
+use fluorspar_session::Wanted;
 use numpy::PyArray4;
 use pyo3::prelude::*;
 
 use crate::components::Components;
 use crate::error::failed;
 use crate::experiment::Experiment;
-use crate::frame::{Asked, View};
+use crate::frame::View;
 use crate::view::view;
 
 /// Electrons per second that each component of a render frees in each channel of the camera of a capture.
@@ -40,8 +41,8 @@ pub(crate) fn channel_planes(
     threads: Option<usize>,
 ) -> PyResult<Planes> {
     let py = experiment.py();
-    let asked = if lit { Asked::LitBy(capture) } else { Asked::AllOf(capture) };
-    let view = View::of_captures(py, experiment.get(), components.get(), asked, threads)?;
+    let wanted = if lit { Wanted::LitBy(capture) } else { Wanted::AllOf(capture) };
+    let view = View::of_captures(py, experiment.get(), components.get(), wanted, threads)?;
     let names: Vec<&str> =
         view.study().captures.iter().map(|settings| settings.frame.label.as_str()).collect();
     match view.planes_of(capture) {

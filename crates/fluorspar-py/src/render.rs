@@ -1,7 +1,7 @@
 //! Renders.
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use fluorspar::image::Film;
@@ -13,7 +13,6 @@ use pyo3::prelude::*;
 use crate::components::Components;
 use crate::error::{RenderStopped, failed};
 use crate::experiment::Experiment;
-use crate::frame::CachedPlanes;
 use crate::process::{work, work_through};
 
 /// Renders an experiment. `progress` is called with the paths done and all paths, some 50 times a second, in the calling thread.
@@ -114,10 +113,5 @@ fn finished(experiment: &Bound<'_, Experiment>, film: Film, threads: Option<usiz
         resolved.study.render.seed,
         image.samples_per_pixel,
     );
-    Ok(Components {
-        image: Arc::new(image),
-        provenance: Some(provenance),
-        experiment: Some(experiment.clone().unbind()),
-        planes: CachedPlanes::default(),
-    })
+    Ok(Components::new(image, Some(provenance), Some(experiment.clone().unbind())))
 }

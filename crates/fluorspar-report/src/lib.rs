@@ -18,6 +18,7 @@ mod design_remarks;
 mod design_report;
 mod figure;
 pub mod figures;
+mod findings;
 mod page;
 mod run;
 pub mod validation;
@@ -35,12 +36,13 @@ pub use figure::{
     Axis, ColorBar, ColorMap, ContactSheet, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale,
     Series, SeriesShape,
 };
+pub use findings::{ASSUMED_GAIN, finding_lines, verdict};
 pub use page::{
     Answer, Contribution, Contributions, FrameView, MapOverlay, Number, NumberMatrix, NumberTable, Origin,
     Overview, ReportData, ReportItem, ReportPicture, Section, analysis_section, extract_experiment,
 };
 pub use run::{
-    FrameOrigin, NamedFigure, RunFolderError, RunReport, RunResults, dark_frames, evaluation_json,
-    region_warnings, regions_json, regions_matrix, run_report, write_frame_report, write_run_components,
+    FrameOrigin, NamedFigure, RunFolderError, RunReport, RunResults, analysis_json, dark_frames,
+    evaluation_json, region_warnings, regions_matrix, run_report, write_frame_report, write_run_components,
     write_run_folder,
 };

@@ -33,6 +33,7 @@
 pub mod analysis;
 pub mod design;
 pub mod digest;
+pub mod findings;
 pub mod geometry;
 pub mod image;
 pub mod interruption;

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::analysis::{ASSUMED_GAIN, Analysis, PorphyrinLayers, PorphyrinMap, SignalSummary};
+use fluorspar::analysis::{Analysis, PorphyrinLayers, PorphyrinMap};
+use fluorspar::findings::region_findings;
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, PipelineError, RawExposures, SeenComponents,
@@ -22,14 +23,14 @@ use fluorspar_format::{
     write_atomically, write_map_npy,
 };
 use fluorspar_report::figures::porphyrin_maps;
-use fluorspar_report::{FrameOrigin, regions_json};
+use fluorspar_report::{ASSUMED_GAIN, FrameOrigin, analysis_json, finding_lines};
+use fluorspar_session::{CaptureView, FinishedRender, ShownExperiment, Wanted};
 use rayon::prelude::*;
 use serde_json::Value;
 
 use super::frame_report::regions_table;
 use super::frame_report::{FrameReport, warn_of_darkness};
 use super::region_option::{region_options, with_regions};
-use super::rendered_image::{CaptureView, RenderedImage, ShownByImage};
 use crate::args::{Answer, Changes};
 use crate::error::CliError;
 use crate::experiment_source::{ExperimentSource, read_text};
@@ -119,7 +120,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let (resolved, (opened, seen)) = rayon::join(
         || kept.is_none().then(|| resolve(&parsed)),
         || {
-            let opened = image.as_ref().map(|path| RenderedImage::open(path));
+            let opened = image.as_ref().map(|path| FinishedRender::open(path));
             let seen = match (&opened, frames_at) {
                 (Some(Ok(image)), Some(folder)) => seen_early(&plain, folder, image, kept.as_ref()),
                 _ => None,
@@ -162,10 +163,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
                 Some(view) => view,
                 None => {
                     let changes = image.changes(&parsed, &experiment, false)?;
-                    image.seen_by(study, &study.captures, changes)?
+                    image.seen_by(study, &study.captures, changes, Wanted::Lit)?
                 }
             };
-            let components = view.components(image, &study.captures);
+            let components = view.components(image);
             all(Some(&components))?
         }
     };
@@ -418,7 +419,7 @@ fn answer(
 ) -> Result<(), CliError> {
     warn_of_darkness(experiment, frames, Messages::default());
     if options.answer.json {
-        return super::print_json(&as_json(analysis, regions)?);
+        return super::print_json(&analysis_json(analysis, regions.iter().map(AnalyzedRegion::analysis))?);
     }
     let mut text = describe(analysis);
     for region in regions {
@@ -430,15 +431,6 @@ fn answer(
     }
     text += &regions_table(experiment, analysis, regions);
     super::print_text(&text)
-}
-
-/// An analysis as JSON, with those of further regions.
-fn as_json(analysis: &Analysis, regions: &[AnalyzedRegion]) -> Result<Value, CliError> {
-    let mut results = serde_json::to_value(analysis)?;
-    if !regions.is_empty() {
-        results["regions"] = regions_json(regions)?;
-    }
-    Ok(results)
 }
 
 fn next_step() -> ExitCode {
@@ -468,10 +460,10 @@ struct Early {
 fn seen_early(
     parsed: &Experiment,
     folder: &Path,
-    image: &RenderedImage,
+    image: &FinishedRender,
     kept: Option<&CachedAnalysis>,
 ) -> Option<Early> {
-    let ShownByImage { experiment, changes } = image.without_surfaces(parsed).ok()??;
+    let ShownExperiment { experiment, changes } = image.shown_without_surfaces(parsed).ok()??;
     let study = &experiment.study;
     let captures = match kept {
         Some(kept) => looked_at(study, &kept.plans().collect::<Vec<_>>()),
@@ -482,7 +474,7 @@ fn seen_early(
         let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all)).ok()?;
         develop_frames(study, exposures, &calibration).ok()
     };
-    let (frames, view) = rayon::join(frames, || image.seen_by(study, &captures, changes).ok());
+    let (frames, view) = rayon::join(frames, || image.seen_by(study, &captures, changes, Wanted::Lit).ok());
     let (frames, view) = frames.zip(view)?;
     Some(Early { experiment, captures, frames, view })
 }
@@ -514,11 +506,11 @@ fn looked_at(study: &Study, plans: &[&AnalysisPlan]) -> Vec<Capture> {
 fn analyzed_without_surfaces(
     kept: CachedAnalysis,
     seen: &Early,
-    image: &RenderedImage,
+    image: &FinishedRender,
 ) -> Option<(ResolvedExperiment, Analysis, Vec<AnalyzedRegion>)> {
     let ResolvedExperiment { study, record } = seen.experiment.clone();
     let study = kept.complete(study);
-    let components = seen.view.components(image, &seen.captures);
+    let components = seen.view.components(image);
     let analysis = analyze_seen(&study, Some(&components), &seen.frames).ok()??.analysis;
     analysis.posterior.as_ref()?;
     let regions = analyze_regions(&study, Some(&components), &seen.frames).ok()?;
@@ -577,7 +569,7 @@ fn write_maps(
     analyzed: &AnalyzedFrame,
     regions: &[AnalyzedRegion],
 ) -> Result<PathBuf, CliError> {
-    let mut results = as_json(&analyzed.analysis, regions)?;
+    let mut results = analysis_json(&analyzed.analysis, regions.iter().map(AnalyzedRegion::analysis))?;
     if !options.frame.is_empty() {
         let files = named_files(options).map(|(label, file)| (label.to_owned(), file.into()));
         results["recorded_frames"] = Value::Object(files.collect());
@@ -705,59 +697,17 @@ fn named_frames(
     Ok((frames, told))
 }
 
+/// The findings of a region, and what they may be mistaken for.
 fn describe(analysis: &Analysis) -> String {
     let mut text = format!("Frame \"{}\", {}\n", analysis.frame, analysis.region_description);
-    text += &format!(
-        "{} pixels: {} valid, {} saturated, {} below the noise floor, {} undefined\n",
-        analysis.counts.total(),
-        analysis.counts.valid,
-        analysis.counts.saturated,
-        analysis.counts.below_noise_floor,
-        analysis.counts.undefined
-    );
-    for line in analysis.signals.iter().flat_map(SignalSummary::lines) {
+    for line in finding_lines(&region_findings(analysis), &analysis.analyte, true) {
         text += &format!("{line}\n");
+    }
+    if let Some(posterior) = &analysis.posterior {
+        text += &format!("  Assumed of the tissue: {}\n", posterior.prior);
     }
     if analysis.gain_is_assumed {
         text += &format!("Electrons, signal to noise and noise in intervals: {ASSUMED_GAIN}\n");
-    }
-    let of_which = if analysis.counts.saturated > 0 { " of the unsaturated pixels" } else { "" };
-    for channel in analysis.channels.iter().filter(|_| analysis.signals.is_none()) {
-        if let Some((share, level)) = analysis.counts.saturated_share().zip(analysis.median_level(channel)) {
-            let at_least = if level.is_lower_limit { "at least " } else { "" };
-            text += &format!(
-                "{}: median {at_least}{:.1} DN of all pixels, {:.0} % of them saturated: there is no mean\n",
-                channel.name,
-                level.dn,
-                100.0 * share
-            );
-        } else if let Some(s) = &channel.statistics {
-            text += &format!(
-                "{}: median {:.1} DN, mean {:.1} DN, sd {:.1} DN{of_which}\n",
-                channel.name,
-                s.median,
-                s.mean,
-                s.sd.unwrap_or(0.0)
-            );
-        }
-    }
-    if let (Some(r), Some(g)) = (&analysis.r, &analysis.g) {
-        text += &format!(
-            "r: median {:.4}, sd {:.4}; g: median {:.4}, sd {:.4}\n",
-            r.median,
-            r.sd.unwrap_or(0.0),
-            g.median,
-            g.sd.unwrap_or(0.0)
-        );
-    }
-    for line in analysis.porphyrin_lines() {
-        text += &format!("{line}\n");
-    }
-    for spot in &analysis.spots {
-        text += &format!("Spots told apart by {}\n", spot.line());
-    }
-    for target in &analysis.targets {
-        text += &format!("{}\n", target.line());
     }
     for warning in &analysis.warnings {
         text += &format!("warning: {warning}\n");

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use clap::{ValueEnum, ValueHint};
 use fluorspar::image::SensorImage;
@@ -16,13 +17,13 @@ use fluorspar_format::{
     write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff,
 };
 use fluorspar_report::{FrameOrigin, evaluation_json};
+use fluorspar_session::{FinishedRender, ShownExperiment, Wanted, coarse_image};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::io::Write;
 
-use super::coarse_render::coarse_image;
 use super::frame_report::{FrameReport, warn_of_darkness};
-use super::rendered_image::{RenderedImage, ShownByImage};
+use super::rendered_image::{as_typed_in_session, experiment_of, say_uncertainty, warn_of_denoised};
 use crate::args::{Answer, Changes, Seed};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;
@@ -108,10 +109,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let messages = Messages::default();
     // A report analyzes the frames, for which it asks maps and surfaces
     let image = match options.report {
-        true => RenderedImage::open(&options.image)?,
-        false => RenderedImage::open_for_captures(&options.image)?,
+        true => FinishedRender::open(&options.image)?,
+        false => FinishedRender::open_for_captures(&options.image)?,
     };
-    image.warn(messages);
+    warn_of_denoised(&image, messages);
     let overrides: Vec<Override> =
         options.changes.overrides().into_iter().chain(options.seed.overrides()).collect();
     let mut inputs = vec![options.image.clone()];
@@ -126,16 +127,18 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             (source.text, shown)
         }
         None => {
-            let (text, parsed) = image.experiment(&overrides)?;
+            let (text, parsed) = experiment_of(&image, &overrides)?;
             let shown = match options.report {
-                true => image.shown_whole(&parsed, &overrides)?,
-                false => image.shown(&parsed, &overrides)?,
+                true => image.shown_whole(&parsed),
+                false => image.shown(&parsed),
             };
-            (text, shown)
+            (text, shown.map_err(|error| as_typed_in_session(error, &overrides))?)
         }
     };
-    let ShownByImage { mut experiment, changes } = shown;
-    if let Some(warning) = coarse_image(image.labels(), image.rendered().ok(), &experiment.study) {
+    let ShownExperiment { mut experiment, changes } = shown;
+    if let Some(warning) =
+        coarse_image(image.labels(), image.experiment().ok().flatten().map(Arc::as_ref), &experiment.study)
+    {
         messages.warnings(std::slice::from_ref(&warning));
         experiment.record.warnings.push(warning);
     }
@@ -149,9 +152,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             "The page tells neither leak nor light by origin: the spectra of the image do not fit into render.memory_limit_gib; raise it",
         );
     }
-    let view = image.seen_by(study, &study.captures, changes)?;
-    view.say_uncertainty(study, messages);
-    let seen = view.components(&image, &study.captures);
+    let view = image.seen_by(study, &study.captures, changes, Wanted::Lit)?;
+    say_uncertainty(&view, study, messages);
+    let seen = view.components(&image);
     let frames = capture_from_planes(study, &seen)?;
     warn_of_darkness(&experiment, &frames, messages);
     let provenance = Provenance::new(

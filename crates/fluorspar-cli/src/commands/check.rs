@@ -9,9 +9,9 @@ use fluorspar::scene::{Scene, Shape};
 use fluorspar::study::{RegionPlan, Study};
 use fluorspar::units::counted;
 use fluorspar_experiment::{ResolvedExperiment, is_sample};
+use fluorspar_session::warnings_before_run;
 use serde_json::json;
 
-use super::coarse_render::warnings_before_run;
 use crate::args::{Answer, Changes, RenderOptions};
 use crate::error::CliError;
 use crate::experiment_source::ExperimentSource;

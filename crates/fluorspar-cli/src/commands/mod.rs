@@ -6,7 +6,6 @@ mod basis_render;
 pub(crate) mod capture;
 pub(crate) mod capture_light;
 pub(crate) mod check;
-pub(crate) mod coarse_render;
 pub(crate) mod compare;
 pub(crate) mod completions;
 pub(crate) mod denoise;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use fluorspar::analysis::{Analysis, SignalSummary, TargetDetection};
+use fluorspar::findings::region_findings;
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, AnalyzedRegion, CapturePlanes, Evaluation, check_captures, evaluate, evaluate_from_planes,
@@ -12,10 +12,12 @@ use fluorspar::pipeline::{
 use fluorspar::study::Study;
 use fluorspar_experiment::{FileRecord, ResolvedExperiment, Warning};
 use fluorspar_format::OutputFolder;
-use fluorspar_report::{FrameOrigin, RunResults, region_warnings, write_run_components, write_run_folder};
+use fluorspar_report::{
+    FrameOrigin, RunResults, finding_lines, region_warnings, write_run_components, write_run_folder,
+};
+use fluorspar_session::warnings_before_run;
 
 use super::basis_render;
-use super::coarse_render::warnings_before_run;
 use super::frame_report::{regions_table, warn_of_darkness};
 use crate::args::{Answer, ExperimentArgs, OutOption};
 use crate::error::{CliError, STOPPED};
@@ -114,9 +116,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let Evaluated { analysis, regions } = analyzed;
     if let Some(AnalyzedFrame { analysis, .. }) = &analysis {
         if !options.answer.json {
+            let lines = finding_lines(&region_findings(analysis), &analysis.analyte, false).join("\n");
             let text = match regions_table(&experiment, analysis, &regions) {
-                table if table.is_empty() => summary(analysis),
-                table => format!("{}\n{table}", summary(analysis)),
+                table if table.is_empty() => lines,
+                table => format!("{lines}\n{table}"),
             };
             super::print_text(&text)?;
         }
@@ -204,20 +207,4 @@ fn evaluate_and_write(
     warn_of_darkness(experiment, &evaluation.frames, messages);
     let Evaluation { analysis, regions, .. } = evaluation;
     Ok(Evaluated { analysis, regions })
-}
-
-/// The numbers of the analysis, one line each.
-fn summary(analysis: &Analysis) -> String {
-    let mut lines = Vec::new();
-    if let (Some(r), Some(g)) = (&analysis.r, &analysis.g) {
-        lines.push(format!(
-            "Chromaticity of {}: r = {:.3}, g = {:.3} (medians)",
-            analysis.region_description, r.median, g.median
-        ));
-    }
-    lines.extend(analysis.porphyrin_lines());
-    lines.extend(analysis.signals.iter().flat_map(SignalSummary::lines));
-    lines.extend(analysis.targets.iter().map(TargetDetection::line));
-    lines.extend(analysis.spots.iter().map(|spot| format!("Spots told apart by {}", spot.line())));
-    lines.join("\n")
 }

@@ -12,8 +12,9 @@ use fluorspar::pipeline::{
 use fluorspar::study::{Capture, Study};
 use fluorspar_format::{Output, Outputs, write_rgb_png};
 use fluorspar_report::{ContactSheet, Raster};
+use fluorspar_session::{FinishedRender, ShownExperiment, Wanted};
 
-use super::rendered_image::{RenderedImage, ShownByImage};
+use super::rendered_image::{as_typed_in_session, experiment_of, say_uncertainty, warn_of_denoised};
 use crate::args::Changes;
 use crate::error::CliError;
 use crate::message::Messages;
@@ -58,8 +59,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let inputs = [options.image.clone()];
     let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&inputs).declare()?;
     let messages = Messages::default();
-    let image = RenderedImage::open_for_captures(&options.image)?;
-    image.warn(messages);
+    let image = FinishedRender::open_for_captures(&options.image)?;
+    warn_of_denoised(&image, messages);
     let common = options.changes.overrides();
     let panels = panels(options, &image, &common)?;
     let sheet = ContactSheet::new(panels.len(), options.width);
@@ -91,7 +92,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
 }
 
 /// The pictures that were asked for, else every fluorophore by itself.
-fn panels(options: &Options, image: &RenderedImage, common: &[Override]) -> Result<Vec<Panel>, CliError> {
+fn panels(options: &Options, image: &FinishedRender, common: &[Override]) -> Result<Vec<Panel>, CliError> {
     if !options.panel.is_empty() {
         return options.panel.iter().map(|text| panel(text, common)).collect();
     }
@@ -160,20 +161,21 @@ fn automatic_exposures(study: &Study, frames: &[CapturedFrame]) -> Vec<Override>
 /// The frame of a panel and its picture.
 fn picture(
     options: &Options,
-    image: &RenderedImage,
+    image: &FinishedRender,
     panel: &Panel,
     messages: Messages,
 ) -> Result<Shot, CliError> {
-    let (_, parsed) = image.experiment(&panel.changes)?;
-    let ShownByImage { experiment, changes } = image.shown(&parsed, &panel.changes)?;
+    let (_, parsed) = experiment_of(image, &panel.changes)?;
+    let shown_by_image = image.shown(&parsed).map_err(|error| as_typed_in_session(error, &panel.changes))?;
+    let ShownExperiment { experiment, changes } = shown_by_image;
     let study = &experiment.study;
     check_captures(study, image.labels())?;
     let analyzed = parsed.file.analysis.as_ref().map(|analysis| analysis.frame.as_str());
     let capture = shown(options, study, analyzed)?;
     messages.status(format!("{}: capture \"{}\"", panel.title, capture.frame.label));
-    let view = image.seen_by(study, &study.captures, changes)?;
-    view.say_uncertainty(study, messages);
-    let frames = capture_from_planes(study, &view.components(image, &study.captures))?;
+    let view = image.seen_by(study, &study.captures, changes, Wanted::Lit)?;
+    say_uncertainty(&view, study, messages);
+    let frames = capture_from_planes(study, &view.components(image))?;
     let automatic = automatic_exposures(study, &frames);
     let frame = frames.into_iter().find(|frame| frame.raw.label == capture.frame.label);
     let frame = frame.ok_or_else(|| CliError::Failed("the capture gave no frame".into()))?;

@@ -149,15 +149,15 @@ fn frames_of_captures_and_cameras_with_other_channels_are_compared() {
     let args = [&["capture", "a/components.exr", "-q", "--report", "--out", "mono"][..], &mono, &SIZE[2..4]];
     fluorspar(folder, args.concat()).well();
     let found = compare(folder, "a", "mono");
-    let signal = row(&found, "Median signal in mono");
+    let signal = row(&found, "Median signal, frame");
     assert!(signal["a"].is_null() && signal["b"]["value"].is_f64(), "{signal}");
     // What both have: the signal to noise of the region in the capture, and the name of the sensor
     let region = row(&found, "Signal to noise of the region's mean, all channels of frame \"blue\"");
     assert!(["a", "b"].iter().all(|side| region[side]["value"].as_f64().unwrap() > 10.0), "{region}");
     let sensor = &found["settings"].as_array().unwrap()[0];
     assert!(sensor["path"] == "sensor.preset" && sensor["b"] == "monochrome_3_45um", "{sensor}");
-    assert!(row(&found, "Signal to noise of a mean pixel in mono")["a"].is_null());
-    assert!(row(&found, "Signal to noise of a median pixel in G")["b"].is_null());
+    assert!(row(&found, "Signal to noise of a pixel, frame")["a"].is_null());
+    assert!(row(&found, "Signal to noise of a pixel in G")["b"].is_null());
     let verdict = found["verdict"].as_str().unwrap();
     assert!(verdict.starts_with("Which run sees smaller amounts of porphyrin is not told"), "{verdict}");
     assert!(row(&found, "Leak of frame \"blue\"")["difference"].is_f64());
@@ -165,7 +165,7 @@ fn frames_of_captures_and_cameras_with_other_channels_are_compared() {
     let again = [&args.concat()[..], &["--seed", "2"]].concat();
     let again: Vec<&str> = again.into_iter().map(|arg| if arg == "mono" { "mono-2" } else { arg }).collect();
     fluorspar(folder, again).well();
-    let signal = row(&compare(folder, "mono", "mono-2"), "Median signal in mono").clone();
+    let signal = row(&compare(folder, "mono", "mono-2"), "Median signal, frame").clone();
     assert!(signal["told_apart"] == "not_judged" && signal["difference_interval"].is_null(), "{signal}");
     fluorspar(folder, ["compare", "a", "mono", "-q", "--out", "other-camera"]).well();
     assert!(folder.join("other-camera/blue_b.png").is_file());

@@ -42,8 +42,10 @@ fn a_compressed_dng_with_a_mask_is_analyzed() {
     let given = ["analyze", "--experiment", "violet.toml", "--frame", "violet=bggr_jpeg.dng"];
     let mask = [&given[..], &["--set", "analysis.mask=disc.png"]].concat();
     let told = fluorspar(folder, [&mask[..], &["--out", "report"]].concat()).well();
-    assert!(told.stdout.starts_with("Frame \"violet\", the mask disc.png\n193 pixels: "), "{}", told.stdout);
-    assert!(told.stdout.contains("Porphyrin share on the mixture line"), "{}", told.stdout);
+    assert!(told.stdout.starts_with("Frame \"violet\", the mask disc.png\nPorphyrin: "), "{}", told.stdout);
+    for part in ["Porphyrin share on the mixture line", "In the region: 193 pixels"] {
+        assert!(told.stdout.contains(part), "{part}: {}", told.stdout);
+    }
     let page = fs::read_to_string(folder.join("report/report.html")).unwrap();
     assert!(page.contains("the mask disc.png") && page.contains("<path"), "no outline");
     // The experiment of the page has the mosaic and the black level of the frame, not of its own sensor.
@@ -68,7 +70,7 @@ fn a_compressed_dng_with_a_mask_is_analyzed() {
     let polygon = "analysis.polygon_px=[[22, 12], [39, 12], [39, 29], [22, 29]]";
     let compared = "analysis.compared_px=[{ mask = \"disc.png\" }, { polygon_px = [[0, 0], [16, 0], [16, 40], [0, 40]] }]";
     let told = fluorspar(folder, [&given[..], &["--set", polygon, "--set", compared]].concat()).well().stdout;
-    assert!(told.contains("289 pixels: ") && told.contains("Spots told apart by"), "{told}");
+    assert!(told.contains("In the region: 289 pixels") && told.contains("d' of the spots, "), "{told}");
     // A frame without its name is told before what else would not fit
     let unnamed = [
         "analyze",
@@ -142,7 +144,7 @@ fn a_plain_frame_is_described_and_analyzed() {
     assert!(ambient.contains("--frame blue=BLUE_FRAME --frame ambient=linear_rgb.tiff --set"), "{ambient}");
     described("violet");
     let told = fluorspar(folder, analyze).well();
-    assert!(told.stdout.contains("193 pixels: 193 valid"), "{}", told.stdout);
+    assert!(told.stdout.contains("In the region: 193 pixels\n  Used: 193 pixels"), "{}", told.stdout);
     // Electrons by a gain that is the sensor's of the experiment are told as such, by one of the frame's own not
     let with_gain = "with the conversion gain of the experiment's sensor";
     assert!(told.stdout.contains(with_gain), "{}", told.stdout);
@@ -267,7 +269,7 @@ fn a_filter_wheel_is_run_analyzed_and_reported() {
     // The same light with but one fluorophore as the bulk: the truth counts the others as bulk, as the fit does
     let one = ["analyze", "wheel", "--set", "analysis.bulk={ elastin = 1.0 }"];
     let told = fluorspar(folder, one).well().stdout;
-    assert!(told.contains("which count as bulk in the true shares"), "{told}");
+    assert!(told.contains("Light of other parts: 0."), "{told}");
     let json = fluorspar(folder, [&one[..], &["--json"]].concat()).well().json();
     let unmixing = &json["signals"]["unmixing"];
     let known = unmixing["terms"][1]["true_share"].as_f64().unwrap();
@@ -337,7 +339,10 @@ fn a_target_is_measured_with_its_labels() {
         page.contains("Smallest visible diameter") && page.contains("d&#39; of") || page.contains("d' of")
     );
     let told = fluorspar(folder, ["analyze", "dot", "--set", "analysis.wanted_d_prime=90"]).well().stdout;
-    assert!(told.contains("Target \"spot\" in frame \"blue\"") && told.contains("d' 90 is wanted"), "{told}");
+    assert!(
+        told.contains("d' of target \"spot\", frame \"blue\": ") && told.contains(" for d' 90"),
+        "{told}"
+    );
     // A mask of a real frame is a target, too; a part can't be found there.
     let given = [
         "analyze",

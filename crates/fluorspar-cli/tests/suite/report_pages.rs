@@ -301,7 +301,7 @@ fn captures_and_analyses_have_reports_too() {
     let page = fs::read_to_string(folder.join("frames/report.html")).unwrap();
     let told = words(&page);
     assert!(told.contains("Simulated") && told.contains("Chlorophyll a"), "{told}");
-    let limits = |told: &str| told.matches("Detection limit, noise alone").count();
+    let limits = |told: &str| told.matches("Detection limit of the chlorophyll a share").count();
     assert_eq!(limits(&told), 1, "{told}");
     // What the render knows of the frames stands on the page of a capture as on that of the run
     for part in ["How much excitation light leaks", "The light of the region, by origin"] {
@@ -398,7 +398,8 @@ fn a_monochrome_sensor_needs_no_other_experiment() {
     }
     let said = fluorspar(folder, ["analyze", "mono"]).well();
     assert!(
-        said.stdout.contains("frame \"uv\": ") && said.stdout.contains("signal to noise of a pixel"),
+        said.stdout.contains("Mean signal, frame \"uv\": ")
+            && said.stdout.contains("Signal to noise of a pixel"),
         "{said:?}"
     );
 }

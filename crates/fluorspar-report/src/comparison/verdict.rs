@@ -1,11 +1,12 @@
 //! Which of two runs sees smaller amounts of porphyrin, in a sentence.
 
 use fluorspar::analysis::{Analysis, ChannelStatistics, SharePosterior};
+use fluorspar::findings::FindingId;
 use fluorspar::sampling::Z_95;
 use fluorspar_experiment::SettingDifference;
 
-use super::run_numbers::{LIMIT_OVER_TRUTH, WIDTH_OVER_TRUTH};
-use super::{ComparedNumber, ComparedSide, FinishedRun, short};
+use super::{ComparedNumber, ComparedSide, FinishedRun};
+use crate::findings::number as short;
 
 /// Sections of an experiment that say what lies before the camera.
 const SAMPLE: [&str; 7] = ["fluorophore", "tissue", "material", "mouth", "object", "concentration", "motion"];
@@ -28,28 +29,28 @@ pub fn comparison_verdict(
     settings: Option<&[SettingDifference]>,
 ) -> Option<String> {
     let (of_a, of_b) = (a.analysis.as_ref()?, b.analysis.as_ref()?);
-    let find = |quantity: &str| numbers.iter().find(|n| n.region.is_none() && n.quantity == quantity);
-    let has = |quantity: &str| find(quantity).is_some();
-    let values = |quantity: &str| {
-        let number = find(quantity)?;
+    let find = |id: FindingId| numbers.iter().find(|n| n.region.is_none() && n.id == id);
+    let has = |id: FindingId| find(id).is_some();
+    let values = |id: FindingId| {
+        let number = find(id)?;
         let value = |side: &Option<ComparedSide>| side.as_ref().and_then(|side| side.value);
         Some([value(&number.a)?, value(&number.b)?])
     };
     let (target, other) = analyte(a, b);
-    let sentence = if !has(WIDTH_OVER_TRUTH) && !has(LIMIT_OVER_TRUTH) {
+    let sentence = if !has(FindingId::WidthOverTruth) && !has(FindingId::LimitOverTruth) {
         return None;
     } else if let Some(other) = other {
         return Some(format!(
             "Which run sees smaller amounts is not told: A looks for {target}, B for {other}."
         ));
-    } else if let Some(widths) = values(WIDTH_OVER_TRUTH) {
+    } else if let Some(widths) = values(FindingId::WidthOverTruth) {
         ranked(target, widths, [a, b], Measure::Width)
-    } else if let Some(limits) = values(LIMIT_OVER_TRUTH) {
+    } else if let Some(limits) = values(FindingId::LimitOverTruth) {
         let sentence = ranked(target, limits, [a, b], Measure::Limit);
         format!("{sentence} It holds the sensor's noise alone, not what is unknown of the sample.")
     } else {
         let has_value = |side: fn(&ComparedNumber) -> &Option<ComparedSide>| {
-            let numbers = [WIDTH_OVER_TRUTH, LIMIT_OVER_TRUTH].into_iter().filter_map(find);
+            let numbers = [FindingId::WidthOverTruth, FindingId::LimitOverTruth].into_iter().filter_map(find);
             numbers.filter_map(|number| side(number).as_ref()).any(|side| side.value.is_some())
         };
         let sides = [("A", of_a, has_value(|n| &n.a)), ("B", of_b, has_value(|n| &n.b))];

@@ -9,6 +9,7 @@ mod overview_html;
 mod report_data;
 
 pub use analysis_section::analysis_section;
+pub(crate) use analysis_section::render_noise_words;
 pub(crate) use escape::escape;
 pub use experiment::extract_experiment;
 pub(crate) use glossary::{glossary_section, plain_text};

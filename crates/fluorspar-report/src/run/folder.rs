@@ -4,6 +4,8 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use fluorspar::analysis::{Analysis, RegionError};
+use fluorspar::findings::{Finding, findings, region_findings};
 use fluorspar::image::{ChannelPlanes, ComponentImage, ExcitationImage, SpectralImage};
 use fluorspar::pipeline::{AnalyzedRegion, Evaluation, frame_radiance, radiance_preview};
 use fluorspar::spectral::Radiance;
@@ -223,8 +225,9 @@ pub fn evaluation_json(evaluation: &Evaluation) -> Result<Map<String, Value>, se
         evaluation.analysis.as_ref().map(|analyzed| serde_json::to_value(&analyzed.analysis)).transpose()?;
     let leak_ratio = evaluation.analyzed_leak().and_then(|leak| leak.leak_ratio);
     Ok(Map::from_iter([
+        ("findings".into(), serde_json::to_value(findings(evaluation))?),
         ("analysis".into(), json!(analysis)),
-        ("regions".into(), regions_json(&evaluation.regions)?),
+        ("regions".into(), regions_json(evaluation.regions.iter().map(AnalyzedRegion::analysis))?),
         ("region_radiance_w_per_sr_m2_nm".into(), serde_json::to_value(&evaluation.region_radiance)?),
         ("leak_ratio".into(), json!(leak_ratio)),
         ("leaks".into(), serde_json::to_value(&evaluation.leaks)?),
@@ -236,15 +239,33 @@ pub fn evaluation_json(evaluation: &Evaluation) -> Result<Map<String, Value>, se
 
 /// Further regions of the analyzed frame, as `results.json` has them: each with its name and its analysis, or with `not_in_view`, why
 /// no pixel shows it.
+fn regions_json<'a>(
+    regions: impl Iterator<Item = (&'a str, Result<&'a Analysis, &'a RegionError>)>,
+) -> Result<Value, serde_json::Error> {
+    let one = |(name, analysis): (&str, Result<&Analysis, &RegionError>)| match analysis {
+        Ok(analysis) => Ok(json!({ "name": name, "analysis": serde_json::to_value(analysis)? })),
+        Err(why) => Ok(json!({ "name": name, "not_in_view": why.to_string() })),
+    };
+    regions.map(one).collect::<Result<Vec<Value>, _>>().map(Value::Array)
+}
+
+/// An analysis with its findings and those of further regions, as `analyze --json` prints it.
 ///
 /// # Errors
 /// Numbers that JSON can't hold.
-pub fn regions_json(regions: &[AnalyzedRegion]) -> Result<Value, serde_json::Error> {
-    let one = |region: &AnalyzedRegion| match &region.analyzed {
-        Ok(analyzed) => {
-            Ok(json!({ "name": region.name, "analysis": serde_json::to_value(&analyzed.analysis)? }))
-        }
-        Err(why) => Ok(json!({ "name": region.name, "not_in_view": why.to_string() })),
-    };
-    regions.iter().map(one).collect::<Result<Vec<Value>, _>>().map(Value::Array)
+pub fn analysis_json<'a>(
+    analysis: &Analysis,
+    regions: impl Iterator<Item = (&'a str, Result<&'a Analysis, &'a RegionError>)> + Clone,
+) -> Result<Value, serde_json::Error> {
+    let mut results = serde_json::to_value(analysis)?;
+    let mut findings = region_findings(analysis);
+    for (name, analysis) in regions.clone() {
+        let own = analysis.map(region_findings).unwrap_or_default();
+        findings.extend(own.into_iter().map(|f| Finding { region: Some(name.to_owned()), ..f }));
+    }
+    results["findings"] = serde_json::to_value(findings)?;
+    if regions.clone().next().is_some() {
+        results["regions"] = regions_json(regions)?;
+    }
+    Ok(results)
 }

@@ -11,13 +11,13 @@ mod safety_section;
 mod view_filters;
 mod words;
 
-pub(crate) use regions_section::{RegionLevel, level};
 pub use regions_section::{region_warnings, regions_matrix};
 pub(crate) use words::capital;
 
 pub use dark_frames::dark_frames;
 pub use folder::{
-    RunFolderError, evaluation_json, regions_json, write_frame_report, write_run_components, write_run_folder,
+    RunFolderError, analysis_json, evaluation_json, write_frame_report, write_run_components,
+    write_run_folder,
 };
 pub use report::{NamedFigure, RunReport, run_report};
 

@@ -1,13 +1,13 @@
 //! Several regions of one frame, a row each.
 
-use fluorspar::analysis::{ASSUMED_GAIN, Analysis, ChannelStatistics, MedianLevel, PixelSelection};
+use fluorspar::analysis::{Analysis, PixelSelection};
+use fluorspar::findings::{Caveat, FindingId, region_findings};
 use fluorspar::pipeline::AnalyzedRegion;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
 
 use super::RunResults;
-use super::report::electrons;
 use super::words::Words;
-use crate::comparison::share_text;
+use crate::findings::{ASSUMED_GAIN, answering_share, number, value};
 use crate::{NumberMatrix, ReportItem, Section};
 
 /// The regions with that of the analysis; `None` where there is no other.
@@ -121,55 +121,48 @@ pub fn region_warnings(main: &Analysis, regions: &[AnalyzedRegion]) -> Vec<Warni
     regions.iter().flat_map(of_region).collect()
 }
 
+/// The estimate as tables have it, and whether its interval holds the sensor's noise alone.
+fn share_text(analysis: &Analysis) -> Option<(String, bool)> {
+    let findings = region_findings(analysis);
+    let share = answering_share(&findings)?;
+    Some((value(share), share.has(&Caveat::SensorNoiseAlone)))
+}
+
 fn row(name: &str, analysis: &Analysis) -> Vec<String> {
-    let or_dash = |text: Option<String>| text.unwrap_or_else(|| NOTHING.into());
-    let levels: Vec<RegionLevel> =
-        analysis.channels.iter().filter_map(|channel| level(analysis, channel)).collect();
-    let join = |texts: Vec<String>| Some(texts.join(", ")).filter(|text| !text.is_empty());
-    let at_least = if levels.iter().any(|level| level.is_lower_limit) { "at least " } else { "" };
-    let signal = join(levels.iter().map(|level| electrons(level.electrons)).collect());
-    let signal = signal.map(|signal| match analysis.counts.saturated_share() {
-        Some(share) => format!("{at_least}{signal} ({:.0} % saturated)", 100.0 * share),
-        None => format!("{at_least}{signal}"),
-    });
+    let findings = region_findings(analysis);
+    let of = |id: FindingId| {
+        let texts: Vec<String> = findings.iter().filter(|finding| finding.id == id).map(value).collect();
+        if texts.is_empty() { NOTHING.into() } else { texts.join(", ") }
+    };
+    let truth = analysis.truth.as_ref().map_or_else(|| NOTHING.into(), |truth| number(truth.share));
+    let saturated = analysis.counts.saturated_share();
+    let saturated =
+        saturated.map_or_else(String::new, |share| format!(" ({:.0} % saturated)", 100.0 * share));
+    let signal = match of(FindingId::MedianSignal) {
+        nothing if nothing == NOTHING => nothing,
+        // Once is enough
+        limits if limits.contains(AT_LEAST) => {
+            format!("{AT_LEAST}{}{saturated}", limits.replace(AT_LEAST, ""))
+        }
+        signal => signal + &saturated,
+    };
     vec![
         name.to_owned(),
         analysis.counts.total().to_string(),
-        or_dash(share_text(analysis).map(|(share, _)| share)),
-        or_dash(analysis.truth.as_ref().map(|truth| format!("{:.4}", truth.share))),
-        or_dash(analysis.detection_limit().map(|limit| format!("{limit:.4}"))),
-        or_dash(signal),
-        or_dash(join(levels.iter().filter_map(|level| Some(format!("{:.1}", level.snr?))).collect())),
+        answering_share(&findings).map_or_else(|| NOTHING.into(), value),
+        truth,
+        of(FindingId::DetectionLimit),
+        signal,
+        of(FindingId::PixelSnr),
     ]
 }
+
+/// What stands before a lower limit.
+const AT_LEAST: &str = "at least ";
 
 fn row_out_of_view(name: &str) -> Vec<String> {
     let rest = std::iter::repeat_n(NOTHING, 5);
     [name, NOT_IN_VIEW].into_iter().chain(rest).map(String::from).collect()
-}
-
-/// Median level of a channel over a region.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct RegionLevel {
-    /// Electrons of a pixel.
-    pub(crate) electrons: f64,
-    /// Signal to noise of such a pixel; none where it is saturated.
-    pub(crate) snr: Option<f64>,
-    /// Whether the median pixel is saturated, so that its light may be any stronger.
-    pub(crate) is_lower_limit: bool,
-}
-
-/// The median level of a channel in electrons, with the noise of a pixel at that level.
-pub(crate) fn level(analysis: &Analysis, channel: &ChannelStatistics) -> Option<RegionLevel> {
-    let MedianLevel { dn, is_lower_limit } = analysis.median_level(channel)?;
-    let noise = &analysis.settings.noise;
-    let median = dn.max(0.0);
-    let deviation = noise.variance(median).sqrt();
-    (noise.dn_per_electron > 0.0 && deviation > 0.0).then(|| RegionLevel {
-        electrons: median / noise.dn_per_electron,
-        snr: (!is_lower_limit).then_some(median / deviation),
-        is_lower_limit,
-    })
 }
 
 /// Share of a frame by which a name keeps away from its sides, and from its upper and lower edge, where it would be cut off.

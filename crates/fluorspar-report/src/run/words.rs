@@ -150,12 +150,6 @@ impl<'a> Words<'a> {
         self.wanted().unwrap_or_default()
     }
 
-    /// The title of a fluorophore.
-    pub(super) fn title(&self, name: &str) -> String {
-        let found = self.experiment.study.scene.fluorophores.iter().find(|f| f.name == name);
-        found.map_or_else(|| name.replace('_', " "), |f| f.title.clone())
-    }
-
     /// The sentences under the title: what was recorded, by what.
     pub(super) fn lead(&self, run: &RunResults<'_>) -> Vec<String> {
         let study = &self.experiment.study;

@@ -177,18 +177,10 @@ impl OtherLight {
     /// Least share that is worth a word.
     const LEAST: f64 = 1e-4;
 
-    /// Where the truth counts it, in words; `None` where there is next to nothing of it.
+    /// Whether there is more than next to nothing of it.
     #[must_use]
-    pub fn words(&self) -> Option<String> {
-        let Self { share, counts_as_bulk } = *self;
-        let place = if counts_as_bulk {
-            "count as bulk in the true shares, as they do in the fit"
-        } else {
-            "are in no true share; the fit spreads their light over the terms"
-        };
-        let name = "other fluorophores, as of other parts";
-        (share >= Self::LEAST)
-            .then(|| format!("{name}: {share:.4} of the electrons of fluorescence, which {place}"))
+    pub fn is_worth_telling(&self) -> bool {
+        self.share >= Self::LEAST
     }
 }
 
@@ -352,69 +344,6 @@ impl SignalSummary {
         };
         self.signals.iter().filter(first).filter_map(line).collect()
     }
-
-    /// The signals in words, one line each.
-    #[must_use]
-    pub fn lines(&self) -> Vec<String> {
-        let mut lines: Vec<String> = self
-            .signals
-            .iter()
-            .map(|s| {
-                let (at_least, of_rest) = match s.saturated_share() {
-                    Some(share) => (
-                        "at least ",
-                        format!("mean of the {:.0} % of the pixels that are not saturated, ", 100.0 * (1.0 - share)),
-                    ),
-                    None => ("", String::new()),
-                };
-                format!(
-                    "{}: {at_least}{:.1} e- ({of_rest}standard error {:.2} by sensor noise alone), {:.1} DN, signal to noise of a pixel {:.1}",
-                    s.title(),
-                    s.electrons,
-                    s.standard_error_e,
-                    s.mean_dn,
-                    s.snr_of_pixel
-                )
-            })
-            .collect();
-        lines.extend(self.ratios.iter().map(|r| {
-            let ratio = with_error(r.ratio, r.standard_error);
-            format!("Signals per second of exposure, {} over {}: {ratio}", r.above, r.below)
-        }));
-        if let Some(unmixing) = &self.unmixing {
-            lines.push(format!(
-                "Unmixed from {}, as shares of the electrons of all these signals together:",
-                unmixing.signals.join(", ")
-            ));
-            lines.extend(unmixing.terms.iter().map(|term| {
-                let [low, high] = term.share_interval;
-                let truth =
-                    term.true_share.map_or_else(String::new, |share| format!("; true share {share:.4}"));
-                format!(
-                    "  {}: share {:.4} ({low:.4} to {high:.4} by sensor noise alone){truth}",
-                    term.fluorophores.join(" + ").replace('_', " "),
-                    term.share
-                )
-            }));
-            lines.extend(
-                unmixing
-                    .true_share_of_others
-                    .and_then(|others| others.words())
-                    .map(|words| format!("  {words}")),
-            );
-            if let Some(misfit) = unmixing.misfit {
-                lines.push(format!("  what is left: {misfit:.1} standard errors, root mean square"));
-            }
-        }
-        lines
-    }
-}
-
-/// A number with its standard error, of which two digits are written where four decimals hold none.
-#[must_use]
-pub fn with_error(value: f64, error: f64) -> String {
-    let digits = if error > 0.0 { (1.0 - error.log10().floor()).clamp(4.0, 12.0) as usize } else { 4 };
-    format!("{value:.digits$} ± {error:.digits$}")
 }
 
 #[cfg(test)]
@@ -437,13 +366,6 @@ mod tests {
             standard_error_e: error,
             snr_of_pixel: 10.0,
         }
-    }
-
-    #[test]
-    fn errors_have_two_digits_where_four_decimals_hold_none() {
-        assert_eq!(with_error(0.4348, 0.000_002_1), "0.4348000 ± 0.0000021");
-        assert_eq!(with_error(-1.5, 0.25), "-1.5000 ± 0.2500");
-        assert_eq!(with_error(1.0, 0.0), "1.0000 ± 0.0000");
     }
 
     fn terms() -> Vec<UnmixingTerm> {
@@ -507,29 +429,14 @@ mod tests {
     }
 
     #[test]
-    fn the_truth_says_where_it_counts_light_of_other_parts() {
-        let words = |share, counts_as_bulk| OtherLight { share, counts_as_bulk }.words();
-        assert!(
-            words(0.024, true)
-                .unwrap()
-                .contains("0.0240 of the electrons of fluorescence, which count as bulk")
-        );
-        assert!(words(0.024, false).unwrap().contains("are in no true share"));
-        assert_eq!(words(0.00001, true), None);
-    }
-
-    #[test]
-    fn a_mean_without_saturated_pixels_is_told_as_a_lower_limit() {
+    fn a_mean_without_saturated_pixels_is_warned_of() {
         let summary = |saturated| SignalSummary {
             signals: vec![ChannelSignal { saturated, ..signal("red", 50.0, 1.0) }],
             ..SignalSummary::default()
         };
         let few = summary(1);
-        assert!(few.lines()[0].starts_with("frame \"red\": 50.0 e-") && few.warnings().is_empty());
+        assert!(few.warnings().is_empty());
         let many = summary(100);
-        let expected =
-            "frame \"red\": at least 50.0 e- (mean of the 50 % of the pixels that are not saturated, ";
-        assert!(many.lines()[0].starts_with(expected), "{:?}", many.lines());
         assert!(many.warnings()[0].starts_with("50 % of the region's pixels are saturated in frame \"red\""));
     }
 

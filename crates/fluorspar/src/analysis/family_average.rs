@@ -62,15 +62,6 @@ pub struct TissueDoubt {
 }
 
 impl TissueDoubt {
-    /// The tissues in words.
-    #[must_use]
-    pub fn words(&self) -> String {
-        let of = |found: &TissueEvidence| format!("{} {:.0} %", found.tissue, 100.0 * found.probability);
-        let [low, high] = self.interval_as_named;
-        let all: Vec<String> = self.tissues.iter().map(of).collect();
-        format!("probability of the tissue: {}; {low:.3} to {high:.3} if it is as named", all.join(", "))
-    }
-
     /// That the measurement speaks for other tissue than the named one.
     pub(super) fn warning(&self) -> Option<Warning> {
         let (named, others) = self.tissues.split_first()?;

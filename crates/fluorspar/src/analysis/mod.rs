@@ -49,7 +49,7 @@ mod target_detection;
 pub use analyte::Analyte;
 pub use channel_noise::ChannelNoise;
 pub use channel_signals::{
-    ChannelSignal, OtherLight, SignalRatio, SignalSummary, UnmixedTerm, Unmixing, UnmixingTerm, with_error,
+    ChannelSignal, OtherLight, SignalRatio, SignalSummary, UnmixedTerm, Unmixing, UnmixingTerm,
 };
 pub use chromaticity::{
     ChromaticityMap, DEFAULT_NOISE_THRESHOLD, ExclusionCounts, MissingChannel, PixelValidity,
@@ -77,7 +77,7 @@ pub use spectral_overlap::spectral_overlap;
 pub use spot_separation::{SpotScale, SpotSeparation};
 pub use statistics::{ChannelStatistics, CovarianceEllipse, RegionStatistics, Statistics};
 pub use summary::{
-    ASSUMED_GAIN, Analysis, AnalysisError, AnalysisSettings, MedianLevel, MixtureModel, MixtureSummary,
+    Analysis, AnalysisError, AnalysisSettings, MedianLevel, MixtureModel, MixtureSummary,
     PredictedFluorophore, RegionFraction, analyze_region,
 };
 pub(crate) use summary::{PixelAnalysis, analyze_pixels};

@@ -95,77 +95,10 @@ impl SharePosterior {
         self.interval[0] > 0.0
     }
 
-    /// The frames in words: `frame "blue"`, `frames "blue" and "white"`.
-    #[must_use]
-    pub fn frames_in_words(&self) -> String {
-        let noun = if self.frames.len() == 1 { "frame" } else { "frames" };
-        let frames: Vec<String> = self.frames.iter().map(|frame| format!("\"{frame}\"")).collect();
-        format!("{noun} {}", frames.join(" and "))
-    }
-
     /// Whether the light is that of no tissue that was compared, so that the share is no estimate of anything.
     #[must_use]
     pub fn is_no_estimate(&self) -> bool {
         self.foreign && self.explained_by().is_none()
-    }
-
-    /// The share in words: median and interval, or where none can't be excluded, the upper limit alone. Half of the prior lies on none,
-    /// which pulls the median toward 0. Of light that no tissue explains there is no estimate.
-    #[must_use]
-    pub fn finding(&self) -> String {
-        let [low, high] = self.interval;
-        if self.is_no_estimate() {
-            let (misfit, data) = (self.misfit, self.data);
-            format!(
-                "no estimate, as the light is not that of the assumed tissue (chi-square {misfit:.0} of {data} signals)"
-            )
-        } else if self.excludes_none() {
-            format!("{:.3} (95 %: {low:.3} to {high:.3})", self.median)
-        } else {
-            format!(
-                "at most {:.3} (95 %); this measurement can't tell whether there is any",
-                self.upper_limit
-            )
-        }
-    }
-
-    /// The result in words, one line each.
-    #[must_use]
-    pub fn lines(&self, analyte: &Analyte) -> Vec<String> {
-        let of_first = match &self.frames[..] {
-            [first, _, ..] => format!("; a share of the fluorescence electrons in frame \"{first}\""),
-            _ => String::new(),
-        };
-        let mut lines = vec![format!(
-            "{} share of the light: {}, for {} from {}{of_first}",
-            analyte.capitalized(),
-            self.finding(),
-            self.prior,
-            self.frames_in_words()
-        )];
-        if !self.is_no_estimate() {
-            lines.push(self.line_of_none(analyte));
-        }
-        lines.extend(self.doubt.as_ref().map(|doubt| format!("  {}", doubt.words())));
-        if let Some(BlindDirection { name, correlation }) =
-            self.blind_to.as_ref().filter(|_| !self.is_no_estimate())
-        {
-            lines.push(format!(
-                "  an error of it goes along most with: {name} (correlation {correlation:+.2})"
-            ));
-        }
-        lines
-    }
-
-    /// How probable it is that there is none, and what the prior does to the interval.
-    fn line_of_none(&self, analyte: &Analyte) -> String {
-        let [wide_low, wide_high] = self.with_prior_twice_as_wide;
-        format!(
-            "  no {analyte}: {:.0} % probable ({:.0} % before the measurement); with a prior twice as wide {wide_low:.3} to \
-             {wide_high:.3}",
-            100.0 * self.probability_of_none,
-            100.0 * self.prior_probability_of_none
-        )
     }
 }
 

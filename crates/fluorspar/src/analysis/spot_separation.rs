@@ -78,26 +78,6 @@ impl SpotSeparation {
             right: Normal::standard().cdf(0.5 * d_prime),
         })
     }
-
-    /// By what the spots are told apart: channels and frames, as `R, G of frame "blue"`.
-    #[must_use]
-    pub fn name(&self) -> String {
-        let frames: Vec<String> = self.frames.iter().map(|frame| format!("\"{frame}\"")).collect();
-        let noun = if frames.len() == 1 { "frame" } else { "frames" };
-        format!("{} of {noun} {}", self.channels.join(", "), frames.join(" and "))
-    }
-
-    /// The result in words.
-    #[must_use]
-    pub fn line(&self) -> String {
-        let [low, high] = self.d_prime_interval;
-        format!(
-            "{}: d' {:.2} (95 %: {low:.2} to {high:.2}), {:.0} % of single pixels told right",
-            self.name(),
-            self.d_prime,
-            100.0 * self.right
-        )
-    }
 }
 
 /// Distance of the means of two groups in standard deviations of their pooled covariance, one case left out or none.
@@ -165,7 +145,6 @@ mod tests {
         let [low, high] = found.d_prime_interval;
         assert!(low < 2.0 && 2.0 < high && high - low < 0.8, "{found:?}");
         assert!((found.right - 0.841).abs() < 0.03, "{found:?}");
-        assert!(found.line().starts_with("R, G of frame \"blue\": d' "), "{}", found.line());
     }
 
     #[test]

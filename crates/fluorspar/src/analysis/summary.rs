@@ -194,10 +194,6 @@ pub struct MedianLevel {
     pub is_lower_limit: bool,
 }
 
-/// What is said where electrons are told of frames whose conversion gain is assumed ([`Analysis::gain_is_assumed`]).
-pub const ASSUMED_GAIN: &str =
-    "with the conversion gain of the experiment's sensor, as the frame does not tell its own";
-
 impl Analysis {
     /// Median level of a channel over all pixels of the region, saturated ones included. `None` without pixels, and where results of
     /// older versions have it of the unsaturated pixels alone and more than one in a hundred is saturated.
@@ -220,49 +216,6 @@ impl Analysis {
                 Some(DETECTION_Z * estimate.position_standard_error)
             }
         }
-    }
-
-    /// The porphyrin of the region in words, one line each: the estimates, and in a simulation the truth beside them.
-    #[must_use]
-    pub fn porphyrin_lines(&self) -> Vec<String> {
-        let mut lines = Vec::new();
-        if let Some(truth) = &self.truth {
-            let [low, high] = truth.share_with_light_that_fluoresced_twice;
-            lines.push(format!(
-                "True {} share of the fluorescence electrons of the region in frame \"{}\": {:.4} ({low:.4} to {high:.4} with light \
-                 that fluoresced twice)",
-                self.analyte, self.frame, truth.share
-            ));
-        }
-        if let Some(posterior) = &self.posterior {
-            lines.extend(posterior.lines(&self.analyte));
-        }
-        if let Some(RegionFraction { estimate: e, .. }) = self.mixture.as_ref().and_then(|m| m.region) {
-            let [low, high] = e.position_interval();
-            lines.push(format!(
-                "{} share on the mixture line: {:.4} ({low:.4} to {high:.4} by sensor noise alone)",
-                self.analyte.capitalized(),
-                e.position
-            ));
-            if let Some(budget) = &self.budget {
-                let [low, high] = budget.total_interval;
-                lines.push(format!(
-                    "  with leak, indirect light and light of other parts: {low:.4} to {high:.4}; blank {:.4}, detection limit by noise alone {:.4} beyond it",
-                    budget.blank, budget.detection_limit
-                ));
-            }
-            if self.posterior.is_some() {
-                // Amounts in layered tissue are factors on what it holds: their ratio tells nothing.
-                return lines;
-            }
-            let [low, high] = e.fraction_interval;
-            lines.push(format!(
-                "Ratio of amounts a_p/(a_b+a_p), in the units of the catalogue, no share of the light: {:.4} ({low:.4} to {high:.4} by \
-                 sensor noise alone)",
-                e.fraction
-            ));
-        }
-        lines
     }
 }
 

@@ -217,78 +217,6 @@ impl TargetDetection {
             frames_needed: variances.frames_needed((d_prime_pixel / wanted_d_prime).powi(2)),
         })
     }
-
-    /// The result in words.
-    #[must_use]
-    pub fn line(&self) -> String {
-        let channel = |c: &ChannelContrast| {
-            c.contrast.map_or_else(
-                || format!("{} no background", c.name),
-                |value| format!("{} {value:+.3}", c.name),
-            )
-        };
-        let channels: Vec<String> = self.channels.iter().map(channel).collect();
-        format!(
-            "Target \"{}\" in frame \"{}\", {} pixels: contrast {}; d' {:.2} a pixel, {:.1} the whole ({:.1} by sensor noise alone); {}{}",
-            self.target,
-            self.frame,
-            self.pixels,
-            channels.join(", "),
-            self.d_prime_pixel,
-            self.d_prime,
-            self.d_prime_of_sensor,
-            self.verdict(),
-            self.render_words().map_or_else(String::new, |words| format!("; {words}")),
-        )
-    }
-
-    /// Whether the target is seen, in how many frames, and how small one like it may be.
-    #[must_use]
-    pub fn verdict(&self) -> String {
-        let frames = match self.frames_needed {
-            Some(1) => format!("one frame shows it (d' {} is wanted)", self.wanted_d_prime),
-            Some(count) => {
-                format!("the mean of {count} frames shows it (d' {} is wanted)", self.wanted_d_prime)
-            }
-            None => format!(
-                "no number of frames shows it (d' {} is wanted): the structure of its background stays",
-                self.wanted_d_prime
-            ),
-        };
-        format!("{frames}; in one frame a disc like it is seen from {} on", self.diameter_words())
-    }
-
-    /// The smallest diameter with its interval: `1.31 mm (1.10 to 1.60) on the surface, 5.2 pixels`.
-    #[must_use]
-    pub fn diameter_words(&self) -> String {
-        let px = self.smallest_diameter_px;
-        match self.smallest_diameter_mm {
-            Some(mm) => {
-                format!("{mm:.2} mm ({}) of the surface, {px:.1} pixels", self.diameter_interval(mm / px, 2))
-            }
-            None => format!("{px:.1} pixels ({})", self.diameter_interval(1.0, 1)),
-        }
-    }
-
-    /// The interval of the smallest diameter, in units of so many to a pixel, with so many digits.
-    #[must_use]
-    pub fn diameter_interval(&self, per_px: f64, digits: usize) -> String {
-        let least = self.smallest_diameter_least_px * per_px;
-        match self.smallest_diameter_most_px {
-            Some(most) => format!("{least:.digits$} to {:.digits$}", most * per_px),
-            None => format!("{least:.digits$} or more"),
-        }
-    }
-
-    /// That the noise of the render was taken out, and how many samples make it small; `None` where it is small.
-    #[must_use]
-    pub fn render_words(&self) -> Option<String> {
-        let (noise, samples) = (self.render_noise?, self.samples_needed?);
-        Some(format!(
-            "noise of the render, {noise:.1} times the rest in variance, was taken out and widens the interval: \
-             render.samples_per_pixel = {samples} makes it a quarter"
-        ))
-    }
 }
 
 /// Variances of the decision variable over a whole target.
@@ -680,8 +608,7 @@ mod tests {
         // Of 144 times the variance a quarter is left with 4 * 144 times the samples, as far as 144 is known.
         let ratio = told.render_noise.unwrap();
         assert!(told.samples_needed == Some((16.0 * ratio).ceil() as u32), "{told:?}");
-        assert!(told.render_words().unwrap().contains("render.samples_per_pixel"), "{told:?}");
-        assert!(left_in.render_words().is_none());
+        assert!(left_in.render_noise.is_none() && left_in.samples_needed.is_none());
     }
 
     /// A disc of contrast C in white noise: d' = C L sqrt(N) / sigma, one pixel C L / sigma. The difference is known to

@@ -98,6 +98,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("fluorspar-format", &["fluorspar"]),
     ("fluorspar-experiment", &["fluorspar", "fluorspar-anatomy", "fluorspar-format"]),
     ("fluorspar-pbrt", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
+    ("fluorspar-session", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     ("fluorspar-report", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     (
         "fluorspar-cli",
@@ -109,9 +110,20 @@ const CRATES: &[(&str, &[&str])] = &[
             "fluorspar-experiment",
             "fluorspar-pbrt",
             "fluorspar-report",
+            "fluorspar-session",
         ],
     ),
-    ("fluorspar-py", &["fluorspar", "fluorspar-cli", "fluorspar-experiment", "fluorspar-format"]),
+    (
+        "fluorspar-py",
+        &[
+            "fluorspar",
+            "fluorspar-cli",
+            "fluorspar-experiment",
+            "fluorspar-format",
+            "fluorspar-report",
+            "fluorspar-session",
+        ],
+    ),
 ];
 
 pub(crate) fn crates() -> PathBuf {

@@ -17,7 +17,7 @@ const UNPUBLISHED: [&str; 1] = ["fluorspar-testkit"];
 
 const MOST_LINES_OF_CODE: usize = 106_500;
 const MOST_PERCENT_OF_SHELL: f64 = 58.0;
-const MOST_WORDS_OF_DOCUMENTS: usize = 71_500;
+const MOST_WORDS_OF_DOCUMENTS: usize = 59_000;
 /// Words in string literals of the physics: it holds numbers, and the fronts word them.
 const MOST_WORDS_IN_PHYSICS: usize = 8_000;
 

@@ -49,6 +49,11 @@ pub struct AnalyzedRegion {
 }
 
 impl AnalyzedRegion {
+    /// Its name and its analysis, or why no pixel shows it.
+    pub fn analysis(&self) -> (&str, Result<&Analysis, &RegionError>) {
+        (&self.name, self.analyzed.as_ref().map(|analyzed| &analyzed.analysis))
+    }
+
     /// What its pixels say; `None` where none shows it.
     #[must_use]
     pub fn in_view(&self) -> Option<&AnalyzedFrame> {

@@ -15,13 +15,15 @@ use fluorspar_experiment::{
     resolve_rendered, show_the_same_scene,
 };
 
+use crate::SessionError;
+
 /// A component image and the experiment that it was rendered from.
 #[derive(Clone, Copy, Debug)]
-pub struct RenderedScene<'a> {
+pub(crate) struct RenderedScene<'a> {
     /// The component image, of which only the labels count.
-    pub labels: &'a ComponentImage,
+    pub(crate) labels: &'a ComponentImage,
     /// Its experiment; `None` where the image carries none.
-    pub experiment: Option<&'a Experiment>,
+    pub(crate) experiment: Option<&'a Experiment>,
 }
 
 /// What makes a finished render show another scene.
@@ -46,10 +48,10 @@ impl RenderedScene<'_> {
     ///
     /// # Errors
     /// The first defect of the experiment; concentrations that the image can't be scaled to.
-    pub fn captures<E: From<ExperimentError> + From<PipelineError>>(
+    pub(crate) fn captures(
         &self,
         now: &Experiment,
-    ) -> Result<Option<(CapturesOfRender, SceneChanges<'static>)>, E> {
+    ) -> Result<Option<(CapturesOfRender, SceneChanges<'static>)>, SessionError> {
         let Some(rendered) = self.experiment else { return Ok(None) };
         let mut held: Vec<&str> = Vec::new();
         for component in &self.labels.components {
@@ -69,13 +71,13 @@ impl RenderedScene<'_> {
     ///
     /// # Errors
     /// A scene that only a new render can show, if `is_same` is demanded; what `basis` fails with.
-    pub fn changes<'b, E: From<ExperimentError> + From<PipelineError>>(
+    pub(crate) fn changes<'b>(
         &self,
         now: &Experiment,
         resolved: &ResolvedExperiment,
         is_same: bool,
-        basis: impl FnOnce() -> Result<Option<&'b ExcitationImage>, E>,
-    ) -> Result<SceneChanges<'b>, E> {
+        basis: impl FnOnce() -> Result<Option<&'b ExcitationImage>, SessionError>,
+    ) -> Result<SceneChanges<'b>, SessionError> {
         let study = &resolved.study;
         let Some(experiment) = self.experiment else {
             return Ok(self.of_concentrations(&BTreeMap::new(), study)?);
