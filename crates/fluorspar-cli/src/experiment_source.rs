@@ -7,7 +7,7 @@ use fluorspar_experiment::{
     DEFAULT_DESIGN, DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, Experiment, FileRecord, ResolvedExperiment,
     ResolvedSample, is_experiment, is_sample, parse, parse_sample, resolve,
 };
-use fluorspar_format::{read_bounded, read_text_bounded};
+use fluorspar_format::{read_bounded, read_start, read_text_bounded};
 use fluorspar_report::extract_experiment;
 
 use crate::error::CliError;
@@ -31,6 +31,31 @@ pub(crate) struct ExperimentSource {
     pub(crate) base_dir: PathBuf,
     /// The file, unless it is built in.
     pub(crate) file: Option<PathBuf>,
+}
+
+/// What a file is that is taken for a scene by mistake, by its first bytes or its ending.
+fn other_kind(path: &Path) -> Option<&'static str> {
+    const BEGINNINGS: [(&[u8], &str); 8] = [
+        (b"\x89PNG", "picture"),
+        (b"\xff\xd8\xff", "picture"),
+        (b"II*\0", "picture"),
+        (b"MM\0*", "picture"),
+        (b"v/1\x01", "picture"),
+        (b"\x93NUM", "NumPy array"),
+        (b"ply", "mesh"),
+        (b"glTF", "mesh"),
+    ];
+    if !path.is_file() {
+        return None;
+    }
+    let start = read_start(path, 4).ok()?;
+    let of_start = BEGINNINGS.iter().find(|(mark, _)| start.starts_with(mark)).map(|(_, kind)| *kind);
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    of_start.or(match ending.as_deref() {
+        Some("obj" | "stl" | "gltf") => Some("mesh"),
+        Some("hdr" | "pfm" | "pgm" | "ppm" | "tga" | "qoi" | "gif" | "bmp" | "webp") => Some("picture"),
+        _ => None,
+    })
 }
 
 impl ExperimentSource {
@@ -81,6 +106,11 @@ impl ExperimentSource {
 
     /// A file, or the experiment that a report carries.
     fn from_file(name: &str, path: &Path) -> Result<Self, CliError> {
+        if let Some(kind) = other_kind(path) {
+            return Err(CliError::Input(format!(
+                "{name}: this is a {kind}, not a scene; give an experiment (.toml) or a scene of pbrt (.pbrt), which may name it"
+            )));
+        }
         let text = if is_pbrt(path) {
             String::from_utf8_lossy(&read_bounded(path, LARGEST_SCENE_BYTES)?).into_owned()
         } else {

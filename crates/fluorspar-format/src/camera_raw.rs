@@ -1,34 +1,39 @@
-//! Raw files of cameras that are TIFFs but no DNGs: their first image is a small picture with a tone curve.
+//! Raw files of cameras that are no DNGs: of those that are TIFFs the first image is a small picture with a tone curve.
 
 use std::path::Path;
 
 use super::FormatError;
+use super::npy_array::NPY_MAGIC;
 use super::tiff_directory::{Directory, TiffBytes};
+use super::tiff_image::{names, python_tiff};
 use fluorspar::quote::excerpt;
 
-/// Endings of raw files that are built like TIFFs.
-const RAW_EXTENSIONS: [&str; 21] = [
-    "3fr", "arw", "cr2", "dcr", "dcs", "erf", "fff", "gpr", "iiq", "k25", "kdc", "mef", "mos", "nef", "nrw",
-    "orf", "pef", "rw2", "rwl", "sr2", "srw",
+/// Endings of raw files.
+const RAW_EXTENSIONS: [&str; 26] = [
+    "3fr", "arw", "cr2", "cr3", "crw", "dcr", "dcs", "erf", "fff", "gpr", "iiq", "k25", "kdc", "mef", "mos",
+    "mrw", "nef", "nrw", "orf", "pef", "raf", "rw2", "rwl", "sr2", "srw", "x3f",
 ];
+/// Beginnings of raw files that are no TIFFs.
+const RAW_BEGINNINGS: [&[u8]; 8] =
+    [b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"FUJIFILM", b"FOVb", b"\0MRM", b"\0\0\0\x18ftypcrx"];
 /// Photometric interpretation of a mosaic.
 const CFA: u64 = 32_803;
 
-/// Refuses a TIFF without a DNG version whose first image is not its raw frame.
+/// Refuses a raw file of a camera that is no DNG, and a TIFF whose first image is not its raw frame.
 ///
 /// # Errors
 /// Such a file, with the camera that wrote it.
 pub(super) fn refuse_camera_raw(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
-    let Some(tiff) = TiffBytes::new(bytes) else { return Ok(()) };
-    let directories = tiff.directories();
-    let Some((first, others)) = directories.split_first() else { return Ok(()) };
+    let directories = TiffBytes::new(bytes).map(|tiff| tiff.directories()).unwrap_or_default();
+    let (first, others) = (directories.first(), directories.get(1..).unwrap_or_default());
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    let is_named = RAW_EXTENSIONS.contains(&ending.as_str());
+    let is_named = RAW_EXTENSIONS.contains(&ending.as_str())
+        || RAW_BEGINNINGS.iter().any(|beginning| bytes.starts_with(beginning));
     let has_mosaic = others.iter().any(|directory| directory.first(262) == Some(CFA));
-    let camera = camera(first);
+    let camera = first.and_then(camera);
     let what = if is_named || bytes.get(8..10) == Some(b"CR") || has_mosaic {
         format!("this is a raw file of {}, but no DNG", camera.as_deref().unwrap_or("a camera"))
-    } else if let Some([width, height]) = larger_image(first, others) {
+    } else if let Some((first, [width, height])) = first.and_then(|f| Some((f, larger_image(f, others)?))) {
         let [small_width, small_height] = size(first);
         let what = format!(
             "its first image, {small_width} x {small_height}, is a small picture of another one in the file, {width} x {height}"
@@ -45,10 +50,29 @@ pub(super) fn refuse_camera_raw(path: &Path, bytes: &[u8]) -> Result<(), FormatE
     } else {
         return Ok(());
     };
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let hint = format!("Convert the raw file to DNG: dnglab convert {name} {stem}.dng");
+    let hint = format!("Convert the raw file to DNG: dnglab convert {}", names(path, ".dng"));
     Err(FormatError::unsupported(path, what, hint))
+}
+
+/// Why a file that is no DNG, TIFF or PNG is no frame, by its first bytes.
+pub(super) fn no_frame(path: &Path, start: &[u8]) -> FormatError {
+    if let Err(error) = refuse_camera_raw(path, start) {
+        return error;
+    }
+    let (what, hint): (&str, String) = if start.starts_with(b"\xff\xd8\xff") {
+        let what = "this is a JPEG, whose numbers lie on a tone curve and are not kept exactly";
+        (what, "Give the raw frame of the camera as a DNG, TIFF or PNG".into())
+    } else if start.starts_with(NPY_MAGIC) {
+        ("this is a NumPy array", python_tiff(path, ["numpy", ", numpy"], "numpy.load(sys.argv[1])"))
+    } else if start.starts_with(b"P5") || start.starts_with(b"P6") {
+        let array = "n.imread(sys.argv[1])";
+        ("this is a PGM or PPM", python_tiff(path, ["netpbmfile", ", netpbmfile as n"], array))
+    } else {
+        let hint = "Save its numbers as a TIFF or PNG of 16 bits, gray or linear RGB; of packed frames write a description with \
+                    \"packing\" by hand: docs/file-formats.md";
+        ("this is not a DNG, TIFF or PNG", hint.into())
+    };
+    FormatError::unsupported(path, what, hint)
 }
 
 fn size(directory: &Directory<'_>) -> [u64; 2] {

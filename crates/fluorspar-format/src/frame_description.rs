@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::FormatError;
-use super::camera_raw::refuse_camera_raw;
+use super::camera_raw::{no_frame, refuse_camera_raw};
 use super::dng::{
     DngFrame, EXPOSURE_TIME, ISO, Told, bits_of, camera_number, gain_of_iso, is_dng, read_dng_description,
 };
@@ -214,7 +214,7 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
     let (mut file, length) = open_plain(path)?;
     check_not_empty(path, length)?;
     let mut magic = Vec::new();
-    Read::by_ref(&mut file).take(8).read_to_end(&mut magic).map_err(|e| FormatError::io(path, "read", e))?;
+    Read::by_ref(&mut file).take(16).read_to_end(&mut magic).map_err(|e| FormatError::io(path, "read", e))?;
     let mut facts = Facts { given, said: Vec::new() };
     let (mut description, stored) = if magic.starts_with(b"\x89PNG") {
         let StoredFrame { width, height, data, tags, .. } = read_frame_png(path)?;
@@ -227,6 +227,10 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
         let bytes = read_file(path, MAX_IMAGE_BYTES)?;
         if is_dng(&bytes) {
             let DngFrame { description, stored, told } = read_dng_description(path, &bytes)?;
+            if given.is_left_aligned {
+                let what = "the levels of a DNG tell where its values stand";
+                return Err(FormatError::unsupported(path, what, "Leave --left-aligned out"));
+            }
             (facts.of_dng(description, &told), stored)
         } else {
             refuse_camera_raw(path, &bytes)?;
@@ -238,11 +242,12 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
             (description, StoredFrame { width, height, data, tags, ..StoredFrame::default() })
         }
     } else {
-        let what = "this is not a DNG, TIFF or PNG";
-        let hint = "Save its numbers (of PGM or NumPy, for instance) as a TIFF or PNG of 16 bits, gray or linear RGB; of packed frames \
-                    write the description by hand: docs/file-formats.md";
-        return Err(FormatError::unsupported(path, what, hint));
+        return Err(no_frame(path, &magic));
     };
+    if given.is_measured && description.samples != Samples::Measured {
+        let what = "it has one number a pixel, where not all colors were measured";
+        return Err(FormatError::unsupported(path, what, "Leave --measured out"));
+    }
     facts.of_levels(&mut description);
     // What the reader would refuse is refused here.
     let frame = image_of_parts(path, stored, &description)?;

@@ -212,6 +212,9 @@ fn tone_curve(path: &Path, info: &png::Info<'_>) -> Option<&'static str> {
         Some(_) => return Some("its chunk cICP"),
     }
     let is_curved = |gamma: png::ScaledFloat| (gamma.into_value() - 1.0).abs() > 0.01;
+    if info.color_type == ColorType::Indexed {
+        return Some("a palette of colors");
+    }
     if info.srgb.is_some() {
         return Some("sRGB");
     }

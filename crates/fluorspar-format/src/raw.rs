@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use tiff::encoder::{TiffEncoder, colortype::Gray16};
 use tiff::tags::Tag;
 
-use super::camera_raw::refuse_camera_raw;
+use super::camera_raw::{no_frame, refuse_camera_raw};
 use super::dng::{is_dng, read_dng};
 use super::file::{MAX_IMAGE_BYTES, check_not_empty, read_file, read_sidecar, sidecar_path, write_sidecar};
 use super::frame_judgement::{
@@ -231,7 +231,7 @@ pub(super) fn read_judged_frame(path: &Path) -> Result<JudgedFrame, FormatError>
     let (mut file, length) = open_plain(path)?;
     let mut magic = Vec::new();
     check_not_empty(path, length)?;
-    Read::by_ref(&mut file).take(8).read_to_end(&mut magic).map_err(failed)?;
+    Read::by_ref(&mut file).take(16).read_to_end(&mut magic).map_err(failed)?;
     let stored = if magic.starts_with(b"\x89PNG") {
         read_frame_png(path)?
     } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
@@ -245,7 +245,7 @@ pub(super) fn read_judged_frame(path: &Path) -> Result<JudgedFrame, FormatError>
         let TiffPixels { width, height, data, .. } = read_tiff_pixels(path, file, &bytes)?;
         StoredFrame { width, height, data, tags: tiff_tags(&bytes), ..StoredFrame::default() }
     } else {
-        return read_by_description(path);
+        return read_by_description(path, &magic);
     };
     let description: Description = read_sidecar(path, &FileFormat::RAW_FRAME)?;
     image_of(path, stored, &description)
@@ -284,21 +284,14 @@ fn align(data: &mut [u16], d: &Description) -> Result<Option<FrameRemark>, Strin
 }
 
 /// A file that does not tell its format: its description does.
-fn read_by_description(path: &Path) -> Result<JudgedFrame, FormatError> {
-    let unknown = || {
-        FormatError::malformed(
-            path,
-            "this is neither TIFF, PNG nor DNG, and no JSON description of its packing is next to it",
-            "Name a raw frame, save others (PGM, NumPy) as TIFF or PNG of 16 bits, or write a description with \"packing\"",
-        )
-    };
+fn read_by_description(path: &Path, start: &[u8]) -> Result<JudgedFrame, FormatError> {
     if !sidecar_path(path).exists() {
-        return Err(unknown());
+        return Err(no_frame(path, start));
     }
     let description: Description = read_sidecar(path, &FileFormat::RAW_FRAME)?;
     match description.packing {
         Some(rows) => read_packed(path, description, rows),
-        None => Err(unknown()),
+        None => Err(no_frame(path, start)),
     }
 }
 

@@ -188,6 +188,8 @@ impl<'a> Directory<'a> {
             .map_while(|value| match entry.kind {
                 5 => Some(f64::from(long(value)?) / f64::from(long(&value[4..])?)),
                 10 => Some(f64::from(long(value)? as i32) / f64::from(long(&value[4..])? as i32)),
+                8 => u16_at(value, self.big_endian).map(|bits| f64::from(bits as i16)),
+                9 => long(value).map(|bits| f64::from(bits as i32)),
                 11 => long(value).map(|bits| f64::from(f32::from_bits(bits))),
                 12 => f64_at(value, self.big_endian),
                 _ => None,

@@ -11,6 +11,7 @@ use super::FormatError;
 use super::file::{MAX_IMAGE_BYTES, check_image_size, check_packing, guarded};
 use super::tiff_directory::{Directory, TiffBytes};
 use super::tone_curve::{is_bent, profile_is_curved, tone_curve_error};
+use fluorspar::quote::shell_word;
 
 /// Most pages that are counted.
 const MOST_PAGES: usize = 10_000;
@@ -41,6 +42,10 @@ pub(super) fn damaged_tiff(path: &Path, error: tiff::TiffError) -> FormatError {
             let what = "not a valid TIFF file: it tells of a place outside the file";
             FormatError::malformed(path, what, "Copy the file again")
         }
+        tiff::TiffError::IoError(source) if source.kind() == io::ErrorKind::UnexpectedEof => {
+            let what = "the TIFF file is cut short: it ends amid its pixels or the tags that describe them";
+            FormatError::malformed(path, what, "Copy the file again")
+        }
         tiff::TiffError::UnsupportedError(kind) => {
             let what = format!("this kind of TIFF is not read ({kind})");
             FormatError::unsupported(path, what, python_copy(path, ""))
@@ -51,27 +56,32 @@ pub(super) fn damaged_tiff(path: &Path, error: tiff::TiffError) -> FormatError {
     }
 }
 
-/// Names of a file and of a copy of it beside it.
-fn names(path: &Path) -> [String; 2] {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
+/// What a shell takes for a file as it was named, and for one beside it whose name ends otherwise.
+pub(super) fn names(path: &Path, ending: &str) -> String {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    [name.into_owned(), format!("{stem}_plain.tif")]
+    let copy = path.with_file_name(format!("{stem}{ending}"));
+    [path, &copy].map(|path| shell_word(&path.to_string_lossy())).join(" ")
 }
 
 /// How to make a form of a file that is read, of what LibTIFF knows.
-fn plain_copy(path: &Path) -> String {
-    let [from, to] = names(path);
+fn plain_copy(path: &Path, options: &str) -> String {
+    let names = names(path, "_plain.tif");
     format!(
-        "Save it uncompressed, gray or RGB of 8 or 16 bits, for instance with LibTIFF: tiffcp -c none {from} {to}"
+        "Save it uncompressed, gray or RGB of 8 or 16 bits, for instance with LibTIFF: tiffcp {options}-c none {names}"
     )
 }
 
 /// The same of what LibTIFF does not copy; `change` is what becomes of the array.
 fn python_copy(path: &Path, change: &str) -> String {
-    let [from, to] = names(path);
+    python_tiff(path, ["imagecodecs", ""], &format!("t.imread(sys.argv[1]){change}"))
+}
+
+/// The same of an array that a further package, or module, of Python reads.
+pub(super) fn python_tiff(path: &Path, [package, module]: [&str; 2], array: &str) -> String {
+    let names = names(path, "_plain.tif");
     format!(
-        "Save it uncompressed, gray or RGB of 8 or 16 bits, for instance in Python (pip install tifffile imagecodecs): \
-         python -c \"import tifffile as t; t.imwrite('{to}', t.imread('{from}'){change})\""
+        "Save it uncompressed, gray or RGB of 8 or 16 bits, for instance in Python (pip install tifffile {package}): \
+         python -c \"import sys, tifffile as t{module}; t.imwrite(sys.argv[2], {array})\" {names}"
     )
 }
 
@@ -120,16 +130,18 @@ pub(super) fn check_kind(path: &Path, bytes: &[u8], is_frame: bool) -> Result<()
     let directories = tiff.directories();
     let Some(first) = directories.first() else { return Ok(()) };
     let compression = first.first(259).unwrap_or(1);
-    let known = COMPRESSIONS.iter().find(|(number, ..)| *number == compression);
+    // What JPEG is, is no frame in whatever form
+    let known =
+        COMPRESSIONS.iter().find(|(number, ..)| *number == compression && !(is_frame && *number == 6));
     let (what, hint) = if let Some((_, name, is_copied)) = known {
-        let hint = if *is_copied { plain_copy(path) } else { python_copy(path, "") };
+        let hint = if *is_copied { plain_copy(path, "") } else { python_copy(path, "") };
         (format!("its pixels are compressed with {name}, which is not read"), hint)
     } else if compression == 5 && has_old_lzw(first, bytes) {
         let what = "its pixels are compressed with old-style LZW (bits in reverse order, of before TIFF 6.0), which is not read";
-        (what.into(), plain_copy(path))
+        (what.into(), plain_copy(path, ""))
     } else if first.first(266) == Some(2) {
         let what = "the bits of its bytes are stored in reverse order (FillOrder 2), which is not read";
-        (what.into(), plain_copy(path))
+        (what.into(), plain_copy(path, "-f msb2lsb "))
     } else if first.first(262) == Some(3) {
         let what = "its pixels are indices of a palette, not numbers of light";
         (what.into(), "Give the file that it was made from, or save it as gray or RGB".into())
@@ -151,7 +163,7 @@ fn check_numbers(path: &Path, first: &Directory<'_>) -> Result<(), FormatError> 
     // One for all samples, or one for each
     let of_sample =
         if tables.len().is_multiple_of(3) && samples > 1 { tables.len() / 3 } else { tables.len() };
-    let (what, hint): (String, String) = if first.first(259) == Some(7) {
+    let (what, hint): (String, String) = if matches!(first.first(259), Some(6 | 7)) {
         let what = "its pixels are compressed with JPEG, which does not keep the numbers of a camera";
         (what.into(), "Give the frame as the camera wrote it, uncompressed or losslessly compressed".into())
     } else if photometric == Some(CFA) {
@@ -248,8 +260,16 @@ pub(super) fn read_tiff_pixels(path: &Path, file: File, bytes: &[u8]) -> Result<
             tiff::ColorType::Gray(bits @ (8 | 16)) => (1, bits),
             tiff::ColorType::RGB(bits @ (8 | 16)) => (3, bits),
             _ => {
-                let what = format!("the image is stored as {color:?}");
-                let hint = "Raw frames are gray mosaics or linear RGB of 8 or 16 bits; export it as such";
+                let (of_pixel, bits) = (color.num_samples(), color.bit_depth());
+                let what = format!(
+                    "its pixels have {of_pixel} numbers of {bits} bits, where frames have 1 or 3 of 8 or 16"
+                );
+                let hint = match color {
+                    tiff::ColorType::Gray(_) | tiff::ColorType::RGB(_) => python_copy(path, ""),
+                    tiff::ColorType::RGBA(_) => python_copy(path, "[..., :3], photometric='rgb'"),
+                    _ if of_pixel == 2 => python_copy(path, "[..., 0]"),
+                    _ => "Give a gray mosaic or linear RGB".into(),
+                };
                 return Err(FormatError::unsupported(path, what, hint));
             }
         };

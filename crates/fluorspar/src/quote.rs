@@ -41,6 +41,16 @@ pub fn excerpt_to(text: &str, longest: usize) -> String {
     quote
 }
 
+/// A word as a shell takes it.
+#[must_use]
+pub fn shell_word(text: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "._/=+-:,@".contains(c);
+    match !text.is_empty() && text.chars().all(is_plain) {
+        true => text.into(),
+        false => format!("'{}'", text.replace('\'', "'\\''")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

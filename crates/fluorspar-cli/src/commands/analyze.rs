@@ -328,21 +328,31 @@ fn warn_of_unused_frames(options: &Options, study: &Study, analysis: &Analysis) 
     Messages::default().warnings(&texts);
 }
 
-/// Share of the pixels of a frame that is subtracted which may be defect and full.
-const FEW_SATURATED: f64 = 0.01;
+/// Shares of the pixels of a frame that is subtracted which may be defect and full, and with which it is taken at all.
+const FEW_SATURATED: [f64; 2] = [0.01, 0.5];
 
-/// What is said of a frame that is subtracted where it is full: nothing is measured there.
-fn saturated_words(study: &Study, raw: &SensorImage) -> Option<String> {
+/// Tells of a frame that is subtracted where it is full: nothing is measured there.
+///
+/// # Errors
+/// One that is full in most places.
+fn check_subtracted(study: &Study, file: &str, raw: &SensorImage) -> Result<(), CliError> {
     let is_subtracted = study.captures.iter().any(|c| c.subtract.as_ref() == Some(&raw.label));
     let full = (0..raw.data.len()).filter(|value| raw.is_saturated(*value)).count();
     let share = full as f64 / raw.data.len().max(1) as f64;
-    (is_subtracted && share > FEW_SATURATED).then(|| {
-        format!(
-            "The frame \"{}\", which is subtracted, is itself saturated in {:.0} % of its pixels: nothing is measured there",
-            raw.label,
-            100.0 * share
-        )
-    })
+    let (label, percent) = (&raw.label, 100.0 * share);
+    if is_subtracted && share > FEW_SATURATED[1] {
+        return Err(CliError::Input(format!(
+            "{file}: the frame \"{label}\", which is subtracted, is itself saturated in {percent:.0} % of its pixels; take it in less room \
+             light, or all frames with a shorter exposure"
+        )));
+    }
+    if is_subtracted && share > FEW_SATURATED[0] {
+        let text = format!(
+            "The frame \"{label}\", which is subtracted, is itself saturated in {percent:.0} % of its pixels: nothing is measured there"
+        );
+        Messages::default().warnings(&[Warning::from(text)]);
+    }
+    Ok(())
 }
 
 /// Makes an experiment that of the frames that were given, or of frames whose component image is gone.
@@ -597,7 +607,10 @@ fn read_raw(study: &Study, path: &Path, label: Option<&str>) -> Result<ToldFrame
     if let Some(label) = label {
         raw.label = label.into();
     }
-    complete_raw(study, raw).map_err(|what| CliError::Input(format!("{}: {what}", path.display())))?;
+    let describe = format!("describe {}", super::shell_word(&path.to_string_lossy()));
+    let as_typed = |what: String| what.replace("describe FRAME", &describe);
+    complete_raw(study, raw)
+        .map_err(|what| CliError::Input(format!("{}: {}", path.display(), as_typed(what))))?;
     Ok(told)
 }
 
@@ -655,8 +668,7 @@ fn named_frames(
         let doubts: Vec<Warning> =
             doubtful.map(|fact| Warning::from(format!("{file}: {}", fact.sentence()))).collect();
         Messages::default().warnings(&doubts);
-        Messages::default()
-            .warnings(&saturated_words(study, &raw).into_iter().map(Warning::from).collect::<Vec<_>>());
+        check_subtracted(study, file, &raw)?;
         told.push((file_name(file), facts));
         if options.dark.is_empty()
             && let Some(doubt) = black_level_doubt(&raw.data, raw.black_level, raw.white_level)

@@ -42,6 +42,7 @@ pub(crate) mod validate;
 
 use std::path::{Path, PathBuf};
 
+pub(crate) use fluorspar::quote::shell_word;
 use fluorspar::render::memory_bytes;
 use fluorspar::study::Study;
 use fluorspar::units::{memory_gib, memory_texts};
@@ -60,15 +61,6 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<(), CliError> {
 /// Prints lines on standard output.
 pub(crate) fn print_text(text: &str) -> Result<(), CliError> {
     Ok(message::answer(text)?)
-}
-
-/// A word as a shell takes it.
-pub(crate) fn shell_word(text: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "._/=+-:,@".contains(c);
-    match !text.is_empty() && text.chars().all(is_plain) {
-        true => text.into(),
-        false => format!("'{}'", text.replace('\'', "'\\''")),
-    }
 }
 
 /// A text as TOML.

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::support::fluorspar;
+use fluorspar::image::{Mosaic, SensorImage};
 
 /// A fixture of `fluorspar-format`, copied into a folder.
 fn copy(name: &str, folder: &Path) {
@@ -166,10 +167,53 @@ fn a_plain_frame_is_described_and_analyzed() {
     // Another depth than the sensor's.
     let told = fluorspar(folder, analyze);
     assert_eq!(told.code, Some(2));
-    assert!(told.stderr.contains("fluorspar describe FRAME --bit-depth 12 --replace"), "{}", told.stderr);
+    let cure = "describe linear_rgb.tiff --bit-depth 12 --white-level 4095 --exposure-ms 20 --replace";
+    assert!(told.stderr.contains(&format!("`fluorspar {cure}`")), "{}", told.stderr);
+    fluorspar(folder, [&analyze[..], &["--set", "sensor.bit_depth=14"]].concat()).well();
+    fluorspar(folder, cure.split(' ')).well();
+    fluorspar(folder, analyze).well();
     let wrong = fluorspar(folder, ["describe", "violet.toml"]);
     assert_eq!(wrong.code, Some(2));
     assert!(!folder.join("violet.toml.json").exists());
+}
+
+/// Frames that change nothing are told, and calibration frames that would spoil all are refused.
+#[test]
+fn frames_that_do_not_fit_are_told_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("violet.toml"), VIOLET).unwrap();
+    fs::write(folder.join("less.toml"), VIOLET.replace("exposure_ms", "subtract = \"blue\"\nexposure_ms"))
+        .unwrap();
+    copy("bggr_jpeg.dng", folder);
+    let raw = fluorspar_format::read_sensor_image(&folder.join("bggr_jpeg.dng")).unwrap().image;
+    let raw = SensorImage { black_offsets: Vec::new(), ..raw };
+    let write = |name: &str, mosaic: &str, dn: &dyn Fn(usize) -> u16| {
+        let data = (0..raw.data.len()).map(dn).collect();
+        let frame = SensorImage { data, mosaic: Mosaic::bayer(mosaic).unwrap(), ..raw.clone() };
+        fluorspar_format::write_sensor_tiff(&folder.join(name), &frame, None).unwrap();
+    };
+    write("dark.tiff", "bggr", &|_| 63);
+    write("lit.tiff", "bggr", &|value| 100 + 500 * raw.channel_of(value) as u16);
+    write("full.tiff", "bggr", &|_| 4000);
+    write("flat.tiff", "rggb", &|_| 2000);
+    let rectangle = ["--set", "analysis.rectangle_px=[8, 8, 30, 20]"];
+    for (experiment, given, code, words) in [
+        ("violet.toml", ["--dark", "dark.tiff"], 0, ""),
+        ("violet.toml", ["--dark", "lit.tiff"], 2, "differ by far more than noise, R "),
+        ("violet.toml", ["--dark", "full.tiff"], 2, "pixels of the dark frame \"bggr_jpeg\" are saturated"),
+        ("violet.toml", ["--flat", "flat.tiff"], 2, "or another color filter array than frame \"violet\""),
+        ("violet.toml", ["--frame", "blue=dark.tiff"], 0, "The frame \"blue\" has no part in the analysis"),
+        ("less.toml", ["--frame", "blue=full.tiff"], 2, "which is subtracted, is itself saturated in 100 %"),
+    ] {
+        let frame = ["analyze", "--experiment", experiment, "--frame", "violet=bggr_jpeg.dng"];
+        let said = fluorspar(folder, [&frame[..], &given, &rectangle].concat());
+        assert!(said.code == Some(code) && said.stderr.contains(words), "{given:?}: {said:?}");
+    }
+    fluorspar(folder, ["describe", "bggr_jpeg.dng", "--black-level", "-20"]).well();
+    let below = ["analyze", "--experiment", "violet.toml", "--frame", "violet=bggr_jpeg.dng"];
+    let said = fluorspar(folder, [&below[..], &rectangle].concat());
+    assert!(said.code == Some(2) && said.stderr.contains("-20 DN, is below zero"), "{said:?}");
 }
 
 /// A monochrome sensor behind a filter wheel.

@@ -101,6 +101,10 @@ fn a_scene_without_lights_stays_readable_as_an_experiment() {
     let told = run(&["scene", "check", "s.toml"]).well();
     assert_eq!(told.stdout, "s.toml: valid. 1 objects, 1 materials, 0 lights, 0 fluorophores\n");
     assert!(told.stderr.contains("warning: the scene has no lights"), "{}", told.stderr);
+    let left_out = unlit.replace("Material", "LightSource \"unheard\"\nMaterial");
+    fs::write(folder.path().join("left_out.pbrt"), left_out).unwrap();
+    let told = run(&["scene", "check", "left_out.pbrt", "--unit", "cm"]).well();
+    assert!(told.stderr.contains("no lights left: those that it has are left out"), "{}", told.stderr);
     let radius = run(&["scene", "get", "s.toml", "object.sphere_0.radius_mm"]).well().stdout;
     let radius: f64 = radius.split(" = ").nth(1).unwrap().trim().parse().unwrap();
     assert!((radius - 10.0).abs() < 1e-5, "{radius}");

@@ -89,8 +89,13 @@ fn what_cannot_be_changed_is_refused_and_nothing_is_written() {
     fs::create_dir(here.join("other")).unwrap();
     fs::write(here.join("relative.toml"), MINE.replace("flat-patch", "./mine.toml")).unwrap();
     fs::write(here.join("bad.toml"), "format = 1\n[[change]]\nput = 1\n").unwrap();
+    fs::write(here.join("frame.toml"), b"\x89PNG\r\n\x1a\n").unwrap();
+    fs::write(here.join("part.stl"), "solid part\nendsolid part\n").unwrap();
     let before = listing(here);
-    let cases: [(&[&str], &str); 9] = [
+    let cases: [(&[&str], &str); 12] = [
+        (&["scene", "check", "frame.toml"], "frame.toml: this is a picture, not a scene"),
+        (&["run", "frame.toml"], "frame.toml: this is a picture, not a scene"),
+        (&["scene", "check", "part.stl"], "part.stl: this is a mesh, not a scene"),
         (&["scene", "set", "mine.toml", "title=x", "--out", "new.txt"], "must end in .toml"),
         (&["scene", "set", "mine.toml"], "nothing is to be set"),
         (&["scene", "set", "mine.toml", "light.blu.power=3"], "did you mean \"blue\"?"),

@@ -346,6 +346,13 @@ fn the_white_level_of_each_plane_counts_for_its_channel() {
     }
     let found = describe_frame(&path, &FrameFacts::default()).unwrap();
     assert_eq!(fact(&found, "white level by plane").0, "R 4095, G 3000, B 4095 DN");
+    for (given, option) in [
+        (FrameFacts { is_left_aligned: true, ..FrameFacts::default() }, "--left-aligned"),
+        (FrameFacts { is_measured: true, ..FrameFacts::default() }, "--measured"),
+    ] {
+        let said = describe_frame(&path, &given).unwrap_err().to_string();
+        assert!(said.ends_with(&format!("Leave {option} out")), "{said}");
+    }
     // A level that the user gives is for all
     let given = FrameFacts { white_level: Some(3010), exposure_s: Some(0.01), ..FrameFacts::default() };
     describe_frame(&path, &given).unwrap().write().unwrap();
@@ -429,6 +436,13 @@ fn a_black_level_above_the_pixels_is_told() {
     assert!(found.warnings.iter().any(|said| said.contains("--black-level")), "{:?}", found.warnings);
     plain_dng(&path, &values, &[shorts(50_714, &[59]), shorts(50_717, &[4095])]);
     assert!(describe_frame(&path, &FrameFacts::default()).unwrap().warnings.is_empty());
+    // Signed numbers are read as such
+    for level in
+        [(50_714, 8, 1, (-20i16).to_le_bytes().to_vec()), (50_714, 9, 1, (-20i32).to_le_bytes().to_vec())]
+    {
+        plain_dng(&path, &values, &[level, shorts(50_717, &[4095])]);
+        assert_eq!(read_sensor_image(&path).unwrap().image.black_level, -20.0);
+    }
 }
 
 /// An opcode of a list: number, version, flags, length and parameters.
@@ -603,7 +617,7 @@ fn tiffs_of_other_kinds_are_called_by_their_names() {
         (file(5, 1, 1, 1), "old-style LZW"),
         (file(1, 3, 1, 1), "indices of a palette"),
         (file(1, 2, 3, 2), "planar configuration 2"),
-        (with(1, shorts(266, &[2])), "FillOrder 2"),
+        (with(1, shorts(266, &[2])), "tiffcp -f msb2lsb -c none "),
     ] {
         fs::write(&path, bytes).unwrap();
         for said in [
@@ -620,6 +634,8 @@ fn tiffs_of_other_kinds_are_called_by_their_names() {
         (with(1, shorts(339, &[2])), "its numbers are signed ones of 8 bits"),
         (with(1, shorts(339, &[3])), "its numbers are floating-point ones"),
         (with(1, shorts(259, &[7])), "compressed with JPEG"),
+        (with(1, shorts(259, &[6])), "does not keep the numbers of a camera"),
+        (file(1, 1, 2, 1), "its pixels have 2 numbers of 8 bits"),
         (with(32_803, shorts(339, &[1])), "a mosaic as TIFF/EP does"),
         (with(8, shorts(339, &[1])), "CIE L*a*b*"),
     ] {
@@ -629,9 +645,6 @@ fn tiffs_of_other_kinds_are_called_by_their_names() {
     }
     fs::write(&path, []).unwrap();
     assert!(describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string().contains("is empty"));
-    fs::write(&path, b"P5\n2 1\n255\n\0\0").unwrap();
-    let said = describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string();
-    assert!(said.contains("TIFF or PNG of 16 bits"), "{said}");
     let path = folder.path().join("frame.dng");
     let values: Vec<u16> = (0..32).map(|i| 70 + 3 * i).collect();
     fs::write(&path, dng_bytes(&values, &[shorts(50_714, &[64]), shorts(50_717, &[1023])], true)).unwrap();
@@ -738,6 +751,36 @@ fn a_raw_file_that_is_no_dng_is_refused_by_name() {
     refused("marked.tif", "a raw file of a camera, but no DNG");
 }
 
+/// Files of other kinds are called by their names, and cures name files as a shell takes them.
+#[test]
+fn files_of_other_kinds_are_called_by_their_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a frame.x");
+    let copies = format!("{0}/a frame.x' '{0}/a frame", folder.path().display());
+    let whole = dng_bytes(&[500; 32], &[], false);
+    for (bytes, what) in [
+        (
+            b"P5\n2 1\n255\n\0\0".as_slice(),
+            format!("netpbmfile as n; t.imwrite(sys.argv[2], n.imread(sys.argv[1]))\" '{copies}_plain.tif'"),
+        ),
+        (b"\x93NUMPY\x01\0", "numpy.load(sys.argv[1])".into()),
+        (b"IIRO\x08\0\0\0", format!("dnglab convert '{copies}.dng'")),
+        (b"\0\0\0\x18ftypcrx \0\0\0\x01", "a raw file of a camera, but no DNG".into()),
+        (b"\xff\xd8\xff\xe0", "this is a JPEG".into()),
+        (b"GIF89a", "this is not a DNG, TIFF or PNG".into()),
+        (&tagged_tiff(long(266, 1))[..PIXELS_AT + 9], "the TIFF file is cut short".into()),
+        (&whole[..PIXELS_AT + 9], "rows from 0 on".into()),
+    ] {
+        fs::write(&path, bytes).unwrap();
+        for said in [
+            describe_frame(&path, &FrameFacts::default()).unwrap_err().to_string(),
+            read_sensor_image(&path).unwrap_err().to_string(),
+        ] {
+            assert!(said.contains(&what), "{said}");
+        }
+    }
+}
+
 /// A small form before its image is no frame, either; without the name of a camera there is no raw file to convert.
 #[test]
 fn a_small_form_before_its_image_is_no_camera_raw() {
@@ -771,21 +814,26 @@ fn a_tiff_of_several_pages_is_refused_with_their_number() {
 fn a_png_on_a_tone_curve_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("preview.png");
-    let write = |change: fn(&mut png::Encoder<'_, fs::File>)| {
+    let write = |bytes: usize, change: fn(&mut png::Encoder<'_, fs::File>)| {
         let mut encoder = png::Encoder::new(fs::File::create(&path).unwrap(), 2, 1);
         encoder.set_color(png::ColorType::Rgb);
         change(&mut encoder);
-        encoder.write_header().unwrap().write_image_data(&[9; 6]).unwrap();
+        encoder.write_header().unwrap().write_image_data(&[9; 6][..bytes]).unwrap();
         describe_frame(&path, &FrameFacts::default())
     };
-    write(|_| ()).unwrap();
-    write(|encoder| encoder.set_source_gamma(png::ScaledFloat::new(1.0))).unwrap();
+    write(6, |_| ()).unwrap();
+    write(6, |encoder| encoder.set_source_gamma(png::ScaledFloat::new(1.0))).unwrap();
+    let palette = write(2, |encoder| {
+        encoder.set_color(png::ColorType::Indexed);
+        encoder.set_palette(vec![9; 30]);
+    });
+    assert!(palette.unwrap_err().to_string().contains("a palette of colors"));
     let curves: [fn(&mut png::Encoder<'_, fs::File>); 2] = [
         |encoder| encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual),
         |encoder| encoder.set_source_gamma(png::ScaledFloat::new(0.45)),
     ];
     for curve in curves {
-        let said = write(curve).unwrap_err().to_string();
+        let said = write(6, curve).unwrap_err().to_string();
         assert!(said.contains("tone curve"), "{said}");
     }
 }

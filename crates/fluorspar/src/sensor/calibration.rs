@@ -150,9 +150,9 @@ impl MasterFrame {
         Ok(self.mean.iter().enumerate().map(level).collect())
     }
 
-    /// The median of each channel above the black level, where they differ by more than the dark noise of one value: without light
-    /// channels differ in nothing.
-    pub(crate) fn uneven_channels(&self) -> Option<Vec<(&str, f64)>> {
+    /// The median of each channel above the black level in words, where they differ by more than `least` times the dark noise of one
+    /// value: without light channels differ in nothing.
+    pub(crate) fn uneven_channels(&self, least: f64) -> Option<String> {
         let level = |channel: usize| {
             let above = |value: usize| (f64::from(self.mean[value]) - self.black_of(value)) as f32;
             median(&mut self.values_of(channel).map(above).collect::<Vec<_>>()).map(f64::from)
@@ -162,18 +162,27 @@ impl MasterFrame {
             names.filter_map(|(channel, name)| Some((name.as_str(), level(channel)?))).collect();
         let (low, high) =
             levels.iter().fold((f64::MAX, f64::MIN), |(l, h), (_, dn)| (l.min(*dn), h.max(*dn)));
-        (high - low > self.noise_floor_dn.max(1.0)).then_some(levels)
+        (high - low > least * self.noise_floor_dn.max(1.0)).then(|| {
+            let levels: Vec<String> = levels.iter().map(|(name, dn)| format!("{name} {dn:.1}")).collect();
+            format!("{} DN", levels.join(", "))
+        })
     }
 
-    /// Refuses dark frames of which more of a channel's pixels are full than may be defect.
-    pub(crate) fn refuse_saturated_dark(&self) -> Result<(), DevelopError> {
+    /// Refuses dark frames of which more of a channel's pixels are full than may be defect, and those that light fell on.
+    pub(crate) fn refuse_lit_dark(&self) -> Result<(), DevelopError> {
         for (channel, name) in self.mosaic.channels.iter().enumerate() {
             if let Some(percent) = self.percent_saturated(channel) {
                 let (dark, channel) = (self.label.clone(), name.clone());
                 return Err(DevelopError::SaturatedDark { dark, channel, percent });
             }
         }
-        Ok(())
+        match self.uneven_channels(LIT_CHANNELS) {
+            Some(levels) => {
+                let how = format!("has channels that differ by far more than noise, {levels}");
+                Err(DevelopError::LitDark { dark: self.label.clone(), how })
+            }
+            None => Ok(()),
+        }
     }
 
     /// What the part above the black level is multiplied by for a frame of this exposure.
@@ -250,6 +259,8 @@ pub struct FlatField {
 
 /// Pixels that respond less than this share of the middle have no usable response.
 const LEAST_RESPONSE: f32 = 0.02;
+/// Times the dark noise of one value by which channels of a dark frame differ where light fell on it: those of a readout differ by less.
+const LIT_CHANNELS: f64 = 10.0;
 /// Frames of even light of which more of a channel's pixels are saturated are refused; so many may be defect.
 const MOST_SATURATED: f64 = 0.01;
 /// Least signal over noise of a middling pixel in the mean of the frames: below, the inverse of its response is hardly known.

@@ -118,6 +118,14 @@ pub enum DevelopError {
         /// Share of its pixels, %.
         percent: f64,
     },
+    /// Dark frames that light fell on.
+    #[error("the dark frame \"{dark}\" {how}: light fell on it; take dark frames with the cap on the lens")]
+    LitDark {
+        /// Name of the first dark frame.
+        dark: String,
+        /// What shows it.
+        how: String,
+    },
     /// Frames of even light that tell less of a pixel's response than their noise.
     #[error(
         "a {channel} pixel of the mean of {frames} flat frames, \"{flat}\" the first, has a signal of {signal_to_noise:.1} times its noise, \
@@ -288,6 +296,9 @@ impl CalibratedValues {
     }
 }
 
+/// Part of the range by which a frame may lie below its dark frame: black levels drift.
+const LIT_SHARE: f64 = 0.01;
+
 impl Development<'_> {
     /// A raw frame in linear digital numbers: minus dark frame or black level, divided by the flat field or else times the factors of
     /// its file, bad pixels replaced.
@@ -320,7 +331,15 @@ impl Development<'_> {
                 })?;
                 // The mean of n dark frames has noise of its own.
                 noise_dn *= (1.0 + 1.0 / dark.frames.max(1) as f64).sqrt();
-                raw.data.iter().zip(&levels).map(|(&dn, dark)| f32::from(dn) - dark).collect()
+                let left: Vec<f32> =
+                    raw.data.iter().zip(&levels).map(|(&dn, dark)| f32::from(dn) - dark).collect();
+                let mean = left.iter().map(|dn| f64::from(*dn)).sum::<f64>() / left.len().max(1) as f64;
+                if -mean > LIT_SHARE * (f64::from(raw.white_level) - raw.black_level) {
+                    let how =
+                        format!("has {:.0} DN more than the frame \"{}\" in the mean", -mean, raw.label);
+                    return Err(DevelopError::LitDark { dark: dark.label.clone(), how });
+                }
+                left
             }
         };
         if let Some(flat) = self.flat {

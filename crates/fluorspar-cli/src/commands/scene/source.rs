@@ -6,7 +6,7 @@ use clap::ValueHint;
 use fluorspar::scene::Scene;
 use fluorspar::study::Study;
 use fluorspar_experiment::{Experiment, Warning, parse, resolve_shapes, resolve_unlit};
-use fluorspar_format::{OutputFolder, read_start};
+use fluorspar_format::OutputFolder;
 use fluorspar_pbrt::{ConvertedScene, to_experiment};
 
 use crate::commands::pbrt_scene::{PbrtArgs, changed_study};
@@ -43,12 +43,6 @@ impl SceneArgs {
     }
 
     fn source(&self) -> Result<ExperimentSource, CliError> {
-        if let Some(kind) = other_kind(Path::new(&self.scene)) {
-            return Err(CliError::Input(format!(
-                "{}: this is a {kind}, not a scene; give an experiment (.toml) or a scene of pbrt (.pbrt), which may name it",
-                self.scene
-            )));
-        }
         let source = ExperimentSource::find(Some(&self.scene))?;
         if source.pbrt_scene().is_none() {
             self.pbrt.check_none(&source.name)?;
@@ -105,27 +99,6 @@ impl SceneArgs {
         let resolved = resolve_unlit(&source.parse(&[])?)?;
         Ok((resolved.study, resolved.record.warnings))
     }
-}
-
-/// What a file is that is taken for a scene by mistake, by its first bytes or its ending.
-fn other_kind(path: &Path) -> Option<&'static str> {
-    const BEGINNINGS: [(&[u8], &str); 7] = [
-        (b"\x89PNG", "picture"),
-        (b"\xff\xd8\xff", "picture"),
-        (b"II*\0", "picture"),
-        (b"MM\0*", "picture"),
-        (b"v/1\x01", "picture"),
-        (b"ply", "mesh"),
-        (b"glTF", "mesh"),
-    ];
-    if !path.is_file() {
-        return None;
-    }
-    let start = read_start(path, 4).ok()?;
-    let of_start = BEGINNINGS.iter().find(|(mark, _)| start.starts_with(mark)).map(|(_, kind)| *kind);
-    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
-    let is_mesh = ["obj", "stl", "gltf"].iter().any(|known| ending.as_deref() == Some(known));
-    of_start.or(is_mesh.then_some("mesh"))
 }
 
 impl SceneText {

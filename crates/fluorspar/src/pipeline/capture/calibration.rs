@@ -105,7 +105,7 @@ impl Calibration {
         let mut calibration = Self { demosaicing, ..Self::default() };
         for group in groups {
             let dark = average(group)?;
-            dark.refuse_saturated_dark()?;
+            dark.refuse_lit_dark()?;
             calibration.darks.push(dark);
         }
         // Make the flat field
@@ -176,13 +176,11 @@ impl Calibration {
         let flat = self.flat.as_ref().map(|flat| (&flat.label, flat.exposure_s, flat.dn_per_electron));
         let lights: Vec<_> = lights.chain(flat).collect();
         for dark in &self.darks {
-            if let Some(levels) = dark.uneven_channels() {
-                let levels: Vec<String> = levels.iter().map(|(name, dn)| format!("{name} {dn:.1}")).collect();
+            if let Some(levels) = dark.uneven_channels(1.0) {
                 remarks.push(format!(
-                    "The channels of the dark frame \"{}\" differ by more than noise: {} DN. Light may have fallen on it: take dark frames \
-                     with the cap on the lens",
-                    dark.label,
-                    levels.join(", ")
+                    "The channels of the dark frame \"{}\" differ by more than noise: {levels}. Light may have fallen on it: take dark \
+                     frames with the cap on the lens",
+                    dark.label
                 ));
             }
             if !lights.iter().any(|(_, time_s, gain)| dark.has_exposure(*time_s, *gain)) {
@@ -392,5 +390,16 @@ mod tests {
         assert_eq!(dark([70, 72, 72, 75]).unwrap().remarks([&frame]).unwrap(), Vec::<String>::new());
         let remarks = dark([70, 90, 90, 75]).unwrap().remarks([&frame]).unwrap();
         assert!(remarks[0].contains("differ by more than noise: R 6.0, G 26.0, B 11.0 DN"), "{remarks:?}");
+        let said = dark([70, 160, 160, 75]).unwrap_err().to_string();
+        assert!(said.contains("differ by far more than noise, R 6.0, G 96.0, B 11.0 DN"), "{said}");
+        // Even light shows where the frame has less
+        let even = dark([300; 4]).unwrap();
+        assert!(even.development(&frame).unwrap().linearize(&frame).is_ok());
+        let darker = SensorImage { data: vec![200; 4], ..frame.clone() };
+        let said = even.development(&darker).unwrap().linearize(&darker).unwrap_err().to_string();
+        assert!(
+            said.contains("has 100 DN more than the frame \"blue\" in the mean: light fell on it"),
+            "{said}"
+        );
     }
 }

@@ -98,17 +98,27 @@ fn check_bit_depth(raw: &SensorImage, of_sensor: u8) -> Result<(), String> {
     // A tag may tell a white level that fewer bits do not have, and values may stand in the upper ones
     let most = (1u32 << of_sensor.clamp(1, 16)) - 1;
     let unused = raw.data.iter().fold(0, |all, value| all | value).trailing_zeros();
+    let is_larger = |value: &u16| u32::from(*value) > most;
     let further = if of_frame == 16 && unused >= 16 - u32::from(of_sensor.min(16)) {
-        " --left-aligned".into()
-    } else if u32::from(raw.white_level) > most {
-        format!(" --white-level {most}")
+        Some(" --left-aligned".into())
+    } else if raw.data.iter().any(is_larger) {
+        None
+    } else if is_larger(&raw.white_level) {
+        Some(format!(" --white-level {most}"))
     } else {
-        String::new()
+        Some(String::new())
     };
+    let ms = (1e9 * raw.exposure_s).round() / 1e6;
+    let describe = further.map(|further| {
+        format!(
+            "Where the frame holds numbers of {of_sensor} bits: `fluorspar describe FRAME --bit-depth {of_sensor}{further} --exposure-ms {ms} \
+             --replace`, and what else was given. "
+        )
+    });
     Err(format!(
-        "its conversion gain is not known, and the sensor of the experiment has {of_sensor} bits where the frame has {of_frame}. Where the \
-         frame holds numbers of {of_sensor} bits, say so with `fluorspar describe FRAME --bit-depth {of_sensor}{further} --replace` and what else was given; where the sensor \
-         has {of_frame} bits, set sensor.bit_depth={of_frame}; or describe --dn-per-electron"
+        "its conversion gain is not known, and the sensor of the experiment has {of_sensor} bits where the frame has {of_frame}. {}Where \
+         the sensor has {of_frame} bits: --set sensor.bit_depth={of_frame}. Or describe the frame with --dn-per-electron",
+        describe.unwrap_or_default()
     ))
 }
 
