@@ -129,7 +129,10 @@ impl Form {
 
 /// Whether a cell says that there is no value.
 fn is_missing(cell: &str) -> bool {
-    matches!(cell, "" | "-" | "--" | "NA" | "N/A" | "#N/A" | "n/a" | "nan" | "NaN" | "NAN")
+    matches!(
+        cell.to_lowercase().as_str(),
+        "" | "-" | "--" | "---" | "na" | "n/a" | "#n/a" | "nan" | "null" | "none"
+    )
 }
 
 /// A table of numbers among lines of text.
@@ -259,8 +262,14 @@ fn extended(
     run: std::ops::Range<usize>,
     width: usize,
 ) -> std::ops::Range<usize> {
-    let belongs =
-        |line: &Vec<&str>| form.mark.is_some() && line.len() == width && form.number(line[0]).is_some();
+    // Between blanks, a line of text has lower-case words: what stands for a value (nan, *****, > 6) has none
+    let is_value =
+        |cell: &&str| is_missing(cell) || !cell.contains(char::is_lowercase) || cell.parse::<f64>().is_ok();
+    let is_as_wide = |line: &Vec<&str>| match form.mark {
+        Some(_) => line.len() == width,
+        None => line.len() >= width && line[1..].iter().all(is_value),
+    };
+    let belongs = |line: &Vec<&str>| is_as_wide(line) && form.number(line[0]).is_some();
     let is_row = |line: &Vec<&str>| belongs(line) && form.is_row(line);
     let mut start = run.start;
     while let Some(back) = cells[..start].iter().rev().take(LINES_BETWEEN + 1).position(is_row) {

@@ -652,11 +652,12 @@ impl SpectrumReader<'_> {
                 None if self.options.quantity != SpectrumQuantity::Stored
                     && (samples.is_empty() || row.line > last_filled) => {}
                 None => {
+                    let nm = axes.scale_to_nm.in_nm(nm);
                     return Err(FormatError::at_line(
                         self.path,
                         row.line,
-                        format!("column {} is empty at {nm} nm", self.table.column_name(column.values)),
-                        "Fill the cell or remove the line",
+                        format!("column {} has no value at {nm} nm", self.table.column_name(column.values)),
+                        "Fill the cell, or remove the lines without a value: a straight line bridges the gap",
                     ));
                 }
             }

@@ -297,6 +297,25 @@ fn a_wrong_line_within_a_table_is_told() {
     assert!(error.starts_with("t.csv:2: "), "{error}");
 }
 
+#[test]
+fn a_table_between_blanks_does_not_end_where_a_value_is_missing() {
+    let with = |bad: &str| -> String {
+        (0..20).map(|i| format!("{} {}\n", 400 + i, if (8..12).contains(&i) { bad } else { "0.5" })).collect()
+    };
+    for (bad, said) in [
+        ("NaN", "t.txt:10: column \"T\" has no value at 408 nm. Fill the cell, or remove the lines"),
+        ("--", "t.txt:10: column \"T\" has no value at 408 nm"),
+        ("*****", "t.txt:10: column \"T\" holds \"*****\", which is not a number"),
+        (">6", "t.txt:10: column \"T\" holds \">6\", a bound. Write the bound as the value"),
+        ("> 6", "t.txt:10: this line has 3 cells but the header has 2"),
+    ] {
+        let text = format!("wavelength T\n{}", with(bad));
+        let error =
+            read_bytes("t.txt", text.as_bytes(), &as_quantity(SpectrumQuantity::Fraction)).unwrap_err();
+        assert!(error.starts_with(said), "{error}");
+    }
+}
+
 /// What a spectrometer computes where its lamp has no light: some number of either sign, far beyond 0 to 1.
 fn noise(place: usize) -> f64 {
     [13.0, -240.0, 95.5, 710.0, -4.0, -1850.0, 7.0][place % 7]

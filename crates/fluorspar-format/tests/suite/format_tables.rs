@@ -110,7 +110,7 @@ fn bad_spectra_are_explained() {
         ),
         (
             b"nm,a\n400,1\n410,\n",
-            "t.csv:3: column \"a\" is empty at 410 nm. Fill the cell or remove the line",
+            "t.csv:3: column \"a\" has no value at 410 nm. Fill the cell, or remove the lines without a value: a straight line bridges the gap",
         ),
         (b"nm,a\n400,1\n,2\n", "t.csv:3: the wavelength is empty. Give every line a wavelength in nm"),
         (
