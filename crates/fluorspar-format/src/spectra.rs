@@ -154,7 +154,7 @@ fn matlab_spectra(path: &Path, options: &SpectrumOptions) -> Result<MeasuredSpec
         let header = Header { line: 0, cells: vec!["wavelength_nm".into(), format!("{number}")] };
         let table = Table::of_rows(path, header, rows_of(curve), Vec::new())?;
         let reader = SpectrumReader { path, table: &table, preamble: &[], options, read_as: Vec::new() };
-        let columns = [ValueColumn { axis: 0, values: 1, error: None }];
+        let columns = [ValueColumn { axis: 0, start: None, values: 1, error: None }];
         let read = reader.read_columns(Axes { scale_to_nm: AxisUnit::Nanometers }, &columns)?;
         read_as.extend(read.read_as.into_iter().filter(|_| number == 1));
         curves.extend(read.curves);
@@ -251,6 +251,8 @@ struct Axes {
 #[derive(Clone, Copy)]
 struct ValueColumn {
     axis: usize,
+    /// Column of the lower edges of bands, where the axis has the upper ones.
+    start: Option<usize>,
     values: usize,
     error: Option<usize>,
 }
@@ -302,7 +304,7 @@ impl SpectrumReader<'_> {
     fn first_axis(&mut self) -> Result<usize, FormatError> {
         let is_index = |header: &str| {
             let lower = header.to_lowercase();
-            ["pixel", "index"].iter().any(|word| lower.starts_with(word))
+            ["pixel", "index", "bandwidth", "fwhm"].iter().any(|word| lower.starts_with(word))
         };
         let headers = self.headers();
         if let Some(named) = headers.iter().position(|header| names_wavelengths(header) && !is_index(header))
@@ -335,12 +337,27 @@ impl SpectrumReader<'_> {
                 headers[*column].split_whitespace().last().is_some_and(|word| word.eq_ignore_ascii_case("x"))
             };
             numbers.len() == self.table.row_count()
+                && !is_index(&headers[*column])
                 && (numbers.iter().all(|value| range_nm.contains(value)) || is_of_sunlight(&numbers))
                 && (rises() || falls() || is_x())
         };
         // Two lines are too few to tell
         let few = !is_headless && self.table.row_count() < 8;
-        match (0..headers.len()).find(plausible).filter(|_| !few) {
+        let found = (0..headers.len()).find(plausible).filter(|_| !few);
+        match found {
+            Some(column)
+                if is_headless
+                    && self.table.row_count() >= 8
+                    && headers.len() > column + 2
+                    && plausible(&(column + 1)) =>
+            {
+                Err(FormatError::at_line(
+                    self.path,
+                    self.table.line_of(0),
+                    format!("columns {} and {} may both be wavelengths", column + 1, column + 2),
+                    "Put a line above the numbers that names every column, such as \"pixel,wavelength_nm,counts\", or \"start_nm,end_nm,power\" of bands",
+                ))
+            }
             Some(column) => {
                 let name = match self.headers()[column].as_str() {
                     "" => format!("column {}", column + 1),
@@ -404,25 +421,49 @@ impl SpectrumReader<'_> {
     /// Columns of values: all but wavelengths, other axes and standard errors.
     fn value_columns(&self, first_axis: usize) -> Vec<ValueColumn> {
         let mut columns: Vec<ValueColumn> = Vec::new();
-        let mut axis = first_axis;
+        let (mut axis, mut start) = (first_axis, None);
         let is_filled = |column: usize| self.table.rows().any(|row| !self.table.cell(row, column).is_empty());
         for (column, header) in self.headers().iter().enumerate() {
             let lower = header.to_lowercase();
-            let is_other_axis = ["pixel", "index", "wavenumber", "raman shift", "frequency"]
-                .iter()
-                .any(|word| lower.starts_with(word));
-            if column == first_axis || (names_wavelengths(header) && self.is_axis(column)) {
+            let is_other_axis = [
+                "pixel",
+                "index",
+                "no.",
+                "nr.",
+                "wavenumber",
+                "raman shift",
+                "frequency",
+                "bandwidth",
+                "fwhm",
+                "slit width",
+            ]
+            .iter()
+            .any(|word| lower.starts_with(word));
+            // Those of a band, side by side
+            let are_edges = column == axis + 1 && is_edge(&self.headers()[axis]) && is_edge(header);
+            if column == first_axis || ((names_wavelengths(header) || are_edges) && self.is_axis(column)) {
+                start = are_edges.then_some(axis);
                 axis = column;
-            } else if is_other_axis || (header.is_empty() && (column < first_axis || !is_filled(column))) {
+            } else if is_other_axis
+                || (header.is_empty() && (column < first_axis || !is_filled(column)))
+                || self.is_text(column)
+            {
             } else if is_standard_error(&lower) {
                 if let Some(last) = columns.last_mut() {
                     last.error = Some(column);
                 }
             } else {
-                columns.push(ValueColumn { axis, values: column, error: None });
+                columns.push(ValueColumn { axis, start, values: column, error: None });
             }
         }
         columns
+    }
+
+    /// Whether a column holds no number, but words: names of samples, dates, remarks.
+    fn is_text(&self, column: usize) -> bool {
+        let cells = || self.table.rows().map(|row| self.table.cell(row, column));
+        cells().any(|cell| cell.contains(char::is_alphanumeric))
+            && cells().all(|cell| !cell.contains(['<', '>']) && cell.replace(',', "").parse::<f64>().is_err())
     }
 
     /// Whether a column that is called a wavelength holds some.
@@ -441,14 +482,23 @@ impl SpectrumReader<'_> {
         match &self.options.columns {
             SpectrumColumns::All => Ok(columns.to_vec()),
             SpectrumColumns::One => {
-                let place = computed_column(&names).unwrap_or(0);
-                if columns.len() > 1 {
-                    let name = match names[place].as_str() {
-                        "" => format!("column {}", columns[place].values + 1),
-                        name => format!("column \"{}\"", excerpt(name)),
-                    };
-                    self.read_as.push(format!("{name} of {}", shortened_list(&names)));
-                }
+                let place = match computed_column(&names) {
+                    Some(place) => place,
+                    None => self.likely_column(columns, &names)?,
+                };
+                let name = self.table.column_name(columns[place].values);
+                let is_comparison = is_comparison(&names[place]);
+                self.read_as.extend(match columns.len() {
+                    1 if is_comparison => Some(format!("column {name} as the values: there is no other")),
+                    1 => None,
+                    _ if names.iter().all(String::is_empty) => {
+                        Some(format!("column {name} of {}", self.headers().len()))
+                    }
+                    _ => Some(format!("column {name} of {}", shortened_list(&names))),
+                });
+                let is_raw = !is_comparison && RawColumns::is_raw(&names[place]);
+                let dark = names.iter().find(|name| is_raw && is_comparison_with_dark(name));
+                self.read_as.extend(dark.map(|dark| format!("\"{}\" is not subtracted", excerpt(dark))));
                 Ok(vec![columns[place]])
             }
             SpectrumColumns::Named(wanted) => wanted
@@ -477,6 +527,31 @@ impl SpectrumReader<'_> {
                 })
                 .collect(),
         }
+    }
+
+    /// The first column behind the wavelengths that is by its name no dark, reference or background.
+    fn likely_column(&self, columns: &[ValueColumn], names: &[String]) -> Result<usize, FormatError> {
+        let path = self.path.display();
+        let of_kinds: Vec<(&str, &str)> =
+            names.iter().filter_map(|name| Some((name.as_str(), kind_of(name)?))).collect();
+        if let Some((other, _)) = of_kinds.iter().find(|(_, kind)| *kind != of_kinds[0].1) {
+            let [first, other] = [of_kinds[0].0, other].map(excerpt);
+            return Err(self.in_header(
+                format!("columns \"{first}\" and \"{other}\" are of different things"),
+                format!("Name the one that is meant, as in {{ csv = \"{path}\", column = \"{other}\" }}, between apostrophes on a command line"),
+            ));
+        }
+        let rank =
+            |place: &usize| (columns[*place].values < columns[*place].axis, is_comparison(&names[*place]));
+        let place = (0..columns.len()).min_by_key(rank).unwrap_or(0);
+        let is_raw = RawColumns::find(names).is_some_and(|raw| raw.sample == place);
+        if is_raw && self.options.quantity == SpectrumQuantity::Fraction {
+            return Err(self.in_header(
+                "the columns are what was measured: sample, dark and reference",
+                "Export the transmittance or reflectance, or add a column of it: (sample - dark) / (reference - dark)",
+            ));
+        }
+        Ok(place)
     }
 
     fn read_columns(mut self, axes: Axes, columns: &[ValueColumn]) -> Result<MeasuredSpectra, FormatError> {
@@ -522,6 +597,7 @@ impl SpectrumReader<'_> {
     }
 
     fn read_column(&mut self, axes: Axes, column: ValueColumn) -> Result<NamedCurve, FormatError> {
+        self.say(column.start.map(|_| "the middles of bands as wavelengths".into()));
         let (mut unit, lines) = self.ratio(column)?;
         let mut samples = self.samples(axes, column, lines)?;
         self.sort(&mut samples);
@@ -643,8 +719,10 @@ impl SpectrumReader<'_> {
                     "Give every line a wavelength in nm",
                 ));
             };
-            let error =
-                column.error.map(|error| self.table.number(self.path, row, error)).transpose()?.flatten();
+            let cell =
+                |column: Option<usize>| column.map(|of| self.table.number(self.path, row, of)).transpose();
+            let nm = cell(column.start)?.flatten().map_or(nm, |start| 0.5 * (start + nm));
+            let error = cell(column.error)?.flatten();
             match value {
                 Some(value) => samples.push(Sample { row, nm: axes.scale_to_nm.in_nm(nm), value, error }),
                 None if self.options.skip_empty_cells => {}
@@ -843,6 +921,45 @@ fn is_standard_error(lower: &str) -> bool {
         .iter()
         .any(|name| joined == *name || (name.len() > 5 && joined.starts_with(name)))
         || plain.split_whitespace().any(|word| matches!(word, "std" | "stdev" | "stddev" | "sd" | "stderr"))
+}
+
+/// Whether a header is that of an edge of bands.
+fn is_edge(header: &str) -> bool {
+    const EDGES: [&str; 12] =
+        ["start", "end", "from", "to", "lower", "upper", "low", "high", "min", "max", "begin", "stop"];
+    words_of(header).any(|word| EDGES.contains(&word.as_str()))
+}
+
+fn words_of(header: &str) -> impl Iterator<Item = String> {
+    let lower = header.to_lowercase();
+    let words: Vec<String> = lower.split(|c: char| !c.is_alphanumeric()).map(String::from).collect();
+    words.into_iter().filter(|word| !word.is_empty())
+}
+
+/// Whether a column holds by its name what a measurement is compared with, and no measurement.
+fn is_comparison(header: &str) -> bool {
+    const COMPARISONS: [&str; 8] =
+        ["dark", "background", "bkg", "bg", "baseline", "reference", "ref", "blank"];
+    let is_corrected =
+        words_of(header).any(|word| word.starts_with("correct") || word.starts_with("subtract"));
+    !is_corrected && words_of(header).next().is_some_and(|word| COMPARISONS.contains(&word.as_str()))
+}
+
+fn is_comparison_with_dark(header: &str) -> bool {
+    is_comparison(header) && !words_of(header).any(|word| word.starts_with("ref"))
+}
+
+/// What a column is of by its name, of kinds that can't stand for each other.
+fn kind_of(header: &str) -> Option<&'static str> {
+    words_of(header).find_map(|word| match word.as_str() {
+        "t" => Some("transmittance"),
+        "r" => Some("reflectance"),
+        "ex" | "exc" => Some("excitation"),
+        "em" => Some("emission"),
+        _ => ["transmi", "reflect", "excitation", "emission", "dichroic"]
+            .into_iter()
+            .find(|start| word.starts_with(start)),
+    })
 }
 
 /// The column that a spectrometer computed from its sample, dark and reference.

@@ -155,6 +155,27 @@ const LAYOUTS: &[Layout] = &[
         &[0.5, 0.25],
     ),
     (
+        "a background before the light, names and dates before the wavelength",
+        "sample,date,Wavelength (nm),Background,Irradiance\nA 1,2024-01-31,400,9,0.5\nA 1,2024-01-31,410,9,0.25\n",
+        SpectrumQuantity::SpectralPower,
+        &[400.0, 410.0],
+        &[0.5, 0.25],
+    ),
+    (
+        "edges of bands",
+        "wavelength start,wavelength end,irradiance\n400,410,0.5\n410,420,0.25\n",
+        SpectrumQuantity::SpectralPower,
+        &[405.0, 415.0],
+        &[0.5, 0.25],
+    ),
+    (
+        "a running number before, a width behind the wavelength",
+        "No.,Wavelength (nm),Bandwidth (nm),T\n200,400,5,0.5\n201,410,5,0.25\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 410.0],
+        &[0.5, 0.25],
+    ),
+    (
         "decibels of a transmission",
         "Wavelength (nm),T (dB)\n400,-20\n500,-10\n600,0\n",
         SpectrumQuantity::Fraction,
@@ -314,6 +335,42 @@ fn a_table_between_blanks_does_not_end_where_a_value_is_missing() {
             read_bytes("t.txt", text.as_bytes(), &as_quantity(SpectrumQuantity::Fraction)).unwrap_err();
         assert!(error.starts_with(said), "{error}");
     }
+}
+
+#[test]
+fn of_several_columns_that_which_was_measured_is_taken_or_none() {
+    let light =
+        |header: &str| one("t.csv", format!("{header}\n400,1,2\n410,1,4\n"), SpectrumQuantity::SpectralPower);
+    let (_, values, read_as) = light("nm,Dark,Sample");
+    assert_eq!(
+        (values, read_as.as_str()),
+        (vec![2.0, 4.0], "column \"Sample\" of Dark, Sample; \"Dark\" is not subtracted")
+    );
+    let (_, _, read_as) = one("t.csv", "nm,Dark counts\n400,1\n410,1\n", SpectrumQuantity::SpectralPower);
+    assert!(read_as.starts_with("column \"Dark counts\" as the values: there is no other"), "{read_as}");
+    let unnamed: String = (0..10).map(|i| format!("{},{},0.5\n", 200 + i, 400 + 5 * i)).collect();
+    for (text, said) in [
+        (
+            "nm,%R,%T\n400,1,2\n410,1,4\n",
+            "columns \"%R\" and \"%T\" are of different things. Name the one that is meant, as in { csv = \"t.csv\", column = \"%T\" }",
+        ),
+        (
+            "nm,exciter ex,emitter em,dichroic\n400,1,0,1\n410,1,0,1\n",
+            "columns \"exciter ex\" and \"emitter em\" are of different things",
+        ),
+        (
+            "nm,Dark,Reference,Sample\n400,9,99,50\n410,9,99,60\n",
+            "what was measured: sample, dark and reference. Export",
+        ),
+        (&unnamed, "columns 1 and 2 may both be wavelengths. Put a line above"),
+    ] {
+        let error =
+            read_bytes("t.csv", text.as_bytes(), &as_quantity(SpectrumQuantity::Fraction)).unwrap_err();
+        assert!(error.contains(said), "{error}");
+    }
+    // The line that is asked for
+    let named = format!("pixel,wavelength_nm,T\n{unnamed}");
+    assert_eq!(one("t.csv", named, SpectrumQuantity::Fraction).0[..2], [400.0, 405.0]);
 }
 
 /// What a spectrometer computes where its lamp has no light: some number of either sign, far beyond 0 to 1.
