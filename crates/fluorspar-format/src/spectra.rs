@@ -15,7 +15,7 @@ use super::jcamp::jcamp_table;
 use super::mat::read_mat_spectra;
 use super::spectrometer::{PLAUSIBLE, RawColumns, RawRow, ratio, without_noisy_ends};
 use super::tm27::tm27_table;
-use super::value_unit::{Conversion, SpectrumQuantity, StatedUnit, ValueUnit, stated_unit};
+use super::value_unit::{Conversion, SpectrumQuantity, StatedUnit, ValueUnit, factor_of, stated_unit};
 
 /// Which columns of values to read.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -76,6 +76,12 @@ const PLAUSIBLE_NM: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
 const LONGEST_OF_SUNLIGHT_NM: f64 = 4500.0;
 /// Wavelengths in micrometers: of none is it so few nm.
 const MICROMETERS: std::ops::RangeInclusive<f64> = 0.15..=30.0;
+/// Share of the largest value within which values are as low as the lowest.
+const LEVEL: f64 = 0.02;
+/// Share of the largest value below which no light at all is left where it has none.
+const LEAST_PEDESTAL: f64 = 0.05;
+/// Optical density beside which one of 0 is none.
+const LEAST_OPAQUE: f64 = 2.0;
 /// Share of the lines that may give a wavelength once more: curves read off a figure do where they are steep.
 const MOST_DOUBLED: f64 = 0.1;
 /// Wavelengths in nm where a line above the table states their unit.
@@ -591,7 +597,7 @@ impl SpectrumReader<'_> {
                     self.table.column_name(column),
                     excerpt(&unit)
                 ),
-                unit_hint(self.path),
+                "Export it in %, OD, dB, A/W, photons, counts or W, or write the right unit into the header, as in \"T (%)\"",
             )),
         }
     }
@@ -600,7 +606,19 @@ impl SpectrumReader<'_> {
         self.say(column.start.map(|_| "the middles of bands as wavelengths".into()));
         let (mut unit, lines) = self.ratio(column)?;
         let mut samples = self.samples(axes, column, lines)?;
+        let is_converted = self.options.quantity != SpectrumQuantity::Stored && self.options.unit.is_none();
+        let factor = if is_converted { factor_of(&self.headers()[column.values]) } else { 1.0 };
+        if factor != 1.0 {
+            self.say(Some(format!("values times {factor}")));
+            samples.iter_mut().for_each(|sample| {
+                sample.value *= factor;
+                sample.error = sample.error.map(|error| error * factor);
+            });
+        }
         self.sort(&mut samples);
+        if unit == Some(ValueUnit::OpticalDensity) && self.options.quantity == SpectrumQuantity::Fraction {
+            self.refuse_density_of_zero(column.values, &samples)?;
+        }
         if self.options.quantity == SpectrumQuantity::Fraction {
             let largest = self.must_be_percent(&samples, column.values).filter(|_| unit.is_none());
             if let Some(largest) = largest {
@@ -616,11 +634,11 @@ impl SpectrumReader<'_> {
             let is_loss = samples.iter().map(|sample| sample.value).sum::<f64>() > 0.0;
             Conversion::new(unit, self.options.quantity, is_loss).map_err(|what| {
                 let what = format!("column {}: {what}", self.table.column_name(column.values));
-                let hint = format!(
-                    "Choose a file or column that holds one; if the header is wrong, say the unit. {}",
-                    unit_hint(self.path)
-                );
-                FormatError::unit(self.path, what, hint)
+                FormatError::unit(
+                    self.path,
+                    what,
+                    "Choose a file or column that holds one, or correct the unit in the header",
+                )
             })
         });
         let convert = convert.transpose()?;
@@ -770,6 +788,24 @@ impl SpectrumReader<'_> {
         self.say(Some(format!("{words} given twice: the mean of the values")));
     }
 
+    /// Instruments that have no light left may write an optical density of 0.
+    fn refuse_density_of_zero(&self, column: usize, samples: &[Sample]) -> Result<(), FormatError> {
+        let is_wrong = |zero: &Sample, beside: &Sample| zero.value == 0.0 && beside.value >= LEAST_OPAQUE;
+        let wrong = samples.windows(2).find_map(|pair| {
+            let [a, b] = [&pair[0], &pair[1]];
+            is_wrong(a, b).then_some((a, b)).or(is_wrong(b, a).then_some((b, a)))
+        });
+        wrong.map_or(Ok(()), |(zero, beside)| {
+            let column = self.table.column_name(column);
+            Err(FormatError::at_line(
+                self.path,
+                zero.row.line,
+                format!("column {column} holds an optical density of 0 at {} nm beside {} at {} nm", zero.nm, beside.value, beside.nm),
+                "Write the largest density that is measured where no light was left, or 0.001 where the filter is clear",
+            ))
+        })
+    }
+
     /// The largest value of a transmittance or reflectance without a unit, where it is so large that it must be percent.
     fn must_be_percent(&self, samples: &[Sample], column: usize) -> Option<f64> {
         if without_noisy_ends(&fractions(None, samples)).is_some() {
@@ -777,7 +813,9 @@ impl SpectrumReader<'_> {
         }
         let percent = fractions(Some(ValueUnit::Percent), samples);
         let kept = without_noisy_ends(&percent)?;
-        let largest = percent[kept].iter().copied().fold(0.0, f64::max);
+        // One value that is larger than those beside it is a wrong pixel
+        let beside = |pair: &[f64]| pair[0].min(pair[1]);
+        let largest = percent[kept].windows(2).map(beside).fold(0.0, f64::max);
         let names = |text: &str| {
             let lower = text.to_lowercase();
             let mut words = lower.split(|c: char| !c.is_alphanumeric());
@@ -792,15 +830,23 @@ impl SpectrumReader<'_> {
         (largest > least).then_some(100.0 * largest)
     }
 
-    /// What to do with values that are too large.
-    fn hint_of_large(&self, unit: Option<ValueUnit>) -> String {
-        match (self.options.quantity, unit) {
-            (SpectrumQuantity::Fraction, Some(_)) => format!(
+    /// What to do with values that are too large: one of them, or most.
+    fn hint_of_large(&self, unit: Option<ValueUnit>, values: &[f64]) -> String {
+        let largest = values.iter().copied().fold(0.0, f64::max);
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let is_alone = sorted.iter().rev().nth(1).is_none_or(|second| PLAUSIBLE.contains(second));
+        let path = self.path.display();
+        match self.options.quantity {
+            _ if is_alone && values.len() > 2 => "Correct this value, or remove the line".into(),
+            _ if unit.is_none() && largest <= 100.0 * LARGEST_EFFICIENCY => unit_hint(self.path),
+            SpectrumQuantity::Fraction => format!(
                 "Choose a column that holds a transmittance or reflectance; if its white was too dark, give the file as \
-                 {{ csv = \"{}\", scale = 0.25 }}, with the factor that makes it one",
-                self.path.display()
+                 {{ csv = \"{path}\", scale = 0.25 }}, with the factor that makes it one"
             ),
-            _ => unit_hint(self.path),
+            _ => format!(
+                "Choose a column that holds a quantum efficiency, or give the file as {{ csv = \"{path}\", scale = 0.01 }}, with the factor that makes it one"
+            ),
         }
     }
 
@@ -818,8 +864,9 @@ impl SpectrumReader<'_> {
         let is_noisy = sum_of(-1.0) <= NOISE * sum_of(1.0);
         let refuses = self.options.negative == Negative::Refuse;
         let around = around(values);
+        let hint_of_large = self.hint_of_large(unit, values);
         let (mut below, mut above) = ((0, 0.0_f64), (0, 1.0_f64));
-        for ((sample, value), near) in samples.iter().zip(values).zip(around) {
+        for ((sample, value), near) in samples.iter().zip(values.iter_mut()).zip(around) {
             let is_noise = quantity != SpectrumQuantity::Stored
                 && *value < 0.0
                 && (is_noisy || value.max(near.mean + near.within) >= -NOISE * largest);
@@ -839,7 +886,7 @@ impl SpectrumReader<'_> {
             if let Some(what) = too_large {
                 let column = self.table.column_name(column);
                 let what = format!("column {column} holds {}, {what}{}", sample.value, in_unit(unit));
-                return Err(FormatError::at_line(self.path, sample.row.line, what, self.hint_of_large(unit)));
+                return Err(FormatError::at_line(self.path, sample.row.line, what, hint_of_large));
             }
             if quantity == SpectrumQuantity::Fraction && *value > 1.0 && refuses {
                 above = (above.0 + 1, above.1.max(*value));
@@ -851,6 +898,11 @@ impl SpectrumReader<'_> {
             (count > 0)
                 .then(|| format!("{} {what}, as far as {extreme:.2e}", counted(count, "value", "values")))
         };
+        if quantity == SpectrumQuantity::SpectralPower {
+            self.say(pedestal(samples).map(|percent| {
+                format!("never below {percent:.0} % of the largest value, and level there: is the dark subtracted?")
+            }));
+        }
         self.say(of(below, "below 0 taken as 0"));
         self.say(of(above, "above 1 taken as 1"));
         Ok(())
@@ -886,6 +938,17 @@ fn around(values: &[f64]) -> Vec<Around> {
         Around { mean, within: 3.0 * (variance / count).sqrt() }
     };
     (0..values.len()).map(of).collect()
+}
+
+/// Percent of the largest value above which all values of a light stay, where a third of them are as low as the lowest: its dark.
+fn pedestal(samples: &[Sample]) -> Option<f64> {
+    let mut sorted: Vec<f64> = samples.iter().map(|sample| sample.value).collect();
+    sorted.sort_by(f64::total_cmp);
+    let [first, .., last] = sorted[..] else { return None };
+    let third = sorted[sorted.len() / 3];
+    let is_level = third - first < LEVEL * last;
+    (sorted.len() >= 20 && is_level && first > LEAST_PEDESTAL * last && third < 0.5 * last)
+        .then_some(100.0 * first / last)
 }
 
 /// Words for the unit that a value has in the file.

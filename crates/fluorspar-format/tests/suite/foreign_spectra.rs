@@ -162,6 +162,13 @@ const LAYOUTS: &[Layout] = &[
         &[0.5, 0.25],
     ),
     (
+        "values in W/nm that might be wavelengths",
+        "Wavelength (nm),Spectral power (W/nm)\n400,500\n410,250\n",
+        SpectrumQuantity::SpectralPower,
+        &[400.0, 410.0],
+        &[500.0, 250.0],
+    ),
+    (
         "edges of bands",
         "wavelength start,wavelength end,irradiance\n400,410,0.5\n410,420,0.25\n",
         SpectrumQuantity::SpectralPower,
@@ -229,6 +236,12 @@ fn units_of_headers_become_the_quantity() {
         one("t.csv", "wavelength_nm,R (A/W)\n600,0.3\n610,0.27\n", SpectrumQuantity::QuantumEfficiency);
     assert!((qe[1] - 0.548_78).abs() < 1e-5, "{qe:?}");
     assert_eq!(read_as, "amperes per watt");
+    let (_, qe, read_as) =
+        one("t.csv", "nm,S (mA/W)\n600,300\n610,270\n", SpectrumQuantity::QuantumEfficiency);
+    assert!(
+        (qe[1] - 0.548_78).abs() < 1e-5 && read_as == "values times 0.001; amperes per watt",
+        "{read_as}"
+    );
     // Photons at 400 nm have 1.5 times the energy of those at 600 nm
     let (_, power, _) =
         one("t.csv", "nm,photon flux (umol m-2 s-1 nm-1)\n400,1\n600,1\n", SpectrumQuantity::SpectralPower);
@@ -260,7 +273,32 @@ fn values_that_can_not_be_the_quantity_are_refused_with_their_cure() {
         (
             "nm,x\n400,450\n410,54\n",
             SpectrumQuantity::Fraction,
-            "t.csv:2: column \"x\" holds 450, more than 1. Give the file as { csv = \"t.csv\", unit = \"percent\" }",
+            "t.csv:2: column \"x\" holds 450, more than 1. Choose a column that holds a transmittance or reflectance",
+        ),
+        (
+            "nm,T\n400,0.5\n410,60\n420,0.5\n430,0.25\n",
+            SpectrumQuantity::Fraction,
+            "t.csv:3: column \"T\" holds 60, more than 1. Correct this value, or remove the line",
+        ),
+        (
+            "nm,OD\n400,5\n410,0\n420,1\n",
+            SpectrumQuantity::Fraction,
+            "t.csv:3: column \"OD\" holds an optical density of 0 at 410 nm beside 5 at 400 nm. Write",
+        ),
+        (
+            "nm,S (A/W)\n400,45\n410,95\n420,95\n",
+            SpectrumQuantity::QuantumEfficiency,
+            "in unit \"a_per_w\". Choose a column that holds a quantum efficiency",
+        ),
+        (
+            "nm,Power (dBm)\n400,-45\n410,-54\n",
+            SpectrumQuantity::SpectralPower,
+            "column \"Power (dBm)\" is in \"dbm\", which isn't known here. Export it in %, OD",
+        ),
+        (
+            "nm,T [perc]\n400,0.5\n410,0.5\n",
+            SpectrumQuantity::Fraction,
+            "column \"T [perc]\" is in \"perc\", which isn't known here. Export it in %, OD",
         ),
         (
             "nm,T (%)\n400,45\n410,154\n",
@@ -448,6 +486,38 @@ fn what_stands_twice_in_a_file_is_told() {
     };
     let link = block("EXPORTED: PROCESSED SPECTRUM", 0.5) + &block("EXPORTED: DARK SPECTRUM", 0.1);
     assert_eq!(one("t.jdx", link, SpectrumQuantity::Fraction).1, [0.5, 0.5]);
+}
+
+#[test]
+fn samples_named_above_pairs_of_columns_are_told_apart() {
+    let scans =
+        "Wavelength (nm),%T,Wavelength (nm),%T,\n410,50,410,80,\n400,25,400,40,\n\nfilter\nScan rate 600\n";
+    let read = |names: &str, columns: SpectrumColumns| {
+        let options = SpectrumOptions { columns, ..as_quantity(SpectrumQuantity::Fraction) };
+        let read = read_bytes("t.csv", format!("{names}\n{scans}").as_bytes(), &options).unwrap();
+        (read.curves[0].curve.values().to_vec(), read.read_as.join("; "))
+    };
+    let named = |name: &str| SpectrumColumns::Named(vec![name.into()]);
+    assert_eq!(read("long, 5 mm,,short, 5 mm,,", named("short, 5 mm")).0, [0.4, 0.8]);
+    assert_eq!(read(",,short,,", named("short")).0, [0.4, 0.8]);
+    let (values, read_as) = read("Baseline 100%T,,short,,", SpectrumColumns::One);
+    assert_eq!(values, [0.4, 0.8]);
+    assert!(read_as.contains("column \"short (%T)\" of Baseline 100%T (%T), short (%T)"), "{read_as}");
+}
+
+#[test]
+fn a_light_upon_its_dark_is_told() {
+    let text = |dark: f64| -> String {
+        let value = |i: i32| dark + 3200.0 * (-f64::from(i - 20).powi(2) / 9.0).exp();
+        (0..40).map(|i| format!("{},{:.1}\n", 400 + 5 * i, value(i))).collect()
+    };
+    let read_as =
+        |dark| one("t.csv", format!("nm,Counts\n{}", text(dark)), SpectrumQuantity::SpectralPower).2;
+    assert!(
+        read_as(800.0)
+            .contains("never below 20 % of the largest value, and level there: is the dark subtracted?")
+    );
+    assert!(!read_as(10.0).contains("never below"));
 }
 
 #[test]
