@@ -42,12 +42,13 @@ pub(super) fn instrument_text<'a>(path: &Path, bytes: &'a [u8]) -> Result<Cow<'a
 /// Says which binary file this is.
 fn refuse_binary(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
     let start = &bytes[..bytes.len().min(START)];
-    let known: [(&[u8], &str); 5] = [
+    let known: [(&[u8], &str); 6] = [
         (b"PK\x03\x04", "a ZIP archive or a spreadsheet"),
         (b"\xD0\xCF\x11\xE0", "a spreadsheet of Excel"),
         (b"%PDF", "a PDF"),
         (b"\x89PNG", "a picture"),
         (b"AVS8", "a binary file of AvaSoft"),
+        (b"PEPE", "a binary file of Perkin-Elmer"),
     ];
     let what = known.iter().find(|(mark, _)| start.starts_with(mark)).map(|(_, what)| *what);
     let control = |byte: &&u8| **byte < 32 && !matches!(**byte, b'\n' | b'\r' | b'\t' | 0x0C | 0x1A);
@@ -129,7 +130,7 @@ impl Form {
 }
 
 /// Whether a cell says that there is no value.
-fn is_missing(cell: &str) -> bool {
+pub(super) fn is_missing(cell: &str) -> bool {
     matches!(
         cell.to_lowercase().as_str(),
         "" | "-" | "--" | "---" | "na" | "n/a" | "#n/a" | "nan" | "null" | "none"

@@ -7,6 +7,7 @@ use std::path::Path;
 
 use super::FormatError;
 use super::axis::check_axis;
+use super::cgats::{cgats_table, is_cgats};
 use super::csv_table::{Header, Negative, Row, Table, comments_of};
 use super::error::shortened_list;
 use super::file::{MAX_TEXT_BYTES, read_file};
@@ -87,7 +88,7 @@ const MOST_DOUBLED: f64 = 0.1;
 /// Wavelengths in nm where a line above the table states their unit.
 const STATED_NM: std::ops::RangeInclusive<f64> = 100.0..=20_000.0;
 
-/// Reads spectra from a text file, a MATLAB file of ISET (`.mat`), JCAMP-DX, or IES TM-27 (`.spdx`).
+/// Reads spectra from a text file, a MATLAB file of ISET (`.mat`), JCAMP-DX, IES TM-27 (`.spdx`), or CGATS.
 ///
 /// A text is read as instruments and spreadsheets write it: cells between commas, semicolons, tabs or blanks, decimals with a point or a comma,
 /// lines about the instrument above and below, wavelengths in either direction. The header names the wavelengths and their unit (nm
@@ -139,6 +140,19 @@ fn foreign_table(path: &Path, text: &str) -> Result<Option<TextTable>, FormatErr
     }
     if start.starts_with('<') {
         return tm27_table(path, text).map(Some);
+    }
+    if is_cgats(text) {
+        return cgats_table(path, text).map(Some);
+    }
+    for (mark, of) in [("PE ", "Perkin-Elmer (PEDS)"), ("Date Saved,", "a Sekonic spectrometer")] {
+        if start.starts_with(mark) && (text.contains("PEDS") || text.contains("Spectral Data ")) {
+            let hint = "Export it as a table, or write one: below a line such as \"wavelength_nm,power\" the wavelengths and their values";
+            return Err(FormatError::unsupported(
+                path,
+                format!("this is a file of {of}, in a form that isn't read"),
+                hint,
+            ));
+        }
     }
     Ok(find_table(text))
 }

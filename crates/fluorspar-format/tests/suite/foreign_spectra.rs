@@ -230,6 +230,27 @@ fn jcamp_and_tm_27_are_read() {
 }
 
 #[test]
+fn spectra_of_cgats_are_columns() {
+    let text = "CTI3   \n\nORIGINATOR \"a\"\nNUMBER_OF_FIELDS 4\nBEGIN_DATA_FORMAT\nSAMPLE_ID SAMPLE_NAME SPEC_400 SPEC_410\nEND_DATA_FORMAT\n\n\
+                NUMBER_OF_SETS 2\nBEGIN_DATA\n1 \"light blue\" 50.0\n25.0\n2 red 1.0 2.5\nEND_DATA\n";
+    let options =
+        SpectrumOptions { columns: SpectrumColumns::All, ..as_quantity(SpectrumQuantity::Fraction) };
+    let read = read_bytes("t.ti3", text.as_bytes(), &options).unwrap();
+    let found: Vec<_> = read.curves.iter().map(|of| (of.name.as_str(), of.curve.values().to_vec())).collect();
+    assert_eq!(found, [("light blue (%)", vec![0.5, 0.25]), ("red (%)", vec![0.01, 0.025])]);
+    assert_eq!(read.curves[0].curve.wavelengths_nm(), [400.0, 410.0]);
+    let short = text.replace("25.0\n", "");
+    let error = read_bytes("t.ti3", short.as_bytes(), &options).unwrap_err();
+    assert!(error.contains("t.ti3:11: this sample has 7 cells but the format has 4 fields"), "{error}");
+    let colors = text.replace("SPEC_400 SPEC_410", "LAB_L LAB_A");
+    let error = read_bytes("t.ti3", colors.as_bytes(), &options).unwrap_err();
+    assert!(error.contains("this CGATS file holds no spectra"), "{error}");
+    let sekonic = "Date Saved,2020/01/31\nTitle,a\nSpectral Data 380[nm],0.5\nSpectral Data 381[nm],0.25\n";
+    let error = read_bytes("t.csv", sekonic.as_bytes(), &options).unwrap_err();
+    assert!(error.contains("this is a file of a Sekonic spectrometer"), "{error}");
+}
+
+#[test]
 fn units_of_headers_become_the_quantity() {
     // 0.27 A/W at 610 nm are 0.27 · 1239.84 / 610 electrons a photon
     let (_, qe, read_as) =
