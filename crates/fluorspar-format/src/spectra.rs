@@ -464,10 +464,7 @@ impl SpectrumReader<'_> {
             if column == first_axis || ((names_wavelengths(header) || are_edges) && self.is_axis(column)) {
                 start = are_edges.then_some(axis);
                 axis = column;
-            } else if is_other_axis
-                || (header.is_empty() && (column < first_axis || !is_filled(column)))
-                || self.is_text(column)
-            {
+            } else if is_other_axis || (header.is_empty() && (column < first_axis || !is_filled(column))) {
             } else if is_standard_error(&lower) {
                 if let Some(last) = columns.last_mut() {
                     last.error = Some(column);
@@ -475,6 +472,9 @@ impl SpectrumReader<'_> {
             } else {
                 columns.push(ValueColumn { axis, start, values: column, error: None });
             }
+        }
+        if columns.iter().any(|column| !self.is_text(column.values)) {
+            columns.retain(|column| !self.is_text(column.values));
         }
         columns
     }
@@ -495,7 +495,12 @@ impl SpectrumReader<'_> {
     }
 
     fn chosen(&mut self, columns: &[ValueColumn]) -> Result<Vec<ValueColumn>, FormatError> {
-        let names: Vec<String> = columns.iter().map(|column| self.headers()[column.values].clone()).collect();
+        // A column without a name is called by its number
+        let name_of = |column: &ValueColumn| match self.headers()[column.values].as_str() {
+            "" => (column.values + 1).to_string(),
+            name => name.to_string(),
+        };
+        let names: Vec<String> = columns.iter().map(name_of).collect();
         if columns.is_empty() {
             return Err(self.in_header("there is no column of values", "Give one beside the wavelengths"));
         }
@@ -511,7 +516,7 @@ impl SpectrumReader<'_> {
                 self.read_as.extend(match columns.len() {
                     1 if is_comparison => Some(format!("column {name} as the values: there is no other")),
                     1 => None,
-                    _ if names.iter().all(String::is_empty) => {
+                    _ if self.headers().iter().all(String::is_empty) => {
                         Some(format!("column {name} of {}", self.headers().len()))
                     }
                     _ => Some(format!("column {name} of {}", shortened_list(&names))),
@@ -851,9 +856,11 @@ impl SpectrumReader<'_> {
         sorted.sort_by(f64::total_cmp);
         let is_alone = sorted.iter().rev().nth(1).is_none_or(|second| PLAUSIBLE.contains(second));
         let path = self.path.display();
+        let is_fraction = self.options.quantity == SpectrumQuantity::Fraction;
+        let percent = 100.0 * if is_fraction { *PLAUSIBLE.end() } else { LARGEST_EFFICIENCY };
         match self.options.quantity {
             _ if is_alone && values.len() > 2 => "Correct this value, or remove the line".into(),
-            _ if unit.is_none() && largest <= 100.0 * LARGEST_EFFICIENCY => unit_hint(self.path),
+            _ if unit.is_none() && largest <= percent => unit_hint(self.path),
             SpectrumQuantity::Fraction => format!(
                 "Choose a column that holds a transmittance or reflectance; if its white was too dark, give the file as \
                  {{ csv = \"{path}\", scale = 0.25 }}, with the factor that makes it one"

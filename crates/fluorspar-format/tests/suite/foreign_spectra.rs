@@ -427,6 +427,18 @@ fn of_several_columns_that_which_was_measured_is_taken_or_none() {
             read_bytes("t.csv", text.as_bytes(), &as_quantity(SpectrumQuantity::Fraction)).unwrap_err();
         assert!(error.contains(said), "{error}");
     }
+    // Columns without names are called by their numbers
+    let unnamed_values: String = (0..10).map(|i| format!("{},0.5,0.25\n", 400 + i)).collect();
+    assert_eq!(
+        one("t.csv", &unnamed_values, SpectrumQuantity::Fraction).2,
+        "column 1 as wavelengths; column number 2 of 3"
+    );
+    let third =
+        SpectrumOptions { columns: SpectrumColumns::Named(vec!["3".into()]), ..SpectrumOptions::default() };
+    assert_eq!(
+        read_bytes("t.csv", unnamed_values.as_bytes(), &third).unwrap().curves[0].curve.values()[0],
+        0.25
+    );
     // The line that is asked for
     let named = format!("pixel,wavelength_nm,T\n{unnamed}");
     assert_eq!(one("t.csv", named, SpectrumQuantity::Fraction).0[..2], [400.0, 405.0]);
