@@ -77,6 +77,8 @@ const PLAUSIBLE_NM: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
 const LONGEST_OF_SUNLIGHT_NM: f64 = 4500.0;
 /// Wavelengths in micrometers: of none is it so few nm.
 const MICROMETERS: std::ops::RangeInclusive<f64> = 0.15..=30.0;
+/// Share of a wavelength within which another is that of the same band.
+const NEAR: f64 = 0.05;
 /// Share of the largest value within which values are as low as the lowest.
 const LEVEL: f64 = 0.02;
 /// Share of the largest value below which no light at all is left where it has none.
@@ -297,6 +299,11 @@ impl SpectrumReader<'_> {
         let axis = self.first_axis()?;
         let unit = self.axis_unit(axis)?;
         let columns = self.value_columns(axis);
+        let is_used = |column: usize| columns.iter().any(|of| of.axis == column || of.start == Some(column));
+        let mut others = (0..self.headers().len()).filter(|column| !is_used(*column));
+        let beside = others.find(|column| is_used(axis) && self.is_beside(axis, *column));
+        let [named, other] = [axis, beside.unwrap_or(axis)].map(|column| self.table.column_name(column));
+        self.say(beside.map(|_| format!("{named} as wavelengths, not {other}")));
         let chosen = self.chosen(&columns)?;
         self.read_columns(Axes { scale_to_nm: unit }, &chosen)
     }
@@ -464,7 +471,10 @@ impl SpectrumReader<'_> {
             if column == first_axis || ((names_wavelengths(header) || are_edges) && self.is_axis(column)) {
                 start = are_edges.then_some(axis);
                 axis = column;
-            } else if is_other_axis || (header.is_empty() && (column < first_axis || !is_filled(column))) {
+            } else if is_other_axis
+                || self.is_beside(axis, column)
+                || (header.is_empty() && (column < first_axis || !is_filled(column)))
+            {
             } else if is_standard_error(&lower) {
                 if let Some(last) = columns.last_mut() {
                     last.error = Some(column);
@@ -490,8 +500,19 @@ impl SpectrumReader<'_> {
     fn is_axis(&self, column: usize) -> bool {
         let numbers =
             self.table.rows().filter_map(|row| self.table.number(self.path, row, column).ok().flatten());
+        let unit = AxisUnit::named(&self.headers()[column]).unwrap_or(AxisUnit::Nanometers);
         let mut numbers = numbers.peekable();
-        numbers.peek().is_some() && numbers.all(|value| PLAUSIBLE_NM.contains(&value))
+        numbers.peek().is_some() && numbers.all(|value| PLAUSIBLE_NM.contains(&unit.in_nm(value)))
+    }
+
+    /// Whether a column holds nearly the wavelengths of another, as edges of bands do.
+    fn is_beside(&self, axis: usize, column: usize) -> bool {
+        let number = |row, column| self.table.number(self.path, row, column).ok().flatten();
+        let is_near = |row: Row| {
+            let (nm, other) = (number(row, axis), number(row, column));
+            nm.zip(other).is_some_and(|(nm, other)| (other - nm).abs() < NEAR * nm)
+        };
+        self.table.row_count() >= 4 && self.table.rows().all(is_near)
     }
 
     fn chosen(&mut self, columns: &[ValueColumn]) -> Result<Vec<ValueColumn>, FormatError> {
@@ -587,7 +608,26 @@ impl SpectrumReader<'_> {
         Ok(MeasuredSpectra { curves, read_as: self.read_as })
     }
 
-    /// The unit of a column: as given, as its header says, or a line above the table that speaks of units.
+    /// What states the unit of a column: its header, or else a line above the table that speaks of units.
+    fn words_of_unit(&self, column: usize) -> &str {
+        const UNITS: [&str; 7] = ["unit", "(qntm)", "y axis", "y-axis", "yaxis", "in percent", "in %"];
+        const QUANTITIES: [&str; 6] = ["transmi", "reflect", "irradi", "absorb", "%t", "%r"];
+        let header = self.headers()[column].as_str();
+        let is_about = |line: &&String| {
+            let lower = line.trim_start_matches(['#', ' ']).to_lowercase();
+            let is_named = UNITS.iter().any(|word| lower.contains(word));
+            let is_quantity = QUANTITIES.iter().any(|word| lower.starts_with(word));
+            (is_named || is_quantity)
+                && !lower.starts_with('x')
+                && matches!(stated_unit(line), StatedUnit::Known(_))
+        };
+        match stated_unit(header) {
+            StatedUnit::Unstated => self.preamble.iter().find(is_about).map_or(header, String::as_str),
+            _ => header,
+        }
+    }
+
+    /// The unit of a column: as given, or as the file says.
     fn unit(&self, column: usize) -> Result<Option<ValueUnit>, FormatError> {
         if self.options.quantity == SpectrumQuantity::Stored {
             return Ok(None);
@@ -595,20 +635,9 @@ impl SpectrumReader<'_> {
         if self.options.unit.is_some() {
             return Ok(self.options.unit);
         }
-        let of_line = |line: &String| {
-            let lower = line.to_lowercase();
-            let is_about = lower.contains("unit")
-                || lower.contains("(qntm)")
-                || ["transmi", "reflect", "irradi", "absorb"].iter().any(|word| lower.starts_with(word));
-            let is_about_x = lower.trim_start_matches('#').starts_with('x');
-            match stated_unit(line) {
-                StatedUnit::Known(unit) if is_about && !is_about_x => Some(unit),
-                _ => None,
-            }
-        };
-        match stated_unit(&self.headers()[column]) {
+        match stated_unit(self.words_of_unit(column)) {
             StatedUnit::Known(unit) => Ok(Some(unit)),
-            StatedUnit::Unstated => Ok(self.preamble.iter().find_map(of_line)),
+            StatedUnit::Unstated => Ok(None),
             StatedUnit::Unknown(unit) => Err(FormatError::unit(
                 self.path,
                 format!(
@@ -626,7 +655,7 @@ impl SpectrumReader<'_> {
         let (mut unit, lines) = self.ratio(column)?;
         let mut samples = self.samples(axes, column, lines)?;
         let is_converted = self.options.quantity != SpectrumQuantity::Stored && self.options.unit.is_none();
-        let factor = if is_converted { factor_of(&self.headers()[column.values]) } else { 1.0 };
+        let factor = if is_converted { factor_of(self.words_of_unit(column.values)) } else { 1.0 };
         if factor != 1.0 {
             self.say(Some(format!("values times {factor}")));
             samples.iter_mut().for_each(|sample| {
