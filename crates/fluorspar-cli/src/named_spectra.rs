@@ -44,11 +44,16 @@ fn table(name: &str) -> Result<Table, CliError> {
     }
     let wrong = |what: String| {
         CliError::Input(format!(
-            "{name}: {what}. Write it like {{ csv = \"FILE\", column = \"T\", unit = \"percent\" }}"
+            "{name}: {what}. Write it like {{ csv = \"FILE\", column = \"T\", unit = \"percent\" }}, with the header of the column"
         ))
     };
-    let written: Written =
-        read_toml(&format!("spectrum = {name}")).map_err(|error| wrong(error.message().to_string()))?;
+    let written: Written = read_toml(&format!("spectrum = {name}")).map_err(|error| {
+        // What serde says of a table that none of several kinds has
+        wrong(match error.message() {
+            message if message.contains("untagged enum") => "a key or a value is wrong".into(),
+            message => message.to_string(),
+        })
+    })?;
     let (path, column, scale, unit) = match written.spectrum {
         SpectrumReference::Table(table) => (table.csv, table.column, table.scale, table.unit),
         SpectrumReference::Matlab(table) => {

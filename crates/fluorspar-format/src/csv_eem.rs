@@ -11,6 +11,7 @@ use super::csv_table::{Negative, Table, comments_of};
 use super::eem_layout::{EemLayout, no_samples};
 use super::eem_scatter::{ScatterCut, refuse_scattered_light};
 use super::file::{MAX_TEXT_BYTES, as_text, read_file};
+use super::instrument_text::is_missing;
 
 /// Unit of the values of an excitation-emission matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -144,7 +145,11 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
     let (mut wrong, mut empty, mut clipped) = (WrongCells::default(), Vec::new(), (0, 0.0));
     for (row, emission_nm) in table.rows().zip(&emission_nm) {
         for (column, excitation_nm) in (1..).zip(&excitation_nm) {
-            let value = match table.number(path, row, column) {
+            let number = match is_missing(table.cell(row, column)) {
+                true => Ok(None),
+                false => table.number(path, row, column),
+            };
+            let value = match number {
                 // What is cut out has no value
                 Ok(Some(value)) if value < 0.0 && is_cut(*emission_nm, *excitation_nm) => Ok(0.0),
                 Ok(Some(value)) => {
@@ -539,6 +544,11 @@ pub(super) fn check_stokes(
     }
     if rule != AntiStokes::Keep {
         refuse_scattered_light(path, &eem.emission_nm, &eem.excitation_nm, &eem.values)?;
+        if eem.has_overflow_mark()
+            && let Some(overflow) = eem.overflow()
+        {
+            return Err(FormatError::malformed(path, overflow.to_string(), "Or empty these cells"));
+        }
     }
     let AntiStokes::Refuse(tolerance) = rule else { return Ok(()) };
     let mut wrong = WrongCells::default();

@@ -190,6 +190,12 @@ impl Table {
                 format!("column {} holds {}", self.column_name(column), excerpt(text)),
                 "Give a finite number, or remove the line",
             )),
+            Err(_) if text.contains(['<', '>']) => Err(FormatError::at_line(
+                path,
+                line,
+                format!("column {} holds \"{}\", a bound", self.column_name(column), excerpt(text)),
+                "Write the bound as the value, such as 6 for > 6, or remove the line",
+            )),
             Err(_) if text.contains(',') => Err(FormatError::at_line(
                 path,
                 line,

@@ -378,11 +378,16 @@ fn columns(
 ) -> Result<Columns, FormatError> {
     let width = rows.iter().map(|row| row.cells.len()).max().unwrap_or(0);
     for line in above.iter().rev() {
+        // Empty cells separate the names of pairs, which may hold commas
+        let pairs: Vec<String> =
+            line.cells.split(|cell| cell.is_empty()).map(|cells| cells.join(", ")).collect();
         let are_pairs = line.cells.len() > 1
-            && line.cells.iter().skip(1).step_by(2).all(|cell| cell.is_empty())
-            && width.div_ceil(2) == line.cells.len().div_ceil(2);
-        let (skipped, step) = if are_pairs { (0, 2) } else { (1, 1) };
-        let cells: Vec<&str> = line.cells.iter().skip(skipped).step_by(step).copied().collect();
+            && width.div_ceil(2) == pairs.len()
+            && pairs.iter().all(|name| !name.is_empty());
+        let cells: Vec<&str> = match are_pairs {
+            true => pairs.iter().map(String::as_str).collect(),
+            false => line.cells.iter().skip(1).copied().collect(),
+        };
         let named = cells.iter().map(|cell| named_wavelength(cell, has_commas));
         let Some(found) = named.collect::<Option<Vec<_>>>().filter(|found| !found.is_empty()) else {
             continue;
@@ -391,7 +396,10 @@ fn columns(
             continue;
         }
         let mut excitation_nm: Vec<f64> = found.iter().map(|(_, nm)| *nm).collect();
-        let samples: Vec<&str> = cells.iter().map(|cell| sample_of(cell)).collect();
+        let mut samples: Vec<&str> = cells.iter().map(|cell| sample_of(cell)).collect();
+        if samples.iter().any(|name| !name.is_empty()) {
+            samples.iter_mut().filter(|name| name.is_empty()).for_each(|name| *name = "unnamed");
+        }
         let chosen = chosen(path, line.index as u64 + 1, &samples, &excitation_nm, sample)?;
         if let Some(chosen) = &chosen {
             excitation_nm = chosen.iter().map(|place| excitation_nm[*place]).collect();

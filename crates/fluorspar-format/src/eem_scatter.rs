@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use fluorspar::units::counted;
+
 use super::FormatError;
 use super::csv_eem::{AntiStokes, MeasuredEem, check_stokes, on_the_line};
 
@@ -149,11 +151,16 @@ pub struct Overflow {
 impl std::fmt::Display for Overflow {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { value, cells, excitation_nm: ex, emission_nm: em } = self;
+        let value = if *value < 1e9 { value.to_string() } else { format!("{value:e}") };
         write!(
             f,
-            "{cells} cells share the largest value {value}, at excitations from {} to {} nm and emissions from {} to {} nm: the detector was at its \
+            "{} the largest value {value}, at excitations from {} to {} nm and emissions from {} to {} nm: the detector was at its \
              end, and what lies above is lost. Measure again with a narrower slit, a lower gain or a thinner sample",
-            ex[0], ex[1], em[0], em[1]
+            counted(*cells, "cell has", "cells share"),
+            ex[0],
+            ex[1],
+            em[0],
+            em[1]
         )
     }
 }
@@ -237,7 +244,8 @@ impl MeasuredEem {
     fn is_of_a_dye(&self, within_nm: f64) -> bool {
         let columns = self.excitation_nm.len();
         let (row, column) = self.peak();
-        let peak = self.values[row * columns + column];
+        let background = self.background();
+        let peak = self.values[row * columns + column] - background;
         let far_nm = (2.0 * within_nm).max(within_nm + BANDPASS_NM);
         let nm = self.emission_nm[row];
         let is_elsewhere = |column: &usize| {
@@ -246,7 +254,7 @@ impl MeasuredEem {
             excitation_nm < nm && ScatterLine::ALL.iter().all(is_far)
         };
         let beside = (0..columns).filter(is_elsewhere).map(|column| self.values[row * columns + column]);
-        beside.fold(0.0, f64::max) > LEAST_OF_A_DYE * peak
+        beside.fold(0.0, f64::max) - background > LEAST_OF_A_DYE * peak
     }
 
     /// Cuts the bands of scattered light out, and counts their cells. The neighbors of one band may not be cells of another. The line of water is
@@ -325,7 +333,7 @@ impl MeasuredEem {
             }
             false
         };
-        if value <= 0.0 || !(0..columns).any(is_flat) {
+        if value <= 0.0 || !(self.has_overflow_mark() || (0..columns).any(is_flat)) {
             return None;
         }
         let mut found = Overflow {
@@ -342,8 +350,17 @@ impl MeasuredEem {
         }
         Some(found)
     }
+
+    /// Whether the largest value is so far above all others that it is no value, but what an instrument writes where its detector was at its end.
+    pub(super) fn has_overflow_mark(&self) -> bool {
+        let value = self.values.iter().copied().fold(0.0, f64::max);
+        let next = self.values.iter().copied().filter(|v| *v < value).fold(0.0, f64::max);
+        next > 0.0 && value > MARK_OF_OVERFLOW * next
+    }
 }
 
+/// Least ratio of a mark of overflow to the values beside it.
+const MARK_OF_OVERFLOW: f64 = 100.0;
 /// Fewest cells side by side of a flat top.
 const LEAST_FLAT: usize = 3;
 /// Steps of rounding by which values beside a flat top are lower at least, where it is none of rounding.

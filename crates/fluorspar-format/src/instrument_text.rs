@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use super::FormatError;
+use super::value_unit::{StatedUnit, stated_unit};
 
 /// Bytes looked at to tell text from binary files.
 const START: usize = 4096;
@@ -41,12 +42,13 @@ pub(super) fn instrument_text<'a>(path: &Path, bytes: &'a [u8]) -> Result<Cow<'a
 /// Says which binary file this is.
 fn refuse_binary(path: &Path, bytes: &[u8]) -> Result<(), FormatError> {
     let start = &bytes[..bytes.len().min(START)];
-    let known: [(&[u8], &str); 5] = [
+    let known: [(&[u8], &str); 6] = [
         (b"PK\x03\x04", "a ZIP archive or a spreadsheet"),
         (b"\xD0\xCF\x11\xE0", "a spreadsheet of Excel"),
         (b"%PDF", "a PDF"),
         (b"\x89PNG", "a picture"),
         (b"AVS8", "a binary file of AvaSoft"),
+        (b"PEPE", "a binary file of Perkin-Elmer"),
     ];
     let what = known.iter().find(|(mark, _)| start.starts_with(mark)).map(|(_, what)| *what);
     let control = |byte: &&u8| **byte < 32 && !matches!(**byte, b'\n' | b'\r' | b'\t' | 0x0C | 0x1A);
@@ -128,8 +130,11 @@ impl Form {
 }
 
 /// Whether a cell says that there is no value.
-fn is_missing(cell: &str) -> bool {
-    matches!(cell, "" | "-" | "--" | "NA" | "N/A" | "#N/A" | "n/a" | "nan" | "NaN" | "NAN")
+pub(super) fn is_missing(cell: &str) -> bool {
+    matches!(
+        cell.to_lowercase().as_str(),
+        "" | "-" | "--" | "---" | "na" | "n/a" | "#n/a" | "nan" | "null" | "none"
+    )
 }
 
 /// A table of numbers among lines of text.
@@ -148,7 +153,7 @@ pub(super) struct TextTable {
 }
 
 /// Words for a wavelength in headers.
-const WAVELENGTH_WORDS: [&str; 16] = [
+const WAVELENGTH_WORDS: [&str; 15] = [
     "wavelength",
     "wavelengths",
     "wave",
@@ -164,14 +169,15 @@ const WAVELENGTH_WORDS: [&str; 16] = [
     "nanometre",
     "wellenlänge",
     "longueur",
-    "w",
 ];
 
-/// Whether a header names wavelengths, in whatever unit.
+/// Whether a header names wavelengths, in whatever unit; W/nm and mA/W are none.
 pub(super) fn names_wavelengths(header: &str) -> bool {
-    let lower = header.to_lowercase();
-    lower.split(|c: char| !c.is_alphanumeric()).any(|word| WAVELENGTH_WORDS.contains(&word))
-        || lower.starts_with("wavelength")
+    let lower = header.to_lowercase().replace("w.length", "wavelength");
+    let has_word =
+        || lower.split(|c: char| !c.is_alphanumeric()).any(|word| WAVELENGTH_WORDS.contains(&word));
+    let is_of_values = || matches!(stated_unit(header), StatedUnit::Known(_));
+    lower == "w" || lower.starts_with("wavelength") || (has_word() && !is_of_values())
 }
 
 /// Lines above the rows among which the header is looked for.
@@ -259,8 +265,14 @@ fn extended(
     run: std::ops::Range<usize>,
     width: usize,
 ) -> std::ops::Range<usize> {
-    let belongs =
-        |line: &Vec<&str>| form.mark.is_some() && line.len() == width && form.number(line[0]).is_some();
+    // Between blanks, a line of text has lower-case words: what stands for a value (nan, *****, > 6) has none
+    let is_value =
+        |cell: &&str| is_missing(cell) || !cell.contains(char::is_lowercase) || cell.parse::<f64>().is_ok();
+    let is_as_wide = |line: &Vec<&str>| match form.mark {
+        Some(_) => line.len() == width,
+        None => line.len() >= width && line[1..].iter().all(is_value),
+    };
+    let belongs = |line: &Vec<&str>| is_as_wide(line) && form.number(line[0]).is_some();
     let is_row = |line: &Vec<&str>| belongs(line) && form.is_row(line);
     let mut start = run.start;
     while let Some(back) = cells[..start].iter().rev().take(LINES_BETWEEN + 1).position(is_row) {
@@ -305,8 +317,14 @@ fn header(form: Form, above: &[(u64, &str)], width: usize) -> Option<(u64, Vec<S
     let (distance, number, cells) = near
         .filter_map(|(distance, (number, line))| Some((distance, *number, cells_of(line)?)))
         .find(|(distance, _, cells)| *distance == 0 || names_wavelengths(&cells[0]))?;
+    let above_it = above.len().checked_sub(distance + 2).map(|place| above[place].1);
+    if let (Some(mark), Some(line)) = (form.mark, above_it)
+        && let Some(named) = named_pairs(mark, line, &cells)
+    {
+        return Some((number, named, 2));
+    }
     // Names above a line of units
-    let names = above.len().checked_sub(distance + 2).and_then(|place| cells_of(above[place].1));
+    let names = above_it.and_then(cells_of);
     let names = names.filter(|names| names_wavelengths(&names[0]) && cells[0].starts_with(['[', '(']));
     Some(match names {
         None => (number, cells, 1),
@@ -315,5 +333,23 @@ fn header(form: Form, above: &[(u64, &str)], width: usize) -> Option<(u64, Vec<S
                 names.iter().zip(&cells).map(|(name, unit)| format!("{name} {unit}").trim().to_string());
             (number, both.collect(), 2)
         }
+    })
+}
+
+/// The header of pairs of columns, with the names of samples from a line above it, which names each pair once: `a,,b,,`. A name may hold the mark between
+/// cells, or be missing.
+fn named_pairs(mark: char, line: &str, cells: &[String]) -> Option<Vec<String>> {
+    let are_pairs = cells.len() > 2
+        && cells.len().is_multiple_of(2)
+        && cells.chunks(2).all(|pair| names_wavelengths(&pair[0]) && !names_wavelengths(&pair[1]));
+    let names: Vec<&str> =
+        line.split(&format!("{mark}{mark}")).map(|name| name.trim().trim_matches('"').trim()).collect();
+    let is_named = are_pairs && (0..=1).any(|more| names.len() == cells.len() / 2 + more);
+    is_named.then(|| {
+        let named = cells.chunks(2).zip(names).flat_map(|(pair, name)| {
+            let values = if name.is_empty() { pair[1].clone() } else { format!("{name} ({})", pair[1]) };
+            [pair[0].clone(), values]
+        });
+        named.collect()
     })
 }

@@ -31,6 +31,7 @@
 mod axis;
 mod cache;
 mod camera_raw;
+mod cgats;
 mod csv_cell;
 mod csv_eem;
 mod csv_fluorophore;

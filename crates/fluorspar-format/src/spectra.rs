@@ -7,6 +7,7 @@ use std::path::Path;
 
 use super::FormatError;
 use super::axis::check_axis;
+use super::cgats::{cgats_table, is_cgats};
 use super::csv_table::{Header, Negative, Row, Table, comments_of};
 use super::error::shortened_list;
 use super::file::{MAX_TEXT_BYTES, read_file};
@@ -15,7 +16,7 @@ use super::jcamp::jcamp_table;
 use super::mat::read_mat_spectra;
 use super::spectrometer::{PLAUSIBLE, RawColumns, RawRow, ratio, without_noisy_ends};
 use super::tm27::tm27_table;
-use super::value_unit::{Conversion, SpectrumQuantity, StatedUnit, ValueUnit, stated_unit};
+use super::value_unit::{Conversion, SpectrumQuantity, StatedUnit, ValueUnit, factor_of, stated_unit};
 
 /// Which columns of values to read.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -76,12 +77,20 @@ const PLAUSIBLE_NM: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
 const LONGEST_OF_SUNLIGHT_NM: f64 = 4500.0;
 /// Wavelengths in micrometers: of none is it so few nm.
 const MICROMETERS: std::ops::RangeInclusive<f64> = 0.15..=30.0;
+/// Share of a wavelength within which another is that of the same band.
+const NEAR: f64 = 0.05;
+/// Share of the largest value within which values are as low as the lowest.
+const LEVEL: f64 = 0.02;
+/// Share of the largest value below which no light at all is left where it has none.
+const LEAST_PEDESTAL: f64 = 0.05;
+/// Optical density beside which one of 0 is none.
+const LEAST_OPAQUE: f64 = 2.0;
 /// Share of the lines that may give a wavelength once more: curves read off a figure do where they are steep.
 const MOST_DOUBLED: f64 = 0.1;
 /// Wavelengths in nm where a line above the table states their unit.
 const STATED_NM: std::ops::RangeInclusive<f64> = 100.0..=20_000.0;
 
-/// Reads spectra from a text file, a MATLAB file of ISET (`.mat`), JCAMP-DX, or IES TM-27 (`.spdx`).
+/// Reads spectra from a text file, a MATLAB file of ISET (`.mat`), JCAMP-DX, IES TM-27 (`.spdx`), or CGATS.
 ///
 /// A text is read as instruments and spreadsheets write it: cells between commas, semicolons, tabs or blanks, decimals with a point or a comma,
 /// lines about the instrument above and below, wavelengths in either direction. The header names the wavelengths and their unit (nm
@@ -134,6 +143,19 @@ fn foreign_table(path: &Path, text: &str) -> Result<Option<TextTable>, FormatErr
     if start.starts_with('<') {
         return tm27_table(path, text).map(Some);
     }
+    if is_cgats(text) {
+        return cgats_table(path, text).map(Some);
+    }
+    for (mark, of) in [("PE ", "Perkin-Elmer (PEDS)"), ("Date Saved,", "a Sekonic spectrometer")] {
+        if start.starts_with(mark) && (text.contains("PEDS") || text.contains("Spectral Data ")) {
+            let hint = "Export it as a table, or write one: below a line such as \"wavelength_nm,power\" the wavelengths and their values";
+            return Err(FormatError::unsupported(
+                path,
+                format!("this is a file of {of}, in a form that isn't read"),
+                hint,
+            ));
+        }
+    }
     Ok(find_table(text))
 }
 
@@ -154,7 +176,7 @@ fn matlab_spectra(path: &Path, options: &SpectrumOptions) -> Result<MeasuredSpec
         let header = Header { line: 0, cells: vec!["wavelength_nm".into(), format!("{number}")] };
         let table = Table::of_rows(path, header, rows_of(curve), Vec::new())?;
         let reader = SpectrumReader { path, table: &table, preamble: &[], options, read_as: Vec::new() };
-        let columns = [ValueColumn { axis: 0, values: 1, error: None }];
+        let columns = [ValueColumn { axis: 0, start: None, values: 1, error: None }];
         let read = reader.read_columns(Axes { scale_to_nm: AxisUnit::Nanometers }, &columns)?;
         read_as.extend(read.read_as.into_iter().filter(|_| number == 1));
         curves.extend(read.curves);
@@ -251,6 +273,8 @@ struct Axes {
 #[derive(Clone, Copy)]
 struct ValueColumn {
     axis: usize,
+    /// Column of the lower edges of bands, where the axis has the upper ones.
+    start: Option<usize>,
     values: usize,
     error: Option<usize>,
 }
@@ -275,6 +299,11 @@ impl SpectrumReader<'_> {
         let axis = self.first_axis()?;
         let unit = self.axis_unit(axis)?;
         let columns = self.value_columns(axis);
+        let is_used = |column: usize| columns.iter().any(|of| of.axis == column || of.start == Some(column));
+        let mut others = (0..self.headers().len()).filter(|column| !is_used(*column));
+        let beside = others.find(|column| is_used(axis) && self.is_beside(axis, *column));
+        let [named, other] = [axis, beside.unwrap_or(axis)].map(|column| self.table.column_name(column));
+        self.say(beside.map(|_| format!("{named} as wavelengths, not {other}")));
         let chosen = self.chosen(&columns)?;
         self.read_columns(Axes { scale_to_nm: unit }, &chosen)
     }
@@ -302,7 +331,7 @@ impl SpectrumReader<'_> {
     fn first_axis(&mut self) -> Result<usize, FormatError> {
         let is_index = |header: &str| {
             let lower = header.to_lowercase();
-            ["pixel", "index"].iter().any(|word| lower.starts_with(word))
+            ["pixel", "index", "bandwidth", "fwhm"].iter().any(|word| lower.starts_with(word))
         };
         let headers = self.headers();
         if let Some(named) = headers.iter().position(|header| names_wavelengths(header) && !is_index(header))
@@ -335,12 +364,27 @@ impl SpectrumReader<'_> {
                 headers[*column].split_whitespace().last().is_some_and(|word| word.eq_ignore_ascii_case("x"))
             };
             numbers.len() == self.table.row_count()
+                && !is_index(&headers[*column])
                 && (numbers.iter().all(|value| range_nm.contains(value)) || is_of_sunlight(&numbers))
                 && (rises() || falls() || is_x())
         };
         // Two lines are too few to tell
         let few = !is_headless && self.table.row_count() < 8;
-        match (0..headers.len()).find(plausible).filter(|_| !few) {
+        let found = (0..headers.len()).find(plausible).filter(|_| !few);
+        match found {
+            Some(column)
+                if is_headless
+                    && self.table.row_count() >= 8
+                    && headers.len() > column + 2
+                    && plausible(&(column + 1)) =>
+            {
+                Err(FormatError::at_line(
+                    self.path,
+                    self.table.line_of(0),
+                    format!("columns {} and {} may both be wavelengths", column + 1, column + 2),
+                    "Put a line above the numbers that names every column, such as \"pixel,wavelength_nm,counts\", or \"start_nm,end_nm,power\" of bands",
+                ))
+            }
             Some(column) => {
                 let name = match self.headers()[column].as_str() {
                     "" => format!("column {}", column + 1),
@@ -404,51 +448,103 @@ impl SpectrumReader<'_> {
     /// Columns of values: all but wavelengths, other axes and standard errors.
     fn value_columns(&self, first_axis: usize) -> Vec<ValueColumn> {
         let mut columns: Vec<ValueColumn> = Vec::new();
-        let mut axis = first_axis;
+        let (mut axis, mut start) = (first_axis, None);
         let is_filled = |column: usize| self.table.rows().any(|row| !self.table.cell(row, column).is_empty());
         for (column, header) in self.headers().iter().enumerate() {
             let lower = header.to_lowercase();
-            let is_other_axis = ["pixel", "index", "wavenumber", "raman shift", "frequency"]
-                .iter()
-                .any(|word| lower.starts_with(word));
-            if column == first_axis || (names_wavelengths(header) && self.is_axis(column)) {
+            let is_other_axis = [
+                "pixel",
+                "index",
+                "no.",
+                "nr.",
+                "wavenumber",
+                "raman shift",
+                "frequency",
+                "bandwidth",
+                "fwhm",
+                "slit width",
+            ]
+            .iter()
+            .any(|word| lower.starts_with(word));
+            // Those of a band, side by side
+            let are_edges = column == axis + 1 && is_edge(&self.headers()[axis]) && is_edge(header);
+            if column == first_axis || ((names_wavelengths(header) || are_edges) && self.is_axis(column)) {
+                start = are_edges.then_some(axis);
                 axis = column;
-            } else if is_other_axis || (header.is_empty() && (column < first_axis || !is_filled(column))) {
+            } else if is_other_axis
+                || self.is_beside(axis, column)
+                || (header.is_empty() && (column < first_axis || !is_filled(column)))
+            {
             } else if is_standard_error(&lower) {
                 if let Some(last) = columns.last_mut() {
                     last.error = Some(column);
                 }
             } else {
-                columns.push(ValueColumn { axis, values: column, error: None });
+                columns.push(ValueColumn { axis, start, values: column, error: None });
             }
         }
+        if columns.iter().any(|column| !self.is_text(column.values)) {
+            columns.retain(|column| !self.is_text(column.values));
+        }
         columns
+    }
+
+    /// Whether a column holds no number, but words: names of samples, dates, remarks.
+    fn is_text(&self, column: usize) -> bool {
+        let cells = || self.table.rows().map(|row| self.table.cell(row, column));
+        cells().any(|cell| cell.contains(char::is_alphanumeric))
+            && cells().all(|cell| !cell.contains(['<', '>']) && cell.replace(',', "").parse::<f64>().is_err())
     }
 
     /// Whether a column that is called a wavelength holds some.
     fn is_axis(&self, column: usize) -> bool {
         let numbers =
             self.table.rows().filter_map(|row| self.table.number(self.path, row, column).ok().flatten());
+        let unit = AxisUnit::named(&self.headers()[column]).unwrap_or(AxisUnit::Nanometers);
         let mut numbers = numbers.peekable();
-        numbers.peek().is_some() && numbers.all(|value| PLAUSIBLE_NM.contains(&value))
+        numbers.peek().is_some() && numbers.all(|value| PLAUSIBLE_NM.contains(&unit.in_nm(value)))
+    }
+
+    /// Whether a column holds nearly the wavelengths of another, as edges of bands do.
+    fn is_beside(&self, axis: usize, column: usize) -> bool {
+        let number = |row, column| self.table.number(self.path, row, column).ok().flatten();
+        let is_near = |row: Row| {
+            let (nm, other) = (number(row, axis), number(row, column));
+            nm.zip(other).is_some_and(|(nm, other)| (other - nm).abs() < NEAR * nm)
+        };
+        self.table.row_count() >= 4 && self.table.rows().all(is_near)
     }
 
     fn chosen(&mut self, columns: &[ValueColumn]) -> Result<Vec<ValueColumn>, FormatError> {
-        let names: Vec<String> = columns.iter().map(|column| self.headers()[column.values].clone()).collect();
+        // A column without a name is called by its number
+        let name_of = |column: &ValueColumn| match self.headers()[column.values].as_str() {
+            "" => (column.values + 1).to_string(),
+            name => name.to_string(),
+        };
+        let names: Vec<String> = columns.iter().map(name_of).collect();
         if columns.is_empty() {
             return Err(self.in_header("there is no column of values", "Give one beside the wavelengths"));
         }
         match &self.options.columns {
             SpectrumColumns::All => Ok(columns.to_vec()),
             SpectrumColumns::One => {
-                let place = computed_column(&names).unwrap_or(0);
-                if columns.len() > 1 {
-                    let name = match names[place].as_str() {
-                        "" => format!("column {}", columns[place].values + 1),
-                        name => format!("column \"{}\"", excerpt(name)),
-                    };
-                    self.read_as.push(format!("{name} of {}", shortened_list(&names)));
-                }
+                let place = match computed_column(&names) {
+                    Some(place) => place,
+                    None => self.likely_column(columns, &names)?,
+                };
+                let name = self.table.column_name(columns[place].values);
+                let is_comparison = is_comparison(&names[place]);
+                self.read_as.extend(match columns.len() {
+                    1 if is_comparison => Some(format!("column {name} as the values: there is no other")),
+                    1 => None,
+                    _ if self.headers().iter().all(String::is_empty) => {
+                        Some(format!("column {name} of {}", self.headers().len()))
+                    }
+                    _ => Some(format!("column {name} of {}", shortened_list(&names))),
+                });
+                let is_raw = !is_comparison && RawColumns::is_raw(&names[place]);
+                let dark = names.iter().find(|name| is_raw && is_comparison_with_dark(name));
+                self.read_as.extend(dark.map(|dark| format!("\"{}\" is not subtracted", excerpt(dark))));
                 Ok(vec![columns[place]])
             }
             SpectrumColumns::Named(wanted) => wanted
@@ -479,6 +575,31 @@ impl SpectrumReader<'_> {
         }
     }
 
+    /// The first column behind the wavelengths that is by its name no dark, reference or background.
+    fn likely_column(&self, columns: &[ValueColumn], names: &[String]) -> Result<usize, FormatError> {
+        let path = self.path.display();
+        let of_kinds: Vec<(&str, &str)> =
+            names.iter().filter_map(|name| Some((name.as_str(), kind_of(name)?))).collect();
+        if let Some((other, _)) = of_kinds.iter().find(|(_, kind)| *kind != of_kinds[0].1) {
+            let [first, other] = [of_kinds[0].0, other].map(excerpt);
+            return Err(self.in_header(
+                format!("columns \"{first}\" and \"{other}\" are of different things"),
+                format!("Name the one that is meant, as in {{ csv = \"{path}\", column = \"{other}\" }}, between apostrophes on a command line"),
+            ));
+        }
+        let rank =
+            |place: &usize| (columns[*place].values < columns[*place].axis, is_comparison(&names[*place]));
+        let place = (0..columns.len()).min_by_key(rank).unwrap_or(0);
+        let is_raw = RawColumns::find(names).is_some_and(|raw| raw.sample == place);
+        if is_raw && self.options.quantity == SpectrumQuantity::Fraction {
+            return Err(self.in_header(
+                "the columns are what was measured: sample, dark and reference",
+                "Export the transmittance or reflectance, or add a column of it: (sample - dark) / (reference - dark)",
+            ));
+        }
+        Ok(place)
+    }
+
     fn read_columns(mut self, axes: Axes, columns: &[ValueColumn]) -> Result<MeasuredSpectra, FormatError> {
         let mut curves = Vec::with_capacity(columns.len());
         for column in columns {
@@ -487,7 +608,26 @@ impl SpectrumReader<'_> {
         Ok(MeasuredSpectra { curves, read_as: self.read_as })
     }
 
-    /// The unit of a column: as given, as its header says, or a line above the table that speaks of units.
+    /// What states the unit of a column: its header, or else a line above the table that speaks of units.
+    fn words_of_unit(&self, column: usize) -> &str {
+        const UNITS: [&str; 7] = ["unit", "(qntm)", "y axis", "y-axis", "yaxis", "in percent", "in %"];
+        const QUANTITIES: [&str; 6] = ["transmi", "reflect", "irradi", "absorb", "%t", "%r"];
+        let header = self.headers()[column].as_str();
+        let is_about = |line: &&String| {
+            let lower = line.trim_start_matches(['#', ' ']).to_lowercase();
+            let is_named = UNITS.iter().any(|word| lower.contains(word));
+            let is_quantity = QUANTITIES.iter().any(|word| lower.starts_with(word));
+            (is_named || is_quantity)
+                && !lower.starts_with('x')
+                && matches!(stated_unit(line), StatedUnit::Known(_))
+        };
+        match stated_unit(header) {
+            StatedUnit::Unstated => self.preamble.iter().find(is_about).map_or(header, String::as_str),
+            _ => header,
+        }
+    }
+
+    /// The unit of a column: as given, or as the file says.
     fn unit(&self, column: usize) -> Result<Option<ValueUnit>, FormatError> {
         if self.options.quantity == SpectrumQuantity::Stored {
             return Ok(None);
@@ -495,20 +635,9 @@ impl SpectrumReader<'_> {
         if self.options.unit.is_some() {
             return Ok(self.options.unit);
         }
-        let of_line = |line: &String| {
-            let lower = line.to_lowercase();
-            let is_about = lower.contains("unit")
-                || lower.contains("(qntm)")
-                || ["transmi", "reflect", "irradi", "absorb"].iter().any(|word| lower.starts_with(word));
-            let is_about_x = lower.trim_start_matches('#').starts_with('x');
-            match stated_unit(line) {
-                StatedUnit::Known(unit) if is_about && !is_about_x => Some(unit),
-                _ => None,
-            }
-        };
-        match stated_unit(&self.headers()[column]) {
+        match stated_unit(self.words_of_unit(column)) {
             StatedUnit::Known(unit) => Ok(Some(unit)),
-            StatedUnit::Unstated => Ok(self.preamble.iter().find_map(of_line)),
+            StatedUnit::Unstated => Ok(None),
             StatedUnit::Unknown(unit) => Err(FormatError::unit(
                 self.path,
                 format!(
@@ -516,15 +645,28 @@ impl SpectrumReader<'_> {
                     self.table.column_name(column),
                     excerpt(&unit)
                 ),
-                unit_hint(self.path),
+                "Export it in %, OD, dB, A/W, photons, counts or W, or write the right unit into the header, as in \"T (%)\"",
             )),
         }
     }
 
     fn read_column(&mut self, axes: Axes, column: ValueColumn) -> Result<NamedCurve, FormatError> {
+        self.say(column.start.map(|_| "the middles of bands as wavelengths".into()));
         let (mut unit, lines) = self.ratio(column)?;
         let mut samples = self.samples(axes, column, lines)?;
+        let is_converted = self.options.quantity != SpectrumQuantity::Stored && self.options.unit.is_none();
+        let factor = if is_converted { factor_of(self.words_of_unit(column.values)) } else { 1.0 };
+        if factor != 1.0 {
+            self.say(Some(format!("values times {factor}")));
+            samples.iter_mut().for_each(|sample| {
+                sample.value *= factor;
+                sample.error = sample.error.map(|error| error * factor);
+            });
+        }
         self.sort(&mut samples);
+        if unit == Some(ValueUnit::OpticalDensity) && self.options.quantity == SpectrumQuantity::Fraction {
+            self.refuse_density_of_zero(column.values, &samples)?;
+        }
         if self.options.quantity == SpectrumQuantity::Fraction {
             let largest = self.must_be_percent(&samples, column.values).filter(|_| unit.is_none());
             if let Some(largest) = largest {
@@ -540,11 +682,11 @@ impl SpectrumReader<'_> {
             let is_loss = samples.iter().map(|sample| sample.value).sum::<f64>() > 0.0;
             Conversion::new(unit, self.options.quantity, is_loss).map_err(|what| {
                 let what = format!("column {}: {what}", self.table.column_name(column.values));
-                let hint = format!(
-                    "Choose a file or column that holds one; if the header is wrong, say the unit. {}",
-                    unit_hint(self.path)
-                );
-                FormatError::unit(self.path, what, hint)
+                FormatError::unit(
+                    self.path,
+                    what,
+                    "Choose a file or column that holds one, or correct the unit in the header",
+                )
             })
         });
         let convert = convert.transpose()?;
@@ -643,8 +785,10 @@ impl SpectrumReader<'_> {
                     "Give every line a wavelength in nm",
                 ));
             };
-            let error =
-                column.error.map(|error| self.table.number(self.path, row, error)).transpose()?.flatten();
+            let cell =
+                |column: Option<usize>| column.map(|of| self.table.number(self.path, row, of)).transpose();
+            let nm = cell(column.start)?.flatten().map_or(nm, |start| 0.5 * (start + nm));
+            let error = cell(column.error)?.flatten();
             match value {
                 Some(value) => samples.push(Sample { row, nm: axes.scale_to_nm.in_nm(nm), value, error }),
                 None if self.options.skip_empty_cells => {}
@@ -652,11 +796,12 @@ impl SpectrumReader<'_> {
                 None if self.options.quantity != SpectrumQuantity::Stored
                     && (samples.is_empty() || row.line > last_filled) => {}
                 None => {
+                    let nm = axes.scale_to_nm.in_nm(nm);
                     return Err(FormatError::at_line(
                         self.path,
                         row.line,
-                        format!("column {} is empty at {nm} nm", self.table.column_name(column.values)),
-                        "Fill the cell or remove the line",
+                        format!("column {} has no value at {nm} nm", self.table.column_name(column.values)),
+                        "Fill the cell, or remove the lines without a value: a straight line bridges the gap",
                     ));
                 }
             }
@@ -691,6 +836,24 @@ impl SpectrumReader<'_> {
         self.say(Some(format!("{words} given twice: the mean of the values")));
     }
 
+    /// Instruments that have no light left may write an optical density of 0.
+    fn refuse_density_of_zero(&self, column: usize, samples: &[Sample]) -> Result<(), FormatError> {
+        let is_wrong = |zero: &Sample, beside: &Sample| zero.value == 0.0 && beside.value >= LEAST_OPAQUE;
+        let wrong = samples.windows(2).find_map(|pair| {
+            let [a, b] = [&pair[0], &pair[1]];
+            is_wrong(a, b).then_some((a, b)).or(is_wrong(b, a).then_some((b, a)))
+        });
+        wrong.map_or(Ok(()), |(zero, beside)| {
+            let column = self.table.column_name(column);
+            Err(FormatError::at_line(
+                self.path,
+                zero.row.line,
+                format!("column {column} holds an optical density of 0 at {} nm beside {} at {} nm", zero.nm, beside.value, beside.nm),
+                "Write the largest density that is measured where no light was left, or 0.001 where the filter is clear",
+            ))
+        })
+    }
+
     /// The largest value of a transmittance or reflectance without a unit, where it is so large that it must be percent.
     fn must_be_percent(&self, samples: &[Sample], column: usize) -> Option<f64> {
         if without_noisy_ends(&fractions(None, samples)).is_some() {
@@ -698,7 +861,9 @@ impl SpectrumReader<'_> {
         }
         let percent = fractions(Some(ValueUnit::Percent), samples);
         let kept = without_noisy_ends(&percent)?;
-        let largest = percent[kept].iter().copied().fold(0.0, f64::max);
+        // One value that is larger than those beside it is a wrong pixel
+        let beside = |pair: &[f64]| pair[0].min(pair[1]);
+        let largest = percent[kept].windows(2).map(beside).fold(0.0, f64::max);
         let names = |text: &str| {
             let lower = text.to_lowercase();
             let mut words = lower.split(|c: char| !c.is_alphanumeric());
@@ -713,15 +878,25 @@ impl SpectrumReader<'_> {
         (largest > least).then_some(100.0 * largest)
     }
 
-    /// What to do with values that are too large.
-    fn hint_of_large(&self, unit: Option<ValueUnit>) -> String {
-        match (self.options.quantity, unit) {
-            (SpectrumQuantity::Fraction, Some(_)) => format!(
+    /// What to do with values that are too large: one of them, or most.
+    fn hint_of_large(&self, unit: Option<ValueUnit>, values: &[f64]) -> String {
+        let largest = values.iter().copied().fold(0.0, f64::max);
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let is_alone = sorted.iter().rev().nth(1).is_none_or(|second| PLAUSIBLE.contains(second));
+        let path = self.path.display();
+        let is_fraction = self.options.quantity == SpectrumQuantity::Fraction;
+        let percent = 100.0 * if is_fraction { *PLAUSIBLE.end() } else { LARGEST_EFFICIENCY };
+        match self.options.quantity {
+            _ if is_alone && values.len() > 2 => "Correct this value, or remove the line".into(),
+            _ if unit.is_none() && largest <= percent => unit_hint(self.path),
+            SpectrumQuantity::Fraction => format!(
                 "Choose a column that holds a transmittance or reflectance; if its white was too dark, give the file as \
-                 {{ csv = \"{}\", scale = 0.25 }}, with the factor that makes it one",
-                self.path.display()
+                 {{ csv = \"{path}\", scale = 0.25 }}, with the factor that makes it one"
             ),
-            _ => unit_hint(self.path),
+            _ => format!(
+                "Choose a column that holds a quantum efficiency, or give the file as {{ csv = \"{path}\", scale = 0.01 }}, with the factor that makes it one"
+            ),
         }
     }
 
@@ -739,8 +914,9 @@ impl SpectrumReader<'_> {
         let is_noisy = sum_of(-1.0) <= NOISE * sum_of(1.0);
         let refuses = self.options.negative == Negative::Refuse;
         let around = around(values);
+        let hint_of_large = self.hint_of_large(unit, values);
         let (mut below, mut above) = ((0, 0.0_f64), (0, 1.0_f64));
-        for ((sample, value), near) in samples.iter().zip(values).zip(around) {
+        for ((sample, value), near) in samples.iter().zip(values.iter_mut()).zip(around) {
             let is_noise = quantity != SpectrumQuantity::Stored
                 && *value < 0.0
                 && (is_noisy || value.max(near.mean + near.within) >= -NOISE * largest);
@@ -760,7 +936,7 @@ impl SpectrumReader<'_> {
             if let Some(what) = too_large {
                 let column = self.table.column_name(column);
                 let what = format!("column {column} holds {}, {what}{}", sample.value, in_unit(unit));
-                return Err(FormatError::at_line(self.path, sample.row.line, what, self.hint_of_large(unit)));
+                return Err(FormatError::at_line(self.path, sample.row.line, what, hint_of_large));
             }
             if quantity == SpectrumQuantity::Fraction && *value > 1.0 && refuses {
                 above = (above.0 + 1, above.1.max(*value));
@@ -772,6 +948,11 @@ impl SpectrumReader<'_> {
             (count > 0)
                 .then(|| format!("{} {what}, as far as {extreme:.2e}", counted(count, "value", "values")))
         };
+        if quantity == SpectrumQuantity::SpectralPower {
+            self.say(pedestal(samples).map(|percent| {
+                format!("never below {percent:.0} % of the largest value, and level there: is the dark subtracted?")
+            }));
+        }
         self.say(of(below, "below 0 taken as 0"));
         self.say(of(above, "above 1 taken as 1"));
         Ok(())
@@ -809,6 +990,17 @@ fn around(values: &[f64]) -> Vec<Around> {
     (0..values.len()).map(of).collect()
 }
 
+/// Percent of the largest value above which all values of a light stay, where a third of them are as low as the lowest: its dark.
+fn pedestal(samples: &[Sample]) -> Option<f64> {
+    let mut sorted: Vec<f64> = samples.iter().map(|sample| sample.value).collect();
+    sorted.sort_by(f64::total_cmp);
+    let [first, .., last] = sorted[..] else { return None };
+    let third = sorted[sorted.len() / 3];
+    let is_level = third - first < LEVEL * last;
+    (sorted.len() >= 20 && is_level && first > LEAST_PEDESTAL * last && third < 0.5 * last)
+        .then_some(100.0 * first / last)
+}
+
 /// Words for the unit that a value has in the file.
 fn in_unit(unit: Option<ValueUnit>) -> String {
     unit.map_or(String::new(), |unit| format!(" in unit \"{}\"", unit.name()))
@@ -842,6 +1034,45 @@ fn is_standard_error(lower: &str) -> bool {
         .iter()
         .any(|name| joined == *name || (name.len() > 5 && joined.starts_with(name)))
         || plain.split_whitespace().any(|word| matches!(word, "std" | "stdev" | "stddev" | "sd" | "stderr"))
+}
+
+/// Whether a header is that of an edge of bands.
+fn is_edge(header: &str) -> bool {
+    const EDGES: [&str; 12] =
+        ["start", "end", "from", "to", "lower", "upper", "low", "high", "min", "max", "begin", "stop"];
+    words_of(header).any(|word| EDGES.contains(&word.as_str()))
+}
+
+fn words_of(header: &str) -> impl Iterator<Item = String> {
+    let lower = header.to_lowercase();
+    let words: Vec<String> = lower.split(|c: char| !c.is_alphanumeric()).map(String::from).collect();
+    words.into_iter().filter(|word| !word.is_empty())
+}
+
+/// Whether a column holds by its name what a measurement is compared with, and no measurement.
+fn is_comparison(header: &str) -> bool {
+    const COMPARISONS: [&str; 8] =
+        ["dark", "background", "bkg", "bg", "baseline", "reference", "ref", "blank"];
+    let is_corrected =
+        words_of(header).any(|word| word.starts_with("correct") || word.starts_with("subtract"));
+    !is_corrected && words_of(header).next().is_some_and(|word| COMPARISONS.contains(&word.as_str()))
+}
+
+fn is_comparison_with_dark(header: &str) -> bool {
+    is_comparison(header) && !words_of(header).any(|word| word.starts_with("ref"))
+}
+
+/// What a column is of by its name, of kinds that can't stand for each other.
+fn kind_of(header: &str) -> Option<&'static str> {
+    words_of(header).find_map(|word| match word.as_str() {
+        "t" => Some("transmittance"),
+        "r" => Some("reflectance"),
+        "ex" | "exc" => Some("excitation"),
+        "em" => Some("emission"),
+        _ => ["transmi", "reflect", "excitation", "emission", "dichroic"]
+            .into_iter()
+            .find(|start| word.starts_with(start)),
+    })
 }
 
 /// The column that a spectrometer computed from its sample, dark and reference.

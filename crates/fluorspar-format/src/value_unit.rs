@@ -99,7 +99,12 @@ pub(super) enum StatedUnit {
 }
 
 /// Words in brackets that state no unit.
-const NO_UNIT: [&str; 17] = [
+const NO_UNIT: [&str; 22] = [
+    "dimensionless",
+    "unitless",
+    "0-1",
+    "0..1",
+    "0 to 1",
     "",
     "a.u.",
     "a. u.",
@@ -119,9 +124,42 @@ const NO_UNIT: [&str; 17] = [
     "nm",
 ];
 
-/// The unit that a text names: a header, or a line about the units of a file.
+/// Spellings of amperes per watt.
+const RESPONSIVITY: [&str; 8] = ["a/w", "a / w", "a w-1", "a w^-1", "a w⁻¹", "a·w-1", "a·w^-1", "a·w⁻¹"];
+
+/// The factor of the prefix with which a text names a unit: 1e-3 of `mA/W`; `None` where it doesn't.
+fn prefix(lower: &str, unit: &str) -> Option<f64> {
+    lower.match_indices(unit).find_map(|(place, _)| {
+        let is_longer = lower[place + unit.len()..].starts_with(char::is_alphanumeric);
+        match lower[..place].rsplit(|c: char| !c.is_alphanumeric()).next()? {
+            _ if is_longer => None,
+            "" => Some(1.0),
+            "m" => Some(1e-3),
+            "µ" | "μ" | "u" => Some(1e-6),
+            _ => None,
+        }
+    })
+}
+
+/// What the values of a column with this header are multiplied by to be in the unit that [`stated_unit`] finds.
+pub(super) fn factor_of(header: &str) -> f64 {
+    let lower = header.to_lowercase();
+    let of =
+        |units: &[&str]| units.iter().find_map(|unit| prefix(&lower, unit)).filter(|factor| *factor != 1.0);
+    of(&RESPONSIVITY).or_else(|| of(&["od", "au", "abs", "absorbance"])).unwrap_or(1.0)
+}
+
+/// The unit that a text names: a header, or a line about the units of a file. What stands in brackets at its end says it better than the name of a
+/// sample before.
 pub(super) fn stated_unit(text: &str) -> StatedUnit {
     let lower = text.to_lowercase().replace("w.length", "wavelength");
+    match bracketed(&lower).map(unit_in) {
+        Some(StatedUnit::Known(unit)) => StatedUnit::Known(unit),
+        _ => unit_in(&lower),
+    }
+}
+
+fn unit_in(lower: &str) -> StatedUnit {
     let words: Vec<&str> = lower
         .split(|c: char| !(c.is_alphanumeric() || c == 'µ' || c == 'μ'))
         .filter(|w| !w.is_empty())
@@ -129,10 +167,16 @@ pub(super) fn stated_unit(text: &str) -> StatedUnit {
     let has = |names: &[&str]| words.iter().any(|word| names.contains(word));
     let starts = |names: &[&str]| words.iter().any(|word| names.iter().any(|name| word.starts_with(name)));
     let known = StatedUnit::Known;
-    if lower.contains('%') || starts(&["percent", "prozent", "pourcent"]) || has(&["pct"]) {
+    // A power over 1 mW, and logarithms: neither values nor an attenuation
+    let logarithm = words.iter().find(|word| ["dbm", "dbw", "log", "log10", "lg", "ln"].contains(*word));
+    if let Some(logarithm) = logarithm {
+        return StatedUnit::Unknown((*logarithm).to_owned());
+    }
+    let percents = ["percent", "prozent", "procent", "pourcent", "porcent"];
+    if lower.contains('%') || lower.contains("per cent") || starts(&percents) || has(&["pct"]) {
         return known(ValueUnit::Percent);
     }
-    if lower.contains("a/w") || lower.contains("a w-1") || lower.contains("a·w") || starts(&["ampere"]) {
+    if RESPONSIVITY.iter().any(|unit| prefix(lower, unit).is_some()) || starts(&["ampere"]) {
         return known(ValueUnit::AmperesPerWatt);
     }
     if starts(&["efficiency"])
@@ -155,7 +199,8 @@ pub(super) fn stated_unit(text: &str) -> StatedUnit {
     if is_energy {
         return known(ValueUnit::Energy);
     }
-    if starts(&["absorban"]) || has(&["od", "abs"]) || lower.contains("optical density") {
+    if starts(&["absorban"]) || has(&["od", "abs", "mod", "mau", "mabs"]) || lower.contains("optical density")
+    {
         return known(ValueUnit::OpticalDensity);
     }
     if starts(&["count"]) || has(&["adc", "dn", "scope"]) {
@@ -164,7 +209,7 @@ pub(super) fn stated_unit(text: &str) -> StatedUnit {
     if has(&["fraction", "fractions"]) {
         return known(ValueUnit::Fraction);
     }
-    match bracketed(&lower) {
+    match bracketed(lower) {
         Some(unit) if !NO_UNIT.contains(&unit) && unit.parse::<f64>().is_err() && unit != "-" => {
             StatedUnit::Unknown(unit.to_owned())
         }
@@ -272,14 +317,30 @@ mod tests {
             ("photon flux (umol m-2 s-1 nm-1)", Photons),
             ("Abs. irradiance [µW/cm²/nm]", Energy),
             ("Intensity [counts]", Counts),
+            ("filter 50% (Abs)", OpticalDensity),
+            ("S (mA/W)", AmperesPerWatt),
+            ("Responsivity / A W-1", AmperesPerWatt),
         ] {
             assert_eq!(stated_unit(text), StatedUnit::Known(unit), "{text}");
         }
-        for text in ["R", "Intensity (a.u.)", "red", "QE (e-/photon)", "quantum efficiency", "transmittance"]
-        {
+        for text in [
+            "T (0-1)",
+            "data/wavelength",
+            "R",
+            "Intensity (a.u.)",
+            "red",
+            "QE (e-/photon)",
+            "quantum efficiency",
+            "transmittance",
+        ] {
             assert_eq!(stated_unit(text), StatedUnit::Unstated, "{text}");
         }
-        assert_eq!(stated_unit("flux (erg)"), StatedUnit::Unknown("erg".into()));
+        for (text, unit) in
+            [("flux (erg)", "erg"), ("Power (dBm)", "dbm"), ("log10(T)", "log10"), ("T [perc]", "perc")]
+        {
+            assert_eq!(stated_unit(text), StatedUnit::Unknown(unit.into()));
+        }
+        assert_eq!([factor_of("S (mA/W)"), factor_of("mOD"), factor_of("A/W")], [1e-3, 1e-3, 1.0]);
     }
 
     #[test]

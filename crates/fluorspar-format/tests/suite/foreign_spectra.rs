@@ -155,6 +155,62 @@ const LAYOUTS: &[Layout] = &[
         &[0.5, 0.25],
     ),
     (
+        "a background before the light, names and dates before the wavelength",
+        "sample,date,Wavelength (nm),Background,Irradiance\nA 1,2024-01-31,400,9,0.5\nA 1,2024-01-31,410,9,0.25\n",
+        SpectrumQuantity::SpectralPower,
+        &[400.0, 410.0],
+        &[0.5, 0.25],
+    ),
+    (
+        "values in W/nm that might be wavelengths",
+        "Wavelength (nm),Spectral power (W/nm)\n400,500\n410,250\n",
+        SpectrumQuantity::SpectralPower,
+        &[400.0, 410.0],
+        &[500.0, 250.0],
+    ),
+    (
+        "edges of bands",
+        "wavelength start,wavelength end,irradiance\n400,410,0.5\n410,420,0.25\n",
+        SpectrumQuantity::SpectralPower,
+        &[405.0, 415.0],
+        &[0.5, 0.25],
+    ),
+    (
+        "edges beside the middles of bands",
+        "center wavelength,lower,upper,T\n405,400,410,0.5\n415,410,420,0.5\n425,420,430,0.5\n435,430,440,0.25\n",
+        SpectrumQuantity::Fraction,
+        &[405.0, 415.0, 425.0, 435.0],
+        &[0.5, 0.5, 0.5, 0.25],
+    ),
+    (
+        "edges in micrometers",
+        "Wavelength min (um),Wavelength max (um),R\n0.4,0.41,0.5\n0.41,0.42,0.25\n",
+        SpectrumQuantity::Fraction,
+        &[405.0, 415.0],
+        &[0.5, 0.25],
+    ),
+    (
+        "the unit above: percent of an axis",
+        "Sample: a\nY axis: %T\n400\t0.5\n410\t0.25\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 410.0],
+        &[0.005, 0.0025],
+    ),
+    (
+        "the unit above: thousandths of a density",
+        "Sample: a\nY Units: mOD\n400\t2000\n410\t1000\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 410.0],
+        &[0.01, 0.1],
+    ),
+    (
+        "a running number before, a width behind the wavelength",
+        "No.,Wavelength (nm),Bandwidth (nm),T\n200,400,5,0.5\n201,410,5,0.25\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 410.0],
+        &[0.5, 0.25],
+    ),
+    (
         "decibels of a transmission",
         "Wavelength (nm),T (dB)\n400,-20\n500,-10\n600,0\n",
         SpectrumQuantity::Fraction,
@@ -202,12 +258,39 @@ fn jcamp_and_tm_27_are_read() {
 }
 
 #[test]
+fn spectra_of_cgats_are_columns() {
+    let text = "CTI3   \n\nORIGINATOR \"a\"\nNUMBER_OF_FIELDS 4\nBEGIN_DATA_FORMAT\nSAMPLE_ID SAMPLE_NAME SPEC_400 SPEC_410\nEND_DATA_FORMAT\n\n\
+                NUMBER_OF_SETS 2\nBEGIN_DATA\n1 \"light blue\" 50.0\n25.0\n2 red 1.0 2.5\nEND_DATA\n";
+    let options =
+        SpectrumOptions { columns: SpectrumColumns::All, ..as_quantity(SpectrumQuantity::Fraction) };
+    let read = read_bytes("t.ti3", text.as_bytes(), &options).unwrap();
+    let found: Vec<_> = read.curves.iter().map(|of| (of.name.as_str(), of.curve.values().to_vec())).collect();
+    assert_eq!(found, [("light blue (%)", vec![0.5, 0.25]), ("red (%)", vec![0.01, 0.025])]);
+    assert_eq!(read.curves[0].curve.wavelengths_nm(), [400.0, 410.0]);
+    let short = text.replace("25.0\n", "");
+    let error = read_bytes("t.ti3", short.as_bytes(), &options).unwrap_err();
+    assert!(error.contains("t.ti3:11: this sample has 7 cells but the format has 4 fields"), "{error}");
+    let colors = text.replace("SPEC_400 SPEC_410", "LAB_L LAB_A");
+    let error = read_bytes("t.ti3", colors.as_bytes(), &options).unwrap_err();
+    assert!(error.contains("this CGATS file holds no spectra"), "{error}");
+    let sekonic = "Date Saved,2020/01/31\nTitle,a\nSpectral Data 380[nm],0.5\nSpectral Data 381[nm],0.25\n";
+    let error = read_bytes("t.csv", sekonic.as_bytes(), &options).unwrap_err();
+    assert!(error.contains("this is a file of a Sekonic spectrometer"), "{error}");
+}
+
+#[test]
 fn units_of_headers_become_the_quantity() {
     // 0.27 A/W at 610 nm are 0.27 · 1239.84 / 610 electrons a photon
     let (_, qe, read_as) =
         one("t.csv", "wavelength_nm,R (A/W)\n600,0.3\n610,0.27\n", SpectrumQuantity::QuantumEfficiency);
     assert!((qe[1] - 0.548_78).abs() < 1e-5, "{qe:?}");
     assert_eq!(read_as, "amperes per watt");
+    let (_, qe, read_as) =
+        one("t.csv", "nm,S (mA/W)\n600,300\n610,270\n", SpectrumQuantity::QuantumEfficiency);
+    assert!(
+        (qe[1] - 0.548_78).abs() < 1e-5 && read_as == "values times 0.001; amperes per watt",
+        "{read_as}"
+    );
     // Photons at 400 nm have 1.5 times the energy of those at 600 nm
     let (_, power, _) =
         one("t.csv", "nm,photon flux (umol m-2 s-1 nm-1)\n400,1\n600,1\n", SpectrumQuantity::SpectralPower);
@@ -239,7 +322,32 @@ fn values_that_can_not_be_the_quantity_are_refused_with_their_cure() {
         (
             "nm,x\n400,450\n410,54\n",
             SpectrumQuantity::Fraction,
-            "t.csv:2: column \"x\" holds 450, more than 1. Give the file as { csv = \"t.csv\", unit = \"percent\" }",
+            "t.csv:2: column \"x\" holds 450, more than 1. Choose a column that holds a transmittance or reflectance",
+        ),
+        (
+            "nm,T\n400,0.5\n410,60\n420,0.5\n430,0.25\n",
+            SpectrumQuantity::Fraction,
+            "t.csv:3: column \"T\" holds 60, more than 1. Correct this value, or remove the line",
+        ),
+        (
+            "nm,OD\n400,5\n410,0\n420,1\n",
+            SpectrumQuantity::Fraction,
+            "t.csv:3: column \"OD\" holds an optical density of 0 at 410 nm beside 5 at 400 nm. Write",
+        ),
+        (
+            "nm,S (A/W)\n400,45\n410,95\n420,95\n",
+            SpectrumQuantity::QuantumEfficiency,
+            "in unit \"a_per_w\". Choose a column that holds a quantum efficiency",
+        ),
+        (
+            "nm,Power (dBm)\n400,-45\n410,-54\n",
+            SpectrumQuantity::SpectralPower,
+            "column \"Power (dBm)\" is in \"dbm\", which isn't known here. Export it in %, OD",
+        ),
+        (
+            "nm,T [perc]\n400,0.5\n410,0.5\n",
+            SpectrumQuantity::Fraction,
+            "column \"T [perc]\" is in \"perc\", which isn't known here. Export it in %, OD",
         ),
         (
             "nm,T (%)\n400,45\n410,154\n",
@@ -295,6 +403,73 @@ fn a_wrong_line_within_a_table_is_told() {
     let first = format!("nm,T\n399,o.5\n{good}");
     let error = read_bytes("t.csv", first.as_bytes(), &as_quantity(SpectrumQuantity::Fraction)).unwrap_err();
     assert!(error.starts_with("t.csv:2: "), "{error}");
+}
+
+#[test]
+fn a_table_between_blanks_does_not_end_where_a_value_is_missing() {
+    let with = |bad: &str| -> String {
+        (0..20).map(|i| format!("{} {}\n", 400 + i, if (8..12).contains(&i) { bad } else { "0.5" })).collect()
+    };
+    for (bad, said) in [
+        ("NaN", "t.txt:10: column \"T\" has no value at 408 nm. Fill the cell, or remove the lines"),
+        ("--", "t.txt:10: column \"T\" has no value at 408 nm"),
+        ("*****", "t.txt:10: column \"T\" holds \"*****\", which is not a number"),
+        (">6", "t.txt:10: column \"T\" holds \">6\", a bound. Write the bound as the value"),
+        ("> 6", "t.txt:10: this line has 3 cells but the header has 2"),
+    ] {
+        let text = format!("wavelength T\n{}", with(bad));
+        let error =
+            read_bytes("t.txt", text.as_bytes(), &as_quantity(SpectrumQuantity::Fraction)).unwrap_err();
+        assert!(error.starts_with(said), "{error}");
+    }
+}
+
+#[test]
+fn of_several_columns_that_which_was_measured_is_taken_or_none() {
+    let light =
+        |header: &str| one("t.csv", format!("{header}\n400,1,2\n410,1,4\n"), SpectrumQuantity::SpectralPower);
+    let (_, values, read_as) = light("nm,Dark,Sample");
+    assert_eq!(
+        (values, read_as.as_str()),
+        (vec![2.0, 4.0], "column \"Sample\" of Dark, Sample; \"Dark\" is not subtracted")
+    );
+    let (_, _, read_as) = one("t.csv", "nm,Dark counts\n400,1\n410,1\n", SpectrumQuantity::SpectralPower);
+    assert!(read_as.starts_with("column \"Dark counts\" as the values: there is no other"), "{read_as}");
+    let unnamed: String = (0..10).map(|i| format!("{},{},0.5\n", 200 + i, 400 + 5 * i)).collect();
+    for (text, said) in [
+        (
+            "nm,%R,%T\n400,1,2\n410,1,4\n",
+            "columns \"%R\" and \"%T\" are of different things. Name the one that is meant, as in { csv = \"t.csv\", column = \"%T\" }",
+        ),
+        (
+            "nm,exciter ex,emitter em,dichroic\n400,1,0,1\n410,1,0,1\n",
+            "columns \"exciter ex\" and \"emitter em\" are of different things",
+        ),
+        (
+            "nm,Dark,Reference,Sample\n400,9,99,50\n410,9,99,60\n",
+            "what was measured: sample, dark and reference. Export",
+        ),
+        (&unnamed, "columns 1 and 2 may both be wavelengths. Put a line above"),
+    ] {
+        let error =
+            read_bytes("t.csv", text.as_bytes(), &as_quantity(SpectrumQuantity::Fraction)).unwrap_err();
+        assert!(error.contains(said), "{error}");
+    }
+    // Columns without names are called by their numbers
+    let unnamed_values: String = (0..10).map(|i| format!("{},0.5,0.25\n", 400 + i)).collect();
+    assert_eq!(
+        one("t.csv", &unnamed_values, SpectrumQuantity::Fraction).2,
+        "column 1 as wavelengths; column number 2 of 3"
+    );
+    let third =
+        SpectrumOptions { columns: SpectrumColumns::Named(vec!["3".into()]), ..SpectrumOptions::default() };
+    assert_eq!(
+        read_bytes("t.csv", unnamed_values.as_bytes(), &third).unwrap().curves[0].curve.values()[0],
+        0.25
+    );
+    // The line that is asked for
+    let named = format!("pixel,wavelength_nm,T\n{unnamed}");
+    assert_eq!(one("t.csv", named, SpectrumQuantity::Fraction).0[..2], [400.0, 405.0]);
 }
 
 /// What a spectrometer computes where its lamp has no light: some number of either sign, far beyond 0 to 1.
@@ -372,6 +547,38 @@ fn what_stands_twice_in_a_file_is_told() {
     };
     let link = block("EXPORTED: PROCESSED SPECTRUM", 0.5) + &block("EXPORTED: DARK SPECTRUM", 0.1);
     assert_eq!(one("t.jdx", link, SpectrumQuantity::Fraction).1, [0.5, 0.5]);
+}
+
+#[test]
+fn samples_named_above_pairs_of_columns_are_told_apart() {
+    let scans =
+        "Wavelength (nm),%T,Wavelength (nm),%T,\n410,50,410,80,\n400,25,400,40,\n\nfilter\nScan rate 600\n";
+    let read = |names: &str, columns: SpectrumColumns| {
+        let options = SpectrumOptions { columns, ..as_quantity(SpectrumQuantity::Fraction) };
+        let read = read_bytes("t.csv", format!("{names}\n{scans}").as_bytes(), &options).unwrap();
+        (read.curves[0].curve.values().to_vec(), read.read_as.join("; "))
+    };
+    let named = |name: &str| SpectrumColumns::Named(vec![name.into()]);
+    assert_eq!(read("long, 5 mm,,short, 5 mm,,", named("short, 5 mm")).0, [0.4, 0.8]);
+    assert_eq!(read(",,short,,", named("short")).0, [0.4, 0.8]);
+    let (values, read_as) = read("Baseline 100%T,,short,,", SpectrumColumns::One);
+    assert_eq!(values, [0.4, 0.8]);
+    assert!(read_as.contains("column \"short (%T)\" of Baseline 100%T (%T), short (%T)"), "{read_as}");
+}
+
+#[test]
+fn a_light_upon_its_dark_is_told() {
+    let text = |dark: f64| -> String {
+        let value = |i: i32| dark + 3200.0 * (-f64::from(i - 20).powi(2) / 9.0).exp();
+        (0..40).map(|i| format!("{},{:.1}\n", 400 + 5 * i, value(i))).collect()
+    };
+    let read_as =
+        |dark| one("t.csv", format!("nm,Counts\n{}", text(dark)), SpectrumQuantity::SpectralPower).2;
+    assert!(
+        read_as(800.0)
+            .contains("never below 20 % of the largest value, and level there: is the dark subtracted?")
+    );
+    assert!(!read_as(10.0).contains("never below"));
 }
 
 #[test]

@@ -110,7 +110,7 @@ fn bad_spectra_are_explained() {
         ),
         (
             b"nm,a\n400,1\n410,\n",
-            "t.csv:3: column \"a\" is empty at 410 nm. Fill the cell or remove the line",
+            "t.csv:3: column \"a\" has no value at 410 nm. Fill the cell, or remove the lines without a value: a straight line bridges the gap",
         ),
         (b"nm,a\n400,1\n,2\n", "t.csv:3: the wavelength is empty. Give every line a wavelength in nm"),
         (
@@ -389,6 +389,65 @@ fn matrices_are_read_as_instruments_export_them() {
     }
 }
 
+/// Names of samples may hold commas, or be missing.
+#[test]
+fn samples_of_a_matrix_are_told_apart_by_their_names() {
+    let text = |names: [&str; 2]| {
+        let header: String =
+            names.iter().flat_map(|name| [350, 360].map(|nm| format!("{name}_EX_{nm}.00,,"))).collect();
+        format!("{header}\n{}\n400,1,400,2,400,3,400,4,\n410,1,410,2,410,3,410,4,\n", "nm,a.u.,".repeat(4))
+    };
+    let options = |sample: Option<&str>| CsvEemOptions {
+        unit: Some(EemUnit::Photons),
+        sample: sample.map(String::from),
+        ..CsvEemOptions::default()
+    };
+    let said = complaint(text(["dye, 1", "dye, 2"]).as_bytes(), |path| read_eem_csv(path, &options(None)));
+    assert!(said.starts_with("t.csv:1: the columns are of 2 samples: dye, 1, dye, 2"), "{said}");
+    for (names, sample) in [(["dye, 1", "dye, 2"], "dye, 2"), (["dye", ""], "unnamed")] {
+        let read = loaded(&text(names), |path| read_eem_csv(path, &options(Some(sample))));
+        assert_eq!(
+            (read.excitation_nm, read.values),
+            (vec![350.0, 360.0], vec![3.0, 4.0, 3.0, 4.0]),
+            "{names:?}"
+        );
+    }
+}
+
+/// What an instrument writes where its detector was at its end is no value against which others are small.
+#[test]
+fn marks_of_overflow_and_blanks_are_no_dye() {
+    let bell = |nm: f64, width: f64| (-(nm / width).powi(2)).exp();
+    let matrix = |value: &dyn Fn(f64, f64) -> f64| {
+        let excitation: Vec<f64> = (300..=400).step_by(10).map(f64::from).collect();
+        let header: String = excitation.iter().map(|ex| format!(",{ex}")).collect();
+        let row = |em: f64| {
+            let cells: String = excitation.iter().map(|ex| format!(",{:.4}", value(*ex, em))).collect();
+            format!("{em}{cells}\n")
+        };
+        let rows: String = (280..=560).step_by(5).map(|em| row(f64::from(em))).collect();
+        format!("# unit: photons\nem_nm\\ex_nm{header}\n{rows}")
+    };
+    let dye = matrix(&|ex, em| {
+        let value = if em > ex { 1000.0 * bell(ex - 350.0, 40.0) * bell(em - 480.0, 40.0) } else { 0.0 };
+        if value > 990.0 { 9.9e37 } else { value }
+    });
+    let read = |path: &std::path::Path| read_eem_csv(path, &CsvEemOptions::default());
+    let said = complaint(dye.as_bytes(), read);
+    assert!(
+        said.starts_with("t.csv: 1 cell has the largest value 9.9e37, at excitations from 350"),
+        "{said}"
+    );
+    let keep = CsvEemOptions { anti_stokes: AntiStokes::Keep, ..CsvEemOptions::default() };
+    assert_eq!(loaded(&dye, |path| read_eem_csv(path, &keep)).overflow().unwrap().cells, 1);
+    // Of water, upon a dark that is the same everywhere, no band leaves a dye
+    let water = matrix(&|ex, em| {
+        900.0 * bell(em - ex, 5.0) + 300.0 * bell(em - 1.0 / (1.0 / ex - 3400e-7), 6.0) + 0.5
+    });
+    let least = loaded(&water, |path| read_eem_csv(path, &keep)).least_cuts(CutTo::Neighbors, 1e-3);
+    assert!(least.for_all.is_none() && least.for_lines.is_none(), "{least:?}");
+}
+
 /// What would have to be guessed is refused, with what else is wrong.
 #[test]
 fn forms_of_instruments_that_leave_a_guess_are_refused() {
@@ -524,7 +583,7 @@ fn bad_matrices_are_explained() {
         ),
         (
             "@em_nm\\ex_nm,350,400\n380,1,0\n450,nan,3\n",
-            "t.csv:4: column \"350\" holds nan. Give a finite number, or remove the line",
+            "t.csv:4: the cell at excitation 350 nm is empty. Fill it from its neighbors or with 0",
         ),
         (
             "@em_nm\\ex_nm,350,400\n380,1,0\n450,,3\n",
