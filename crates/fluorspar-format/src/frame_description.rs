@@ -143,7 +143,7 @@ pub fn description_path(frame: &Path) -> PathBuf {
 
 /// A raw frame with what is known of it.
 #[derive(Clone, Debug)]
-pub struct ToldFrame {
+pub struct DescribedFrame {
     /// The frame, turned as viewers show it.
     pub image: SensorImage,
     /// What it is. Doubtful are plateaus, a black level above the pixels and tags without effect.
@@ -154,11 +154,11 @@ pub struct ToldFrame {
 ///
 /// # Errors
 /// Those of [`super::read_sensor_image`].
-pub fn read_told_frame(path: &Path) -> Result<ToldFrame, FormatError> {
+pub fn read_described_frame(path: &Path) -> Result<DescribedFrame, FormatError> {
     let frame = read_judged_frame(path)?;
     let source = if sidecar_path(path).exists() { FactSource::Described } else { FactSource::Tag };
     let facts = frame_table(&frame, |_| (source, String::new()));
-    Ok(ToldFrame { image: frame.image, facts })
+    Ok(DescribedFrame { image: frame.image, facts })
 }
 
 /// What a frame is: the only place that words it. `said` tells where the value of a key comes from, and what is said about that.

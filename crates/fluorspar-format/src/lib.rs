@@ -103,8 +103,8 @@ pub use exr::{
 pub use file_format::{FileFormat, OtherFormat};
 pub use film::{read_film, read_film_layout, read_film_rows, write_film};
 pub use frame_description::{
-    FactSource, FrameDescription, FrameFact, FrameFacts, ToldFrame, black_level_doubt, describe_frame,
-    description_path, read_told_frame,
+    DescribedFrame, FactSource, FrameDescription, FrameFact, FrameFacts, black_level_doubt, describe_frame,
+    description_path, read_described_frame,
 };
 pub use gltf::{read_gltf, read_gltf_instances, write_gltf};
 pub use input::{digest_bounded, read_bounded, read_start, read_text_bounded};

@@ -24,8 +24,8 @@ mod run;
 pub mod validation;
 
 pub use comparison::{
-    ComparedNumber, ComparedPictures, ComparedSide, FinishedCapture, FinishedFrame, FinishedProgram,
-    FinishedRegion, FinishedRun, FinishedSafety, FinishedViewer, FrameToCompare, HOW_JUDGED, ToldApart,
+    ComparedNumber, ComparedPictures, ComparedSide, Distinction, FinishedCapture, FinishedFrame,
+    FinishedProgram, FinishedRegion, FinishedRun, FinishedSafety, FinishedViewer, FrameToCompare, HOW_JUDGED,
     UnreadableRun, compared_numbers, compared_pictures, comparison_figures, comparison_remarks,
     comparison_report, comparison_verdict, numbers_by_region, setting_cells,
 };

@@ -19,7 +19,7 @@ use fluorspar_experiment::{
     CachedAnalysis, Experiment, ResolvedExperiment, Warning, cached_analysis, resolve,
 };
 use fluorspar_format::{
-    FrameFact, OutputFolder, ToldFrame, black_level_doubt, read_sensor_image, read_told_frame,
+    DescribedFrame, FrameFact, OutputFolder, black_level_doubt, read_described_frame, read_sensor_image,
     write_atomically, write_map_npy,
 };
 use fluorspar_report::figures::porphyrin_maps;
@@ -190,7 +190,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         regions: others.clone(),
         components: None,
         frames_from: if options.frame.is_empty() { FrameOrigin::Simulated } else { FrameOrigin::Given },
-        told_frames: told,
+        described_frames: told,
         raw_ending: None,
     };
     report.write(out.path()).map_err(|error| error.at_its_place(&out))?;
@@ -518,12 +518,12 @@ fn analyzed_without_surfaces(
 }
 
 /// What frames are, by file.
-type ToldFiles = Vec<(String, Vec<FrameFact>)>;
+type DescribedFiles = Vec<(String, Vec<FrameFact>)>;
 
 /// Frames, and what those are that were given.
 struct Developed {
     frames: Vec<CapturedFrame>,
-    told: ToldFiles,
+    told: DescribedFiles,
 }
 
 /// The frames that are analyzed, developed with what calibrates them.
@@ -538,7 +538,7 @@ fn developed(options: &Options, study: &Study, wanted: &str) -> Result<Developed
     let turned: Vec<Warning> = turned_alike(&mut exposures).into_iter().map(Warning::from).collect();
     Messages::default().warnings(&turned);
     let read = |paths: &[PathBuf]| -> Result<Vec<SensorImage>, CliError> {
-        let turned = |raw: ToldFrame| match exposures.first() {
+        let turned = |raw: DescribedFrame| match exposures.first() {
             Some(first) => raw.image.turned_as(&first.raw).0,
             None => raw.image,
         };
@@ -601,8 +601,8 @@ fn write_layers(out: &OutputFolder, porphyrin: &PorphyrinMap) -> Result<(), CliE
 
 /// The raw frame in a file under the name of a capture. What a real camera does not tell of its conversion gain and noise, the
 /// sensor of the experiment does.
-fn read_raw(study: &Study, path: &Path, label: Option<&str>) -> Result<ToldFrame, CliError> {
-    let mut told = read_told_frame(path)?;
+fn read_raw(study: &Study, path: &Path, label: Option<&str>) -> Result<DescribedFrame, CliError> {
+    let mut told = read_described_frame(path)?;
     let raw = &mut told.image;
     if let Some(label) = label {
         raw.label = label.into();
@@ -645,7 +645,7 @@ fn named_frames(
     options: &Options,
     study: &Study,
     wanted: &str,
-) -> Result<(Vec<RawExposures>, ToldFiles), CliError> {
+) -> Result<(Vec<RawExposures>, DescribedFiles), CliError> {
     let known: Vec<&str> = study.captures.iter().map(|c| c.frame.label.as_str()).collect();
     let mut frames: Vec<RawExposures> = Vec::new();
     let mut told = Vec::new();
@@ -661,7 +661,7 @@ fn named_frames(
                 known.join(", ")
             )));
         };
-        let ToldFrame { image: raw, facts } = read_raw(study, Path::new(file), Some(label))?;
+        let DescribedFrame { image: raw, facts } = read_raw(study, Path::new(file), Some(label))?;
         // Dark frames take the place of a black level
         let counts = |fact: &&FrameFact| options.dark.is_empty() || fact.key != "black level";
         let doubtful = facts.iter().filter(|fact| fact.is_doubtful).filter(counts);

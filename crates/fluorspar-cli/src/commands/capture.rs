@@ -185,7 +185,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             regions,
             components: spectra.as_ref(),
             frames_from: FrameOrigin::Simulated,
-            told_frames: Vec::new(),
+            described_frames: Vec::new(),
             raw_ending: Some(options.format.ending()),
         };
         let found = report.write(folder.path()).map_err(|error| error.at_its_place(&folder))?;

@@ -31,7 +31,7 @@ pub(super) struct FrameReport<'a> {
     pub(super) components: Option<&'a ComponentImage>,
     pub(super) frames_from: FrameOrigin,
     /// What the frames are that were given, by file.
-    pub(super) told_frames: Vec<(String, Vec<FrameFact>)>,
+    pub(super) described_frames: Vec<(String, Vec<FrameFact>)>,
     /// Ending of the raw files beside the report.
     pub(super) raw_ending: Option<&'a str>,
 }
@@ -53,7 +53,7 @@ impl FrameReport<'_> {
             components: None,
             evaluation: &evaluation,
             frames_from: self.frames_from,
-            told_frames: &self.told_frames,
+            described_frames: &self.described_frames,
             raw_ending: self.raw_ending,
         };
         write_frame_report(folder, &run)?;

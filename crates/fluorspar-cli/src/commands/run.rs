@@ -200,7 +200,7 @@ fn evaluate_and_write(
         components: Some(components),
         evaluation: &evaluation,
         frames_from: FrameOrigin::Simulated,
-        told_frames: &[],
+        described_frames: &[],
         raw_ending: Some("tiff"),
     };
     write_run_folder(folder, &results)?;

@@ -258,7 +258,7 @@ pub struct LightChoiceSection {
     #[serde(default)]
     pub filters: Vec<SpectrumReference>,
     /// Irradiance of flat regions behind the filters, W/m², 1e-12 to 1e12. Default 10.
-    #[serde(default = "ten")]
+    #[serde(default = "default_irradiance")]
     pub irradiance_w_per_m2: f64,
     /// Power in the place of the first light of the group in a rendered scene, behind the filters, mW, 1e-12 to 1e12. Default: as much as
     /// that light has.
@@ -269,7 +269,7 @@ pub struct LightChoiceSection {
     pub cost: f64,
 }
 
-fn ten() -> f64 {
+fn default_irradiance() -> f64 {
     10.0
 }
 
@@ -288,7 +288,7 @@ pub struct LedSeriesSection {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub short_pass_after_peak_nm: Option<f64>,
     /// Irradiance of flat regions by each, behind its filter, W/m², 1e-12 to 1e12. Default 10.
-    #[serde(default = "ten")]
+    #[serde(default = "default_irradiance")]
     pub irradiance_w_per_m2: f64,
     /// Power of each in a rendered scene, as that of a light, mW, 1e-12 to 1e12. Default: as much as the light in its place has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -410,32 +410,32 @@ pub struct IdealBandsSection {
     /// Standard deviations, nm, 0.5 to 200: one for all, or one for each.
     pub sigma_nm: Vec<f64>,
     /// Electrons per photon at the center, 1e-6 to 1. Default 0.5.
-    #[serde(default = "half")]
+    #[serde(default = "half_of_full")]
     pub peak: f64,
     /// Read noise, e- rms, 0 to 1e6. Default 2.
-    #[serde(default = "two")]
+    #[serde(default = "default_read_noise_e")]
     pub read_noise_e: f64,
     /// Electrons that a pixel holds, 1 to 1e9. Default 10000.
-    #[serde(default = "ten_thousand")]
+    #[serde(default = "default_full_well_e")]
     pub full_well_e: f64,
     /// Side of a pixel, um, 0.1 to 1000. Default 3.
-    #[serde(default = "three")]
+    #[serde(default = "default_pixel_size_um")]
     pub pixel_size_um: f64,
 }
 
-fn half() -> f64 {
+fn half_of_full() -> f64 {
     0.5
 }
 
-fn two() -> f64 {
+fn default_read_noise_e() -> f64 {
     2.0
 }
 
-fn three() -> f64 {
+fn default_pixel_size_um() -> f64 {
     3.0
 }
 
-fn ten_thousand() -> f64 {
+fn default_full_well_e() -> f64 {
     10_000.0
 }
 
@@ -546,7 +546,7 @@ pub struct WhiteFrameSection {
     #[serde(default = "white_led")]
     pub spectrum: SpectrumReference,
     /// Irradiance of flat regions, W/m², 1e-12 to 1e12. Default 10.
-    #[serde(default = "ten")]
+    #[serde(default = "default_irradiance")]
     pub irradiance_w_per_m2: f64,
     /// Power in a rendered scene, in the place of the lights of the design, mW, 1e-12 to 1e12. Default: as much as the light there has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -555,7 +555,7 @@ pub struct WhiteFrameSection {
     #[serde(default)]
     pub filters: Vec<SpectrumReference>,
     /// Signal of the brightest channel in the first region, share of what a pixel holds, 0.001 to 1. Default 0.5.
-    #[serde(default = "half")]
+    #[serde(default = "half_of_full")]
     pub level: f64,
     /// Price of the light, in any unit, 0 or more. Default 0.
     #[serde(default)]

@@ -284,7 +284,7 @@ fn regions(
         let at = steps!["analysis", "region", index];
         let earlier = shared.region[..index].iter().map(|other| other.name.as_str());
         context.unique_name(&at, &section.name, earlier)?;
-        if section.names_nothing() {
+        if section.is_unrestricted() {
             return context.fail(&at, "selects no pixels; give parts, rectangle_px, polygon_px or mask");
         }
         let places = FieldPlaces::of_region(index);

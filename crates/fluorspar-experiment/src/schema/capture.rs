@@ -242,7 +242,7 @@ pub struct AnalysisRegionSection {
 
 impl AnalysisRegionSection {
     /// Whether it says nothing about where it lies.
-    pub(crate) fn names_nothing(&self) -> bool {
+    pub(crate) fn is_unrestricted(&self) -> bool {
         self.parts.is_empty()
             && self.rectangle_px.is_none()
             && self.polygon_px.is_none()

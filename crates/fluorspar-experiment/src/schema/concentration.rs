@@ -27,10 +27,10 @@ pub struct PaintedMask {
     /// Factor inside, 0 to 1e6.
     pub inside: f64,
     /// Factor outside, 0 to 1e6. Default 1.
-    #[serde(default = "one")]
+    #[serde(default = "unchanged")]
     pub outside: f64,
 }
 
-fn one() -> f64 {
+fn unchanged() -> f64 {
     1.0
 }

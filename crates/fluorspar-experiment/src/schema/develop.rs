@@ -32,21 +32,21 @@ impl Default for MotionSection {
 #[serde(deny_unknown_fields)]
 pub struct FlatFieldSection {
     /// Frames that are averaged, 1 to 1000. Default 16.
-    #[serde(default = "sixteen")]
+    #[serde(default = "default_frames")]
     pub frames: u32,
     /// Signal of the brightest channel on the axis, share of full scale, 0.01 to 0.95. Default 0.5.
-    #[serde(default = "half")]
+    #[serde(default = "default_level")]
     pub level: f64,
     /// Spectrum of the light, of any scale. Default "equal_energy".
     #[serde(default = "equal_energy")]
     pub spectrum: SpectrumReference,
 }
 
-fn sixteen() -> u32 {
+fn default_frames() -> u32 {
     16
 }
 
-fn half() -> f64 {
+fn default_level() -> f64 {
     0.5
 }
 

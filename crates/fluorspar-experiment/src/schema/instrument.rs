@@ -24,64 +24,64 @@ pub struct SpectroradiometerSection {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<String>,
     /// Full angle of the round spot, degrees, 0.01 to 60. Default 1.
-    #[serde(default = "one")]
+    #[serde(default = "default_acceptance_deg")]
     pub acceptance_deg: f64,
     /// Filters in front of the instrument. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub filters: Vec<SpectrumReference>,
     /// First wavelength that is read, nm, 200 to 1200. Default 380.
-    #[serde(default = "first")]
+    #[serde(default = "default_first_nm")]
     pub first_nm: f64,
     /// Last wavelength that is read, nm, 200 to 1200. Default 780. Wavelengths whose slit reaches beyond the rendered bands
     /// are left out.
-    #[serde(default = "last")]
+    #[serde(default = "default_last_nm")]
     pub last_nm: f64,
     /// Spacing of the readings, nm, 0.1 to 100. Default 2.
-    #[serde(default = "step")]
+    #[serde(default = "default_step_nm")]
     pub step_nm: f64,
     /// Full width at half maximum of the triangular slit function, nm, 0.1 to 100. Default 8.
-    #[serde(default = "bandwidth")]
+    #[serde(default = "default_bandwidth_nm")]
     pub bandwidth_nm: f64,
     /// Noise of a reading without light, W/(sr m² nm) rms, 0 to 1e6. Default 5e-7.
-    #[serde(default = "floor")]
+    #[serde(default = "default_noise_floor")]
     pub noise_floor_w_per_sr_m2_nm: f64,
     /// Largest ratio of signal to noise floor at every wavelength: the darkest part of a spectrum that can be told
     /// beside its peak, 1 to 1e12. Default 1e4.
-    #[serde(default = "range")]
+    #[serde(default = "default_dynamic_range")]
     pub dynamic_range: f64,
     /// Share of the mean signal that is scattered evenly over all wavelengths, 0 to 0.1. Default 1e-5.
-    #[serde(default = "stray")]
+    #[serde(default = "default_stray_light")]
     pub stray_light: f64,
     /// Readings that are averaged, 1 to 1 000 000. Default 1.
-    #[serde(default = "once")]
+    #[serde(default = "one_reading")]
     pub readings: u32,
 }
 
-fn one() -> f64 {
+fn default_acceptance_deg() -> f64 {
     1.0
 }
-fn first() -> f64 {
+fn default_first_nm() -> f64 {
     380.0
 }
-fn last() -> f64 {
+fn default_last_nm() -> f64 {
     780.0
 }
-fn step() -> f64 {
+fn default_step_nm() -> f64 {
     2.0
 }
-fn bandwidth() -> f64 {
+fn default_bandwidth_nm() -> f64 {
     8.0
 }
-fn floor() -> f64 {
+fn default_noise_floor() -> f64 {
     5e-7
 }
-fn range() -> f64 {
+fn default_dynamic_range() -> f64 {
     1e4
 }
-fn stray() -> f64 {
+fn default_stray_light() -> f64 {
     1e-5
 }
-fn once() -> u32 {
+fn one_reading() -> u32 {
     1
 }
 

@@ -269,7 +269,7 @@ pub struct LesionSection {
     pub part: String,
     /// Middle of the ellipse in texture coordinates of the part, 0 to 1. The parts of the back of the tongue share one map.
     /// Default [0.5, 0.5].
-    #[serde(default = "middle")]
+    #[serde(default = "center_of_texture")]
     pub center: [f64; 2],
     /// Lengths of the axes of the ellipse, mm, 0.1 to 200. Default [8, 6].
     #[serde(default = "lesion_size")]
@@ -301,7 +301,7 @@ pub struct LesionSection {
     pub concentrations: BTreeMap<String, f64>,
 }
 
-fn middle() -> [f64; 2] {
+fn center_of_texture() -> [f64; 2] {
     [0.5, 0.5]
 }
 

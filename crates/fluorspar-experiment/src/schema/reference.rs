@@ -146,11 +146,11 @@ pub struct ReflectanceTermSection {
     /// Reflectance spectrum, 0 to 1.
     pub spectrum: SpectrumReference,
     /// Factor over the surface. Default 1.
-    #[serde(default = "one")]
+    #[serde(default = "full_weight")]
     pub weight: TextureReference,
 }
 
-fn one() -> TextureReference {
+fn full_weight() -> TextureReference {
     TextureReference::Constant(1.0)
 }
 

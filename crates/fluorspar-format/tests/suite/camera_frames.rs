@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 use fluorspar::image::Mosaic;
 use fluorspar_format::{
-    FactSource, FrameDescription, FrameFacts, describe_frame, read_mask, read_sensor_image, read_told_frame,
+    FactSource, FrameDescription, FrameFacts, describe_frame, read_described_frame, read_mask,
+    read_sensor_image,
 };
 
 fn camera(name: &str) -> PathBuf {
@@ -288,7 +289,7 @@ fn a_plateau_below_the_white_level_is_saturation() {
     let values: Vec<u16> = (0..32).map(value).collect();
     let tags = [shorts(50_714, &[64]), shorts(50_717, &[4095])];
     plain_dng(&path, &values, &tags);
-    let told = read_told_frame(&path).unwrap();
+    let told = read_described_frame(&path).unwrap();
     let developed = fluorspar::sensor::Development::default().linearize(&told.image).unwrap();
     for (pixel, dn) in values.iter().enumerate() {
         assert_eq!(developed.saturated[pixel], *dn == 3000, "{pixel}");
@@ -572,7 +573,7 @@ fn left_aligned_samples_are_shifted_down() {
     assert!(found.warnings.iter().any(|said| said.contains("--left-aligned")), "{:?}", found.warnings);
     fs::remove_file(found.path()).unwrap();
     found.write().unwrap();
-    let told = read_told_frame(&path).unwrap();
+    let told = read_described_frame(&path).unwrap();
     assert!(told.facts.iter().any(|fact| fact.is_doubtful && fact.value == "all values are multiples of 16"));
     // Levels of a DNG are divided with its values, of a dark one, too
     let path = folder.path().join("frame.dng");

@@ -46,7 +46,7 @@ pub struct ComparedSide {
 /// Whether two numbers are told apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum ToldApart {
+pub enum Distinction {
     /// The intervals tell them apart.
     Apart,
     /// They do not.
@@ -61,7 +61,7 @@ pub enum ToldApart {
     InOne,
 }
 
-impl ToldApart {
+impl Distinction {
     /// In words.
     #[must_use]
     pub fn text(self) -> &'static str {
@@ -97,7 +97,7 @@ pub struct ComparedNumber {
     #[serde(serialize_with = "finite_ends")]
     pub difference_interval: Option<[f64; 2]>,
     /// Whether the intervals tell them apart.
-    pub told_apart: ToldApart,
+    pub told_apart: Distinction,
 }
 
 /// Ends of an interval as JSON has them: null for one that is open.
@@ -172,17 +172,17 @@ fn compared(it: &RunNumber, a: Option<RunNumber>, b: Option<RunNumber>) -> Compa
         .filter(|_| !noise_alone)
         .map(|((a, b), (of_a, of_b))| interval_of_difference((a, of_a), (b, of_b)));
     let told_apart = match (&a, &b, intervals) {
-        (Some(a), Some(b), _) if a == b => ToldApart::Same,
-        (Some(_), Some(_), Some(_)) if noise_alone => ToldApart::NoiseAlone,
+        (Some(a), Some(b), _) if a == b => Distinction::Same,
+        (Some(_), Some(_), Some(_)) if noise_alone => Distinction::NoiseAlone,
         (Some(_), Some(_), Some((of_a, of_b))) => {
             let apart = match difference_interval {
                 Some([low, high]) => low > 0.0 || high < 0.0,
                 None => of_a[1] < of_b[0] || of_b[1] < of_a[0],
             };
-            if apart { ToldApart::Apart } else { ToldApart::NotApart }
+            if apart { Distinction::Apart } else { Distinction::NotApart }
         }
-        (Some(_), Some(_), None) => ToldApart::NotJudged,
-        _ => ToldApart::InOne,
+        (Some(_), Some(_), None) => Distinction::NotJudged,
+        _ => Distinction::InOne,
     };
     ComparedNumber {
         region,

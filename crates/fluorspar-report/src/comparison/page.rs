@@ -4,8 +4,8 @@ use fluorspar_experiment::{SettingDifference, Warning};
 
 use super::run_numbers::{ERROR, is_share};
 use super::{
-    ComparedNumber, ComparedSide, FinishedRun, HOW_JUDGED, ToldApart, comparison_remarks, comparison_verdict,
-    numbers_by_region,
+    ComparedNumber, ComparedSide, Distinction, FinishedRun, HOW_JUDGED, comparison_remarks,
+    comparison_verdict, numbers_by_region,
 };
 use crate::{
     Axis, Dash, Figure, Ink, Label, NumberMatrix, Panel, ReportData, ReportItem, ReportPicture, Section,
@@ -78,8 +78,8 @@ pub fn comparison_report(
         true => run.name.clone(),
         false => format!("{}: {}", run.name, run.title),
     };
-    let apart = numbers.iter().filter(|n| n.told_apart == ToldApart::Apart).count();
-    let judged = apart + numbers.iter().filter(|n| n.told_apart == ToldApart::NotApart).count();
+    let apart = numbers.iter().filter(|n| n.told_apart == Distinction::Apart).count();
+    let judged = apart + numbers.iter().filter(|n| n.told_apart == Distinction::NotApart).count();
     let counted = match judged {
         0 => "None of the numbers has an interval in both.".into(),
         1 if apart == 1 => "One number has an interval in both runs; it tells them apart.".into(),
@@ -126,7 +126,7 @@ fn matrix<'a>(
     let row = |number: &ComparedNumber| {
         let [a, b, difference, told_apart] = number.cells().map(minus);
         let judged = match number.told_apart {
-            ToldApart::Apart | ToldApart::NotApart | ToldApart::NoiseAlone => {
+            Distinction::Apart | Distinction::NotApart | Distinction::NoiseAlone => {
                 format!("{difference} {told_apart}")
             }
             _ => difference,

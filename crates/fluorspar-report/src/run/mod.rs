@@ -40,7 +40,7 @@ pub struct RunResults<'a> {
     /// Where the frames come from.
     pub frames_from: FrameOrigin,
     /// What the frames are that were given.
-    pub told_frames: &'a [(String, Vec<FrameFact>)],
+    pub described_frames: &'a [(String, Vec<FrameFact>)],
     /// Ending of the raw files `raw_FRAME` beside the report; `None` where there are none.
     pub raw_ending: Option<&'a str>,
 }

@@ -310,8 +310,8 @@ fn frames_section(run: &RunResults<'_>, builder: &mut Builder) -> Section {
     let mut section = Section::new("Frames")
         .folded(format!("{} {noun}{clipped}; levels and histograms", frames.len()))
         .with(ReportItem::Matrix(frame_matrix(frames)));
-    if !run.told_frames.is_empty() {
-        section = section.with(ReportItem::Matrix(told_matrix(run.told_frames)));
+    if !run.described_frames.is_empty() {
+        section = section.with(ReportItem::Matrix(told_matrix(run.described_frames)));
     }
     for frame in frames {
         let capture = study.capture(&frame.raw.label);
