@@ -26,6 +26,7 @@ mod porphyrin_region;
 mod safety_of_captures;
 mod scene_change;
 mod scene_control;
+mod schema_examples;
 mod sensor_files;
 mod stage_digests;
 mod steep_filters;
