@@ -10,7 +10,7 @@ use fluorspar_experiment::{design_json_schema, json_schema, sample_json_schema, 
 use serde_json::Value;
 
 /// Fields without an example, at most. A new field comes with one; an example more lowers it.
-const MOST_UNSHOWN: usize = 197;
+const MOST_UNSHOWN: usize = 136;
 
 /// Names of all properties of a schema.
 fn fields(schema: &Value, found: &mut BTreeSet<String>) {

@@ -245,7 +245,9 @@ impl<'a> FindingWords<'a> {
                 format!(" of {}", number(all))
             }
             (FindingId::SpotSeparation, Some(right)) => format!(", {:.0} % of pixels right", 100.0 * right),
-            (FindingId::TrueShare, _) => " with light that fluoresced twice".into(),
+            (FindingId::TrueShare, _) if value(finding).ends_with(')') => {
+                " with light that fluoresced twice".into()
+            }
             (FindingId::SmallestDiameter, Some(wanted)) => format!(" for d' {}", number(wanted)),
             _ => String::new(),
         };
