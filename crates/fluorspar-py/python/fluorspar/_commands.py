@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from . import _fluorspar, _given
 from ._experiment import Experiment
 from ._picture import picture_of_command
-from ._record import Record
+from ._record import Record, with_arrays
 
 if TYPE_CHECKING:
     from . import sections
@@ -78,13 +78,25 @@ def _record(*words: Any, **options: Any) -> Record:
     return found
 
 
+def _arrays(*words: Any, **options: Any) -> Any:
+    """What a command answers, lists of numbers as arrays."""
+    return with_arrays(command(*words, **options))
+
+
+def _array_record(*words: Any, **options: Any) -> Record:
+    """The same of an answer that is an object."""
+    found = _arrays(*words, **options)
+    assert isinstance(found, Record)
+    return found
+
+
 def predict(sample: str | os.PathLike[str] | None = None, *, threads: int | None = None, **options: Any) -> Record:
     """Spectra and mean sensor values of a flat sample, without geometry, in milliseconds.
 
     ``predict("tongue-385nm", concentration={"protoporphyrin_ix": 0.5}, light="led_405")``; options are those of
-    ``fluorspar predict``.
+    ``fluorspar predict``. Spectra are arrays.
     """
-    return _record("predict", *([] if sample is None else [sample]), threads=threads, **options)
+    return _array_record("predict", *([] if sample is None else [sample]), threads=threads, **options)
 
 
 class _Named:
@@ -97,8 +109,8 @@ class _Named:
         self.name: str = _given.path(name, "name", "a name of the catalogue or the path of a file")
 
     def show(self, **options: Any) -> Any:
-        """What is known of it."""
-        return command(self._command, self._shown, self.name, **options)
+        """What is known of it; spectra are arrays."""
+        return _arrays(self._command, self._shown, self.name, **options)
 
     def __repr__(self) -> str:
         return f"<{self._command} {self.name}>"
@@ -110,20 +122,20 @@ class Tissue(_Named):
     _command = "tissue"
 
     def solve(self, **options: Any) -> Record:
-        """Reflectance and fluorescence: ``solve(excitation_nm=[405, 450], state=["hyperemia"])``."""
-        return _record("tissue", "solve", self.name, **options)
+        """Reflectance and fluorescence as arrays: ``solve(excitation_nm=[405, 450], state=["hyperemia"]).reflectance``."""
+        return _array_record("tissue", "solve", self.name, **options)
 
     def depth(self, **options: Any) -> Any:
         """From how deep its light comes: a record for each channel, ``depth()[0].mean_depth_um``."""
-        return command("tissue", "depth", self.name, **options)
+        return _arrays("tissue", "depth", self.name, **options)
 
     def monte_carlo(self, **options: Any) -> Record:
         """Photons traced through it: ``monte_carlo(excitation_nm=405, photons=100000)``."""
-        return _record("tissue", "mc", self.name, **options)
+        return _array_record("tissue", "mc", self.name, **options)
 
     def fit(self, **options: Any) -> Record:
         """Its parameters fitted to measured spectra."""
-        return _record("tissue", "fit", self.name, **options)
+        return _array_record("tissue", "fit", self.name, **options)
 
 
 class Lens(_Named):
@@ -134,7 +146,7 @@ class Lens(_Named):
 
     def trace(self, **options: Any) -> Record:
         """Focal length, pupils, spots, MTF and field."""
-        return _record("lens", "report", self.name, **options)
+        return _array_record("lens", "report", self.name, **options)
 
 
 class Sensor(_Named):
@@ -264,8 +276,8 @@ def compare(a: str | os.PathLike[str], b: str | os.PathLike[str], **options: Any
 
 
 def spectroradiometer(source: str | os.PathLike[str], **options: Any) -> Record:
-    """Spectra of a component image or a flat sample as a spectroradiometer reads them."""
-    return _record("spectroradiometer", source, **options)
+    """Spectra of a component image or a flat sample as a spectroradiometer reads them, as arrays."""
+    return _array_record("spectroradiometer", source, **options)
 
 
 def describe(frame: str | os.PathLike[str], **options: Any) -> Record:

@@ -29,6 +29,21 @@ class Record(dict[str, Any]):
         return _table(self)
 
 
+def with_arrays(value: Any) -> Any:
+    """A result whose lists of numbers are arrays, float64 and read-only."""
+    import numpy as np
+
+    if isinstance(value, dict):
+        return Record((key, with_arrays(inner)) for key, inner in value.items())
+    if not isinstance(value, list):
+        return value
+    if value and all(isinstance(inner, (int, float)) and not isinstance(inner, bool) for inner in value):
+        array = np.asarray(value, dtype=np.float64)
+        array.flags.writeable = False
+        return array
+    return [with_arrays(inner) for inner in value]
+
+
 #: Entries of a list that a table shows.
 _SHOWN = 50
 
@@ -47,6 +62,8 @@ def _cell(value: Any) -> str:
     """One result in a table."""
     if isinstance(value, float):
         return f"{value:.6g}"
+    if hasattr(value, "tolist"):
+        value = value.tolist()
     if not isinstance(value, (dict, list)):
         return html.escape(str(value))
     if all(isinstance(inner, (int, float)) for inner in value) and len(value) <= 6 and isinstance(value, list):
