@@ -584,7 +584,7 @@ impl SpectrumReader<'_> {
             let [first, other] = [of_kinds[0].0, other].map(excerpt);
             return Err(self.in_header(
                 format!("columns \"{first}\" and \"{other}\" are of different things"),
-                format!("Name the one that is meant, as in {{ csv = \"{path}\", column = \"{other}\" }}, between apostrophes on a command line"),
+                format!("Name the one that is meant: {{ csv = \"{path}\", column = \"{first}\" }} or column = \"{other}\", between apostrophes on a command line"),
             ));
         }
         let rank =
