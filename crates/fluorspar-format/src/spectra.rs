@@ -584,7 +584,7 @@ impl SpectrumReader<'_> {
             let [first, other] = [of_kinds[0].0, other].map(excerpt);
             return Err(self.in_header(
                 format!("columns \"{first}\" and \"{other}\" are of different things"),
-                format!("Name the one that is meant, as in {{ csv = \"{path}\", column = \"{other}\" }}, between apostrophes on a command line"),
+                format!("Name the one that is meant: {{ csv = \"{path}\", column = \"{first}\" }} or column = \"{other}\", between apostrophes on a command line"),
             ));
         }
         let rank =
@@ -863,7 +863,8 @@ impl SpectrumReader<'_> {
         let kept = without_noisy_ends(&percent)?;
         // One value that is larger than those beside it is a wrong pixel
         let beside = |pair: &[f64]| pair[0].min(pair[1]);
-        let largest = percent[kept].windows(2).map(beside).fold(0.0, f64::max);
+        let shared = percent[kept.clone()].windows(2).map(beside).fold(0.0, f64::max);
+        let largest = percent[kept].iter().copied().fold(0.0, f64::max);
         let names = |text: &str| {
             let lower = text.to_lowercase();
             let mut words = lower.split(|c: char| !c.is_alphanumeric());
@@ -875,7 +876,7 @@ impl SpectrumReader<'_> {
         } else {
             0.15
         };
-        (largest > least).then_some(100.0 * largest)
+        (shared > least).then_some(100.0 * largest)
     }
 
     /// What to do with values that are too large: one of them, or most.
@@ -888,7 +889,15 @@ impl SpectrumReader<'_> {
         let is_fraction = self.options.quantity == SpectrumQuantity::Fraction;
         let percent = 100.0 * if is_fraction { *PLAUSIBLE.end() } else { LARGEST_EFFICIENCY };
         match self.options.quantity {
-            _ if is_alone && values.len() > 2 => "Correct this value, or remove the line".into(),
+            _ if is_alone && values.len() > 2 && (unit.is_some() || largest > percent) => {
+                "Correct this value, or remove the line".into()
+            }
+            _ if is_alone && values.len() > 2 => {
+                format!(
+                    "Correct this value, or remove the line. Of a narrow band in percent: {}",
+                    unit_hint(self.path)
+                )
+            }
             _ if unit.is_none() && largest <= percent => unit_hint(self.path),
             SpectrumQuantity::Fraction => format!(
                 "Choose a column that holds a transmittance or reflectance; if its white was too dark, give the file as \

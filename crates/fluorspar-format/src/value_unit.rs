@@ -203,7 +203,7 @@ fn unit_in(lower: &str) -> StatedUnit {
     {
         return known(ValueUnit::OpticalDensity);
     }
-    if starts(&["count"]) || has(&["adc", "dn", "scope"]) {
+    if starts(&["count"]) || has(&["adc", "dn", "scope", "cps"]) {
         return known(ValueUnit::Counts);
     }
     if has(&["fraction", "fractions"]) {
@@ -220,7 +220,7 @@ fn unit_in(lower: &str) -> StatedUnit {
 /// What stands in the last brackets of a text.
 fn bracketed(text: &str) -> Option<&str> {
     let (open, close) = if text.trim_end().ends_with(']') { ('[', ']') } else { ('(', ')') };
-    let inside = text.trim_end().strip_suffix(close)?;
+    let inside = text.trim_end().strip_suffix(close)?.trim_end_matches(close);
     inside.rfind(open).map(|place| inside[place + 1..].trim())
 }
 

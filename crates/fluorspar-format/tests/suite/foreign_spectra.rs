@@ -439,7 +439,7 @@ fn of_several_columns_that_which_was_measured_is_taken_or_none() {
     for (text, said) in [
         (
             "nm,%R,%T\n400,1,2\n410,1,4\n",
-            "columns \"%R\" and \"%T\" are of different things. Name the one that is meant, as in { csv = \"t.csv\", column = \"%T\" }",
+            "columns \"%R\" and \"%T\" are of different things. Name the one that is meant: { csv = \"t.csv\", column = \"%R\" } or column = \"%T\"",
         ),
         (
             "nm,exciter ex,emitter em,dichroic\n400,1,0,1\n410,1,0,1\n",
