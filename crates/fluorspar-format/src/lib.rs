@@ -26,116 +26,73 @@
 //! Every writer leaves a complete file or none ([`write_atomically`]). Equal results give equal bytes. A command declares all that
 //! it will write before it begins ([`Outputs`], [`OutputFolder`]). What takes long to make is kept in a [`Cache`].
 //!
+//! Rooms: `table`, `frame`, `image`, `mesh`, `lens`, `pbrt`, and `store`, where files are opened and written.
+//!
 //! Out of scope: what the numbers mean. Readers do not normalize, and convert nothing but units that a file names.
 
-mod axis;
-mod cache;
-mod camera_raw;
-mod cgats;
-mod csv_cell;
-mod csv_eem;
-mod csv_fluorophore;
-mod csv_table;
-mod dng;
-mod dng_pixels;
-mod eem_layout;
-mod eem_scatter;
 mod error;
-mod exr;
-mod file;
-mod file_format;
-mod film;
-mod frame_description;
-mod frame_judgement;
-mod gltf;
-mod input;
-mod instrument_text;
-mod jcamp;
-mod jpeg;
+mod frame;
+mod image;
 mod lens;
-mod lossless_jpeg;
-mod mask;
-mod mat;
-mod mesh_set;
-mod npy;
+mod mesh;
 mod npy_array;
-mod obj;
-mod opcodes;
-mod output;
-mod packed_raw;
 mod pbrt;
-mod placements;
-mod ply;
-mod ply_binary;
-mod png;
-mod polygon;
-mod provenance;
-mod qoi;
-mod radiance_hdr;
-mod raw;
-mod spectra;
-mod spectrometer;
-mod spooled_image;
-mod stl;
-mod texture;
-mod tga;
-mod tiff_directory;
-mod tiff_image;
-mod tm27;
+mod store;
+mod table;
 mod toml_text;
-mod tone_curve;
-mod value_unit;
 
-pub use cache::{Cache, count_as_program};
-pub use csv_cell::{csv_cell, quoted_csv_cell};
-pub use csv_eem::{AntiStokes, CsvEemOptions, EemUnit, EmptyCells, MeasuredEem, eem_csv, read_eem_csv};
-pub use csv_fluorophore::{CsvFluorophore, names_excitation_and_emission, read_fluorophore_csv};
-pub use csv_table::Negative;
-pub use dng::{DngColor, write_sensor_dng};
-pub use eem_scatter::{
-    CutTo, LeastCuts, MOST_CUT_NM, Overflow, ScatterCut, ScatterLine, refuse_scattered_light,
-};
 pub use error::{FormatError, Problem};
-pub use exr::{
-    ComponentFile, ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
-    write_spectral_exr,
-};
-pub use file_format::{FileFormat, OtherFormat};
-pub use film::{read_film, read_film_layout, read_film_rows, write_film};
-pub use frame_description::{
+pub use frame::dng::{DngColor, write_sensor_dng};
+pub use frame::frame_description::{
     DescribedFrame, FactSource, FrameDescription, FrameFact, FrameFacts, black_level_doubt, describe_frame,
     description_path, read_described_frame,
 };
-pub use gltf::{read_gltf, read_gltf_instances, write_gltf};
-pub use input::{digest_bounded, read_bounded, read_start, read_text_bounded};
-pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
-pub use mask::{MaskImage, read_mask};
-pub use mat::{IsetFluorophore, read_iset_fluorophore};
-pub use mesh_set::{NamedMesh, write_obj, write_pbrt};
-pub use npy::{
+pub use frame::packed_raw::{RawPacking, write_packed_raw};
+pub use frame::raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
+pub use image::exr::{
+    ComponentFile, ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
+    write_spectral_exr,
+};
+pub use image::mask::{MaskImage, read_mask};
+pub use image::npy::{
     read_component_image, read_component_npy, read_spectral_image, read_spectral_npy, write_component_npy,
     write_map_npy, write_spectral_npy,
 };
-pub use obj::read_obj;
-pub use output::{
-    Claim, Journal, Output, OutputFolder, OutputSet, Outputs, WRITTEN_BY, check_room, free_bytes,
-    remove_unfinished_files, unfinished_files, write_atomically, written_share,
+pub use image::png::{
+    TextureImage, Transfer, opaque_rgb, read_texture_png, write_gray_png, write_label_png, write_rgb_png,
 };
-pub use packed_raw::{RawPacking, write_packed_raw};
+pub use image::texture::read_texture;
+pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
+pub use mesh::gltf::{read_gltf, read_gltf_instances, write_gltf};
+pub use mesh::mesh_set::{NamedMesh, write_obj, write_pbrt};
+pub use mesh::obj::read_obj;
+pub use mesh::placements::read_placements;
+pub use mesh::ply::{LeftOutFaces, PlyMesh, read_ply, read_ply_leniently, write_ply};
+pub use mesh::stl::read_stl;
 pub use pbrt::{
     PbrtEntity, PbrtError, PbrtInstance, PbrtKind, PbrtMaterial, PbrtParameter, PbrtPlace, PbrtPlaced,
     PbrtRemark, PbrtScene, PbrtSettings, PbrtShape, PbrtTexture, PbrtValues, PbrtVersion, read_pbrt,
 };
-pub use placements::read_placements;
-pub use ply::{LeftOutFaces, PlyMesh, read_ply, read_ply_leniently, write_ply};
-pub use png::{
-    TextureImage, Transfer, opaque_rgb, read_texture_png, write_gray_png, write_label_png, write_rgb_png,
+pub use store::cache::{Cache, count_as_program};
+pub use store::file_format::{FileFormat, OtherFormat};
+pub use store::film::{read_film, read_film_layout, read_film_rows, write_film};
+pub use store::input::{digest_bounded, read_bounded, read_start, read_text_bounded};
+pub use store::output::{
+    Claim, Journal, Output, OutputFolder, OutputSet, Outputs, WRITTEN_BY, check_room, free_bytes,
+    remove_unfinished_files, unfinished_files, write_atomically, written_share,
 };
-pub use provenance::{Loaded, Provenance};
-pub use raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
-pub use spectra::{MeasuredSpectra, NamedCurve, SpectrumColumns, SpectrumOptions, read_spectra};
-pub use spooled_image::SpooledImage;
-pub use stl::read_stl;
-pub use texture::read_texture;
+pub use store::provenance::{Loaded, Provenance};
+pub use store::spooled_image::SpooledImage;
+pub use table::csv_cell::{csv_cell, quoted_csv_cell};
+pub use table::csv_eem::{
+    AntiStokes, CsvEemOptions, EemUnit, EmptyCells, MeasuredEem, eem_csv, read_eem_csv,
+};
+pub use table::csv_fluorophore::{CsvFluorophore, names_excitation_and_emission, read_fluorophore_csv};
+pub use table::csv_table::Negative;
+pub use table::eem_scatter::{
+    CutTo, LeastCuts, MOST_CUT_NM, Overflow, ScatterCut, ScatterLine, refuse_scattered_light,
+};
+pub use table::mat::{IsetFluorophore, read_iset_fluorophore};
+pub use table::spectra::{MeasuredSpectra, NamedCurve, SpectrumColumns, SpectrumOptions, read_spectra};
+pub use table::value_unit::{SpectrumQuantity, ValueUnit};
 pub use toml_text::{TomlError, read_toml, read_toml_document, read_toml_places};
-pub use value_unit::{SpectrumQuantity, ValueUnit};

@@ -9,8 +9,8 @@ use std::io::{self, BufReader, Read, Write};
 use std::path::Path;
 
 use super::FormatError;
-use super::file::MAX_IMAGE_BYTES;
-use super::input::open_plain;
+use crate::store::file::MAX_IMAGE_BYTES;
+use crate::store::input::open_plain;
 
 pub(super) const NPY_MAGIC: &[u8; 6] = b"\x93NUMPY";
 /// Longest header, bytes. NumPy itself trusts none above 10 000.

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use thiserror::Error;
 
-use super::input::read_bounded;
+use crate::store::input::read_bounded;
 use fluorspar::optics::LensPrescription;
 
 pub use toml_lens::{AbbeGlass, LensFile, LensFileSurface, PublishedLens};

@@ -14,7 +14,7 @@ use super::scene::{
 };
 use super::token::{Token, Tokens, number};
 use super::transform::{inverse, look_at, rotate};
-use crate::input::read_bounded;
+use crate::store::input::read_bounded;
 use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
 

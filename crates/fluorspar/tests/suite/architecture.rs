@@ -420,9 +420,9 @@ const OPENING: &[&str] = &["fs::read(", "fs::read_to_string(", "File::open("];
 
 /// Files that may open files: the input layer, and what locks folders.
 const MAY_OPEN: &[&str] = &[
-    "fluorspar-format/src/input.rs",
-    "fluorspar-format/src/output/disk.rs",
-    "fluorspar-format/src/output/folder.rs",
+    "fluorspar-format/src/store/input.rs",
+    "fluorspar-format/src/store/output/disk.rs",
+    "fluorspar-format/src/store/output/folder.rs",
 ];
 
 /// Ways to make, replace or remove a file.
@@ -439,13 +439,13 @@ const WRITING: &[&str] = &[
 
 /// Files that may do so: the output layer, the cache, and rows that wait in a file without a name.
 const MAY_WRITE: &[&str] = &[
-    "fluorspar-format/src/output/claim.rs",
-    "fluorspar-format/src/output/file.rs",
-    "fluorspar-format/src/output/folder.rs",
-    "fluorspar-format/src/output/journal.rs",
-    "fluorspar-format/src/output/set.rs",
-    "fluorspar-format/src/cache.rs",
-    "fluorspar-format/src/spooled_image.rs",
+    "fluorspar-format/src/store/output/claim.rs",
+    "fluorspar-format/src/store/output/file.rs",
+    "fluorspar-format/src/store/output/folder.rs",
+    "fluorspar-format/src/store/output/journal.rs",
+    "fluorspar-format/src/store/output/set.rs",
+    "fluorspar-format/src/store/cache.rs",
+    "fluorspar-format/src/store/spooled_image.rs",
 ];
 
 #[test]

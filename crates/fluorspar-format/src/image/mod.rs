@@ -1,0 +1,11 @@
+//! Images: spectral ones, masks, textures.
+
+pub(crate) mod exr;
+pub(crate) mod jpeg;
+pub(crate) mod mask;
+pub(crate) mod npy;
+pub(crate) mod png;
+pub(crate) mod qoi;
+pub(crate) mod radiance_hdr;
+pub(crate) mod texture;
+pub(crate) mod tga;

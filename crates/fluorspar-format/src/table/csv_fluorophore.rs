@@ -1,0 +1,95 @@
+//! Fluorophores as tables of excitation and emission.
+
+use std::path::Path;
+
+use super::csv_table::Negative;
+use super::eem_layout::{Axis, names_spectrum, no_samples, no_such_sample, sample_of};
+use super::spectra::{SpectrumColumns, SpectrumOptions, headers_of, read_spectra};
+use crate::FormatError;
+use fluorspar::spectral::Curve;
+
+/// Excitation and emission spectra of a fluorophore, as stored: neither normalized nor converted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CsvFluorophore {
+    /// Excitation.
+    pub excitation: Curve,
+    /// Emission.
+    pub emission: Curve,
+    /// The excitation is the same everywhere: it was never measured and only the emission means anything.
+    pub emission_only: bool,
+}
+
+/// Reads a table with the columns `wavelength_nm`, `excitation` and `emission`, or as databases of dyes write them, `EGFP ex` and `EGFP em`; of
+/// several dyes that which `sample` names. Empty cells are left out column by column, so that the two spectra may cover different
+/// ranges.
+///
+/// # Errors
+/// As [`read_spectra`]; [`FormatError::Samples`] of several dyes of which none is named.
+pub fn read_fluorophore_csv(
+    path: &Path,
+    negative: Negative,
+    sample: Option<&str>,
+) -> Result<CsvFluorophore, FormatError> {
+    let (line, headers) = headers_of(path)?;
+    let options = SpectrumOptions {
+        columns: SpectrumColumns::Named(columns(path, line, &headers, sample)?),
+        negative,
+        skip_empty_cells: true,
+        ..SpectrumOptions::default()
+    };
+    let mut curves = read_spectra(path, &options)?.curves.into_iter().map(|column| column.curve);
+    let (Some(excitation), Some(emission)) = (curves.next(), curves.next()) else {
+        return Err(FormatError::malformed(path, "columns are missing", "Give excitation and emission"));
+    };
+    let emission_only = is_constant(excitation.values());
+    Ok(CsvFluorophore { excitation, emission, emission_only })
+}
+
+/// Whether cells of a header name columns of excitation and of emission.
+#[must_use]
+pub fn names_excitation_and_emission(cells: &[&str]) -> bool {
+    [Axis::Excitation, Axis::Emission].iter().all(|axis| cells.iter().any(|cell| names_spectrum(cell, *axis)))
+}
+
+/// Headers of the columns of excitation and emission.
+fn columns(
+    path: &Path,
+    line: u64,
+    headers: &[String],
+    wanted: Option<&str>,
+) -> Result<Vec<String>, FormatError> {
+    let plain = ["excitation", "emission"];
+    let is_plain = wanted.is_none() && plain.iter().all(|word| headers.iter().any(|header| header == word));
+    let named = |axis: Axis| -> Vec<&String> {
+        headers.iter().filter(|header| names_spectrum(header, axis)).collect()
+    };
+    let [excitation, emission] = [Axis::Excitation, Axis::Emission].map(named);
+    let of = |name: &str, of_axis: &[&String]| -> Option<String> {
+        of_axis.iter().find(|header| sample_of(header) == name).map(|header| header.to_string())
+    };
+    let both = |name: &str| Some(vec![of(name, &excitation)?, of(name, &emission)?]);
+    let mut names: Vec<&str> = Vec::new();
+    for name in excitation.iter().map(|header| sample_of(header)) {
+        if both(name).is_some() && !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    match (wanted, &names[..]) {
+        // What is missing is told by its name
+        _ if is_plain => Ok(plain.map(String::from).to_vec()),
+        (None, []) => Ok(plain.map(String::from).to_vec()),
+        (Some(_), [] | [""]) => Err(no_samples(path, line)),
+        (Some(name), _) => both(name).ok_or_else(|| no_such_sample(path, line, name, &names)),
+        (None, [only]) => Ok(both(only).unwrap_or_default()),
+        (None, _) => Err(FormatError::Samples {
+            path: path.into(),
+            line,
+            names: names.into_iter().map(String::from).collect(),
+        }),
+    }
+}
+
+/// Whether all values are one and the same.
+pub(crate) fn is_constant(values: &[f64]) -> bool {
+    values.windows(2).all(|pair| pair[0] == pair[1])
+}

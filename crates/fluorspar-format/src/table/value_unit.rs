@@ -1,0 +1,359 @@
+//! Units of the values of spectra as tables name them, and what the values are in the quantity that is asked for.
+
+/// Wavelength of a photon of 1 eV, nm: a responsivity of R A/W at λ nm is R · 1239.84 / λ electrons per photon.
+const NM_OF_ONE_EV: f64 = 1_239.841_984;
+
+/// What spectra are read for: their values are converted to it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SpectrumQuantity {
+    /// Whatever the file holds, as stored.
+    #[default]
+    Stored,
+    /// Transmittance or reflectance, 0 to 1.
+    Fraction,
+    /// Power per nm, of any scale.
+    SpectralPower,
+    /// Electrons per photon.
+    QuantumEfficiency,
+}
+
+/// Unit of the values of a spectrum.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ValueUnit {
+    /// Fractions of 1.
+    Fraction,
+    /// Percent.
+    Percent,
+    /// Optical density or absorbance: minus the decimal logarithm of what passes or returns.
+    OpticalDensity,
+    /// Decibels of what passes: 0 and below, or, of a loss, 0 and above.
+    Decibel,
+    /// Amperes per watt.
+    AmperesPerWatt,
+    /// Photons, moles of photons.
+    Photons,
+    /// Counts of a spectrometer whose response is not divided out. They are taken for photons.
+    Counts,
+    /// Energy or power.
+    Energy,
+}
+
+impl ValueUnit {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::Fraction,
+        Self::Percent,
+        Self::OpticalDensity,
+        Self::Decibel,
+        Self::AmperesPerWatt,
+        Self::Photons,
+        Self::Counts,
+        Self::Energy,
+    ];
+
+    /// Its name in options and files of experiments.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fraction => "fraction",
+            Self::Percent => "percent",
+            Self::OpticalDensity => "od",
+            Self::Decibel => "db",
+            Self::AmperesPerWatt => "a_per_w",
+            Self::Photons => "photons",
+            Self::Counts => "counts",
+            Self::Energy => "energy",
+        }
+    }
+
+    /// What is done with values in it, for the line that says how a file was read; `None` where nothing is.
+    fn in_words(self, quantity: SpectrumQuantity) -> Option<&'static str> {
+        Some(match self {
+            Self::Fraction => return None,
+            Self::Energy => "energy",
+            Self::Percent => "percent",
+            Self::OpticalDensity => "optical density",
+            Self::Decibel => "decibels",
+            Self::AmperesPerWatt => "amperes per watt",
+            Self::Photons if quantity == SpectrumQuantity::SpectralPower => {
+                "photons, weighted with 1 / wavelength"
+            }
+            Self::Photons => "photons",
+            Self::Counts if quantity == SpectrumQuantity::SpectralPower => {
+                "counts, taken for photons; the spectrometer's response is not divided out"
+            }
+            Self::Counts => "counts",
+        })
+    }
+}
+
+/// What a header says of the unit of values.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum StatedUnit {
+    /// Nothing, or that they are relative.
+    Unstated,
+    /// This one.
+    Known(ValueUnit),
+    /// Words in brackets that mean nothing here.
+    Unknown(String),
+}
+
+/// Words in brackets that state no unit.
+const NO_UNIT: [&str; 22] = [
+    "dimensionless",
+    "unitless",
+    "0-1",
+    "0..1",
+    "0 to 1",
+    "",
+    "a.u.",
+    "a. u.",
+    "au",
+    "a.u",
+    "arb",
+    "arb.",
+    "arb. units",
+    "arb.u.",
+    "arbitrary",
+    "arbitrary units",
+    "rel",
+    "rel.",
+    "relative",
+    "normalized",
+    "norm.",
+    "nm",
+];
+
+/// Spellings of amperes per watt.
+const RESPONSIVITY: [&str; 8] = ["a/w", "a / w", "a w-1", "a w^-1", "a w⁻¹", "a·w-1", "a·w^-1", "a·w⁻¹"];
+
+/// The factor of the prefix with which a text names a unit: 1e-3 of `mA/W`; `None` where it doesn't.
+fn prefix(lower: &str, unit: &str) -> Option<f64> {
+    lower.match_indices(unit).find_map(|(place, _)| {
+        let is_longer = lower[place + unit.len()..].starts_with(char::is_alphanumeric);
+        match lower[..place].rsplit(|c: char| !c.is_alphanumeric()).next()? {
+            _ if is_longer => None,
+            "" => Some(1.0),
+            "m" => Some(1e-3),
+            "µ" | "μ" | "u" => Some(1e-6),
+            _ => None,
+        }
+    })
+}
+
+/// What the values of a column with this header are multiplied by to be in the unit that [`stated_unit`] finds.
+pub(crate) fn factor_of(header: &str) -> f64 {
+    let lower = header.to_lowercase();
+    let of =
+        |units: &[&str]| units.iter().find_map(|unit| prefix(&lower, unit)).filter(|factor| *factor != 1.0);
+    of(&RESPONSIVITY).or_else(|| of(&["od", "au", "abs", "absorbance"])).unwrap_or(1.0)
+}
+
+/// The unit that a text names: a header, or a line about the units of a file. What stands in brackets at its end says it better than the name of a
+/// sample before.
+pub(crate) fn stated_unit(text: &str) -> StatedUnit {
+    let lower = text.to_lowercase().replace("w.length", "wavelength");
+    match bracketed(&lower).map(unit_in) {
+        Some(StatedUnit::Known(unit)) => StatedUnit::Known(unit),
+        _ => unit_in(&lower),
+    }
+}
+
+fn unit_in(lower: &str) -> StatedUnit {
+    let words: Vec<&str> = lower
+        .split(|c: char| !(c.is_alphanumeric() || c == 'µ' || c == 'μ'))
+        .filter(|w| !w.is_empty())
+        .collect();
+    let has = |names: &[&str]| words.iter().any(|word| names.contains(word));
+    let starts = |names: &[&str]| words.iter().any(|word| names.iter().any(|name| word.starts_with(name)));
+    let known = StatedUnit::Known;
+    // A power over 1 mW, and logarithms: neither values nor an attenuation
+    let logarithm = words.iter().find(|word| ["dbm", "dbw", "log", "log10", "lg", "ln"].contains(*word));
+    if let Some(logarithm) = logarithm {
+        return StatedUnit::Unknown((*logarithm).to_owned());
+    }
+    let percents = ["percent", "prozent", "procent", "pourcent", "porcent"];
+    if lower.contains('%') || lower.contains("per cent") || starts(&percents) || has(&["pct"]) {
+        return known(ValueUnit::Percent);
+    }
+    if RESPONSIVITY.iter().any(|unit| prefix(lower, unit).is_some()) || starts(&["ampere"]) {
+        return known(ValueUnit::AmperesPerWatt);
+    }
+    if starts(&["efficiency"])
+        || has(&["qe", "eqe", "iqe"])
+        || lower.contains("/photon")
+        || lower.contains("per photon")
+    {
+        return StatedUnit::Unstated;
+    }
+    if has(&["db", "decibel", "decibels"]) {
+        return known(ValueUnit::Decibel);
+    }
+    if starts(&["photon", "quanta", "µmol", "μmol", "umol", "mmol", "einstein"])
+        || has(&["mol", "pfd", "ppfd", "ypfd", "qntm", "quantum"])
+    {
+        return known(ValueUnit::Photons);
+    }
+    let is_energy = starts(&["irradi", "radian", "watt", "µwatt", "µw", "μw", "uw", "mwatt"])
+        || has(&["w", "mw", "nw", "power", "j", "mj", "uj", "µj", "joule", "joules", "energy"]);
+    if is_energy {
+        return known(ValueUnit::Energy);
+    }
+    if starts(&["absorban"]) || has(&["od", "abs", "mod", "mau", "mabs"]) || lower.contains("optical density")
+    {
+        return known(ValueUnit::OpticalDensity);
+    }
+    if starts(&["count"]) || has(&["adc", "dn", "scope", "cps"]) {
+        return known(ValueUnit::Counts);
+    }
+    if has(&["fraction", "fractions"]) {
+        return known(ValueUnit::Fraction);
+    }
+    match bracketed(lower) {
+        Some(unit) if !NO_UNIT.contains(&unit) && unit.parse::<f64>().is_err() && unit != "-" => {
+            StatedUnit::Unknown(unit.to_owned())
+        }
+        _ => StatedUnit::Unstated,
+    }
+}
+
+/// What stands in the last brackets of a text.
+fn bracketed(text: &str) -> Option<&str> {
+    let (open, close) = if text.trim_end().ends_with(']') { ('[', ']') } else { ('(', ')') };
+    let inside = text.trim_end().strip_suffix(close)?.trim_end_matches(close);
+    inside.rfind(open).map(|place| inside[place + 1..].trim())
+}
+
+/// How values in a unit become a quantity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Conversion {
+    unit: ValueUnit,
+    quantity: SpectrumQuantity,
+    /// Decibels of a loss, which count up.
+    is_loss: bool,
+}
+
+impl Conversion {
+    /// From a unit to a quantity; `loss` where decibels count what is lost.
+    ///
+    /// # Errors
+    /// Values that can't be it, in words.
+    pub(crate) fn new(unit: ValueUnit, quantity: SpectrumQuantity, is_loss: bool) -> Result<Self, String> {
+        let fits = match (quantity, unit) {
+            (SpectrumQuantity::Stored, _) | (_, ValueUnit::Percent | ValueUnit::Fraction) => true,
+            (SpectrumQuantity::Fraction, unit) => {
+                matches!(unit, ValueUnit::OpticalDensity | ValueUnit::Decibel)
+            }
+            (SpectrumQuantity::SpectralPower, unit) => {
+                matches!(unit, ValueUnit::Photons | ValueUnit::Counts | ValueUnit::Energy)
+            }
+            (SpectrumQuantity::QuantumEfficiency, unit) => unit == ValueUnit::AmperesPerWatt,
+        };
+        let wanted = match quantity {
+            SpectrumQuantity::Stored => "any",
+            SpectrumQuantity::Fraction => "a transmittance or reflectance",
+            SpectrumQuantity::SpectralPower => "the spectrum of a light",
+            SpectrumQuantity::QuantumEfficiency => "a quantum efficiency",
+        };
+        match fits {
+            true => Ok(Self { unit, quantity, is_loss }),
+            false => Err(format!(
+                "its values are {}, not {wanted}",
+                unit.in_words(SpectrumQuantity::Stored).unwrap_or("fractions")
+            )),
+        }
+    }
+
+    /// A value at a wavelength, nm.
+    pub(crate) fn of(self, nm: f64, value: f64) -> f64 {
+        if self.quantity == SpectrumQuantity::Stored {
+            return value;
+        }
+        match self.unit {
+            ValueUnit::Fraction | ValueUnit::Energy => value,
+            ValueUnit::Percent => 0.01 * value,
+            ValueUnit::OpticalDensity => 10_f64.powf(-value),
+            ValueUnit::Decibel if self.is_loss => 10_f64.powf(-0.1 * value),
+            ValueUnit::Decibel => 10_f64.powf(0.1 * value),
+            ValueUnit::AmperesPerWatt => value * NM_OF_ONE_EV / nm,
+            ValueUnit::Photons | ValueUnit::Counts => value / nm,
+        }
+    }
+
+    /// A standard error of a value at a wavelength, nm.
+    pub(crate) fn of_error(self, nm: f64, value: f64, error: f64) -> f64 {
+        match self.unit {
+            _ if self.quantity == SpectrumQuantity::Stored => error,
+            ValueUnit::OpticalDensity => std::f64::consts::LN_10 * self.of(nm, value) * error,
+            ValueUnit::Decibel => 0.1 * std::f64::consts::LN_10 * self.of(nm, value) * error,
+            _ => self.of(nm, error),
+        }
+    }
+
+    /// What is said of it; `None` where values stay as they are.
+    pub(crate) fn in_words(self) -> Option<&'static str> {
+        match self.quantity {
+            SpectrumQuantity::Stored => None,
+            _ => self.unit.in_words(self.quantity).filter(|_| self.unit != ValueUnit::Energy),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_read_from_words() {
+        use ValueUnit::*;
+        for (text, unit) in [
+            ("Transmittance(%)", Percent),
+            ("Transmission [percent]", Percent),
+            ("absorbance", OpticalDensity),
+            ("OD", OpticalDensity),
+            ("IL (dB)", Decibel),
+            ("R (A/W)", AmperesPerWatt),
+            ("PFD(umol m-2 s-1)", Photons),
+            ("photon flux (umol m-2 s-1 nm-1)", Photons),
+            ("Abs. irradiance [µW/cm²/nm]", Energy),
+            ("Intensity [counts]", Counts),
+            ("filter 50% (Abs)", OpticalDensity),
+            ("S (mA/W)", AmperesPerWatt),
+            ("Responsivity / A W-1", AmperesPerWatt),
+        ] {
+            assert_eq!(stated_unit(text), StatedUnit::Known(unit), "{text}");
+        }
+        for text in [
+            "T (0-1)",
+            "data/wavelength",
+            "R",
+            "Intensity (a.u.)",
+            "red",
+            "QE (e-/photon)",
+            "quantum efficiency",
+            "transmittance",
+        ] {
+            assert_eq!(stated_unit(text), StatedUnit::Unstated, "{text}");
+        }
+        for (text, unit) in
+            [("flux (erg)", "erg"), ("Power (dBm)", "dbm"), ("log10(T)", "log10"), ("T [perc]", "perc")]
+        {
+            assert_eq!(stated_unit(text), StatedUnit::Unknown(unit.into()));
+        }
+        assert_eq!([factor_of("S (mA/W)"), factor_of("mOD"), factor_of("A/W")], [1e-3, 1e-3, 1.0]);
+    }
+
+    #[test]
+    fn conversions_follow_their_definitions() {
+        let of = |unit, quantity, nm, value| Conversion::new(unit, quantity, false).unwrap().of(nm, value);
+        assert_eq!(of(ValueUnit::OpticalDensity, SpectrumQuantity::Fraction, 500.0, 2.0), 0.01);
+        assert_eq!(of(ValueUnit::Decibel, SpectrumQuantity::Fraction, 500.0, -20.0), 0.01);
+        // 0.27 A/W at 610 nm
+        let qe = of(ValueUnit::AmperesPerWatt, SpectrumQuantity::QuantumEfficiency, 610.0, 0.27);
+        assert!((qe - 0.548_8).abs() < 1e-4, "{qe}");
+        // As many photons at 400 as at 800 nm have twice the energy
+        let energy = |nm| of(ValueUnit::Photons, SpectrumQuantity::SpectralPower, nm, 1.0);
+        assert_eq!(energy(400.0) / energy(800.0), 2.0);
+        assert!(Conversion::new(ValueUnit::OpticalDensity, SpectrumQuantity::SpectralPower, false).is_err());
+    }
+}
