@@ -199,7 +199,7 @@ fn fluorescence_of_a_tissue_comes_back_in_its_layers() {
 fn wrong_input_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    write_table(&folder.join("m.csv"), &[("a", &|nm| nm), ("dark", &|_| 0.0)]);
+    write_table(&folder.join("m.csv"), &[("a", &|nm| 2.0 * nm), ("dark", &|_| 0.0)]);
     write_table(&folder.join("parts.csv"), &[("flat", &|_| 1.0), ("none", &|_| 0.0)]);
     write_table(&folder.join("errors.csv"), &[("a", &|_| 0.0), ("dark", &|_| 1.0)]);
     fs::write(folder.join("short.csv"), "wavelength_nm,a\n500,1\n510,2\n520,1\n").unwrap();
