@@ -5,8 +5,8 @@ use std::sync::Arc;
 use fluorspar::analysis::{PorphyrinLayers, RegionError};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
-    AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, PipelineError, RawExposures, analyze_regions,
-    analyze_seen, complete_raw, develop_frames, subtract_what_is_given,
+    AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, IncompleteRaw, PipelineError, RawExposures,
+    analyze_regions, analyze_seen, complete_raw, develop_frames, subtract_what_is_given,
 };
 use fluorspar::study::Study;
 use fluorspar_experiment::ResolvedExperiment;
@@ -99,7 +99,16 @@ fn developed(
     }
     let complete = |frame: &PyRef<'_, Frame>| {
         let mut raw = frame.raw.clone();
-        complete_raw(study, &mut raw).map_err(|what| failed(format!("frame \"{}\": {what}", raw.label)))?;
+        complete_raw(study, &mut raw).map_err(|lack| {
+            let remedy = match &lack {
+                IncompleteRaw::NoExposure => "; give it with describe(FILE, exposure_ms=...)",
+                IncompleteRaw::OtherBits { .. } => {
+                    "; describe it with describe(FILE, bit_depth=..., replace=True) or dn_per_electron=..., or set sensor.bit_depth"
+                }
+                _ => "",
+            };
+            failed(format!("frame \"{}\": {lack}{remedy}", raw.label))
+        })?;
         Ok(RawExposures { raw, bracket: Vec::new() })
     };
     Ok(Err(frames.iter().map(complete).collect::<PyResult<_>>()?))

@@ -9,9 +9,9 @@ use fluorspar::analysis::{Analysis, PorphyrinLayers, PorphyrinMap};
 use fluorspar::findings::region_findings;
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
-    AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, PipelineError, RawExposures, SeenComponents,
-    analyze_regions, analyze_seen, bracket_label, complete_raw, develop_frames, subtract_what_is_given,
-    turned_alike,
+    AnalyzedFrame, AnalyzedRegion, BitFit, Calibration, CapturedFrame, IncompleteRaw, PipelineError,
+    RawExposures, SeenComponents, analyze_regions, analyze_seen, bracket_label, complete_raw, develop_frames,
+    subtract_what_is_given, turned_alike,
 };
 use fluorspar::study::{AnalysisPlan, Capture, RegionPlan, Study};
 use fluorspar::units::number_text;
@@ -607,11 +607,37 @@ fn read_raw(study: &Study, path: &Path, label: Option<&str>) -> Result<Described
     if let Some(label) = label {
         raw.label = label.into();
     }
-    let describe = format!("describe {}", super::shell_word(&path.to_string_lossy()));
-    let as_typed = |what: String| what.replace("describe FRAME", &describe);
-    complete_raw(study, raw)
-        .map_err(|what| CliError::Input(format!("{}: {}", path.display(), as_typed(what))))?;
+    complete_raw(study, raw).map_err(|lack| {
+        CliError::Input(format!("{}: {lack}{}", path.display(), remedy(&lack, path, raw.exposure_s)))
+    })?;
     Ok(told)
+}
+
+/// How a frame is described so that it lacks nothing.
+fn remedy(lack: &IncompleteRaw, path: &Path, exposure_s: f64) -> String {
+    let describe = format!("fluorspar describe {}", super::shell_word(&path.to_string_lossy()));
+    match lack {
+        IncompleteRaw::NoExposure => format!("; give it with `{describe} --exposure-ms MS`"),
+        IncompleteRaw::OtherBits { of_frame, of_sensor, fit } => {
+            let further = fit.map(|fit| match fit {
+                BitFit::AsTheyAre => String::new(),
+                BitFit::WhiteLevel(level) => format!(" --white-level {level}"),
+                BitFit::LeftAligned => " --left-aligned".into(),
+            });
+            let ms = (1e9 * exposure_s).round() / 1e6;
+            let again = further.map(|further| {
+                format!(
+                    "Where the frame holds numbers of {of_sensor} bits: `{describe} --bit-depth {of_sensor}{further} --exposure-ms {ms} \
+                     --replace`, and what else was given. "
+                )
+            });
+            format!(
+                ". {}Where the sensor has {of_frame} bits: --set sensor.bit_depth={of_frame}. Or describe the frame with --dn-per-electron",
+                again.unwrap_or_default()
+            )
+        }
+        _ => String::new(),
+    }
 }
 
 fn frames_of_folder(

@@ -60,27 +60,59 @@ pub fn turned_alike(exposures: &mut [RawExposures]) -> Vec<String> {
     bracket.iter_mut().chain(rest).filter_map(turn).collect()
 }
 
+/// What a raw frame lacks to be developed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum IncompleteRaw {
+    /// Its exposure time.
+    #[error("its exposure time is not known")]
+    NoExposure,
+    /// Its conversion gain, which no sensor tells.
+    #[error("its conversion gain is not known, and the experiment has no [sensor] that tells it")]
+    NoSensor,
+    /// Its conversion gain, and the sensor has other bits.
+    #[error(
+        "its conversion gain is not known, and the sensor of the experiment has {of_sensor} bits where the frame has {of_frame}"
+    )]
+    OtherBits {
+        /// Bits of the frame.
+        of_frame: u8,
+        /// Bits of the sensor.
+        of_sensor: u8,
+        /// How the frame's values would fit the bits of the sensor; `None` where they do not.
+        fit: Option<BitFit>,
+    },
+}
+
+/// How values fit fewer bits than a frame is said to have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BitFit {
+    /// As they are.
+    AsTheyAre,
+    /// As they are, with another white level.
+    WhiteLevel(u32),
+    /// They stand in the upper bits.
+    LeftAligned,
+}
+
 /// Fills in what a real camera's file does not tell, conversion gain and read noise, from the sensor of a study. What it
 /// tells is kept.
 ///
 /// # Errors
-/// In words: an exposure time that is missing, a sensor that is not there, channels that the sensor does not have.
-pub fn complete_raw(study: &Study, raw: &mut SensorImage) -> Result<(), String> {
+/// An exposure time that is missing, a sensor that is not there or has other bits.
+pub fn complete_raw(study: &Study, raw: &mut SensorImage) -> Result<(), IncompleteRaw> {
     if raw.exposure_s <= 0.0 {
-        return Err(
-            "its exposure time is not known; give it with `fluorspar describe FRAME --exposure-ms MS`".into(),
-        );
+        return Err(IncompleteRaw::NoExposure);
     }
     if raw.dn_per_electron > 0.0 {
         return Ok(());
     }
-    let Some(sensor) = &study.camera.sensor else {
-        return Err(
-            "its conversion gain is not known, and the experiment has no [sensor] that tells it".into()
-        );
-    };
+    let Some(sensor) = &study.camera.sensor else { return Err(IncompleteRaw::NoSensor) };
     let model = sensor.model();
-    check_bit_depth(raw, model.bit_depth)?;
+    let (of_frame, of_sensor) = (raw.bit_depth, model.bit_depth);
+    if of_frame != of_sensor {
+        return Err(IncompleteRaw::OtherBits { of_frame, of_sensor, fit: bit_fit(raw, of_sensor) });
+    }
     raw.dn_per_electron = model.base_dn_per_electron() * raw.gain;
     raw.gain_is_assumed = true;
     if raw.read_noise_dn <= 0.0 {
@@ -89,37 +121,21 @@ pub fn complete_raw(study: &Study, raw: &mut SensorImage) -> Result<(), String> 
     Ok(())
 }
 
-/// Refuses the gain of a sensor whose numbers have other bits than those of a frame.
-fn check_bit_depth(raw: &SensorImage, of_sensor: u8) -> Result<(), String> {
-    let of_frame = raw.bit_depth;
-    if of_frame == of_sensor {
-        return Ok(());
-    }
-    // A tag may tell a white level that fewer bits do not have, and values may stand in the upper ones
+/// How the values of a frame fit the bits of a sensor. A tag may tell a white level that fewer bits do not have, and values may stand in
+/// the upper ones.
+fn bit_fit(raw: &SensorImage, of_sensor: u8) -> Option<BitFit> {
     let most = (1u32 << of_sensor.clamp(1, 16)) - 1;
     let unused = raw.data.iter().fold(0, |all, value| all | value).trailing_zeros();
     let is_larger = |value: &u16| u32::from(*value) > most;
-    let further = if of_frame == 16 && unused >= 16 - u32::from(of_sensor.min(16)) {
-        Some(" --left-aligned".into())
+    if raw.bit_depth == 16 && unused >= 16 - u32::from(of_sensor.min(16)) {
+        Some(BitFit::LeftAligned)
     } else if raw.data.iter().any(is_larger) {
         None
     } else if is_larger(&raw.white_level) {
-        Some(format!(" --white-level {most}"))
+        Some(BitFit::WhiteLevel(most))
     } else {
-        Some(String::new())
-    };
-    let ms = (1e9 * raw.exposure_s).round() / 1e6;
-    let describe = further.map(|further| {
-        format!(
-            "Where the frame holds numbers of {of_sensor} bits: `fluorspar describe FRAME --bit-depth {of_sensor}{further} --exposure-ms {ms} \
-             --replace`, and what else was given. "
-        )
-    });
-    Err(format!(
-        "its conversion gain is not known, and the sensor of the experiment has {of_sensor} bits where the frame has {of_frame}. {}Where \
-         the sensor has {of_frame} bits: --set sensor.bit_depth={of_frame}. Or describe the frame with --dn-per-electron",
-        describe.unwrap_or_default()
-    ))
+        Some(BitFit::AsTheyAre)
+    }
 }
 
 /// Name of a further exposure of a capture: `blue_ev+2`, `blue_ev-1.5`; the number is repeated exposures' own.

@@ -17,8 +17,8 @@ mod spectroradiometer;
 pub use calibration::Calibration;
 pub use capture_planes::{CapturePlanes, CaptureResponses, SeenComponents};
 pub use captured_frame::{
-    CapturedFrame, RawExposures, bracket_label, capture, capture_from_planes, check_captures, complete_raw,
-    develop_frames, frame_radiance, subtract_what_is_given, turned_alike,
+    BitFit, CapturedFrame, IncompleteRaw, RawExposures, bracket_label, capture, capture_from_planes,
+    check_captures, complete_raw, develop_frames, frame_radiance, subtract_what_is_given, turned_alike,
 };
 pub use concentration::{MultipleUncertainty, concentration_factors, scale_multiple};
 pub use excitation_basis::{RelitImage, image_and_basis, relight_with_basis, render_with_basis};
