@@ -46,7 +46,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "DEG", requires = "capture", value_parser = values::number, allow_negative_numbers = true)]
     acceptance_deg: Option<f64>,
     /// Filter in front of the instrument: a name of the catalogue or a CSV file. May be repeated.
-    #[arg(long, value_name = "NAME|CSV")]
+    #[arg(long = "view-filter", alias = "filter", value_name = "NAME|CSV")]
     filter: Vec<String>,
     /// Full width at half maximum of the slit, nm [default: 8].
     #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
@@ -107,7 +107,7 @@ impl Options {
             "aim" => ("aim", Some(self.aim.iter().map(|&v| number_text(v)).collect::<Vec<_>>().join(","))),
             "parts" => ("parts", Some(self.parts.join(","))),
             "acceptance_deg" => ("acceptance-deg", number(self.acceptance_deg)),
-            "filters" => ("filter", Some(self.filter.join(" --filter "))),
+            "filters" => ("view-filter", Some(self.filter.join(" --view-filter "))),
             "bandwidth_nm" => ("bandwidth-nm", number(self.bandwidth_nm)),
             "step_nm" => ("step-nm", number(self.step_nm)),
             "noise_floor" | "noise_floor_w_per_sr_m2_nm" => ("noise-floor", number(self.noise_floor)),
@@ -245,7 +245,7 @@ fn of_sample(options: &Options, name: Option<&str>) -> Result<Vec<Spectroradiome
     let mut overrides = Vec::new();
     if !options.filter.is_empty() {
         let items: Vec<String> = options.filter.iter().map(|name| quoted(name)).collect();
-        let typed: Vec<String> = options.filter.iter().map(|name| format!("--filter {name}")).collect();
+        let typed: Vec<String> = options.filter.iter().map(|name| format!("--view-filter {name}")).collect();
         let list = format!("[{}]", items.join(", "));
         overrides.push(Override::of_option("view_filter.filters", list, typed.join(" ")));
     }

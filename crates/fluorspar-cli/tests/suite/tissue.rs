@@ -111,7 +111,7 @@ fn sites_of_the_catalogue_fluoresce_less_with_more_blood() {
     let set = ["--set", "superficial_blood_fraction=0.03"];
     assert_eq!(upward(&site(&set)), upward(&bloody));
     let wrong: [(&[&str], &str); 6] = [
-        (&["dorsal_tongue"], "give the wavelength of the light, --wavelength-nm 405"),
+        (&["dorsal_tongue"], "give the wavelength of the light, --excitation-nm 405"),
         (&["dorsal_tounge", "--wavelength-nm", "405"], "dorsal_tongue"),
         (&["lip", "--wavelength-nm", "405", "--state", "ill"], "hyperemia"),
         (&["lip", "--wavelength-nm", "405", "--set", "blood=1"], "superficial_blood_fraction"),

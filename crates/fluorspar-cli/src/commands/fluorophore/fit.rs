@@ -47,7 +47,7 @@ pub(super) struct Options {
     #[arg(long, value_name = "NAME|CSV")]
     pub(super) light_filter: Vec<String>,
     /// Filter before the instrument: a name of the catalogue or a CSV file. May be repeated.
-    #[arg(long, value_name = "NAME|CSV")]
+    #[arg(long = "view-filter", alias = "filter", value_name = "NAME|CSV")]
     pub(super) filter: Vec<String>,
     /// Irradiance of the sample behind the light's filters, W/m², where the spectra are radiances in W/(sr m² nm).
     #[arg(long, value_name = "W_PER_M2", value_parser = values::number, allow_negative_numbers = true)]

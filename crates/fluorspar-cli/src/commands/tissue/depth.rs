@@ -36,7 +36,7 @@ pub(super) struct Options {
     #[arg(long, value_name = "NAME|CSV", default_value = "led_405")]
     light: String,
     /// Filter before the sensor: a name of the catalogue or a CSV file. May be repeated.
-    #[arg(long, value_name = "NAME|CSV")]
+    #[arg(long = "view-filter", alias = "filter", value_name = "NAME|CSV")]
     filter: Vec<String>,
     /// Quantum efficiency of the sensor, a name of the catalogue: one result for each channel.
     #[arg(long, value_name = "NAME", default_value = "consumer_rgb_cmos")]

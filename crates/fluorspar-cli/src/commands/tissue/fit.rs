@@ -39,7 +39,7 @@ pub(super) struct Options {
     #[arg(long, value_name = "NAME|CSV")]
     light: Vec<String>,
     /// Filter before the instrument: a name of the catalogue or a CSV file. May be repeated.
-    #[arg(long, value_name = "NAME|CSV")]
+    #[arg(long = "view-filter", alias = "filter", value_name = "NAME|CSV")]
     filter: Vec<String>,
     /// What the instrument sees of a white target through the filter, in the same place: energy per nm over the energy of the
     /// light, 1/nm (CSV). One for each fluorescence, or none.

@@ -120,11 +120,11 @@ pub(super) struct TissueArgs {
     /// one wavelength ([[layer]] sections).
     #[arg(value_name = "TISSUE", value_hint = ValueHint::FilePath)]
     tissue: String,
-    /// Wavelength of the light on a tissue, nm.
-    #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
-    wavelength_nm: Option<f64>,
+    /// Light of one wavelength on a tissue, nm.
+    #[arg(long, alias = "wavelength-nm", value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
+    excitation_nm: Option<f64>,
     /// Wavelength of the fluorescence of a tissue, nm, which is given per nm [default: no fluorescence].
-    #[arg(long, value_name = "NM", requires = "wavelength_nm", value_parser = values::number,
+    #[arg(long, value_name = "NM", requires = "excitation_nm", value_parser = values::number,
         allow_negative_numbers = true)]
     emission_nm: Option<f64>,
     /// State of a site: inflammation, hyperemia or dysplasia. May be repeated.
@@ -160,7 +160,7 @@ impl TissueArgs {
             return self.at_wavelength(&title, &tissue.tissue(&find)?);
         }
         if let Some(option) =
-            [self.wavelength_nm.map(|_| "--wavelength-nm"), (!self.state.is_empty()).then_some("--state")]
+            [self.excitation_nm.map(|_| "--excitation-nm"), (!self.state.is_empty()).then_some("--state")]
                 .into_iter()
                 .flatten()
                 .next()
@@ -175,11 +175,11 @@ impl TissueArgs {
 
     /// Layers at the wavelengths of the options.
     fn at_wavelength(&self, title: &str, tissue: &LayeredTissue) -> Result<ResolvedLayers, CliError> {
-        let nm = self.wavelength_nm.ok_or_else(|| {
-            let message = format!("{}: give the wavelength of the light, --wavelength-nm 405", self.tissue);
+        let nm = self.excitation_nm.ok_or_else(|| {
+            let message = format!("{}: give the wavelength of the light, --excitation-nm 405", self.tissue);
             CliError::Input(message)
         })?;
-        check_range("--wavelength-nm", nm, WAVELENGTH_NM, "nm")?;
+        check_range("--excitation-nm", nm, WAVELENGTH_NM, "nm")?;
         let emission = self.emission_nm.map(|emission_nm| {
             check_range("--emission-nm", emission_nm, WAVELENGTH_NM, "nm")?;
             let strengths_per_mm = tissue.strengths_per_mm_nm(nm, emission_nm);
