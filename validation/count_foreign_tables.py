@@ -60,6 +60,10 @@ def columns(rows, scale):
         ordered = sum(step > 0 for step in steps) > 0.9 * len(steps) or sum(step < 0 for step in steps) > 0.9 * len(steps)
         if ordered and all(100 <= value <= 20000 for value in nm):
             others = [[row[other] for row in rows] for other in range(len(rows[0])) if other != place]
+            # Bands side by side: the next column begins each where the one before ended
+            ends = [row[place + 1] * scale for row in rows] if place + 1 < len(rows[0]) else []
+            if ends and all(abs(end - begin) <= 1e-9 * end for end, begin in zip(ends, nm[1:])):
+                nm = [0.5 * (begin + end) for begin, end in zip(nm, ends)]
             return nm, others
     return None
 

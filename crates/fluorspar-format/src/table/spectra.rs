@@ -376,7 +376,8 @@ impl SpectrumReader<'_> {
                 if is_headless
                     && self.table.row_count() >= 8
                     && headers.len() > column + 2
-                    && plausible(&(column + 1)) =>
+                    && plausible(&(column + 1))
+                    && !self.are_bands(column) =>
             {
                 Err(FormatError::at_line(
                     self.path,
@@ -467,7 +468,8 @@ impl SpectrumReader<'_> {
             .iter()
             .any(|word| lower.starts_with(word));
             // Those of a band, side by side
-            let are_edges = column == axis + 1 && is_edge(&self.headers()[axis]) && is_edge(header);
+            let are_edges = column == axis + 1
+                && (is_edge(&self.headers()[axis]) && is_edge(header) || self.are_bands(axis));
             if column == first_axis || ((names_wavelengths(header) || are_edges) && self.is_axis(column)) {
                 start = are_edges.then_some(axis);
                 axis = column;
@@ -503,6 +505,17 @@ impl SpectrumReader<'_> {
         let unit = AxisUnit::named(&self.headers()[column]).unwrap_or(AxisUnit::Nanometers);
         let mut numbers = numbers.peekable();
         numbers.peek().is_some() && numbers.all(|value| PLAUSIBLE_NM.contains(&unit.in_nm(value)))
+    }
+
+    /// Whether a column and the next one hold the edges of bands side by side: each band begins where the one before it ends.
+    fn are_bands(&self, start: usize) -> bool {
+        let edges = |row| {
+            let edge = |column| self.table.number(self.path, row, column).ok().flatten();
+            Some([edge(start)?, edge(start + 1)?])
+        };
+        let Some(bands) = self.table.rows().map(edges).collect::<Option<Vec<_>>>() else { return false };
+        bands.len() >= 4
+            && bands.windows(2).all(|pair| (pair[0][1] - pair[1][0]).abs() <= 1e-9 * pair[0][1].abs())
     }
 
     /// Whether a column holds nearly the wavelengths of another, as edges of bands do.

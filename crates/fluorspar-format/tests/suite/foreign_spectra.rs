@@ -176,6 +176,15 @@ const LAYOUTS: &[Layout] = &[
         &[0.5, 0.25],
     ),
     (
+        "edges of bands below names of two words",
+        " SPECTRAL IRRADIANCE (W m-2 nm-1):\n\n LOWER WVL  UPPER WVL  DIRECT     DIFFUSE DOWN\n 400.0 410.0 0.5 1.0\n \
+         410.0 420.0 0.25 1.0\n 420.0 430.0 0.25 1.0\n 430.0 440.0 0.25 1.0\n 440.0 450.0 0.25 1.0\n 450.0 460.0 0.25 1.0\n \
+         460.0 470.0 0.25 1.0\n 470.0 480.0 0.25 1.0\n",
+        SpectrumQuantity::SpectralPower,
+        &[405.0, 415.0, 425.0, 435.0, 445.0, 455.0, 465.0, 475.0],
+        &[0.5, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25],
+    ),
+    (
         "edges beside the middles of bands",
         "center wavelength,lower,upper,T\n405,400,410,0.5\n415,410,420,0.5\n425,420,430,0.5\n435,430,440,0.25\n",
         SpectrumQuantity::Fraction,
