@@ -144,7 +144,8 @@ class Analysis(Record):
     Entries are attributes, too: ``a.mixture.region.estimate.position`` is ``a["mixture"]["region"]["estimate"]["position"]``;
     ``list(a)`` names them. ``channels`` has an entry for each channel with its level (DN, electrons), ``chromaticity`` that of the region,
     ``mixture`` the place on the line from bulk to porphyrin, ``posterior`` the estimate over a family of tissues, ``truth`` what the
-    components hold, ``budget`` where the uncertainty comes from. What an experiment does not ask for is ``None``.
+    components hold, ``budget`` where the uncertainty comes from; ``findings`` lists every number that decides with its interval, what it is
+    judged by and its caveats. What an experiment does not ask for is ``None``.
     """
 
     _maps: dict[str, NDArray[np.float32]]
