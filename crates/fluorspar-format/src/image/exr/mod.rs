@@ -1,6 +1,7 @@
 //! OpenEXR images with a wavelength axis; [`write_spectral_exr`] and [`write_component_exr`] describe the layout.
 
 mod component_file;
+mod packing;
 mod read;
 mod rounded_rows;
 mod write;

@@ -6,15 +6,17 @@ use std::path::Path;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use exr::block::lines::LineRefMut;
+use exr::image::write::layers::WritableLayers;
 use exr::image::write::samples::{SamplesWriter, WritableSamples};
 use exr::math::{RoundingMode, Vec2};
 use exr::meta::attribute::{AttributeValue, LevelMode, SampleType, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, Image, IntegerBounds, Layer, LineOrder, SmallVec,
-    WritableImage, f16,
+    f16,
 };
 
+use super::packing::write_blocks;
 use super::{
     COMPONENT, DENOISED, EDGES, EXCITATION, ExcitationLabel, FEATURES, FORMAT, LAYOUT_VERSION, MATERIALS,
     PARTS, PLANES, PREVIEW, PROVENANCE, PlanesLabel, QUANTITY, SAMPLES, SCALE, STATISTIC, STORAGE_ERROR,
@@ -693,11 +695,14 @@ fn write_parts(
     let image = Image::from_layers(ImageAttributes::new(bounds), layers);
     let written = WrittenShare::begin(path);
     write_atomically(path, |writer| {
-        let encoder = image.write().on_progress(|share| written.set(share));
-        encoder.to_buffered(&mut *writer).map_err(|error| match error {
-            exr::error::Error::Io(source) => source,
-            other => io::Error::other(other),
-        })?;
+        let headers = image.layer_data.infer_headers(&image.attributes);
+        let layers = image.layer_data.create_writer(&headers);
+        write_blocks(&mut *writer, headers, &layers, |share| written.set(share)).map_err(
+            |error| match error {
+                exr::error::Error::Io(source) => source,
+                other => io::Error::other(other),
+            },
+        )?;
         spool.map_or(Ok(()), SpooledImage::check)?;
         sort_attributes(writer)
     })
