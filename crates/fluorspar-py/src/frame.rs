@@ -11,7 +11,7 @@ use fluorspar::pipeline::{
 };
 use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::{ResolvedExperiment, cached_analysis};
-use fluorspar_format::{read_sensor_image, write_sensor_tiff};
+use fluorspar_format::{DescribedFrame, read_described_frame, write_sensor_tiff};
 use fluorspar_report::dark_frames;
 use fluorspar_session::{CaptureView, FinishedRender, SessionError, ShownExperiment, Wanted, coarse_image};
 use numpy::{PyArray2, PyArray3};
@@ -309,13 +309,20 @@ pub(crate) fn check_capture(
     work_through(py, threads, with_surfaces)?.map_err(|error| of_session(py, error))
 }
 
-/// A raw frame from a file: TIFF, PNG, DNG or packed.
+/// A raw frame from a file: TIFF, PNG, DNG or packed; returns with it what of its description is doubtful.
 #[pyfunction]
 #[pyo3(signature = (path, name = None))]
-pub(crate) fn read_frame(py: Python<'_>, path: PathBuf, name: Option<String>) -> PyResult<Frame> {
-    let mut raw = py.detach(|| read_sensor_image(&path)).map_err(failed)?.image;
+pub(crate) fn read_frame(
+    py: Python<'_>,
+    path: PathBuf,
+    name: Option<String>,
+) -> PyResult<(Frame, Vec<String>)> {
+    let DescribedFrame { image: mut raw, facts } =
+        py.detach(|| read_described_frame(&path)).map_err(failed)?;
     if let Some(name) = name {
         raw.label = name;
     }
-    Ok(Frame { raw, captured: None, colors: None, preview: OnceLock::new() })
+    let doubts = facts.iter().filter(|fact| fact.is_doubtful);
+    let doubts = doubts.map(|fact| format!("{}: {}", path.display(), fact.sentence())).collect();
+    Ok((Frame { raw, captured: None, colors: None, preview: OnceLock::new() }, doubts))
 }

@@ -34,8 +34,12 @@ class Frame:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], name: str | None = None) -> Frame:
-        """A raw frame from a file (TIFF or PNG with its description, DNG, packed), as that of the capture ``name``."""
-        return cls(_fluorspar.read_frame(_given.file(path, "path"), None if name is None else _given.text(name, "name")))
+        """A raw frame from a file (TIFF or PNG with its description, DNG, packed), as that of the capture ``name``. What of its description is
+        doubtful is a :class:`FluorsparWarning`."""
+        label = None if name is None else _given.text(name, "name")
+        native, doubts = _fluorspar.read_frame(_given.file(path, "path"), label)
+        warn_of(doubts)
+        return cls(native)
 
     @property
     def name(self) -> str:
