@@ -7,7 +7,6 @@
 //! | write | [`ReportData::to_html`] | one file: text, images, figures, tables, the experiment itself |
 //! | two finished runs side by side | [`compared_numbers`], [`comparison_report`] | numbers with intervals, and whether these tell them apart |
 //! | a design search as a page | [`design_report`] | what is best, what it costs, what it rests on |
-//! | compare with the paper | [`validation::cases`] | one case for each figure and table |
 //! | read back | [`extract_experiment`] | the TOML that a report was made from |
 //!
 //! Out of scope: physics. Everything here draws and explains numbers that were computed elsewhere.
@@ -21,7 +20,6 @@ pub mod figures;
 mod findings;
 mod page;
 mod run;
-pub mod validation;
 
 pub use comparison::{
     ComparedNumber, ComparedPictures, ComparedSide, Distinction, FinishedCapture, FinishedFrame,
@@ -36,10 +34,11 @@ pub use figure::{
     Axis, ColorBar, ColorMap, ContactSheet, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale,
     Series, SeriesShape,
 };
-pub use findings::{ASSUMED_GAIN, finding_lines, verdict};
+pub use findings::{ASSUMED_GAIN, finding_lines};
 pub use page::{
     Answer, Contribution, Contributions, FrameView, MapOverlay, Number, NumberMatrix, NumberTable, Origin,
-    Overview, ReportData, ReportItem, ReportPicture, Section, analysis_section, extract_experiment,
+    Overview, ReportData, ReportItem, ReportPicture, Section, analysis_section, close_page, escape,
+    extract_experiment, open_page, write_figure,
 };
 pub use run::{
     FrameOrigin, NamedFigure, RunFolderError, RunReport, RunResults, analysis_json, dark_frames,

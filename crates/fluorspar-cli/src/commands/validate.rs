@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::names::did_you_mean;
 use fluorspar_format::{FileFormat, OutputFolder, write_atomically};
-use fluorspar_report::validation::{
+use fluorspar_validation::{
     Case, CaseResult, Setup, ValidationError, Verdict, cases, markdown_table, summary, validation_page,
 };
 use serde_json::{Value, json};

@@ -209,7 +209,7 @@ pub(crate) fn answering_share(findings: &[Finding]) -> Option<&Finding> {
 
 /// Whether the analyte is there, and how much of the light it makes, in a sentence. `None` where no share is estimated.
 #[must_use]
-pub fn verdict(findings: &[Finding], analyte: &Analyte) -> Option<String> {
+pub(crate) fn verdict(findings: &[Finding], analyte: &Analyte) -> Option<String> {
     let ShareAnswer { name, headline, rest } = ShareAnswer::of(findings, analyte)?;
     let joint = if headline.ends_with('%') { " " } else { "; " };
     Some(format!("{name}: {headline}{joint}{rest}"))

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 /// Replaces the characters that mean something in HTML text and attributes.
-pub(crate) fn escape(text: &str) -> Cow<'_, str> {
+pub fn escape(text: &str) -> Cow<'_, str> {
     if !text.contains(['&', '<', '>', '"', '\'']) {
         return Cow::Borrowed(text);
     }

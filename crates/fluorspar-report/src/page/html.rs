@@ -164,7 +164,7 @@ impl ReportData {
 }
 
 /// Begins a page: everything up to its body.
-pub(crate) fn open_page(html: &mut String, title: &str) {
+pub fn open_page(html: &mut String, title: &str) {
     let _ = write!(
         html,
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -176,7 +176,7 @@ pub(crate) fn open_page(html: &mut String, title: &str) {
 }
 
 /// Ends the main part and the page.
-pub(crate) fn close_page(html: &mut String) {
+pub fn close_page(html: &mut String) {
     html.push_str("</main>\n</body>\n</html>\n");
 }
 
@@ -251,7 +251,7 @@ fn write_picture(html: &mut String, picture: &ReportPicture) {
 }
 
 /// Writes a figure with its explanation and more text.
-pub(crate) fn write_figure(html: &mut String, figure: &Figure, caption: &str) {
+pub fn write_figure(html: &mut String, figure: &Figure, caption: &str) {
     let _ = writeln!(
         html,
         "<figure class=\"plot\">\n{}<figcaption>{}",

@@ -3,7 +3,7 @@
 //! The dorsal tongue and the lip were fitted: absorption and scattering to measured reflectance (mean of twelve tongues, of three
 //! inner lips; optics and fluorescence together for the lip), strengths of the fluorophores to spectra of four people under lights
 //! of 405, 415 and 450 nm (500 to 700 nm, one vote per person; the strength of NADH, which these lights hardly excite, was held at
-//! what cells have). The example `tissue_against_people` of `fluorspar-report` prints how well they do. Diffuse reflectance fixes
+//! what cells have). The example `tissue_against_people` of `fluorspar-validation` prints how well they do. Diffuse reflectance fixes
 //! the ratio of absorption to scattering only, so the tongue comes in two variants
 //! that fit equally well. Scattering and thickness of the epithelium follow Pavlova et al., J. Biomed. Opt. 13, 064012 (2008)
 //! and Prestin et al. (2012, optical coherence tomography of 143 people); blood in vessels is that of

@@ -106,6 +106,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("fluorspar-pbrt", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     ("fluorspar-session", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     ("fluorspar-report", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
+    ("fluorspar-validation", &["fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"]),
     (
         "fluorspar-cli",
         &[
@@ -117,6 +118,7 @@ const CRATES: &[(&str, &[&str])] = &[
             "fluorspar-pbrt",
             "fluorspar-report",
             "fluorspar-session",
+            "fluorspar-validation",
         ],
     ),
     (

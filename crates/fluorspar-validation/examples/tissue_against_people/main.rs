@@ -1,6 +1,6 @@
 //! Compares tissues of the catalogue, fits and drawn people with the reflectance and the fluorescence of four people.
 //!
-//! `cargo run --release -p fluorspar-report --example tissue_against_people -- FOLDER [FIGURES]`
+//! `cargo run --release -p fluorspar-validation --example tissue_against_people -- FOLDER [FIGURES]`
 //!
 //! FOLDER holds `tissue/`, `lights/` and `reflectance/` of the reference data, which do not ship; FIGURES is a folder for plots
 //! of measured and computed shapes. The measured lamps excite the tissue, the Hoya K2 long-pass of the catalogue (often called a

@@ -10,8 +10,8 @@ use fluorspar::study::Study;
 
 use super::check::{Check, Outcome, Verdict, number};
 use super::setup::{PORPHYRIN, Setup, ValidationError};
-use crate::figures::pictures;
-use crate::{ColorMap, Figure, Raster};
+use fluorspar_report::figures::pictures;
+use fluorspar_report::{ColorMap, Figure, Raster};
 
 /// Pixels and paths of the renders.
 const PICTURE: [usize; 2] = [120, 90];

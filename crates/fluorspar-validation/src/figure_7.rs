@@ -10,8 +10,8 @@ use fluorspar::study::FlatSample;
 
 use super::check::{Check, Outcome, Verdict, number};
 use super::setup::{BULK, PORPHYRIN, Setup, ValidationError, sensor};
-use crate::figures::{ChromaticityPlot, chromaticity};
-use crate::{Axis, Dash, Figure, Ink, Panel, Series, SeriesShape};
+use fluorspar_report::figures::{ChromaticityPlot, chromaticity};
+use fluorspar_report::{Axis, Dash, Figure, Ink, Panel, Series, SeriesShape};
 
 /// One unit of bulk: the three fluorophores of the paper's figure with the weights of the default tongue.
 const BULK_UNIT: [(&str, f64); 3] = [("fad", 0.2), ("collagen", 0.2), ("elastin", 1.0)];

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::{CaseResult, Verdict};
-use crate::page::{close_page, escape, open_page, write_figure};
+use fluorspar_report::{close_page, escape, open_page, write_figure};
 
 /// The page: how many cases have which verdict, a table of them, and every case with its numbers and figures. One file, nothing
 /// fetched from elsewhere.
@@ -125,7 +125,7 @@ fn write_checks(html: &mut String, result: &CaseResult) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::validation::Check;
+    use crate::Check;
 
     const EVIL: &str = "<img src=x onerror=alert(1)> \"quoted\" & 'single' </script>";
 

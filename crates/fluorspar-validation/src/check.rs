@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::NamedFigure;
+use fluorspar_report::NamedFigure;
 
 /// How a figure or table of the paper stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -194,7 +194,7 @@ impl Outcome {
         self
     }
 
-    pub(super) fn show(mut self, stem: &str, figure: crate::Figure) -> Self {
+    pub(super) fn show(mut self, stem: &str, figure: fluorspar_report::Figure) -> Self {
         self.figures.push(NamedFigure { stem: stem.into(), figure });
         self
     }
@@ -274,7 +274,7 @@ impl CaseResult {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::validation::cases;
+    use crate::cases;
 
     #[test]
     fn one_number_out_of_range_fails_a_case() {

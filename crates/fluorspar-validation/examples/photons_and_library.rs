@@ -1,6 +1,6 @@
 //! How many photons and how good a library of spectra separate NADH, FAD, collagen and elastin: the table and the figure of docs/design.md.
 //!
-//! `cargo run --release -p fluorspar-report --example photons_and_library -- FIGURE.svg`
+//! `cargo run --release -p fluorspar-validation --example photons_and_library -- FIGURE.svg`
 
 #![allow(clippy::print_stdout, reason = "printing the table is what this is for")]
 

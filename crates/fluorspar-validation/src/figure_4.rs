@@ -5,7 +5,7 @@ use fluorspar_experiment::preset;
 
 use super::check::{Check, Outcome, Verdict, number};
 use super::setup::{Setup, ValidationError, plotted};
-use crate::figures::lights;
+use fluorspar_report::figures::lights;
 
 /// Peak of the blue LED by the paper, nm, and the step of the file that the authors' scripts read.
 const PEAK_NM: f64 = 385.0;

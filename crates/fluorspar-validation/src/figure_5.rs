@@ -7,8 +7,8 @@ use fluorspar_experiment::preset;
 
 use super::check::{Check, Outcome, Verdict, number};
 use super::setup::{Setup, ValidationError, plotted, sensor};
-use crate::Figure;
-use crate::figures::{PlotCurve, filters, lights, sensor_response};
+use fluorspar_report::Figure;
+use fluorspar_report::figures::{PlotCurve, filters, lights, sensor_response};
 
 /// Where spectra are looked at, nm.
 const RANGE_NM: [f64; 2] = [350.0, 750.0];

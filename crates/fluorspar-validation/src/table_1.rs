@@ -4,7 +4,7 @@ use fluorspar::sensor::{CharacterizationSettings, SensorModel, characterize};
 
 use super::check::{Check, Outcome, Verdict, number};
 use super::setup::{Setup, ValidationError, sensor};
-use crate::figures::{PhotonTransferPlot, photon_transfer};
+use fluorspar_report::figures::{PhotonTransferPlot, photon_transfer};
 
 /// The printed values: what, value, its last digit, unit, and the same of a sensor model.
 type Row = (&'static str, f64, f64, &'static str, fn(&SensorModel) -> f64);

@@ -5,8 +5,8 @@ use fluorspar::pipeline::light_group_preview;
 
 use super::check::{Check, Outcome, Verdict, number};
 use super::setup::{Setup, ValidationError};
-use crate::Raster;
-use crate::figures::pictures;
+use fluorspar_report::Raster;
+use fluorspar_report::figures::pictures;
 
 /// Pixels of each picture, and paths per pixel.
 const PICTURE: [usize; 2] = [120, 90];

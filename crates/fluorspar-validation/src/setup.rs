@@ -131,8 +131,12 @@ pub(super) fn sensor(sample: &FlatSample) -> Result<&Sensor, ValidationError> {
 }
 
 /// Samples of a curve for a figure.
-pub(super) fn plotted(name: &str, curve: &Curve, [first, last]: [f64; 2]) -> crate::figures::PlotCurve {
+pub(super) fn plotted(
+    name: &str,
+    curve: &Curve,
+    [first, last]: [f64; 2],
+) -> fluorspar_report::figures::PlotCurve {
     let nm: Vec<f64> = (0..=(last - first) as usize).map(|i| first + i as f64).collect();
     let values = nm.iter().map(|&nm| curve.at(nm)).collect();
-    crate::figures::PlotCurve::new(name, nm, values)
+    fluorspar_report::figures::PlotCurve::new(name, nm, values)
 }

@@ -10,7 +10,7 @@ use fluorspar_format::NamedCurve;
 use super::check::{Check, Outcome, Verdict, number};
 use super::people::{self, Measured, SPECTRA};
 use super::setup::{BULK, PORPHYRIN, Setup, ValidationError, fluorophore};
-use crate::{Axis, Dash, Figure, Ink, Panel, Series, SeriesShape};
+use fluorspar_report::{Axis, Dash, Figure, Ink, Panel, Series, SeriesShape};
 
 /// Where the measured spectra are valid, nm; they are scaled to 1 at 520 nm.
 const RANGE_NM: [usize; 2] = [500, 700];

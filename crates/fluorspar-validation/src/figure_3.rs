@@ -9,8 +9,8 @@ use fluorspar::study::FlatSample;
 
 use super::check::{Check, Outcome, Verdict, number};
 use super::setup::{BULK, PORPHYRIN, Setup, ValidationError, fluorophore};
-use crate::Figure;
-use crate::figures::{EemMap, PlotCurve, eem_maps, emission};
+use fluorspar_report::Figure;
+use fluorspar_report::figures::{EemMap, PlotCurve, eem_maps, emission};
 
 /// Range and step of the maps, nm: those of the paper's renderer.
 const RANGE_NM: [f64; 2] = [365.0, 705.0];

@@ -8,8 +8,8 @@ use fluorspar_format::{NamedCurve, read_text_bounded};
 
 use super::check::{Check, Outcome, Verdict, number};
 use super::setup::{Setup, ValidationError, sensor};
-use crate::figures::{ChromaticityPlot, chromaticity};
-use crate::{Axis, Ink, Panel, Series, SeriesShape};
+use fluorspar_report::figures::{ChromaticityPlot, chromaticity};
+use fluorspar_report::{Axis, Ink, Panel, Series, SeriesShape};
 
 /// The spectra, W/(sr m² nm), and the list of who and what they show.
 pub(super) const SPECTRA: &str = "tissue/oe_tongue_lip_fluorescence.csv";
@@ -159,7 +159,7 @@ impl<'a> Camera<'a> {
     }
 }
 
-fn figure(people: &[Person], porphyrin: [f64; 3]) -> crate::Figure {
+fn figure(people: &[Person], porphyrin: [f64; 3]) -> fluorspar_report::Figure {
     let fluorophores = sensor_chromaticity(porphyrin).map(|point| (PORPHYRIN.to_owned(), point));
     let plot =
         ChromaticityPlot { fluorophores: fluorophores.into_iter().collect(), ..ChromaticityPlot::default() };

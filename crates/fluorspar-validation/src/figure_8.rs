@@ -8,8 +8,8 @@ use fluorspar::study::Study;
 use super::check::{Check, Outcome, Verdict, number};
 use super::people;
 use super::setup::{PORPHYRIN, Setup, ValidationError};
-use crate::figures::{ChromaticityPlot, chromaticity, pictures};
-use crate::{Figure, Panel, Raster};
+use fluorspar_report::figures::{ChromaticityPlot, chromaticity, pictures};
+use fluorspar_report::{Figure, Panel, Raster};
 
 /// Porphyrin of each subject over that of the built-in tongue, whose strongest spot glows as the strongest of about ten people.
 const SUBJECTS: [(&str, f64); 3] = [("little", 0.1), ("some", 0.4), ("much", 1.0)];
