@@ -93,9 +93,7 @@ impl Messages {
         }
         let shortened = self == Self::Short && warnings.iter().any(Warning::has_details);
         if shortened && !HINTED.swap(true, Ordering::Relaxed) {
-            self.status(
-                "hint: --verbose, `fluorspar check` and the report name all that these warnings count",
-            );
+            self.status("hint: --verbose and the report say more of these warnings");
         }
     }
 }

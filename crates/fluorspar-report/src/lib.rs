@@ -42,6 +42,6 @@ pub use page::{
 };
 pub use run::{
     FrameOrigin, NamedFigure, RunFolderError, RunReport, RunResults, analysis_json, dark_frames,
-    evaluation_json, region_warnings, regions_matrix, run_report, write_frame_report, write_run_components,
-    write_run_folder,
+    evaluation_json, exceeded_limits, region_warnings, regions_matrix, run_report, write_frame_report,
+    write_run_components, write_run_folder,
 };

@@ -244,7 +244,7 @@ impl FinishedRender {
             (labels, captures),
             &mut factors,
             &rows,
-            |component| self.is_lit(component, captures),
+            |component| matches!(wanted, Wanted::AllOf(_)) || self.is_lit(component, captures),
         )?;
         Ok(CaptureView { captures: captures.to_vec(), planes, factors, uncertainty, light_errors })
     }

@@ -28,8 +28,7 @@ use fluorspar_session::{CaptureView, FinishedRender, ShownExperiment, Wanted};
 use rayon::prelude::*;
 use serde_json::Value;
 
-use super::frame_report::regions_table;
-use super::frame_report::{FrameReport, warn_of_darkness};
+use super::frame_report::{FrameReport, assumed_tissue, regions_table, warn_of_darkness};
 use super::region_option::{region_options, with_regions};
 use crate::args::{Answer, Changes};
 use crate::error::CliError;
@@ -729,9 +728,7 @@ fn describe(analysis: &Analysis) -> String {
     for line in finding_lines(&region_findings(analysis), &analysis.analyte, true) {
         text += &format!("{line}\n");
     }
-    if let Some(posterior) = &analysis.posterior {
-        text += &format!("  Assumed of the tissue: {}\n", posterior.prior);
-    }
+    text.extend(assumed_tissue(analysis).map(|line| line + "\n"));
     if analysis.gain_is_assumed {
         text += &format!("Electrons, signal to noise and noise in intervals: {ASSUMED_GAIN}\n");
     }

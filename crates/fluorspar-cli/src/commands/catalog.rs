@@ -39,12 +39,17 @@ enum Kind {
     Sensor,
     Lens,
     Tissue,
+    Experiment,
+    Sample,
+    Design,
+    Glass,
+    Metal,
 }
 
 fn list(args: &ListArgs) -> Result<(), CliError> {
     let options = &args.options;
     match args.kind {
-        None => presets::list(options),
+        None => presets::list_of(options, &PresetKind::ALL),
         Some(Kind::Light) => spectra::list(options, PresetKind::Light),
         Some(Kind::Filter) => spectra::list(options, PresetKind::Filter),
         Some(Kind::Reflectance) => spectra::list(options, PresetKind::Reflectance),
@@ -53,6 +58,11 @@ fn list(args: &ListArgs) -> Result<(), CliError> {
         Some(Kind::Sensor) => sensor::list(options),
         Some(Kind::Lens) => lens::list(options),
         Some(Kind::Tissue) => tissue::list(options),
+        Some(Kind::Experiment) => presets::list_of(options, &[PresetKind::Experiment]),
+        Some(Kind::Sample) => presets::list_of(options, &[PresetKind::Sample]),
+        Some(Kind::Design) => presets::list_of(options, &[PresetKind::Design]),
+        Some(Kind::Glass) => presets::list_of(options, &[PresetKind::Glass]),
+        Some(Kind::Metal) => presets::list_of(options, &[PresetKind::Metal]),
     }
 }
 

@@ -103,6 +103,12 @@ pub(super) fn regions_table(
     format!("\n{caption}\n{}{note}\n", align(&cells, &[0, 2]))
 }
 
+/// What is assumed of the tissue, as a line.
+pub(super) fn assumed_tissue(analysis: &Analysis) -> Option<String> {
+    let prior = &analysis.posterior.as_ref()?.prior;
+    Some(format!("  Assumed of the tissue: {}", prior.replace('_', " ")))
+}
+
 /// Warns of frames that see next to nothing.
 pub(super) fn warn_of_darkness(
     experiment: &ResolvedExperiment,

@@ -34,7 +34,7 @@ const FILES: [PresetKind; 3] = [PresetKind::Experiment, PresetKind::Sample, Pres
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     match &options.name {
         Some(name) => super::print_text(file_of(name, &FILES)?)?,
-        None => list(&options.list)?,
+        None => list_of(&options.list, &PresetKind::ALL)?,
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -44,11 +44,11 @@ pub(crate) fn show(options: &FileOptions, kind: PresetKind) -> Result<(), CliErr
     super::print_text(file_of(&options.name, &[kind])?)
 }
 
-/// Lists everything.
-pub(crate) fn list(options: &ListOptions) -> Result<(), CliError> {
+/// Lists kinds of parts by name.
+pub(crate) fn list_of(options: &ListOptions, kinds: &[PresetKind]) -> Result<(), CliError> {
     let mut entries = Vec::new();
-    for kind in PresetKind::ALL {
-        entries.extend(preset::list(kind)?);
+    for kind in kinds {
+        entries.extend(preset::list(*kind)?);
     }
     if !options.is_json() {
         return super::print_text(&by_kind(&entries));

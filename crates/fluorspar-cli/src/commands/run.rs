@@ -13,12 +13,13 @@ use fluorspar::study::Study;
 use fluorspar_experiment::{FileRecord, ResolvedExperiment, Warning};
 use fluorspar_format::OutputFolder;
 use fluorspar_report::{
-    FrameOrigin, RunResults, finding_lines, region_warnings, write_run_components, write_run_folder,
+    FrameOrigin, RunResults, exceeded_limits, finding_lines, region_warnings, write_run_components,
+    write_run_folder,
 };
 use fluorspar_session::warnings_before_run;
 
 use super::basis_render;
-use super::frame_report::{regions_table, warn_of_darkness};
+use super::frame_report::{assumed_tissue, regions_table, warn_of_darkness};
 use crate::args::{Answer, ExperimentArgs, OutOption};
 use crate::error::{CliError, STOPPED};
 use crate::experiment_source::{ExperimentSource, read_text};
@@ -116,7 +117,9 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let Evaluated { analysis, regions } = analyzed;
     if let Some(AnalyzedFrame { analysis, .. }) = &analysis {
         if !options.answer.json {
-            let lines = finding_lines(&region_findings(analysis), &analysis.analyte, false).join("\n");
+            let mut lines = finding_lines(&region_findings(analysis), &analysis.analyte, false);
+            lines.extend(assumed_tissue(analysis));
+            let lines = lines.join("\n");
             let text = match regions_table(&experiment, analysis, &regions) {
                 table if table.is_empty() => lines,
                 table => format!("{lines}\n{table}"),
@@ -205,6 +208,8 @@ fn evaluate_and_write(
     };
     write_run_folder(folder, &results)?;
     warn_of_darkness(experiment, &evaluation.frames, messages);
+    let exceeded = evaluation.safety.iter().flat_map(exceeded_limits).map(Warning::from);
+    messages.warnings(&exceeded.collect::<Vec<_>>());
     let Evaluation { analysis, regions, .. } = evaluation;
     Ok(Evaluated { analysis, regions })
 }

@@ -107,7 +107,10 @@ fn describe_viewer(viewer: &ViewerSafety, is_mouth: bool) -> String {
             short(a.limit),
             a.unit.into(),
             a.margin.map_or_else(|| "-".into(), short),
-            a.exposures_per_day.map_or_else(|| "-".into(), |n| n.to_string()),
+            match a.margin {
+                Some(margin) if margin < 1.0 => "exceeded".into(),
+                _ => a.exposures_per_day.map_or_else(|| "-".into(), |n| n.to_string()),
+            },
         ]);
     }
     text += &align(&rows, &[1, 4]);

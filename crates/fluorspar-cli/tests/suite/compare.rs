@@ -27,6 +27,11 @@ fn compare(folder: &Path, a: &str, b: &str) -> Value {
     fluorspar(folder, ["compare", a, b, "--json"]).json()
 }
 
+/// A share as comparisons have it.
+fn percent(share: &Value) -> f64 {
+    100.0 * share.as_f64().unwrap()
+}
+
 /// The row of a quantity.
 fn row<'a>(found: &'a Value, quantity: &str) -> &'a Value {
     let rows = found["numbers"].as_array().unwrap();
@@ -54,9 +59,11 @@ fn runs_are_compared_by_settings_numbers_and_frames() {
     let share = row(&found, "Porphyrin share on the mixture line");
     for side in ["a", "b"] {
         let budget = &results(side)["analysis"]["budget"];
-        assert_eq!(share[side]["value"], budget["share"]);
-        assert_eq!(share[side]["interval"], budget["total_interval"]);
-        assert_eq!(row(&found, "Detection limit of")[side]["value"], budget["detection_limit"]);
+        assert_eq!(share[side]["value"], percent(&budget["share"]));
+        for end in [0, 1] {
+            assert_eq!(share[side]["interval"][end], percent(&budget["total_interval"][end]));
+        }
+        assert_eq!(row(&found, "Detection limit of")[side]["value"], percent(&budget["detection_limit"]));
         let leak = row(&found, "Leak of frame \"blue\"")[side]["value"].as_f64().unwrap();
         assert!((leak - 100.0 * results(side)["leak_ratio"].as_f64().unwrap()).abs() < 1e-9);
     }
@@ -65,7 +72,7 @@ fn runs_are_compared_by_settings_numbers_and_frames() {
     assert!(share["told_apart"] == "apart" && low > 0.0, "{share}");
     let error = row(&found, "Porphyrin share on the mixture line less the true share");
     let truth = results("b")["analysis"]["truth"]["share"].as_f64().unwrap();
-    let expected = share["b"]["value"].as_f64().unwrap() - truth;
+    let expected = share["b"]["value"].as_f64().unwrap() - 100.0 * truth;
     assert!((error["b"]["value"].as_f64().unwrap() - expected).abs() < 1e-12, "{error}");
     assert_eq!(row(&found, "Median signal in R")["told_apart"], "not_judged");
     assert!(found["warnings"][0].as_str().unwrap().contains("true shares are others"), "{found}");
@@ -249,7 +256,7 @@ fn regions_of_both_runs_stand_row_by_row() {
     let lines: Vec<&str> =
         said.stdout.lines().filter(|l| l.starts_with("patch") || l.starts_with("middle")).collect();
     assert!(said.stdout.contains("Regions of frame \"blue\"") && lines.len() >= 2, "{said:?}");
-    assert!(said.stdout.contains("share (95 % in all)"), "{said:?}");
+    assert!(said.stdout.contains("share, % (95 % in all)"), "{said:?}");
     let read = |name: &str| -> Value {
         serde_json::from_str(&fs::read_to_string(folder.join(name).join("results.json")).unwrap()).unwrap()
     };
@@ -271,7 +278,7 @@ fn regions_of_both_runs_stand_row_by_row() {
     // The folded section tells the estimates
     let note =
         page.split("<h2>Regions</h2> <span class=\"note\">").nth(1).unwrap().split('<').next().unwrap();
-    assert!(note.starts_with("porphyrin share: middle 0.") && note.contains("; left 0."), "{note}");
+    assert!(note.starts_with("porphyrin share, %: middle ") && note.contains("; left "), "{note}");
     // Captures of its image have the same regions, and reports of them
     fluorspar(folder, ["capture", "a/components.exr", "-q", "--report", "--out", "shots"]).well();
     assert_eq!(read("shots")["regions"], results["regions"]);
@@ -286,11 +293,9 @@ fn regions_of_both_runs_stand_row_by_row() {
     for side in ["a", "b"] {
         let budget = &read(side)["regions"][0]["analysis"]["budget"];
         let share = of("Porphyrin share on the mixture line");
-        assert_eq!(
-            (&share[side]["value"], &share[side]["interval"]),
-            (&budget["share"], &budget["total_interval"])
-        );
-        assert_eq!(of("Detection limit of")[side]["value"], budget["detection_limit"]);
+        assert_eq!(share[side]["value"], percent(&budget["share"]));
+        assert_eq!(share[side]["interval"][1], percent(&budget["total_interval"][1]));
+        assert_eq!(of("Detection limit of")[side]["value"], percent(&budget["detection_limit"]));
     }
     assert_eq!(of("Porphyrin share on the mixture line")["told_apart"], "apart");
     assert!(of("Median signal in R")["a"]["value"].is_f64() && of("Signal to noise")["b"]["value"].is_f64());

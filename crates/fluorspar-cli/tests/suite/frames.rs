@@ -370,7 +370,9 @@ fn a_target_is_measured_with_its_labels() {
     assert!(told.contains("d' of target \"spot\", frame \"blue\": "), "{told}");
     // Of recorded frames the interval holds the noise alone, and their dark frame may have had the lamp of the room
     let page = fs::read_to_string(folder.join("given/report.html")).unwrap();
-    assert!(page.contains("share (95 % by sensor noise alone)") && !page.contains("share (95 % in all"));
+    assert!(
+        page.contains("share, % (95 % by sensor noise alone)") && !page.contains("share, % (95 % in all")
+    );
     assert!(
         page.contains("none of the experiment&#39;s lights")
             || page.contains("none of the experiment's lights")

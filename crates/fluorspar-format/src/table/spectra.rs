@@ -331,7 +331,10 @@ impl SpectrumReader<'_> {
     fn first_axis(&mut self) -> Result<usize, FormatError> {
         let is_index = |header: &str| {
             let lower = header.to_lowercase();
-            ["pixel", "index", "bandwidth", "fwhm"].iter().any(|word| lower.starts_with(word))
+            ["pixel", "index", "bandwidth", "fwhm", "frequency", "raman shift", "time"]
+                .iter()
+                .any(|word| lower.starts_with(word))
+                || lower.contains("thz")
         };
         let headers = self.headers();
         if let Some(named) = headers.iter().position(|header| names_wavelengths(header) && !is_index(header))
@@ -494,8 +497,11 @@ impl SpectrumReader<'_> {
     /// Whether a column holds no number, but words: names of samples, dates, remarks.
     fn is_text(&self, column: usize) -> bool {
         let cells = || self.table.rows().map(|row| self.table.cell(row, column));
-        cells().any(|cell| cell.contains(char::is_alphanumeric))
-            && cells().all(|cell| !cell.contains(['<', '>']) && cell.replace(',', "").parse::<f64>().is_err())
+        // "90 %" is a value with a unit
+        let begins_as_number = |cell: &str| {
+            cell.trim_start_matches(['-', '+', '<', '>', '.', ' ']).starts_with(|c: char| c.is_ascii_digit())
+        };
+        cells().any(|cell| cell.contains(char::is_alphanumeric)) && !cells().any(begins_as_number)
     }
 
     /// Whether a column that is called a wavelength holds some.
@@ -628,8 +634,15 @@ impl SpectrumReader<'_> {
         let header = self.headers()[column].as_str();
         let is_about = |line: &&String| {
             let lower = line.trim_start_matches(['#', ' ']).to_lowercase();
-            let is_named = UNITS.iter().any(|word| lower.contains(word));
-            let is_quantity = QUANTITIES.iter().any(|word| lower.starts_with(word));
+            // Unit 3 is a place
+            let is_number = |rest: &str| {
+                rest.trim_start_matches('s').trim_start().starts_with(|letter: char| letter.is_ascii_digit())
+            };
+            let is_named = UNITS.iter().any(|word| {
+                lower.split_once(word).is_some_and(|(_, rest)| *word != "unit" || !is_number(rest))
+            });
+            let is_quantity =
+                QUANTITIES.iter().any(|word| lower.starts_with(word)) && is_followed_by_unit(&lower);
             (is_named || is_quantity)
                 && !lower.starts_with('x')
                 && matches!(stated_unit(line), StatedUnit::Known(_))
@@ -1056,6 +1069,20 @@ fn is_standard_error(lower: &str) -> bool {
         .iter()
         .any(|name| joined == *name || (name.len() > 5 && joined.starts_with(name)))
         || plain.split_whitespace().any(|word| matches!(word, "std" | "stdev" | "stddev" | "sd" | "stderr"))
+}
+
+/// Whether a quantity at the begin of a line is followed by its unit and nothing else: `reflectance (%)`, `irradiance, W/m2`; not
+/// `reflectance standard: Spectralon (99 %)`.
+fn is_followed_by_unit(line: &str) -> bool {
+    let rest = line.trim_start_matches(|letter: char| letter.is_alphabetic() || letter == '%').trim();
+    let inner = rest.trim_start_matches([':', '=', ',']).trim();
+    let is_bracketed = rest.starts_with(['(', '[']) && rest.ends_with([')', ']', ':']);
+    let is_short = inner.split_whitespace().count() <= 2 && !inner.starts_with(char::is_alphabetic);
+    is_bracketed
+        || inner.is_empty()
+        || (rest != inner && inner.split_whitespace().count() <= 2)
+        || is_short
+        || inner.starts_with("in ")
 }
 
 /// Whether a header is that of an edge of bands.

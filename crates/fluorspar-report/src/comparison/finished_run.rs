@@ -1,7 +1,7 @@
 //! A finished run as its results tell it.
 
 use fluorspar::analysis::{Analysis, RegionOfInterest};
-use fluorspar::pipeline::FrameLeak;
+use fluorspar::pipeline::{FrameLeak, Viewer};
 use serde::Deserialize;
 use serde_json::Value;
 use thiserror::Error;
@@ -87,6 +87,8 @@ pub struct FinishedCapture {
 /// Safety of one viewer of a capture.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct FinishedViewer {
+    /// Who.
+    pub viewer: Viewer,
     /// Captures in 8 hours; `None` where nothing is assessed.
     pub captures_per_day: Option<u64>,
 }
@@ -94,6 +96,8 @@ pub struct FinishedViewer {
 /// Sequences that a viewer bears.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct FinishedProgram {
+    /// Who.
+    pub viewer: Viewer,
     /// Sequences in 8 hours; `None` where nothing is assessed.
     pub sequences_per_day: Option<u64>,
 }

@@ -18,7 +18,7 @@ use fluorspar::analysis::interval_of_difference;
 use fluorspar::findings::FindingId;
 use serde::{Serialize, Serializer};
 
-use crate::findings::{ASSUMED_GAIN, number as short};
+use crate::findings::{ASSUMED_GAIN, digits_of, number as short};
 use run_numbers::{RunNumber, run_numbers};
 
 /// How numbers are judged, in words.
@@ -285,6 +285,12 @@ impl ComparedSide {
     /// The number with its interval, as tables have it.
     #[must_use]
     pub fn text(&self) -> String {
+        let [low, high] = self.interval.unwrap_or([0.0; 2]);
+        let digits = digits_of(low, high);
+        let short = |value: f64| match digits {
+            Some(digits) => format!("{value:.digits$}"),
+            None => short(value),
+        };
         let interval = self.interval.map(|[low, high]| match high.is_finite() {
             true => format!(" ({} to {})", short(low), short(high)),
             false => format!(" ({} or more)", short(low)),

@@ -200,7 +200,7 @@ pub fn comparison_figures(numbers: &[ComparedNumber]) -> Vec<(String, Figure)> {
     let (low, high) = ends.fold((0.0f64, 0.0f64), |(low, high), value| (low.min(value), high.max(value)));
     let margin = 0.05 * (high - low).max(1e-6);
     let height = shares.len() as f64;
-    let x = Axis::linear("share", "", [low - margin, high + margin]);
+    let x = Axis::linear("share", "%", [low - margin, high + margin]);
     let mut panel = Panel::new(x, Axis::hidden([0.0, height])).sized(620.0, 90.0 * height + 20.0);
     // Below the estimates, whose dots stay seen
     panel = panel.with(truth_series(&shares));

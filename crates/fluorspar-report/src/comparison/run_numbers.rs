@@ -2,11 +2,12 @@
 
 use fluorspar::analysis::Analyte;
 use fluorspar::findings::{
-    Caveat, Finding, FindingId, SafeCaptures, frame_findings, leak_findings, region_findings, safety_findings,
+    Caveat, Finding, FindingId, SafeCaptures, fewest, frame_findings, leak_findings, region_findings,
+    safety_findings,
 };
 
 use super::finished_run::FinishedRun;
-use crate::findings::{FindingWords, value};
+use crate::findings::{FindingWords, shown, value};
 
 /// What numbers are compared, in the order in which they are listed.
 const COMPARED: &[&[FindingId]] = &[
@@ -83,9 +84,9 @@ pub(super) fn run_numbers(run: &FinishedRun, label: &dyn Fn(&str) -> String) -> 
         let captures = lit.map(|capture| SafeCaptures {
             name: capture.name.clone(),
             light_on_s: capture.light_on_s,
-            per_day: capture.viewers.iter().filter_map(|viewer| viewer.captures_per_day).min(),
+            per_day: fewest(capture.viewers.iter().map(|viewer| (viewer.captures_per_day, viewer.viewer))),
         });
-        let sequences = safety.program.iter().filter_map(|line| line.sequences_per_day).min();
+        let sequences = fewest(safety.program.iter().map(|line| (line.sequences_per_day, line.viewer)));
         findings.extend(safety_findings(&captures.collect::<Vec<_>>(), sequences));
     }
     let mut numbers = numbers_of(&findings, &run.target, label);
@@ -122,6 +123,8 @@ fn numbers_of(findings: &[Finding], target: &str, label: &dyn Fn(&str) -> String
 }
 
 fn number(finding: &Finding, kind: usize, words: &FindingWords<'_>) -> RunNumber {
+    let in_words_of = value(finding);
+    let finding = &shown(finding);
     let has = |caveats: &[Caveat]| finding.caveats.iter().any(|caveat| caveats.contains(caveat));
     let in_words = has(&[Caveat::NoEstimate, Caveat::NotDetected, Caveat::LowerLimit, Caveat::Unbounded]);
     let is_error = finding.id != FindingId::TrueShare;
@@ -133,7 +136,7 @@ fn number(finding: &Finding, kind: usize, words: &FindingWords<'_>) -> RunNumber
         value: finding.value.filter(|_| !in_words),
         interval: finding.interval.filter(|_| is_error),
         truth: finding.reference.filter(|_| is_share(finding.id)),
-        words: in_words.then(|| value(finding)),
+        words: in_words.then_some(in_words_of),
         noise_alone: has(&[Caveat::SensorNoiseAlone]) && finding.interval.is_some(),
         region: None,
     }

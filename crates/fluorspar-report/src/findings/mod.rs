@@ -3,7 +3,7 @@
 mod words;
 
 pub use words::ASSUMED_GAIN;
-pub(crate) use words::{FindingWords, number, value};
+pub(crate) use words::{FindingWords, digits_of, number, render_noise, shown, value};
 
 use fluorspar::analysis::Analyte;
 use fluorspar::findings::{Caveat, Finding, FindingId};
@@ -105,6 +105,7 @@ const LINES: &[FindingId] = &[
     Id::SpotSeparation,
     Id::TargetSeparation,
     Id::TargetSeparationOfPixel,
+    Id::TargetSeparationOfSensor,
     Id::TargetContrast,
     Id::SmallestDiameter,
     Id::FramesNeeded,
@@ -132,18 +133,13 @@ pub fn finding_lines(findings: &[Finding], analyte: &Analyte, whole: bool) -> Ve
     let of = |id: FindingId| findings.iter().filter(move |finding| finding.id == id);
     let lines =
         LINES.iter().chain(pixels).copied().flat_map(of).map(|finding| format!("  {}", words.line(finding)));
-    verdict(findings, analyte).into_iter().chain(lines).collect()
+    let note = "  Intervals are of 95 %; ± is the spread of the pixels".to_owned();
+    verdict(findings, analyte).into_iter().chain(lines).chain([note]).collect()
 }
 
 /// What a share of the fluorescence is, in percent: 5.3 % (3.5 to 9.9 %).
 fn percent(finding: &Finding) -> String {
-    let scaled = |end: f64| 100.0 * end;
-    let in_percent = Finding {
-        value: finding.value.map(scaled),
-        interval: finding.interval.map(|ends| ends.map(scaled)),
-        ..finding.clone()
-    };
-    let text = value(&in_percent);
+    let text = value(finding);
     match text.strip_suffix(')') {
         Some(text) => format!("{} %)", text.replacen(" (", " % (", 1)),
         None => format!("{text} %"),
@@ -182,11 +178,20 @@ impl ShareAnswer {
             let text = percent(share);
             let (value, interval) = text.split_once(" (").unwrap_or((&text, ""));
             let interval = interval.trim_end_matches(')');
-            (value.to_owned(), format!("{of_what} (95 %: {interval}{noise})"))
+            let rest = match interval.is_empty() {
+                true => of_what,
+                false => format!("{of_what} (95 %: {interval}{noise})"),
+            };
+            (value.to_owned(), rest)
         };
         let other = other.map_or_else(String::new, |tissue| {
             format!(". The light is not that of the named tissue; {tissue} explains it")
         });
+        let frames = share.caveats.iter().find_map(|caveat| match caveat {
+            Caveat::FromFrames(frames) => Some(format!(", from frames {}", frames.join(" and "))),
+            _ => None,
+        });
+        let other = frames.unwrap_or_default() + &other;
         let name = match share.id {
             Id::UnmixedShare => crate::run::capital(share.name.as_deref().unwrap_or_default()),
             _ => analyte.capitalized(),

@@ -32,7 +32,10 @@ impl<'a> FindingWords<'a> {
 
         let (analyte, share) = (self.analyte, format!("{} share", self.analyte.capitalized()));
         let name = finding.name.as_deref().unwrap_or_default();
-        let frame = finding.frame.as_deref().map(self.frame).unwrap_or_default();
+        let frame = finding.frame.as_deref().unwrap_or_default();
+        let frames: Vec<String> =
+            frame.split(" + ").filter(|frame| !frame.is_empty()).map(self.frame).collect();
+        let frame = frames.join(" and ");
         let of_frame =
             |what: &str| if frame.is_empty() { what.to_owned() } else { format!("{what} of frame {frame}") };
         let signal = |what: &str| match finding.channel.as_deref() {
@@ -74,7 +77,7 @@ impl<'a> FindingWords<'a> {
             Id::UpperLimitOverTruth => "Upper limit over the true share".into(),
             Id::LimitOverTruth => "Detection limit over the true share".into(),
             Id::SpotSeparation => {
-                let noun = if frame.contains("\" and \"") { "frames" } else { "frame" };
+                let noun = if frames.len() > 1 { "frames" } else { "frame" };
                 format!("d' of the spots, {name} of {noun} {frame}")
             }
             Id::TargetSeparation => of_target("d'"),
@@ -105,8 +108,8 @@ impl<'a> FindingWords<'a> {
             Id::Exposure => of_frame("Exposure"),
             Id::Clipped if frame.is_empty() => "Clipped pixels of the region".into(),
             Id::Clipped => of_frame("Clipped pixels"),
-            Id::SafeCaptures => of_frame("Safe captures"),
-            Id::SafeSequences => "Safe sequences of all captures".into(),
+            Id::SafeCaptures => format!("{}, for the {name}", of_frame("Safe captures")),
+            Id::SafeSequences => format!("Safe sequences of all captures, for the {name}"),
         }
     }
 
@@ -116,8 +119,8 @@ impl<'a> FindingWords<'a> {
         use FindingId as Id;
 
         let analyte = self.analyte;
-        let reference = finding.reference.map(number).unwrap_or_default();
-        let truth = finding.reference.map_or_else(String::new, |share| format!(" True: {}.", number(share)));
+        let reference = shown(finding).reference.map(number).unwrap_or_default();
+        let truth = finding.reference.map_or_else(String::new, |_| format!(" True: {reference} %."));
         match finding.id {
             Id::Share => format!(
                 "Electrons of {analyte} light over those of all fluorescence of the region. The interval of 95 % holds sensor noise, leak, \
@@ -147,7 +150,7 @@ impl<'a> FindingWords<'a> {
                 )
             }
             Id::LineNoise => "Half of the 95 % interval that the sensor's noise leaves.".into(),
-            Id::LineChange => format!("Without it the share would be {reference}."),
+            Id::LineChange => format!("Without it the share would be {reference} %."),
             Id::LineBlank => format!("The estimate from the same light without that of the {analyte}."),
             Id::DetectionLimit => {
                 "A share this far above the blank is missed, or falsely seen, in at most 5 % of frames, by sensor noise alone."
@@ -178,9 +181,10 @@ impl<'a> FindingWords<'a> {
                 format!("Of the electrons of all signals together, as if all spectra were known.{truth}")
             }
             Id::UnmixedAmount => "On a flat sample under direct light, by sensor noise alone.".into(),
-            Id::UnmixedOthers => {
-                "The simulation knows: share of fluorophores that no term has, as of other parts.".into()
-            }
+            Id::UnmixedOthers => format!(
+                "The simulation knows: share of fluorophores that no term has, as of other parts; {}.",
+                place_of_others(finding)
+            ),
             Id::UnmixingMisfit => {
                 "Root mean square of the signals less the sum. Far above 1 flat samples of these fluorophores under direct light don't make \
                  up the region: light is absorbed on its way, comes indirectly, is reflected, or another fluorophore gives it off."
@@ -225,33 +229,96 @@ impl<'a> FindingWords<'a> {
     #[must_use]
     pub(crate) fn row(&self, finding: &Finding) -> Number {
         let value = value(finding).replace('-', "−");
-        Number::computed(self.name(finding), value, finding.unit, self.meaning(finding))
+        Number::computed(self.name(finding), value, shown(finding).unit, self.meaning(finding))
             .from(Origin::Computed)
     }
 
     /// A line of text.
     #[must_use]
     pub(crate) fn line(&self, finding: &Finding) -> String {
-        let unit = if finding.unit.is_empty() { String::new() } else { format!(" {}", finding.unit) };
-        let noise = match finding.has(&Caveat::SensorNoiseAlone) && finding.interval.is_some() {
+        let shown = shown(finding);
+        let has_unit = !shown.unit.is_empty() && !finding.has(&Caveat::Unbounded);
+        let unit = if has_unit { format!(" {}", shown.unit) } else { String::new() };
+        let noise = match finding.has(&Caveat::SensorNoiseAlone) {
             true => " by sensor noise alone",
             false => "",
         };
-        let judged = match (finding.id, finding.reference) {
+        let judged = match (finding.id, shown.reference) {
             (FindingId::ProbabilityOfNone, Some(before)) => format!(" ({} % before)", number(before)),
-            (FindingId::UnmixedShare, Some(truth)) => format!("; true share {}", number(truth)),
+            (FindingId::UnmixedShare, Some(truth)) => format!("; true share {} %", number(truth)),
             (FindingId::FamilyDistance, Some(count)) => format!(" (chi-square; {} expected)", number(count)),
             (FindingId::PixelsOffLine | FindingId::PixelsBeyondEnd, Some(all)) => {
                 format!(" of {}", number(all))
             }
             (FindingId::SpotSeparation, Some(right)) => format!(", {:.0} % of pixels right", 100.0 * right),
+            (FindingId::UnmixedOthers, _) => format!("; {}", place_of_others(finding)),
+            (FindingId::DetectionLimit, _) => " above the blank".into(),
             (FindingId::TrueShare, _) if value(finding).ends_with(')') => {
                 " with light that fluoresced twice".into()
             }
             (FindingId::SmallestDiameter, Some(wanted)) => format!(" for d' {}", number(wanted)),
             _ => String::new(),
         };
-        format!("{}: {}{unit}{noise}{judged}", self.name(finding), value(finding))
+        let render = finding.caveats.iter().find_map(|caveat| match caveat {
+            Caveat::RenderNoise(ratio, samples) => Some(format!("; {}", render_noise(*ratio, *samples))),
+            _ => None,
+        });
+        format!(
+            "{}: {}{unit}{}{noise}{judged}{}",
+            self.name(finding),
+            value_alone(finding),
+            saturated(finding),
+            render.unwrap_or_default()
+        )
+    }
+}
+
+/// Where the truth counts light of other parts.
+fn place_of_others(finding: &Finding) -> &'static str {
+    match finding.has(&Caveat::CountsAsBulk) {
+        true => "it counts as bulk in the true shares, as in the fit",
+        false => "it is in no true share; the fit spreads it over the terms",
+    }
+}
+
+/// That the noise of the render was taken out, and how many samples make it small.
+pub(crate) fn render_noise(ratio: f64, samples: u32) -> String {
+    format!(
+        "noise of the render, {ratio:.1} times the rest in variance, was taken out and widens the interval: \
+         render.samples_per_pixel = {samples} makes it a quarter"
+    )
+}
+
+/// A finding as it is shown: shares of the light in percent.
+pub(crate) fn shown(finding: &Finding) -> Finding {
+    use FindingId as Id;
+
+    let is_share = matches!(
+        finding.id,
+        Id::Share
+            | Id::ShareUpperLimit
+            | Id::ShareInWiderFamily
+            | Id::ShareWithout
+            | Id::LineShare
+            | Id::LineShareByNoise
+            | Id::LineNoise
+            | Id::LineChange
+            | Id::LineBlank
+            | Id::DetectionLimit
+            | Id::UnmixedShare
+            | Id::UnmixedOthers
+            | Id::TrueShare
+    );
+    if !is_share {
+        return finding.clone();
+    }
+    let percent = |share: f64| 100.0 * share;
+    Finding {
+        value: finding.value.map(percent),
+        interval: finding.interval.map(|ends| ends.map(percent)),
+        reference: finding.reference.map(percent),
+        unit: "%",
+        ..finding.clone()
     }
 }
 
@@ -263,9 +330,23 @@ fn short_list(names: &str) -> String {
     }
 }
 
+/// How much of the pixels is saturated, in brackets; empty where that is not said.
+fn saturated(finding: &Finding) -> String {
+    let share = finding.caveats.iter().find_map(|caveat| match caveat {
+        Caveat::Saturated(share) => Some(format!(" ({:.0} % saturated)", 100.0 * share)),
+        _ => None,
+    });
+    share.unwrap_or_default()
+}
+
 /// The value with its interval, without the unit.
 #[must_use]
 pub(crate) fn value(finding: &Finding) -> String {
+    value_alone(finding) + &saturated(finding)
+}
+
+fn value_alone(finding: &Finding) -> String {
+    let finding = &shown(finding);
     let open = |end: f64| if end.is_finite() { number(end) } else { "open".into() };
     let [low, high] = finding.interval.unwrap_or([f64::NAN; 2]);
     let digits = digits_of(low, high);
@@ -274,11 +355,7 @@ pub(crate) fn value(finding: &Finding) -> String {
         _ => open(value),
     };
     let has = |caveat: Caveat| finding.caveats.contains(&caveat);
-    let saturated = finding.caveats.iter().find_map(|caveat| match caveat {
-        Caveat::Saturated(share) => Some(format!(" ({:.0} % saturated)", 100.0 * share)),
-        _ => None,
-    });
-    let base = if has(Caveat::NoEstimate) {
+    if has(Caveat::NoEstimate) {
         "no estimate".into()
     } else if has(Caveat::NotDetected) {
         format!("at most {}", text(high))
@@ -289,6 +366,7 @@ pub(crate) fn value(finding: &Finding) -> String {
     } else {
         match (finding.value, finding.interval) {
             (Some(value), None) => number(value),
+            (None, None) if finding.id == FindingId::TargetContrast => "dark background".into(),
             (None, None) => "-".into(),
             (None, Some(_)) => format!("{} to {}", text(low), text(high)),
             (Some(value), Some(_)) if has(Caveat::StandardDeviation) => {
@@ -304,12 +382,11 @@ pub(crate) fn value(finding: &Finding) -> String {
             (Some(value), Some(_)) if high - low <= 1e-6 * value.abs() => number(value),
             (Some(value), Some(_)) => format!("{} ({} to {})", text(value), text(low), text(high)),
         }
-    };
-    base + &saturated.unwrap_or_default()
+    }
 }
 
 /// Decimals of which the half of an interval has two digits; `None` where it tells none.
-fn digits_of(low: f64, high: f64) -> Option<usize> {
+pub(crate) fn digits_of(low: f64, high: f64) -> Option<usize> {
     let half = 0.5 * (high - low);
     (half.is_finite() && half > 0.0).then(|| (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize)
 }
@@ -320,10 +397,10 @@ pub(crate) fn number(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 {
         "0".into()
-    } else if !(1e-4..1e6).contains(&size) {
-        format!("{value:.3e}")
-    } else if value.fract() == 0.0 {
+    } else if value.fract() == 0.0 && size < 1e12 {
         format!("{value:.0}")
+    } else if !(1e-4..1e6).contains(&size) {
+        format!("{value:.2e}")
     } else {
         let digits = (2.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
         format!("{value:.digits$}")
@@ -340,19 +417,19 @@ mod tests {
             let finding = Finding::new(FindingId::Share, value);
             self::value(&Finding { interval: Some(interval), caveats: caveats.to_vec(), ..finding })
         };
-        assert_eq!(share(Some(0.051_234), [0.0399, 0.0625], &[]), "0.051 (0.040 to 0.062)");
-        assert_eq!(share(Some(0.051_234), [0.050_9, 0.051_5], &[]), "0.05123 (0.05090 to 0.05150)");
-        assert_eq!(share(None, [0.0, 0.0941], &[Caveat::NotDetected]), "at most 0.094");
+        assert_eq!(share(Some(0.051_234), [0.0399, 0.0625], &[]), "5.1 (4.0 to 6.2)");
+        assert_eq!(share(Some(0.051_234), [0.050_9, 0.051_5], &[]), "5.123 (5.090 to 5.150)");
+        assert_eq!(share(None, [0.0, 0.0941], &[Caveat::NotDetected]), "at most 9.4");
         assert_eq!(share(None, [0.0, 0.5], &[Caveat::NoEstimate]), "no estimate");
-        assert_eq!(share(None, [0.011, 0.083], &[]), "0.011 to 0.083");
-        assert_eq!(share(Some(1.5), [1.0, f64::INFINITY], &[]), "1.50 (1 or more)");
-        assert_eq!(share(Some(0.25), [0.2, 0.3], &[Caveat::StandardDeviation]), "0.250 ± 0.050");
+        assert_eq!(share(None, [0.011, 0.083], &[]), "1.1 to 8.3");
+        assert_eq!(share(Some(0.015), [0.01, f64::INFINITY], &[]), "1.50 (1 or more)");
+        assert_eq!(share(Some(0.25), [0.2, 0.3], &[Caveat::StandardDeviation]), "25.0 ± 5.0");
         let signal = Finding::new(FindingId::MedianSignal, 5000.0);
         let caveats = vec![Caveat::LowerLimit, Caveat::Saturated(0.9)];
         assert_eq!(value(&Finding { caveats, ..signal }), "at least 5000 (90 % saturated)");
         assert_eq!(
             [0.0, 5.0, 1234.56, -0.012_345, 2e-7].map(number),
-            ["0", "5", "1235", "-0.0123", "2.000e-7"]
+            ["0", "5", "1235", "-0.0123", "2.00e-7"]
         );
     }
 }

@@ -5,7 +5,7 @@ use fluorspar::findings::{Finding, FindingId, region_findings};
 
 use super::report_data::{NumberMatrix, ReportItem, Section};
 use crate::FrameOrigin;
-use crate::findings::{ASSUMED_GAIN, FindingWords, PIXELS, TABLES, matrix, number};
+use crate::findings::{ASSUMED_GAIN, FindingWords, PIXELS, TABLES, matrix, number, render_noise};
 
 /// One analysis: its figures first, then the tables: chromaticity, signals and targets, porphyrin share, predicted fluorophores, pixels
 /// used and levels.
@@ -139,11 +139,7 @@ fn target_matrix(findings: &[Finding], targets: &[TargetDetection]) -> NumberMat
 
 /// That the noise of the render was taken out, and how many samples make it small; `None` where it is small.
 pub(crate) fn render_noise_words(target: &TargetDetection) -> Option<String> {
-    let (noise, samples) = (target.render_noise?, target.samples_needed?);
-    Some(format!(
-        "noise of the render, {noise:.1} times the rest in variance, was taken out and widens the interval: \
-         render.samples_per_pixel = {samples} makes it a quarter"
-    ))
+    Some(render_noise(target.render_noise?, target.samples_needed?))
 }
 
 #[cfg(test)]

@@ -20,6 +20,7 @@ pub use folder::{
     write_run_folder,
 };
 pub use report::{NamedFigure, RunReport, run_report};
+pub use safety_section::exceeded_limits;
 
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::Evaluation;

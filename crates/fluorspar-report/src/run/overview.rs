@@ -249,19 +249,18 @@ fn answer(analysis: &Analysis) -> Option<Answer> {
 /// What moves the estimate on the mixture line; without rows where that is not known.
 fn line_budget(analysis: &Analysis) -> Contributions {
     let Some(budget) = &analysis.budget else { return Contributions::default() };
-    let [low, high] = budget.total_interval;
-    let title = match analysis.posterior {
-        Some(_) => format!(
-            "On the mixture line, as if the bulk were known: {:.4} ({low:.4} to {high:.4}). What moves it:",
-            budget.share
-        ),
-        None => "What moves it:".into(),
+    let line = region_findings(analysis).into_iter().find(|finding| finding.id == FindingId::LineShare);
+    let title = match (&analysis.posterior, &line) {
+        (Some(_), Some(line)) => {
+            format!("If all other fluorophores were known exactly: {} %. What moves it:", value(line))
+        }
+        _ => "What moves it:".into(),
     };
     let mut parts: Vec<(String, f64)> =
         budget.items.iter().map(|item| (item.source.clone(), item.change)).collect();
     parts.push(("sensor noise, half of 95 %".into(), budget.sensor_noise));
     parts.retain(|(_, change)| change.abs() >= LEAST_CHANGE);
-    let text = |change: f64| format!("{change:+.4}").replace('-', "−");
+    let text = |change: f64| format!("{:+.2} %", 100.0 * change).replace('-', "−");
     contributions(&title.replace('-', "−"), parts, None, text)
 }
 
@@ -382,10 +381,15 @@ fn detection_card(analysis: &Analysis) -> Option<Number> {
     };
     let limit = analysis.detection_limit()?;
     let there = analysis.truth.as_ref().map(|truth| truth.share).filter(|share| *share > 0.0);
-    let beside =
-        there.map_or_else(String::new, |there| format!("; {} % of the true share", percent(limit / there)));
+    let beside = match (there, &analysis.budget) {
+        (Some(there), _) => format!("; {} % of the true share", percent(limit / there)),
+        (None, Some(budget)) => {
+            format!(", beyond the blank of {} %", number(100.0 * budget.blank)).replace('-', "−")
+        }
+        (None, None) => String::new(),
+    };
     let meaning = format!("smallest share above sensor noise{beside}{unknown}");
-    Some(Number::computed("Detection limit", number(limit), "share", meaning))
+    Some(Number::computed("Detection limit", number(100.0 * limit), "% of the light", meaning))
 }
 
 /// How far light with and without the fluorophore lie apart, or two spots.
@@ -658,7 +662,7 @@ mod tests {
             let analysis = pipeline::evaluate(&study, &components).unwrap().analysis.unwrap().analysis;
             let card = detection_card(&analysis).unwrap();
             let limit = analysis.budget.unwrap().detection_limit;
-            assert!(card.value == number(limit) && card.unit == "share", "{card:?}");
+            assert!(card.value == number(100.0 * limit), "{card:?}");
             let of_truth = card.meaning.split(" % of the true share").next().unwrap();
             (limit, of_truth.rsplit(' ').next().unwrap().parse::<f64>().unwrap())
         };

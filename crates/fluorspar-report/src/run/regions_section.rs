@@ -1,7 +1,7 @@
 //! Several regions of one frame, a row each.
 
 use fluorspar::analysis::{Analysis, PixelSelection};
-use fluorspar::findings::{Caveat, FindingId, region_findings};
+use fluorspar::findings::{Caveat, Finding, FindingId, region_findings};
 use fluorspar::pipeline::AnalyzedRegion;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
 
@@ -23,7 +23,7 @@ pub(super) fn regions_section(run: &RunResults<'_>) -> Option<Section> {
     };
     let list = regions.iter().map(brief).collect::<Vec<_>>().join("; ");
     let note = match matrix.columns.iter().any(|column| column.starts_with(SHARE)) {
-        true => format!("{} share: {list}", Words::of(run.experiment).target()),
+        true => format!("{} share, %: {list}", Words::of(run.experiment).target()),
         false => list,
     };
     Some(Section::new("Regions").folded(note).with(ReportItem::Matrix(matrix)))
@@ -60,7 +60,7 @@ pub fn regions_matrix(
     let channels: Vec<&str> = main.channels.iter().map(|channel| channel.name.as_str()).collect();
     let channels = channels.join(", ");
     let mut columns: Vec<String> =
-        ["Region", "pixels", &share, "true share", "detection limit"].map(String::from).into();
+        ["Region", "pixels", &share, "true share, %", "detection limit, %"].map(String::from).into();
     columns.extend([format!("signal {channels}, e-"), format!("signal to noise {channels}")]);
     // What no region has needs no column
     let is_there: Vec<bool> = (0..columns.len()).map(|k| rows.iter().any(|row| row[k] != NOTHING)).collect();
@@ -84,7 +84,7 @@ pub fn regions_matrix(
 }
 
 /// Heading of the column of estimates, before what their intervals hold.
-const SHARE: &str = "share (95 %";
+const SHARE: &str = "share, % (95 %";
 
 /// The heading with what the intervals hold: the sensor's noise alone, or in all what moves the estimate.
 fn share_heading(main: &Analysis, regions: &[AnalyzedRegion]) -> String {
@@ -130,11 +130,20 @@ fn share_text(analysis: &Analysis) -> Option<(String, bool)> {
 
 fn row(name: &str, analysis: &Analysis) -> Vec<String> {
     let findings = region_findings(analysis);
+    // Those of the frame of the analysis
     let of = |id: FindingId| {
-        let texts: Vec<String> = findings.iter().filter(|finding| finding.id == id).map(value).collect();
+        let is_its = |finding: &&Finding| {
+            finding.id == id && finding.frame.as_ref().is_none_or(|frame| *frame == analysis.frame)
+        };
+        let alone = |finding: &Finding| {
+            let keep = |caveat: &Caveat| !matches!(caveat, Caveat::Saturated(_));
+            let caveats = finding.caveats.iter().filter(|caveat| keep(caveat)).cloned().collect();
+            value(&Finding { caveats, ..finding.clone() })
+        };
+        let texts: Vec<String> = findings.iter().filter(is_its).map(alone).collect();
         if texts.is_empty() { NOTHING.into() } else { texts.join(", ") }
     };
-    let truth = analysis.truth.as_ref().map_or_else(|| NOTHING.into(), |truth| number(truth.share));
+    let truth = analysis.truth.as_ref().map_or_else(|| NOTHING.into(), |truth| number(100.0 * truth.share));
     let saturated = analysis.counts.saturated_share();
     let saturated =
         saturated.map_or_else(String::new, |share| format!(" ({:.0} % saturated)", 100.0 * share));

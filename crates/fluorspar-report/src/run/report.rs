@@ -16,7 +16,7 @@ use super::dark_frames::dark_frames;
 use super::depth_section::depth_section;
 use super::overview::overview;
 use super::regions_section::{region_warnings, regions_section};
-use super::safety_section::{risk_group_warning, safety_section};
+use super::safety_section::{exceeded_limits, risk_group_warning, safety_section};
 use super::view_filters::{ViewFilters, assumed_blocking, view_band, view_filter_of};
 use super::words::{NO_LIGHT, Words};
 use super::{FrameOrigin, RunResults};
@@ -86,8 +86,9 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
         );
         warnings.push(text.into());
     }
-    let risk = run.evaluation.safety.as_ref().and_then(risk_group_warning);
-    warnings.extend(risk.map(Warning::from));
+    let safety = run.evaluation.safety.iter();
+    warnings.extend(safety.clone().flat_map(exceeded_limits).map(Warning::from));
+    warnings.extend(safety.filter_map(risk_group_warning).map(Warning::from));
     warnings.extend(dark_frames(run.experiment, &run.evaluation.frames).into_iter().map(Warning::from));
     let mut page = ReportData {
         title: record.title.clone(),

@@ -106,6 +106,29 @@ pub(super) fn eye_safe_captures(report: &SafetyReport) -> Option<Number> {
     Some(Number::computed(title, count, "in 8 h", meaning))
 }
 
+/// Exposures that are beyond a limit by themselves, one sentence each.
+#[must_use]
+pub fn exceeded_limits(report: &SafetyReport) -> Vec<String> {
+    let of_viewer = |capture: &CaptureSafety, viewer: &ViewerSafety| {
+        let (margin, hazard) = viewer.smallest_margin.zip(viewer.governing)?;
+        let place = viewer.distance_mm.map_or_else(String::new, |mm| format!(" at {mm:.0} mm"));
+        (margin < 1.0).then(|| {
+            format!(
+                "Frame \"{}\": one exposure is {:.1} times the limit of {} for the {}{place}",
+                capture.name,
+                1.0 / margin,
+                name(hazard),
+                viewer.viewer.name(report.is_mouth)
+            )
+        })
+    };
+    let all = report
+        .captures
+        .iter()
+        .flat_map(|capture| capture.viewers.iter().map(move |viewer| (capture, viewer)));
+    all.filter_map(|(capture, viewer)| of_viewer(capture, viewer)).collect()
+}
+
 /// Says so where the lights are of the highest risk group: the number of safe exposures does not show it.
 pub(super) fn risk_group_warning(report: &SafetyReport) -> Option<String> {
     (report.risk_group == Some(RiskGroup::High) && report.has_light()).then(|| {

@@ -1,9 +1,9 @@
 //! A number of an evaluation with everything that it is judged by.
 
-use serde::{Deserialize, Serialize};
+use serde::{Serialize, Serializer};
 
 /// What a number is. Fronts word it; results have it in snake case.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FindingId {
     /// Share of the analyte in the fluorescence electrons of the analyzed frame, in tissue of which only a family is known.
@@ -131,7 +131,7 @@ pub enum FindingId {
 }
 
 /// What of a number's value or interval a reader must know.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Caveat {
     /// The interval holds the sensor's noise and nothing else: neither that of the render nor what is assumed.
@@ -146,6 +146,14 @@ pub enum Caveat {
     LowerLimit,
     /// So many of the pixels are saturated, 0 to 1.
     Saturated(f64),
+    /// The interval is that of the share if light that fluoresced twice counts one way or the other.
+    FluorescedTwice,
+    /// The estimate is from these frames together.
+    FromFrames(Vec<String>),
+    /// The true share of the bulk holds it, as the fit of two terms does.
+    CountsAsBulk,
+    /// The noise of the render is so many times the rest in variance and was taken out; so many samples per pixel make it a quarter.
+    RenderNoise(f64, u32),
     /// The conversion gain is that of the experiment's sensor.
     AssumedGain,
     /// The interval is that of nine tenths of the pixels.
@@ -157,35 +165,34 @@ pub enum Caveat {
 }
 
 /// A number of an evaluation.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
     /// What it is.
     pub id: FindingId,
     /// The region beside that of the analysis that it is of.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
-    /// The frame that it is of.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// The frame that it is of; several are joined by " + ".
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
     /// The channel that it is of.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub channel: Option<String>,
     /// The fluorophore, tissue, source or target that it is of.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// The number; `None` where there is an interval or a caveat only.
     pub value: Option<f64>,
     /// Of 95 %, unless a caveat says otherwise; an open end is infinite, in JSON null.
-    #[serde(with = "open_interval", default)]
+    #[serde(serialize_with = "open_ends")]
     pub interval: Option<[f64; 2]>,
     /// What it is judged by: the truth of an estimate, the probability before a measurement, the number that is expected.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub reference: Option<f64>,
     /// Its unit; empty for a pure number.
-    #[serde(default, skip_deserializing)]
     pub unit: &'static str,
     /// What a reader must know.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub caveats: Vec<Caveat>,
 }
 
@@ -275,20 +282,6 @@ impl FindingId {
 }
 
 /// Intervals in JSON: an open end is null.
-mod open_interval {
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    pub(super) fn serialize<S: Serializer>(
-        interval: &Option<[f64; 2]>,
-        serializer: S,
-    ) -> Result<S::Ok, S::Error> {
-        interval.map(|ends| ends.map(|end| end.is_finite().then_some(end))).serialize(serializer)
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
-        deserializer: D,
-    ) -> Result<Option<[f64; 2]>, D::Error> {
-        let interval = Option::<[Option<f64>; 2]>::deserialize(deserializer)?;
-        Ok(interval.map(|[low, high]| [low.unwrap_or(f64::NEG_INFINITY), high.unwrap_or(f64::INFINITY)]))
-    }
+fn open_ends<S: Serializer>(interval: &Option<[f64; 2]>, serializer: S) -> Result<S::Ok, S::Error> {
+    interval.map(|ends| ends.map(|end| end.is_finite().then_some(end))).serialize(serializer)
 }

@@ -9,7 +9,7 @@ use crate::analysis::{
     Analysis, BudgetItem, ChannelSignal, ChannelStatistics, ErrorBudget, MixtureSummary, RegionFraction,
     SharePosterior, SignalRatio, SignalSummary, Statistics, TargetDetection, Unmixing,
 };
-use crate::pipeline::{Evaluation, FrameLeak};
+use crate::pipeline::{Evaluation, FrameLeak, Viewer};
 use crate::safety::DAY_S;
 use crate::sampling::Z_95;
 
@@ -23,8 +23,8 @@ pub struct SafeCaptures {
     pub name: String,
     /// Time that the lights are on, s.
     pub light_on_s: f64,
-    /// The fewest of all viewers; `None` where nobody is assessed.
-    pub per_day: Option<u64>,
+    /// The fewest of all viewers, and whose they are; `None` where nobody is assessed.
+    pub per_day: Option<(u64, Viewer)>,
 }
 
 /// All findings of an evaluation: those of the analysis, of leaks, frames and safety, then those of further regions that are in view.
@@ -45,9 +45,9 @@ pub fn findings(evaluation: &Evaluation) -> Vec<Finding> {
         let captures = lit.map(|capture| SafeCaptures {
             name: capture.name.clone(),
             light_on_s: capture.light_on_s,
-            per_day: capture.viewers.iter().filter_map(|viewer| viewer.captures_per_day).min(),
+            per_day: fewest(capture.viewers.iter().map(|viewer| (viewer.captures_per_day, viewer.viewer))),
         });
-        let sequences = safety.program.iter().filter_map(|line| line.sequences_per_day).min();
+        let sequences = fewest(safety.program.iter().map(|line| (line.sequences_per_day, line.viewer)));
         all.extend(safety_findings(&captures.collect::<Vec<_>>(), sequences));
     }
     for region in &evaluation.regions {
@@ -72,7 +72,7 @@ pub fn region_findings(analysis: &Analysis) -> Vec<Finding> {
     all.extend(chromaticity_findings(analysis));
     all.extend(analysis.spots.iter().map(|spot| {
         Finding::new(FindingId::SpotSeparation, spot.d_prime)
-            .of_frame(spot.frames.join("\" and \""))
+            .of_frame(spot.frames.join(" + "))
             .named(spot.channels.join(", "))
             .within(spot.d_prime_interval)
             .judged_by(spot.right)
@@ -105,7 +105,8 @@ fn share_findings(analysis: &Analysis) -> Vec<Finding> {
     }
     if let Some(truth) = &analysis.truth {
         let twice = truth.share_with_light_that_fluoresced_twice;
-        all.push(Finding::new(FindingId::TrueShare, truth.share).of_frame(&analysis.frame).within(twice));
+        let share = Finding::new(FindingId::TrueShare, truth.share).of_frame(&analysis.frame);
+        all.push(share.within(twice).with(Caveat::FluorescedTwice));
     }
     let there = truth.filter(|share| *share > 0.0);
     let percent = |id, share: f64, there: f64| Finding::new(id, 100.0 * share / there);
@@ -119,7 +120,10 @@ fn share_findings(analysis: &Analysis) -> Vec<Finding> {
     {
         // Of channels without a mixture line: the share unmixed from all signals, of which the analyte is the last term
         let [low, high] = analyte.share_interval;
-        all.push(percent(FindingId::LimitOverTruth, DETECTION_Z * 0.5 * (high - low) / Z_95, there));
+        // A share at its end has no width that tells anything
+        if high > low {
+            all.push(percent(FindingId::LimitOverTruth, DETECTION_Z * 0.5 * (high - low) / Z_95, there));
+        }
     }
     if let (Some(there), Some(posterior)) = (there, &analysis.posterior)
         && !posterior.is_no_estimate()
@@ -146,6 +150,9 @@ fn posterior_findings(posterior: &SharePosterior, truth: Option<f64>) -> Vec<Fin
     };
     let other = posterior.explained_by().map(|tissue| Caveat::OtherTissue(tissue.to_owned()));
     share.caveats.extend(other);
+    if posterior.frames.len() > 1 {
+        share.caveats.push(Caveat::FromFrames(posterior.frames.clone()));
+    }
     let mut all = vec![share];
     if !posterior.is_no_estimate() {
         let probability = Finding::new(FindingId::ProbabilityOfNone, 100.0 * posterior.probability_of_none);
@@ -233,7 +240,10 @@ fn unmixing_findings(unmixing: &Unmixing) -> Vec<Finding> {
         all.push(amount.within(term.amount_interval).with(Caveat::SensorNoiseAlone));
     }
     let others = unmixing.true_share_of_others.filter(|others| others.is_worth_telling());
-    all.extend(others.map(|others| Finding::new(FindingId::UnmixedOthers, others.share)));
+    all.extend(others.map(|others| {
+        let share = Finding::new(FindingId::UnmixedOthers, others.share);
+        if others.counts_as_bulk { share.with(Caveat::CountsAsBulk) } else { share }
+    }));
     all.extend(unmixing.misfit.map(|misfit| Finding::new(FindingId::UnmixingMisfit, misfit)));
     all
 }
@@ -263,9 +273,17 @@ fn signal_findings(summary: &SignalSummary) -> Vec<Finding> {
         let mut all: Vec<Finding> = median.unwrap_or_default();
         all.extend([mean, Finding::new(FindingId::MeanLevel, signal.mean_dn)]);
         match saturated {
-            Some(share) => {
-                all.iter_mut().for_each(|finding| finding.caveats.push(Caveat::Saturated(share)));
-            }
+            // The mean of the others is a lower limit, and its noise tells nothing
+            Some(share) => all.iter_mut().for_each(|finding| {
+                if !finding.has(&Caveat::LowerLimit)
+                    && finding.id != FindingId::MedianSignal
+                    && finding.id != FindingId::MedianSignalPerMs
+                {
+                    finding.caveats.push(Caveat::LowerLimit);
+                    finding.interval = None;
+                }
+                finding.caveats.push(Caveat::Saturated(share));
+            }),
             None => all.push(Finding::new(FindingId::PixelSnr, signal.snr_of_pixel)),
         }
         let (frame, channel) = (signal.frame.clone(), signal.channel.clone());
@@ -377,7 +395,9 @@ fn target_findings(target: &TargetDetection) -> Vec<Finding> {
     let diameter = Finding::new(FindingId::SmallestDiameter, px * per_px)
         .within([target.smallest_diameter_least_px, most].map(|end| end * per_px))
         .judged_by(target.wanted_d_prime);
-    all.push(Finding { unit, ..diameter });
+    let noise = target.render_noise.zip(target.samples_needed);
+    let noise = noise.map(|(ratio, samples)| Caveat::RenderNoise(ratio, samples));
+    all.push(Finding { unit, caveats: noise.into_iter().collect(), ..diameter });
     let frames = Finding::new(FindingId::FramesNeeded, target.frames_needed.map(|count| count as f64));
     all.push(if target.frames_needed.is_none() { frames.with(Caveat::Unbounded) } else { frames });
     for channel in &target.channels {
@@ -446,13 +466,23 @@ pub fn frame_findings(frame: &str, exposure_s: f64, saturated: f64) -> Vec<Findi
     vec![number(FindingId::Exposure, 1e3 * exposure_s), number(FindingId::Clipped, 100.0 * saturated)]
 }
 
+/// The fewest of counts, and whose they are.
+#[must_use]
+pub fn fewest(counts: impl Iterator<Item = (Option<u64>, Viewer)>) -> Option<(u64, Viewer)> {
+    counts.filter_map(|(count, viewer)| Some((count?, viewer))).min_by_key(|(count, _)| *count)
+}
+
 /// What eyes and tissue bear in a day: captures of each kind, and whole sequences of them.
 #[must_use]
-pub fn safety_findings(captures: &[SafeCaptures], sequences: Option<u64>) -> Vec<Finding> {
-    let number = |id, count: u64, light_on_s: f64| match (count as f64 + 1.0) * light_on_s > DAY_S {
-        // More than fit into the day are no limit
-        true => Finding::new(id, None).with(Caveat::Unbounded),
-        false => Finding::new(id, count as f64),
+pub fn safety_findings(captures: &[SafeCaptures], sequences: Option<(u64, Viewer)>) -> Vec<Finding> {
+    // Counts for an eye and for tissue do not compare
+    let number = |id, (count, viewer): (u64, Viewer), light_on_s: f64| {
+        let finding = match (count as f64 + 1.0) * light_on_s > DAY_S {
+            // More than fit into the day are no limit
+            true => Finding::new(id, None).with(Caveat::Unbounded),
+            false => Finding::new(id, count as f64),
+        };
+        finding.named(viewer.name(true))
     };
     let of_capture = |capture: &SafeCaptures| {
         let count = number(FindingId::SafeCaptures, capture.per_day?, capture.light_on_s);

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::Vec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::capture::CapturedFrame;
 use crate::design::ExposedEye;
@@ -19,7 +19,7 @@ use crate::spectral::Curve;
 use crate::study::{Capture, SafetyPlan, Study};
 
 /// A person or tissue that is exposed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Viewer {
     /// The patient's eye, looking into the lights.

@@ -51,7 +51,7 @@ struct KnownSite {
     values: &'static [(&'static str, f64)],
 }
 
-const FITTED: &str = "fitted to measured reflectance and in-vivo fluorescence; see the module `tissue::site`";
+const FITTED: &str = "fitted to measured reflectance and in-vivo fluorescence (docs/tissue.md)";
 const THICKNESS: &str = "[assumed] epithelium after Prestin et al. 2012, the rest from the fitted sites";
 
 const DORSAL_TONGUE: &[(&str, f64)] = &[

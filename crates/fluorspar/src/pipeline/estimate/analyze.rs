@@ -207,7 +207,10 @@ fn no_blood(analyte: &Analyte) -> Warning {
         "Blood moves the color of real tissue along the very line on which {analyte} is measured; give analysis.tissue the site of the \
          tissue for an estimate that knows."
     );
-    Warning::explained("The bulk is taken without blood, as that of a phantom is", explanation)
+    Warning::explained(
+        "The share on the mixture line assumes tissue without blood, as a phantom is",
+        explanation,
+    )
 }
 
 /// The same where the bulk is layered tissue of the scene.
