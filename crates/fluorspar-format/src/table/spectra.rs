@@ -341,7 +341,9 @@ impl SpectrumReader<'_> {
         {
             return Ok(named);
         }
-        if let Some(named) = headers.iter().position(|header| AxisUnit::named(header).is_some()) {
+        if let Some(named) =
+            headers.iter().position(|header| AxisUnit::named(header).is_some() && !is_index(header))
+        {
             return Ok(named);
         }
         let stated = self.axis_unit_above();

@@ -176,6 +176,14 @@ const LAYOUTS: &[Layout] = &[
         &[0.5, 0.25],
     ),
     (
+        "a remark about a standard is no unit",
+        "# Reflectance standard: Spectralon (99 %)\n# Absorber: OD 3 glass\n# Unit 3, relative uncertainty 2 %\n\
+         wavelength_nm,reflectance\n400,0.1\n450,0.5\n500,0.9\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 450.0, 500.0],
+        &[0.1, 0.5, 0.9],
+    ),
+    (
         "edges of bands below names of two words",
         " SPECTRAL IRRADIANCE (W m-2 nm-1):\n\n LOWER WVL  UPPER WVL  DIRECT     DIFFUSE DOWN\n 400.0 410.0 0.5 1.0\n \
          410.0 420.0 0.25 1.0\n 420.0 430.0 0.25 1.0\n 430.0 440.0 0.25 1.0\n 440.0 450.0 0.25 1.0\n 450.0 460.0 0.25 1.0\n \
@@ -611,4 +619,25 @@ fn binary_files_are_named() {
             .starts_with("t.spc: this is a binary file, not text. Export the spectra as text")
     );
     assert!(read(b"AVS84\x01u").contains("a binary file of AvaSoft"));
+}
+
+/// What is no wavelength is not taken for one, and a value with its unit in the cell is no text.
+#[test]
+fn times_shifts_and_cells_with_units_are_refused() {
+    for (text, message) in [
+        ("time_s,value\n200,1\n300,2\n400,3\n500,2\n", "the first column is \"time_s\", not a wavelength"),
+        ("Raman shift (cm-1),v\n500,1\n600,2\n700,3\n800,2\n", "not a wavelength"),
+        (
+            "wavelength_nm,power,temperature\n400,0.9 W,20\n450,1.9 W,21\n500,0.4 W,22\n",
+            "holds \"0.9 W\", which is not a number",
+        ),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.csv");
+        std::fs::write(&path, text).unwrap();
+        let options =
+            SpectrumOptions { quantity: SpectrumQuantity::SpectralPower, ..SpectrumOptions::default() };
+        let said = read_spectra(&path, &options).map(|_| ()).unwrap_err().to_string();
+        assert!(said.contains(message), "{said}");
+    }
 }
