@@ -117,7 +117,7 @@ def verdict(program, path):
     is_light = re.search(r"irrad|response", words, re.I)
     kinds = ["light"] if is_light else ["filter"] if named else ["light", "filter"]
     for kind in kinds:
-        answer = subprocess.run([program, kind, "show", str(path), "--json"], capture_output=True, text=True, check=False)
+        answer = subprocess.run([program, "catalog", "show", kind, str(path), "--json"], capture_output=True, text=True, check=False)
         if answer.returncode == 0:
             break
     else:

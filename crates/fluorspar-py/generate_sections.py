@@ -149,10 +149,10 @@ def experiment_of(schema: dict[str, Any], types: Types) -> None:
 def names() -> list[str]:
     """Names of the catalogue by kind."""
     by_kind: dict[str, list[str]] = {}
-    for entry in fs.presets():
+    for entry in fs.catalog():
         by_kind.setdefault(words_of(entry["kind"]) + "Name", []).append(entry["name"])
-    by_kind["TissueName"] = [entry["name"] for entry in fs.command("tissue", "list")]
-    by_kind["LensName"] = [entry["name"] for entry in fs.command("lens", "list")]
+    by_kind["TissueName"] = [entry["name"] for entry in fs.command("catalog", "list", "tissue")]
+    by_kind["LensName"] = [entry["name"] for entry in fs.command("catalog", "list", "lens")]
     lines = []
     for kind, known in sorted(by_kind.items()):
         lines += [f"{kind}: TypeAlias = Literal[", *(f"    {name!r}," for name in sorted(known)), "]", ""]

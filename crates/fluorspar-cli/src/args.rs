@@ -8,8 +8,8 @@ use clap_complete::Shell;
 
 use crate::commands::{
     analyze, capture, catalog, check, compare, denoise, describe, design, filter, fluorophore, lens, merge,
-    mouth, new, plot, predict, presets, render, run, safety, scene, schema, sensor, sheet, spectra,
-    spectroradiometer, tissue, validate,
+    mouth, new, plot, predict, render, run, safety, scene, schema, sensor, sheet, spectroradiometer, tissue,
+    validate,
 };
 use crate::values::{self, Override};
 
@@ -118,15 +118,6 @@ pub(crate) enum Command {
     Lens(lens::Options),
     /// Assess viewing filters.
     Filter(filter::Options),
-    /// List, show and plot light spectra.
-    #[command(hide = true)]
-    Light(spectra::Options),
-    /// List, show and plot diffuse reflectances.
-    #[command(hide = true)]
-    Reflectance(spectra::Options),
-    /// List, show and plot quantum efficiencies.
-    #[command(hide = true)]
-    Qe(spectra::Options),
     /// Draw light, filters, fluorophores and sensor over one axis of wavelengths.
     Plot(plot::Options),
     /// Generate mouths: meshes, contact sheets of views, cohorts of people.
@@ -143,9 +134,6 @@ pub(crate) enum Command {
     Spectroradiometer(spectroradiometer::Options),
     /// Compute the figures and tables of the paper (Lyu 2021) and compare them with it.
     Validate(validate::Options),
-    /// List the catalogue, or print the file of an experiment, a flat sample or a design problem.
-    #[command(hide = true)]
-    Presets(presets::Options),
     /// Check an experiment or sample file without running it.
     Check(check::Options),
     /// Print the JSON schema of a kind of file, for editors.

@@ -20,7 +20,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use fluorspar_accel::claim_exit_message;
-use fluorspar_experiment::preset::{PresetKind, use_catalogue};
+use fluorspar_experiment::preset::use_catalogue;
 use fluorspar_experiment::use_cache;
 use fluorspar_format::Cache;
 
@@ -104,12 +104,6 @@ fn default_threads() -> usize {
     wanted.filter(|&threads| threads > 0).unwrap_or_else(cores).min(MOST_THREADS as usize)
 }
 
-/// Commands on the spectra of one kind.
-fn spectra(options: &commands::spectra::Options, kind: PresetKind) -> Result<ExitCode, CliError> {
-    commands::spectra::run(options, kind)?;
-    Ok(ExitCode::SUCCESS)
-}
-
 fn run(args: Args) -> Result<ExitCode, CliError> {
     start_threads(args.threads.unwrap_or_else(default_threads))?;
     if args.verbose {
@@ -148,9 +142,6 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Sensor(options) => commands::sensor::run(&options),
         Command::Lens(options) => commands::lens::run(&options),
         Command::Filter(options) => commands::filter::run(&options),
-        Command::Light(options) => spectra(&options, PresetKind::Light),
-        Command::Reflectance(options) => spectra(&options, PresetKind::Reflectance),
-        Command::Qe(options) => spectra(&options, PresetKind::QuantumEfficiency),
         Command::Plot(options) => commands::plot::run(&options),
         Command::Mouth(options) => commands::mouth::run(&options),
         Command::Tissue(options) => commands::tissue::run(&options),
@@ -159,7 +150,6 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Safety(options) => commands::safety::run(&options),
         Command::Spectroradiometer(options) => commands::spectroradiometer::run(&options),
         Command::Validate(options) => commands::validate::run(&options),
-        Command::Presets(options) => commands::presets::run(&options),
         Command::Check(options) => commands::check::run(&options),
         Command::New(options) => commands::new::run(&options),
         Command::Scene(options) => commands::scene::run(&options),

@@ -18,15 +18,15 @@ import fluorspar as fs
 CASES = [
     (lambda: fs.predict("tongue-385nm", concentration={"protoporphyrin_ix": 0.5}),
      ["predict", "tongue-385nm", "--concentration", "protoporphyrin_ix=0.5"]),
-    (lambda: fs.tissue("lip").show(), ["tissue", "show", "lip"]),
+    (lambda: fs.tissue("lip").show(), ["catalog", "show", "tissue", "lip"]),
     (lambda: fs.tissue("lip").solve(from_nm=400, to_nm=500, step_nm=20),
      ["tissue", "solve", "lip", "--from-nm", "400", "--to-nm", "500", "--step-nm", "20"]),
     (lambda: fs.tissue("lip").depth(), ["tissue", "depth", "lip"]),
-    (lambda: fs.sensor("pi_camera_3").show(), ["sensor", "show", "pi_camera_3"]),
-    (lambda: fs.light("led_385").show(), ["light", "show", "led_385"]),
-    (lambda: fs.filters("view_475_700").show(), ["filter", "show", "view_475_700"]),
+    (lambda: fs.sensor("pi_camera_3").show(), ["catalog", "show", "sensor", "pi_camera_3"]),
+    (lambda: fs.light("led_385").show(), ["catalog", "show", "light", "led_385"]),
+    (lambda: fs.filters("view_475_700").show(), ["catalog", "show", "filter", "view_475_700"]),
     (lambda: fs.safety("oraleye-2021-surface"), ["safety", "oraleye-2021-surface"]),
-    (lambda: fs.presets(), ["presets"]),
+    (lambda: fs.catalog(), ["catalog", "list"]),
 ]
 
 
@@ -76,10 +76,10 @@ def test_errors_have_the_exit_code_of_the_program() -> None:
         fs.tissue("lips").show()
     assert raised.value.code == 2 and "lip" in str(raised.value)
     with pytest.raises(fs.FluorsparError) as raised:
-        fs.command("tissue", "shwo", "lip")
+        fs.command("tissue", "slove", "lip")
     assert raised.value.code == 2
     with pytest.raises(fs.FluorsparError, match="--no-cache"):
-        fs.command("tissue", "list", no_cache=True)
+        fs.command("catalog", "list", "tissue", no_cache=True)
 
 
 def test_designs_become_parquet(tmp_path) -> None:

@@ -69,7 +69,7 @@ for name in "$@"; do
         gallery_frames "$examples/09-dilution-series.toml" dilution --set render.width_px=320 --set render.height_px=160
         gallery_frames "$examples/10-banknote.toml" banknote --set render.width_px=320 --set render.height_px=200
         "$fluorspar" render fluorescent-sphere --spp 64 --out "$work/spheres.npy" --preview "$work/gallery_spheres.png" --quiet
-        "$fluorspar" fluorophore plot quinine_sulfate fluorescein rhodamine_6g protoporphyrin_ix_in_tissue \
+        "$fluorspar" catalog plot fluorophore quinine_sulfate fluorescein rhodamine_6g protoporphyrin_ix_in_tissue \
             --out "$work/gallery_dyes.png" --quiet
         "$fluorspar" plot --light led_405 --light-filter short_pass_450 --fluorophore riboflavin \
             --fluorophore protoporphyrin_ix_in_tissue --view-filter long_pass_475 --qe consumer_rgb_cmos \

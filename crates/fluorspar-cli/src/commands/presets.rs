@@ -1,24 +1,10 @@
-//! `fluorspar presets`: what is built in.
+//! What is built in, by name, and the files of experiments, flat samples and design problems.
 
-use std::process::ExitCode;
-
-use fluorspar::names::did_you_mean;
-use fluorspar::quote::excerpt;
 use fluorspar_experiment::preset::{self, PresetKind};
 use serde_json::json;
 
 use super::table::ListOptions;
 use crate::error::CliError;
-
-/// Options of `presets`.
-#[derive(Clone, Debug, clap::Args)]
-pub(crate) struct Options {
-    /// Print the file of this experiment, flat sample or design problem instead.
-    #[arg(value_name = "NAME")]
-    name: Option<String>,
-    #[command(flatten)]
-    list: ListOptions,
-}
 
 /// Options of a command that prints a file of the catalogue.
 #[derive(Clone, Debug, clap::Args)]
@@ -28,20 +14,15 @@ pub(crate) struct FileOptions {
     name: String,
 }
 
-/// Kinds whose entries are files of the user's kind.
-const FILES: [PresetKind; 3] = [PresetKind::Experiment, PresetKind::Sample, PresetKind::Design];
-
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
-    match &options.name {
-        Some(name) => super::print_text(file_of(name, &FILES)?)?,
-        None => list_of(&options.list, &PresetKind::ALL)?,
-    }
-    Ok(ExitCode::SUCCESS)
-}
-
-/// Prints a file of one kind.
+/// Prints the file of an experiment, a flat sample or a design problem.
 pub(crate) fn show(options: &FileOptions, kind: PresetKind) -> Result<(), CliError> {
-    super::print_text(file_of(&options.name, &[kind])?)
+    let name = &options.name;
+    let file = match kind {
+        PresetKind::Experiment => preset::experiment(name)?,
+        PresetKind::Sample => preset::sample(name)?,
+        _ => preset::design(name)?,
+    };
+    super::print_text(file.text)
 }
 
 /// Lists kinds of parts by name.
@@ -60,25 +41,6 @@ pub(crate) fn list_of(options: &ListOptions, kinds: &[PresetKind]) -> Result<(),
         })
         .collect();
     super::print_json(&list)
-}
-
-/// The text of the experiment, flat sample or design problem of a name.
-fn file_of(name: &str, kinds: &[PresetKind]) -> Result<&'static str, CliError> {
-    let kind = kinds.iter().find(|kind| preset::names(**kind).contains(&name));
-    match kind {
-        Some(PresetKind::Experiment) => Ok(preset::experiment(name)?.text),
-        Some(PresetKind::Sample) => Ok(preset::sample(name)?.text),
-        Some(_) => Ok(preset::design(name)?.text),
-        None => {
-            let known: Vec<&str> = kinds.iter().flat_map(|kind| preset::names(*kind)).collect();
-            Err(CliError::Input(format!(
-                "there is no experiment, flat sample or design problem \"{}\"{} Known: {}",
-                excerpt(name),
-                did_you_mean(name, known.iter().copied()),
-                known.join(", ")
-            )))
-        }
-    }
 }
 
 /// The entries under headings of their kinds.

@@ -1,9 +1,9 @@
-//! `fluorspar light`, `filter`, `reflectance` and `qe`: list, show and plot spectra of the catalogue or of CSV files.
+//! Lists, shows and plots lights, filters, reflectances and quantum efficiencies of the catalogue or of CSV files.
 
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::{Subcommand, ValueHint};
+use clap::ValueHint;
 use fluorspar::spectral::Curve;
 use fluorspar_experiment::preset::{self, CurvePreset, PresetKind};
 use fluorspar_format::{Negative, Output, Outputs, SpectrumColumns, SpectrumQuantity, write_atomically};
@@ -16,27 +16,6 @@ use super::table::{ListOptions, short};
 use crate::error::CliError;
 use crate::message::Messages;
 use crate::named_spectra;
-
-/// Options of `light`, `reflectance` and `qe`.
-#[derive(Clone, Debug, clap::Args)]
-pub(crate) struct Options {
-    #[command(subcommand)]
-    action: Action,
-}
-
-/// What to do with spectra of a kind.
-#[derive(Clone, Debug, Subcommand)]
-pub(crate) enum Action {
-    /// List the catalogue.
-    #[command(hide = true)]
-    List(ListOptions),
-    /// Show one: its main numbers and its source.
-    #[command(hide = true)]
-    Show(ShowOptions),
-    /// Draw several over one axis.
-    #[command(hide = true)]
-    Plot(PlotOptions),
-}
 
 /// Options of `show`.
 #[derive(Clone, Debug, clap::Args)]
@@ -76,20 +55,6 @@ struct Entry {
     about: Option<Value>,
     /// Name of the channel, empty where there is one curve.
     curves: Vec<(String, Curve)>,
-}
-
-/// The spectra of a command of one kind.
-pub(crate) fn run(options: &Options, kind: PresetKind) -> Result<(), CliError> {
-    act(&options.action, kind)
-}
-
-/// Lists, shows or plots spectra of a kind.
-pub(crate) fn act(action: &Action, kind: PresetKind) -> Result<(), CliError> {
-    match action {
-        Action::List(options) => list(options, kind),
-        Action::Show(options) => show(options, kind),
-        Action::Plot(options) => plot(options, kind),
-    }
 }
 
 fn entry(name: &str, kind: PresetKind) -> Result<Entry, CliError> {

@@ -307,7 +307,7 @@ fn a_folder_of_the_user_stands_beside_the_catalogue() {
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
         (output.status.code(), text(output.stdout), text(output.stderr))
     };
-    let (_, listed, _) = run(&["presets"]);
+    let (_, listed, _) = run(&["catalog", "list"]);
     for name in ["lab_led", "lab_glass", "lab_camera", "led_385"] {
         assert!(listed.contains(name), "{name}");
     }
@@ -347,7 +347,7 @@ fn a_folder_of_the_user_stands_beside_the_catalogue() {
         ("lights/bad.toml", "name = \"bad\"\n", "missing field"),
     ] {
         fs::write(mine.join(file), content).unwrap();
-        let (code, _, said) = run(&["presets"]);
+        let (code, _, said) = run(&["catalog", "list"]);
         assert!(code == Some(2) && said.contains(words) && said.contains(file), "{file}: {said}");
         fs::remove_file(mine.join(file)).unwrap();
     }

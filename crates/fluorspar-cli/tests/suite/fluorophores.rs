@@ -12,19 +12,19 @@ use serde_json::Value;
 fn the_catalogue_is_listed_and_shown() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let list = fluorspar(folder, ["fluorophore", "list", "--json"]).json();
+    let list = fluorspar(folder, ["catalog", "list", "fluorophore", "--json"]).json();
     let names: Vec<&str> = list.as_array().unwrap().iter().filter_map(|e| e["name"].as_str()).collect();
     assert!(names.contains(&"fad") && names.contains(&"protoporphyrin_ix"), "{names:?}");
-    let text = fluorspar(folder, ["fluorophore", "list"]).well().stdout;
+    let text = fluorspar(folder, ["catalog", "list", "fluorophore"]).well().stdout;
     assert_eq!(text.lines().count(), 1 + names.len());
     for name in names {
-        let shown = fluorspar(folder, ["fluorophore", "show", name, "--json"]).json();
+        let shown = fluorspar(folder, ["catalog", "show", "fluorophore", name, "--json"]).json();
         assert!(!shown["source"].as_str().unwrap().is_empty());
         assert_eq!(shown["yields"].as_array().map(Vec::len), Some(4), "{name}");
         let shares = shown["term_summary"].as_array().unwrap();
         let sum: f64 = shares.iter().filter_map(|t| t["share_of_yield_at_385_nm"].as_f64()).sum();
         assert!((sum - 1.0).abs() < 1e-9, "{name}: {sum}");
-        let text = fluorspar(folder, ["fluorophore", "show", name]).well().stdout;
+        let text = fluorspar(folder, ["catalog", "show", "fluorophore", name]).well().stdout;
         assert!(
             text.contains("photons out per photon in") && text.contains("sum of separable terms"),
             "{text}"
@@ -32,7 +32,7 @@ fn the_catalogue_is_listed_and_shown() {
     }
     // README of the catalogue: photons between 500 and 700 nm per photon at 405 nm, concentration 1.
     for (name, expected) in [("fad", 4.82e-4), ("elastin", 3.51e-4), ("protoporphyrin_ix", 8.86e-4)] {
-        let shown = fluorspar(folder, ["fluorophore", "show", name, "--json"]).json();
+        let shown = fluorspar(folder, ["catalog", "show", "fluorophore", name, "--json"]).json();
         let at_405 = &shown["yields"][2];
         assert_eq!(at_405["excitation_nm"], 405.0);
         let value = at_405["photon_yield_500_700"].as_f64().unwrap();
@@ -44,11 +44,21 @@ fn the_catalogue_is_listed_and_shown() {
 fn matrices_and_emission_are_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    fluorspar(folder, ["fluorophore", "plot", "fad", "collagen"]).well();
+    fluorspar(folder, ["catalog", "plot", "fluorophore", "fad", "collagen"]).well();
     let svg = fs::read_to_string(folder.join("fluorophores.svg")).unwrap();
     assert!(svg.contains("FAD") && svg.contains("Collagen I"));
     let data = library_test_data("iset_v73.mat");
-    let args = ["fluorophore", "plot", "fad", data.to_str().unwrap(), "--out", "a.png", "--light", "led_405"];
+    let args = [
+        "catalog",
+        "plot",
+        "fluorophore",
+        "fad",
+        data.to_str().unwrap(),
+        "--out",
+        "a.png",
+        "--light",
+        "led_405",
+    ];
     let said = fluorspar(folder, args).well();
     assert_eq!(said.stderr, "Wrote a.png\nWrote a_emission.png\n");
     for name in ["a.png", "a_emission.png"] {
@@ -104,15 +114,18 @@ fn imported_files_work_in_experiments() {
     let section = fs::read_to_string(folder.join("work/flat.toml")).unwrap();
     assert!(section.contains("eem_csv = \"../data/flat.csv\""), "{section}");
     // What was imported is shown and drawn from anywhere.
-    let shown = fluorspar(folder, ["fluorophore", "show", "work/flat.toml", "--json"]).json();
+    let shown = fluorspar(folder, ["catalog", "show", "fluorophore", "work/flat.toml", "--json"]).json();
     assert_eq!(shown["excitation_peak_nm"], 380.0);
-    let args = ["fluorophore", "plot", "work/flat.toml", "fad", "--out", "both.svg"];
+    let args = ["catalog", "plot", "fluorophore", "work/flat.toml", "fad", "--out", "both.svg"];
     fluorspar(folder, args).well();
     assert!(fs::read_to_string(folder.join("both.svg")).unwrap().contains("flat"));
     fs::write(folder.join("work/two.toml"), section.replace("\"flat\"", "\"other\"") + &section).unwrap();
     for (args, word) in [
-        (&["fluorophore", "show", "work/two.toml"][..], "several [[fluorophore]] sections"),
-        (&["fluorophore", "show", "work/flat.toml", "--photon-yield", "0.1"], "--photon-yield applies to"),
+        (&["catalog", "show", "fluorophore", "work/two.toml"][..], "several [[fluorophore]] sections"),
+        (
+            &["catalog", "show", "fluorophore", "work/flat.toml", "--photon-yield", "0.1"],
+            "--photon-yield applies to",
+        ),
     ] {
         let said = fluorspar(folder, args);
         assert!(said.code == Some(2) && said.stderr.contains(word), "{said:?}");
@@ -146,7 +159,7 @@ fn every_kind_of_file_is_imported() {
             said.stdout.contains("name = \"testphore\"")
                 && said.stdout.contains(&format!("mat = \"{name}\""))
         );
-        let shown = fluorspar(folder, ["fluorophore", "show", name, "--json"]).json();
+        let shown = fluorspar(folder, ["catalog", "show", "fluorophore", name, "--json"]).json();
         assert_eq!(shown["emission_peak_nm"], 460.0, "{name}");
     }
     let spectra = "wavelength_nm,excitation,emission\n380,1,0\n400,0.5,0\n500,-0.01,1\n600,0,0\n";
@@ -238,7 +251,7 @@ fn scattered_light_is_cut_out_of_a_matrix() {
     let clean = ["fluorophore", "import", "clean.csv", "--yield-unit=photons", "--out=clean.toml"];
     fluorspar(folder, clean).well();
     let [cut, clean] = ["dye.toml", "clean.toml"]
-        .map(|file| fluorspar(folder, ["fluorophore", "show", file, "--json"]).json());
+        .map(|file| fluorspar(folder, ["catalog", "show", "fluorophore", file, "--json"]).json());
     for key in ["excitation_peak_nm", "emission_peak_nm"] {
         let [of_cut, of_clean] = [&cut, &clean].map(|shown| shown[key].as_f64().unwrap());
         assert!((of_cut - of_clean).abs() <= 10.0, "{key}: {of_cut} {of_clean}");
@@ -310,7 +323,7 @@ fn all_that_is_wrong_with_a_table_is_told_at_once() {
         assert!(read.stderr.contains(words) && section.contains(words), "{words}: {} {section}", read.stderr);
     }
     // And an experiment reads the same file
-    let shown = fluorspar(folder, ["fluorophore", "show", "dye.toml", "--json"]).json();
+    let shown = fluorspar(folder, ["catalog", "show", "fluorophore", "dye.toml", "--json"]).json();
     assert_eq!(shown["emission_peak_nm"], 410.0, "{shown}");
     let head = "# unit: photons\nem_nm\\ex_nm,380,400\n";
     for (cells, option) in
@@ -331,7 +344,8 @@ fn measured_matrices_come_through() {
     let folder = tempfile::tempdir().unwrap();
     for (name, peak) in [("fad", 525.0), ("protoporphyrin", 630.0)] {
         let file = reference.join(format!("eem/webfluor_{name}.csv"));
-        let args = ["fluorophore", "show", file.to_str().unwrap(), "--yield-unit", "photons", "--json"];
+        let args =
+            ["catalog", "show", "fluorophore", file.to_str().unwrap(), "--yield-unit", "photons", "--json"];
         let shown = fluorspar(folder.path(), args).json();
         let found = shown["emission_peak_nm"].as_f64().unwrap();
         assert!((found - peak).abs() <= 5.0, "{name}: {found}");

@@ -9,11 +9,11 @@ use crate::support::{fluorspar, listing};
 #[test]
 fn lenses_are_listed_with_what_was_published() {
     let folder = tempfile::tempdir().unwrap();
-    let list = fluorspar(folder.path(), ["lens", "list", "--json"]).json();
+    let list = fluorspar(folder.path(), ["catalog", "list", "lens", "--json"]).json();
     let gauss = list.as_array().unwrap().iter().find(|lens| lens["name"] == "double_gauss_100mm").unwrap();
     assert!((gauss["focal_length_mm"].as_f64().unwrap() / 100.1 - 1.0).abs() < 1e-3);
     assert!(gauss["source"].as_str().unwrap().contains("US 2,771,006"));
-    let text = fluorspar(folder.path(), ["lens", "list"]).well().stdout;
+    let text = fluorspar(folder.path(), ["catalog", "list", "lens"]).well().stdout;
     assert_eq!(text.lines().count(), 1 + list.as_array().unwrap().len());
 }
 

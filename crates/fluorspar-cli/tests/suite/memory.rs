@@ -87,7 +87,7 @@ fn a_limit_on_the_size_of_files_is_an_error() {
 fn threads_beyond_all_reason_are_not_begun() {
     let folder = tempfile::tempdir().unwrap();
     let said = Command::new(env!("CARGO_BIN_EXE_fluorspar"))
-        .args(["presets", "--json"])
+        .args(["catalog", "list", "--json"])
         .env("RAYON_NUM_THREADS", "99999999999")
         .current_dir(folder.path())
         .output()

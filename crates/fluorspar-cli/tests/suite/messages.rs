@@ -153,9 +153,9 @@ fn a_quiet_command_keeps_its_answer() {
         "filter leak",
         "design compare two-lights",
         "safety flat-patch",
-        "sensor show pi_camera_3",
+        "catalog show sensor pi_camera_3",
         "scene view fluorescent-sphere --show part --width 64",
-        "fluorophore list",
+        "catalog list fluorophore",
     ];
     for line in commands {
         let words: Vec<&str> = line.split(' ').collect();

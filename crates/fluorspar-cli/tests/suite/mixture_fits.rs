@@ -181,7 +181,7 @@ fn fluorescence_of_a_tissue_comes_back_in_its_layers() {
     let said = fluorspar(folder, args.split(' ')).json();
     let blood = &said["spectra"][0]["fit"]["blood"];
     let [from, to] = [0, 1].map(|end| blood["interval"][end].as_f64().unwrap());
-    let truth = fluorspar(folder, ["tissue", "show", "lip", "--json"]).json();
+    let truth = fluorspar(folder, ["catalog", "show", "tissue", "lip", "--json"]).json();
     let parameters = truth["parameters"].as_array().unwrap();
     let truth = parameters.iter().find(|p| p["name"] == "superficial_blood_fraction").unwrap();
     let truth = truth["value"].as_f64().unwrap();

@@ -49,7 +49,10 @@ const WRITERS: &[(&[&str], &[&str])] = &[
         &["lens", "report", "wide_3_5mm", "--out", "l.svg"],
         &["l.svg", "l_spots.svg", "l_mtf.svg", "l_field.svg"],
     ),
-    (&["fluorophore", "plot", "fad", "--light", "led_385", "--out", "f.svg"], &["f.svg", "f_emission.svg"]),
+    (
+        &["catalog", "plot", "fluorophore", "fad", "--light", "led_385", "--out", "f.svg"],
+        &["f.svg", "f_emission.svg"],
+    ),
     (
         &["mouth", "generate", "--detail=0.25", "-q", "--out", "g.glb", "--out", "g.obj", "--out", "g.pbrt"],
         &["g.glb", "g.obj", "g.mtl", "g.pbrt"],
@@ -200,8 +203,11 @@ fn outputs_that_are_one_file_and_outputs_that_are_inputs_are_refused() {
         fs::hard_link(folder.join("a.film"), folder.join("hard.film")).unwrap();
         same.push((vec!["merge", "a.film", "--film", "hard.film"], "a file that is read here"));
         std::os::unix::fs::symlink("/dev/null", folder.join("null.svg")).unwrap();
-        same.push((vec!["fluorophore", "plot", "fad", "--out", "null.svg"], "this is a device or a pipe"));
-        same.push((vec!["fluorophore", "plot", "fad", "--out", "/proc/f.svg"], "can't create it"));
+        same.push((
+            vec!["catalog", "plot", "fluorophore", "fad", "--out", "null.svg"],
+            "this is a device or a pipe",
+        ));
+        same.push((vec!["catalog", "plot", "fluorophore", "fad", "--out", "/proc/f.svg"], "can't create it"));
     }
     for (args, why) in same {
         refused(folder, &arguments(&args), why);

@@ -46,7 +46,7 @@ fn a_sheet_is_measured_and_drawn() {
     // The file beside the results is the sensor itself, and the same seed gives the same bytes.
     let first = fs::read(out.join("results.json")).unwrap();
     let written = out.join("sensor.toml").to_string_lossy().into_owned();
-    let shown = fluorspar(folder.path(), ["sensor", "show", &written, "--toml"]).well();
+    let shown = fluorspar(folder.path(), ["catalog", "show", "sensor", &written, "--toml"]).well();
     assert_eq!(shown.stdout.trim(), fs::read_to_string(&written).unwrap().trim());
     fluorspar(folder.path(), args).json();
     assert_eq!(first, fs::read(out.join("results.json")).unwrap());
@@ -55,9 +55,9 @@ fn a_sheet_is_measured_and_drawn() {
 #[test]
 fn every_sensor_of_the_catalogue_is_listed_and_shown() {
     let folder = tempfile::tempdir().unwrap();
-    let presets = fluorspar(folder.path(), ["presets", "--json"]).well().stdout;
-    let table = fluorspar(folder.path(), ["sensor", "list"]).well().stdout;
-    let list = fluorspar(folder.path(), ["sensor", "list", "--json"]).json();
+    let presets = fluorspar(folder.path(), ["catalog", "list", "--json"]).well().stdout;
+    let table = fluorspar(folder.path(), ["catalog", "list", "sensor"]).well().stdout;
+    let list = fluorspar(folder.path(), ["catalog", "list", "sensor", "--json"]).json();
     // A line of headings, and every sensor.
     assert_eq!(table.lines().count(), 1 + list.as_array().unwrap().len(), "{table}");
     assert!(table.lines().count() >= 9, "{table}");
@@ -75,9 +75,9 @@ fn every_sensor_of_the_catalogue_is_listed_and_shown() {
         "multispectral_3x3",
     ] {
         assert!(presets.contains(name) && table.contains(name), "{name}");
-        let text = fluorspar(folder.path(), ["sensor", "show", name]).well().stdout;
+        let text = fluorspar(folder.path(), ["catalog", "show", "sensor", name]).well().stdout;
         assert!(text.contains("dynamic range"), "{text}");
-        let value = fluorspar(folder.path(), ["sensor", "show", name, "--json"]).json();
+        let value = fluorspar(folder.path(), ["catalog", "show", "sensor", name, "--json"]).json();
         assert!(
             value["quantities"].as_array().unwrap().iter().all(|q| q["value"].as_f64().unwrap() > 0.0),
             "{value}"
@@ -98,38 +98,44 @@ fn bad_input_is_refused_and_leaves_nothing() {
     fs::write(folder.path().join("inner/good.toml"), SHEET).unwrap();
     let before = listing(folder.path());
     for (args, expected) in [
-        (vec!["characterize", "bad.toml"], "bad.toml:11: sensor.emva1288.saturation_capacity_e"),
-        (vec!["characterize", "none.toml"], "there is no [sensor] section"),
-        (vec!["show", "odd.toml"], "unknown field `pixels`"),
-        (vec!["show", "missing.toml"], "missing.toml"),
-        (vec!["show", "lyu_2021"], "did you mean \"lyu_2021_table_1\"?"),
-        (vec!["show", "broken.toml"], "broken.toml:1"),
-        (vec!["show", "good.toml", "--set", "sensor.full_well=9000"], "unknown field `full_well`"),
-        (vec!["show", "good.toml", "--json", "--toml"], "cannot be used with"),
+        (vec!["sensor", "characterize", "bad.toml"], "bad.toml:11: sensor.emva1288.saturation_capacity_e"),
+        (vec!["sensor", "characterize", "none.toml"], "there is no [sensor] section"),
+        (vec!["catalog", "show", "sensor", "odd.toml"], "unknown field `pixels`"),
+        (vec!["catalog", "show", "sensor", "missing.toml"], "missing.toml"),
+        (vec!["catalog", "show", "sensor", "lyu_2021"], "did you mean \"lyu_2021_table_1\"?"),
+        (vec!["catalog", "show", "sensor", "broken.toml"], "broken.toml:1"),
         (
-            vec!["characterize", "good.toml", "--levels", "2"],
+            vec!["catalog", "show", "sensor", "good.toml", "--set", "sensor.full_well=9000"],
+            "unknown field `full_well`",
+        ),
+        (vec!["catalog", "show", "sensor", "good.toml", "--json", "--toml"], "cannot be used with"),
+        (
+            vec!["sensor", "characterize", "good.toml", "--levels", "2"],
             "invalid value '2' for '--levels <N>': give a whole number from 10 to",
         ),
         (
-            vec!["characterize", "good.toml", "--stack", "1"],
+            vec!["sensor", "characterize", "good.toml", "--stack", "1"],
             "invalid value '1' for '--stack <N>': give a whole number from 4 to",
         ),
-        (vec!["characterize", "good.toml", "--region", "4", "4"], "<ROWS>': give a whole number from 16 to"),
-        (vec!["characterize", "good.toml", "--region", "64"], "2 values required"),
-        (vec!["characterize", "good.toml", "--gain", "0"], "--gain 0: "),
-        (vec!["characterize", "good.toml", "--out", "."], "the folder you are in"),
         (
-            vec!["characterize", "inner/good.toml", "--out", "inner"],
+            vec!["sensor", "characterize", "good.toml", "--region", "4", "4"],
+            "<ROWS>': give a whole number from 16 to",
+        ),
+        (vec!["sensor", "characterize", "good.toml", "--region", "64"], "2 values required"),
+        (vec!["sensor", "characterize", "good.toml", "--gain", "0"], "--gain 0: "),
+        (vec!["sensor", "characterize", "good.toml", "--out", "."], "the folder you are in"),
+        (
+            vec!["sensor", "characterize", "inner/good.toml", "--out", "inner"],
             "inner/good.toml, a file that is read here",
         ),
-        (vec!["characterize", "inner/good.toml", "--out", "good.toml"], "this is a file"),
-        (vec!["characterize", "good.toml", "--exposure-ms", "-1"], "--exposure-ms -1: "),
+        (vec!["sensor", "characterize", "inner/good.toml", "--out", "good.toml"], "this is a file"),
+        (vec!["sensor", "characterize", "good.toml", "--exposure-ms", "-1"], "--exposure-ms -1: "),
         (
-            vec!["characterize", "good.toml", "--set", "sensor.mode={ type = \"noise_free\" }"],
+            vec!["sensor", "characterize", "good.toml", "--set", "sensor.mode={ type = \"noise_free\" }"],
             "measure in that mode",
         ),
     ] {
-        let said = fluorspar(folder.path(), ["sensor"].into_iter().chain(args.clone()));
+        let said = fluorspar(folder.path(), &args);
         assert_eq!(said.code, Some(2), "{args:?}: {said:?}");
         assert!(said.stderr.contains(expected), "{args:?}: {}", said.stderr);
         let after = listing(folder.path());
@@ -142,7 +148,7 @@ fn bad_input_is_refused_and_leaves_nothing() {
 fn a_sheet_and_what_is_shown_of_it_have_one_dynamic_range() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("sheet.toml"), SHEET).unwrap();
-    let shown = fluorspar(folder.path(), ["sensor", "show", "sheet.toml", "--json"]).json();
+    let shown = fluorspar(folder.path(), ["catalog", "show", "sensor", "sheet.toml", "--json"]).json();
     let value = |name: &str| {
         let rows = shown["quantities"].as_array().unwrap().iter();
         rows.clone().find(|row| row["quantity"] == name).unwrap()["value"].as_f64().unwrap()
@@ -155,7 +161,7 @@ fn a_sheet_and_what_is_shown_of_it_have_one_dynamic_range() {
     // What a sheet says of itself by the same definition is accepted, to the digit that is shown
     let own = format!("{SHEET}dynamic_range_db = {range:.2}\nsnr_max_db = 40.13\n");
     fs::write(folder.path().join("own.toml"), own).unwrap();
-    fluorspar(folder.path(), ["sensor", "show", "own.toml"]).well();
+    fluorspar(folder.path(), ["catalog", "show", "sensor", "own.toml"]).well();
 }
 
 #[test]

@@ -234,7 +234,11 @@ fn files_are_checked_without_being_run() {
     assert!(said.stdout.starts_with("built-in oraleye-2021: valid. "), "{}", said.stdout);
     let said = fluorspar(folder, ["check", "tongue-385nm"]).well();
     assert_eq!(said.stdout, "tongue-385nm: valid. A flat sample with 5 fluorophores, 81 bands\n");
-    fs::write(folder.join("s.toml"), fluorspar(folder, ["presets", "tongue-385nm"]).well().stdout).unwrap();
+    fs::write(
+        folder.join("s.toml"),
+        fluorspar(folder, ["catalog", "show", "sample", "tongue-385nm"]).well().stdout,
+    )
+    .unwrap();
     let said = fluorspar(folder, ["check", "s.toml", "--json", "--set", "spectral.step_nm=10"]).json();
     assert_eq!((&said["kind"], &said["bands"]), (&"sample".into(), &41.into()));
     assert_eq!(listing(folder).len(), 1);
@@ -244,13 +248,13 @@ fn files_are_checked_without_being_run() {
 fn the_catalogue_is_listed_and_printed() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let list = fluorspar(folder, ["presets", "--json"]).json();
+    let list = fluorspar(folder, ["catalog", "list", "--json"]).json();
     let kinds: Vec<&str> = list.as_array().unwrap().iter().filter_map(|e| e["kind"].as_str()).collect();
     for kind in ["light spectrum", "filter", "sensor", "fluorophore", "experiment", "flat sample"] {
         assert!(kinds.contains(&kind), "{kind}");
     }
-    assert!(fluorspar(folder, ["presets"]).well().stdout.contains("  oraleye-2021 "));
-    let text = fluorspar(folder, ["presets", "oraleye-2021"]).well().stdout;
+    assert!(fluorspar(folder, ["catalog", "list"]).well().stdout.contains("  oraleye-2021 "));
+    let text = fluorspar(folder, ["catalog", "show", "experiment", "oraleye-2021"]).well().stdout;
     fs::write(folder.join("mine.toml"), text).unwrap();
     fluorspar(folder, ["check", "mine.toml"]).well();
 }
@@ -298,8 +302,8 @@ fn help_names_every_command_and_option() {
         assert!(help(&[command, "--help"]).contains("Usage: fluorspar "), "{command}");
         assert!(help(&["help", command]).contains("Usage: "), "{command}");
     }
-    for action in ["list", "show", "plot", "import"] {
-        assert!(help(&["fluorophore", action, "--help"]).contains("Usage: "), "{action}");
+    for words in [["catalog", "list"], ["catalog", "show"], ["catalog", "plot"], ["fluorophore", "import"]] {
+        assert!(help(&[words[0], words[1], "--help"]).contains("Usage: "), "{words:?}");
     }
     let predict = help(&["predict", "-h"]);
     for option in

@@ -38,7 +38,7 @@ fn talkative() -> Vec<(Vec<&'static str>, &'static str)> {
         (vec!["mouth", "sample", "--count", "2", "--out", "out"], "out/people.csv"),
         (vec!["lens", "report", "wide_3_5mm", "--out", "out.svg"], "out_field.svg"),
         (
-            vec!["fluorophore", "plot", "elastin", "--light", "led_385", "--out", "out.svg"],
+            vec!["catalog", "plot", "fluorophore", "elastin", "--light", "led_385", "--out", "out.svg"],
             "out_emission.svg",
         ),
     ]
@@ -119,12 +119,12 @@ fn exit_codes_do_not_depend_on_a_reader_of_the_messages() {
 #[test]
 fn an_answer_whose_reader_has_gone_ends_quietly() {
     for args in [
-        vec!["presets", "--json"],
+        vec!["catalog", "list", "--json"],
         vec!["completions", "bash"],
         vec!["schema"],
         vec!["--help"],
         vec!["predict", "--json"],
-        vec!["sensor", "list"],
+        vec!["catalog", "list", "sensor"],
         vec!["check", "flat-patch"],
     ] {
         let folder = tempfile::tempdir().unwrap();
@@ -162,7 +162,9 @@ fn an_answer_that_finds_no_room_is_an_error() {
         println!("skipped: this system has no /dev/full");
         return;
     }
-    for args in [vec!["presets", "--json"], vec!["completions", "bash"], vec!["--help"], vec!["--version"]] {
+    for args in
+        [vec!["catalog", "list", "--json"], vec!["completions", "bash"], vec!["--help"], vec!["--version"]]
+    {
         let folder = tempfile::tempdir().unwrap();
         let full = File::options().write(true).open("/dev/full").unwrap();
         let said = program(folder.path(), args.iter().copied()).stdout(full).output().unwrap();

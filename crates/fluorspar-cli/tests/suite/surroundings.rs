@@ -39,7 +39,7 @@ fn a_read_only_folder_is_known_before_the_work() {
                 for args in 'render flat-patch --spp=1 --out disk/o.exr' 'run flat-patch --spp=1 --out disk/out' \
                 'render flat-patch --spp=1 --film disk/f.film' 'mouth generate --out disk/parts' \
                 'mouth sample --out disk/people' 'lens report wide_3_5mm --out disk/l.svg' 'capture a.exr --out disk/c' \
-                'sensor characterize pi_camera_3 --out disk/s' 'fluorophore plot fad --out disk/f.svg'; \
+                'sensor characterize pi_camera_3 --out disk/s' 'catalog plot fluorophore fad --out disk/f.svg'; \
                 do \"$0\" $args; echo $?; done >told 2>&1; cat told >&2; ls -A disk";
     fluorspar(folder.path(), [&RENDER[..], &["--components", "--out", "a.exr"]].concat()).well();
     let said = Command::new("unshare")

@@ -157,7 +157,7 @@ fn wrong_input_is_told_with_its_place_and_range() {
 #[test]
 fn sites_are_listed_and_shown() {
     let folder = folder();
-    let list = fluorspar(folder.path(), ["tissue", "list", "--json"]).json();
+    let list = fluorspar(folder.path(), ["catalog", "list", "tissue", "--json"]).json();
     let names: Vec<&str> =
         list.as_array().unwrap().iter().map(|site| site["name"].as_str().unwrap()).collect();
     assert!(
@@ -165,10 +165,20 @@ fn sites_are_listed_and_shown() {
         "{names:?}"
     );
     for name in names {
-        let shown = fluorspar(folder.path(), ["tissue", "show", name]).well().stdout;
+        let shown = fluorspar(folder.path(), ["catalog", "show", "tissue", name]).well().stdout;
         assert!(shown.contains("1/mm") && shown.contains("assumed"), "{shown}");
     }
-    let args = ["tissue", "show", "lip", "--state", "hyperemia", "--set", "oxygen_saturation=0.7", "--json"];
+    let args = [
+        "catalog",
+        "show",
+        "tissue",
+        "lip",
+        "--state",
+        "hyperemia",
+        "--set",
+        "oxygen_saturation=0.7",
+        "--json",
+    ];
     let lip = fluorspar(folder.path(), args).json();
     let parameter = |name: &str| {
         let all = lip["parameters"].as_array().unwrap();
@@ -284,7 +294,7 @@ fn a_fit_comes_back_as_a_tissue_for_experiments() {
     }
     let section = fs::read_to_string(folder.path().join("fit/tissue.toml")).unwrap();
     assert!(section.contains("[[tissue]]") && section.contains("with 95 %"), "{section}");
-    let again = fluorspar(folder.path(), ["tissue", "show", "fit/tissue.toml", "--json"]).json();
+    let again = fluorspar(folder.path(), ["catalog", "show", "tissue", "fit/tissue.toml", "--json"]).json();
     let parameters = again["parameters"].as_array().unwrap();
     let value =
         parameters.iter().find(|p| p["name"] == "deep_blood_fraction").unwrap()["value"].as_f64().unwrap();
@@ -308,9 +318,9 @@ fn layers_of_a_file_are_shown_solved_and_traced() {
     let folder = folder();
     fs::write(folder.path().join("phantom.toml"), PHANTOM).unwrap();
     let run = |words: &str| fluorspar(folder.path(), words.split(' '));
-    let shown = run("tissue show phantom.toml").well().stdout;
+    let shown = run("catalog show tissue phantom.toml").well().stdout;
     assert!(shown.contains("skin") && shown.contains("keratin 0.002000 at 405 nm"), "{shown}");
-    assert_eq!(run("tissue show phantom.toml --json").json()["layers"][1]["thickness_um"], 10000.0);
+    assert_eq!(run("catalog show tissue phantom.toml --json").json()["layers"][1]["thickness_um"], 10000.0);
     let solved =
         run("tissue solve phantom.toml --from-nm 400 --to-nm 640 --step-nm 20 --excitation-nm 405 --json")
             .json();
@@ -329,7 +339,7 @@ fn layers_of_a_file_are_shown_solved_and_traced() {
     assert!((mean(light) - reflectance).abs() < 4.0 * error + 5e-4, "{light}, {reflectance}");
     for (words, message) in [
         ("tissue fit phantom.toml --reflectance none.csv", "described by its layers"),
-        ("tissue show phantom.toml --state inflammation", "describes its layers itself"),
+        ("catalog show tissue phantom.toml --state inflammation", "describes its layers itself"),
         ("tissue solve phantom.toml --set oxygen_saturation=0.7", "describes its layers itself"),
         ("tissue mc phantom.toml", "give the wavelength"),
     ] {
@@ -344,10 +354,10 @@ fn wrong_words_of_tissue_commands_are_told() {
     fs::write(folder.path().join("percent.csv"), "wavelength_nm,r\n400,12\n500,14\n600,300\n").unwrap();
     let before = listing(folder.path());
     let wrong = [
-        ("tissue show tongue", "there is no tissue 'tongue'"),
-        ("tissue show lip --set oxygen_saturation", "write NAME=VALUE"),
-        ("tissue show mucosa.toml", "mucosa.toml"),
-        ("tissue show tooth --state dysplasia", "has no parameter"),
+        ("catalog show tissue tongue", "there is no tissue 'tongue'"),
+        ("catalog show tissue lip --set oxygen_saturation", "write NAME=VALUE"),
+        ("catalog show tissue mucosa.toml", "mucosa.toml"),
+        ("catalog show tissue tooth --state dysplasia", "has no parameter"),
         ("tissue solve lip --from-nm 200", "--from-nm 200: must be between 350 and 800 nm"),
         (
             "tissue solve lip --from-nm 500 --to-nm 510",
@@ -375,7 +385,7 @@ fn wrong_words_of_tissue_commands_are_told() {
     assert_eq!(listing(folder.path()), before);
 }
 
-/// docs/tissue.md has a table of parameters of some sites: all of them, with the values of `tissue show`.
+/// docs/tissue.md has a table of parameters of some sites: all of them, with the values of `catalog show tissue`.
 #[test]
 fn the_documented_parameters_are_those_of_the_sites() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/tissue.md");
@@ -388,7 +398,7 @@ fn the_documented_parameters_are_those_of_the_sites() {
     let rows: Vec<Vec<String>> = lines.skip(1).take_while(|line| line.starts_with('|')).map(cells).collect();
     let mut sites = 0;
     for (column, name) in head.iter().enumerate() {
-        let shown = fluorspar(Path::new("."), ["tissue", "show", name.as_str(), "--json"]);
+        let shown = fluorspar(Path::new("."), ["catalog", "show", "tissue", name.as_str(), "--json"]);
         if shown.code != Some(0) {
             continue;
         }

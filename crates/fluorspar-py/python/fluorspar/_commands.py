@@ -51,7 +51,7 @@ def _file_of(source: Experiment | str | os.PathLike[str] | None) -> Iterator[lis
 
 
 def command(*words: Any, threads: int | None = None, **options: Any) -> Any:
-    """Runs a command of the program in this process: ``command("tissue", "show", "lip")``.
+    """Runs a command of the program in this process: ``command("tissue", "depth", "lip")``.
 
     Returns what ``--json`` prints, objects as :class:`Record`. Underscores of options are hyphens:
     ``command("tissue", "solve", "lip", excitation_nm=[405, 450])``. Raises :class:`FluorsparError` with its exit ``code``.
@@ -103,14 +103,13 @@ class _Named:
     """Something of the catalogue, by name."""
 
     _command: str
-    _shown: str = "show"
 
     def __init__(self, name: str | os.PathLike[str]) -> None:
         self.name: str = _given.path(name, "name", "a name of the catalogue or the path of a file")
 
     def show(self, **options: Any) -> Any:
         """What is known of it; spectra are arrays."""
-        return _arrays(self._command, self._shown, self.name, **options)
+        return _arrays("catalog", "show", self._command, self.name, **options)
 
     def __repr__(self) -> str:
         return f"<{self._command} {self.name}>"
@@ -142,7 +141,6 @@ class Lens(_Named):
     """A lens of the catalogue or a file."""
 
     _command = "lens"
-    _shown = "report"
 
     def trace(self, **options: Any) -> Record:
         """Focal length, pupils, spots, MTF and field."""
@@ -164,10 +162,10 @@ class _Drawn(_Named):
 
     def plot(self, path: str | os.PathLike[str], **options: Any) -> None:
         """Writes its figure, ``.svg`` or ``.png``: ``plot("led.svg", from_nm=350, to_nm=500)``."""
-        text_of(self._command, "plot", self.name, out=path, **options)
+        text_of("catalog", "plot", self._command, self.name, out=path, **options)
 
     def _repr_svg_(self) -> str:
-        return picture_of_command(self._command, "plot", self.name, ending=".svg").decode()
+        return picture_of_command("catalog", "plot", self._command, self.name, ending=".svg").decode()
 
 
 class Light(_Drawn):
@@ -286,9 +284,9 @@ def describe(frame: str | os.PathLike[str], **options: Any) -> Record:
     return _record("describe", frame, **options)
 
 
-def presets(**options: Any) -> Any:
+def catalog(**options: Any) -> Any:
     """The catalogue: lights, filters, reflectances, sensors, fluorophores, experiments, flat samples."""
-    return command("presets", **options)
+    return command("catalog", "list", **options)
 
 
 def safety(source: Experiment | str | os.PathLike[str] | None = None, **options: Any) -> Record:

@@ -1,4 +1,4 @@
-//! `fluorspar fluorophore list`.
+//! `fluorspar catalog list fluorophore`.
 
 use fluorspar_experiment::preset::{self, PresetKind};
 use serde_json::json;

@@ -1,4 +1,4 @@
-//! `fluorspar fluorophore`: list, show, plot, import, fit.
+//! `fluorspar fluorophore`: import, fit.
 
 mod fit;
 mod fit_components;
@@ -19,19 +19,9 @@ use fluorspar_experiment::schema::EmptyCellsChoice;
 use fluorspar_format::ScatterCut;
 
 use crate::commands::actions::actions;
-use crate::commands::table::ListOptions;
 use crate::values;
 
 actions! {
-    /// List the fluorophores of the catalogue.
-    #[command(hide = true)]
-    List(ListOptions) => list::run,
-    /// Show source, range, yields and terms of a fluorophore.
-    #[command(hide = true)]
-    Show(show::Options) => show::run,
-    /// Draw excitation-emission matrices, and the emission under a light.
-    #[command(hide = true)]
-    Plot(plot::Options) => plot::run,
     /// Check a measured fluorophore and write its section of an experiment.
     Import(import::Options) => import::run,
     /// Fit measured spectra as sums of fluorophores: weights with intervals, and which sets describe them as well.

@@ -1,4 +1,4 @@
-//! `fluorspar fluorophore plot`.
+//! `fluorspar catalog plot fluorophore`.
 
 use std::f64::consts::PI;
 use std::io::Write;
@@ -22,7 +22,7 @@ const CELL_NM: f64 = 2.5;
 /// Irradiance for which emission is drawn, W/m².
 const IRRADIANCE_W_PER_M2: f64 = 1000.0;
 
-/// Options of `fluorophore plot`.
+/// Options of `catalog plot fluorophore`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
     /// Names of the catalogue, or files: matrix CSV, excitation and emission CSV, ISET .mat, .toml with [[fluorophore]] sections.

@@ -1,4 +1,4 @@
-//! `fluorspar fluorophore show`.
+//! `fluorspar catalog show fluorophore`.
 
 use fluorspar::spectral::{Fluorophore, Stokes, YieldDensity};
 use fluorspar_experiment::preset::FluorophorePreset;
@@ -13,7 +13,7 @@ use crate::error::CliError;
 /// Excitation wavelengths of the LEDs in use, nm.
 const LIGHTS_NM: [f64; 4] = [365.0, 385.0, 405.0, 450.0];
 
-/// Options of `fluorophore show`.
+/// Options of `catalog show fluorophore`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
     /// Name of the catalogue, or a file: matrix CSV, excitation and emission CSV, ISET .mat, .toml with a [[fluorophore]] section.
@@ -29,7 +29,7 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let mut all = load(&options.name, &options.file)?;
     let Some(loaded) = all.pop().filter(|_| all.is_empty()) else {
-        let message = "the file has several [[fluorophore]] sections; `fluorophore plot` draws all, `show` wants a file with one";
+        let message = "the file has several [[fluorophore]] sections; `catalog plot fluorophore` draws all, `show` wants a file with one";
         return Err(CliError::Input(format!("{}: {message}", options.name)));
     };
     if options.json { print_json(&as_json(&loaded)?) } else { print_text(&describe(&loaded)) }

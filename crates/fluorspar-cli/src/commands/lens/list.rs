@@ -1,4 +1,4 @@
-//! `fluorspar lens list`.
+//! `fluorspar catalog list lens`.
 
 use fluorspar::optics::{LensSetting, LensState};
 use fluorspar_experiment::preset::{self, LensError, PresetKind};

@@ -1,4 +1,4 @@
-//! `fluorspar lens`: list, report.
+//! `fluorspar lens`: report.
 
 mod list;
 mod report;
@@ -7,12 +7,8 @@ pub(crate) use list::run as list;
 pub(crate) use report::{Options as ReportOptions, run as report};
 
 use crate::commands::actions::actions;
-use crate::commands::table::ListOptions;
 
 actions! {
-    /// List the lenses of the catalogue.
-    #[command(hide = true)]
-    List(ListOptions) => list::run,
     /// Trace a lens: focal length, pupils, illumination, distortion, field curvature, spots, MTF, drawings.
     Report(report::Options) => report::run,
 }

@@ -1,4 +1,4 @@
-//! `fluorspar sensor list`.
+//! `fluorspar catalog list sensor`.
 
 use fluorspar_experiment::preset::{self, PresetKind};
 use serde_json::json;

@@ -1,4 +1,4 @@
-//! `fluorspar sensor`: list, show and measure sensors.
+//! `fluorspar sensor`: measure sensors.
 
 mod characterize;
 mod list;
@@ -16,7 +16,6 @@ use fluorspar_experiment::{ResolvedSensor, parse_sensor};
 
 use crate::args::Changes;
 use crate::commands::actions::actions;
-use crate::commands::table::ListOptions;
 use crate::error::CliError;
 use crate::experiment_source::read_text;
 use crate::message::Messages;
@@ -25,12 +24,6 @@ use crate::values::{Override, as_typed, sets};
 actions! {
     /// Characterize a sensor with simulated flats and darks as in EMVA 1288, and draw its photon-transfer curve.
     Characterize(characterize::Options) => characterize::run,
-    /// Show a sensor in electrons and as an EMVA 1288 data sheet.
-    #[command(hide = true)]
-    Show(show::Options) => show::run,
-    /// List the sensors of the catalogue.
-    #[command(hide = true)]
-    List(ListOptions) => list::run,
 }
 
 /// Which sensor.

@@ -1,4 +1,4 @@
-//! `fluorspar sensor show`.
+//! `fluorspar catalog show sensor`.
 
 use fluorspar::sensor::photon_transfer::sensitivity_threshold_e;
 use fluorspar::sensor::{Sensor, SensorMode};
@@ -10,7 +10,7 @@ use crate::commands::{print_json, print_text};
 use crate::error::CliError;
 use crate::message::Messages;
 
-/// Options of `sensor show`.
+/// Options of `catalog show sensor`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]

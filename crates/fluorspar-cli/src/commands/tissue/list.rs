@@ -1,4 +1,4 @@
-//! `fluorspar tissue list`.
+//! `fluorspar catalog list tissue`.
 
 use fluorspar::tissue::Site;
 use serde_json::json;

@@ -1,4 +1,4 @@
-//! `fluorspar tissue`: list, show, solve, depth, mc, fit.
+//! `fluorspar tissue`: solve, depth, mc, fit.
 
 mod depth;
 mod fit;
@@ -17,15 +17,8 @@ pub(crate) use list::run as list;
 pub(crate) use show::{Options as ShowOptions, run as show};
 
 use crate::commands::actions::actions;
-use crate::commands::table::ListOptions;
 
 actions! {
-    /// List the tissues of the catalogue.
-    #[command(hide = true)]
-    List(ListOptions) => list::run,
-    /// Show parameters, layers, fluorophores and states of a tissue.
-    #[command(hide = true)]
-    Show(show::Options) => show::run,
     /// Compute reflectance and fluorescence of a tissue.
     Solve(solve::Options) => solve::run,
     /// Tell from which depth and layer the fluorescence of each channel comes.

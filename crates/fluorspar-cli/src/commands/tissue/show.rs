@@ -1,4 +1,4 @@
-//! `fluorspar tissue show`.
+//! `fluorspar catalog show tissue`.
 
 use fluorspar::tissue::{
     LayeredTissue, Population, Site, SiteParameter, Spread, Surroundings, TissueLayer, TissueState,
@@ -15,7 +15,7 @@ use crate::error::CliError;
 /// Wavelengths at which coefficients are told, nm.
 const TOLD_NM: [f64; 3] = [405.0, 520.0, 635.0];
 
-/// Options of `tissue show`.
+/// Options of `catalog show tissue`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
