@@ -679,7 +679,12 @@ impl SpectrumReader<'_> {
     }
 
     fn read_column(&mut self, axes: Axes, column: ValueColumn) -> Result<NamedCurve, FormatError> {
-        self.say(column.start.map(|_| "the middles of bands as wavelengths".into()));
+        self.say(column.start.map(|_| match self.options.quantity {
+            SpectrumQuantity::SpectralPower => {
+                "the middles of bands as wavelengths, values per nm of the band".into()
+            }
+            _ => "the middles of bands as wavelengths".into(),
+        }));
         let (mut unit, lines) = self.ratio(column)?;
         let mut samples = self.samples(axes, column, lines)?;
         let is_converted = self.options.quantity != SpectrumQuantity::Stored && self.options.unit.is_none();

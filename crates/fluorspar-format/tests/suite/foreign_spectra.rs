@@ -308,6 +308,10 @@ fn units_of_headers_become_the_quantity() {
         (qe[1] - 0.548_78).abs() < 1e-5 && read_as == "values times 0.001; amperes per watt",
         "{read_as}"
     );
+    // Bands of several widths may hold power or power per nm: what was taken is told
+    let bands = b"start_nm,end_nm,irradiance\n400,410,2\n410,430,4\n430,440,2\n";
+    let (_, power, read_as) = one("bands.csv", bands, SpectrumQuantity::SpectralPower);
+    assert!(power == [2.0, 4.0, 2.0] && read_as.contains("values per nm of the band"), "{read_as}");
     // Photons at 400 nm have 1.5 times the energy of those at 600 nm
     let (_, power, _) =
         one("t.csv", "nm,photon flux (umol m-2 s-1 nm-1)\n400,1\n600,1\n", SpectrumQuantity::SpectralPower);
