@@ -113,6 +113,34 @@ pub fn add_product_of<L: Lanes>(lanes: L, a: &[BandBlock], b: &[BandBlock], out:
     }
 }
 
+/// `out += sum of factors[k] * vectors[k]`; of each block the vectors follow each other, `[block][vector]`.
+#[inline(always)]
+pub fn add_combination<L: Lanes>(lanes: L, factors: &[f32], vectors: &[BandBlock], out: &mut [BandBlock]) {
+    if factors.is_empty() {
+        return;
+    }
+    for (out, vectors) in out.iter_mut().zip(vectors.chunks_exact(factors.len())) {
+        let mut sum = lanes.load(out);
+        for (factor, vector) in factors.iter().zip(vectors) {
+            sum = lanes.add(sum, lanes.mul(lanes.splat(*factor), lanes.load(vector)));
+        }
+        lanes.store(sum, out);
+    }
+}
+
+/// Sum of `(weight * v)²` over all bands, in the order of [`dot`].
+#[inline(always)]
+pub fn weighted_squares<L: Lanes>(lanes: L, weight: &[BandBlock], v: &[BandBlock]) -> f32 {
+    let mut sums = lanes.splat(0.0);
+    for (weight, v) in weight.iter().zip(v) {
+        let weighted = lanes.mul(lanes.load(weight), lanes.load(v));
+        sums = lanes.add(sums, lanes.mul(weighted, weighted));
+    }
+    let mut lanes_of = BandBlock::ZERO;
+    lanes.store(sums, &mut lanes_of);
+    lanes_of.0.iter().sum()
+}
+
 /// Sum of `a * b` over all bands: lane by lane first, then the lanes in order.
 #[inline(always)]
 pub fn dot<L: Lanes>(lanes: L, a: &[BandBlock], b: &[BandBlock]) -> f32 {

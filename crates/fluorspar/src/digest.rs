@@ -23,6 +23,22 @@ pub fn bytes_of(values: &[f64]) -> Vec<u8> {
     values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
+/// SHA-256 of the little-endian bytes of words, 64 lower-case hexadecimal digits: the bits of single-precision numbers, or counts.
+pub(crate) fn sha256_of_words(words: impl IntoIterator<Item = u32>) -> String {
+    const WORDS: usize = 1 << 12;
+    let mut hash = Sha256::new();
+    let mut block = Vec::with_capacity(4 * WORDS);
+    for word in words {
+        block.extend_from_slice(&word.to_le_bytes());
+        if block.len() == 4 * WORDS {
+            hash.update(&block);
+            block.clear();
+        }
+    }
+    hash.update(&block);
+    hex(&hash.finalize())
+}
+
 /// SHA-256 of everything that can be read, 64 lower-case hexadecimal digits, block by block.
 ///
 /// # Errors
@@ -48,5 +64,12 @@ mod tests {
         let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         assert_eq!(super::sha256_hex(["a", "bc"]), expected);
         assert_eq!(super::sha256_of(&b"abc"[..]).unwrap(), expected);
+    }
+
+    #[test]
+    fn words_are_digested_as_their_bytes() {
+        let words: Vec<u32> = (0..10_000_u32).map(|i| i.wrapping_mul(2_654_435_761)).collect();
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        assert_eq!(super::sha256_of_words(words), super::sha256_hex([bytes]));
     }
 }

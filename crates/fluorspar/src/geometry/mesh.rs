@@ -1,10 +1,14 @@
 //! Indexed triangle meshes.
 
+use std::fmt;
+
 use glam::{Affine3A, Vec2, Vec3};
 use thiserror::Error;
 
+use crate::digest::sha256_of_words;
+
 /// An indexed triangle mesh, in meters, right-handed; counter-clockwise triangles face outward.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Default, PartialEq)]
 pub struct TriangleMesh {
     /// Vertex positions, m.
     pub positions: Vec<Vec3>,
@@ -14,6 +18,20 @@ pub struct TriangleMesh {
     pub uvs: Vec<Vec2>,
     /// Three vertex numbers per triangle.
     pub triangles: Vec<[u32; 3]>,
+}
+
+/// Numbers of vertices and triangles, and a digest of all their values: meshes are large, and equal ones read the same.
+impl fmt::Debug for TriangleMesh {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let vectors = self.positions.iter().chain(&self.normals).flat_map(|vector| vector.to_array());
+        let uvs = self.uvs.iter().flat_map(|uv| uv.to_array());
+        let numbers = vectors.chain(uvs).map(f32::to_bits);
+        f.debug_struct("TriangleMesh")
+            .field("vertices", &[self.positions.len(), self.normals.len(), self.uvs.len()])
+            .field("triangles", &self.triangles.len())
+            .field("sha256", &sha256_of_words(numbers.chain(self.triangles.iter().flatten().copied())))
+            .finish()
+    }
 }
 
 /// An error of a mesh.

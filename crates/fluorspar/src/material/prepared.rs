@@ -35,9 +35,14 @@ pub(crate) struct PreparedMaterial {
     states: Option<StateGrid>,
     /// Fluorophores with their concentrations.
     pub(crate) fluorophores: Vec<FluorophoreAmount>,
+    /// Number of the first fluorophore whose concentration has the same texture, of each.
+    same_concentration: Vec<usize>,
     opacity: Option<ScalarTexture>,
     normal_map: Option<NormalMap>,
 }
+
+/// Concentrations of a point that are looked up once, whatever number of fluorophores has them.
+const KNOWN_CONCENTRATIONS: usize = 32;
 
 #[derive(Debug)]
 enum PreparedScattering {
@@ -174,9 +179,17 @@ impl PreparedMaterial {
             Scattering::Mixture(mixture) => (PreparedScattering::Mixture(mixture.clone()), Vec::new()),
             Scattering::TwoSided(sides) => (PreparedScattering::TwoSided(*sides), Vec::new()),
         };
+        let amounts = &material.fluorophores;
+        let first_same = |amount: &FluorophoreAmount| {
+            amounts
+                .iter()
+                .position(|first| first.concentration.is_same(&amount.concentration))
+                .unwrap_or_default()
+        };
         Self {
             scattering,
             terms,
+            same_concentration: amounts.iter().map(first_same).collect(),
             states: material.diffuse().and_then(|base| base.states.clone()),
             fluorophores: material.fluorophores.clone(),
             opacity: material.opacity.clone(),
@@ -192,6 +205,36 @@ impl PreparedMaterial {
         }
         for (index, term) in self.terms.iter().enumerate() {
             each(index, bsdf.term_weight(index, term.weight.at(uv)));
+        }
+    }
+
+    /// Calls `each` with the number and the concentration of every fluorophore that is present at a point, in order. `weight` is that
+    /// of a term of the spectrum there.
+    #[inline]
+    pub(crate) fn concentrations(
+        &self,
+        uv: Vec2,
+        weight: impl Fn(usize) -> f32,
+        mut each: impl FnMut(usize, f32),
+    ) {
+        // States of a tissue share their textures: each is looked up once
+        let mut known = [f32::NAN; KNOWN_CONCENTRATIONS];
+        for (number, amount) in self.fluorophores.iter().enumerate() {
+            let share = amount.in_tissue.as_ref().map_or(1.0, |state| weight(state.term));
+            if share <= 0.0 {
+                continue;
+            }
+            let concentration = match known.get_mut(self.same_concentration[number]) {
+                Some(known) if known.is_nan() => {
+                    *known = amount.concentration.at(uv);
+                    *known
+                }
+                Some(known) => *known,
+                None => amount.concentration.at(uv),
+            };
+            if share * concentration > 0.0 {
+                each(number, share * concentration);
+            }
         }
     }
 

@@ -1,10 +1,12 @@
 //! Scalar fields over texture coordinates: images and procedural maps.
 
+use std::fmt;
 use std::sync::Arc;
 
 use glam::Vec2;
 use thiserror::Error;
 
+use crate::digest::sha256_of_words;
 use crate::sampling::fractal_noise;
 
 /// A scalar that may vary over a surface. Texture coordinates outside `[0, 1]` repeat.
@@ -48,13 +50,24 @@ pub enum ScalarTexture {
 }
 
 /// Gray image, rows from the top, values 0 to 1 linear.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct ImageTexture {
     width: usize,
     height: usize,
     data: Vec<f32>,
     /// Smallest and largest value, which every check of a material and of its scene asks for.
     range: [f32; 2],
+}
+
+/// Size, and a digest of the pixels: images are large, and equal ones read the same.
+impl fmt::Debug for ImageTexture {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ImageTexture")
+            .field("width", &self.width)
+            .field("height", &self.height)
+            .field("sha256", &sha256_of_words(self.data.iter().map(|value| value.to_bits())))
+            .finish()
+    }
 }
 
 /// Invalid pixels of a texture.
@@ -128,6 +141,21 @@ impl ScalarTexture {
         match self {
             Self::Constant(value) => *value,
             _ => self.vary(uv),
+        }
+    }
+
+    /// Whether another texture is this one, images by identity: cheap, and false for equal copies of an image.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (
+                Self::Image { image: a, low, high },
+                Self::Image { image: b, low: other_low, high: other_high },
+            ) => Arc::ptr_eq(a, b) && low == other_low && high == other_high,
+            (Self::Product(a, b), Self::Product(c, d)) => a.is_same(c) && b.is_same(d),
+            (Self::Image { .. } | Self::Product(..), _) | (_, Self::Image { .. } | Self::Product(..)) => {
+                false
+            }
+            (a, b) => a == b,
         }
     }
 

@@ -180,8 +180,6 @@ impl BasisState {
         let &PathVertex { scene, path, group, number, is_carried } = at;
         let (blocks, kinds) = (components.blocks, components.kinds);
         let vertex = &path.vertices()[number];
-        let material = &scene.material_spectra[vertex.material as usize];
-        let concentrations = &path.weights(vertex)[material.terms.len()..];
         let [_, _, direct] = direct_light(scene, path, group, number);
         let direct = direct * FRAC_1_PI;
         let arriving = &self.arriving[nth(number, blocks)];
@@ -195,8 +193,8 @@ impl BasisState {
         let mut emits = false;
         for fluorophore in 0..kinds - 2 {
             // All states of a tissue emit together
-            let states = material.emitters.iter().zip(concentrations);
-            let states = states.filter(|(emitter, c)| emitter.fluorophore == fluorophore && **c > 0.0);
+            let states =
+                path.emitters(vertex).iter().filter(|(emitter, _)| emitter.fluorophore == fluorophore);
             self.states.clear();
             self.states.extend(states.map(|(emitter, concentration)| (emitter.matrix, *concentration)));
             if self.states.is_empty() {
@@ -229,16 +227,14 @@ impl BasisState {
         let &PathVertex { scene, path, group, number, is_carried } = at;
         let (blocks, kinds) = (components.blocks, components.kinds);
         let vertex = &path.vertices()[number];
-        let material = &scene.material_spectra[vertex.material as usize];
-        let concentrations = &path.weights(vertex)[material.terms.len()..];
-        let emitters = material.emitters.iter().zip(concentrations).filter(|(_, c)| **c > 0.0);
-        let fluoresces = vertex.fluorescent > 0.0 && emitters.clone().next().is_some();
+        let emitters = path.emitters(vertex);
+        let fluoresces = vertex.fluorescent > 0.0 && !emitters.is_empty();
         if fluoresces {
             self.few.take_apart(lanes, &self.fluoresced, blocks);
             for spectrum in 0..self.few.rank {
                 let excited = &mut self.excited[nth(spectrum, blocks)];
                 bands::clear(lanes, excited);
-                for (emitter, concentration) in emitters.clone() {
+                for (emitter, concentration) in emitters {
                     let operator = &scene.plain_operators[emitter.matrix];
                     let arriving = &self.few.spectra[nth(spectrum, blocks)];
                     operator.add_product(lanes, vertex.fluorescent * concentration, arriving, excited);

@@ -6,6 +6,7 @@ use fluorspar_accel::bands::BandBlock;
 use fluorspar_accel::{Simd, TriangleBvh};
 use glam::{Vec2, Vec3};
 
+use super::excitation::Excitation;
 use super::fluorescence_operator::FluorescenceOperator;
 use super::instances::CompiledInstances;
 use super::survival_probability::{Coarse, RouletteModel};
@@ -74,6 +75,8 @@ pub(super) struct MaterialSpectra {
     pub(super) coarse_terms: Vec<Coarse>,
     /// Fluorophores, in the order of their concentrations.
     pub(super) emitters: Vec<Emitter>,
+    /// Numbers of its fluorophores, each once.
+    pub(super) fluorophores: Vec<usize>,
 }
 
 /// A fluorophore in a material.
@@ -155,6 +158,8 @@ pub(super) struct CompiledScene {
     pub(super) lights: Vec<CompiledLight>,
     /// Number of the first light source in `lights`: emissive objects are hit as surfaces.
     pub(super) first_light_source: usize,
+    /// Corners of a box around the light sources that rays can hit; `None` where there are none.
+    pub(super) light_box: Option<[Vec3; 2]>,
     /// Lights of each group that can be sampled.
     pub(super) group_lights: Vec<Vec<usize>>,
     /// Emissive objects: their light.
@@ -174,12 +179,14 @@ pub(super) struct CompiledScene {
     pub(super) fluorophores: usize,
     /// Spectra that are kept apart of all groups: light groups, excitation bins and nodes.
     pub(super) slices: usize,
-    /// `[spectrum kept apart][matrix]`, excitation weighted by it; empty for excitation nodes.
-    pub(super) group_operators: Vec<Vec<FluorescenceOperator>>,
+    /// `[spectrum kept apart]`: what its light excites.
+    pub(super) excitation: Vec<Excitation>,
     /// Excitation nodes of the light groups that have some.
     pub(super) bases: Vec<BasisGroup>,
     /// `[matrix]`, evenly weighted, for light that already fluoresced.
     pub(super) plain_operators: Vec<FluorescenceOperator>,
+    /// Probability with which light that fluoresced excites again, less than 1 where little comes back.
+    pub(super) repeat_probability: f32,
 }
 
 impl CompiledScene {

@@ -69,6 +69,11 @@ impl FluorescenceOperator {
         Self { bands: grid.len(), form }
     }
 
+    /// Number of bands.
+    pub(super) fn bands(&self) -> usize {
+        self.bands
+    }
+
     /// `out += factor * F v`. Both slices hold one value per band, padded to whole blocks.
     #[inline(always)]
     pub fn add_product<L: Lanes>(&self, lanes: L, factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {

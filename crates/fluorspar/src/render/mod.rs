@@ -14,6 +14,7 @@
 //! | `compile` | makes these buffers: geometry, lights, materials, fluorescence operators |
 //! | `instances` | meshes at many places |
 //! | `fluorescence_operator` | an excitation-emission matrix applied to a band vector: Eq. 3 |
+//! | `excitation` | what reflected light excites, on a basis of its spectra |
 //! | `surface` | what a ray finds: frame, texture coordinates, side |
 //! | `intersect` | the nearest surface or light along a ray, and visibility |
 //! | `light_sampling` | directions toward lights, with densities |
@@ -38,6 +39,7 @@ mod compile;
 mod compiled_scene;
 mod component_labels;
 mod error;
+mod excitation;
 mod feature_maps;
 mod film_renderer;
 mod fluorescence_operator;

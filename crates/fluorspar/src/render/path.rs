@@ -1,5 +1,7 @@
 //! The vertices of a path, and what the spectra need to run back along it: scalars only.
 
+use super::compiled_scene::Emitter;
+
 /// Direct light of one source at a vertex: factors on the source's spectrum.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct DirectLight {
@@ -15,8 +17,10 @@ pub(super) struct DirectLight {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Vertex {
     pub(super) material: u32,
-    /// Start of its weights in [`Path::weights`]: reflectance terms of the material, then its concentrations.
+    /// Start of the weights of its reflectance terms in [`Path::weights`].
     weights: u32,
+    /// Start and number of its entries in [`Path::emitters`].
+    emitters: (u32, u32),
     /// Start and number of its entries in [`Path::emission`].
     emission: (u32, u32),
     /// Factor on light that arrives along the continued path: times the reflectance.
@@ -31,20 +35,25 @@ pub(super) struct Vertex {
 #[derive(Debug, Default)]
 pub(super) struct Path {
     vertices: Vec<Vertex>,
-    /// Weights of reflectance terms and concentrations, vertex after vertex.
+    /// Weights of reflectance terms, vertex after vertex.
     weights: Vec<f32>,
+    /// Fluorophores that are present, with their concentrations, vertex after vertex.
+    emitters: Vec<(Emitter, f32)>,
     /// Direct light, one entry per source, vertex after vertex.
     direct: Vec<DirectLight>,
     /// Emission seen along the continued path: source and factor (surroundings may hold several).
     emission: Vec<(u32, f32)>,
     /// Emission seen by the camera directly.
     pub(super) seen: Vec<(u32, f32)>,
+    /// Source of the random choices that are made while spectra run back along the path.
+    pub(super) choices: u64,
 }
 
 impl Path {
     pub(super) fn clear(&mut self) {
         self.vertices.clear();
         self.weights.clear();
+        self.emitters.clear();
         self.direct.clear();
         self.emission.clear();
         self.seen.clear();
@@ -55,10 +64,17 @@ impl Path {
         &self.vertices
     }
 
-    /// Weights of the reflectance terms, then concentrations of the fluorophores, of the vertex's material.
+    /// Weights of the reflectance terms of the vertex's material; more may follow.
     #[inline(always)]
     pub(super) fn weights(&self, vertex: &Vertex) -> &[f32] {
         &self.weights[vertex.weights as usize..]
+    }
+
+    /// Fluorophores at a vertex, with their concentrations, above 0.
+    #[inline(always)]
+    pub(super) fn emitters(&self, vertex: &Vertex) -> &[(Emitter, f32)] {
+        let (start, count) = vertex.emitters;
+        &self.emitters[start as usize..(start + count) as usize]
     }
 
     /// Direct light at a vertex, one entry per source.
@@ -77,19 +93,21 @@ impl Path {
     /// Adds a vertex of a material; its weights, lights and factors follow.
     pub(super) fn push_vertex(&mut self, material: usize, sources: usize) {
         let weights = self.weights.len() as u32;
-        self.vertices.push(Vertex { material: material as u32, weights, ..Vertex::default() });
+        let emitters = (self.emitters.len() as u32, 0);
+        self.vertices.push(Vertex { material: material as u32, weights, emitters, ..Vertex::default() });
         self.direct.resize(self.direct.len() + sources, DirectLight::default());
     }
 
-    /// Adds to the weights of the last vertex: reflectance terms first, then concentrations.
+    /// Adds to the weights of the reflectance terms of the last vertex.
     pub(super) fn push_weight(&mut self, weight: f32) {
         self.weights.push(weight);
     }
 
-    /// A weight of the last vertex, by its number.
-    #[inline]
-    pub(super) fn last_weight(&self, number: usize) -> f32 {
-        self.vertices.last().map_or(0.0, |vertex| self.weights[vertex.weights as usize + number])
+    /// Adds the fluorophores of the last vertex: `list` is called with the weights of its reflectance terms and the list to add to.
+    pub(super) fn push_emitters(&mut self, list: impl FnOnce(&[f32], &mut Vec<(Emitter, f32)>)) {
+        let Some(vertex) = self.vertices.last_mut() else { return };
+        list(&self.weights[vertex.weights as usize..], &mut self.emitters);
+        vertex.emitters.1 = self.emitters.len() as u32 - vertex.emitters.0;
     }
 
     /// Sets the factors on light that arrives at the last vertex along the continued path.

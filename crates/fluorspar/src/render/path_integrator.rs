@@ -9,14 +9,14 @@ use std::f32::consts::PI;
 use fluorspar_accel::Ray;
 use glam::Vec3;
 
-use super::compiled_scene::CompiledScene;
+use super::compiled_scene::{CompiledScene, MaterialSpectra};
 use super::intersect::TraceBuffers;
 use super::light_sampling::LightSample;
 use super::path::Path;
 use super::settings::Estimator;
 use super::surface::{Intersection, SurfacePoint};
 use super::survival_probability::{BINS, CoarseThroughput};
-use crate::material::{Bsdf, BsdfSample, BsdfValue, PreparedMaterial};
+use crate::material::{Bsdf, BsdfSample, BsdfValue};
 use crate::sampling::SampleStream;
 
 /// Vertices before this one never end a path by Russian roulette.
@@ -139,6 +139,7 @@ impl PathBatch {
 
     /// Adds a path that starts at the camera. `direction` is a unit vector.
     pub(super) fn start(&mut self, origin: Vec3, direction: Vec3, stream: SampleStream) {
+        let choices = stream.word();
         let state = PathState {
             path: Path::default(),
             stream,
@@ -156,6 +157,7 @@ impl PathBatch {
             }
             None => self.states.push(state),
         }
+        self.states[self.len].path.choices = choices;
         self.len += 1;
     }
 
@@ -168,7 +170,7 @@ impl PathBatch {
 /// A vertex while light is scattered there.
 struct ShadingPoint<'a> {
     point: SurfacePoint,
-    material: &'a PreparedMaterial,
+    spectra: &'a MaterialSpectra,
     bsdf: Bsdf<'a>,
     /// Random number for the lobe, rescaled after the choice of a mixture's material.
     lobe: f32,
@@ -308,19 +310,21 @@ impl CompiledScene {
         // Weight the reflectance terms and the fluorophores
         path.push_vertex(chosen.index, self.sources.len());
         let mut coarse_spectrum = [0.0; BINS];
-        let coarse_terms = &self.material_spectra[chosen.index].coarse_terms;
+        let spectra = &self.material_spectra[chosen.index];
         material.term_weights(point.uv, &bsdf, |index, weight| {
             path.push_weight(weight);
-            for (sum, value) in coarse_spectrum.iter_mut().zip(&coarse_terms[index]) {
+            for (sum, value) in coarse_spectrum.iter_mut().zip(&spectra.coarse_terms[index]) {
                 *sum += weight * value;
             }
         });
-        for amount in &material.fluorophores {
-            let share = amount.in_tissue.as_ref().map_or(1.0, |state| path.last_weight(state.term));
-            let present = if share > 0.0 { share * amount.concentration.at(point.uv) } else { 0.0 };
-            path.push_weight(present);
-        }
-        ShadingPoint { point, material, bsdf, lobe, coarse_spectrum, light_normal }
+        path.push_emitters(|weights, emitters| {
+            material.concentrations(
+                point.uv,
+                |term| weights[term],
+                |number, concentration| emitters.push((spectra.emitters[number], concentration)),
+            );
+        });
+        ShadingPoint { point, spectra, bsdf, lobe, coarse_spectrum, light_normal }
     }
 
     /// Next-event estimation: samples one light of every group and queues its shadow ray.
@@ -363,7 +367,7 @@ impl CompiledScene {
     /// Returns whether it continues.
     #[inline]
     fn continue_path(&self, state: &mut PathState, vertex: &ShadingPoint<'_>, depth: u32) -> bool {
-        let ShadingPoint { point, material, bsdf, .. } = vertex;
+        let ShadingPoint { point, spectra, bsdf, .. } = vertex;
 
         // Sample the material for the next direction
         let sampled = bsdf.sample(vertex.lobe, state.samples.direction);
@@ -376,8 +380,7 @@ impl CompiledScene {
         // End the path by Russian roulette where little contribution is expected
         let mut survival = 1.0;
         let throughput = &mut state.throughput;
-        let fluorophores = material.fluorophores.iter().map(|amount| amount.fluorophore);
-        self.roulette.scatter(throughput, &s, &vertex.coarse_spectrum, fluorophores);
+        self.roulette.scatter(throughput, &s, &vertex.coarse_spectrum, &spectra.fluorophores);
         if depth >= ROULETTE_FROM {
             survival = self.roulette.expected_contribution(throughput).clamp(LEAST_SURVIVAL, 1.0);
             if state.samples.roulette >= survival {

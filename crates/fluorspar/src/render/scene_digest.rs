@@ -10,7 +10,7 @@ use crate::scene::Scene;
 
 /// Number of the way in which paths are drawn: one more whenever the same scene and seed come to give other samples, so that
 /// films of before are not continued with samples that do not fit theirs.
-const SAMPLING: u32 = 3;
+const SAMPLING: u32 = 4;
 
 /// SHA-256 of everything that decides the value of a sample: the scene with all its numbers, seed, depth, estimator,
 /// the version of the program and of its sampling. Lower-case hexadecimal.
@@ -23,7 +23,8 @@ pub fn scene_digest(scene: &Scene, settings: &RenderSettings) -> String {
         }
     }
     let mut writer = Writer(Sha256::new());
-    // Debug output of floats is exact, and covers every field that anyone adds to a scene. A digest can't fail.
+    // Debug output of floats is exact, that of meshes and images holds their digests, and it covers every field that anyone adds
+    // to a scene. A digest can't fail.
     let _ = fmt::Write::write_fmt(
         &mut writer,
         format_args!(

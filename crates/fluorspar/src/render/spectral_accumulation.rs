@@ -7,7 +7,8 @@ use fluorspar_accel::bands::{self, BLOCK, BandBlock};
 use fluorspar_accel::{Lanes, Work};
 
 use super::basis_accumulation::{BasisState, Components};
-use super::compiled_scene::{CompiledScene, MaterialSpectra};
+use super::compiled_scene::{CompiledScene, Emitter};
+use super::excitation::Choices;
 use super::path::{Path, Vertex};
 
 /// Band vectors of all components while they travel, `[group][kind][band]` with kinds reflected, one per
@@ -23,6 +24,8 @@ pub(super) struct SpectralState {
     reflectance: Vec<BandBlock>,
     throughput: Vec<BandBlock>,
     fluoresced: Vec<BandBlock>,
+    /// What the basis of light that arrives leaves out of it.
+    rest: Vec<BandBlock>,
     /// What is carried for excitation nodes.
     basis: BasisState,
 }
@@ -40,6 +43,7 @@ impl SpectralState {
             reflectance: vec![BandBlock::ZERO; blocks],
             throughput: vec![BandBlock::ZERO; blocks],
             fluoresced: vec![BandBlock::ZERO; blocks],
+            rest: vec![BandBlock::ZERO; blocks],
             basis: BasisState::default(),
         }
     }
@@ -89,31 +93,33 @@ impl SpectralState {
         &mut self,
         lanes: L,
         scene: &CompiledScene,
-        material: &MaterialSpectra,
-        concentrations: &[f32],
+        emitters: &[(Emitter, f32)],
         vertex: &Vertex,
         reflectance: &[BandBlock],
+        choices: &mut Choices,
     ) {
         let (blocks, kinds) = (self.blocks, self.kinds);
         if vertex.diffuse <= 0.0 && vertex.gloss <= 0.0 && vertex.fluorescent <= 0.0 {
             self.lit.fill(false);
             return;
         }
-        let fluoresces = vertex.fluorescent > 0.0 && concentrations.iter().any(|&c| c > 0.0);
+        let fluoresces = vertex.fluorescent > 0.0 && !emitters.is_empty();
         bands::reflection_factor(lanes, vertex.diffuse, reflectance, vertex.gloss, &mut self.throughput);
-        for (group, operators) in scene.group_operators.iter().enumerate() {
+        for (group, excitation) in scene.excitation.iter().enumerate() {
             let base = group * kinds;
             if !self.lit[base..base + kinds].contains(&true) {
                 continue;
             }
             let any_fluorescent = self.lit[base + 1..base + kinds].contains(&true);
+            let mut repeats = None;
             if fluoresces && any_fluorescent {
+                repeats = choices.weight(scene.repeat_probability);
                 bands::clear(lanes, &mut self.fluoresced);
             }
-            // Scatter what fluoresced already, and sum it
+            // Scatter what fluoresced already, and sum it where it excites again
             for kind in (base + 1..base + kinds).filter(|&kind| self.lit[kind]) {
                 let values = &mut self.values[kind * blocks..(kind + 1) * blocks];
-                if fluoresces {
+                if repeats.is_some() {
                     bands::add_then_multiply(lanes, &self.throughput, values, &mut self.fluoresced);
                 } else {
                     bands::multiply(lanes, &self.throughput, values);
@@ -121,33 +127,28 @@ impl SpectralState {
             }
             // Excite the fluorophores with light that did not fluoresce yet
             if fluoresces && self.lit[base] {
-                for (emitter, concentration) in material.emitters.iter().zip(concentrations) {
-                    if *concentration > 0.0 {
-                        let kind = base + 1 + emitter.fluorophore;
-                        self.light_up(lanes, kind);
-                        let (arriving, emitted) = self.values.split_at_mut(kind * blocks);
-                        operators[emitter.matrix].add_product(
-                            lanes,
-                            vertex.fluorescent * concentration,
-                            &arriving[base * blocks..(base + 1) * blocks],
-                            &mut emitted[..blocks],
-                        );
-                    }
+                let mut rest = std::mem::take(&mut self.rest);
+                let arriving = &self.values[base * blocks..(base + 1) * blocks];
+                let light = excitation.project(lanes, arriving, choices, &mut rest);
+                for (emitter, concentration) in emitters {
+                    let emitted = self.light_up(lanes, base + 1 + emitter.fluorophore);
+                    let factor = vertex.fluorescent * concentration;
+                    excitation.add_excited(lanes, emitter.matrix, factor, (&light, &rest), emitted);
                 }
+                self.rest = rest;
             }
             // Excite them with what fluoresced already
-            if fluoresces && any_fluorescent {
+            if let Some(weight) = repeats {
                 self.light_up(lanes, base + kinds - 1);
                 let values = &mut self.values[(base + kinds - 1) * blocks..(base + kinds) * blocks];
-                for (emitter, concentration) in material.emitters.iter().zip(concentrations) {
-                    if *concentration > 0.0 {
-                        scene.plain_operators[emitter.matrix].add_product(
-                            lanes,
-                            vertex.fluorescent * concentration,
-                            &self.fluoresced,
-                            values,
-                        );
-                    }
+                for (emitter, concentration) in emitters {
+                    let factor = weight * vertex.fluorescent * concentration;
+                    scene.plain_operators[emitter.matrix].add_product(
+                        lanes,
+                        factor,
+                        &self.fluoresced,
+                        values,
+                    );
                 }
             }
             // Scatter what did not fluoresce
@@ -173,6 +174,7 @@ impl Work for Gather<'_> {
     fn run<L: Lanes>(self, lanes: L) {
         let Self { state, scene, path } = self;
         state.lit.fill(false);
+        let mut choices = Choices::new(path.choices);
         // Lent out, so that the state can be changed meanwhile.
         let mut mixed = std::mem::take(&mut state.reflectance);
         for (index, vertex) in path.vertices().iter().enumerate().rev() {
@@ -181,8 +183,8 @@ impl Work for Gather<'_> {
 
             // Mix the reflectance of the vertex from its terms
             let material = &scene.material_spectra[vertex.material as usize];
-            let (weights, rest) = path.weights(vertex).split_at(material.terms.len());
-            let concentrations = &rest[..material.emitters.len()];
+            let weights = &path.weights(vertex)[..material.terms.len()];
+            let emitters = path.emitters(vertex);
             let reflectance = match material.terms.as_slice() {
                 [first, ..] if weights[0] == 1.0 && weights[1..].iter().all(|&w| w == 0.0) => {
                     first.as_slice()
@@ -200,7 +202,7 @@ impl Work for Gather<'_> {
 
             // Scatter what arrives, then add direct light: reflected, and fluorescent
             if state.lit.contains(&true) {
-                state.scatter(lanes, scene, material, concentrations, vertex, reflectance);
+                state.scatter(lanes, scene, emitters, vertex, reflectance, &mut choices);
             }
             for (source, direct) in scene.sources.iter().zip(path.direct(index, scene.sources.len())) {
                 if direct.diffuse <= 0.0 && direct.gloss <= 0.0 && direct.fluorescent <= 0.0 {
@@ -216,12 +218,10 @@ impl Work for Gather<'_> {
                     &source.bands,
                     state.light_up(lanes, base),
                 );
-                for (emitter, concentration) in material.emitters.iter().zip(concentrations) {
-                    if *concentration > 0.0 {
-                        let factor = direct.fluorescent * FRAC_1_PI * concentration;
-                        let emitted = state.light_up(lanes, base + 1 + emitter.fluorophore);
-                        bands::add_scaled(lanes, factor, &source.exitance[emitter.matrix], emitted);
-                    }
+                for (emitter, concentration) in emitters {
+                    let factor = direct.fluorescent * FRAC_1_PI * concentration;
+                    let emitted = state.light_up(lanes, base + 1 + emitter.fluorophore);
+                    bands::add_scaled(lanes, factor, &source.exitance[emitter.matrix], emitted);
                 }
             }
         }

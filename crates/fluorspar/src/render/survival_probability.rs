@@ -132,7 +132,7 @@ impl RouletteModel {
         throughput: &mut CoarseThroughput,
         scattering: &BsdfValue,
         spectrum: &Coarse,
-        fluorophores: impl Iterator<Item = usize>,
+        fluorophores: &[usize],
     ) {
         let factor = 1.0 / scattering.pdf;
         let CoarseThroughput { elastic, fluorescent } = *throughput;
@@ -145,7 +145,7 @@ impl RouletteModel {
             // Each fluorophore is a component of its own: the one that gives most counts, not their sum.
             let mut excites = [0.0_f32; BINS];
             for fluorophore in fluorophores {
-                for (most, column) in excites.iter_mut().zip(&self.fluorescence[fluorophore]) {
+                for (most, column) in excites.iter_mut().zip(&self.fluorescence[*fluorophore]) {
                     *most = most.max(dot(column, &elastic));
                 }
             }
@@ -243,7 +243,7 @@ mod tests {
         let scattering = BsdfValue { diffuse: 1.0, fluorescent: 1.0, gloss: 0.0, pdf: 1.0 };
         let spectrum = std::array::from_fn(|bin| if bin < BINS / 2 { blue } else { red });
         let list: &[usize] = if fluoresces { &[0] } else { &[] };
-        model.scatter(throughput, &scattering, &spectrum, list.iter().copied());
+        model.scatter(throughput, &scattering, &spectrum, list);
     }
 
     #[test]

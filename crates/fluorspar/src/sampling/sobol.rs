@@ -37,6 +37,12 @@ impl SampleStream {
         sobol_burley::sample_4d(self.sample, 0, hash_u64(self.seed ^ u64::from(set)) as u32)
     }
 
+    /// A random word of the path, independent of its sets of numbers.
+    #[inline]
+    pub fn word(&self) -> u64 {
+        hash_u64(hash_u64(self.seed) ^ u64::from(self.sample))
+    }
+
     /// The next set of four numbers.
     #[inline]
     pub fn next_4d(&mut self) -> [f32; 4] {

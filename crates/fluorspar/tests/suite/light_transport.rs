@@ -340,8 +340,10 @@ fn tissue_between_states_has_their_mean() {
         for component in 0..mean.components.len() {
             for band in 0..mean.grid.len() {
                 let [a, b] = [&states, &mean].map(|image| band_mean(image, component, band));
-                // Lobes of the coat are chosen by the largest reflectance of any state, so the samples differ.
-                let error = if coat.is_some() { 5.0 * a.standard_error.hypot(b.standard_error) } else { 0.0 };
+                // Lobes of the coat are chosen by the largest reflectance of any state, and how often light that fluoresced
+                // excites again by what any state gives back, so the samples differ.
+                let differ = coat.is_some() || component % 4 == 3;
+                let error = if differ { 5.0 * a.standard_error.hypot(b.standard_error) } else { 0.0 };
                 let tolerance = 1e-4 * b.mean.abs() + error;
                 assert!((a.mean - b.mean).abs() <= tolerance, "{component} {band}: {a:?} {b:?}");
             }

@@ -1,12 +1,13 @@
 //! Lights ready for sampling, and the distinct spectra that they emit.
 
 use fluorspar_accel::bands::{BandBlock, to_blocks};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::excitation_bins::Slicing;
 use super::geometry::EmissiveSurface;
 use crate::interruption::end_if_interrupted;
-use crate::light::PreparedEmitter;
+use crate::light::{LightBounds, PreparedEmitter};
 use crate::render::compiled_scene::{CompiledLight, Source};
 use crate::render::fluorescence_operator::direct_exitance;
 use crate::scene::Scene;
@@ -22,6 +23,8 @@ pub(super) struct Lights {
     pub(super) lights: Vec<CompiledLight>,
     /// Number of the first light source in `lights`.
     pub(super) first_light_source: usize,
+    /// Corners of a box around the light sources that rays can hit.
+    pub(super) light_box: Option<[Vec3; 2]>,
     /// Lights of each group that can be sampled.
     pub(super) group_lights: Vec<Vec<usize>>,
     /// Emissive objects: their light.
@@ -72,6 +75,7 @@ pub(super) fn compile(
         lights.push(compiled_light(light.group, &sources, emitter, power));
     }
 
+    let light_box = light_box(&lights[first_light_source..]);
     let group_lights = (0..scene.light_groups.len())
         .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
         .collect();
@@ -80,11 +84,24 @@ pub(super) fn compile(
         hats: list.hats,
         lights,
         first_light_source,
+        light_box,
         group_lights,
         object_light,
         environment,
         environment_maps,
     }
+}
+
+/// A box around the lights that have a size, a little larger than they are.
+fn light_box(lights: &[CompiledLight]) -> Option<[Vec3; 2]> {
+    let local = lights.iter().filter_map(|light| match light.bounds {
+        LightBounds::Local { center, radius, .. } => {
+            let margin = Vec3::splat(1.001 * radius + 1e-5 * center.abs().max_element());
+            Some([center - margin, center + margin])
+        }
+        LightBounds::Distant { .. } | LightBounds::Environment => None,
+    });
+    local.reduce(|[low, high], [other_low, other_high]| [low.min(other_low), high.max(other_high)])
 }
 
 /// A light of given sources: one, or one per layer of an environment map.

@@ -4,7 +4,7 @@ use fluorspar_accel::bands::to_blocks;
 
 use super::emitters::Matrices;
 use crate::material::PreparedMaterials;
-use crate::render::compiled_scene::MaterialSpectra;
+use crate::render::compiled_scene::{Emitter, MaterialSpectra};
 use crate::render::survival_probability::RouletteModel;
 use crate::scene::Scene;
 
@@ -17,10 +17,18 @@ pub(super) fn compile(
     let materials = PreparedMaterials::new(&scene.materials, &scene.grid);
     let spectra = materials
         .iter()
-        .map(|material| MaterialSpectra {
-            terms: material.terms.iter().map(|term| to_blocks(&term.bands)).collect(),
-            coarse_terms: material.terms.iter().map(|term| roulette.coarse(&term.spectrum)).collect(),
-            emitters: material.fluorophores.iter().map(|amount| matrices.emitter(amount)).collect(),
+        .map(|material| {
+            let emitters: Vec<Emitter> =
+                material.fluorophores.iter().map(|amount| matrices.emitter(amount)).collect();
+            let mut fluorophores: Vec<usize> = emitters.iter().map(|emitter| emitter.fluorophore).collect();
+            fluorophores.sort_unstable();
+            fluorophores.dedup();
+            MaterialSpectra {
+                terms: material.terms.iter().map(|term| to_blocks(&term.bands)).collect(),
+                coarse_terms: material.terms.iter().map(|term| roulette.coarse(&term.spectrum)).collect(),
+                emitters,
+                fluorophores,
+            }
         })
         .collect();
     (materials, spectra)

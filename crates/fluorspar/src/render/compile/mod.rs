@@ -9,11 +9,13 @@
 //! | `bases` | the hats of nodes, and what they excite |
 //! | `visible_points` | points that the camera sees, samples of the scene |
 //! | `operators` | fluorescence operators, weighted by the spectrum of each light group |
+//! | `excitation` | bases of the light that arrives after reflections |
 //! | `materials` | band averages and tables of every material |
 //! | `interreflection` | how much interreflection adds to direct light |
 
 mod bases;
 mod emitters;
+mod excitation;
 mod excitation_bins;
 mod geometry;
 mod interreflection;
@@ -51,6 +53,9 @@ impl CompiledScene {
         end_if_interrupted();
         let roulette = RouletteModel::new(&scene.grid);
         let (materials, material_spectra) = materials::compile(scene, &matrices, &roulette);
+        let repeat_probability =
+            excitation::repeat_probability(&materials, &material_spectra, &lights, &plain_operators);
+        let excitation = excitation::compile(group_operators, &lights, &material_spectra);
         let has_holes = scene.objects.iter().any(|object| materials.has_opacity(object.material));
 
         let has_discrete_choices =
@@ -71,6 +76,7 @@ impl CompiledScene {
             sources: lights.sources,
             lights: lights.lights,
             first_light_source: lights.first_light_source,
+            light_box: lights.light_box,
             group_lights: lights.group_lights,
             object_light: lights.object_light,
             environment: lights.environment,
@@ -81,9 +87,10 @@ impl CompiledScene {
             roulette,
             fluorophores: scene.fluorophores.len(),
             slices: slicing.all(),
-            group_operators,
+            excitation,
             bases,
             plain_operators,
+            repeat_probability,
         };
 
         // Prepare Russian roulette
