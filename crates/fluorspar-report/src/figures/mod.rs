@@ -33,7 +33,7 @@ pub use radiance::{radiance_by_component, spectral_readings};
 pub use reflectance::reflectances;
 pub use sensor::sensor_response;
 pub(crate) use share_map::ShareMap;
-pub use share_map::share_map;
+pub use share_map::{share_map, share_map_of_blocks};
 pub use tissue::{
     EstimatedCurve, SpectrumFit, light_by_depth, light_by_radius, light_sources_by_depth, spectrum_fits,
     tissue_reflectance,

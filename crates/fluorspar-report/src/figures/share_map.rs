@@ -1,8 +1,8 @@
 //! The share of a fluorophore over the region, and how little of it a pixel shows.
 
-use fluorspar::analysis::{Analyte, PorphyrinMap, Statistics};
+use fluorspar::analysis::{Analyte, BlockShares, PorphyrinMap, Statistics};
 
-use crate::{Axis, ColorBar, ColorMap, Figure, Ink, Panel, Raster, Series, SeriesShape};
+use crate::{Axis, ColorBar, ColorMap, Dash, Figure, Ink, Panel, Raster, Series, SeriesShape};
 
 /// Color where no pixel counts.
 const NONE: [u8; 3] = [128; 3];
@@ -27,6 +27,8 @@ pub(crate) struct ShareMap {
     pub(crate) block: usize,
     /// Means; none where no pixel counts.
     pub(crate) values: Vec<Option<f32>>,
+    /// Blocks that hold it for certain enough; empty where that is not known.
+    marked: Vec<bool>,
 }
 
 impl ShareMap {
@@ -52,7 +54,55 @@ impl ShareMap {
             }
         }
         let mean = |&(sum, count): &(f64, usize)| (count > 0).then(|| (sum / count as f64) as f32);
-        Some(Self { left, above, columns, rows, block, values: sums.iter().map(mean).collect() })
+        let values = sums.iter().map(mean).collect();
+        Some(Self { left, above, columns, rows, block, values, marked: Vec::new() })
+    }
+
+    /// The blocks by which the share of a region was estimated.
+    pub(crate) fn of_blocks(shares: &BlockShares) -> Option<Self> {
+        let block = shares.side_px.max(1);
+        let bounds = |axis: usize| {
+            let places = shares.blocks.iter().map(|share| share.corner_px[axis] / block);
+            places.fold((usize::MAX, 0), |(a, b), v| (a.min(v), b.max(v)))
+        };
+        let ((left, right), (above, below)) = (bounds(0), bounds(1));
+        if left > right {
+            return None;
+        }
+        let (columns, rows) = (right + 1 - left, below + 1 - above);
+        let (mut values, mut marked) = (vec![None; columns * rows], vec![false; columns * rows]);
+        for share in &shares.blocks {
+            let place = (share.corner_px[1] / block - above) * columns + share.corner_px[0] / block - left;
+            values[place] = Some(share.share as f32);
+            marked[place] = share.is_marked;
+        }
+        Some(Self { left: left * block, above: above * block, columns, rows, block, values, marked })
+    }
+
+    /// Whether a block is marked; beyond the map none is.
+    pub(crate) fn is_marked(&self, col: isize, row: isize) -> bool {
+        let within = (0..self.columns as isize).contains(&col) && (0..self.rows as isize).contains(&row);
+        within && self.marked.get(row as usize * self.columns + col as usize) == Some(&true)
+    }
+
+    /// The outline of the marked blocks, edge by edge, in blocks.
+    fn outline(&self) -> Vec<Series> {
+        let mut edges = Vec::new();
+        for row in 0..=self.rows as isize {
+            for col in 0..=self.columns as isize {
+                let here = self.is_marked(col, row);
+                let [x, y] = [col as f64, row as f64];
+                if here != self.is_marked(col, row - 1) {
+                    edges.push([[x, y], [x + 1.0, y]]);
+                }
+                if here != self.is_marked(col - 1, row) {
+                    edges.push([[x, y], [x, y + 1.0]]);
+                }
+            }
+        }
+        let line =
+            |edge: [[f64; 2]; 2]| SeriesShape::Line { points: edge.to_vec(), width: 2.0, dash: Dash::Solid };
+        edges.into_iter().map(|edge| Series::unnamed(Ink::Text, line(edge))).collect()
     }
 
     /// The upper end of a color scale: 98 % of the values lie below.
@@ -64,11 +114,37 @@ impl ShareMap {
     }
 }
 
+/// Share of the light in each block by which the share of a region of tissue was estimated, with the outline of those that hold some.
+pub fn share_map_of_blocks(shares: &BlockShares, target: &Analyte) -> Option<Figure> {
+    let map = ShareMap::of_blocks(shares)?;
+    let mut panel = map_panel(&map, target);
+    panel.series.extend(map.outline());
+    let (side, least) = (map.block, 100.0 * BlockShares::SHARE_OF_MARK);
+    Some(Figure::new(format!("Where the {target} is"), panel).explained(format!(
+        "The region, enlarged: share of {target} in the fluorescence of squares of {side} x {side} pixels of the sensor, by the same \
+         estimate as the share of the region. Outlined: more than {least:.0} %, but for at most 5 % of them. Gray: outside the region."
+    )))
+}
+
 /// Share of the light on the mixture line, averaged over blocks of pixels within the bounds of the region; `None` without a pixel that
 /// counts. `target` is the fluorophore in a word.
 pub fn share_map(porphyrin: &PorphyrinMap, target: &Analyte) -> Option<Figure> {
     let region: Vec<usize> = porphyrin.estimates.iter().map(|(pixel, _)| *pixel).collect();
     let map = ShareMap::of(porphyrin, &region)?;
+    let panel = map_panel(&map, target);
+    let error =
+        Statistics::of(region.iter().filter_map(|&p| porphyrin.at(p)).map(|e| e.position_standard_error));
+    let error = error.map_or(0.0, |s| s.median);
+    let block = map.block;
+    Some(Figure::new(format!("Where the {target} is"), panel).explained(format!(
+        "The region, enlarged: share of {target} in the light on the mixture line, mean over {block} x {block} pixels of the sensor. \
+         Noise alone leaves a standard error of {error:.3} to a typical single pixel and of {:.3} to such a mean. Gray: no pixel counts.",
+        error / block as f64
+    )))
+}
+
+/// The picture of a map with its color bar.
+fn map_panel(map: &ShareMap, target: &Analyte) -> Panel {
     let top = map.top();
     let raster =
         Raster::from_fn(map.columns, map.rows, |row, col| match map.values[row * map.columns + col] {
@@ -80,15 +156,7 @@ pub fn share_map(porphyrin: &PorphyrinMap, target: &Analyte) -> Option<Figure> {
     let mut panel = Panel::new(Axis::hidden([0.0, width]), Axis::hidden([height, 0.0]))
         .sized((width * scale).round(), (height * scale).round())
         .with(Series::unnamed(Ink::Text, SeriesShape::Picture { x: [0.0, width], y: [height, 0.0], raster }));
-    let label = format!("{target} share of the light");
+    let label = format!("{target} share {of_what}");
     panel.color_bar = Some(ColorBar { axis: Axis::linear(label, "", [0.0, top]), map: ColorMap::Viridis });
-    let error =
-        Statistics::of(region.iter().filter_map(|&p| porphyrin.at(p)).map(|e| e.position_standard_error));
-    let error = error.map_or(0.0, |s| s.median);
-    let block = map.block;
-    Some(Figure::new(format!("Where the {target} is"), panel).explained(format!(
-        "The region, enlarged: share of {target} in the light on the mixture line, mean over {block} x {block} pixels of the sensor. \
-         Noise alone leaves a standard error of {error:.3} to a typical single pixel and of {:.3} to such a mean. Gray: no pixel counts.",
-        error / block as f64
-    )))
+    panel
 }

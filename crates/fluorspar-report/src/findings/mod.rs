@@ -86,7 +86,9 @@ pub(crate) const PIXELS: Table = Table {
 /// Findings that a run says at its end, in this order; `analyze` adds [`PIXELS`].
 const LINES: &[FindingId] = &[
     Id::TrueShare,
+    Id::MarkedBlocks,
     Id::ProbabilityOfNone,
+    Id::ShareOfMean,
     Id::ShareInWiderFamily,
     Id::TissueProbability,
     Id::MostConfused,
@@ -191,7 +193,11 @@ impl ShareAnswer {
             Caveat::FromFrames(frames) => Some(format!(", from frames {}", frames.join(" and "))),
             _ => None,
         });
-        let other = frames.unwrap_or_default() + &other;
+        let alike = share.caveats.iter().find_map(|caveat| match caveat {
+            Caveat::LooksLike(what) => Some(format!(", or {what}, which looks the same to this camera")),
+            _ => None,
+        });
+        let other = frames.unwrap_or_default() + &alike.unwrap_or_default() + &other;
         let name = match share.id {
             Id::UnmixedShare => crate::run::capital(share.name.as_deref().unwrap_or_default()),
             _ => analyte.capitalized(),

@@ -47,6 +47,8 @@ impl<'a> FindingWords<'a> {
         match finding.id {
             Id::Share => format!("{share} of the light"),
             Id::ShareUpperLimit => format!("Upper limit of the {analyte} share"),
+            Id::ShareOfMean => format!("{share} from the mean of the region alone"),
+            Id::MarkedBlocks => format!("Places with {analyte}"),
             Id::ProbabilityOfNone => format!("Probability of no {analyte}"),
             Id::ShareInWiderFamily => format!("{share} if tissue varies twice as much"),
             Id::TissueProbability => format!("Probability of {}", name.replace('_', " ")),
@@ -127,6 +129,8 @@ impl<'a> FindingWords<'a> {
                  indirect light, the variety of tissue and errors of the library of spectra."
             ),
             Id::ShareUpperLimit => "The share is below it with a probability of 95 %.".into(),
+            Id::ShareOfMean => "What one color of the whole region says, without its pattern.".into(),
+            Id::MarkedBlocks => of_marked_blocks(&reference, analyte),
             Id::ProbabilityOfNone => format!("Before the measurement it was taken as {reference} %."),
             Id::ShareInWiderFamily => {
                 "Where it is far from the interval above, the assumed variety of tissue decides.".into()
@@ -247,7 +251,7 @@ impl<'a> FindingWords<'a> {
             (FindingId::ProbabilityOfNone, Some(before)) => format!(" ({} % before)", number(before)),
             (FindingId::UnmixedShare, Some(truth)) => format!("; true share {} %", number(truth)),
             (FindingId::FamilyDistance, Some(count)) => format!(" (chi-square; {} expected)", number(count)),
-            (FindingId::PixelsOffLine | FindingId::PixelsBeyondEnd, Some(all)) => {
+            (FindingId::PixelsOffLine | FindingId::PixelsBeyondEnd | FindingId::MarkedBlocks, Some(all)) => {
                 format!(" of {}", number(all))
             }
             (FindingId::SpotSeparation, Some(right)) => format!(", {:.0} % of pixels right", 100.0 * right),
@@ -271,6 +275,14 @@ impl<'a> FindingWords<'a> {
             render.unwrap_or_default()
         )
     }
+}
+
+/// What marked blocks are, and what they tell.
+fn of_marked_blocks(all: &str, analyte: &Analyte) -> String {
+    format!(
+        "Of {all} squares of the region: their share is above 2 %, but for at most 5 % of them. The tissue of one person varies little from \
+         place to place, so the places with the least red light tell its color without {analyte}."
+    )
 }
 
 /// Where the truth counts light of other parts.
@@ -297,6 +309,7 @@ pub(crate) fn shown(finding: &Finding) -> Finding {
         finding.id,
         Id::Share
             | Id::ShareUpperLimit
+            | Id::ShareOfMean
             | Id::ShareInWiderFamily
             | Id::ShareWithout
             | Id::LineShare

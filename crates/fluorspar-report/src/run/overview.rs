@@ -14,7 +14,7 @@ use fluorspar_experiment::schema::{ASSUMED_PHOTON_YIELD, FluorophoreSection};
 
 use super::region_outline::region_outline;
 use super::regions_section::region_names;
-use super::report::{electrons, percent, percent_saturated};
+use super::report::{blocks_of, electrons, percent, percent_saturated};
 use super::safety_section::eye_safe_captures;
 use super::view_filters::assumed_blocking_in_short;
 use super::words::{NO_LIGHT, Words, capital};
@@ -164,26 +164,48 @@ fn seen(image: &Preview, frame: &CapturedFrame, analyzed: Option<&AnalyzedFrame>
     text
 }
 
-/// Means of the share on the mixture line over blocks, as colors whose opacity grows with the share.
+/// Shares of blocks, those of the estimate or means on the mixture line, as colors whose opacity grows with the share; blocks that the
+/// estimate marks are outlined.
 fn share_overlay(analyzed: &AnalyzedFrame, shown: &DisplayImage, words: &Words<'_>) -> Option<MapOverlay> {
-    let porphyrin = analyzed.porphyrin.as_ref()?;
-    let map = ShareMap::of(porphyrin, &analyzed.region.pixels)?;
+    let by_blocks = blocks_of(&analyzed.analysis).and_then(ShareMap::of_blocks);
+    let is_by_blocks = by_blocks.is_some();
+    let map = match by_blocks {
+        Some(map) => map,
+        None => ShareMap::of(analyzed.porphyrin.as_ref()?, &analyzed.region.pixels)?,
+    };
     let top = map.top();
     // Colors at the resolution of the image, within the region only
     let width = analyzed.region.width;
     let [columns, rows] = [map.columns, map.rows].map(|n| (n * map.block).div_ceil(shown.block));
     let mut pixels = vec![[0u8; 4]; columns * rows];
     for &pixel in &analyzed.region.pixels {
-        let (x, y) = (pixel % width - map.left, pixel / width - map.above);
-        let Some(value) = map.values[y / map.block * map.columns + x / map.block] else { continue };
+        let Some((x, y)) = (pixel % width).checked_sub(map.left).zip((pixel / width).checked_sub(map.above))
+        else {
+            continue;
+        };
+        let (col, row) = (x / map.block, y / map.block);
+        if col >= map.columns || row >= map.rows {
+            continue;
+        }
+        let Some(value) = map.values[row * map.columns + col] else { continue };
         let height = (f64::from(value) / top).clamp(0.0, 1.0);
         let [r, g, b] = ColorMap::Viridis.color(height);
-        pixels[y / shown.block * columns + x / shown.block] = [r, g, b, (235.0 * height.sqrt()) as u8];
+        let color = match is_outline(&map, [x, y], shown.block) {
+            true => [255; 4],
+            false => [r, g, b, (235.0 * height.sqrt()) as u8],
+        };
+        pixels[y / shown.block * columns + x / shown.block] = color;
     }
     let target = words.target();
     let averaged = match map.block {
         1 => String::new(),
         block => format!(", mean over {block} x {block} pixels of the sensor"),
+    };
+    let (of_what, outlined) = match is_by_blocks {
+        true => {
+            ("of the fluorescence", "; outlined where it is above 2 % but for at most 5 % of the outlined")
+        }
+        false => ("of the light, on the mixture line", ""),
     };
     Some(MapOverlay {
         name: format!("{} share", target.capitalized()),
@@ -194,13 +216,24 @@ fn share_overlay(analyzed: &AnalyzedFrame, shown: &DisplayImage, words: &Words<'
             columns as f64,
             rows as f64,
         ],
-        label: format!("{target} share of the light, on the mixture line"),
+        label: format!("{target} share {of_what}"),
         limits: [0.0, top],
         caption: format!(
-            "Map: {target} share of the light on the mixture line{averaged}; no color where it is zero or no pixel counts, 98 % of the \
-             blocks are below {top:.3}.",
+            "Map: {target} share {of_what}{averaged}{outlined}; no color where it is zero or no pixel counts, 98 % of the blocks are \
+             below {top:.3}.",
         ),
     })
+}
+
+/// Whether a pixel of a marked block lies within a pixel of the picture from a block that is not.
+fn is_outline(map: &ShareMap, [x, y]: [usize; 2], reach: usize) -> bool {
+    let block = |x: isize, y: isize| {
+        let side = map.block as isize;
+        map.is_marked(x.div_euclid(side), y.div_euclid(side))
+    };
+    let (x, y, reach) = (x as isize, y as isize, reach as isize);
+    let beside = [[reach, 0], [-reach, 0], [0, reach], [0, -reach]];
+    block(x, y) && beside.iter().any(|[right, down]| !block(x + right, y + down))
 }
 
 /// The verdict, the truth, and what makes it uncertain. `None` where no share is estimated.

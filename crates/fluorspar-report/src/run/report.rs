@@ -1,6 +1,6 @@
 //! Report of a run.
 
-use fluorspar::analysis::Statistics;
+use fluorspar::analysis::{Analysis, BlockShares, Statistics};
 use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, RegionRadiance};
 use fluorspar::scene::Scene;
@@ -22,7 +22,8 @@ use super::words::{NO_LIGHT, Words};
 use super::{FrameOrigin, RunResults};
 use crate::figures::{
     ChannelValues, ChromaticityPlot, EemMap, PlotCurve, chromaticity, eem_maps, emission, filters,
-    histograms, lights, radiance_by_component, sensor_response, share_map, spectral_readings,
+    histograms, lights, radiance_by_component, sensor_response, share_map, share_map_of_blocks,
+    spectral_readings,
 };
 use crate::page::{glossary_section, plain_text};
 use crate::{
@@ -415,6 +416,11 @@ fn frame_histograms(frame: &CapturedFrame, subtracted: Option<&str>) -> Figure {
     histograms(&frame.raw.label, &channels, developed.full_scale_dn, subtracted)
 }
 
+/// The blocks by which the share of a region was estimated.
+pub(super) fn blocks_of(analysis: &Analysis) -> Option<&BlockShares> {
+    analysis.posterior.as_ref().filter(|posterior| !posterior.is_no_estimate())?.blocks.as_ref()
+}
+
 fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut Builder) -> Section {
     let analysis = &analyzed.analysis;
     let mut figures = Vec::new();
@@ -426,7 +432,9 @@ fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut 
         };
         figures.push(builder.item("chromaticity", plot, note));
     }
-    if let Some(figure) = analyzed.porphyrin.as_ref().and_then(|map| share_map(map, &analysis.analyte)) {
+    let by_blocks = blocks_of(analysis).and_then(|shares| share_map_of_blocks(shares, &analysis.analyte));
+    let on_line = || analyzed.porphyrin.as_ref().and_then(|map| share_map(map, &analysis.analyte));
+    if let Some(figure) = by_blocks.or_else(on_line) {
         figures.push(builder.item("share_map", figure, ""));
     }
     let region = &analysis.region_description;

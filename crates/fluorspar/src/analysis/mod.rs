@@ -35,6 +35,8 @@ mod family_average;
 mod light_family;
 mod mixture_line;
 mod pixel_mean;
+mod red_pattern;
+mod region_blocks;
 mod region_light;
 mod region_of_interest;
 mod region_shape;
@@ -65,10 +67,11 @@ pub use mixture_line::{
     PorphyrinMap, channel_response,
 };
 pub use pixel_mean::{PixelMean, mean_of_pixels};
+pub use region_blocks::{BlockShare, BlockShares, LEAST_BLOCKS, RegionBlock};
 pub use region_light::{PorphyrinTruth, RegionLight};
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
 pub use region_shape::{PixelMask, Polygon};
-pub use share_posterior::{BlindDirection, IntervalWithout, ShareInterval, SharePosterior};
+pub use share_posterior::{BlindDirection, IntervalWithout, ShareInterval, ShareOfMean, SharePosterior};
 pub use spectral_mixture::{
     BloodBefore, ComponentSet, ComponentSets, FitChiSquare, FitError, FittedBlood, FittedWeight,
     MixtureComponent, MixtureFit, ResidualCorrelation, ResidualScatter, SetMembership, SpectralMixture,

@@ -13,6 +13,7 @@ use statrs::function::erf::erfc;
 use super::Analyte;
 use super::family_average::{FamilyAverage, TissueDoubt};
 use super::light_family::{FamilyPoint, LightFamily, NuisanceGroup};
+use super::region_blocks::BlockShares;
 use crate::warning::Warning;
 
 /// Amounts of porphyrin on the grid.
@@ -57,6 +58,24 @@ pub struct SharePosterior {
     /// Whether it is the tissue that was named, where others were compared; the numbers above are averages over all of them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub doubt: Option<TissueDoubt>,
+    /// What the blocks of the region say, where there are enough: the median, the interval and the probability of none above are then
+    /// theirs. Where the interval begins at 0 it ends where that of the mean does, if that is farther.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blocks: Option<BlockShares>,
+    /// The share from the mean of the region alone, where its blocks say more.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub of_mean: Option<ShareOfMean>,
+}
+
+/// The share of the porphyrin from the mean of a region alone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ShareOfMean {
+    /// Median of the share.
+    pub median: f64,
+    /// 95 % interval, as [`SharePosterior::interval`].
+    pub interval: [f64; 2],
+    /// Probability that there is no porphyrin at all.
+    pub probability_of_none: f64,
 }
 
 impl SharePosterior {

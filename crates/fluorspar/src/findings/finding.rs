@@ -10,6 +10,10 @@ pub enum FindingId {
     Share,
     /// The share is below it with a probability of 95 %.
     ShareUpperLimit,
+    /// The share from the mean of the region alone, where its blocks say more.
+    ShareOfMean,
+    /// Blocks of the region that hold the analyte; judged by the number of all.
+    MarkedBlocks,
     /// Probability of no analyte, %; judged by that before the measurement.
     ProbabilityOfNone,
     /// Interval of the share if tissue varied twice as much.
@@ -138,6 +142,8 @@ pub enum Caveat {
     SensorNoiseAlone,
     /// No analyte can't be excluded: the interval ends at an upper limit.
     NotDetected,
+    /// Patches of this would look the same to the camera.
+    LooksLike(&'static str),
     /// The light is that of no tissue that was compared: there is no estimate.
     NoEstimate,
     /// The light is not that of the named tissue; this other one explains it.

@@ -1,15 +1,25 @@
 //! The share of the porphyrin in the frames of a study whose region is tissue of a known site.
 
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
 use super::frame_light::frame_light;
 use super::region_signal::CameraResponse;
 use super::tissue_family::{FamilyFrame, other_tissue_families, tissue_family};
 use crate::analysis::{
-    ChannelNoise, FamilyAverage, LightFamily, PixelMean, PixelSelection, SceneOnSensor, SharePosterior,
+    ChannelNoise, FamilyAverage, LightFamily, PixelMean, PixelSelection, RegionBlock, SceneOnSensor,
+    SharePosterior,
 };
 use crate::pipeline::PipelineError;
 use crate::pipeline::capture::CapturedFrame;
 use crate::pipeline::capture::film_irradiance::behind_filter;
 use crate::study::{AnalysisPlan, Capture, Study};
+
+/// Blocks that a region is cut into, about.
+const BLOCKS: f64 = 50.0;
+/// Least side of a block, pixels.
+const LEAST_SIDE_PX: f64 = 4.0;
 
 /// What the camera of a study sees of the tissues that its region may be of, in the analyzed frame and the further ones. It rests on
 /// lights, camera and exposure times, and not on what the frames show.
@@ -66,8 +76,7 @@ impl<'a> FamiliesOfFrames<'a> {
         for (label, of_family) in labels(self.settings).zip(&self.frames) {
             let frame = frames.iter().find(|frame| frame.raw.label == *label)?;
             let (image, k) = (&frame.developed, frame.raw.dn_per_electron);
-            let noise = ChannelNoise { dn_per_electron: k, ..noise };
-            let noise = ChannelNoise { floor_dn: image.noise_floor_dn.max(noise.floor_dn), ..noise };
+            let noise = noise_of_frame(noise, frame);
             let same_size = image.width == region.width && image.height == region.height;
             let usable = |pixel: &usize| same_size && is_lit(*pixel) && !image.saturated[*pixel];
             let pixels: Vec<usize> = region.pixels.iter().copied().filter(usable).collect();
@@ -80,8 +89,51 @@ impl<'a> FamiliesOfFrames<'a> {
             others: &self.others,
             probability_of_named: self.probability_of_named,
         };
-        average.posterior(&electrons, &variance)
+        let (blocks, side_px) = self.blocks(frames, noise, is_lit, region).unwrap_or_default();
+        average.posterior_of_blocks(&electrons, &variance, &blocks, side_px)
     }
+
+    /// Squares of the first frame that lie in the region for more than half, with their means, and their side in pixels.
+    fn blocks(
+        &self,
+        frames: &[CapturedFrame],
+        noise: ChannelNoise,
+        is_lit: &dyn Fn(usize) -> bool,
+        region: &PixelSelection,
+    ) -> Option<(Vec<RegionBlock>, usize)> {
+        let (label, of_family) = labels(self.settings).zip(&self.frames).next()?;
+        let frame = frames.iter().find(|frame| frame.raw.label == *label)?;
+        let (image, k) = (&frame.developed, frame.raw.dn_per_electron);
+        let noise = noise_of_frame(noise, frame);
+        if [image.width, image.height] != [region.width, region.height] || region.pixels.is_empty() {
+            return None;
+        }
+        // Sort the pixels of the region into squares
+        let side = (region.pixels.len() as f64 / BLOCKS).sqrt().round().max(LEAST_SIDE_PX) as usize;
+        let mut squares: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
+        for &pixel in region.pixels.iter().filter(|pixel| is_lit(**pixel) && !image.saturated[**pixel]) {
+            let place = [pixel / image.width / side, pixel % image.width / side];
+            squares.entry(place).or_default().push(pixel);
+        }
+        let found: Vec<([usize; 2], Vec<usize>)> =
+            squares.into_iter().filter(|(_, pixels)| 2 * pixels.len() > side * side).collect();
+        let block = |([row, col], pixels): &([usize; 2], Vec<usize>)| {
+            let mean = PixelMean::new(image, &of_family.channels, pixels, &noise)?;
+            Some(RegionBlock {
+                corner_px: [col * side, row * side],
+                pixels: pixels.len(),
+                electrons: mean.dn.iter().map(|dn| dn / k).collect(),
+                variance: mean.variance_dn2.iter().map(|dn2| dn2 / (k * k)).collect(),
+            })
+        };
+        Some((found.par_iter().filter_map(block).collect(), side))
+    }
+}
+
+/// The noise of a developed frame.
+fn noise_of_frame(noise: ChannelNoise, frame: &CapturedFrame) -> ChannelNoise {
+    let floor_dn = frame.developed.noise_floor_dn.max(noise.floor_dn);
+    ChannelNoise { dn_per_electron: frame.raw.dn_per_electron, floor_dn, ..noise }
 }
 
 /// A captured frame and its capture.

@@ -1,0 +1,422 @@
+//! How much of the light of a region is porphyrin, from how its blocks differ along the red direction.
+//!
+//! Tissue of one person is one unknown that all blocks share, that of a place a small one of each, and porphyrin is none or more in
+//! each block. So the blocks with the least red light bound the color of the bulk from above, and with it the porphyrin of the others
+//! from below. With the amplitude `a_j` of block `j` along the way from the bulk to the porphyrin, per unit of its share,
+//!
+//! `a_j = beta + s_j (1 - beta) + error_j`, `beta = beta_0 + f C (1 - beta_0)`, `var error_j = tau² v_a + (rho C)² + v_n,j`
+//!
+//! where `beta_0 ~ N(m_b, v_b)` is the bulk of the person, `C` the share of chlorophyll, `tau` how much more than usual places differ.
+//! The shares `s_j` of blocks follow one of 91 patterns: none, the same everywhere, or a log-normal distribution, with or without
+//! blocks that hold none. Neighbors are alike: the likelihood of the blocks is raised to the power of the number of independent ones
+//! over that of all (composite likelihood; Cooley, Davison and Ribatet, arXiv 0911.5357). All unknowns are summed over grids.
+
+use rayon::prelude::*;
+use statrs::function::erf::erfc;
+
+use super::share_posterior::Mixture;
+
+/// Blocks that count as independent.
+pub(super) const INDEPENDENT_BLOCKS: f64 = 12.0;
+/// Variation from place to place in one person over that among people, as standard deviations of logarithms.
+pub(super) const PLACES_OVER_PEOPLE: f64 = 0.25;
+/// Factors on the variation from place to place, and the standard deviation of their logarithm.
+pub(super) const PLACE_FACTORS: [f64; 4] = [0.6, 1.0, 1.6, 2.5];
+const PLACE_FACTOR_LOG_SD: f64 = 0.4;
+/// Amounts of chlorophyll over the typical one, and the standard deviation of their logarithm.
+const CHLOROPHYLL: [f64; 5] = [0.1, 0.4, 1.2, 3.0, 7.0];
+const CHLOROPHYLL_LOG_SD: f64 = 1.25;
+/// Colors of the bulk on the grid, and their reach in standard deviations.
+const BULK_NODES: usize = 31;
+const BULK_REACH: f64 = 3.0;
+/// Mean shares of the region on the grid, and where they end.
+const MEANS: usize = 18;
+const MEAN_RANGE: [f64; 2] = [0.002, 0.45];
+/// Shares of blocks on the grid besides none and the means, and where they end.
+const SHARES: usize = 22;
+const SHARE_RANGE: [f64; 2] = [0.0025, 0.75];
+/// Patchy porphyrin: standard deviation of the logarithm, and probability that a block holds none.
+const PATCHES: [[f64; 2]; 4] = [[0.6, 0.0], [1.0, 0.0], [1.5, 0.0], [0.9, 0.4]];
+/// Probability of blocks that nobody foresaw, and how much wider they scatter.
+const OUTLIERS: f64 = 0.02;
+const OUTLIER_WIDTH: f64 = 3.0;
+/// Relative error of the scale of amplitudes.
+const SCALE_ERROR: f64 = 0.06;
+/// Terms this far below the best, as logarithms of probability, are left out.
+const NEGLIGIBLE: f64 = 9.0;
+/// Share from which on a block counts as one with porphyrin.
+pub(super) const SHARE_OF_MARK: f64 = 0.02;
+
+/// The blocks of a region along the red direction, and what is known beforehand.
+#[derive(Clone, Debug)]
+pub(super) struct RedPattern {
+    /// Amplitude of each block: 0 is the mean bulk of people, 1 is porphyrin alone.
+    pub(super) amplitudes: Vec<f64>,
+    /// Variance of each by the sensor's noise.
+    pub(super) noise: Vec<f64>,
+    /// Share of the region's light that each block sends.
+    pub(super) weights: Vec<f64>,
+    /// Variance of the bulk from place to place.
+    pub(super) place_variance: f64,
+    /// Logarithm of the likelihood of each of [`PLACE_FACTORS`].
+    pub(super) place_evidence: [f64; 4],
+    /// Mean of the person's bulk for a share of chlorophyll `C`: `[at 0, slope by C]`.
+    pub(super) bulk_mean: [f64; 2],
+    /// Variance of the person's bulk.
+    pub(super) bulk_variance: f64,
+    /// Typical amount of chlorophyll over all other light, and the amplitude of chlorophyll alone; none where the tissue holds none.
+    pub(super) chlorophyll: Option<[f64; 2]>,
+    /// Typical share of porphyrin in all light, and the standard deviation of its logarithm.
+    pub(super) typical_share: [f64; 2],
+    /// All light over that which the share is of.
+    pub(super) own_light: f64,
+    /// Whether patches of chlorophyll would look the same.
+    pub(super) looks_like_chlorophyll: bool,
+}
+
+/// What the pattern says.
+pub(super) struct PatternPosterior {
+    /// The share of the region.
+    pub(super) share: Mixture,
+    /// Probability that porphyrin is the same everywhere, and that it is patchy.
+    pub(super) even: f64,
+    pub(super) patchy: f64,
+    /// Mean share of each block, and the probability that it is above [`SHARE_OF_MARK`].
+    pub(super) blocks: Vec<[f64; 2]>,
+    /// Mean factor on the variation from place to place.
+    pub(super) place_factor: f64,
+    /// Mean share of chlorophyll.
+    pub(super) chlorophyll: f64,
+}
+
+/// A pattern of shares: its probability beforehand, and that of each share of the grid as a run of them.
+struct Pattern {
+    log_prior: f64,
+    first: usize,
+    probabilities: Vec<f64>,
+}
+
+/// Shares of blocks and the patterns in which they come.
+struct Patterns {
+    shares: Vec<f64>,
+    patterns: Vec<Pattern>,
+}
+
+/// Number of the pattern without porphyrin; those with the same share everywhere follow.
+const NONE: usize = 0;
+
+impl Patterns {
+    fn new([typical, log_sd]: [f64; 2]) -> Self {
+        let even_steps = |[low, high]: [f64; 2], count: usize| -> Vec<f64> {
+            let ratio = f64::ln(high / low);
+            (0..count).map(|i| low * (ratio * i as f64 / (count - 1) as f64).exp()).collect()
+        };
+        let means = even_steps(MEAN_RANGE, MEANS);
+        let mut shares = vec![0.0];
+        shares.extend(even_steps(SHARE_RANGE, SHARES));
+        shares.extend(&means);
+        shares.sort_by(f64::total_cmp);
+
+        let priors: Vec<f64> =
+            means.iter().map(|mean| (-0.5 * ((mean / typical).ln() / log_sd).powi(2)).exp()).collect();
+        let total: f64 = priors.iter().sum();
+        let third = f64::ln(1.0 / 3.0);
+        let mut patterns = vec![Pattern { log_prior: third, first: 0, probabilities: vec![1.0] }];
+        for (mean, prior) in means.iter().zip(&priors) {
+            let place = shares.iter().position(|share| share == mean).unwrap_or_default();
+            let log_prior = third + (prior / total).ln();
+            patterns.push(Pattern { log_prior, first: place, probabilities: vec![1.0] });
+        }
+        // Cells between the means of neighbors on the scale of logarithms; the outermost hold what lies beyond
+        let logs: Vec<f64> = shares[1..].iter().map(|share| share.ln()).collect();
+        for (mean, prior) in means.iter().zip(&priors) {
+            for [log_sd, empty] in PATCHES {
+                let center = (mean / (1.0 - empty)).ln() - 0.5 * log_sd * log_sd;
+                let below = |log: f64| 0.5 * erfc(-(log - center) / (log_sd * std::f64::consts::SQRT_2));
+                let edges = logs.windows(2).map(|pair| below(0.5 * (pair[0] + pair[1]))).chain([1.0]);
+                let mut last = 0.0;
+                let mut probabilities = vec![empty];
+                for edge in edges {
+                    probabilities.push((1.0 - empty) * (edge - last));
+                    last = edge;
+                }
+                let log_prior = third + (prior / total / PATCHES.len() as f64).ln();
+                patterns.push(Pattern { log_prior, first: 0, probabilities });
+            }
+        }
+        Self { shares, patterns }
+    }
+}
+
+/// One choice of the unknowns that all blocks share.
+#[derive(Clone, Copy)]
+struct Cell {
+    log_prior: f64,
+    place_factor: f64,
+    chlorophyll: f64,
+    bulk: f64,
+}
+
+/// A pattern in a cell that is not negligible.
+struct Term {
+    log_weight: f64,
+    pattern: usize,
+    /// Mean of the region's share and its variance.
+    share: [f64; 2],
+    /// Mean share of each block and the probability of a mark.
+    blocks: Vec<[f64; 2]>,
+}
+
+impl RedPattern {
+    /// The posterior; `None` without blocks.
+    pub(super) fn posterior(&self) -> Option<PatternPosterior> {
+        if self.amplitudes.is_empty() {
+            return None;
+        }
+        let patterns = Patterns::new(self.typical_share);
+        let cells = self.cells();
+
+        // Weigh every pattern in every cell, then look closer at what is not negligible
+        let evidence: Vec<Vec<f64>> = cells.par_iter().map(|cell| self.evidence(cell, &patterns)).collect();
+        let best = evidence.iter().flatten().copied().fold(f64::NEG_INFINITY, f64::max);
+        if !best.is_finite() {
+            return None;
+        }
+        let terms: Vec<(Cell, Vec<Term>)> = cells
+            .par_iter()
+            .zip(&evidence)
+            .filter(|(_, weights)| weights.iter().any(|weight| *weight > best - NEGLIGIBLE))
+            .map(|(cell, weights)| (*cell, self.terms(cell, &patterns, weights, best - NEGLIGIBLE)))
+            .collect();
+        Some(self.mix(&terms, best))
+    }
+
+    fn cells(&self) -> Vec<Cell> {
+        let log_normal = |factor: f64, log_sd: f64| -0.5 * (factor.ln() / log_sd).powi(2);
+        let normalized = |logs: Vec<f64>| -> Vec<f64> {
+            let total: f64 = logs.iter().map(|log| log.exp()).sum();
+            logs.iter().map(|log| log - total.ln()).collect()
+        };
+        let places = normalized(PLACE_FACTORS.iter().map(|f| log_normal(*f, PLACE_FACTOR_LOG_SD)).collect());
+        let (amounts, of_amounts) = match self.chlorophyll {
+            Some([typical, _]) => (
+                CHLOROPHYLL.iter().map(|k| k * typical / (1.0 + k * typical)).collect(),
+                normalized(CHLOROPHYLL.iter().map(|k| log_normal(*k, CHLOROPHYLL_LOG_SD)).collect()),
+            ),
+            None => (vec![0.0], vec![0.0]),
+        };
+        let amplitude = self.chlorophyll.map_or(0.0, |[_, amplitude]| amplitude);
+        let deviates: Vec<f64> =
+            (0..BULK_NODES).map(|i| BULK_REACH * (2.0 * i as f64 / (BULK_NODES - 1) as f64 - 1.0)).collect();
+        let of_deviates = normalized(deviates.iter().map(|z| -0.5 * z * z).collect());
+        let mut cells = Vec::new();
+        for ((place_factor, place), evidence) in PLACE_FACTORS.iter().zip(&places).zip(&self.place_evidence) {
+            for (&chlorophyll, of_amount) in amounts.iter().zip(&of_amounts) {
+                for (z, of_deviate) in deviates.iter().zip(&of_deviates) {
+                    let mean = self.bulk_mean[0] + self.bulk_mean[1] * chlorophyll;
+                    let own = mean + z * self.bulk_variance.sqrt();
+                    cells.push(Cell {
+                        log_prior: place + evidence + of_amount + of_deviate,
+                        place_factor: *place_factor,
+                        chlorophyll,
+                        bulk: own + amplitude * chlorophyll * (1.0 - own),
+                    });
+                }
+            }
+        }
+        cells
+    }
+
+    /// Likelihood of each share in a block, up to a factor that all cells have.
+    fn likelihood(&self, cell: &Cell, block: usize, shares: &[f64], out: &mut [f64]) {
+        let variance = cell.place_factor.powi(2) * self.place_variance
+            + (PLACES_OVER_PEOPLE * cell.chlorophyll).powi(2)
+            + self.noise[block];
+        let sd = variance.sqrt();
+        for (out, share) in out.iter_mut().zip(shares) {
+            let x = (self.amplitudes[block] - cell.bulk - share * (1.0 - cell.bulk)) / sd;
+            let wide = x / OUTLIER_WIDTH;
+            let bell = |x: f64| (-0.5 * x * x).exp();
+            *out = ((1.0 - OUTLIERS) * bell(x) + OUTLIERS / OUTLIER_WIDTH * bell(wide)) / sd;
+        }
+    }
+
+    /// Share of the number of blocks that is independent.
+    fn independent(&self) -> f64 {
+        (INDEPENDENT_BLOCKS / self.amplitudes.len() as f64).min(1.0)
+    }
+
+    /// Logarithm of the weight of each pattern in a cell.
+    fn evidence(&self, cell: &Cell, patterns: &Patterns) -> Vec<f64> {
+        let mut sums = vec![0.0; patterns.patterns.len()];
+        let mut likelihood = vec![0.0; patterns.shares.len()];
+        for block in 0..self.amplitudes.len() {
+            self.likelihood(cell, block, &patterns.shares, &mut likelihood);
+            for (sum, pattern) in sums.iter_mut().zip(&patterns.patterns) {
+                *sum += pattern.sum(&likelihood).max(f64::MIN_POSITIVE).ln();
+            }
+        }
+        let weight =
+            |(sum, pattern): (f64, &Pattern)| self.independent() * sum + cell.log_prior + pattern.log_prior;
+        sums.into_iter().zip(&patterns.patterns).map(weight).collect()
+    }
+
+    /// What the patterns of a cell that weigh more than `least` say of the blocks.
+    fn terms(&self, cell: &Cell, patterns: &Patterns, weights: &[f64], least: f64) -> Vec<Term> {
+        let blocks = self.amplitudes.len();
+        let mut likelihoods = vec![0.0; blocks * patterns.shares.len()];
+        for (block, out) in likelihoods.chunks_mut(patterns.shares.len()).enumerate() {
+            self.likelihood(cell, block, &patterns.shares, out);
+        }
+        let term = |(number, log_weight): (usize, &f64)| {
+            let pattern = &patterns.patterns[number];
+            let (mut mean, mut variance) = (0.0, 0.0);
+            let mut found = Vec::with_capacity(blocks);
+            for (likelihood, weight) in likelihoods.chunks(patterns.shares.len()).zip(&self.weights) {
+                let [first, second, marked] = pattern.moments(likelihood, &patterns.shares);
+                mean += weight * first;
+                variance += weight * (second - first * first).max(0.0);
+                found.push([first, marked]);
+            }
+            let of_scale = (SCALE_ERROR * mean).powi(2);
+            let independent = blocks as f64 * self.independent();
+            Term {
+                log_weight: *log_weight,
+                pattern: number,
+                share: [mean, variance / independent + of_scale],
+                blocks: found,
+            }
+        };
+        weights.iter().enumerate().filter(|(_, weight)| **weight > least).map(term).collect()
+    }
+
+    /// Adds up all terms.
+    fn mix(&self, terms: &[(Cell, Vec<Term>)], best: f64) -> PatternPosterior {
+        let all = || terms.iter().flat_map(|(cell, terms)| terms.iter().map(move |term| (cell, term)));
+        let weight = |term: &Term| (term.log_weight - best).exp();
+        let total: f64 = all().map(|(_, term)| weight(term)).sum();
+        let mut found = PatternPosterior {
+            share: Mixture { none: 0.0, terms: Vec::new() },
+            even: 0.0,
+            patchy: 0.0,
+            blocks: vec![[0.0; 2]; self.amplitudes.len()],
+            place_factor: 0.0,
+            chlorophyll: 0.0,
+        };
+        for (cell, term) in all() {
+            let weight = weight(term) / total;
+            match term.pattern {
+                NONE => found.share.none += weight,
+                pattern => {
+                    *(if pattern <= MEANS { &mut found.even } else { &mut found.patchy }) += weight;
+                    found.share.terms.push(self.log_odds(weight, term.share));
+                }
+            }
+            for (sum, block) in found.blocks.iter_mut().zip(&term.blocks) {
+                sum[0] += weight * (self.own_light * block[0]).min(1.0);
+                sum[1] += weight * block[1];
+            }
+            found.place_factor += weight * cell.place_factor;
+            found.chlorophyll += weight * cell.chlorophyll;
+        }
+        found
+    }
+
+    /// A share of all light with its variance as a share of the region's own light: weight, mean and standard deviation of the log
+    /// odds.
+    fn log_odds(&self, weight: f64, [mean, variance]: [f64; 2]) -> [f64; 3] {
+        let share = (self.own_light * mean).clamp(1e-9, 1.0 - 1e-9);
+        // The logarithm of a share that is log-normal with these moments, turned into odds at its median
+        let log_variance = (1.0 + variance / (mean * mean)).ln();
+        let median = (share * (-0.5 * log_variance).exp()).clamp(1e-9, 1.0 - 1e-9);
+        [weight, (median / (1.0 - median)).ln(), (log_variance.sqrt() / (1.0 - median)).max(1e-6)]
+    }
+}
+
+impl Pattern {
+    /// Likelihood of a block in the pattern.
+    fn sum(&self, likelihood: &[f64]) -> f64 {
+        self.probabilities.iter().zip(&likelihood[self.first..]).map(|(p, l)| p * l).sum()
+    }
+
+    /// Mean share of a block, mean of its square, and probability that it is above [`SHARE_OF_MARK`].
+    fn moments(&self, likelihood: &[f64], shares: &[f64]) -> [f64; 3] {
+        let mut sums = [0.0; 4];
+        let here = likelihood[self.first..].iter().zip(&shares[self.first..]);
+        for (probability, (likelihood, share)) in self.probabilities.iter().zip(here) {
+            let weight = probability * likelihood;
+            let marked = f64::from(u8::from(*share > SHARE_OF_MARK));
+            for (sum, value) in sums.iter_mut().zip([1.0, *share, share * share, marked]) {
+                *sum += weight * value;
+            }
+        }
+        let total = sums[0].max(f64::MIN_POSITIVE);
+        [sums[1] / total, sums[2] / total, sums[3] / total]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pattern(amplitudes: Vec<f64>) -> RedPattern {
+        let blocks = amplitudes.len();
+        RedPattern {
+            amplitudes,
+            noise: vec![0.003_f64.powi(2); blocks],
+            weights: vec![1.0 / blocks as f64; blocks],
+            place_variance: 0.0093_f64.powi(2),
+            place_evidence: [0.0; 4],
+            bulk_mean: [0.0, 0.0],
+            bulk_variance: 0.039_f64.powi(2),
+            chlorophyll: Some([0.014, 0.95]),
+            typical_share: [0.0153, 1.3],
+            own_light: 1.085,
+            looks_like_chlorophyll: true,
+        }
+    }
+
+    fn blocks(parts: &[(usize, f64)]) -> Vec<f64> {
+        parts.iter().flat_map(|(count, value)| vec![*value; *count]).collect()
+    }
+
+    /// A second program, in Python, gave these: probability of none, median, interval, mean share of the first and the last block.
+    #[test]
+    fn amplitudes_give_the_numbers_of_another_program() {
+        let even_steps = (0..40).map(|i| 0.15 * f64::from(i) / 39.0).collect();
+        let cases = [
+            (blocks(&[(40, 0.015)]), 0.526, 0.0, [0.0, 0.0376], [0.0073, 0.0073]),
+            (blocks(&[(40, 0.12)]), 0.088, 0.0720, [0.0, 0.1474], [0.0675, 0.0675]),
+            (blocks(&[(20, 0.015), (20, 0.075)]), 0.162, 0.0316, [0.0, 0.0625], [0.0075, 0.0428]),
+            (blocks(&[(20, 0.015), (20, 0.115)]), 0.00043, 0.0562, [0.0441, 0.0904], [0.0067, 0.1024]),
+            (blocks(&[(36, 0.015), (4, 0.115)]), 0.0200, 0.0152, [0.0065, 0.0235], [0.0045, 0.1009]),
+            (blocks(&[(36, 0.015), (4, 0.315)]), 0.0, 0.0413, [0.0348, 0.0524], [0.0065, 0.3265]),
+            (even_steps, 0.057, 0.0576, [0.0, 0.1047], [0.0128, 0.1080]),
+        ];
+        for (amplitudes, none, median, interval, [first, last]) in cases {
+            let found = pattern(amplitudes).posterior().unwrap();
+            let near = |name: &str, found: f64, wanted: f64, tolerance: f64| {
+                assert!((found - wanted).abs() <= tolerance, "{name} {found} {wanted}");
+            };
+            near("none", found.share.none, none, 0.03 * none + 1e-4);
+            near("median", found.share.quantile(0.5), median, 0.02 * median + 1e-4);
+            let found_interval = found.share.interval();
+            near("low", found_interval[0], interval[0], 0.08 * interval[0]);
+            near("high", found_interval[1], interval[1], 0.02 * interval[1]);
+            // Shares of blocks are of the region's own light here
+            near("first", found.blocks[0][0], 1.085 * first, 0.05 * first);
+            near("last", found.blocks[found.blocks.len() - 1][0], 1.085 * last, 0.03 * last);
+        }
+    }
+
+    /// The same porphyrin everywhere can't be told from another person's bulk: nothing is won by blocks.
+    #[test]
+    fn even_light_proves_nothing_and_patches_do() {
+        for share in [0.0, 0.05, 0.1] {
+            assert_eq!(pattern(vec![share; 50]).posterior().unwrap().share.interval()[0], 0.0, "{share}");
+        }
+        let patchy = pattern(blocks(&[(30, 0.0), (20, 0.1)])).posterior().unwrap();
+        assert!(patchy.share.interval()[0] > 0.02 && patchy.patchy > 0.95, "{:?}", patchy.share.interval());
+        assert!(patchy.blocks[0][1] < 0.1 && patchy.blocks[49][1] > 0.95);
+    }
+}

@@ -1,0 +1,329 @@
+//! Blocks of a region before a family of tissues: how red each is compared with what tissue of one person can be.
+//!
+//! The color of a block is the shares of its channels in their sum, which is linear in the share of the porphyrin: `z = bulk + s d`
+//! with `d` from the mean bulk of people to the porphyrin alone. Weights `c` with `c' d = 1` that scatter least from place to place
+//! give its amplitude `a = c' (z - mean)`; the rest `z - mean - a d` holds no porphyrin, and its mean over the blocks foretells where on
+//! the red direction the bulk of the person lies.
+
+use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::light_family::{LightFamily, NuisanceGroup};
+use super::red_pattern::{
+    INDEPENDENT_BLOCKS, PLACE_FACTORS, PLACES_OVER_PEOPLE, PatternPosterior, RedPattern, SHARE_OF_MARK,
+};
+use crate::sampling::random::Key;
+
+/// Draws of people, and of places in one person.
+const PEOPLE: u64 = 1000;
+const PLACES: u64 = 500;
+/// Variation of the light of teeth and of indirect light from place to place, standard deviations of logarithms.
+const PLACES_OF_TEETH: f64 = 0.45;
+const PLACES_OF_INDIRECT: f64 = 0.3;
+/// How alike places are: correlation at no distance of two blocks, that at any distance, and the length over which it falls, as a share
+/// of the side of a square of the region's size (8 mm of a tongue).
+const ALIKE: [f64; 3] = [0.9, 0.1, 0.23];
+/// Fewest blocks that say anything about a pattern.
+pub const LEAST_BLOCKS: usize = 8;
+/// Chlorophyll looks like porphyrin where this share of it moves the colors that porphyrin leaves alone by less than so many standard
+/// deviations of a place.
+const LOOKS_ALIKE: [f64; 2] = [0.05, 2.0];
+/// Share of marked blocks that may be false.
+const FALSE_DISCOVERIES: f64 = 0.05;
+
+/// A block of a region, as measured in the first frame of a family.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RegionBlock {
+    /// Its first column and row, pixels of the frame.
+    pub corner_px: [usize; 2],
+    /// Pixels that count.
+    pub pixels: usize,
+    /// Mean electrons of each datum of the first frame.
+    pub electrons: Vec<f64>,
+    /// Their variances by the sensor's noise.
+    pub variance: Vec<f64>,
+}
+
+/// What the blocks of a region say of the porphyrin in each.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BlockShares {
+    /// Side of a block, pixels of the frame.
+    pub side_px: usize,
+    /// The blocks.
+    pub blocks: Vec<BlockShare>,
+    /// Probability that the porphyrin is the same everywhere.
+    pub probability_of_even: f64,
+    /// Probability that it is patchy.
+    pub probability_of_patchy: f64,
+    /// How much more than usual the tissue varies from place to place: a factor on standard deviations.
+    pub place_factor: f64,
+    /// Mean share of the light of chlorophyll, by the prior of the tissue and by how the blocks scatter.
+    pub chlorophyll: f64,
+    /// Whether patches of plant pigment, as of food, would look the same to this camera.
+    pub looks_like_chlorophyll: bool,
+    /// Blocks that count as independent of each other.
+    pub independent: f64,
+}
+
+/// A block and the porphyrin in it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BlockShare {
+    /// First column and row, pixels of the frame.
+    pub corner_px: [usize; 2],
+    /// Mean of the share of the porphyrin in its fluorescence.
+    pub share: f64,
+    /// Probability that the share is above 0.02.
+    pub probability: f64,
+    /// Whether it belongs to the blocks of which at most 5 % hold less (Bayesian false discovery rate; Guindani, Mueller and Zhang,
+    /// J. R. Stat. Soc. B 71, 905, 2009).
+    pub is_marked: bool,
+}
+
+impl BlockShares {
+    pub(super) fn new(
+        blocks: &[RegionBlock],
+        side_px: usize,
+        (pattern, found): (&RedPattern, &PatternPosterior),
+    ) -> Self {
+        // Mark the most probable while the mean of what is false among them stays low
+        let mut order: Vec<usize> = (0..blocks.len()).collect();
+        order.sort_by(|a, b| found.blocks[*b][1].total_cmp(&found.blocks[*a][1]).then(a.cmp(b)));
+        let mut marked = vec![false; blocks.len()];
+        let mut false_ones = 0.0;
+        for (count, &block) in order.iter().enumerate() {
+            false_ones += 1.0 - found.blocks[block][1];
+            if false_ones > FALSE_DISCOVERIES * (count + 1) as f64 {
+                break;
+            }
+            marked[block] = true;
+        }
+        let share = |((block, [share, probability]), is_marked): ((&RegionBlock, &[f64; 2]), bool)| {
+            BlockShare { corner_px: block.corner_px, share: *share, probability: *probability, is_marked }
+        };
+        Self {
+            side_px,
+            blocks: blocks.iter().zip(&found.blocks).zip(marked).map(share).collect(),
+            probability_of_even: found.even,
+            probability_of_patchy: found.patchy,
+            place_factor: found.place_factor,
+            chlorophyll: found.chlorophyll,
+            looks_like_chlorophyll: pattern.looks_like_chlorophyll,
+            independent: INDEPENDENT_BLOCKS.min(blocks.len() as f64),
+        }
+    }
+
+    /// Number of blocks that are marked.
+    #[must_use]
+    pub fn marked(&self) -> usize {
+        self.blocks.iter().filter(|block| block.is_marked).count()
+    }
+
+    /// Least share from which on a block counts as one with porphyrin.
+    pub const SHARE_OF_MARK: f64 = SHARE_OF_MARK;
+}
+
+/// Mean and covariance of vectors.
+fn moments(vectors: &[DVector<f64>]) -> (DVector<f64>, DMatrix<f64>) {
+    let len = vectors.first().map_or(0, DVector::len);
+    let count = vectors.len().max(1) as f64;
+    let mean = vectors.iter().fold(DVector::zeros(len), |sum, vector| sum + vector) / count;
+    let mut covariance = DMatrix::zeros(len, len);
+    for vector in vectors {
+        let off = vector - &mean;
+        covariance.ger(1.0 / count, &off, &off, 1.0);
+    }
+    (mean, covariance)
+}
+
+impl LightFamily {
+    /// Numbers of the data whose electrons count in the share.
+    fn counted_data(&self) -> Vec<usize> {
+        (0..self.counted.len()).filter(|datum| self.counted[*datum]).collect()
+    }
+
+    /// Shares of the counted data in their sum but the last, by the electrons of all data of the first frame; `None` without light.
+    fn color(&self, electrons: &[f64]) -> Option<DVector<f64>> {
+        let counted = self.counted_data();
+        let total: f64 = counted.iter().map(|datum| electrons[*datum]).sum();
+        let (_, first) = counted.split_last()?;
+        (total > 0.0)
+            .then(|| DVector::from_iterator(first.len(), first.iter().map(|d| electrons[*d] / total)))
+    }
+
+    /// Colors of tissues drawn from the family, without porphyrin.
+    fn drawn_colors(&self, count: u64, seed: u64) -> Vec<DVector<f64>> {
+        let nuisances = self.nuisances().len() as u64;
+        let draw = |number: u64| {
+            let key = Key::new(seed).with(number);
+            let drawn: Vec<f64> = (0..nuisances).map(|nuisance| key.with(nuisance).normal()).collect();
+            self.color(&self.electrons(&drawn, 0.0))
+        };
+        (0..count).into_par_iter().filter_map(draw).collect()
+    }
+
+    /// The family with some of its sources taken out.
+    fn without(&self, is_out: impl Fn(&str, bool) -> bool) -> Self {
+        let mut family = self.clone();
+        for source in family.sources.iter_mut().filter(|source| is_out(&source.name, source.fluorescent)) {
+            source.median = 0.0;
+        }
+        family
+    }
+
+    /// The family of places in one typical person.
+    fn of_places(&self) -> Self {
+        let width = self.coordinates.first().map_or(1.0, |coordinate| coordinate.sd);
+        let mut family = self.widened(PLACES_OVER_PEOPLE / width.max(f64::MIN_POSITIVE));
+        for source in &mut family.sources {
+            if source.group == NuisanceGroup::Surroundings {
+                source.log_sd = PLACES_OF_TEETH;
+            }
+        }
+        if let Some(indirect) = &mut family.indirect {
+            indirect[1] = PLACES_OF_INDIRECT;
+        }
+        family.library.fill(0.0);
+        family
+    }
+
+    /// The blocks along the red direction; `None` where there are too few, or where they hold nothing to tell.
+    pub(super) fn red_pattern(&self, blocks: &[RegionBlock]) -> Option<RedPattern> {
+        if blocks.len() < LEAST_BLOCKS {
+            return None;
+        }
+        // The typical tissue, and what porphyrin and chlorophyll add to it
+        let is_chlorophyll = |name: &str| name.ends_with("chlorophyll");
+        let bulk_family = self.without(|name, _| is_chlorophyll(name));
+        let own_family = self.without(|_, fluorescent| !fluorescent);
+        let middle = vec![0.0; self.nuisances().len()];
+        let counted = self.counted_data();
+        let sum = |electrons: &[f64]| counted.iter().map(|datum| electrons[*datum]).sum::<f64>();
+        let added = |more: Vec<f64>, less: &[f64]| -> Vec<f64> {
+            more.iter().zip(less).map(|(more, less)| (more - less).max(0.0)).collect()
+        };
+        let bulk = bulk_family.electrons(&middle, 0.0);
+        let porphyrin = added(bulk_family.electrons(&middle, self.porphyrin.median), &bulk);
+        let chlorophyll = added(self.electrons(&middle, 0.0), &bulk);
+        let all = sum(&bulk) + sum(&porphyrin) + sum(&chlorophyll);
+        let own = sum(&own_family.electrons(&middle, self.porphyrin.median));
+        if !(own > 0.0 && all > 0.0) {
+            return None;
+        }
+
+        // People, and places in one of them
+        let (mean, of_people) = moments(&bulk_family.drawn_colors(PEOPLE, 1));
+        let (_, of_places) = moments(&bulk_family.of_places().drawn_colors(PLACES, 2));
+        let red = self.color(&porphyrin)? - &mean;
+        let colors: Vec<DVector<f64>> =
+            blocks.iter().map(|block| self.color(&block.electrons)).collect::<Option<_>>()?;
+        let noise: Vec<DMatrix<f64>> =
+            blocks.iter().zip(&colors).map(|(block, z)| self.noise_of(block, z)).collect();
+        let mean_noise =
+            noise.iter().fold(DMatrix::zeros(mean.len(), mean.len()), |sum, n| sum + n) / blocks.len() as f64;
+
+        // Amplitudes, and the rest that holds no porphyrin
+        let scatter = Cholesky::new(&of_places + &mean_noise)?;
+        let toward = scatter.solve(&red);
+        let weights = &toward / toward.dot(&red);
+        let remainder = DMatrix::identity(mean.len(), mean.len()) - &red * weights.transpose();
+        let off: Vec<DVector<f64>> = colors.iter().map(|color| color - &mean).collect();
+        let light: Vec<f64> = blocks.iter().map(|b| b.pixels as f64 * sum(&b.electrons)).collect();
+        let whole: f64 = light.iter().sum();
+        let light: Vec<f64> = light.iter().map(|light| light / whole).collect();
+        let rests: Vec<DVector<f64>> = off.iter().map(|off| &remainder * off).collect();
+        let mean_rest = rests
+            .iter()
+            .zip(&light)
+            .fold(DVector::zeros(mean.len()), |sum, (rest, weight)| sum + rest * *weight);
+
+        // Where the rest says that the bulk of the person lies
+        let independent = INDEPENDENT_BLOCKS.min(blocks.len() as f64);
+        let of_mean = &remainder * (&of_places + &mean_noise) * remainder.transpose() / independent;
+        let of_rest = &remainder * &of_people * remainder.transpose() + of_mean;
+        let along = (weights.transpose() * &of_people * remainder.transpose()).transpose();
+        let tolerance = 1e-9 * of_rest.diagonal().max();
+        let regression = of_rest.pseudo_inverse(tolerance).ok()? * &along;
+        let bulk_variance = (weights.transpose() * &of_people * &weights)[(0, 0)] - regression.dot(&along);
+        let of_chlorophyll = self.color(&chlorophyll).map(|color| color - &mean);
+        let scatter_of_rest = &remainder * (&of_places + &mean_noise) * remainder.transpose();
+        let tolerance = 1e-9 * scatter_of_rest.diagonal().max();
+        let looks_like_chlorophyll = of_chlorophyll.as_ref().is_some_and(|color| {
+            let rest = &remainder * color * LOOKS_ALIKE[0];
+            let scattered = scatter_of_rest.clone().pseudo_inverse(tolerance);
+            scattered.is_ok_and(|inverse| rest.dot(&(inverse * &rest)).max(0.0).sqrt() < LOOKS_ALIKE[1])
+        });
+        let slope = of_chlorophyll.as_ref().map_or(0.0, |color| -regression.dot(&(&remainder * color)));
+
+        let pattern = RedPattern {
+            amplitudes: off.iter().map(|off| weights.dot(off)).collect(),
+            noise: noise.iter().map(|n| (weights.transpose() * n * &weights)[(0, 0)]).collect(),
+            weights: light,
+            place_variance: (weights.transpose() * &of_places * &weights)[(0, 0)],
+            place_evidence: place_evidence(blocks, &rests, &noise, &remainder, &of_places),
+            bulk_mean: [regression.dot(&mean_rest), slope],
+            bulk_variance: bulk_variance.max(1e-12),
+            chlorophyll: of_chlorophyll
+                .map(|color| [sum(&chlorophyll) / (sum(&bulk) + sum(&porphyrin)), weights.dot(&color)]),
+            typical_share: [sum(&porphyrin) / all, self.porphyrin.log_sd],
+            own_light: all / own,
+            looks_like_chlorophyll,
+        };
+        Some(pattern)
+    }
+
+    /// Covariance of the color of a block by the sensor's noise.
+    fn noise_of(&self, block: &RegionBlock, color: &DVector<f64>) -> DMatrix<f64> {
+        let counted = self.counted_data();
+        let total: f64 = counted.iter().map(|datum| block.electrons[*datum]).sum();
+        let slopes = DMatrix::from_fn(color.len(), counted.len(), |row, col| {
+            (f64::from(u8::from(row == col)) - color[row]) / total
+        });
+        let variance = DVector::from_iterator(counted.len(), counted.iter().map(|d| block.variance[*d]));
+        &slopes * DMatrix::from_diagonal(&variance) * slopes.transpose()
+    }
+}
+
+/// Logarithm of the likelihood of each of [`PLACE_FACTORS`] by how the rests of the blocks scatter, each principal direction by
+/// itself, with tissue that is alike at near places and any mean.
+fn place_evidence(
+    blocks: &[RegionBlock],
+    rests: &[DVector<f64>],
+    noise: &[DMatrix<f64>],
+    remainder: &DMatrix<f64>,
+    of_places: &DMatrix<f64>,
+) -> [f64; 4] {
+    /// Variance of the mean, over that of places: as good as unknown.
+    const ANY_MEAN: f64 = 100.0;
+    let count = blocks.len();
+    let pixels: usize = blocks.iter().map(|block| block.pixels).sum();
+    let length = ALIKE[2] * (pixels as f64).sqrt();
+    let alike = DMatrix::from_fn(count, count, |i, j| {
+        let way = |axis: usize| blocks[i].corner_px[axis] as f64 - blocks[j].corner_px[axis] as f64;
+        let own = if i == j { ALIKE[1] } else { 0.0 };
+        ALIKE[0] * (-way(0).hypot(way(1)) / length).exp() + own + ANY_MEAN
+    });
+    let SymmetricEigen { eigenvalues, eigenvectors } =
+        SymmetricEigen::new(remainder * of_places * remainder.transpose());
+    let largest = eigenvalues.max();
+    let mut evidence = [0.0; 4];
+    for (number, value) in eigenvalues.iter().enumerate().filter(|(_, value)| **value > 1e-6 * largest) {
+        let axis = eigenvectors.column(number);
+        let values = DVector::from_iterator(count, rests.iter().map(|rest| axis.dot(rest)));
+        let of_noise: Vec<f64> = noise
+            .iter()
+            .map(|n| (axis.transpose() * remainder * n * remainder.transpose() * axis)[(0, 0)])
+            .collect();
+        for (sum, factor) in evidence.iter_mut().zip(PLACE_FACTORS) {
+            let covariance = &alike * (factor * factor * value)
+                + DMatrix::from_diagonal(&DVector::from_vec(of_noise.clone()));
+            if let Some(found) = Cholesky::new(covariance) {
+                let log_determinant: f64 = found.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum();
+                *sum -= 0.5 * (log_determinant + values.dot(&found.solve(&values)));
+            }
+        }
+    }
+    let share = (INDEPENDENT_BLOCKS / count as f64).min(1.0);
+    let best = evidence.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    evidence.map(|value| share * (value - best))
+}
