@@ -72,7 +72,7 @@ mod tests {
             (format!("format = 1\n{one}{}", one.replace("mine", "yours")), "there are 2 tissues"),
             (one.to_string(), "write format = 1"),
             (format!("format = 1\n{}", one.replace("0.7", "70")), "outside 0 to 1"),
-            (format!("format = 1\n{}", one.replace("lip\"", "lop\"")), "no tissue 'lop'"),
+            (format!("format = 1\n{}", one.replace("lip\"", "lop\"")), "no tissue \"lop\""),
             (format!("format = 1\nlayer = 3\n{one}"), "layer"),
         ];
         for (text, words) in wrong {

@@ -29,6 +29,8 @@ pub enum PresetKind {
     Glass,
     /// A lens: surfaces, glasses, stop.
     Lens,
+    /// A tissue with its parameters.
+    Site,
     /// A complete experiment.
     Experiment,
     /// A flat sample without geometry.
@@ -39,7 +41,7 @@ pub enum PresetKind {
 
 impl PresetKind {
     /// Every kind.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Light,
         Self::Filter,
         Self::Reflectance,
@@ -49,6 +51,7 @@ impl PresetKind {
         Self::Fluorophore,
         Self::Glass,
         Self::Lens,
+        Self::Site,
         Self::Experiment,
         Self::Sample,
         Self::Design,
@@ -65,6 +68,7 @@ impl PresetKind {
             Self::Fluorophore => "fluorophores",
             Self::Glass => "glasses",
             Self::Lens => "lenses",
+            Self::Site => "sites",
             Self::Experiment => "experiments",
             Self::Sample => "samples",
             Self::Design => "designs",
@@ -84,6 +88,7 @@ impl fmt::Display for PresetKind {
             Self::Fluorophore => "fluorophore",
             Self::Glass => "glass",
             Self::Lens => "lens",
+            Self::Site => "tissue",
             Self::Experiment => "experiment",
             Self::Sample => "flat sample",
             Self::Design => "design problem",

@@ -8,24 +8,23 @@ use fluorspar_format::{FormatError, SpectrumOptions, SpectrumQuantity, read_spec
 use super::catalogue::built_in_names;
 use super::curve_preset::{filter, light_spectrum, quantum_efficiency, reflectance};
 use super::kind::{PresetError, PresetKind};
+use super::site_preset::site;
 use super::text_preset::sensor;
-use super::user_entries::{Entries, UserEntry, keep_entries};
-
-/// Largest file of the folder, bytes.
-const MOST_BYTES: u64 = 4 << 20;
+use super::user_entries::{Entries, MOST_BYTES, UserEntry, keep_entries};
 
 /// Kinds of entries that the folder may hold.
-const KINDS: [PresetKind; 5] = [
+const KINDS: [PresetKind; 6] = [
     PresetKind::Light,
     PresetKind::Filter,
     PresetKind::Reflectance,
     PresetKind::QuantumEfficiency,
     PresetKind::Sensor,
+    PresetKind::Site,
 ];
 
 /// Lets the entries of a folder stand beside those of the catalogue, for the rest of this process. Its folders `lights`, `filters`,
-/// `reflectances`, `qe` and `sensors` hold files in the form of the catalogue (`NAME.toml`), or tables (`NAME.csv`, not for sensors):
-/// wavelength, nm, in the first column, one column beside it, for quantum efficiencies one for each channel. A table of a light is brought
+/// `reflectances`, `qe`, `sensors` and `sites` hold files in the form of the catalogue (`NAME.toml`), or tables (`NAME.csv`, only of
+/// spectra): wavelength, nm, in the first column, one column beside it, for quantum efficiencies one for each channel. A table of a light is brought
 /// to a peak of 1. The first folder that is used stays.
 ///
 /// # Errors
@@ -65,6 +64,7 @@ fn check(folder: &str, name: &str) -> Result<(), PresetError> {
         Some(PresetKind::Filter) => filter(name).map(drop),
         Some(PresetKind::Reflectance) => reflectance(name).map(drop),
         Some(PresetKind::QuantumEfficiency) => quantum_efficiency(name).map(drop),
+        Some(PresetKind::Site) => site(name).map(drop),
         _ => sensor(name).map(drop),
     }
 }
@@ -81,7 +81,9 @@ fn of_file(path: &Path, error: &FormatError) -> PresetError {
 fn text_of_entry(kind: PresetKind, name: &str, path: &Path) -> Result<Option<String>, PresetError> {
     match path.extension().and_then(|ending| ending.to_str()) {
         Some("toml") => read_text_bounded(path, MOST_BYTES).map(Some).map_err(|error| of_file(path, &error)),
-        Some("csv") if kind != PresetKind::Sensor => text_of_table(kind, name, path).map(Some),
+        Some("csv") if !matches!(kind, PresetKind::Sensor | PresetKind::Site) => {
+            text_of_table(kind, name, path).map(Some)
+        }
         _ => Ok(None),
     }
 }

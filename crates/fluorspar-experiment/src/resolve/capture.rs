@@ -14,6 +14,7 @@ use super::spectrum::Role;
 use super::tissue;
 use crate::cache::cached_solutions;
 use crate::error::{Message, Place, Step, steps};
+use crate::preset::{self, PresetError};
 use crate::schema::{
     AnalysisSection, BulkReference, CaptureSection, ConcentrationFactor, DEFAULT_PORPHYRIN, ExperimentFile,
     ExposureTime, TextureReference,
@@ -423,9 +424,7 @@ fn wanted_share(section: &AnalysisSection) -> Option<&String> {
 
 /// Whether tissue of the mouth holds a fluorophore of this name.
 fn is_of_tissue(name: &str) -> bool {
-    ["dorsal_tongue", "tooth"]
-        .iter()
-        .any(|site| Site::named(site).is_ok_and(|site| site.fluorophores().contains(&name)))
+    Site::quantum_yield(name).is_some()
 }
 
 /// The porphyrin that an analysis means that names none: the one that the region holds, else the one of the scene. Where there is none,
@@ -535,16 +534,22 @@ fn tissue_prior(
             _ => return Ok(None),
         },
     };
-    let surroundings = file.mouth.is_some();
+    let failed = |error: PresetError| context.error(&at, error);
+    let teeth = teeth_around(file).map_err(failed)?;
+    let others = preset::compared_sites().map_err(failed)?;
     let mut known = Fluorophores::default();
-    let teeth = surroundings.then(|| Site::named("tooth").map(|site| site.fluorophores()));
-    let of_teeth = teeth.and_then(Result::ok).unwrap_or_default();
+    let of_teeth = teeth.as_ref().map(Site::fluorophores).unwrap_or_default();
     for name in site.fluorophores().iter().chain(of_teeth) {
         known.index(context, &at, &file.fluorophore, name)?;
     }
     let fluorophores = known.list.into_iter().map(Arc::new).collect();
     let kept = cached_solutions();
-    Ok(Some(TissuePrior { site, fluorophores, width, library_error, surroundings, site_probability, kept }))
+    Ok(Some(TissuePrior { site, fluorophores, width, library_error, teeth, site_probability, others, kept }))
+}
+
+/// The teeth that light a site in a mouth.
+pub(super) fn teeth_around(file: &ExperimentFile) -> Result<Option<Site>, PresetError> {
+    file.mouth.is_some().then(|| preset::site("tooth")).transpose()
 }
 
 /// The typical tissue of the site that the material of the region's first part is made of; what the experiment changes about it
@@ -554,8 +559,8 @@ fn material_site(file: &ExperimentFile, section: &AnalysisSection, seen: &Seen<'
     let object = seen.objects.iter().find(|object| object.name == *part)?;
     let name = file.material[seen.original(object.material)].tissue()?;
     match file.tissue.iter().find(|section| section.name == name) {
-        None => Site::named(name).ok(),
-        Some(section) => Site::named(section.site.as_ref()?).ok(),
+        None => preset::site(name).ok(),
+        Some(section) => preset::site_or_file(section.site.as_ref()?.as_str()).ok(),
     }
 }
 

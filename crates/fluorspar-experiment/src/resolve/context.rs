@@ -10,11 +10,13 @@ use glam::{DVec3, Vec3};
 use super::record::InputFile;
 use crate::document::tree::Document;
 use crate::error::{ExperimentError, Message, PathsFrom, Place, Step};
-use crate::schema::{ExposureTime, FilePath};
+use crate::preset::{self, PresetError};
+use crate::schema::{ExposureTime, FilePath, NameOrFile};
 use fluorspar::digest::sha256_hex;
 use fluorspar::quote::excerpt_to;
 use fluorspar::sensor::{AutoExposure, EXPOSURE_MS};
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
+use fluorspar::tissue::Site;
 use fluorspar::units::{counted, number_text};
 use fluorspar::warning::Warning;
 use fluorspar_anatomy::{MouthParameters, Tissue};
@@ -244,6 +246,17 @@ impl<'a> Context<'a> {
     pub(crate) fn note_preset(&mut self, what: &str, name: &str, content: &impl serde::Serialize) {
         let text = serde_json::to_string(content).unwrap_or_default();
         self.presets.insert(format!("{what} {name}"), sha256_hex([text]));
+    }
+
+    /// A tissue site of the catalogue or of a file, noted as an input.
+    pub(crate) fn site(&mut self, at: &[Step], reference: &NameOrFile) -> Resolved<Site> {
+        if let NameOrFile::File(path) = reference {
+            self.note_input(at, path)?;
+        }
+        preset::site_or_file(reference.as_str()).map_err(|error| match &error {
+            PresetError::User { message, .. } => self.error(at, message.as_str()),
+            _ => self.error(at, error),
+        })
     }
 
     /// SHA-256 of a file and of the entries of the catalogue that it uses, as hexadecimal text. Paths count by the content of

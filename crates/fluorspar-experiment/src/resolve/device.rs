@@ -10,8 +10,8 @@ use crate::error::{Place, steps};
 use crate::preset;
 use crate::schema::{
     CameraSection, EdgeBins, EfficiencyReference, ExperimentFile, FieldOfView, FilterAngles, FilterPosition,
-    ImageFormation, LensSection, NameOrLens, NameOrTable, RenderSection, SensorSection, SpectralSection,
-    SpectrumReference, StatisticsChoice, TracedLensSection, UniformBins, ViewFilterSection,
+    ImageFormation, LensSection, NameOrFile, NameOrTable, RenderSection, SensorSection, SpectralSection,
+    SpectrumReference, StatisticsChoice, TracedLensSection, UniformBins, ViewFilterSection, is_file_name,
 };
 use fluorspar::optics::{
     CameraLens, FilterAutofluorescence, FilterStack, IdealLens, LensSetting, LensState, Paraxial,
@@ -373,15 +373,15 @@ fn traced_lens(
 ) -> Resolved<CameraLens> {
     let at = |key: &str| steps!["lens", key];
     let name = section.prescription.as_str();
-    if let NameOrLens::File(path) = &section.prescription {
+    if let NameOrFile::File(path) = &section.prescription {
         context.note_input(&at("prescription"), path)?;
     }
     let loaded = preset::lens_or_file(name).map_err(|error| {
         let error = context.error(&at("prescription"), error.to_string());
-        if preset::is_lens_file(name) { error.without_value() } else { error }
+        if is_file_name(name) { error.without_value() } else { error }
     })?;
     let mut lens = loaded.lens;
-    if !preset::is_lens_file(name) {
+    if !is_file_name(name) {
         let text = format!("{lens:?}");
         context.note_preset("lens", name, &text);
     }

@@ -7,7 +7,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::{EfficiencyReference, NameOrLens, SpectrumReference};
+use super::{EfficiencyReference, NameOrFile, SpectrumReference};
 use fluorspar::optics::Vignetting;
 use fluorspar::sensor::SensorModel;
 
@@ -166,7 +166,7 @@ impl Default for IdealLensSection {
 #[serde(deny_unknown_fields)]
 pub struct TracedLensSection {
     /// A lens of the catalogue, or the path of a lens file (.toml, .dat of pbrt, .json of ISET, .zmx of Zemax).
-    pub prescription: NameOrLens,
+    pub prescription: NameOrFile,
     /// Focal length, mm, above 0, to which the lens is scaled. Default: that of the prescription.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focal_length_mm: Option<f64>,

@@ -49,7 +49,8 @@ pub use object::{
     MeshShape, MouthSection, ObjectSection, PlacesSection, QuadShape, ScanSection, ShapeSection, SphereShape,
     TransformSection,
 };
-pub use path::{FilePath, NameOrLens, NameOrTable};
+pub(crate) use path::is_file_name;
+pub use path::{FilePath, NameOrFile, NameOrTable};
 pub use reference::{
     AnatomyMap, CheckerMap, DorsalTongueMap, EfficiencyReference, ImageMap, MatlabSpectrum, NoiseMap,
     ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable, TableUnit,

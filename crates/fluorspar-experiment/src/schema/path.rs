@@ -7,8 +7,6 @@ use std::path::Path;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 
-use crate::preset::is_lens_file;
-
 /// Path of a file. In a file relative to the folder of that file, in an override to the working folder; absolute once it is read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -116,17 +114,24 @@ impl JsonSchema for NameOrTable {
     }
 }
 
-/// A text that is a lens of the catalogue or the path of a lens file.
+/// Whether a text is the path of a file of a lens or a tissue site rather than a name of the catalogue.
+pub(crate) fn is_file_name(text: &str) -> bool {
+    let lower = text.to_lowercase();
+    text.contains(['/', '\\'])
+        || [".toml", ".dat", ".json", ".zmx"].iter().any(|ending| lower.ends_with(ending))
+}
+
+/// A text that is a lens or a tissue site of the catalogue, or the path of a file of one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "String", into = "String")]
-pub enum NameOrLens {
+pub enum NameOrFile {
     /// A name of the catalogue.
     Name(String),
-    /// A path: with a slash, or the ending of a lens file.
+    /// A path: with a slash, or the ending of such a file.
     File(FilePath),
 }
 
-impl NameOrLens {
+impl NameOrFile {
     /// The name or the path.
     pub fn as_str(&self) -> &str {
         match self {
@@ -136,31 +141,31 @@ impl NameOrLens {
     }
 }
 
-impl From<String> for NameOrLens {
+impl From<String> for NameOrFile {
     fn from(text: String) -> Self {
-        if is_lens_file(&text) { Self::File(FilePath(text)) } else { Self::Name(text) }
+        if is_file_name(&text) { Self::File(FilePath(text)) } else { Self::Name(text) }
     }
 }
 
-impl From<NameOrLens> for String {
-    fn from(reference: NameOrLens) -> Self {
+impl From<NameOrFile> for String {
+    fn from(reference: NameOrFile) -> Self {
         match reference {
-            NameOrLens::Name(name) => name,
-            NameOrLens::File(FilePath(path)) => path,
+            NameOrFile::Name(name) => name,
+            NameOrFile::File(FilePath(path)) => path,
         }
     }
 }
 
-impl JsonSchema for NameOrLens {
+impl JsonSchema for NameOrFile {
     fn schema_name() -> Cow<'static, str> {
-        "NameOrLens".into()
+        "NameOrFile".into()
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "description": "A lens of the catalogue or the path of a lens file.",
+            "description": "A name of the catalogue or the path of a file.",
             "type": "string",
-            "format": "name-or-lens-path"
+            "format": "name-or-file-path"
         })
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SpectrumReference;
+use super::{NameOrFile, SpectrumReference};
 
 /// Layered tissue with blood and depth: a site of the catalogue, in some state, with other parameters; or layers that are
 /// described one by one.
@@ -14,10 +14,11 @@ use super::SpectrumReference;
 pub struct TissueSection {
     /// Name by which materials and samples refer to it.
     pub name: String,
-    /// Site of the catalogue that it starts from, for instance "dorsal_tongue". Without it `layer` describes the tissue.
+    /// Site that it starts from: of the catalogue, for instance "dorsal_tongue", or the path of a site file (.toml). Without it `layer`
+    /// describes the tissue.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-mutually-exclusive-with" = ["layer", "refractive_index", "index_below"]))]
-    pub site: Option<String>,
+    pub site: Option<NameOrFile>,
     /// States of a site, for instance "inflammation", applied one after the other. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub states: Vec<String>,

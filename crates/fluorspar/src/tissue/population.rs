@@ -175,11 +175,10 @@ impl Variation {
 /// ```
 /// use fluorspar::sampling::random::Key;
 /// use fluorspar::tissue::{Population, Site};
-/// let tongues = Population::of(&Site::named("dorsal_tongue")?);
-/// let person = tongues.person(&mut Key::new(7).rng());
-/// let [here, there] = [0, 1].map(|place| person.draw(&mut Key::new(7).with(place).rng()));
-/// assert_ne!(here.get("superficial_blood_fraction")?, there.get("superficial_blood_fraction")?);
-/// # Ok::<(), fluorspar::tissue::TissueError>(())
+/// fn two_places_of_a_person(typical: &Site) -> [Site; 2] {
+///     let person = Population::of(typical).person(&mut Key::new(7).rng());
+///     [0, 1].map(|place| person.draw(&mut Key::new(7).with(place).rng()))
+/// }
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Population {
@@ -262,6 +261,7 @@ impl Population {
 mod tests {
     use super::*;
     use crate::sampling::random::Key;
+    use crate::tissue::site_tests::{lip, tongue};
 
     fn logs(sites: &[Site], name: &str) -> Vec<f64> {
         sites.iter().map(|site| site.get(name).unwrap().ln()).collect()
@@ -277,7 +277,7 @@ mod tests {
     /// them.
     #[test]
     fn draws_scatter_as_stated_among_people_and_within_a_person() {
-        let population = Population::of(&Site::named("dorsal_tongue").unwrap());
+        let population = Population::of(&tongue());
         let n = 4000;
         let drawn: Vec<Site> = (0..n).map(|i| population.draw(&mut Key::new(1).with(i).rng())).collect();
         let person = population.person(&mut Key::new(2).rng());
@@ -300,7 +300,7 @@ mod tests {
 
     #[test]
     fn what_varies_together_keeps_its_ratio_and_what_is_absent_stays_absent() {
-        let population = Population::of(&Site::named("lip").unwrap()).widened(3.0);
+        let population = Population::of(&lip()).widened(3.0);
         assert!(
             population
                 .variations()
@@ -314,7 +314,7 @@ mod tests {
                 (0.0..=1.0).contains(&saturation) && site.get("biofilm_porphyrin_per_mm").unwrap() == 0.0
             );
         }
-        let tongue = Population::of(&Site::named("dorsal_tongue").unwrap());
+        let tongue = Population::of(&tongue());
         let site = tongue.tissue_at(&[1.0; 13]);
         let names = ["superficial_lipopigment_per_mm", "deep_lipopigment_per_mm"];
         let [a, b] = names.map(|name| site.get(name).unwrap() / tongue.typical().get(name).unwrap());

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::ValueHint;
 use fluorspar::spectral::Fluorophore;
 use fluorspar::tissue::{LayeredTissue, Site, TissueState};
-use fluorspar_experiment::preset::fluorophore;
+use fluorspar_experiment::preset::{self, fluorophore, site_of_text};
 use fluorspar_experiment::{NamedTissue, ResolvedEmission, ResolvedLayers, parse_layers, parse_tissue};
 
 use crate::error::CliError;
@@ -39,8 +39,8 @@ fn changed(mut site: Site, states: &[String], changes: &[String]) -> Result<Site
 /// A site of the catalogue, or a tissue of a file, with changes.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct SiteArgs {
-    /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file with one [[tissue]] section (.toml): a site, as
-    /// `tissue fit` writes it, or layers.
+    /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file (.toml): a site in the form of the catalogue, or one
+    /// [[tissue]] section, a site with changes, as `tissue fit` writes it, or layers.
     #[arg(value_name = "SITE|FILE", value_hint = ValueHint::FilePath)]
     site: String,
     /// State of the site: inflammation, hyperemia or dysplasia. May be repeated.
@@ -61,7 +61,7 @@ impl SiteArgs {
     pub(super) fn resolve(&self) -> Result<(String, NamedTissue), CliError> {
         let (name, tissue) = match self.file() {
             None => {
-                let site = Site::named(&self.site)?;
+                let site = preset::site(&self.site)?;
                 (site.title().to_string(), NamedTissue::Site(site))
             }
             Some(path) => tissue_of_file(&read_text(&path)?, &path)?,
@@ -100,8 +100,18 @@ pub(crate) fn site_named(text: &str) -> Result<Site, CliError> {
     Ok(args.resolve_site()?.1)
 }
 
-/// The tissue of the text of a file with a `[[tissue]]` section.
+/// Whether a text is a file of a site rather than one with a `[[tissue]]` section or plane layers.
+fn is_site(text: &str) -> bool {
+    text.lines().any(|line| line.starts_with("structure"))
+}
+
+/// The tissue of the text of a file of a site or with a `[[tissue]]` section.
 fn tissue_of_file(text: &str, path: &Path) -> Result<(String, NamedTissue), CliError> {
+    if is_site(text) {
+        let site = site_of_text(text)
+            .map_err(|message| CliError::Input(format!("{}: {message}", path.display())))?;
+        return Ok((site.title().to_string(), NamedTissue::Site(site)));
+    }
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Ok(parse_tissue(text, &path.display().to_string(), folder)?)
 }
@@ -116,8 +126,8 @@ fn file_of(text: &str) -> Option<PathBuf> {
 /// Which tissue, at which wavelengths.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct TissueArgs {
-    /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file: with one [[tissue]] section, or of plane layers at
-    /// one wavelength ([[layer]] sections).
+    /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file: of a site, with one [[tissue]] section, or of plane
+    /// layers at one wavelength ([[layer]] sections).
     #[arg(value_name = "TISSUE", value_hint = ValueHint::FilePath)]
     tissue: String,
     /// Light of one wavelength on a tissue, nm.
@@ -149,11 +159,11 @@ impl TissueArgs {
 
     pub(super) fn resolve(&self) -> Result<ResolvedLayers, CliError> {
         let Some(path) = self.file() else {
-            let site = changed(Site::named(&self.tissue)?, &self.state, &self.set)?;
+            let site = changed(preset::site(&self.tissue)?, &self.state, &self.set)?;
             return self.at_wavelength(site.title(), &site.tissue(&find)?);
         };
         let text = read_text(&path)?;
-        if text.lines().any(|line| line.trim_start().starts_with("[[tissue]]")) {
+        if is_site(&text) || text.lines().any(|line| line.trim_start().starts_with("[[tissue]]")) {
             let args =
                 SiteArgs { site: self.tissue.clone(), state: self.state.clone(), set: self.set.clone() };
             let (title, tissue) = args.resolve()?;
