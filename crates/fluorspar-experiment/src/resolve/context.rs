@@ -269,6 +269,19 @@ impl<'a> Context<'a> {
         Ok(sha256_hex(std::iter::once(text).chain(presets)))
     }
 
+    /// Complete sections as the text of a file, and the digest of the same without what decides no result, which `strip` takes away.
+    pub(crate) fn write_out<T: serde::Serialize>(
+        &self,
+        mut file: T,
+        strip: impl FnOnce(&mut T),
+    ) -> Resolved<(String, String)> {
+        let failed =
+            |error: toml::ser::Error| self.error(&[], format!("what was read can't be written out: {error}"));
+        let text = crate::file_text(&file).map_err(failed)?;
+        strip(&mut file);
+        Ok((text, self.digest(&file).map_err(failed)?))
+    }
+
     /// Exposure time, ms, or the rule that finds it.
     pub(crate) fn exposure(
         &self,

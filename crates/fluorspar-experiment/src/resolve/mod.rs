@@ -443,7 +443,7 @@ pub fn resolve_captures(
     let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
     let develop = instrument::develop(context, file, camera.sensor.as_ref(), &grid)?;
-    let (complete, resolved_toml) = completed(context, file)?;
+    let (complete, resolved_toml, _) = write_out(context, file)?;
     // Of the same camera the render has warned
     let warnings = if is_same { Vec::new() } else { context.take_warnings(&grid) };
     let scene = Scene {
@@ -593,24 +593,13 @@ fn warn_unused(
 
 /// The resolved file and its digest.
 fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(ExperimentFile, String, String)> {
-    let (complete, text) = completed(context, file)?;
-    let mut decisive = complete.clone();
-    decisive.title.clear();
-    decisive.description.clear();
-    decisive.output = super::schema::OutputSection::default();
-    let digest = context.digest(&decisive).map_err(|error| not_written(context, &error))?;
-    Ok((complete, text, digest))
-}
-
-fn not_written(context: &Context<'_>, error: &toml::ser::Error) -> ExperimentError {
-    context.error(&[], format!("the experiment can't be written out: {error}"))
-}
-
-/// The file with all that it leaves to defaults, and its text.
-fn completed(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(ExperimentFile, String)> {
     let complete = complete(file);
-    let text = crate::file_text(&complete).map_err(|error| not_written(context, &error))?;
-    Ok((complete, text))
+    let (text, digest) = context.write_out(complete.clone(), |decisive| {
+        decisive.title.clear();
+        decisive.description.clear();
+        decisive.output = super::schema::OutputSection::default();
+    })?;
+    Ok((complete, text, digest))
 }
 
 /// The file with all that it leaves to defaults. Completing it again changes nothing.
