@@ -60,7 +60,6 @@ pub struct LayerSection {
     /// Anisotropy factor of Henyey and Greenstein, the mean cosine of the scattering angle, -0.99 to 0.995.
     pub anisotropy: f64,
     /// Fluorescence, and the optical properties at its wavelength. All layers have it, or none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emission: Option<LayerEmissionSection>,
 }
 
@@ -77,10 +76,8 @@ pub struct LayerEmissionSection {
     /// Scattering coefficient, 1/mm, 0 to 10000.
     pub scattering_per_mm: f64,
     /// Anisotropy factor, -0.99 to 0.995. Default: that of the excitation.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub anisotropy: Option<f64>,
     /// Refractive index, 1 to 3. Default: that of the excitation.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refractive_index: Option<f64>,
 }
 

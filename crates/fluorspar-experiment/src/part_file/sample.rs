@@ -172,10 +172,8 @@ pub struct SampleFile {
     #[serde(default)]
     pub view_filter: ViewFilterSection,
     /// Lens; without it radiances are all that is computed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lens: Option<LensSection>,
     /// Sensor.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<SensorSection>,
     /// Exposure.
     #[serde(default)]

@@ -91,7 +91,6 @@ pub struct CaptureSection {
     #[serde(default = "auto")]
     pub exposure_ms: ExposureTime,
     /// Target of automatic exposure. Default: the 99th percentile of the pixels at 80 % of saturation, 0.01 to 1000 ms.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub auto_exposure: Option<AutoExposure>,
     /// Analog gain, 0.01 to 1000. Default 1.
     #[serde(default = "unity")]
@@ -100,7 +99,6 @@ pub struct CaptureSection {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub filters: Vec<SpectrumReference>,
     /// Name of an earlier capture whose image is subtracted, scaled by exposure time: ambient light. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub subtract: Option<String>,
     /// Further exposures of the same view and gain, in stops (factors of two in time) from the exposure time, -16 to 16; all
     /// of them are merged to one frame of higher dynamic range, weighted by their noise. At most 31. Default: none.
@@ -108,7 +106,6 @@ pub struct CaptureSection {
     pub bracket_ev: Vec<f64>,
     /// How long the lights are on, ms, 1e-6 to 3 600 000: what the safety assessment counts. Default: the sum of the
     /// exposure times.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light_on_ms: Option<f64>,
 }
 
@@ -137,33 +134,26 @@ pub struct AnalysisSection {
     #[serde(default, skip_serializing_if = "is_zero")]
     pub inset_px: u32,
     /// Only pixels of this rectangle of the sensor: column, row, width, height.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rectangle_px: Option<[u32; 4]>,
     /// Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image, x to the right and y downward from its
     /// upper left corner. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub polygon_px: Option<Vec<[f64; 2]>>,
     /// Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<FilePath>,
     /// Two regions of the sensor whose pixels are compared: how well the frames tell them apart. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compared_px: Option<[RegionReference; 2]>,
     /// Further regions of the frame, each analyzed by itself. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub region: Vec<AnalysisRegionSection>,
     /// Fluorophore whose share is estimated; "none" for no such estimate. Default: the porphyrin that the region holds, else that of
     /// the scene; where there is none "protoporphyrin_ix", but "none" if the scene holds a fluorophore that no tissue has.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub porphyrin: Option<String>,
     /// Fluorophores that form the bulk of the tissue: the name of a material, whose fluorophores count without the
     /// porphyrin (where a concentration is a map, with its mean over the region), or a table of concentrations. Default: the
     /// material of the first part.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bulk: Option<BulkReference>,
     /// Tissue of the region, for an estimate that knows how tissue varies: a `[[tissue]]` or a site of the catalogue; "none" for no
     /// such estimate. Default: the site that the material of the first part is made of, if it is layered tissue.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tissue: Option<String>,
     /// Probability beforehand that the region is this tissue, 0.01 to 1. The estimate is an average over it and the tissues
     /// `dorsal_tongue`, `buccal_mucosa`, `hard_palate` and `lip`, which share the rest; 1: none of these is compared. Default 0.9.
@@ -199,44 +189,32 @@ pub struct AnalysisRegionSection {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<String>,
     /// Pixels of the sensor by which the region keeps away from the rim of its parts, 0 to 64. Default: as in `[analysis]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inset_px: Option<u32>,
     /// Only pixels of this rectangle of the sensor: column, row, width, height. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rectangle_px: Option<[u32; 4]>,
     /// Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub polygon_px: Option<Vec<[f64; 2]>>,
     /// Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<FilePath>,
     /// Fluorophore whose share is estimated; "none" for no such estimate. Default: as in `[analysis]`; where that names none the porphyrin
     /// that this region holds.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub porphyrin: Option<String>,
     /// Fluorophores that form the bulk of the tissue, as in `[analysis]`. Default: the material of its first part; of a region without
     /// parts what `[analysis]` names.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bulk: Option<BulkReference>,
     /// Tissue of the region, a `[[tissue]]` or a site of the catalogue; "none" for no estimate that knows tissue. Default: the site that
     /// the material of its first part is made of; of a region without parts what `[analysis]` names.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tissue: Option<String>,
     /// Probability beforehand that the region is this tissue, 0.01 to 1. Default: as in `[analysis]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tissue_probability: Option<f64>,
     /// Further captures that enter this estimate, by name. Default: as in `[analysis]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub further_frames: Option<Vec<String>>,
     /// How various the tissue is thought to be, over what people differ by, 0.01 to 10. Default: as in `[analysis]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prior_width: Option<f64>,
     /// Relative error of the spectra of the library at each wavelength, 0 to 1. Default: as in `[analysis]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub library_error: Option<f64>,
     /// Pixels whose R + G + B is below this many standard deviations of its noise have no chromaticity, 0 to 1000. Default: as in
     /// `[analysis]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_threshold: Option<f64>,
 }
 
@@ -289,6 +267,5 @@ fn noise_threshold() -> f64 {
 #[serde(deny_unknown_fields)]
 pub struct OutputSection {
     /// Folder for the results, relative to where the program runs. Default: chosen by the program.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub folder: Option<String>,
 }

@@ -168,23 +168,19 @@ pub struct TracedLensSection {
     /// A lens of the catalogue, or the path of a lens file (.toml, .dat of pbrt, .json of ISET, .zmx of Zemax).
     pub prescription: NameOrFile,
     /// Focal length, mm, above 0, to which the lens is scaled. Default: that of the prescription.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focal_length_mm: Option<f64>,
     /// Focal length over the diameter of the axial beam, 0.5 to 1000. Default: wide open.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub f_number: Option<f64>,
     /// Transmittance of the glass, without filters. Default 1.
     #[serde(default)]
     pub transmittance: SpectrumReference,
     /// Distance of the plane in focus from the camera's position, mm, beyond the focal length. Default: the distance from
     /// camera to `look_at_mm`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focus_distance_mm: Option<f64>,
     /// Shift of the film from the paraxial focus, away from the lens, mm. Default 0.
     #[serde(default)]
     pub film_shift_mm: f64,
     /// How it makes its image. Default "rendered".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_formation: Option<ImageFormation>,
     /// Groups of bands that are traced apart, 1 to 64, to see dispersion; a render takes as many times as long. Default 1:
     /// all bands at the design wavelength.
@@ -282,7 +278,6 @@ pub struct SensorSection {
     /// Sensor of the catalogue whose fields hold where this section gives none. On a base or by an override, another
     /// preset than before takes the place of the whole section: size, quantum efficiency and all. Default: Table 1 of
     /// Lyu et al. 2021.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
     /// Quantum efficiency: a name of the catalogue, the path of a CSV file with one column per channel of the mosaic, or
     /// a table of spectra by channel. Default "consumer_rgb_cmos".

@@ -18,7 +18,6 @@ pub struct SpectroradiometerSection {
     pub capture: String,
     /// Where the middle of the spot lies in the image, from its left and its top edge, 0 to 1. Default: the middle,
     /// unless `parts` are given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<[f64; 2]>,
     /// Parts of the scene over which the reading is averaged, by object name, instead of a spot.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -29,16 +29,13 @@ pub struct FluorophoreSection {
     /// Name by which materials refer to it.
     pub name: String,
     /// Name for people. Default: that of the source.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub title: Option<String>,
     /// Where its spectra come from.
     pub source: FluorophoreSource,
     /// Photons out per photon in at the best excitation, at concentration 1, before the Stokes mask; above 0, at
     /// most 1. Default: that of the catalogue; needed for files.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub photon_yield: Option<f64>,
     /// Whether emission below the excitation wavelength is masked. Default: as in the catalogue, otherwise "mask".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stokes: Option<Stokes>,
     /// Take negative values of its files as zero instead of refusing them. Default false.
     #[serde(default, skip_serializing_if = "is_false")]
@@ -119,10 +116,8 @@ pub struct MatrixSource {
     pub eem_csv: FilePath,
     /// Unit of its values; needed where the file does not state it. "energy" is energy out per energy in, and becomes
     /// photons by the factor emission over excitation wavelength.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
     /// Name of the sample that is meant, of a file of several.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sample: Option<String>,
 }
 
@@ -133,10 +128,8 @@ pub struct TableSource {
     /// Path of a table with the columns `wavelength_nm`, `excitation`, `emission`; or `NAME ex`, `NAME em`.
     pub csv: FilePath,
     /// Unit of the values, of emission and excitation alike. Default "photons".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
     /// Name of the dye that is meant, of a file of several.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sample: Option<String>,
 }
 
@@ -147,7 +140,6 @@ pub struct MatSource {
     /// Path of a MATLAB file of isetfluorescence.
     pub mat: FilePath,
     /// Unit of the values. Default "photons".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
 }
 
@@ -160,7 +152,6 @@ pub struct SpectraSource {
     /// Path of a table whose first column of values is the emission spectrum.
     pub emission_csv: FilePath,
     /// Unit of the values, of emission and excitation alike. Default "photons".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
 }
 
@@ -216,7 +207,6 @@ pub struct DiffuseSection {
     /// Diffuse reflectance.
     pub reflectance: ReflectanceReference,
     /// Clear layer on top. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gloss: Option<GlossSection>,
     /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
     /// are not named here keep their concentration; give 0 to leave one out. Default: none.
@@ -235,7 +225,6 @@ pub struct TissueMaterialSection {
     #[serde(default)]
     pub vary: BTreeMap<String, TextureReference>,
     /// The wet surface; its refractive index is that of the tissue. Default: that index, roughness 0.2.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gloss: Option<GlossSection>,
     /// Factor on what the tissue holds of each fluorophore, 0 or more. Default: 1.
     #[serde(default)]
@@ -364,11 +353,9 @@ pub struct MaterialSection {
     /// Name by which objects refer to it.
     pub name: String,
     /// Opacity (alpha mask), 0 to 1; 0 is a hole. That of a mixture multiplies those of its parts. Default 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opacity: Option<TextureReference>,
     /// Directions of the normal over the surface. That of a mixture holds for parts without one. Default: those of the
     /// shape.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_map: Option<NormalMapSection>,
     /// How it sends light on.
     #[serde(flatten)]

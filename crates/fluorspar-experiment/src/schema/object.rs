@@ -34,7 +34,6 @@ pub struct MeshShape {
     #[serde(default = "one_millimeter")]
     pub unit_mm: f64,
     /// Relief of the surface. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub displacement: Option<DisplacementSection>,
     /// Its placements, if there are several.
     #[serde(flatten)]
@@ -63,7 +62,6 @@ pub struct QuadShape {
     /// Second edge from the corner, mm.
     pub edge_v_mm: [f64; 3],
     /// Relief of the surface. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub displacement: Option<DisplacementSection>,
     /// Its placements, if there are several.
     #[serde(flatten)]
@@ -114,7 +112,6 @@ pub struct PlacesSection {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub instance: Vec<InstanceSection>,
     /// Path of a .csv, .txt or .npy file of more places: twelve numbers each, the three rows of `matrix`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub instance_file: Option<FilePath>,
 }
 
@@ -249,10 +246,8 @@ pub struct ObjectSection {
     /// Name of its material.
     pub material: String,
     /// Its placement. Default: as given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,
     /// Light that it emits. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emission: Option<EmissionSection>,
     /// Its shape.
     #[serde(flatten)]
@@ -282,10 +277,8 @@ pub struct LesionSection {
     pub edge_mm: f64,
     /// Path of a gray PNG on the texture coordinates of the part instead of the ellipse: white is inside. Of colors the mean
     /// of red, green and blue is taken, with a warning.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<FilePath>,
     /// Reflectance inside. Default: that of the part.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reflectance: Option<SpectrumReference>,
     /// Extra blood above the reflecting layer, as a layer of whole blood of this thickness, µm, 0 to 200. Default 0.
     #[serde(default)]
@@ -327,10 +320,8 @@ pub struct ScanSection {
     /// Name of its material.
     pub material: String,
     /// Length of one unit of the file, mm; 1000 for meters. Default 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit_mm: Option<f64>,
     /// Its placement in the frame of the mouth. Default: as given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,
 }
 
@@ -349,7 +340,6 @@ pub struct MouthSection {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scan: Vec<ScanSection>,
     /// Placement of the mouth. Default: in its own frame.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,
     /// Shape and pose.
     #[serde(flatten)]

@@ -63,16 +63,12 @@ pub struct SpectrumTable {
     /// Path of the file.
     pub csv: FilePath,
     /// Header of the column. Default: the only one, that which the instrument computed, or the first.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
     /// Unit of the values. Default: what the header says.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<TableUnit>,
     /// Factor on the values; without a unit, on those that the file holds, whatever its header says. Default 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
     /// Value at wavelengths beyond the data, where else there is nothing. A viewing filter needs it where a light shines beyond its data.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outside: Option<f64>,
 }
 
@@ -120,10 +116,8 @@ pub struct MatlabSpectrum {
     /// Path of the file, version 5 to 7.3.
     pub mat: FilePath,
     /// Number of the column of `data`, from 1 up. Default 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub column: Option<u32>,
     /// Factor on the values, for instance 0.01 for percent. Default 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
 }
 
@@ -197,7 +191,6 @@ pub struct ImageMap {
     #[serde(default = "unity")]
     pub high: f64,
     /// Another map by which this one is multiplied.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<TextureReference>,
 }
 
@@ -214,7 +207,6 @@ pub struct CheckerMap {
     #[serde(default = "unity")]
     pub high: f64,
     /// Another map by which this one is multiplied.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<TextureReference>,
 }
 
@@ -234,7 +226,6 @@ pub struct NoiseMap {
     #[serde(default = "unity")]
     pub high: f64,
     /// Another map by which this one is multiplied.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<TextureReference>,
 }
 
@@ -245,7 +236,6 @@ pub struct TongueMap {
     /// Where the porphyrin lies.
     pub dorsal_tongue: DorsalTongueMap,
     /// Another map by which this one is multiplied.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<TextureReference>,
 }
 
@@ -257,10 +247,8 @@ pub struct AnatomyMap {
     /// `porphyrin` (dorsal tongue), `plaque` and `dentin` (teeth), `dryness` (film of saliva).
     pub anatomy: SurfaceMap,
     /// Tissue whose map it is. Default: the tissue that uses the material.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tissue: Option<Tissue>,
     /// Seed of the map. Default: that of the mouth.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u32>,
     /// Lowest value of the map. Default 0.
     #[serde(default)]
@@ -269,7 +257,6 @@ pub struct AnatomyMap {
     #[serde(default = "unity")]
     pub high: f64,
     /// Another map by which this one is multiplied.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<TextureReference>,
 }
 

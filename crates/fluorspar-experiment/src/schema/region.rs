@@ -24,13 +24,10 @@ pub struct SensorRegionSection {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<String>,
     /// Only pixels of this rectangle of the sensor: column, row, width, height. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rectangle_px: Option<[u32; 4]>,
     /// Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub polygon_px: Option<Vec<[f64; 2]>>,
     /// Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<FilePath>,
 }
 
@@ -42,21 +39,16 @@ pub struct TargetSection {
     /// Name, unique among targets.
     pub name: String,
     /// Name of a `[[mouth.lesion]]`, where the target is one. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lesion: Option<String>,
     /// Parts of the scene, by object name. Default: all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<String>,
     /// Only pixels of this rectangle of the sensor: column, row, width, height. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rectangle_px: Option<[u32; 4]>,
     /// Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub polygon_px: Option<Vec<[f64; 2]>>,
     /// Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<FilePath>,
     /// What the target is told from. Default: a ring around it, of about its area, two pixels away; of a lesion on its own part.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<RegionReference>,
 }

@@ -16,7 +16,6 @@ pub struct TissueSection {
     pub name: String,
     /// Site that it starts from: of the catalogue, for instance "dorsal_tongue", or the path of a site file (.toml). Without it `layer`
     /// describes the tissue.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-mutually-exclusive-with" = ["layer", "refractive_index", "index_below"]))]
     pub site: Option<NameOrFile>,
     /// States of a site, for instance "inflammation", applied one after the other. Default: none.
@@ -31,11 +30,9 @@ pub struct TissueSection {
     #[schemars(extend("x-mutually-exclusive-with" = ["site", "states", "parameters"]))]
     pub layer: Vec<TissueLayerSection>,
     /// Refractive index of layers that do not state their own, 1 to 3. Default 1.4 (mucosa).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refractive_index: Option<f64>,
     /// Refractive index of what lies below the last layer, 1 to 3; nothing returns from there, but its surface reflects.
     /// Default: that of the last layer.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub index_below: Option<f64>,
 }
 
@@ -56,7 +53,6 @@ pub struct TissueLayerSection {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub fluorophores: BTreeMap<String, LayerFluorophoreSection>,
     /// Refractive index, 1 to 3. Default: that of the tissue.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refractive_index: Option<f64>,
 }
 
@@ -67,18 +63,14 @@ pub struct LayerScatteringSection {
     /// Anisotropy factor of Henyey and Greenstein, the mean cosine of the scattering angle, -0.99 to 0.995.
     pub anisotropy: f64,
     /// Scattering coefficient, 1/mm, 0 to 40, not reduced by the anisotropy: the value at `at_nm`, or a spectrum.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-mutually-exclusive-with" = ["reduced_per_mm"]))]
     pub scattering_per_mm: Option<SpectrumReference>,
     /// Reduced scattering coefficient, that times (1 - anisotropy), 1/mm, 0 to 10: the value at `at_nm`, or a spectrum.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-mutually-exclusive-with" = ["scattering_per_mm"]))]
     pub reduced_per_mm: Option<SpectrumReference>,
     /// Wavelength of a coefficient that is a number, nm, 200 to 1200. Default 500.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_nm: Option<f64>,
     /// A coefficient that is a number falls as (wavelength / at_nm)^-power, 0 to 4. Default 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
 }
 
@@ -87,19 +79,14 @@ pub struct LayerScatteringSection {
 #[serde(deny_unknown_fields)]
 pub struct LayerAbsorptionSection {
     /// Blood in vessels. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blood: Option<BloodSection>,
     /// Melanosomes (Jacques 2013). Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub melanin: Option<VolumeSection>,
     /// Water. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub water: Option<VolumeSection>,
     /// Beta-carotene, as in hexane. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beta_carotene: Option<CaroteneSection>,
     /// Tissue without blood and pigment. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<BackgroundSection>,
     /// Absorption coefficients (natural logarithm) of anything else by name, spectra in 1/mm, 0 to 400; 1/cm = 0.1/mm. Default: none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -184,7 +171,6 @@ pub struct LayerFluorophoreSection {
     pub at_nm: f64,
     /// Quantum yield, 0.001 to 1: the absorption that the emission implies is added to that of the layer. Default: the layer's
     /// absorption holds it already.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quantum_yield: Option<f64>,
 }
 
