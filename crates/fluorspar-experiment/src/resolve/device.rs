@@ -63,11 +63,6 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         context.within(&at("time_limit_s"), limit, [1e-6, 1e9], "seconds")?;
     }
     let gib = context.within(&at("memory_limit_gib"), section.memory_limit_gib, [0.001, 1024.0], "GiB")?;
-    let edges = section.excitation_edges_nm.clone().unwrap_or_default();
-    if section.excitation_edges_nm.is_some() && !are_excitation_edges(&edges) {
-        let message = "must hold 2 to 65 increasing wavelengths between 200 and 1200 nm";
-        return context.fail(&at("excitation_edges_nm"), message);
-    }
     Ok(RenderSettings {
         samples_per_pixel: section.samples_per_pixel,
         max_depth: section.max_depth,
@@ -76,7 +71,6 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         memory_limit_bytes: (gib * GIB) as u64,
         statistics: error_target::statistics(section),
         error_target: None,
-        excitation_edges_nm: edges,
         excitation_basis: None,
     })
 }
@@ -94,7 +88,6 @@ pub(super) fn excitation_basis(
         return context.fail(&path, "must be two wavelengths between 250 and 700 nm, the smaller one first");
     }
     let excluded = [
-        ("excitation_edges_nm", section.excitation_edges_nm.is_some()),
         ("statistics", section.statistics != StatisticsChoice::None),
         ("relative_error", section.relative_error.is_some()),
     ];
@@ -105,12 +98,6 @@ pub(super) fn excitation_basis(
         Ok(basis) => Ok(Some(basis)),
         Err(error) => context.fail(&path, error.to_string()),
     }
-}
-
-fn are_excitation_edges(edges: &[f64]) -> bool {
-    (2..=65).contains(&edges.len())
-        && edges.iter().all(|edge| (200.0..=1200.0).contains(edge))
-        && edges.windows(2).all(|pair| pair[0] < pair[1])
 }
 
 /// Refuses images that do not fit into the stated memory in one go, nor in bands of rows, of which one row of tiles must

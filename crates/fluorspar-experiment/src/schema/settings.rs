@@ -65,6 +65,7 @@ fn is_none(choice: &StatisticsChoice) -> bool {
 /// Image size, samples and limits of the render.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("x-renamed" = { "excitation_edges_nm": "excitation_basis_nm = [340, 500], the range of the peaks of lights" }))]
 pub struct RenderSection {
     /// Columns of the radiance image, 1 to 16384. Default 320.
     #[schemars(range(min = 1, max = 16384))]
@@ -100,10 +101,6 @@ pub struct RenderSection {
     /// `error_captures`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_range_nm: Option<[f64; 2]>,
-    /// Edges of excitation bins, nm, increasing, 2 to 65 of them: keeps what each part of a light spectrum gives apart, so
-    /// that light spectra can be changed after the render. Memory grows by the number of edges. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub excitation_edges_nm: Option<Vec<f64>>,
     /// First and last peak wavelength, nm, of light sources that shall be exchangeable after the render, such as [340, 500]: light
     /// groups whose light lies there are kept apart by excitation wavelength, so that `capture` and `analyze` follow a change
     /// of their spectrum, filters and power. Default: none.
@@ -125,7 +122,6 @@ impl Default for RenderSection {
             relative_error: None,
             error_captures: None,
             error_range_nm: None,
-            excitation_edges_nm: None,
             excitation_basis_nm: None,
         }
     }

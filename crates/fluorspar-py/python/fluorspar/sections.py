@@ -300,7 +300,7 @@ Side: TypeAlias = "Literal['short', 'long']"
 Vignetting: TypeAlias = "Literal['none', 'cos4']"
 """How irradiance falls off away from the optical axis."""
 
-NameOrLens: TypeAlias = "str"
+NameOrFile: TypeAlias = "str"
 """A lens of the catalogue or the path of a lens file."""
 
 ImageFormation: TypeAlias = "Literal['rendered', 'point_spread']"
@@ -438,9 +438,6 @@ class RenderSection(TypedDict, total=False):
     error_range_nm: list[float]
     """Range of wavelengths, nm, whose radiance must reach `relative_error`, for each light group alone. Instead of
     `error_captures`."""
-    excitation_edges_nm: list[float]
-    """Edges of excitation bins, nm, increasing, 2 to 65 of them: keeps what each part of a light spectrum gives apart, so that
-    light spectra can be changed after the render. Memory grows by the number of edges. Default: none."""
     excitation_basis_nm: list[float]
     """First and last peak wavelength, nm, of light sources that shall be exchangeable after the render, such as [340, 500]:
     light groups whose light lies there are kept apart by excitation wavelength, so that `capture` and `analyze` follow a
@@ -683,7 +680,7 @@ class LensSectionTraced(TypedDict, total=False):
     """Surfaces and glasses, traced."""
 
     type: Literal['traced']
-    prescription: NameOrLens
+    prescription: NameOrFile
     """A lens of the catalogue, or the path of a lens file (.toml, .dat of pbrt, .json of ISET, .zmx of Zemax)."""
     focal_length_mm: float
     """Focal length, mm, above 0, to which the lens is scaled. Default: that of the prescription."""
