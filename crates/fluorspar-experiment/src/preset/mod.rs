@@ -33,7 +33,7 @@ mod user_entries;
 
 pub use catalogue::{PresetSummary, list, names};
 pub use curve_preset::{
-    CurveFit, CurvePreset, CurveQuantity, QuantumEfficiencyPreset, filter, light_spectrum,
+    CurveFit, CurvePreset, CurveQuantity, QuantumEfficiencyPreset, SpectraPreset, filter, light_spectrum,
     quantum_efficiency, reflectance, reflectance_curves,
 };
 pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset, PublishedDye, fluorophore};

@@ -3,10 +3,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use fluorspar::spectral::CurveModel;
 use fluorspar_format::{FormatError, SpectrumOptions, SpectrumQuantity, read_spectra, read_text_bounded};
 
 use super::catalogue::built_in_names;
-use super::curve_preset::{filter, light_spectrum, quantum_efficiency, reflectance};
+use super::curve_preset::{
+    CurveQuantity, SpectraPreset, filter, light_spectrum, quantum_efficiency, reflectance,
+};
 use super::kind::{PresetError, PresetKind};
 use super::site_preset::site;
 use super::text_preset::sensor;
@@ -91,12 +94,13 @@ fn text_of_entry(kind: PresetKind, name: &str, path: &Path) -> Result<Option<Str
 /// A table in the form of the catalogue.
 fn text_of_table(kind: PresetKind, name: &str, path: &Path) -> Result<String, PresetError> {
     let is_qe = kind == PresetKind::QuantumEfficiency;
-    let quantity = match kind {
-        PresetKind::Light => SpectrumQuantity::SpectralPower,
-        PresetKind::Filter | PresetKind::Reflectance => SpectrumQuantity::Fraction,
-        _ => SpectrumQuantity::QuantumEfficiency,
+    let (read_as, quantity) = match kind {
+        PresetKind::Light => (SpectrumQuantity::SpectralPower, CurveQuantity::RelativeSpectralPower),
+        PresetKind::Filter => (SpectrumQuantity::Fraction, CurveQuantity::Transmittance),
+        PresetKind::Reflectance => (SpectrumQuantity::Fraction, CurveQuantity::Reflectance),
+        _ => (SpectrumQuantity::QuantumEfficiency, CurveQuantity::QuantumEfficiency),
     };
-    let options = SpectrumOptions { quantity, ..SpectrumOptions::default() };
+    let options = SpectrumOptions { quantity: read_as, ..SpectrumOptions::default() };
     let columns = read_spectra(path, &options).map_err(|error| of_file(path, &error))?.curves;
     if columns.is_empty() || (!is_qe && columns.len() > 1) {
         let message =
@@ -104,41 +108,30 @@ fn text_of_table(kind: PresetKind, name: &str, path: &Path) -> Result<String, Pr
         return Err(refused(path, message));
     }
     let mut valid_nm = [f64::INFINITY, 0.0];
-    let mut curves = toml::Table::new();
+    let failed = |error: toml::ser::Error| refused(path, error.to_string());
+    // In the order of the columns
+    let mut models = toml::Table::new();
     for column in &columns {
-        let (nm, values) = (column.curve.wavelengths_nm(), column.curve.values());
-        let (first, last) = column.curve.range_nm();
+        let curve = &column.curve;
+        let (first, last) = curve.range_nm();
         valid_nm = [valid_nm[0].min(first), valid_nm[1].max(last)];
-        let scale =
-            if kind == PresetKind::Light { 1.0 / column.curve.max().max(f64::MIN_POSITIVE) } else { 1.0 };
-        let list =
-            |values: Vec<f64>| toml::Value::Array(values.into_iter().map(toml::Value::Float).collect());
-        let mut curve = toml::Table::new();
-        curve.insert("type".into(), "table".into());
-        curve.insert("wavelength_nm".into(), list(nm.to_vec()));
-        curve.insert("value".into(), list(values.iter().map(|value| value * scale).collect()));
-        curves.insert(column.name.clone(), toml::Value::Table(curve));
+        let scale = if kind == PresetKind::Light { 1.0 / curve.max().max(f64::MIN_POSITIVE) } else { 1.0 };
+        let value = curve.values().iter().map(|value| value * scale).collect();
+        let model = CurveModel::Table { wavelength_nm: curve.wavelengths_nm().to_vec(), value };
+        models.insert(column.name.clone(), toml::Value::try_from(model).map_err(failed)?);
     }
-    let quantity = match kind {
-        PresetKind::Light => "relative_spectral_power",
-        PresetKind::Filter => "transmittance",
-        PresetKind::Reflectance => "reflectance",
-        _ => "quantum_efficiency",
+    let first = models.values().next().cloned().filter(|_| !is_qe);
+    let entry = SpectraPreset {
+        name: name.into(),
+        title: name.into(),
+        description: "Table of the user.".into(),
+        source: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        quantity,
+        valid_nm,
+        assumed: Vec::new(),
+        effective_index: None,
+        fit: None,
+        model: first.unwrap_or(toml::Value::Table(models)),
     };
-    let mut entry = toml::Table::new();
-    for (field, value) in [("name", name), ("title", name), ("quantity", quantity)] {
-        entry.insert(field.into(), value.into());
-    }
-    let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    entry.insert("description".into(), "Table of the user.".into());
-    entry.insert("source".into(), file.into());
-    entry.insert("valid_nm".into(), toml::Value::Array(valid_nm.map(toml::Value::Float).into()));
-    entry.insert("assumed".into(), toml::Value::Array(Vec::new()));
-    let curve = if is_qe {
-        Some(toml::Value::Table(curves))
-    } else {
-        curves.into_iter().next().map(|(_, curve)| curve)
-    };
-    entry.extend(curve.map(|curve| ("curve".to_owned(), curve)));
-    toml::to_string(&entry).map_err(|error| refused(path, error.to_string()))
+    toml::to_string(&entry).map_err(failed)
 }
