@@ -442,15 +442,22 @@ fn from_tags(
         };
         (rows, Samples::Developed)
     };
-    let description = Description::of_camera(
+    let description = Description {
+        format: FileFormat::RAW_FRAME.version(),
         label,
-        [pixels.width, pixels.height],
+        width: pixels.width as u64,
+        height: pixels.height as u64,
         mosaic,
         samples,
-        [black_level, exposure_s, gain.unwrap_or(1.0), noise(0) * range, noise(1).sqrt() * range],
+        black_level,
         white_level,
-        bits,
-    );
+        bit_depth: bits,
+        exposure_s,
+        gain: gain.unwrap_or(1.0),
+        dn_per_electron: noise(0) * range,
+        read_noise_dn: noise(1).sqrt() * range,
+        ..Description::default()
+    };
     Ok((description, told))
 }
 
