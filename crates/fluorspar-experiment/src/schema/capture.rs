@@ -2,12 +2,11 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fmt;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{Error, Visitor};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
+use super::number_or_word::NumberOrWord;
 use super::{FilePath, RegionReference, SpectrumReference};
 use fluorspar::sensor::AutoExposure;
 use fluorspar::study::{AnalysisPlan, TissuePrior};
@@ -16,7 +15,8 @@ use fluorspar::study::{AnalysisPlan, TissuePrior};
 pub const DEFAULT_PORPHYRIN: &str = "protoporphyrin_ix";
 
 /// Exposure time: milliseconds, or chosen by the camera.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "NumberOrWord", into = "NumberOrWord")]
 pub enum ExposureTime {
     /// Milliseconds.
     Milliseconds(f64),
@@ -24,43 +24,20 @@ pub enum ExposureTime {
     Auto,
 }
 
-impl Serialize for ExposureTime {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Milliseconds(value) => serializer.serialize_f64(*value),
-            Self::Auto => serializer.serialize_str("auto"),
-        }
+impl TryFrom<NumberOrWord> for ExposureTime {
+    type Error = String;
+
+    fn try_from(value: NumberOrWord) -> Result<Self, String> {
+        Ok(value.number("auto")?.map_or(Self::Auto, Self::Milliseconds))
     }
 }
 
-struct ExposureVisitor;
-
-impl Visitor<'_> for ExposureVisitor {
-    type Value = ExposureTime;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a number of milliseconds or \"auto\"")
-    }
-
-    fn visit_f64<E: Error>(self, value: f64) -> Result<Self::Value, E> {
-        Ok(ExposureTime::Milliseconds(value))
-    }
-
-    fn visit_i64<E: Error>(self, value: i64) -> Result<Self::Value, E> {
-        Ok(ExposureTime::Milliseconds(value as f64))
-    }
-
-    fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
-        match text {
-            "auto" => Ok(ExposureTime::Auto),
-            _ => Err(E::invalid_value(serde::de::Unexpected::Str(text), &self)),
+impl From<ExposureTime> for NumberOrWord {
+    fn from(time: ExposureTime) -> Self {
+        match time {
+            ExposureTime::Milliseconds(value) => Self::Number(value),
+            ExposureTime::Auto => Self::Word("auto".into()),
         }
-    }
-}
-
-impl<'de> Deserialize<'de> for ExposureTime {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(ExposureVisitor)
     }
 }
 
@@ -107,14 +84,6 @@ pub struct CaptureSection {
     /// How long the lights are on, ms, 1e-6 to 3 600 000: what the safety assessment counts. Default: the sum of the
     /// exposure times.
     pub light_on_ms: Option<f64>,
-}
-
-fn auto() -> ExposureTime {
-    ExposureTime::Auto
-}
-
-fn unity() -> f64 {
-    1.0
 }
 
 /// Analysis of the captures.
@@ -242,30 +211,20 @@ fn is_zero(value: &u32) -> bool {
     *value == 0
 }
 
-fn prior_width() -> f64 {
-    TissuePrior::WIDTH
-}
-
-fn tissue_probability() -> f64 {
-    TissuePrior::SITE_PROBABILITY
-}
-
-fn library_error() -> f64 {
-    TissuePrior::LIBRARY_ERROR
-}
-
-fn wanted_d_prime() -> f64 {
-    AnalysisPlan::WANTED_D_PRIME
-}
-
-fn noise_threshold() -> f64 {
-    5.0
-}
-
 /// Where results go.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OutputSection {
     /// Folder for the results, relative to where the program runs. Default: chosen by the program.
     pub folder: Option<String>,
+}
+
+defaults! {
+    auto: ExposureTime = ExposureTime::Auto;
+    unity: f64 = 1.0;
+    prior_width: f64 = TissuePrior::WIDTH;
+    tissue_probability: f64 = TissuePrior::SITE_PROBABILITY;
+    library_error: f64 = TissuePrior::LIBRARY_ERROR;
+    wanted_d_prime: f64 = AnalysisPlan::WANTED_D_PRIME;
+    noise_threshold: f64 = 5.0;
 }

@@ -384,10 +384,7 @@ pub struct EnvironmentStrength {
     pub radiance_w_per_sr_m2: f64,
 }
 
-fn ring_count() -> u32 {
-    8
-}
-
-fn lambertian() -> f64 {
-    60.0
+defaults! {
+    ring_count: u32 = 8;
+    lambertian: f64 = 60.0;
 }

@@ -1,6 +1,7 @@
 //! Fluorophores and materials.
 
 use std::collections::BTreeMap;
+use std::ops::Not;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -38,11 +39,11 @@ pub struct FluorophoreSection {
     /// Whether emission below the excitation wavelength is masked. Default: as in the catalogue, otherwise "mask".
     pub stokes: Option<Stokes>,
     /// Take negative values of its files as zero instead of refusing them. Default false.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "Not::not")]
     pub allow_negative: bool,
     /// Accept values of a matrix below their excitation, scattered light for instance, which the Stokes mask then leaves out, instead of
     /// refusing them. Default false; with stokes = "off" they are part of the matrix.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "Not::not")]
     pub allow_anti_stokes: bool,
     /// What becomes of empty cells of a matrix. Default "refuse".
     #[serde(default, skip_serializing_if = "EmptyCellsChoice::is_default")]
@@ -173,14 +174,6 @@ impl Default for GlossSection {
     }
 }
 
-fn mucosa_index() -> f64 {
-    1.4
-}
-
-fn mucosa_roughness() -> TextureReference {
-    TextureReference::Constant(0.2)
-}
-
 /// The types of materials, each with its fields.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]
@@ -244,7 +237,7 @@ pub struct DielectricSection {
     #[serde(default)]
     pub transmittance: SpectrumReference,
     /// Whether light is lost that a rough surface scatters more than once, as in renderers without it. Default false.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "Not::not")]
     pub single_scattering: bool,
     /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
     /// are not named here keep their concentration; give 0 to leave one out. Default: none.
@@ -262,7 +255,7 @@ pub struct ConductorSection {
     #[serde(default = "mucosa_roughness")]
     pub roughness: TextureReference,
     /// Whether light is lost that a rough surface scatters more than once, as in renderers without it. Default false.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "Not::not")]
     pub single_scattering: bool,
     /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
     /// are not named here keep their concentration; give 0 to leave one out. Default: none.
@@ -326,18 +319,6 @@ pub struct NormalMapSection {
     pub strength: f64,
 }
 
-fn is_false(value: &bool) -> bool {
-    !value
-}
-
-fn smooth() -> TextureReference {
-    TextureReference::Constant(0.0)
-}
-
-fn as_stored() -> f64 {
-    1.0
-}
-
 /// A material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
@@ -381,4 +362,11 @@ impl MaterialSection {
             ScatteringSection::Mix(_) | ScatteringSection::TwoSided(_) => None,
         }
     }
+}
+
+defaults! {
+    mucosa_index: f64 = 1.4;
+    mucosa_roughness: TextureReference = TextureReference::Constant(0.2);
+    smooth: TextureReference = TextureReference::Constant(0.0);
+    as_stored: f64 = 1.0;
 }

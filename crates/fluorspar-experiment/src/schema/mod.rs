@@ -1,5 +1,14 @@
 //! The sections of an experiment file.
 
+/// Functions that give fields their defaults.
+macro_rules! defaults {
+    ($($name:ident: $type:ty = $value:expr;)*) => {
+        $(fn $name() -> $type {
+            $value
+        })*
+    };
+}
+
 mod capture;
 mod concentration;
 mod develop;
@@ -7,6 +16,7 @@ mod device;
 mod instrument;
 mod light;
 mod material;
+mod number_or_word;
 mod object;
 mod path;
 mod reference;

@@ -86,10 +86,6 @@ fn toward_camera() -> [f64; 3] {
     [0.0, 0.0, 1.0]
 }
 
-fn one_millimeter() -> f64 {
-    1.0
-}
-
 /// An axis-parallel box; texture coordinates span every face.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
@@ -124,10 +120,8 @@ pub struct TransformSection {
     /// Turns about the x, then the y, then the z axis, degrees. Default [0, 0, 0].
     pub rotate_deg: [f64; 3],
     /// Turn about `axis` by `angle_deg`, applied after `rotate_deg`: the axis, of any length. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
     /// Angle of the turn about `axis`, degrees.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub angle_deg: Option<f64>,
     /// Factor on all lengths, above 0. Default 1.
     pub scale: f64,
@@ -150,21 +144,16 @@ pub struct InstanceSection {
     /// Turns about the x, then the y, then the z axis, degrees. Default [0, 0, 0].
     pub rotate_deg: [f64; 3],
     /// Turn about `axis` by `angle_deg`, applied after `rotate_deg`: the axis, of any length. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
     /// Angle of the turn about `axis`, degrees.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub angle_deg: Option<f64>,
     /// Displacement, mm. Default [0, 0, 0].
     pub translate_mm: [f64; 3],
     /// Any affine map instead of all these: three rows of four numbers, the last of each a displacement in mm.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub matrix: Option<[[f64; 4]; 3]>,
     /// Part of the image that it belongs to; instances of one name are one part. Default: the name of the object.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
     /// Material of its part, the same for all instances of the part. Default: that of the object.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub material: Option<String>,
 }
 
@@ -302,10 +291,6 @@ fn lesion_size() -> [f64; 2] {
     [8.0, 6.0]
 }
 
-fn lesion_edge() -> f64 {
-    1.0
-}
-
 /// A mesh of one's own in place of parts of the mouth, for instance an intraoral scan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -344,4 +329,9 @@ pub struct MouthSection {
     /// Shape and pose.
     #[serde(flatten)]
     pub parameters: MouthParameters,
+}
+
+defaults! {
+    one_millimeter: f64 = 1.0;
+    lesion_edge: f64 = 1.0;
 }

@@ -1,6 +1,7 @@
 //! Spectra and textures as they are written in a file: a number, a name, a path or a table.
 
 use std::collections::BTreeMap;
+use std::ops::Not;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -144,10 +145,6 @@ pub struct ReflectanceTermSection {
     pub weight: TextureReference,
 }
 
-fn full_weight() -> TextureReference {
-    TextureReference::Constant(1.0)
-}
-
 /// A number, or a map such as { image = "x.png" }, { checker = [8, 8] } or { noise = [5, 5] }.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
@@ -182,7 +179,7 @@ pub struct ImageMap {
     /// Path of a gray PNG image: black is `low`, white is `high`.
     pub image: FilePath,
     /// Whether the image is stored with the sRGB curve; otherwise its numbers are linear. Default false.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "Not::not")]
     pub srgb: bool,
     /// Lowest value of the map. Default 0.
     #[serde(default)]
@@ -284,14 +281,6 @@ impl TextureTable {
     }
 }
 
-fn unity() -> f64 {
-    1.0
-}
-
-fn is_false(value: &bool) -> bool {
-    !value
-}
-
 /// Where porphyrin lies on the back of a tongue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -312,22 +301,6 @@ pub struct DorsalTongueMap {
     pub seed: u32,
 }
 
-fn sigma() -> f64 {
-    0.3
-}
-
-fn full_at() -> f64 {
-    0.6
-}
-
-fn patchiness() -> f64 {
-    0.6
-}
-
-fn seed() -> u32 {
-    1
-}
-
 /// A name of the catalogue, the path of a CSV file with one column per channel, or a table with one spectrum per channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
@@ -343,4 +316,13 @@ impl Default for EfficiencyReference {
     fn default() -> Self {
         Self::Text(NameOrTable::Name("consumer_rgb_cmos".into()))
     }
+}
+
+defaults! {
+    full_weight: TextureReference = TextureReference::Constant(1.0);
+    unity: f64 = 1.0;
+    sigma: f64 = 0.3;
+    full_at: f64 = 0.6;
+    patchiness: f64 = 0.6;
+    seed: u32 = 1;
 }

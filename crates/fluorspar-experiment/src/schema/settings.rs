@@ -82,7 +82,6 @@ pub struct RenderSection {
     /// Seed of all random numbers of the render and of the noise. Default 1.
     pub seed: u64,
     /// Seconds after which rendering stops with the samples it has. Default: no limit.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub time_limit_s: Option<f64>,
     /// Most memory that the images of the render may take, GiB, 0.001 to 1024. Default 8.
     pub memory_limit_gib: f64,
@@ -92,19 +91,15 @@ pub struct RenderSection {
     pub statistics: StatisticsChoice,
     /// Relative error, 1e-4 to 0.5, at which a tile of 16 x 16 pixels gets no more samples; `samples_per_pixel` is the
     /// most that it gets. Default: none, all pixels get the same.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub relative_error: Option<f64>,
     /// Names of captures whose sensor channels must all reach `relative_error`. Default: all captures that have light.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub error_captures: Option<Vec<String>>,
     /// Range of wavelengths, nm, whose radiance must reach `relative_error`, for each light group alone. Instead of
     /// `error_captures`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub error_range_nm: Option<[f64; 2]>,
     /// First and last peak wavelength, nm, of light sources that shall be exchangeable after the render, such as [340, 500]: light
     /// groups whose light lies there are kept apart by excitation wavelength, so that `capture` and `analyze` follow a change
     /// of their spectrum, filters and power. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub excitation_basis_nm: Option<[f64; 2]>,
 }
 

@@ -110,18 +110,6 @@ pub struct BloodSection {
     pub vessel_radius_um: f64,
 }
 
-fn saturation() -> f64 {
-    0.9
-}
-
-fn hemoglobin() -> f64 {
-    150.0
-}
-
-fn capillary() -> f64 {
-    4.0
-}
-
 /// Something that fills a share of the volume.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -152,14 +140,6 @@ pub struct BackgroundSection {
     pub slope_per_nm: f64,
 }
 
-fn background_nm() -> f64 {
-    420.0
-}
-
-fn background_slope() -> f64 {
-    0.008_35
-}
-
 /// A fluorophore in a layer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -174,6 +154,11 @@ pub struct LayerFluorophoreSection {
     pub quantum_yield: Option<f64>,
 }
 
-fn strength_nm() -> f64 {
-    405.0
+defaults! {
+    saturation: f64 = 0.9;
+    hemoglobin: f64 = 150.0;
+    capillary: f64 = 4.0;
+    background_nm: f64 = 420.0;
+    background_slope: f64 = 0.008_35;
+    strength_nm: f64 = 405.0;
 }
