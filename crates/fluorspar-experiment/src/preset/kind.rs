@@ -57,42 +57,33 @@ impl PresetKind {
         Self::Design,
     ];
 
-    pub(super) fn folder(self) -> &'static str {
+    /// Folder of its files, and what one entry is called.
+    fn names(self) -> [&'static str; 2] {
         match self {
-            Self::Light => "lights",
-            Self::Filter => "filters",
-            Self::Reflectance => "reflectances",
-            Self::Metal => "metals",
-            Self::QuantumEfficiency => "qe",
-            Self::Sensor => "sensors",
-            Self::Fluorophore => "fluorophores",
-            Self::Glass => "glasses",
-            Self::Lens => "lenses",
-            Self::Site => "sites",
-            Self::Experiment => "experiments",
-            Self::Sample => "samples",
-            Self::Design => "designs",
+            Self::Light => ["lights", "light spectrum"],
+            Self::Filter => ["filters", "filter"],
+            Self::Reflectance => ["reflectances", "reflectance"],
+            Self::Metal => ["metals", "metal"],
+            Self::QuantumEfficiency => ["qe", "quantum efficiency"],
+            Self::Sensor => ["sensors", "sensor"],
+            Self::Fluorophore => ["fluorophores", "fluorophore"],
+            Self::Glass => ["glasses", "glass"],
+            Self::Lens => ["lenses", "lens"],
+            Self::Site => ["sites", "tissue"],
+            Self::Experiment => ["experiments", "experiment"],
+            Self::Sample => ["samples", "flat sample"],
+            Self::Design => ["designs", "design problem"],
         }
+    }
+
+    pub(super) fn folder(self) -> &'static str {
+        self.names()[0]
     }
 }
 
 impl fmt::Display for PresetKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Light => "light spectrum",
-            Self::Filter => "filter",
-            Self::Reflectance => "reflectance",
-            Self::Metal => "metal",
-            Self::QuantumEfficiency => "quantum efficiency",
-            Self::Sensor => "sensor",
-            Self::Fluorophore => "fluorophore",
-            Self::Glass => "glass",
-            Self::Lens => "lens",
-            Self::Site => "tissue",
-            Self::Experiment => "experiment",
-            Self::Sample => "flat sample",
-            Self::Design => "design problem",
-        })
+        f.write_str(self.names()[1])
     }
 }
 

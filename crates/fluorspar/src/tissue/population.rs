@@ -34,7 +34,7 @@ pub struct Variation {
     pub within_person: f64,
 }
 
-/// A factor on parameters of the tissue's optics.
+/// A factor on parameters that share one draw: name, title, parameters, standard deviation among people.
 const fn factor(
     name: &'static str,
     title: &'static str,
@@ -42,26 +42,27 @@ const fn factor(
     between_people: f64,
 ) -> Variation {
     let within_person = WITHIN_OVER_BETWEEN * between_people;
-    Variation {
-        name,
-        parameters,
-        title,
-        fluorophore: None,
-        spread: Spread::Factor,
-        between_people,
-        within_person,
-    }
+    let (fluorophore, spread) = (None, Spread::Factor);
+    Variation { name, parameters, title, fluorophore, spread, between_people, within_person }
 }
 
-/// A factor on the strength of a fluorophore in all layers that hold it.
-const fn strength(
-    name: &'static str,
-    title: &'static str,
-    fluorophore: &'static str,
-    parameters: &'static [&'static str],
-    between_people: f64,
-) -> Variation {
-    Variation { fluorophore: Some(fluorophore), ..factor(name, title, parameters, between_people) }
+/// A factor on the strength of a fluorophore: its name, title, standard deviation among people, and where it is in layers these.
+macro_rules! strength {
+    ($fluorophore:literal, $title:literal, $between_people:expr $(, $layer:literal)*) => {
+        Variation {
+            fluorophore: Some($fluorophore),
+            ..factor(
+                concat!($fluorophore, "_per_mm"),
+                $title,
+                strength!(@parameters $fluorophore $(, $layer)*),
+                $between_people,
+            )
+        }
+    };
+    (@parameters $fluorophore:literal) => { &[concat!($fluorophore, "_per_mm")] };
+    (@parameters $fluorophore:literal, $upper:literal, $lower:literal) => {
+        &[concat!($upper, "_", $fluorophore, "_per_mm"), concat!($lower, "_", $fluorophore, "_per_mm")]
+    };
 }
 
 /// Chromaticities of tongues and lips scatter a fifth as much within a person as among four people (0.003 to 0.010 against
@@ -87,59 +88,23 @@ const SOFT: &[Variation] = &[
     },
     factor("epithelium_thickness_um", "epithelium thickness", &["epithelium_thickness_um"], 0.35),
     factor("melanin_fraction", "melanin fraction", &["melanin_fraction"], 0.5),
-    strength(
-        "biofilm_porphyrin_per_mm",
-        "biofilm porphyrin",
-        "biofilm_porphyrin",
-        &["biofilm_porphyrin_per_mm"],
-        0.85,
-    ),
-    strength(
-        "biofilm_chlorophyll_per_mm",
-        "biofilm chlorophyll",
-        "biofilm_chlorophyll",
-        &["biofilm_chlorophyll_per_mm"],
-        1.0,
-    ),
-    strength("keratin_per_mm", "keratin", "keratin", &["keratin_per_mm"], STRENGTH),
-    strength("nadh_per_mm", "nadh", "nadh", &["nadh_per_mm"], STRENGTH),
-    strength("fad_per_mm", "fad", "fad", &["fad_per_mm"], STRENGTH),
-    strength(
-        "flavin_aggregate_per_mm",
-        "flavin aggregate",
-        "flavin_aggregate",
-        &["flavin_aggregate_per_mm"],
-        STRENGTH,
-    ),
-    strength(
-        "collagen_per_mm",
-        "collagen",
-        "collagen",
-        &["superficial_collagen_per_mm", "deep_collagen_per_mm"],
-        STRENGTH,
-    ),
-    strength(
-        "elastin_per_mm",
-        "elastin",
-        "elastin",
-        &["superficial_elastin_per_mm", "deep_elastin_per_mm"],
-        STRENGTH,
-    ),
-    strength(
-        "lipopigment_per_mm",
-        "lipopigment",
-        "lipopigment",
-        &["superficial_lipopigment_per_mm", "deep_lipopigment_per_mm"],
-        STRENGTH,
-    ),
+    strength!("biofilm_porphyrin", "biofilm porphyrin", 0.85),
+    strength!("biofilm_chlorophyll", "biofilm chlorophyll", 1.0),
+    strength!("keratin", "keratin", STRENGTH),
+    strength!("nadh", "nadh", STRENGTH),
+    strength!("fad", "fad", STRENGTH),
+    strength!("flavin_aggregate", "flavin aggregate", STRENGTH),
+    strength!("collagen", "collagen", STRENGTH, "superficial", "deep"),
+    strength!("elastin", "elastin", STRENGTH, "superficial", "deep"),
+    strength!("lipopigment", "lipopigment", STRENGTH, "superficial", "deep"),
 ];
 
 /// What varies in teeth. \[assumed\]
 const TOOTH: &[Variation] = &[
     factor("enamel_thickness_um", "enamel thickness", &["enamel_thickness_um"], 0.2),
     factor("dentin_background_per_mm", "dentin background", &["dentin_background_per_mm"], 0.3),
-    strength("enamel_per_mm", "enamel", "enamel", &["enamel_per_mm"], STRENGTH),
-    strength("dentin_per_mm", "dentin", "dentin", &["dentin_per_mm"], STRENGTH),
+    strength!("enamel", "enamel", STRENGTH),
+    strength!("dentin", "dentin", STRENGTH),
 ];
 
 impl Variation {
