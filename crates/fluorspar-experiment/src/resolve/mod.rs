@@ -36,8 +36,8 @@ use self::capture::Analyses;
 use self::context::{Context, Resolved};
 use super::error::steps;
 use super::schema::{
-    AnalysisRegionSection, AnalysisSection, DiffuseSection, ExperimentFile, FieldOfView, LensSection,
-    ReflectanceReference, ScatteringSection, SpectrumReference,
+    AnalysisSection, DiffuseSection, ExperimentFile, FieldOfView, LensSection, ReflectanceReference,
+    ScatteringSection, SpectrumReference,
 };
 use super::{Experiment, ExperimentError};
 use crate::cache::fetch_mouth;
@@ -463,15 +463,10 @@ pub fn resolve_captures(
 /// checked looks at the sensor: no region lies on it.
 fn differ_in_the_camera(rendered: &Experiment, now: &Experiment) -> bool {
     let file = &now.file;
-    let is_shape = |region: &AnalysisRegionSection| {
-        region.rectangle_px.is_some() || region.polygon_px.is_some() || region.mask.is_some()
-    };
     let lies_on_sensor = |section: &AnalysisSection| {
-        section.rectangle_px.is_some()
-            || section.polygon_px.is_some()
-            || section.mask.is_some()
+        section.place.has_shape()
             || section.compared_px.is_some()
-            || section.region.iter().any(is_shape)
+            || section.region.iter().any(|region| region.place.has_shape())
     };
     let is_free = file.target.is_empty()
         && file.spectroradiometer.is_empty()

@@ -7,7 +7,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 
 use super::number_or_word::NumberOrWord;
-use super::{FilePath, RegionReference, SpectrumReference};
+use super::{RegionReference, SensorRegionSection, SpectrumReference};
 use fluorspar::sensor::AutoExposure;
 use fluorspar::study::{AnalysisPlan, TissuePrior};
 
@@ -88,27 +88,19 @@ pub struct CaptureSection {
 
 /// Analysis of the captures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-#[schemars(extend("x-renamed" = {
+#[schemars(deny_unknown_fields, extend("x-renamed" = {
     "bulk_material": "bulk = \"...\""
 }))]
 pub struct AnalysisSection {
     /// Capture that is analyzed.
     pub frame: String,
-    /// Parts of the scene, by object name, that form the region of interest. Default: all.
-    #[serde(default)]
-    pub parts: Vec<String>,
+    /// Where the region of interest lies.
+    #[serde(flatten)]
+    pub place: SensorRegionSection,
     /// Pixels of the sensor by which the region keeps away from the rim of these parts, 0 to 64: pixels at the rim hold light of
     /// what lies beside, as of teeth and lips. Default 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub inset_px: u32,
-    /// Only pixels of this rectangle of the sensor: column, row, width, height.
-    pub rectangle_px: Option<[u32; 4]>,
-    /// Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image, x to the right and y downward from its
-    /// upper left corner. Default: none.
-    pub polygon_px: Option<Vec<[f64; 2]>>,
-    /// Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default: none.
-    pub mask: Option<FilePath>,
     /// Two regions of the sensor whose pixels are compared: how well the frames tell them apart. Default: none.
     pub compared_px: Option<[RegionReference; 2]>,
     /// Further regions of the frame, each analyzed by itself. Default: none.
@@ -150,21 +142,15 @@ pub struct AnalysisSection {
 /// A region that is analyzed by itself, beside that of `[analysis]` and in the same frame: parts of the scene, a shape on the sensor, or
 /// where both hold. What it does not say is as in `[analysis]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[schemars(deny_unknown_fields)]
 pub struct AnalysisRegionSection {
     /// Name, unique among regions.
     pub name: String,
-    /// Parts of the scene, by object name. Default: all.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub parts: Vec<String>,
+    /// Where it lies.
+    #[serde(flatten)]
+    pub place: SensorRegionSection,
     /// Pixels of the sensor by which the region keeps away from the rim of its parts, 0 to 64. Default: as in `[analysis]`.
     pub inset_px: Option<u32>,
-    /// Only pixels of this rectangle of the sensor: column, row, width, height. Default: none.
-    pub rectangle_px: Option<[u32; 4]>,
-    /// Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner. Default: none.
-    pub polygon_px: Option<Vec<[f64; 2]>>,
-    /// Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default: none.
-    pub mask: Option<FilePath>,
     /// Fluorophore whose share is estimated; "none" for no such estimate. Default: as in `[analysis]`; where that names none the porphyrin
     /// that this region holds.
     pub porphyrin: Option<String>,
@@ -185,16 +171,6 @@ pub struct AnalysisRegionSection {
     /// Pixels whose R + G + B is below this many standard deviations of its noise have no chromaticity, 0 to 1000. Default: as in
     /// `[analysis]`.
     pub noise_threshold: Option<f64>,
-}
-
-impl AnalysisRegionSection {
-    /// Whether it says nothing about where it lies.
-    pub(crate) fn is_unrestricted(&self) -> bool {
-        self.parts.is_empty()
-            && self.rectangle_px.is_none()
-            && self.polygon_px.is_none()
-            && self.mask.is_none()
-    }
 }
 
 /// The name of a material, or a table of concentrations.

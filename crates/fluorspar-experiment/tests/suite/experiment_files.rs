@@ -115,7 +115,7 @@ fn what_a_base_says_can_be_unset() {
     assert!(file.capture.iter().all(|capture| capture.subtract.is_none()) && file.unset.is_empty());
     // What the file says itself stays, and nothing of the base is left below it.
     let analysis = file.analysis.unwrap();
-    assert_eq!((analysis.parts.len(), analysis.rectangle_px), (0, Some([0, 0, 9, 9])));
+    assert_eq!((analysis.place.parts.len(), analysis.place.rectangle_px), (0, Some([0, 0, 9, 9])));
     // The same by an override, which goes on top of everything.
     let over = ["unset light.white", "unset capture.white", "unset analysis"].map(String::from);
     let other = parse("format = 1\nbase = \"oraleye-2021\"\n", "mine.toml", Path::new("."), &over).unwrap();

@@ -301,7 +301,7 @@ Vignetting: TypeAlias = "Literal['none', 'cos4']"
 """How irradiance falls off away from the optical axis."""
 
 NameOrFile: TypeAlias = "str"
-"""A lens of the catalogue or the path of a lens file."""
+"""A name of the catalogue or the path of a file."""
 
 ImageFormation: TypeAlias = "Literal['rendered', 'point_spread']"
 """How a traced lens makes its image."""
@@ -1128,8 +1128,9 @@ class TissueSection(TypedDict, total=False):
 
     name: str
     """Name by which materials and samples refer to it."""
-    site: str
-    """Site of the catalogue that it starts from, for instance "dorsal_tongue". Without it `layer` describes the tissue."""
+    site: NameOrFile
+    """Site that it starts from: of the catalogue, for instance "dorsal_tongue", or the path of a site file (.toml). Without it
+    `layer` describes the tissue."""
     states: list[str]
     """States of a site, for instance "inflammation", applied one after the other. Default: none."""
     parameters: dict[str, float]
@@ -1793,18 +1794,18 @@ class AnalysisSection(TypedDict, total=False):
     frame: str
     """Capture that is analyzed."""
     parts: list[str]
-    """Parts of the scene, by object name, that form the region of interest. Default: all."""
-    inset_px: int
-    """Pixels of the sensor by which the region keeps away from the rim of these parts, 0 to 64: pixels at the rim hold light
-    of what lies beside, as of teeth and lips. Default 0."""
+    """Parts of the scene, by object name. Default: all."""
     rectangle_px: list[int]
-    """Only pixels of this rectangle of the sensor: column, row, width, height."""
+    """Only pixels of this rectangle of the sensor: column, row, width, height. Default: none."""
     polygon_px: list[list[float]]
     """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image, x to the right and y downward
     from its upper left corner. Default: none."""
     mask: FilePath
     """Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default:
     none."""
+    inset_px: int
+    """Pixels of the sensor by which the region keeps away from the rim of these parts, 0 to 64: pixels at the rim hold light
+    of what lies beside, as of teeth and lips. Default 0."""
     compared_px: list[RegionReference]
     """Two regions of the sensor whose pixels are compared: how well the frames tell them apart. Default: none."""
     region: list[AnalysisRegionSection]
@@ -1843,8 +1844,8 @@ class SensorRegionSection(TypedDict, total=False):
     rectangle_px: list[int]
     """Only pixels of this rectangle of the sensor: column, row, width, height. Default: none."""
     polygon_px: list[list[float]]
-    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner.
-    Default: none."""
+    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image, x to the right and y downward
+    from its upper left corner. Default: none."""
     mask: FilePath
     """Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default:
     none."""
@@ -1858,16 +1859,16 @@ class AnalysisRegionSection(TypedDict, total=False):
     """Name, unique among regions."""
     parts: list[str]
     """Parts of the scene, by object name. Default: all."""
-    inset_px: int
-    """Pixels of the sensor by which the region keeps away from the rim of its parts, 0 to 64. Default: as in `[analysis]`."""
     rectangle_px: list[int]
     """Only pixels of this rectangle of the sensor: column, row, width, height. Default: none."""
     polygon_px: list[list[float]]
-    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner.
-    Default: none."""
+    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image, x to the right and y downward
+    from its upper left corner. Default: none."""
     mask: FilePath
     """Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default:
     none."""
+    inset_px: int
+    """Pixels of the sensor by which the region keeps away from the rim of its parts, 0 to 64. Default: as in `[analysis]`."""
     porphyrin: str
     """Fluorophore whose share is estimated; "none" for no such estimate. Default: as in `[analysis]`; where that names none
     the porphyrin that this region holds."""
@@ -1903,8 +1904,8 @@ class TargetSection(TypedDict, total=False):
     rectangle_px: list[int]
     """Only pixels of this rectangle of the sensor: column, row, width, height. Default: none."""
     polygon_px: list[list[float]]
-    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner.
-    Default: none."""
+    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image, x to the right and y downward
+    from its upper left corner. Default: none."""
     mask: FilePath
     """Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default:
     none."""
