@@ -434,13 +434,7 @@ fn from_tags(
     } else if pixels.samples == 1 {
         (Mosaic::monochrome(), Samples::Mosaic)
     } else {
-        let rows = Mosaic {
-            rows: 2,
-            cols: 2,
-            pattern: vec![0, 1, 1, 2],
-            channels: COLORS.map(String::from).to_vec(),
-        };
-        (rows, Samples::Developed)
+        (Mosaic::bayer("rggb").unwrap_or_default(), Samples::Developed)
     };
     let description = Description {
         format: FileFormat::RAW_FRAME.version(),
@@ -487,7 +481,7 @@ pub(crate) fn bits_of(value: u16) -> u8 {
 }
 
 /// Names of the channels of color frames.
-pub(crate) const COLORS: [&str; 3] = ["R", "G", "B"];
+const COLORS: [&str; 3] = ["R", "G", "B"];
 
 /// The color filter array of a directory, whose first pixel is that of the active area.
 pub(crate) fn mosaic_of(path: &Path, raw: &Directory<'_>) -> Result<Mosaic, FormatError> {

@@ -543,12 +543,7 @@ impl Facts<'_> {
         first: Option<&Directory<'_>>,
     ) -> (Mosaic, Samples) {
         let tag = first.filter(|_| pixels.samples == 1).and_then(|d| super::dng::mosaic_of(path, d).ok());
-        let bayer = Mosaic {
-            rows: 2,
-            cols: 2,
-            pattern: vec![0, 1, 1, 2],
-            channels: super::dng::COLORS.map(String::from).to_vec(),
-        };
+        let bayer = Mosaic::bayer("rggb").unwrap_or_default();
         let (mut mosaic, samples, otherwise, remark) = match (pixels.samples, tag) {
             (1, Some(mosaic)) => (mosaic, Samples::Mosaic, FactSource::Tag, ""),
             (1, None) => {
