@@ -50,7 +50,7 @@ const PEOPLE: u64 = 150;
 const PIXELS: f64 = 3000.0;
 
 fn main() -> Answer<()> {
-    let cheek = Site::named("buccal_mucosa")?;
+    let cheek = preset::site("buccal_mucosa")?;
     for sensor in SENSORS {
         let cameras = [sample(sensor, false)?, sample(sensor, true)?];
         let blood = equal_blood(&cameras[0], &cheek)?;
@@ -156,7 +156,8 @@ fn rendered(sensor: &str, blood: f64) -> Answer<()> {
 
 /// Three patches of cheek side by side under blue and white light.
 fn scene(sensor: &str, blood: f64) -> String {
-    let find = |name: &str| Site::named("buccal_mucosa").and_then(|site| site.get(name)).unwrap_or(0.0);
+    let cheek = preset::site("buccal_mucosa").ok();
+    let find = |name: &str| cheek.as_ref().and_then(|cheek| cheek.get(name).ok()).unwrap_or(0.0);
     let fibers: Vec<String> = FIBERS.iter().map(|name| format!("{name} = {:?}", KEPT * find(name))).collect();
     let bloody = format!("superficial_blood_fraction = {:?}", blood * find("superficial_blood_fraction"));
     let mut text = format!(

@@ -197,8 +197,8 @@ impl Told {
 
 /// The families before the camera of a study, under its blue light and, if wanted, the other one.
 fn told(study: &Study, site: &str, frames: &[&str], width: f64) -> Fallible<Told> {
-    let site = Site::named(site)?;
-    let teeth = Site::named("tooth")?;
+    let site = preset::site(site)?;
+    let teeth = preset::site("tooth")?;
     let names = site.fluorophores().iter().chain(teeth.fluorophores());
     let fluorophores = names.map(|name| Ok(Arc::new(preset::fluorophore(name)?.fluorophore())));
     let prior = TissuePrior {
@@ -206,8 +206,9 @@ fn told(study: &Study, site: &str, frames: &[&str], width: f64) -> Fallible<Told
         site,
         width,
         library_error: TissuePrior::LIBRARY_ERROR,
-        surroundings: true,
+        teeth: Some(teeth),
         site_probability: TissuePrior::SITE_PROBABILITY,
+        others: preset::compared_sites()?,
         kept: CachedSolutions::default(),
     };
     let lens = study.camera.lens_behind_filters().ok_or("a lens")?;
@@ -308,9 +309,9 @@ fn log_odds(light: &RegionLight) -> f64 {
 /// A site with the optics of the other variant of the tongue: every parameter changed as there, in proportion, the saturation by the
 /// difference. It scatters half as much and holds less of everything.
 fn other_variant(name: &str) -> Fallible<Site> {
-    let [from, to] = [Site::named("dorsal_tongue")?, Site::named("dorsal_tongue_b")?];
-    let mut site = Site::named(name)?;
-    for (parameter, value) in Site::named(name)?.parameters() {
+    let [from, to] = [preset::site("dorsal_tongue")?, preset::site("dorsal_tongue_b")?];
+    let mut site = preset::site(name)?;
+    for (parameter, value) in preset::site(name)?.parameters() {
         let [from, to] = [from.get(parameter.name)?, to.get(parameter.name)?];
         let changed = match parameter.name {
             "oxygen_saturation" => value + to - from,
@@ -443,7 +444,7 @@ fn main() -> Fallible<()> {
     let usual = TissuePrior::WIDTH;
     let [tongue, lip, cheek] = REGIONS.map(|[_, _, site]| site);
     if is_wanted("known") {
-        let sites = [Site::named(tongue)?, Site::named(lip)?, Site::named(cheek)?];
+        let sites = [preset::site(tongue)?, preset::site(lip)?, preset::site(cheek)?];
         run(mouths, "the sites of the estimate", &sites, 1.0, draws)?;
     }
     if is_wanted("other") {
@@ -452,7 +453,7 @@ fn main() -> Fallible<()> {
     }
     if is_wanted("wrong") {
         // Lips and cheeks that are not what the estimate takes them for
-        let sites = [other_variant(tongue)?, Site::named(cheek)?, Site::named("soft_palate")?];
+        let sites = [other_variant(tongue)?, preset::site(cheek)?, preset::site("soft_palate")?];
         run(mouths, "other tissue in the place of lip and cheek", &sites, usual, draws)?;
     }
     Ok(())

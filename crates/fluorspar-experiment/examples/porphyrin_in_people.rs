@@ -22,7 +22,7 @@ use fluorspar::pipeline::{CameraResponse, FamilyFrame, tissue_family};
 use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, WavelengthGrid};
 use fluorspar::study::TissuePrior;
-use fluorspar::tissue::{CachedSolutions, Site};
+use fluorspar::tissue::CachedSolutions;
 use fluorspar_experiment::{DEFAULT_SAMPLE, parse_sample, preset};
 
 type Fallible<T> = Result<T, Box<dyn Error>>;
@@ -187,7 +187,7 @@ fn family(
     filter: &Curve,
     grid: &WavelengthGrid,
 ) -> Fallible<LightFamily> {
-    let site = Site::named(site)?;
+    let site = preset::site(site)?;
     let fluorophores = site
         .fluorophores()
         .iter()
@@ -200,8 +200,9 @@ fn family(
         fluorophores,
         width,
         library_error,
-        surroundings: false,
+        teeth: None,
         site_probability: 1.0,
+        others: Vec::new(),
         kept,
     };
     let frame = |(name, lamp): &(&str, &Lamp)| FamilyFrame {

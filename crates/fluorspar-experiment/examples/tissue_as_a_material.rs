@@ -13,10 +13,9 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use fluorspar::tissue::{
-    DiscreteOrdinates, EffectiveTissue, Incidence, LayeredTissue, Level, LightField, Site,
-    fresnel_reflectance,
+    DiscreteOrdinates, EffectiveTissue, Incidence, LayeredTissue, Level, LightField, fresnel_reflectance,
 };
-use fluorspar_experiment::preset;
+use fluorspar_experiment::preset::{self, PresetKind};
 
 /// Angles of the light, and of the view, degrees.
 const ANGLES_DEG: [f64; 3] = [0.0, 45.0, 70.0];
@@ -32,9 +31,9 @@ const DEPTHS: usize = 600;
 fn main() -> Result<(), Box<dyn Error>> {
     println!("Solver over material: 1 is exact. Light (R, F) or view (L) at {ANGLES_DEG:?} degrees.");
     let [mut least, mut most] = [f64::INFINITY, 0.0_f64];
-    for name in Site::names() {
+    for name in preset::names(PresetKind::Site) {
         let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
-        let tissue = Site::named(name)?.tissue(&find)?;
+        let tissue = preset::site(name)?.tissue(&find)?;
         let solved = EffectiveTissue::new(&tissue, &SOLVED_NM, DiscreteOrdinates::WORKING)?;
         println!("\n{name}");
         for nm in REFLECTED_NM {

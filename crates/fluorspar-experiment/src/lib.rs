@@ -72,38 +72,18 @@ pub use setting_difference::{SettingDifference, setting_differences};
 
 /// JSON schema of an experiment file, with units, ranges and defaults as descriptions.
 pub fn json_schema() -> serde_json::Value {
-    published(schemars::schema_for!(schema::ExperimentFile).to_value())
+    json_schema_of::<schema::ExperimentFile>()
 }
 
-/// JSON schema of the file of a flat sample.
-pub fn sample_json_schema() -> serde_json::Value {
-    published(schemars::schema_for!(SampleFile).to_value())
-}
-
-/// JSON schema of a sensor file.
-pub fn sensor_json_schema() -> serde_json::Value {
-    published(schemars::schema_for!(SensorFile).to_value())
-}
-
-/// JSON schema of a file of plane layers.
-pub fn layers_json_schema() -> serde_json::Value {
-    published(schemars::schema_for!(LayersFile).to_value())
-}
-
-/// JSON schema of the file of a design problem.
-pub fn design_json_schema() -> serde_json::Value {
-    published(schemars::schema_for!(DesignFile).to_value())
-}
-
-/// The schema of the types with the short forms that are spelled out before the sections are typed.
-fn published(schema: serde_json::Value) -> serde_json::Value {
-    let mut schema = with_mosaic_letters(schema);
-    allow_default_variants_without_tag(&mut schema);
+/// JSON schema of a kind of file by the type of its sections: [`SampleFile`], [`SensorFile`], [`LayersFile`], [`DesignFile`].
+pub fn json_schema_of<T: schemars::JsonSchema>() -> serde_json::Value {
+    let mut schema = with_mosaic_letters(schemars::schema_for!(T).to_value());
+    tidy(&mut schema);
     schema
 }
 
-/// Allows a table without its tag wherever one variant is the default.
-fn allow_default_variants_without_tag(schema: &mut serde_json::Value) {
+/// Allows a table without its tag wherever one variant is the default, and takes defaults away that say that there is none.
+fn tidy(schema: &mut serde_json::Value) {
     let default = schema.get("x-default").cloned();
     if let (Some(default), Some(variants)) =
         (default, schema.get_mut("oneOf").and_then(serde_json::Value::as_array_mut))
@@ -119,8 +99,11 @@ fn allow_default_variants_without_tag(schema: &mut serde_json::Value) {
         }
     }
     match schema {
-        serde_json::Value::Object(parts) => parts.values_mut().for_each(allow_default_variants_without_tag),
-        serde_json::Value::Array(parts) => parts.iter_mut().for_each(allow_default_variants_without_tag),
+        serde_json::Value::Object(parts) => {
+            parts.retain(|_, value| !value.is_null());
+            parts.values_mut().for_each(tidy);
+        }
+        serde_json::Value::Array(parts) => parts.iter_mut().for_each(tidy),
         _ => {}
     }
 }

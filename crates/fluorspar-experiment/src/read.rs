@@ -1,9 +1,12 @@
 //! From text to typed sections.
 
 use fluorspar::quote::excerpt_to;
+use std::any::TypeId;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Mutex, PoisonError};
 
+use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde_path_to_error::Segment;
 
@@ -75,10 +78,29 @@ pub fn parse_changed(
     Ok(Experiment { file, document })
 }
 
+/// The shapes of a kind of file, by the type of its sections; made once.
+pub(crate) fn schema_of<T: JsonSchema + 'static>() -> &'static Schema {
+    static SCHEMAS: Mutex<BTreeMap<TypeId, &'static Schema>> = Mutex::new(BTreeMap::new());
+    let mut schemas = SCHEMAS.lock().unwrap_or_else(PoisonError::into_inner);
+    schemas.entry(TypeId::of::<T>()).or_insert_with(|| Box::leak(Box::new(Schema::of::<T>())))
+}
+
 /// The shapes of an experiment file.
 pub(super) fn experiment_schema() -> &'static Schema {
-    static SCHEMA: OnceLock<Schema> = OnceLock::new();
-    SCHEMA.get_or_init(Schema::of::<ExperimentFile>)
+    schema_of::<ExperimentFile>()
+}
+
+/// Reads a file of the kind of its sections' type: its tree, and the sections. Overrides and paths are as for an experiment.
+pub(crate) fn read_sections<T: DeserializeOwned + JsonSchema + 'static>(
+    text: &str,
+    source_name: &str,
+    base_dir: &Path,
+    overrides: &[String],
+) -> Result<(Document, T), ExperimentError> {
+    let schema = schema_of::<T>();
+    let mut document = read_document(schema, text, source_name, base_dir, overrides)?;
+    let sections = typed(&mut document, schema)?;
+    Ok((document, sections))
 }
 
 /// Text, bases, overrides and sensor preset as one tree.

@@ -4,9 +4,7 @@ use std::collections::BTreeMap;
 
 use fluorspar::image::{ComponentFactors, ComponentImage, ExcitationImage, LightPath, RelitComponent};
 use fluorspar::light::Light;
-use fluorspar::pipeline::{
-    PipelineError, check_same_scene, concentration_factors, relight, relight_with_basis,
-};
+use fluorspar::pipeline::{PipelineError, check_same_scene, concentration_factors, relight_with_basis};
 use fluorspar::scene::Scene;
 use fluorspar::study::Study;
 use fluorspar_experiment::schema::ConcentrationFactor;
@@ -87,7 +85,7 @@ impl RenderedScene<'_> {
             return Ok(self.of_concentrations(&concentrations, study)?);
         }
         let rendered = rendered_study(experiment, now, resolved)?;
-        let (mut shown, light) = relight(&rendered, study, self.labels)?;
+        let mut shown = rendered.clone();
         let (mut relit, mut light_errors) = (vec![None; self.labels.components.len()], Vec::new());
         if emits_otherwise(&shown.scene, &study.scene)
             && let Some(basis) = basis()?
@@ -98,7 +96,7 @@ impl RenderedScene<'_> {
         if is_same {
             check_same_scene(&shown, study)?;
         }
-        let factors = concentration_factors(&concentrations, study, self.labels)?.times(light.even);
+        let factors = concentration_factors(&concentrations, study, self.labels)?;
         Ok(SceneChanges { factors, relit, lights: Some(rendered.scene.lights), light_errors })
     }
 

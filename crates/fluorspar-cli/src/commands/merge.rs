@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueHint;
-use fluorspar::image::{ExcitationBin, Film};
+use fluorspar::image::Film;
 use fluorspar::pipeline::image_and_basis;
 use fluorspar_experiment::parse;
 use fluorspar_format::{Output, Provenance, check_room, read_film, write_film};
@@ -62,8 +62,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if !options.incomplete {
         check_complete(&film, &provenance, &films)?;
     }
-    let has_basis =
-        film.layout().components.iter().any(|c| matches!(c.excitation, Some(ExcitationBin::Node(_))));
+    let has_basis = film.layout().components.iter().any(|c| c.node_nm.is_some());
     if has_basis {
         options.output.check_for_basis()?;
     }

@@ -3,9 +3,7 @@
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use fluorspar_experiment::{
-    design_json_schema, json_schema, layers_json_schema, sample_json_schema, sensor_json_schema,
-};
+use fluorspar_experiment::{DesignFile, LayersFile, SampleFile, SensorFile, json_schema, json_schema_of};
 
 use crate::error::CliError;
 
@@ -35,10 +33,10 @@ enum FileKind {
 pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     super::print_json(&match options.kind {
         FileKind::Experiment => json_schema(),
-        FileKind::Sample => sample_json_schema(),
-        FileKind::Sensor => sensor_json_schema(),
-        FileKind::Layers => layers_json_schema(),
-        FileKind::Design => design_json_schema(),
+        FileKind::Sample => json_schema_of::<SampleFile>(),
+        FileKind::Sensor => json_schema_of::<SensorFile>(),
+        FileKind::Layers => json_schema_of::<LayersFile>(),
+        FileKind::Design => json_schema_of::<DesignFile>(),
     })?;
     Ok(ExitCode::SUCCESS)
 }

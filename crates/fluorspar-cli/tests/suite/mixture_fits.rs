@@ -244,7 +244,7 @@ fn wrong_input_is_told() {
             format!("m.csv {fad} --relative --standard-errors short.csv"),
             "short.csv: column \"a\" has no value at 504 nm",
         ),
-        ("m.csv --tissue lips --light led_405 --relative".into(), "there is no tissue 'lips'"),
+        ("m.csv --tissue lips --light led_405 --relative".into(), "there is no tissue \"lips\""),
         (
             "m.csv --tissue lip --light led_405 --relative --fluorophore egfp".into(),
             "--fluorophore egfp: lip does not hold it",

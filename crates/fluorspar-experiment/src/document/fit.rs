@@ -6,8 +6,7 @@ use std::path::PathBuf;
 use super::shape::{Either, Field, Found, Mark, Schema, Shape, Table, TextKind, Variant};
 use super::tree::{Content, Document, Node, TextSource};
 use crate::error::{ExperimentError, Message, Place, Step};
-use crate::preset::is_lens_file;
-use crate::schema::NameOrTable;
+use crate::schema::{NameOrTable, is_file_name};
 use fluorspar::names::{did_you_mean, nearest_name, suggestion};
 
 /// Makes a merged tree complete: relative paths start where they were written, and tables that leave the tag of their
@@ -60,7 +59,7 @@ fn anchor(kind: TextKind, text: &mut String, folder: Option<&PathBuf>) {
         TextKind::Plain => false,
         TextKind::Path => true,
         TextKind::NameOrTablePath => NameOrTable::is_path(text),
-        TextKind::NameOrLensPath => is_lens_file(text),
+        TextKind::NameOrFilePath => is_file_name(text),
     };
     if let (true, false, Some(folder)) = (is_path, text.is_empty(), folder) {
         let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.clone());
@@ -342,7 +341,7 @@ impl Fit<'_> {
                 format!("; give {}", field.expected.as_deref().unwrap_or_default())
             }
             Shape::Either(either) => format!("; give {}", either.expected),
-            Shape::Text(TextKind::NameOrLensPath) => {
+            Shape::Text(TextKind::NameOrFilePath) => {
                 let lenses = crate::preset::names(crate::preset::PresetKind::Lens).join(", ");
                 format!("; give a lens of the catalogue ({lenses}) or a lens file")
             }

@@ -15,7 +15,7 @@
 //! | `x-identity` | a section | field whose new value makes it another thing: nothing of the old one stays |
 //! | `x-renamed` | a section | fields that were written otherwise before format 1, and what to write now |
 //! | `format: "path"` | a text | path of a file, relative to the file that names it |
-//! | `format: "name-or-table-path"`, `"name-or-lens-path"` | a text | name of the catalogue, or such a path |
+//! | `format: "name-or-table-path"`, `"name-or-file-path"` | a text | name of the catalogue, or such a path |
 
 use std::collections::BTreeMap;
 
@@ -61,8 +61,8 @@ pub(crate) enum TextKind {
     Path,
     /// Name of the catalogue, or path of a table of spectra.
     NameOrTablePath,
-    /// Name of the catalogue, or path of a lens file.
-    NameOrLensPath,
+    /// Name of the catalogue, or path of a file of a lens or a tissue site.
+    NameOrFilePath,
 }
 
 /// Values of different types: a number, a name, a list, a table.
@@ -322,7 +322,7 @@ impl SchemaReader<'_> {
             "string" => Shape::Text(match part(value, "format").as_str() {
                 Some("path") => TextKind::Path,
                 Some("name-or-table-path") => TextKind::NameOrTablePath,
-                Some("name-or-lens-path") => TextKind::NameOrLensPath,
+                Some("name-or-file-path") => TextKind::NameOrFilePath,
                 _ => TextKind::Plain,
             }),
             "array" => self.list(value),

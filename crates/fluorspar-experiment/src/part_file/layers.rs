@@ -1,14 +1,12 @@
 //! Files that describe plane layers by their optical properties at one wavelength, or at two with fluorescence between them.
 
 use std::path::Path;
-use std::sync::OnceLock;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::document::shape::Schema;
 use crate::error::{ExperimentError, Place, steps};
-use crate::read::{read_document, typed};
+use crate::read::read_sections;
 use crate::resolve::context::{Context, Resolved};
 use crate::schema::FormatVersion;
 use fluorspar::tissue::{
@@ -62,7 +60,6 @@ pub struct LayerSection {
     /// Anisotropy factor of Henyey and Greenstein, the mean cosine of the scattering angle, -0.99 to 0.995.
     pub anisotropy: f64,
     /// Fluorescence, and the optical properties at its wavelength. All layers have it, or none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emission: Option<LayerEmissionSection>,
 }
 
@@ -79,10 +76,8 @@ pub struct LayerEmissionSection {
     /// Scattering coefficient, 1/mm, 0 to 10000.
     pub scattering_per_mm: f64,
     /// Anisotropy factor, -0.99 to 0.995. Default: that of the excitation.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub anisotropy: Option<f64>,
     /// Refractive index, 1 to 3. Default: that of the excitation.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refractive_index: Option<f64>,
 }
 
@@ -108,11 +103,6 @@ pub struct ResolvedEmission {
     pub strengths_per_mm: Vec<f64>,
 }
 
-fn layers_schema() -> &'static Schema {
-    static SCHEMA: OnceLock<Schema> = OnceLock::new();
-    SCHEMA.get_or_init(Schema::of::<LayersFile>)
-}
-
 /// Reads a file of layers. Overrides are as for an experiment: `layer.epithelium.thickness_mm=0.2`.
 ///
 /// # Errors
@@ -123,8 +113,7 @@ pub fn parse_layers(
     base_dir: &Path,
     overrides: &[String],
 ) -> Result<ResolvedLayers, ExperimentError> {
-    let mut document = read_document(layers_schema(), text, source_name, base_dir, overrides)?;
-    let file: LayersFile = typed(&mut document, layers_schema())?;
+    let (document, file) = read_sections::<LayersFile>(text, source_name, base_dir, overrides)?;
     let context = Context::new(&document);
     if file.layer.is_empty() {
         return context

@@ -2,16 +2,15 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::document::shape::Schema;
 use crate::document::tree::Document;
 use crate::error::{ExperimentError, steps};
-use crate::read::{read_document, typed};
+use crate::read::read_sections;
 use crate::resolve::context::{Context, Resolved, STRENGTH};
 use crate::resolve::spectrum::Role;
 use crate::resolve::tissue::flat_tissue;
@@ -173,10 +172,8 @@ pub struct SampleFile {
     #[serde(default)]
     pub view_filter: ViewFilterSection,
     /// Lens; without it radiances are all that is computed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lens: Option<LensSection>,
     /// Sensor.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<SensorSection>,
     /// Exposure.
     #[serde(default)]
@@ -245,9 +242,7 @@ pub fn parse_sample(
     base_dir: &Path,
     overrides: &[String],
 ) -> Result<ResolvedSample, ExperimentError> {
-    let schema = sample_schema();
-    let mut document = read_document(schema, text, source_name, base_dir, overrides)?;
-    let mut file: SampleFile = typed(&mut document, schema)?;
+    let (document, mut file) = read_sections::<SampleFile>(text, source_name, base_dir, overrides)?;
     if file.compatibility == SampleCompatibility::ToolboxEem && file.spectral == SpectralSection::default() {
         file.spectral = SpectralSection::Uniform(UniformBins {
             first_nm: TOOLBOX_START_NM,
@@ -262,12 +257,6 @@ pub fn parse_sample(
         sensor.model.mode = SensorMode::Isetcam { noise_flag: 0 };
     }
     resolve_sample(&document, &file)
-}
-
-/// The shapes of the file of a flat sample.
-pub(crate) fn sample_schema() -> &'static Schema {
-    static SCHEMA: OnceLock<Schema> = OnceLock::new();
-    SCHEMA.get_or_init(Schema::of::<SampleFile>)
 }
 
 fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSample> {
@@ -496,11 +485,8 @@ fn write_out(context: &Context<'_>, file: &SampleFile) -> Resolved<(String, Stri
     if let Some(sensor) = &mut complete.sensor {
         sensor.model = device::filled(&sensor.model);
     }
-    let failed =
-        |error: toml::ser::Error| context.error(&[], format!("the sample can't be written out: {error}"));
-    let text = crate::file_text(&complete).map_err(failed)?;
-    complete.title.clear();
-    complete.description.clear();
-    let digest = context.digest(&complete).map_err(failed)?;
-    Ok((text, digest))
+    context.write_out(complete, |file| {
+        file.title.clear();
+        file.description.clear();
+    })
 }

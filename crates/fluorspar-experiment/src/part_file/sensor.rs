@@ -1,19 +1,18 @@
 //! Files that describe a sensor and nothing else, in the form of the catalogue's.
 
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::sample::sample_schema;
+use super::sample::SampleFile;
 use crate::document::shape::Schema;
 use crate::document::tree::{Content, Node, TextSource};
-use crate::error::{ExperimentError, steps};
-use crate::read::{experiment_schema, read_document, typed};
+use crate::error::ExperimentError;
+use crate::read::{read_document, schema_of, typed};
 use crate::resolve::context::Context;
 use crate::resolve::device;
-use crate::schema::{FormatVersion, SensorSection};
+use crate::schema::{ExperimentFile, FormatVersion, SensorSection};
 use fluorspar::sensor::Sensor;
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar::warning::Warning;
@@ -58,12 +57,6 @@ pub struct ResolvedSensor {
     pub inputs: Vec<PathBuf>,
 }
 
-/// The shapes of a sensor file.
-fn sensor_schema() -> &'static Schema {
-    static SCHEMA: OnceLock<Schema> = OnceLock::new();
-    SCHEMA.get_or_init(Schema::of::<SensorFile>)
-}
-
 /// Reads the sensor of a sensor file, an experiment or a flat sample. Overrides and paths are as for an experiment;
 /// spectra are checked on the default wavelengths.
 ///
@@ -75,7 +68,7 @@ pub fn parse_sensor(
     base_dir: &Path,
     overrides: &[String],
 ) -> Result<ResolvedSensor, ExperimentError> {
-    let mut document = read_document(experiment_schema(), text, source_name, base_dir, overrides)?;
+    let mut document = read_document(schema_of::<ExperimentFile>(), text, source_name, base_dir, overrides)?;
     if document.root.get("sensor").is_none() {
         return Err(
             document.error(&[], "there is no [sensor] section; add one, if only with preset = \"NAME\"")
@@ -86,8 +79,8 @@ pub fn parse_sensor(
     };
     // Of an experiment or a sample only the sensor is read.
     let is_beside = |key: &str| {
-        let others = [experiment_schema(), sample_schema()];
-        !has(sensor_schema(), key) && others.iter().any(|schema| has(schema, key))
+        let others = [schema_of::<ExperimentFile>(), schema_of::<SampleFile>()];
+        !has(schema_of::<SensorFile>(), key) && others.iter().any(|schema| has(schema, key))
     };
     for (number, text) in overrides.iter().enumerate() {
         let path = text.trim_start_matches("insert ").trim_start_matches("unset ");
@@ -105,14 +98,12 @@ pub fn parse_sensor(
     if let Content::Table(entries) = &mut document.root.content {
         entries.retain(|(key, _): &(String, Node)| !is_beside(key));
     }
-    let file: SensorFile = typed(&mut document, sensor_schema())?;
+    let file: SensorFile = typed(&mut document, schema_of::<SensorFile>())?;
     let mut context = Context::new(&document);
     let sensor = device::sensor(&mut context, &file.sensor, &WavelengthGrid::default())?;
     let mut complete = file.clone();
     complete.sensor.model = device::filled(&complete.sensor.model);
-    let resolved_toml = crate::file_text(&complete).map_err(|error| {
-        document.error(&steps!["sensor"], format!("the sensor can't be written out: {error}"))
-    })?;
+    let resolved_toml = context.write_out(complete, |_| {})?.0;
     let base_files = document.base_files.iter().cloned();
     let spectra = std::mem::take(&mut context.inputs).into_iter().map(|input| input.path);
     Ok(ResolvedSensor {

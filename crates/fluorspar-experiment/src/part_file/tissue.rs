@@ -1,14 +1,12 @@
 //! Files with one tissue: a `[[tissue]]` section by itself, as `fluorspar tissue fit` writes it.
 
 use std::path::Path;
-use std::sync::OnceLock;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::document::shape::Schema;
 use crate::error::{ExperimentError, steps};
-use crate::read::{read_document, typed};
+use crate::read::read_sections;
 use crate::resolve::context::Context;
 use crate::resolve::device;
 use crate::resolve::named_tissue::{NamedTissue, of_section};
@@ -25,11 +23,6 @@ pub struct TissueFile {
     pub tissue: Vec<TissueSection>,
 }
 
-fn tissue_schema() -> &'static Schema {
-    static SCHEMA: OnceLock<Schema> = OnceLock::new();
-    SCHEMA.get_or_init(Schema::of::<TissueFile>)
-}
-
 /// Reads a file with one tissue: its name, and the site with its states and parameters, or its layers. Fluorophores of layers are
 /// those of the catalogue.
 ///
@@ -40,8 +33,7 @@ pub fn parse_tissue(
     source_name: &str,
     base_dir: &Path,
 ) -> Result<(String, NamedTissue), ExperimentError> {
-    let mut document = read_document(tissue_schema(), text, source_name, base_dir, &[])?;
-    let file: TissueFile = typed(&mut document, tissue_schema())?;
+    let (document, file) = read_sections::<TissueFile>(text, source_name, base_dir, &[])?;
     let context = &mut Context::new(&document);
     let [section] = file.tissue.as_slice() else {
         let message = format!("there are {} tissues; give one [[tissue]] section", file.tissue.len());
@@ -72,7 +64,7 @@ mod tests {
             (format!("format = 1\n{one}{}", one.replace("mine", "yours")), "there are 2 tissues"),
             (one.to_string(), "write format = 1"),
             (format!("format = 1\n{}", one.replace("0.7", "70")), "outside 0 to 1"),
-            (format!("format = 1\n{}", one.replace("lip\"", "lop\"")), "no tissue 'lop'"),
+            (format!("format = 1\n{}", one.replace("lip\"", "lop\"")), "no tissue \"lop\""),
             (format!("format = 1\nlayer = 3\n{one}"), "layer"),
         ];
         for (text, words) in wrong {

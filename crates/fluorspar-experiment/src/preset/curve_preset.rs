@@ -2,6 +2,7 @@
 
 use std::sync::LazyLock;
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::catalogue::{damaged, parse};
@@ -43,10 +44,10 @@ pub struct CurveFit {
     pub note: String,
 }
 
-/// A spectrum of the catalogue with one curve.
+/// Spectra of the catalogue: one equation, or one for each channel of a sensor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CurvePreset {
+pub struct SpectraPreset<M> {
     /// Name by which files refer to it.
     pub name: String,
     /// Name for people.
@@ -57,20 +58,26 @@ pub struct CurvePreset {
     pub source: String,
     /// Quantity of the values.
     pub quantity: CurveQuantity,
-    /// Wavelengths between which the model holds, nm.
+    /// Wavelengths between which the models hold, nm.
     pub valid_nm: [f64; 2],
     /// Fields that are assumed rather than measured.
     pub assumed: Vec<String>,
     /// Effective refractive index of an interference filter, whose curve moves to shorter wavelengths at an angle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effective_index: Option<f64>,
-    /// How the model was fitted; `None` where there was nothing to fit.
+    /// How the models were fitted; `None` where there was nothing to fit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fit: Option<CurveFit>,
-    /// The equation.
+    /// The equations.
     #[serde(rename = "curve")]
-    pub model: CurveModel,
+    pub model: M,
 }
+
+/// A spectrum of the catalogue with one curve.
+pub type CurvePreset = SpectraPreset<CurveModel>;
+
+/// Quantum efficiencies of the channels of a sensor, by name.
+pub type QuantumEfficiencyPreset = SpectraPreset<toml::Table>;
 
 impl CurvePreset {
     /// The curve over 200 to 1200 nm. Outside `valid_nm` it is an extrapolation.
@@ -88,35 +95,10 @@ impl CurvePreset {
     }
 }
 
-/// Quantum efficiencies of the channels of a sensor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct QuantumEfficiencyPreset {
-    /// Name by which files refer to it.
-    pub name: String,
-    /// Name for people.
-    pub title: String,
-    /// Description and caveats.
-    pub description: String,
-    /// Where the numbers come from.
-    pub source: String,
-    /// Quantity of the values.
-    pub quantity: CurveQuantity,
-    /// Wavelengths between which the models hold, nm.
-    pub valid_nm: [f64; 2],
-    /// Fields that are assumed rather than measured.
-    pub assumed: Vec<String>,
-    /// How the models were fitted.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fit: Option<CurveFit>,
-    /// One equation per channel.
-    curve: toml::Table,
-}
-
 impl QuantumEfficiencyPreset {
     /// Names of the channels, in the order of the file.
     pub fn channel_names(&self) -> Vec<&str> {
-        self.curve.keys().map(String::as_str).collect()
+        self.model.keys().map(String::as_str).collect()
     }
 
     /// Electrons per photon of each channel.
@@ -136,7 +118,7 @@ impl QuantumEfficiencyPreset {
                 .map_err(|error| damaged(kind, &self.name, format!("curve.{channel}: {error}")))?;
             Ok((channel.clone(), model))
         };
-        self.curve.iter().map(model).collect()
+        self.model.iter().map(model).collect()
     }
 }
 
@@ -183,11 +165,7 @@ pub fn reflectance_curves() -> Vec<Curve> {
 /// When there is no such entry.
 pub fn quantum_efficiency(name: &str) -> Result<QuantumEfficiencyPreset, PresetError> {
     let kind = PresetKind::QuantumEfficiency;
-    let preset: QuantumEfficiencyPreset = parse(kind, name)?;
-    check_name(kind, name, &preset.name)?;
-    if preset.quantity != CurveQuantity::QuantumEfficiency {
-        return Err(damaged(kind, name, format!("quantity is {:?}", preset.quantity)));
-    }
+    let preset: QuantumEfficiencyPreset = preset(kind, name, CurveQuantity::QuantumEfficiency)?;
     for (channel, model) in preset.models()? {
         check_model(kind, name, &format!("curve.{channel}"), &model, true, preset.valid_nm)?;
     }
@@ -195,12 +173,22 @@ pub fn quantum_efficiency(name: &str) -> Result<QuantumEfficiencyPreset, PresetE
 }
 
 fn curve(kind: PresetKind, name: &str, quantity: CurveQuantity) -> Result<CurvePreset, PresetError> {
-    let preset: CurvePreset = parse(kind, name)?;
+    let preset: CurvePreset = preset(kind, name, quantity)?;
+    check_model(kind, name, "curve", &preset.model, quantity.is_fraction(), preset.valid_nm)?;
+    Ok(preset)
+}
+
+/// Spectra of a quantity.
+fn preset<M: DeserializeOwned>(
+    kind: PresetKind,
+    name: &str,
+    quantity: CurveQuantity,
+) -> Result<SpectraPreset<M>, PresetError> {
+    let preset: SpectraPreset<M> = parse(kind, name)?;
     check_name(kind, name, &preset.name)?;
     if preset.quantity != quantity {
         return Err(damaged(kind, name, format!("quantity is {:?}", preset.quantity)));
     }
-    check_model(kind, name, "curve", &preset.model, quantity.is_fraction(), preset.valid_nm)?;
     Ok(preset)
 }
 

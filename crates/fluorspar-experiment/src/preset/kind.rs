@@ -29,6 +29,8 @@ pub enum PresetKind {
     Glass,
     /// A lens: surfaces, glasses, stop.
     Lens,
+    /// A tissue with its parameters.
+    Site,
     /// A complete experiment.
     Experiment,
     /// A flat sample without geometry.
@@ -39,7 +41,7 @@ pub enum PresetKind {
 
 impl PresetKind {
     /// Every kind.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Light,
         Self::Filter,
         Self::Reflectance,
@@ -49,45 +51,39 @@ impl PresetKind {
         Self::Fluorophore,
         Self::Glass,
         Self::Lens,
+        Self::Site,
         Self::Experiment,
         Self::Sample,
         Self::Design,
     ];
 
-    pub(super) fn folder(self) -> &'static str {
+    /// Folder of its files, and what one entry is called.
+    fn names(self) -> [&'static str; 2] {
         match self {
-            Self::Light => "lights",
-            Self::Filter => "filters",
-            Self::Reflectance => "reflectances",
-            Self::Metal => "metals",
-            Self::QuantumEfficiency => "qe",
-            Self::Sensor => "sensors",
-            Self::Fluorophore => "fluorophores",
-            Self::Glass => "glasses",
-            Self::Lens => "lenses",
-            Self::Experiment => "experiments",
-            Self::Sample => "samples",
-            Self::Design => "designs",
+            Self::Light => ["lights", "light spectrum"],
+            Self::Filter => ["filters", "filter"],
+            Self::Reflectance => ["reflectances", "reflectance"],
+            Self::Metal => ["metals", "metal"],
+            Self::QuantumEfficiency => ["qe", "quantum efficiency"],
+            Self::Sensor => ["sensors", "sensor"],
+            Self::Fluorophore => ["fluorophores", "fluorophore"],
+            Self::Glass => ["glasses", "glass"],
+            Self::Lens => ["lenses", "lens"],
+            Self::Site => ["sites", "tissue"],
+            Self::Experiment => ["experiments", "experiment"],
+            Self::Sample => ["samples", "flat sample"],
+            Self::Design => ["designs", "design problem"],
         }
+    }
+
+    pub(super) fn folder(self) -> &'static str {
+        self.names()[0]
     }
 }
 
 impl fmt::Display for PresetKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Light => "light spectrum",
-            Self::Filter => "filter",
-            Self::Reflectance => "reflectance",
-            Self::Metal => "metal",
-            Self::QuantumEfficiency => "quantum efficiency",
-            Self::Sensor => "sensor",
-            Self::Fluorophore => "fluorophore",
-            Self::Glass => "glass",
-            Self::Lens => "lens",
-            Self::Experiment => "experiment",
-            Self::Sample => "flat sample",
-            Self::Design => "design problem",
-        })
+        f.write_str(self.names()[1])
     }
 }
 

@@ -7,6 +7,7 @@ use thiserror::Error;
 use super::catalogue::{damaged, names, parse, text};
 use super::curve_preset::check_name;
 use super::kind::{PresetError, PresetKind};
+use crate::schema::is_file_name;
 use fluorspar::names::nearest_name;
 use fluorspar::optics::{Dispersion, Glass, LensPrescription, PrescriptionError};
 use fluorspar_format::{LensFile, LensFileError, PublishedLens, read_lens};
@@ -103,19 +104,12 @@ pub fn lens(name: &str) -> Result<LoadedLens, PresetError> {
     })
 }
 
-/// Whether a text names a lens file rather than a lens of the catalogue.
-pub fn is_lens_file(name: &str) -> bool {
-    let lower = name.to_lowercase();
-    name.contains(['/', '\\'])
-        || [".toml", ".dat", ".json", ".zmx"].iter().any(|ending| lower.ends_with(ending))
-}
-
 /// A lens of the catalogue by its name, or one from a file: `.toml`, `.dat`, `.json`, `.zmx`.
 ///
 /// # Errors
 /// An error of a name or file: what, where, and how to fix it.
 pub fn lens_or_file(name: &str) -> Result<LoadedLens, LensError> {
-    if !is_lens_file(name) {
+    if !is_file_name(name) {
         return Ok(lens(name)?);
     }
     let read = read_lens(Path::new(name))?;

@@ -13,6 +13,7 @@
 //! | fluorophores | [`list`]`(PresetKind::Fluorophore)` | [`fluorophore`] |
 //! | glasses | [`list`]`(PresetKind::Glass)` | [`glass`] |
 //! | lenses | [`list`]`(PresetKind::Lens)` | [`lens`], [`lens_or_file`] |
+//! | tissue sites | [`list`]`(PresetKind::Site)` | [`site`], [`site_or_file`] |
 //! | experiments | [`list`]`(PresetKind::Experiment)` | [`experiment`] |
 //! | flat samples | [`list`]`(PresetKind::Sample)` | [`sample`] |
 //! | design problems | [`list`]`(PresetKind::Design)` | [`design`] |
@@ -25,19 +26,21 @@ mod fluorophore_preset;
 mod kind;
 mod lens_preset;
 mod metal_preset;
+mod site_preset;
 mod text_preset;
 mod user_catalogue;
 mod user_entries;
 
 pub use catalogue::{PresetSummary, list, names};
 pub use curve_preset::{
-    CurveFit, CurvePreset, CurveQuantity, QuantumEfficiencyPreset, filter, light_spectrum,
+    CurveFit, CurvePreset, CurveQuantity, QuantumEfficiencyPreset, SpectraPreset, filter, light_spectrum,
     quantum_efficiency, reflectance, reflectance_curves,
 };
 pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset, PublishedDye, fluorophore};
 pub use kind::{PresetError, PresetKind};
-pub use lens_preset::{LensError, LoadedLens, glass, is_lens_file, lens, lens_or_file};
+pub use lens_preset::{LensError, LoadedLens, glass, lens, lens_or_file};
 pub use metal_preset::{MetalPreset, metal};
+pub use site_preset::{compared_sites, site, site_of_text, site_or_file};
 pub(crate) use text_preset::sensor_text;
 pub use text_preset::{ExperimentPreset, SensorPreset, design, experiment, sample, sensor};
 pub use user_catalogue::use_catalogue;

@@ -3,29 +3,31 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use fluorspar::spectral::CurveModel;
 use fluorspar_format::{FormatError, SpectrumOptions, SpectrumQuantity, read_spectra, read_text_bounded};
 
 use super::catalogue::built_in_names;
-use super::curve_preset::{filter, light_spectrum, quantum_efficiency, reflectance};
+use super::curve_preset::{
+    CurveQuantity, SpectraPreset, filter, light_spectrum, quantum_efficiency, reflectance,
+};
 use super::kind::{PresetError, PresetKind};
+use super::site_preset::site;
 use super::text_preset::sensor;
-use super::user_entries::{Entries, UserEntry, keep_entries};
-
-/// Largest file of the folder, bytes.
-const MOST_BYTES: u64 = 4 << 20;
+use super::user_entries::{Entries, MOST_BYTES, UserEntry, keep_entries};
 
 /// Kinds of entries that the folder may hold.
-const KINDS: [PresetKind; 5] = [
+const KINDS: [PresetKind; 6] = [
     PresetKind::Light,
     PresetKind::Filter,
     PresetKind::Reflectance,
     PresetKind::QuantumEfficiency,
     PresetKind::Sensor,
+    PresetKind::Site,
 ];
 
 /// Lets the entries of a folder stand beside those of the catalogue, for the rest of this process. Its folders `lights`, `filters`,
-/// `reflectances`, `qe` and `sensors` hold files in the form of the catalogue (`NAME.toml`), or tables (`NAME.csv`, not for sensors):
-/// wavelength, nm, in the first column, one column beside it, for quantum efficiencies one for each channel. A table of a light is brought
+/// `reflectances`, `qe`, `sensors` and `sites` hold files in the form of the catalogue (`NAME.toml`), or tables (`NAME.csv`, only of
+/// spectra): wavelength, nm, in the first column, one column beside it, for quantum efficiencies one for each channel. A table of a light is brought
 /// to a peak of 1. The first folder that is used stays.
 ///
 /// # Errors
@@ -65,6 +67,7 @@ fn check(folder: &str, name: &str) -> Result<(), PresetError> {
         Some(PresetKind::Filter) => filter(name).map(drop),
         Some(PresetKind::Reflectance) => reflectance(name).map(drop),
         Some(PresetKind::QuantumEfficiency) => quantum_efficiency(name).map(drop),
+        Some(PresetKind::Site) => site(name).map(drop),
         _ => sensor(name).map(drop),
     }
 }
@@ -81,7 +84,9 @@ fn of_file(path: &Path, error: &FormatError) -> PresetError {
 fn text_of_entry(kind: PresetKind, name: &str, path: &Path) -> Result<Option<String>, PresetError> {
     match path.extension().and_then(|ending| ending.to_str()) {
         Some("toml") => read_text_bounded(path, MOST_BYTES).map(Some).map_err(|error| of_file(path, &error)),
-        Some("csv") if kind != PresetKind::Sensor => text_of_table(kind, name, path).map(Some),
+        Some("csv") if !matches!(kind, PresetKind::Sensor | PresetKind::Site) => {
+            text_of_table(kind, name, path).map(Some)
+        }
         _ => Ok(None),
     }
 }
@@ -89,12 +94,13 @@ fn text_of_entry(kind: PresetKind, name: &str, path: &Path) -> Result<Option<Str
 /// A table in the form of the catalogue.
 fn text_of_table(kind: PresetKind, name: &str, path: &Path) -> Result<String, PresetError> {
     let is_qe = kind == PresetKind::QuantumEfficiency;
-    let quantity = match kind {
-        PresetKind::Light => SpectrumQuantity::SpectralPower,
-        PresetKind::Filter | PresetKind::Reflectance => SpectrumQuantity::Fraction,
-        _ => SpectrumQuantity::QuantumEfficiency,
+    let (read_as, quantity) = match kind {
+        PresetKind::Light => (SpectrumQuantity::SpectralPower, CurveQuantity::RelativeSpectralPower),
+        PresetKind::Filter => (SpectrumQuantity::Fraction, CurveQuantity::Transmittance),
+        PresetKind::Reflectance => (SpectrumQuantity::Fraction, CurveQuantity::Reflectance),
+        _ => (SpectrumQuantity::QuantumEfficiency, CurveQuantity::QuantumEfficiency),
     };
-    let options = SpectrumOptions { quantity, ..SpectrumOptions::default() };
+    let options = SpectrumOptions { quantity: read_as, ..SpectrumOptions::default() };
     let columns = read_spectra(path, &options).map_err(|error| of_file(path, &error))?.curves;
     if columns.is_empty() || (!is_qe && columns.len() > 1) {
         let message =
@@ -102,41 +108,30 @@ fn text_of_table(kind: PresetKind, name: &str, path: &Path) -> Result<String, Pr
         return Err(refused(path, message));
     }
     let mut valid_nm = [f64::INFINITY, 0.0];
-    let mut curves = toml::Table::new();
+    let failed = |error: toml::ser::Error| refused(path, error.to_string());
+    // In the order of the columns
+    let mut models = toml::Table::new();
     for column in &columns {
-        let (nm, values) = (column.curve.wavelengths_nm(), column.curve.values());
-        let (first, last) = column.curve.range_nm();
+        let curve = &column.curve;
+        let (first, last) = curve.range_nm();
         valid_nm = [valid_nm[0].min(first), valid_nm[1].max(last)];
-        let scale =
-            if kind == PresetKind::Light { 1.0 / column.curve.max().max(f64::MIN_POSITIVE) } else { 1.0 };
-        let list =
-            |values: Vec<f64>| toml::Value::Array(values.into_iter().map(toml::Value::Float).collect());
-        let mut curve = toml::Table::new();
-        curve.insert("type".into(), "table".into());
-        curve.insert("wavelength_nm".into(), list(nm.to_vec()));
-        curve.insert("value".into(), list(values.iter().map(|value| value * scale).collect()));
-        curves.insert(column.name.clone(), toml::Value::Table(curve));
+        let scale = if kind == PresetKind::Light { 1.0 / curve.max().max(f64::MIN_POSITIVE) } else { 1.0 };
+        let value = curve.values().iter().map(|value| value * scale).collect();
+        let model = CurveModel::Table { wavelength_nm: curve.wavelengths_nm().to_vec(), value };
+        models.insert(column.name.clone(), toml::Value::try_from(model).map_err(failed)?);
     }
-    let quantity = match kind {
-        PresetKind::Light => "relative_spectral_power",
-        PresetKind::Filter => "transmittance",
-        PresetKind::Reflectance => "reflectance",
-        _ => "quantum_efficiency",
+    let first = models.values().next().cloned().filter(|_| !is_qe);
+    let entry = SpectraPreset {
+        name: name.into(),
+        title: name.into(),
+        description: "Table of the user.".into(),
+        source: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        quantity,
+        valid_nm,
+        assumed: Vec::new(),
+        effective_index: None,
+        fit: None,
+        model: first.unwrap_or(toml::Value::Table(models)),
     };
-    let mut entry = toml::Table::new();
-    for (field, value) in [("name", name), ("title", name), ("quantity", quantity)] {
-        entry.insert(field.into(), value.into());
-    }
-    let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    entry.insert("description".into(), "Table of the user.".into());
-    entry.insert("source".into(), file.into());
-    entry.insert("valid_nm".into(), toml::Value::Array(valid_nm.map(toml::Value::Float).into()));
-    entry.insert("assumed".into(), toml::Value::Array(Vec::new()));
-    let curve = if is_qe {
-        Some(toml::Value::Table(curves))
-    } else {
-        curves.into_iter().next().map(|(_, curve)| curve)
-    };
-    entry.extend(curve.map(|curve| ("curve".to_owned(), curve)));
-    toml::to_string(&entry).map_err(|error| refused(path, error.to_string()))
+    toml::to_string(&entry).map_err(failed)
 }

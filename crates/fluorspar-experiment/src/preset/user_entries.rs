@@ -6,6 +6,9 @@ use std::sync::OnceLock;
 
 use super::kind::PresetKind;
 
+/// Largest file of an entry, bytes.
+pub(super) const MOST_BYTES: u64 = 4 << 20;
+
 /// An entry of the user: its file in the form of the catalogue.
 pub(super) struct UserEntry {
     pub(super) text: String,

@@ -30,15 +30,12 @@ impl FieldPlaces {
 
 /// A region as the analysis that it is by itself. Where it lies is its own matter; what its light is made of, too, if it names its parts.
 pub(super) fn as_analysis(section: &AnalysisRegionSection, shared: &AnalysisSection) -> AnalysisSection {
-    let has_parts = !section.parts.is_empty();
+    let has_parts = !section.place.parts.is_empty();
     let is_of_parts = |tissue: &String| has_parts && tissue != "none";
     AnalysisSection {
         frame: shared.frame.clone(),
-        parts: section.parts.clone(),
+        place: section.place.clone(),
         inset_px: section.inset_px.unwrap_or(shared.inset_px),
-        rectangle_px: section.rectangle_px,
-        polygon_px: section.polygon_px.clone(),
-        mask: section.mask.clone(),
         compared_px: None,
         region: Vec::new(),
         porphyrin: section.porphyrin.clone().or_else(|| shared.porphyrin.clone()),

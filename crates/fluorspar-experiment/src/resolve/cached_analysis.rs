@@ -10,13 +10,12 @@ use fluorspar::material::{FluorophoreAmount, Material, ScalarTexture};
 use fluorspar::scene::{Object, Scene, Shape};
 use fluorspar::spectral::{Curve, Fluorophore};
 use fluorspar::study::{AnalysisPlan, LineEnds, RegionPlan, Study, TissuePrior};
-use fluorspar::tissue::Site;
 use serde::{Deserialize, Serialize};
 
 use super::analyzed_region::as_analysis;
-use super::capture::{OfSurfaces, plan};
+use super::capture::{OfSurfaces, plan, teeth_around};
 use crate::cache::{cache, cached_solutions};
-use crate::preset::has_user_catalogue;
+use crate::preset::{self, has_user_catalogue};
 use crate::read::Experiment;
 use crate::schema::{AnalysisSection, ExperimentFile, RenderSection};
 
@@ -128,7 +127,7 @@ impl AnalysisNames {
         let tissue = match &self.site {
             None => None,
             Some(kept) => {
-                let mut site = Site::named(&kept.name).ok()?;
+                let mut site = preset::site(&kept.name).ok()?;
                 for (name, value) in &kept.parameters {
                     site.set(name, f64::from_bits(*value)).ok()?;
                 }
@@ -137,8 +136,9 @@ impl AnalysisNames {
                     fluorophores: take(kept.fluorophores)?.into_iter().map(Arc::new).collect(),
                     width: section.prior_width,
                     library_error: section.library_error,
-                    surroundings: file.mouth.is_some(),
+                    teeth: teeth_around(file).ok()?,
                     site_probability: section.tissue_probability,
+                    others: preset::compared_sites().ok()?,
                     kept: cached_solutions(),
                 })
             }

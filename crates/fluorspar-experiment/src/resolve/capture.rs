@@ -14,9 +14,10 @@ use super::spectrum::Role;
 use super::tissue;
 use crate::cache::cached_solutions;
 use crate::error::{Message, Place, Step, steps};
+use crate::preset::{self, PresetError};
 use crate::schema::{
     AnalysisSection, BulkReference, CaptureSection, ConcentrationFactor, DEFAULT_PORPHYRIN, ExperimentFile,
-    ExposureTime, TextureReference,
+    ExposureTime, SensorRegionSection, TextureReference,
 };
 use fluorspar::analysis::Analyte;
 use fluorspar::light::LightGroup;
@@ -284,7 +285,7 @@ fn regions(
         let at = steps!["analysis", "region", index];
         let earlier = shared.region[..index].iter().map(|other| other.name.as_str());
         context.unique_name(&at, &section.name, earlier)?;
-        if section.is_unrestricted() {
+        if section.place == SensorRegionSection::default() {
             return context.fail(&at, "selects no pixels; give parts, rectangle_px, polygon_px or mask");
         }
         let places = FieldPlaces::of_region(index);
@@ -329,16 +330,16 @@ pub(super) fn analyzed(
     check_frame(context, section, labels, places)?;
     let at_parts = at(context, "parts");
     check_region(context, section, seen, &at_parts)?;
-    region::check_whole_sensor(context, &at_parts, &section.parts, seen.sensor)?;
+    region::check_whole_sensor(context, &at_parts, &section.place.parts, seen.sensor)?;
     context.within(&at(context, "inset_px"), f64::from(section.inset_px), [0.0, 64.0], "pixels")?;
-    if let Some(rectangle) = section.rectangle_px {
+    if let Some(rectangle) = section.place.rectangle_px {
         region::rectangle(context, file, &at(context, "rectangle_px"), rectangle)?;
     }
-    let polygon = match &section.polygon_px {
+    let polygon = match &section.place.polygon_px {
         Some(corners) => Some(region::polygon(context, file, &at(context, "polygon_px"), corners)?),
         None => None,
     };
-    let mask = match &section.mask {
+    let mask = match &section.place.mask {
         Some(path) => Some(region::mask(context, file, &at(context, "mask"), path)?),
         None => None,
     };
@@ -395,9 +396,9 @@ pub(crate) struct OfSurfaces {
 pub(crate) fn plan(file: &ExperimentFile, section: &AnalysisSection, of: OfSurfaces) -> AnalysisPlan {
     AnalysisPlan {
         frame: section.frame.clone(),
-        parts: section.parts.clone(),
+        parts: section.place.parts.clone(),
         inset_px: section.inset_px,
-        rectangle_px: section.rectangle_px,
+        rectangle_px: section.place.rectangle_px,
         polygon: None,
         mask: None,
         compared: None,
@@ -423,9 +424,7 @@ fn wanted_share(section: &AnalysisSection) -> Option<&String> {
 
 /// Whether tissue of the mouth holds a fluorophore of this name.
 fn is_of_tissue(name: &str) -> bool {
-    ["dorsal_tongue", "tooth"]
-        .iter()
-        .any(|site| Site::named(site).is_ok_and(|site| site.fluorophores().contains(&name)))
+    Site::quantum_yield(name).is_some()
 }
 
 /// The porphyrin that an analysis means that names none: the one that the region holds, else the one of the scene. Where there is none,
@@ -443,8 +442,9 @@ fn porphyrin_of_scene(
         held.map(|held| seen.fluorophores.list[held.fluorophore].name.as_str()).collect()
     };
     let porphyrins = |of_region: bool| -> BTreeSet<&str> {
-        let is_looked_at =
-            |object: &&Object| !of_region || section.parts.is_empty() || section.parts.contains(&object.name);
+        let is_looked_at = |object: &&Object| {
+            !of_region || section.place.parts.is_empty() || section.place.parts.contains(&object.name)
+        };
         let names = seen.objects.iter().filter(is_looked_at).flat_map(held_by);
         names.filter(|name| Analyte::names_porphyrin(name)).collect()
     };
@@ -535,33 +535,40 @@ fn tissue_prior(
             _ => return Ok(None),
         },
     };
-    let surroundings = file.mouth.is_some();
+    let failed = |error: PresetError| context.error(&at, error);
+    let teeth = teeth_around(file).map_err(failed)?;
+    let others = preset::compared_sites().map_err(failed)?;
     let mut known = Fluorophores::default();
-    let teeth = surroundings.then(|| Site::named("tooth").map(|site| site.fluorophores()));
-    let of_teeth = teeth.and_then(Result::ok).unwrap_or_default();
+    let of_teeth = teeth.as_ref().map(Site::fluorophores).unwrap_or_default();
     for name in site.fluorophores().iter().chain(of_teeth) {
         known.index(context, &at, &file.fluorophore, name)?;
     }
     let fluorophores = known.list.into_iter().map(Arc::new).collect();
     let kept = cached_solutions();
-    Ok(Some(TissuePrior { site, fluorophores, width, library_error, surroundings, site_probability, kept }))
+    Ok(Some(TissuePrior { site, fluorophores, width, library_error, teeth, site_probability, others, kept }))
+}
+
+/// The teeth that light a site in a mouth.
+pub(super) fn teeth_around(file: &ExperimentFile) -> Result<Option<Site>, PresetError> {
+    file.mouth.is_some().then(|| preset::site("tooth")).transpose()
 }
 
 /// The typical tissue of the site that the material of the region's first part is made of; what the experiment changes about it
 /// is for the estimate to find.
 fn material_site(file: &ExperimentFile, section: &AnalysisSection, seen: &Seen<'_>) -> Option<Site> {
-    let part = section.parts.first()?;
+    let part = section.place.parts.first()?;
     let object = seen.objects.iter().find(|object| object.name == *part)?;
     let name = file.material[seen.original(object.material)].tissue()?;
     match file.tissue.iter().find(|section| section.name == name) {
-        None => Site::named(name).ok(),
-        Some(section) => Site::named(section.site.as_ref()?).ok(),
+        None => preset::site(name).ok(),
+        Some(section) => preset::site_or_file(section.site.as_ref()?.as_str()).ok(),
     }
 }
 
 /// A bulk given by hand, or that of another material than the region's, is an assumption that the scene must not correct.
 fn line_ends(file: &ExperimentFile, section: &AnalysisSection, seen: &Seen<'_>) -> LineEnds {
-    let in_region = |object: &&Object| section.parts.is_empty() || section.parts.contains(&object.name);
+    let in_region =
+        |object: &&Object| section.place.parts.is_empty() || section.place.parts.contains(&object.name);
     let is_its_own = |index: usize| {
         let mut materials = seen.objects.iter().filter(in_region).map(|object| object.material);
         materials.any(|material| material == index || seen.original(material) == index)
@@ -580,12 +587,12 @@ fn check_region(
     seen: &Seen<'_>,
     at: &Place,
 ) -> Resolved<()> {
-    check_parts(context, at, &section.parts, seen)?;
+    check_parts(context, at, &section.place.parts, seen)?;
     let is_in_view = |part: &String| {
         let mut found = seen.objects.iter().filter(|object| object.name == *part);
         found.any(|object| may_be_in_view(&object.shape, seen.camera))
     };
-    if section.parts.is_empty() || section.parts.iter().any(is_in_view) {
+    if section.place.parts.is_empty() || section.place.parts.iter().any(is_in_view) {
         return Ok(());
     }
     let message = "no part of the region is in the field of view of the camera. Turn the \
@@ -685,7 +692,7 @@ fn bulk_material(file: &ExperimentFile, section: &AnalysisSection, seen: &Seen<'
             file.material.iter().position(|material| material.name == *name)
         }
         None => {
-            let part = section.parts.first()?;
+            let part = section.place.parts.first()?;
             Some(seen.objects.iter().find(|object| object.name == *part)?.material)
         }
     }
@@ -698,9 +705,9 @@ fn shapes_of<'s>(
     seen: &'s Seen<'_>,
 ) -> impl Iterator<Item = &'s Shape> {
     let of_material = move || seen.objects.iter().filter(move |object| object.material == material);
-    let in_region = |object: &&Object| section.parts.contains(&object.name);
+    let in_region = |object: &&Object| section.place.parts.contains(&object.name);
     let region_has_it = of_material().any(|object| in_region(&object));
-    let parts = section.parts.clone();
+    let parts = section.place.parts.clone();
     of_material()
         .filter(move |object| !region_has_it || parts.contains(&object.name))
         .map(|object| &object.shape)
@@ -715,7 +722,7 @@ fn as_the_region_shows_them(
 ) -> Vec<Fluorophore> {
     let mut list = seen.fluorophores.list.clone();
     let region =
-        section.parts.first().and_then(|part| seen.objects.iter().find(|object| object.name == *part));
+        section.place.parts.first().and_then(|part| seen.objects.iter().find(|object| object.name == *part));
     let index = region.map(|object| object.material).or_else(|| bulk_material(file, section, seen));
     let Some(index) = index else { return list };
     let material = &seen.materials[index];

@@ -10,11 +10,13 @@ use glam::{DVec3, Vec3};
 use super::record::InputFile;
 use crate::document::tree::Document;
 use crate::error::{ExperimentError, Message, PathsFrom, Place, Step};
-use crate::schema::{ExposureTime, FilePath};
+use crate::preset::{self, PresetError};
+use crate::schema::{ExposureTime, FilePath, NameOrFile};
 use fluorspar::digest::sha256_hex;
 use fluorspar::quote::excerpt_to;
 use fluorspar::sensor::{AutoExposure, EXPOSURE_MS};
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
+use fluorspar::tissue::Site;
 use fluorspar::units::{counted, number_text};
 use fluorspar::warning::Warning;
 use fluorspar_anatomy::{MouthParameters, Tissue};
@@ -246,6 +248,17 @@ impl<'a> Context<'a> {
         self.presets.insert(format!("{what} {name}"), sha256_hex([text]));
     }
 
+    /// A tissue site of the catalogue or of a file, noted as an input.
+    pub(crate) fn site(&mut self, at: &[Step], reference: &NameOrFile) -> Resolved<Site> {
+        if let NameOrFile::File(path) = reference {
+            self.note_input(at, path)?;
+        }
+        preset::site_or_file(reference.as_str()).map_err(|error| match &error {
+            PresetError::User { message, .. } => self.error(at, message.as_str()),
+            _ => self.error(at, error),
+        })
+    }
+
     /// SHA-256 of a file and of the entries of the catalogue that it uses, as hexadecimal text. Paths count by the content of
     /// their files: the same experiment elsewhere is the same experiment.
     pub(crate) fn digest(&self, file: &impl serde::Serialize) -> Result<String, toml::ser::Error> {
@@ -254,6 +267,19 @@ impl<'a> Context<'a> {
         let text = toml::to_string(&value)?;
         let presets = self.presets.iter().map(|(name, preset)| format!("\n{name} {preset}"));
         Ok(sha256_hex(std::iter::once(text).chain(presets)))
+    }
+
+    /// Complete sections as the text of a file, and the digest of the same without what decides no result, which `strip` takes away.
+    pub(crate) fn write_out<T: serde::Serialize>(
+        &self,
+        mut file: T,
+        strip: impl FnOnce(&mut T),
+    ) -> Resolved<(String, String)> {
+        let failed =
+            |error: toml::ser::Error| self.error(&[], format!("what was read can't be written out: {error}"));
+        let text = crate::file_text(&file).map_err(failed)?;
+        strip(&mut file);
+        Ok((text, self.digest(&file).map_err(failed)?))
     }
 
     /// Exposure time, ms, or the rule that finds it.

@@ -10,8 +10,8 @@ use crate::error::{Place, steps};
 use crate::preset;
 use crate::schema::{
     CameraSection, EdgeBins, EfficiencyReference, ExperimentFile, FieldOfView, FilterAngles, FilterPosition,
-    ImageFormation, LensSection, NameOrLens, NameOrTable, RenderSection, SensorSection, SpectralSection,
-    SpectrumReference, StatisticsChoice, TracedLensSection, UniformBins, ViewFilterSection,
+    ImageFormation, LensSection, NameOrFile, NameOrTable, RenderSection, SensorSection, SpectralSection,
+    SpectrumReference, StatisticsChoice, TracedLensSection, UniformBins, ViewFilterSection, is_file_name,
 };
 use fluorspar::optics::{
     CameraLens, FilterAutofluorescence, FilterStack, IdealLens, LensSetting, LensState, Paraxial,
@@ -63,11 +63,6 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         context.within(&at("time_limit_s"), limit, [1e-6, 1e9], "seconds")?;
     }
     let gib = context.within(&at("memory_limit_gib"), section.memory_limit_gib, [0.001, 1024.0], "GiB")?;
-    let edges = section.excitation_edges_nm.clone().unwrap_or_default();
-    if section.excitation_edges_nm.is_some() && !are_excitation_edges(&edges) {
-        let message = "must hold 2 to 65 increasing wavelengths between 200 and 1200 nm";
-        return context.fail(&at("excitation_edges_nm"), message);
-    }
     Ok(RenderSettings {
         samples_per_pixel: section.samples_per_pixel,
         max_depth: section.max_depth,
@@ -76,7 +71,6 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         memory_limit_bytes: (gib * GIB) as u64,
         statistics: error_target::statistics(section),
         error_target: None,
-        excitation_edges_nm: edges,
         excitation_basis: None,
     })
 }
@@ -94,7 +88,6 @@ pub(super) fn excitation_basis(
         return context.fail(&path, "must be two wavelengths between 250 and 700 nm, the smaller one first");
     }
     let excluded = [
-        ("excitation_edges_nm", section.excitation_edges_nm.is_some()),
         ("statistics", section.statistics != StatisticsChoice::None),
         ("relative_error", section.relative_error.is_some()),
     ];
@@ -105,12 +98,6 @@ pub(super) fn excitation_basis(
         Ok(basis) => Ok(Some(basis)),
         Err(error) => context.fail(&path, error.to_string()),
     }
-}
-
-fn are_excitation_edges(edges: &[f64]) -> bool {
-    (2..=65).contains(&edges.len())
-        && edges.iter().all(|edge| (200.0..=1200.0).contains(edge))
-        && edges.windows(2).all(|pair| pair[0] < pair[1])
 }
 
 /// Refuses images that do not fit into the stated memory in one go, nor in bands of rows, of which one row of tiles must
@@ -373,15 +360,15 @@ fn traced_lens(
 ) -> Resolved<CameraLens> {
     let at = |key: &str| steps!["lens", key];
     let name = section.prescription.as_str();
-    if let NameOrLens::File(path) = &section.prescription {
+    if let NameOrFile::File(path) = &section.prescription {
         context.note_input(&at("prescription"), path)?;
     }
     let loaded = preset::lens_or_file(name).map_err(|error| {
         let error = context.error(&at("prescription"), error.to_string());
-        if preset::is_lens_file(name) { error.without_value() } else { error }
+        if is_file_name(name) { error.without_value() } else { error }
     })?;
     let mut lens = loaded.lens;
-    if !preset::is_lens_file(name) {
+    if !is_file_name(name) {
         let text = format!("{lens:?}");
         context.note_preset("lens", name, &text);
     }

@@ -3,6 +3,7 @@
 use super::context::{Context, LENGTH_MM, Resolved};
 use super::spectrum::Role;
 use crate::error::{Message, steps};
+use crate::preset::{self, PresetKind};
 use crate::schema::{ExperimentFile, SafetySection};
 use fluorspar::scene::Object;
 use fluorspar::sensor::{Demosaicing, Sensor, Spectroradiometer};
@@ -10,7 +11,6 @@ use fluorspar::spectral::{Curve, WavelengthGrid};
 use fluorspar::study::{
     Capture, Develop, FlatFieldPlan, Motion, SafetyPlan, SpectroradiometerPlan, SpectroradiometerTarget,
 };
-use fluorspar::tissue::Site;
 
 pub(super) fn motion(context: &Context<'_>, file: &ExperimentFile) -> Resolved<Option<Motion>> {
     let Some(section) = &file.motion else { return Ok(None) };
@@ -183,8 +183,8 @@ const MUCOSA_FACTOR: f64 = 10.0;
 /// Whether a scene has a mouth, or a material of one of its sites.
 fn holds_mucosa(file: &ExperimentFile) -> bool {
     let is_site = |name: &str| match file.tissue.iter().find(|section| section.name == name) {
-        None => Site::named(name).is_ok(),
-        Some(section) => section.site.as_ref().is_some_and(|site| Site::named(site).is_ok()),
+        None => preset::names(PresetKind::Site).contains(&name),
+        Some(section) => section.site.is_some(),
     };
     file.mouth.is_some() || file.material.iter().filter_map(|material| material.tissue()).any(is_site)
 }

@@ -36,8 +36,8 @@ use self::capture::Analyses;
 use self::context::{Context, Resolved};
 use super::error::steps;
 use super::schema::{
-    AnalysisRegionSection, AnalysisSection, DiffuseSection, ExperimentFile, FieldOfView, LensSection,
-    ReflectanceReference, ScatteringSection, SpectrumReference,
+    AnalysisSection, DiffuseSection, ExperimentFile, FieldOfView, LensSection, ReflectanceReference,
+    ScatteringSection, SpectrumReference,
 };
 use super::{Experiment, ExperimentError};
 use crate::cache::fetch_mouth;
@@ -321,8 +321,7 @@ pub fn with_sampling_of(rendered: &Experiment, now: &Experiment) -> Experiment {
     let own = std::mem::replace(&mut rendered.file.render, now.file.render.clone());
     let shown = &mut rendered.file.render;
     (shown.width_px, shown.height_px, shown.max_depth) = (own.width_px, own.height_px, own.max_depth);
-    (shown.excitation_edges_nm, shown.excitation_basis_nm) =
-        (own.excitation_edges_nm, own.excitation_basis_nm);
+    shown.excitation_basis_nm = own.excitation_basis_nm;
     shown.seed = own.seed;
     rendered
 }
@@ -443,7 +442,7 @@ pub fn resolve_captures(
     let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
     let develop = instrument::develop(context, file, camera.sensor.as_ref(), &grid)?;
-    let (complete, resolved_toml) = completed(context, file)?;
+    let (complete, resolved_toml, _) = write_out(context, file)?;
     // Of the same camera the render has warned
     let warnings = if is_same { Vec::new() } else { context.take_warnings(&grid) };
     let scene = Scene {
@@ -464,15 +463,10 @@ pub fn resolve_captures(
 /// checked looks at the sensor: no region lies on it.
 fn differ_in_the_camera(rendered: &Experiment, now: &Experiment) -> bool {
     let file = &now.file;
-    let is_shape = |region: &AnalysisRegionSection| {
-        region.rectangle_px.is_some() || region.polygon_px.is_some() || region.mask.is_some()
-    };
     let lies_on_sensor = |section: &AnalysisSection| {
-        section.rectangle_px.is_some()
-            || section.polygon_px.is_some()
-            || section.mask.is_some()
+        section.place.has_shape()
             || section.compared_px.is_some()
-            || section.region.iter().any(is_shape)
+            || section.region.iter().any(|region| region.place.has_shape())
     };
     let is_free = file.target.is_empty()
         && file.spectroradiometer.is_empty()
@@ -593,24 +587,13 @@ fn warn_unused(
 
 /// The resolved file and its digest.
 fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(ExperimentFile, String, String)> {
-    let (complete, text) = completed(context, file)?;
-    let mut decisive = complete.clone();
-    decisive.title.clear();
-    decisive.description.clear();
-    decisive.output = super::schema::OutputSection::default();
-    let digest = context.digest(&decisive).map_err(|error| not_written(context, &error))?;
-    Ok((complete, text, digest))
-}
-
-fn not_written(context: &Context<'_>, error: &toml::ser::Error) -> ExperimentError {
-    context.error(&[], format!("the experiment can't be written out: {error}"))
-}
-
-/// The file with all that it leaves to defaults, and its text.
-fn completed(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(ExperimentFile, String)> {
     let complete = complete(file);
-    let text = crate::file_text(&complete).map_err(|error| not_written(context, &error))?;
-    Ok((complete, text))
+    let (text, digest) = context.write_out(complete.clone(), |decisive| {
+        decisive.title.clear();
+        decisive.description.clear();
+        decisive.output = super::schema::OutputSection::default();
+    })?;
+    Ok((complete, text, digest))
 }
 
 /// The file with all that it leaves to defaults. Completing it again changes nothing.

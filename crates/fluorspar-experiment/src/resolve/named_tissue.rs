@@ -7,8 +7,8 @@ use super::emitter::known_emitter;
 use super::spectrum::Role;
 use crate::error::{ExperimentError, Place};
 use crate::schema::{
-    FluorophoreSection, LayerAbsorptionSection, LayerScatteringSection, NameOrTable, SpectrumReference,
-    TissueLayerSection, TissueSection,
+    FluorophoreSection, LayerAbsorptionSection, LayerScatteringSection, NameOrFile, NameOrTable,
+    SpectrumReference, TissueLayerSection, TissueSection,
 };
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
 use fluorspar::tissue::{
@@ -27,7 +27,7 @@ const SCATTERING_NM: f64 = 500.0;
 /// A tissue by name.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NamedTissue {
-    /// A site of the catalogue, with its parameters.
+    /// A site with its parameters.
     Site(Site),
     /// Layers of a file.
     Layers {
@@ -243,9 +243,14 @@ pub(crate) fn of_section(
 }
 
 /// The site of a section, in its states and with its parameters.
-fn of_site(context: &Context<'_>, at: &Place, section: &TissueSection, site: &str) -> Resolved<Site> {
+fn of_site(
+    context: &mut Context<'_>,
+    at: &Place,
+    section: &TissueSection,
+    site: &NameOrFile,
+) -> Resolved<Site> {
+    let mut site = context.site(&at.field("site"), site)?;
     let failed = |at: &Place, error: TissueError| context.error(at, error.to_string());
-    let mut site = Site::named(site).map_err(|error| failed(&at.field("site"), error))?;
     for (index, name) in section.states.iter().enumerate() {
         let at = at.field("states").index(index);
         let state = TissueState::named(name).map_err(|error| failed(&at, error))?;

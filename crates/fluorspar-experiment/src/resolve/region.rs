@@ -164,20 +164,15 @@ fn place(
     at: &Place,
     section: &TargetSection,
 ) -> Resolved<TargetPlace> {
-    let shape = SensorRegionSection {
-        parts: section.parts.clone(),
-        rectangle_px: section.rectangle_px,
-        polygon_px: section.polygon_px.clone(),
-        mask: section.mask.clone(),
-    };
+    let shape = &section.place;
     let Some(lesion) = &section.lesion else {
-        if shape == SensorRegionSection::default() {
+        if *shape == SensorRegionSection::default() {
             return context
                 .fail(at, "selects no pixels; give lesion, parts, rectangle_px, polygon_px or mask");
         }
-        return Ok(TargetPlace::Region(shapes(context, file, seen, at, &shape)?));
+        return Ok(TargetPlace::Region(shapes(context, file, seen, at, shape)?));
     };
-    if shape != SensorRegionSection::default() {
+    if *shape != SensorRegionSection::default() {
         return context.fail(
             &at.field("lesion"),
             "a lesion tells where the target is; give nothing else about its place",

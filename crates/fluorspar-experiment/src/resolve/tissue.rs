@@ -11,6 +11,7 @@ use super::named_tissue::{NamedTissue, of_section};
 use crate::ExperimentError;
 use crate::cache::cached_tissue;
 use crate::error::{Message, Place, steps};
+use crate::preset::{self, PresetKind};
 use crate::schema::{
     ExperimentFile, FluorophoreSection, GlossSection, LesionSection, TissueMaterialSection, TissueSection,
 };
@@ -24,7 +25,7 @@ use fluorspar::scene::{Object, rough_surface_mean};
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
 use fluorspar::study::StudyTissue;
 use fluorspar::tissue::{
-    EffectiveTissue, LayeredTissue, Level, Site, TissueError, TissueState, diffuse_reflectance,
+    EffectiveTissue, LayeredTissue, Level, TissueError, TissueState, diffuse_reflectance,
 };
 
 /// Largest factor on a parameter of tissue over a surface.
@@ -101,9 +102,9 @@ pub(crate) fn named_tissue(
     if let Some(index) = sections.iter().position(|section| section.name == name) {
         return of_section(context, &steps!["tissue", index], &sections[index], fluorophores, grid);
     }
-    Site::named(name).map(NamedTissue::Site).map_err(|_| {
-        let known: Vec<&str> =
-            sections.iter().map(|section| section.name.as_str()).chain(Site::names()).collect();
+    preset::site(name).map(NamedTissue::Site).map_err(|_| {
+        let sites = preset::names(PresetKind::Site);
+        let known: Vec<&str> = sections.iter().map(|section| section.name.as_str()).chain(sites).collect();
         let message = Message::unknown(format!("there is no tissue \"{}\"", excerpt(name)), name, known);
         context.error(at, message)
     })

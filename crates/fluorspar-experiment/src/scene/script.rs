@@ -1,15 +1,13 @@
 //! Scripts of changes: files that are replayed on any scene, and compared line by line.
 
 use std::path::Path;
-use std::sync::OnceLock;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::change::scene_change::SceneChange;
-use crate::document::shape::Schema;
 use crate::error::ExperimentError;
-use crate::read::{read_document, typed};
+use crate::read::read_sections;
 use crate::schema::FormatVersion;
 use fluorspar_format::{WRITTEN_BY, read_toml};
 
@@ -93,18 +91,12 @@ impl JsonSchema for AnyValue {
     }
 }
 
-fn script_schema() -> &'static Schema {
-    static SCHEMA: OnceLock<Schema> = OnceLock::new();
-    SCHEMA.get_or_init(Schema::of::<ScriptFile>)
-}
-
 /// Reads a script of changes.
 ///
 /// # Errors
 /// The first defect found, with its line.
 pub fn parse_script(text: &str, source_name: &str) -> Result<Vec<SceneChange>, ExperimentError> {
-    let mut document = read_document(script_schema(), text, source_name, Path::new(""), &[])?;
-    let file: ScriptFile = typed(&mut document, script_schema())?;
+    let (_, file) = read_sections::<ScriptFile>(text, source_name, Path::new(""), &[])?;
     Ok(file.change.into_iter().map(SceneChange::from).collect())
 }
 

@@ -2,13 +2,12 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fmt;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{Error, Visitor};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
-use super::{FilePath, RegionReference, SpectrumReference};
+use super::number_or_word::NumberOrWord;
+use super::{RegionReference, SensorRegionSection, SpectrumReference};
 use fluorspar::sensor::AutoExposure;
 use fluorspar::study::{AnalysisPlan, TissuePrior};
 
@@ -16,7 +15,8 @@ use fluorspar::study::{AnalysisPlan, TissuePrior};
 pub const DEFAULT_PORPHYRIN: &str = "protoporphyrin_ix";
 
 /// Exposure time: milliseconds, or chosen by the camera.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "NumberOrWord", into = "NumberOrWord")]
 pub enum ExposureTime {
     /// Milliseconds.
     Milliseconds(f64),
@@ -24,43 +24,20 @@ pub enum ExposureTime {
     Auto,
 }
 
-impl Serialize for ExposureTime {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Milliseconds(value) => serializer.serialize_f64(*value),
-            Self::Auto => serializer.serialize_str("auto"),
-        }
+impl TryFrom<NumberOrWord> for ExposureTime {
+    type Error = String;
+
+    fn try_from(value: NumberOrWord) -> Result<Self, String> {
+        Ok(value.number("auto")?.map_or(Self::Auto, Self::Milliseconds))
     }
 }
 
-struct ExposureVisitor;
-
-impl Visitor<'_> for ExposureVisitor {
-    type Value = ExposureTime;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a number of milliseconds or \"auto\"")
-    }
-
-    fn visit_f64<E: Error>(self, value: f64) -> Result<Self::Value, E> {
-        Ok(ExposureTime::Milliseconds(value))
-    }
-
-    fn visit_i64<E: Error>(self, value: i64) -> Result<Self::Value, E> {
-        Ok(ExposureTime::Milliseconds(value as f64))
-    }
-
-    fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
-        match text {
-            "auto" => Ok(ExposureTime::Auto),
-            _ => Err(E::invalid_value(serde::de::Unexpected::Str(text), &self)),
+impl From<ExposureTime> for NumberOrWord {
+    fn from(time: ExposureTime) -> Self {
+        match time {
+            ExposureTime::Milliseconds(value) => Self::Number(value),
+            ExposureTime::Auto => Self::Word("auto".into()),
         }
-    }
-}
-
-impl<'de> Deserialize<'de> for ExposureTime {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(ExposureVisitor)
     }
 }
 
@@ -91,7 +68,6 @@ pub struct CaptureSection {
     #[serde(default = "auto")]
     pub exposure_ms: ExposureTime,
     /// Target of automatic exposure. Default: the 99th percentile of the pixels at 80 % of saturation, 0.01 to 1000 ms.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub auto_exposure: Option<AutoExposure>,
     /// Analog gain, 0.01 to 1000. Default 1.
     #[serde(default = "unity")]
@@ -100,7 +76,6 @@ pub struct CaptureSection {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub filters: Vec<SpectrumReference>,
     /// Name of an earlier capture whose image is subtracted, scaled by exposure time: ambient light. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub subtract: Option<String>,
     /// Further exposures of the same view and gain, in stops (factors of two in time) from the exposure time, -16 to 16; all
     /// of them are merged to one frame of higher dynamic range, weighted by their noise. At most 31. Default: none.
@@ -108,62 +83,38 @@ pub struct CaptureSection {
     pub bracket_ev: Vec<f64>,
     /// How long the lights are on, ms, 1e-6 to 3 600 000: what the safety assessment counts. Default: the sum of the
     /// exposure times.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light_on_ms: Option<f64>,
-}
-
-fn auto() -> ExposureTime {
-    ExposureTime::Auto
-}
-
-fn unity() -> f64 {
-    1.0
 }
 
 /// Analysis of the captures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-#[schemars(extend("x-renamed" = {
+#[schemars(deny_unknown_fields, extend("x-renamed" = {
     "bulk_material": "bulk = \"...\""
 }))]
 pub struct AnalysisSection {
     /// Capture that is analyzed.
     pub frame: String,
-    /// Parts of the scene, by object name, that form the region of interest. Default: all.
-    #[serde(default)]
-    pub parts: Vec<String>,
+    /// Where the region of interest lies.
+    #[serde(flatten)]
+    pub place: SensorRegionSection,
     /// Pixels of the sensor by which the region keeps away from the rim of these parts, 0 to 64: pixels at the rim hold light of
     /// what lies beside, as of teeth and lips. Default 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub inset_px: u32,
-    /// Only pixels of this rectangle of the sensor: column, row, width, height.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rectangle_px: Option<[u32; 4]>,
-    /// Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image, x to the right and y downward from its
-    /// upper left corner. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub polygon_px: Option<Vec<[f64; 2]>>,
-    /// Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mask: Option<FilePath>,
     /// Two regions of the sensor whose pixels are compared: how well the frames tell them apart. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compared_px: Option<[RegionReference; 2]>,
     /// Further regions of the frame, each analyzed by itself. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub region: Vec<AnalysisRegionSection>,
     /// Fluorophore whose share is estimated; "none" for no such estimate. Default: the porphyrin that the region holds, else that of
     /// the scene; where there is none "protoporphyrin_ix", but "none" if the scene holds a fluorophore that no tissue has.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub porphyrin: Option<String>,
     /// Fluorophores that form the bulk of the tissue: the name of a material, whose fluorophores count without the
     /// porphyrin (where a concentration is a map, with its mean over the region), or a table of concentrations. Default: the
     /// material of the first part.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bulk: Option<BulkReference>,
     /// Tissue of the region, for an estimate that knows how tissue varies: a `[[tissue]]` or a site of the catalogue; "none" for no
     /// such estimate. Default: the site that the material of the first part is made of, if it is layered tissue.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tissue: Option<String>,
     /// Probability beforehand that the region is this tissue, 0.01 to 1. The estimate is an average over it and the tissues
     /// `dorsal_tongue`, `buccal_mucosa`, `hard_palate` and `lip`, which share the rest; 1: none of these is compared. Default 0.9.
@@ -191,63 +142,35 @@ pub struct AnalysisSection {
 /// A region that is analyzed by itself, beside that of `[analysis]` and in the same frame: parts of the scene, a shape on the sensor, or
 /// where both hold. What it does not say is as in `[analysis]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[schemars(deny_unknown_fields)]
 pub struct AnalysisRegionSection {
     /// Name, unique among regions.
     pub name: String,
-    /// Parts of the scene, by object name. Default: all.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub parts: Vec<String>,
+    /// Where it lies.
+    #[serde(flatten)]
+    pub place: SensorRegionSection,
     /// Pixels of the sensor by which the region keeps away from the rim of its parts, 0 to 64. Default: as in `[analysis]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inset_px: Option<u32>,
-    /// Only pixels of this rectangle of the sensor: column, row, width, height. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rectangle_px: Option<[u32; 4]>,
-    /// Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub polygon_px: Option<Vec<[f64; 2]>>,
-    /// Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mask: Option<FilePath>,
     /// Fluorophore whose share is estimated; "none" for no such estimate. Default: as in `[analysis]`; where that names none the porphyrin
     /// that this region holds.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub porphyrin: Option<String>,
     /// Fluorophores that form the bulk of the tissue, as in `[analysis]`. Default: the material of its first part; of a region without
     /// parts what `[analysis]` names.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bulk: Option<BulkReference>,
     /// Tissue of the region, a `[[tissue]]` or a site of the catalogue; "none" for no estimate that knows tissue. Default: the site that
     /// the material of its first part is made of; of a region without parts what `[analysis]` names.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tissue: Option<String>,
     /// Probability beforehand that the region is this tissue, 0.01 to 1. Default: as in `[analysis]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tissue_probability: Option<f64>,
     /// Further captures that enter this estimate, by name. Default: as in `[analysis]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub further_frames: Option<Vec<String>>,
     /// How various the tissue is thought to be, over what people differ by, 0.01 to 10. Default: as in `[analysis]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prior_width: Option<f64>,
     /// Relative error of the spectra of the library at each wavelength, 0 to 1. Default: as in `[analysis]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub library_error: Option<f64>,
     /// Pixels whose R + G + B is below this many standard deviations of its noise have no chromaticity, 0 to 1000. Default: as in
     /// `[analysis]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_threshold: Option<f64>,
-}
-
-impl AnalysisRegionSection {
-    /// Whether it says nothing about where it lies.
-    pub(crate) fn is_unrestricted(&self) -> bool {
-        self.parts.is_empty()
-            && self.rectangle_px.is_none()
-            && self.polygon_px.is_none()
-            && self.mask.is_none()
-    }
 }
 
 /// The name of a material, or a table of concentrations.
@@ -264,31 +187,20 @@ fn is_zero(value: &u32) -> bool {
     *value == 0
 }
 
-fn prior_width() -> f64 {
-    TissuePrior::WIDTH
-}
-
-fn tissue_probability() -> f64 {
-    TissuePrior::SITE_PROBABILITY
-}
-
-fn library_error() -> f64 {
-    TissuePrior::LIBRARY_ERROR
-}
-
-fn wanted_d_prime() -> f64 {
-    AnalysisPlan::WANTED_D_PRIME
-}
-
-fn noise_threshold() -> f64 {
-    5.0
-}
-
 /// Where results go.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OutputSection {
     /// Folder for the results, relative to where the program runs. Default: chosen by the program.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub folder: Option<String>,
+}
+
+defaults! {
+    auto: ExposureTime = ExposureTime::Auto;
+    unity: f64 = 1.0;
+    prior_width: f64 = TissuePrior::WIDTH;
+    tissue_probability: f64 = TissuePrior::SITE_PROBABILITY;
+    library_error: f64 = TissuePrior::LIBRARY_ERROR;
+    wanted_d_prime: f64 = AnalysisPlan::WANTED_D_PRIME;
+    noise_threshold: f64 = 5.0;
 }

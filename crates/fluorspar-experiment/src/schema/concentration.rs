@@ -31,6 +31,6 @@ pub struct PaintedMask {
     pub outside: f64,
 }
 
-fn unchanged() -> f64 {
-    1.0
+defaults! {
+    unchanged: f64 = 1.0;
 }

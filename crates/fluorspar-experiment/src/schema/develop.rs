@@ -42,18 +42,6 @@ pub struct FlatFieldSection {
     pub spectrum: SpectrumReference,
 }
 
-fn default_frames() -> u32 {
-    16
-}
-
-fn default_level() -> f64 {
-    0.5
-}
-
-fn equal_energy() -> SpectrumReference {
-    SpectrumReference::named("equal_energy")
-}
-
 /// How raw frames become linear channels.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -65,10 +53,14 @@ pub struct DevelopSection {
     /// 1000. Default 0: none are taken.
     pub dark_frames: u32,
     /// Flat field that every frame is divided by. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub flat_field: Option<FlatFieldSection>,
     /// Pixels whose dark signal or response lies farther from the others than this many robust standard deviations are
     /// replaced by their neighbors, 1 to 1000; needs dark frames or a flat field. Default: none are replaced.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub bad_pixel_sigma: Option<f64>,
+}
+
+defaults! {
+    default_frames: u32 = 16;
+    default_level: f64 = 0.5;
+    equal_energy: SpectrumReference = SpectrumReference::named("equal_energy");
 }

@@ -1,18 +1,18 @@
 //! Camera, lens, viewing filter and sensor.
 
 use std::borrow::Cow;
-use std::fmt;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{Error, Visitor};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
-use super::{EfficiencyReference, NameOrLens, SpectrumReference};
+use super::number_or_word::NumberOrWord;
+use super::{EfficiencyReference, NameOrFile, SpectrumReference};
 use fluorspar::optics::Vignetting;
 use fluorspar::sensor::SensorModel;
 
 /// Horizontal field of view: degrees, or what lens and sensor see.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "NumberOrWord", into = "NumberOrWord")]
 pub enum FieldOfView {
     /// The field of view of the sensor behind the lens.
     #[default]
@@ -21,43 +21,20 @@ pub enum FieldOfView {
     Degrees(f64),
 }
 
-impl Serialize for FieldOfView {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Degrees(value) => serializer.serialize_f64(*value),
-            Self::FromLens => serializer.serialize_str("from_lens"),
-        }
+impl TryFrom<NumberOrWord> for FieldOfView {
+    type Error = String;
+
+    fn try_from(value: NumberOrWord) -> Result<Self, String> {
+        Ok(value.number("from_lens")?.map_or(Self::FromLens, Self::Degrees))
     }
 }
 
-struct FieldVisitor;
-
-impl Visitor<'_> for FieldVisitor {
-    type Value = FieldOfView;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a number of degrees or \"from_lens\"")
-    }
-
-    fn visit_f64<E: Error>(self, value: f64) -> Result<Self::Value, E> {
-        Ok(FieldOfView::Degrees(value))
-    }
-
-    fn visit_i64<E: Error>(self, value: i64) -> Result<Self::Value, E> {
-        Ok(FieldOfView::Degrees(value as f64))
-    }
-
-    fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
-        match text {
-            "from_lens" => Ok(FieldOfView::FromLens),
-            _ => Err(E::invalid_value(serde::de::Unexpected::Str(text), &self)),
+impl From<FieldOfView> for NumberOrWord {
+    fn from(field: FieldOfView) -> Self {
+        match field {
+            FieldOfView::Degrees(value) => Self::Number(value),
+            FieldOfView::FromLens => Self::Word("from_lens".into()),
         }
-    }
-}
-
-impl<'de> Deserialize<'de> for FieldOfView {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(FieldVisitor)
     }
 }
 
@@ -92,7 +69,6 @@ pub struct CameraSection {
     pub horizontal_field_deg: FieldOfView,
     /// Width of the image in the scene, mm, where all rays are parallel (an orthographic camera, for a scene without lens and
     /// sensor); takes the place of the field of view. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub parallel_width_mm: Option<f64>,
 }
 
@@ -145,7 +121,6 @@ pub struct IdealLensSection {
     pub vignetting: Vignetting,
     /// Distance of the plane in focus from the camera's position, mm, beyond the focal length. Default: the distance from
     /// camera to `look_at_mm`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub focus_distance_mm: Option<f64>,
 }
 
@@ -166,34 +141,26 @@ impl Default for IdealLensSection {
 #[serde(deny_unknown_fields)]
 pub struct TracedLensSection {
     /// A lens of the catalogue, or the path of a lens file (.toml, .dat of pbrt, .json of ISET, .zmx of Zemax).
-    pub prescription: NameOrLens,
+    pub prescription: NameOrFile,
     /// Focal length, mm, above 0, to which the lens is scaled. Default: that of the prescription.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focal_length_mm: Option<f64>,
     /// Focal length over the diameter of the axial beam, 0.5 to 1000. Default: wide open.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub f_number: Option<f64>,
     /// Transmittance of the glass, without filters. Default 1.
     #[serde(default)]
     pub transmittance: SpectrumReference,
     /// Distance of the plane in focus from the camera's position, mm, beyond the focal length. Default: the distance from
     /// camera to `look_at_mm`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focus_distance_mm: Option<f64>,
     /// Shift of the film from the paraxial focus, away from the lens, mm. Default 0.
     #[serde(default)]
     pub film_shift_mm: f64,
     /// How it makes its image. Default "rendered".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_formation: Option<ImageFormation>,
     /// Groups of bands that are traced apart, 1 to 64, to see dispersion; a render takes as many times as long. Default 1:
     /// all bands at the design wavelength.
     #[serde(default = "one_group")]
     pub band_groups: u32,
-}
-
-fn one_group() -> u32 {
-    1
 }
 
 impl LensSection {
@@ -263,10 +230,8 @@ pub struct ViewFilterSection {
     pub position: FilterPosition,
     /// Effective refractive index, 1 to 4, of those filters that have none of their own (CSV files and equations). Default:
     /// they do not move with the angle.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub effective_index: Option<f64>,
     /// Fluorescence of the filters themselves. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub autofluorescence: Option<AutofluorescenceSection>,
 }
 
@@ -282,7 +247,6 @@ pub struct SensorSection {
     /// Sensor of the catalogue whose fields hold where this section gives none. On a base or by an override, another
     /// preset than before takes the place of the whole section: size, quantum efficiency and all. Default: Table 1 of
     /// Lyu et al. 2021.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
     /// Quantum efficiency: a name of the catalogue, the path of a CSV file with one column per channel of the mosaic, or
     /// a table of spectra by channel. Default "consumer_rgb_cmos".
@@ -294,4 +258,8 @@ pub struct SensorSection {
     /// Geometry, electronics and noise.
     #[serde(flatten)]
     pub model: SensorModel,
+}
+
+defaults! {
+    one_group: u32 = 1;
 }

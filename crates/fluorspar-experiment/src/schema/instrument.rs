@@ -18,7 +18,6 @@ pub struct SpectroradiometerSection {
     pub capture: String,
     /// Where the middle of the spot lies in the image, from its left and its top edge, 0 to 1. Default: the middle,
     /// unless `parts` are given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<[f64; 2]>,
     /// Parts of the scene over which the reading is averaged, by object name, instead of a spot.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -57,48 +56,17 @@ pub struct SpectroradiometerSection {
     pub readings: u32,
 }
 
-fn default_acceptance_deg() -> f64 {
-    1.0
-}
-fn default_first_nm() -> f64 {
-    380.0
-}
-fn default_last_nm() -> f64 {
-    780.0
-}
-fn default_step_nm() -> f64 {
-    2.0
-}
-fn default_bandwidth_nm() -> f64 {
-    8.0
-}
-fn default_noise_floor() -> f64 {
-    5e-7
-}
-fn default_dynamic_range() -> f64 {
-    1e4
-}
-fn default_stray_light() -> f64 {
-    1e-5
-}
-fn one_reading() -> u32 {
-    1
-}
-
 /// Settings of the photobiological safety assessment. Without a distance there is no margin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SafetySection {
     /// Distance from the camera's pupil, along its axis, at which a patient's eye may look into the lights, mm, above 0.
     /// Default: unknown.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub patient_eye_distance_mm: Option<f64>,
     /// Distance from the lit mouth to the eye of the operator, who sees it by reflected light, mm, above 0. Default: unknown.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub operator_eye_distance_mm: Option<f64>,
     /// Distance from the camera's pupil, along its axis, to the nearest mucosa, mm, above 0. Default: the distance from the
     /// camera to the point that it looks at.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub mucosa_distance_mm: Option<f64>,
     /// Diameter of what the operator sees lit, mm, above 0. Default 60.
     pub lit_diameter_mm: f64,
@@ -106,7 +74,6 @@ pub struct SafetySection {
     pub reflectance: f64,
     /// Factor by which limits for skin are divided for mucosa, for which there are none, 1 to 1000. Default 10 (assumed) where
     /// a mouth is lit, else 1. A scene without a mouth counts as one where this is given.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub mucosa_safety_factor: Option<f64>,
     /// Whether the patient may be an infant or have no lens in the eye. Default false.
     pub aphakic: bool,
@@ -124,4 +91,16 @@ impl Default for SafetySection {
             aphakic: false,
         }
     }
+}
+
+defaults! {
+    default_acceptance_deg: f64 = 1.0;
+    default_first_nm: f64 = 380.0;
+    default_last_nm: f64 = 780.0;
+    default_step_nm: f64 = 2.0;
+    default_bandwidth_nm: f64 = 8.0;
+    default_noise_floor: f64 = 5e-7;
+    default_dynamic_range: f64 = 1e4;
+    default_stray_light: f64 = 1e-5;
+    one_reading: u32 = 1;
 }

@@ -33,7 +33,6 @@ pub struct LightSection {
     /// Name, unique among the lights.
     pub name: String,
     /// Lights of one group are switched together and form one excitation channel. Default: the name.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub group: Option<String>,
     /// Relative spectral power: its scale does not matter, the strength sets it.
     pub spectrum: SpectrumReference,
@@ -113,7 +112,6 @@ pub struct RingLight {
     #[serde(default)]
     pub position_mm: [f64; 3],
     /// Where it shines. Default: forward in the frame of the camera, otherwise needed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<Aim>,
     /// Number of emitters, 1 to 10 000. Default 8.
     #[serde(default = "ring_count")]
@@ -126,7 +124,6 @@ pub struct RingLight {
     #[serde(default)]
     pub start_angle_deg: f64,
     /// Distance in front of the ring at which its emitters aim, mm. Default: they aim parallel to its axis.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim_distance_mm: Option<f64>,
     /// Angle from the axis at which the radiant intensity is one half, degrees, 2.2 to 60. Default 60 (Lambertian).
     #[serde(default = "lambertian")]
@@ -146,7 +143,6 @@ pub struct DiscLight {
     #[serde(default)]
     pub position_mm: [f64; 3],
     /// Where it shines. Default: forward in the frame of the camera, otherwise needed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<Aim>,
     /// Radius, mm.
     pub radius_mm: f64,
@@ -168,7 +164,6 @@ pub struct AnnulusLight {
     #[serde(default)]
     pub position_mm: [f64; 3],
     /// Where it shines. Default: forward in the frame of the camera, otherwise needed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<Aim>,
     /// Outer radius, mm.
     pub radius_mm: f64,
@@ -192,7 +187,6 @@ pub struct RectangleLight {
     #[serde(default)]
     pub position_mm: [f64; 3],
     /// Where it shines. Default: forward in the frame of the camera, otherwise needed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<Aim>,
     /// Width and height, mm.
     pub size_mm: [f64; 2],
@@ -244,19 +238,15 @@ pub struct SpotLight {
     #[serde(default)]
     pub position_mm: [f64; 3],
     /// Where it shines. Default: forward in the frame of the camera, otherwise needed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<Aim>,
     /// Angle from the axis at which the radiant intensity is one half, degrees, 2.2 to 90: it is a power of the cosine. Needed without
     /// `cone_deg`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-mutually-exclusive-with" = ["cone_deg", "edge"]))]
     pub half_angle_deg: Option<f64>,
     /// A cone in place of a power of the cosine: angles from the axis up to which the radiant intensity is even, and from which on there is
     /// none, degrees, 0 to 180.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cone_deg: Option<[f64; 2]>,
     /// How the intensity falls between the angles of the cone. Default "smooth_step".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edge: Option<SpotEdge>,
     /// Power or irradiance.
     pub strength: SourceStrength,
@@ -281,7 +271,6 @@ pub struct DistantLight {
     pub frame: LightFrame,
     /// Where it shines; a point is seen from the origin of the frame. Default: forward in the frame of the camera,
     /// otherwise needed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<Aim>,
     /// Irradiance of a surface that faces it.
     pub strength: DistantStrength,
@@ -294,7 +283,6 @@ pub struct EnvironmentLight {
     /// Radiance; with a map that of white.
     pub strength: EnvironmentStrength,
     /// Gray map of the radiance. Default: the same everywhere.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<EnvironmentMapReference>,
 }
 
@@ -396,10 +384,7 @@ pub struct EnvironmentStrength {
     pub radiance_w_per_sr_m2: f64,
 }
 
-fn ring_count() -> u32 {
-    8
-}
-
-fn lambertian() -> f64 {
-    60.0
+defaults! {
+    ring_count: u32 = 8;
+    lambertian: f64 = 60.0;
 }

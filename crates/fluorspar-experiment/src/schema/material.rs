@@ -1,6 +1,7 @@
 //! Fluorophores and materials.
 
 use std::collections::BTreeMap;
+use std::ops::Not;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -29,23 +30,20 @@ pub struct FluorophoreSection {
     /// Name by which materials refer to it.
     pub name: String,
     /// Name for people. Default: that of the source.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub title: Option<String>,
     /// Where its spectra come from.
     pub source: FluorophoreSource,
     /// Photons out per photon in at the best excitation, at concentration 1, before the Stokes mask; above 0, at
     /// most 1. Default: that of the catalogue; needed for files.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub photon_yield: Option<f64>,
     /// Whether emission below the excitation wavelength is masked. Default: as in the catalogue, otherwise "mask".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stokes: Option<Stokes>,
     /// Take negative values of its files as zero instead of refusing them. Default false.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "Not::not")]
     pub allow_negative: bool,
     /// Accept values of a matrix below their excitation, scattered light for instance, which the Stokes mask then leaves out, instead of
     /// refusing them. Default false; with stokes = "off" they are part of the matrix.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "Not::not")]
     pub allow_anti_stokes: bool,
     /// What becomes of empty cells of a matrix. Default "refuse".
     #[serde(default, skip_serializing_if = "EmptyCellsChoice::is_default")]
@@ -119,10 +117,8 @@ pub struct MatrixSource {
     pub eem_csv: FilePath,
     /// Unit of its values; needed where the file does not state it. "energy" is energy out per energy in, and becomes
     /// photons by the factor emission over excitation wavelength.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
     /// Name of the sample that is meant, of a file of several.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sample: Option<String>,
 }
 
@@ -133,10 +129,8 @@ pub struct TableSource {
     /// Path of a table with the columns `wavelength_nm`, `excitation`, `emission`; or `NAME ex`, `NAME em`.
     pub csv: FilePath,
     /// Unit of the values, of emission and excitation alike. Default "photons".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
     /// Name of the dye that is meant, of a file of several.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sample: Option<String>,
 }
 
@@ -147,7 +141,6 @@ pub struct MatSource {
     /// Path of a MATLAB file of isetfluorescence.
     pub mat: FilePath,
     /// Unit of the values. Default "photons".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
 }
 
@@ -160,7 +153,6 @@ pub struct SpectraSource {
     /// Path of a table whose first column of values is the emission spectrum.
     pub emission_csv: FilePath,
     /// Unit of the values, of emission and excitation alike. Default "photons".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<YieldUnit>,
 }
 
@@ -180,14 +172,6 @@ impl Default for GlossSection {
     fn default() -> Self {
         Self { refractive_index: mucosa_index(), roughness: mucosa_roughness() }
     }
-}
-
-fn mucosa_index() -> f64 {
-    1.4
-}
-
-fn mucosa_roughness() -> TextureReference {
-    TextureReference::Constant(0.2)
 }
 
 /// The types of materials, each with its fields.
@@ -216,7 +200,6 @@ pub struct DiffuseSection {
     /// Diffuse reflectance.
     pub reflectance: ReflectanceReference,
     /// Clear layer on top. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gloss: Option<GlossSection>,
     /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
     /// are not named here keep their concentration; give 0 to leave one out. Default: none.
@@ -235,7 +218,6 @@ pub struct TissueMaterialSection {
     #[serde(default)]
     pub vary: BTreeMap<String, TextureReference>,
     /// The wet surface; its refractive index is that of the tissue. Default: that index, roughness 0.2.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gloss: Option<GlossSection>,
     /// Factor on what the tissue holds of each fluorophore, 0 or more. Default: 1.
     #[serde(default)]
@@ -255,7 +237,7 @@ pub struct DielectricSection {
     #[serde(default)]
     pub transmittance: SpectrumReference,
     /// Whether light is lost that a rough surface scatters more than once, as in renderers without it. Default false.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "Not::not")]
     pub single_scattering: bool,
     /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
     /// are not named here keep their concentration; give 0 to leave one out. Default: none.
@@ -273,7 +255,7 @@ pub struct ConductorSection {
     #[serde(default = "mucosa_roughness")]
     pub roughness: TextureReference,
     /// Whether light is lost that a rough surface scatters more than once, as in renderers without it. Default false.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "Not::not")]
     pub single_scattering: bool,
     /// Concentration of each fluorophore, relative to the unit of the catalogue, 0 or more. On a base, fluorophores that
     /// are not named here keep their concentration; give 0 to leave one out. Default: none.
@@ -337,18 +319,6 @@ pub struct NormalMapSection {
     pub strength: f64,
 }
 
-fn is_false(value: &bool) -> bool {
-    !value
-}
-
-fn smooth() -> TextureReference {
-    TextureReference::Constant(0.0)
-}
-
-fn as_stored() -> f64 {
-    1.0
-}
-
 /// A material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
@@ -364,11 +334,9 @@ pub struct MaterialSection {
     /// Name by which objects refer to it.
     pub name: String,
     /// Opacity (alpha mask), 0 to 1; 0 is a hole. That of a mixture multiplies those of its parts. Default 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opacity: Option<TextureReference>,
     /// Directions of the normal over the surface. That of a mixture holds for parts without one. Default: those of the
     /// shape.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_map: Option<NormalMapSection>,
     /// How it sends light on.
     #[serde(flatten)]
@@ -394,4 +362,11 @@ impl MaterialSection {
             ScatteringSection::Mix(_) | ScatteringSection::TwoSided(_) => None,
         }
     }
+}
+
+defaults! {
+    mucosa_index: f64 = 1.4;
+    mucosa_roughness: TextureReference = TextureReference::Constant(0.2);
+    smooth: TextureReference = TextureReference::Constant(0.0);
+    as_stored: f64 = 1.0;
 }

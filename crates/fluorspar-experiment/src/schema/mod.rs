@@ -1,5 +1,14 @@
 //! The sections of an experiment file.
 
+/// Functions that give fields their defaults.
+macro_rules! defaults {
+    ($($name:ident: $type:ty = $value:expr;)*) => {
+        $(fn $name() -> $type {
+            $value
+        })*
+    };
+}
+
 mod capture;
 mod concentration;
 mod develop;
@@ -7,6 +16,7 @@ mod device;
 mod instrument;
 mod light;
 mod material;
+mod number_or_word;
 mod object;
 mod path;
 mod reference;
@@ -49,7 +59,8 @@ pub use object::{
     MeshShape, MouthSection, ObjectSection, PlacesSection, QuadShape, ScanSection, ShapeSection, SphereShape,
     TransformSection,
 };
-pub use path::{FilePath, NameOrLens, NameOrTable};
+pub(crate) use path::is_file_name;
+pub use path::{FilePath, NameOrFile, NameOrTable};
 pub use reference::{
     AnatomyMap, CheckerMap, DorsalTongueMap, EfficiencyReference, ImageMap, MatlabSpectrum, NoiseMap,
     ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable, TableUnit,
@@ -77,7 +88,6 @@ pub struct ExperimentFile {
     pub description: String,
     /// Experiment that this file overrides: a name of the catalogue or a path relative to this file. Tables are
     /// merged key by key, lists entry by entry by `name`; `remove = true` in an entry removes it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<String>,
     /// Paths of what the base says and this file does not want: sections, entries, fields, as in `["light.white", "analysis"]`. They are
     /// taken away before this file is put on top. Default: none.
@@ -93,13 +103,11 @@ pub struct ExperimentFile {
     #[serde(default)]
     pub camera: CameraSection,
     /// Lens between scene and sensor. Without `lens` and `sensor` the file describes a scene only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lens: Option<LensSection>,
     /// Filters in front of the lens.
     #[serde(default)]
     pub view_filter: ViewFilterSection,
     /// Sensor behind the lens.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<SensorSection>,
     /// Light sources.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -114,7 +122,6 @@ pub struct ExperimentFile {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub material: Vec<MaterialSection>,
     /// A parametric mouth; its parts become objects.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mouth: Option<MouthSection>,
     /// Surfaces.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -126,19 +133,15 @@ pub struct ExperimentFile {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub capture: Vec<CaptureSection>,
     /// Motion of the image between exposures. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<MotionSection>,
     /// How raw frames become linear channels. Default: black level and bilinear interpolation.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub develop: Option<DevelopSection>,
     /// Spectroradiometers in the place of the camera.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub spectroradiometer: Vec<SpectroradiometerSection>,
     /// Distances for the assessment of photobiological safety.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetySection>,
     /// Analysis of the captures.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub analysis: Option<AnalysisSection>,
     /// What shall be seen: how well the frames tell it from what lies around it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -34,7 +34,6 @@ pub struct MeshShape {
     #[serde(default = "one_millimeter")]
     pub unit_mm: f64,
     /// Relief of the surface. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub displacement: Option<DisplacementSection>,
     /// Its placements, if there are several.
     #[serde(flatten)]
@@ -63,7 +62,6 @@ pub struct QuadShape {
     /// Second edge from the corner, mm.
     pub edge_v_mm: [f64; 3],
     /// Relief of the surface. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub displacement: Option<DisplacementSection>,
     /// Its placements, if there are several.
     #[serde(flatten)]
@@ -88,10 +86,6 @@ fn toward_camera() -> [f64; 3] {
     [0.0, 0.0, 1.0]
 }
 
-fn one_millimeter() -> f64 {
-    1.0
-}
-
 /// An axis-parallel box; texture coordinates span every face.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
@@ -114,7 +108,6 @@ pub struct PlacesSection {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub instance: Vec<InstanceSection>,
     /// Path of a .csv, .txt or .npy file of more places: twelve numbers each, the three rows of `matrix`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub instance_file: Option<FilePath>,
 }
 
@@ -127,10 +120,8 @@ pub struct TransformSection {
     /// Turns about the x, then the y, then the z axis, degrees. Default [0, 0, 0].
     pub rotate_deg: [f64; 3],
     /// Turn about `axis` by `angle_deg`, applied after `rotate_deg`: the axis, of any length. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
     /// Angle of the turn about `axis`, degrees.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub angle_deg: Option<f64>,
     /// Factor on all lengths, above 0. Default 1.
     pub scale: f64,
@@ -153,21 +144,16 @@ pub struct InstanceSection {
     /// Turns about the x, then the y, then the z axis, degrees. Default [0, 0, 0].
     pub rotate_deg: [f64; 3],
     /// Turn about `axis` by `angle_deg`, applied after `rotate_deg`: the axis, of any length. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
     /// Angle of the turn about `axis`, degrees.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub angle_deg: Option<f64>,
     /// Displacement, mm. Default [0, 0, 0].
     pub translate_mm: [f64; 3],
     /// Any affine map instead of all these: three rows of four numbers, the last of each a displacement in mm.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub matrix: Option<[[f64; 4]; 3]>,
     /// Part of the image that it belongs to; instances of one name are one part. Default: the name of the object.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
     /// Material of its part, the same for all instances of the part. Default: that of the object.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub material: Option<String>,
 }
 
@@ -249,10 +235,8 @@ pub struct ObjectSection {
     /// Name of its material.
     pub material: String,
     /// Its placement. Default: as given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,
     /// Light that it emits. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emission: Option<EmissionSection>,
     /// Its shape.
     #[serde(flatten)]
@@ -282,10 +266,8 @@ pub struct LesionSection {
     pub edge_mm: f64,
     /// Path of a gray PNG on the texture coordinates of the part instead of the ellipse: white is inside. Of colors the mean
     /// of red, green and blue is taken, with a warning.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<FilePath>,
     /// Reflectance inside. Default: that of the part.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reflectance: Option<SpectrumReference>,
     /// Extra blood above the reflecting layer, as a layer of whole blood of this thickness, µm, 0 to 200. Default 0.
     #[serde(default)]
@@ -309,10 +291,6 @@ fn lesion_size() -> [f64; 2] {
     [8.0, 6.0]
 }
 
-fn lesion_edge() -> f64 {
-    1.0
-}
-
 /// A mesh of one's own in place of parts of the mouth, for instance an intraoral scan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -327,10 +305,8 @@ pub struct ScanSection {
     /// Name of its material.
     pub material: String,
     /// Length of one unit of the file, mm; 1000 for meters. Default 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit_mm: Option<f64>,
     /// Its placement in the frame of the mouth. Default: as given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,
 }
 
@@ -349,9 +325,13 @@ pub struct MouthSection {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scan: Vec<ScanSection>,
     /// Placement of the mouth. Default: in its own frame.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TransformSection>,
     /// Shape and pose.
     #[serde(flatten)]
     pub parameters: MouthParameters,
+}
+
+defaults! {
+    one_millimeter: f64 = 1.0;
+    lesion_edge: f64 = 1.0;
 }

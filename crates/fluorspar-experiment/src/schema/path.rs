@@ -7,8 +7,6 @@ use std::path::Path;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 
-use crate::preset::is_lens_file;
-
 /// Path of a file. In a file relative to the folder of that file, in an override to the working folder; absolute once it is read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -58,25 +56,74 @@ impl JsonSchema for FilePath {
     }
 }
 
-/// A text that is a name of the catalogue or the path of a table of spectra.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "String", into = "String")]
-pub enum NameOrTable {
-    /// A name of the catalogue.
-    Name(String),
-    /// A path: with a slash, or the ending `.csv`, `.txt`, `.tsv` or `.mat`.
-    File(FilePath),
+/// A text that is a name of the catalogue or a path.
+macro_rules! name_or_path {
+    ($(#[$about:meta])* $type:ident, $is_path:path, $(#[$path:meta])* $description:literal, $format:literal) => {
+        $(#[$about])*
+        #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+        #[serde(from = "String", into = "String")]
+        pub enum $type {
+            /// A name of the catalogue.
+            Name(String),
+            $(#[$path])*
+            File(FilePath),
+        }
+
+        impl $type {
+            /// The name or the path.
+            pub fn as_str(&self) -> &str {
+                match self {
+                    Self::Name(name) => name,
+                    Self::File(path) => path.as_str(),
+                }
+            }
+        }
+
+        impl From<String> for $type {
+            fn from(text: String) -> Self {
+                if $is_path(&text) { Self::File(FilePath(text)) } else { Self::Name(text) }
+            }
+        }
+
+        impl From<$type> for String {
+            fn from(reference: $type) -> Self {
+                match reference {
+                    $type::Name(text) | $type::File(FilePath(text)) => text,
+                }
+            }
+        }
+
+        impl JsonSchema for $type {
+            fn schema_name() -> Cow<'static, str> {
+                stringify!($type).into()
+            }
+
+            fn json_schema(_: &mut SchemaGenerator) -> Schema {
+                json_schema!({ "description": $description, "type": "string", "format": $format })
+            }
+        }
+    };
 }
 
-impl NameOrTable {
-    /// The name or the path.
-    pub fn as_str(&self) -> &str {
-        match self {
-            Self::Name(name) => name,
-            Self::File(FilePath(path)) => path,
-        }
-    }
+name_or_path!(
+    /// A text that is a name of the catalogue or the path of a table of spectra.
+    NameOrTable,
+    NameOrTable::is_path,
+    /// A path: with a slash, or the ending `.csv`, `.txt`, `.tsv` or `.mat`.
+    "A name of the catalogue or the path of a CSV file.",
+    "name-or-table-path"
+);
 
+name_or_path!(
+    /// A text that is a lens or a tissue site of the catalogue, or the path of a file of one.
+    NameOrFile,
+    is_file_name,
+    /// A path: with a slash, or the ending of such a file.
+    "A name of the catalogue or the path of a file.",
+    "name-or-file-path"
+);
+
+impl NameOrTable {
     /// Whether a text is the path of a table rather than a name: it has a slash, or an ending such as `.csv`.
     pub fn is_path(text: &str) -> bool {
         let ending = text.rsplit_once('.').map_or("", |(_, ending)| ending);
@@ -87,80 +134,9 @@ impl NameOrTable {
     }
 }
 
-impl From<String> for NameOrTable {
-    fn from(text: String) -> Self {
-        if Self::is_path(&text) { Self::File(FilePath(text)) } else { Self::Name(text) }
-    }
-}
-
-impl From<NameOrTable> for String {
-    fn from(reference: NameOrTable) -> Self {
-        match reference {
-            NameOrTable::Name(name) => name,
-            NameOrTable::File(FilePath(path)) => path,
-        }
-    }
-}
-
-impl JsonSchema for NameOrTable {
-    fn schema_name() -> Cow<'static, str> {
-        "NameOrTable".into()
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "description": "A name of the catalogue or the path of a CSV file.",
-            "type": "string",
-            "format": "name-or-table-path"
-        })
-    }
-}
-
-/// A text that is a lens of the catalogue or the path of a lens file.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "String", into = "String")]
-pub enum NameOrLens {
-    /// A name of the catalogue.
-    Name(String),
-    /// A path: with a slash, or the ending of a lens file.
-    File(FilePath),
-}
-
-impl NameOrLens {
-    /// The name or the path.
-    pub fn as_str(&self) -> &str {
-        match self {
-            Self::Name(name) => name,
-            Self::File(path) => path.as_str(),
-        }
-    }
-}
-
-impl From<String> for NameOrLens {
-    fn from(text: String) -> Self {
-        if is_lens_file(&text) { Self::File(FilePath(text)) } else { Self::Name(text) }
-    }
-}
-
-impl From<NameOrLens> for String {
-    fn from(reference: NameOrLens) -> Self {
-        match reference {
-            NameOrLens::Name(name) => name,
-            NameOrLens::File(FilePath(path)) => path,
-        }
-    }
-}
-
-impl JsonSchema for NameOrLens {
-    fn schema_name() -> Cow<'static, str> {
-        "NameOrLens".into()
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "description": "A lens of the catalogue or the path of a lens file.",
-            "type": "string",
-            "format": "name-or-lens-path"
-        })
-    }
+/// Whether a text is the path of a file of a lens or a tissue site rather than a name of the catalogue.
+pub(crate) fn is_file_name(text: &str) -> bool {
+    let lower = text.to_lowercase();
+    text.contains(['/', '\\'])
+        || [".toml", ".dat", ".json", ".zmx"].iter().any(|ending| lower.ends_with(ending))
 }

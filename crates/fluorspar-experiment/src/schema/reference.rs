@@ -1,6 +1,7 @@
 //! Spectra and textures as they are written in a file: a number, a name, a path or a table.
 
 use std::collections::BTreeMap;
+use std::ops::Not;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -63,16 +64,12 @@ pub struct SpectrumTable {
     /// Path of the file.
     pub csv: FilePath,
     /// Header of the column. Default: the only one, that which the instrument computed, or the first.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
     /// Unit of the values. Default: what the header says.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<TableUnit>,
     /// Factor on the values; without a unit, on those that the file holds, whatever its header says. Default 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
     /// Value at wavelengths beyond the data, where else there is nothing. A viewing filter needs it where a light shines beyond its data.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outside: Option<f64>,
 }
 
@@ -120,10 +117,8 @@ pub struct MatlabSpectrum {
     /// Path of the file, version 5 to 7.3.
     pub mat: FilePath,
     /// Number of the column of `data`, from 1 up. Default 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub column: Option<u32>,
     /// Factor on the values, for instance 0.01 for percent. Default 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
 }
 
@@ -148,10 +143,6 @@ pub struct ReflectanceTermSection {
     /// Factor over the surface. Default 1.
     #[serde(default = "full_weight")]
     pub weight: TextureReference,
-}
-
-fn full_weight() -> TextureReference {
-    TextureReference::Constant(1.0)
 }
 
 /// A number, or a map such as { image = "x.png" }, { checker = [8, 8] } or { noise = [5, 5] }.
@@ -188,7 +179,7 @@ pub struct ImageMap {
     /// Path of a gray PNG image: black is `low`, white is `high`.
     pub image: FilePath,
     /// Whether the image is stored with the sRGB curve; otherwise its numbers are linear. Default false.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "Not::not")]
     pub srgb: bool,
     /// Lowest value of the map. Default 0.
     #[serde(default)]
@@ -197,7 +188,6 @@ pub struct ImageMap {
     #[serde(default = "unity")]
     pub high: f64,
     /// Another map by which this one is multiplied.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<TextureReference>,
 }
 
@@ -214,7 +204,6 @@ pub struct CheckerMap {
     #[serde(default = "unity")]
     pub high: f64,
     /// Another map by which this one is multiplied.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<TextureReference>,
 }
 
@@ -234,7 +223,6 @@ pub struct NoiseMap {
     #[serde(default = "unity")]
     pub high: f64,
     /// Another map by which this one is multiplied.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<TextureReference>,
 }
 
@@ -245,7 +233,6 @@ pub struct TongueMap {
     /// Where the porphyrin lies.
     pub dorsal_tongue: DorsalTongueMap,
     /// Another map by which this one is multiplied.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<TextureReference>,
 }
 
@@ -257,10 +244,8 @@ pub struct AnatomyMap {
     /// `porphyrin` (dorsal tongue), `plaque` and `dentin` (teeth), `dryness` (film of saliva).
     pub anatomy: SurfaceMap,
     /// Tissue whose map it is. Default: the tissue that uses the material.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tissue: Option<Tissue>,
     /// Seed of the map. Default: that of the mouth.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u32>,
     /// Lowest value of the map. Default 0.
     #[serde(default)]
@@ -269,7 +254,6 @@ pub struct AnatomyMap {
     #[serde(default = "unity")]
     pub high: f64,
     /// Another map by which this one is multiplied.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<TextureReference>,
 }
 
@@ -297,14 +281,6 @@ impl TextureTable {
     }
 }
 
-fn unity() -> f64 {
-    1.0
-}
-
-fn is_false(value: &bool) -> bool {
-    !value
-}
-
 /// Where porphyrin lies on the back of a tongue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -325,22 +301,6 @@ pub struct DorsalTongueMap {
     pub seed: u32,
 }
 
-fn sigma() -> f64 {
-    0.3
-}
-
-fn full_at() -> f64 {
-    0.6
-}
-
-fn patchiness() -> f64 {
-    0.6
-}
-
-fn seed() -> u32 {
-    1
-}
-
 /// A name of the catalogue, the path of a CSV file with one column per channel, or a table with one spectrum per channel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
@@ -356,4 +316,13 @@ impl Default for EfficiencyReference {
     fn default() -> Self {
         Self::Text(NameOrTable::Name("consumer_rgb_cmos".into()))
     }
+}
+
+defaults! {
+    full_weight: TextureReference = TextureReference::Constant(1.0);
+    unity: f64 = 1.0;
+    sigma: f64 = 0.3;
+    full_at: f64 = 0.6;
+    patchiness: f64 = 0.6;
+    seed: u32 = 1;
 }

@@ -65,6 +65,7 @@ fn is_none(choice: &StatisticsChoice) -> bool {
 /// Image size, samples and limits of the render.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("x-renamed" = { "excitation_edges_nm": "excitation_basis_nm = [340, 500], the range of the peaks of lights" }))]
 pub struct RenderSection {
     /// Columns of the radiance image, 1 to 16384. Default 320.
     #[schemars(range(min = 1, max = 16384))]
@@ -81,7 +82,6 @@ pub struct RenderSection {
     /// Seed of all random numbers of the render and of the noise. Default 1.
     pub seed: u64,
     /// Seconds after which rendering stops with the samples it has. Default: no limit.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub time_limit_s: Option<f64>,
     /// Most memory that the images of the render may take, GiB, 0.001 to 1024. Default 8.
     pub memory_limit_gib: f64,
@@ -91,23 +91,15 @@ pub struct RenderSection {
     pub statistics: StatisticsChoice,
     /// Relative error, 1e-4 to 0.5, at which a tile of 16 x 16 pixels gets no more samples; `samples_per_pixel` is the
     /// most that it gets. Default: none, all pixels get the same.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub relative_error: Option<f64>,
     /// Names of captures whose sensor channels must all reach `relative_error`. Default: all captures that have light.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub error_captures: Option<Vec<String>>,
     /// Range of wavelengths, nm, whose radiance must reach `relative_error`, for each light group alone. Instead of
     /// `error_captures`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub error_range_nm: Option<[f64; 2]>,
-    /// Edges of excitation bins, nm, increasing, 2 to 65 of them: keeps what each part of a light spectrum gives apart, so
-    /// that light spectra can be changed after the render. Memory grows by the number of edges. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub excitation_edges_nm: Option<Vec<f64>>,
     /// First and last peak wavelength, nm, of light sources that shall be exchangeable after the render, such as [340, 500]: light
     /// groups whose light lies there are kept apart by excitation wavelength, so that `capture` and `analyze` follow a change
     /// of their spectrum, filters and power. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub excitation_basis_nm: Option<[f64; 2]>,
 }
 
@@ -125,7 +117,6 @@ impl Default for RenderSection {
             relative_error: None,
             error_captures: None,
             error_range_nm: None,
-            excitation_edges_nm: None,
             excitation_basis_nm: None,
         }
     }

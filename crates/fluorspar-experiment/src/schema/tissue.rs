@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SpectrumReference;
+use super::{NameOrFile, SpectrumReference};
 
 /// Layered tissue with blood and depth: a site of the catalogue, in some state, with other parameters; or layers that are
 /// described one by one.
@@ -14,10 +14,10 @@ use super::SpectrumReference;
 pub struct TissueSection {
     /// Name by which materials and samples refer to it.
     pub name: String,
-    /// Site of the catalogue that it starts from, for instance "dorsal_tongue". Without it `layer` describes the tissue.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Site that it starts from: of the catalogue, for instance "dorsal_tongue", or the path of a site file (.toml). Without it `layer`
+    /// describes the tissue.
     #[schemars(extend("x-mutually-exclusive-with" = ["layer", "refractive_index", "index_below"]))]
-    pub site: Option<String>,
+    pub site: Option<NameOrFile>,
     /// States of a site, for instance "inflammation", applied one after the other. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub states: Vec<String>,
@@ -30,11 +30,9 @@ pub struct TissueSection {
     #[schemars(extend("x-mutually-exclusive-with" = ["site", "states", "parameters"]))]
     pub layer: Vec<TissueLayerSection>,
     /// Refractive index of layers that do not state their own, 1 to 3. Default 1.4 (mucosa).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refractive_index: Option<f64>,
     /// Refractive index of what lies below the last layer, 1 to 3; nothing returns from there, but its surface reflects.
     /// Default: that of the last layer.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub index_below: Option<f64>,
 }
 
@@ -55,7 +53,6 @@ pub struct TissueLayerSection {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub fluorophores: BTreeMap<String, LayerFluorophoreSection>,
     /// Refractive index, 1 to 3. Default: that of the tissue.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refractive_index: Option<f64>,
 }
 
@@ -66,18 +63,14 @@ pub struct LayerScatteringSection {
     /// Anisotropy factor of Henyey and Greenstein, the mean cosine of the scattering angle, -0.99 to 0.995.
     pub anisotropy: f64,
     /// Scattering coefficient, 1/mm, 0 to 40, not reduced by the anisotropy: the value at `at_nm`, or a spectrum.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-mutually-exclusive-with" = ["reduced_per_mm"]))]
     pub scattering_per_mm: Option<SpectrumReference>,
     /// Reduced scattering coefficient, that times (1 - anisotropy), 1/mm, 0 to 10: the value at `at_nm`, or a spectrum.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-mutually-exclusive-with" = ["scattering_per_mm"]))]
     pub reduced_per_mm: Option<SpectrumReference>,
     /// Wavelength of a coefficient that is a number, nm, 200 to 1200. Default 500.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_nm: Option<f64>,
     /// A coefficient that is a number falls as (wavelength / at_nm)^-power, 0 to 4. Default 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
 }
 
@@ -86,19 +79,14 @@ pub struct LayerScatteringSection {
 #[serde(deny_unknown_fields)]
 pub struct LayerAbsorptionSection {
     /// Blood in vessels. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blood: Option<BloodSection>,
     /// Melanosomes (Jacques 2013). Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub melanin: Option<VolumeSection>,
     /// Water. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub water: Option<VolumeSection>,
     /// Beta-carotene, as in hexane. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beta_carotene: Option<CaroteneSection>,
     /// Tissue without blood and pigment. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<BackgroundSection>,
     /// Absorption coefficients (natural logarithm) of anything else by name, spectra in 1/mm, 0 to 400; 1/cm = 0.1/mm. Default: none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -120,18 +108,6 @@ pub struct BloodSection {
     /// Radius of the vessels, um, 0 (blood is spread evenly) to 1000. Default 4 (capillaries).
     #[serde(default = "capillary")]
     pub vessel_radius_um: f64,
-}
-
-fn saturation() -> f64 {
-    0.9
-}
-
-fn hemoglobin() -> f64 {
-    150.0
-}
-
-fn capillary() -> f64 {
-    4.0
 }
 
 /// Something that fills a share of the volume.
@@ -164,14 +140,6 @@ pub struct BackgroundSection {
     pub slope_per_nm: f64,
 }
 
-fn background_nm() -> f64 {
-    420.0
-}
-
-fn background_slope() -> f64 {
-    0.008_35
-}
-
 /// A fluorophore in a layer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -183,10 +151,14 @@ pub struct LayerFluorophoreSection {
     pub at_nm: f64,
     /// Quantum yield, 0.001 to 1: the absorption that the emission implies is added to that of the layer. Default: the layer's
     /// absorption holds it already.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quantum_yield: Option<f64>,
 }
 
-fn strength_nm() -> f64 {
-    405.0
+defaults! {
+    saturation: f64 = 0.9;
+    hemoglobin: f64 = 150.0;
+    capillary: f64 = 4.0;
+    background_nm: f64 = 420.0;
+    background_slope: f64 = 0.008_35;
+    strength_nm: f64 = 405.0;
 }

@@ -19,7 +19,6 @@ base = "flat-patch"
 time_limit_s = 100.0
 relative_error = 0.02
 error_range_nm = [500.0, 700.0]
-excitation_edges_nm = [350.0, 400.0, 450.0]
 [view_filter]
 effective_index = 1.8
 autofluorescence = { photon_yield = 1e-6, spectrum = "led_450" }

@@ -9,8 +9,8 @@ use fluorspar::sensor::SensorMode;
 use fluorspar_experiment::preset;
 use fluorspar_experiment::schema::{EfficiencyReference, FilePath, NameOrTable};
 use fluorspar_experiment::{
-    ResolvedExperiment, Warning, json_schema, layers_json_schema, parse, parse_sample, resolve,
-    sample_json_schema, sensor_json_schema,
+    LayersFile, ResolvedExperiment, SampleFile, SensorFile, Warning, json_schema, json_schema_of, parse,
+    parse_sample, resolve,
 };
 use serde_json::Value;
 
@@ -115,7 +115,7 @@ fn what_a_base_says_can_be_unset() {
     assert!(file.capture.iter().all(|capture| capture.subtract.is_none()) && file.unset.is_empty());
     // What the file says itself stays, and nothing of the base is left below it.
     let analysis = file.analysis.unwrap();
-    assert_eq!((analysis.parts.len(), analysis.rectangle_px), (0, Some([0, 0, 9, 9])));
+    assert_eq!((analysis.place.parts.len(), analysis.place.rectangle_px), (0, Some([0, 0, 9, 9])));
     // The same by an override, which goes on top of everything.
     let over = ["unset light.white", "unset capture.white", "unset analysis"].map(String::from);
     let other = parse("format = 1\nbase = \"oraleye-2021\"\n", "mine.toml", Path::new("."), &over).unwrap();
@@ -680,7 +680,12 @@ exposure_ms = 30.0
 
 #[test]
 fn every_field_of_the_schema_is_described() {
-    for schema in [json_schema(), sample_json_schema(), sensor_json_schema(), layers_json_schema()] {
+    for schema in [
+        json_schema(),
+        json_schema_of::<SampleFile>(),
+        json_schema_of::<SensorFile>(),
+        json_schema_of::<LayersFile>(),
+    ] {
         let mut missing = Vec::new();
         let definitions = schema["$defs"].as_object().unwrap().iter();
         for (name, definition) in definitions.chain([(&"root".to_string(), &schema)]) {

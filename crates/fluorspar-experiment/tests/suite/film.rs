@@ -1,5 +1,5 @@
 //! Films: the same bits whatever happens on the way, honest error bars, files that notice damage, and what is made of
-//! them: excitation bins, adaptive renders, denoised images.
+//! them: adaptive renders, denoised images.
 #![allow(clippy::unwrap_used)]
 
 use std::path::Path;
@@ -7,12 +7,11 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
 use fluorspar::image::{ComponentImage, FeatureMaps, Film, StatisticsKind};
-use fluorspar::pipeline::{DenoiseSettings, denoise, relight};
+use fluorspar::pipeline::{DenoiseSettings, denoise};
 use fluorspar::render::{
     Checkpoint, ErrorChannel, ErrorTarget, FilmRenderer, RenderControl, RenderError, RenderSettings, Share,
     render,
 };
-use fluorspar::spectral::Curve;
 use fluorspar::study::Study;
 use fluorspar_experiment::{parse, resolve};
 use fluorspar_format::{
@@ -338,56 +337,6 @@ fn error_targets_that_make_no_sense_are_refused() {
             RenderSettings { error_target: Some(target), ..settings(&study, 1, StatisticsKind::None) };
         assert!(FilmRenderer::new(&study.scene, &settings).is_err());
     }
-}
-
-#[test]
-fn excitation_bins_add_up_and_make_other_lights() {
-    let mut study = experiment(12, 12);
-    let whole = settings(&study, 8, StatisticsKind::None);
-    let edges = vec![360.0, 375.0, 385.0, 395.0, 410.0, 700.0];
-    let apart = RenderSettings { excitation_edges_nm: edges.clone(), ..whole.clone() };
-    let bins = image(&study, &apart);
-    let direct = image(&study, &whole);
-    let peak = |values: &[f32]| values.iter().copied().fold(0.0, f32::max);
-    // Same paths: only rounding differs; and for another light the flank of its step, 1e-6 of 20 nm wide, and the
-    // excitation weights within a bin of the grid, which see another light.
-    let close = |a: &[f32], b: &[f32], tolerance: f32, what: &str| {
-        let (top, mut worst) = (peak(b), 0.0_f32);
-        for (a, b) in a.iter().zip(b) {
-            worst = worst.max((a - b).abs() / top);
-        }
-        eprintln!("{what}: {worst:.1e} of the peak");
-        assert!(worst < tolerance, "{what}: {worst}");
-    };
-    for group in direct.light_groups() {
-        let sum = bins.recombine(|c| if c.light_group == group { 1.0 } else { 0.0 });
-        close(sum.data(), direct.light_group(&group).data(), 1e-5, &group);
-    }
-
-    // Another light: the rendered one times a step function of the bins.
-    let group = direct.light_groups()[0].clone();
-    let factor = |nm: f64| if nm < 385.0 { 0.25 } else { 1.5 };
-    let light = study.scene.lights.iter().position(|l| l.group == 0).unwrap();
-    let rendered = study.scene.lights[light].spectrum.clone();
-    let step = Curve::new(
-        vec![200.0, 385.0 - 1e-6, 385.0, 1200.0],
-        vec![factor(300.0), factor(300.0), factor(400.0), factor(400.0)],
-    );
-    let wanted = rendered.times(&step.unwrap());
-    let before = study.clone();
-    for light in study.scene.lights.iter_mut().filter(|l| l.group == 0) {
-        light.spectrum = wanted.clone();
-    }
-    let mut made = bins.clone();
-    let (shown, factors) = relight(&before, &study, &made).unwrap();
-    made.scale(&factors);
-    assert!(shown.scene == study.scene, "the study is not that of the other light");
-    let again = image(&study, &whole);
-    close(made.light_group(&group).data(), again.light_group(&group).data(), 1e-4, "another light");
-
-    let infrared = Curve::new(vec![900.0, 950.0], vec![1.0, 1.0]).unwrap();
-    let error = made.spectrum_factors(&group, &rendered, &infrared).unwrap_err();
-    assert!(error.to_string().contains("100.0 %"), "{error}");
 }
 
 #[test]

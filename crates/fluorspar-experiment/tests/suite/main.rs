@@ -8,6 +8,7 @@ mod channel_planes;
 mod design;
 mod design_renders;
 mod documentation;
+mod documented_surroundings;
 mod emission_sides;
 mod excitation_basis;
 mod experiment_files;

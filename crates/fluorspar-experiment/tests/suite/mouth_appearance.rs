@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fluorspar::spectral::PhotonEem;
-use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, LayerFluorophore, Level, Site};
+use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, LayerFluorophore, Level};
 use fluorspar_anatomy::{MouthParameters, SurfaceMap, Tissue, surface_map};
 use fluorspar_experiment::{parse, preset};
 
@@ -158,7 +158,7 @@ fn emitted_by_tissue(
 /// A site of the catalogue, solved for the wavelengths of these tests.
 fn solved(site: &str) -> EffectiveTissue {
     let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
-    let tissue = Site::named(site).unwrap().tissue(&find).unwrap();
+    let tissue = preset::site(site).unwrap().tissue(&find).unwrap();
     let nm: Vec<f64> = (0..=80).map(|i| 380.0 + 4.0 * f64::from(i)).collect();
     EffectiveTissue::new(&tissue, &nm, DiscreteOrdinates::DIFFUSE).unwrap()
 }

@@ -80,19 +80,19 @@ fn family(lights: &[&str]) -> LightFamily {
 
 /// A site in a mouth.
 fn prior(site: &str, width: f64) -> TissuePrior {
-    let site = Site::named(site).unwrap();
-    let mut prior = TissuePrior {
-        fluorophores: fluorophores(&site),
+    let site = preset::site(site).unwrap();
+    let teeth = preset::site("tooth").unwrap();
+    // Light of teeth asks for their fluorophores.
+    TissuePrior {
+        fluorophores: [fluorophores(&site), fluorophores(&teeth)].concat(),
         site,
         width,
         library_error: TissuePrior::LIBRARY_ERROR,
-        surroundings: true,
+        teeth: Some(teeth),
         site_probability: TissuePrior::SITE_PROBABILITY,
+        others: preset::compared_sites().unwrap(),
         kept: CachedSolutions::default(),
-    };
-    // Light of teeth asks for their fluorophores.
-    prior.fluorophores.extend(fluorophores(&Site::named("tooth").unwrap()));
-    prior
+    }
 }
 
 /// Photons per nm that each fluorophore sends out of the surface in each band, under lines of (nm, photons).
@@ -212,7 +212,7 @@ fn traced(site: &Site, seed: u64) -> Optics {
 type Sources = BTreeMap<String, Vec<[f64; 2]>>;
 
 /// Teeth, whose light falls on the tissue.
-static TOOTH: LazyLock<Optics> = LazyLock::new(|| solved(&Site::named("tooth").unwrap(), 0));
+static TOOTH: LazyLock<Optics> = LazyLock::new(|| solved(&preset::site("tooth").unwrap(), 0));
 
 fn sources(Optics { reflectance, emission }: &Optics, lights: &[&str]) -> Sources {
     let grid = grid();
@@ -353,7 +353,7 @@ struct Coverage {
 /// Tissues of a site before the estimate that knows the family of the dorsum.
 fn coverage(site: &str, lights: &[&str], seed: u64, tissues: u64, solver: Solver) -> Coverage {
     let family = family(lights);
-    let population = Population::of(&Site::named(site).unwrap());
+    let population = Population::of(&preset::site(site).unwrap());
     let names = family.nuisances();
     // The bound knows no probability of none.
     let present = LightFamily { probability_of_none: 1e-9, ..family.clone() };
@@ -513,7 +513,7 @@ fn intervals_hold_the_truth_of_photons_traced() {
 #[test]
 #[ignore = "traces half a million photons"]
 fn photons_traced_reach_the_sensor_as_the_solver_says() {
-    let site = Site::named("dorsal_tongue").unwrap();
+    let site = preset::site("dorsal_tongue").unwrap();
     let [exact, traced] = [solved(&site, 0), traced(&site, 1)].map(|optics| sources(&optics, &["led_405"]));
     for (source, rgb) in &exact {
         for ([a, _], [b, _]) in rgb.iter().zip(&traced[source]) {
@@ -543,7 +543,7 @@ static LIP: LazyLock<Told> = LazyLock::new(|| {
 /// Coverage of the named family alone; of the average over tissues, warnings, and measurements held or warned: means over tissues with
 /// their standard errors.
 fn of_told(told: &Told, site: &str, seed: u64, tissues: u64) -> [[f64; 2]; 4] {
-    let mut typical = Site::named(site).unwrap();
+    let mut typical = preset::site(site).unwrap();
     if typical.get("biofilm_porphyrin_per_mm").unwrap() == 0.0 {
         typical.set("biofilm_porphyrin_per_mm", 1e-3).unwrap();
     }

@@ -12,7 +12,7 @@ use fluorspar::render::{RenderControl, RenderSettings, render};
 use fluorspar::spectral::Curve;
 use fluorspar::study::Study;
 use fluorspar::tissue::{
-    Blood, Chromophore, EffectiveTissue, LayerFluorophore, LayeredTissue, Level, ScatteringCoefficient, Site,
+    Blood, Chromophore, EffectiveTissue, LayerFluorophore, LayeredTissue, Level, ScatteringCoefficient,
     TissueFluorophore, TissueLayer,
 };
 use fluorspar_experiment::{parse, parse_sample, preset, resolve};
@@ -81,7 +81,8 @@ fn mean(image: &ComponentImage, band: usize, wanted: impl Fn(&LightPath) -> bool
 
 fn lip(study: &Study) -> EffectiveTissue {
     let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
-    EffectiveTissue::for_grid(&Site::named("lip").unwrap().tissue(&find).unwrap(), &study.scene.grid).unwrap()
+    EffectiveTissue::for_grid(&preset::site("lip").unwrap().tissue(&find).unwrap(), &study.scene.grid)
+        .unwrap()
 }
 
 /// Under diffuse light a rendered patch shows `E(o) + (1 - E(o)) R / (1 - E)` of the solver's R with its Fresnel surface, and
@@ -183,7 +184,7 @@ fn maps_of_parameters_give_the_tissue_of_each_place() {
     let between = (low * high).sqrt();
     let weight = (between - low) / (high - low);
     let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
-    let mut site = Site::named("lip").unwrap();
+    let mut site = preset::site("lip").unwrap();
     site.set("superficial_blood_fraction", between * site.get("superficial_blood_fraction").unwrap())
         .unwrap();
     let exact = EffectiveTissue::for_grid(&site.tissue(&find).unwrap(), &study.scene.grid).unwrap();
@@ -226,7 +227,7 @@ fn a_flat_sample_of_tissue_is_that_of_the_solver() {
                 strength.irradiance_w_per_m2 = 100.0\n[sample]\ntissue = \"lip\"\nconcentrations = { collagen = 0.5 }\n";
     let sample = parse_sample(text, "lip.toml", Path::new("."), &[]).unwrap().sample;
     let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
-    let tissue = Site::named("lip").unwrap().tissue(&find).unwrap();
+    let tissue = preset::site("lip").unwrap().tissue(&find).unwrap();
     let solved = EffectiveTissue::for_grid(&tissue, &sample.grid).unwrap();
     for nm in [400.0, 450.0, 540.0, 580.0, 700.0] {
         let expected: f64 = solved.reflectance(Level::AboveSurface).at(nm);
@@ -257,7 +258,7 @@ fn each_channel_sees_its_depth() {
     study.tissues.retain(|tissue| ["tongue_dorsum", "cheek"].contains(&tissue.name.as_str()));
     let mut bloody = study.tissues[0].clone();
     let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
-    let mut site = Site::named("dorsal_tongue").unwrap();
+    let mut site = preset::site("dorsal_tongue").unwrap();
     site.set("superficial_blood_fraction", 0.06).unwrap();
     bloody.name = "bloody tongue".into();
     bloody.tissue = site.tissue(&find).unwrap();
@@ -369,7 +370,7 @@ fn as_layers(tissue: &LayeredTissue) -> String {
 fn a_site_written_out_layer_by_layer_is_the_site() {
     let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
     for site in ["lip", "facial_skin", "tooth"] {
-        let layers = as_layers(&Site::named(site).unwrap().tissue(&find).unwrap());
+        let layers = as_layers(&preset::site(site).unwrap().tissue(&find).unwrap());
         let sample = |tissue: &str| {
             let text = format!(
                 "format = 1\n[spectral]\nfirst_nm = 390.0\nlast_nm = 710.0\nstep_nm = 20.0\n[light]\nspectrum = \"led_405\"\n\
@@ -396,7 +397,7 @@ fn a_site_written_out_layer_by_layer_is_the_site() {
 #[test]
 fn layers_vary_over_a_surface_and_can_be_changed() {
     let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
-    let layers = as_layers(&Site::named("lip").unwrap().tissue(&find).unwrap());
+    let layers = as_layers(&preset::site("lip").unwrap().tissue(&find).unwrap());
     let material = |tissue: &str, parameter: &str| {
         PATCH.replace("tissue = \"lip\"", &format!("tissue = \"{tissue}\"")).replace(
             "gloss.roughness = 0.01",

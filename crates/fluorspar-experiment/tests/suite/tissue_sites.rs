@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use fluorspar::spectral::Fluorophore;
 use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, Level, Site, TissueState};
-use fluorspar_experiment::preset;
+use fluorspar_experiment::preset::{self, PresetKind};
 
 fn catalogue(name: &str) -> Option<Arc<Fluorophore>> {
     preset::fluorophore(name).ok().map(|known| Arc::new(known.fluorophore()))
@@ -20,7 +20,7 @@ fn solved(site: &Site) -> EffectiveTissue {
 
 #[test]
 fn superficial_blood_darkens_fluorescence_most_under_violet_light() {
-    let normal = Site::named("dorsal_tongue").unwrap();
+    let normal = preset::site("dorsal_tongue").unwrap();
     let mut bloody = normal.clone();
     bloody.apply(TissueState::Hyperemia).unwrap();
     let [normal, bloody] = [&normal, &bloody].map(solved);
@@ -44,8 +44,8 @@ fn superficial_blood_darkens_fluorescence_most_under_violet_light() {
 
 #[test]
 fn no_tissue_returns_more_light_than_it_gets() {
-    for name in Site::names() {
-        let returned = solved(&Site::named(name).unwrap()).largest_photon_return();
+    for name in preset::names(PresetKind::Site) {
+        let returned = solved(&preset::site(name).unwrap()).largest_photon_return();
         assert!(returned > 0.3 && returned < 0.9, "{name}: {returned}");
     }
 }
@@ -91,7 +91,7 @@ fn fitted_sites_have_the_measured_reflectance() {
     for (name, files, largest) in cases {
         let columns: Vec<Vec<f64>> =
             files.iter().map(|file| measured(&folder.join("reflectance").join(file), &nm)).collect();
-        let reflectance = solved(&Site::named(name).unwrap()).reflectance(Level::AboveSurface);
+        let reflectance = solved(&preset::site(name).unwrap()).reflectance(Level::AboveSurface);
         let squares: f64 = nm
             .iter()
             .enumerate()

@@ -434,23 +434,24 @@ fn from_tags(
     } else if pixels.samples == 1 {
         (Mosaic::monochrome(), Samples::Mosaic)
     } else {
-        let rows = Mosaic {
-            rows: 2,
-            cols: 2,
-            pattern: vec![0, 1, 1, 2],
-            channels: COLORS.map(String::from).to_vec(),
-        };
-        (rows, Samples::Developed)
+        (Mosaic::bayer("rggb").unwrap_or_default(), Samples::Developed)
     };
-    let description = Description::of_camera(
+    let description = Description {
+        format: FileFormat::RAW_FRAME.version(),
         label,
-        [pixels.width, pixels.height],
+        width: pixels.width as u64,
+        height: pixels.height as u64,
         mosaic,
         samples,
-        [black_level, exposure_s, gain.unwrap_or(1.0), noise(0) * range, noise(1).sqrt() * range],
+        black_level,
         white_level,
-        bits,
-    );
+        bit_depth: bits,
+        exposure_s,
+        gain: gain.unwrap_or(1.0),
+        dn_per_electron: noise(0) * range,
+        read_noise_dn: noise(1).sqrt() * range,
+        ..Description::default()
+    };
     Ok((description, told))
 }
 
@@ -480,7 +481,7 @@ pub(crate) fn bits_of(value: u16) -> u8 {
 }
 
 /// Names of the channels of color frames.
-pub(crate) const COLORS: [&str; 3] = ["R", "G", "B"];
+const COLORS: [&str; 3] = ["R", "G", "B"];
 
 /// The color filter array of a directory, whose first pixel is that of the active area.
 pub(crate) fn mosaic_of(path: &Path, raw: &Directory<'_>) -> Result<Mosaic, FormatError> {

@@ -13,9 +13,9 @@ use super::raw::{
 };
 use super::tiff_directory::{Directory, TiffBytes};
 use super::tiff_image::{TiffPixels, read_tiff_pixels};
-use crate::FormatError;
 use crate::store::file::{MAX_IMAGE_BYTES, check_not_empty, read_file, sidecar_path, write_sidecar};
 use crate::store::input::open_plain;
+use crate::{FileFormat, FormatError};
 use fluorspar::image::{Mosaic, SensorImage};
 
 /// What the user knows of a frame; the rest is taken from its file or assumed.
@@ -401,18 +401,21 @@ impl Facts<'_> {
         );
         let gain = of_camera(ISO).and_then(gain_of_iso);
         let gain = self.number("gain", [given.gain, gain], (1.0, "--gain gives another"));
-        let exposure_s = of_camera(EXPOSURE_TIME).unwrap_or(0.0);
-        let mut description = Description::of_camera(
+        Ok(Description {
+            format: FileFormat::RAW_FRAME.version(),
             label,
-            [pixels.width, pixels.height],
+            width: pixels.width as u64,
+            height: pixels.height as u64,
             mosaic,
             samples,
-            [black_level, exposure_s, gain, 0.0, 0.0],
-            white.clamp(1.0, 65_535.0) as u16,
-            bits,
-        );
-        description.left_shift = left_shift;
-        Ok(description)
+            black_level,
+            white_level: white.clamp(1.0, 65_535.0) as u16,
+            bit_depth: bits,
+            left_shift,
+            exposure_s: of_camera(EXPOSURE_TIME).unwrap_or(0.0),
+            gain,
+            ..Description::default()
+        })
     }
 
     /// Bits of the converter, and those below them that all values leave empty.
@@ -540,12 +543,7 @@ impl Facts<'_> {
         first: Option<&Directory<'_>>,
     ) -> (Mosaic, Samples) {
         let tag = first.filter(|_| pixels.samples == 1).and_then(|d| super::dng::mosaic_of(path, d).ok());
-        let bayer = Mosaic {
-            rows: 2,
-            cols: 2,
-            pattern: vec![0, 1, 1, 2],
-            channels: super::dng::COLORS.map(String::from).to_vec(),
-        };
+        let bayer = Mosaic::bayer("rggb").unwrap_or_default();
         let (mut mosaic, samples, otherwise, remark) = match (pixels.samples, tag) {
             (1, Some(mosaic)) => (mosaic, Samples::Mosaic, FactSource::Tag, ""),
             (1, None) => {

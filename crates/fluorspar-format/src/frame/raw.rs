@@ -58,13 +58,13 @@ impl Samples {
 /// Contents of the JSON description of a raw frame.
 ///
 /// Of a real camera, gain, conversion gain and noise may be left out: the sensor of an experiment then tells them.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Description {
-    format: u32,
+    pub(crate) format: u32,
     /// What wrote the file: it may be replaced where this program did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    program: Option<String>,
+    pub(crate) program: Option<String>,
     pub(crate) label: String,
     pub(crate) width: u64,
     pub(crate) height: u64,
@@ -85,14 +85,14 @@ pub(crate) struct Description {
     #[serde(default, skip_serializing_if = "is_unknown")]
     pub(crate) read_noise_dn: f64,
     #[serde(default)]
-    seed: u64,
+    pub(crate) seed: u64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) packing: Option<PackedRows>,
     /// Of the pixels as little-endian 16-bit numbers, row by row.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pixels_sha256: Option<String>,
+    pub(crate) pixels_sha256: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    provenance: Option<Provenance>,
+    pub(crate) provenance: Option<Provenance>,
 }
 
 /// Of a camera that does not tell.
@@ -106,41 +106,6 @@ fn is_zero(value: &u8) -> bool {
 
 fn unity() -> f64 {
     1.0
-}
-
-impl Description {
-    /// The frame of a camera that tells: black level, exposure (s), gain, DN per electron and read noise (DN), 0 where unknown.
-    pub(crate) fn of_camera(
-        label: String,
-        [width, height]: [usize; 2],
-        mosaic: Mosaic,
-        samples: Samples,
-        [black_level, exposure_s, gain, dn_per_electron, read_noise_dn]: [f64; 5],
-        white_level: u16,
-        bit_depth: u8,
-    ) -> Self {
-        Self {
-            format: FileFormat::RAW_FRAME.version(),
-            program: None,
-            label,
-            width: width as u64,
-            height: height as u64,
-            mosaic,
-            samples,
-            black_level,
-            white_level,
-            bit_depth,
-            left_shift: 0,
-            exposure_s,
-            gain,
-            dn_per_electron,
-            read_noise_dn,
-            seed: 0,
-            packing: None,
-            pixels_sha256: None,
-            provenance: None,
-        }
-    }
 }
 
 /// Writes a raw frame as 16-bit gray TIFF, and its description to `PATH.json`.
@@ -448,19 +413,17 @@ pub(crate) fn description(
         width: image.width as u64,
         height: image.height as u64,
         mosaic: image.mosaic.clone(),
-        samples: Samples::Mosaic,
         black_level: image.black_level,
         white_level: image.white_level,
         bit_depth: image.bit_depth,
-        left_shift: 0,
         exposure_s: image.exposure_s,
         gain: image.gain,
         dn_per_electron: image.dn_per_electron,
         read_noise_dn: image.read_noise_dn,
         seed: image.seed,
-        packing: None,
         pixels_sha256: Some(pixels_sha256(&image.data)),
         provenance: provenance.cloned(),
+        ..Description::default()
     })
 }
 

@@ -34,7 +34,6 @@ pub struct LensFile {
     #[serde(default = "unity", skip_serializing_if = "is_unity")]
     pub scale: f64,
     /// Published values of the whole lens, after scaling.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub published: Option<PublishedLens>,
     /// Gaps that change to focus; none: the film moves.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -49,13 +48,10 @@ pub struct LensFile {
 #[serde(deny_unknown_fields)]
 pub struct PublishedLens {
     /// Effective focal length, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focal_length_mm: Option<f64>,
     /// Distance from the last vertex to the focus, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub back_focal_length_mm: Option<f64>,
     /// Focal length over diameter of the entrance pupil.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub f_number: Option<f64>,
 }
 
@@ -74,7 +70,6 @@ pub struct AbbeGlass {
 #[serde(deny_unknown_fields)]
 pub struct LensFileSurface {
     /// Radius of curvature, positive when the center lies behind. Default: a plane.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius_mm: Option<f64>,
     /// Conic constant. Default 0, a sphere.
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -86,16 +81,12 @@ pub struct LensFileSurface {
     #[serde(default, skip_serializing_if = "is_zero")]
     pub thickness_mm: f64,
     /// Glass of the catalogue.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub glass: Option<String>,
     /// The same index at all wavelengths.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub index: Option<f64>,
     /// Index and Abbe number.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub abbe: Option<AbbeGlass>,
     /// A dispersion formula or table.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dispersion: Option<Dispersion>,
     /// Half of the clear aperture.
     pub semi_diameter_mm: f64,

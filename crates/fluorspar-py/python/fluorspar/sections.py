@@ -300,8 +300,8 @@ Side: TypeAlias = "Literal['short', 'long']"
 Vignetting: TypeAlias = "Literal['none', 'cos4']"
 """How irradiance falls off away from the optical axis."""
 
-NameOrLens: TypeAlias = "str"
-"""A lens of the catalogue or the path of a lens file."""
+NameOrFile: TypeAlias = "str"
+"""A name of the catalogue or the path of a file."""
 
 ImageFormation: TypeAlias = "Literal['rendered', 'point_spread']"
 """How a traced lens makes its image."""
@@ -438,9 +438,6 @@ class RenderSection(TypedDict, total=False):
     error_range_nm: list[float]
     """Range of wavelengths, nm, whose radiance must reach `relative_error`, for each light group alone. Instead of
     `error_captures`."""
-    excitation_edges_nm: list[float]
-    """Edges of excitation bins, nm, increasing, 2 to 65 of them: keeps what each part of a light spectrum gives apart, so that
-    light spectra can be changed after the render. Memory grows by the number of edges. Default: none."""
     excitation_basis_nm: list[float]
     """First and last peak wavelength, nm, of light sources that shall be exchangeable after the render, such as [340, 500]:
     light groups whose light lies there are kept apart by excitation wavelength, so that `capture` and `analyze` follow a
@@ -683,7 +680,7 @@ class LensSectionTraced(TypedDict, total=False):
     """Surfaces and glasses, traced."""
 
     type: Literal['traced']
-    prescription: NameOrLens
+    prescription: NameOrFile
     """A lens of the catalogue, or the path of a lens file (.toml, .dat of pbrt, .json of ISET, .zmx of Zemax)."""
     focal_length_mm: float
     """Focal length, mm, above 0, to which the lens is scaled. Default: that of the prescription."""
@@ -1131,8 +1128,9 @@ class TissueSection(TypedDict, total=False):
 
     name: str
     """Name by which materials and samples refer to it."""
-    site: str
-    """Site of the catalogue that it starts from, for instance "dorsal_tongue". Without it `layer` describes the tissue."""
+    site: NameOrFile
+    """Site that it starts from: of the catalogue, for instance "dorsal_tongue", or the path of a site file (.toml). Without it
+    `layer` describes the tissue."""
     states: list[str]
     """States of a site, for instance "inflammation", applied one after the other. Default: none."""
     parameters: dict[str, float]
@@ -1796,18 +1794,18 @@ class AnalysisSection(TypedDict, total=False):
     frame: str
     """Capture that is analyzed."""
     parts: list[str]
-    """Parts of the scene, by object name, that form the region of interest. Default: all."""
-    inset_px: int
-    """Pixels of the sensor by which the region keeps away from the rim of these parts, 0 to 64: pixels at the rim hold light
-    of what lies beside, as of teeth and lips. Default 0."""
+    """Parts of the scene, by object name. Default: all."""
     rectangle_px: list[int]
-    """Only pixels of this rectangle of the sensor: column, row, width, height."""
+    """Only pixels of this rectangle of the sensor: column, row, width, height. Default: none."""
     polygon_px: list[list[float]]
     """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image, x to the right and y downward
     from its upper left corner. Default: none."""
     mask: FilePath
     """Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default:
     none."""
+    inset_px: int
+    """Pixels of the sensor by which the region keeps away from the rim of these parts, 0 to 64: pixels at the rim hold light
+    of what lies beside, as of teeth and lips. Default 0."""
     compared_px: list[RegionReference]
     """Two regions of the sensor whose pixels are compared: how well the frames tell them apart. Default: none."""
     region: list[AnalysisRegionSection]
@@ -1846,8 +1844,8 @@ class SensorRegionSection(TypedDict, total=False):
     rectangle_px: list[int]
     """Only pixels of this rectangle of the sensor: column, row, width, height. Default: none."""
     polygon_px: list[list[float]]
-    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner.
-    Default: none."""
+    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image, x to the right and y downward
+    from its upper left corner. Default: none."""
     mask: FilePath
     """Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default:
     none."""
@@ -1861,16 +1859,16 @@ class AnalysisRegionSection(TypedDict, total=False):
     """Name, unique among regions."""
     parts: list[str]
     """Parts of the scene, by object name. Default: all."""
-    inset_px: int
-    """Pixels of the sensor by which the region keeps away from the rim of its parts, 0 to 64. Default: as in `[analysis]`."""
     rectangle_px: list[int]
     """Only pixels of this rectangle of the sensor: column, row, width, height. Default: none."""
     polygon_px: list[list[float]]
-    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner.
-    Default: none."""
+    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image, x to the right and y downward
+    from its upper left corner. Default: none."""
     mask: FilePath
     """Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default:
     none."""
+    inset_px: int
+    """Pixels of the sensor by which the region keeps away from the rim of its parts, 0 to 64. Default: as in `[analysis]`."""
     porphyrin: str
     """Fluorophore whose share is estimated; "none" for no such estimate. Default: as in `[analysis]`; where that names none
     the porphyrin that this region holds."""
@@ -1906,8 +1904,8 @@ class TargetSection(TypedDict, total=False):
     rectangle_px: list[int]
     """Only pixels of this rectangle of the sensor: column, row, width, height. Default: none."""
     polygon_px: list[list[float]]
-    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image from its upper left corner.
-    Default: none."""
+    """Only pixels whose center lies in this polygon: corners [x, y] in pixels of the raw image, x to the right and y downward
+    from its upper left corner. Default: none."""
     mask: FilePath
     """Only pixels of this mask, an image of the size of the raw image: PNG, TIFF or NumPy, where not zero is inside. Default:
     none."""

@@ -117,7 +117,7 @@ impl ShareMap {
 /// Share of the light in each block by which the share of a region of tissue was estimated, with the outline of those that hold some.
 pub fn share_map_of_blocks(shares: &BlockShares, target: &Analyte) -> Option<Figure> {
     let map = ShareMap::of_blocks(shares)?;
-    let mut panel = map_panel(&map, target);
+    let mut panel = map_panel(&map, format!("{target} share of the fluorescence"));
     panel.series.extend(map.outline());
     let (side, least) = (map.block, 100.0 * BlockShares::SHARE_OF_MARK);
     Some(Figure::new(format!("Where the {target} is"), panel).explained(format!(
@@ -131,7 +131,7 @@ pub fn share_map_of_blocks(shares: &BlockShares, target: &Analyte) -> Option<Fig
 pub fn share_map(porphyrin: &PorphyrinMap, target: &Analyte) -> Option<Figure> {
     let region: Vec<usize> = porphyrin.estimates.iter().map(|(pixel, _)| *pixel).collect();
     let map = ShareMap::of(porphyrin, &region)?;
-    let panel = map_panel(&map, target);
+    let panel = map_panel(&map, format!("{target} share of the light"));
     let error =
         Statistics::of(region.iter().filter_map(|&p| porphyrin.at(p)).map(|e| e.position_standard_error));
     let error = error.map_or(0.0, |s| s.median);
@@ -144,7 +144,7 @@ pub fn share_map(porphyrin: &PorphyrinMap, target: &Analyte) -> Option<Figure> {
 }
 
 /// The picture of a map with its color bar.
-fn map_panel(map: &ShareMap, target: &Analyte) -> Panel {
+fn map_panel(map: &ShareMap, label: String) -> Panel {
     let top = map.top();
     let raster =
         Raster::from_fn(map.columns, map.rows, |row, col| match map.values[row * map.columns + col] {
@@ -156,7 +156,6 @@ fn map_panel(map: &ShareMap, target: &Analyte) -> Panel {
     let mut panel = Panel::new(Axis::hidden([0.0, width]), Axis::hidden([height, 0.0]))
         .sized((width * scale).round(), (height * scale).round())
         .with(Series::unnamed(Ink::Text, SeriesShape::Picture { x: [0.0, width], y: [height, 0.0], raster }));
-    let label = format!("{target} share {of_what}");
     panel.color_bar = Some(ColorBar { axis: Axis::linear(label, "", [0.0, top]), map: ColorMap::Viridis });
     panel
 }

@@ -1,6 +1,7 @@
 //! Tissues of the catalogue against the medians of people: these spectra were what they were fitted to.
 
 use fluorspar::tissue::{Level, Site, TissueState};
+use fluorspar_experiment::preset;
 use fluorspar_report::figures::PlotCurve;
 
 use crate::figures::Overlay;
@@ -52,7 +53,7 @@ pub(crate) fn forward(
     place: &str,
     files: &[String],
 ) -> Fallible<Vec<Overlay>> {
-    let site = Site::named(name)?;
+    let site = preset::site(name)?;
     let mut without = site.clone();
     without.set("superficial_lipopigment_per_mm", 0.0)?;
     without.set("deep_lipopigment_per_mm", 0.0)?;

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use fluorspar::sampling::Z_95;
 use fluorspar::spectral::Fluorophore;
 use fluorspar::tissue::fit::{Fit, MeasuredFluorescence, MeasuredReflectance, TissueFit};
-use fluorspar::tissue::{DiscreteOrdinates, Population, Site};
+use fluorspar::tissue::{DiscreteOrdinates, Population};
+use fluorspar_experiment::preset;
 use fluorspar_report::figures::PlotCurve;
 
 use crate::catalogue;
@@ -73,7 +74,7 @@ impl Place<'_> {
 
     /// The population of the other three: their medians under all lamps, and their reflectance.
     fn population_without(&self, person: &str, reference: &Reference) -> Fallible<Population> {
-        let prior = Population::of(&Site::named(self.site)?).widened(2.0);
+        let prior = Population::of(&preset::site(self.site)?).widened(2.0);
         let others = |name: &str| name != person;
         let records: Vec<MeasuredFluorescence> = self
             .lamps

@@ -2,7 +2,7 @@
 
 use fluorspar::sampling::random::Key;
 use fluorspar::spectral::Curve;
-use fluorspar::tissue::{Population, Site};
+use fluorspar::tissue::Population;
 use fluorspar_experiment::preset;
 
 use crate::reference::{Fallible, LAMPS, Lamp, Reference, wavelengths};
@@ -33,7 +33,7 @@ fn percentiles(mut values: Vec<f64>) -> [f64; 3] {
 
 /// Prints the ranges of both and how much of the measured one is held, lamp by lamp; returns how many are held by 80 %.
 pub(crate) fn spread(reference: &Reference, site: &str, place: &str, widening: f64) -> Fallible<usize> {
-    let population = Population::of(&Site::named(site)?).widened(widening);
+    let population = Population::of(&preset::site(site)?).widened(widening);
     let channels: Vec<Curve> = preset::quantum_efficiency("consumer_rgb_cmos")?
         .channels()?
         .into_iter()

@@ -4,10 +4,9 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use super::{ComponentFactors, SpectralImage};
-use crate::spectral::{Curve, Radiance, WavelengthGrid};
+use crate::spectral::{Radiance, WavelengthGrid};
 
 /// Which light paths a component holds, by their fluorescence events.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -21,40 +20,21 @@ pub enum LightPath {
     MultipleFluorescence,
 }
 
-/// A part of the spectrum of a light group, where a render keeps such parts apart.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ExcitationBin {
-    /// Between two edges, nm.
-    Between([f64; 2]),
-    /// Outside all bins.
-    Outside,
-    /// The hat function of an excitation node, at this wavelength, nm, instead of a part of the spectrum.
-    Node(f64),
-}
-
 /// Label of one component: which light excited it and what happened to it.
 ///
-/// In files, light group and excitation bin are one name: [`Component::group_label`].
+/// In files, light group and excitation node are one name: [`Component::group_label`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(from = "ComponentText", into = "ComponentText")]
+#[serde(try_from = "ComponentText", into = "ComponentText")]
 pub struct Component {
     /// Name of the light group in the scene.
     pub light_group: String,
-    /// Part of its spectrum; `None` is all of it.
-    pub excitation: Option<ExcitationBin>,
+    /// Excitation node, nm, whose hat function excites instead of the spectrum of the group, where a render keeps nodes apart.
+    pub node_nm: Option<f64>,
     /// Light path: reflected, or its fluorescence events.
     pub light: LightPath,
 }
 
 impl Component {
-    /// Edges of its excitation bin, nm.
-    fn bin_nm(&self) -> Option<[f64; 2]> {
-        match self.excitation {
-            Some(ExcitationBin::Between(edges)) => Some(edges),
-            _ => None,
-        }
-    }
-
     /// A component that all light of a group excites.
     ///
     /// ```
@@ -64,18 +44,13 @@ impl Component {
     /// assert_eq!(elastin.label(), "blue.fluorescence.elastin");
     /// ```
     pub fn of_group(light_group: &str, light: LightPath) -> Self {
-        Self { light_group: light_group.into(), excitation: None, light }
+        Self { light_group: light_group.into(), node_nm: None, light }
     }
 
-    /// Name of the light group with the excitation bin or node, if any, as in files: `blue@380-390`, `blue@rest`, `blue@405nm`.
+    /// Name of the light group with the excitation node, if any, as in files: `blue@405nm`.
     pub fn group_label(&self) -> String {
         let group = &self.light_group;
-        match self.excitation {
-            None => group.clone(),
-            Some(ExcitationBin::Between([first, last])) => format!("{group}@{first}-{last}"),
-            Some(ExcitationBin::Outside) => format!("{group}@rest"),
-            Some(ExcitationBin::Node(nm)) => format!("{group}@{nm}nm"),
-        }
+        self.node_nm.map_or_else(|| group.clone(), |nm| format!("{group}@{nm}nm"))
     }
 
     /// `group.reflected`, `group.fluorescence.NAME` or `group.multiple`: used for file layers and tables.
@@ -88,7 +63,7 @@ impl Component {
     }
 }
 
-/// A component as it is written to files: its excitation bin is part of the group's name.
+/// A component as it is written to files: its excitation node is part of the group's name.
 #[derive(Serialize, Deserialize)]
 struct ComponentText {
     light_group: String,
@@ -101,18 +76,25 @@ impl From<Component> for ComponentText {
     }
 }
 
-impl From<ComponentText> for Component {
-    /// Names without a bin that can be read are those of light groups.
-    fn from(ComponentText { light_group, light }: ComponentText) -> Self {
-        let bin = |text: &str| match text.split_once('-') {
-            None if text == "rest" => Some(ExcitationBin::Outside),
-            None => Some(ExcitationBin::Node(text.strip_suffix("nm")?.parse().ok()?)),
-            Some((first, last)) => Some(ExcitationBin::Between([first.parse().ok()?, last.parse().ok()?])),
+impl TryFrom<ComponentText> for Component {
+    type Error = String;
+
+    /// Names without a node are those of light groups.
+    fn try_from(ComponentText { light_group, light }: ComponentText) -> Result<Self, String> {
+        let Some((group, part)) = light_group.rsplit_once('@') else {
+            return Ok(Self { light_group, node_nm: None, light });
         };
-        match light_group.rsplit_once('@').and_then(|(group, text)| Some((group, bin(text)?))) {
-            Some((group, bin)) => Self { light_group: group.into(), excitation: Some(bin), light },
-            None => Self { light_group, excitation: None, light },
+        if let Some(nm) = part.strip_suffix("nm").and_then(|nm| nm.parse().ok()) {
+            return Ok(Self { light_group: group.into(), node_nm: Some(nm), light });
         }
+        let is_number = |text: &str| text.parse::<f64>().is_ok();
+        let is_bin = part.split_once('-').is_some_and(|(first, last)| is_number(first) && is_number(last));
+        if part == "rest" || is_bin {
+            return Err(format!(
+                "\"{light_group}\" is an excitation bin, which renders no longer have; render again with excitation_basis_nm"
+            ));
+        }
+        Ok(Self { light_group, node_nm: None, light })
     }
 }
 
@@ -146,19 +128,6 @@ pub struct FeatureMaps {
     pub material_names: Vec<String>,
     /// The camera; none where it is not known.
     pub view: Option<View>,
-}
-
-/// A light spectrum that the excitation bins of a render can't make up.
-#[derive(Clone, Debug, PartialEq, Error)]
-#[error(
-    "{percent:.1} % of the light spectrum lies outside the excitation bins of light group \"{group}\" or where they were \
-     rendered without light; render with render.excitation_edges_nm around it and a light source that covers it"
-)]
-pub struct SpectrumOutOfSpan {
-    /// The light group.
-    pub group: String,
-    /// Share that is not covered, %.
-    pub percent: f64,
 }
 
 /// Radiance images kept apart by component, `[component, row, col, band]`, W/(sr m² nm), at the rendered powers
@@ -263,51 +232,6 @@ impl ComponentImage {
         names
     }
 
-    /// Labels of the light groups, each excitation bin that was kept apart by itself, in order of first use.
-    pub fn group_labels(&self) -> Vec<String> {
-        let mut labels: Vec<String> = Vec::new();
-        for label in self.components.iter().map(Component::group_label) {
-            if !labels.contains(&label) {
-                labels.push(label);
-            }
-        }
-        labels
-    }
-
-    /// Factors on the components that give a light group another light spectrum, in a render with excitation bins; 1 for the
-    /// other groups.
-    ///
-    /// `rendered` is the spectrum that the group's lights had, `wanted` the one that they shall have, both as power (or
-    /// irradiance, or radiance) per nm. Each bin is weighted by the ratio of the two integrals over it: exact where
-    /// `wanted / rendered` is constant within each bin.
-    ///
-    /// # Errors
-    /// When more than 1e-3 of `wanted` lies outside the bins or in bins that were rendered without light.
-    pub fn spectrum_factors(
-        &self,
-        group: &str,
-        rendered: &Curve,
-        wanted: &Curve,
-    ) -> Result<Vec<f64>, SpectrumOutOfSpan> {
-        let ratio = |[first, last]: [f64; 2]| {
-            let (rendered, wanted) = (rendered.integral(first, last), wanted.integral(first, last));
-            if rendered > 0.0 { (wanted / rendered, wanted) } else { (0.0, 0.0) }
-        };
-        let covered: f64 = self.excitation_bins(group).iter().map(|bin| ratio(*bin).1).sum();
-        let missing = 1.0 - covered / wanted.total();
-        // Also refuses a spectrum without light, whose share is not a number.
-        if missing.is_nan() || missing > 1e-3 {
-            return Err(SpectrumOutOfSpan { group: group.into(), percent: 100.0 * missing });
-        }
-        let factor = |component: &Component| {
-            if component.light_group != group {
-                return 1.0;
-            }
-            component.bin_nm().map_or(0.0, |bin| ratio(bin).0)
-        };
-        Ok(self.components.iter().map(factor).collect())
-    }
-
     /// Multiplies the values of each component. Statistics of the samples do not follow, and are dropped.
     pub fn scale(&mut self, factors: &ComponentFactors) {
         let (width, bands) = (self.width, self.grid.len());
@@ -321,18 +245,6 @@ impl ComponentImage {
             }
         }
         self.statistics = None;
-    }
-
-    /// Edges of the excitation bins of a light group, nm.
-    fn excitation_bins(&self, group: &str) -> Vec<[f64; 2]> {
-        let mut bins: Vec<[f64; 2]> = Vec::new();
-        let of_group = self.components.iter().filter(|component| component.light_group == group);
-        for bin in of_group.filter_map(Component::bin_nm) {
-            if !bins.contains(&bin) {
-                bins.push(bin);
-            }
-        }
-        bins
     }
 
     /// `sum weight(component) * component`: any change of drive current or (to first order) concentration.
@@ -385,23 +297,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn excitation_bins_are_part_of_the_group_in_files() {
-        let bins = [
-            (None, "blue"),
-            (Some(ExcitationBin::Between([380.0, 390.5])), "blue@380-390.5"),
-            (Some(ExcitationBin::Outside), "blue@rest"),
-            (Some(ExcitationBin::Node(402.5)), "blue@402.5nm"),
-        ];
-        for (excitation, name) in bins {
-            let component = Component { excitation, ..Component::of_group("blue", LightPath::Reflected) };
+    fn excitation_nodes_are_part_of_the_group_in_files() {
+        for (node_nm, name) in [(None, "blue"), (Some(402.5), "blue@402.5nm")] {
+            let component = Component { node_nm, ..Component::of_group("blue", LightPath::Reflected) };
             let text = serde_json::to_string(&component).unwrap();
             assert_eq!(text, format!(r#"{{"light_group":"{name}","light":"reflected"}}"#));
             assert_eq!(serde_json::from_str::<Component>(&text).unwrap(), component);
         }
-        // A name that only looks like one with a bin.
+        // A name that only looks like one with a node
         let named = Component::of_group("blue@night", LightPath::Reflected);
         let text = serde_json::to_string(&named).unwrap();
         assert_eq!(serde_json::from_str::<Component>(&text).unwrap(), named);
+        for bin in ["380-390.5", "rest"] {
+            let text = format!(r#"{{"light_group":"blue@{bin}","light":"reflected"}}"#);
+            let said = serde_json::from_str::<Component>(&text).unwrap_err().to_string();
+            assert!(said.contains("render again with excitation_basis_nm"), "{said}");
+        }
     }
 
     #[test]

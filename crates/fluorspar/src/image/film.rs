@@ -17,9 +17,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{
-    Component, ComponentImage, ExcitationBin, FeatureMaps, SampleStatistics, SpectralImage, StatisticsKind,
-};
+use super::{Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralImage, StatisticsKind};
 use crate::spectral::{Radiance, WavelengthGrid};
 
 /// Side of a tile, pixels.
@@ -560,7 +558,7 @@ impl Film {
         let mut image = SpectralImage::zeros(self.layout.grid.clone(), self.layout.width, self.layout.height);
         let mut mean = vec![0.0; bands];
         let weights: Vec<(usize, f32)> = (0..self.layout.components.len())
-            .filter(|c| !matches!(self.layout.components[*c].excitation, Some(ExcitationBin::Node(_))))
+            .filter(|c| self.layout.components[*c].node_nm.is_none())
             .map(|c| (c, weight(&self.layout.components[c]) as f32))
             .collect();
         for (tile, sums) in self.tiles() {

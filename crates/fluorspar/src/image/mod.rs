@@ -12,8 +12,7 @@ mod spectral_image;
 
 pub use channel_planes::{ChannelPlanes, ComponentFactors};
 pub use component_image::{
-    Component, ComponentImage, ExcitationBin, FeatureMaps, LightPath, SampleStatistics, SpectrumOutOfSpan,
-    StatisticsKind, View,
+    Component, ComponentImage, FeatureMaps, LightPath, SampleStatistics, StatisticsKind, View,
 };
 pub use component_rows::{ComponentRows, PreparedRows};
 pub(crate) use excitation_image::BasisBuilder;

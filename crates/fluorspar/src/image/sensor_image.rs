@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{InterpolationTaps, Orientation};
 
 /// A color filter array: which channel each pixel of a repeating cell sees. Without a pattern every pixel sees all channels.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mosaic {
     /// Rows of the repeating cell.
     pub rows: usize,

@@ -1,7 +1,6 @@
 //! Why a stage fails.
 
 use crate::analysis::AnalysisError;
-use crate::image::SpectrumOutOfSpan;
 use crate::sensor::{DevelopError, SensorProblem};
 use crate::tissue::TissueError;
 
@@ -56,9 +55,6 @@ pub enum PipelineError {
         /// The groups of the image.
         known: String,
     },
-    /// A light spectrum that the excitation bins of the image can't give.
-    #[error(transparent)]
-    Spectrum(#[from] SpectrumOutOfSpan),
     /// A light spectrum that the excitation basis of the image can't give.
     #[error(transparent)]
     OutsideBasis(#[from] LightOutsideBasis),

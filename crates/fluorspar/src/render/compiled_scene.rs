@@ -21,8 +21,6 @@ use crate::spectral::WavelengthGrid;
 pub(super) struct Source {
     /// Number among the spectra that are kept apart of all groups.
     pub(super) group: usize,
-    /// Sources from this one on that one light spectrum is taken apart into.
-    pub(super) slices: usize,
     /// Bin averages, one per band.
     pub(super) bands: Vec<BandBlock>,
     /// Fluorescent exitance per unit irradiance and concentration, `[matrix][band]`.
@@ -177,8 +175,8 @@ pub(super) struct CompiledScene {
     pub(super) environment_maps: Vec<usize>,
     /// Number of fluorophores, and so of components that hold light which fluoresced once.
     pub(super) fluorophores: usize,
-    /// Spectra that are kept apart of all groups: light groups, excitation bins and nodes.
-    pub(super) slices: usize,
+    /// Spectra that are kept apart of all groups: their own, and those of excitation nodes.
+    pub(super) spectra: usize,
     /// `[spectrum kept apart]`: what its light excites.
     pub(super) excitation: Vec<Excitation>,
     /// Excitation nodes of the light groups that have some.

@@ -35,12 +35,6 @@ pub enum RenderError {
         /// The requested value.
         max_depth: u32,
     },
-    /// The edges of the excitation bins bound no bins.
-    #[error("excitation_edges_nm = {edges_nm:?}: must be two or more increasing wavelengths")]
-    ExcitationEdges {
-        /// The edges, nm.
-        edges_nm: Vec<f64>,
-    },
     /// A shard that does not exist.
     #[error("shard {number} of {count}: must be between 1 and the number of shards")]
     NoSuchShard {

@@ -129,8 +129,7 @@ impl CompiledScene {
         Some(LightSample { light, direction, distance, scale, pixel, pdf, delta })
     }
 
-    /// Calls `add` with every source of a sampled light and the factor on its spectrum; of its excitation bins with the
-    /// first.
+    /// Calls `add` with every source of a sampled light and the factor on its spectrum.
     #[inline]
     pub(super) fn each_source(&self, sample: &LightSample, mut add: impl FnMut(usize, f32)) {
         let light = &self.lights[sample.light];
@@ -165,8 +164,7 @@ impl CompiledScene {
             for (source, layer) in sources.iter().zip(map.layers()) {
                 let factor = layer.factors[pixel];
                 if factor > 0.0 {
-                    (*source..*source + self.sources[*source].slices)
-                        .for_each(|source| add(source, factor, pdf));
+                    add(*source, factor, pdf);
                 }
             }
         }

@@ -12,7 +12,7 @@ use crate::scene::{Object, Scene, Shape};
 
 /// Memory that a render's images need, bytes: the film, from which the result is made in place.
 pub fn memory_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
-    let groups = settings.first_slice(scene.light_groups.len());
+    let groups = settings.spectrum_number(scene.light_groups.len());
     let components = groups * (scene.fluorophores.len() + 2);
     let planes = components
         + 2 * match settings.film_statistics() {
@@ -29,7 +29,7 @@ pub fn basis_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
     const SPECTRA: u64 = 32;
     let Some(basis) = &settings.excitation_basis else { return 0 };
     let kinds = scene.fluorophores.len() + 2;
-    let own = scene.light_groups.len() * settings.excitation_edges_nm.len().max(1) * kinds;
+    let own = scene.light_groups.len() * kinds;
     let (width, height) = (scene.camera.width, scene.camera.height);
     let image = film_bytes(width, height, scene.grid.len(), own) / 2;
     image + 4 * SPECTRA * (basis.groups.len() * kinds * width * height) as u64

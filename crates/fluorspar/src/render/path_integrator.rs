@@ -253,10 +253,7 @@ impl CompiledScene {
         let emission = self.emission_along(from, normal, *direction, hit.t, hit.target);
         if let Some((light, scale, light_pdf)) = emission {
             let scale = scale * emission_weight(*scattered, light_pdf, estimator);
-            let source = self.lights[light].source;
-            for source in source..source + self.sources[source].slices {
-                path.add_emission(source, scale);
-            }
+            path.add_emission(self.lights[light].source, scale);
         }
     }
 
@@ -407,13 +404,10 @@ impl CompiledScene {
         let s = &shadow_ray.scattering;
         let factor = visibility * shadow_ray.mis_weight / shadow_ray.light.pdf;
         self.each_source(&shadow_ray.light, |source, scale| {
-            // All excitation bins of a light share its geometry.
-            for source in source..source + self.sources[source].slices {
-                let direct = path.direct_mut(shadow_ray.vertex as usize, self.sources.len(), source);
-                direct.diffuse += factor * scale * s.diffuse * PI;
-                direct.fluorescent += factor * scale * s.fluorescent * PI;
-                direct.gloss += factor * scale * s.gloss;
-            }
+            let direct = path.direct_mut(shadow_ray.vertex as usize, self.sources.len(), source);
+            direct.diffuse += factor * scale * s.diffuse * PI;
+            direct.fluorescent += factor * scale * s.fluorescent * PI;
+            direct.gloss += factor * scale * s.gloss;
         });
     }
 }

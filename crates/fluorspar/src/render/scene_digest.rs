@@ -28,12 +28,11 @@ pub fn scene_digest(scene: &Scene, settings: &RenderSettings) -> String {
     let _ = fmt::Write::write_fmt(
         &mut writer,
         format_args!(
-            "{} {SAMPLING} {} {} {:?} {:?}{} {scene:?}",
+            "{} {SAMPLING} {} {} {:?} []{} {scene:?}",
             env!("CARGO_PKG_VERSION"),
             settings.seed,
             settings.max_depth,
             settings.estimator,
-            settings.excitation_edges_nm,
             settings.excitation_basis.as_ref().map_or_else(String::new, |basis| format!(" {basis:?}"))
         ),
     );

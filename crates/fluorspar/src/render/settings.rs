@@ -32,10 +32,6 @@ pub struct RenderSettings {
     pub statistics: StatisticsKind,
     /// Error at which a tile is done before it has all its samples; `None` gives all pixels the same number.
     pub error_target: Option<ErrorTarget>,
-    /// Edges of excitation bins, nm, increasing. When given, each light group becomes one group per bin,
-    /// `GROUP@FIRST-LAST`, and `GROUP@rest` for its light outside all bins: the image can then be recombined for any light
-    /// spectrum that is constant relative to the rendered one within each bin.
-    pub excitation_edges_nm: Vec<f64>,
     /// Light groups whose light the render keeps apart by excitation node, besides what they give under their own spectrum.
     pub excitation_basis: Option<BasisSettings>,
 }
@@ -61,7 +57,6 @@ impl Default for RenderSettings {
             memory_limit_bytes: 8 << 30,
             statistics: StatisticsKind::None,
             error_target: None,
-            excitation_edges_nm: Vec::new(),
             excitation_basis: None,
         }
     }
@@ -76,16 +71,10 @@ impl RenderSettings {
         }
     }
 
-    /// Spectra of a light group that the render keeps apart: one, its excitation bins, or its own spectrum and the hats of the
-    /// excitation nodes.
-    pub(super) fn slices(&self, group: usize) -> usize {
-        let nodes = self.nodes_of(group).map_or(0, ExcitationNodes::len);
-        self.excitation_edges_nm.len().max(1) + nodes
-    }
-
-    /// The spectra that are kept apart of all groups before one.
-    pub(super) fn first_slice(&self, group: usize) -> usize {
-        (0..group).map(|before| self.slices(before)).sum()
+    /// Number of the spectrum of a light group among the spectra that the render keeps apart of all groups: of each its own, followed by
+    /// the hats of its excitation nodes.
+    pub(super) fn spectrum_number(&self, group: usize) -> usize {
+        group + (0..group).filter_map(|before| self.nodes_of(before)).map(ExcitationNodes::len).sum::<usize>()
     }
 
     /// The excitation nodes of a light group that has some.
@@ -98,13 +87,6 @@ impl RenderSettings {
         let &Self { samples_per_pixel, max_depth, .. } = self;
         if !(1..=MOST_SAMPLES_PER_PIXEL).contains(&samples_per_pixel) {
             return Err(RenderError::SamplesPerPixel { samples_per_pixel });
-        }
-        let edges = &self.excitation_edges_nm;
-        if edges.len() == 1
-            || edges.iter().any(|edge| !edge.is_finite() || *edge <= 0.0)
-            || edges.windows(2).any(|pair| pair[0] >= pair[1])
-        {
-            return Err(RenderError::ExcitationEdges { edges_nm: edges.clone() });
         }
         if !(1..=MOST_DEPTH).contains(&max_depth) {
             return Err(RenderError::MaxDepth { max_depth });

@@ -34,7 +34,7 @@ impl SpectralState {
     pub(super) fn new(scene: &CompiledScene) -> Self {
         let kinds = scene.fluorophores + 2;
         let blocks = scene.bands.div_ceil(BLOCK);
-        let components = scene.slices * kinds;
+        let components = scene.spectra * kinds;
         Self {
             values: vec![BandBlock::ZERO; components * blocks],
             lit: vec![false; components],

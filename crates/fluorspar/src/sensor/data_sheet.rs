@@ -18,16 +18,12 @@ use crate::units::{check_range, number_text};
 #[serde(deny_unknown_fields)]
 pub struct Emva1288 {
     /// Inverse system gain 1/K, e-/DN.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gain_e_per_dn: Option<f64>,
     /// System gain K, DN/e-; instead of `gain_e_per_dn`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gain_dn_per_e: Option<f64>,
     /// Temporal dark noise, e- rms, quantization excluded.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dark_noise_e: Option<f64>,
     /// Temporal dark noise as measured, DN rms, quantization included; instead of `dark_noise_e`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dark_noise_dn: Option<f64>,
     /// Saturation capacity, e-: the mean signal at which the temporal variance is largest. The well that gives it is
     /// a little larger and is found by calculation.
@@ -35,7 +31,6 @@ pub struct Emva1288 {
     /// Bits of the converter, 1 to 16.
     pub bit_depth: u8,
     /// Digital number of no light. Default 64.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub black_level_dn: Option<f64>,
     /// Dark current, e-/s. Default 0.
     #[serde(default)]
@@ -47,27 +42,20 @@ pub struct Emva1288 {
     #[serde(default = "doubling_temperature")]
     pub doubling_temperature_k: f64,
     /// Dark signal non-uniformity DSNU1288, e-.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dsnu_e: Option<f64>,
     /// Dark signal non-uniformity, DN; instead of `dsnu_e`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dsnu_dn: Option<f64>,
     /// Photo response non-uniformity PRNU1288, percent.
     pub prnu_percent: f64,
     /// Quantum efficiency of the best channel at `quantum_efficiency_nm`, percent; checked against the curves.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quantum_efficiency_percent: Option<f64>,
     /// Wavelength of `quantum_efficiency_percent`, nm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quantum_efficiency_nm: Option<f64>,
     /// Dynamic range, dB; checked to 1 dB.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dynamic_range_db: Option<f64>,
     /// Largest temporal signal-to-noise ratio, dB; checked to 0.5 dB.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub snr_max_db: Option<f64>,
     /// Absolute sensitivity threshold, e-; checked to 10 %.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensitivity_threshold_e: Option<f64>,
 }
 

@@ -56,7 +56,6 @@ pub struct SensorModel {
     pub fill_factor: f64,
     /// Side of the square that collects light, um, for its share in the sharpness; the sensitivity is that of the fill
     /// factor (physical mode only). Default: the pixel size, as behind microlenses.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub aperture_um: Option<f64>,
     /// Electrons that a pixel holds (physical mode only; ISETCam clips at the voltage swing).
     pub well_capacity_e: f64,
@@ -66,7 +65,6 @@ pub struct SensorModel {
     /// Voltage that spans the converter at gain 1, V.
     pub voltage_swing_v: f64,
     /// Voltage per electron, mV/e-. Default: voltage swing over well capacity.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub conversion_gain_mv_per_e: Option<f64>,
     /// Analog gain of the base exposure. Physical mode multiplies by it, ISETCam divides by it.
     pub analog_gain: f64,
@@ -77,21 +75,17 @@ pub struct SensorModel {
     /// Digital number of no light (physical mode only; ISETCam has no pedestal).
     pub black_level_dn: f64,
     /// Temporal noise before the gain, mV rms. Default 1.39.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-mutually-exclusive-with" = ["read_noise_e"]))]
     pub read_noise_mv: Option<f64>,
     /// Temporal noise before the gain, e- rms; instead of `read_noise_mv`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-mutually-exclusive-with" = ["read_noise_mv"]))]
     pub read_noise_e: Option<f64>,
     /// Temporal noise after the gain, mV rms at the converter, quantization excluded (physical mode only).
     pub post_gain_noise_mv: f64,
     /// Standard deviation of the pixels' offsets, mV. Default 0.2536.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-mutually-exclusive-with" = ["dsnu_e"]))]
     pub dsnu_mv: Option<f64>,
     /// Standard deviation of the pixels' offsets, e-; instead of `dsnu_mv`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-mutually-exclusive-with" = ["dsnu_mv"]))]
     pub dsnu_e: Option<f64>,
     /// Standard deviation of the pixels' responsivities, percent.
@@ -109,11 +103,9 @@ pub struct SensorModel {
     /// only).
     pub row_noise_mv: f64,
     /// Dark signal at the reference temperature, mV/s. Default 0.15.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-mutually-exclusive-with" = ["dark_current_e_per_s"]))]
     pub dark_voltage_mv_per_s: Option<f64>,
     /// Dark signal at the reference temperature, e-/s; instead of `dark_voltage_mv_per_s`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-mutually-exclusive-with" = ["dark_voltage_mv_per_s"]))]
     pub dark_current_e_per_s: Option<f64>,
     /// Spread of the pixels' dark currents: standard deviation of the logarithm of a log-normal distribution whose
@@ -139,19 +131,15 @@ pub struct SensorModel {
     #[schemars(extend("x-merge" = "replace"))]
     pub relative_illumination: BTreeMap<String, Vec<f64>>,
     /// Crosstalk between neighbors. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub crosstalk: Option<Crosstalk>,
     /// Shutter and readout timing. Default: all rows at once.
     #[serde(skip_serializing_if = "Shutter::is_default")]
     pub shutter: Shutter,
     /// Pulsed light. Default: steady light.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub strobe: Option<Strobe>,
     /// Part of the sensor that is read: column, row, width, height. Default: all of it.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub region_px: Option<[usize; 4]>,
     /// Joining of pixels. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub binning: Option<Binning>,
     /// Electronics and noise as a data sheet after EMVA 1288, in place of the fields that say the same.
     #[serde(skip_serializing_if = "Option::is_none")]

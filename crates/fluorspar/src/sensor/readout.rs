@@ -33,7 +33,6 @@ pub struct Binning {
     /// Rows that are joined, 1 to 16.
     pub rows: usize,
     /// Electrons that the node holds on which charges are added (charge binning). Default: as many as the pixels do.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub well_capacity_e: Option<f64>,
 }
 

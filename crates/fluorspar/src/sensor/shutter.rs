@@ -38,10 +38,8 @@ pub struct Strobe {
     #[serde(default)]
     pub delay_ms: f64,
     /// Length of the pulse, ms. Default: until the end.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub duration_ms: Option<f64>,
     /// Pulse width modulation within the pulse, Hz; it begins switched on. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frequency_hz: Option<f64>,
     /// Share of each period that the light is on, above 0 and at most 1. Default 1.
     #[serde(default = "always")]

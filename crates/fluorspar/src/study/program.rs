@@ -230,16 +230,18 @@ impl AnalysisPlan {
 pub struct TissuePrior {
     /// The site in the middle of the prior.
     pub site: Site,
-    /// Fluorophores that the site may hold, and those of teeth where `surroundings` is set.
+    /// Fluorophores that the site may hold, and those of [`Self::teeth`].
     pub fluorophores: Vec<Arc<Fluorophore>>,
     /// Standard deviations of blood, depth and amounts over those of the population ([`crate::tissue::Population`]).
     pub width: f64,
     /// Relative error of the spectra of the library at each wavelength.
     pub library_error: f64,
-    /// Whether light reaches the region by way of other tissue and from teeth, as it does in a mouth.
-    pub surroundings: bool,
-    /// Probability beforehand that the tissue is of this site, above 0 to 1. Below 1 the sites of [`Self::COMPARED`] share the rest.
+    /// The teeth around in a mouth, where light reaches the region by way of other tissue and from them.
+    pub teeth: Option<Site>,
+    /// Probability beforehand that the tissue is of this site, above 0 to 1. Below 1 those of [`Self::others`] share the rest.
     pub site_probability: f64,
+    /// Sites that other tissue may be of; one of the name of [`Self::site`] does not count.
+    pub others: Vec<Site>,
     /// Where solved tissues of the family are kept.
     pub kept: CachedSolutions,
 }
@@ -252,8 +254,6 @@ impl TissuePrior {
     pub const LIBRARY_ERROR: f64 = 0.03;
     /// One in ten regions is other tissue than it is told. \[assumed\]
     pub const SITE_PROBABILITY: f64 = 0.9;
-    /// Sites that other tissue may be of, one of each kind of oral mucosa: specialized, lining, masticatory, and the lip.
-    pub const COMPARED: [&str; 4] = ["dorsal_tongue", "buccal_mucosa", "hard_palate", "lip"];
 }
 
 /// Where the colors of the ends of a mixture line come from.

@@ -3,7 +3,7 @@
 //! | type | what it is |
 //! |---|---|
 //! | [`LayeredTissue`], [`TissueLayer`] | thickness, [`LayerScattering`], [`Chromophore`]s and [`TissueFluorophore`]s of each layer |
-//! | [`Site`], [`SiteParameter`], [`TissueState`] | tissues of the catalogue by name, as parameters that may be changed, and their states |
+//! | [`Site`], [`SiteParameters`], [`TissueState`] | tissues as parameters that may be changed, and their states |
 //! | [`Population`], [`Variation`] | how a site varies among people and within a person, and tissues drawn from it |
 //! | [`EffectiveTissue`] | reflectance and fluorescence of a tissue as of a surface, by layer and fluorophore; depths |
 //! | [`CachedSolutions`], [`SolutionStore`] | solved tissues that are kept from one run to the next |
@@ -37,7 +37,10 @@ mod optical_layer;
 mod population;
 mod scattering;
 mod site;
+mod site_layers;
 mod site_parameter;
+#[cfg(test)]
+pub(crate) mod site_tests;
 mod surroundings;
 mod tissue_error;
 mod tissue_state;
@@ -54,8 +57,8 @@ pub use optical_layer::{
 };
 pub use population::{Population, Spread, Variation};
 pub use scattering::{LayerScattering, ScatteringCoefficient};
-pub use site::Site;
-pub use site_parameter::{Basis, SiteParameter};
+pub use site::{Site, SiteDescription, SiteParameters, SiteStructure, SiteValue};
+pub use site_parameter::{Basis, MucosaParameters, SiteParameter, ToothParameters};
 pub use surroundings::Surroundings;
 pub use tissue_error::TissueError;
 pub use tissue_state::TissueState;

@@ -34,7 +34,7 @@ pub struct Variation {
     pub within_person: f64,
 }
 
-/// A factor on parameters of the tissue's optics.
+/// A factor on parameters that share one draw: name, title, parameters, standard deviation among people.
 const fn factor(
     name: &'static str,
     title: &'static str,
@@ -42,26 +42,27 @@ const fn factor(
     between_people: f64,
 ) -> Variation {
     let within_person = WITHIN_OVER_BETWEEN * between_people;
-    Variation {
-        name,
-        parameters,
-        title,
-        fluorophore: None,
-        spread: Spread::Factor,
-        between_people,
-        within_person,
-    }
+    let (fluorophore, spread) = (None, Spread::Factor);
+    Variation { name, parameters, title, fluorophore, spread, between_people, within_person }
 }
 
-/// A factor on the strength of a fluorophore in all layers that hold it.
-const fn strength(
-    name: &'static str,
-    title: &'static str,
-    fluorophore: &'static str,
-    parameters: &'static [&'static str],
-    between_people: f64,
-) -> Variation {
-    Variation { fluorophore: Some(fluorophore), ..factor(name, title, parameters, between_people) }
+/// A factor on the strength of a fluorophore: its name, title, standard deviation among people, and where it is in layers these.
+macro_rules! strength {
+    ($fluorophore:literal, $title:literal, $between_people:expr $(, $layer:literal)*) => {
+        Variation {
+            fluorophore: Some($fluorophore),
+            ..factor(
+                concat!($fluorophore, "_per_mm"),
+                $title,
+                strength!(@parameters $fluorophore $(, $layer)*),
+                $between_people,
+            )
+        }
+    };
+    (@parameters $fluorophore:literal) => { &[concat!($fluorophore, "_per_mm")] };
+    (@parameters $fluorophore:literal, $upper:literal, $lower:literal) => {
+        &[concat!($upper, "_", $fluorophore, "_per_mm"), concat!($lower, "_", $fluorophore, "_per_mm")]
+    };
 }
 
 /// Chromaticities of tongues and lips scatter a fifth as much within a person as among four people (0.003 to 0.010 against
@@ -87,59 +88,23 @@ const SOFT: &[Variation] = &[
     },
     factor("epithelium_thickness_um", "epithelium thickness", &["epithelium_thickness_um"], 0.35),
     factor("melanin_fraction", "melanin fraction", &["melanin_fraction"], 0.5),
-    strength(
-        "biofilm_porphyrin_per_mm",
-        "biofilm porphyrin",
-        "biofilm_porphyrin",
-        &["biofilm_porphyrin_per_mm"],
-        0.85,
-    ),
-    strength(
-        "biofilm_chlorophyll_per_mm",
-        "biofilm chlorophyll",
-        "biofilm_chlorophyll",
-        &["biofilm_chlorophyll_per_mm"],
-        1.0,
-    ),
-    strength("keratin_per_mm", "keratin", "keratin", &["keratin_per_mm"], STRENGTH),
-    strength("nadh_per_mm", "nadh", "nadh", &["nadh_per_mm"], STRENGTH),
-    strength("fad_per_mm", "fad", "fad", &["fad_per_mm"], STRENGTH),
-    strength(
-        "flavin_aggregate_per_mm",
-        "flavin aggregate",
-        "flavin_aggregate",
-        &["flavin_aggregate_per_mm"],
-        STRENGTH,
-    ),
-    strength(
-        "collagen_per_mm",
-        "collagen",
-        "collagen",
-        &["superficial_collagen_per_mm", "deep_collagen_per_mm"],
-        STRENGTH,
-    ),
-    strength(
-        "elastin_per_mm",
-        "elastin",
-        "elastin",
-        &["superficial_elastin_per_mm", "deep_elastin_per_mm"],
-        STRENGTH,
-    ),
-    strength(
-        "lipopigment_per_mm",
-        "lipopigment",
-        "lipopigment",
-        &["superficial_lipopigment_per_mm", "deep_lipopigment_per_mm"],
-        STRENGTH,
-    ),
+    strength!("biofilm_porphyrin", "biofilm porphyrin", 0.85),
+    strength!("biofilm_chlorophyll", "biofilm chlorophyll", 1.0),
+    strength!("keratin", "keratin", STRENGTH),
+    strength!("nadh", "nadh", STRENGTH),
+    strength!("fad", "fad", STRENGTH),
+    strength!("flavin_aggregate", "flavin aggregate", STRENGTH),
+    strength!("collagen", "collagen", STRENGTH, "superficial", "deep"),
+    strength!("elastin", "elastin", STRENGTH, "superficial", "deep"),
+    strength!("lipopigment", "lipopigment", STRENGTH, "superficial", "deep"),
 ];
 
 /// What varies in teeth. \[assumed\]
 const TOOTH: &[Variation] = &[
     factor("enamel_thickness_um", "enamel thickness", &["enamel_thickness_um"], 0.2),
     factor("dentin_background_per_mm", "dentin background", &["dentin_background_per_mm"], 0.3),
-    strength("enamel_per_mm", "enamel", "enamel", &["enamel_per_mm"], STRENGTH),
-    strength("dentin_per_mm", "dentin", "dentin", &["dentin_per_mm"], STRENGTH),
+    strength!("enamel", "enamel", STRENGTH),
+    strength!("dentin", "dentin", STRENGTH),
 ];
 
 impl Variation {
@@ -175,11 +140,10 @@ impl Variation {
 /// ```
 /// use fluorspar::sampling::random::Key;
 /// use fluorspar::tissue::{Population, Site};
-/// let tongues = Population::of(&Site::named("dorsal_tongue")?);
-/// let person = tongues.person(&mut Key::new(7).rng());
-/// let [here, there] = [0, 1].map(|place| person.draw(&mut Key::new(7).with(place).rng()));
-/// assert_ne!(here.get("superficial_blood_fraction")?, there.get("superficial_blood_fraction")?);
-/// # Ok::<(), fluorspar::tissue::TissueError>(())
+/// fn two_places_of_a_person(typical: &Site) -> [Site; 2] {
+///     let person = Population::of(typical).person(&mut Key::new(7).rng());
+///     [0, 1].map(|place| person.draw(&mut Key::new(7).with(place).rng()))
+/// }
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Population {
@@ -262,6 +226,7 @@ impl Population {
 mod tests {
     use super::*;
     use crate::sampling::random::Key;
+    use crate::tissue::site_tests::{lip, tongue};
 
     fn logs(sites: &[Site], name: &str) -> Vec<f64> {
         sites.iter().map(|site| site.get(name).unwrap().ln()).collect()
@@ -277,7 +242,7 @@ mod tests {
     /// them.
     #[test]
     fn draws_scatter_as_stated_among_people_and_within_a_person() {
-        let population = Population::of(&Site::named("dorsal_tongue").unwrap());
+        let population = Population::of(&tongue());
         let n = 4000;
         let drawn: Vec<Site> = (0..n).map(|i| population.draw(&mut Key::new(1).with(i).rng())).collect();
         let person = population.person(&mut Key::new(2).rng());
@@ -300,7 +265,7 @@ mod tests {
 
     #[test]
     fn what_varies_together_keeps_its_ratio_and_what_is_absent_stays_absent() {
-        let population = Population::of(&Site::named("lip").unwrap()).widened(3.0);
+        let population = Population::of(&lip()).widened(3.0);
         assert!(
             population
                 .variations()
@@ -314,7 +279,7 @@ mod tests {
                 (0.0..=1.0).contains(&saturation) && site.get("biofilm_porphyrin_per_mm").unwrap() == 0.0
             );
         }
-        let tongue = Population::of(&Site::named("dorsal_tongue").unwrap());
+        let tongue = Population::of(&tongue());
         let site = tongue.tissue_at(&[1.0; 13]);
         let names = ["superficial_lipopigment_per_mm", "deep_lipopigment_per_mm"];
         let [a, b] = names.map(|name| site.get(name).unwrap() / tongue.typical().get(name).unwrap());

@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::names::did_you_mean;
+use crate::quote::excerpt;
 use crate::units::number_text;
 
 /// A description of tissue that cannot be used.
@@ -48,14 +50,6 @@ pub enum TissueError {
         /// The wavelength, nm.
         at_nm: f64,
     },
-    /// A name that no site has.
-    #[error("there is no tissue '{name}'; there are {}", known.join(", "))]
-    NoSuchSite {
-        /// The name.
-        name: String,
-        /// The names that there are.
-        known: Vec<&'static str>,
-    },
     /// A name that no state has.
     #[error("there is no state '{name}' of tissue; there are {}", known.join(", "))]
     NoSuchState {
@@ -65,20 +59,41 @@ pub enum TissueError {
         known: Vec<&'static str>,
     },
     /// A parameter that a site does not have.
-    #[error("tissue '{site}' has no parameter '{name}'; it has {}", known.join(", "))]
+    #[error(
+        "tissue '{site}' has no parameter '{}'{} It has {}",
+        excerpt(name),
+        did_you_mean(name, known.iter().copied()),
+        known.join(", ")
+    )]
     NoSuchParameter {
         /// The site.
-        site: &'static str,
+        site: String,
         /// The name.
         name: String,
         /// The names that there are.
         known: Vec<&'static str>,
     },
+    /// Parameters without values.
+    #[error("tissue '{site}' lacks values of {}; give every parameter one", missing.join(", "))]
+    MissingParameters {
+        /// The site.
+        site: String,
+        /// The parameters.
+        missing: Vec<&'static str>,
+    },
+    /// Two values of one parameter.
+    #[error("tissue '{site}' gives {name} twice; remove one of the values")]
+    ParameterTwice {
+        /// The site.
+        site: String,
+        /// The parameter.
+        name: String,
+    },
     /// A fluorophore of a site that was not found.
     #[error("tissue '{site}' holds the fluorophore '{name}', which was not found")]
     NoSuchFluorophore {
         /// The site.
-        site: &'static str,
+        site: String,
         /// The fluorophore.
         name: String,
     },

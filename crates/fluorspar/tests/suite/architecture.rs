@@ -70,7 +70,7 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
     ),
     (
         "fluorspar-experiment/src/preset/",
-        &["units", "quote", "names", "spectral", "optics", "sensor"],
+        &["units", "quote", "names", "spectral", "optics", "sensor", "tissue"],
         &["fluorspar_format"],
     ),
     // Files become a study. What is done with a study is none of its business.
@@ -347,7 +347,9 @@ fn declared_type(line: &str) -> Option<&str> {
     let declaration = line.trim_start().strip_prefix("pub ")?;
     let name =
         ["struct ", "enum ", "trait ", "type "].iter().find_map(|kind| declaration.strip_prefix(kind))?;
-    Some(&name[..name.find(|c: char| !c.is_alphanumeric()).unwrap_or(name.len())])
+    let name = &name[..name.find(|c: char| !c.is_alphanumeric()).unwrap_or(name.len())];
+    // A macro names its types later
+    (!name.is_empty()).then_some(name)
 }
 
 #[test]

@@ -2,7 +2,6 @@
 //! runs one file.
 
 mod architecture;
-mod documented_surroundings;
 mod function_lengths;
 mod light_transport;
 mod proportion;

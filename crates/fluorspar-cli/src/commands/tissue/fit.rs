@@ -8,6 +8,7 @@ use fluorspar::names::did_you_mean;
 use fluorspar::spectral::Curve;
 use fluorspar::tissue::fit::{Fit, MeasuredFluorescence, MeasuredReflectance, TissueFit, Viewing};
 use fluorspar::tissue::{DiscreteOrdinates, Population, Site};
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_format::{Negative, OutputFolder, SpectrumQuantity, write_atomically};
 
 use super::fit_output::{as_json, describe, figure, residuals, section};
@@ -86,6 +87,7 @@ pub(super) struct Options {
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
     options.check()?;
     let (title, site) = options.site.resolve_site()?;
+    options.check_base(&site)?;
     let prior = options.prior(&site)?;
     let files = [&options.reflectance, &options.fluorescence, &options.light, &options.filter, &options.leak];
     let inputs = options.site.file().into_iter().chain(files.into_iter().flatten().map(PathBuf::from));
@@ -142,6 +144,18 @@ impl Options {
             )));
         }
         Ok(())
+    }
+
+    /// The site must be one that the written section can name.
+    fn check_base(&self, site: &Site) -> Result<(), CliError> {
+        if self.out.is_none() || preset::names(PresetKind::Site).contains(&site.name()) {
+            return Ok(());
+        }
+        Err(CliError::Input(format!(
+            "--out: a fit is written as changes of a site of the catalogue, and \"{}\" is none; put its file into the folder sites of \
+             the catalogue that FLUORSPAR_CATALOGUE names",
+            site.name()
+        )))
     }
 
     /// What may vary, and how much.

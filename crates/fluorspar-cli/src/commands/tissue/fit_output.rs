@@ -1,8 +1,8 @@
 //! What a fit of tissue found: text, JSON, a section of an experiment, a table and a figure.
 
 use fluorspar::tissue::fit::{Fit, FittedParameter, FittedSpectrum};
-use fluorspar::tissue::{Site, TissueError};
 use fluorspar::units::number_text;
+use fluorspar_experiment::preset;
 use fluorspar_format::csv_cell;
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{SpectrumFit, spectrum_fits};
@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 
 use crate::commands::quoted;
 use crate::commands::table::{align, short};
+use crate::error::CliError;
 
 /// Above this share of the prior's standard deviation the data said little.
 const UNSEEN: f64 = 0.9;
@@ -21,9 +22,9 @@ fn rounded(value: f64) -> String {
 }
 
 /// A `[[tissue]]` section: every parameter in which the fitted tissue differs from its site.
-pub(super) fn section(name: &str, found: &Fit) -> Result<String, TissueError> {
+pub(super) fn section(name: &str, found: &Fit) -> Result<String, CliError> {
     let site = &found.site;
-    let original = Site::named(site.name())?;
+    let original = preset::site(site.name())?;
     let mut text = format!(
         "# Fitted to {}.\nformat = 1\n\n[[tissue]]\nname = {}\nsite = {}\n\n[tissue.parameters]\n",
         found.spectra.iter().map(|spectrum| spectrum.name.replace('\n', " ")).collect::<Vec<_>>().join(", "),

@@ -1,6 +1,6 @@
 //! `fluorspar catalog list tissue`.
 
-use fluorspar::tissue::Site;
+use fluorspar_experiment::preset::{self, PresetKind};
 use serde_json::json;
 
 use crate::commands::table::ListOptions;
@@ -8,8 +8,8 @@ use crate::error::CliError;
 
 pub(crate) fn run(options: &ListOptions) -> Result<(), CliError> {
     let (mut list, mut rows) = (Vec::new(), Vec::new());
-    for name in Site::names() {
-        let site = Site::named(name)?;
+    for name in preset::names(PresetKind::Site) {
+        let site = preset::site(name)?;
         let basis = if site.is_assumed() { "assumed" } else { "fitted" };
         rows.push(vec![name.into(), basis.into(), site.title().into(), site.source().into()]);
         list.push(json!({

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::ValueHint;
 use fluorspar::spectral::Fluorophore;
 use fluorspar::tissue::{LayeredTissue, Site, TissueState};
-use fluorspar_experiment::preset::fluorophore;
+use fluorspar_experiment::preset::{self, fluorophore, site_of_text};
 use fluorspar_experiment::{NamedTissue, ResolvedEmission, ResolvedLayers, parse_layers, parse_tissue};
 
 use crate::error::CliError;
@@ -39,14 +39,16 @@ fn changed(mut site: Site, states: &[String], changes: &[String]) -> Result<Site
 /// A site of the catalogue, or a tissue of a file, with changes.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct SiteArgs {
-    /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file with one [[tissue]] section (.toml): a site, as
-    /// `tissue fit` writes it, or layers.
+    /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file (.toml): a site in the form of the catalogue, or one
+    /// [[tissue]] section, a site with changes, as `tissue fit` writes it, or layers; for `tissue mc` also plane layers at one
+    /// wavelength ([[layer]] sections).
     #[arg(value_name = "SITE|FILE", value_hint = ValueHint::FilePath)]
     site: String,
     /// State of the site: inflammation, hyperemia or dysplasia. May be repeated.
     #[arg(long, value_name = "STATE")]
     state: Vec<String>,
-    /// Change one value, a parameter of the site, for instance `--set superficial_blood_fraction=0.01`. May be repeated.
+    /// Change one value, a parameter of the site, for instance `--set superficial_blood_fraction=0.01`; of plane layers
+    /// `--set layer.epithelium.thickness_mm=0.2`. May be repeated.
     #[arg(long = "set", value_name = "PATH=VALUE")]
     set: Vec<String>,
 }
@@ -61,7 +63,7 @@ impl SiteArgs {
     pub(super) fn resolve(&self) -> Result<(String, NamedTissue), CliError> {
         let (name, tissue) = match self.file() {
             None => {
-                let site = Site::named(&self.site)?;
+                let site = preset::site(&self.site)?;
                 (site.title().to_string(), NamedTissue::Site(site))
             }
             Some(path) => tissue_of_file(&read_text(&path)?, &path)?,
@@ -100,10 +102,29 @@ pub(crate) fn site_named(text: &str) -> Result<Site, CliError> {
     Ok(args.resolve_site()?.1)
 }
 
-/// The tissue of the text of a file with a `[[tissue]]` section.
+/// Whether a text is a file of a site rather than one with a `[[tissue]]` section or plane layers.
+fn is_site(text: &str) -> bool {
+    text.lines().any(|line| line.starts_with("structure"))
+}
+
+/// Whether a text is a file of a site or with a `[[tissue]]` section rather than one of plane layers.
+fn is_tissue(text: &str) -> bool {
+    is_site(text) || text.lines().any(|line| line.trim_start().starts_with("[[tissue]]"))
+}
+
+/// The tissue of the text of a file of a site or with a `[[tissue]]` section.
 fn tissue_of_file(text: &str, path: &Path) -> Result<(String, NamedTissue), CliError> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    Ok(parse_tissue(text, &path.display().to_string(), folder)?)
+    if is_site(text) {
+        let site = site_of_text(text)
+            .map_err(|message| CliError::Input(format!("{}: {message}", path.display())))?;
+        return Ok((site.title().to_string(), NamedTissue::Site(site)));
+    }
+    Ok(parse_tissue(text, &path.display().to_string(), folder_of(path))?)
+}
+
+/// The folder in which the paths of a file start.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// A file, if the text names one.
@@ -116,10 +137,8 @@ fn file_of(text: &str) -> Option<PathBuf> {
 /// Which tissue, at which wavelengths.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct TissueArgs {
-    /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file: with one [[tissue]] section, or of plane layers at
-    /// one wavelength ([[layer]] sections).
-    #[arg(value_name = "TISSUE", value_hint = ValueHint::FilePath)]
-    tissue: String,
+    #[command(flatten)]
+    site: SiteArgs,
     /// Light of one wavelength on a tissue, nm.
     #[arg(long, alias = "wavelength-nm", value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     excitation_nm: Option<f64>,
@@ -127,19 +146,12 @@ pub(super) struct TissueArgs {
     #[arg(long, value_name = "NM", requires = "excitation_nm", value_parser = values::number,
         allow_negative_numbers = true)]
     emission_nm: Option<f64>,
-    /// State of a site: inflammation, hyperemia or dysplasia. May be repeated.
-    #[arg(long, value_name = "STATE")]
-    state: Vec<String>,
-    /// Change one value: of a site `--set superficial_blood_fraction=0.01`, of a file
-    /// `--set layer.epithelium.thickness_mm=0.2`. May be repeated.
-    #[arg(long = "set", value_name = "PATH=VALUE")]
-    set: Vec<String>,
 }
 
 impl TissueArgs {
     /// The file that it is read from.
     pub(super) fn file(&self) -> Option<PathBuf> {
-        file_of(&self.tissue)
+        self.site.file()
     }
 
     /// Wavelength of the emission where the fluorescence is per nm.
@@ -148,35 +160,32 @@ impl TissueArgs {
     }
 
     pub(super) fn resolve(&self) -> Result<ResolvedLayers, CliError> {
-        let Some(path) = self.file() else {
-            let site = changed(Site::named(&self.tissue)?, &self.state, &self.set)?;
-            return self.at_wavelength(site.title(), &site.tissue(&find)?);
-        };
-        let text = read_text(&path)?;
-        if text.lines().any(|line| line.trim_start().starts_with("[[tissue]]")) {
-            let args =
-                SiteArgs { site: self.tissue.clone(), state: self.state.clone(), set: self.set.clone() };
-            let (title, tissue) = args.resolve()?;
+        let text = self.file().map(|path| read_text(&path)).transpose()?;
+        let Some(text) = text.filter(|text| !is_tissue(text)) else {
+            let (title, tissue) = self.site.resolve()?;
             return self.at_wavelength(&title, &tissue.tissue(&find)?);
-        }
-        if let Some(option) =
-            [self.excitation_nm.map(|_| "--excitation-nm"), (!self.state.is_empty()).then_some("--state")]
-                .into_iter()
-                .flatten()
-                .next()
+        };
+        if let Some(option) = [
+            self.excitation_nm.map(|_| "--excitation-nm"),
+            (!self.site.state.is_empty()).then_some("--state"),
+        ]
+        .into_iter()
+        .flatten()
+        .next()
         {
             let message =
                 format!("{option}: a file of layers states its optical properties itself; leave it out");
             return Err(CliError::Input(message));
         }
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        Ok(parse_layers(&text, &self.tissue, folder, &self.set)?)
+        let SiteArgs { site, set, .. } = &self.site;
+        Ok(parse_layers(&text, site, folder_of(Path::new(site)), set)?)
     }
 
     /// Layers at the wavelengths of the options.
     fn at_wavelength(&self, title: &str, tissue: &LayeredTissue) -> Result<ResolvedLayers, CliError> {
         let nm = self.excitation_nm.ok_or_else(|| {
-            let message = format!("{}: give the wavelength of the light, --excitation-nm 405", self.tissue);
+            let message =
+                format!("{}: give the wavelength of the light, --excitation-nm 405", self.site.site);
             CliError::Input(message)
         })?;
         check_range("--excitation-nm", nm, WAVELENGTH_NM, "nm")?;

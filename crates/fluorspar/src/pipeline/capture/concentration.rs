@@ -103,7 +103,7 @@ pub fn scale_multiple(
     captures: &[Capture],
 ) -> Option<MultipleUncertainty> {
     let mut worst: Option<MultipleUncertainty> = None;
-    for label in components.group_labels() {
+    for label in components.light_groups() {
         let Some(group) = GroupMembers::of(&label, components).filter(|group| group.is_changed(factors))
         else {
             continue;
@@ -162,11 +162,11 @@ struct GroupMembers<'a> {
 }
 
 impl<'a> GroupMembers<'a> {
-    /// The components of a group or of one of its excitation bins; `None` where no light is kept that fluoresced more than once.
+    /// The components of a group; `None` where no light is kept that fluoresced more than once.
     fn of(label: &str, components: &'a ComponentImage) -> Option<Self> {
         let (mut reflected, mut once, mut twice) = (Vec::new(), Vec::new(), None);
         for (number, component) in components.components.iter().enumerate() {
-            if component.group_label() != label {
+            if component.light_group != label {
                 continue;
             }
             match component.light {

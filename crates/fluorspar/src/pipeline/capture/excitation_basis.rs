@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use crate::image::film::TILE;
 use crate::image::{
-    BasisBuilder, Component, ComponentImage, ExcitationBin, ExcitationImage, FeatureMaps, Film, FilmLayout,
-    GroupBasis, LightPath, RelitComponent,
+    BasisBuilder, Component, ComponentImage, ExcitationImage, FeatureMaps, Film, FilmLayout, GroupBasis,
+    LightPath, RelitComponent,
 };
 use crate::pipeline::{LightOutsideBasis, PipelineError};
 use crate::render::{FilmRenderer, RenderSettings, Share, are_in_proportion, excitation_responses};
@@ -64,7 +64,7 @@ pub fn image_and_basis(film: Film) -> Result<(ComponentImage, Option<ExcitationI
     let layout = film.layout().clone();
     let mut groups: Vec<(String, Vec<f64>)> = Vec::new();
     for component in &layout.components {
-        let Some(ExcitationBin::Node(nm)) = component.excitation else { continue };
+        let Some(nm) = component.node_nm else { continue };
         match groups.iter_mut().find(|(name, _)| *name == component.light_group) {
             Some((_, nodes)) if nodes.contains(&nm) => {}
             Some((_, nodes)) => nodes.push(nm),
@@ -103,7 +103,7 @@ impl Collected {
     /// Nothing yet, of the light groups that the film keeps apart at these nodes.
     fn new(layout: &FilmLayout, groups: Vec<(String, ExcitationNodes)>) -> Self {
         let labels = &layout.components;
-        let own: Vec<usize> = (0..labels.len()).filter(|c| !is_node(&labels[*c])).collect();
+        let own: Vec<usize> = (0..labels.len()).filter(|c| labels[*c].node_nm.is_none()).collect();
         let pixels = layout.width * layout.height;
         let bands = layout.grid.len();
         let groups = groups.into_iter().map(|(light_group, nodes)| {
@@ -172,15 +172,11 @@ impl Collected {
     }
 }
 
-fn is_node(component: &Component) -> bool {
-    matches!(component.excitation, Some(ExcitationBin::Node(_)))
-}
-
 /// The nodes of a light group by the path of their light: the numbers of their components.
 fn node_paths(labels: &[Component], light_group: &str) -> Vec<(LightPath, Vec<usize>)> {
     let mut paths: Vec<(LightPath, Vec<usize>)> = Vec::new();
     for (number, label) in labels.iter().enumerate() {
-        if !is_node(label) || label.light_group != light_group {
+        if label.node_nm.is_none() || label.light_group != light_group {
             continue;
         }
         match paths.iter_mut().find(|(light, _)| *light == label.light) {
@@ -254,7 +250,7 @@ pub fn relight_with_basis<'a>(
             of_group.components.iter().zip(of_group.relit(&labels.grid, &light))
         {
             let is_this = |c: &crate::image::Component| {
-                c.light_group == of_group.light_group && c.light == component.light && c.excitation.is_none()
+                c.light_group == of_group.light_group && c.light == component.light && c.node_nm.is_none()
             };
             if let Some(index) = labels.components.iter().position(is_this) {
                 relit.components[index] = Some(relit_component);

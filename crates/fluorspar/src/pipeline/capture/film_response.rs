@@ -7,8 +7,8 @@ use fluorspar_accel::bands::{self, WeightedSums};
 use fluorspar_accel::{Lanes, Simd, Work};
 use rayon::prelude::*;
 
+use super::direct_light::group_spectrum;
 use super::film_irradiance::{behind_filter, film_extent, projected_solid_angle, tan_half_width};
-use super::light_by_shape::component_spectrum;
 use crate::digest::sha256_hex;
 use crate::image::{ChannelPlanes, ComponentImage, ComponentRows, LightPath, RelitComponent};
 use crate::optics::{CameraLens, FilterAutofluorescence, IdealLens};
@@ -94,7 +94,7 @@ impl FilmResponse {
         let mut shape_of = Vec::with_capacity(components.components.len());
         for component in &components.components {
             let is_reflected = component.light == LightPath::Reflected;
-            let shape = if is_reflected { component_spectrum(study, component) } else { None };
+            let shape = if is_reflected { group_spectrum(study, &component.light_group) } else { None };
             let known = curves.iter().position(|curve| *curve == shape);
             shape_of.push(known.unwrap_or_else(|| {
                 curves.push(shape);

@@ -5,7 +5,7 @@
 //! viewing filter, and the mean of a product is not the product of means. Fluorescence is smooth.
 
 use super::direct_light::group_spectrum;
-use crate::image::{Component, ComponentImage, ExcitationBin, LightPath, SpectralImage};
+use crate::image::{ComponentImage, LightPath, SpectralImage};
 use crate::sensor::CaptureFrame;
 use crate::spectral::{Curve, Radiance, Transmittance, WavelengthGrid};
 use crate::study::Study;
@@ -43,18 +43,9 @@ pub(in crate::pipeline) fn light_by_shape<'a>(
                 },
             ),
             fluorescent: false,
-            shape: component_spectrum(study, component),
+            shape: group_spectrum(study, &component.light_group),
         });
     fluorescence.chain(reflected)
-}
-
-/// Spectrum of the lights that a component is lit by, up to a factor; only the bin of excitation where the render keeps bins.
-pub(in crate::pipeline) fn component_spectrum(study: &Study, component: &Component) -> Option<Curve> {
-    let light = group_spectrum(study, &component.light_group)?;
-    Some(match component.excitation {
-        Some(ExcitationBin::Between([first, last])) => light.clipped(first, last),
-        _ => light,
-    })
 }
 
 /// Transmittance of a filter for light of a spectral shape over that for a flat spectrum, per band.

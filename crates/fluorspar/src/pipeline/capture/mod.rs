@@ -28,5 +28,5 @@ pub use row_bands::{
     BandPlanes, BandStore, BandedRender, FinishedBands, RowBandError, render_row_bands, row_bands,
     tile_rows_at_once,
 };
-pub use scene_change::{check_same_scene, relight};
+pub use scene_change::check_same_scene;
 pub use spectroradiometer::{SpectroradiometerReading, read_spectroradiometers};

@@ -2,10 +2,8 @@
 
 use std::fmt::Display;
 
-use crate::image::{ComponentFactors, ComponentImage};
 use crate::light::Light;
 use crate::pipeline::PipelineError;
-use crate::spectral::Curve;
 use crate::study::{Capture, Study};
 use crate::units::number_text;
 
@@ -23,39 +21,6 @@ pub fn check_same_scene(rendered: &Study, wanted: &Study) -> Result<(), Pipeline
         None => Ok(()),
         Some(what) => Err(PipelineError::OtherScene(what)),
     }
-}
-
-/// Factors that give the light groups of a component image the spectra that they have in another study, where the image keeps
-/// their excitation bins. Returns the study that the image then shows: `rendered` with those spectra. Of the image only the labels
-/// count.
-///
-/// A group whose lights differ among each other, before or after, stays as it is, and so does one without bins.
-///
-/// # Errors
-/// A spectrum with light outside the bins.
-pub fn relight(
-    rendered: &Study,
-    wanted: &Study,
-    components: &ComponentImage,
-) -> Result<(Study, ComponentFactors), PipelineError> {
-    let mut shown = rendered.clone();
-    let mut factors = ComponentFactors::ones(components.components.len());
-    for (number, group) in rendered.scene.light_groups.iter().enumerate() {
-        let has_bins =
-            components.components.iter().any(|c| c.light_group == group.name && c.excitation.is_some());
-        let spectra = |study: &Study| -> Option<Curve> {
-            let mut lights = study.scene.lights.iter().filter(|light| light.group == number);
-            let first = &lights.next()?.spectrum;
-            lights.all(|light| light.spectrum == *first).then(|| first.clone())
-        };
-        let (Some(old), Some(new), true) = (spectra(rendered), spectra(wanted), has_bins) else { continue };
-        if old != new {
-            factors = factors.times(components.spectrum_factors(&group.name, &old, &new)?);
-            let lights = shown.scene.lights.iter_mut().filter(|light| light.group == number);
-            lights.for_each(|light| light.spectrum.clone_from(&new));
-        }
-    }
-    Ok((shown, factors))
 }
 
 /// First entry of two lists of named things that differs.

@@ -106,7 +106,7 @@ pub fn denoise(image: &ComponentImage, settings: &DenoiseSettings) -> Result<Com
         return Err(DenoiseError::Twice);
     }
     let statistics = image.statistics.as_ref().ok_or(DenoiseError::NoStatistics)?;
-    let groups = image.group_labels();
+    let groups = image.light_groups();
     if statistics.names != groups {
         return Err(DenoiseError::NoStatistics);
     }
@@ -127,7 +127,7 @@ pub fn denoise(image: &ComponentImage, settings: &DenoiseSettings) -> Result<Com
         // Share the weights of a pixel among all components of the group
         let weights = Weights { image, settings };
         let members: Vec<usize> =
-            (0..image.components.len()).filter(|&c| image.components[c].group_label() == *group).collect();
+            (0..image.components.len()).filter(|&c| image.components[c].light_group == *group).collect();
         let rows: Vec<Vec<f32>> = (0..height)
             .into_par_iter()
             .map(|row| {

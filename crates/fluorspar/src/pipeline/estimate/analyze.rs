@@ -234,11 +234,7 @@ fn what_the_line_assumes(study: &Study, settings: &AnalysisPlan) -> Option<Warni
     if settings.parts.iter().any(held) {
         return Some(one_tissue(&analyte));
     }
-    let of_tissue = |name: &str| {
-        ["dorsal_tongue", "tooth"]
-            .iter()
-            .any(|site| Site::named(site).is_ok_and(|site| site.fluorophores().contains(&name)))
-    };
+    let of_tissue = |name: &str| Site::quantum_yield(name).is_some();
     settings.bulk.iter().any(|(name, amount)| *amount > 0.0 && of_tissue(name)).then(|| no_blood(&analyte))
 }
 

@@ -9,8 +9,9 @@ use super::region_radiance::RegionRadiance;
 use crate::analysis::PixelSelection;
 use crate::image::ComponentImage;
 use crate::pipeline::PipelineError;
+use crate::pipeline::capture::direct_light::group_spectrum;
 use crate::pipeline::capture::film_irradiance::{behind_filter, on_sensor};
-use crate::pipeline::capture::light_by_shape::{component_spectrum, light_by_shape};
+use crate::pipeline::capture::light_by_shape::light_by_shape;
 use crate::spectral::{Curve, Transmittance};
 use crate::study::{Capture, Study};
 use crate::units::photons_per_joule;
@@ -165,7 +166,7 @@ fn reflected_behind(
 ) -> Vec<f64> {
     let mut passed = vec![0.0; components.grid.len()];
     for (component, values) in &radiance.reflected_components {
-        let through = match component_spectrum(study, component) {
+        let through = match group_spectrum(study, &component.light_group) {
             Some(shape) => filter.on_grid_under::<Transmittance>(&components.grid, &shape),
             None => filter.on_grid::<Transmittance>(&components.grid),
         };

@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use crate::analysis::{PixelSelection, channel_response};
 use crate::image::{Component, ComponentImage, LightPath};
+use crate::pipeline::capture::direct_light::group_spectrum;
 use crate::pipeline::capture::film_irradiance::{behind_filter, on_sensor};
-use crate::pipeline::capture::light_by_shape::component_spectrum;
 use crate::sensor::CaptureFrame;
 use crate::spectral::{Curve, QuantumEfficiency, Radiance, Spectrum};
 use crate::study::Study;
@@ -111,7 +111,7 @@ impl RegionRadiance {
         let fluorescent = electrons(&fluorescent, None)?;
         let mut reflected = 0.0;
         for (component, values) in &self.reflected_components {
-            reflected += electrons(values, component_spectrum(study, component).as_ref())?;
+            reflected += electrons(values, group_spectrum(study, &component.light_group).as_ref())?;
         }
         (fluorescent > 0.0).then_some(reflected / fluorescent)
     }

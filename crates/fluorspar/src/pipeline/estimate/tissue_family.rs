@@ -82,7 +82,7 @@ pub fn tissue_family(
     family_by(DiscreteOrdinates::DIFFUSE, prior, frames, grid)
 }
 
-/// Families of the other sites that the tissue may be of ([`TissuePrior::COMPARED`]), by a coarse solver, which is off by less than the
+/// Families of the other sites that the tissue may be of ([`TissuePrior::others`]), by a coarse solver, which is off by less than the
 /// errors of the library; none where the site is certain.
 ///
 /// # Errors
@@ -92,12 +92,12 @@ pub fn other_tissue_families(
     frames: &[FamilyFrame],
     grid: &WavelengthGrid,
 ) -> Result<Vec<LightFamily>, TissueError> {
-    let is_other = |name: &&str| prior.site_probability < 1.0 && *name != prior.site.name();
-    let family = |name: &str| {
-        let other = TissuePrior { site: Site::named(name)?, ..prior.clone() };
+    let is_other = |site: &&Site| prior.site_probability < 1.0 && site.name() != prior.site.name();
+    let family = |site: &Site| {
+        let other = TissuePrior { site: site.clone(), ..prior.clone() };
         family_by(DiscreteOrdinates::COARSE, &other, frames, grid)
     };
-    TissuePrior::COMPARED.into_iter().filter(is_other).map(family).collect()
+    prior.others.iter().filter(is_other).map(family).collect()
 }
 
 fn family_by(
@@ -138,7 +138,7 @@ fn family_by(
         sources,
         porphyrin,
         probability_of_none: PROBABILITY_OF_NONE,
-        indirect: prior.surroundings.then_some([indirect[0], prior.width * indirect[1]]),
+        indirect: prior.teeth.is_some().then_some([indirect[0], prior.width * indirect[1]]),
         frames: frames.iter().map(|frame| frame.label.clone()).collect(),
         frame_of: data.iter().map(|(frame, _)| *frame).collect(),
         channel_of: data.iter().map(|(frame, c)| frames[*frame].camera.channels()[*c].clone()).collect(),
@@ -184,7 +184,7 @@ fn fit_sources(
 
 /// The prior in words.
 fn describe(prior: &TissuePrior) -> String {
-    let mouth = if prior.surroundings { " in a mouth" } else { "" };
+    let mouth = if prior.teeth.is_some() { " in a mouth" } else { "" };
     format!("{}{mouth} ({} times as varied as the population)", prior.site.name(), prior.width)
 }
 
@@ -237,7 +237,7 @@ fn source_names(prior: &TissuePrior) -> Result<Vec<String>, TissueError> {
             names.push(held.fluorophore.name.clone());
         }
     }
-    if prior.surroundings {
+    if prior.teeth.is_some() {
         names.extend([TEETH_NAME.into(), MIRRORED_NAME.into()]);
     }
     names.extend([LEAK.into(), GLOSS_NAME.into()]);
@@ -329,8 +329,8 @@ impl<'a> FamilySolver<'a> {
         nodes_nm.sort_by(f64::total_cmp);
         nodes_nm.dedup_by(|a, b| (*a - *b).abs() < 1.0);
         let mut solver = Self { ordinates, prior, frames: prepared, bands_nm, nodes_nm };
-        if prior.surroundings {
-            let tooth = tissue_of(prior, &Site::named("tooth")?)?;
+        if let Some(tooth) = &prior.teeth {
+            let tooth = tissue_of(prior, tooth)?;
             let teeth = EffectiveTissue::new(&tooth, &solver.nodes_nm, ordinates)?;
             let radiances: Vec<Vec<f64>> =
                 solver.frames.iter().map(|frame| solver.radiance(&teeth, frame)).collect();

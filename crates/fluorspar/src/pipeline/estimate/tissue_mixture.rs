@@ -95,6 +95,7 @@ mod tests {
     use crate::spectral::Curve;
     use crate::tissue::EffectiveTissue;
     use crate::tissue::fit::Viewing;
+    use crate::tissue::site_tests::lip;
 
     /// Fluorophores of one broad band each.
     fn find(name: &str) -> Option<Arc<Fluorophore>> {
@@ -121,7 +122,7 @@ mod tests {
         let light = Curve::new(vec![400.0, 405.0, 410.0], vec![0.0, 1.0, 0.0]).unwrap();
         let viewing = Viewing::new(&light, Curve::constant(1.0)).unwrap();
         let nm: Vec<f64> = (0..41).map(|i| 500.0 + 5.0 * f64::from(i)).collect();
-        let site = Site::named("lip").unwrap();
+        let site = lip();
         let view = TissueView { viewing: &viewing, irradiance_w_per_m2: 10.0, wavelengths_nm: &nm };
         let (components, blood) = tissue_mixture(&site, &find, view, &CachedSolutions::default()).unwrap();
         let mut other = site.clone();

@@ -5,9 +5,9 @@ use std::ops::Range;
 use fluorspar_accel::bands::BandBlock;
 use rayon::prelude::*;
 
-use super::excitation_bins::Slicing;
 use super::lights::{Lights, band_blocks};
 use crate::interruption::end_if_interrupted;
+use crate::render::RenderSettings;
 use crate::render::compiled_scene::{BasisGroup, BasisNode};
 use crate::render::fluorescence_operator::HatColumns;
 use crate::scene::Scene;
@@ -18,13 +18,13 @@ pub(super) fn compile(
     scene: &Scene,
     matrices: &[&PhotonEem],
     lights: &Lights,
-    slicing: &Slicing<'_>,
+    settings: &RenderSettings,
 ) -> Vec<BasisGroup> {
     let of_group = |group: usize| {
-        let nodes = slicing.nodes_of(group)?;
+        let nodes = settings.nodes_of(group)?;
         let own = lights.hats.iter().filter(|(of, ..)| *of == group);
         Some(BasisGroup {
-            first: slicing.first(group) + slicing.bins(group),
+            first: settings.spectrum_number(group) + 1,
             nodes: basis_nodes(&scene.grid, matrices, nodes),
             sources: own.map(|(_, source, factor)| (*source, *factor)).collect(),
         })

@@ -4,18 +4,18 @@ use fluorspar_accel::bands::{BandBlock, to_blocks};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::excitation_bins::Slicing;
 use super::geometry::EmissiveSurface;
 use crate::interruption::end_if_interrupted;
 use crate::light::{LightBounds, PreparedEmitter};
+use crate::render::RenderSettings;
 use crate::render::compiled_scene::{CompiledLight, Source};
 use crate::render::fluorescence_operator::direct_exitance;
 use crate::scene::Scene;
-use crate::spectral::{Curve, PhotonEem, WavelengthGrid};
+use crate::spectral::{Curve, PhotonEem};
 
 /// All lights of a scene.
 pub(super) struct Lights {
-    /// Sources in runs: what one light spectrum is taken apart into.
+    /// Distinct spectra of the groups.
     pub(super) sources: Vec<Source>,
     /// Sources of groups with excitation nodes: group, source, factor on the hats.
     pub(super) hats: Vec<(usize, usize, f32)>,
@@ -40,9 +40,10 @@ pub(super) fn compile(
     scene: &Scene,
     matrices: &[&PhotonEem],
     emissive: Vec<EmissiveSurface>,
-    slicing: &Slicing<'_>,
+    settings: &RenderSettings,
 ) -> Lights {
-    let mut list = SourceList::new(scene, matrices, slicing);
+    let mut list =
+        SourceList { scene, matrices, settings, known: Vec::new(), sources: Vec::new(), hats: Vec::new() };
     let mut lights = Vec::new();
     let mut environment = Vec::new();
     let mut environment_maps = Vec::new();
@@ -64,8 +65,7 @@ pub(super) fn compile(
         let sources: Vec<usize> =
             light.spectra().iter().map(|spectrum| list.source_of(light.group, spectrum)).collect();
         let Some(emitter) = light.emitter.prepare() else {
-            environment
-                .extend(sources.into_iter().flat_map(|source| source..source + slicing.bins(light.group)));
+            environment.extend(sources);
             continue;
         };
         if emitter.environment_map().is_some() {
@@ -118,53 +118,40 @@ fn compiled_light(group: usize, sources: &[usize], emitter: PreparedEmitter, pow
 
 /// Distinct spectra as they are gathered.
 struct SourceList<'a> {
-    grid: &'a WavelengthGrid,
+    scene: &'a Scene,
     matrices: &'a [&'a PhotonEem],
-    slicing: &'a Slicing<'a>,
-    /// Light group, spectrum and first source of each run of sources.
-    known: Vec<(usize, Curve, usize)>,
+    settings: &'a RenderSettings,
+    /// Light group and spectrum of each source.
+    known: Vec<(usize, Curve)>,
     sources: Vec<Source>,
     hats: Vec<(usize, usize, f32)>,
 }
 
-impl<'a> SourceList<'a> {
-    fn new(scene: &'a Scene, matrices: &'a [&'a PhotonEem], slicing: &'a Slicing<'a>) -> Self {
-        Self {
-            grid: &scene.grid,
-            matrices,
-            slicing,
-            known: Vec::new(),
-            sources: Vec::new(),
-            hats: Vec::new(),
-        }
-    }
-
-    /// The first source of a spectrum of a light group: one that is known, or a new one.
+impl SourceList<'_> {
+    /// The source of a spectrum of a light group: one that is known, or a new one.
     fn source_of(&mut self, group: usize, curve: &Curve) -> usize {
-        if let Some((.., first)) = self.known.iter().find(|(g, known, _)| *g == group && known == curve) {
-            return *first;
+        if let Some(known) = self.known.iter().position(|(g, known)| *g == group && known == curve) {
+            return known;
         }
-        let first = self.sources.len();
-        self.known.push((group, curve.clone(), first));
-        let grid = self.grid;
-        let (slices, of_group) = (self.slicing.slices(curve), self.slicing.first(group));
-        let count = slices.len();
-        if self.slicing.nodes_of(group).is_some() {
-            self.hats.push((group, first, self.slicing.hat_factor(group, curve) as f32));
+        let number = self.sources.len();
+        self.known.push((group, curve.clone()));
+        if self.settings.nodes_of(group).is_some() {
+            // Hats are for the first light of a group
+            let total = self.scene.group_spectra(group).first().map_or(0.0, |spectrum| spectrum.total());
+            let factor = if total > 0.0 { curve.total() / total } else { 0.0 };
+            self.hats.push((group, number, factor as f32));
         }
-        for (slice, curve) in slices.into_iter().enumerate() {
-            let bands = band_blocks(&curve.bin_averages(grid));
-            let exitance = self
-                .matrices
-                .par_iter()
-                .map(|eem| {
-                    end_if_interrupted();
-                    band_blocks(&direct_exitance(eem, grid, &curve))
-                })
-                .collect();
-            self.sources.push(Source { group: of_group + slice, slices: count - slice, bands, exitance });
-        }
-        first
+        let grid = &self.scene.grid;
+        let exitance = |eem: &&PhotonEem| {
+            end_if_interrupted();
+            band_blocks(&direct_exitance(eem, grid, curve))
+        };
+        self.sources.push(Source {
+            group: self.settings.spectrum_number(group),
+            bands: band_blocks(&curve.bin_averages(grid)),
+            exitance: self.matrices.par_iter().map(exitance).collect(),
+        });
+        number
     }
 }
 

@@ -5,7 +5,6 @@
 //! | `geometry` | triangles, instances, analytic shapes, bounding volume hierarchies |
 //! | `lights` | lights, and the distinct spectra that they emit |
 //! | `emitters` | the distinct matrices of fluorophores, on surfaces and in tissue |
-//! | `excitation_bins` | light spectra cut into excitation bins |
 //! | `bases` | the hats of nodes, and what they excite |
 //! | `visible_points` | points that the camera sees, samples of the scene |
 //! | `operators` | fluorescence operators, weighted by the spectrum of each light group |
@@ -16,7 +15,6 @@
 mod bases;
 mod emitters;
 mod excitation;
-mod excitation_bins;
 mod geometry;
 mod interreflection;
 mod lights;
@@ -33,21 +31,20 @@ use crate::interruption::end_if_interrupted;
 use crate::scene::Scene;
 
 impl CompiledScene {
-    /// Of the settings only the excitation bins and nodes count.
+    /// Of the settings only the excitation nodes count.
     pub(super) fn new(scene: &Scene, settings: &RenderSettings) -> Result<Self, BuildError> {
         // Compile surfaces and light sources
         let (geometry, emissive) = geometry::compile(scene)?;
         let matrices = emitters::Matrices::new(scene);
-        let slicing = excitation_bins::Slicing::new(scene, settings);
-        let lights = lights::compile(scene, &matrices.list, emissive, &slicing);
+        let lights = lights::compile(scene, &matrices.list, emissive, settings);
 
         // Weight the excitation spectrum of each light group by what arrives at the visible points
         end_if_interrupted();
         let points = visible_points::on_fluorescent_surfaces(scene, &geometry);
         let group_spectra = operators::group_spectra(scene, &points);
-        let group_operators = operators::of_groups(scene, &matrices.list, &group_spectra, &slicing);
+        let group_operators = operators::of_groups(scene, &matrices.list, &group_spectra, settings);
         let plain_operators = operators::unweighted(scene, &matrices.list);
-        let bases = bases::compile(scene, &matrices.list, &lights, &slicing);
+        let bases = bases::compile(scene, &matrices.list, &lights, settings);
 
         // Compile materials
         end_if_interrupted();
@@ -86,7 +83,7 @@ impl CompiledScene {
             has_holes,
             roulette,
             fluorophores: scene.fluorophores.len(),
-            slices: slicing.all(),
+            spectra: settings.spectrum_number(scene.light_groups.len()),
             excitation,
             bases,
             plain_operators,

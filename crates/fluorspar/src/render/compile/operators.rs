@@ -2,13 +2,13 @@
 
 use rayon::prelude::*;
 
-use super::excitation_bins::Slicing;
 use crate::geometry::OrientedPoint;
 use crate::interruption::end_if_interrupted;
+use crate::render::RenderSettings;
 use crate::render::fluorescence_operator::FluorescenceOperator;
 use crate::scene::Scene;
 use crate::scene::irradiance::{direct_irradiance, group_spectrum};
-use crate::spectral::{Curve, PhotonEem};
+use crate::spectral::{Curve, ExcitationNodes, PhotonEem};
 
 /// Spectrum of each light group at points of the scene, on any scale; `None` for groups without light. Lights of all
 /// kinds are weighted by their unoccluded irradiance at the points.
@@ -22,19 +22,14 @@ pub(super) fn of_groups(
     scene: &Scene,
     matrices: &[&PhotonEem],
     group_spectra: &[Option<Curve>],
-    slicing: &Slicing<'_>,
+    settings: &RenderSettings,
 ) -> Vec<Vec<FluorescenceOperator>> {
     group_spectra
         .iter()
         .enumerate()
         .flat_map(|(group, spectrum)| {
-            let slices = match spectrum {
-                Some(spectrum) => slicing.slices(spectrum).into_iter().map(Some).collect(),
-                None => vec![None; slicing.bins(group)],
-            };
-            let of_bins = slices.into_iter().map(|slice| of_matrices(scene, matrices, slice.as_ref()));
-            let of_nodes = (slicing.bins(group)..slicing.count(group)).map(|_| Vec::new());
-            of_bins.chain(of_nodes).collect::<Vec<_>>()
+            let nodes = settings.nodes_of(group).map_or(0, ExcitationNodes::len);
+            std::iter::once(of_matrices(scene, matrices, spectrum.as_ref())).chain(vec![Vec::new(); nodes])
         })
         .collect()
 }

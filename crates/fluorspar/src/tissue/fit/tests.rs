@@ -1,6 +1,7 @@
 use super::*;
 use crate::sampling::random::Key;
 use crate::spectral::{BandTerm, Curve, LogNormalBand, Stokes, YieldUnit};
+use crate::tissue::site_tests::{lip, tongue};
 use crate::tissue::{EffectiveTissue, Level, Site};
 
 /// Bands of the fluorophores that a tongue holds, so different that spectra tell them apart.
@@ -57,7 +58,7 @@ fn fluorescence(site: &Site, viewing: &Viewing, nm: Vec<f64>, factor: f64) -> Me
 
 #[test]
 fn a_tissue_of_the_population_comes_back_from_its_spectra() {
-    let population = Population::of(&Site::named("dorsal_tongue").unwrap());
+    let population = Population::of(&tongue());
     let fit = TissueFit { prior: &population, find: &find, solver: DiscreteOrdinates::DIFFUSE };
     let truth = population.draw(&mut Key::new(11).rng());
     let violet = Viewing::new(&light(405.0), Curve::constant(0.9))
@@ -110,7 +111,7 @@ fn a_tissue_of_the_population_comes_back_from_its_spectra() {
 
 #[test]
 fn what_is_not_seen_keeps_its_prior() {
-    let population = Population::of(&Site::named("dorsal_tongue").unwrap())
+    let population = Population::of(&tongue())
         .restricted(|v| v.name == "biofilm_porphyrin_per_mm" || v.name == "keratin_per_mm");
     let fit = TissueFit { prior: &population, find: &find, solver: DiscreteOrdinates::DIFFUSE };
     let violet = Viewing::new(&light(405.0), Curve::constant(1.0)).unwrap();
@@ -132,7 +133,7 @@ fn what_is_not_seen_keeps_its_prior() {
 
 #[test]
 fn wrong_spectra_are_told() {
-    let population = Population::of(&Site::named("lip").unwrap());
+    let population = Population::of(&lip());
     let fit = TissueFit { prior: &population, find: &find, solver: DiscreteOrdinates::DIFFUSE };
     assert_eq!(fit.fit(&[], &[]), Err(TissueFitError::NothingMeasured));
     let nm = grid(400.0, 700.0, 10.0);

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use fluorspar::tissue::Site;
+use fluorspar_experiment::preset::{self, PresetKind};
 
 #[test]
 fn the_documented_surroundings_are_those_of_the_sites() {
@@ -14,10 +14,11 @@ fn the_documented_surroundings_are_those_of_the_sites() {
     };
     let lines = text.lines().skip_while(|line| !line.starts_with("| site | indirect light |"));
     let rows: Vec<Vec<String>> = lines.skip(2).take_while(|line| line.starts_with('|')).map(cells).collect();
-    for name in Site::names() {
+    for name in preset::names(PresetKind::Site) {
         let row = rows.iter().find(|row| row[0] == name).or(rows.iter().find(|row| row[0] == "all others"));
         let row = row.unwrap();
-        let around = Site::named(name).unwrap().surroundings();
+        let site = preset::site(name).unwrap();
+        let around = site.surroundings();
         let known = [around.indirect[0], around.indirect[1], around.teeth[0], around.teeth[1]];
         let written: Vec<f64> = row[1..5].iter().map(|cell| cell.parse().unwrap()).collect();
         assert_eq!(known.as_slice(), written, "{name}");
