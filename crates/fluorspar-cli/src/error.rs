@@ -1,19 +1,16 @@
 //! Errors and their exit codes.
 
-use std::error::Error as _;
 use std::io;
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use fluorspar::pipeline::{PipelineError, PredictError};
 use fluorspar::render::RenderError;
 use fluorspar::tissue::TissueError;
-use fluorspar::tissue::fit::TissueFitError;
+use fluorspar_experiment::ExperimentError;
 use fluorspar_experiment::preset::{LensError, PresetError};
-use fluorspar_experiment::{DEFAULT_EXPERIMENT, ExperimentError};
 use fluorspar_format::{FormatError, OutputFolder, PbrtError};
 use fluorspar_report::{FigureError, RunFolderError};
-use fluorspar_session::SessionError;
+use fluorspar_session::{ErrorKind, SessionError, worded};
 use thiserror::Error;
 
 /// Exit code of wrong input: something that the user gave must be fixed.
@@ -36,107 +33,66 @@ pub(crate) enum CliError {
     /// A signal stopped the work before there was something to save.
     #[error("{0}")]
     Stopped(String),
-    /// A stage after the render failed; what was rendered is kept.
-    #[error(
-        "{error}\nThe render is kept. Fix the experiment and continue from it: fluorspar capture {} --experiment FILE",
-        image.display()
-    )]
-    AfterRender {
-        /// What failed.
-        error: Box<CliError>,
-        /// The component image.
-        image: PathBuf,
-    },
-    #[error(transparent)]
-    Experiment(#[from] ExperimentError),
-    #[error(transparent)]
-    Format(#[from] FormatError),
+    #[error("{}", worded(&.0.to_string(), option))]
+    Session(SessionError),
     #[error(transparent)]
     Pbrt(#[from] PbrtError),
-    #[error(transparent)]
-    Preset(#[from] PresetError),
-    #[error(transparent)]
-    Lens(#[from] LensError),
-    #[error(transparent)]
-    Render(#[from] RenderError),
-    #[error("{0}{hint}", hint = section_hint(.0))]
-    Pipeline(#[from] PipelineError),
-    #[error(transparent)]
-    Predict(#[from] PredictError),
-    #[error(transparent)]
-    Tissue(#[from] TissueError),
-    #[error(transparent)]
-    Fit(#[from] TissueFitError),
-    #[error(transparent)]
-    RunFolder(#[from] RunFolderError),
-    #[error("figure: {0}")]
-    Figure(#[from] FigureError),
-    #[error("can't write the answer: {0}")]
-    Json(#[from] serde_json::Error),
     #[error("can't write to standard output: {0}")]
     Stdout(#[from] io::Error),
 }
 
-impl From<SessionError> for CliError {
-    fn from(error: SessionError) -> Self {
-        match error {
-            SessionError::Experiment(error) => Self::Experiment(error),
-            SessionError::Pipeline(error) => Self::Pipeline(error),
-            SessionError::Format(error) => Self::Format(error),
-            other => Self::Input(format!("{other}; name one with --experiment")),
-        }
+/// An option as it is typed.
+pub(crate) fn option(name: &str, value: Option<&str>) -> String {
+    let name = name.replace('_', "-");
+    value.map_or_else(|| format!("--{name}"), |value| format!("--{name} {value}"))
+}
+
+impl<E: IntoSessionError> From<E> for CliError {
+    fn from(error: E) -> Self {
+        Self::Session(error.into())
     }
 }
 
-/// What to add to an experiment file that lacks something.
-fn section_hint(error: &PipelineError) -> String {
-    let section = match error {
-        PipelineError::Missing("captures") => "[[capture]]".into(),
-        PipelineError::Missing(what) => format!("[{what}]"),
-        _ => return String::new(),
-    };
-    format!("; add a {section} section, or start from `base = \"{DEFAULT_EXPERIMENT}\"`")
-}
+/// Errors below a session.
+trait IntoSessionError: Into<SessionError> {}
+
+impl IntoSessionError for SessionError {}
+impl IntoSessionError for ExperimentError {}
+impl IntoSessionError for FormatError {}
+impl IntoSessionError for PresetError {}
+impl IntoSessionError for LensError {}
+impl IntoSessionError for RenderError {}
+impl IntoSessionError for PipelineError {}
+impl IntoSessionError for PredictError {}
+impl IntoSessionError for TissueError {}
+impl IntoSessionError for RunFolderError {}
+impl IntoSessionError for FigureError {}
+impl IntoSessionError for serde_json::Error {}
 
 impl CliError {
-    /// Whether a file could not be written for want of room: no other input changes that.
-    fn is_for_want_of_room(&self) -> bool {
-        use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
-
-        let mut cause = self.source();
-        while let Some(error) = cause {
-            if let Some(error) = error.downcast_ref::<io::Error>() {
-                return matches!(error.kind(), StorageFull | QuotaExceeded | FileTooLarge);
-            }
-            cause = error.source();
-        }
-        false
-    }
-
     /// The same error about a folder in its place, if it is about one in work.
     pub(crate) fn at_its_place(self, folder: &OutputFolder) -> Self {
         match self {
-            Self::Format(error) => Self::Format(folder.at_its_place(error)),
-            Self::RunFolder(RunFolderError::Format(error)) => Self::Format(folder.at_its_place(error)),
-            Self::RunFolder(RunFolderError::Folder { path, source }) => {
-                Self::RunFolder(RunFolderError::Folder { path: folder.place_of(&path), source })
-            }
+            Self::Session(error) => Self::Session(error.at_its_place(folder)),
             other => other,
         }
     }
 
-    pub(crate) fn exit_code(&self) -> ExitCode {
+    /// The exit code of the program.
+    pub(crate) fn code(&self) -> u8 {
         match self {
-            Self::AfterRender { error, .. } => error.exit_code(),
-            Self::Failed(_)
-            | Self::Figure(_)
-            | Self::Json(_)
-            | Self::Stdout(_)
-            | Self::Format(FormatError::NoRoom { .. } | FormatError::Failed { .. })
-            | Self::Render(RenderError::NoMemory { .. }) => ExitCode::from(FAILED),
-            Self::Stopped(_) | Self::Tissue(TissueError::Interrupted) => ExitCode::from(STOPPED),
-            _ if self.is_for_want_of_room() => ExitCode::from(FAILED),
-            _ => ExitCode::from(WRONG_INPUT),
+            Self::Session(error) => match error.kind() {
+                ErrorKind::Input => WRONG_INPUT,
+                ErrorKind::Failed => FAILED,
+                ErrorKind::Stopped => STOPPED,
+            },
+            Self::Failed(_) | Self::Stdout(_) => FAILED,
+            Self::Stopped(_) => STOPPED,
+            Self::Input(_) | Self::Pbrt(_) => WRONG_INPUT,
         }
+    }
+
+    pub(crate) fn exit_code(&self) -> ExitCode {
+        ExitCode::from(self.code())
     }
 }

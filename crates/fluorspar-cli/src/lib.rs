@@ -4,33 +4,25 @@ mod args;
 mod commands;
 mod embedded;
 mod error;
-mod experiment_source;
 mod interrupt;
 mod message;
-mod named_spectra;
 mod progress;
-mod resource_needs;
-mod values;
 
 use std::ffi::OsString;
 use std::io::ErrorKind;
 use std::num::NonZeroUsize;
 use std::panic::{self, AssertUnwindSafe, catch_unwind};
-use std::path::Path;
 use std::process::ExitCode;
 
 use fluorspar_accel::claim_exit_message;
-use fluorspar_experiment::preset::use_catalogue;
-use fluorspar_experiment::use_cache;
-use fluorspar_format::Cache;
+use fluorspar_session::{compare, predict, use_surroundings};
+pub(crate) use fluorspar_session::{named_spectra, values};
 
 use crate::args::{Args, Command};
 use crate::error::{CliError, FAILED, WRONG_INPUT};
 use crate::values::MOST_THREADS;
 
-pub use embedded::{
-    CommandAnswer, CommandFailure, FoundExperiment, answer_of, find_experiment, stop, use_surroundings,
-};
+pub use embedded::{CommandAnswer, CommandFailure, answer_of};
 
 /// Runs the command that a command line names, whose first word is the name of the program. What it says goes to standard error,
 /// what it answers to standard output. `before_render` is called before commands that render. Call it once in a process: it starts the
@@ -111,19 +103,8 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
     }
     message::be_quiet(args.quiet);
     interrupt::catch_interrupts();
-    surroundings(!args.no_cache)?;
+    use_surroundings(!args.no_cache)?;
     run_command(args.command.unwrap_or_default())
-}
-
-/// Uses the user's cache, if it is wanted, and the user's folder of spectra and sensors, if the environment names one.
-fn surroundings(keeps: bool) -> Result<(), CliError> {
-    if let (true, Some(cache)) = (keeps, Cache::of_user()) {
-        use_cache(cache);
-    }
-    if let Some(folder) = std::env::var_os("FLUORSPAR_CATALOGUE").filter(|folder| !folder.is_empty()) {
-        use_catalogue(Path::new(&folder))?;
-    }
-    Ok(())
 }
 
 fn run_command(command: Command) -> Result<ExitCode, CliError> {
@@ -135,7 +116,9 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Capture(options) => commands::capture::run(&options),
         Command::Sheet(options) => commands::sheet::run(&options),
         Command::Analyze(options) => commands::analyze::run(&options),
-        Command::Compare(options) => commands::compare::run(&options),
+        Command::Compare(options) => {
+            options.answer(compare, commands::compare::describe).map(|()| ExitCode::SUCCESS)
+        }
         Command::Describe(options) => commands::describe::run(&options),
         Command::Catalog(options) => commands::catalog::run(&options),
         Command::Fluorophore(options) => commands::fluorophore::run(&options),
@@ -145,7 +128,9 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Plot(options) => commands::plot::run(&options),
         Command::Mouth(options) => commands::mouth::run(&options),
         Command::Tissue(options) => commands::tissue::run(&options),
-        Command::Predict(options) => commands::predict::run(&options),
+        Command::Predict(options) => {
+            options.answer(predict, commands::predict::describe).map(|()| ExitCode::SUCCESS)
+        }
         Command::Design(options) => commands::design::run(&options),
         Command::Safety(options) => commands::safety::run(&options),
         Command::Spectroradiometer(options) => commands::spectroradiometer::run(&options),

@@ -1,6 +1,8 @@
 //! Commands of the program.
 
 use std::ffi::OsString;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use pyo3::prelude::*;
 
@@ -15,15 +17,16 @@ pub(crate) fn answer(
     arguments: Vec<OsString>,
     threads: Option<usize>,
 ) -> PyResult<(String, bool)> {
-    let done = work(
+    let stop = Arc::new(AtomicBool::new(false));
+    let own = stop.clone();
+    let (ended, raised) = work(
         py,
         threads,
-        move || fluorspar_cli::answer_of(arguments),
-        || fluorspar_cli::stop(true),
+        move || fluorspar_cli::answer_of(arguments, own),
+        || stop.store(true, Ordering::SeqCst),
         |_| Ok(()),
-    );
-    let ended = done.and_then(|(ended, raised)| raised.map_or(Ok(ended), Err));
-    match ended.inspect_err(|_| fluorspar_cli::stop(false))? {
+    )?;
+    match raised.map_or(Ok(ended), Err)? {
         Ok(answer) => Ok((answer.text, answer.succeeded)),
         Err(failure) => Err(of_command(py, &failure)),
     }

@@ -9,13 +9,13 @@ use fluorspar_experiment::{DEFAULT_EXPERIMENT, Warning};
 use fluorspar_format::{
     FactSource, FrameDescription, FrameFact, FrameFacts, Output, Outputs, describe_frame, description_path,
 };
+use fluorspar_session::ExperimentSource;
 use serde_json::json;
 
 use super::table::align;
 use crate::args::Answer;
 use crate::commands::shell_word;
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
 use crate::values;
 
@@ -77,10 +77,10 @@ fn mosaic(text: &str) -> Result<Mosaic, String> {
 /// What the options tell.
 fn facts(options: &Options) -> Result<FrameFacts, CliError> {
     for (option, value) in [
-        ("--exposure-ms", options.exposure_ms),
-        ("--gain", options.gain),
-        ("--dn-per-electron", options.dn_per_electron),
-        ("--read-noise-dn", options.read_noise_dn),
+        ("exposure_ms", options.exposure_ms),
+        ("gain", options.gain),
+        ("dn_per_electron", options.dn_per_electron),
+        ("read_noise_dn", options.read_noise_dn),
     ] {
         if let Some(value) = value {
             values::check_range(option, value, [1e-9, 1e9], "")?;

@@ -10,11 +10,9 @@ use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::Study;
 use fluorspar_experiment::{FileRecord, InputFile, ResolvedExperiment, Warning, parse, resolve};
 use fluorspar_pbrt::{Emission, PbrtOptions, PbrtStudy, check_light, load, to_experiment};
+use fluorspar_session::{ExperimentArgs, ExperimentSource, Limits, StatisticsOption};
 
-use crate::args::{ExperimentArgs, StatisticsOption};
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
-use crate::resource_needs::Limits;
 use crate::values::{Override, as_typed, sets};
 
 /// Lines of an error that names what has no counterpart.
@@ -134,7 +132,7 @@ impl PbrtArgs {
         }
         self.check_none(&source.name)?;
         let time_limit = limits.overrides().into_iter();
-        source.resolve(&args.overrides().into_iter().chain(time_limit).collect::<Vec<_>>())
+        Ok(source.resolve(&args.overrides().into_iter().chain(time_limit).collect::<Vec<_>>())?)
     }
 
     fn scene(

@@ -78,10 +78,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     ] {
         refuse_lists(option, names)?;
     }
-    let behind = named_spectra::filters(&options.light_filter)?;
+    let messages = Messages::default();
+    let job = &messages.job();
+    let behind = named_spectra::filters(&options.light_filter, job)?;
     let mut lights = Vec::new();
     for name in &options.light {
-        let curve = named_spectra::light(name)?.times(&behind);
+        let curve = named_spectra::light(name, job)?.times(&behind);
         lights.push((name, curve));
     }
     let fluorophores: Vec<Fluorophore> = options
@@ -93,7 +95,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let light_curves: Vec<PlotCurve> = lights.iter().map(|(name, curve)| one(name, curve)).collect();
     let mut filter_curves = Vec::new();
     for name in options.light_filter.iter().chain(&options.view_filter) {
-        filter_curves.push(one(name, &named_spectra::filters(std::slice::from_ref(name))?));
+        filter_curves.push(one(name, &named_spectra::filters(std::slice::from_ref(name), job)?));
     }
     let first = lights.first().map(|(_, curve)| curve);
     let excitation = fluorophores
@@ -183,7 +185,7 @@ fn kept_by_filters(
     let photons = |light: &Curve| light.times(&Curve::from_fn(COUNTED_NM[0], COUNTED_NM[1], |nm| nm));
     let mut kept = Vec::new();
     for name in &options.view_filter {
-        let filter = named_spectra::filters(std::slice::from_ref(name))?;
+        let filter = named_spectra::filters(std::slice::from_ref(name), &Messages::default().job())?;
         let passed = |(name, light): &(&String, Curve)| LightPassed {
             light: named_spectra::label(name),
             percent: share(&photons(light), &filter),

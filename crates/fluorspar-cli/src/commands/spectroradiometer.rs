@@ -14,12 +14,12 @@ use fluorspar_format::{
     Output, Outputs, WRITTEN_BY, quoted_csv_cell, read_component_image, write_atomically,
 };
 use fluorspar_report::figures::{PlotCurve, spectral_readings};
+use fluorspar_session::{Changes, ExperimentSource};
 
 use super::quoted;
 use super::table::{align, short};
-use crate::args::{Answer, Changes};
+use crate::args::Answer;
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
 use crate::values::{self, Override, sets};
 

@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::names::did_you_mean;
 use fluorspar_format::{FileFormat, OutputFolder, write_atomically};
+use fluorspar_session::{Changes, ExperimentSource};
 use fluorspar_validation::{
     Case, CaseResult, Setup, ValidationError, Verdict, cases, markdown_table, summary, validation_page,
 };
@@ -15,10 +16,9 @@ use serde_json::{Value, json};
 
 use super::table::align;
 use super::{print_json, print_text};
-use crate::args::{Answer, Changes};
+use crate::args::Answer;
 use crate::error::{CliError, FAILED};
-use crate::experiment_source::ExperimentSource;
-use crate::interrupt::STOP;
+use crate::interrupt::stop_flag;
 use crate::message::Messages;
 use crate::values::sets;
 
@@ -66,7 +66,8 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let changes = sets(&overrides);
     let inputs: Vec<PathBuf> = reference.iter().cloned().collect();
     let folder = OutputFolder::prepare(&options.out, &inputs, FOLDER_BYTES)?;
-    let setup = Setup { changes: &changes, reference: reference.as_deref(), stop: &STOP };
+    let stop = stop_flag();
+    let setup = Setup { changes: &changes, reference: reference.as_deref(), stop: &stop };
     let messages = Messages::default();
     let mut results = Vec::new();
     for case in &selected {

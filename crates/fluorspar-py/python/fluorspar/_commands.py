@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -71,6 +71,12 @@ def text_of(*words: Any, threads: int | None = None, **options: Any) -> str:
     return _fluorspar.answer([*map(_word, words), *_words(options)], threads=_given.threads(threads))[0]
 
 
+def _done(task: Callable[..., Any], *, threads: int | None = None, **options: Any) -> Record:
+    """What a task answers, objects as records, lists of numbers as arrays."""
+    found: Record = task(threads=_given.threads(threads), **options)
+    return found
+
+
 def _record(*words: Any, **options: Any) -> Record:
     """What a command answers whose answer is an object."""
     found = command(*words, **options)
@@ -93,10 +99,10 @@ def _array_record(*words: Any, **options: Any) -> Record:
 def predict(sample: str | os.PathLike[str] | None = None, *, threads: int | None = None, **options: Any) -> Record:
     """Spectra and mean sensor values of a flat sample, without geometry, in milliseconds.
 
-    ``predict("tongue-385nm", concentration={"protoporphyrin_ix": 0.5}, light="led_405")``; options are those of
+    ``predict("tongue-385nm", concentration={"protoporphyrin_ix": 0.5}, light="led_405")``; arguments are the options of
     ``fluorspar predict``. Spectra are arrays.
     """
-    return _array_record("predict", *([] if sample is None else [sample]), threads=threads, **options)
+    return _done(_fluorspar.predict, sample=sample, threads=threads, **options)
 
 
 class _Named:
@@ -122,19 +128,20 @@ class Tissue(_Named):
 
     def solve(self, **options: Any) -> Record:
         """Reflectance and fluorescence as arrays: ``solve(excitation_nm=[405, 450], state=["hyperemia"]).reflectance``."""
-        return _array_record("tissue", "solve", self.name, **options)
+        return _done(_fluorspar.tissue_solve, site=self.name, **options)
 
-    def depth(self, **options: Any) -> Any:
+    def depth(self, *, threads: int | None = None, **options: Any) -> list[Record]:
         """From how deep its light comes: a record for each channel, ``depth()[0].mean_depth_um``."""
-        return _arrays("tissue", "depth", self.name, **options)
+        found: list[Record] = _fluorspar.tissue_depth(site=self.name, threads=_given.threads(threads), **options)
+        return found
 
     def monte_carlo(self, **options: Any) -> Record:
         """Photons traced through it: ``monte_carlo(excitation_nm=405, photons=100000)``."""
-        return _array_record("tissue", "mc", self.name, **options)
+        return _done(_fluorspar.tissue_monte_carlo, tissue=self.name, **options)
 
     def fit(self, **options: Any) -> Record:
         """Its parameters fitted to measured spectra."""
-        return _array_record("tissue", "fit", self.name, **options)
+        return _done(_fluorspar.tissue_fit, site=self.name, **options)
 
 
 class Lens(_Named):
@@ -253,7 +260,7 @@ def plot(path: str | os.PathLike[str], **options: Any) -> Record:
 def run(source: Experiment | str | os.PathLike[str], out: str | os.PathLike[str], **options: Any) -> Record:
     """From scene to report in a folder, as ``fluorspar run``; returns the numbers that the folder keeps in results.json."""
     with _file_of(source) as words:
-        return _record("run", *words, out=out, **options)
+        return _done(_fluorspar.run, experiment=words[0], out=_given.path(out, "out"), **options)
 
 
 def design(source: str | os.PathLike[str] | None = None, *, search: str = "compare", **options: Any) -> Record:
@@ -270,7 +277,16 @@ def compare(a: str | os.PathLike[str], b: str | os.PathLike[str], **options: Any
     ``compare("fluorspar-out/a", "fluorspar-out/b", out="two")``: folders of ``run``, ``capture`` or ``analyze``; ``out`` is a folder for a page
     with the frames. Designs that nobody has run are compared by :func:`design`.
     """
-    return _record("compare", a, b, **options)
+    return _done(_fluorspar.compare, a=_given.path(a, "a"), b=_given.path(b, "b"), **options)
+
+
+def fit_spectra(spectra: str | os.PathLike[str], **options: Any) -> Record:
+    """Measured spectra (CSV) as sums of fluorophores: weights with intervals, and which sets describe them as well.
+
+    ``fit_spectra("measured.csv", fluorophore=["fad", "protoporphyrin_ix"], light="led_405", relative=True).spectra[0].fit``; arguments are the options
+    of ``fluorspar fluorophore fit``.
+    """
+    return _done(_fluorspar.fit_spectra, spectra=_given.path(spectra, "spectra", "the path of a file"), **options)
 
 
 def spectroradiometer(source: str | os.PathLike[str], **options: Any) -> Record:

@@ -90,8 +90,11 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
     ),
     (
         "fluorspar-session/src/",
-        &["image", "light", "scene", "study", "pipeline"],
-        &["fluorspar_experiment", "fluorspar_format"],
+        &[
+            "units", "quote", "names", "warning", "spectral", "image", "light", "optics", "tissue", "scene",
+            "render", "safety", "sensor", "analysis", "study", "design", "pipeline", "findings",
+        ],
+        &["fluorspar_experiment", "fluorspar_format", "fluorspar_report"],
     ),
 ];
 
@@ -104,8 +107,8 @@ const CRATES: &[(&str, &[&str])] = &[
     ("fluorspar-format", &["fluorspar"]),
     ("fluorspar-experiment", &["fluorspar", "fluorspar-anatomy", "fluorspar-format"]),
     ("fluorspar-pbrt", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
-    ("fluorspar-session", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     ("fluorspar-report", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
+    ("fluorspar-session", &["fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"]),
     ("fluorspar-validation", &["fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"]),
     (
         "fluorspar-cli",

@@ -12,11 +12,10 @@ use std::path::PathBuf;
 use clap::ValueHint;
 use fluorspar::design::DesignSpace;
 use fluorspar_experiment::{ResolvedDesign, parse_design};
+use fluorspar_session::{Changes, ExperimentSource};
 
-use crate::args::Changes;
 use crate::commands::actions::actions;
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
 use crate::values::{as_typed, sets};
 

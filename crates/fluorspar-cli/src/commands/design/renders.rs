@@ -10,12 +10,11 @@ use fluorspar::image::ExcitationImage;
 use fluorspar::pipeline::{BasisRender, eye_before_group, rendered_regions};
 use fluorspar_experiment::{DesignRender, ResolvedDesign};
 use fluorspar_format::{Claim, ComponentFile, ExrOptions, Provenance, check_room, write_component_exr};
+use fluorspar_session::{image_room_bytes, render_with_excitation_basis};
 
-use crate::commands::basis_render;
 use crate::error::CliError;
-use crate::interrupt::STOP;
+use crate::interrupt::stop_flag;
 use crate::message::Messages;
-use crate::resource_needs::image_room_bytes;
 
 /// Time between looks at what other processes render.
 const LOOK_AGAIN: Duration = Duration::from_millis(500);
@@ -110,7 +109,7 @@ fn render_missing(renders: &[DesignRender], paths: &[PathBuf], messages: Message
             claims.filter(|claim| claim.exists()).try_for_each(|claim| Claim::take(&claim).map(drop))?;
             return Ok(());
         }
-        if STOP.load(Ordering::SeqCst) {
+        if stop_flag().load(Ordering::SeqCst) {
             return Err(CliError::Stopped(format!(
                 "stopped while {left} scenes were missing; the same command goes on with them"
             )));
@@ -130,7 +129,7 @@ fn render_scene(render: &DesignRender, path: &Path, left: usize, messages: Messa
     let Some(basis) = &study.render.excitation_basis else { return Err(damaged(path)) };
     let share = if left > 1 { format!(" ({left} such renders are missing)") } else { String::new() };
     messages.status(format!("Rendering {}{share}", render.name));
-    let (image, kept) = basis_render::render(study, basis, messages)?;
+    let (image, kept) = render_with_excitation_basis(study, basis, &messages.job())?;
     let toml = render.record.resolved_toml.clone();
     let provenance = Provenance::new(&toml.clone(), toml, study.render.seed, image.samples_per_pixel);
     let options = ExrOptions { provenance: Some(&provenance), excitation: Some(&kept), ..Default::default() };

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use fluorspar::design::{Score, exchange, score_all};
 use fluorspar_format::{Journal, OutputFolder};
+use fluorspar_session::Left;
 use serde_json::{Value, json};
 
 use super::outcome::{FOLDER_BYTES, Found, Outcome};
@@ -14,7 +15,7 @@ use super::shard::{SweepShard, journal_beside};
 use super::{Place, Problem, ProblemArgs, ReadProblem};
 use crate::args::Answer;
 use crate::error::CliError;
-use crate::interrupt::{Left, STOP, save_when_interrupted};
+use crate::interrupt::{save_when_interrupted, stop_flag};
 use crate::message::Messages;
 use crate::progress::WorkReport;
 use crate::values;
@@ -140,7 +141,7 @@ impl<'a> Work<'a> {
             if done.contains_key(&block) {
                 continue;
             }
-            if STOP.load(Ordering::SeqCst) {
+            if stop_flag().load(Ordering::SeqCst) {
                 return Err(CliError::Stopped(format!(
                     "stopped after {place} of {} blocks; the same command goes on from {}",
                     mine.len(),

@@ -2,10 +2,9 @@
 
 use fluorspar::spectral::{Fluorophore, Stokes, YieldDensity};
 use fluorspar_experiment::preset::FluorophorePreset;
+use fluorspar_session::fluorophore::{FileOptions, Loaded, emission_peak_nm, everywhere_nm, load, peaks_nm};
 use serde_json::{Value, json};
 
-use super::FileOptions;
-use super::loading::{Loaded, emission_peak_nm, everywhere_nm, load, peaks_nm};
 use crate::commands::table::align;
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;

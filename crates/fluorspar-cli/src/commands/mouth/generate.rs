@@ -12,12 +12,12 @@ use fluorspar_experiment::cached_mouth;
 use fluorspar_format::{
     NamedMesh, Output, OutputFolder, OutputSet, Outputs, write_gltf, write_obj, write_pbrt, write_ply,
 };
+use fluorspar_session::ExperimentSource;
 use serde_json::json;
 
 use super::person::PersonArgs;
 use crate::commands::table::{align, short};
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
 
 /// Options of `mouth generate`.

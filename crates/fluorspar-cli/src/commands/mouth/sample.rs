@@ -43,7 +43,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         )));
     };
     // A base that can't be used is found before anything is written.
-    crate::experiment_source::ExperimentSource::find(Some(&options.base))?;
+    fluorspar_session::ExperimentSource::find(Some(&options.base))?;
     let people: Vec<MouthParameters> = (options.seed..=last).map(sample_person).collect();
     let folder = OutputFolder::prepare(&options.out, &[], PERSON_BYTES * u64::from(options.count))?;
     write_people(options, &people, folder.path()).map_err(|error| error.at_its_place(&folder))?;

@@ -9,14 +9,13 @@ use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, POSES};
 use fluorspar_experiment::{parse, resolve};
 use fluorspar_format::{Output, Outputs, write_rgb_png};
 use fluorspar_report::{ContactSheet, Raster};
+use fluorspar_session::{ExperimentSource, render_scene};
 
 use super::person::{PersonArgs, find_view};
 use crate::commands::table::align;
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
 use crate::interrupt::interrupted;
 use crate::message::Messages;
-use crate::progress::render_with_progress;
 use crate::values::{self, Override, as_typed, sets};
 
 /// Options of `mouth view`.
@@ -123,7 +122,7 @@ fn picture(
             known.join(", ")
         )));
     }
-    let components = render_with_progress(&study.scene, &study.render, None, Messages::default())?;
+    let components = render_scene(&study.scene, &study.render, None, &Messages::default().job())?;
     if interrupted() {
         return Err(CliError::Stopped("interrupted: a picture is missing, and nothing was written".into()));
     }

@@ -10,11 +10,10 @@ use fluorspar_format::{
 };
 use serde::Deserialize;
 
-use crate::error::CliError;
-use crate::message::Messages;
+use crate::{Job, SessionError};
 
 /// Whether a name is that of a file, or a table `{ csv = "FILE", column = .., unit = .. }` that names one.
-pub(crate) fn is_file(name: &str) -> bool {
+pub fn is_file(name: &str) -> bool {
     is_table(name) || NameOrTable::is_path(name)
 }
 
@@ -23,7 +22,7 @@ fn is_table(name: &str) -> bool {
 }
 
 /// Name of a spectrum for people.
-pub(crate) fn label(name: &str) -> String {
+pub fn label(name: &str) -> String {
     let file =
         if is_table(name) { table(name).map(|table| table.path).unwrap_or_default() } else { name.into() };
     Path::new(&file).file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy().into_owned())
@@ -37,13 +36,13 @@ struct Table {
 }
 
 /// The table that an option writes as an experiment does.
-fn table(name: &str) -> Result<Table, CliError> {
+fn table(name: &str) -> Result<Table, SessionError> {
     #[derive(Deserialize)]
     struct Written {
         spectrum: SpectrumReference,
     }
     let wrong = |what: String| {
-        CliError::Input(format!(
+        SessionError::Input(format!(
             "{name}: {what}. Write it like {{ csv = \"FILE\", column = \"T\", unit = \"percent\" }}, with the header of the column"
         ))
     };
@@ -69,7 +68,7 @@ fn table(name: &str) -> Result<Table, CliError> {
 
 /// A table that an option writes, with the path of its file from the root, as TOML; `None` of other texts, and of tables that hold an
 /// equation.
-pub(crate) fn absolute_table(name: &str) -> Option<String> {
+pub fn absolute_table(name: &str) -> Option<String> {
     if !is_table(name) {
         return None;
     }
@@ -84,12 +83,13 @@ pub(crate) fn absolute_table(name: &str) -> Option<String> {
 }
 
 /// Spectra of a file as a quantity; what was taken of it is told.
-pub(crate) fn of_file(
+pub fn of_file(
     name: &str,
     columns: SpectrumColumns,
     quantity: SpectrumQuantity,
     negative: Negative,
-) -> Result<MeasuredSpectra, CliError> {
+    job: &Job<'_>,
+) -> Result<MeasuredSpectra, SessionError> {
     let Table { path, options, scale } = match is_table(name) {
         true => table(name)?,
         false => {
@@ -107,43 +107,46 @@ pub(crate) fn of_file(
         }
     }
     if !spectra.read_as.is_empty() {
-        Messages::default().status(format!("{}: read as {}", path.display(), spectra.read_as.join("; ")));
+        job.status(format!("{}: read as {}", path.display(), spectra.read_as.join("; ")));
     }
     Ok(spectra)
 }
 
 /// One spectrum of a file: the only column, that which an instrument computed, or the first.
-pub(crate) fn one_column(
+pub fn one_column(
     name: &str,
     quantity: SpectrumQuantity,
     negative: Negative,
-) -> Result<Curve, CliError> {
-    let column = of_file(name, SpectrumColumns::One, quantity, negative)?.curves.into_iter().next();
-    column.map(|column| column.curve).ok_or_else(|| CliError::Input(format!("{name}: there is no spectrum")))
+    job: &Job<'_>,
+) -> Result<Curve, SessionError> {
+    let column = of_file(name, SpectrumColumns::One, quantity, negative, job)?.curves.into_iter().next();
+    column
+        .map(|column| column.curve)
+        .ok_or_else(|| SessionError::Input(format!("{name}: there is no spectrum")))
 }
 
 /// Spectral power of a light, of any scale.
-pub(crate) fn light(name: &str) -> Result<Curve, CliError> {
+pub fn light(name: &str, job: &Job<'_>) -> Result<Curve, SessionError> {
     if !is_file(name) {
         return Ok(preset::light_spectrum(name)?.curve());
     }
-    let curve = one_column(name, SpectrumQuantity::SpectralPower, Negative::Refuse)?;
+    let curve = one_column(name, SpectrumQuantity::SpectralPower, Negative::Refuse, job)?;
     if curve.total() > 0.0 {
         return Ok(curve);
     }
-    Err(CliError::Input(format!("{name}: the light is dark: all its values are zero")))
+    Err(SessionError::Input(format!("{name}: the light is dark: all its values are zero")))
 }
 
 /// Transmittance of filters one behind the other.
-pub(crate) fn filters(names: &[String]) -> Result<Curve, CliError> {
+pub fn filters(names: &[String], job: &Job<'_>) -> Result<Curve, SessionError> {
     names.iter().try_fold(Curve::constant(1.0), |product, name| {
         let curve = if is_file(name) {
-            one_column(name, SpectrumQuantity::Fraction, Negative::Refuse)?
+            one_column(name, SpectrumQuantity::Fraction, Negative::Refuse, job)?
         } else {
             preset::filter(name)?.curve()
         };
         if curve.max() > 1.0 {
-            return Err(CliError::Input(format!(
+            return Err(SessionError::Input(format!(
                 "{name}: a filter passes at most 1, but this reaches {}; name the unit of its values: {{ csv = \"FILE\", unit = \"percent\" }}",
                 curve.max()
             )));

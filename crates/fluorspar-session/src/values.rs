@@ -1,14 +1,14 @@
-//! Numbers on the command line, and errors that name what was typed.
+//! Values of options, and errors that name what was given.
 
 use std::fmt::Display;
 
 use fluorspar::units::number_text;
 use fluorspar_experiment::{ExperimentError, PathsFrom};
 
-use crate::error::CliError;
+use crate::SessionError;
 
 /// A finite number.
-pub(crate) fn number(text: &str) -> Result<f64, String> {
+pub fn number(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
         Ok(_) => Err("give a finite number".into()),
@@ -17,7 +17,7 @@ pub(crate) fn number(text: &str) -> Result<f64, String> {
 }
 
 /// A whole number of a range, ends included.
-pub(crate) fn whole<T: TryFrom<u64>, const LEAST: u64, const MOST: u64>(text: &str) -> Result<T, String> {
+pub fn whole<T: TryFrom<u64>, const LEAST: u64, const MOST: u64>(text: &str) -> Result<T, String> {
     let number = text.trim().parse::<u64>().ok().filter(|number| (LEAST..=MOST).contains(number));
     number
         .and_then(|number| T::try_from(number).ok())
@@ -25,20 +25,20 @@ pub(crate) fn whole<T: TryFrom<u64>, const LEAST: u64, const MOST: u64>(text: &s
 }
 
 /// A seed that an experiment file can hold.
-pub(crate) fn seed(text: &str) -> Result<u64, String> {
+pub fn seed(text: &str) -> Result<u64, String> {
     whole::<u64, 0, { i64::MAX as u64 }>(text)
 }
 
 /// More threads only cost memory: no machine has as many cores.
-pub(crate) const MOST_THREADS: u64 = 1024;
+pub const MOST_THREADS: u64 = 1024;
 
 /// A number of threads.
-pub(crate) fn threads(text: &str) -> Result<usize, String> {
+pub fn threads(text: &str) -> Result<usize, String> {
     whole::<usize, 1, MOST_THREADS>(text)
 }
 
 /// An amount of memory or of room on a disk, bytes: `8GiB`, `500 MB`, `1000000`.
-pub(crate) fn size(text: &str) -> Result<u64, String> {
+pub fn size(text: &str) -> Result<u64, String> {
     const UNITS: [(&str, f64); 9] = [
         ("KiB", 1024.0),
         ("MiB", 1_048_576.0),
@@ -57,7 +57,7 @@ pub(crate) fn size(text: &str) -> Result<u64, String> {
 }
 
 /// A time, seconds: `90`, `90s`, `20min`, `1.5h`.
-pub(crate) fn time(text: &str) -> Result<f64, String> {
+pub fn time(text: &str) -> Result<f64, String> {
     const UNITS: [(&str, f64); 3] = [("min", 60.0), ("h", 3600.0), ("s", 1.0)];
     scaled(text, &UNITS)
         .filter(|seconds| (1e-6..=1e9).contains(seconds))
@@ -76,64 +76,92 @@ fn scaled(text: &str, units: &[(&str, f64)]) -> Option<f64> {
     Some(number.trim().parse::<f64>().ok()? * factor)
 }
 
+/// A text as TOML.
+pub fn quoted(text: &str) -> String {
+    toml::Value::String(text.into()).to_string()
+}
+
+/// Four digits, whatever the size.
+pub fn short(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 {
+        "0".into()
+    } else if !(1e-3..1e6).contains(&size) {
+        format!("{value:.3e}")
+    } else {
+        let digits = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
+        format!("{value:.digits$}")
+    }
+}
+
+/// Seconds as people say them.
+pub fn duration(seconds: f64) -> String {
+    let whole = seconds.round().max(0.0) as u64;
+    match whole {
+        0..120 => format!("{whole} s"),
+        120..7200 => format!("{} min", (whole + 30) / 60),
+        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
 /// Refuses a number outside a range.
-pub(crate) fn check_range(
+pub fn check_range(
     option: &str,
     value: f64,
     [least, most]: [f64; 2],
     unit: &str,
-) -> Result<(), CliError> {
+) -> Result<(), SessionError> {
     if (least..=most).contains(&value) {
         return Ok(());
     }
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     let (value, least, most) = (number_text(value), number_text(least), number_text(most));
-    Err(CliError::Input(format!("{option} {value}: must be between {least} and {most}{unit}")))
+    Err(SessionError::Input(format!("⟨{option}={value}⟩: must be between {least} and {most}{unit}")))
 }
 
 /// A change of an experiment or sample, and what was typed for it.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Override {
+pub struct Override {
     /// `PATH=VALUE`, `insert PATH=VALUE` or `unset PATH`.
-    pub(crate) set: String,
+    pub set: String,
     /// The option, where it is not `--set`.
     typed: Option<String>,
 }
 
 impl Override {
     /// By `--set`.
-    pub(crate) fn set(text: &str) -> Self {
+    pub fn set(text: &str) -> Self {
         Self { set: text.into(), typed: None }
     }
 
     /// By `--unset`.
-    pub(crate) fn unset(path: &str) -> Self {
-        Self { set: format!("unset {path}"), typed: Some(format!("--unset {path}")) }
+    pub fn unset(path: &str) -> Self {
+        Self { set: format!("unset {path}"), typed: Some(format!("⟨unset={path}⟩")) }
     }
 
     /// A new entry of a list, by an option of its own.
-    pub(crate) fn insert(path: &str, value: impl Display, typed: String) -> Self {
+    pub fn insert(path: &str, value: impl Display, typed: String) -> Self {
         Self { set: format!("insert {path}={value}"), typed: Some(typed) }
     }
 
     /// A field that has an option of its own.
-    pub(crate) fn of_option(path: &str, value: impl Display, typed: String) -> Self {
+    pub fn of_option(path: &str, value: impl Display, typed: String) -> Self {
         Self { set: format!("{path}={value}"), typed: Some(typed) }
     }
 
     /// A field with a number.
-    pub(crate) fn number(path: &str, value: f64, option: &str) -> Self {
-        Self::of_option(path, number_text(value), format!("{option} {}", number_text(value)))
+    pub fn number(path: &str, value: f64, option: &str) -> Self {
+        Self::of_option(path, number_text(value), format!("⟨{option}={}⟩", number_text(value)))
     }
 }
 
 /// The changes in the form of `--set`.
-pub(crate) fn sets(overrides: &[Override]) -> Vec<String> {
+pub fn sets(overrides: &[Override]) -> Vec<String> {
     overrides.iter().map(|one| one.set.clone()).collect()
 }
 
 /// The same error, with the options that were typed instead of the fields that they set.
-pub(crate) fn as_typed(error: ExperimentError, overrides: &[Override]) -> ExperimentError {
+pub fn as_typed(error: ExperimentError, overrides: &[Override]) -> ExperimentError {
     let mut details = error.details().clone();
     let Some(blamed) = details.blamed_override else { return error };
     let Some(typed) = overrides.get(blamed.number).and_then(|one| one.typed.as_ref()) else { return error };

@@ -1,18 +1,15 @@
-//! Tables, figures and text of a solved tissue.
+//! Tables and figures of a solved tissue.
 
 use fluorspar_format::{csv_cell, eem_csv};
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{EemMap, PlotCurve, eem_maps, emission, tissue_reflectance};
 
-use super::solve::{Found, FoundFluorescence};
-use crate::commands::table::{align, short};
+use super::solve::{SolvedFluorescence, SolvedTissue};
 
-/// Wavelengths that the text tells, nm.
-const TOLD_NM: [f64; 11] = [365.0, 385.0, 405.0, 420.0, 450.0, 470.0, 500.0, 560.0, 600.0, 635.0, 700.0];
-/// Shares below this are left out of the text.
+/// Shares below this are left out of the figures.
 const LEAST_SHARE: f64 = 0.01;
 
-impl Found {
+impl SolvedTissue {
     /// Columns by wavelength: names and values.
     fn columns(&self) -> [(&'static str, &[f64]); 5] {
         [
@@ -43,7 +40,7 @@ fn by_wavelength(nm: &[f64], columns: &[(String, &[f64])]) -> String {
 }
 
 /// Spectra, fluorescence under the lights, and the matrix of all fluorophores, as comma-separated values.
-pub(super) fn tables(found: &Found) -> [(&'static str, String); 3] {
+pub(super) fn tables(found: &SolvedTissue) -> [(&'static str, String); 3] {
     let spectra: Vec<(String, &[f64])> =
         found.columns().into_iter().map(|(name, values)| (name.to_string(), values)).collect();
     let mut fluorescence: Vec<(String, &[f64])> = Vec::new();
@@ -66,7 +63,7 @@ pub(super) fn tables(found: &Found) -> [(&'static str, String); 3] {
 }
 
 /// Reflectance, matrices, and fluorescence under each light.
-pub(super) fn figures(found: &Found) -> Vec<(String, Figure)> {
+pub(super) fn figures(found: &SolvedTissue) -> Vec<(String, Figure)> {
     let nm = &found.wavelength_nm;
     let curve = |name: &str, values: &[f64]| PlotCurve::new(name, nm.clone(), values.to_vec());
     let reflectances = [
@@ -85,7 +82,7 @@ pub(super) fn figures(found: &Found) -> Vec<(String, Figure)> {
     figures
 }
 
-fn fluorescence_figure(found: &Found, under: &FoundFluorescence) -> Figure {
+fn fluorescence_figure(found: &SolvedTissue, under: &SolvedFluorescence) -> Figure {
     let nm = &found.wavelength_nm;
     let mut curves: Vec<PlotCurve> = Vec::new();
     for emitter in under.emitters.iter().filter(|emitter| emitter.share >= LEAST_SHARE) {
@@ -97,7 +94,7 @@ fn fluorescence_figure(found: &Found, under: &FoundFluorescence) -> Figure {
     emission(&curves, &under.light, amount, ["radiant exitance per irradiance", "1/nm"], None)
 }
 
-fn eem_figure(found: &Found) -> Figure {
+fn eem_figure(found: &SolvedTissue) -> Figure {
     let eem = &found.eem;
     let edges = |nm: &[f64]| {
         let half = 0.5 * (nm[1] - nm[0]);
@@ -117,50 +114,4 @@ fn eem_figure(found: &Found) -> Figure {
     let mut maps = vec![map("all of the tissue", sum)];
     maps.extend(eem.fluorophores.iter().map(|(name, values)| map(name, values.clone())));
     eem_maps(&maps, None)
-}
-
-/// The results in words and columns.
-pub(super) fn describe(found: &Found) -> String {
-    let head = ["nm", "R diffuse", "R beam", "R below surface", "fluence at surface", "1/e depth, um"];
-    let mut rows = vec![head.map(String::from).to_vec()];
-    for (row, nm) in found.wavelength_nm.iter().enumerate() {
-        if TOLD_NM.contains(nm) {
-            let values = [
-                found.reflectance[row],
-                found.reflectance_of_beam[row],
-                found.reflectance_below_surface[row],
-                found.fluence_at_surface[row],
-            ];
-            let mut cells = vec![nm.to_string()];
-            cells.extend(values.map(|value| format!("{value:.4}")));
-            cells.push(format!("{:.0}", found.depth_of_1_over_e_um[row]));
-            rows.push(cells);
-        }
-    }
-    let mut text =
-        format!("{} ({}), below it {}\n\n{}", found.title, found.site, found.below, align(&rows, &[]));
-    for under in &found.fluorescence {
-        let peak = (0..found.wavelength_nm.len())
-            .max_by(|&a, &b| under.exitance_per_nm[a].total_cmp(&under.exitance_per_nm[b]))
-            .map_or(0.0, |at| found.wavelength_nm[at]);
-        let exitance = short(under.exitance);
-        text += &format!(
-            "\nUnder {}: {exitance} of the energy returns as fluorescence, most near {peak} nm\n",
-            under.light
-        );
-        let mut rows = Vec::new();
-        for emitter in under.emitters.iter().filter(|emitter| emitter.share >= LEAST_SHARE) {
-            let share = format!("{:.0} %", 100.0 * emitter.share);
-            rows.push(vec![format!("  {} in {}", emitter.fluorophore, emitter.layer), share]);
-        }
-        text += &align(&rows, &[]);
-    }
-    let own = found.own_absorption;
-    text += &format!(
-        "\nThe fluorophores' own absorption is part of the background. Added to it (quantum yields assumed), reflectance would \
-         change by up to {:+.1} %, fluorescence by {:+.1} %.\n",
-        100.0 * own.change_of_reflectance,
-        100.0 * own.change_of_fluorescence
-    );
-    text
 }

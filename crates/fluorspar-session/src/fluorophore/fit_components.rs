@@ -1,4 +1,4 @@
-//! What a measured spectrum may be made of, by the options of `fluorophore fit`.
+//! What a measured spectrum may be made of.
 
 use fluorspar::analysis::{BloodBefore, FitError, MixtureComponent, SpectralMixture};
 use fluorspar::names::did_you_mean;
@@ -8,11 +8,9 @@ use fluorspar::tissue::fit::Viewing;
 use fluorspar::tissue::{CachedSolutions, Site};
 use fluorspar_format::{NamedCurve, Negative, SpectrumOptions, read_spectra};
 
-use super::fit::Options;
+use super::fit::FitOptions;
 use super::loading::load;
-use crate::commands::tissue;
-use crate::error::CliError;
-use crate::named_spectra;
+use crate::{Job, SessionError, named_spectra, tissue};
 
 /// Largest optical density of blood that is looked for.
 const LARGEST_DENSITY: f64 = 40.0;
@@ -27,7 +25,7 @@ enum Place {
 
 /// All components, before they are asked for at some wavelengths.
 pub(super) struct Components<'a> {
-    options: &'a Options,
+    options: &'a FitOptions,
     place: Place,
     /// Irradiance behind the light's filters, W/(m² nm), and its sum, W/m²; of relative spectra of any scale.
     light: Option<(Curve, f64)>,
@@ -36,7 +34,7 @@ pub(super) struct Components<'a> {
 }
 
 impl<'a> Components<'a> {
-    pub(super) fn read(options: &'a Options) -> Result<Self, CliError> {
+    pub(super) fn read(options: &'a FitOptions, job: &Job<'_>) -> Result<Self, SessionError> {
         let place = match &options.tissue {
             Some(name) => Place::Tissue {
                 site: Box::new(tissue::site_named(name)?),
@@ -50,14 +48,20 @@ impl<'a> Components<'a> {
                 Place::Open(all)
             }
         };
-        let light = options.light.as_deref().map(|name| irradiance(options, name)).transpose()?;
+        let light = options.light.as_deref().map(|name| irradiance(options, name, job)).transpose()?;
         let strict =
             SpectrumOptions { negative: Negative::Keep, skip_empty_cells: true, ..Default::default() };
         let mut besides = Vec::new();
         for path in &options.component {
             besides.extend(read_spectra(path, &strict)?.curves);
         }
-        Ok(Self { options, place, light, filter: named_spectra::filters(&options.filter)?, besides })
+        Ok(Self {
+            options,
+            place,
+            light,
+            filter: named_spectra::filters(&options.view_filter, job)?,
+            besides,
+        })
     }
 
     /// Light and filters, for people.
@@ -69,9 +73,9 @@ impl<'a> Components<'a> {
             true => String::new(),
             false => format!(" through {}", behind(&self.options.light_filter)),
         };
-        let before = match self.options.filter.is_empty() {
+        let before = match self.options.view_filter.is_empty() {
             true => String::new(),
-            false => format!(", seen behind {}", behind(&self.options.filter)),
+            false => format!(", seen behind {}", behind(&self.options.view_filter)),
         };
         Some(format!("{light}{on_light}{before}"))
     }
@@ -105,7 +109,7 @@ impl<'a> Components<'a> {
     }
 
     /// The components at some wavelengths of a column.
-    pub(super) fn mixture(&self, nm: &[f64], column: &str) -> Result<SpectralMixture, CliError> {
+    pub(super) fn mixture(&self, nm: &[f64], column: &str) -> Result<SpectralMixture, SessionError> {
         let (mut components, mut blood) = match (&self.place, &self.light) {
             (Place::Open(all), Some((light, _))) => (self.in_the_open(all, light, nm), BloodBefore::None),
             (Place::Tissue { site, names }, Some(light)) => self.in_tissue(site, names, light, nm)?,
@@ -134,7 +138,7 @@ impl<'a> Components<'a> {
                 FitError::FewSamples { .. } => ": take components away, or use more wavelengths".into(),
                 _ => String::new(),
             };
-            CliError::Input(format!(
+            SessionError::Input(format!(
                 "{}, column \"{column}\": {error}{place}",
                 self.options.spectra.display()
             ))
@@ -160,7 +164,7 @@ impl<'a> Components<'a> {
         names: &[String],
         (light, irradiance_w_per_m2): &(Curve, f64),
         nm: &[f64],
-    ) -> Result<(Vec<MixtureComponent>, BloodBefore), CliError> {
+    ) -> Result<(Vec<MixtureComponent>, BloodBefore), SessionError> {
         let viewing = Viewing::new(light, self.filter.clone())?;
         let view =
             TissueView { viewing: &viewing, irradiance_w_per_m2: *irradiance_w_per_m2, wavelengths_nm: nm };
@@ -168,8 +172,8 @@ impl<'a> Components<'a> {
         let known: Vec<&str> = components.iter().map(|component| component.name.as_str()).collect();
         if let Some(unknown) = names.iter().find(|name| !known.contains(&name.as_str())) {
             let hint = did_you_mean(unknown, known.iter().copied());
-            return Err(CliError::Input(format!(
-                "--fluorophore {unknown}: {} does not hold it{hint} It holds {}",
+            return Err(SessionError::Input(format!(
+                "⟨fluorophore={unknown}⟩: {} does not hold it{hint} It holds {}",
                 site.name(),
                 known.join(", ")
             )));
@@ -183,10 +187,10 @@ impl<'a> Components<'a> {
         ))
     }
 
-    fn check_names(&self, components: &[MixtureComponent]) -> Result<(), CliError> {
+    fn check_names(&self, components: &[MixtureComponent]) -> Result<(), SessionError> {
         for (place, component) in components.iter().enumerate() {
             if components[..place].iter().any(|other| other.name == component.name) {
-                return Err(CliError::Input(format!(
+                return Err(SessionError::Input(format!(
                     "two components are named \"{}\"; leave one out, or rename the column",
                     component.name
                 )));
@@ -196,13 +200,13 @@ impl<'a> Components<'a> {
     }
 
     /// Numbers of the components below blood.
-    fn below_blood(&self, components: &[MixtureComponent]) -> Result<Vec<usize>, CliError> {
+    fn below_blood(&self, components: &[MixtureComponent]) -> Result<Vec<usize>, SessionError> {
         let number = |wanted: &String| {
             components.iter().position(|component| component.name == *wanted).ok_or_else(|| {
                 let known: Vec<&str> = components.iter().map(|component| component.name.as_str()).collect();
                 let hint = did_you_mean(wanted, known.iter().copied());
-                CliError::Input(format!(
-                    "--below-blood {wanted}: no component has this name{hint} There are {}",
+                SessionError::Input(format!(
+                    "⟨below_blood={wanted}⟩: no component has this name{hint} There are {}",
                     known.join(", ")
                 ))
             })
@@ -229,13 +233,13 @@ fn to_peak(components: &mut [MixtureComponent], blood: &mut BloodBefore) {
 }
 
 /// Irradiance behind the light's filters, and its sum, W/m².
-fn irradiance(options: &Options, name: &str) -> Result<(Curve, f64), CliError> {
-    let light = named_spectra::light(name)?.times(&named_spectra::filters(&options.light_filter)?);
+fn irradiance(options: &FitOptions, name: &str, job: &Job<'_>) -> Result<(Curve, f64), SessionError> {
+    let light = named_spectra::light(name, job)?.times(&named_spectra::filters(&options.light_filter, job)?);
     let (total, wanted) = (light.total(), options.irradiance.unwrap_or(1.0));
     if total > 0.0 {
         return Ok((light.scaled(wanted / total), wanted));
     }
-    Err(CliError::Input(format!(
-        "--light {name}: nothing of the light passes its filters; check --light-filter"
+    Err(SessionError::Input(format!(
+        "⟨light={name}⟩: nothing of the light passes its filters; check ⟨light_filter⟩"
     )))
 }

@@ -1,4 +1,4 @@
-//! The tissue that a command is about: a site of the catalogue, or a file of layers.
+//! The tissue that a task is about: a site of the catalogue, or a file of layers.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -8,57 +8,63 @@ use fluorspar::spectral::Fluorophore;
 use fluorspar::tissue::{LayeredTissue, Site, TissueState};
 use fluorspar_experiment::preset::fluorophore;
 use fluorspar_experiment::{NamedTissue, ResolvedEmission, ResolvedLayers, parse_layers, parse_tissue};
+use serde::Deserialize;
 
-use crate::error::CliError;
-use crate::experiment_source::read_text;
+use crate::SessionError;
+use crate::source::read_text;
 use crate::values::{self, check_range};
 
 /// Wavelengths at which tissue is known, nm.
 const WAVELENGTH_NM: [f64; 2] = [350.0, 1000.0];
 
 /// A fluorophore of the catalogue.
-pub(crate) fn find(name: &str) -> Option<Arc<Fluorophore>> {
+pub fn find(name: &str) -> Option<Arc<Fluorophore>> {
     Some(Arc::new(fluorophore(name).ok()?.fluorophore()))
 }
 
 /// A site in states, then with parameters changed by `NAME=VALUE`.
-fn changed(mut site: Site, states: &[String], changes: &[String]) -> Result<Site, CliError> {
+fn changed(mut site: Site, states: &[String], changes: &[String]) -> Result<Site, SessionError> {
     for state in states {
         site.apply(TissueState::named(state)?)?;
     }
     for change in changes {
         let (name, value) = change.split_once('=').ok_or_else(|| {
-            CliError::Input(format!("--set {change}: write NAME=VALUE, such as oxygen_saturation=0.9"))
+            SessionError::Input(format!("⟨set={change}⟩: write NAME=VALUE, such as oxygen_saturation=0.9"))
         })?;
-        let value = values::number(value).map_err(|why| CliError::Input(format!("--set {change}: {why}")))?;
+        let value =
+            values::number(value).map_err(|why| SessionError::Input(format!("⟨set={change}⟩: {why}")))?;
         site.set(name.trim(), value)?;
     }
     Ok(site)
 }
 
 /// A site of the catalogue, or a tissue of a file, with changes.
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct SiteArgs {
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct SiteOptions {
     /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file with one [[tissue]] section (.toml): a site, as
     /// `tissue fit` writes it, or layers.
     #[arg(value_name = "SITE|FILE", value_hint = ValueHint::FilePath)]
-    site: String,
+    pub site: String,
     /// State of the site: inflammation, hyperemia or dysplasia. May be repeated.
     #[arg(long, value_name = "STATE")]
-    state: Vec<String>,
+    pub state: Vec<String>,
     /// Change one value, a parameter of the site, for instance `--set superficial_blood_fraction=0.01`. May be repeated.
     #[arg(long = "set", value_name = "PATH=VALUE")]
-    set: Vec<String>,
+    pub set: Vec<String>,
 }
 
-impl SiteArgs {
+impl SiteOptions {
     /// The file that it is read from.
-    pub(super) fn file(&self) -> Option<PathBuf> {
+    pub(crate) fn file(&self) -> Option<PathBuf> {
         file_of(&self.site)
     }
 
     /// Name for people, and the tissue with its changes.
-    pub(super) fn resolve(&self) -> Result<(String, NamedTissue), CliError> {
+    ///
+    /// # Errors
+    /// A site, a state or a value that does not exist; a file that can't be read or holds none.
+    pub fn resolve(&self) -> Result<(String, NamedTissue), SessionError> {
         let (name, tissue) = match self.file() {
             None => {
                 let site = Site::named(&self.site)?;
@@ -67,19 +73,19 @@ impl SiteArgs {
             Some(path) => tissue_of_file(&read_text(&path)?, &path)?,
         };
         let NamedTissue::Site(site) = tissue else {
-            let option = if self.set.is_empty() { "--state" } else { "--set" };
+            let option = if self.set.is_empty() { "⟨state⟩" } else { "⟨set⟩" };
             if self.set.is_empty() && self.state.is_empty() {
                 return Ok((name, tissue));
             }
             let message = format!("{option}: {} describes its layers itself; change them there", self.site);
-            return Err(CliError::Input(message));
+            return Err(SessionError::Input(message));
         };
         let title = if self.state.is_empty() { name } else { format!("{name}, {}", self.state.join(", ")) };
         Ok((title, NamedTissue::Site(changed(site, &self.state, &self.set)?)))
     }
 
     /// The same for what needs the parameters of a site.
-    pub(super) fn resolve_site(&self) -> Result<(String, Site), CliError> {
+    pub(crate) fn resolve_site(&self) -> Result<(String, Site), SessionError> {
         match self.resolve()? {
             (title, NamedTissue::Site(site)) => Ok((title, site)),
             (title, NamedTissue::Layers { .. }) => {
@@ -88,20 +94,23 @@ impl SiteArgs {
                      \"dorsal_tongue\" or another instead",
                     self.site
                 );
-                Err(CliError::Input(message))
+                Err(SessionError::Input(message))
             }
         }
     }
 }
 
 /// A site of the catalogue, or that of a file.
-pub(crate) fn site_named(text: &str) -> Result<Site, CliError> {
-    let args = SiteArgs { site: text.into(), state: Vec::new(), set: Vec::new() };
+///
+/// # Errors
+/// A site that does not exist; a file that can't be read or holds none.
+pub fn site_named(text: &str) -> Result<Site, SessionError> {
+    let args = SiteOptions { site: text.into(), state: Vec::new(), set: Vec::new() };
     Ok(args.resolve_site()?.1)
 }
 
 /// The tissue of the text of a file with a `[[tissue]]` section.
-fn tissue_of_file(text: &str, path: &Path) -> Result<(String, NamedTissue), CliError> {
+fn tissue_of_file(text: &str, path: &Path) -> Result<(String, NamedTissue), SessionError> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Ok(parse_tissue(text, &path.display().to_string(), folder)?)
 }
@@ -114,40 +123,36 @@ fn file_of(text: &str) -> Option<PathBuf> {
 }
 
 /// Which tissue, at which wavelengths.
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct TissueArgs {
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct TissueOptions {
     /// Site of the catalogue, for instance dorsal_tongue, lip or tooth, or a file: with one [[tissue]] section, or of plane layers at
     /// one wavelength ([[layer]] sections).
     #[arg(value_name = "TISSUE", value_hint = ValueHint::FilePath)]
-    tissue: String,
+    pub tissue: String,
     /// Light of one wavelength on a tissue, nm.
     #[arg(long, alias = "wavelength-nm", value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
-    excitation_nm: Option<f64>,
+    pub excitation_nm: Option<f64>,
     /// Wavelength of the fluorescence of a tissue, nm, which is given per nm [default: no fluorescence].
     #[arg(long, value_name = "NM", requires = "excitation_nm", value_parser = values::number,
         allow_negative_numbers = true)]
-    emission_nm: Option<f64>,
+    pub emission_nm: Option<f64>,
     /// State of a site: inflammation, hyperemia or dysplasia. May be repeated.
     #[arg(long, value_name = "STATE")]
-    state: Vec<String>,
+    pub state: Vec<String>,
     /// Change one value: of a site `--set superficial_blood_fraction=0.01`, of a file
     /// `--set layer.epithelium.thickness_mm=0.2`. May be repeated.
     #[arg(long = "set", value_name = "PATH=VALUE")]
-    set: Vec<String>,
+    pub set: Vec<String>,
 }
 
-impl TissueArgs {
+impl TissueOptions {
     /// The file that it is read from.
-    pub(super) fn file(&self) -> Option<PathBuf> {
+    pub(crate) fn file(&self) -> Option<PathBuf> {
         file_of(&self.tissue)
     }
 
-    /// Wavelength of the emission where the fluorescence is per nm.
-    pub(super) fn emission_nm(&self) -> Option<f64> {
-        self.emission_nm
-    }
-
-    pub(super) fn resolve(&self) -> Result<ResolvedLayers, CliError> {
+    pub(crate) fn resolve(&self) -> Result<ResolvedLayers, SessionError> {
         let Some(path) = self.file() else {
             let site = changed(Site::named(&self.tissue)?, &self.state, &self.set)?;
             return self.at_wavelength(site.title(), &site.tissue(&find)?);
@@ -155,37 +160,37 @@ impl TissueArgs {
         let text = read_text(&path)?;
         if text.lines().any(|line| line.trim_start().starts_with("[[tissue]]")) {
             let args =
-                SiteArgs { site: self.tissue.clone(), state: self.state.clone(), set: self.set.clone() };
+                SiteOptions { site: self.tissue.clone(), state: self.state.clone(), set: self.set.clone() };
             let (title, tissue) = args.resolve()?;
             return self.at_wavelength(&title, &tissue.tissue(&find)?);
         }
         if let Some(option) =
-            [self.excitation_nm.map(|_| "--excitation-nm"), (!self.state.is_empty()).then_some("--state")]
+            [self.excitation_nm.map(|_| "⟨excitation_nm⟩"), (!self.state.is_empty()).then_some("⟨state⟩")]
                 .into_iter()
                 .flatten()
                 .next()
         {
             let message =
                 format!("{option}: a file of layers states its optical properties itself; leave it out");
-            return Err(CliError::Input(message));
+            return Err(SessionError::Input(message));
         }
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         Ok(parse_layers(&text, &self.tissue, folder, &self.set)?)
     }
 
     /// Layers at the wavelengths of the options.
-    fn at_wavelength(&self, title: &str, tissue: &LayeredTissue) -> Result<ResolvedLayers, CliError> {
+    fn at_wavelength(&self, title: &str, tissue: &LayeredTissue) -> Result<ResolvedLayers, SessionError> {
         let nm = self.excitation_nm.ok_or_else(|| {
-            let message = format!("{}: give the wavelength of the light, --excitation-nm 405", self.tissue);
-            CliError::Input(message)
+            let message = format!("{}: give the wavelength of the light, ⟨excitation_nm=405⟩", self.tissue);
+            SessionError::Input(message)
         })?;
-        check_range("--excitation-nm", nm, WAVELENGTH_NM, "nm")?;
+        check_range("excitation_nm", nm, WAVELENGTH_NM, "nm")?;
         let emission = self.emission_nm.map(|emission_nm| {
-            check_range("--emission-nm", emission_nm, WAVELENGTH_NM, "nm")?;
+            check_range("emission_nm", emission_nm, WAVELENGTH_NM, "nm")?;
             let strengths_per_mm = tissue.strengths_per_mm_nm(nm, emission_nm);
             if strengths_per_mm.iter().all(|strength| *strength == 0.0) {
-                let message = format!("--emission-nm {emission_nm}: nothing fluoresces there under {nm} nm");
-                return Err(CliError::Input(message));
+                let message = format!("⟨emission_nm={emission_nm}⟩: nothing fluoresces there under {nm} nm");
+                return Err(SessionError::Input(message));
             }
             Ok(ResolvedEmission { stack: tissue.optics(emission_nm), strengths_per_mm })
         });

@@ -14,19 +14,20 @@ use fluorspar_format::read_toml;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use super::file_options::{FileOptions, StokesChoice, Unit};
 use super::measured::{Kind, Measured, read};
-use super::{FileOptions, StokesChoice, Unit};
-use crate::commands::quoted;
-use crate::error::CliError;
-use crate::experiment_source::read_text;
+use crate::SessionError;
+use crate::source::read_text;
+use crate::values::quoted;
 
 /// A fluorophore at unit concentration and where it comes from.
-pub(super) struct Loaded {
-    pub(super) fluorophore: Fluorophore,
+pub struct Loaded {
+    /// At unit concentration.
+    pub fluorophore: Fluorophore,
     /// The entry of the catalogue.
-    pub(super) preset: Option<FluorophorePreset>,
+    pub preset: Option<FluorophorePreset>,
     /// What the file holds.
-    pub(super) measured: Option<Measured>,
+    pub measured: Option<Measured>,
 }
 
 #[derive(Serialize)]
@@ -51,13 +52,13 @@ struct NamedSection {
 }
 
 /// Sections as TOML.
-pub(super) fn section_toml(section: &FluorophoreSection) -> Result<String, CliError> {
+pub fn section_toml(section: &FluorophoreSection) -> Result<String, SessionError> {
     file_text(&Sections { fluorophore: [section.clone()] })
-        .map_err(|error| CliError::Failed(format!("the section can't be written: {error}")))
+        .map_err(|error| SessionError::Failed(format!("the section can't be written: {error}")))
 }
 
 /// By name of the catalogue, or from a file: one that holds measured values, or all of the `[[fluorophore]]` sections of a TOML file.
-pub(super) fn load(name: &str, options: &FileOptions) -> Result<Vec<Loaded>, CliError> {
+pub fn load(name: &str, options: &FileOptions) -> Result<Vec<Loaded>, SessionError> {
     let path = Path::new(name);
     let looks_like_file = path.extension().is_some() || name.contains(['/', '\\']) || path.is_file();
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
@@ -70,7 +71,7 @@ pub(super) fn load(name: &str, options: &FileOptions) -> Result<Vec<Loaded>, Cli
     }
     let preset = preset::fluorophore(name)?;
     if let Some(option) = options.first_given() {
-        return Err(CliError::Input(format!(
+        return Err(SessionError::Input(format!(
             "{option}: applies to files only, and {name} is in the catalogue; leave it out"
         )));
     }
@@ -78,8 +79,8 @@ pub(super) fn load(name: &str, options: &FileOptions) -> Result<Vec<Loaded>, Cli
 }
 
 /// The fluorophores of the sections of a file, as `import` writes it; an experiment has them, too.
-fn from_toml(path: &Path, options: &FileOptions) -> Result<Vec<Loaded>, CliError> {
-    let failed = |what: String| CliError::Input(format!("{}: {what}", path.display()));
+fn from_toml(path: &Path, options: &FileOptions) -> Result<Vec<Loaded>, SessionError> {
+    let failed = |what: String| SessionError::Input(format!("{}: {what}", path.display()));
     if let Some(option) = options.first_given() {
         return Err(failed(format!(
             "{option} applies to files of measured values; change the section in this file"
@@ -93,39 +94,39 @@ fn from_toml(path: &Path, options: &FileOptions) -> Result<Vec<Loaded>, CliError
         ));
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let load = |section: &NamedSection| -> Result<Loaded, CliError> {
+    let load = |section: &NamedSection| -> Result<Loaded, SessionError> {
         let name = section.name.as_deref();
         let name = name.ok_or_else(|| failed("a [[fluorophore]] has no name; give it one".into()))?;
         let text = toml::to_string(&json!({ "fluorophore": [section] }))
-            .map_err(|error| CliError::Failed(format!("the section can't be read: {error}")))?;
+            .map_err(|error| SessionError::Failed(format!("the section can't be read: {error}")))?;
         Ok(Loaded { fluorophore: as_sample(path, name, &text, folder)?, preset: None, measured: None })
     };
     file.fluorophore.iter().map(load).collect()
 }
 
 /// Reads a file strictly and makes its section, with an absolute path.
-pub(super) fn from_file(
+pub fn from_file(
     path: &Path,
     name: Option<&str>,
     options: &FileOptions,
-) -> Result<(FluorophoreSection, Measured), CliError> {
+) -> Result<(FluorophoreSection, Measured), SessionError> {
     let photon_yield = options.photon_yield.unwrap_or(ASSUMED_PHOTON_YIELD);
     if !(1e-12..=1.0).contains(&photon_yield) {
-        return Err(CliError::Input(format!(
-            "--photon-yield {}: must be between 1e-12 and 1 (photons out per photon in)",
+        return Err(SessionError::Input(format!(
+            "⟨photon_yield={}⟩: must be between 1e-12 and 1 (photons out per photon in)",
             number_text(photon_yield)
         )));
     }
     if path.is_dir() {
-        return Err(CliError::Input(format!("{}: this is a folder; give a file in it", path.display())));
+        return Err(SessionError::Input(format!("{}: this is a folder; give a file in it", path.display())));
     }
     let measured = read(path, options)?;
     let stem = path.file_stem().map_or_else(|| "imported".into(), |stem| stem.to_string_lossy().into_owned());
     let of_file = || measured.name.clone().or_else(|| options.sample.clone());
     let name = name.map(String::from).or_else(of_file).unwrap_or(stem);
     if name.trim().is_empty() {
-        return Err(CliError::Input(
-            "--name: the name is empty; give one that materials can refer to".into(),
+        return Err(SessionError::Input(
+            "⟨name⟩: the name is empty; give one that materials can refer to".into(),
         ));
     }
     let file = std::path::absolute(path).unwrap_or_else(|_| path.into());
@@ -156,12 +157,12 @@ pub(super) fn from_file(
 }
 
 /// The fluorophore that an experiment makes of a section: on a black surface, at concentration 1.
-pub(super) fn checked(path: &Path, section: &FluorophoreSection) -> Result<Fluorophore, CliError> {
+pub fn checked(path: &Path, section: &FluorophoreSection) -> Result<Fluorophore, SessionError> {
     as_sample(path, &section.name, &section_toml(section)?, Path::new("."))
 }
 
 /// The same of a section as TOML, whose paths start at a folder.
-fn as_sample(path: &Path, name: &str, section: &str, folder: &Path) -> Result<Fluorophore, CliError> {
+fn as_sample(path: &Path, name: &str, section: &str, folder: &Path) -> Result<Fluorophore, SessionError> {
     let text = format!(
         "format = 1\n[light]\nspectrum = \"equal_energy\"\nstrength.irradiance_w_per_m2 = 1.0\n[sample]\nreflectance = 0.0\n\
          [sample.concentrations]\n{} = 1.0\n{section}",
@@ -169,16 +170,16 @@ fn as_sample(path: &Path, name: &str, section: &str, folder: &Path) -> Result<Fl
     );
     let sample = parse_sample(&text, &path.display().to_string(), folder, &[]).map_err(|error| {
         let details = error.details();
-        CliError::Input(format!("{}: {}", path.display(), details.message))
+        SessionError::Input(format!("{}: {}", path.display(), details.message))
     })?;
     let found = sample.sample.fluorophores.into_iter().next();
     found
         .map(|(fluorophore, _)| fluorophore)
-        .ok_or_else(|| CliError::Failed(format!("{}: the file gave no fluorophore", path.display())))
+        .ok_or_else(|| SessionError::Failed(format!("{}: the file gave no fluorophore", path.display())))
 }
 
 /// Where a fluorophore emits at all, nm: a model beyond its data, too.
-pub(super) fn everywhere_nm(fluorophore: &Fluorophore) -> (f64, f64) {
+pub fn everywhere_nm(fluorophore: &Fluorophore) -> (f64, f64) {
     match fluorophore.eem.density() {
         YieldDensity::Separable(_) => (200.0, 1200.0),
         YieldDensity::Table(_) => fluorophore.emission_range_nm,
@@ -186,7 +187,7 @@ pub(super) fn everywhere_nm(fluorophore: &Fluorophore) -> (f64, f64) {
 }
 
 /// Excitation with the largest yield, and where the emission under it is largest, nm.
-pub(super) fn peaks_nm(fluorophore: &Fluorophore) -> [f64; 2] {
+pub fn peaks_nm(fluorophore: &Fluorophore) -> [f64; 2] {
     let nodes = |(first, last): (f64, f64)| -> Vec<f64> {
         (0..=(last - first).floor().max(1.0) as usize).map(|i| (first + i as f64).min(last)).collect()
     };
@@ -200,7 +201,7 @@ pub(super) fn peaks_nm(fluorophore: &Fluorophore) -> [f64; 2] {
 }
 
 /// Where the emission under one excitation is largest, nm.
-pub(super) fn emission_peak_nm(fluorophore: &Fluorophore, excitation_nm: f64) -> f64 {
+pub fn emission_peak_nm(fluorophore: &Fluorophore, excitation_nm: f64) -> f64 {
     let (first, last) = fluorophore.emission_range_nm;
     let mut best = (f64::NAN, 0.0);
     for i in 0..=(last - first).floor().max(1.0) as usize {

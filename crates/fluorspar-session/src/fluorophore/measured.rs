@@ -2,17 +2,16 @@
 
 use std::path::Path;
 
+use fluorspar::quote::shell_word;
+use fluorspar_experiment::schema::EmptyCellsChoice;
 use fluorspar_format::{
     AntiStokes, CsvEemOptions, CutTo, EemUnit, FormatError, LeastCuts, MOST_CUT_NM, MeasuredEem, Negative,
     ScatterCut, names_excitation_and_emission, read_eem_csv, read_fluorophore_csv, read_iset_fluorophore,
     read_start, refuse_scattered_light,
 };
 
-use fluorspar_experiment::schema::EmptyCellsChoice;
-
-use super::{Empty, FileOptions, StokesChoice, Unit};
-use crate::commands::shell_word;
-use crate::error::CliError;
+use super::file_options::{Empty, FileOptions, StokesChoice, Unit};
+use crate::SessionError;
 
 /// Largest share of the peak that a value below its excitation may have, as the reader of matrices has it.
 const ANTI_STOKES_TOLERANCE: f64 = 1e-3;
@@ -21,7 +20,7 @@ const HEADER_BYTES: u64 = 1 << 20;
 
 /// Which reader a file needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub enum Kind {
     /// Rows emission, columns excitation.
     MatrixCsv,
     /// Columns wavelength, excitation, emission.
@@ -38,19 +37,21 @@ struct Matrix {
 }
 
 /// What a file holds.
-pub(super) struct Measured {
-    pub(super) kind: Kind,
+pub struct Measured {
+    /// Which reader read it.
+    pub kind: Kind,
     /// Name that the file gives itself.
-    pub(super) name: Option<String>,
-    pub(super) unit: Unit,
+    pub name: Option<String>,
+    /// What its values count.
+    pub unit: Unit,
     /// Pairs of what and how much, for people.
-    pub(super) findings: Vec<(String, String)>,
+    pub findings: Vec<(String, String)>,
     /// What was made of its cells, a line each; empty where they are as measured.
-    pub(super) changed: Vec<String>,
+    pub changed: Vec<String>,
     /// What is accepted and should not be.
-    pub(super) warnings: Vec<String>,
+    pub warnings: Vec<String>,
     /// The matrix whose scattered light was cut out, where that was wanted.
-    pub(super) without_scatter: Option<MeasuredEem>,
+    pub without_scatter: Option<MeasuredEem>,
 }
 
 impl Measured {
@@ -70,27 +71,27 @@ impl From<Unit> for EemUnit {
 }
 
 /// Reads a file with every check that the options leave on.
-pub(super) fn read(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
+pub(super) fn read(path: &Path, options: &FileOptions) -> Result<Measured, SessionError> {
     let kind = kind_of(path);
     if options.cut.is_some() && kind != Kind::MatrixCsv {
-        return Err(CliError::Input(format!(
-            "--cut-scatter: {} is no matrix as CSV, and holds no line of scattered light that could be cut; leave it out",
+        return Err(SessionError::Input(format!(
+            "⟨cut_scatter⟩: {} is no matrix as CSV, and holds no line of scattered light that could be cut; leave it out",
             path.display()
         )));
     }
     if options.sample.is_some() && kind == Kind::Mat {
-        return Err(CliError::Input(format!(
-            "--sample: {} is a MATLAB file, of one fluorophore; leave it out",
+        return Err(SessionError::Input(format!(
+            "⟨sample⟩: {} is a MATLAB file, of one fluorophore; leave it out",
             path.display()
         )));
     }
     read_kind(kind, path, options).map_err(|error| match error {
-        CliError::Format(error) => explained(kind, path, options, error),
+        SessionError::Format(error) => explained(kind, path, options, error),
         other => other,
     })
 }
 
-fn read_kind(kind: Kind, path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
+fn read_kind(kind: Kind, path: &Path, options: &FileOptions) -> Result<Measured, SessionError> {
     match kind {
         Kind::MatrixCsv => matrix_csv(path, options),
         Kind::SpectraCsv => spectra_csv(path, options),
@@ -100,7 +101,7 @@ fn read_kind(kind: Kind, path: &Path, options: &FileOptions) -> Result<Measured,
 
 /// A refusal with the option that lets the file pass, and where one is not enough, with what would be refused after it and the command that has
 /// all of them: who follows it should not meet one refusal after another.
-fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError) -> CliError {
+fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError) -> SessionError {
     let mut tried = options.clone();
     let (mut text, mut fixes, mut passes) = (String::new(), 0, false);
     let mut next = Some(error);
@@ -128,18 +129,18 @@ fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError)
         }
         match read_kind(kind, path, &tried) {
             Ok(_) => passes = true,
-            Err(CliError::Format(error)) => next = Some(error),
+            Err(SessionError::Format(error)) => next = Some(error),
             Err(_) => {}
         }
     }
     if passes && (fixes > 1 || tried.cut.is_some()) {
         let unit = match (options.yield_unit, tried.yield_unit) {
-            (None, Some(_)) => ", or with --yield-unit energy where the values are energies",
+            (None, Some(_)) => ", or with ⟨yield_unit=energy⟩ where the values are energies",
             _ => "",
         };
         text += &format!(". To import the file, run: `{}`{unit}", import_command(path, &tried));
     }
-    CliError::Input(text)
+    SessionError::Input(text)
 }
 
 /// What is done about a refusal.
@@ -161,29 +162,29 @@ fn cured(kind: Kind, path: &Path, error: &FormatError, tried: &mut FileOptions) 
     match error.first() {
         FormatError::Unit { .. } if tried.yield_unit.is_none() => {
             tried.yield_unit = Some(Unit::Photons);
-            Cure::option("--yield-unit photons or --yield-unit energy")
+            Cure::option("⟨yield_unit=photons⟩ or ⟨yield_unit=energy⟩")
         }
         FormatError::AntiStokes { .. } | FormatError::ScatteredLight { .. } if !tried.allow_anti_stokes => {
             match kind {
                 Kind::MatrixCsv => scatter_cured(path, tried),
                 _ => {
                     tried.allow_anti_stokes = true;
-                    Cure::option("--allow-anti-stokes")
+                    Cure::option("⟨allow_anti_stokes⟩")
                 }
             }
         }
         FormatError::Samples { names, .. } if tried.sample.is_none() => {
             tried.sample = names.first().cloned();
-            Cure::option(format!("--sample {}", shell_word(tried.sample.as_deref().unwrap_or_default())))
+            Cure::option(format!("⟨sample={}⟩", shell_word(tried.sample.as_deref().unwrap_or_default())))
         }
         FormatError::Negative { .. } if !tried.allow_negative => {
             tried.allow_negative = true;
-            Cure::option("--allow-negative")
+            Cure::option("⟨allow_negative⟩")
         }
         FormatError::EmptyCell { .. } if tried.empty_cells == Empty::Refuse => {
             tried.empty_cells = Empty::Interpolate;
             Cure::option(
-                "--empty-cells interpolate fills them along the emission, --empty-cells zero says that nothing fluoresces there",
+                "⟨empty_cells=interpolate⟩ fills them along the emission, ⟨empty_cells=zero⟩ says that nothing fluoresces there",
             )
         }
         _ => None,
@@ -202,14 +203,14 @@ fn scatter_cured(path: &Path, tried: &mut FileOptions) -> Option<Cure> {
     if let Some(nm) = for_all.filter(|all| for_tails.is_some_and(|tails| *all <= tails + BANDPASS_NM)) {
         tried.cut = cut(nm);
         return Cure::option(format!(
-            "`fluorophore import --cut-scatter {nm}` is the narrowest band that removes it; --allow-anti-stokes keeps the values"
+            "`fluorophore import --cut-scatter {nm}` is the narrowest band that removes it; ⟨allow_anti_stokes⟩ keeps the values"
         ));
     }
     let (nm, removes) = match (for_tails, for_lines) {
         (Some(nm), _) => {
-            (nm, "removes the lines with their tails; --allow-anti-stokes keeps the noise of single cells")
+            (nm, "removes the lines with their tails; ⟨allow_anti_stokes⟩ keeps the noise of single cells")
         }
-        (None, Some(nm)) => (nm, "removes the lines; --allow-anti-stokes keeps their tails"),
+        (None, Some(nm)) => (nm, "removes the lines; ⟨allow_anti_stokes⟩ keeps their tails"),
         (None, None) => {
             let words = format!(
                 "no band of `fluorophore import --cut-scatter` up to {MOST_CUT_NM} nm leaves a dye: emission that keeps its place while the excitation moves"
@@ -280,12 +281,12 @@ fn negative(options: &FileOptions) -> Negative {
 }
 
 /// The unit of a matrix, which must be known.
-fn stated_unit(path: &Path, unit: EemUnit) -> Result<Unit, CliError> {
+fn stated_unit(path: &Path, unit: EemUnit) -> Result<Unit, SessionError> {
     match unit {
         EemUnit::Photons => Ok(Unit::Photons),
         EemUnit::Energy => Ok(Unit::Energy),
-        EemUnit::Unknown => Err(CliError::Input(format!(
-            "{}: the file says that the unit of its values is unknown. Decide with --yield-unit photons or --yield-unit energy",
+        EemUnit::Unknown => Err(SessionError::Input(format!(
+            "{}: the file says that the unit of its values is unknown. Decide with ⟨yield_unit=photons⟩ or ⟨yield_unit=energy⟩",
             path.display()
         ))),
     }
@@ -307,7 +308,7 @@ fn csv_options(options: &FileOptions) -> CsvEemOptions {
     }
 }
 
-fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
+fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, SessionError> {
     let read = read_eem_csv(path, &csv_options(options))?;
     let unit = stated_unit(path, read.unit)?;
     let without_scatter = options.cut.map(|_| MeasuredEem { unit: unit.into(), ..read.clone() });
@@ -398,7 +399,7 @@ fn negative_cells((count, lowest): (usize, f64), peak: f64) -> String {
     )
 }
 
-fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
+fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured, SessionError> {
     let read = read_fluorophore_csv(path, negative(options), options.sample.as_deref())?;
     if read.emission_only {
         return Err(emission_only(path));
@@ -422,15 +423,15 @@ fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured, CliError>
     Ok(Measured::as_it_is(Kind::SpectraCsv, None, unit, findings))
 }
 
-fn mat(path: &Path, options: &FileOptions) -> Result<Measured, CliError> {
+fn mat(path: &Path, options: &FileOptions) -> Result<Measured, SessionError> {
     let read = read_iset_fluorophore(path)?;
     if read.emission_only {
         return Err(emission_only(path));
     }
     let refuse_negative = |what: &str, values: &[f64]| match values.iter().position(|value| *value < 0.0) {
-        Some(index) if !options.allow_negative => Err(CliError::Input(format!(
+        Some(index) if !options.allow_negative => Err(SessionError::Input(format!(
             "{}: value {} of \"{what}\" is {}, below zero. Subtract the background correctly, or take negative values as \
-             zero with --allow-negative",
+             zero with ⟨allow_negative⟩",
             path.display(),
             index + 1,
             values[index]
@@ -491,8 +492,8 @@ fn taken_as(unit: Unit, given: bool) -> String {
     format!("{} ({})", word(unit), if given { "as given" } else { "assumed; --yield-unit energy changes it" })
 }
 
-fn emission_only(path: &Path) -> CliError {
-    CliError::Input(format!(
+fn emission_only(path: &Path) -> SessionError {
+    SessionError::Input(format!(
         "{}: the excitation is missing or the same everywhere: it was never measured, and only the shape of the emission means \
          anything. Take a measured excitation from elsewhere and name both files in the experiment: excitation_csv, emission_csv",
         path.display()
@@ -500,8 +501,8 @@ fn emission_only(path: &Path) -> CliError {
 }
 
 /// A part of a fluorophore that is zero everywhere.
-fn nothing(path: &Path, what: &str) -> CliError {
-    CliError::Input(format!(
+fn nothing(path: &Path, what: &str) -> SessionError {
+    SessionError::Input(format!(
         "{}: {what} is zero at every wavelength. Check the column or export it again",
         path.display()
     ))
@@ -542,10 +543,10 @@ fn refuse_anti_stokes(path: &Path, matrix: &Matrix) -> Result<(), FormatError> {
 }
 
 /// Grid, peak and anti-Stokes share of a matrix.
-fn describe(path: &Path, matrix: &Matrix, findings: &mut Vec<(String, String)>) -> Result<(), CliError> {
+fn describe(path: &Path, matrix: &Matrix, findings: &mut Vec<(String, String)>) -> Result<(), SessionError> {
     for (name, axis) in [("excitation", &matrix.excitation_nm), ("emission", &matrix.emission_nm)] {
         let (Some(first), Some(last), true) = (axis.first(), axis.last(), axis.len() > 1) else {
-            return Err(CliError::Input(format!(
+            return Err(SessionError::Input(format!(
                 "{}: a matrix needs at least two {name} wavelengths; this one has {}. Measure at more of them, or give excitation and emission spectra as the \
                  columns wavelength_nm, excitation, emission",
                 path.display(),

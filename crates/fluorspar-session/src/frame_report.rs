@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use fluorspar::analysis::Analysis;
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, AnalyzedRegion, CapturedFrame, ColorRendering, Evaluation, assess_safety, evaluate_frames,
@@ -11,34 +10,30 @@ use fluorspar::pipeline::{
 use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
 use fluorspar_format::FrameFact;
-use fluorspar_report::{
-    FrameOrigin, NumberMatrix, RunResults, dark_frames, regions_matrix, write_frame_report,
-};
+use fluorspar_report::{FrameOrigin, RunResults, dark_frames, write_frame_report};
 
-use super::table::align;
-use crate::error::CliError;
-use crate::message::Messages;
+use crate::{Job, SessionError};
 
 /// What the report of frames is made from.
-pub(super) struct FrameReport<'a> {
-    pub(super) experiment: &'a ResolvedExperiment,
-    pub(super) experiment_text: &'a str,
-    pub(super) frames: Vec<CapturedFrame>,
-    pub(super) analysis: Option<AnalyzedFrame>,
+pub(crate) struct FrameReport<'a> {
+    pub(crate) experiment: &'a ResolvedExperiment,
+    pub(crate) experiment_text: &'a str,
+    pub(crate) frames: Vec<CapturedFrame>,
+    pub(crate) analysis: Option<AnalyzedFrame>,
     /// Regions beside that of the analysis.
-    pub(super) regions: Vec<AnalyzedRegion>,
+    pub(crate) regions: Vec<AnalyzedRegion>,
     /// What the frames show, with its spectra; `None` where it is not known.
-    pub(super) components: Option<&'a ComponentImage>,
-    pub(super) frames_from: FrameOrigin,
+    pub(crate) components: Option<&'a ComponentImage>,
+    pub(crate) frames_from: FrameOrigin,
     /// What the frames are that were given, by file.
-    pub(super) described_frames: Vec<(String, Vec<FrameFact>)>,
+    pub(crate) described_frames: Vec<(String, Vec<FrameFact>)>,
     /// Ending of the raw files beside the report.
-    pub(super) raw_ending: Option<&'a str>,
+    pub(crate) raw_ending: Option<&'a str>,
 }
 
 impl FrameReport<'_> {
     /// Writes `report.html`, previews and figures into a folder. Returns what they are made from.
-    pub(super) fn write(self, folder: &Path) -> Result<Evaluation, CliError> {
+    pub(crate) fn write(self, folder: &Path) -> Result<Evaluation, SessionError> {
         let study = &self.experiment.study;
         let evaluation = match self.components {
             Some(components) => evaluate_frames(study, components, self.frames, self.analysis, self.regions)?,
@@ -89,32 +84,8 @@ fn without_spectra(
     }
 }
 
-/// The regions of a frame as lines; empty where there is only that of the analysis.
-pub(super) fn regions_table(
-    experiment: &ResolvedExperiment,
-    analysis: &Analysis,
-    regions: &[AnalyzedRegion],
-) -> String {
-    let Some(NumberMatrix { caption, columns, rows, note }) = regions_matrix(experiment, analysis, regions)
-    else {
-        return String::new();
-    };
-    let cells: Vec<Vec<String>> = std::iter::once(columns).chain(rows).collect();
-    format!("\n{caption}\n{}{note}\n", align(&cells, &[0, 2]))
-}
-
-/// What is assumed of the tissue, as a line.
-pub(super) fn assumed_tissue(analysis: &Analysis) -> Option<String> {
-    let prior = &analysis.posterior.as_ref()?.prior;
-    Some(format!("  Assumed of the tissue: {}", prior.replace('_', " ")))
-}
-
 /// Warns of frames that see next to nothing.
-pub(super) fn warn_of_darkness(
-    experiment: &ResolvedExperiment,
-    frames: &[CapturedFrame],
-    messages: Messages,
-) {
+pub(crate) fn warn_of_darkness(experiment: &ResolvedExperiment, frames: &[CapturedFrame], job: &Job<'_>) {
     let warnings: Vec<Warning> = dark_frames(experiment, frames).into_iter().map(Warning::from).collect();
-    messages.warnings(&warnings);
+    job.warn(&warnings);
 }

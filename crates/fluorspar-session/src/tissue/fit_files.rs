@@ -1,4 +1,4 @@
-//! What a fit of tissue found: text, JSON, a section of an experiment, a table and a figure.
+//! A fitted tissue: JSON, a section of an experiment, a table and a figure.
 
 use fluorspar::tissue::fit::{Fit, FittedParameter, FittedSpectrum};
 use fluorspar::tissue::{Site, TissueError};
@@ -6,13 +6,27 @@ use fluorspar::units::number_text;
 use fluorspar_format::csv_cell;
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{SpectrumFit, spectrum_fits};
+use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
-use crate::commands::quoted;
-use crate::commands::table::{align, short};
+use crate::values::{quoted, short};
 
-/// Above this share of the prior's standard deviation the data said little.
-const UNSEEN: f64 = 0.9;
+/// A tissue whose parameters were fitted to spectra.
+#[derive(Clone, Debug)]
+pub struct FittedTissue {
+    /// Name in files.
+    pub name: String,
+    /// Name for people.
+    pub title: String,
+    /// Parameters with intervals, and the spectra as the tissue has them.
+    pub fit: Fit,
+}
+
+impl Serialize for FittedTissue {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        as_json(self).serialize(serializer)
+    }
+}
 
 /// Six digits.
 fn rounded(value: f64) -> String {
@@ -21,7 +35,7 @@ fn rounded(value: f64) -> String {
 }
 
 /// A `[[tissue]]` section: every parameter in which the fitted tissue differs from its site.
-pub(super) fn section(name: &str, found: &Fit) -> Result<String, TissueError> {
+pub(super) fn section(FittedTissue { name, fit: found, .. }: &FittedTissue) -> Result<String, TissueError> {
     let site = &found.site;
     let original = Site::named(site.name())?;
     let mut text = format!(
@@ -44,7 +58,7 @@ pub(super) fn section(name: &str, found: &Fit) -> Result<String, TissueError> {
     Ok(text)
 }
 
-pub(super) fn as_json(name: &str, found: &Fit) -> Value {
+fn as_json(FittedTissue { name, fit: found, .. }: &FittedTissue) -> Value {
     let parameter = |p: &FittedParameter| {
         json!({
             "name": p.name,
@@ -82,7 +96,7 @@ pub(super) fn as_json(name: &str, found: &Fit) -> Value {
 }
 
 /// Measured and model, wavelength by wavelength.
-pub(super) fn residuals(found: &Fit) -> String {
+pub(super) fn residuals(FittedTissue { fit: found, .. }: &FittedTissue) -> String {
     let mut table = "spectrum,wavelength_nm,measured,model,difference\n".to_string();
     for spectrum in &found.spectra {
         let name = csv_cell(&spectrum.name);
@@ -95,7 +109,7 @@ pub(super) fn residuals(found: &Fit) -> String {
     table
 }
 
-pub(super) fn figure(title: &str, found: &Fit) -> Figure {
+pub(super) fn figure(FittedTissue { title, fit: found, .. }: &FittedTissue) -> Figure {
     let fits: Vec<SpectrumFit> = found
         .spectra
         .iter()
@@ -107,55 +121,4 @@ pub(super) fn figure(title: &str, found: &Fit) -> Figure {
         })
         .collect();
     spectrum_fits(&format!("Fit of {title}"), &fits)
-}
-
-/// Where a spectrum is off most: wavelength, and difference relative to the root mean square of the spectrum.
-fn worst(spectrum: &FittedSpectrum) -> (f64, f64) {
-    let count = spectrum.measured.len() as f64;
-    let level = (spectrum.measured.iter().map(|v| v * v).sum::<f64>() / count).sqrt();
-    let differences = spectrum.model.iter().zip(&spectrum.measured).map(|(model, v)| (model - v) / level);
-    let most = |a: (f64, f64), b: (f64, f64)| if b.1.abs() > a.1.abs() { b } else { a };
-    spectrum.wavelengths_nm.iter().copied().zip(differences).fold((0.0, 0.0), most)
-}
-
-pub(super) fn describe(title: &str, found: &Fit) -> String {
-    format!(
-        "{title} ({}), fitted in {} steps\n\n{}\n{}",
-        found.site.name(),
-        found.steps,
-        align(&parameter_rows(found), &[7]),
-        align(&spectrum_rows(found), &[])
-    )
-}
-
-/// The fitted parameters, below their heads.
-fn parameter_rows(found: &Fit) -> Vec<Vec<String>> {
-    let heads = ["parameter", "value", "95 % from", "to", "prior", "from", "to", ""];
-    let mut rows = vec![heads.map(String::from).to_vec()];
-    rows.extend(found.parameters.iter().map(|p| {
-        let [low, high] = p.interval_95.map(short);
-        let [prior_low, prior_high] = p.prior_interval_95.map(short);
-        let unseen = if p.relative_deviation > UNSEEN { "not seen in these spectra" } else { "" };
-        vec![p.name.into(), short(p.value), low, high, short(p.prior), prior_low, prior_high, unseen.into()]
-    }));
-    rows
-}
-
-/// How well each spectrum is met, below the heads.
-fn spectrum_rows(found: &Fit) -> Vec<Vec<String>> {
-    let mut rows = vec![["spectrum", "relative rms", "most", "at nm", "scale"].map(String::from).to_vec()];
-    rows.extend(found.spectra.iter().map(|spectrum| {
-        let (nm, difference) = worst(spectrum);
-        let scale = spectrum.scale_interval_95.map_or_else(String::new, |[low, high]| {
-            format!("{} ({} to {})", short(spectrum.scale), short(low), short(high))
-        });
-        vec![
-            spectrum.name.clone(),
-            format!("{:.1} %", 100.0 * spectrum.relative_rms()),
-            format!("{:+.1} %", 100.0 * difference),
-            number_text(nm),
-            scale,
-        ]
-    }));
-    rows
 }

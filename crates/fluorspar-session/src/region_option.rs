@@ -1,33 +1,32 @@
-//! Regions beside that of `[analysis]`: `--named-region NAME=WHERE`.
+//! Regions beside that of `[analysis]`, as `NAME=WHERE`.
 
 use std::path::Path;
 
 use fluorspar_experiment::Experiment;
 use fluorspar_format::read_toml;
 
-use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
-use crate::values::Override;
+use crate::values::{Override, quoted};
+use crate::{ExperimentSource, SessionError};
 
 /// A region as it was typed.
 #[derive(Clone, Debug)]
-pub(super) struct RegionOption {
-    pub(super) name: String,
-    /// `--named-region` with its value.
+pub(crate) struct RegionOption {
+    pub(crate) name: String,
+    /// The option with its value.
     typed: String,
     /// Fields of `[analysis]` and their values.
     fields: Vec<(String, String)>,
 }
 
 /// Reads the regions of the command line.
-pub(super) fn region_options(texts: &[String]) -> Result<Vec<RegionOption>, CliError> {
+pub(crate) fn region_options(texts: &[String]) -> Result<Vec<RegionOption>, SessionError> {
     let mut regions: Vec<RegionOption> = Vec::with_capacity(texts.len());
     for text in texts {
         let region = region_option(text)?;
         if regions.iter().any(|other| other.name == region.name) {
             let name = &region.name;
-            return Err(CliError::Input(format!(
-                "--named-region {text}: there are two regions \"{name}\"; rename one"
+            return Err(SessionError::Input(format!(
+                "⟨named_region={text}⟩: there are two regions \"{name}\"; rename one"
             )));
         }
         regions.push(region);
@@ -35,10 +34,10 @@ pub(super) fn region_options(texts: &[String]) -> Result<Vec<RegionOption>, CliE
     Ok(regions)
 }
 
-fn region_option(text: &str) -> Result<RegionOption, CliError> {
+fn region_option(text: &str) -> Result<RegionOption, SessionError> {
     let wrong = |why: &str| {
-        CliError::Input(format!(
-            "--named-region {text}: {why}; write a name and parts, a rectangle (column, row, width, height), a polygon, a mask or fields of [analysis]: \
+        SessionError::Input(format!(
+            "⟨named_region={text}⟩: {why}; write a name and parts, a rectangle (column, row, width, height), a polygon, a mask or fields of [analysis]: \
              lip=lower_lip, lip=430,350,100,80, 'lip=[[430,350],[530,350],[480,450]]', lip=mask.png, 'lip={{parts=[\"lower_lip\"], inset_px=3}}'"
         ))
     };
@@ -50,7 +49,7 @@ fn region_option(text: &str) -> Result<RegionOption, CliError> {
     if name.contains('"') {
         return Err(wrong("a name has no quotation marks"));
     }
-    let quoted = |part: &str| super::quoted(part.trim());
+    let in_quotes = |part: &str| quoted(part.trim());
     let is_mask = |path: &Path| {
         let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
         ending.is_some_and(|ending| ["png", "tif", "tiff", "npy"].contains(&ending.as_str()))
@@ -66,15 +65,15 @@ fn region_option(text: &str) -> Result<RegionOption, CliError> {
     } else if words.iter().all(is_number) {
         vec![("rectangle_px".into(), format!("[{place}]"))]
     } else if is_mask(Path::new(place)) {
-        vec![("mask".into(), quoted(place))]
+        vec![("mask".into(), in_quotes(place))]
     } else {
-        let parts: Vec<String> = words.iter().map(|word| quoted(word)).collect();
+        let parts: Vec<String> = words.iter().map(|word| in_quotes(word)).collect();
         vec![("parts".into(), format!("[{}]", parts.join(", ")))]
     };
     if let Some((field, _)) = fields.iter().find(|(field, _)| field == "frame" || field == "compared_px") {
         return Err(wrong(&format!("{field} is of the whole analysis, not of a region")));
     }
-    Ok(RegionOption { name: name.into(), typed: format!("--named-region {text}"), fields })
+    Ok(RegionOption { name: name.into(), typed: format!("⟨named_region={text}⟩"), fields })
 }
 
 /// The fields of an inline table.
@@ -88,7 +87,7 @@ impl RegionOption {
     /// The changes that add this region to an experiment, in place of one of its name. None where nothing is analyzed.
     fn overrides(&self, experiment: &Experiment) -> Vec<Override> {
         let Some(analysis) = &experiment.file.analysis else { return Vec::new() };
-        let path = format!("analysis.region.{}", super::quoted(&self.name));
+        let path = format!("analysis.region.{}", quoted(&self.name));
         let replaced = analysis.region.iter().any(|region| region.name == self.name);
         let fields: Vec<String> =
             self.fields.iter().map(|(field, value)| format!("{field} = {value}")).collect();
@@ -99,11 +98,11 @@ impl RegionOption {
 }
 
 /// An experiment with further regions, and all its changes. It keeps its title: regions make no other experiment.
-pub(super) fn with_regions(
+pub(crate) fn with_regions(
     source: &ExperimentSource,
     (experiment, overrides): (&Experiment, &[Override]),
     regions: &[RegionOption],
-) -> Result<(Experiment, Vec<Override>), CliError> {
+) -> Result<(Experiment, Vec<Override>), SessionError> {
     let added = regions.iter().flat_map(|region| region.overrides(experiment));
     let all: Vec<Override> = overrides.iter().cloned().chain(added).collect();
     let mut with_all = source.parse(&all)?;
@@ -130,7 +129,7 @@ mod tests {
         for text in ["lip", "=lip", "lip=", "a={parts=", "a={frame=\"white\"}", "a\"b=lip"] {
             let error = region_option(text).unwrap_err().to_string();
             assert!(
-                error.contains(&format!("--named-region {text}: ")) && error.contains("lip=lower_lip"),
+                error.contains(&format!("⟨named_region={text}⟩: ")) && error.contains("lip=lower_lip"),
                 "{error}"
             );
         }

@@ -7,12 +7,11 @@ use fluorspar::render::{FilmRenderer, Share, basis_bytes, memory_bytes, surface_
 use fluorspar::study::Study;
 use fluorspar::units::{memory_text, memory_texts};
 use fluorspar_experiment::{ResolvedExperiment, cache};
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::json;
 
-use crate::error::CliError;
-use crate::message::Messages;
-use crate::progress::duration;
-use crate::values::{self, Override};
+use crate::values::{self, Override, duration};
+use crate::{Listener, SessionError};
 
 /// Memory of the program itself with its catalogue, bytes, as measured.
 const PROGRAM_BYTES: u64 = 44 << 20;
@@ -20,35 +19,36 @@ const PROGRAM_BYTES: u64 = 44 << 20;
 const CONVERSION_BYTES: u64 = 64 << 20;
 
 /// What a render may take.
-#[derive(Clone, Debug, Default, clap::Args)]
-pub(crate) struct Limits {
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct Limits {
     /// Refuse work that would need more memory than this, for instance 8GiB.
     #[arg(long, value_name = "SIZE", value_parser = values::size, allow_negative_numbers = true)]
-    max_memory: Option<u64>,
+    pub max_memory: Option<u64>,
     /// Refuse work that could write more than this to the disk, for instance 20GiB.
     #[arg(long, value_name = "SIZE", value_parser = values::size, allow_negative_numbers = true)]
-    max_disk: Option<u64>,
+    pub max_disk: Option<u64>,
     /// End the render after this time with the image so far, for instance 20min; refused if not even the first sample of every
     /// pixel would be there.
     #[arg(long, value_name = "TIME", value_parser = values::time, allow_negative_numbers = true)]
-    time_limit: Option<f64>,
+    pub time_limit: Option<f64>,
 }
 
 impl Limits {
     /// The time limit, s.
-    pub(crate) fn time_limit_s(&self) -> Option<f64> {
+    pub fn time_limit_s(&self) -> Option<f64> {
         self.time_limit
     }
 
     /// The time limit as a change of the experiment.
-    pub(crate) fn overrides(&self) -> Option<Override> {
-        self.time_limit.map(|seconds| Override::number("render.time_limit_s", seconds, "--time-limit"))
+    pub fn overrides(&self) -> Option<Override> {
+        self.time_limit.map(|seconds| Override::number("render.time_limit_s", seconds, "time_limit"))
     }
 }
 
 /// Memory and room on the disk that a job takes, bytes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Budget {
+pub struct Budget {
     film: u64,
     surfaces: u64,
     /// Maps of all pixels, and the program itself.
@@ -58,7 +58,7 @@ pub(crate) struct Budget {
 
 impl Budget {
     /// Of a render. Of an image that does not fit into the memory limit, the film is as large as the limit.
-    pub(crate) fn of_render(study: &Study, components: bool, keeps_film: bool) -> Self {
+    pub fn of_render(study: &Study, components: bool, keeps_film: bool) -> Self {
         let (scene, settings) = (&study.scene, &study.render);
         let whole = memory_bytes(scene, settings);
         let film_file = if keeps_film { film_file_bytes(study) } else { 0 };
@@ -73,30 +73,30 @@ impl Budget {
     }
 
     /// Of a run, from scene to report.
-    pub(crate) fn of_run(study: &Study) -> Self {
+    pub fn of_run(study: &Study) -> Self {
         Self { disk: run_bytes(study), ..Self::of_render(study, true, false) }
     }
 
     /// Room on the disk, bytes.
-    pub(crate) fn disk(&self) -> u64 {
+    pub fn disk(&self) -> u64 {
         self.disk
     }
 
     /// Memory at its peak, bytes.
-    pub(crate) fn memory(&self) -> u64 {
+    pub fn memory(&self) -> u64 {
         self.film + self.surfaces + self.other
     }
 
     /// Refuses a job that would take more than the user grants.
-    pub(crate) fn check(&self, limits: &Limits, study: &Study) -> Result<(), CliError> {
+    pub fn check(&self, limits: &Limits, study: &Study) -> Result<(), SessionError> {
         let camera = &study.scene.camera;
         let size =
             format!("{} x {} pixels with {} bands", camera.width, camera.height, study.scene.grid.len());
         let less = "render fewer pixels, bands, light groups or fluorophores";
         if let Some(most) = limits.max_memory.filter(|&most| self.memory() > most) {
             let [needed, limit] = memory_texts(self.memory(), most);
-            return Err(CliError::Input(format!(
-                "--max-memory {limit}: {size} need about {needed} (film {}, surfaces {}); {less}, use coarser meshes, or lower \
+            return Err(SessionError::Input(format!(
+                "⟨max_memory={limit}⟩: {size} need about {needed} (film {}, surfaces {}); {less}, use coarser meshes, or lower \
                  render.memory_limit_gib, with which `fluorspar render` goes through the image in bands of rows",
                 memory_text(self.film),
                 memory_text(self.surfaces)
@@ -104,15 +104,15 @@ impl Budget {
         }
         if let Some(most) = limits.max_disk.filter(|&most| self.disk > most) {
             let [needed, limit] = memory_texts(self.disk, most);
-            return Err(CliError::Input(format!(
-                "--max-disk {limit}: {size} take up to {needed}; {less}, or grant more"
+            return Err(SessionError::Input(format!(
+                "⟨max_disk={limit}⟩: {size} take up to {needed}; {less}, or grant more"
             )));
         }
         Ok(())
     }
 
     /// One line for people.
-    pub(crate) fn text(&self) -> String {
+    pub fn text(&self) -> String {
         format!(
             "about {} of memory (film {}, surfaces {}), up to {} of disk",
             memory_text(self.memory()),
@@ -121,20 +121,22 @@ impl Budget {
             memory_text(self.disk)
         )
     }
+}
 
-    /// The same for programs, bytes.
-    pub(crate) fn json(&self) -> Value {
+impl Serialize for Budget {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         json!({
             "memory_bytes": self.memory(),
             "film_bytes": self.film,
             "surface_bytes": self.surfaces,
             "disk_bytes": self.disk,
         })
+        .serialize(serializer)
     }
 }
 
 /// Seconds of the paths that a film lacks, by timing some thousand of them.
-pub(crate) fn seconds_of(renderer: &FilmRenderer, share: &Share, film: Option<&Film>) -> f64 {
+pub fn seconds_of(renderer: &FilmRenderer, share: &Share, film: Option<&Film>) -> f64 {
     let started = Instant::now();
     let paths = renderer.trial_paths();
     let per_path = started.elapsed().as_secs_f64() / paths.max(1) as f64;
@@ -142,8 +144,8 @@ pub(crate) fn seconds_of(renderer: &FilmRenderer, share: &Share, film: Option<&F
 }
 
 /// Seconds that a whole render takes, by a pilot. What a pilot found is kept for the next time: it traces the whole scene.
-pub(crate) fn render_seconds(experiment: &ResolvedExperiment) -> Result<f64, CliError> {
-    let pilot = || -> Result<Vec<u8>, CliError> {
+pub fn render_seconds(experiment: &ResolvedExperiment) -> Result<f64, SessionError> {
+    let pilot = || -> Result<Vec<u8>, SessionError> {
         let renderer = FilmRenderer::for_rows(&experiment.study.scene, &experiment.study.render)?;
         Ok(seconds_of(&renderer, &Share::Whole, None).to_le_bytes().to_vec())
     };
@@ -155,7 +157,7 @@ pub(crate) fn render_seconds(experiment: &ResolvedExperiment) -> Result<f64, Cli
     };
     match bytes.first_chunk::<8>() {
         Some(bytes) => Ok(f64::from_le_bytes(*bytes)),
-        None => Err(CliError::Failed("the pilot gave no time".into())),
+        None => Err(SessionError::Failed("the pilot gave no time".into())),
     }
 }
 
@@ -163,34 +165,39 @@ pub(crate) fn render_seconds(experiment: &ResolvedExperiment) -> Result<f64, Cli
 ///
 /// # Errors
 /// A time limit in which not even the first sample of every pixel gets done.
-pub(crate) fn say_time(
+pub fn say_time(
     seconds: f64,
     samples: u32,
     time_limit_s: Option<f64>,
-    messages: Messages,
-) -> Result<(), CliError> {
+    listener: &dyn Listener,
+) -> Result<(), SessionError> {
+    check_time(seconds, samples, time_limit_s)?;
+    listener.status(&match time_limit_s.filter(|&limit| limit < seconds) {
+        Some(limit) => {
+            let held = (f64::from(samples) * limit / seconds).max(1.0);
+            format!(
+                "Rendering would take about {}; the time limit ends it after {}, with about {held:.0} of {samples} samples per pixel",
+                duration(seconds),
+                duration(limit)
+            )
+        }
+        None => format!("Rendering takes about {}", duration(seconds)),
+    });
+    Ok(())
+}
+
+/// Refuses a time limit in which not even the first sample of every pixel gets done.
+pub(crate) fn check_time(seconds: f64, samples: u32, time_limit_s: Option<f64>) -> Result<(), SessionError> {
     let first = seconds / f64::from(samples.max(1));
     match time_limit_s.filter(|&limit| limit < seconds) {
         // The pilot may be wrong by a half.
-        Some(limit) if 2.0 * limit < first => Err(CliError::Input(format!(
-            "render.time_limit_s {}: one sample of every pixel takes about {}; allow more time (--time-limit), or render fewer \
+        Some(limit) if 2.0 * limit < first => Err(SessionError::Input(format!(
+            "render.time_limit_s {}: one sample of every pixel takes about {}; allow more time (⟨time_limit⟩), or render fewer \
              pixels, bands or light groups",
             duration(limit),
             duration(first)
         ))),
-        Some(limit) => {
-            let held = (f64::from(samples) * limit / seconds).max(1.0);
-            messages.status(format!(
-                "Rendering would take about {}; the time limit ends it after {}, with about {held:.0} of {samples} samples per pixel",
-                duration(seconds),
-                duration(limit)
-            ));
-            Ok(())
-        }
-        None => {
-            messages.status(format!("Rendering takes about {}", duration(seconds)));
-            Ok(())
-        }
+        _ => Ok(()),
     }
 }
 
@@ -214,7 +221,7 @@ fn image_bytes(study: &Study, components: bool) -> u64 {
 }
 
 /// Room of a rendered image on the disk while it is made, bytes: rows of one in bands wait in a file of their own.
-pub(crate) fn image_room_bytes(study: &Study, components: bool) -> u64 {
+pub fn image_room_bytes(study: &Study, components: bool) -> u64 {
     let image = image_bytes(study, components);
     let in_bands = memory_bytes(&study.scene, &study.render) > study.render.memory_limit_bytes;
     // Rows of a render with an excitation basis wait in memory
@@ -222,7 +229,7 @@ pub(crate) fn image_room_bytes(study: &Study, components: bool) -> u64 {
 }
 
 /// Room of a film on the disk while it is renewed, bytes: the earlier one stays until the new one is complete.
-pub(crate) fn film_file_bytes(study: &Study) -> u64 {
+pub fn film_file_bytes(study: &Study) -> u64 {
     // A sample takes up to 30 bits of a sum (2^-30 of the brightest one of the pilot is its quantum), and brighter ones come.
     const SAMPLE_BITS: u32 = 30 + 3;
     let bits = SAMPLE_BITS + study.render.samples_per_pixel.max(1).ilog2();
@@ -231,7 +238,7 @@ pub(crate) fn film_file_bytes(study: &Study) -> u64 {
 }
 
 /// Room of the frames of all captures on the disk, bytes: 16 bits a pixel for a raw frame, 24 for a preview.
-pub(crate) fn frame_bytes(study: &Study) -> u64 {
+pub fn frame_bytes(study: &Study) -> u64 {
     let sensor = study.camera.sensor.as_ref();
     let pixels = sensor.map_or(0, |sensor| (sensor.model().columns * sensor.model().rows) as u64);
     let frames: usize = study.captures.iter().map(|capture| 1 + capture.bracket_ev.len()).sum();
@@ -240,7 +247,7 @@ pub(crate) fn frame_bytes(study: &Study) -> u64 {
 
 /// Room of the folder of a run on the disk, bytes: components, the radiance of each frame with light, frames, and a few
 /// megabytes of figures and report.
-pub(crate) fn run_bytes(study: &Study) -> u64 {
+pub fn run_bytes(study: &Study) -> u64 {
     const REPORT: u64 = 16 << 20;
     let lit = study.captures.iter().filter(|c| c.frame.lights.values().any(|&drive| drive > 0.0)).count();
     image_bytes(study, true) + lit as u64 * image_bytes(study, false) + frame_bytes(study) + REPORT

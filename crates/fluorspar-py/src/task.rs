@@ -1,0 +1,187 @@
+//! Tasks of the session: keyword arguments to options, answers to records and arrays.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use fluorspar_experiment::Warning;
+use fluorspar_session::{
+    CompareOptions, Job, Left, Listener, PredictOptions, RunOptions, SessionError, TaskOption, TaskOptions,
+    fluorophore, tissue,
+};
+use numpy::PyArray1;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use serde_json::Value;
+
+use crate::error::{as_arguments, of_session};
+use crate::experiment::toml_value;
+use crate::process::work;
+
+/// Functions that do a task: its name, the struct of its options and what does it.
+macro_rules! tasks {
+    ($($(#[$help:meta])* $name:ident($options:ty) => $run:path,)+) => {
+        $(
+            $(#[$help])*
+            #[pyfunction]
+            #[pyo3(signature = (*, threads = None, **options))]
+            fn $name<'py>(
+                py: Python<'py>,
+                threads: Option<usize>,
+                options: Option<&Bound<'py, PyDict>>,
+            ) -> PyResult<Bound<'py, PyAny>> {
+                let options: $options = options_of(stringify!($name), options)?;
+                let answer = done(py, threads, |job| $run(&options, job))?;
+                python_value(py, &serde_json::to_value(&answer).map_err(|error| of_session(py, error.into()))?)
+            }
+        )+
+
+        pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
+            $(module.add_function(wrap_pyfunction!($name, module)?)?;)+
+            Ok(())
+        }
+    };
+}
+
+tasks! {
+    /// Runs an experiment from scene to report.
+    run(RunOptions) => fluorspar_session::run,
+    /// Compares two finished runs.
+    compare(CompareOptions) => fluorspar_session::compare,
+    /// Predicts a flat sample.
+    predict(PredictOptions) => fluorspar_session::predict,
+    /// Solves a tissue.
+    tissue_solve(tissue::SolveOptions) => tissue::solve,
+    /// Tells from which depths the light of a tissue comes.
+    tissue_depth(tissue::DepthOptions) => tissue::depth,
+    /// Traces photons through a tissue.
+    tissue_monte_carlo(tissue::MonteCarloOptions) => tissue::monte_carlo,
+    /// Fits a tissue to spectra.
+    tissue_fit(tissue::TissueFitOptions) => tissue::fit,
+    /// Fits spectra as sums of fluorophores.
+    fit_spectra(fluorophore::FitOptions) => fluorophore::fit,
+}
+
+/// Keeps the warnings of a task. What is done it does not say: a call returns when it is.
+#[derive(Default)]
+struct Warnings(Mutex<Vec<Warning>>);
+
+impl Listener for Warnings {
+    fn status(&self, _: &str) {}
+
+    fn hears_status(&self) -> bool {
+        false
+    }
+
+    fn warnings(&self, warnings: &[Warning]) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(warnings);
+    }
+
+    fn begin(&self, _: &'static str, _: &'static str, _: Left) -> Box<dyn Fn(f64) + Sync> {
+        Box::new(|_| {})
+    }
+}
+
+/// Does a task while the interpreter goes on, and warns of what it warns of. An exception of a signal stops this task and no other.
+pub(crate) fn done<A: Send>(
+    py: Python<'_>,
+    threads: Option<usize>,
+    task: impl FnOnce(&Job<'_>) -> Result<A, SessionError> + Send,
+) -> PyResult<A> {
+    let (stop, warnings) = (Arc::new(AtomicBool::new(false)), Warnings::default());
+    let job = Job::new(stop.clone(), &warnings);
+    let (answer, raised) =
+        work(py, threads, || task(&job), || stop.store(true, Ordering::SeqCst), |_| Ok(()))?;
+    if let Some(raised) = raised {
+        return Err(raised);
+    }
+    let warnings = warnings.0.into_inner().unwrap_or_else(PoisonError::into_inner);
+    if !warnings.is_empty() {
+        let texts: Vec<String> = warnings.iter().map(|warning| as_arguments(warning.text())).collect();
+        py.import("fluorspar._warning")?.call_method1("warn_of", (texts,))?;
+    }
+    answer.map_err(|error| of_session(py, error))
+}
+
+/// The options that keyword arguments give; `None` is as left out.
+fn options_of<O: TaskOptions>(task: &str, arguments: Option<&Bound<'_, PyDict>>) -> PyResult<O> {
+    let known = O::known();
+    let mut table = toml::Table::new();
+    for (name, value) in arguments.into_iter().flatten().filter(|(_, value)| !value.is_none()) {
+        let name: String = name.extract()?;
+        let Some(option) = known.iter().find(|option| option.name == name) else {
+            let names: Vec<&str> = known.iter().map(|option| option.name.as_str()).collect();
+            return Err(PyTypeError::new_err(format!(
+                "{task}() has no argument {name:?}; it has {}",
+                names.join(", ")
+            )));
+        };
+        table.insert(name.clone(), as_option(toml_value(&value, &name)?, option));
+    }
+    let of = |table: &toml::Table| O::deserialize(toml::Value::Table(table.clone()));
+    of(&table).map_err(|error| {
+        let alone = |(name, value): &(&String, &toml::Value)| {
+            of(&toml::Table::from_iter([((*name).clone(), (*value).clone())])).is_err()
+        };
+        let name = table.iter().find(alone).map_or(task, |(name, _)| name);
+        PyTypeError::new_err(format!("{name}: {}", error.message()))
+    })
+}
+
+/// A value as its option has it: one where a list is wanted is a list of one, a number where a text is wanted its digits, and a
+/// dictionary where texts are wanted `NAME=VALUE` for each entry.
+fn as_option(value: toml::Value, option: &TaskOption) -> toml::Value {
+    let plain = |value: toml::Value| match value {
+        toml::Value::String(_) | toml::Value::Table(_) | toml::Value::Array(_) => value,
+        other if option.is_text => toml::Value::String(other.to_string()),
+        other => other,
+    };
+    let word = |value: toml::Value| match value {
+        toml::Value::String(text) => text,
+        other => other.to_string(),
+    };
+    let entry = |(name, value)| toml::Value::String(format!("{name}={}", word(value)));
+    match value {
+        toml::Value::Table(table) if option.is_list => {
+            toml::Value::Array(table.into_iter().map(entry).collect())
+        }
+        toml::Value::Array(values) if option.is_list => {
+            toml::Value::Array(values.into_iter().map(plain).collect())
+        }
+        one if option.is_list => toml::Value::Array(vec![plain(one)]),
+        other => plain(other),
+    }
+}
+
+/// An answer in Python: objects are records, lists of numbers arrays, float64 and read-only.
+pub(crate) fn python_value<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
+    Ok(match value {
+        Value::Null => py.None().into_bound(py),
+        Value::Bool(is) => is.into_pyobject(py)?.to_owned().into_any(),
+        Value::Number(number) => match (number.as_i64(), number.as_u64()) {
+            (Some(whole), _) => whole.into_pyobject(py)?.into_any(),
+            (None, Some(whole)) => whole.into_pyobject(py)?.into_any(),
+            _ => number.as_f64().into_pyobject(py)?,
+        },
+        Value::String(text) => text.into_pyobject(py)?.into_any(),
+        Value::Array(items) => match items.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>() {
+            Some(numbers) if !numbers.is_empty() => {
+                let array = PyArray1::from_vec(py, numbers);
+                array.call_method1("setflags", (false,))?;
+                array.into_any()
+            }
+            _ => {
+                let items: Vec<_> =
+                    items.iter().map(|item| python_value(py, item)).collect::<PyResult<_>>()?;
+                PyList::new(py, items)?.into_any()
+            }
+        },
+        Value::Object(entries) => {
+            let table = PyDict::new(py);
+            for (key, value) in entries {
+                table.set_item(key, python_value(py, value)?)?;
+            }
+            py.import("fluorspar._record")?.getattr("Record")?.call1((table,))?
+        }
+    })
+}

@@ -1,0 +1,45 @@
+//! Files of figures.
+
+use std::path::Path;
+
+use fluorspar_report::Figure;
+
+use crate::SessionError;
+
+/// How a figure is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FigureFormat {
+    /// Scalable.
+    Svg,
+    /// Pixels.
+    Png,
+}
+
+impl FigureFormat {
+    /// By the ending of the file's name.
+    ///
+    /// # Errors
+    /// Another ending.
+    pub fn of(path: &Path) -> Result<Self, SessionError> {
+        let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+        match ending.as_deref() {
+            Some("svg") => Ok(Self::Svg),
+            Some("png") => Ok(Self::Png),
+            _ => Err(SessionError::Input(format!(
+                "⟨out={}⟩: the name must end in .svg or .png",
+                path.display()
+            ))),
+        }
+    }
+
+    /// The file of a figure.
+    ///
+    /// # Errors
+    /// A figure that can't be drawn in pixels.
+    pub fn bytes(self, figure: &Figure) -> Result<Vec<u8>, SessionError> {
+        Ok(match self {
+            Self::Svg => figure.to_svg().into_bytes(),
+            Self::Png => figure.to_png()?,
+        })
+    }
+}
