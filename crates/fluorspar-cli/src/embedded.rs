@@ -6,11 +6,10 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use fluorspar_experiment::ExperimentError;
-use fluorspar_session::SessionError;
 use thiserror::Error;
 
 use crate::args::Args;
-use crate::error::{CliError, WRONG_INPUT};
+use crate::error::{CliError, WRONG_INPUT, as_typed, code_of};
 use crate::interrupt::stopped_by;
 use crate::message::{be_quiet, with_answers_kept};
 
@@ -73,9 +72,9 @@ pub fn answer_of(
 }
 
 fn failure(error: CliError) -> CommandFailure {
-    let (code, message) = (error.code(), error.to_string());
+    let (code, message) = (code_of(&error), as_typed(&error.to_string()));
     let experiment = match error {
-        CliError::Session(SessionError::Experiment(error)) => Some(error),
+        CliError::Experiment(error) => Some(error),
         _ => None,
     };
     CommandFailure { code, message, experiment }

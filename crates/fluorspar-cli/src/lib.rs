@@ -19,7 +19,7 @@ use fluorspar_session::{compare, predict, use_surroundings};
 pub(crate) use fluorspar_session::{named_spectra, values};
 
 use crate::args::{Args, Command};
-use crate::error::{CliError, FAILED, WRONG_INPUT};
+use crate::error::{CliError, FAILED, WRONG_INPUT, as_typed, code_of};
 use crate::values::MOST_THREADS;
 
 pub use embedded::{CommandAnswer, CommandFailure, answer_of};
@@ -45,8 +45,8 @@ fn end_of(work: impl FnOnce() -> Result<ExitCode, CliError>) -> ExitCode {
         Ok(Ok(code)) => code,
         Ok(Err(error)) => {
             claim_exit_message();
-            message::error(&error);
-            error.exit_code()
+            message::error(as_typed(&error.to_string()));
+            ExitCode::from(code_of(&error))
         }
         // The panic has been said. What was unfinished went with the stack.
         Err(_) => ExitCode::from(FAILED),
@@ -79,9 +79,8 @@ fn print_answer(answer: &clap::Error) -> ExitCode {
     }
     match printed {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            let error = CliError::Stdout(error);
-            message::error(&error);
-            error.exit_code()
+            message::error(format!("can't write to standard output: {error}"));
+            ExitCode::from(FAILED)
         }
         _ => ExitCode::SUCCESS,
     }

@@ -10,12 +10,13 @@ use std::cell::{Cell, RefCell};
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fluorspar_experiment::Warning;
-use fluorspar_session::{Job, Left, Listener, worded};
+use fluorspar_session::{Job, Left, Listener};
 
-use crate::error::option;
+use crate::error::as_typed;
 use crate::interrupt::{save_when_interrupted, stop_flag};
 use crate::progress::{WorkReport, WritingReport};
 
@@ -107,14 +108,14 @@ impl Messages {
 
 impl Messages {
     /// What a task of the command runs with.
-    pub(crate) fn job(&self) -> Job<'_> {
-        Job::new(stop_flag(), self)
+    pub(crate) fn job(self) -> Job {
+        Job::new(stop_flag(), Arc::new(self))
     }
 }
 
 impl Listener for Messages {
     fn status(&self, text: &str) {
-        Self::status(*self, worded(text, option));
+        Self::status(*self, as_typed(text));
     }
 
     fn hears_status(&self) -> bool {
@@ -126,11 +127,11 @@ impl Listener for Messages {
     }
 
     fn warnings(&self, warnings: &[Warning]) {
-        let as_typed = |warning: &Warning| match warning.text().contains('⟨') {
-            true => Warning::from(worded(warning.text(), option)),
+        let typed = |warning: &Warning| match warning.text().contains('⟨') {
+            true => Warning::from(as_typed(warning.text())),
             false => warning.clone(),
         };
-        Self::warnings(*self, &warnings.iter().map(as_typed).collect::<Vec<_>>());
+        Self::warnings(*self, &warnings.iter().map(typed).collect::<Vec<_>>());
     }
 
     fn begin(&self, title: &'static str, name: &'static str, left: Left) -> Box<dyn Fn(f64) + Sync> {

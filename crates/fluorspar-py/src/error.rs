@@ -4,7 +4,7 @@ use std::fmt::Display;
 
 use fluorspar_cli::CommandFailure;
 use fluorspar_experiment::ExperimentError;
-use fluorspar_session::{ErrorKind, SessionError, worded};
+use fluorspar_session::{Error, ErrorKind, worded};
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
 use pyo3::prelude::*;
 use pyo3::{create_exception, intern};
@@ -70,14 +70,14 @@ pub(crate) fn of_command(py: Python<'_>, failure: &CommandFailure) -> PyErr {
 }
 
 /// Why a task gives no answer, with the exit code of the program.
-pub(crate) fn of_session(py: Python<'_>, error: SessionError) -> PyErr {
+pub(crate) fn of_session(py: Python<'_>, error: Error) -> PyErr {
     let code = match error.kind() {
         ErrorKind::Input => 2,
         ErrorKind::Failed => 1,
         ErrorKind::Stopped => 75,
     };
     let raised = match error {
-        SessionError::Experiment(error) => of_experiment(py, &error),
+        Error::Experiment(error) => of_experiment(py, &error),
         other => failed(as_arguments(&other.to_string())),
     };
     match raised.value(py).setattr(intern!(py, "code"), code) {

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fluorspar_experiment::Warning;
 use fluorspar_session::{
-    CompareOptions, Job, Left, Listener, PredictOptions, RunOptions, SessionError, TaskOption, TaskOptions,
+    CompareOptions, Error, Job, Left, Listener, PredictOptions, RunOptions, TaskOption, TaskOptions,
     fluorophore, tissue,
 };
 use numpy::PyArray1;
@@ -86,16 +86,16 @@ impl Listener for Warnings {
 pub(crate) fn done<A: Send>(
     py: Python<'_>,
     threads: Option<usize>,
-    task: impl FnOnce(&Job<'_>) -> Result<A, SessionError> + Send,
+    task: impl FnOnce(&Job) -> Result<A, Error> + Send,
 ) -> PyResult<A> {
-    let (stop, warnings) = (Arc::new(AtomicBool::new(false)), Warnings::default());
-    let job = Job::new(stop.clone(), &warnings);
+    let (stop, warnings) = (Arc::new(AtomicBool::new(false)), Arc::new(Warnings::default()));
+    let job = Job::new(stop.clone(), warnings.clone());
     let (answer, raised) =
         work(py, threads, || task(&job), || stop.store(true, Ordering::SeqCst), |_| Ok(()))?;
     if let Some(raised) = raised {
         return Err(raised);
     }
-    let warnings = warnings.0.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let warnings = std::mem::take(&mut *warnings.0.lock().unwrap_or_else(PoisonError::into_inner));
     if !warnings.is_empty() {
         let texts: Vec<String> = warnings.iter().map(|warning| as_arguments(warning.text())).collect();
         py.import("fluorspar._warning")?.call_method1("warn_of", (texts,))?;

@@ -32,7 +32,7 @@ use crate::frame_report::{FrameReport, warn_of_darkness};
 use crate::region_option::{region_options, with_regions};
 use crate::values::{Override, as_typed, quoted};
 use crate::{
-    CaptureView, Changes, ExperimentSource, FinishedRender, Job, SessionError, ShownExperiment, Wanted,
+    CaptureView, Changes, Error, ExperimentSource, FinishedRender, Job, Result, ShownExperiment, Wanted,
     read_text,
 };
 
@@ -97,9 +97,9 @@ impl Serialize for AnalyzedFrames {
 const OUT_BYTES: u64 = 1 << 30;
 
 /// Refuses what is not a folder of frames with their experiment.
-fn check_folder(options: &AnalyzeOptions) -> Result<(), SessionError> {
+fn check_folder(options: &AnalyzeOptions) -> Result<()> {
     if let Some(folder) = options.folder.as_ref().filter(|folder| !folder.is_dir()) {
-        return Err(SessionError::Input(format!(
+        return Err(Error::Input(format!(
             "{}: not a folder; give one that `run` or `capture` wrote, or name frames with ⟨frame⟩",
             folder.display()
         )));
@@ -108,7 +108,7 @@ fn check_folder(options: &AnalyzeOptions) -> Result<(), SessionError> {
     if let (None, Some(folder)) = (&options.experiment, options.folder.as_ref())
         && !has_experiment(&folder)
     {
-        return Err(SessionError::Input(format!(
+        return Err(Error::Input(format!(
             "{}: this folder has no experiment.toml; give a folder that `run` or `capture` wrote, or an experiment with \
              ⟨experiment⟩",
             folder.display()
@@ -121,7 +121,7 @@ fn check_folder(options: &AnalyzeOptions) -> Result<(), SessionError> {
 ///
 /// # Errors
 /// An option without a meaning, frames or an experiment that can't be read, an analysis that can't be done, a folder that can't be written.
-pub fn analyze(options: &AnalyzeOptions, job: &Job<'_>) -> Result<AnalyzedFrames, SessionError> {
+pub fn analyze(options: &AnalyzeOptions, job: &Job) -> Result<AnalyzedFrames> {
     check_folder(options)?;
     let regions = region_options(&options.named_region)?;
     let beside = |name: &str| options.folder.as_ref().map(|folder| folder.join(name));
@@ -161,9 +161,7 @@ pub fn analyze(options: &AnalyzeOptions, job: &Job<'_>) -> Result<AnalyzedFrames
     as_recorded(options, image.is_none(), &mut experiment, job);
     let study = &experiment.study;
     let Some(settings) = &study.analysis else {
-        return Err(SessionError::Input(format!(
-            "{name}: the experiment has no [analysis] section; add one"
-        )));
+        return Err(Error::Input(format!("{name}: the experiment has no [analysis] section; add one")));
     };
     let (Developed { frames, told }, view) =
         match seen.filter(|seen| seen.captures.len() == study.captures.len()) {
@@ -176,7 +174,7 @@ pub fn analyze(options: &AnalyzeOptions, job: &Job<'_>) -> Result<AnalyzedFrames
     let image = opened.transpose()?;
     let inputs = inputs(options);
     let out = options.out.as_ref().map(|out| OutputFolder::prepare(out, &inputs, OUT_BYTES)).transpose()?;
-    let all = |components: Option<&SeenComponents<'_>>| -> Result<_, SessionError> {
+    let all = |components: Option<&SeenComponents<'_>>| -> Result<_> {
         let main = analyze_seen(study, components, &frames)?;
         Ok((main, analyze_regions(study, components, &frames)?))
     };
@@ -195,7 +193,7 @@ pub fn analyze(options: &AnalyzeOptions, job: &Job<'_>) -> Result<AnalyzedFrames
         }
     };
     let Some(analyzed) = main else {
-        return Err(SessionError::Failed("the analysis gave nothing".into()));
+        return Err(Error::Failed("the analysis gave nothing".into()));
     };
     let analyzed = without_render(options, analyzed);
     let of_frames = |region: AnalyzedRegion| AnalyzedRegion {
@@ -229,7 +227,7 @@ pub fn analyze(options: &AnalyzeOptions, job: &Job<'_>) -> Result<AnalyzedFrames
 }
 
 /// Refuses parts as regions of frames alone.
-fn check_pixels_known(name: &str, study: &Study) -> Result<(), SessionError> {
+fn check_pixels_known(name: &str, study: &Study) -> Result<()> {
     let plans = study.analysis.iter().map(|plan| (String::new(), "analysis".to_owned(), plan));
     let of_region = |region: &RegionPlan| format!("analysis.region.{}", quoted(&region.name));
     let of_regions = study
@@ -240,7 +238,7 @@ fn check_pixels_known(name: &str, study: &Study) -> Result<(), SessionError> {
         Some((called, path, plan.parts.first()?.clone()))
     };
     let Some((called, path, part)) = plans.chain(of_regions).find_map(named) else { return Ok(()) };
-    Err(SessionError::Input(format!(
+    Err(Error::Input(format!(
         "{name}: the region{called} is the part \"{part}\", but its pixels are known only from the component image; give that of \
          the run with ⟨component_image⟩, or say where it lies: ⟨set={path}.mask=MASK.png⟩, \
          {path}.polygon_px=[[X,Y],[X,Y],[X,Y]] or {path}.rectangle_px=[COLUMN,ROW,WIDTH,HEIGHT]"
@@ -251,7 +249,7 @@ fn check_pixels_known(name: &str, study: &Study) -> Result<(), SessionError> {
 fn parsed_for_frames(
     options: &AnalyzeOptions,
     source: &ExperimentSource,
-) -> Result<(Experiment, Vec<Override>), SessionError> {
+) -> Result<(Experiment, Vec<Override>)> {
     let mut overrides: Vec<Override> =
         sensor_of_frames(options)?.into_iter().chain(options.changes.overrides()).collect();
     let mut parsed = source.parse(&overrides)?;
@@ -272,7 +270,7 @@ fn inputs(options: &AnalyzeOptions) -> Vec<PathBuf> {
 }
 
 /// The size of a real camera's frames, as changes of the experiment's sensor: what it knows of pixels counts for frames of any size.
-fn sensor_of_frames(options: &AnalyzeOptions) -> Result<Vec<Override>, SessionError> {
+fn sensor_of_frames(options: &AnalyzeOptions) -> Result<Vec<Override>> {
     let Some(first) = options.frame.first() else { return Ok(Vec::new()) };
     let (_, file) = named_frame(first)?;
     let image = read_sensor_image(Path::new(file))?.image;
@@ -288,13 +286,13 @@ fn sensor_of_frames(options: &AnalyzeOptions) -> Result<Vec<Override>, SessionEr
 }
 
 /// Mosaic and black level of a real camera's frames, as changes of the experiment's sensor, whose own are those of another camera.
-fn readout_of_frames(options: &AnalyzeOptions, parsed: &Experiment) -> Result<Vec<Override>, SessionError> {
+fn readout_of_frames(options: &AnalyzeOptions, parsed: &Experiment) -> Result<Vec<Override>> {
     let Some((_, file)) = named_files(options).next().filter(|(_, file)| !file.is_empty()) else {
         return Ok(Vec::new());
     };
     let raw = read_sensor_image(Path::new(file))?.image;
     if raw.black_level < 0.0 {
-        return Err(SessionError::Input(format!(
+        return Err(Error::Input(format!(
             "{file}: its black level, {} DN, is below zero; describe the frame with --black-level, the mean of a frame with the cap on the \
              lens",
             raw.black_level
@@ -319,7 +317,7 @@ fn readout_of_frames(options: &AnalyzeOptions, parsed: &Experiment) -> Result<Ve
 }
 
 /// A frame of a camera is analyzed without one that its experiment subtracts, where that is not given; the user is told.
-fn warn_of_missing_frames(options: &AnalyzeOptions, experiment: &mut ResolvedExperiment, job: &Job<'_>) {
+fn warn_of_missing_frames(options: &AnalyzeOptions, experiment: &mut ResolvedExperiment, job: &Job) {
     let is_given = |label: &str| named_files(options).any(|(name, _)| name == label);
     for (label, missing) in subtract_what_is_given(&mut experiment.study, is_given) {
         let text = format!(
@@ -333,7 +331,7 @@ fn warn_of_missing_frames(options: &AnalyzeOptions, experiment: &mut ResolvedExp
 
 /// Tells of frames that were given and that no analysis looks at. Where channels are taken apart or targets are sought, all frames with
 /// light count.
-fn warn_of_unused_frames(options: &AnalyzeOptions, study: &Study, analysis: &Analysis, job: &Job<'_>) {
+fn warn_of_unused_frames(options: &AnalyzeOptions, study: &Study, analysis: &Analysis, job: &Job) {
     if analysis.signals.is_some() || !analysis.targets.is_empty() {
         return;
     }
@@ -364,13 +362,13 @@ const FEW_SATURATED: [f64; 2] = [0.01, 0.5];
 ///
 /// # Errors
 /// One that is full in most places.
-fn check_subtracted(study: &Study, file: &str, raw: &SensorImage, job: &Job<'_>) -> Result<(), SessionError> {
+fn check_subtracted(study: &Study, file: &str, raw: &SensorImage, job: &Job) -> Result<()> {
     let is_subtracted = study.captures.iter().any(|c| c.subtract.as_ref() == Some(&raw.label));
     let full = (0..raw.data.len()).filter(|value| raw.is_saturated(*value)).count();
     let share = full as f64 / raw.data.len().max(1) as f64;
     let (label, percent) = (&raw.label, 100.0 * share);
     if is_subtracted && share > FEW_SATURATED[1] {
-        return Err(SessionError::Input(format!(
+        return Err(Error::Input(format!(
             "{file}: the frame \"{label}\", which is subtracted, is itself saturated in {percent:.0} % of its pixels; take it in less room \
              light, or all frames with a shorter exposure"
         )));
@@ -389,7 +387,7 @@ fn as_recorded(
     options: &AnalyzeOptions,
     is_without_image: bool,
     experiment: &mut ResolvedExperiment,
-    job: &Job<'_>,
+    job: &Job,
 ) {
     if is_without_image {
         leave_parts_to_shapes(&mut experiment.study);
@@ -405,10 +403,10 @@ fn as_recorded(
 }
 
 /// The label and the file of a frame.
-fn named_frame(text: &str) -> Result<(&str, &str), SessionError> {
+fn named_frame(text: &str) -> Result<(&str, &str)> {
     let named = text.split_once('=').filter(|(label, file)| !label.is_empty() && !file.is_empty());
     named.ok_or_else(|| {
-        SessionError::Input(format!(
+        Error::Input(format!(
             "⟨frame={text}⟩: write the name of a capture and a file, for instance ⟨frame=blue=IMG_0001.dng⟩"
         ))
     })
@@ -532,22 +530,17 @@ struct Developed {
 }
 
 /// The frames that are analyzed, developed with what calibrates them.
-fn developed(
-    options: &AnalyzeOptions,
-    study: &Study,
-    wanted: &str,
-    job: &Job<'_>,
-) -> Result<Developed, SessionError> {
+fn developed(options: &AnalyzeOptions, study: &Study, wanted: &str, job: &Job) -> Result<Developed> {
     if options.frame.is_empty() {
         let Some(folder) = &options.folder else {
-            return Err(SessionError::Input("give a folder, or frames with ⟨frame=CAPTURE=FILE⟩".into()));
+            return Err(Error::Input("give a folder, or frames with ⟨frame=CAPTURE=FILE⟩".into()));
         };
         return Ok(Developed { frames: developed_folder(study, folder)?, told: Vec::new() });
     }
     let (mut exposures, told) = named_frames(options, study, wanted, job)?;
     let turned: Vec<Warning> = turned_alike(&mut exposures).into_iter().map(Warning::from).collect();
     job.warn(&turned);
-    let read = |paths: &[PathBuf]| -> Result<Vec<SensorImage>, SessionError> {
+    let read = |paths: &[PathBuf]| -> Result<Vec<SensorImage>> {
         let turned = |raw: DescribedFrame| match exposures.first() {
             Some(first) => raw.image.turned_as(&first.raw).0,
             None => raw.image,
@@ -566,7 +559,7 @@ fn developed(
 }
 
 /// The frames of a folder that `run` or `capture` wrote, developed with what calibrates them.
-pub(crate) fn developed_folder(study: &Study, folder: &Path) -> Result<Vec<CapturedFrame>, SessionError> {
+pub(crate) fn developed_folder(study: &Study, folder: &Path) -> Result<Vec<CapturedFrame>> {
     let exposures = frames_of_folder(study, &study.captures, folder)?;
     let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
     Ok(develop_frames(study, exposures, &calibration)?)
@@ -578,7 +571,7 @@ fn write_maps(
     out: OutputFolder,
     analyzed: &AnalyzedFrame,
     regions: &[AnalyzedRegion],
-) -> Result<PathBuf, SessionError> {
+) -> Result<PathBuf> {
     let mut results = analysis_json(&analyzed.analysis, regions.iter().map(AnalyzedRegion::analysis))?;
     if !options.frame.is_empty() {
         let files = named_files(options).map(|(label, file)| (label.to_owned(), file.into()));
@@ -599,7 +592,7 @@ fn write_maps(
 }
 
 /// Writes the numbers of the map, each kind as an array.
-fn write_layers(out: &OutputFolder, porphyrin: &PorphyrinMap) -> Result<(), SessionError> {
+fn write_layers(out: &OutputFolder, porphyrin: &PorphyrinMap) -> Result<()> {
     let PorphyrinLayers { share, low, high, detection_limit } = porphyrin.layers();
     for (name, values) in [("share", share), ("low", low), ("high", high), ("limit", detection_limit)] {
         let path = out.path().join(format!("porphyrin_{name}.npy"));
@@ -611,14 +604,14 @@ fn write_layers(out: &OutputFolder, porphyrin: &PorphyrinMap) -> Result<(), Sess
 
 /// The raw frame in a file under the name of a capture. What a real camera does not tell of its conversion gain and noise, the
 /// sensor of the experiment does.
-fn read_raw(study: &Study, path: &Path, label: Option<&str>) -> Result<DescribedFrame, SessionError> {
+fn read_raw(study: &Study, path: &Path, label: Option<&str>) -> Result<DescribedFrame> {
     let mut told = read_described_frame(path)?;
     let raw = &mut told.image;
     if let Some(label) = label {
         raw.label = label.into();
     }
     complete_raw(study, raw).map_err(|lack| {
-        SessionError::Input(format!("{}: {lack}{}", path.display(), remedy(&lack, path, raw.exposure_s)))
+        Error::Input(format!("{}: {lack}{}", path.display(), remedy(&lack, path, raw.exposure_s)))
     })?;
     Ok(told)
 }
@@ -650,17 +643,13 @@ fn remedy(lack: &IncompleteRaw, path: &Path, exposure_s: f64) -> String {
     }
 }
 
-fn frames_of_folder(
-    study: &Study,
-    captures: &[Capture],
-    folder: &Path,
-) -> Result<Vec<RawExposures>, SessionError> {
-    let find = |label: &str| -> Result<SensorImage, SessionError> {
+fn frames_of_folder(study: &Study, captures: &[Capture], folder: &Path) -> Result<Vec<RawExposures>> {
+    let find = |label: &str| -> Result<SensorImage> {
         let candidates =
             ["tiff", "tif", "png", "dng", "raw"].map(|ending| folder.join(format!("raw_{label}.{ending}")));
         match candidates.iter().find(|path| path.is_file()) {
             Some(path) => Ok(read_raw(study, path, Some(label))?.image),
-            None => Err(SessionError::Input(format!(
+            None => Err(Error::Input(format!(
                 "{}: there is no raw_{label}.tiff for the capture \"{label}\"",
                 folder.display()
             ))),
@@ -669,10 +658,10 @@ fn frames_of_folder(
     let all = |c: &Capture| {
         let label = &c.frame.label;
         let bracket = (0..c.bracket_ev.len()).map(|index| find(&bracket_label(label, &c.bracket_ev, index)));
-        Ok(RawExposures { raw: find(label)?, bracket: bracket.collect::<Result<_, SessionError>>()? })
+        Ok(RawExposures { raw: find(label)?, bracket: bracket.collect::<Result<_>>()? })
     };
     // Of several errors that of the first capture is told, whichever thread is first
-    let found: Vec<Result<RawExposures, SessionError>> = captures.par_iter().map(all).collect();
+    let found: Vec<Result<RawExposures>> = captures.par_iter().map(all).collect();
     found.into_iter().collect()
 }
 
@@ -681,8 +670,8 @@ fn named_frames(
     options: &AnalyzeOptions,
     study: &Study,
     wanted: &str,
-    job: &Job<'_>,
-) -> Result<(Vec<RawExposures>, DescribedFiles), SessionError> {
+    job: &Job,
+) -> Result<(Vec<RawExposures>, DescribedFiles)> {
     let known: Vec<&str> = study.captures.iter().map(|c| c.frame.label.as_str()).collect();
     let mut frames: Vec<RawExposures> = Vec::new();
     let mut told = Vec::new();
@@ -693,7 +682,7 @@ fn named_frames(
             .iter()
             .find(|name| **name == label || label.strip_prefix(**name).is_some_and(|r| r.starts_with("_ev")));
         let Some(capture) = capture else {
-            return Err(SessionError::Input(format!(
+            return Err(Error::Input(format!(
                 "⟨frame={text}⟩: the experiment has no capture \"{label}\"; its captures are {}",
                 known.join(", ")
             )));
@@ -716,12 +705,10 @@ fn named_frames(
         match frames.iter_mut().find(|frame| frame.raw.label == **capture) {
             Some(frame) if label != *capture => frame.bracket.push(raw),
             Some(_) => {
-                return Err(SessionError::Input(format!(
-                    "⟨frame={text}⟩: \"{label}\" is given twice; keep one"
-                )));
+                return Err(Error::Input(format!("⟨frame={text}⟩: \"{label}\" is given twice; keep one")));
             }
             None if label != *capture => {
-                return Err(SessionError::Input(format!(
+                return Err(Error::Input(format!(
                     "⟨frame={text}⟩: give the main exposure before it, ⟨frame={capture}=FILE⟩"
                 )));
             }
@@ -729,7 +716,7 @@ fn named_frames(
         }
     }
     if !frames.iter().any(|frame| frame.raw.label == wanted) {
-        return Err(SessionError::Input(format!(
+        return Err(Error::Input(format!(
             "the analysis is of the capture \"{wanted}\"; give its file with ⟨frame={wanted}=FILE⟩"
         )));
     }

@@ -25,13 +25,13 @@ use crate::frame_report::{FrameReport, warn_of_darkness};
 use crate::options::defaults;
 use crate::values::{Override, as_typed};
 use crate::{
-    Changes, ExperimentSource, FinishedRender, Job, Seed, SessionError, ShownExperiment, Wanted,
+    Changes, ExperimentSource, FinishedRender, Job, Result, Seed, ShownExperiment, Wanted,
     as_typed_in_session, coarse_image, experiment_of, frame_bytes, say_uncertainty, warn_of_denoised,
 };
 
 /// Which component image is captured, by which experiment.
 #[derive(Clone, Debug, Deserialize, clap::Args)]
-#[serde(default)]
+#[serde(default = "defaults")]
 pub struct CaptureOptions {
     /// Component image: components.exr of a run, or .exr or .npy of `render --components`.
     #[arg(value_name = "COMPONENTS", value_hint = ValueHint::FilePath)]
@@ -56,12 +56,6 @@ pub struct CaptureOptions {
     /// Folder for the frames.
     #[arg(long, value_name = "DIR", default_value = "fluorspar-out/capture", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,
-}
-
-impl Default for CaptureOptions {
-    fn default() -> Self {
-        defaults()
-    }
 }
 
 /// Formats of raw frames.
@@ -128,7 +122,7 @@ pub struct CapturedFolder {
 /// # Errors
 /// An option without a meaning, an image or an experiment that can't be read, captures that can't be taken of the image, a folder that can't be
 /// written.
-pub fn capture(options: &CaptureOptions, job: &Job<'_>) -> Result<CapturedFolder, SessionError> {
+pub fn capture(options: &CaptureOptions, job: &Job) -> Result<CapturedFolder> {
     // A report analyzes the frames, for which it asks maps and surfaces
     let image = match options.report {
         true => FinishedRender::open(&options.image)?,

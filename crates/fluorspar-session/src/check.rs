@@ -6,13 +6,12 @@ use clap::ValueHint;
 use fluorspar::render::{memory_bytes, visible_surfaces};
 use fluorspar::scene::Shape;
 use fluorspar::study::Study;
-use fluorspar_experiment::{ResolvedExperiment, ResolvedSample, is_sample};
+use fluorspar_experiment::{ResolvedExperiment, ResolvedSample, Warning, is_sample};
 use serde::{Deserialize, Serialize, Serializer};
-use serde_json::json;
 
 use crate::resource_needs::check_time;
 use crate::{
-    Budget, Changes, ExperimentSource, Job, Limits, RenderOptions, SessionError, render_seconds,
+    Budget, Changes, ExperimentSource, Job, Limits, RenderOptions, Result, render_seconds,
     warnings_before_run,
 };
 
@@ -38,111 +37,135 @@ pub struct CheckOptions {
 }
 
 /// A file that holds.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
+#[serde(untagged)]
 pub enum CheckedFile {
-    /// A flat sample, and how the file was named.
-    Sample(String, Box<ResolvedSample>),
+    /// A flat sample.
+    Sample(CheckedSample),
     /// An experiment.
     Experiment(Box<CheckedExperiment>),
 }
 
+/// A flat sample that holds.
+#[derive(Clone, Debug, Serialize)]
+pub struct CheckedSample {
+    /// How the file was named.
+    pub file: String,
+    /// "sample".
+    pub kind: &'static str,
+    /// Whether it holds.
+    pub valid: bool,
+    /// Digest of what decides the result.
+    pub sha256: String,
+    /// Number of its bands.
+    pub bands: usize,
+    /// Names of its fluorophores.
+    pub fluorophores: Vec<String>,
+    /// What is odd about it.
+    pub warnings: Vec<Warning>,
+}
+
 /// An experiment that holds.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct CheckedExperiment {
     /// How the file was named.
     pub file: String,
-    /// The experiment, with the warnings of a run.
-    pub experiment: ResolvedExperiment,
+    /// "experiment".
+    pub kind: &'static str,
+    /// Whether it holds.
+    pub valid: bool,
+    /// Digest of what decides the result.
+    pub sha256: String,
+    /// Number of objects.
+    pub objects: usize,
+    /// Number of lights.
+    pub lights: usize,
+    /// Names of the light groups.
+    pub light_groups: Vec<String>,
+    /// Names of the fluorophores.
+    pub fluorophores: Vec<String>,
+    /// Names of the captures.
+    pub captures: Vec<String>,
+    /// Names of the regions beside that of the analysis.
+    pub regions: Vec<String>,
+    /// Instances of meshes of all objects.
+    pub instances: usize,
     /// What its camera sees.
-    pub view: CameraView,
+    pub camera_view: CameraView,
+    /// Memory of the image while it is rendered in one go, bytes.
+    pub memory_bytes: u64,
     /// What a run takes.
     pub budget: Budget,
     /// How long rendering takes, s.
     pub render_seconds: f64,
+    /// What is odd about it.
+    pub warnings: Vec<Warning>,
+    /// What it means.
+    #[serde(skip)]
+    pub study: Study,
 }
 
 /// Checks an experiment or a flat sample.
 ///
 /// # Errors
 /// Its first defect; limits that a run would exceed.
-pub fn check(options: &CheckOptions, job: &Job<'_>) -> Result<CheckedFile, SessionError> {
+pub fn check(options: &CheckOptions, job: &Job) -> Result<CheckedFile> {
     let source = ExperimentSource::find_either(options.file.as_deref())?;
     let mut overrides = options.changes.overrides();
     overrides.extend(options.render.overrides());
     overrides.extend(options.limits.overrides());
     let file = options.file.clone().unwrap_or_else(|| source.name.clone());
     if is_sample(&source.text) {
-        let sample = source.resolve_sample(&overrides)?;
-        job.warn(&sample.record.warnings);
-        return Ok(CheckedFile::Sample(file, Box::new(sample)));
+        let ResolvedSample { sample, record, .. } = source.resolve_sample(&overrides)?;
+        job.warn(&record.warnings);
+        let fluorophores = sample.fluorophores.iter().map(|(fluorophore, _)| fluorophore.name.clone());
+        return Ok(CheckedFile::Sample(CheckedSample {
+            file,
+            kind: "sample",
+            valid: true,
+            sha256: record.sha256,
+            bands: sample.grid.len(),
+            fluorophores: fluorophores.collect(),
+            warnings: record.warnings,
+        }));
     }
     let mut experiment = source.resolve(&overrides)?;
-    let view = CameraView::of(&mut experiment.study);
-    experiment.record.warnings = warnings_before_run(&experiment);
-    job.warn(&experiment.record.warnings);
+    let camera_view = CameraView::of(&mut experiment.study);
+    let warnings = warnings_before_run(&experiment);
+    job.warn(&warnings);
     let study = &experiment.study;
     let budget = Budget::of_run(study);
     budget.check(&options.limits, study)?;
     let render_seconds = render_seconds(&experiment)?;
     check_time(render_seconds, study.render.samples_per_pixel, study.time_limit_s)?;
-    let checked = CheckedExperiment { file, experiment, view, budget, render_seconds };
-    Ok(CheckedFile::Experiment(Box::new(checked)))
+    let ResolvedExperiment { study, record } = experiment;
+    let scene = &study.scene;
+    Ok(CheckedFile::Experiment(Box::new(CheckedExperiment {
+        file,
+        kind: "experiment",
+        valid: true,
+        sha256: record.sha256,
+        objects: scene.objects.len(),
+        lights: scene.lights.len(),
+        light_groups: scene.light_groups.iter().map(|group| group.name.clone()).collect(),
+        fluorophores: scene.fluorophores.iter().map(|fluorophore| fluorophore.name.clone()).collect(),
+        captures: study.captures.iter().map(|capture| capture.frame.label.clone()).collect(),
+        regions: study.regions.iter().map(|region| region.name.clone()).collect(),
+        instances: scene.objects.iter().map(|object| instances(&object.shape)).sum(),
+        camera_view,
+        memory_bytes: memory_bytes(scene, &study.render),
+        budget,
+        render_seconds,
+        warnings,
+        study,
+    })))
 }
 
-impl CheckedExperiment {
-    /// Instances of meshes of all objects.
-    pub fn instances(&self) -> usize {
-        let count = |shape: &Shape| match shape {
-            Shape::Instances(many) => many.instances.len(),
-            _ => 0,
-        };
-        self.experiment.study.scene.objects.iter().map(|object| count(&object.shape)).sum()
-    }
-
-    /// Whether the image is larger than the memory limit of the experiment, so that it is rendered in bands of rows only.
-    pub fn is_beyond_memory(&self) -> bool {
-        let study = &self.experiment.study;
-        memory_bytes(&study.scene, &study.render) > study.render.memory_limit_bytes
-    }
-}
-
-impl Serialize for CheckedFile {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Sample(file, sample) => json!({
-                "file": file,
-                "kind": "sample",
-                "valid": true,
-                "sha256": sample.record.sha256,
-                "bands": sample.sample.grid.len(),
-                "fluorophores": sample.sample.fluorophores.iter().map(|(f, _)| &f.name).collect::<Vec<_>>(),
-                "warnings": sample.record.warnings,
-            })
-            .serialize(serializer),
-            Self::Experiment(checked) => {
-                let ResolvedExperiment { study, record } = &checked.experiment;
-                let scene = &study.scene;
-                json!({
-                    "file": checked.file,
-                    "kind": "experiment",
-                    "valid": true,
-                    "sha256": record.sha256,
-                    "objects": scene.objects.len(),
-                    "lights": scene.lights.len(),
-                    "light_groups": scene.light_groups.iter().map(|g| &g.name).collect::<Vec<_>>(),
-                    "fluorophores": scene.fluorophores.iter().map(|f| &f.name).collect::<Vec<_>>(),
-                    "captures": study.captures.iter().map(|c| &c.frame.label).collect::<Vec<_>>(),
-                    "regions": study.regions.iter().map(|r| &r.name).collect::<Vec<_>>(),
-                    "instances": checked.instances(),
-                    "camera_view": checked.view,
-                    "memory_bytes": memory_bytes(scene, &study.render),
-                    "budget": checked.budget,
-                    "render_seconds": checked.render_seconds,
-                    "warnings": record.warnings,
-                })
-                .serialize(serializer)
-            }
-        }
+/// Instances of meshes of a shape.
+fn instances(shape: &Shape) -> usize {
+    match shape {
+        Shape::Instances(many) => many.instances.len(),
+        _ => 0,
     }
 }
 

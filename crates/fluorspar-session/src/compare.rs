@@ -16,11 +16,11 @@ use fluorspar_report::{
     compared_numbers, compared_pictures, comparison_figures, comparison_remarks, comparison_report,
     comparison_verdict, extract_experiment,
 };
-use serde::{Deserialize, Serialize, Serializer};
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::analyze::developed_folder;
-use crate::{Job, SessionError, read_text};
+use crate::{Error, Job, Result, read_text};
 
 /// What else there is to compare, at the end of the help.
 const OTHER_COMPARISONS: &str = "\
@@ -44,54 +44,61 @@ pub struct CompareOptions {
 }
 
 /// Two finished runs side by side.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
+    /// Format of results.
+    pub format: u32,
+    /// "fluorspar".
+    pub program: &'static str,
+    /// Version of the program.
+    pub version: &'static str,
     /// The runs.
-    pub runs: [FinishedRun; 2],
-    /// Settings that differ, or why they are not compared.
-    pub settings: Result<Vec<SettingDifference>, String>,
+    pub compared: ComparedRuns,
+    /// Settings that differ; `None` where they are not compared.
+    pub settings: Option<Vec<SettingDifference>>,
+    /// Why settings are not compared.
+    pub settings_not_compared: Option<String>,
     /// The numbers of both, and whether their intervals tell them apart.
     pub numbers: Vec<ComparedNumber>,
-}
-
-impl Comparison {
+    /// How that is judged.
+    pub judged: &'static str,
     /// Which run sees smaller amounts, in a sentence.
-    pub fn verdict(&self) -> Option<String> {
-        let [a, b] = &self.runs;
-        comparison_verdict([a, b], &self.numbers, self.settings.as_deref().ok())
-    }
-
+    pub verdict: Option<String>,
     /// What makes the comparison doubtful.
-    pub fn remarks(&self) -> Vec<String> {
-        let [a, b] = &self.runs;
-        comparison_remarks(a, b)
-    }
+    pub warnings: Vec<String>,
 }
 
-impl Serialize for Comparison {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let run = |run: &FinishedRun| {
-            let text = |text: &String| (!text.is_empty()).then(|| text.clone());
-            json!({
-                "folder": run.name,
-                "title": text(&run.title),
-                "version": text(&run.version),
-                "experiment_sha256": text(&run.experiment_sha256),
-            })
-        };
-        json!({
-            "format": FileFormat::RESULTS.version(),
-            "program": "fluorspar",
-            "version": env!("CARGO_PKG_VERSION"),
-            "compared": { "a": run(&self.runs[0]), "b": run(&self.runs[1]) },
-            "settings": self.settings.as_ref().ok(),
-            "settings_not_compared": self.settings.as_ref().err(),
-            "numbers": self.numbers,
-            "judged": HOW_JUDGED,
-            "verdict": self.verdict(),
-            "warnings": self.remarks(),
-        })
-        .serialize(serializer)
+/// The runs that are compared.
+#[derive(Clone, Debug, Serialize)]
+pub struct ComparedRuns {
+    /// The first one.
+    pub a: ComparedRun,
+    /// The second one.
+    pub b: ComparedRun,
+}
+
+/// A run that is compared.
+#[derive(Clone, Debug, Serialize)]
+pub struct ComparedRun {
+    /// Its folder.
+    pub folder: String,
+    /// Title of its experiment, where it is known.
+    pub title: Option<String>,
+    /// Version of the program that wrote it, where it is known.
+    pub version: Option<String>,
+    /// Digest of its experiment, where it is known.
+    pub experiment_sha256: Option<String>,
+}
+
+impl From<&FinishedRun> for ComparedRun {
+    fn from(run: &FinishedRun) -> Self {
+        let text = |text: &String| (!text.is_empty()).then(|| text.clone());
+        Self {
+            folder: run.name.clone(),
+            title: text(&run.title),
+            version: text(&run.version),
+            experiment_sha256: text(&run.experiment_sha256),
+        }
     }
 }
 
@@ -99,13 +106,13 @@ impl Serialize for Comparison {
 ///
 /// # Errors
 /// A folder that holds no finished run; the same one twice; a folder that can't be written.
-pub fn compare(options: &CompareOptions, job: &Job<'_>) -> Result<Comparison, SessionError> {
+pub fn compare(options: &CompareOptions, job: &Job) -> Result<Comparison> {
     let sides = [Side::open(&options.a)?, Side::open(&options.b)?];
     let [a, b] = &sides;
     if let (Ok(of_a), Ok(of_b)) = (a.folder.canonicalize(), b.folder.canonicalize())
         && of_a == of_b
     {
-        return Err(SessionError::Input(format!(
+        return Err(Error::Input(format!(
             "{} and {}: both are the same folder; give the folders of two runs (a run has a folder of its own with --out)",
             options.a.display(),
             options.b.display()
@@ -120,9 +127,21 @@ pub fn compare(options: &CompareOptions, job: &Job<'_>) -> Result<Comparison, Se
         (Err(why), _) | (_, Err(why)) => Err(why.clone()),
     };
     let numbers = compared_numbers(&a.run, &b.run);
-    let comparison = Comparison { runs: [a.run.clone(), b.run.clone()], settings, numbers };
+    let runs = [&a.run, &b.run];
+    let comparison = Comparison {
+        format: FileFormat::RESULTS.version(),
+        program: "fluorspar",
+        version: env!("CARGO_PKG_VERSION"),
+        compared: ComparedRuns { a: runs[0].into(), b: runs[1].into() },
+        verdict: comparison_verdict(runs, &numbers, settings.as_deref().ok()),
+        settings_not_compared: settings.as_ref().err().cloned(),
+        settings: settings.ok(),
+        numbers,
+        judged: HOW_JUDGED,
+        warnings: comparison_remarks(runs[0], runs[1]),
+    };
     if let Some(folder) = folder {
-        write_folder(&folder, &comparison, &frame_pairs(a, b))
+        write_folder(&folder, &comparison, runs, &frame_pairs(a, b))
             .map_err(|error| error.at_its_place(&folder))?;
         let place = folder.finish()?;
         job.status(format!("Open {}", place.join("report.html").display()));
@@ -153,8 +172,8 @@ struct FramePair {
 
 impl Side {
     /// Opens the folder of a run, given by itself or by a file in it.
-    fn open(path: &Path) -> Result<Self, SessionError> {
-        let refuse = |why: &str| Err(SessionError::Input(format!("{}: {why}", path.display())));
+    fn open(path: &Path) -> Result<Self> {
+        let refuse = |why: &str| Err(Error::Input(format!("{}: {why}", path.display())));
         let is_beside = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
         let folder = if path.is_dir() {
             path.to_path_buf()
@@ -175,7 +194,7 @@ impl Side {
                 "there is no results.json in this folder; give one that `run`, `capture` or `analyze --out` wrote to its end",
             );
         }
-        let wrong = |why: String| SessionError::Input(format!("{}: {why}", file.display()));
+        let wrong = |why: String| Error::Input(format!("{}: {why}", file.display()));
         let results: Value =
             serde_json::from_str(&read_text(&file)?).map_err(|error| wrong(format!("not JSON ({error})")))?;
         // That of `analyze` is the analysis alone
@@ -344,9 +363,10 @@ fn pictures_of_frames(
 fn write_folder(
     folder: &OutputFolder,
     comparison: &Comparison,
+    runs: [&FinishedRun; 2],
     pairs: &[FramePair],
-) -> Result<(), SessionError> {
-    let put = |name: &str, bytes: &[u8]| -> Result<(), SessionError> {
+) -> Result<()> {
+    let put = |name: &str, bytes: &[u8]| -> Result<()> {
         Ok(write_atomically(&folder.path().join(name), |file| file.write_all(bytes))?)
     };
     let path = folder.path().join("figures");
@@ -368,12 +388,12 @@ fn write_folder(
         let picture = |side: usize| ReportPicture {
             png: pair.pictures.png[side].clone(),
             title: pair.titles[side].clone(),
-            caption: comparison.runs[side].name.clone(),
+            caption: runs[side].name.clone(),
         };
         (pair.pictures.caption.clone(), picture(0), picture(1))
     });
-    let settings = comparison.settings.as_deref().map_err(String::as_str);
-    let [a, b] = &comparison.runs;
-    let page = comparison_report([a, b], settings, &comparison.numbers, frames.collect());
+    let why = comparison.settings_not_compared.as_deref().unwrap_or_default();
+    let settings = comparison.settings.as_deref().ok_or(why);
+    let page = comparison_report(runs, settings, &comparison.numbers, frames.collect());
     put("report.html", page.to_html().as_bytes())
 }

@@ -10,14 +10,13 @@ use fluorspar::tissue::TissueError;
 use fluorspar::tissue::fit::TissueFitError;
 use fluorspar_experiment::preset::{LensError, PresetError};
 use fluorspar_experiment::{DEFAULT_EXPERIMENT, ExperimentError};
-use fluorspar_format::{FormatError, OutputFolder};
+use fluorspar_format::{FormatError, OutputFolder, PbrtError};
 use fluorspar_report::{FigureError, RunFolderError};
-use thiserror::Error;
 
 /// Why a task gives no answer. Messages name options as `⟨name⟩` or `⟨name=value⟩`; [`worded`] has them as a front writes them.
-#[derive(Debug, Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum SessionError {
+pub enum Error {
     /// Something that was given must be fixed.
     #[error("{0}")]
     Input(String),
@@ -36,6 +35,9 @@ pub enum SessionError {
     /// A file can't be read or written.
     #[error(transparent)]
     Format(#[from] FormatError),
+    /// A scene of pbrt can't be read.
+    #[error(transparent)]
+    Pbrt(#[from] PbrtError),
     /// A name that the catalogue does not have.
     #[error(transparent)]
     Preset(#[from] PresetError),
@@ -82,6 +84,9 @@ pub enum SessionError {
     },
 }
 
+/// The answer of a task, or why there is none.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
 /// What kind of end an error is, which programs tell by their exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorKind {
@@ -103,7 +108,7 @@ fn section_hint(error: &PipelineError) -> String {
     format!("; add a {section} section, or start from `base = \"{DEFAULT_EXPERIMENT}\"`")
 }
 
-impl SessionError {
+impl Error {
     /// What kind of end it is.
     pub fn kind(&self) -> ErrorKind {
         match self {

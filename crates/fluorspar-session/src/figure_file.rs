@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fluorspar_report::Figure;
 
-use crate::SessionError;
+use crate::{Error, Result};
 
 /// How a figure is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,15 +20,12 @@ impl FigureFormat {
     ///
     /// # Errors
     /// Another ending.
-    pub fn of(path: &Path) -> Result<Self, SessionError> {
+    pub fn of(path: &Path) -> Result<Self> {
         let ending = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
         match ending.as_deref() {
             Some("svg") => Ok(Self::Svg),
             Some("png") => Ok(Self::Png),
-            _ => Err(SessionError::Input(format!(
-                "⟨out={}⟩: the name must end in .svg or .png",
-                path.display()
-            ))),
+            _ => Err(Error::Input(format!("⟨out={}⟩: the name must end in .svg or .png", path.display()))),
         }
     }
 
@@ -36,7 +33,7 @@ impl FigureFormat {
     ///
     /// # Errors
     /// A figure that can't be drawn in pixels.
-    pub fn bytes(self, figure: &Figure) -> Result<Vec<u8>, SessionError> {
+    pub fn bytes(self, figure: &Figure) -> Result<Vec<u8>> {
         Ok(match self {
             Self::Svg => figure.to_svg().into_bytes(),
             Self::Png => figure.to_png()?,

@@ -12,7 +12,7 @@ use fluorspar_experiment::{ResolvedExperiment, Warning};
 use fluorspar_format::FrameFact;
 use fluorspar_report::{FrameOrigin, RunResults, dark_frames, write_frame_report};
 
-use crate::{Job, SessionError};
+use crate::{Job, Result};
 
 /// What the report of frames is made from.
 pub(crate) struct FrameReport<'a> {
@@ -33,7 +33,7 @@ pub(crate) struct FrameReport<'a> {
 
 impl FrameReport<'_> {
     /// Writes `report.html`, previews and figures into a folder. Returns what they are made from.
-    pub(crate) fn write(self, folder: &Path) -> Result<Evaluation, SessionError> {
+    pub(crate) fn write(self, folder: &Path) -> Result<Evaluation> {
         let study = &self.experiment.study;
         let evaluation = match self.components {
             Some(components) => evaluate_frames(study, components, self.frames, self.analysis, self.regions)?,
@@ -85,7 +85,7 @@ fn without_spectra(
 }
 
 /// Warns of frames that see next to nothing.
-pub(crate) fn warn_of_darkness(experiment: &ResolvedExperiment, frames: &[CapturedFrame], job: &Job<'_>) {
+pub(crate) fn warn_of_darkness(experiment: &ResolvedExperiment, frames: &[CapturedFrame], job: &Job) {
     let warnings: Vec<Warning> = dark_frames(experiment, frames).into_iter().map(Warning::from).collect();
     job.warn(&warnings);
 }

@@ -9,18 +9,18 @@ use fluorspar_experiment::Warning;
 
 /// What a task runs with. Every task has its own: one that is stopped stops no other.
 #[derive(Clone)]
-pub struct Job<'a> {
+pub struct Job {
     /// Set from any thread: ends the task early, with what it has where it can give that.
     pub stop: Arc<AtomicBool>,
     /// Hears what is done, and what the user should know.
-    pub listener: &'a dyn Listener,
+    pub listener: Arc<dyn Listener>,
     /// Whether a time limit set `stop`.
     is_out_of_time: Arc<AtomicBool>,
 }
 
-impl<'a> Job<'a> {
+impl Job {
     /// A task that a flag ends.
-    pub fn new(stop: Arc<AtomicBool>, listener: &'a dyn Listener) -> Self {
+    pub fn new(stop: Arc<AtomicBool>, listener: Arc<dyn Listener>) -> Self {
         Self { stop, listener, is_out_of_time: Arc::default() }
     }
 
@@ -53,7 +53,7 @@ impl<'a> Job<'a> {
 }
 
 /// Who hears of a task.
-pub trait Listener: Sync {
+pub trait Listener: Send + Sync {
     /// What is being done or was done, one or more lines.
     fn status(&self, text: &str);
 

@@ -10,7 +10,7 @@ use fluorspar_format::{
 };
 use serde::Deserialize;
 
-use crate::{Job, SessionError};
+use crate::{Error, Job, Result};
 
 /// Whether a name is that of a file, or a table `{ csv = "FILE", column = .., unit = .. }` that names one.
 pub fn is_file(name: &str) -> bool {
@@ -36,13 +36,13 @@ struct Table {
 }
 
 /// The table that an option writes as an experiment does.
-fn table(name: &str) -> Result<Table, SessionError> {
+fn table(name: &str) -> Result<Table> {
     #[derive(Deserialize)]
     struct Written {
         spectrum: SpectrumReference,
     }
     let wrong = |what: String| {
-        SessionError::Input(format!(
+        Error::Input(format!(
             "{name}: {what}. Write it like {{ csv = \"FILE\", column = \"T\", unit = \"percent\" }}, with the header of the column"
         ))
     };
@@ -88,8 +88,8 @@ pub fn of_file(
     columns: SpectrumColumns,
     quantity: SpectrumQuantity,
     negative: Negative,
-    job: &Job<'_>,
-) -> Result<MeasuredSpectra, SessionError> {
+    job: &Job,
+) -> Result<MeasuredSpectra> {
     let Table { path, options, scale } = match is_table(name) {
         true => table(name)?,
         false => {
@@ -113,20 +113,13 @@ pub fn of_file(
 }
 
 /// One spectrum of a file: the only column, that which an instrument computed, or the first.
-pub fn one_column(
-    name: &str,
-    quantity: SpectrumQuantity,
-    negative: Negative,
-    job: &Job<'_>,
-) -> Result<Curve, SessionError> {
+pub fn one_column(name: &str, quantity: SpectrumQuantity, negative: Negative, job: &Job) -> Result<Curve> {
     let column = of_file(name, SpectrumColumns::One, quantity, negative, job)?.curves.into_iter().next();
-    column
-        .map(|column| column.curve)
-        .ok_or_else(|| SessionError::Input(format!("{name}: there is no spectrum")))
+    column.map(|column| column.curve).ok_or_else(|| Error::Input(format!("{name}: there is no spectrum")))
 }
 
 /// Spectral power of a light, of any scale.
-pub fn light(name: &str, job: &Job<'_>) -> Result<Curve, SessionError> {
+pub fn light(name: &str, job: &Job) -> Result<Curve> {
     if !is_file(name) {
         return Ok(preset::light_spectrum(name)?.curve());
     }
@@ -134,11 +127,11 @@ pub fn light(name: &str, job: &Job<'_>) -> Result<Curve, SessionError> {
     if curve.total() > 0.0 {
         return Ok(curve);
     }
-    Err(SessionError::Input(format!("{name}: the light is dark: all its values are zero")))
+    Err(Error::Input(format!("{name}: the light is dark: all its values are zero")))
 }
 
 /// Transmittance of filters one behind the other.
-pub fn filters(names: &[String], job: &Job<'_>) -> Result<Curve, SessionError> {
+pub fn filters(names: &[String], job: &Job) -> Result<Curve> {
     names.iter().try_fold(Curve::constant(1.0), |product, name| {
         let curve = if is_file(name) {
             one_column(name, SpectrumQuantity::Fraction, Negative::Refuse, job)?
@@ -146,7 +139,7 @@ pub fn filters(names: &[String], job: &Job<'_>) -> Result<Curve, SessionError> {
             preset::filter(name)?.curve()
         };
         if curve.max() > 1.0 {
-            return Err(SessionError::Input(format!(
+            return Err(Error::Input(format!(
                 "{name}: a filter passes at most 1, but this reaches {}; name the unit of its values: {{ csv = \"FILE\", unit = \"percent\" }}",
                 curve.max()
             )));

@@ -6,11 +6,11 @@ use clap::{ValueEnum, ValueHint};
 use fluorspar::pipeline::{Prediction, predict as predict_sample};
 use fluorspar::units::number_text;
 use fluorspar_experiment::ResolvedSample;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::values::{self, Override, number, quoted};
-use crate::{Changes, ExperimentSource, Job, SessionError, named_spectra};
+use crate::{Changes, Error, ExperimentSource, Job, Result, named_spectra};
 
 /// Which flat sample is predicted, with which changes.
 #[derive(Clone, Debug, Default, Deserialize, clap::Args)]
@@ -66,39 +66,32 @@ pub enum Compatibility {
 }
 
 /// Spectra and mean sensor values of a flat sample.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct PredictedSample {
     /// The sample with its changes.
+    #[serde(skip)]
     pub sample: ResolvedSample,
     /// Where it was read from, as messages have it.
+    #[serde(skip)]
     pub source: String,
     /// Its numbers.
+    #[serde(flatten)]
     pub prediction: Prediction,
-}
-
-impl Serialize for PredictedSample {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        #[derive(Serialize)]
-        struct Answer<'a> {
-            #[serde(flatten)]
-            prediction: &'a Prediction,
-            provenance: Value,
-        }
-        let provenance = provenance(&self.sample);
-        Answer { prediction: &self.prediction, provenance }.serialize(serializer)
-    }
+    /// Program, units, warnings and the sample as a file.
+    pub provenance: Value,
 }
 
 /// Predicts a flat sample.
 ///
 /// # Errors
 /// A sample or an option that is wrong.
-pub fn predict(options: &PredictOptions, job: &Job<'_>) -> Result<PredictedSample, SessionError> {
+pub fn predict(options: &PredictOptions, job: &Job) -> Result<PredictedSample> {
     let source = ExperimentSource::find_sample(options.sample.as_deref())?;
     let sample = source.resolve_sample(&options.overrides(&source.base_dir)?)?;
     job.warn(&sample.record.warnings);
     let prediction = predict_sample(&sample.sample)?;
-    Ok(PredictedSample { sample, source: source.name, prediction })
+    let provenance = provenance(&sample);
+    Ok(PredictedSample { sample, source: source.name, prediction, provenance })
 }
 
 /// A name of the catalogue, or a file, which is relative to where the program runs and not to the sample's folder.
@@ -128,7 +121,7 @@ pub fn filter_list(names: &[String], folder: &Path) -> String {
 
 impl PredictOptions {
     /// All changes; those that were given as `--set` come last and win.
-    fn overrides(&self, folder: &Path) -> Result<Vec<Override>, SessionError> {
+    fn overrides(&self, folder: &Path) -> Result<Vec<Override>> {
         let mut all = Vec::new();
         let named = |path: &str, option: &str, text: &String, value: String| {
             Override::of_option(path, value, format!("⟨{option}={text}⟩"))
@@ -164,7 +157,7 @@ impl PredictOptions {
                     ));
                 }
                 _ => {
-                    return Err(SessionError::Input(format!(
+                    return Err(Error::Input(format!(
                         "⟨concentration={text}⟩: write a name and a number, for instance ⟨concentration=fad=0.2⟩"
                     )));
                 }

@@ -6,7 +6,7 @@ use fluorspar_experiment::Experiment;
 use fluorspar_format::read_toml;
 
 use crate::values::{Override, quoted};
-use crate::{ExperimentSource, SessionError};
+use crate::{Error, ExperimentSource, Result};
 
 /// A region as it was typed.
 #[derive(Clone, Debug)]
@@ -19,13 +19,13 @@ pub(crate) struct RegionOption {
 }
 
 /// Reads the regions of the command line.
-pub(crate) fn region_options(texts: &[String]) -> Result<Vec<RegionOption>, SessionError> {
+pub(crate) fn region_options(texts: &[String]) -> Result<Vec<RegionOption>> {
     let mut regions: Vec<RegionOption> = Vec::with_capacity(texts.len());
     for text in texts {
         let region = region_option(text)?;
         if regions.iter().any(|other| other.name == region.name) {
             let name = &region.name;
-            return Err(SessionError::Input(format!(
+            return Err(Error::Input(format!(
                 "⟨named_region={text}⟩: there are two regions \"{name}\"; rename one"
             )));
         }
@@ -34,9 +34,9 @@ pub(crate) fn region_options(texts: &[String]) -> Result<Vec<RegionOption>, Sess
     Ok(regions)
 }
 
-fn region_option(text: &str) -> Result<RegionOption, SessionError> {
+fn region_option(text: &str) -> Result<RegionOption> {
     let wrong = |why: &str| {
-        SessionError::Input(format!(
+        Error::Input(format!(
             "⟨named_region={text}⟩: {why}; write a name and parts, a rectangle (column, row, width, height), a polygon, a mask or fields of [analysis]: \
              lip=lower_lip, lip=430,350,100,80, 'lip=[[430,350],[530,350],[480,450]]', lip=mask.png, 'lip={{parts=[\"lower_lip\"], inset_px=3}}'"
         ))
@@ -102,7 +102,7 @@ pub(crate) fn with_regions(
     source: &ExperimentSource,
     (experiment, overrides): (&Experiment, &[Override]),
     regions: &[RegionOption],
-) -> Result<(Experiment, Vec<Override>), SessionError> {
+) -> Result<(Experiment, Vec<Override>)> {
     let added = regions.iter().flat_map(|region| region.overrides(experiment));
     let all: Vec<Override> = overrides.iter().cloned().chain(added).collect();
     let mut with_all = source.parse(&all)?;

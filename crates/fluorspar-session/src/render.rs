@@ -14,7 +14,7 @@ use fluorspar::spectral::Radiance;
 use fluorspar::study::Study;
 use fluorspar_format::{FormatError, Provenance, write_film, write_rgb_png};
 
-use crate::{Job, Left, SessionError, say_time, seconds_of};
+use crate::{Error, Job, Left, Result, say_time, seconds_of};
 
 /// Files that are written during a render.
 pub struct Keep<'a> {
@@ -68,8 +68,8 @@ pub fn render_scene(
     scene: &Scene,
     settings: &RenderSettings,
     time_limit_s: Option<f64>,
-    job: &Job<'_>,
-) -> Result<ComponentImage, SessionError> {
+    job: &Job,
+) -> Result<ComponentImage> {
     let renderer = FilmRenderer::new(scene, settings)?;
     let mut film = renderer.new_film();
     fill_film(&renderer, &Share::Whole, &mut film, time_limit_s, job, &Keep::default())?;
@@ -87,14 +87,14 @@ pub fn fill_film(
     share: &Share,
     film: &mut Film,
     time_limit_s: Option<f64>,
-    job: &Job<'_>,
+    job: &Job,
     keep: &Keep<'_>,
-) -> Result<bool, SessionError> {
+) -> Result<bool> {
     // Of bands of rows the time of all is said before.
     let is_part = matches!(share, Share::TileRange(_));
     if !is_part && (job.listener.hears_status() || time_limit_s.is_some()) {
         let lacking = seconds_of(renderer, share, Some(film));
-        say_time(lacking, renderer.samples_of(share).len() as u32, time_limit_s, job.listener)?;
+        say_time(lacking, renderer.samples_of(share).len() as u32, time_limit_s, job)?;
     }
     let share_done = job.listener.begin("Rendering", "rendering", keep.left);
     let started = Instant::now();
@@ -181,8 +181,8 @@ fn enlarged(coarse: &SpectralImage<Radiance>, film: &Film) -> SpectralImage<Radi
 pub fn render_with_excitation_basis(
     study: &Study,
     basis: &BasisSettings,
-    job: &Job<'_>,
-) -> Result<(ComponentImage, ExcitationImage), SessionError> {
+    job: &Job,
+) -> Result<(ComponentImage, ExcitationImage)> {
     let (scene, settings) = (&study.scene, &study.render);
     let names: Vec<&str> =
         basis.groups.iter().map(|group| scene.light_groups[*group].name.as_str()).collect();
@@ -194,14 +194,14 @@ pub fn render_with_excitation_basis(
     ));
     let renderer = FilmRenderer::for_rows(scene, settings)?;
     if job.listener.hears_status() {
-        say_time(seconds_of(&renderer, &Share::Whole, None), settings.samples_per_pixel, None, job.listener)?;
+        say_time(seconds_of(&renderer, &Share::Whole, None), settings.samples_per_pixel, None, job)?;
     }
     let rendered = render_with_basis(&renderer, settings, scene, |share, film| {
         fill_film(&renderer, share, film, study.time_limit_s, job, &Keep::default())
     })?;
     let Some((image, basis)) = rendered else {
         let what = if job.is_interrupted() { "interrupted" } else { "ended by the time limit" };
-        return Err(SessionError::Stopped(format!(
+        return Err(Error::Stopped(format!(
             "{what} before every row had its samples: an excitation basis needs all of them, and nothing was written"
         )));
     };

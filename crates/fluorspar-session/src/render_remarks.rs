@@ -6,10 +6,10 @@ use fluorspar::study::Study;
 use fluorspar_experiment::{Experiment, parse};
 
 use crate::values::{Override, as_typed, sets};
-use crate::{CaptureView, FinishedRender, Job, SessionError};
+use crate::{CaptureView, Error, FinishedRender, Job, Result};
 
 /// Warns of an image that proves nothing.
-pub fn warn_of_denoised(render: &FinishedRender, job: &Job<'_>) {
+pub fn warn_of_denoised(render: &FinishedRender, job: &Job) {
     if render.labels().denoised.is_some() {
         let warning = format!("{}: this image is denoised: its frames are for display only", render.name());
         job.warn(&[warning.into()]);
@@ -20,10 +20,7 @@ pub fn warn_of_denoised(render: &FinishedRender, job: &Job<'_>) {
 ///
 /// # Errors
 /// An image that carries none; a change that can't be made.
-pub fn experiment_of(
-    render: &FinishedRender,
-    overrides: &[Override],
-) -> Result<(String, Experiment), SessionError> {
+pub fn experiment_of(render: &FinishedRender, overrides: &[Override]) -> Result<(String, Experiment)> {
     let text = render.experiment_text()?.to_owned();
     let name = format!("experiment in {}", render.name());
     let parsed = parse(&text, &name, Path::new("."), &sets(overrides));
@@ -31,15 +28,15 @@ pub fn experiment_of(
 }
 
 /// An error of an experiment with changes, which names them as they were typed.
-pub fn as_typed_in_session(error: SessionError, overrides: &[Override]) -> SessionError {
+pub fn as_typed_in_session(error: Error, overrides: &[Override]) -> Error {
     match error {
-        SessionError::Experiment(error) => as_typed(error, overrides).into(),
+        Error::Experiment(error) => as_typed(error, overrides).into(),
         other => other,
     }
 }
 
 /// Says how exact changed lights and concentrations are.
-pub fn say_uncertainty(view: &CaptureView, study: &Study, job: &Job<'_>) {
+pub fn say_uncertainty(view: &CaptureView, study: &Study, job: &Job) {
     for (group, error) in &view.light_errors {
         job.status(format!(
             "Light of \"{group}\" changed without a new render: fluorescence within {:.2} % of one, reflected light exact",

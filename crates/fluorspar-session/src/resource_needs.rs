@@ -7,11 +7,10 @@ use fluorspar::render::{FilmRenderer, Share, basis_bytes, memory_bytes, surface_
 use fluorspar::study::Study;
 use fluorspar::units::{memory_text, memory_texts};
 use fluorspar_experiment::{ResolvedExperiment, cache};
-use serde::{Deserialize, Serialize, Serializer};
-use serde_json::json;
+use serde::{Deserialize, Serialize};
 
 use crate::values::{self, Override, duration};
-use crate::{Listener, SessionError};
+use crate::{Error, Job, Result};
 
 /// Memory of the program itself with its catalogue, bytes, as measured.
 const PROGRAM_BYTES: u64 = 44 << 20;
@@ -47,13 +46,20 @@ impl Limits {
 }
 
 /// Memory and room on the disk that a job takes, bytes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize)]
 pub struct Budget {
-    film: u64,
-    surfaces: u64,
-    /// Maps of all pixels, and the program itself.
-    other: u64,
-    disk: u64,
+    /// Memory at its peak.
+    #[serde(rename = "memory_bytes")]
+    pub memory: u64,
+    /// The film in it.
+    #[serde(rename = "film_bytes")]
+    pub film: u64,
+    /// Surfaces and what finds rays among them in it.
+    #[serde(rename = "surface_bytes")]
+    pub surfaces: u64,
+    /// Room on the disk.
+    #[serde(rename = "disk_bytes")]
+    pub disk: u64,
 }
 
 impl Budget {
@@ -62,14 +68,11 @@ impl Budget {
         let (scene, settings) = (&study.scene, &study.render);
         let whole = memory_bytes(scene, settings);
         let film_file = if keeps_film { film_file_bytes(study) } else { 0 };
-        let in_memory = (whole + basis_bytes(scene, settings)).min(settings.memory_limit_bytes);
-        let conversion = (in_memory / 4).min(CONVERSION_BYTES);
-        Self {
-            film: in_memory,
-            surfaces: surface_bytes(scene),
-            other: whole_image_bytes(scene) + PROGRAM_BYTES + conversion,
-            disk: image_room_bytes(study, components) + film_file,
-        }
+        let film = (whole + basis_bytes(scene, settings)).min(settings.memory_limit_bytes);
+        let conversion = (film / 4).min(CONVERSION_BYTES);
+        let surfaces = surface_bytes(scene);
+        let memory = film + surfaces + whole_image_bytes(scene) + PROGRAM_BYTES + conversion;
+        Self { memory, film, surfaces, disk: image_room_bytes(study, components) + film_file }
     }
 
     /// Of a run, from scene to report.
@@ -77,25 +80,15 @@ impl Budget {
         Self { disk: run_bytes(study), ..Self::of_render(study, true, false) }
     }
 
-    /// Room on the disk, bytes.
-    pub fn disk(&self) -> u64 {
-        self.disk
-    }
-
-    /// Memory at its peak, bytes.
-    pub fn memory(&self) -> u64 {
-        self.film + self.surfaces + self.other
-    }
-
     /// Refuses a job that would take more than the user grants.
-    pub fn check(&self, limits: &Limits, study: &Study) -> Result<(), SessionError> {
+    pub fn check(&self, limits: &Limits, study: &Study) -> Result<()> {
         let camera = &study.scene.camera;
         let size =
             format!("{} x {} pixels with {} bands", camera.width, camera.height, study.scene.grid.len());
         let less = "render fewer pixels, bands, light groups or fluorophores";
-        if let Some(most) = limits.max_memory.filter(|&most| self.memory() > most) {
-            let [needed, limit] = memory_texts(self.memory(), most);
-            return Err(SessionError::Input(format!(
+        if let Some(most) = limits.max_memory.filter(|&most| self.memory > most) {
+            let [needed, limit] = memory_texts(self.memory, most);
+            return Err(Error::Input(format!(
                 "⟨max_memory={limit}⟩: {size} need about {needed} (film {}, surfaces {}); {less}, use coarser meshes, or lower \
                  render.memory_limit_gib, with which `fluorspar render` goes through the image in bands of rows",
                 memory_text(self.film),
@@ -104,7 +97,7 @@ impl Budget {
         }
         if let Some(most) = limits.max_disk.filter(|&most| self.disk > most) {
             let [needed, limit] = memory_texts(self.disk, most);
-            return Err(SessionError::Input(format!(
+            return Err(Error::Input(format!(
                 "⟨max_disk={limit}⟩: {size} take up to {needed}; {less}, or grant more"
             )));
         }
@@ -115,23 +108,11 @@ impl Budget {
     pub fn text(&self) -> String {
         format!(
             "about {} of memory (film {}, surfaces {}), up to {} of disk",
-            memory_text(self.memory()),
+            memory_text(self.memory),
             memory_text(self.film),
             memory_text(self.surfaces),
             memory_text(self.disk)
         )
-    }
-}
-
-impl Serialize for Budget {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        json!({
-            "memory_bytes": self.memory(),
-            "film_bytes": self.film,
-            "surface_bytes": self.surfaces,
-            "disk_bytes": self.disk,
-        })
-        .serialize(serializer)
     }
 }
 
@@ -144,8 +125,8 @@ pub fn seconds_of(renderer: &FilmRenderer, share: &Share, film: Option<&Film>) -
 }
 
 /// Seconds that a whole render takes, by a pilot. What a pilot found is kept for the next time: it traces the whole scene.
-pub fn render_seconds(experiment: &ResolvedExperiment) -> Result<f64, SessionError> {
-    let pilot = || -> Result<Vec<u8>, SessionError> {
+pub fn render_seconds(experiment: &ResolvedExperiment) -> Result<f64> {
+    let pilot = || -> Result<Vec<u8>> {
         let renderer = FilmRenderer::for_rows(&experiment.study.scene, &experiment.study.render)?;
         Ok(seconds_of(&renderer, &Share::Whole, None).to_le_bytes().to_vec())
     };
@@ -157,7 +138,7 @@ pub fn render_seconds(experiment: &ResolvedExperiment) -> Result<f64, SessionErr
     };
     match bytes.first_chunk::<8>() {
         Some(bytes) => Ok(f64::from_le_bytes(*bytes)),
-        None => Err(SessionError::Failed("the pilot gave no time".into())),
+        None => Err(Error::Failed("the pilot gave no time".into())),
     }
 }
 
@@ -165,14 +146,9 @@ pub fn render_seconds(experiment: &ResolvedExperiment) -> Result<f64, SessionErr
 ///
 /// # Errors
 /// A time limit in which not even the first sample of every pixel gets done.
-pub fn say_time(
-    seconds: f64,
-    samples: u32,
-    time_limit_s: Option<f64>,
-    listener: &dyn Listener,
-) -> Result<(), SessionError> {
+pub fn say_time(seconds: f64, samples: u32, time_limit_s: Option<f64>, job: &Job) -> Result<()> {
     check_time(seconds, samples, time_limit_s)?;
-    listener.status(&match time_limit_s.filter(|&limit| limit < seconds) {
+    job.status(match time_limit_s.filter(|&limit| limit < seconds) {
         Some(limit) => {
             let held = (f64::from(samples) * limit / seconds).max(1.0);
             format!(
@@ -187,11 +163,11 @@ pub fn say_time(
 }
 
 /// Refuses a time limit in which not even the first sample of every pixel gets done.
-pub(crate) fn check_time(seconds: f64, samples: u32, time_limit_s: Option<f64>) -> Result<(), SessionError> {
+pub(crate) fn check_time(seconds: f64, samples: u32, time_limit_s: Option<f64>) -> Result<()> {
     let first = seconds / f64::from(samples.max(1));
     match time_limit_s.filter(|&limit| limit < seconds) {
         // The pilot may be wrong by a half.
-        Some(limit) if 2.0 * limit < first => Err(SessionError::Input(format!(
+        Some(limit) if 2.0 * limit < first => Err(Error::Input(format!(
             "render.time_limit_s {}: one sample of every pixel takes about {}; allow more time (⟨time_limit⟩), or render fewer \
              pixels, bands or light groups",
             duration(limit),

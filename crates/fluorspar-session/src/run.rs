@@ -23,7 +23,7 @@ use serde_json::Value;
 
 use crate::frame_report::warn_of_darkness;
 use crate::{
-    Budget, ExperimentArgs, ExperimentSource, Job, Limits, SessionError, read_text, render_scene,
+    Budget, Error, ExperimentArgs, ExperimentSource, Job, Limits, Result, read_text, render_scene,
     render_with_excitation_basis, warnings_before_run,
 };
 
@@ -71,8 +71,8 @@ impl Serialize for FinishedExperiment {
 ///
 /// # Errors
 /// A defect of the experiment; what a run would need beyond its limits; a folder that can't be written; a stage after the render, which keeps
-/// what was rendered: [`SessionError::AfterRender`].
-pub fn run(options: &RunOptions, job: &Job<'_>) -> Result<FinishedExperiment, SessionError> {
+/// what was rendered: [`Error::AfterRender`].
+pub fn run(options: &RunOptions, job: &Job) -> Result<FinishedExperiment> {
     let started = Instant::now();
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let mut experiment = source.resolve(
@@ -89,7 +89,7 @@ pub fn run(options: &RunOptions, job: &Job<'_>) -> Result<FinishedExperiment, Se
     let budget = Budget::of_run(study);
     budget.check(&options.limits, study)?;
     let target = place(options, &source.stem, &experiment.record, job);
-    let folder = OutputFolder::prepare(&target, &source.files(&experiment.record), budget.disk())?;
+    let folder = OutputFolder::prepare(&target, &source.files(&experiment.record), budget.disk)?;
 
     let camera = &study.scene.camera;
     job.status(format!(
@@ -115,7 +115,7 @@ pub fn run(options: &RunOptions, job: &Job<'_>) -> Result<FinishedExperiment, Se
     };
     if components.samples_per_pixel == 0 {
         let message = "interrupted before every pixel had a sample: there is nothing to develop, and nothing was written";
-        return Err(SessionError::Stopped(message.into()));
+        return Err(Error::Stopped(message.into()));
     }
     job.status(format!(
         "Rendered in {:.1} s. Developing frames, writing images, figures and report",
@@ -129,7 +129,7 @@ pub fn run(options: &RunOptions, job: &Job<'_>) -> Result<FinishedExperiment, Se
     let kept = (held, basis.as_ref());
     let writing = job.listener.begin_writing(Path::new("components.exr"));
     write_run_components(folder.path(), &experiment, &source.text, &components, kept)
-        .map_err(|error| SessionError::from(error).at_its_place(&folder))?;
+        .map_err(|error| Error::from(error).at_its_place(&folder))?;
     drop(writing);
     let seen = (&components, planes.as_ref());
     let analyzed = match evaluate_and_write(&experiment, &source.text, seen, folder.path(), job) {
@@ -137,10 +137,7 @@ pub fn run(options: &RunOptions, job: &Job<'_>) -> Result<FinishedExperiment, Se
         Err(error) => {
             let error = error.at_its_place(&folder);
             let kept = folder.keep()?;
-            return Err(SessionError::AfterRender {
-                error: Box::new(error),
-                image: kept.join("components.exr"),
-            });
+            return Err(Error::AfterRender { error: Box::new(error), image: kept.join("components.exr") });
         }
     };
     let target = folder.finish()?;
@@ -168,7 +165,7 @@ pub fn run(options: &RunOptions, job: &Job<'_>) -> Result<FinishedExperiment, Se
 
 /// Where results go: to `out`, else to the folder that the file names, else to one of the name of the file. An experiment that options changed
 /// does not take the place of results of another one there: it has a folder of its own.
-fn place(options: &RunOptions, stem: &str, record: &FileRecord, job: &Job<'_>) -> PathBuf {
+fn place(options: &RunOptions, stem: &str, record: &FileRecord, job: &Job) -> PathBuf {
     if let Some(out) = &options.out {
         return out.clone();
     }
@@ -215,8 +212,8 @@ fn evaluate_and_write(
     experiment_text: &str,
     (components, planes): (&ComponentImage, Option<&CapturePlanes>),
     folder: &Path,
-    job: &Job<'_>,
-) -> Result<Evaluated, SessionError> {
+    job: &Job,
+) -> Result<Evaluated> {
     let evaluation = match planes {
         Some(planes) => evaluate_from_planes(&experiment.study, components, Some(planes))?,
         None => evaluate(&experiment.study, components)?,
@@ -242,7 +239,7 @@ fn evaluate_and_write(
 ///
 /// # Errors
 /// Images that don't fit.
-pub fn check_memory(study: &Study, instead: &str) -> Result<(), SessionError> {
+pub fn check_memory(study: &Study, instead: &str) -> Result<()> {
     let (scene, settings) = (&study.scene, &study.render);
     let (needed, limit) = (memory_bytes(scene, settings), settings.memory_limit_bytes);
     // One with an excitation basis is rendered in bands of rows anyway
@@ -251,7 +248,7 @@ pub fn check_memory(study: &Study, instead: &str) -> Result<(), SessionError> {
     }
     let [needed_text, limit] = memory_texts(needed, limit);
     let (width, height, bands) = (scene.camera.width, scene.camera.height, scene.grid.len());
-    Err(SessionError::Input(format!(
+    Err(Error::Input(format!(
         "the images of {width} x {height} pixels and {bands} bands need {needed_text}, more than the limit of {limit}; render \
          fewer pixels, bands, light groups or fluorophores, raise render.memory_limit_gib to {} or more, {instead}",
         memory_gib(needed)
@@ -262,11 +259,11 @@ pub fn check_memory(study: &Study, instead: &str) -> Result<(), SessionError> {
 ///
 /// # Errors
 /// A painted mask.
-pub fn check_nothing_painted(study: &Study) -> Result<(), SessionError> {
+pub fn check_nothing_painted(study: &Study) -> Result<()> {
     let painted = study.concentrations.iter().find(|change| change.painted.is_some());
     match painted {
         None => Ok(()),
-        Some(change) => Err(SessionError::Input(format!(
+        Some(change) => Err(Error::Input(format!(
             "concentration.{}: a mask is painted on a finished render: give it to `capture` and `analyze`. For a new render give \
              the material a map, concentrations.{} = {{ image = ... }}, or the mouth a lesion",
             change.fluorophore, change.fluorophore

@@ -10,8 +10,8 @@ use fluorspar_experiment::{
 use fluorspar_format::{read_bounded, read_start, read_text_bounded};
 use fluorspar_report::extract_experiment;
 
-use crate::SessionError;
 use crate::values::{Override, as_typed, sets};
+use crate::{Error, Result};
 
 /// Largest experiment file or report that is read.
 const LARGEST_BYTES: u64 = 256 << 20;
@@ -60,22 +60,22 @@ fn other_kind(path: &Path) -> Option<&'static str> {
 
 impl ExperimentSource {
     /// Finds an experiment by file name or built-in name; the default one if none is given.
-    pub fn find(experiment: Option<&str>) -> Result<Self, SessionError> {
+    pub fn find(experiment: Option<&str>) -> Result<Self> {
         Self::find_as(experiment, DEFAULT_EXPERIMENT, preset::experiment)
     }
 
     /// Finds a flat sample by file name or built-in name; the default one if none is given.
-    pub fn find_sample(sample: Option<&str>) -> Result<Self, SessionError> {
+    pub fn find_sample(sample: Option<&str>) -> Result<Self> {
         Self::find_as(sample, DEFAULT_SAMPLE, preset::sample)
     }
 
     /// Finds a design problem by file name or built-in name; the default one if none is given.
-    pub fn find_design(design: Option<&str>) -> Result<Self, SessionError> {
+    pub fn find_design(design: Option<&str>) -> Result<Self> {
         Self::find_as(design, DEFAULT_DESIGN, preset::design)
     }
 
     /// Finds an experiment or a flat sample.
-    pub fn find_either(name: Option<&str>) -> Result<Self, SessionError> {
+    pub fn find_either(name: Option<&str>) -> Result<Self> {
         let Some(name) = name else { return Self::find(None) };
         if preset::names(PresetKind::Sample).contains(&name) && !Path::new(name).exists() {
             Self::find_sample(Some(name))
@@ -88,7 +88,7 @@ impl ExperimentSource {
         given: Option<&str>,
         default: &str,
         preset: impl Fn(&str) -> Result<ExperimentPreset, PresetError>,
-    ) -> Result<Self, SessionError> {
+    ) -> Result<Self> {
         let name = given.unwrap_or(default);
         let path = Path::new(name);
         let looks_like_file = path.extension().is_some() || name.contains(['/', '\\']);
@@ -105,9 +105,9 @@ impl ExperimentSource {
     }
 
     /// A file, or the experiment that a report carries.
-    fn from_file(name: &str, path: &Path) -> Result<Self, SessionError> {
+    fn from_file(name: &str, path: &Path) -> Result<Self> {
         if let Some(kind) = other_kind(path) {
-            return Err(SessionError::Input(format!(
+            return Err(Error::Input(format!(
                 "{name}: this is a {kind}, not a scene; give an experiment (.toml) or a scene of pbrt (.pbrt), which may name it"
             )));
         }
@@ -119,7 +119,7 @@ impl ExperimentSource {
         let is_report = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("html"));
         let text = if is_report {
             extract_experiment(&text).ok_or_else(|| {
-                SessionError::Input(format!(
+                Error::Input(format!(
                     "{name}: this page holds no experiment; give a report.html that fluorspar wrote, or a .toml file"
                 ))
             })?
@@ -144,20 +144,20 @@ impl ExperimentSource {
     }
 
     /// Reads and resolves the experiment with its changes. Its warnings are the caller's to print.
-    pub fn resolve(&self, overrides: &[Override]) -> Result<ResolvedExperiment, SessionError> {
+    pub fn resolve(&self, overrides: &[Override]) -> Result<ResolvedExperiment> {
         Ok(resolve(&self.parse(overrides)?).map_err(|error| as_typed(error, overrides))?)
     }
 
     /// Reads the experiment with its changes.
-    pub fn parse(&self, overrides: &[Override]) -> Result<Experiment, SessionError> {
+    pub fn parse(&self, overrides: &[Override]) -> Result<Experiment> {
         if self.pbrt_scene().is_some() {
-            return Err(SessionError::Input(format!(
+            return Err(Error::Input(format!(
                 "{}: this is a scene of pbrt, no experiment; `fluorspar render` takes it",
                 self.name
             )));
         }
         if is_sample(&self.text) {
-            return Err(SessionError::Input(format!(
+            return Err(Error::Input(format!(
                 "{}: this is a flat sample without a scene; `fluorspar predict` takes it",
                 self.name
             )));
@@ -167,9 +167,9 @@ impl ExperimentSource {
     }
 
     /// Reads and resolves the flat sample with its changes. Its warnings are the caller's to print.
-    pub fn resolve_sample(&self, overrides: &[Override]) -> Result<ResolvedSample, SessionError> {
+    pub fn resolve_sample(&self, overrides: &[Override]) -> Result<ResolvedSample> {
         if is_experiment(&self.text) {
-            return Err(SessionError::Input(format!(
+            return Err(Error::Input(format!(
                 "{}: this is an experiment with a scene; `fluorspar run` takes it. A flat sample has the sections [light] \
                  and [sample]: `fluorspar catalog show sample {DEFAULT_SAMPLE}` prints one",
                 self.name
@@ -186,6 +186,6 @@ fn is_pbrt(path: &Path) -> bool {
 }
 
 /// Reads a text file of bearable size.
-pub fn read_text(path: &Path) -> Result<String, SessionError> {
+pub fn read_text(path: &Path) -> Result<String> {
     Ok(read_text_bounded(path, LARGEST_BYTES)?)
 }

@@ -6,14 +6,14 @@ use fluorspar_experiment::preset::use_catalogue;
 use fluorspar_experiment::use_cache;
 use fluorspar_format::Cache;
 
-use crate::SessionError;
+use crate::Result;
 
 /// Lets all work of this process use the user's cache, if it is wanted, and the folder of spectra and sensors that `FLUORSPAR_CATALOGUE` names
 /// beside the catalogue.
 ///
 /// # Errors
 /// A folder that is none, or holds what is no entry.
-pub fn use_surroundings(keeps: bool) -> Result<(), SessionError> {
+pub fn use_surroundings(keeps: bool) -> Result<()> {
     if let (true, Some(cache)) = (keeps, Cache::of_user()) {
         use_cache(cache);
     }

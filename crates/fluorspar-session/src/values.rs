@@ -5,7 +5,7 @@ use std::fmt::Display;
 use fluorspar::units::number_text;
 use fluorspar_experiment::{ExperimentError, PathsFrom};
 
-use crate::SessionError;
+use crate::{Error, Result};
 
 /// A finite number.
 pub fn number(text: &str) -> Result<f64, String> {
@@ -105,18 +105,13 @@ pub fn duration(seconds: f64) -> String {
 }
 
 /// Refuses a number outside a range.
-pub fn check_range(
-    option: &str,
-    value: f64,
-    [least, most]: [f64; 2],
-    unit: &str,
-) -> Result<(), SessionError> {
+pub fn check_range(option: &str, value: f64, [least, most]: [f64; 2], unit: &str) -> Result<()> {
     if (least..=most).contains(&value) {
         return Ok(());
     }
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     let (value, least, most) = (number_text(value), number_text(least), number_text(most));
-    Err(SessionError::Input(format!("⟨{option}={value}⟩: must be between {least} and {most}{unit}")))
+    Err(Error::Input(format!("⟨{option}={value}⟩: must be between {least} and {most}{unit}")))
 }
 
 /// A change of an experiment or sample, and what was typed for it.

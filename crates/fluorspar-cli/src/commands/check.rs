@@ -25,34 +25,33 @@ pub(crate) fn run(options: &Answering<CheckOptions>) -> Result<ExitCode, CliErro
 
 fn describe(checked: &CheckedFile) -> String {
     match checked {
-        CheckedFile::Sample(file, sample) => format!(
-            "{file}: valid. A flat sample with {} fluorophores, {} bands",
-            sample.sample.fluorophores.len(),
-            sample.sample.grid.len()
+        CheckedFile::Sample(sample) => format!(
+            "{}: valid. A flat sample with {} fluorophores, {} bands",
+            sample.file,
+            sample.fluorophores.len(),
+            sample.bands
         ),
         CheckedFile::Experiment(checked) => describe_experiment(checked),
     }
 }
 
 fn describe_experiment(checked: &CheckedExperiment) -> String {
-    let study = &checked.experiment.study;
-    let scene = &study.scene;
     format!(
         "{}: valid. {}{}, {} in {}, {}, {}\n{}\nA run needs {}, about {} for rendering{}",
         checked.file,
-        counted(scene.objects.len(), "object", "objects"),
-        match checked.instances() {
+        counted(checked.objects, "object", "objects"),
+        match checked.instances {
             0 => String::new(),
             count => format!(" with {count} instances"),
         },
-        counted(scene.lights.len(), "light", "lights"),
-        counted(scene.light_groups.len(), "group", "groups"),
-        counted(scene.fluorophores.len(), "fluorophore", "fluorophores"),
-        counted(study.captures.len(), "capture", "captures"),
-        view_text(&checked.view) + &regions_text(study),
+        counted(checked.lights, "light", "lights"),
+        counted(checked.light_groups.len(), "group", "groups"),
+        counted(checked.fluorophores.len(), "fluorophore", "fluorophores"),
+        counted(checked.captures.len(), "capture", "captures"),
+        view_text(&checked.camera_view) + &regions_text(&checked.study),
         checked.budget.text(),
         duration(checked.render_seconds),
-        if checked.is_beyond_memory() {
+        if checked.memory_bytes > checked.study.render.memory_limit_bytes {
             "; the film is larger than the limit of render.memory_limit_gib: only `fluorspar render` takes the image, in bands \
              of rows"
         } else {

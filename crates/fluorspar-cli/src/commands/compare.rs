@@ -7,16 +7,20 @@ use super::table::align;
 
 /// The comparison as text.
 pub(crate) fn describe(comparison: &Comparison) -> String {
-    let Comparison { runs, settings, numbers } = comparison;
+    let Comparison { compared, settings, numbers, .. } = comparison;
     let mut text = String::new();
-    for (letter, run) in ["A", "B"].iter().zip(runs) {
-        text += format!("{letter}  {}  {}\n", run.name, run.title).trim_end();
+    for (letter, run) in [("A", &compared.a), ("B", &compared.b)] {
+        let title = run.title.as_deref().unwrap_or_default();
+        text += format!("{letter}  {}  {title}\n", run.folder).trim_end();
         text.push('\n');
     }
     match settings {
-        Err(why) => text += &format!("\nThe settings are not compared: {why}\n"),
-        Ok(list) if list.is_empty() => text += "\nNo setting differs.\n",
-        Ok(list) => {
+        None => {
+            let why = comparison.settings_not_compared.as_deref().unwrap_or_default();
+            text += &format!("\nThe settings are not compared: {why}\n");
+        }
+        Some(list) if list.is_empty() => text += "\nNo setting differs.\n",
+        Some(list) => {
             let head = ["Setting that differs", "A", "B"].map(String::from).to_vec();
             let rows = list.iter().map(|setting| setting_cells(setting).to_vec());
             text += &format!("\n{}", align(&std::iter::once(head).chain(rows).collect::<Vec<_>>(), &[1, 2]));
@@ -38,10 +42,10 @@ pub(crate) fn describe(comparison: &Comparison) -> String {
         text += &format!("\nRegion \"{name}\"\n{}", align(&rows, &[4]));
     }
     text += &format!("\n{HOW_JUDGED}\n");
-    if let Some(verdict) = comparison.verdict() {
+    if let Some(verdict) = &comparison.verdict {
         text += &format!("\n{verdict}\n");
     }
-    for remark in comparison.remarks() {
+    for remark in &comparison.warnings {
         text += &format!("{remark}\n");
     }
     text

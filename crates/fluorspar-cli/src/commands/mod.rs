@@ -40,8 +40,8 @@ use std::path::{Path, PathBuf};
 
 pub(crate) use fluorspar::quote::shell_word;
 pub(crate) use fluorspar_session::FigureFormat;
+use fluorspar_session::Job;
 pub(crate) use fluorspar_session::values::quoted;
-use fluorspar_session::{Job, SessionError};
 use serde::Serialize;
 
 use crate::args::Answer;
@@ -61,7 +61,7 @@ impl<O: clap::Args> Answering<O> {
     /// Does a task and prints its answer, as JSON or as `text` has it.
     pub(crate) fn answer<A: Serialize>(
         &self,
-        task: impl FnOnce(&O, &Job<'_>) -> Result<A, SessionError>,
+        task: impl FnOnce(&O, &Job) -> Result<A, CliError>,
         text: impl FnOnce(&A) -> String,
     ) -> Result<(), CliError> {
         self.print(&task(&self.task, &Messages::default().job())?, text)
@@ -85,7 +85,8 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<(), CliError> {
 
 /// Prints lines on standard output.
 pub(crate) fn print_text(text: &str) -> Result<(), CliError> {
-    Ok(message::answer(text)?)
+    message::answer(text)
+        .map_err(|error| CliError::Failed(format!("can't write to standard output: {error}")))
 }
 
 /// The same file name with a suffix before its ending.

@@ -78,8 +78,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     ] {
         refuse_lists(option, names)?;
     }
-    let messages = Messages::default();
-    let job = &messages.job();
+    let job = &Messages::default().job();
     let behind = named_spectra::filters(&options.light_filter, job)?;
     let mut lights = Vec::new();
     for name in &options.light {

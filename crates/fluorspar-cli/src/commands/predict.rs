@@ -27,7 +27,9 @@ fn light_on_sample(sample: &FlatSample, inside: f64) -> String {
     format!("{} W/m2 ({} of it between {from} and {to} nm, the rest is left out)", short(all), short(inside))
 }
 
-pub(crate) fn describe(PredictedSample { sample: resolved, source, prediction }: &PredictedSample) -> String {
+pub(crate) fn describe(
+    PredictedSample { sample: resolved, source, prediction, .. }: &PredictedSample,
+) -> String {
     let title = if resolved.record.title.is_empty() {
         Path::new(source)
             .file_name()

@@ -71,7 +71,12 @@ pub(super) fn render(
         options.output.out.display()
     ));
     if !messages.is_quiet() {
-        say_time(seconds_of(&renderer, &Share::Whole, None), settings.samples_per_pixel, None, &messages)?;
+        say_time(
+            seconds_of(&renderer, &Share::Whole, None),
+            settings.samples_per_pixel,
+            None,
+            &messages.job(),
+        )?;
     }
     messages.warnings(&experiment.record.warnings);
     say_surfaces(&renderer, scene, messages);

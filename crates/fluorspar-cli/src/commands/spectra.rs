@@ -59,8 +59,7 @@ struct Entry {
 
 fn entry(name: &str, kind: PresetKind) -> Result<Entry, CliError> {
     if named_spectra::is_file(name) {
-        let messages = Messages::default();
-        let job = &messages.job();
+        let job = &Messages::default().job();
         let one = |curve| vec![(String::new(), curve)];
         let curves = match kind {
             PresetKind::Light => one(named_spectra::light(name, job)?),

@@ -72,7 +72,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let mut results = Vec::new();
     for case in &selected {
         messages.status(format!("{}: {}", case.name, case.title));
-        results.push(case.run(&setup)?);
+        results.push(case.run(&setup).map_err(not_computed)?);
     }
     let json = as_json(&results, &changes);
     write(&folder, &results, &json)?;
@@ -191,17 +191,16 @@ fn describe(results: &[CaseResult]) -> String {
     text + &summary(results)
 }
 
-impl From<ValidationError> for CliError {
-    fn from(error: ValidationError) -> Self {
-        match error {
-            ValidationError::Experiment(error) => error.into(),
-            ValidationError::Preset(error) => error.into(),
-            ValidationError::Predict(error) => error.into(),
-            ValidationError::Pipeline(error) => error.into(),
-            ValidationError::Render(error) => error.into(),
-            ValidationError::Format(error) => error.into(),
-            ValidationError::Interrupted => Self::Stopped(error.to_string()),
-            other => Self::Input(other.to_string()),
-        }
+/// Why a case was not computed.
+fn not_computed(error: ValidationError) -> CliError {
+    match error {
+        ValidationError::Experiment(error) => error.into(),
+        ValidationError::Preset(error) => error.into(),
+        ValidationError::Predict(error) => error.into(),
+        ValidationError::Pipeline(error) => error.into(),
+        ValidationError::Render(error) => error.into(),
+        ValidationError::Format(error) => error.into(),
+        ValidationError::Interrupted => CliError::Stopped(error.to_string()),
+        other => CliError::Input(other.to_string()),
     }
 }

@@ -10,7 +10,7 @@ use crate::values;
 
 /// How a file is read.
 #[derive(Clone, Debug, Deserialize, clap::Args)]
-#[serde(default)]
+#[serde(default = "defaults")]
 pub struct FileOptions {
     /// Which of several samples or dyes in one file.
     #[arg(long, value_name = "NAME")]
@@ -39,12 +39,6 @@ pub struct FileOptions {
     #[arg(skip)]
     #[serde(skip)]
     pub cut: Option<ScatterCut>,
-}
-
-impl Default for FileOptions {
-    fn default() -> Self {
-        defaults()
-    }
 }
 
 impl FileOptions {

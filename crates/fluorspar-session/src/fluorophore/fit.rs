@@ -15,7 +15,7 @@ use super::fit_components::Components;
 use super::fit_files::{FittedSpectra, figure, fit_table, sets_table};
 use crate::options::defaults;
 use crate::values::{self, check_range};
-use crate::{Job, SessionError};
+use crate::{Error, Job, Result};
 
 /// Two tables and results, and two figures for each spectrum.
 const FOLDER_BYTES: u64 = 32 << 20;
@@ -26,7 +26,7 @@ const MOST_SAMPLES: usize = 10_000;
 
 /// Which spectra are fitted, and with what.
 #[derive(Clone, Debug, Deserialize, clap::Args)]
-#[serde(default)]
+#[serde(default = "defaults")]
 pub struct FitOptions {
     /// Measured spectra (CSV): energy per nm, one spectrum in each column beside the wavelength.
     #[arg(value_name = "CSV", value_hint = ValueHint::FilePath)]
@@ -89,12 +89,6 @@ pub struct FitOptions {
     pub out: Option<PathBuf>,
 }
 
-impl Default for FitOptions {
-    fn default() -> Self {
-        defaults()
-    }
-}
-
 /// A spectrum within the wavelengths that are used.
 struct Measured {
     name: String,
@@ -123,7 +117,7 @@ pub struct FittedMixture {
 ///
 /// # Errors
 /// An option out of its range or without a meaning, spectra that can't be read or fitted, a folder that can't be written.
-pub fn fit(options: &FitOptions, job: &Job<'_>) -> Result<FittedSpectra, SessionError> {
+pub fn fit(options: &FitOptions, job: &Job) -> Result<FittedSpectra> {
     options.check()?;
     let out = options
         .out
@@ -155,7 +149,7 @@ pub fn fit(options: &FitOptions, job: &Job<'_>) -> Result<FittedSpectra, Session
 }
 
 /// The components at the wavelengths of each spectrum, made once for spectra that share them.
-fn mixtures(components: &Components, measured: &[Measured]) -> Result<Vec<SpectralMixture>, SessionError> {
+fn mixtures(components: &Components, measured: &[Measured]) -> Result<Vec<SpectralMixture>> {
     let mut made: Vec<SpectralMixture> = Vec::new();
     for (place, spectrum) in measured.iter().enumerate() {
         let same = measured[..place].iter().position(|other| other.wavelengths_nm == spectrum.wavelengths_nm);
@@ -169,9 +163,9 @@ fn mixtures(components: &Components, measured: &[Measured]) -> Result<Vec<Spectr
 }
 
 impl FitOptions {
-    fn check(&self) -> Result<(), SessionError> {
+    fn check(&self) -> Result<()> {
         self.check_numbers()?;
-        let says = |message: &str| Err(SessionError::Input(message.into()));
+        let says = |message: &str| Err(Error::Input(message.into()));
         let has_fluorophores = !self.fluorophore.is_empty() || self.tissue.is_some();
         if !has_fluorophores && self.component.is_empty() {
             return says(
@@ -195,7 +189,7 @@ impl FitOptions {
         Ok(())
     }
 
-    fn check_numbers(&self) -> Result<(), SessionError> {
+    fn check_numbers(&self) -> Result<()> {
         for (option, value, range, unit) in [
             ("from_nm", self.from_nm.unwrap_or(WAVELENGTH_NM[0]), WAVELENGTH_NM, "nm"),
             ("to_nm", self.to_nm.unwrap_or(WAVELENGTH_NM[1]), WAVELENGTH_NM, "nm"),
@@ -218,17 +212,17 @@ impl FitOptions {
     }
 
     /// An error that names file and column.
-    fn wrong(&self, column: Option<&str>, error: &FitError) -> SessionError {
+    fn wrong(&self, column: Option<&str>, error: &FitError) -> Error {
         let fix = match error {
             FitError::ManySets { .. } => ", or ⟨no_sets⟩",
             FitError::FewSamples { .. } => ": take components away, or use more wavelengths",
             _ => "",
         };
         let column = column.map_or_else(String::new, |column| format!(", column \"{column}\""));
-        SessionError::Input(format!("{}{column}: {error}{fix}", self.spectra.display()))
+        Error::Input(format!("{}{column}: {error}{fix}", self.spectra.display()))
     }
 
-    fn read(&self, path: &Path, job: &Job<'_>) -> Result<Vec<NamedCurve>, SessionError> {
+    fn read(&self, path: &Path, job: &Job) -> Result<Vec<NamedCurve>> {
         let columns = match self.column.is_empty() {
             true => SpectrumColumns::All,
             false => SpectrumColumns::Named(self.column.clone()),
@@ -253,10 +247,9 @@ impl FitOptions {
     }
 
     /// The columns that are fitted, within the wavelengths that are used.
-    fn measured(&self, job: &Job<'_>) -> Result<Vec<Measured>, SessionError> {
+    fn measured(&self, job: &Job) -> Result<Vec<Measured>> {
         let curves = self.read(&self.spectra, job)?;
-        let errors =
-            self.standard_errors.as_ref().map(|path| Ok::<_, SessionError>((path, self.read(path, job)?)));
+        let errors = self.standard_errors.as_ref().map(|path| Ok::<_, Error>((path, self.read(path, job)?)));
         let errors = errors.transpose()?;
         let (from, to) = (self.from_nm.unwrap_or(WAVELENGTH_NM[0]), self.to_nm.unwrap_or(WAVELENGTH_NM[1]));
         let measured = |NamedCurve { name, curve, standard_error }: &NamedCurve| {
@@ -265,7 +258,7 @@ impl FitOptions {
             let wavelengths_nm: Vec<f64> = samples().map(|(nm, _)| *nm).collect();
             let count = wavelengths_nm.len();
             if !(1..=MOST_SAMPLES).contains(&count) {
-                return Err(SessionError::Input(format!(
+                return Err(Error::Input(format!(
                     "{}, column \"{name}\": {count} samples between {from} and {to} nm; give wavelengths that hold 1 to \
                      {MOST_SAMPLES} of them (⟨from_nm⟩, ⟨to_nm⟩)",
                     self.spectra.display(),
@@ -287,10 +280,10 @@ impl FitOptions {
         curves.iter().map(measured).collect()
     }
 
-    fn common_blood(&self, measured: &[Measured], mixtures: &[SpectralMixture]) -> Result<f64, SessionError> {
+    fn common_blood(&self, measured: &[Measured], mixtures: &[SpectralMixture]) -> Result<f64> {
         let other = measured.iter().find(|spectrum| spectrum.wavelengths_nm != measured[0].wavelengths_nm);
         if let Some(other) = other {
-            return Err(SessionError::Input(format!(
+            return Err(Error::Input(format!(
                 "⟨common_blood⟩: column \"{}\" has other wavelengths than \"{}\"; choose a range that all have (⟨from_nm⟩, ⟨to_nm⟩)",
                 other.name, measured[0].name
             )));
@@ -327,13 +320,8 @@ impl FitOptions {
 }
 
 /// Standard errors of a column, at its wavelengths.
-fn errors_at(
-    path: &Path,
-    curves: &[NamedCurve],
-    name: &str,
-    wavelengths_nm: &[f64],
-) -> Result<Vec<f64>, SessionError> {
-    let says = |what: String| SessionError::Input(format!("⟨standard_errors={}⟩: {what}", path.display()));
+fn errors_at(path: &Path, curves: &[NamedCurve], name: &str, wavelengths_nm: &[f64]) -> Result<Vec<f64>> {
+    let says = |what: String| Error::Input(format!("⟨standard_errors={}⟩: {what}", path.display()));
     let curve = curves.iter().find(|curve| curve.name == name);
     let curve: &Curve = match curve {
         Some(curve) => &curve.curve,
@@ -349,7 +337,7 @@ fn errors_at(
 }
 
 /// Writes all files of the results.
-fn write(out: OutputFolder, report: &FittedSpectra) -> Result<PathBuf, SessionError> {
+fn write(out: OutputFolder, report: &FittedSpectra) -> Result<PathBuf> {
     let mut files = vec![
         ("fit.csv".to_string(), fit_table(report).into_bytes()),
         ("results.json".to_string(), serde_json::to_string_pretty(&report)?.into_bytes()),

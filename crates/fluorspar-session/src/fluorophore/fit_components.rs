@@ -10,7 +10,7 @@ use fluorspar_format::{NamedCurve, Negative, SpectrumOptions, read_spectra};
 
 use super::fit::FitOptions;
 use super::loading::load;
-use crate::{Job, SessionError, named_spectra, tissue};
+use crate::{Error, Job, Result, named_spectra, tissue};
 
 /// Largest optical density of blood that is looked for.
 const LARGEST_DENSITY: f64 = 40.0;
@@ -34,7 +34,7 @@ pub(super) struct Components<'a> {
 }
 
 impl<'a> Components<'a> {
-    pub(super) fn read(options: &'a FitOptions, job: &Job<'_>) -> Result<Self, SessionError> {
+    pub(super) fn read(options: &'a FitOptions, job: &Job) -> Result<Self> {
         let place = match &options.tissue {
             Some(name) => Place::Tissue {
                 site: Box::new(tissue::site_named(name)?),
@@ -109,7 +109,7 @@ impl<'a> Components<'a> {
     }
 
     /// The components at some wavelengths of a column.
-    pub(super) fn mixture(&self, nm: &[f64], column: &str) -> Result<SpectralMixture, SessionError> {
+    pub(super) fn mixture(&self, nm: &[f64], column: &str) -> Result<SpectralMixture> {
         let (mut components, mut blood) = match (&self.place, &self.light) {
             (Place::Open(all), Some((light, _))) => (self.in_the_open(all, light, nm), BloodBefore::None),
             (Place::Tissue { site, names }, Some(light)) => self.in_tissue(site, names, light, nm)?,
@@ -138,10 +138,7 @@ impl<'a> Components<'a> {
                 FitError::FewSamples { .. } => ": take components away, or use more wavelengths".into(),
                 _ => String::new(),
             };
-            SessionError::Input(format!(
-                "{}, column \"{column}\": {error}{place}",
-                self.options.spectra.display()
-            ))
+            Error::Input(format!("{}, column \"{column}\": {error}{place}", self.options.spectra.display()))
         })
     }
 
@@ -164,7 +161,7 @@ impl<'a> Components<'a> {
         names: &[String],
         (light, irradiance_w_per_m2): &(Curve, f64),
         nm: &[f64],
-    ) -> Result<(Vec<MixtureComponent>, BloodBefore), SessionError> {
+    ) -> Result<(Vec<MixtureComponent>, BloodBefore)> {
         let viewing = Viewing::new(light, self.filter.clone())?;
         let view =
             TissueView { viewing: &viewing, irradiance_w_per_m2: *irradiance_w_per_m2, wavelengths_nm: nm };
@@ -172,7 +169,7 @@ impl<'a> Components<'a> {
         let known: Vec<&str> = components.iter().map(|component| component.name.as_str()).collect();
         if let Some(unknown) = names.iter().find(|name| !known.contains(&name.as_str())) {
             let hint = did_you_mean(unknown, known.iter().copied());
-            return Err(SessionError::Input(format!(
+            return Err(Error::Input(format!(
                 "⟨fluorophore={unknown}⟩: {} does not hold it{hint} It holds {}",
                 site.name(),
                 known.join(", ")
@@ -187,10 +184,10 @@ impl<'a> Components<'a> {
         ))
     }
 
-    fn check_names(&self, components: &[MixtureComponent]) -> Result<(), SessionError> {
+    fn check_names(&self, components: &[MixtureComponent]) -> Result<()> {
         for (place, component) in components.iter().enumerate() {
             if components[..place].iter().any(|other| other.name == component.name) {
-                return Err(SessionError::Input(format!(
+                return Err(Error::Input(format!(
                     "two components are named \"{}\"; leave one out, or rename the column",
                     component.name
                 )));
@@ -200,12 +197,12 @@ impl<'a> Components<'a> {
     }
 
     /// Numbers of the components below blood.
-    fn below_blood(&self, components: &[MixtureComponent]) -> Result<Vec<usize>, SessionError> {
+    fn below_blood(&self, components: &[MixtureComponent]) -> Result<Vec<usize>> {
         let number = |wanted: &String| {
             components.iter().position(|component| component.name == *wanted).ok_or_else(|| {
                 let known: Vec<&str> = components.iter().map(|component| component.name.as_str()).collect();
                 let hint = did_you_mean(wanted, known.iter().copied());
-                SessionError::Input(format!(
+                Error::Input(format!(
                     "⟨below_blood={wanted}⟩: no component has this name{hint} There are {}",
                     known.join(", ")
                 ))
@@ -233,13 +230,13 @@ fn to_peak(components: &mut [MixtureComponent], blood: &mut BloodBefore) {
 }
 
 /// Irradiance behind the light's filters, and its sum, W/m².
-fn irradiance(options: &FitOptions, name: &str, job: &Job<'_>) -> Result<(Curve, f64), SessionError> {
+fn irradiance(options: &FitOptions, name: &str, job: &Job) -> Result<(Curve, f64)> {
     let light = named_spectra::light(name, job)?.times(&named_spectra::filters(&options.light_filter, job)?);
     let (total, wanted) = (light.total(), options.irradiance.unwrap_or(1.0));
     if total > 0.0 {
         return Ok((light.scaled(wanted / total), wanted));
     }
-    Err(SessionError::Input(format!(
+    Err(Error::Input(format!(
         "⟨light={name}⟩: nothing of the light passes its filters; check ⟨light_filter⟩"
     )))
 }

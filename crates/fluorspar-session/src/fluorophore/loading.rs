@@ -16,9 +16,9 @@ use serde_json::json;
 
 use super::file_options::{FileOptions, StokesChoice, Unit};
 use super::measured::{Kind, Measured, read};
-use crate::SessionError;
 use crate::source::read_text;
 use crate::values::quoted;
+use crate::{Error, Result};
 
 /// A fluorophore at unit concentration and where it comes from.
 pub struct Loaded {
@@ -52,13 +52,13 @@ struct NamedSection {
 }
 
 /// Sections as TOML.
-pub fn section_toml(section: &FluorophoreSection) -> Result<String, SessionError> {
+pub fn section_toml(section: &FluorophoreSection) -> Result<String> {
     file_text(&Sections { fluorophore: [section.clone()] })
-        .map_err(|error| SessionError::Failed(format!("the section can't be written: {error}")))
+        .map_err(|error| Error::Failed(format!("the section can't be written: {error}")))
 }
 
 /// By name of the catalogue, or from a file: one that holds measured values, or all of the `[[fluorophore]]` sections of a TOML file.
-pub fn load(name: &str, options: &FileOptions) -> Result<Vec<Loaded>, SessionError> {
+pub fn load(name: &str, options: &FileOptions) -> Result<Vec<Loaded>> {
     let path = Path::new(name);
     let looks_like_file = path.extension().is_some() || name.contains(['/', '\\']) || path.is_file();
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
@@ -71,7 +71,7 @@ pub fn load(name: &str, options: &FileOptions) -> Result<Vec<Loaded>, SessionErr
     }
     let preset = preset::fluorophore(name)?;
     if let Some(option) = options.first_given() {
-        return Err(SessionError::Input(format!(
+        return Err(Error::Input(format!(
             "{option}: applies to files only, and {name} is in the catalogue; leave it out"
         )));
     }
@@ -79,8 +79,8 @@ pub fn load(name: &str, options: &FileOptions) -> Result<Vec<Loaded>, SessionErr
 }
 
 /// The fluorophores of the sections of a file, as `import` writes it; an experiment has them, too.
-fn from_toml(path: &Path, options: &FileOptions) -> Result<Vec<Loaded>, SessionError> {
-    let failed = |what: String| SessionError::Input(format!("{}: {what}", path.display()));
+fn from_toml(path: &Path, options: &FileOptions) -> Result<Vec<Loaded>> {
+    let failed = |what: String| Error::Input(format!("{}: {what}", path.display()));
     if let Some(option) = options.first_given() {
         return Err(failed(format!(
             "{option} applies to files of measured values; change the section in this file"
@@ -94,11 +94,11 @@ fn from_toml(path: &Path, options: &FileOptions) -> Result<Vec<Loaded>, SessionE
         ));
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let load = |section: &NamedSection| -> Result<Loaded, SessionError> {
+    let load = |section: &NamedSection| -> Result<Loaded> {
         let name = section.name.as_deref();
         let name = name.ok_or_else(|| failed("a [[fluorophore]] has no name; give it one".into()))?;
         let text = toml::to_string(&json!({ "fluorophore": [section] }))
-            .map_err(|error| SessionError::Failed(format!("the section can't be read: {error}")))?;
+            .map_err(|error| Error::Failed(format!("the section can't be read: {error}")))?;
         Ok(Loaded { fluorophore: as_sample(path, name, &text, folder)?, preset: None, measured: None })
     };
     file.fluorophore.iter().map(load).collect()
@@ -109,25 +109,23 @@ pub fn from_file(
     path: &Path,
     name: Option<&str>,
     options: &FileOptions,
-) -> Result<(FluorophoreSection, Measured), SessionError> {
+) -> Result<(FluorophoreSection, Measured)> {
     let photon_yield = options.photon_yield.unwrap_or(ASSUMED_PHOTON_YIELD);
     if !(1e-12..=1.0).contains(&photon_yield) {
-        return Err(SessionError::Input(format!(
+        return Err(Error::Input(format!(
             "⟨photon_yield={}⟩: must be between 1e-12 and 1 (photons out per photon in)",
             number_text(photon_yield)
         )));
     }
     if path.is_dir() {
-        return Err(SessionError::Input(format!("{}: this is a folder; give a file in it", path.display())));
+        return Err(Error::Input(format!("{}: this is a folder; give a file in it", path.display())));
     }
     let measured = read(path, options)?;
     let stem = path.file_stem().map_or_else(|| "imported".into(), |stem| stem.to_string_lossy().into_owned());
     let of_file = || measured.name.clone().or_else(|| options.sample.clone());
     let name = name.map(String::from).or_else(of_file).unwrap_or(stem);
     if name.trim().is_empty() {
-        return Err(SessionError::Input(
-            "⟨name⟩: the name is empty; give one that materials can refer to".into(),
-        ));
+        return Err(Error::Input("⟨name⟩: the name is empty; give one that materials can refer to".into()));
     }
     let file = std::path::absolute(path).unwrap_or_else(|_| path.into());
     let file = FilePath::from(file.to_string_lossy().into_owned());
@@ -157,12 +155,12 @@ pub fn from_file(
 }
 
 /// The fluorophore that an experiment makes of a section: on a black surface, at concentration 1.
-pub fn checked(path: &Path, section: &FluorophoreSection) -> Result<Fluorophore, SessionError> {
+pub fn checked(path: &Path, section: &FluorophoreSection) -> Result<Fluorophore> {
     as_sample(path, &section.name, &section_toml(section)?, Path::new("."))
 }
 
 /// The same of a section as TOML, whose paths start at a folder.
-fn as_sample(path: &Path, name: &str, section: &str, folder: &Path) -> Result<Fluorophore, SessionError> {
+fn as_sample(path: &Path, name: &str, section: &str, folder: &Path) -> Result<Fluorophore> {
     let text = format!(
         "format = 1\n[light]\nspectrum = \"equal_energy\"\nstrength.irradiance_w_per_m2 = 1.0\n[sample]\nreflectance = 0.0\n\
          [sample.concentrations]\n{} = 1.0\n{section}",
@@ -170,12 +168,12 @@ fn as_sample(path: &Path, name: &str, section: &str, folder: &Path) -> Result<Fl
     );
     let sample = parse_sample(&text, &path.display().to_string(), folder, &[]).map_err(|error| {
         let details = error.details();
-        SessionError::Input(format!("{}: {}", path.display(), details.message))
+        Error::Input(format!("{}: {}", path.display(), details.message))
     })?;
     let found = sample.sample.fluorophores.into_iter().next();
     found
         .map(|(fluorophore, _)| fluorophore)
-        .ok_or_else(|| SessionError::Failed(format!("{}: the file gave no fluorophore", path.display())))
+        .ok_or_else(|| Error::Failed(format!("{}: the file gave no fluorophore", path.display())))
 }
 
 /// Where a fluorophore emits at all, nm: a model beyond its data, too.

@@ -11,7 +11,7 @@ use fluorspar_format::{
 };
 
 use super::file_options::{Empty, FileOptions, StokesChoice, Unit};
-use crate::SessionError;
+use crate::{Error, Result};
 
 /// Largest share of the peak that a value below its excitation may have, as the reader of matrices has it.
 const ANTI_STOKES_TOLERANCE: f64 = 1e-3;
@@ -71,27 +71,27 @@ impl From<Unit> for EemUnit {
 }
 
 /// Reads a file with every check that the options leave on.
-pub(super) fn read(path: &Path, options: &FileOptions) -> Result<Measured, SessionError> {
+pub(super) fn read(path: &Path, options: &FileOptions) -> Result<Measured> {
     let kind = kind_of(path);
     if options.cut.is_some() && kind != Kind::MatrixCsv {
-        return Err(SessionError::Input(format!(
+        return Err(Error::Input(format!(
             "⟨cut_scatter⟩: {} is no matrix as CSV, and holds no line of scattered light that could be cut; leave it out",
             path.display()
         )));
     }
     if options.sample.is_some() && kind == Kind::Mat {
-        return Err(SessionError::Input(format!(
+        return Err(Error::Input(format!(
             "⟨sample⟩: {} is a MATLAB file, of one fluorophore; leave it out",
             path.display()
         )));
     }
     read_kind(kind, path, options).map_err(|error| match error {
-        SessionError::Format(error) => explained(kind, path, options, error),
+        Error::Format(error) => explained(kind, path, options, error),
         other => other,
     })
 }
 
-fn read_kind(kind: Kind, path: &Path, options: &FileOptions) -> Result<Measured, SessionError> {
+fn read_kind(kind: Kind, path: &Path, options: &FileOptions) -> Result<Measured> {
     match kind {
         Kind::MatrixCsv => matrix_csv(path, options),
         Kind::SpectraCsv => spectra_csv(path, options),
@@ -101,7 +101,7 @@ fn read_kind(kind: Kind, path: &Path, options: &FileOptions) -> Result<Measured,
 
 /// A refusal with the option that lets the file pass, and where one is not enough, with what would be refused after it and the command that has
 /// all of them: who follows it should not meet one refusal after another.
-fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError) -> SessionError {
+fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError) -> Error {
     let mut tried = options.clone();
     let (mut text, mut fixes, mut passes) = (String::new(), 0, false);
     let mut next = Some(error);
@@ -129,7 +129,7 @@ fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError)
         }
         match read_kind(kind, path, &tried) {
             Ok(_) => passes = true,
-            Err(SessionError::Format(error)) => next = Some(error),
+            Err(Error::Format(error)) => next = Some(error),
             Err(_) => {}
         }
     }
@@ -140,7 +140,7 @@ fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError)
         };
         text += &format!(". To import the file, run: `{}`{unit}", import_command(path, &tried));
     }
-    SessionError::Input(text)
+    Error::Input(text)
 }
 
 /// What is done about a refusal.
@@ -281,11 +281,11 @@ fn negative(options: &FileOptions) -> Negative {
 }
 
 /// The unit of a matrix, which must be known.
-fn stated_unit(path: &Path, unit: EemUnit) -> Result<Unit, SessionError> {
+fn stated_unit(path: &Path, unit: EemUnit) -> Result<Unit> {
     match unit {
         EemUnit::Photons => Ok(Unit::Photons),
         EemUnit::Energy => Ok(Unit::Energy),
-        EemUnit::Unknown => Err(SessionError::Input(format!(
+        EemUnit::Unknown => Err(Error::Input(format!(
             "{}: the file says that the unit of its values is unknown. Decide with ⟨yield_unit=photons⟩ or ⟨yield_unit=energy⟩",
             path.display()
         ))),
@@ -308,7 +308,7 @@ fn csv_options(options: &FileOptions) -> CsvEemOptions {
     }
 }
 
-fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured, SessionError> {
+fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured> {
     let read = read_eem_csv(path, &csv_options(options))?;
     let unit = stated_unit(path, read.unit)?;
     let without_scatter = options.cut.map(|_| MeasuredEem { unit: unit.into(), ..read.clone() });
@@ -399,7 +399,7 @@ fn negative_cells((count, lowest): (usize, f64), peak: f64) -> String {
     )
 }
 
-fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured, SessionError> {
+fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured> {
     let read = read_fluorophore_csv(path, negative(options), options.sample.as_deref())?;
     if read.emission_only {
         return Err(emission_only(path));
@@ -423,13 +423,13 @@ fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured, SessionEr
     Ok(Measured::as_it_is(Kind::SpectraCsv, None, unit, findings))
 }
 
-fn mat(path: &Path, options: &FileOptions) -> Result<Measured, SessionError> {
+fn mat(path: &Path, options: &FileOptions) -> Result<Measured> {
     let read = read_iset_fluorophore(path)?;
     if read.emission_only {
         return Err(emission_only(path));
     }
     let refuse_negative = |what: &str, values: &[f64]| match values.iter().position(|value| *value < 0.0) {
-        Some(index) if !options.allow_negative => Err(SessionError::Input(format!(
+        Some(index) if !options.allow_negative => Err(Error::Input(format!(
             "{}: value {} of \"{what}\" is {}, below zero. Subtract the background correctly, or take negative values as \
              zero with ⟨allow_negative⟩",
             path.display(),
@@ -492,8 +492,8 @@ fn taken_as(unit: Unit, given: bool) -> String {
     format!("{} ({})", word(unit), if given { "as given" } else { "assumed; --yield-unit energy changes it" })
 }
 
-fn emission_only(path: &Path) -> SessionError {
-    SessionError::Input(format!(
+fn emission_only(path: &Path) -> Error {
+    Error::Input(format!(
         "{}: the excitation is missing or the same everywhere: it was never measured, and only the shape of the emission means \
          anything. Take a measured excitation from elsewhere and name both files in the experiment: excitation_csv, emission_csv",
         path.display()
@@ -501,8 +501,8 @@ fn emission_only(path: &Path) -> SessionError {
 }
 
 /// A part of a fluorophore that is zero everywhere.
-fn nothing(path: &Path, what: &str) -> SessionError {
-    SessionError::Input(format!(
+fn nothing(path: &Path, what: &str) -> Error {
+    Error::Input(format!(
         "{}: {what} is zero at every wavelength. Check the column or export it again",
         path.display()
     ))
@@ -543,10 +543,10 @@ fn refuse_anti_stokes(path: &Path, matrix: &Matrix) -> Result<(), FormatError> {
 }
 
 /// Grid, peak and anti-Stokes share of a matrix.
-fn describe(path: &Path, matrix: &Matrix, findings: &mut Vec<(String, String)>) -> Result<(), SessionError> {
+fn describe(path: &Path, matrix: &Matrix, findings: &mut Vec<(String, String)>) -> Result<()> {
     for (name, axis) in [("excitation", &matrix.excitation_nm), ("emission", &matrix.emission_nm)] {
         let (Some(first), Some(last), true) = (axis.first(), axis.last(), axis.len() > 1) else {
-            return Err(SessionError::Input(format!(
+            return Err(Error::Input(format!(
                 "{}: a matrix needs at least two {name} wavelengths; this one has {}. Measure at more of them, or give excitation and emission spectra as the \
                  columns wavelength_nm, excitation, emission",
                 path.display(),

@@ -9,13 +9,13 @@ use fluorspar::tissue::{DepthProfile, DiscreteOrdinates, EffectiveTissue};
 use fluorspar_experiment::preset;
 use fluorspar_format::{Output, Outputs, write_atomically};
 use fluorspar_report::figures::light_sources_by_depth;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
 use super::source::{SiteOptions, find};
 use crate::figure_file::FigureFormat;
 use crate::options::defaults;
 use crate::values::{self, check_range};
-use crate::{Job, SessionError, named_spectra};
+use crate::{Error, Job, Result, named_spectra};
 
 /// Wavelengths that are solved, nm.
 const RANGE_NM: [f64; 2] = [350.0, 750.0];
@@ -26,7 +26,7 @@ const SHARES: u32 = 100;
 
 /// Which light of a tissue is looked at.
 #[derive(Clone, Debug, Deserialize, clap::Args)]
-#[serde(default)]
+#[serde(default = "defaults")]
 pub struct DepthOptions {
     /// The tissue.
     #[command(flatten)]
@@ -53,18 +53,15 @@ pub struct DepthOptions {
     pub out: Option<PathBuf>,
 }
 
-impl Default for DepthOptions {
-    fn default() -> Self {
-        defaults()
-    }
-}
-
 /// Where the light of a tissue comes from.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
+#[serde(transparent)]
 pub struct LightOrigins {
     /// Name of the tissue for people.
+    #[serde(skip)]
     pub title: String,
     /// Name of the light.
+    #[serde(skip)]
     pub light: String,
     /// By channel, or wavelength of the emission.
     pub channels: Vec<LightOrigin>,
@@ -90,17 +87,11 @@ pub struct LightOrigin {
     pub cumulative: Vec<[f64; 2]>,
 }
 
-impl Serialize for LightOrigins {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        self.channels.serialize(serializer)
-    }
-}
-
 /// Finds from which depths and layers the fluorescence comes, and draws it into the file of the options.
 ///
 /// # Errors
 /// An option out of its range or without a meaning, a tissue that can't be solved, a file that can't be written.
-pub fn depth(options: &DepthOptions, job: &Job<'_>) -> Result<LightOrigins, SessionError> {
+pub fn depth(options: &DepthOptions, job: &Job) -> Result<LightOrigins> {
     for (option, nm) in options
         .excitation_nm
         .iter()
@@ -140,9 +131,9 @@ pub fn depth(options: &DepthOptions, job: &Job<'_>) -> Result<LightOrigins, Sess
 }
 
 /// A narrow line.
-fn line(nm: f64) -> Result<Curve, SessionError> {
+fn line(nm: f64) -> Result<Curve> {
     let curve = Curve::new(vec![nm - STEP_NM, nm, nm + STEP_NM], vec![0.0, 1.0, 0.0]);
-    curve.map_err(|error| SessionError::Input(format!("{nm} nm: {error}")))
+    curve.map_err(|error| Error::Input(format!("{nm} nm: {error}")))
 }
 
 impl DepthOptions {
@@ -151,14 +142,14 @@ impl DepthOptions {
     }
 
     /// Photons of the light, of any scale.
-    fn light(&self, job: &Job<'_>) -> Result<Curve, SessionError> {
+    fn light(&self, job: &Job) -> Result<Curve> {
         let energy = self.excitation_nm.map_or_else(|| named_spectra::light(&self.light, job), line)?;
         let [first, last] = RANGE_NM;
         Ok(energy.times(&Curve::from_fn(first, last, |nm| nm)))
     }
 
     /// Names and weights of photons of the channels.
-    fn channels(&self, job: &Job<'_>) -> Result<Vec<(String, Curve)>, SessionError> {
+    fn channels(&self, job: &Job) -> Result<Vec<(String, Curve)>> {
         if !self.emission_nm.is_empty() {
             return self.emission_nm.iter().map(|nm| Ok((format!("{nm} nm"), line(*nm)?))).collect();
         }

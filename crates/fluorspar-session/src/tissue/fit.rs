@@ -14,7 +14,7 @@ use super::fit_files::{FittedTissue, figure, residuals, section};
 use super::source::{SiteOptions, find};
 use crate::options::defaults;
 use crate::values::{self, check_range};
-use crate::{Job, SessionError, named_spectra};
+use crate::{Error, Job, Result, named_spectra};
 
 /// A section, a table, results and a figure.
 const FOLDER_BYTES: u64 = 16 << 20;
@@ -23,7 +23,7 @@ const WAVELENGTH_NM: [f64; 2] = [350.0, 800.0];
 
 /// Which tissue is fitted to which spectra.
 #[derive(Clone, Debug, Deserialize, clap::Args)]
-#[serde(default)]
+#[serde(default = "defaults")]
 pub struct TissueFitOptions {
     /// The tissue.
     #[command(flatten)]
@@ -81,17 +81,11 @@ pub struct TissueFitOptions {
     pub out: Option<PathBuf>,
 }
 
-impl Default for TissueFitOptions {
-    fn default() -> Self {
-        defaults()
-    }
-}
-
 /// Fits a tissue, and writes the results into the folder of the options.
 ///
 /// # Errors
 /// An option out of its range or without a meaning, spectra that can't be read or fitted, a folder that can't be written.
-pub fn fit(options: &TissueFitOptions, job: &Job<'_>) -> Result<FittedTissue, SessionError> {
+pub fn fit(options: &TissueFitOptions, job: &Job) -> Result<FittedTissue> {
     options.check()?;
     let (title, site) = options.site.resolve_site()?;
     let prior = options.prior(&site)?;
@@ -117,7 +111,7 @@ pub fn fit(options: &TissueFitOptions, job: &Job<'_>) -> Result<FittedTissue, Se
 }
 
 impl TissueFitOptions {
-    fn check(&self) -> Result<(), SessionError> {
+    fn check(&self) -> Result<()> {
         for (option, value, range, unit) in [
             ("prior_width", self.prior_width, [0.01, 100.0], ""),
             ("reflectance_error", self.reflectance_error, [1e-4, 1.0], ""),
@@ -131,16 +125,16 @@ impl TissueFitOptions {
         }
         let (spectra, lights, leaks) = (self.fluorescence.len(), self.light.len(), self.leak.len());
         if self.reflectance.is_empty() && spectra == 0 {
-            return Err(SessionError::Input("give ⟨reflectance=CSV⟩, ⟨fluorescence=CSV⟩ or both".into()));
+            return Err(Error::Input("give ⟨reflectance=CSV⟩, ⟨fluorescence=CSV⟩ or both".into()));
         }
         if lights != spectra {
-            return Err(SessionError::Input(format!(
+            return Err(Error::Input(format!(
                 "⟨fluorescence⟩ is given {spectra} times and ⟨light⟩ {lights} times; give one light for each spectrum, in the \
                  same order"
             )));
         }
         if leaks != 0 && leaks != spectra {
-            return Err(SessionError::Input(format!(
+            return Err(Error::Input(format!(
                 "⟨leak⟩ is given {leaks} times and ⟨fluorescence⟩ {spectra} times; give one for each spectrum, or none"
             )));
         }
@@ -148,7 +142,7 @@ impl TissueFitOptions {
     }
 
     /// What may vary, and how much.
-    fn prior(&self, site: &Site) -> Result<Population, SessionError> {
+    fn prior(&self, site: &Site) -> Result<Population> {
         let all = Population::of(site).widened(self.prior_width);
         let is = |variation: &fluorspar::tissue::Variation, name: &str| {
             variation.name == name || variation.parameters.contains(&name)
@@ -159,7 +153,7 @@ impl TissueFitOptions {
             if !all.variations().iter().any(|variation| is(variation, name)) {
                 let known: Vec<&str> = all.variations().iter().map(|variation| variation.name).collect();
                 let hint = did_you_mean(name, known.iter().copied());
-                return Err(SessionError::Input(format!(
+                return Err(Error::Input(format!(
                     "⟨{option}={name}⟩: this does not vary in {}{hint} What varies: {}; what is 0 needs a value first (⟨set⟩)",
                     site.name(),
                     known.join(", ")
@@ -178,8 +172,8 @@ impl TissueFitOptions {
         name: &str,
         quantity: SpectrumQuantity,
         [from_nm, to_nm]: [f64; 2],
-        job: &Job<'_>,
-    ) -> Result<(Vec<f64>, Vec<f64>), SessionError> {
+        job: &Job,
+    ) -> Result<(Vec<f64>, Vec<f64>)> {
         let curve = named_spectra::one_column(name, quantity, Negative::Keep, job)?;
         let (first, last) = curve.range_nm();
         let (first, last) = (first.max(from_nm), last.min(to_nm));
@@ -195,13 +189,13 @@ impl TissueFitOptions {
         Ok((nm, values))
     }
 
-    fn reflectances(&self, job: &Job<'_>) -> Result<Vec<MeasuredReflectance>, SessionError> {
+    fn reflectances(&self, job: &Job) -> Result<Vec<MeasuredReflectance>> {
         let read = |name: &String| {
             let (wavelengths_nm, values) =
                 self.sampled(name, SpectrumQuantity::Fraction, WAVELENGTH_NM, job)?;
             if values.iter().any(|value| *value > 1.0) {
                 let message = format!("{name}: reflectance is at most 1; are the values in percent?");
-                return Err(SessionError::Input(message));
+                return Err(Error::Input(message));
             }
             Ok(MeasuredReflectance {
                 name: name.clone(),
@@ -213,7 +207,7 @@ impl TissueFitOptions {
         self.reflectance.iter().map(read).collect()
     }
 
-    fn fluorescences(&self, job: &Job<'_>) -> Result<Vec<MeasuredFluorescence>, SessionError> {
+    fn fluorescences(&self, job: &Job) -> Result<Vec<MeasuredFluorescence>> {
         let filter = named_spectra::filters(&self.view_filter, job)?;
         let used = [self.from_nm.unwrap_or(WAVELENGTH_NM[0]), self.to_nm.unwrap_or(WAVELENGTH_NM[1])];
         let read = |(i, (name, light)): (usize, (&String, &String))| {
@@ -242,7 +236,7 @@ impl TissueFitOptions {
 }
 
 /// Writes all files of the results.
-fn write(out: OutputFolder, found: &FittedTissue) -> Result<PathBuf, SessionError> {
+fn write(out: OutputFolder, found: &FittedTissue) -> Result<PathBuf> {
     let figure = figure(found);
     Ok(out.finish_with([
         ("tissue.toml".into(), section(found)?.into_bytes()),

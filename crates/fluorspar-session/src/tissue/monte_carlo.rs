@@ -18,7 +18,7 @@ use super::monte_carlo_files::{figures, tables};
 use super::source::TissueOptions;
 use crate::options::defaults;
 use crate::values::{self, check_range};
-use crate::{Job, Left, SessionError};
+use crate::{Error, Job, Left, Result};
 
 /// Most photons of a simulation.
 const MOST_PHOTONS: u64 = 1_000_000_000_000;
@@ -29,7 +29,7 @@ const RADIAL_BINS: [f64; 2] = [1.0, 20_000.0];
 
 /// Through which tissue photons are traced, and how many.
 #[derive(Clone, Debug, Deserialize, clap::Args)]
-#[serde(default)]
+#[serde(default = "defaults")]
 pub struct MonteCarloOptions {
     /// The tissue.
     #[command(flatten)]
@@ -77,12 +77,6 @@ pub struct MonteCarloOptions {
     pub out: Option<PathBuf>,
 }
 
-impl Default for MonteCarloOptions {
-    fn default() -> Self {
-        defaults()
-    }
-}
-
 /// What photons did in a tissue.
 #[derive(Clone, Debug, Serialize)]
 pub struct TracedTissue {
@@ -123,13 +117,13 @@ pub struct TracedEmission {
 ///
 /// # Errors
 /// An option out of its range or without a meaning, layers that can't be traced, a folder that can't be written.
-pub fn monte_carlo(options: &MonteCarloOptions, job: &Job<'_>) -> Result<TracedTissue, SessionError> {
+pub fn monte_carlo(options: &MonteCarloOptions, job: &Job) -> Result<TracedTissue> {
     check_range("angle_deg", options.angle_deg, [0.0, 89.0], "degrees")?;
     check_range("radial_bins", options.radial_bins as f64, RADIAL_BINS, "")?;
     let layers = options.tissue.resolve()?;
     if options.reciprocity && layers.emission.is_none() {
         let message = "⟨reciprocity⟩: the layers do not fluoresce; give each a [layer.emission] table, or a site its ⟨emission_nm⟩";
-        return Err(SessionError::Input(message.into()));
+        return Err(Error::Input(message.into()));
     }
     let settings = options.settings(&layers)?;
     let inputs: Vec<PathBuf> = options.tissue.file().into_iter().collect();
@@ -144,7 +138,7 @@ pub fn monte_carlo(options: &MonteCarloOptions, job: &Job<'_>) -> Result<TracedT
 }
 
 /// Writes all files of the results.
-fn write(out: OutputFolder, found: &TracedTissue, thicknesses_mm: &[f64]) -> Result<PathBuf, SessionError> {
+fn write(out: OutputFolder, found: &TracedTissue, thicknesses_mm: &[f64]) -> Result<PathBuf> {
     let mut files = vec![("results.json".to_string(), serde_json::to_string_pretty(found)?)];
     files.extend(tables(found).map(|(name, table)| (format!("{name}.csv"), table)));
     let figures = figures(found, thicknesses_mm);
@@ -153,7 +147,7 @@ fn write(out: OutputFolder, found: &TracedTissue, thicknesses_mm: &[f64]) -> Res
 }
 
 impl MonteCarloOptions {
-    fn settings(&self, layers: &ResolvedLayers) -> Result<MonteCarloSettings, SessionError> {
+    fn settings(&self, layers: &ResolvedLayers) -> Result<MonteCarloSettings> {
         let quantity = match self.error_of.as_deref() {
             None if layers.emission.is_some() && !self.reciprocity => ScoredQuantity::Fluorescence,
             None => ScoredQuantity::DiffuseReflectance,
@@ -175,8 +169,8 @@ impl MonteCarloOptions {
         &self,
         layers: ResolvedLayers,
         settings: &MonteCarloSettings,
-        job: &Job<'_>,
-    ) -> Result<TracedTissue, SessionError> {
+        job: &Job,
+    ) -> Result<TracedTissue> {
         let incidence = match self.diffuse {
             true => Incidence::Lambertian,
             false => Incidence::Collimated { cosine: self.angle_deg.to_radians().cos() },
@@ -216,7 +210,7 @@ impl MonteCarloOptions {
 }
 
 /// The result that an error target names.
-fn quantity(what: &str, layers: &ResolvedLayers) -> Result<ScoredQuantity, SessionError> {
+fn quantity(what: &str, layers: &ResolvedLayers) -> Result<ScoredQuantity> {
     if let Some(layer) = layers.names.iter().position(|name| name == what) {
         return Ok(ScoredQuantity::Absorbed(layer));
     }
@@ -230,18 +224,16 @@ fn quantity(what: &str, layers: &ResolvedLayers) -> Result<ScoredQuantity, Sessi
                 shares.into_iter().chain(layers.names.iter().map(String::as_str)).collect();
             let hint = did_you_mean(what, known.iter().copied());
             let known = known.join(", ");
-            Err(SessionError::Input(format!(
-                "⟨error_of={what}⟩: there is no such result{hint} Known: {known}"
-            )))
+            Err(Error::Input(format!("⟨error_of={what}⟩: there is no such result{hint} Known: {known}")))
         }
     }
 }
 
 /// Runs a simulation that ends with what it has when the job is stopped, and reports how far it has come.
 fn with_progress<R>(
-    job: &Job<'_>,
+    job: &Job,
     simulation: impl FnOnce(&MonteCarloControl<'_>) -> Result<R, TissueError>,
-) -> Result<R, SessionError> {
+) -> Result<R> {
     let share_done = job.listener.begin("Tracing", "tracing", Left::Results);
     Ok(simulation(&MonteCarloControl {
         stop: &job.stop,
@@ -276,9 +268,9 @@ mod tests {
     fn traced(photons: u64, stop: &Arc<AtomicBool>) -> TracedTissue {
         let tissue =
             TissueOptions { tissue: "lip".into(), excitation_nm: Some(405.0), ..TissueOptions::default() };
-        let options = MonteCarloOptions { tissue, photons, ..MonteCarloOptions::default() };
+        let options = MonteCarloOptions { tissue, photons, ..defaults() };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        pool.install(|| monte_carlo(&options, &Job::new(stop.clone(), &Silent)).unwrap())
+        pool.install(|| monte_carlo(&options, &Job::new(stop.clone(), Arc::new(Silent))).unwrap())
     }
 
     #[test]
@@ -299,7 +291,7 @@ mod tests {
 
     #[test]
     fn defaults_stand_at_the_options() {
-        let options = MonteCarloOptions::default();
+        let options: MonteCarloOptions = defaults();
         assert_eq!((options.photons, options.radial_bins, options.depth_step_mm), (1_000_000, 500, 0.01));
         let known = <MonteCarloOptions as crate::TaskOptions>::known();
         let state = known.iter().find(|option| option.name == "state").unwrap();

@@ -19,7 +19,7 @@ use super::solve_files::{figures, tables};
 use super::source::{SiteOptions, find};
 use crate::options::defaults;
 use crate::values::{self, check_range};
-use crate::{Job, SessionError, named_spectra};
+use crate::{Error, Job, Result, named_spectra};
 
 /// Two tables, results and some figures.
 const FOLDER_BYTES: u64 = 32 << 20;
@@ -32,7 +32,7 @@ const LINE_NM: f64 = 2.5;
 
 /// Which tissue is solved, where, and under which light.
 #[derive(Clone, Debug, Deserialize, clap::Args)]
-#[serde(default)]
+#[serde(default = "defaults")]
 pub struct SolveOptions {
     /// The tissue.
     #[command(flatten)]
@@ -60,12 +60,6 @@ pub struct SolveOptions {
     /// Folder for results.json, spectra.csv, fluorescence.csv, eem.csv and figures (SVG and PNG) [default: none].
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: Option<PathBuf>,
-}
-
-impl Default for SolveOptions {
-    fn default() -> Self {
-        defaults()
-    }
 }
 
 /// Light in a tissue by wavelength.
@@ -150,7 +144,7 @@ pub struct TissueEem {
 ///
 /// # Errors
 /// An option out of its range or without a meaning, a tissue that can't be solved, a folder that can't be written.
-pub fn solve(options: &SolveOptions, job: &Job<'_>) -> Result<SolvedTissue, SessionError> {
+pub fn solve(options: &SolveOptions, job: &Job) -> Result<SolvedTissue> {
     for (option, value, range) in [
         ("from_nm", options.from_nm, WAVELENGTH_NM),
         ("to_nm", options.to_nm, WAVELENGTH_NM),
@@ -159,7 +153,7 @@ pub fn solve(options: &SolveOptions, job: &Job<'_>) -> Result<SolvedTissue, Sess
         check_range(option, value, range, "nm")?;
     }
     if options.to_nm < options.from_nm + LEAST_RANGE_NM {
-        return Err(SessionError::Input(format!(
+        return Err(Error::Input(format!(
             "⟨to_nm={}⟩: must be {LEAST_RANGE_NM} nm or more above ⟨from_nm={}⟩",
             number_text(options.to_nm),
             number_text(options.from_nm)
@@ -183,7 +177,7 @@ pub fn solve(options: &SolveOptions, job: &Job<'_>) -> Result<SolvedTissue, Sess
 
 impl SolveOptions {
     /// Names and spectra of the lights.
-    fn lights(&self, job: &Job<'_>) -> Result<Vec<(String, Viewing)>, SessionError> {
+    fn lights(&self, job: &Job) -> Result<Vec<(String, Viewing)>> {
         let unfiltered = || Curve::constant(1.0);
         let named = |name: &String| {
             Ok((named_spectra::label(name), Viewing::new(&named_spectra::light(name, job)?, unfiltered())?))
@@ -191,8 +185,7 @@ impl SolveOptions {
         let line = |nm: &f64| {
             // A line that is no wider than the steps of a light.
             let curve = Curve::new(vec![nm - LINE_NM, *nm, nm + LINE_NM], vec![0.0, 1.0, 0.0]);
-            let curve =
-                curve.map_err(|error| SessionError::Input(format!("⟨excitation_nm={nm}⟩: {error}")))?;
+            let curve = curve.map_err(|error| Error::Input(format!("⟨excitation_nm={nm}⟩: {error}")))?;
             Ok((format!("{nm} nm"), Viewing::new(&curve, unfiltered())?))
         };
         let default = ["led_405", "led_450"].map(String::from);
@@ -206,12 +199,7 @@ impl SolveOptions {
         (0..=number).map(|i| self.from_nm + self.step_nm * i as f64).collect()
     }
 
-    fn solve(
-        &self,
-        title: String,
-        site: &NamedTissue,
-        lights: &[(String, Viewing)],
-    ) -> Result<SolvedTissue, SessionError> {
+    fn solve(&self, title: String, site: &NamedTissue, lights: &[(String, Viewing)]) -> Result<SolvedTissue> {
         let (tissue, nm) = (site.tissue(&find)?, self.wavelengths());
         let solver = DiscreteOrdinates::new(self.nodes)?;
         let solved = EffectiveTissue::new(&tissue, &nm, solver)?;
@@ -251,7 +239,7 @@ impl SolveOptions {
 }
 
 /// A beam along the normal at each wavelength.
-fn beams(tissue: &LayeredTissue, nm: &[f64], nodes: usize) -> Result<Vec<LightField>, SessionError> {
+fn beams(tissue: &LayeredTissue, nm: &[f64], nodes: usize) -> Result<Vec<LightField>> {
     let solver = DiscreteOrdinates::new(nodes.max(32))?;
     let solve = |&nm: &f64| solver.solve(&tissue.optics(nm), Incidence::NORMAL);
     Ok(nm.par_iter().map(solve).collect::<Result<_, TissueError>>()?)
@@ -298,7 +286,7 @@ fn own_absorption(
     solver: DiscreteOrdinates,
     lights: &[(String, Viewing)],
     without: &[SolvedFluorescence],
-) -> Result<OwnAbsorption, SessionError> {
+) -> Result<OwnAbsorption> {
     let tissue = solved.tissue().with_own_absorption(Site::quantum_yield);
     let with = EffectiveTissue::new(&tissue, nm, solver)?;
     let [a, b] = [&with, solved].map(|tissue| tissue.reflectance(Level::AboveSurface));
@@ -340,7 +328,7 @@ fn matrix(solved: &EffectiveTissue, part: LayerFluorophore, nm: &[f64], excitati
 }
 
 /// Writes all files of the results.
-fn write(out: OutputFolder, found: &SolvedTissue) -> Result<PathBuf, SessionError> {
+fn write(out: OutputFolder, found: &SolvedTissue) -> Result<PathBuf> {
     let results = serde_json::to_string_pretty(found)?;
     let mut files = vec![("results.json".to_string(), results.into_bytes())];
     files.extend(tables(found).into_iter().map(|(name, table)| (format!("{name}.csv"), table.into_bytes())));

@@ -10,9 +10,9 @@ use fluorspar_experiment::preset::fluorophore;
 use fluorspar_experiment::{NamedTissue, ResolvedEmission, ResolvedLayers, parse_layers, parse_tissue};
 use serde::Deserialize;
 
-use crate::SessionError;
 use crate::source::read_text;
 use crate::values::{self, check_range};
+use crate::{Error, Result};
 
 /// Wavelengths at which tissue is known, nm.
 const WAVELENGTH_NM: [f64; 2] = [350.0, 1000.0];
@@ -23,16 +23,15 @@ pub fn find(name: &str) -> Option<Arc<Fluorophore>> {
 }
 
 /// A site in states, then with parameters changed by `NAME=VALUE`.
-fn changed(mut site: Site, states: &[String], changes: &[String]) -> Result<Site, SessionError> {
+fn changed(mut site: Site, states: &[String], changes: &[String]) -> Result<Site> {
     for state in states {
         site.apply(TissueState::named(state)?)?;
     }
     for change in changes {
         let (name, value) = change.split_once('=').ok_or_else(|| {
-            SessionError::Input(format!("⟨set={change}⟩: write NAME=VALUE, such as oxygen_saturation=0.9"))
+            Error::Input(format!("⟨set={change}⟩: write NAME=VALUE, such as oxygen_saturation=0.9"))
         })?;
-        let value =
-            values::number(value).map_err(|why| SessionError::Input(format!("⟨set={change}⟩: {why}")))?;
+        let value = values::number(value).map_err(|why| Error::Input(format!("⟨set={change}⟩: {why}")))?;
         site.set(name.trim(), value)?;
     }
     Ok(site)
@@ -64,7 +63,7 @@ impl SiteOptions {
     ///
     /// # Errors
     /// A site, a state or a value that does not exist; a file that can't be read or holds none.
-    pub fn resolve(&self) -> Result<(String, NamedTissue), SessionError> {
+    pub fn resolve(&self) -> Result<(String, NamedTissue)> {
         let (name, tissue) = match self.file() {
             None => {
                 let site = Site::named(&self.site)?;
@@ -78,14 +77,14 @@ impl SiteOptions {
                 return Ok((name, tissue));
             }
             let message = format!("{option}: {} describes its layers itself; change them there", self.site);
-            return Err(SessionError::Input(message));
+            return Err(Error::Input(message));
         };
         let title = if self.state.is_empty() { name } else { format!("{name}, {}", self.state.join(", ")) };
         Ok((title, NamedTissue::Site(changed(site, &self.state, &self.set)?)))
     }
 
     /// The same for what needs the parameters of a site.
-    pub(crate) fn resolve_site(&self) -> Result<(String, Site), SessionError> {
+    pub(crate) fn resolve_site(&self) -> Result<(String, Site)> {
         match self.resolve()? {
             (title, NamedTissue::Site(site)) => Ok((title, site)),
             (title, NamedTissue::Layers { .. }) => {
@@ -94,7 +93,7 @@ impl SiteOptions {
                      \"dorsal_tongue\" or another instead",
                     self.site
                 );
-                Err(SessionError::Input(message))
+                Err(Error::Input(message))
             }
         }
     }
@@ -104,13 +103,13 @@ impl SiteOptions {
 ///
 /// # Errors
 /// A site that does not exist; a file that can't be read or holds none.
-pub fn site_named(text: &str) -> Result<Site, SessionError> {
+pub fn site_named(text: &str) -> Result<Site> {
     let args = SiteOptions { site: text.into(), state: Vec::new(), set: Vec::new() };
     Ok(args.resolve_site()?.1)
 }
 
 /// The tissue of the text of a file with a `[[tissue]]` section.
-fn tissue_of_file(text: &str, path: &Path) -> Result<(String, NamedTissue), SessionError> {
+fn tissue_of_file(text: &str, path: &Path) -> Result<(String, NamedTissue)> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Ok(parse_tissue(text, &path.display().to_string(), folder)?)
 }
@@ -152,7 +151,7 @@ impl TissueOptions {
         file_of(&self.tissue)
     }
 
-    pub(crate) fn resolve(&self) -> Result<ResolvedLayers, SessionError> {
+    pub(crate) fn resolve(&self) -> Result<ResolvedLayers> {
         let Some(path) = self.file() else {
             let site = changed(Site::named(&self.tissue)?, &self.state, &self.set)?;
             return self.at_wavelength(site.title(), &site.tissue(&find)?);
@@ -172,17 +171,17 @@ impl TissueOptions {
         {
             let message =
                 format!("{option}: a file of layers states its optical properties itself; leave it out");
-            return Err(SessionError::Input(message));
+            return Err(Error::Input(message));
         }
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         Ok(parse_layers(&text, &self.tissue, folder, &self.set)?)
     }
 
     /// Layers at the wavelengths of the options.
-    fn at_wavelength(&self, title: &str, tissue: &LayeredTissue) -> Result<ResolvedLayers, SessionError> {
+    fn at_wavelength(&self, title: &str, tissue: &LayeredTissue) -> Result<ResolvedLayers> {
         let nm = self.excitation_nm.ok_or_else(|| {
             let message = format!("{}: give the wavelength of the light, ⟨excitation_nm=405⟩", self.tissue);
-            SessionError::Input(message)
+            Error::Input(message)
         })?;
         check_range("excitation_nm", nm, WAVELENGTH_NM, "nm")?;
         let emission = self.emission_nm.map(|emission_nm| {
@@ -190,7 +189,7 @@ impl TissueOptions {
             let strengths_per_mm = tissue.strengths_per_mm_nm(nm, emission_nm);
             if strengths_per_mm.iter().all(|strength| *strength == 0.0) {
                 let message = format!("⟨emission_nm={emission_nm}⟩: nothing fluoresces there under {nm} nm");
-                return Err(SessionError::Input(message));
+                return Err(Error::Input(message));
             }
             Ok(ResolvedEmission { stack: tissue.optics(emission_nm), strengths_per_mm })
         });
