@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use pyo3::prelude::*;
 
-use crate::error::of_command;
+use crate::error::of_session;
 use crate::process::{name_program, work};
 
 /// Runs a command of the program in this process and returns what it prints on standard output: `answer(["predict", "--json"])`.
@@ -28,7 +28,7 @@ pub(crate) fn answer(
     )?;
     match raised.map_or(Ok(ended), Err)? {
         Ok(answer) => Ok((answer.text, answer.succeeded)),
-        Err(failure) => Err(of_command(py, &failure)),
+        Err(error) => Err(of_session(py, error)),
     }
 }
 

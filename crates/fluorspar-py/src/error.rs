@@ -2,7 +2,6 @@
 
 use std::fmt::Display;
 
-use fluorspar_cli::CommandFailure;
 use fluorspar_experiment::ExperimentError;
 use fluorspar_session::{Error, ErrorKind, worded};
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
@@ -55,18 +54,6 @@ pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// Any error of the physics or of a file.
 pub(crate) fn failed(error: impl Display) -> PyErr {
     FluorsparError::new_err(error.to_string())
-}
-
-/// The exit code of a command is the attribute `code`.
-pub(crate) fn of_command(py: Python<'_>, failure: &CommandFailure) -> PyErr {
-    let error = match &failure.experiment {
-        Some(error) => of_experiment(py, error),
-        None => failed(failure),
-    };
-    match error.value(py).setattr(intern!(py, "code"), failure.code) {
-        Ok(()) => error,
-        Err(other) => other,
-    }
 }
 
 /// Why a task gives no answer, with the exit code of the program.

@@ -1,4 +1,4 @@
-//! Tasks of the session: keyword arguments to options, answers to records and arrays.
+//! Tasks of the session: keyword arguments to options, answers to records.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,7 +8,6 @@ use fluorspar_session::{
     CompareOptions, Error, Job, Left, Listener, PredictOptions, RunOptions, TaskOption, TaskOptions,
     fluorophore, tissue,
 };
-use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -153,7 +152,7 @@ fn as_option(value: toml::Value, option: &TaskOption) -> toml::Value {
     }
 }
 
-/// An answer in Python: objects are records, lists of numbers arrays, float64 and read-only.
+/// An answer in Python: objects are records.
 pub(crate) fn python_value<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
     Ok(match value {
         Value::Null => py.None().into_bound(py),
@@ -164,18 +163,10 @@ pub(crate) fn python_value<'py>(py: Python<'py>, value: &Value) -> PyResult<Boun
             _ => number.as_f64().into_pyobject(py)?,
         },
         Value::String(text) => text.into_pyobject(py)?.into_any(),
-        Value::Array(items) => match items.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>() {
-            Some(numbers) if !numbers.is_empty() => {
-                let array = PyArray1::from_vec(py, numbers);
-                array.call_method1("setflags", (false,))?;
-                array.into_any()
-            }
-            _ => {
-                let items: Vec<_> =
-                    items.iter().map(|item| python_value(py, item)).collect::<PyResult<_>>()?;
-                PyList::new(py, items)?.into_any()
-            }
-        },
+        Value::Array(items) => {
+            let items: Vec<_> = items.iter().map(|item| python_value(py, item)).collect::<PyResult<_>>()?;
+            PyList::new(py, items)?.into_any()
+        }
         Value::Object(entries) => {
             let table = PyDict::new(py);
             for (key, value) in entries {

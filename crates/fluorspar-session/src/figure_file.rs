@@ -6,6 +6,11 @@ use fluorspar_report::Figure;
 
 use crate::{Error, Result};
 
+/// A figure as files, scalable and in pixels.
+pub(crate) fn figure_files(name: &str, figure: &Figure) -> Result<[(String, Vec<u8>); 2]> {
+    Ok([(format!("{name}.svg"), figure.to_svg().into_bytes()), (format!("{name}.png"), figure.to_png()?)])
+}
+
 /// How a figure is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FigureFormat {

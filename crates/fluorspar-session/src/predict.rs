@@ -122,61 +122,47 @@ pub fn filter_list(names: &[String], folder: &Path) -> String {
 impl PredictOptions {
     /// All changes; those that were given as `--set` come last and win.
     fn overrides(&self, folder: &Path) -> Result<Vec<Override>> {
-        let mut all = Vec::new();
-        let named = |path: &str, option: &str, text: &String, value: String| {
-            Override::of_option(path, value, format!("⟨{option}={text}⟩"))
+        let given = |option: &str, text: &str| format!("⟨{option}={text}⟩");
+        let named = |path: &str, option: &str, text: &Option<String>, value: &dyn Fn(&str) -> String| {
+            text.as_ref().map(|text| Override::of_option(path, value(text), given(option, text)))
         };
         let filters = |path: &str, option: &str, names: &[String]| {
-            let typed: Vec<String> = names.iter().map(|name| format!("⟨{option}={name}⟩")).collect();
-            (!names.is_empty())
-                .then(|| Override::of_option(path, filter_list(names, folder), typed.join(" ")))
+            let typed: Vec<String> = names.iter().map(|name| given(option, name)).collect();
+            let list = filter_list(names, folder);
+            (!names.is_empty()).then(|| Override::of_option(path, list, typed.join(" ")))
         };
-        all.extend(
-            self.light
-                .as_ref()
-                .map(|text| named("light.spectrum", "light", text, name_or_file(text, folder))),
-        );
-        all.extend(
-            self.irradiance
-                .map(|value| Override::number("light.strength.irradiance_w_per_m2", value, "irradiance")),
-        );
+        let numeric = |path: &str, option: &str, value: Option<f64>| {
+            value.map(|value| Override::number(path, value, option))
+        };
+        let spectrum = |text: &str| name_or_file(text, folder);
+        let reflectance = |text: &str| number_or(text, spectrum);
+        let mut all = Vec::new();
+        all.extend(named("light.spectrum", "light", &self.light, &spectrum));
+        all.extend(numeric("light.strength.irradiance_w_per_m2", "irradiance", self.irradiance));
         all.extend(filters("light.filters", "light_filter", &self.light_filter));
-        all.extend(self.reflectance.as_ref().map(|text| {
-            let value = number_or(text, |text| name_or_file(text, folder));
-            named("sample.reflectance", "reflectance", text, value)
-        }));
+        all.extend(named("sample.reflectance", "reflectance", &self.reflectance, &reflectance));
         for text in &self.concentration {
             let parts = text.split_once('=').map(|(name, value)| (name.trim(), number(value)));
-            match parts {
-                Some((name, Ok(value))) if !name.is_empty() && !name.contains('"') => {
-                    let path = format!("sample.concentrations.\"{name}\"");
-                    all.push(Override::of_option(
-                        &path,
-                        number_text(value),
-                        format!("⟨concentration={text}⟩"),
-                    ));
-                }
-                _ => {
-                    return Err(Error::Input(format!(
-                        "⟨concentration={text}⟩: write a name and a number, for instance ⟨concentration=fad=0.2⟩"
-                    )));
-                }
-            }
+            let Some((name, Ok(value))) = parts.filter(|(name, _)| !name.is_empty() && !name.contains('"'))
+            else {
+                return Err(Error::Input(format!(
+                    "⟨concentration={text}⟩: write a name and a number, for instance ⟨concentration=fad=0.2⟩"
+                )));
+            };
+            let path = format!("sample.concentrations.\"{name}\"");
+            all.push(Override::of_option(&path, number_text(value), given("concentration", text)));
         }
         all.extend(filters("view_filter.filters", "view_filter", &self.view_filter));
-        all.extend(
-            self.exposure_ms
-                .as_ref()
-                .map(|text| named("exposure.exposure_ms", "exposure_ms", text, number_or(text, quoted))),
-        );
-        all.extend(self.step_nm.map(|value| Override::number("spectral.step_nm", value, "step_nm")));
-        all.extend(self.compatibility.map(|whose| {
-            let (typed, value) = match whose {
-                Compatibility::None => ("none", "none"),
-                Compatibility::Isetcam => ("isetcam", "isetcam"),
-                Compatibility::ToolboxEem => ("toolbox-eem", "toolbox_eem"),
-            };
-            Override::of_option("compatibility", quoted(value), format!("⟨compatibility={typed}⟩"))
+        let exposure = |text: &str| number_or(text, quoted);
+        all.extend(named("exposure.exposure_ms", "exposure_ms", &self.exposure_ms, &exposure));
+        all.extend(numeric("spectral.step_nm", "step_nm", self.step_nm));
+        all.extend(self.compatibility.and_then(|whose| whose.to_possible_value()).map(|whose| {
+            let name = whose.get_name();
+            Override::of_option(
+                "compatibility",
+                quoted(&name.replace('-', "_")),
+                given("compatibility", name),
+            )
         }));
         all.extend(self.changes.overrides());
         Ok(all)

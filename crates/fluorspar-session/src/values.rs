@@ -104,6 +104,11 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
+/// Comma-separated values: heads, then rows.
+pub(crate) fn csv(heads: &str, rows: impl IntoIterator<Item = String>) -> String {
+    std::iter::once(heads.to_owned()).chain(rows).map(|row| row + "\n").collect()
+}
+
 /// Refuses a number outside a range.
 pub fn check_range(option: &str, value: f64, [least, most]: [f64; 2], unit: &str) -> Result<()> {
     if (least..=most).contains(&value) {

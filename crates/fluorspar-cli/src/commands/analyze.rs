@@ -1,7 +1,5 @@
 //! `fluorspar analyze`: the analysis of frames in words.
 
-use std::process::ExitCode;
-
 use fluorspar::analysis::Analysis;
 use fluorspar::findings::region_findings;
 use fluorspar::pipeline::AnalyzedRegion;
@@ -14,12 +12,12 @@ use super::table::align;
 use crate::error::CliError;
 use crate::message::Messages;
 
-pub(crate) fn run(options: &Answering<AnalyzeOptions>) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Answering<AnalyzeOptions>) -> Result<(), CliError> {
     options.answer(analyze, describe)?;
     if options.task.out.is_none() {
         Messages::default().status("Next: the same with --out FOLDER writes a report and maps");
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 fn describe(AnalyzedFrames { experiment, analysis, regions }: &AnalyzedFrames) -> String {

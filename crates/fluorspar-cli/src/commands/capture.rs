@@ -1,19 +1,16 @@
 //! `fluorspar capture`.
 
-use std::process::ExitCode;
-
 use fluorspar_session::{CaptureOptions, capture};
 
 use super::{Answering, print_json};
 use crate::error::CliError;
 use crate::message::Messages;
 
-pub(crate) fn run(options: &Answering<CaptureOptions>) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Answering<CaptureOptions>) -> Result<(), CliError> {
     let messages = Messages::default();
     let captured = capture(&options.task, &messages.job())?;
     if options.form.json {
-        print_json(&captured)?;
-        return Ok(ExitCode::SUCCESS);
+        return print_json(&captured);
     }
     let (count, place) = (captured.frames.len(), captured.folder.display());
     let next = match options.task.report {
@@ -24,5 +21,5 @@ pub(crate) fn run(options: &Answering<CaptureOptions>) -> Result<ExitCode, CliEr
     };
     messages
         .status(format!("Wrote {count} {} to {place}. {next}", if count == 1 { "frame" } else { "frames" }));
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

@@ -1,8 +1,5 @@
 //! `fluorspar describe`: the description of a camera's frame, from its tags and from what the user knows.
 
-use std::path::{Path, PathBuf};
-use std::process::ExitCode;
-
 use clap::ValueHint;
 use fluorspar::image::Mosaic;
 use fluorspar_experiment::{DEFAULT_EXPERIMENT, Warning};
@@ -11,6 +8,7 @@ use fluorspar_format::{
 };
 use fluorspar_session::ExperimentSource;
 use serde_json::json;
+use std::path::{Path, PathBuf};
 
 use super::table::align;
 use crate::args::Answer;
@@ -101,7 +99,7 @@ fn facts(options: &Options) -> Result<FrameFacts, CliError> {
     })
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let given = facts(options)?;
     let path = description_path(&options.frame);
     if path.exists() && !options.replace {
@@ -132,7 +130,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let warnings: Vec<Warning> = found.warnings.iter().cloned().map(Warning::from).collect();
     Messages::default().warnings(&warnings);
     Messages::default().status(format!("Wrote {}. {}", path.display(), next_command(options)?));
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// What to type next: all of it but the files that only the user knows, for the default experiment where the capture is one of it. A real

@@ -1,6 +1,6 @@
 //! One file or folder per command, and what several of them share.
 
-mod actions;
+pub(crate) mod actions;
 pub(crate) mod analyze;
 pub(crate) mod capture;
 pub(crate) mod capture_light;

@@ -1,14 +1,12 @@
 //! `fluorspar plot`: the chain of a camera on one axis of wavelengths.
 
-use std::path::PathBuf;
-use std::process::ExitCode;
-
 use clap::ValueHint;
 use fluorspar::spectral::{Curve, Fluorophore};
 use fluorspar_experiment::preset;
 use fluorspar_format::{Output, Outputs};
 use fluorspar_report::figures::{PlotCurve, chain};
 use serde::Serialize;
+use std::path::PathBuf;
 
 use super::FigureFormat;
 use super::spectra::{plot_curve, wavelengths, write_figure};
@@ -59,7 +57,7 @@ fn refuse_lists(option: &str, names: &[String]) -> Result<(), CliError> {
     )))
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let format = FigureFormat::of(&options.out)?;
     let range_nm = wavelengths(options.from_nm, options.to_nm)?;
     let inputs: Vec<PathBuf> = options
@@ -142,7 +140,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         Messages::default().status(format!("Wrote {}", options.out.display()));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// What a viewing filter by itself keeps of the fluorescence, and lets pass of the light.

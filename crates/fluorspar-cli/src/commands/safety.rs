@@ -1,7 +1,5 @@
 //! `fluorspar safety`: photobiological safety of an experiment's captures.
 
-use std::process::ExitCode;
-
 use fluorspar::pipeline::{CaptureSafety, PipelineError, SafetyReport, ViewerSafety, assess_safety};
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_session::{ExperimentArgs, ExperimentSource};
@@ -27,7 +25,7 @@ pub(crate) struct Options {
     answer: Answer,
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let mut overrides = options.experiment.overrides();
     let of = |path: &str, mm: Option<f64>, option: &str| mm.map(|mm| Override::number(path, mm, option));
@@ -50,7 +48,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     } else {
         super::print_text(&describe(&record.title, &report))?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 fn describe(title: &str, report: &SafetyReport) -> String {

@@ -1,7 +1,5 @@
 //! `fluorspar schema`: the JSON schemas of files.
 
-use std::process::ExitCode;
-
 use clap::ValueEnum;
 use fluorspar_experiment::{
     design_json_schema, json_schema, layers_json_schema, sample_json_schema, sensor_json_schema,
@@ -32,7 +30,7 @@ enum FileKind {
     Design,
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     super::print_json(&match options.kind {
         FileKind::Experiment => json_schema(),
         FileKind::Sample => sample_json_schema(),
@@ -40,5 +38,5 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         FileKind::Layers => layers_json_schema(),
         FileKind::Design => design_json_schema(),
     })?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

@@ -1,9 +1,5 @@
 //! `fluorspar sheet`: frames of one render side by side, each with changes of its own.
 
-use std::collections::BTreeSet;
-use std::path::PathBuf;
-use std::process::ExitCode;
-
 use clap::ValueHint;
 use fluorspar::image::LightPath;
 use fluorspar::pipeline::{
@@ -16,6 +12,8 @@ use fluorspar_session::{
     Changes, FinishedRender, ShownExperiment, Wanted, as_typed_in_session, experiment_of, say_uncertainty,
     warn_of_denoised,
 };
+use std::collections::BTreeSet;
+use std::path::PathBuf;
 
 use crate::error::CliError;
 use crate::message::Messages;
@@ -52,7 +50,7 @@ struct Panel {
     changes: Vec<Override>,
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     if options.out.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("png")) {
         let path = options.out.display();
         return Err(CliError::Input(format!("--out {path}: the name must end in .png")));
@@ -89,7 +87,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     write_rgb_png(&options.out, sheet.width, sheet.height, sheet.pixels.as_flattened())?;
     set.finish()?;
     messages.status(format!("Wrote {}", options.out.display()));
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// The pictures that were asked for, else every fluorophore by itself.

@@ -72,9 +72,14 @@ def text_of(*words: Any, threads: int | None = None, **options: Any) -> str:
 
 
 def _done(task: Callable[..., Any], *, threads: int | None = None, **options: Any) -> Record:
-    """What a task answers, objects as records, lists of numbers as arrays."""
+    """What a task answers."""
     found: Record = task(threads=_given.threads(threads), **options)
     return found
+
+
+def _done_in_arrays(task: Callable[..., Any], **options: Any) -> Any:
+    """What a task answers, lists of numbers as arrays."""
+    return with_arrays(_done(task, **options))
 
 
 def _record(*words: Any, **options: Any) -> Record:
@@ -102,7 +107,8 @@ def predict(sample: str | os.PathLike[str] | None = None, *, threads: int | None
     ``predict("tongue-385nm", concentration={"protoporphyrin_ix": 0.5}, light="led_405")``; arguments are the options of
     ``fluorspar predict``. Spectra are arrays.
     """
-    return _done(_fluorspar.predict, sample=sample, threads=threads, **options)
+    found: Record = _done_in_arrays(_fluorspar.predict, sample=sample, threads=threads, **options)
+    return found
 
 
 class _Named:
@@ -128,20 +134,23 @@ class Tissue(_Named):
 
     def solve(self, **options: Any) -> Record:
         """Reflectance and fluorescence as arrays: ``solve(excitation_nm=[405, 450], state=["hyperemia"]).reflectance``."""
-        return _done(_fluorspar.tissue_solve, site=self.name, **options)
+        found: Record = _done_in_arrays(_fluorspar.tissue_solve, site=self.name, **options)
+        return found
 
-    def depth(self, *, threads: int | None = None, **options: Any) -> list[Record]:
+    def depth(self, **options: Any) -> list[Record]:
         """From how deep its light comes: a record for each channel, ``depth()[0].mean_depth_um``."""
-        found: list[Record] = _fluorspar.tissue_depth(site=self.name, threads=_given.threads(threads), **options)
+        found: list[Record] = _done_in_arrays(_fluorspar.tissue_depth, site=self.name, **options)
         return found
 
     def monte_carlo(self, **options: Any) -> Record:
         """Photons traced through it: ``monte_carlo(excitation_nm=405, photons=100000)``."""
-        return _done(_fluorspar.tissue_monte_carlo, tissue=self.name, **options)
+        found: Record = _done_in_arrays(_fluorspar.tissue_monte_carlo, tissue=self.name, **options)
+        return found
 
     def fit(self, **options: Any) -> Record:
         """Its parameters fitted to measured spectra."""
-        return _done(_fluorspar.tissue_fit, site=self.name, **options)
+        found: Record = _done_in_arrays(_fluorspar.tissue_fit, site=self.name, **options)
+        return found
 
 
 class Lens(_Named):
@@ -286,7 +295,8 @@ def fit_spectra(spectra: str | os.PathLike[str], **options: Any) -> Record:
     ``fit_spectra("measured.csv", fluorophore=["fad", "protoporphyrin_ix"], light="led_405", relative=True).spectra[0].fit``; arguments are the options
     of ``fluorspar fluorophore fit``.
     """
-    return _done(_fluorspar.fit_spectra, spectra=_given.path(spectra, "spectra", "the path of a file"), **options)
+    found: Record = _done_in_arrays(_fluorspar.fit_spectra, spectra=_given.path(spectra, "spectra", "the path of a file"), **options)
+    return found
 
 
 def spectroradiometer(source: str | os.PathLike[str], **options: Any) -> Record:

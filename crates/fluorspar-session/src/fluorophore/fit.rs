@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::file_options::FileOptions;
 use super::fit_components::Components;
 use super::fit_files::{FittedSpectra, figure, fit_table, sets_table};
+use crate::figure_file::figure_files;
 use crate::options::defaults;
 use crate::values::{self, check_range};
 use crate::{Error, Job, Result};
@@ -347,9 +348,7 @@ fn write(out: OutputFolder, report: &FittedSpectra) -> Result<PathBuf> {
     }
     for (number, fitted) in report.fitted.iter().enumerate() {
         let name = if report.fitted.len() == 1 { "fit".into() } else { format!("fit_{:02}", number + 1) };
-        let figure = figure(report, fitted);
-        files.push((format!("{name}.svg"), figure.to_svg().into_bytes()));
-        files.push((format!("{name}.png"), figure.to_png()?));
+        files.extend(figure_files(&name, &figure(report, fitted))?);
     }
     Ok(out.finish_with(files)?)
 }

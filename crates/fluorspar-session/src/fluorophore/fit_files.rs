@@ -6,6 +6,7 @@ use fluorspar_report::figures::{MixturePlot, PlotCurve, mixture_fit};
 use serde::Serialize;
 
 use super::fit::FittedMixture;
+use crate::values::csv;
 
 /// Spectra fitted as sums of fluorophores.
 #[derive(Clone, Debug, Serialize)]
@@ -46,23 +47,17 @@ pub(super) fn fit_table(report: &FittedSpectra) -> String {
 
 /// The supported sets of each spectrum.
 pub(super) fn sets_table(report: &FittedSpectra) -> String {
-    let mut table = "spectrum,rank,difference,akaike_weight,rms,blood,components\n".to_string();
-    for fitted in &report.fitted {
-        let supported = fitted.sets.iter().flat_map(|sets| &sets.supported);
-        for (rank, set) in supported.enumerate() {
+    let rows = report.fitted.iter().flat_map(|fitted| {
+        let supported = fitted.sets.iter().flat_map(|sets| &sets.supported).enumerate();
+        supported.map(|(rank, set)| {
+            let [name, components] =
+                [&fitted.name, &set.components.join(" + ")].map(|text| csv_cell(text).into_owned());
             let blood = set.blood.map_or_else(String::new, |amount| amount.to_string());
-            table += &format!(
-                "{},{},{},{},{},{blood},{}\n",
-                csv_cell(&fitted.name),
-                rank + 1,
-                set.difference,
-                set.akaike_weight,
-                set.rms,
-                csv_cell(&set.components.join(" + "))
-            );
-        }
-    }
-    table
+            let (rank, difference, weight, rms) = (rank + 1, set.difference, set.akaike_weight, set.rms);
+            format!("{name},{rank},{difference},{weight},{rms},{blood},{components}")
+        })
+    });
+    csv("spectrum,rank,difference,akaike_weight,rms,blood,components", rows)
 }
 
 /// Overlay above, residual below.

@@ -12,6 +12,7 @@ use serde::Deserialize;
 
 use super::fit_files::{FittedTissue, figure, residuals, section};
 use super::source::{SiteOptions, find};
+use crate::figure_file::figure_files;
 use crate::options::defaults;
 use crate::values::{self, check_range};
 use crate::{Error, Job, Result, named_spectra};
@@ -237,12 +238,10 @@ impl TissueFitOptions {
 
 /// Writes all files of the results.
 fn write(out: OutputFolder, found: &FittedTissue) -> Result<PathBuf> {
-    let figure = figure(found);
-    Ok(out.finish_with([
+    let files = [
         ("tissue.toml".into(), section(found)?.into_bytes()),
         ("results.json".into(), serde_json::to_string_pretty(found)?.into_bytes()),
         ("residuals.csv".into(), residuals(found).into_bytes()),
-        ("fit.svg".into(), figure.to_svg().into_bytes()),
-        ("fit.png".into(), figure.to_png()?),
-    ])?)
+    ];
+    Ok(out.finish_with(files.into_iter().chain(figure_files("fit", &figure(found))?))?)
 }

@@ -9,7 +9,7 @@ use fluorspar_report::figures::{SpectrumFit, spectrum_fits};
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
-use crate::values::{quoted, short};
+use crate::values::{csv, quoted, short};
 
 /// A tissue whose parameters were fitted to spectra.
 #[derive(Clone, Debug)]
@@ -97,16 +97,14 @@ fn as_json(FittedTissue { name, fit: found, .. }: &FittedTissue) -> Value {
 
 /// Measured and model, wavelength by wavelength.
 pub(super) fn residuals(FittedTissue { fit: found, .. }: &FittedTissue) -> String {
-    let mut table = "spectrum,wavelength_nm,measured,model,difference\n".to_string();
-    for spectrum in &found.spectra {
+    let rows = found.spectra.iter().flat_map(|spectrum| {
         let name = csv_cell(&spectrum.name);
-        for ((nm, measured), model) in
-            spectrum.wavelengths_nm.iter().zip(&spectrum.measured).zip(&spectrum.model)
-        {
-            table += &format!("{name},{nm},{measured},{model},{}\n", model - measured);
-        }
-    }
-    table
+        let values = spectrum.wavelengths_nm.iter().zip(&spectrum.measured).zip(&spectrum.model);
+        values.map(move |((nm, measured), model)| {
+            format!("{name},{nm},{measured},{model},{}", model - measured)
+        })
+    });
+    csv("spectrum,wavelength_nm,measured,model,difference", rows)
 }
 
 pub(super) fn figure(FittedTissue { title, fit: found, .. }: &FittedTissue) -> Figure {

@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::solve_files::{figures, tables};
 use super::source::{SiteOptions, find};
+use crate::figure_file::figure_files;
 use crate::options::defaults;
 use crate::values::{self, check_range};
 use crate::{Error, Job, Result, named_spectra};
@@ -333,8 +334,7 @@ fn write(out: OutputFolder, found: &SolvedTissue) -> Result<PathBuf> {
     let mut files = vec![("results.json".to_string(), results.into_bytes())];
     files.extend(tables(found).into_iter().map(|(name, table)| (format!("{name}.csv"), table.into_bytes())));
     for (name, figure) in figures(found) {
-        files.push((format!("{name}.svg"), figure.to_svg().into_bytes()));
-        files.push((format!("{name}.png"), figure.to_png()?));
+        files.extend(figure_files(&name, &figure)?);
     }
     Ok(out.finish_with(files)?)
 }

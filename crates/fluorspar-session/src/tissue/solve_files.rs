@@ -5,6 +5,7 @@ use fluorspar_report::Figure;
 use fluorspar_report::figures::{EemMap, PlotCurve, eem_maps, emission, tissue_reflectance};
 
 use super::solve::{SolvedFluorescence, SolvedTissue};
+use crate::values::csv;
 
 /// Shares below this are left out of the figures.
 const LEAST_SHARE: f64 = 0.01;
@@ -24,19 +25,12 @@ impl SolvedTissue {
 
 /// Values by wavelength.
 fn by_wavelength(nm: &[f64], columns: &[(String, &[f64])]) -> String {
-    let mut table = "wavelength_nm".to_string();
-    for (name, _) in columns {
-        table += &format!(",{}", csv_cell(name));
-    }
-    table.push('\n');
-    for (row, nm) in nm.iter().enumerate() {
-        table += &nm.to_string();
-        for (_, values) in columns {
-            table += &format!(",{}", values[row]);
-        }
-        table.push('\n');
-    }
-    table
+    let heads: String = columns.iter().map(|(name, _)| format!(",{}", csv_cell(name))).collect();
+    let values = |row: usize| columns.iter().map(move |(_, values)| format!(",{}", values[row]));
+    csv(
+        &format!("wavelength_nm{heads}"),
+        nm.iter().enumerate().map(|(row, nm)| format!("{nm}{}", values(row).collect::<String>())),
+    )
 }
 
 /// Spectra, fluorescence under the lights, and the matrix of all fluorophores, as comma-separated values.
