@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fluorspar_experiment::Warning;
 use fluorspar_session::{
-    CompareOptions, Error, Job, Left, Listener, PredictOptions, RunOptions, TaskOption, TaskOptions,
+    CompareOptions, Error, Job, Left, Listener, PredictOptions, RunOptions, TaskOption, TaskOptions, design,
     fluorophore, tissue,
 };
 use pyo3::exceptions::PyTypeError;
@@ -47,6 +47,16 @@ tasks! {
     run(RunOptions) => fluorspar_session::run,
     /// Compares two finished runs.
     compare(CompareOptions) => fluorspar_session::compare,
+    /// Evaluates the designs that a file names.
+    design_compare(design::ProblemOptions) => design::compare,
+    /// Evaluates all designs of a problem.
+    design_sweep(design::SweepOptions) => design::sweep,
+    /// Finds the best design.
+    design_optimize(design::OptimizeOptions) => design::optimize,
+    /// Makes one result of shards of a sweep.
+    design_merge(design::MergeOptions) => design::merge,
+    /// Writes the scenes that a problem renders as experiments.
+    design_scenes(design::ProblemOptions) => design::scenes,
     /// Predicts a flat sample.
     predict(PredictOptions) => fluorspar_session::predict,
     /// Solves a tissue.

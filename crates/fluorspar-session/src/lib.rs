@@ -8,6 +8,7 @@
 //! | run an experiment from scene to report | [`run`] |
 //! | check an experiment or a flat sample | [`check`] |
 //! | compare two finished runs | [`compare`] |
+//! | search lights, filters and sensors | [`design`] |
 //! | predict a flat sample | [`predict`] |
 //! | fit measured spectra with fluorophores | [`fluorophore`] |
 //! | solve, look into, trace, fit a tissue | [`tissue`] |
@@ -22,6 +23,7 @@ mod changes;
 mod check;
 mod coarse_render;
 mod compare;
+pub mod design;
 mod error;
 mod figure_file;
 mod finished_render;

@@ -277,7 +277,16 @@ def design(source: str | os.PathLike[str] | None = None, *, search: str = "compa
 
     ``search`` is ``"sweep"``, ``"optimize"``, ``"compare"``, ``"scenes"`` or ``"merge"``; options are those of ``fluorspar design``.
     """
-    return _record("design", search, *([] if source is None else [source]), **options)
+    searches = {
+        "compare": _fluorspar.design_compare,
+        "sweep": _fluorspar.design_sweep,
+        "optimize": _fluorspar.design_optimize,
+        "merge": _fluorspar.design_merge,
+        "scenes": _fluorspar.design_scenes,
+    }
+    if search not in searches:
+        raise _given.unknown("search", search, searches)
+    return _done(searches[search], design=source, **options)
 
 
 def compare(a: str | os.PathLike[str], b: str | os.PathLike[str], **options: Any) -> Record:

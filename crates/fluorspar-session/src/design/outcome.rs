@@ -1,35 +1,26 @@
-//! What a search found: in words, as JSON and CSV, and as a report.
+//! What a search of designs found: as JSON and CSV, and as a report.
 
 use std::collections::BTreeMap;
-use std::io::Write;
-use std::path::Path;
 
 use fluorspar::design::{
     Criterion, Design, DesignSpace, Score, Sensitivity, Tolerances, WorstCase, pareto_front, sensitivities,
     worst_case,
 };
 use fluorspar_experiment::TolerancesSection;
-use fluorspar_format::{FileFormat, OutputFolder, csv_cell, write_atomically};
-use fluorspar_report::{
-    DesignFindings, JudgedDesign, best_case, design_figures, design_report, ideal_edges, recommendation,
-};
+use fluorspar_format::{FileFormat, OutputFolder, csv_cell};
+use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_report};
+use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
 use super::Problem;
-use crate::args::Answer;
-use crate::commands::table::{align, short};
-use crate::commands::{print_json, print_text};
-use crate::error::CliError;
-use crate::message::Messages;
+use crate::figure_file::figure_files;
+use crate::{Error, Job, Result};
 
 /// Room for the tables and the report.
 pub(super) const FOLDER_BYTES: u64 = 64 << 20;
 
 /// Designs among which sensitivities look for another best.
 const RIVALS: usize = 10;
-
-/// Designs that are told in words.
-const SHOWN: usize = 20;
 
 /// Scores of the designs that were evaluated.
 pub(super) struct Found {
@@ -41,18 +32,28 @@ pub(super) struct Found {
     pub(super) action: &'static str,
 }
 
-/// The best of a search.
-pub(super) struct Outcome {
-    found: Found,
-    feasible: usize,
-    /// Why the others are not, in words.
-    left_out: String,
-    best: Vec<JudgedDesign>,
+/// The best designs of a search.
+pub struct DesignOutcome {
+    /// The problem.
+    pub problem: Problem,
+    /// Scores of what was evaluated, by number of the design.
+    pub scores: Vec<(u64, Score)>,
+    /// How designs were chosen, in words.
+    pub search: String,
+    action: &'static str,
+    /// Number of those that can do it.
+    pub feasible: usize,
+    /// Why the others can't, in words.
+    pub left_out: String,
+    /// The best first.
+    pub best: Vec<JudgedDesign>,
     front: Vec<JudgedDesign>,
-    compared: Vec<JudgedDesign>,
-    sensitivities: Vec<Sensitivity>,
-    /// Of the first [`RIVALS`] of the best.
-    worst_cases: Vec<WorstCase>,
+    /// Those that the file names.
+    pub compared: Vec<JudgedDesign>,
+    /// What the best rests on.
+    pub sensitivities: Vec<Sensitivity>,
+    /// Within tolerances, of the first of the best.
+    pub worst_cases: Vec<WorstCase>,
 }
 
 /// Tolerances of a file as the library takes them.
@@ -79,8 +80,8 @@ pub(super) fn compared(problem: &Problem) -> Vec<JudgedDesign> {
     problem.resolved.compared.iter().map(of).collect()
 }
 
-impl Outcome {
-    pub(super) fn of(problem: &Problem, found: Found) -> Result<Self, CliError> {
+impl DesignOutcome {
+    pub(super) fn of(problem: Problem, found: Found) -> Result<Self> {
         let space = &problem.space;
         let scores: Vec<Score> = found.scores.iter().map(|(_, score)| *score).collect();
         let mut ranked: Vec<usize> = (0..scores.len()).filter(|&k| scores[k].loss.is_finite()).collect();
@@ -93,64 +94,54 @@ impl Outcome {
         let best: Vec<JudgedDesign> = ranked.iter().take(keep).map(judge).collect();
         let front: Vec<JudgedDesign> = pareto_front(&scores).iter().take(keep).map(judge).collect();
         let rivals: Vec<Design> = best.iter().take(RIVALS).map(|judged| judged.design.clone()).collect();
-        let failed = |error: fluorspar::design::DesignError| CliError::Input(error.to_string());
+        let failed = |error: fluorspar::design::DesignError| Error::Input(error.to_string());
         let tolerances = tolerances(&problem.resolved.tolerance);
         let within = |design: &Design| worst_case(space.problem(), design, &tolerances).map_err(failed);
         let worst_cases = rivals.iter().map(within).collect::<Result<Vec<_>, _>>()?;
+        let Found { scores, search, action } = found;
         Ok(Self {
             feasible: ranked.len(),
-            left_out: left_out(space, &found.scores),
+            left_out: left_out(space, &scores),
             best,
             front,
-            compared: compared(problem),
+            compared: compared(&problem),
             sensitivities: sensitivities(space.problem(), &rivals).map_err(failed)?,
             worst_cases,
-            found,
+            problem,
+            scores,
+            search,
+            action,
         })
     }
 
-    /// Writes the folder and tells what is in it.
-    pub(super) fn write(
-        self,
-        problem: &Problem,
-        folder: OutputFolder,
-        answer: &Answer,
-    ) -> Result<(), CliError> {
-        let json = self.as_json(problem);
-        let put = |name: &str, bytes: &[u8]| {
-            write_atomically(&folder.path().join(Path::new(name)), |file| file.write_all(bytes))
-                .map_err(|error| folder.at_its_place(error))
-        };
-        put("results.json", serde_json::to_string_pretty(&json)?.as_bytes())?;
-        put("designs.csv", table_csv(&problem.space, &self.best).as_bytes())?;
-        let lines: Vec<String> =
-            self.best.iter().map(|judged| design_json(&problem.space, judged).to_string() + "\n").collect();
-        put("designs.jsonl", lines.concat().as_bytes())?;
-        put("report.html", self.with_findings(problem, design_report).to_html().as_bytes())?;
-        for (stem, figure) in self.with_findings(problem, design_figures) {
-            put(&format!("{stem}.svg"), figure.to_svg().as_bytes())?;
-            put(&format!("{stem}.png"), &figure.to_png()?)?;
+    /// Writes the folder.
+    pub(super) fn write(self, folder: OutputFolder, job: &Job) -> Result<Self> {
+        let space = &self.problem.space;
+        let lines = self.best.iter().map(|judged| design_json(space, judged).to_string() + "\n");
+        let mut files = vec![
+            ("results.json".to_owned(), serde_json::to_vec_pretty(&self)?),
+            ("designs.csv".into(), table_csv(space, &self.best).into_bytes()),
+            ("designs.jsonl".into(), lines.collect::<String>().into_bytes()),
+            ("report.html".into(), self.with_findings(design_report).to_html().into_bytes()),
+        ];
+        for (stem, figure) in self.with_findings(design_figures) {
+            files.extend(figure_files(&stem, &figure)?);
         }
-        let place = folder.finish()?;
-        if answer.json {
-            print_json(&json)?;
-        } else {
-            print_text(&self.describe(problem))?;
-        }
-        Messages::default().status(format!("Open {}", place.join("report.html").display()));
-        Ok(())
+        let place = folder.finish_with(files)?;
+        job.status(format!("Open {}", place.join("report.html").display()));
+        Ok(self)
     }
 
-    fn as_json(&self, problem: &Problem) -> Value {
-        let space = &problem.space;
+    fn as_json(&self) -> Value {
+        let space = &self.problem.space;
         let all =
             |list: &[JudgedDesign]| -> Vec<Value> { list.iter().map(|d| design_json(space, d)).collect() };
         json!({
             "format": FileFormat::RESULTS.version(),
-            "provenance": provenance(problem),
-            "search": self.found.search,
+            "provenance": provenance(&self.problem),
+            "search": self.search,
             "designs": space.len(),
-            "evaluated": self.found.scores.len(),
+            "evaluated": self.scores.len(),
             "feasible": self.feasible,
             "left_out": (!self.left_out.is_empty()).then_some(&self.left_out),
             "criterion": criterion_text(space),
@@ -163,85 +154,18 @@ impl Outcome {
         })
     }
 
-    fn describe(&self, problem: &Problem) -> String {
-        let space = &problem.space;
-        let mut text = format!(
-            "{}\n\n{} designs, {} evaluated ({}), {} feasible\n",
-            title(problem),
-            space.len(),
-            self.found.scores.len(),
-            self.found.search,
-            self.feasible
-        );
-        if !self.left_out.is_empty() && !self.best.is_empty() {
-            text += &format!("{}\n", self.left_out);
-        }
-        if !self.best.is_empty() {
-            text += &format!("ranked by {}\n", criterion_text(space));
-        }
-        for sentence in self.with_findings(problem, recommendation) {
-            text += &format!("{sentence}\n");
-        }
-        text += &remarks(space);
-        if !self.best.is_empty() {
-            text.push('\n');
-            text += &table(space, self.best.iter().take(SHOWN), &self.worst_cases);
-            text += &format!("{}\n", legend(space, self.best.first()));
-            if self.best.len().min(SHOWN) > self.worst_cases.len() {
-                text += &format!(
-                    "Tolerances are tried for the {} best; - of the others\n",
-                    self.worst_cases.len()
-                );
-            }
-            if self.best.len() > SHOWN {
-                text += &format!("{} more in designs.csv\n", self.best.len() - SHOWN);
-            }
-        }
-        text += match problem.resolved.names_compared {
-            true => "\ncompared\n",
-            false => "\ncompared with what the file names first\n",
-        };
-        text += &table(space, self.compared.iter(), &[]);
-        if let (Some(best), Some(worst)) = (self.best.first(), self.worst_cases.first()) {
-            let broken = match &worst.broken[..] {
-                [] => String::new(),
-                broken => format!(", and breaks the limit of {}", broken.join(", ")),
-            };
-            text += &format!(
-                "\nwithin tolerances {}, the best as meant, has a loss of {} (as meant {}), a leak of {} %{broken}\n",
-                best.name,
-                short(worst.loss),
-                short(best.merits.loss),
-                short(100.0 * worst.leak)
-            );
-        }
-        for sensitivity in self.sensitivities.iter().take(5) {
-            text += &format!(
-                "a quarter more of {}: loss {:+.1} %, a quarter less {:+.1} %{}\n",
-                sensitivity.assumption,
-                100.0 * sensitivity.loss_change,
-                100.0 * sensitivity.loss_change_of_less,
-                if sensitivity.other_best {
-                    "; another design is then the best, one way or the other"
-                } else {
-                    ""
-                }
-            );
-        }
-        text
-    }
-
     /// What the page and its figures are made of.
-    fn with_findings<T>(&self, problem: &Problem, make: impl FnOnce(&DesignFindings<'_>) -> T) -> T {
+    pub fn with_findings<T>(&self, make: impl FnOnce(&DesignFindings<'_>) -> T) -> T {
+        let problem = &self.problem;
         let record = &problem.resolved.record;
         make(&DesignFindings {
-            title: &title(problem),
+            title: problem.title(),
             description: &record.description,
             criterion: &criterion_text(&problem.space),
-            search: &self.found.search,
-            action: self.found.action,
+            search: &self.search,
+            action: self.action,
             space: &problem.space,
-            scores: &self.found.scores,
+            scores: &self.scores,
             left_out: &self.left_out,
             best: &self.best,
             front: &self.front,
@@ -251,6 +175,12 @@ impl Outcome {
             design_toml: &record.resolved_toml,
             sha256: &record.sha256,
         })
+    }
+}
+
+impl Serialize for DesignOutcome {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.as_json().serialize(serializer)
     }
 }
 
@@ -283,11 +213,6 @@ fn left_out(space: &DesignSpace, scores: &[(u64, Score)]) -> String {
     format!("{} of {} designs are left out{of}: {}", lost.len(), scores.len(), reasons.join(", "))
 }
 
-fn title(problem: &Problem) -> String {
-    let record = &problem.resolved.record;
-    if record.title.is_empty() { problem.source.stem.clone() } else { record.title.clone() }
-}
-
 pub(super) fn provenance(problem: &Problem) -> Value {
     let record = &problem.resolved.record;
     json!({
@@ -300,7 +225,7 @@ pub(super) fn provenance(problem: &Problem) -> Value {
 }
 
 /// What designs are ranked by, in words.
-pub(super) fn criterion_text(space: &DesignSpace) -> String {
+pub fn criterion_text(space: &DesignSpace) -> String {
     let p = space.problem();
     match p.criterion {
         Criterion::Minimax => "the worst relative standard deviation of a weight".into(),
@@ -392,84 +317,6 @@ pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
 
 fn finite(value: f64) -> Value {
     if value.is_finite() { json!(value) } else { Value::Null }
-}
-
-/// What the numbers rest on, a line each: that nothing is unknown, and, where the leak counts, what is assumed of ideal edges.
-pub(super) fn remarks(space: &DesignSpace) -> String {
-    let p = space.problem();
-    let is_mixed = p.filters.iter().any(|filter| filter.long_pass.is_none());
-    let counts = p.criterion == Criterion::Leak || p.limits.leak.is_some() || is_mixed;
-    let edges = ideal_edges(p).filter(|_| counts);
-    best_case(p).into_iter().chain(edges).map(|remark| remark + "\n").collect()
-}
-
-/// What the columns of [`table`] mean.
-pub(super) fn legend(space: &DesignSpace, first: Option<&JudgedDesign>) -> String {
-    let values =
-        |k: usize| first.and_then(|judged| *judged.merits.regions.first()?.contrast_values.get(k)?);
-    let of_contrast = |(k, name): (usize, &str)| {
-        let value = values(k).map_or_else(String::new, |value| format!(" of a value of {}", short(value)));
-        format!("; {name}: its standard deviation{value}")
-    };
-    let names = space.problem().contrasts.iter().map(|contrast| contrast.name.as_str());
-    let of_contrasts: String = names.enumerate().map(of_contrast).collect();
-    let ratios = match space.problem().contrasts.is_empty() {
-        true => "",
-        // `predict` tells another one
-        false => {
-            "\nSuch a ratio is one of the light that fluorophores send from 500 to 700 nm under 405 nm, of plain surfaces one of their \
-             concentrations; the ratio of amounts of `predict` is another"
-        }
-    };
-    format!(
-        "A fluorophore's column is the relative standard deviation of its weight{of_contrasts}; fluorescence e-: the sum over the channels, one pixel each, \
-         reflected light left out; kept: what the viewing filter lets pass of them; leak: reflected over fluorescent electrons; tissue margin: limit \
-         over exposure of the tissue{ratios}"
-    )
-}
-
-/// A table for people: loss, each weight of the first region, electrons of fluorescence, time, leak, and the worst loss within tolerances of
-/// those for which it is known.
-pub(super) fn table<'a>(
-    space: &DesignSpace,
-    designs: impl Iterator<Item = &'a JudgedDesign>,
-    worst: &[WorstCase],
-) -> String {
-    let p = space.problem();
-    let first = p.regions_of(0).next().map_or(&[][..], |region| &region.response.fluorescence);
-    let names = first.iter().map(|f| f.name.clone());
-    let head = ["design".to_owned(), "loss".into()].into_iter().chain(names);
-    let contrasts = p.contrasts.iter().map(|c| c.name.clone());
-    let tail = ["fluorescence e-", "kept", "ms", "leak", "tissue margin"].into_iter();
-    let tail = tail.chain((!worst.is_empty()).then_some("loss within tolerances")).chain([""]);
-    let mut rows: Vec<Vec<String>> = vec![head.chain(contrasts).chain(tail.map(String::from)).collect()];
-    for (place, judged) in designs.enumerate() {
-        let merits = &judged.merits;
-        let number = |value: f64| if value.is_finite() { short(value) } else { "not seen".into() };
-        let region = &merits.regions[0];
-        let mut row = vec![judged.name.clone(), number(merits.loss)];
-        row.extend(region.weights.iter().chain(&region.contrasts).map(|sd| number(*sd)));
-        let kept = judged.fluorescence.as_ref();
-        let kept = kept.map_or_else(|| "-".into(), |of| format!("{:.1} %", 100.0 * of.kept));
-        let leak = format!("{} %", short(100.0 * merits.leak));
-        row.extend([short(merits.fluorescence_e), kept, short(merits.time_s * 1e3), leak]);
-        row.push(merits.tissue_margin.map_or_else(|| "-".into(), short));
-        if !worst.is_empty() {
-            row.push(worst.get(place).map_or_else(|| "-".into(), |worst| number(worst.loss)));
-        }
-        let singular = region.rank < region.weights.len();
-        let made = worst.get(place).map_or(&[][..], |worst| &worst.broken);
-        let note = match (&merits.broken[..], singular) {
-            ([], false) if !made.is_empty() => format!("breaks {} within tolerances", made.join(", ")),
-            ([], false) => String::new(),
-            ([], true) => format!("singular: {} of {} seen", region.rank, region.weights.len()),
-            (broken, _) => format!("breaks {}", broken.join(", ")),
-        };
-        row.push(note);
-        rows.push(row);
-    }
-    let last = rows[0].len() - 1;
-    align(&rows, &[last])
 }
 
 /// The best designs as a table of a spreadsheet; weights and contrasts by region.

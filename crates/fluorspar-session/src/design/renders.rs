@@ -1,7 +1,6 @@
 //! Scenes of a design problem: rendered once, kept by their digests, shared by processes.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use fluorspar::design::{DesignProblem, RegionModel};
@@ -10,30 +9,23 @@ use fluorspar::image::ExcitationImage;
 use fluorspar::pipeline::{BasisRender, eye_before_group, rendered_regions};
 use fluorspar_experiment::{DesignRender, ResolvedDesign};
 use fluorspar_format::{Claim, ComponentFile, ExrOptions, Provenance, check_room, write_component_exr};
-use fluorspar_session::{image_room_bytes, render_with_excitation_basis};
 
-use crate::error::CliError;
-use crate::interrupt::stop_flag;
-use crate::message::Messages;
+use crate::{Error, Job, Result, image_room_bytes, render_with_excitation_basis};
 
 /// Time between looks at what other processes render.
 const LOOK_AGAIN: Duration = Duration::from_millis(500);
 
 /// The problem of a file with its rendered regions; renders what is missing in the folder.
-pub(super) fn complete(
-    resolved: &ResolvedDesign,
-    folder: &Path,
-    messages: Messages,
-) -> Result<DesignProblem, CliError> {
+pub(super) fn complete(resolved: &ResolvedDesign, folder: &Path, job: &Job) -> Result<DesignProblem> {
     let rendered = &resolved.rendered;
     let problem = resolved.problem.clone();
     if rendered.renders.is_empty() {
         return Ok(problem);
     }
     let paths: Vec<PathBuf> = rendered.renders.iter().map(|render| path_of(folder, render)).collect();
-    render_missing(&rendered.renders, &paths, messages)?;
+    render_missing(&rendered.renders, &paths, job)?;
     let kept: Vec<(ComponentFile, ExcitationImage)> =
-        paths.iter().map(|path| open(path)).collect::<Result<_, CliError>>()?;
+        paths.iter().map(|path| open(path)).collect::<Result<_>>()?;
     let mut regions: Vec<Vec<RegionModel>> = Vec::new();
     for region in &rendered.regions {
         let of_render = |&number: &usize| {
@@ -43,10 +35,9 @@ pub(super) fn complete(
             let group = group.ok_or_else(|| damaged(&paths[number]))?;
             Ok(BasisRender { study: &render.study, image: file.labels(), group })
         };
-        let renders: Vec<BasisRender<'_>> =
-            region.renders.iter().map(of_render).collect::<Result<_, CliError>>()?;
+        let renders: Vec<BasisRender<'_>> = region.renders.iter().map(of_render).collect::<Result<_>>()?;
         let models = rendered_regions(&region.name, &region.region, &renders)
-            .map_err(|error| CliError::Input(format!("region \"{}\": {error}", region.name)))?;
+            .map_err(|error| Error::Input(format!("region \"{}\": {error}", region.name)))?;
         regions.push(models);
     }
     let mut problem = rendered.complete(problem, regions);
@@ -67,14 +58,14 @@ pub(super) fn path_of(folder: &Path, render: &DesignRender) -> PathBuf {
     folder.join(format!("{}.exr", &digest[..24]))
 }
 
-fn damaged(path: &Path) -> CliError {
-    CliError::Input(format!(
+fn damaged(path: &Path) -> Error {
+    Error::Input(format!(
         "{}: this render of the design is damaged; remove it, and it is rendered again",
         path.display()
     ))
 }
 
-fn open(path: &Path) -> Result<(ComponentFile, ExcitationImage), CliError> {
+fn open(path: &Path) -> Result<(ComponentFile, ExcitationImage)> {
     let file = ComponentFile::open(path).map_err(|_| damaged(path))?;
     let basis = file.excitation_basis().map_err(|_| damaged(path))?.ok_or_else(|| damaged(path))?;
     Ok((file, basis))
@@ -82,11 +73,11 @@ fn open(path: &Path) -> Result<(ComponentFile, ExcitationImage), CliError> {
 
 /// Renders what is missing, one scene after the other with all threads. A scene that another process renders is left to it; one whose
 /// process was killed is rendered again.
-fn render_missing(renders: &[DesignRender], paths: &[PathBuf], messages: Messages) -> Result<(), CliError> {
+fn render_missing(renders: &[DesignRender], paths: &[PathBuf], job: &Job) -> Result<()> {
     let missing = || paths.iter().filter(|path| !path.exists()).count();
     if missing() > 0 {
         let folder = paths.first().and_then(|path| path.parent()).unwrap_or(Path::new("."));
-        messages.status(format!(
+        job.status(format!(
             "{} of {} scenes must be rendered; they are kept in {}",
             missing(),
             paths.len(),
@@ -98,7 +89,7 @@ fn render_missing(renders: &[DesignRender], paths: &[PathBuf], messages: Message
         for (render, path) in renders.iter().zip(paths).filter(|(_, path)| !path.exists()) {
             let Some(claim) = Claim::take(&path.with_extension("lock"))? else { continue };
             if !path.exists() {
-                render_scene(render, path, missing(), messages)?;
+                render_scene(render, path, missing(), job)?;
             }
             drop(claim);
         }
@@ -109,13 +100,13 @@ fn render_missing(renders: &[DesignRender], paths: &[PathBuf], messages: Message
             claims.filter(|claim| claim.exists()).try_for_each(|claim| Claim::take(&claim).map(drop))?;
             return Ok(());
         }
-        if stop_flag().load(Ordering::SeqCst) {
-            return Err(CliError::Stopped(format!(
+        if job.is_stopped() {
+            return Err(Error::Stopped(format!(
                 "stopped while {left} scenes were missing; the same command goes on with them"
             )));
         }
         if !is_waiting {
-            messages.status(format!("Waiting for {left} scenes that other processes render"));
+            job.status(format!("Waiting for {left} scenes that other processes render"));
             is_waiting = true;
         }
         std::thread::sleep(LOOK_AGAIN);
@@ -123,13 +114,13 @@ fn render_missing(renders: &[DesignRender], paths: &[PathBuf], messages: Message
 }
 
 /// Renders a scene; `left` are to be rendered, with this one.
-fn render_scene(render: &DesignRender, path: &Path, left: usize, messages: Messages) -> Result<(), CliError> {
+fn render_scene(render: &DesignRender, path: &Path, left: usize, job: &Job) -> Result<()> {
     let study = &render.study;
     check_room(path, image_room_bytes(study, true))?;
     let Some(basis) = &study.render.excitation_basis else { return Err(damaged(path)) };
     let share = if left > 1 { format!(" ({left} such renders are missing)") } else { String::new() };
-    messages.status(format!("Rendering {}{share}", render.name));
-    let (image, kept) = render_with_excitation_basis(study, basis, &messages.job())?;
+    job.status(format!("Rendering {}{share}", render.name));
+    let (image, kept) = render_with_excitation_basis(study, basis, job)?;
     let toml = render.record.resolved_toml.clone();
     let provenance = Provenance::new(&toml.clone(), toml, study.render.seed, image.samples_per_pixel);
     let options = ExrOptions { provenance: Some(&provenance), excitation: Some(&kept), ..Default::default() };

@@ -2,23 +2,18 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use fluorspar::design::{Score, exchange, score_all};
 use fluorspar_format::{Journal, OutputFolder};
-use fluorspar_session::Left;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::outcome::{FOLDER_BYTES, Found, Outcome};
+use super::outcome::{DesignOutcome, FOLDER_BYTES, Found};
 use super::shard::{SweepShard, journal_beside};
-use super::{Place, Problem, ProblemArgs, ReadProblem};
-use crate::args::Answer;
-use crate::error::CliError;
-use crate::interrupt::{save_when_interrupted, stop_flag};
-use crate::message::Messages;
-use crate::progress::WorkReport;
+use super::{Place, Problem, ProblemOptions, ReadProblem};
 use crate::values;
+use crate::{Error, Job, Left, Result};
 
 /// Designs of a line of the journal.
 const BLOCK: u64 = 256;
@@ -26,46 +21,55 @@ const BLOCK: u64 = 256;
 /// Most designs of a sweep: its journal has some 60 bytes for each.
 const MOST_DESIGNS: u64 = 50_000_000;
 
-/// Options of `design sweep`.
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct SweepOptions {
+/// Which problem is swept, and which part of it.
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct SweepOptions {
+    /// The problem.
     #[command(flatten)]
-    problem: ProblemArgs,
+    #[serde(flatten)]
+    pub problem: ProblemOptions,
     /// Part that is done, for one of several processes: I/N, or auto in a Slurm array. `design merge` makes one result of them.
     #[arg(long, value_name = "I/N|auto")]
-    shard: Option<SweepShard>,
+    pub shard: Option<SweepShard>,
+    /// Where results go.
     #[command(flatten)]
-    place: Place,
-    #[command(flatten)]
-    answer: Answer,
+    #[serde(flatten)]
+    pub place: Place,
 }
 
-/// Options of `design optimize`.
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct OptimizeOptions {
+/// Which problem is searched, and how.
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct OptimizeOptions {
+    /// The problem.
     #[command(flatten)]
-    problem: ProblemArgs,
+    #[serde(flatten)]
+    pub problem: ProblemOptions,
     /// Search by exchange even where all designs could be evaluated.
     #[arg(long)]
-    exchange: bool,
+    pub exchange: bool,
+    /// Where results go.
     #[command(flatten)]
-    place: Place,
-    #[command(flatten)]
-    answer: Answer,
+    #[serde(flatten)]
+    pub place: Place,
 }
 
-/// Options of `design merge`.
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct MergeOptions {
+/// Which journals make one result.
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct MergeOptions {
+    /// The problem.
     #[command(flatten)]
-    problem: ProblemArgs,
+    #[serde(flatten)]
+    pub problem: ProblemOptions,
     /// Wait until the journals of all N shards are complete.
     #[arg(long, value_name = "N", value_parser = values::whole::<u64, 1, 100_000>, allow_negative_numbers = true)]
-    wait_for: Option<u64>,
+    pub wait_for: Option<u64>,
+    /// Where results go.
     #[command(flatten)]
-    place: Place,
-    #[command(flatten)]
-    answer: Answer,
+    #[serde(flatten)]
+    pub place: Place,
 }
 
 /// Time between looks at the journals of other processes.
@@ -79,10 +83,10 @@ struct Work<'a> {
 }
 
 impl<'a> Work<'a> {
-    fn of(problem: &'a Problem) -> Result<Self, CliError> {
+    fn of(problem: &'a Problem) -> Result<Self> {
         let designs = problem.space.len();
         if designs > MOST_DESIGNS {
-            return Err(CliError::Input(format!(
+            return Err(Error::Input(format!(
                 "{}: there are {designs} designs, more than {MOST_DESIGNS}; offer fewer choices, or search by `design optimize`",
                 problem.source.name
             )));
@@ -117,12 +121,7 @@ impl<'a> Work<'a> {
     }
 
     /// Evaluates what a journal lacks of a part, and gives all of the part.
-    fn finish(
-        &self,
-        path: &Path,
-        shard: Option<SweepShard>,
-        messages: Messages,
-    ) -> Result<BTreeMap<u64, Vec<Score>>, CliError> {
+    fn finish(&self, path: &Path, shard: Option<SweepShard>, job: &Job) -> Result<BTreeMap<u64, Vec<Score>>> {
         let (mut journal, entries) = Journal::open(path, &self.head)?;
         let mut done: BTreeMap<u64, Vec<Score>> =
             entries.iter().filter_map(|entry| self.parse(entry)).collect();
@@ -130,19 +129,18 @@ impl<'a> Work<'a> {
             (0..self.blocks).filter(|&block| shard.is_none_or(|shard| shard.holds(block))).collect();
         if !done.is_empty() {
             let [path, count] = [path.display().to_string(), mine.len().to_string()];
-            messages.status(match mine.iter().filter(|block| done.contains_key(block)).count() {
+            job.status(match mine.iter().filter(|block| done.contains_key(block)).count() {
                 all if all == mine.len() => format!("{path}: all designs are evaluated already"),
                 finished => format!("{path}: {finished} of {count} blocks are finished, the rest follows"),
             });
         }
-        save_when_interrupted(Left::Results);
-        let progress = WorkReport::begin("Evaluating designs", "the sweep", messages);
+        let share_done = job.listener.begin("Evaluating designs", "the sweep", Left::Results);
         for (place, &block) in mine.iter().enumerate() {
             if done.contains_key(&block) {
                 continue;
             }
-            if stop_flag().load(Ordering::SeqCst) {
-                return Err(CliError::Stopped(format!(
+            if job.is_stopped() {
+                return Err(Error::Stopped(format!(
                     "stopped after {place} of {} blocks; the same command goes on from {}",
                     mine.len(),
                     path.display()
@@ -152,10 +150,8 @@ impl<'a> Work<'a> {
             let scores = score_all(&self.problem.space, block * BLOCK..last);
             journal.append(&Self::entry(block, &scores))?;
             done.insert(block, scores);
-            progress.share_done((place + 1) as f64 / mine.len() as f64);
+            share_done((place + 1) as f64 / mine.len() as f64);
         }
-        progress.end();
-        save_when_interrupted(Left::Nothing);
         Ok(done)
     }
 }
@@ -171,44 +167,60 @@ fn in_order(blocks: BTreeMap<u64, Vec<Score>>, action: &'static str) -> Found {
 }
 
 /// The folder of a place, refused before the work if it can't be written, and the folder around it for the journal.
-fn checked_folder(problem: &ReadProblem, place: &Place) -> Result<(PathBuf, OutputFolder), CliError> {
+fn checked_folder(problem: &ReadProblem, place: &Place) -> Result<(PathBuf, OutputFolder)> {
     let shown = problem.folder(place);
     let folder = OutputFolder::prepare(&shown, &problem.inputs(), FOLDER_BYTES)?;
     Ok((shown, folder))
 }
 
-pub(super) fn sweep(options: &SweepOptions) -> Result<(), CliError> {
-    let problem = options.problem.read()?;
-    let messages = Messages::default();
+/// What a sweep found.
+#[derive(Serialize)]
+#[serde(untagged)]
+pub enum Sweep {
+    /// The best of all designs.
+    All(Box<DesignOutcome>),
+    /// A part of the designs, in its journal.
+    Shard {
+        /// Which part.
+        shard: String,
+        /// Blocks of designs in it.
+        blocks: usize,
+        /// Its journal.
+        journal: PathBuf,
+    },
+}
+
+/// Evaluates all designs of a problem, or a part of them; goes on where one that was stopped ended.
+///
+/// # Errors
+/// A defect of the file; scenes that can't be rendered; files that can't be written.
+pub fn sweep(options: &SweepOptions, job: &Job) -> Result<Sweep> {
+    let problem = options.problem.read(job)?;
     let (shown, folder) = checked_folder(&problem, &options.place)?;
-    let problem = problem.prepare()?;
-    let work = Work::of(&problem)?;
+    let problem = problem.prepare(job)?;
+    let sha256 = &problem.resolved.record.sha256;
     let Some(shard) = options.shard else {
-        let found = in_order(
-            work.finish(&journal_beside(&shown, &problem.resolved.record.sha256, ""), None, messages)?,
-            "sweep",
-        );
-        return Outcome::of(&problem, found)?.write(&problem, folder, &options.answer);
+        let scores = Work::of(&problem)?.finish(&journal_beside(&shown, sha256, ""), None, job)?;
+        let outcome = DesignOutcome::of(problem, in_order(scores, "sweep"))?.write(folder, job)?;
+        return Ok(Sweep::All(Box::new(outcome)));
     };
-    let journal = shard.journal(&shown, &problem.resolved.record.sha256);
-    let blocks = work.finish(&journal, Some(shard), messages)?.len();
-    messages.status(format!(
+    let journal = shard.journal(&shown, sha256);
+    let blocks = Work::of(&problem)?.finish(&journal, Some(shard), job)?.len();
+    job.status(format!(
         "Shard {shard} is finished: {blocks} blocks in {}. When all are: fluorspar design merge",
         journal.display()
     ));
-    if options.answer.json {
-        super::super::print_json(
-            &json!({ "shard": shard.to_string(), "blocks": blocks, "journal": journal }),
-        )?;
-    }
-    Ok(())
+    Ok(Sweep::Shard { shard: shard.to_string(), blocks, journal })
 }
 
-pub(super) fn optimize(options: &OptimizeOptions) -> Result<(), CliError> {
-    let problem = options.problem.read()?;
-    let messages = Messages::default();
+/// Finds the best design: of all where that is possible, otherwise by exchange of one choice at a time.
+///
+/// # Errors
+/// As [`sweep`].
+pub fn optimize(options: &OptimizeOptions, job: &Job) -> Result<DesignOutcome> {
+    let problem = options.problem.read(job)?;
     let (shown, folder) = checked_folder(&problem, &options.place)?;
-    let problem = problem.prepare()?;
+    let problem = problem.prepare(job)?;
     let search = &problem.resolved.search;
     let found = if options.exchange || problem.space.len() > search.most_exhaustive {
         let most = usize::try_from(search.evaluations).unwrap_or(usize::MAX);
@@ -222,23 +234,20 @@ pub(super) fn optimize(options: &OptimizeOptions) -> Result<(), CliError> {
         );
         Found { scores: result.evaluated, search: text, action: "optimize" }
     } else {
-        in_order(
-            Work::of(&problem)?.finish(
-                &journal_beside(&shown, &problem.resolved.record.sha256, ""),
-                None,
-                messages,
-            )?,
-            "optimize",
-        )
+        let journal = journal_beside(&shown, &problem.resolved.record.sha256, "");
+        in_order(Work::of(&problem)?.finish(&journal, None, job)?, "optimize")
     };
-    Outcome::of(&problem, found)?.write(&problem, folder, &options.answer)
+    DesignOutcome::of(problem, found)?.write(folder, job)
 }
 
-pub(super) fn merge(options: &MergeOptions) -> Result<(), CliError> {
-    let problem = options.problem.read()?;
-    let messages = Messages::default();
+/// Makes one result of the journals of several shards.
+///
+/// # Errors
+/// As [`sweep`]; journals that are not complete, unless they are waited for.
+pub fn merge(options: &MergeOptions, job: &Job) -> Result<DesignOutcome> {
+    let problem = options.problem.read(job)?;
     let (shown, folder) = checked_folder(&problem, &options.place)?;
-    let problem = problem.prepare()?;
+    let problem = problem.prepare(job)?;
     let work = Work::of(&problem)?;
     let sha256 = &problem.resolved.record.sha256;
     let shards = match options.wait_for {
@@ -255,22 +264,18 @@ pub(super) fn merge(options: &MergeOptions) -> Result<(), CliError> {
         }
         let missing = work.blocks - blocks.len() as u64;
         if missing == 0 {
-            return Outcome::of(&problem, in_order(blocks, "sweep"))?.write(
-                &problem,
-                folder,
-                &options.answer,
-            );
+            return DesignOutcome::of(problem, in_order(blocks, "sweep"))?.write(folder, job);
         }
         if options.wait_for.is_none() {
-            return Err(CliError::Input(format!(
+            return Err(Error::Input(format!(
                 "{missing} of {} blocks are missing in the journals of {shards} shards beside {}; finish the shards, or wait for \
-                 them with --wait-for {shards}",
+                 them with ⟨wait_for={shards}⟩",
                 work.blocks,
                 shown.display()
             )));
         }
         if !waiting {
-            messages.status(format!("Waiting for {missing} of {} blocks of {shards} shards", work.blocks));
+            job.status(format!("Waiting for {missing} of {} blocks of {shards} shards", work.blocks));
             waiting = true;
         }
         std::thread::sleep(LOOK_AGAIN);
@@ -278,7 +283,7 @@ pub(super) fn merge(options: &MergeOptions) -> Result<(), CliError> {
 }
 
 /// Number of shards by the names of the journals of a problem beside a folder.
-fn shards_beside(folder: &Path, sha256: &str) -> Result<u64, CliError> {
+fn shards_beside(folder: &Path, sha256: &str) -> Result<u64> {
     let around = folder.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let start = format!("{}.{}.", folder.file_name().unwrap_or_default().to_string_lossy(), &sha256[..8]);
     let of = |name: &str| -> Option<u64> {
@@ -288,8 +293,8 @@ fn shards_beside(folder: &Path, sha256: &str) -> Result<u64, CliError> {
     let entries = std::fs::read_dir(around).into_iter().flatten().flatten();
     let found = entries.filter_map(|entry| of(&entry.file_name().to_string_lossy())).max();
     found.ok_or_else(|| {
-        CliError::Input(format!(
-            "there is no journal of a shard of this problem beside {}; run `fluorspar design sweep --shard I/N` with the same --out first",
+        Error::Input(format!(
+            "there is no journal of a shard of this problem beside {}; run `fluorspar design sweep --shard I/N` with the same ⟨out⟩ first",
             folder.display()
         ))
     })

@@ -4,11 +4,16 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use serde::Deserialize;
+
 /// One of several processes that share a sweep, from 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct SweepShard {
-    pub(super) number: u64,
-    pub(super) of: u64,
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct SweepShard {
+    /// Its number.
+    pub number: u64,
+    /// Number of all.
+    pub of: u64,
 }
 
 /// Most processes that share a sweep.
@@ -62,6 +67,14 @@ impl SweepShard {
     /// The journal of this part beside a folder of results.
     pub(super) fn journal(self, folder: &Path, sha256: &str) -> PathBuf {
         journal_beside(folder, sha256, &format!(".{}-of-{}", self.number, self.of))
+    }
+}
+
+impl TryFrom<String> for SweepShard {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
     }
 }
 
