@@ -34,11 +34,6 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// The time limit, s.
-    pub fn time_limit_s(&self) -> Option<f64> {
-        self.time_limit
-    }
-
     /// The time limit as a change of the experiment.
     pub fn overrides(&self) -> Option<Override> {
         self.time_limit.map(|seconds| Override::number("render.time_limit_s", seconds, "time_limit"))

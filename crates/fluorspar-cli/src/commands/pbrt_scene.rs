@@ -132,7 +132,7 @@ impl PbrtArgs {
         }
         self.check_none(&source.name)?;
         let time_limit = limits.overrides().into_iter();
-        Ok(source.resolve(&args.overrides().into_iter().chain(time_limit).collect::<Vec<_>>())?)
+        source.resolve(&args.overrides().into_iter().chain(time_limit).collect::<Vec<_>>())
     }
 
     fn scene(
@@ -158,7 +158,7 @@ impl PbrtArgs {
         let mut study = changed.unwrap_or(study);
         check_light(&study.scene)
             .map_err(|problem| CliError::Input(format!("{}: {problem}", path.display())))?;
-        study.time_limit_s = limits.time_limit_s();
+        study.time_limit_s = limits.time_limit;
         let render = &mut study.render;
         render.samples_per_pixel = args.render.spp.unwrap_or(render.samples_per_pixel);
         render.seed = args.render.seed.seed.unwrap_or(render.seed);

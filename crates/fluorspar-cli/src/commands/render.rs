@@ -164,7 +164,7 @@ impl Options {
                 path.display()
             )));
         }
-        Ok(values::check_range("checkpoint_s", self.checkpoint_s, [0.1, 1e6], "seconds")?)
+        values::check_range("checkpoint_s", self.checkpoint_s, [0.1, 1e6], "seconds")
     }
 }
 

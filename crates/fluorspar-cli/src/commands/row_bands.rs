@@ -218,7 +218,7 @@ impl BandStore for Store<'_> {
             left: if path.is_some() { Left::Film } else { Left::Nothing },
             ..Keep::default()
         };
-        Ok(fill_film(self.renderer, share, film, None, &Messages::default().job(), &keep)?)
+        fill_film(self.renderer, share, film, None, &Messages::default().job(), &keep)
     }
 
     fn store_rows(&mut self, plane: usize, first_row: usize, values: &[f32]) -> Result<(), CliError> {

@@ -44,11 +44,10 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     if options.answer.json {
         let mut value = serde_json::to_value(&report)?;
         value["experiment_sha256"] = record.sha256.into();
-        super::print_json(&value)?;
+        super::print_json(&value)
     } else {
-        super::print_text(&describe(&record.title, &report))?;
+        super::print_text(&describe(&record.title, &report))
     }
-    Ok(())
 }
 
 fn describe(title: &str, report: &SafetyReport) -> String {

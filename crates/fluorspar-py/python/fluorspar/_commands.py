@@ -249,7 +249,7 @@ def reflectance(name: sections.ReflectanceName | str | os.PathLike[str]) -> Refl
 
 
 def quantum_efficiency(name: sections.QuantumEfficiencyName | str | os.PathLike[str]) -> QuantumEfficiency:
-    """Quantum efficiencies of a sensor's channels: ``quantum_efficiency("imx219").show()``."""
+    """Quantum efficiencies of a sensor's channels: ``quantum_efficiency("consumer_rgb_cmos").show()``."""
     return QuantumEfficiency(name)
 
 

@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 
 use super::Problem;
 use crate::figure_file::figure_files;
+use crate::values::csv;
 use crate::{Error, Job, Result};
 
 /// Room for the tables and the report.
@@ -125,7 +126,7 @@ impl DesignOutcome {
             ("report.html".into(), self.with_findings(design_report).to_html().into_bytes()),
         ];
         for (stem, figure) in self.with_findings(design_figures) {
-            files.extend(figure_files(&stem, &figure)?);
+            files.extend(figure_files(stem, &figure)?);
         }
         let place = folder.finish_with(files)?;
         job.status(format!("Open {}", place.join("report.html").display()));
@@ -346,8 +347,7 @@ fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
         ]
         .map(String::from),
     );
-    let mut lines = vec![csv_line(&head)];
-    for judged in designs {
+    let row = |judged: &JudgedDesign| {
         let (design, merits) = (&judged.design, &judged.merits);
         let lights: Vec<&str> = design.lights.iter().map(|&k| p.lights[k].name.as_str()).collect();
         let number = |value: f64| if value.is_finite() { format!("{value}") } else { String::new() };
@@ -374,11 +374,11 @@ fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
             [merits.tissue_margin, merits.eye_margin, merits.detectability]
                 .map(|value| value.map_or_else(String::new, number)),
         );
-        lines.push(csv_line(&row));
-    }
-    lines.concat()
+        csv_line(&row)
+    };
+    csv(&csv_line(&head), designs.iter().map(row))
 }
 
 fn csv_line(cells: &[String]) -> String {
-    cells.iter().map(|cell| csv_cell(cell)).collect::<Vec<_>>().join(",") + "\n"
+    cells.iter().map(|cell| csv_cell(cell)).collect::<Vec<_>>().join(",")
 }

@@ -33,16 +33,15 @@ pub struct FittedSpectra {
 pub(super) fn fit_table(report: &FittedSpectra) -> String {
     let names = report.fitted.first().map_or(&[][..], |fitted| &fitted.fit.weights);
     let names: Vec<String> = names.iter().map(|weight| csv_cell(&weight.name).into_owned()).collect();
-    let mut table = format!("spectrum,wavelength_nm,measured,model,residual,{}\n", names.join(","));
-    for fitted in &report.fitted {
+    let rows = report.fitted.iter().flat_map(|fitted| {
         let (name, fit) = (csv_cell(&fitted.name), &fitted.fit);
-        for (i, nm) in fitted.wavelengths_nm.iter().enumerate() {
+        fitted.wavelengths_nm.iter().enumerate().map(move |(i, nm)| {
             let parts: Vec<String> = fit.contributions.iter().map(|part| part[i].to_string()).collect();
             let (measured, model, residual) = (fitted.measured[i], fit.fitted[i], fit.residual[i]);
-            table += &format!("{name},{nm},{measured},{model},{residual},{}\n", parts.join(","));
-        }
-    }
-    table
+            format!("{name},{nm},{measured},{model},{residual},{}", parts.join(","))
+        })
+    });
+    csv(&format!("spectrum,wavelength_nm,measured,model,residual,{}", names.join(",")), rows)
 }
 
 /// The supported sets of each spectrum.

@@ -5,6 +5,7 @@ use fluorspar_report::Figure;
 use fluorspar_report::figures::{EstimatedCurve, light_by_depth, light_by_radius};
 
 use super::monte_carlo::TracedTissue;
+use crate::values::csv;
 
 impl TracedTissue {
     /// Names and rings of the light that leaves.
@@ -21,25 +22,23 @@ impl TracedTissue {
 /// Light by radius and by depth, as comma-separated values with units in their heads.
 pub(super) fn tables(found: &TracedTissue) -> [(&'static str, String); 2] {
     let rings = found.rings();
-    let mut radius = "inner_mm,outer_mm".to_string();
-    for (name, _) in &rings {
-        radius += &format!(",{name}_per_mm2,{name}_standard_error_per_mm2");
-    }
-    radius.push('\n');
-    for (place, ring) in found.light.reflected_rings.iter().enumerate() {
-        radius += &format!("{},{}", ring.radii_mm[0], ring.radii_mm[1]);
-        for (_, rings) in &rings {
+    let heads = rings.iter().map(|(name, _)| format!(",{name}_per_mm2,{name}_standard_error_per_mm2"));
+    let by_radius = found.light.reflected_rings.iter().enumerate().map(|(place, ring)| {
+        let values = rings.iter().map(|(_, rings)| {
             let Estimate { mean, standard_error } = rings[place].exitance_per_mm2;
-            radius += &format!(",{mean},{standard_error}");
-        }
-        radius.push('\n');
-    }
-    let mut depth = "layer,upper_mm,lower_mm,fluence,fluence_standard_error\n".to_string();
-    for slice in &found.light.slices {
+            format!(",{mean},{standard_error}")
+        });
+        format!("{},{}{}", ring.radii_mm[0], ring.radii_mm[1], values.collect::<String>())
+    });
+    let by_depth = found.light.slices.iter().map(|slice| {
         let ([upper, lower], Estimate { mean, standard_error }) = (slice.depths_mm, slice.fluence);
-        depth += &format!("{},{upper},{lower},{mean},{standard_error}\n", slice.layer + 1);
-    }
-    [("radius", radius), ("depth", depth)]
+        format!("{},{upper},{lower},{mean},{standard_error}", slice.layer + 1)
+    });
+    let heads = format!("inner_mm,outer_mm{}", heads.collect::<String>());
+    [
+        ("radius", csv(&heads, by_radius)),
+        ("depth", csv("layer,upper_mm,lower_mm,fluence,fluence_standard_error", by_depth)),
+    ]
 }
 
 /// Light by radius and by depth, drawn.
