@@ -133,8 +133,22 @@ fn options_of<O: TaskOptions>(task: &str, arguments: Option<&Bound<'_, PyDict>>)
             of(&toml::Table::from_iter([((*name).clone(), (*value).clone())])).is_err()
         };
         let name = table.iter().find(alone).map_or(task, |(name, _)| name);
-        PyTypeError::new_err(format!("{name}: {}", error.message()))
+        PyTypeError::new_err(format!("{name}: {}", in_words(error.message())))
     })
+}
+
+/// A refusal of a value, as those of the package are.
+fn in_words(message: &str) -> String {
+    let parts = message.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
+    let Some((came, wanted)) = parts else { return message.to_owned() };
+    let wanted = match wanted {
+        "f64" => "a number",
+        "u32" | "u64" | "usize" => "a whole number",
+        "a boolean" => "True or False",
+        "a string" => "a text",
+        other => other,
+    };
+    format!("give {wanted}, not the {came}")
 }
 
 /// A value as its option has it: one where a list is wanted is a list of one, a number where a text is wanted its digits, and a

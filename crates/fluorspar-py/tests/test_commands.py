@@ -144,7 +144,7 @@ def test_arguments_are_named_as_they_are_given() -> None:
         lip.solve(excitation_nm=200)
     with pytest.raises(fs.FluorsparError, match=r"give the wavelength of the light, excitation_nm=405$"):
         lip.monte_carlo()
-    with pytest.raises(TypeError, match=r"^from_nm: "):
+    with pytest.raises(TypeError, match=r"^from_nm: give a number, not the string \"blue\""):
         lip.solve(from_nm="blue")
     with pytest.raises(TypeError, match=r"no argument \"excitation\"; it has .*excitation_nm"):
         lip.solve(excitation=405)

@@ -62,6 +62,7 @@ pub enum Compatibility {
     /// The sensor of ISETCam.
     Isetcam,
     /// That, and the normalized matrices of the authors' toolbox.
+    #[serde(alias = "toolbox-eem")]
     ToolboxEem,
 }
 
