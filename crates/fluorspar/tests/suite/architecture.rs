@@ -91,8 +91,8 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
     (
         "fluorspar-session/src/",
         &[
-            "units", "quote", "names", "warning", "spectral", "image", "light", "optics", "tissue", "scene",
-            "render", "safety", "sensor", "analysis", "study", "design", "pipeline", "findings",
+            "digest", "units", "quote", "names", "spectral", "image", "light", "tissue", "scene", "render",
+            "analysis", "study", "design", "pipeline",
         ],
         &["fluorspar_experiment", "fluorspar_format", "fluorspar_report"],
     ),
