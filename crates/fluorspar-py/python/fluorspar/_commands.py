@@ -51,16 +51,16 @@ def _file_of(source: Experiment | str | os.PathLike[str] | None) -> Iterator[lis
 
 
 def command(*words: Any, threads: int | None = None, **options: Any) -> Any:
-    """Runs a command of the program in this process: ``command("tissue", "depth", "lip")``.
+    """Runs a command that has no call of its own: ``command("scene", "get", "oraleye-2021-surface", "light.*.spectrum")``.
 
     Returns what ``--json`` prints, objects as :class:`Record`. Underscores of options are hyphens:
-    ``command("tissue", "solve", "lip", excitation_nm=[405, 450])``. Raises :class:`FluorsparError` with its exit ``code``.
+    ``command("lens", "report", "wide_3_5mm", wavelength_nm=550)``. Raises :class:`FluorsparError` with its exit ``code``.
     """
     return Record.of_json(text_of(*words, threads=threads, json=True, **options))
 
 
 def text_of(*words: Any, threads: int | None = None, **options: Any) -> str:
-    """Runs a command of the program in this process and returns what it prints: ``text_of("lens", "--help")``.
+    """What a command prints, for those that have no call of their own and for their help: ``text_of("lens", "--help")``.
 
     A defect of an experiment raises :class:`ExperimentError`, anything else :class:`FluorsparError`, both with the exit ``code``.
     """
