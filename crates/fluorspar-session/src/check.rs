@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize, Serializer};
 
 use crate::resource_needs::check_time;
 use crate::{
-    Budget, Changes, ExperimentSource, Job, Limits, RenderOptions, Result, render_seconds,
+    Changes, ExperimentSource, Job, RenderOptions, ResourceLimits, ResourceNeeds, Result, render_seconds,
     warnings_before_run,
 };
 
@@ -33,7 +33,7 @@ pub struct CheckOptions {
     /// What a run may take.
     #[command(flatten)]
     #[serde(flatten)]
-    pub limits: Limits,
+    pub limits: ResourceLimits,
 }
 
 /// A file that holds.
@@ -95,7 +95,7 @@ pub struct CheckedExperiment {
     /// Memory of the image while it is rendered in one go, bytes.
     pub memory_bytes: u64,
     /// What a run takes.
-    pub budget: Budget,
+    pub budget: ResourceNeeds,
     /// How long rendering takes, s.
     pub render_seconds: f64,
     /// What is odd about it.
@@ -134,7 +134,7 @@ pub fn check(options: &CheckOptions, job: &Job) -> Result<CheckedFile> {
     let warnings = warnings_before_run(&experiment);
     job.warn(&warnings);
     let study = &experiment.study;
-    let budget = Budget::of_run(study);
+    let budget = ResourceNeeds::of_run(study);
     budget.check(&options.limits, study)?;
     let render_seconds = render_seconds(&experiment)?;
     check_time(render_seconds, study.render.samples_per_pixel, study.time_limit_s)?;

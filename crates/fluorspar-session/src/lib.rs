@@ -62,8 +62,8 @@ pub use render::{Keep, fill_film, render_scene, render_with_excitation_basis};
 pub use render_remarks::{as_typed_in_session, experiment_of, say_uncertainty, warn_of_denoised};
 pub use rendered_scene::SceneChanges;
 pub use resource_needs::{
-    Budget, Limits, film_file_bytes, frame_bytes, image_room_bytes, render_seconds, run_bytes, say_time,
-    seconds_of,
+    ResourceLimits, ResourceNeeds, film_file_bytes, frame_bytes, image_room_bytes, render_seconds, run_bytes,
+    say_time, seconds_of,
 };
 pub use run::{FinishedExperiment, RunOptions, check_memory, check_nothing_painted, run};
 pub use source::{ExperimentSource, read_text};

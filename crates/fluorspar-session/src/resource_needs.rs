@@ -20,7 +20,7 @@ const CONVERSION_BYTES: u64 = 64 << 20;
 /// What a render may take.
 #[derive(Clone, Debug, Default, Deserialize, clap::Args)]
 #[serde(default)]
-pub struct Limits {
+pub struct ResourceLimits {
     /// Refuse work that would need more memory than this, for instance 8GiB.
     #[arg(long, value_name = "SIZE", value_parser = values::size, allow_negative_numbers = true)]
     pub max_memory: Option<u64>,
@@ -33,7 +33,7 @@ pub struct Limits {
     pub time_limit: Option<f64>,
 }
 
-impl Limits {
+impl ResourceLimits {
     /// The time limit as a change of the experiment.
     pub fn overrides(&self) -> Option<Override> {
         self.time_limit.map(|seconds| Override::number("render.time_limit_s", seconds, "time_limit"))
@@ -42,7 +42,7 @@ impl Limits {
 
 /// Memory and room on the disk that a job takes, bytes.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Budget {
+pub struct ResourceNeeds {
     /// Memory at its peak.
     #[serde(rename = "memory_bytes")]
     pub memory: u64,
@@ -57,7 +57,7 @@ pub struct Budget {
     pub disk: u64,
 }
 
-impl Budget {
+impl ResourceNeeds {
     /// Of a render. Of an image that does not fit into the memory limit, the film is as large as the limit.
     pub fn of_render(study: &Study, components: bool, keeps_film: bool) -> Self {
         let (scene, settings) = (&study.scene, &study.render);
@@ -76,7 +76,7 @@ impl Budget {
     }
 
     /// Refuses a job that would take more than the user grants.
-    pub fn check(&self, limits: &Limits, study: &Study) -> Result<()> {
+    pub fn check(&self, limits: &ResourceLimits, study: &Study) -> Result<()> {
         let camera = &study.scene.camera;
         let size =
             format!("{} x {} pixels with {} bands", camera.width, camera.height, study.scene.grid.len());

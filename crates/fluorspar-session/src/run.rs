@@ -23,8 +23,8 @@ use serde_json::Value;
 
 use crate::frame_report::warn_of_darkness;
 use crate::{
-    Budget, Error, ExperimentArgs, ExperimentSource, Job, Limits, Result, read_text, render_scene,
-    render_with_excitation_basis, warnings_before_run,
+    Error, ExperimentArgs, ExperimentSource, Job, ResourceLimits, ResourceNeeds, Result, read_text,
+    render_scene, render_with_excitation_basis, warnings_before_run,
 };
 
 /// Which experiment is run, with which changes.
@@ -38,7 +38,7 @@ pub struct RunOptions {
     /// What the run may take.
     #[command(flatten)]
     #[serde(flatten)]
-    pub limits: Limits,
+    pub limits: ResourceLimits,
     /// Folder for the results [default: the experiment's own, else fluorspar-out/NAME].
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: Option<PathBuf>,
@@ -86,7 +86,7 @@ pub fn run(options: &RunOptions, job: &Job) -> Result<FinishedExperiment> {
         "or use `fluorspar render --components`, which goes through large images in bands of rows, and `capture` with what it \
          wrote",
     )?;
-    let budget = Budget::of_run(study);
+    let budget = ResourceNeeds::of_run(study);
     budget.check(&options.limits, study)?;
     let target = place(options, &source.stem, &experiment.record, job);
     let folder = OutputFolder::prepare(&target, &source.files(&experiment.record), budget.disk)?;

@@ -10,7 +10,7 @@ use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::Study;
 use fluorspar_experiment::{FileRecord, InputFile, ResolvedExperiment, Warning, parse, resolve};
 use fluorspar_pbrt::{Emission, PbrtOptions, PbrtStudy, check_light, load, to_experiment};
-use fluorspar_session::{ExperimentArgs, ExperimentSource, Limits, StatisticsOption};
+use fluorspar_session::{ExperimentArgs, ExperimentSource, ResourceLimits, StatisticsOption};
 
 use crate::error::CliError;
 use crate::values::{Override, as_typed, sets};
@@ -125,7 +125,7 @@ impl PbrtArgs {
         &self,
         source: &ExperimentSource,
         args: &ExperimentArgs,
-        limits: &Limits,
+        limits: &ResourceLimits,
     ) -> Result<ResolvedExperiment, CliError> {
         if let Some(path) = source.pbrt_scene() {
             return self.scene(path, source, args, limits);
@@ -140,7 +140,7 @@ impl PbrtArgs {
         path: &Path,
         source: &ExperimentSource,
         args: &ExperimentArgs,
-        limits: &Limits,
+        limits: &ResourceLimits,
     ) -> Result<ResolvedExperiment, CliError> {
         if args.render.error.is_some() {
             return Err(CliError::Input(

@@ -14,8 +14,8 @@ use fluorspar::units::{memory_text, memory_texts};
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{Output, OutputSet, Outputs, Provenance, read_film, read_text_bounded};
 use fluorspar_session::{
-    Budget, ExperimentArgs, ExperimentSource, Keep, Left, Limits, check_memory, check_nothing_painted,
-    fill_film, film_file_bytes, image_room_bytes, render_with_excitation_basis,
+    ExperimentArgs, ExperimentSource, Keep, Left, ResourceLimits, ResourceNeeds, check_memory,
+    check_nothing_painted, fill_film, film_file_bytes, image_room_bytes, render_with_excitation_basis,
 };
 use serde_json::json;
 
@@ -36,7 +36,7 @@ pub(crate) struct Options {
     #[command(flatten)]
     experiment: ExperimentArgs,
     #[command(flatten)]
-    pub(super) limits: Limits,
+    pub(super) limits: ResourceLimits,
     #[command(flatten)]
     pub(super) output: ImageOutput,
     #[command(flatten)]
@@ -125,8 +125,8 @@ impl Options {
     }
 
     /// What the render takes.
-    pub(super) fn budget(&self, study: &Study) -> Budget {
-        Budget::of_render(study, self.output.components, self.film.is_some())
+    pub(super) fn budget(&self, study: &Study) -> ResourceNeeds {
+        ResourceNeeds::of_render(study, self.output.components, self.film.is_some())
     }
 
     /// The files that a render writes: the image when it is done, film and preview on the way.

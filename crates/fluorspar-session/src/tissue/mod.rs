@@ -13,5 +13,7 @@ pub use depth::{DepthOptions, LightOrigin, LightOrigins, depth};
 pub use fit::{TissueFitOptions, fit};
 pub use fit_files::FittedTissue;
 pub use monte_carlo::{MonteCarloOptions, TracedEmission, TracedTissue, monte_carlo};
-pub use solve::{Emitter, OwnAbsorption, SolveOptions, SolvedFluorescence, SolvedTissue, TissueEem, solve};
+pub use solve::{
+    OwnAbsorption, SolveOptions, SolvedFluorescence, SolvedTissue, TissueEem, TissueEmitter, solve,
+};
 pub use source::{SiteOptions, TissueOptions, find, site_named};

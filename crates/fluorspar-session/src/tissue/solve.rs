@@ -105,12 +105,12 @@ pub struct SolvedFluorescence {
     /// The same over all wavelengths that were solved.
     pub exitance: f64,
     /// What emits it.
-    pub emitters: Vec<Emitter>,
+    pub emitters: Vec<TissueEmitter>,
 }
 
 /// A fluorophore in a layer.
 #[derive(Clone, Debug, Serialize)]
-pub struct Emitter {
+pub struct TissueEmitter {
     /// Name of the fluorophore.
     pub fluorophore: String,
     /// Name of the layer.
@@ -269,7 +269,7 @@ fn fluorescence(name: &str, light: &Viewing, solved: &EffectiveTissue, nm: &[f64
         let layer = &solved.tissue().layers[part.layer];
         let emitted = light.fluorescence(solved, part, nm);
         total.iter_mut().zip(&emitted).for_each(|(sum, value)| *sum += value);
-        emitters.push(Emitter {
+        emitters.push(TissueEmitter {
             fluorophore: layer.fluorophores[part.fluorophore].fluorophore.name.clone(),
             layer: layer.name.clone(),
             share: integral(nm, &emitted),
