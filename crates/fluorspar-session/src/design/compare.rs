@@ -5,13 +5,13 @@ use serde::{Serialize, Serializer};
 use serde_json::json;
 
 use super::outcome::{compared, criterion_text, design_json, provenance};
-use super::{Problem, ProblemOptions};
+use super::{PreparedProblem, ProblemOptions};
 use crate::{Error, Job, Result};
 
 /// The designs that a file names.
 pub struct ComparedDesigns {
     /// The problem.
-    pub problem: Problem,
+    pub problem: PreparedProblem,
     /// The designs in the order of the file.
     pub designs: Vec<JudgedDesign>,
 }

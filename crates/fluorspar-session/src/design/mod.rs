@@ -63,7 +63,7 @@ struct ReadProblem {
 }
 
 /// A problem, ready to be searched.
-pub struct Problem {
+pub struct PreparedProblem {
     /// Where it was read from.
     pub source: ExperimentSource,
     /// Its file.
@@ -72,7 +72,7 @@ pub struct Problem {
     pub space: DesignSpace,
 }
 
-impl Problem {
+impl PreparedProblem {
     /// Name for people.
     pub fn title(&self) -> &str {
         let title = &self.resolved.record.title;
@@ -95,12 +95,12 @@ impl ProblemOptions {
 
 impl ReadProblem {
     /// Renders the scenes that are missing, and prepares the signals.
-    fn prepare(self, job: &Job) -> Result<Problem> {
+    fn prepare(self, job: &Job) -> Result<PreparedProblem> {
         let Self { source, resolved, renders, .. } = self;
         let problem = renders::complete(&resolved, &renders, job)?;
         let space =
             DesignSpace::new(problem).map_err(|error| Error::Input(format!("{}: {error}", source.name)))?;
-        Ok(Problem { source, resolved, space })
+        Ok(PreparedProblem { source, resolved, space })
     }
 
     /// The folder of results. That of a changed problem is its own, so that nothing is written over what the file itself gave.

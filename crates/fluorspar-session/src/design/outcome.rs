@@ -12,7 +12,7 @@ use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_repo
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
-use super::Problem;
+use super::PreparedProblem;
 use crate::figure_file::figure_files;
 use crate::values::csv;
 use crate::{Error, Job, Result};
@@ -36,7 +36,7 @@ pub(super) struct Found {
 /// The best designs of a search.
 pub struct DesignOutcome {
     /// The problem.
-    pub problem: Problem,
+    pub problem: PreparedProblem,
     /// Scores of what was evaluated, by number of the design.
     pub scores: Vec<(u64, Score)>,
     /// How designs were chosen, in words.
@@ -74,7 +74,7 @@ pub(super) fn judged(space: &DesignSpace, name: String, design: Design) -> Judge
 }
 
 /// The designs of the file to compare with.
-pub(super) fn compared(problem: &Problem) -> Vec<JudgedDesign> {
+pub(super) fn compared(problem: &PreparedProblem) -> Vec<JudgedDesign> {
     let of = |compared: &fluorspar_experiment::ComparedDesign| {
         judged(&problem.space, compared.name.clone(), compared.design.clone())
     };
@@ -82,7 +82,7 @@ pub(super) fn compared(problem: &Problem) -> Vec<JudgedDesign> {
 }
 
 impl DesignOutcome {
-    pub(super) fn of(problem: Problem, found: Found) -> Result<Self> {
+    pub(super) fn of(problem: PreparedProblem, found: Found) -> Result<Self> {
         let space = &problem.space;
         let scores: Vec<Score> = found.scores.iter().map(|(_, score)| *score).collect();
         let mut ranked: Vec<usize> = (0..scores.len()).filter(|&k| scores[k].loss.is_finite()).collect();
@@ -214,7 +214,7 @@ fn left_out(space: &DesignSpace, scores: &[(u64, Score)]) -> String {
     format!("{} of {} designs are left out{of}: {}", lost.len(), scores.len(), reasons.join(", "))
 }
 
-pub(super) fn provenance(problem: &Problem) -> Value {
+pub(super) fn provenance(problem: &PreparedProblem) -> Value {
     let record = &problem.resolved.record;
     json!({
         "program": "fluorspar",

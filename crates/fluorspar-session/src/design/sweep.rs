@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use super::outcome::{DesignOutcome, FOLDER_BYTES, Found};
 use super::shard::{SweepShard, journal_beside};
-use super::{Place, Problem, ProblemOptions, ReadProblem};
+use super::{Place, PreparedProblem, ProblemOptions, ReadProblem};
 use crate::values;
 use crate::{Error, Job, Left, Result};
 
@@ -77,13 +77,13 @@ const LOOK_AGAIN: Duration = Duration::from_millis(500);
 
 /// The designs of a problem in blocks, and how they are kept in a journal.
 struct Work<'a> {
-    problem: &'a Problem,
+    problem: &'a PreparedProblem,
     blocks: u64,
     head: Value,
 }
 
 impl<'a> Work<'a> {
-    fn of(problem: &'a Problem) -> Result<Self> {
+    fn of(problem: &'a PreparedProblem) -> Result<Self> {
         let designs = problem.space.len();
         if designs > MOST_DESIGNS {
             return Err(Error::Input(format!(

@@ -21,7 +21,7 @@ use crate::values::quoted;
 use crate::{Error, Result};
 
 /// A fluorophore at unit concentration and where it comes from.
-pub struct Loaded {
+pub struct LoadedFluorophore {
     /// At unit concentration.
     pub fluorophore: Fluorophore,
     /// The entry of the catalogue.
@@ -58,7 +58,7 @@ pub fn section_toml(section: &FluorophoreSection) -> Result<String> {
 }
 
 /// By name of the catalogue, or from a file: one that holds measured values, or all of the `[[fluorophore]]` sections of a TOML file.
-pub fn load(name: &str, options: &FileOptions) -> Result<Vec<Loaded>> {
+pub fn load(name: &str, options: &FileOptions) -> Result<Vec<LoadedFluorophore>> {
     let path = Path::new(name);
     let looks_like_file = path.extension().is_some() || name.contains(['/', '\\']) || path.is_file();
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
@@ -67,7 +67,7 @@ pub fn load(name: &str, options: &FileOptions) -> Result<Vec<Loaded>> {
     if looks_like_file {
         let (section, measured) = from_file(path, None, options)?;
         let fluorophore = checked(path, &section)?;
-        return Ok(vec![Loaded { fluorophore, preset: None, measured: Some(measured) }]);
+        return Ok(vec![LoadedFluorophore { fluorophore, preset: None, measured: Some(measured) }]);
     }
     let preset = preset::fluorophore(name)?;
     if let Some(option) = options.first_given() {
@@ -75,11 +75,11 @@ pub fn load(name: &str, options: &FileOptions) -> Result<Vec<Loaded>> {
             "{option}: applies to files only, and {name} is in the catalogue; leave it out"
         )));
     }
-    Ok(vec![Loaded { fluorophore: preset.fluorophore(), preset: Some(preset), measured: None }])
+    Ok(vec![LoadedFluorophore { fluorophore: preset.fluorophore(), preset: Some(preset), measured: None }])
 }
 
 /// The fluorophores of the sections of a file, as `import` writes it; an experiment has them, too.
-fn from_toml(path: &Path, options: &FileOptions) -> Result<Vec<Loaded>> {
+fn from_toml(path: &Path, options: &FileOptions) -> Result<Vec<LoadedFluorophore>> {
     let failed = |what: String| Error::Input(format!("{}: {what}", path.display()));
     if let Some(option) = options.first_given() {
         return Err(failed(format!(
@@ -94,12 +94,16 @@ fn from_toml(path: &Path, options: &FileOptions) -> Result<Vec<Loaded>> {
         ));
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let load = |section: &NamedSection| -> Result<Loaded> {
+    let load = |section: &NamedSection| -> Result<LoadedFluorophore> {
         let name = section.name.as_deref();
         let name = name.ok_or_else(|| failed("a [[fluorophore]] has no name; give it one".into()))?;
         let text = toml::to_string(&json!({ "fluorophore": [section] }))
             .map_err(|error| Error::Failed(format!("the section can't be read: {error}")))?;
-        Ok(Loaded { fluorophore: as_sample(path, name, &text, folder)?, preset: None, measured: None })
+        Ok(LoadedFluorophore {
+            fluorophore: as_sample(path, name, &text, folder)?,
+            preset: None,
+            measured: None,
+        })
     };
     file.fluorophore.iter().map(load).collect()
 }

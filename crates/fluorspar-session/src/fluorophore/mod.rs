@@ -11,6 +11,6 @@ pub use file_options::{Empty, FileOptions, StokesChoice, Unit};
 pub use fit::{FitOptions, FittedMixture, fit};
 pub use fit_files::FittedSpectra;
 pub use loading::{
-    Loaded, checked, emission_peak_nm, everywhere_nm, from_file, load, peaks_nm, section_toml,
+    LoadedFluorophore, checked, emission_peak_nm, everywhere_nm, from_file, load, peaks_nm, section_toml,
 };
 pub use measured::{Kind, Measured};
