@@ -1,17 +1,19 @@
 //! Command-line arguments.
 
 use std::ffi::OsString;
-use std::path::PathBuf;
 
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum, ValueHint};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
-
-use crate::commands::{
-    analyze, capture, catalog, check, compare, denoise, describe, design, filter, fluorophore, lens, merge,
-    mouth, new, plot, predict, render, run, safety, scene, schema, sensor, sheet, spectroradiometer, tissue,
-    validate,
+use fluorspar_session::{
+    AnalyzeOptions, CaptureOptions, CheckOptions, CompareOptions, PredictOptions, RunOptions,
 };
-use crate::values::{self, Override};
+
+use crate::commands::Answering;
+use crate::commands::{
+    catalog, denoise, describe, design, filter, fluorophore, lens, merge, mouth, new, plot, render, safety,
+    scene, schema, sensor, sheet, spectroradiometer, tissue, validate,
+};
+use crate::values;
 
 /// How the program can end.
 const EXIT_CODES: &str = "\
@@ -87,7 +89,7 @@ impl Args {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Run an experiment from scene to report.
-    Run(run::Options),
+    Run(Answering<RunOptions>),
     /// Write a commented file to start from: a mouth, a leaf, a cuvette, a painting, your camera.
     New(new::Options),
     /// List, get, set, convert and view what a scene holds, by name.
@@ -99,13 +101,13 @@ pub(crate) enum Command {
     /// Denoise a component image, for display only.
     Denoise(denoise::Options),
     /// Capture raw frames from a component image made by `run` or `render`.
-    Capture(capture::Options),
+    Capture(Answering<CaptureOptions>),
     /// Draw frames of one render side by side: each fluorophore alone, or with changes.
     Sheet(sheet::Options),
     /// Analyze raw frames, simulated or of a camera: colors, porphyrin share, report.
-    Analyze(analyze::Options),
+    Analyze(Answering<AnalyzeOptions>),
     /// Compare two finished runs: settings, numbers with their intervals, frames. Designs that were not run: `design compare`.
-    Compare(compare::Options),
+    Compare(Answering<CompareOptions>),
     /// Write the description that a camera's frame needs beside it: from its tags, and from what you know.
     Describe(describe::Options),
     /// List, show and plot parts of the catalogue: lights, filters, dyes, sensors, lenses, tissues.
@@ -125,7 +127,7 @@ pub(crate) enum Command {
     /// Solve and fit layered tissues; trace photons through them.
     Tissue(tissue::Options),
     /// Predict spectra and mean sensor values of a flat sample, without geometry.
-    Predict(predict::Options),
+    Predict(Answering<PredictOptions>),
     /// Compare lights, filters and sensors by what they could prove; find the best.
     Design(design::Options),
     /// Assess the photobiological safety of captures: hazards, limits, margins.
@@ -135,7 +137,7 @@ pub(crate) enum Command {
     /// Compute the figures and tables of the paper (Lyu 2021) and compare them with it.
     Validate(validate::Options),
     /// Check an experiment or sample file without running it.
-    Check(check::Options),
+    Check(Answering<CheckOptions>),
     /// Print the JSON schema of a kind of file, for editors.
     Schema(schema::Options),
     /// Print completions for a shell.
@@ -163,112 +165,7 @@ impl Command {
 
 impl Default for Command {
     fn default() -> Self {
-        Self::Run(run::Options::default())
-    }
-}
-
-/// The experiment and its changes.
-#[derive(Clone, Debug, Default, clap::Args)]
-pub(crate) struct ExperimentArgs {
-    /// Experiment file (.toml), a report.html made by an earlier run, or the name of a built-in experiment; of `render` also
-    /// a scene of pbrt (.pbrt).
-    #[arg(value_name = "EXPERIMENT", value_hint = ValueHint::FilePath)]
-    pub(crate) experiment: Option<String>,
-    #[command(flatten)]
-    pub(crate) changes: Changes,
-    #[command(flatten)]
-    pub(crate) render: RenderOptions,
-}
-
-/// What most renders change.
-#[derive(Clone, Debug, Default, clap::Args)]
-pub(crate) struct RenderOptions {
-    #[command(flatten)]
-    pub(crate) seed: Seed,
-    /// Samples (paths) per pixel: more samples take longer and give less noise.
-    #[arg(long, value_name = "N", value_parser = values::whole::<u32, 1, 1_000_000>, allow_negative_numbers = true)]
-    pub(crate) spp: Option<u32>,
-    /// Maximum path depth (surface interactions); 1 is direct light only.
-    #[arg(long, value_name = "D", value_parser = values::whole::<u32, 1, 1000>, allow_negative_numbers = true)]
-    pub(crate) depth: Option<u32>,
-    /// Stop once the relative error of a tile is below E; --spp is the maximum.
-    #[arg(long, value_name = "E", value_parser = values::number, allow_negative_numbers = true)]
-    pub(crate) error: Option<f64>,
-    /// Keep half-buffers and variance in component images.
-    #[arg(long, value_enum, value_name = "WHAT")]
-    pub(crate) statistics: Option<StatisticsOption>,
-}
-
-/// Sums whose half-buffers and variance are kept.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-#[value(rename_all = "snake_case")]
-pub(crate) enum StatisticsOption {
-    /// Nothing.
-    None,
-    /// Every light group.
-    LightGroups,
-    /// Every component.
-    Components,
-}
-
-impl ExperimentArgs {
-    /// All changes; what has an option of its own wins over `--set`.
-    pub(crate) fn overrides(&self) -> Vec<Override> {
-        self.changes.overrides().into_iter().chain(self.render.overrides()).collect()
-    }
-}
-
-impl RenderOptions {
-    /// The options as changes.
-    pub(crate) fn overrides(&self) -> Vec<Override> {
-        let whole = |path, value: Option<u32>, option: &str| {
-            value.map(|n| Override::of_option(path, n, format!("{option} {n}")))
-        };
-        let statistics = self.statistics.as_ref().and_then(ValueEnum::to_possible_value);
-        let mut list = Vec::new();
-        list.extend(whole("render.samples_per_pixel", self.spp, "--spp"));
-        list.extend(self.seed.overrides());
-        list.extend(whole("render.max_depth", self.depth, "--depth"));
-        list.extend(self.error.map(|value| Override::number("render.relative_error", value, "--error")));
-        list.extend(statistics.map(|value| {
-            let name = value.get_name();
-            Override::of_option("render.statistics", name, format!("--statistics {name}"))
-        }));
-        list
-    }
-}
-
-/// Changes on top of an experiment file.
-#[derive(Clone, Debug, Default, clap::Args)]
-pub(crate) struct Changes {
-    /// Change one value, for instance `--set capture.blue.exposure_ms=15`. May be repeated.
-    #[arg(long = "set", value_name = "PATH=VALUE")]
-    pub(crate) set: Vec<String>,
-    /// Take away one value, entry or section, for instance `--unset analysis`, before --set. May be repeated.
-    #[arg(long, value_name = "PATH")]
-    pub(crate) unset: Vec<String>,
-}
-
-impl Changes {
-    /// What is taken away, then what is set.
-    pub(crate) fn overrides(&self) -> Vec<Override> {
-        let unset = self.unset.iter().map(|path| Override::unset(path));
-        unset.chain(self.set.iter().map(|text| Override::set(text))).collect()
-    }
-}
-
-/// Seed of the random numbers.
-#[derive(Clone, Debug, Default, clap::Args)]
-pub(crate) struct Seed {
-    /// Seed of all random numbers.
-    #[arg(long, value_name = "S", value_parser = values::seed, allow_negative_numbers = true)]
-    pub(crate) seed: Option<u64>,
-}
-
-impl Seed {
-    /// The seed as a change.
-    pub(crate) fn overrides(&self) -> Option<Override> {
-        self.seed.map(|n| Override::of_option("render.seed", n, format!("--seed {n}")))
+        Self::Run(Answering::default())
     }
 }
 
@@ -278,14 +175,6 @@ pub(crate) struct Answer {
     /// Print the answer as JSON.
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-/// A folder for results.
-#[derive(Clone, Debug, Default, clap::Args)]
-pub(crate) struct OutOption {
-    /// Folder for the results [default: the experiment's own, else fluorspar-out/NAME].
-    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
-    pub(crate) out: Option<PathBuf>,
 }
 
 #[cfg(test)]

@@ -1,35 +1,44 @@
 //! Ctrl-C and requests to end: what was rendered is saved, and nothing unfinished is left behind.
 
+use std::cell::RefCell;
 #[cfg(unix)]
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::sync::{Arc, LazyLock};
 
 #[cfg(unix)]
 use fluorspar_format::read_text_bounded;
 
+use fluorspar_session::Left;
+
 use crate::error::STOPPED;
 use crate::message;
 
-/// Rendering shall end: Ctrl-C, a request to end, or the time limit.
-pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
+/// The command of the program shall end: Ctrl-C, a request to end, or the time limit of a render.
+static STOP: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+
+thread_local! {
+    /// What ends the command of this thread, where it is not that of the program.
+    static OWN_STOP: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
+}
+
+/// What ends the command of this thread.
+pub(crate) fn stop_flag() -> Arc<AtomicBool> {
+    OWN_STOP.with_borrow(|own| own.clone()).unwrap_or_else(|| STOP.clone())
+}
+
+/// Does some work that a flag ends.
+pub(crate) fn stopped_by<T>(stop: Arc<AtomicBool>, work: impl FnOnce() -> T) -> T {
+    let before = OWN_STOP.replace(Some(stop));
+    let returned = work();
+    OWN_STOP.replace(before);
+    returned
+}
+
 /// A signal requested the end of the program.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// What is left of the render in work, as [`Left`].
 static RENDERS: AtomicU8 = AtomicU8::new(0);
-
-/// What is left when the work is interrupted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Left {
-    /// The image with the samples so far.
-    #[default]
-    Image = 1,
-    /// The film, with which the render goes on.
-    Film = 2,
-    /// The results with the photons so far.
-    Results = 3,
-    /// Nothing: the program can end at once.
-    Nothing = 0,
-}
 
 /// From here on the first Ctrl-C ends a render with the best image so far; the second, and the first where nothing is
 /// rendered, ends the program. SIGTERM and SIGHUP count as Ctrl-C, unless they were ignored when the program started, as

@@ -4,33 +4,26 @@ mod args;
 mod commands;
 mod embedded;
 mod error;
-mod experiment_source;
 mod interrupt;
 mod message;
-mod named_spectra;
 mod progress;
-mod resource_needs;
-mod values;
 
 use std::ffi::OsString;
 use std::io::ErrorKind;
 use std::num::NonZeroUsize;
 use std::panic::{self, AssertUnwindSafe, catch_unwind};
-use std::path::Path;
 use std::process::ExitCode;
 
 use fluorspar_accel::claim_exit_message;
-use fluorspar_experiment::preset::use_catalogue;
-use fluorspar_experiment::use_cache;
-use fluorspar_format::Cache;
+use fluorspar_session::{compare, predict, use_surroundings};
+pub(crate) use fluorspar_session::{named_spectra, values};
 
 use crate::args::{Args, Command};
-use crate::error::{CliError, FAILED, WRONG_INPUT};
+use crate::commands::actions::Ended;
+use crate::error::{CliError, FAILED, WRONG_INPUT, as_typed, code_of};
 use crate::values::MOST_THREADS;
 
-pub use embedded::{
-    CommandAnswer, CommandFailure, FoundExperiment, answer_of, find_experiment, stop, use_surroundings,
-};
+pub use embedded::{CommandAnswer, answer_of};
 
 /// Runs the command that a command line names, whose first word is the name of the program. What it says goes to standard error,
 /// what it answers to standard output. `before_render` is called before commands that render. Call it once in a process: it starts the
@@ -53,8 +46,8 @@ fn end_of(work: impl FnOnce() -> Result<ExitCode, CliError>) -> ExitCode {
         Ok(Ok(code)) => code,
         Ok(Err(error)) => {
             claim_exit_message();
-            message::error(&error);
-            error.exit_code()
+            message::error(as_typed(&error.to_string()));
+            ExitCode::from(code_of(&error))
         }
         // The panic has been said. What was unfinished went with the stack.
         Err(_) => ExitCode::from(FAILED),
@@ -87,9 +80,8 @@ fn print_answer(answer: &clap::Error) -> ExitCode {
     }
     match printed {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            let error = CliError::Stdout(error);
-            message::error(&error);
-            error.exit_code()
+            message::error(format!("can't write to standard output: {error}"));
+            ExitCode::from(FAILED)
         }
         _ => ExitCode::SUCCESS,
     }
@@ -111,51 +103,41 @@ fn run(args: Args) -> Result<ExitCode, CliError> {
     }
     message::be_quiet(args.quiet);
     interrupt::catch_interrupts();
-    surroundings(!args.no_cache)?;
+    use_surroundings(!args.no_cache)?;
     run_command(args.command.unwrap_or_default())
 }
 
-/// Uses the user's cache, if it is wanted, and the user's folder of spectra and sensors, if the environment names one.
-fn surroundings(keeps: bool) -> Result<(), CliError> {
-    if let (true, Some(cache)) = (keeps, Cache::of_user()) {
-        use_cache(cache);
-    }
-    if let Some(folder) = std::env::var_os("FLUORSPAR_CATALOGUE").filter(|folder| !folder.is_empty()) {
-        use_catalogue(Path::new(&folder))?;
-    }
-    Ok(())
-}
-
 fn run_command(command: Command) -> Result<ExitCode, CliError> {
-    match command {
-        Command::Run(options) => commands::run::run(&options),
-        Command::Render(options) => commands::render::run(&options),
-        Command::Merge(options) => commands::merge::run(&options),
-        Command::Denoise(options) => commands::denoise::run(&options),
-        Command::Capture(options) => commands::capture::run(&options),
-        Command::Sheet(options) => commands::sheet::run(&options),
-        Command::Analyze(options) => commands::analyze::run(&options),
-        Command::Compare(options) => commands::compare::run(&options),
-        Command::Describe(options) => commands::describe::run(&options),
-        Command::Catalog(options) => commands::catalog::run(&options),
-        Command::Fluorophore(options) => commands::fluorophore::run(&options),
-        Command::Sensor(options) => commands::sensor::run(&options),
-        Command::Lens(options) => commands::lens::run(&options),
-        Command::Filter(options) => commands::filter::run(&options),
-        Command::Plot(options) => commands::plot::run(&options),
-        Command::Mouth(options) => commands::mouth::run(&options),
-        Command::Tissue(options) => commands::tissue::run(&options),
-        Command::Predict(options) => commands::predict::run(&options),
-        Command::Design(options) => commands::design::run(&options),
-        Command::Safety(options) => commands::safety::run(&options),
-        Command::Spectroradiometer(options) => commands::spectroradiometer::run(&options),
-        Command::Validate(options) => commands::validate::run(&options),
-        Command::Check(options) => commands::check::run(&options),
-        Command::New(options) => commands::new::run(&options),
-        Command::Scene(options) => commands::scene::run(&options),
-        Command::Schema(options) => commands::schema::run(&options),
-        Command::Completions { shell } => commands::completions::run(shell),
-    }
+    let Ended(code) = match command {
+        Command::Run(options) => Ended::of(commands::run::run, &options),
+        Command::Render(options) => Ended::of(commands::render::run, &options),
+        Command::Merge(options) => Ended::of(commands::merge::run, &options),
+        Command::Denoise(options) => Ended::of(commands::denoise::run, &options),
+        Command::Capture(options) => Ended::of(commands::capture::run, &options),
+        Command::Sheet(options) => Ended::of(commands::sheet::run, &options),
+        Command::Analyze(options) => Ended::of(commands::analyze::run, &options),
+        Command::Compare(options) => options.answer(compare, commands::compare::describe).map(Into::into),
+        Command::Describe(options) => Ended::of(commands::describe::run, &options),
+        Command::Catalog(options) => Ended::of(commands::catalog::run, &options),
+        Command::Fluorophore(options) => Ended::of(commands::fluorophore::run, &options),
+        Command::Sensor(options) => Ended::of(commands::sensor::run, &options),
+        Command::Lens(options) => Ended::of(commands::lens::run, &options),
+        Command::Filter(options) => Ended::of(commands::filter::run, &options),
+        Command::Plot(options) => Ended::of(commands::plot::run, &options),
+        Command::Mouth(options) => Ended::of(commands::mouth::run, &options),
+        Command::Tissue(options) => Ended::of(commands::tissue::run, &options),
+        Command::Predict(options) => options.answer(predict, commands::predict::describe).map(Into::into),
+        Command::Design(options) => Ended::of(commands::design::run, &options),
+        Command::Safety(options) => Ended::of(commands::safety::run, &options),
+        Command::Spectroradiometer(options) => Ended::of(commands::spectroradiometer::run, &options),
+        Command::Validate(options) => Ended::of(commands::validate::run, &options),
+        Command::Check(options) => Ended::of(commands::check::run, &options),
+        Command::New(options) => Ended::of(commands::new::run, &options),
+        Command::Scene(options) => Ended::of(commands::scene::run, &options),
+        Command::Schema(options) => Ended::of(commands::schema::run, &options),
+        Command::Completions { shell } => commands::completions::run(shell).map(Into::into),
+    }?;
+    Ok(code)
 }
 
 /// Starts the threads of all commands here, where a refusal of the system can be explained.

@@ -5,12 +5,20 @@
 //! disk is full, is dropped. Answers are data (`--json`, lists, texts): where their reader has gone the rest is dropped,
 //! too, but a disk without room for them is an error.
 
+use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
+use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fluorspar_experiment::Warning;
+use fluorspar_session::{Job, Left, Listener};
+
+use crate::error::as_typed;
+use crate::interrupt::{save_when_interrupted, stop_flag};
+use crate::progress::{WorkReport, WritingReport};
 
 /// Whether warnings are said in full.
 static VERBOSE: AtomicBool = AtomicBool::new(false);
@@ -95,6 +103,41 @@ impl Messages {
         if shortened && !HINTED.swap(true, Ordering::Relaxed) {
             self.status("hint: --verbose and the report say more of these warnings");
         }
+    }
+}
+
+impl Messages {
+    /// What a task of the command runs with.
+    pub(crate) fn job(self) -> Job {
+        Job::new(stop_flag(), Arc::new(self))
+    }
+}
+
+impl Listener for Messages {
+    fn status(&self, text: &str) {
+        Self::status(*self, as_typed(text));
+    }
+
+    fn hears_status(&self) -> bool {
+        !self.is_quiet()
+    }
+
+    fn begin_writing(&self, file: &Path) -> Box<dyn Any> {
+        Box::new(WritingReport::begin(file, *self))
+    }
+
+    fn warnings(&self, warnings: &[Warning]) {
+        let typed = |warning: &Warning| match warning.text().contains('⟨') {
+            true => Warning::from(as_typed(warning.text())),
+            false => warning.clone(),
+        };
+        Self::warnings(*self, &warnings.iter().map(typed).collect::<Vec<_>>());
+    }
+
+    fn begin(&self, title: &'static str, name: &'static str, left: Left) -> Box<dyn Fn(f64) + Sync> {
+        save_when_interrupted(left);
+        let report = WorkReport::begin(title, name, *self);
+        Box::new(move |share| report.share_done(share))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Progress on standard error, films that survive an interruption.
+//! Progress on standard error.
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -8,59 +8,12 @@ use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use fluorspar::image::{ComponentImage, Film, SpectralImage};
-use fluorspar::pipeline::radiance_preview;
-use fluorspar::render::{Checkpoint, FilmRenderer, RenderControl, RenderProgress, RenderSettings, Share};
-use fluorspar::scene::Scene;
-use fluorspar::spectral::Radiance;
 use fluorspar::units::memory_text;
-use fluorspar_format::{FormatError, Provenance, unfinished_files, write_film, write_rgb_png, written_share};
+use fluorspar_format::{unfinished_files, written_share};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::commands::capture_light::CaptureLight;
-use crate::error::CliError;
-use crate::interrupt::{Left, STOP, save_when_interrupted};
 use crate::message::Messages;
-use crate::resource_needs::{say_time, seconds_of};
-
-/// Files that are written during a render.
-#[derive(Debug, Default)]
-pub(crate) struct Keep<'a> {
-    /// Path of the film, and the interval of its checkpoints.
-    pub(crate) film: Option<(&'a Path, Duration)>,
-    /// Provenance of the film.
-    pub(crate) provenance: Option<&'a Provenance>,
-    /// Preview of the sum, updated during the render.
-    pub(crate) preview: Option<&'a Path>,
-    /// Light of the preview.
-    pub(crate) light: CaptureLight,
-    /// What is left of a render that is interrupted.
-    pub(crate) left: Left,
-}
-
-/// Longest time until the first preview.
-const FIRST_PREVIEW: Duration = Duration::from_millis(700);
-/// Making a preview takes at most this share of the time.
-const PREVIEW_SHARE: u32 = 20;
-/// Side of the first preview, coarse pixels.
-const COARSE_SIDE: usize = 64;
-
-/// When something is due next, seen from any thread.
-struct Due(AtomicU64);
-
-impl Due {
-    fn at(time: Duration) -> Self {
-        Self(AtomicU64::new(time.as_millis() as u64))
-    }
-
-    fn is_past(&self, elapsed: Duration) -> bool {
-        elapsed.as_millis() as u64 >= self.0.load(Ordering::Relaxed)
-    }
-
-    fn set(&self, time: Duration) {
-        self.0.store(time.as_millis() as u64, Ordering::Relaxed);
-    }
-}
+use crate::values::duration;
 
 /// Foretells the time that is left from the speed of late.
 ///
@@ -138,16 +91,6 @@ impl Drop for WritingReport {
     }
 }
 
-/// Seconds as people say them.
-pub(crate) fn duration(seconds: f64) -> String {
-    let whole = seconds.round().max(0.0) as u64;
-    match whole {
-        0..120 => format!("{whole} s"),
-        120..7200 => format!("{} min", (whole + 30) / 60),
-        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
-    }
-}
-
 /// A progress bar, or lines where standard error is not a terminal, of work that takes a while.
 pub(crate) struct WorkReport {
     /// What is being done, at the beginning of a line.
@@ -218,113 +161,10 @@ impl WorkReport {
     }
 }
 
-/// Renders with a progress bar (or lines, where standard error is not a terminal), Ctrl-C and a time limit.
-pub(crate) fn render_with_progress(
-    scene: &Scene,
-    settings: &RenderSettings,
-    time_limit_s: Option<f64>,
-    messages: Messages,
-) -> Result<ComponentImage, CliError> {
-    let renderer = FilmRenderer::new(scene, settings)?;
-    let mut film = renderer.new_film();
-    fill_with_progress(&renderer, &Share::Whole, &mut film, time_limit_s, messages, &Keep::default())?;
-    drop(renderer);
-    Ok(film.into_image())
-}
-
-/// Renders what a film lacks, and saves film and preview on the way and at the end. The time limit holds from the first
-/// sample of every pixel on. Returns whether nothing is lacking.
-pub(crate) fn fill_with_progress(
-    renderer: &FilmRenderer,
-    share: &Share,
-    film: &mut Film,
-    time_limit_s: Option<f64>,
-    messages: Messages,
-    keep: &Keep<'_>,
-) -> Result<bool, CliError> {
-    save_when_interrupted(keep.left);
-    // Of bands of rows the time of all is said before.
-    let is_part = matches!(share, Share::TileRange(_));
-    if !is_part && (!messages.is_quiet() || time_limit_s.is_some()) {
-        let lacking = seconds_of(renderer, share, Some(film));
-        say_time(lacking, renderer.samples_of(share).len() as u32, time_limit_s, messages)?;
+impl Drop for WorkReport {
+    fn drop(&mut self) {
+        self.end();
     }
-    let report = WorkReport::begin("Rendering", "rendering", messages);
-    let started = report.started;
-    let samples = renderer.samples_of(share).len() as u64;
-    let progress = |p: RenderProgress| {
-        report.share_done(p.paths_done as f64 / p.paths_total.max(1) as f64);
-        // Pixels without any sample would be black, and numbers made from them wrong.
-        let every_pixel_has_one = p.paths_done.saturating_mul(samples) >= p.paths_total;
-        if every_pixel_has_one && time_limit_s.is_some_and(|limit| report.elapsed().as_secs_f64() > limit) {
-            STOP.store(true, Ordering::SeqCst);
-        }
-    };
-
-    if let (Some(path), 0) = (keep.preview, film.paths()) {
-        let coarse = renderer.coarse_sum(COARSE_SIDE, |component| keep.light.weight(component));
-        write_preview(path, &enlarged(&coarse, film))?;
-    }
-    let film_due = keep.film.map(|(_, interval)| Due::at(interval));
-    let preview_due = keep.preview.map(|_| Due::at(FIRST_PREVIEW));
-    let due = || {
-        let elapsed = started.elapsed();
-        [&film_due, &preview_due].into_iter().flatten().any(|due| due.is_past(elapsed))
-    };
-    let mut failure = None;
-    let mut look = |film: &Film| {
-        let save = || -> Result<(), FormatError> {
-            if let (Some(due), Some((path, interval))) = (&film_due, keep.film)
-                && due.is_past(started.elapsed())
-            {
-                write_film(path, film, keep.provenance)?;
-                due.set(started.elapsed() + interval);
-            }
-            if let (Some(due), Some(path)) = (&preview_due, keep.preview)
-                && due.is_past(started.elapsed())
-            {
-                let begun = Instant::now();
-                // Black holes of the first pass would be worse than coarse pixels.
-                if film.least_samples() > 0 {
-                    write_preview(path, &film.sum(|component| keep.light.weight(component)))?;
-                }
-                due.set(started.elapsed() + (PREVIEW_SHARE * begun.elapsed()).max(FIRST_PREVIEW));
-            }
-            Ok(())
-        };
-        failure = save().err();
-        failure.is_none()
-    };
-    let control = RenderControl { stop: &STOP, progress: &progress };
-    let filled = renderer.fill(share, film, &control, Checkpoint { is_due: &due, on_pause: &mut look });
-    report.end();
-    let complete = filled?;
-    if let Some(error) = failure {
-        return Err(error.into());
-    }
-    if let Some((path, _)) = keep.film {
-        write_film(path, film, keep.provenance)?;
-    }
-    Ok(complete)
-}
-
-fn write_preview(path: &Path, sum: &SpectralImage<Radiance>) -> Result<(), FormatError> {
-    let picture = radiance_preview(sum);
-    write_rgb_png(path, picture.width, picture.height, &picture.rgb)
-}
-
-/// Coarse pixels at the size of the film.
-fn enlarged(coarse: &SpectralImage<Radiance>, film: &Film) -> SpectralImage<Radiance> {
-    let (width, height) = (film.layout().width, film.layout().height);
-    let step = width.max(height).div_ceil(coarse.width().max(coarse.height()));
-    let mut image = SpectralImage::zeros(coarse.grid().clone(), width, height);
-    for row in 0..height {
-        for col in 0..width {
-            let (r, c) = ((row / step).min(coarse.height() - 1), (col / step).min(coarse.width() - 1));
-            image.pixel_mut(row, col).copy_from_slice(coarse.pixel(r, c));
-        }
-    }
-    image
 }
 
 #[cfg(test)]

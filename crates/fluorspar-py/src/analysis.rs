@@ -22,6 +22,7 @@ use crate::error::failed;
 use crate::experiment::Experiment;
 use crate::frame::{Frame, View};
 use crate::process::work_through;
+use crate::task::python_value;
 
 /// A map over the frame, `[row, col]`, and its name.
 type NamedMap<'py> = (&'static str, Bound<'py, PyArray2<f32>>);
@@ -45,13 +46,12 @@ impl FrameAnalysis {
 impl FrameAnalysis {
     /// The numbers, as `analyze --json` prints them.
     #[getter]
-    fn json(&self) -> PyResult<String> {
+    fn numbers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let regions = self
             .regions
             .iter()
             .map(|(name, analyzed)| (name.as_str(), analyzed.as_ref().map(|analyzed| &analyzed.analysis)));
-        let results = analysis_json(&self.analyzed.analysis, regions).map_err(failed)?;
-        serde_json::to_string(&results).map_err(failed)
+        python_value(py, &analysis_json(&self.analyzed.analysis, regions).map_err(failed)?)
     }
 
     /// The regions beside that of the analysis that are in view, by name.

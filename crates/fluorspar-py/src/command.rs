@@ -1,10 +1,12 @@
 //! Commands of the program.
 
 use std::ffi::OsString;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use pyo3::prelude::*;
 
-use crate::error::of_command;
+use crate::error::of_session;
 use crate::process::{name_program, work};
 
 /// Runs a command of the program in this process and returns what it prints on standard output: `answer(["predict", "--json"])`.
@@ -15,17 +17,18 @@ pub(crate) fn answer(
     arguments: Vec<OsString>,
     threads: Option<usize>,
 ) -> PyResult<(String, bool)> {
-    let done = work(
+    let stop = Arc::new(AtomicBool::new(false));
+    let own = stop.clone();
+    let (ended, raised) = work(
         py,
         threads,
-        move || fluorspar_cli::answer_of(arguments),
-        || fluorspar_cli::stop(true),
+        move || fluorspar_cli::answer_of(arguments, own),
+        || stop.store(true, Ordering::SeqCst),
         |_| Ok(()),
-    );
-    let ended = done.and_then(|(ended, raised)| raised.map_or(Ok(ended), Err));
-    match ended.inspect_err(|_| fluorspar_cli::stop(false))? {
+    )?;
+    match raised.map_or(Ok(ended), Err)? {
         Ok(answer) => Ok((answer.text, answer.succeeded)),
-        Err(failure) => Err(of_command(py, &failure)),
+        Err(error) => Err(of_session(py, error)),
     }
 }
 

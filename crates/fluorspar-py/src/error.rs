@@ -2,9 +2,8 @@
 
 use std::fmt::Display;
 
-use fluorspar_cli::CommandFailure;
 use fluorspar_experiment::ExperimentError;
-use fluorspar_session::SessionError;
+use fluorspar_session::{Error, ErrorKind, worded};
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
 use pyo3::prelude::*;
 use pyo3::{create_exception, intern};
@@ -57,33 +56,35 @@ pub(crate) fn failed(error: impl Display) -> PyErr {
     FluorsparError::new_err(error.to_string())
 }
 
-/// The exit code of a command is the attribute `code`.
-pub(crate) fn of_command(py: Python<'_>, failure: &CommandFailure) -> PyErr {
-    let error = match &failure.experiment {
-        Some(error) => of_experiment(py, error),
-        None => failed(failure),
+/// Why a task gives no answer, with the exit code of the program.
+pub(crate) fn of_session(py: Python<'_>, error: Error) -> PyErr {
+    let code = match error.kind() {
+        ErrorKind::Input => 2,
+        ErrorKind::Failed => 1,
+        ErrorKind::Stopped => 75,
     };
-    match error.value(py).setattr(intern!(py, "code"), failure.code) {
-        Ok(()) => error,
+    let raised = match error {
+        Error::Experiment(error) => of_experiment(py, &error),
+        other => failed(as_arguments(&other.to_string())),
+    };
+    match raised.value(py).setattr(intern!(py, "code"), code) {
+        Ok(()) => raised,
         Err(other) => other,
     }
 }
 
-/// Why a component image can't be used.
-pub(crate) fn of_session(py: Python<'_>, error: SessionError) -> PyErr {
-    match error {
-        SessionError::Experiment(error) => of_experiment(py, &error),
-        other => failed(other),
-    }
+/// A message with its options as arguments of a call.
+pub(crate) fn as_arguments(message: &str) -> String {
+    worded(message, |name, value| value.map_or_else(|| name.to_owned(), |value| format!("{name}={value}")))
 }
 
 /// A defect of an experiment, its parts as attributes.
 pub(crate) fn of_experiment(py: Python<'_>, error: &ExperimentError) -> PyErr {
     let details = error.details();
-    let raised = ExperimentFailure::new_err(error.to_string());
+    let raised = ExperimentFailure::new_err(as_arguments(&error.to_string()));
     let value = raised.value(py);
     let set = || -> PyResult<()> {
-        value.setattr("path", &details.source_name)?;
+        value.setattr("path", as_arguments(&details.source_name))?;
         value.setattr("line", details.line)?;
         value.setattr("entry", details.entry.as_deref())?;
         value.setattr("field", details.path.as_deref())?;

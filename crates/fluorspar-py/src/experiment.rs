@@ -4,17 +4,16 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-use fluorspar_cli::find_experiment;
 use fluorspar_experiment::{
     Experiment as Parsed, ResolvedExperiment, check_settings, json_schema, parse, resolve, scene_nodes,
     scene_values,
 };
-use fluorspar_session::warnings_before_run;
+use fluorspar_session::{ExperimentSource, warnings_before_run};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
 
-use crate::error::{failed, of_command, of_experiment};
+use crate::error::{failed, of_experiment, of_session};
 use crate::process::{prepare, work_through};
 
 /// An experiment: a text in TOML with changes on top. It never changes; `set` gives another one.
@@ -143,7 +142,8 @@ impl Experiment {
     /// A built-in experiment by its name, an experiment file, or the experiment in a report.html.
     #[staticmethod]
     fn find(py: Python<'_>, name: &str) -> PyResult<Self> {
-        let found = py.detach(|| find_experiment(name)).map_err(|failure| of_command(py, &failure))?;
+        let found = py.detach(|| ExperimentSource::find(Some(name)));
+        let found = found.map_err(|error| of_session(py, error))?;
         let base_dir = std::path::absolute(&found.base_dir).unwrap_or_else(|_| Path::new(".").into());
         Self::checked(py, found.text, found.name, base_dir, Vec::new())
     }

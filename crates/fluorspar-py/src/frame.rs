@@ -13,7 +13,7 @@ use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::{ResolvedExperiment, cached_analysis};
 use fluorspar_format::{DescribedFrame, read_described_frame, write_sensor_tiff};
 use fluorspar_report::dark_frames;
-use fluorspar_session::{CaptureView, FinishedRender, SessionError, ShownExperiment, Wanted, coarse_image};
+use fluorspar_session::{CaptureView, Error, FinishedRender, ShownExperiment, Wanted, coarse_image};
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -158,7 +158,7 @@ impl View {
         render: Arc<FinishedRender>,
         ShownExperiment { experiment, changes }: ShownExperiment<'_>,
         wanted: Wanted<'_>,
-    ) -> Result<Self, SessionError> {
+    ) -> Result<Self, Error> {
         let study = &experiment.study;
         check_captures(study, render.labels())?;
         let view = render.seen_by(study, &study.captures, changes, wanted)?;
@@ -250,7 +250,7 @@ impl View {
     }
 
     /// The frames of all captures, and what they may be mistaken for.
-    fn frames(&self) -> Result<(Vec<Frame>, Vec<String>), SessionError> {
+    fn frames(&self) -> Result<(Vec<Frame>, Vec<String>), Error> {
         let study = self.study();
         let frames = capture_from_planes(study, &self.seen())?;
         let mut warnings = Vec::new();
@@ -293,7 +293,7 @@ pub(crate) fn check_capture(
     threads: Option<usize>,
 ) -> PyResult<()> {
     let (py, experiment, render) = (experiment.py(), experiment.get(), &components.get().render);
-    let without_surfaces = || -> Result<bool, SessionError> {
+    let without_surfaces = || -> Result<bool, Error> {
         let Some(shown) = render.shown_without_surfaces(&experiment.parsed)? else { return Ok(false) };
         check_captures(&shown.experiment.study, render.labels())?;
         Ok(true)
@@ -302,7 +302,7 @@ pub(crate) fn check_capture(
         return Ok(());
     }
     let resolved = experiment.resolved(py, threads)?;
-    let with_surfaces = || -> Result<(), SessionError> {
+    let with_surfaces = || -> Result<(), Error> {
         check_captures(&resolved.study, render.labels())?;
         render.changes(&experiment.parsed, &resolved, true).map(|_| ())
     };

@@ -15,6 +15,7 @@ mod planes;
 mod png;
 mod process;
 mod render;
+mod task;
 mod view;
 
 use pyo3::prelude::*;
@@ -24,6 +25,7 @@ use pyo3::prelude::*;
 fn _fluorspar(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     error::add_to(module)?;
+    task::add_to(module)?;
     module.add_class::<experiment::Experiment>()?;
     module.add_class::<components::Components>()?;
     module.add_class::<frame::Frame>()?;

@@ -8,13 +8,13 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use fluorspar::interruption::{Interrupted, listen_to};
-use fluorspar_cli::CommandFailure;
 use fluorspar_format::count_as_program;
+use fluorspar_session::use_surroundings;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 
-use crate::error::{failed, of_command};
+use crate::error::failed;
 
 /// The process that imported the module.
 static IMPORTED_BY: OnceLock<u32> = OnceLock::new();
@@ -39,15 +39,12 @@ pub(crate) fn name_program(py: Python<'_>) -> PyResult<()> {
 /// # Errors
 /// A folder of the environment that is no catalogue.
 pub(crate) fn prepare(py: Python<'_>) -> PyResult<()> {
-    static PREPARED: OnceLock<Result<(), CommandFailure>> = OnceLock::new();
+    static PREPARED: OnceLock<Result<(), String>> = OnceLock::new();
     if PREPARED.get().is_none() {
         name_program(py)?;
     }
-    let prepared = PREPARED.get_or_init(fluorspar_cli::use_surroundings);
-    match prepared {
-        Ok(()) => Ok(()),
-        Err(failure) => Err(of_command(py, failure)),
-    }
+    let prepared = PREPARED.get_or_init(|| use_surroundings(true).map_err(|error| error.to_string()));
+    prepared.as_ref().copied().map_err(failed)
 }
 
 /// Refuses to work in a child that was forked: threads of the parent are not there, and their locks may be held.

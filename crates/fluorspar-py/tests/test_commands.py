@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import _thread
 import json
 import os
 import shutil
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -122,3 +125,33 @@ def test_another_build_finds_nothing_of_this_one_in_the_cache(tmp_path) -> None:
     # Copied with its time, it would be the same build
     os.utime(next(package.glob("_fluorspar*.so")))
     assert kept(package.parent) == 2 * first
+
+
+def test_a_task_that_is_interrupted_stops_no_other() -> None:
+    lip = fs.tissue("lip")
+    alone = lip.monte_carlo(excitation_nm=405, photons=20_000, threads=1)
+    with ThreadPoolExecutor(1) as pool:
+        other = pool.submit(lip.monte_carlo, excitation_nm=405, photons=20_000, threads=1)
+        threading.Timer(0.2, _thread.interrupt_main).start()
+        with pytest.raises(KeyboardInterrupt):
+            lip.monte_carlo(excitation_nm=405, photons=10**11, threads=1)
+        assert plain(other.result()) == plain(alone)
+
+
+def test_arguments_are_named_as_they_are_given() -> None:
+    lip = fs.tissue("lip")
+    with pytest.raises(fs.FluorsparError, match=r"^excitation_nm=200: must be between"):
+        lip.solve(excitation_nm=200)
+    with pytest.raises(fs.FluorsparError, match=r"give the wavelength of the light, excitation_nm=405$"):
+        lip.monte_carlo()
+    with pytest.raises(TypeError, match=r"^from_nm: give a number, not the string \"blue\""):
+        lip.solve(from_nm="blue")
+    with pytest.raises(TypeError, match=r"no argument \"excitation\"; it has .*excitation_nm"):
+        lip.solve(excitation=405)
+    with pytest.raises(fs.ExperimentError, match=r"^exposure_ms=-3") as raised:
+        fs.predict(exposure_ms=-3)
+    assert (raised.value.path, raised.value.code) == ("exposure_ms=-3", 2)
+    one, several = lip.solve(excitation_nm=405, state="hyperemia"), lip.solve(excitation_nm=[405], state=["hyperemia"])
+    assert plain(one) == plain(several)
+    changed = lip.solve(set={"superficial_blood_fraction": 0.01})
+    assert plain(changed) == plain(lip.solve(set=["superficial_blood_fraction=0.01"]))

@@ -14,9 +14,9 @@ use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::{Experiment, ResolvedExperiment, parse, resolve, with_sampling_of};
 use fluorspar_format::{ComponentFile, FormatError};
 
-use crate::SessionError;
 use crate::plane_cache::{DiskPlanes, FormedPlanes, MemoryPlanes, Wanted};
 use crate::rendered_scene::{RenderedScene, SceneChanges};
+use crate::{Error, Result};
 
 /// A finished render: a component file whose spectra are read when they are needed, or an image in memory.
 pub struct FinishedRender {
@@ -46,7 +46,7 @@ impl FinishedRender {
     ///
     /// # Errors
     /// A file that can't be read or holds no components.
-    pub fn open(path: &Path) -> Result<Self, SessionError> {
+    pub fn open(path: &Path) -> Result<Self> {
         Ok(Self::of_file(path, ComponentFile::open(path)?))
     }
 
@@ -54,7 +54,7 @@ impl FinishedRender {
     ///
     /// # Errors
     /// As [`Self::open`].
-    pub fn open_for_captures(path: &Path) -> Result<Self, SessionError> {
+    pub fn open_for_captures(path: &Path) -> Result<Self> {
         Ok(Self::of_file(path, ComponentFile::open_without_maps(path)?))
     }
 
@@ -96,12 +96,12 @@ impl FinishedRender {
     ///
     /// # Errors
     /// An image that carries none.
-    pub fn experiment_text(&self) -> Result<&str, SessionError> {
+    pub fn experiment_text(&self) -> Result<&str> {
         let provenance = match &self.spectra {
             Spectra::File(file) => file.provenance(),
             Spectra::Memory(_) => None,
         };
-        let provenance = provenance.ok_or_else(|| SessionError::NoExperiment { image: self.name.clone() })?;
+        let provenance = provenance.ok_or_else(|| Error::NoExperiment { image: self.name.clone() })?;
         Ok(&provenance.resolved_experiment_toml)
     }
 
@@ -109,7 +109,7 @@ impl FinishedRender {
     ///
     /// # Errors
     /// An experiment that can't be read any more.
-    pub fn experiment(&self) -> Result<Option<&Arc<Experiment>>, SessionError> {
+    pub fn experiment(&self) -> Result<Option<&Arc<Experiment>>> {
         if let Some(experiment) = self.experiment.get() {
             return Ok(experiment.as_ref());
         }
@@ -126,7 +126,7 @@ impl FinishedRender {
     /// [`Self::experiment`] as one that wants to see the image compares itself with it. With how many samples and within which limits an image
     /// in memory was rendered, which a call may say for itself, is no difference between the two; of a file a change of these would have no
     /// effect.
-    fn experiment_for(&self, now: &Experiment) -> Result<Option<Arc<Experiment>>, SessionError> {
+    fn experiment_for(&self, now: &Experiment) -> Result<Option<Arc<Experiment>>> {
         let rendered = self.experiment()?;
         let is_same = |rendered: &Experiment| {
             matches!(self.spectra, Spectra::File(_)) || rendered.file.render == now.file.render
@@ -141,7 +141,7 @@ impl FinishedRender {
     ///
     /// # Errors
     /// The first defect of the experiment; a scene that only a new render can show.
-    pub fn shown(&self, now: &Experiment) -> Result<ShownExperiment<'_>, SessionError> {
+    pub fn shown(&self, now: &Experiment) -> Result<ShownExperiment<'_>> {
         match self.shown_without_surfaces(now)? {
             Some(found) => Ok(found),
             None => self.shown_whole(now),
@@ -153,10 +153,7 @@ impl FinishedRender {
     ///
     /// # Errors
     /// As [`Self::shown`].
-    pub fn shown_without_surfaces(
-        &self,
-        now: &Experiment,
-    ) -> Result<Option<ShownExperiment<'static>>, SessionError> {
+    pub fn shown_without_surfaces(&self, now: &Experiment) -> Result<Option<ShownExperiment<'static>>> {
         let rendered = self.experiment_for(now)?;
         let Some((found, changes)) = self.scene(rendered.as_deref()).captures(now)? else { return Ok(None) };
         Ok(Some(ShownExperiment { experiment: found.into_resolved(now), changes }))
@@ -166,7 +163,7 @@ impl FinishedRender {
     ///
     /// # Errors
     /// As [`Self::shown`].
-    pub fn shown_whole(&self, now: &Experiment) -> Result<ShownExperiment<'_>, SessionError> {
+    pub fn shown_whole(&self, now: &Experiment) -> Result<ShownExperiment<'_>> {
         self.shown_by(now, resolve(now)?)
     }
 
@@ -174,11 +171,7 @@ impl FinishedRender {
     ///
     /// # Errors
     /// As [`Self::shown`].
-    pub fn shown_by(
-        &self,
-        now: &Experiment,
-        resolved: ResolvedExperiment,
-    ) -> Result<ShownExperiment<'_>, SessionError> {
+    pub fn shown_by(&self, now: &Experiment, resolved: ResolvedExperiment) -> Result<ShownExperiment<'_>> {
         let changes = self.changes(now, &resolved, true)?;
         Ok(ShownExperiment { experiment: resolved, changes })
     }
@@ -192,7 +185,7 @@ impl FinishedRender {
         now: &Experiment,
         resolved: &ResolvedExperiment,
         is_same: bool,
-    ) -> Result<SceneChanges<'_>, SessionError> {
+    ) -> Result<SceneChanges<'_>> {
         let rendered = self.experiment_for(now)?;
         self.scene(rendered.as_deref()).changes(now, resolved, is_same, || self.basis())
     }
@@ -202,7 +195,7 @@ impl FinishedRender {
     }
 
     /// The excitation basis of the image, if it has one.
-    fn basis(&self) -> Result<Option<&ExcitationImage>, SessionError> {
+    fn basis(&self) -> Result<Option<&ExcitationImage>> {
         if let Some(basis) = self.basis.get() {
             return Ok(basis.as_ref());
         }
@@ -223,7 +216,7 @@ impl FinishedRender {
         captures: &[Capture],
         changes: SceneChanges<'_>,
         wanted: Wanted<'_>,
-    ) -> Result<CaptureView, SessionError> {
+    ) -> Result<CaptureView> {
         let labels = self.labels();
         let SceneChanges { mut factors, relit, lights, light_errors } = changes;
         let size = [labels.width, labels.height, labels.grid.len()];
@@ -255,11 +248,7 @@ impl FinishedRender {
     ///
     /// # Errors
     /// Spectra that can't be read.
-    pub fn spectra(
-        &self,
-        study: &Study,
-        changes: &SceneChanges<'_>,
-    ) -> Result<Option<ComponentImage>, SessionError> {
+    pub fn spectra(&self, study: &Study, changes: &SceneChanges<'_>) -> Result<Option<ComponentImage>> {
         let labels = self.labels();
         let (width, height, bands) = (labels.width, labels.height, labels.grid.len());
         let values = labels.components.len() * width * height * bands;
@@ -296,7 +285,7 @@ impl FinishedRender {
         captures: &[Capture],
         lights: Option<Vec<Light>>,
         rows: &RelitRows<'_, Spectra>,
-    ) -> Result<Vec<ChannelPlanes>, SessionError> {
+    ) -> Result<Vec<ChannelPlanes>> {
         let labels = self.labels();
         let mut before = study.clone();
         if let Some(lights) = lights {
@@ -343,7 +332,7 @@ impl FinishedRender {
         &self,
         response: &FilmResponse,
         is_wanted: impl Fn(usize) -> bool,
-    ) -> Result<Option<ChannelPlanes>, SessionError> {
+    ) -> Result<Option<ChannelPlanes>> {
         match &self.spectra {
             Spectra::File(file) => Ok(file.planes(response.camera(), is_wanted)?),
             Spectra::Memory(_) => Ok(None),
@@ -355,7 +344,7 @@ impl FinishedRender {
         &self,
         response: &FilmResponse,
         is_wanted: impl Fn(usize) -> bool,
-    ) -> Result<FormedPlanes, SessionError> {
+    ) -> Result<FormedPlanes> {
         let found = match (self.stored_planes(response, &is_wanted)?, &self.planes) {
             (None, PlaneCache::Disk(cached)) => cached.get(response, &is_wanted),
             (None, PlaneCache::Memory(cached)) => {
@@ -375,13 +364,12 @@ impl FinishedRender {
         &self,
         responses: &[FilmResponse],
         is_wanted: impl Fn(usize, usize) -> bool,
-    ) -> Result<Vec<ChannelPlanes>, SessionError> {
+    ) -> Result<Vec<ChannelPlanes>> {
         let labels = self.labels();
         let count = labels.components.len();
         let before =
             |(number, response)| self.formed_before(response, |component| is_wanted(number, component));
-        let mut all: Vec<FormedPlanes> =
-            responses.iter().enumerate().map(before).collect::<Result<_, SessionError>>()?;
+        let mut all: Vec<FormedPlanes> = responses.iter().enumerate().map(before).collect::<Result<_>>()?;
         let lacks =
             |number: usize, component: usize| !all[number].formed[component] && is_wanted(number, component);
         let missing: Vec<usize> =

@@ -1,21 +1,70 @@
-//! What the fronts of Fluorspar share, the command line and the Python package: a finished render, opened once, and what captures of
-//! any experiment that shows its scene see of it. It prints nothing and knows no words of a front.
+//! What the fronts of Fluorspar share, the command line and the Python package: tasks, each from its options to its answer, and finished
+//! renders. It prints nothing: a front gives a task a [`Job`], which hears of it and ends it, and words its answer and its errors.
 //!
 //! | to | call |
 //! |---|---|
+//! | analyze frames | [`analyze`] |
+//! | capture a component image | [`capture`] |
+//! | run an experiment from scene to report | [`run`] |
+//! | check an experiment or a flat sample | [`check`] |
+//! | compare two finished runs | [`compare`] |
+//! | search lights, filters and sensors | [`design`] |
+//! | predict a flat sample | [`predict`] |
+//! | fit measured spectra with fluorophores | [`fluorophore`] |
+//! | solve, look into, trace, fit a tissue | [`tissue`] |
 //! | open a render, or take one that is in memory | [`FinishedRender::open`], [`FinishedRender::of_image`] |
 //! | see it with the lights, filters, sensor and concentrations of an experiment | [`FinishedRender::shown`] |
 //! | form its electrons in the captures | [`FinishedRender::seen_by`] |
 //! | learn what is odd about an experiment before it is rendered | [`warnings_before_run`] |
 
+mod analyze;
+mod capture;
+mod changes;
+mod check;
 mod coarse_render;
+mod compare;
+pub mod design;
 mod error;
+mod figure_file;
 mod finished_render;
+pub mod fluorophore;
+mod frame_report;
+mod job;
+pub mod named_spectra;
+mod options;
 mod plane_cache;
+mod predict;
+mod region_option;
+mod render;
+mod render_remarks;
 mod rendered_scene;
+mod resource_needs;
+mod run;
+mod source;
+mod surroundings;
+pub mod tissue;
+pub mod values;
 
+pub use analyze::{AnalyzeOptions, AnalyzedFrames, analyze};
+pub use capture::{CaptureOptions, CapturedFolder, RawForm, capture};
+pub use changes::{Changes, ExperimentArgs, RenderOptions, Seed, StatisticsOption};
+pub use check::{CameraView, CheckOptions, CheckedExperiment, CheckedFile, CheckedSample, check};
 pub use coarse_render::{coarse_image, warnings_before_run};
-pub use error::SessionError;
+pub use compare::{CompareOptions, ComparedRun, ComparedRuns, Comparison, compare};
+pub use error::{Error, ErrorKind, Result, worded};
+pub use figure_file::FigureFormat;
 pub use finished_render::{CaptureView, FinishedRender, ShownExperiment};
+pub use job::{Job, Left, Listener};
+pub use options::{TaskOption, TaskOptions};
 pub use plane_cache::Wanted;
+pub use predict::{Compatibility, PredictOptions, PredictedSample, filter_list, predict};
+pub use render::{Keep, fill_film, render_scene, render_with_excitation_basis};
+pub use render_remarks::{as_typed_in_session, experiment_of, say_uncertainty, warn_of_denoised};
 pub use rendered_scene::SceneChanges;
+pub use resource_needs::{
+    ResourceLimits, ResourceNeeds, film_file_bytes, frame_bytes, image_room_bytes, render_seconds, run_bytes,
+    say_time, seconds_of,
+};
+pub use run::{FinishedExperiment, RunOptions, check_memory, check_nothing_painted, run};
+pub use source::{ExperimentSource, read_text};
+pub use surroundings::use_surroundings;

@@ -13,7 +13,7 @@ use fluorspar_experiment::{
     resolve_rendered, show_the_same_scene,
 };
 
-use crate::SessionError;
+use crate::Result;
 
 /// A component image and the experiment that it was rendered from.
 #[derive(Clone, Copy, Debug)]
@@ -49,7 +49,7 @@ impl RenderedScene<'_> {
     pub(crate) fn captures(
         &self,
         now: &Experiment,
-    ) -> Result<Option<(CapturesOfRender, SceneChanges<'static>)>, SessionError> {
+    ) -> Result<Option<(CapturesOfRender, SceneChanges<'static>)>> {
         let Some(rendered) = self.experiment else { return Ok(None) };
         let mut held: Vec<&str> = Vec::new();
         for component in &self.labels.components {
@@ -74,8 +74,8 @@ impl RenderedScene<'_> {
         now: &Experiment,
         resolved: &ResolvedExperiment,
         is_same: bool,
-        basis: impl FnOnce() -> Result<Option<&'b ExcitationImage>, SessionError>,
-    ) -> Result<SceneChanges<'b>, SessionError> {
+        basis: impl FnOnce() -> Result<Option<&'b ExcitationImage>>,
+    ) -> Result<SceneChanges<'b>> {
         let study = &resolved.study;
         let Some(experiment) = self.experiment else {
             return Ok(self.of_concentrations(&BTreeMap::new(), study)?);

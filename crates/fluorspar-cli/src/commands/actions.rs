@@ -2,9 +2,11 @@
 
 use std::process::ExitCode;
 
+use crate::error::CliError;
+
 /// The options of a command and its `run`, from a list of its actions: the help of each, its name with its options, and what runs it.
 macro_rules! actions {
-    ($($(#[$help:meta])* $name:ident($options:ty) => $run:path,)+) => {
+    ($($(#[$help:meta])* $name:ident($options:ty) => $run:expr,)+) => {
         /// Options of the command.
         #[derive(Clone, Debug, clap::Args)]
         pub(crate) struct Options {
@@ -21,7 +23,7 @@ macro_rules! actions {
         pub(crate) fn run(options: &Options) -> Result<std::process::ExitCode, $crate::error::CliError> {
             use $crate::commands::actions::Ended;
             let Ended(code) = match &options.action {
-                $(Action::$name(options) => $run(options)?.into(),)+
+                $(Action::$name(options) => Ended::of($run, options)?,)+
             };
             Ok(code)
         }
@@ -32,6 +34,16 @@ pub(crate) use actions;
 
 /// How an action ended that did not fail: with an exit code of its own, or well.
 pub(crate) struct Ended(pub(crate) ExitCode);
+
+impl Ended {
+    /// Runs an action.
+    pub(crate) fn of<O, E: Into<Self>>(
+        run: impl FnOnce(&O) -> Result<E, CliError>,
+        options: &O,
+    ) -> Result<Self, CliError> {
+        run(options).map(Into::into)
+    }
+}
 
 impl From<()> for Ended {
     fn from((): ()) -> Self {

@@ -1,11 +1,9 @@
 //! `fluorspar catalog`: list, show and plot what is built in, of every kind.
 
-use std::process::ExitCode;
-
 use clap::{Subcommand, ValueEnum};
 use fluorspar_experiment::preset::PresetKind;
 
-use super::actions::{Ended, actions};
+use super::actions::actions;
 use super::table::ListOptions;
 use super::{fluorophore, lens, presets, sensor, spectra, tissue};
 use crate::error::CliError;
@@ -100,7 +98,7 @@ enum Shown {
     Design(presets::FileOptions),
 }
 
-fn show(args: &ShowArgs) -> Result<Ended, CliError> {
+fn show(args: &ShowArgs) -> Result<(), CliError> {
     match &args.part {
         Shown::Light(options) => spectra::show(options, PresetKind::Light)?,
         Shown::Filter(options) => spectra::show(options, PresetKind::Filter)?,
@@ -114,7 +112,7 @@ fn show(args: &ShowArgs) -> Result<Ended, CliError> {
         Shown::Sample(options) => presets::show(options, PresetKind::Sample)?,
         Shown::Design(options) => presets::show(options, PresetKind::Design)?,
     }
-    Ok(ExitCode::SUCCESS.into())
+    Ok(())
 }
 
 /// Options of `plot`.
@@ -138,7 +136,7 @@ enum Plotted {
     Fluorophore(fluorophore::PlotOptions),
 }
 
-fn plot(args: &PlotArgs) -> Result<Ended, CliError> {
+fn plot(args: &PlotArgs) -> Result<(), CliError> {
     match &args.parts {
         Plotted::Light(options) => spectra::plot(options, PresetKind::Light)?,
         Plotted::Filter(options) => spectra::plot(options, PresetKind::Filter)?,
@@ -146,5 +144,5 @@ fn plot(args: &PlotArgs) -> Result<Ended, CliError> {
         Plotted::Qe(options) => spectra::plot(options, PresetKind::QuantumEfficiency)?,
         Plotted::Fluorophore(options) => fluorophore::plot(options)?,
     }
-    Ok(ExitCode::SUCCESS.into())
+    Ok(())
 }

@@ -1,21 +1,19 @@
 //! `fluorspar describe`: the description of a camera's frame, from its tags and from what the user knows.
 
-use std::path::{Path, PathBuf};
-use std::process::ExitCode;
-
 use clap::ValueHint;
 use fluorspar::image::Mosaic;
 use fluorspar_experiment::{DEFAULT_EXPERIMENT, Warning};
 use fluorspar_format::{
     FactSource, FrameDescription, FrameFact, FrameFacts, Output, Outputs, describe_frame, description_path,
 };
+use fluorspar_session::ExperimentSource;
 use serde_json::json;
+use std::path::{Path, PathBuf};
 
 use super::table::align;
 use crate::args::Answer;
 use crate::commands::shell_word;
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
 use crate::values;
 
@@ -77,10 +75,10 @@ fn mosaic(text: &str) -> Result<Mosaic, String> {
 /// What the options tell.
 fn facts(options: &Options) -> Result<FrameFacts, CliError> {
     for (option, value) in [
-        ("--exposure-ms", options.exposure_ms),
-        ("--gain", options.gain),
-        ("--dn-per-electron", options.dn_per_electron),
-        ("--read-noise-dn", options.read_noise_dn),
+        ("exposure_ms", options.exposure_ms),
+        ("gain", options.gain),
+        ("dn_per_electron", options.dn_per_electron),
+        ("read_noise_dn", options.read_noise_dn),
     ] {
         if let Some(value) = value {
             values::check_range(option, value, [1e-9, 1e9], "")?;
@@ -101,7 +99,7 @@ fn facts(options: &Options) -> Result<FrameFacts, CliError> {
     })
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let given = facts(options)?;
     let path = description_path(&options.frame);
     if path.exists() && !options.replace {
@@ -132,7 +130,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let warnings: Vec<Warning> = found.warnings.iter().cloned().map(Warning::from).collect();
     Messages::default().warnings(&warnings);
     Messages::default().status(format!("Wrote {}. {}", path.display(), next_command(options)?));
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// What to type next: all of it but the files that only the user knows, for the default experiment where the capture is one of it. A real

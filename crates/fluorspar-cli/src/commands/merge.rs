@@ -1,13 +1,11 @@
 //! `fluorspar merge`: one image from the films of several processes.
 
-use std::path::{Path, PathBuf};
-use std::process::ExitCode;
-
 use clap::ValueHint;
 use fluorspar::image::Film;
 use fluorspar::pipeline::image_and_basis;
 use fluorspar_experiment::parse;
 use fluorspar_format::{Output, Provenance, check_room, read_film, write_film};
+use std::path::{Path, PathBuf};
 
 use super::capture_light::CaptureOption;
 use super::image_output::ImageOutput;
@@ -36,7 +34,7 @@ pub(crate) struct Options {
     answer: Answer,
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     options.output.check()?;
     let mut merged: Option<(Film, Option<Provenance>)> = None;
     let films = row_bands::films_of(&options.films)?;
@@ -83,7 +81,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     } else {
         Messages::default().status(format!("Wrote {}", options.output.out.display()));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Every tile must hold samples from the first one on, without a gap, and as many as were wanted unless an error target

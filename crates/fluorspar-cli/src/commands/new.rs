@@ -1,14 +1,12 @@
 //! `fluorspar new`: a commented file to start from.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::ExitCode;
-
 use clap::ValueHint;
 use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
 use fluorspar_format::{Output, Outputs, write_atomically};
 use serde_json::json;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 use super::table::ListOptions;
 use crate::error::CliError;
@@ -57,10 +55,10 @@ const TEMPLATES: [Template; 6] = [
     template!("own-camera", "run", "a camera from its data sheet, in front of a flat patch"),
 ];
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let Some(name) = &options.template else {
         list(&options.list)?;
-        return Ok(ExitCode::SUCCESS);
+        return Ok(());
     };
     let Some(template) = TEMPLATES.iter().find(|template| template.name == name) else {
         let known = TEMPLATES.map(|template| template.name);
@@ -73,15 +71,14 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     };
     let file = options.file.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.toml")));
     if file.as_os_str() == "-" {
-        super::print_text(template.text)?;
-        return Ok(ExitCode::SUCCESS);
+        return super::print_text(template.text);
     }
     write(template, &file)?;
     let shown = file.display();
     let messages = Messages::default();
     messages.status(format!("Wrote {shown}: {}", template.about));
     messages.status(format!("Next: fluorspar check {shown}; fluorspar {} {shown}", template.command));
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 fn list(options: &ListOptions) -> Result<(), CliError> {

@@ -10,11 +10,9 @@ use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::Study;
 use fluorspar_experiment::{FileRecord, InputFile, ResolvedExperiment, Warning, parse, resolve};
 use fluorspar_pbrt::{Emission, PbrtOptions, PbrtStudy, check_light, load, to_experiment};
+use fluorspar_session::{ExperimentArgs, ExperimentSource, ResourceLimits, StatisticsOption};
 
-use crate::args::{ExperimentArgs, StatisticsOption};
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
-use crate::resource_needs::Limits;
 use crate::values::{Override, as_typed, sets};
 
 /// Lines of an error that names what has no counterpart.
@@ -127,7 +125,7 @@ impl PbrtArgs {
         &self,
         source: &ExperimentSource,
         args: &ExperimentArgs,
-        limits: &Limits,
+        limits: &ResourceLimits,
     ) -> Result<ResolvedExperiment, CliError> {
         if let Some(path) = source.pbrt_scene() {
             return self.scene(path, source, args, limits);
@@ -142,7 +140,7 @@ impl PbrtArgs {
         path: &Path,
         source: &ExperimentSource,
         args: &ExperimentArgs,
-        limits: &Limits,
+        limits: &ResourceLimits,
     ) -> Result<ResolvedExperiment, CliError> {
         if args.render.error.is_some() {
             return Err(CliError::Input(
@@ -160,7 +158,7 @@ impl PbrtArgs {
         let mut study = changed.unwrap_or(study);
         check_light(&study.scene)
             .map_err(|problem| CliError::Input(format!("{}: {problem}", path.display())))?;
-        study.time_limit_s = limits.time_limit_s();
+        study.time_limit_s = limits.time_limit;
         let render = &mut study.render;
         render.samples_per_pixel = args.render.spp.unwrap_or(render.samples_per_pixel);
         render.seed = args.render.seed.seed.unwrap_or(render.seed);

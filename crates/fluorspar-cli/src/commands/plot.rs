@@ -1,14 +1,12 @@
 //! `fluorspar plot`: the chain of a camera on one axis of wavelengths.
 
-use std::path::PathBuf;
-use std::process::ExitCode;
-
 use clap::ValueHint;
 use fluorspar::spectral::{Curve, Fluorophore};
 use fluorspar_experiment::preset;
 use fluorspar_format::{Output, Outputs};
 use fluorspar_report::figures::{PlotCurve, chain};
 use serde::Serialize;
+use std::path::PathBuf;
 
 use super::FigureFormat;
 use super::spectra::{plot_curve, wavelengths, write_figure};
@@ -59,7 +57,7 @@ fn refuse_lists(option: &str, names: &[String]) -> Result<(), CliError> {
     )))
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let format = FigureFormat::of(&options.out)?;
     let range_nm = wavelengths(options.from_nm, options.to_nm)?;
     let inputs: Vec<PathBuf> = options
@@ -78,10 +76,11 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     ] {
         refuse_lists(option, names)?;
     }
-    let behind = named_spectra::filters(&options.light_filter)?;
+    let job = &Messages::default().job();
+    let behind = named_spectra::filters(&options.light_filter, job)?;
     let mut lights = Vec::new();
     for name in &options.light {
-        let curve = named_spectra::light(name)?.times(&behind);
+        let curve = named_spectra::light(name, job)?.times(&behind);
         lights.push((name, curve));
     }
     let fluorophores: Vec<Fluorophore> = options
@@ -93,7 +92,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let light_curves: Vec<PlotCurve> = lights.iter().map(|(name, curve)| one(name, curve)).collect();
     let mut filter_curves = Vec::new();
     for name in options.light_filter.iter().chain(&options.view_filter) {
-        filter_curves.push(one(name, &named_spectra::filters(std::slice::from_ref(name))?));
+        filter_curves.push(one(name, &named_spectra::filters(std::slice::from_ref(name), job)?));
     }
     let first = lights.first().map(|(_, curve)| curve);
     let excitation = fluorophores
@@ -141,7 +140,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         }
         Messages::default().status(format!("Wrote {}", options.out.display()));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// What a viewing filter by itself keeps of the fluorescence, and lets pass of the light.
@@ -183,7 +182,7 @@ fn kept_by_filters(
     let photons = |light: &Curve| light.times(&Curve::from_fn(COUNTED_NM[0], COUNTED_NM[1], |nm| nm));
     let mut kept = Vec::new();
     for name in &options.view_filter {
-        let filter = named_spectra::filters(std::slice::from_ref(name))?;
+        let filter = named_spectra::filters(std::slice::from_ref(name), &Messages::default().job())?;
         let passed = |(name, light): &(&String, Curve)| LightPassed {
             light: named_spectra::label(name),
             percent: share(&photons(light), &filter),

@@ -13,20 +13,21 @@ use fluorspar::study::Study;
 use fluorspar::units::{memory_text, memory_texts};
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{Output, OutputSet, Outputs, Provenance, read_film, read_text_bounded};
+use fluorspar_session::{
+    ExperimentArgs, ExperimentSource, Keep, Left, ResourceLimits, ResourceNeeds, check_memory,
+    check_nothing_painted, fill_film, film_file_bytes, image_room_bytes, render_with_excitation_basis,
+};
 use serde_json::json;
 
-use super::basis_render;
 use super::capture_light::{CaptureLight, CaptureOption};
 use super::image_output::ImageOutput;
 use super::pbrt_scene::PbrtArgs;
 use super::row_bands;
-use crate::args::{Answer, ExperimentArgs};
+use crate::args::Answer;
 use crate::error::{CliError, STOPPED};
-use crate::experiment_source::ExperimentSource;
-use crate::interrupt::{Left, interrupted};
+use crate::interrupt::interrupted;
 use crate::message::Messages;
-use crate::progress::{Keep, WritingReport, fill_with_progress};
-use crate::resource_needs::{Budget, Limits, film_file_bytes, image_room_bytes};
+use crate::progress::WritingReport;
 use crate::values;
 
 /// Options of `render`.
@@ -35,7 +36,7 @@ pub(crate) struct Options {
     #[command(flatten)]
     experiment: ExperimentArgs,
     #[command(flatten)]
-    pub(super) limits: Limits,
+    pub(super) limits: ResourceLimits,
     #[command(flatten)]
     pub(super) output: ImageOutput,
     #[command(flatten)]
@@ -124,8 +125,8 @@ impl Options {
     }
 
     /// What the render takes.
-    pub(super) fn budget(&self, study: &Study) -> Budget {
-        Budget::of_render(study, self.output.components, self.film.is_some())
+    pub(super) fn budget(&self, study: &Study) -> ResourceNeeds {
+        ResourceNeeds::of_render(study, self.output.components, self.film.is_some())
     }
 
     /// The files that a render writes: the image when it is done, film and preview on the way.
@@ -163,7 +164,7 @@ impl Options {
                 path.display()
             )));
         }
-        values::check_range("--checkpoint-s", self.checkpoint_s, [0.1, 1e6], "seconds")
+        values::check_range("checkpoint_s", self.checkpoint_s, [0.1, 1e6], "seconds")
     }
 }
 
@@ -173,7 +174,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let experiment = options.pbrt.resolve(&source, &options.experiment, &options.limits)?;
     let study = &experiment.study;
-    super::check_nothing_painted(study)?;
+    check_nothing_painted(study)?;
     let light = options.light(study)?;
     let (scene, settings) = (&study.scene, &study.render);
     let needed = memory_bytes(scene, settings);
@@ -193,10 +194,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if in_bands && options.shard.is_none() {
         return row_bands::render(options, &source, &experiment, &light);
     }
-    super::check_memory(
-        study,
-        "or leave --shard out: without it, large images are rendered in bands of rows",
-    )?;
+    check_memory(study, "or leave --shard out: without it, large images are rendered in bands of rows")?;
     let set = options.declare(&source, &experiment)?;
     options.say_plan(study, &light, messages);
     messages.warnings(&experiment.record.warnings);
@@ -222,12 +220,12 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         film: options.film.as_deref().map(|path| (path, Duration::from_secs_f64(options.checkpoint_s))),
         provenance: Some(&provenance),
         preview: options.output.preview.as_deref(),
-        light: light.clone(),
+        weight: &|component| light.weight(component),
         left: if options.shard.is_some() { Left::Film } else { Left::Image },
     };
     let share = options.share();
     let before = film.paths();
-    let complete = fill_with_progress(&renderer, &share, &mut film, study.time_limit_s, messages, &keep)?;
+    let complete = fill_film(&renderer, &share, &mut film, study.time_limit_s, &messages.job(), &keep)?;
     drop(renderer);
     let code = if interrupted() && !complete { ExitCode::from(STOPPED) } else { ExitCode::SUCCESS };
     if options.shard.is_some() {
@@ -258,7 +256,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         let mut answer = options.output.describe(&image, &light);
         answer["experiment_sha256"] = experiment.record.sha256.clone().into();
         answer["film_bytes"] = needed.into();
-        answer["budget"] = budget.json();
+        answer["budget"] = json!(budget);
         answer["peak_memory_bytes"] = peak_memory_bytes().into();
         super::print_json(&answer)?;
     } else {
@@ -295,7 +293,7 @@ fn render_basis(
     let set = options.declare(source, experiment)?;
     options.say_plan(study, light, messages);
     messages.warnings(&experiment.record.warnings);
-    let (image, kept) = basis_render::render(study, basis, messages)?;
+    let (image, kept) = render_with_excitation_basis(study, basis, &messages.job())?;
     let toml = experiment.record.resolved_toml.clone();
     let provenance = Provenance::new(&source.text, toml, study.render.seed, image.samples_per_pixel);
     options.output.write_with(&image, Some(&kept), &provenance, light)?;
@@ -304,7 +302,7 @@ fn render_basis(
         let mut answer = options.output.describe(&image, light);
         answer["experiment_sha256"] = experiment.record.sha256.clone().into();
         answer["excitation_nodes_nm"] = basis.nodes.nodes_nm().into();
-        answer["budget"] = budget.json();
+        answer["budget"] = json!(budget);
         answer["peak_memory_bytes"] = peak_memory_bytes().into();
         super::print_json(&answer)?;
     } else {

@@ -14,16 +14,14 @@ use fluorspar::render::{FilmRenderer, Share, memory_bytes};
 use fluorspar::units::{memory_text, memory_texts};
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{Provenance, SpooledImage, read_film_layout, read_film_rows, write_film};
+use fluorspar_session::{ExperimentSource, Keep, Left, fill_film, say_time, seconds_of};
 
 use super::capture_light::CaptureLight;
 use super::render::{Options, peak_memory_bytes, say_surfaces};
 use crate::error::{CliError, STOPPED};
-use crate::experiment_source::ExperimentSource;
-use crate::interrupt::Left;
 use crate::message;
 use crate::message::Messages;
-use crate::progress::{Keep, WritingReport, fill_with_progress};
-use crate::resource_needs::{say_time, seconds_of};
+use crate::progress::WritingReport;
 
 /// The film of a folder that holds no samples but what belongs to the whole image.
 const WHOLE: &str = "picture.film";
@@ -73,7 +71,12 @@ pub(super) fn render(
         options.output.out.display()
     ));
     if !messages.is_quiet() {
-        say_time(seconds_of(&renderer, &Share::Whole, None), settings.samples_per_pixel, None, messages)?;
+        say_time(
+            seconds_of(&renderer, &Share::Whole, None),
+            settings.samples_per_pixel,
+            None,
+            &messages.job(),
+        )?;
     }
     messages.warnings(&experiment.record.warnings);
     say_surfaces(&renderer, scene, messages);
@@ -212,11 +215,10 @@ impl BandStore for Store<'_> {
         let keep = Keep {
             film: path.as_deref().map(|path| (path, interval)),
             provenance: Some(self.provenance),
-            preview: None,
-            light: CaptureLight::default(),
             left: if path.is_some() { Left::Film } else { Left::Nothing },
+            ..Keep::default()
         };
-        fill_with_progress(self.renderer, share, film, None, Messages::default(), &keep)
+        fill_film(self.renderer, share, film, None, &Messages::default().job(), &keep)
     }
 
     fn store_rows(&mut self, plane: usize, first_row: usize, values: &[f32]) -> Result<(), CliError> {

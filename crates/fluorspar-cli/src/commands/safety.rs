@@ -1,14 +1,12 @@
 //! `fluorspar safety`: photobiological safety of an experiment's captures.
 
-use std::process::ExitCode;
-
 use fluorspar::pipeline::{CaptureSafety, PipelineError, SafetyReport, ViewerSafety, assess_safety};
 use fluorspar_experiment::ResolvedExperiment;
+use fluorspar_session::{ExperimentArgs, ExperimentSource};
 
 use super::table::{align, short};
-use crate::args::{Answer, ExperimentArgs};
+use crate::args::Answer;
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
 use crate::values::{self, Override};
 
@@ -27,12 +25,12 @@ pub(crate) struct Options {
     answer: Answer,
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let mut overrides = options.experiment.overrides();
     let of = |path: &str, mm: Option<f64>, option: &str| mm.map(|mm| Override::number(path, mm, option));
-    overrides.extend(of("safety.patient_eye_distance_mm", options.patient_eye_mm, "--patient-eye-mm"));
-    overrides.extend(of("safety.operator_eye_distance_mm", options.operator_eye_mm, "--operator-eye-mm"));
+    overrides.extend(of("safety.patient_eye_distance_mm", options.patient_eye_mm, "patient_eye_mm"));
+    overrides.extend(of("safety.operator_eye_distance_mm", options.operator_eye_mm, "operator_eye_mm"));
     let ResolvedExperiment { study, record } = source.resolve(&overrides)?;
     Messages::default().warnings(&record.warnings);
     if study.captures.is_empty() {
@@ -46,11 +44,10 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if options.answer.json {
         let mut value = serde_json::to_value(&report)?;
         value["experiment_sha256"] = record.sha256.into();
-        super::print_json(&value)?;
+        super::print_json(&value)
     } else {
-        super::print_text(&describe(&record.title, &report))?;
+        super::print_text(&describe(&record.title, &report))
     }
-    Ok(ExitCode::SUCCESS)
 }
 
 fn describe(title: &str, report: &SafetyReport) -> String {

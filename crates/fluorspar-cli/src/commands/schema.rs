@@ -1,7 +1,5 @@
 //! `fluorspar schema`: the JSON schemas of files.
 
-use std::process::ExitCode;
-
 use clap::ValueEnum;
 use fluorspar_experiment::{DesignFile, LayersFile, SampleFile, SensorFile, json_schema, json_schema_of};
 
@@ -30,7 +28,7 @@ enum FileKind {
     Design,
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     super::print_json(&match options.kind {
         FileKind::Experiment => json_schema(),
         FileKind::Sample => json_schema_of::<SampleFile>(),
@@ -38,5 +36,5 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         FileKind::Layers => json_schema_of::<LayersFile>(),
         FileKind::Design => json_schema_of::<DesignFile>(),
     })?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

@@ -1,9 +1,5 @@
 //! `fluorspar sheet`: frames of one render side by side, each with changes of its own.
 
-use std::collections::BTreeSet;
-use std::path::PathBuf;
-use std::process::ExitCode;
-
 use clap::ValueHint;
 use fluorspar::image::LightPath;
 use fluorspar::pipeline::{
@@ -12,10 +8,13 @@ use fluorspar::pipeline::{
 use fluorspar::study::{Capture, Study};
 use fluorspar_format::{Output, Outputs, write_rgb_png};
 use fluorspar_report::{ContactSheet, Raster};
-use fluorspar_session::{FinishedRender, ShownExperiment, Wanted};
+use fluorspar_session::{
+    Changes, FinishedRender, ShownExperiment, Wanted, as_typed_in_session, experiment_of, say_uncertainty,
+    warn_of_denoised,
+};
+use std::collections::BTreeSet;
+use std::path::PathBuf;
 
-use super::rendered_image::{as_typed_in_session, experiment_of, say_uncertainty, warn_of_denoised};
-use crate::args::Changes;
 use crate::error::CliError;
 use crate::message::Messages;
 use crate::values::{self, Override};
@@ -51,7 +50,7 @@ struct Panel {
     changes: Vec<Override>,
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     if options.out.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("png")) {
         let path = options.out.display();
         return Err(CliError::Input(format!("--out {path}: the name must end in .png")));
@@ -60,7 +59,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&inputs).declare()?;
     let messages = Messages::default();
     let image = FinishedRender::open_for_captures(&options.image)?;
-    warn_of_denoised(&image, messages);
+    warn_of_denoised(&image, &messages.job());
     let common = options.changes.overrides();
     let panels = panels(options, &image, &common)?;
     let sheet = ContactSheet::new(panels.len(), options.width);
@@ -88,7 +87,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     write_rgb_png(&options.out, sheet.width, sheet.height, sheet.pixels.as_flattened())?;
     set.finish()?;
     messages.status(format!("Wrote {}", options.out.display()));
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// The pictures that were asked for, else every fluorophore by itself.
@@ -174,7 +173,7 @@ fn picture(
     let capture = shown(options, study, analyzed)?;
     messages.status(format!("{}: capture \"{}\"", panel.title, capture.frame.label));
     let view = image.seen_by(study, &study.captures, changes, Wanted::Lit)?;
-    say_uncertainty(&view, study, messages);
+    say_uncertainty(&view, study, &messages.job());
     let frames = capture_from_planes(study, &view.components(image))?;
     let automatic = automatic_exposures(study, &frames);
     let frame = frames.into_iter().find(|frame| frame.raw.label == capture.frame.label);

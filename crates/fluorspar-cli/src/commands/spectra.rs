@@ -59,16 +59,18 @@ struct Entry {
 
 fn entry(name: &str, kind: PresetKind) -> Result<Entry, CliError> {
     if named_spectra::is_file(name) {
+        let job = &Messages::default().job();
         let one = |curve| vec![(String::new(), curve)];
         let curves = match kind {
-            PresetKind::Light => one(named_spectra::light(name)?),
-            PresetKind::Filter => one(named_spectra::filters(std::slice::from_ref(&name.to_string()))?),
+            PresetKind::Light => one(named_spectra::light(name, job)?),
+            PresetKind::Filter => one(named_spectra::filters(std::slice::from_ref(&name.to_string()), job)?),
             PresetKind::QuantumEfficiency => {
                 let quantity = SpectrumQuantity::QuantumEfficiency;
-                let of_file = named_spectra::of_file(name, SpectrumColumns::All, quantity, Negative::Refuse)?;
+                let of_file =
+                    named_spectra::of_file(name, SpectrumColumns::All, quantity, Negative::Refuse, job)?;
                 of_file.curves.into_iter().map(|column| (column.name, column.curve)).collect()
             }
-            _ => one(named_spectra::one_column(name, SpectrumQuantity::Fraction, Negative::Refuse)?),
+            _ => one(named_spectra::one_column(name, SpectrumQuantity::Fraction, Negative::Refuse, job)?),
         };
         let title = named_spectra::label(name);
         return Ok(Entry { name: name.into(), title, about: None, curves });

@@ -1,9 +1,5 @@
 //! `fluorspar spectroradiometer`: what a spot instrument reads of a render or of a flat sample.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::ExitCode;
-
 use clap::ValueHint;
 use fluorspar::pipeline::{SpectroradiometerReading, check_same_scene, predict, read_spectroradiometers};
 use fluorspar::sensor::Spectroradiometer;
@@ -14,12 +10,14 @@ use fluorspar_format::{
     Output, Outputs, WRITTEN_BY, quoted_csv_cell, read_component_image, write_atomically,
 };
 use fluorspar_report::figures::{PlotCurve, spectral_readings};
+use fluorspar_session::{Changes, ExperimentSource};
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 use super::quoted;
 use super::table::{align, short};
-use crate::args::{Answer, Changes};
+use crate::args::Answer;
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
 use crate::values::{self, Override, sets};
 
@@ -140,7 +138,7 @@ fn form(path: &Path) -> Result<Form, CliError> {
     }
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let target = match &options.out {
         Some(path) => {
             let kind = form(path)?;
@@ -174,7 +172,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     } else if options.out.is_none() {
         super::print_text(&describe(&readings))?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Instruments of the experiment that an image carries, or the one that the options point.

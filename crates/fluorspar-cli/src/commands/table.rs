@@ -4,6 +4,7 @@ use serde_json::Value;
 
 use super::{print_json, print_text};
 use crate::error::CliError;
+pub(crate) use crate::values::short;
 
 /// Options of the commands that list a part of the catalogue.
 #[derive(Clone, Debug, clap::Args)]
@@ -31,19 +32,6 @@ impl ListOptions {
         }
         rows.insert(0, head.iter().map(|&cell| cell.into()).collect());
         print_text(&align(&rows, left))
-    }
-}
-
-/// Four digits, whatever the size.
-pub(crate) fn short(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 {
-        "0".into()
-    } else if !(1e-3..1e6).contains(&size) {
-        format!("{value:.3e}")
-    } else {
-        let digits = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
-        format!("{value:.digits$}")
     }
 }
 

@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use clap::ValueHint;
 use fluorspar::names::did_you_mean;
 use fluorspar_format::{FileFormat, OutputFolder, write_atomically};
+use fluorspar_session::{Changes, ExperimentSource};
 use fluorspar_validation::{
     Case, CaseResult, Setup, ValidationError, Verdict, cases, markdown_table, summary, validation_page,
 };
@@ -15,10 +16,9 @@ use serde_json::{Value, json};
 
 use super::table::align;
 use super::{print_json, print_text};
-use crate::args::{Answer, Changes};
+use crate::args::Answer;
 use crate::error::{CliError, FAILED};
-use crate::experiment_source::ExperimentSource;
-use crate::interrupt::STOP;
+use crate::interrupt::stop_flag;
 use crate::message::Messages;
 use crate::values::sets;
 
@@ -66,12 +66,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     let changes = sets(&overrides);
     let inputs: Vec<PathBuf> = reference.iter().cloned().collect();
     let folder = OutputFolder::prepare(&options.out, &inputs, FOLDER_BYTES)?;
-    let setup = Setup { changes: &changes, reference: reference.as_deref(), stop: &STOP };
+    let stop = stop_flag();
+    let setup = Setup { changes: &changes, reference: reference.as_deref(), stop: &stop };
     let messages = Messages::default();
     let mut results = Vec::new();
     for case in &selected {
         messages.status(format!("{}: {}", case.name, case.title));
-        results.push(case.run(&setup)?);
+        results.push(case.run(&setup).map_err(not_computed)?);
     }
     let json = as_json(&results, &changes);
     write(&folder, &results, &json)?;
@@ -190,17 +191,16 @@ fn describe(results: &[CaseResult]) -> String {
     text + &summary(results)
 }
 
-impl From<ValidationError> for CliError {
-    fn from(error: ValidationError) -> Self {
-        match error {
-            ValidationError::Experiment(error) => error.into(),
-            ValidationError::Preset(error) => error.into(),
-            ValidationError::Predict(error) => error.into(),
-            ValidationError::Pipeline(error) => error.into(),
-            ValidationError::Render(error) => error.into(),
-            ValidationError::Format(error) => error.into(),
-            ValidationError::Interrupted => Self::Stopped(error.to_string()),
-            other => Self::Input(other.to_string()),
-        }
+/// Why a case was not computed.
+fn not_computed(error: ValidationError) -> CliError {
+    match error {
+        ValidationError::Experiment(error) => error.into(),
+        ValidationError::Preset(error) => error.into(),
+        ValidationError::Predict(error) => error.into(),
+        ValidationError::Pipeline(error) => error.into(),
+        ValidationError::Render(error) => error.into(),
+        ValidationError::Format(error) => error.into(),
+        ValidationError::Interrupted => CliError::Stopped(error.to_string()),
+        other => CliError::Input(other.to_string()),
     }
 }

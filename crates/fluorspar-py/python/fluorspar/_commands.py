@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -51,16 +51,16 @@ def _file_of(source: Experiment | str | os.PathLike[str] | None) -> Iterator[lis
 
 
 def command(*words: Any, threads: int | None = None, **options: Any) -> Any:
-    """Runs a command of the program in this process: ``command("tissue", "depth", "lip")``.
+    """Runs a command that has no call of its own: ``command("scene", "get", "oraleye-2021-surface", "light.*.spectrum")``.
 
     Returns what ``--json`` prints, objects as :class:`Record`. Underscores of options are hyphens:
-    ``command("tissue", "solve", "lip", excitation_nm=[405, 450])``. Raises :class:`FluorsparError` with its exit ``code``.
+    ``command("lens", "report", "wide_3_5mm", wavelength_nm=550)``. Raises :class:`FluorsparError` with its exit ``code``.
     """
     return Record.of_json(text_of(*words, threads=threads, json=True, **options))
 
 
 def text_of(*words: Any, threads: int | None = None, **options: Any) -> str:
-    """Runs a command of the program in this process and returns what it prints: ``text_of("lens", "--help")``.
+    """What a command prints, for those that have no call of their own and for their help: ``text_of("lens", "--help")``.
 
     A defect of an experiment raises :class:`ExperimentError`, anything else :class:`FluorsparError`, both with the exit ``code``.
     """
@@ -69,6 +69,17 @@ def text_of(*words: Any, threads: int | None = None, **options: Any) -> str:
         if not isinstance(word, (str, int, float, os.PathLike)):
             raise _given.wrong_type(f"words[{index}]", expected, word)
     return _fluorspar.answer([*map(_word, words), *_words(options)], threads=_given.threads(threads))[0]
+
+
+def _done(task: Callable[..., Any], *, threads: int | None = None, **options: Any) -> Record:
+    """What a task answers."""
+    found: Record = task(threads=_given.threads(threads), **options)
+    return found
+
+
+def _done_in_arrays(task: Callable[..., Any], **options: Any) -> Any:
+    """What a task answers, lists of numbers as arrays."""
+    return with_arrays(_done(task, **options))
 
 
 def _record(*words: Any, **options: Any) -> Record:
@@ -93,10 +104,11 @@ def _array_record(*words: Any, **options: Any) -> Record:
 def predict(sample: str | os.PathLike[str] | None = None, *, threads: int | None = None, **options: Any) -> Record:
     """Spectra and mean sensor values of a flat sample, without geometry, in milliseconds.
 
-    ``predict("tongue-385nm", concentration={"protoporphyrin_ix": 0.5}, light="led_405")``; options are those of
+    ``predict("tongue-385nm", concentration={"protoporphyrin_ix": 0.5}, light="led_405")``; arguments are the options of
     ``fluorspar predict``. Spectra are arrays.
     """
-    return _array_record("predict", *([] if sample is None else [sample]), threads=threads, **options)
+    found: Record = _done_in_arrays(_fluorspar.predict, sample=sample, threads=threads, **options)
+    return found
 
 
 class _Named:
@@ -122,19 +134,23 @@ class Tissue(_Named):
 
     def solve(self, **options: Any) -> Record:
         """Reflectance and fluorescence as arrays: ``solve(excitation_nm=[405, 450], state=["hyperemia"]).reflectance``."""
-        return _array_record("tissue", "solve", self.name, **options)
+        found: Record = _done_in_arrays(_fluorspar.tissue_solve, site=self.name, **options)
+        return found
 
-    def depth(self, **options: Any) -> Any:
+    def depth(self, **options: Any) -> list[Record]:
         """From how deep its light comes: a record for each channel, ``depth()[0].mean_depth_um``."""
-        return _arrays("tissue", "depth", self.name, **options)
+        found: list[Record] = _done_in_arrays(_fluorspar.tissue_depth, site=self.name, **options)
+        return found
 
     def monte_carlo(self, **options: Any) -> Record:
         """Photons traced through it: ``monte_carlo(excitation_nm=405, photons=100000)``."""
-        return _array_record("tissue", "mc", self.name, **options)
+        found: Record = _done_in_arrays(_fluorspar.tissue_monte_carlo, site=self.name, **options)
+        return found
 
     def fit(self, **options: Any) -> Record:
         """Its parameters fitted to measured spectra."""
-        return _array_record("tissue", "fit", self.name, **options)
+        found: Record = _done_in_arrays(_fluorspar.tissue_fit, site=self.name, **options)
+        return found
 
 
 class Lens(_Named):
@@ -233,7 +249,7 @@ def reflectance(name: sections.ReflectanceName | str | os.PathLike[str]) -> Refl
 
 
 def quantum_efficiency(name: sections.QuantumEfficiencyName | str | os.PathLike[str]) -> QuantumEfficiency:
-    """Quantum efficiencies of a sensor's channels: ``quantum_efficiency("imx219").show()``."""
+    """Quantum efficiencies of a sensor's channels: ``quantum_efficiency("consumer_rgb_cmos").show()``."""
     return QuantumEfficiency(name)
 
 
@@ -253,7 +269,7 @@ def plot(path: str | os.PathLike[str], **options: Any) -> Record:
 def run(source: Experiment | str | os.PathLike[str], out: str | os.PathLike[str], **options: Any) -> Record:
     """From scene to report in a folder, as ``fluorspar run``; returns the numbers that the folder keeps in results.json."""
     with _file_of(source) as words:
-        return _record("run", *words, out=out, **options)
+        return _done(_fluorspar.run, experiment=words[0], out=_given.path(out, "out"), **options)
 
 
 def design(source: str | os.PathLike[str] | None = None, *, search: str = "compare", **options: Any) -> Record:
@@ -261,7 +277,16 @@ def design(source: str | os.PathLike[str] | None = None, *, search: str = "compa
 
     ``search`` is ``"sweep"``, ``"optimize"``, ``"compare"``, ``"scenes"`` or ``"merge"``; options are those of ``fluorspar design``.
     """
-    return _record("design", search, *([] if source is None else [source]), **options)
+    searches = {
+        "compare": _fluorspar.design_compare,
+        "sweep": _fluorspar.design_sweep,
+        "optimize": _fluorspar.design_optimize,
+        "merge": _fluorspar.design_merge,
+        "scenes": _fluorspar.design_scenes,
+    }
+    if search not in searches:
+        raise _given.unknown("search", search, searches)
+    return _done(searches[search], design=source, **options)
 
 
 def compare(a: str | os.PathLike[str], b: str | os.PathLike[str], **options: Any) -> Record:
@@ -270,7 +295,17 @@ def compare(a: str | os.PathLike[str], b: str | os.PathLike[str], **options: Any
     ``compare("fluorspar-out/a", "fluorspar-out/b", out="two")``: folders of ``run``, ``capture`` or ``analyze``; ``out`` is a folder for a page
     with the frames. Designs that nobody has run are compared by :func:`design`.
     """
-    return _record("compare", a, b, **options)
+    return _done(_fluorspar.compare, a=_given.path(a, "a"), b=_given.path(b, "b"), **options)
+
+
+def fit_spectra(spectra: str | os.PathLike[str], **options: Any) -> Record:
+    """Measured spectra (CSV) as sums of fluorophores: weights with intervals, and which sets describe them as well.
+
+    ``fit_spectra("measured.csv", fluorophore=["fad", "protoporphyrin_ix"], light="led_405", relative=True).spectra[0].fit``; arguments are the options
+    of ``fluorspar fluorophore fit``.
+    """
+    found: Record = _done_in_arrays(_fluorspar.fit_spectra, spectra=_given.path(spectra, "spectra", "the path of a file"), **options)
+    return found
 
 
 def spectroradiometer(source: str | os.PathLike[str], **options: Any) -> Record:

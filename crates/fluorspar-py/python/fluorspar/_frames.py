@@ -253,7 +253,7 @@ def analyze(
 
 def _analysis(native: _fluorspar.FrameAnalysis) -> Analysis:
     """What was found, with its maps and regions."""
-    analysis = Analysis(Record.of_json(native.json))
+    analysis = Analysis(native.numbers)
     analysis._maps = dict(native.porphyrin_maps)
     analysis._regions = {name: _analysis(region) for name, region in native.regions}
     return analysis

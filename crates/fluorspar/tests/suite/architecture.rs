@@ -90,8 +90,11 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
     ),
     (
         "fluorspar-session/src/",
-        &["image", "light", "scene", "study", "pipeline"],
-        &["fluorspar_experiment", "fluorspar_format"],
+        &[
+            "digest", "units", "quote", "names", "spectral", "image", "light", "tissue", "scene", "render",
+            "analysis", "study", "design", "pipeline",
+        ],
+        &["fluorspar_experiment", "fluorspar_format", "fluorspar_report"],
     ),
 ];
 
@@ -104,8 +107,8 @@ const CRATES: &[(&str, &[&str])] = &[
     ("fluorspar-format", &["fluorspar"]),
     ("fluorspar-experiment", &["fluorspar", "fluorspar-anatomy", "fluorspar-format"]),
     ("fluorspar-pbrt", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
-    ("fluorspar-session", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     ("fluorspar-report", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
+    ("fluorspar-session", &["fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"]),
     ("fluorspar-validation", &["fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"]),
     (
         "fluorspar-cli",

@@ -3,13 +3,11 @@
 use clap::ValueHint;
 use fluorspar::pipeline::{LeakBehindFilters, filter_leak};
 use fluorspar_experiment::ResolvedSample;
+use fluorspar_session::{Changes, ExperimentSource, filter_list};
 
-use crate::args::Changes;
-use crate::commands::predict::filter_list;
 use crate::commands::table::{align, short};
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
 use crate::values::{self, Override, check_range};
 
@@ -42,16 +40,16 @@ const WANTED_LEAK: f64 = 0.01;
 
 pub(super) fn run(options: &Options) -> Result<(), CliError> {
     for angle in &options.angle_deg {
-        check_range("--angle-deg", *angle, [0.0, 60.0], "degrees")?;
+        check_range("angle_deg", *angle, [0.0, 60.0], "degrees")?;
     }
     let source = ExperimentSource::find_sample(options.sample.as_deref())?;
     let mut overrides = Vec::new();
     for (field, option, names) in [
-        ("view_filter.filters", "--view-filter", &options.view_filter),
-        ("light.filters", "--light-filter", &options.light_filter),
+        ("view_filter.filters", "view_filter", &options.view_filter),
+        ("light.filters", "light_filter", &options.light_filter),
     ] {
         if !names.is_empty() {
-            let typed: Vec<String> = names.iter().map(|name| format!("{option} {name}")).collect();
+            let typed: Vec<String> = names.iter().map(|name| format!("⟨{option}={name}⟩")).collect();
             let list = filter_list(names, &source.base_dir);
             overrides.push(Override::of_option(field, list, typed.join(" ")));
         }

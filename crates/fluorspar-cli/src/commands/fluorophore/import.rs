@@ -7,9 +7,10 @@ use clap::{ValueEnum, ValueHint};
 use fluorspar_experiment::Warning;
 use fluorspar_experiment::schema::{EmptyCellsChoice, FilePath, FluorophoreSection, FluorophoreSource};
 use fluorspar_format::{CutTo, Output, OutputSet, Outputs, ScatterCut, read_start, write_atomically};
+use fluorspar_session::fluorophore::{
+    FileOptions, StokesChoice, checked, everywhere_nm, from_file, peaks_nm, section_toml,
+};
 
-use super::loading::{checked, everywhere_nm, from_file, peaks_nm, section_toml};
-use super::{FileOptions, StokesChoice};
 use crate::commands::print_text;
 use crate::error::CliError;
 use crate::message::Messages;
@@ -57,7 +58,7 @@ const WRITTEN_BY_IMPORT: &str = "# Measured fluorophore from ";
 /// The cut that was asked for.
 fn cut(options: &Options) -> Result<Option<ScatterCut>, CliError> {
     let Some(within_nm) = options.cut_scatter else { return Ok(None) };
-    check_range("--cut-scatter", within_nm, CUT_NM, "nm")?;
+    check_range("cut_scatter", within_nm, CUT_NM, "nm")?;
     if options.out.as_os_str() == "-" {
         return Err(CliError::Input(
             "--cut-scatter: the matrix without scattered light is a file beside the section; name the section with --out FILE.toml".into(),

@@ -1,9 +1,9 @@
 //! `fluorspar catalog list fluorophore`.
 
 use fluorspar_experiment::preset::{self, PresetKind};
+use fluorspar_session::fluorophore::peaks_nm;
 use serde_json::json;
 
-use super::loading::peaks_nm;
 use crate::commands::table::{ListOptions, short};
 use crate::error::CliError;
 

@@ -9,9 +9,8 @@ use fluorspar::spectral::{Curve, Fluorophore};
 use fluorspar_format::{Output, Outputs, write_atomically};
 use fluorspar_report::Figure;
 use fluorspar_report::figures::{EemMap, PlotCurve, eem_maps, emission};
+use fluorspar_session::fluorophore::{FileOptions, load};
 
-use super::FileOptions;
-use super::loading::load;
 use crate::commands::{FigureFormat, beside};
 use crate::error::CliError;
 use crate::message::Messages;
@@ -51,7 +50,8 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     for name in &options.names {
         fluorophores.extend(load(name, &options.file)?.into_iter().map(|loaded| loaded.fluorophore));
     }
-    let light = options.light.as_deref().map(named_spectra::light).transpose()?;
+    let light = |name| named_spectra::light(name, &Messages::default().job());
+    let light = options.light.as_deref().map(light).transpose()?;
 
     let mut figures = vec![(options.out.clone(), eem_figure(&fluorophores, light.as_ref()))];
     if let (Some(curve), Some(name)) = (&light, &options.light) {

@@ -2,10 +2,11 @@
 
 use fluorspar::spectral::{Fluorophore, Stokes, YieldDensity};
 use fluorspar_experiment::preset::FluorophorePreset;
+use fluorspar_session::fluorophore::{
+    FileOptions, LoadedFluorophore, emission_peak_nm, everywhere_nm, load, peaks_nm,
+};
 use serde_json::{Value, json};
 
-use super::FileOptions;
-use super::loading::{Loaded, emission_peak_nm, everywhere_nm, load, peaks_nm};
 use crate::commands::table::align;
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
@@ -63,7 +64,7 @@ fn terms(fluorophore: &Fluorophore) -> Vec<Term> {
     terms.iter().zip(&parts).map(term).collect()
 }
 
-fn as_json(loaded: &Loaded) -> Result<Value, CliError> {
+fn as_json(loaded: &LoadedFluorophore) -> Result<Value, CliError> {
     let fluorophore = &loaded.fluorophore;
     let [excitation_nm, emission_nm] = peaks_nm(fluorophore);
     let mut value = match &loaded.preset {
@@ -102,7 +103,7 @@ fn as_json(loaded: &Loaded) -> Result<Value, CliError> {
     Ok(value)
 }
 
-fn describe(loaded: &Loaded) -> String {
+fn describe(loaded: &LoadedFluorophore) -> String {
     let fluorophore = &loaded.fluorophore;
     let [excitation_nm, emission_nm] = peaks_nm(fluorophore);
     let mut text = format!("{}: {}\n", fluorophore.name, fluorophore.title);

@@ -57,12 +57,12 @@ const FIGURES: [&str; 4] = ["", "_spots", "_mtf", "_field"];
 
 pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     if let Some(nm) = options.wavelength_nm {
-        check_range("--wavelength-nm", nm, [200.0, 1200.0], "nm")?;
+        check_range("wavelength_nm", nm, [200.0, 1200.0], "nm")?;
     }
     if let Some(height) = options.image_height_mm {
-        check_range("--image-height-mm", height, [1e-3, 1e3], "mm")?;
+        check_range("image_height_mm", height, [1e-3, 1e3], "mm")?;
     }
-    check_range("--frequency", options.frequency, [0.1, 1e4], "cycles per mm")?;
+    check_range("frequency", options.frequency, [0.1, 1e4], "cycles per mm")?;
     let figures = match &options.out {
         Some(out) => {
             let format = FigureFormat::of(out)?;

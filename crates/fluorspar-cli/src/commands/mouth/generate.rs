@@ -1,9 +1,5 @@
 //! `fluorspar mouth generate`: meshes of one mouth.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::process::ExitCode;
-
 use clap::ValueHint;
 use fluorspar::spectral::{Reflectance, StandardObserver, linear_srgb};
 use fluorspar::tissue::diffuse_reflectance;
@@ -12,12 +8,14 @@ use fluorspar_experiment::cached_mouth;
 use fluorspar_format::{
     NamedMesh, Output, OutputFolder, OutputSet, Outputs, write_gltf, write_obj, write_pbrt, write_ply,
 };
+use fluorspar_session::ExperimentSource;
 use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use super::person::PersonArgs;
 use crate::commands::table::{align, short};
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
 use crate::message::Messages;
 
 /// Options of `mouth generate`.
@@ -121,7 +119,7 @@ impl<'a> Files<'a> {
     }
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let targets: Vec<OutputKind> = options.out.iter().map(|path| target(path)).collect::<Result<_, _>>()?;
     let parameters = options.person.parameters(options.pose.as_deref())?;
     let files = Files::declare(&options.out, &targets)?;
@@ -146,8 +144,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     if options.json {
         return print_json(&parameters, &mouth);
     }
-    crate::commands::print_text(&dimension_table(&parameters, &mouth))?;
-    Ok(ExitCode::SUCCESS)
+    crate::commands::print_text(&dimension_table(&parameters, &mouth))
 }
 
 /// Color of a tissue that the default experiment does not have.
@@ -299,7 +296,7 @@ fn dimension_table(p: &MouthParameters, mouth: &Mouth) -> String {
     text
 }
 
-fn print_json(parameters: &MouthParameters, mouth: &Mouth) -> Result<ExitCode, CliError> {
+fn print_json(parameters: &MouthParameters, mouth: &Mouth) -> Result<(), CliError> {
     let list: Vec<_> = dimensions(parameters, mouth)
         .into_iter()
         .map(|dimension| {
@@ -334,5 +331,5 @@ fn print_json(parameters: &MouthParameters, mouth: &Mouth) -> Result<ExitCode, C
         "dimensions": list,
         "parts": parts,
     }))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

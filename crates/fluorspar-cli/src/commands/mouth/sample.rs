@@ -1,12 +1,10 @@
 //! `fluorspar mouth sample`: a cohort.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::ExitCode;
-
 use clap::ValueHint;
 use fluorspar_anatomy::{MouthParameters, sample_person};
 use fluorspar_format::{OutputFolder, write_atomically};
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 use super::person::parse_person;
 use crate::error::CliError;
@@ -33,7 +31,7 @@ pub(crate) struct Options {
     out: PathBuf,
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let Some(last) = options.seed.checked_add(options.count - 1) else {
         return Err(CliError::Input(format!(
             "--seed {}: must be between 1 and {} for {} people",
@@ -43,13 +41,13 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
         )));
     };
     // A base that can't be used is found before anything is written.
-    crate::experiment_source::ExperimentSource::find(Some(&options.base))?;
+    fluorspar_session::ExperimentSource::find(Some(&options.base))?;
     let people: Vec<MouthParameters> = (options.seed..=last).map(sample_person).collect();
     let folder = OutputFolder::prepare(&options.out, &[], PERSON_BYTES * u64::from(options.count))?;
     write_people(options, &people, folder.path()).map_err(|error| error.at_its_place(&folder))?;
     folder.finish()?;
     Messages::default().status(format!("Wrote {} people to {}", people.len(), options.out.display()));
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Room that a person takes, bytes: a file of a block or two, and a line of the table.

@@ -1,22 +1,19 @@
 //! `fluorspar mouth view`: a contact sheet.
 
-use std::path::{Path, PathBuf};
-use std::process::ExitCode;
-
 use clap::ValueHint;
 use fluorspar::pipeline::light_group_preview;
 use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, POSES};
 use fluorspar_experiment::{parse, resolve};
 use fluorspar_format::{Output, Outputs, write_rgb_png};
 use fluorspar_report::{ContactSheet, Raster};
+use fluorspar_session::{ExperimentSource, render_scene};
+use std::path::{Path, PathBuf};
 
 use super::person::{PersonArgs, find_view};
 use crate::commands::table::align;
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
 use crate::interrupt::interrupted;
 use crate::message::Messages;
-use crate::progress::render_with_progress;
 use crate::values::{self, Override, as_typed, sets};
 
 /// Options of `mouth view`.
@@ -48,15 +45,14 @@ pub(crate) struct Options {
     list: bool,
 }
 
-pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     if options.list {
         let rows: Vec<Vec<String>> = EXAMINATION_VIEWS
             .iter()
             .chain(&POSES)
             .map(|view| vec![view.name.to_owned(), view.title.to_owned()])
             .collect();
-        crate::commands::print_text(&align(&rows, &[1]))?;
-        return Ok(ExitCode::SUCCESS);
+        return crate::commands::print_text(&align(&rows, &[1]));
     }
     if !options.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
         return Err(CliError::Input(format!("--out {}: the name must end in .png", options.out.display())));
@@ -83,7 +79,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
     write_rgb_png(&options.out, sheet.width, sheet.height, sheet.pixels.as_flattened())?;
     set.finish()?;
     messages.status(format!("Wrote {}", options.out.display()));
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 fn picture(
@@ -123,7 +119,7 @@ fn picture(
             known.join(", ")
         )));
     }
-    let components = render_with_progress(&study.scene, &study.render, None, Messages::default())?;
+    let components = render_scene(&study.scene, &study.render, None, &Messages::default().job())?;
     if interrupted() {
         return Err(CliError::Stopped("interrupted: a picture is missing, and nothing was written".into()));
     }

@@ -8,8 +8,8 @@ use fluorspar_format::{Output, Outputs, WRITTEN_BY, write_atomically};
 
 use super::source::{SceneArgs, SceneText};
 use crate::error::CliError;
-use crate::experiment_source::read_text;
 use crate::message::Messages;
+use fluorspar_session::read_text;
 
 /// Options of `scene set`.
 #[derive(Clone, Debug, clap::Args)]

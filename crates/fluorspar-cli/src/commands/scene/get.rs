@@ -1,9 +1,9 @@
 //! `fluorspar scene get`: the values at paths.
 
 use fluorspar_experiment::scene_values;
+use fluorspar_session::Changes;
 
 use super::source::SceneArgs;
-use crate::args::Changes;
 use crate::error::CliError;
 
 /// Options of `scene get`.

@@ -8,10 +8,10 @@ use fluorspar::study::Study;
 use fluorspar_experiment::{Experiment, Warning, parse, resolve_shapes, resolve_unlit};
 use fluorspar_format::OutputFolder;
 use fluorspar_pbrt::{ConvertedScene, to_experiment};
+use fluorspar_session::ExperimentSource;
 
 use crate::commands::pbrt_scene::{PbrtArgs, changed_study};
 use crate::error::CliError;
-use crate::experiment_source::ExperimentSource;
 use crate::values::{Override, as_typed, sets};
 
 /// A scene.

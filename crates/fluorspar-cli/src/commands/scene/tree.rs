@@ -1,9 +1,9 @@
 //! `fluorspar scene tree`: what has a name.
 
 use fluorspar_experiment::scene_nodes;
+use fluorspar_session::Changes;
 
 use super::source::SceneArgs;
-use crate::args::Changes;
 use crate::commands::table::align;
 use crate::error::CliError;
 

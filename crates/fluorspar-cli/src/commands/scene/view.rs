@@ -6,9 +6,9 @@ use clap::{ValueEnum, ValueHint};
 use fluorspar::pipeline::{SurfaceView, depth_range_m, part_color, surface_view};
 use fluorspar::render::visible_surfaces;
 use fluorspar_format::{Output, Outputs, write_rgb_png};
+use fluorspar_session::Changes;
 
 use super::source::SceneArgs;
-use crate::args::Changes;
 use crate::error::CliError;
 use crate::message::Messages;
 use crate::values;

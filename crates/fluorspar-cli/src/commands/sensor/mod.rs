@@ -13,11 +13,10 @@ use clap::ValueHint;
 use fluorspar::names::did_you_mean;
 use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::{ResolvedSensor, parse_sensor};
+use fluorspar_session::{Changes, read_text};
 
-use crate::args::Changes;
 use crate::commands::actions::actions;
 use crate::error::CliError;
-use crate::experiment_source::read_text;
 use crate::message::Messages;
 use crate::values::{Override, as_typed, sets};
 

@@ -1,266 +1,61 @@
 //! `fluorspar tissue fit`.
 
-use std::io::Write;
-use std::path::PathBuf;
+use fluorspar::tissue::fit::{Fit, FittedSpectrum};
+use fluorspar::units::number_text;
+use fluorspar_session::tissue::FittedTissue;
 
-use clap::ValueHint;
-use fluorspar::names::did_you_mean;
-use fluorspar::spectral::Curve;
-use fluorspar::tissue::fit::{Fit, MeasuredFluorescence, MeasuredReflectance, TissueFit, Viewing};
-use fluorspar::tissue::{DiscreteOrdinates, Population, Site};
-use fluorspar_experiment::preset::{self, PresetKind};
-use fluorspar_format::{Negative, OutputFolder, SpectrumQuantity, write_atomically};
+use crate::commands::table::{align, short};
 
-use super::fit_output::{as_json, describe, figure, residuals, section};
-use super::source::{SiteArgs, find};
-use crate::args::Answer;
-use crate::commands::{print_json, print_text};
-use crate::error::CliError;
-use crate::message::Messages;
-use crate::named_spectra;
-use crate::values::{self, check_range};
+/// Above this share of the prior's standard deviation the data said little.
+const UNSEEN: f64 = 0.9;
 
-/// A section, a table, results and a figure.
-const FOLDER_BYTES: u64 = 16 << 20;
-/// Wavelengths that can be fitted, nm.
-const WAVELENGTH_NM: [f64; 2] = [350.0, 800.0];
-
-/// Options of `tissue fit`.
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct Options {
-    #[command(flatten)]
-    site: SiteArgs,
-    /// Reflectance as measured, 0 to 1 (CSV, its first spectrum), surface reflection excluded. May be repeated.
-    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
-    reflectance: Vec<String>,
-    /// Measured fluorescence, energy per nm (CSV, its first spectrum). May be repeated, with a --light for each.
-    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
-    fluorescence: Vec<String>,
-    /// Light of the fluorescence in the same place: a name of the catalogue or a CSV file.
-    #[arg(long, value_name = "NAME|CSV")]
-    light: Vec<String>,
-    /// Filter before the instrument: a name of the catalogue or a CSV file. May be repeated.
-    #[arg(long = "view-filter", alias = "filter", value_name = "NAME|CSV")]
-    filter: Vec<String>,
-    /// What the instrument sees of a white target through the filter, in the same place: energy per nm over the energy of the
-    /// light, 1/nm (CSV). One for each fluorescence, or none.
-    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
-    leak: Vec<String>,
-    /// Fit this parameter only, instead of all that vary among people. May be repeated.
-    #[arg(long, value_name = "NAME")]
-    free: Vec<String>,
-    /// Keep this parameter at its value. May be repeated.
-    #[arg(long, value_name = "NAME")]
-    hold: Vec<String>,
-    /// Factor on the standard deviations of the prior, which are those among people.
-    #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = values::number, allow_negative_numbers = true)]
-    prior_width: f64,
-    /// Standard deviation of the reflectance, of measurement and model.
-    #[arg(long, value_name = "E", default_value_t = 0.01, value_parser = values::number, allow_negative_numbers = true)]
-    reflectance_error: f64,
-    /// Standard deviation of the shape of the fluorescence, relative, of measurement and model.
-    #[arg(long, value_name = "E", default_value_t = 0.05, value_parser = values::number, allow_negative_numbers = true)]
-    shape_error: f64,
-    /// Standard deviation of the logarithm of the scale of each fluorescence; 0 where it is over the energy of the light on a
-    /// white target, 1/nm, and exact [default: the scale is unknown].
-    #[arg(long, value_name = "E", value_parser = values::number, allow_negative_numbers = true)]
-    scale_error: Option<f64>,
-    /// First wavelength that is used of the fluorescence, nm [default: that of the file].
-    #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
-    from_nm: Option<f64>,
-    /// Last wavelength that is used of the fluorescence, nm [default: that of the file].
-    #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
-    to_nm: Option<f64>,
-    /// Step to which spectra are averaged, nm.
-    #[arg(long, value_name = "NM", default_value_t = 5.0, value_parser = values::number, allow_negative_numbers = true)]
-    step_nm: f64,
-    /// Name of the fitted tissue.
-    #[arg(long, value_name = "NAME", default_value = "fitted")]
-    name: String,
-    /// Folder for tissue.toml (a [[tissue]] section), results.json, residuals.csv and fit.svg, fit.png [default: none].
-    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
-    out: Option<PathBuf>,
-    #[command(flatten)]
-    answer: Answer,
+/// Where a spectrum is off most: wavelength, and difference relative to the root mean square of the spectrum.
+fn worst(spectrum: &FittedSpectrum) -> (f64, f64) {
+    let count = spectrum.measured.len() as f64;
+    let level = (spectrum.measured.iter().map(|v| v * v).sum::<f64>() / count).sqrt();
+    let differences = spectrum.model.iter().zip(&spectrum.measured).map(|(model, v)| (model - v) / level);
+    let most = |a: (f64, f64), b: (f64, f64)| if b.1.abs() > a.1.abs() { b } else { a };
+    spectrum.wavelengths_nm.iter().copied().zip(differences).fold((0.0, 0.0), most)
 }
 
-pub(super) fn run(options: &Options) -> Result<(), CliError> {
-    options.check()?;
-    let (title, site) = options.site.resolve_site()?;
-    options.check_base(&site)?;
-    let prior = options.prior(&site)?;
-    let files = [&options.reflectance, &options.fluorescence, &options.light, &options.filter, &options.leak];
-    let inputs = options.site.file().into_iter().chain(files.into_iter().flatten().map(PathBuf::from));
-    let inputs: Vec<PathBuf> = inputs.collect();
-    let out =
-        options.out.as_ref().map(|out| OutputFolder::prepare(out, &inputs, FOLDER_BYTES)).transpose()?;
-    let reflectances = options.reflectances()?;
-    let fluorescences = options.fluorescences()?;
-    let fit = TissueFit { prior: &prior, find: &find, solver: DiscreteOrdinates::DIFFUSE };
-    let found = fit.fit(&reflectances, &fluorescences)?;
-    if !found.converged {
-        let steps = found.steps;
-        Messages::default().status(format!(
-            "warning: the search did not settle in {steps} steps; a narrower prior may help"
-        ));
-    }
-    if let Some(out) = out {
-        let place = options.write(out, &title, &found)?;
-        Messages::default().status(format!("Wrote {}", place.display()));
-    }
-    if options.answer.json {
-        print_json(&as_json(&options.name, &found))
-    } else {
-        print_text(&describe(&title, &found))
-    }
+pub(super) fn describe(FittedTissue { title, fit: found, .. }: &FittedTissue) -> String {
+    format!(
+        "{title} ({}), fitted in {} steps\n\n{}\n{}",
+        found.site.name(),
+        found.steps,
+        align(&parameter_rows(found), &[7]),
+        align(&spectrum_rows(found), &[])
+    )
 }
 
-impl Options {
-    fn check(&self) -> Result<(), CliError> {
-        for (option, value, range, unit) in [
-            ("--prior-width", self.prior_width, [0.01, 100.0], ""),
-            ("--reflectance-error", self.reflectance_error, [1e-4, 1.0], ""),
-            ("--shape-error", self.shape_error, [1e-4, 10.0], ""),
-            ("--scale-error", self.scale_error.unwrap_or(0.0), [0.0, 100.0], ""),
-            ("--step-nm", self.step_nm, [1.0, 50.0], "nm"),
-            ("--from-nm", self.from_nm.unwrap_or(WAVELENGTH_NM[0]), WAVELENGTH_NM, "nm"),
-            ("--to-nm", self.to_nm.unwrap_or(WAVELENGTH_NM[1]), WAVELENGTH_NM, "nm"),
-        ] {
-            check_range(option, value, range, unit)?;
-        }
-        let (spectra, lights, leaks) = (self.fluorescence.len(), self.light.len(), self.leak.len());
-        if self.reflectance.is_empty() && spectra == 0 {
-            return Err(CliError::Input("give --reflectance CSV, --fluorescence CSV or both".into()));
-        }
-        if lights != spectra {
-            return Err(CliError::Input(format!(
-                "--fluorescence is given {spectra} times and --light {lights} times; give one light for each spectrum, in the \
-                 same order"
-            )));
-        }
-        if leaks != 0 && leaks != spectra {
-            return Err(CliError::Input(format!(
-                "--leak is given {leaks} times and --fluorescence {spectra} times; give one for each spectrum, or none"
-            )));
-        }
-        Ok(())
-    }
+/// The fitted parameters, below their heads.
+fn parameter_rows(found: &Fit) -> Vec<Vec<String>> {
+    let heads = ["parameter", "value", "95 % from", "to", "prior", "from", "to", ""];
+    let mut rows = vec![heads.map(String::from).to_vec()];
+    rows.extend(found.parameters.iter().map(|p| {
+        let [low, high] = p.interval_95.map(short);
+        let [prior_low, prior_high] = p.prior_interval_95.map(short);
+        let unseen = if p.relative_deviation > UNSEEN { "not seen in these spectra" } else { "" };
+        vec![p.name.into(), short(p.value), low, high, short(p.prior), prior_low, prior_high, unseen.into()]
+    }));
+    rows
+}
 
-    /// The site must be one that the written section can name.
-    fn check_base(&self, site: &Site) -> Result<(), CliError> {
-        if self.out.is_none() || preset::names(PresetKind::Site).contains(&site.name()) {
-            return Ok(());
-        }
-        Err(CliError::Input(format!(
-            "--out: a fit is written as changes of a site of the catalogue, and \"{}\" is none; put its file into the folder sites of \
-             the catalogue that FLUORSPAR_CATALOGUE names",
-            site.name()
-        )))
-    }
-
-    /// What may vary, and how much.
-    fn prior(&self, site: &Site) -> Result<Population, CliError> {
-        let all = Population::of(site).widened(self.prior_width);
-        let is = |variation: &fluorspar::tissue::Variation, name: &str| {
-            variation.name == name || variation.parameters.contains(&name)
-        };
-        for (option, name) in
-            self.free.iter().map(|name| ("--free", name)).chain(self.hold.iter().map(|name| ("--hold", name)))
-        {
-            if !all.variations().iter().any(|variation| is(variation, name)) {
-                let known: Vec<&str> = all.variations().iter().map(|variation| variation.name).collect();
-                let hint = did_you_mean(name, known.iter().copied());
-                return Err(CliError::Input(format!(
-                    "{option} {name}: this does not vary in {}{hint} What varies: {}; what is 0 needs a value first (--set)",
-                    site.name(),
-                    known.join(", ")
-                )));
-            }
-        }
-        Ok(all.restricted(|variation| {
-            let named = |names: &[String]| names.iter().any(|name| is(variation, name));
-            (self.free.is_empty() || named(&self.free)) && !named(&self.hold)
-        }))
-    }
-
-    /// Averages over steps around multiples of the step, between two wavelengths.
-    fn sampled(
-        &self,
-        name: &str,
-        quantity: SpectrumQuantity,
-        from_nm: f64,
-        to_nm: f64,
-    ) -> Result<(Vec<f64>, Vec<f64>), CliError> {
-        let curve = named_spectra::one_column(name, quantity, Negative::Keep)?;
-        let (first, last) = curve.range_nm();
-        let (first, last) = (first.max(from_nm), last.min(to_nm));
-        let half = 0.5 * self.step_nm;
-        let number = |nm: f64| nm / self.step_nm;
-        let steps = number(first).ceil() as i64..=number(last).floor() as i64;
-        let nm: Vec<f64> = steps.map(|step| step as f64 * self.step_nm).collect();
-        let mean = |nm: &f64| {
-            let [from, to] = [(nm - half).max(first), (nm + half).min(last)];
-            curve.integral(from, to) / (to - from)
-        };
-        let values = nm.iter().map(mean).collect();
-        Ok((nm, values))
-    }
-
-    fn reflectances(&self) -> Result<Vec<MeasuredReflectance>, CliError> {
-        let read = |name: &String| {
-            let (wavelengths_nm, values) =
-                self.sampled(name, SpectrumQuantity::Fraction, WAVELENGTH_NM[0], WAVELENGTH_NM[1])?;
-            if values.iter().any(|value| *value > 1.0) {
-                let message = format!("{name}: reflectance is at most 1; are the values in percent?");
-                return Err(CliError::Input(message));
-            }
-            Ok(MeasuredReflectance {
-                name: name.clone(),
-                wavelengths_nm,
-                values,
-                error: self.reflectance_error,
-            })
-        };
-        self.reflectance.iter().map(read).collect()
-    }
-
-    fn fluorescences(&self) -> Result<Vec<MeasuredFluorescence>, CliError> {
-        let filter = named_spectra::filters(&self.filter)?;
-        let (from, to) = (self.from_nm.unwrap_or(WAVELENGTH_NM[0]), self.to_nm.unwrap_or(WAVELENGTH_NM[1]));
-        let read = |(i, (name, light)): (usize, (&String, &String))| {
-            let mut viewing = Viewing::new(&named_spectra::light(light)?, filter.clone())?;
-            if let Some(leak) = self.leak.get(i) {
-                let leak: Curve =
-                    named_spectra::one_column(leak, SpectrumQuantity::SpectralPower, Negative::ClipToZero)?;
-                viewing = viewing.with_leak(leak);
-            }
-            let (wavelengths_nm, values) = self.sampled(name, SpectrumQuantity::SpectralPower, from, to)?;
-            Ok(MeasuredFluorescence {
-                name: format!("{name} under {}", named_spectra::label(light)),
-                viewing,
-                wavelengths_nm,
-                values,
-                relative_error: self.shape_error,
-                scale_uncertainty: self.scale_error.unwrap_or(f64::INFINITY),
-            })
-        };
-        self.fluorescence.iter().zip(&self.light).enumerate().map(read).collect()
-    }
-
-    /// Writes all files of the results.
-    fn write(&self, out: OutputFolder, title: &str, found: &Fit) -> Result<PathBuf, CliError> {
-        let figure = figure(title, found);
-        let files = [
-            ("tissue.toml", section(&self.name, found)?.into_bytes()),
-            ("results.json", serde_json::to_string_pretty(&as_json(&self.name, found))?.into_bytes()),
-            ("residuals.csv", residuals(found).into_bytes()),
-            ("fit.svg", figure.to_svg().into_bytes()),
-            ("fit.png", figure.to_png()?),
-        ];
-        for (name, bytes) in files {
-            write_atomically(&out.path().join(name), |file| file.write_all(&bytes))
-                .map_err(|error| out.at_its_place(error))?;
-        }
-        Ok(out.finish()?)
-    }
+/// How well each spectrum is met, below the heads.
+fn spectrum_rows(found: &Fit) -> Vec<Vec<String>> {
+    let mut rows = vec![["spectrum", "relative rms", "most", "at nm", "scale"].map(String::from).to_vec()];
+    rows.extend(found.spectra.iter().map(|spectrum| {
+        let (nm, difference) = worst(spectrum);
+        let scale = spectrum.scale_interval_95.map_or_else(String::new, |[low, high]| {
+            format!("{} ({} to {})", short(spectrum.scale), short(low), short(high))
+        });
+        vec![
+            spectrum.name.clone(),
+            format!("{:.1} %", 100.0 * spectrum.relative_rms()),
+            format!("{:+.1} %", 100.0 * difference),
+            number_text(nm),
+            scale,
+        ]
+    }));
+    rows
 }

@@ -5,9 +5,9 @@ use fluorspar::tissue::{
 };
 use fluorspar::units::number_text;
 use fluorspar_experiment::NamedTissue;
+use fluorspar_session::tissue::{SiteOptions, find};
 use serde_json::{Value, json};
 
-use super::source::{SiteArgs, find};
 use crate::commands::table::{align, short};
 use crate::commands::{print_json, print_text};
 use crate::error::CliError;
@@ -19,7 +19,7 @@ const TOLD_NM: [f64; 3] = [405.0, 520.0, 635.0];
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
-    site: SiteArgs,
+    site: SiteOptions,
     /// Print the answer as JSON.
     #[arg(long)]
     json: bool,

@@ -1,328 +1,56 @@
 //! `fluorspar tissue solve`.
 
-use std::path::PathBuf;
+use fluorspar_session::tissue::SolvedTissue;
 
-use clap::ValueHint;
-use fluorspar::spectral::Curve;
-use fluorspar::tissue::fit::Viewing;
-use fluorspar::tissue::{
-    Below, DiscreteOrdinates, EffectiveTissue, Incidence, LayerFluorophore, LayeredTissue, Level, LightField,
-    Site, TissueError,
-};
-use fluorspar::units::number_text;
-use fluorspar_experiment::NamedTissue;
-use fluorspar_format::OutputFolder;
-use rayon::prelude::*;
-use serde::Serialize;
+use crate::commands::table::{align, short};
 
-use super::solve_output::{describe, figures, tables};
-use super::source::{SiteArgs, find};
-use crate::args::Answer;
-use crate::commands::{print_json, print_text};
-use crate::error::CliError;
-use crate::message::Messages;
-use crate::named_spectra;
-use crate::values::{self, check_range};
+/// Wavelengths that the text tells, nm.
+const TOLD_NM: [f64; 11] = [365.0, 385.0, 405.0, 420.0, 450.0, 470.0, 500.0, 560.0, 600.0, 635.0, 700.0];
+/// Shares below this are left out of the text.
+const LEAST_SHARE: f64 = 0.01;
 
-/// Two tables, results and some figures.
-const FOLDER_BYTES: u64 = 32 << 20;
-/// Wavelengths at which tissue is known, nm.
-const WAVELENGTH_NM: [f64; 2] = [350.0, 800.0];
-/// Least distance of the last wavelength from the first, nm.
-const LEAST_RANGE_NM: f64 = 20.0;
-/// Half width of the light of one wavelength, nm.
-const LINE_NM: f64 = 2.5;
-
-/// Options of `tissue solve`.
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct Options {
-    #[command(flatten)]
-    site: SiteArgs,
-    /// Light whose fluorescence is given: a name of the catalogue or a CSV file. May be repeated [default: led_405, led_450].
-    #[arg(long, value_name = "NAME|CSV")]
-    light: Vec<String>,
-    /// Light of one wavelength whose fluorescence is given, nm. May be repeated.
-    #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
-    excitation_nm: Vec<f64>,
-    /// First wavelength, nm.
-    #[arg(long, value_name = "NM", default_value_t = 350.0, value_parser = values::number, allow_negative_numbers = true)]
-    from_nm: f64,
-    /// Last wavelength, nm.
-    #[arg(long, value_name = "NM", default_value_t = 750.0, value_parser = values::number, allow_negative_numbers = true)]
-    to_nm: f64,
-    /// Step between wavelengths, nm.
-    #[arg(long, value_name = "NM", default_value_t = 5.0, value_parser = values::number, allow_negative_numbers = true)]
-    step_nm: f64,
-    /// Directions per hemisphere: 16 give diffuse light to 3e-5, 32 a beam to 3e-4.
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::whole::<usize, 8, 128>,
-        allow_negative_numbers = true)]
-    nodes: usize,
-    /// Folder for results.json, spectra.csv, fluorescence.csv, eem.csv and figures (SVG and PNG) [default: none].
-    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
-    out: Option<PathBuf>,
-    #[command(flatten)]
-    answer: Answer,
-}
-
-/// What was found, as `--json` and results.json have it.
-#[derive(Clone, Debug, Serialize)]
-pub(super) struct Found {
-    pub(super) title: String,
-    pub(super) site: String,
-    /// What lies below the last layer.
-    pub(super) below: String,
-    pub(super) specular_reflectance_of_diffuse_light: f64,
-    pub(super) wavelength_nm: Vec<f64>,
-    /// Of diffuse light, above the surface, without what the surface reflects at once.
-    pub(super) reflectance: Vec<f64>,
-    /// The same below the surface, for something that reflects by itself.
-    pub(super) reflectance_below_surface: Vec<f64>,
-    /// Of a beam along the normal, without what the surface reflects at once.
-    pub(super) reflectance_of_beam: Vec<f64>,
-    /// Fluence just below the surface per irradiance of the beam.
-    pub(super) fluence_at_surface: Vec<f64>,
-    /// Depth at which the fluence of the beam is that at the surface over e, um.
-    pub(super) depth_of_1_over_e_um: Vec<f64>,
-    pub(super) fluorescence: Vec<FoundFluorescence>,
-    pub(super) own_absorption: OwnAbsorption,
-    #[serde(skip)]
-    pub(super) eem: FoundEem,
-}
-
-/// Fluorescence under one light.
-#[derive(Clone, Debug, Serialize)]
-pub(super) struct FoundFluorescence {
-    pub(super) light: String,
-    /// Energy that leaves per nm and per unit of energy of the light, 1/nm.
-    pub(super) exitance_per_nm: Vec<f64>,
-    /// The same over all wavelengths that were solved.
-    pub(super) exitance: f64,
-    pub(super) emitters: Vec<Emitter>,
-}
-
-/// A fluorophore in a layer.
-#[derive(Clone, Debug, Serialize)]
-pub(super) struct Emitter {
-    pub(super) fluorophore: String,
-    pub(super) layer: String,
-    /// Share of the exitance.
-    pub(super) share: f64,
-    pub(super) exitance_per_nm: Vec<f64>,
-}
-
-/// What the absorption of the fluorophores themselves changes, quantum yields assumed: relative, the largest over 400 to 700 nm.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct OwnAbsorption {
-    pub(super) change_of_reflectance: f64,
-    /// Of the exitance under the lights, the largest of all.
-    pub(super) change_of_fluorescence: f64,
-}
-
-/// Excitation-emission matrices above the surface, 1/nm, of each fluorophore over all layers.
-#[derive(Clone, Debug)]
-pub(super) struct FoundEem {
-    pub(super) excitation_nm: Vec<f64>,
-    pub(super) emission_nm: Vec<f64>,
-    /// Names, and values by emission, then excitation.
-    pub(super) fluorophores: Vec<(String, Vec<f64>)>,
-}
-
-pub(super) fn run(options: &Options) -> Result<(), CliError> {
-    for (option, value, range) in [
-        ("--from-nm", options.from_nm, WAVELENGTH_NM),
-        ("--to-nm", options.to_nm, WAVELENGTH_NM),
-        ("--step-nm", options.step_nm, [0.5, 20.0]),
-    ] {
-        check_range(option, value, range, "nm")?;
-    }
-    if options.to_nm < options.from_nm + LEAST_RANGE_NM {
-        return Err(CliError::Input(format!(
-            "--to-nm {}: must be {LEAST_RANGE_NM} nm or more above --from-nm {}",
-            number_text(options.to_nm),
-            number_text(options.from_nm)
-        )));
-    }
-    for nm in &options.excitation_nm {
-        check_range("--excitation-nm", *nm, [options.from_nm + LINE_NM, options.to_nm - LINE_NM], "nm")?;
-    }
-    let (title, site) = options.site.resolve()?;
-    let lights = options.lights()?;
-    let inputs: Vec<PathBuf> =
-        options.site.file().into_iter().chain(options.light.iter().map(PathBuf::from)).collect();
-    let out =
-        options.out.as_ref().map(|out| OutputFolder::prepare(out, &inputs, FOLDER_BYTES)).transpose()?;
-    let found = options.solve(title, &site, &lights)?;
-    if let Some(out) = out {
-        Messages::default().status(format!("Wrote {}", write(out, &found)?.display()));
-    }
-    if options.answer.json { print_json(&found) } else { print_text(&describe(&found)) }
-}
-
-impl Options {
-    /// Names and spectra of the lights.
-    fn lights(&self) -> Result<Vec<(String, Viewing)>, CliError> {
-        let unfiltered = || Curve::constant(1.0);
-        let named = |name: &String| {
-            Ok((named_spectra::label(name), Viewing::new(&named_spectra::light(name)?, unfiltered())?))
-        };
-        let line = |nm: &f64| {
-            // A line that is no wider than the steps of a light.
-            let curve = Curve::new(vec![nm - LINE_NM, *nm, nm + LINE_NM], vec![0.0, 1.0, 0.0]);
-            let curve = curve.map_err(|error| CliError::Input(format!("--excitation-nm {nm}: {error}")))?;
-            Ok((format!("{nm} nm"), Viewing::new(&curve, unfiltered())?))
-        };
-        let default = ["led_405", "led_450"].map(String::from);
-        let chosen: &[String] =
-            if self.light.is_empty() && self.excitation_nm.is_empty() { &default } else { &self.light };
-        chosen.iter().map(named).chain(self.excitation_nm.iter().map(line)).collect()
-    }
-
-    fn wavelengths(&self) -> Vec<f64> {
-        let number = ((self.to_nm - self.from_nm) / self.step_nm).floor() as usize;
-        (0..=number).map(|i| self.from_nm + self.step_nm * i as f64).collect()
-    }
-
-    fn solve(
-        &self,
-        title: String,
-        site: &NamedTissue,
-        lights: &[(String, Viewing)],
-    ) -> Result<Found, CliError> {
-        let (tissue, nm) = (site.tissue(&find)?, self.wavelengths());
-        let solver = DiscreteOrdinates::new(self.nodes)?;
-        let solved = EffectiveTissue::new(&tissue, &nm, solver)?;
-        let at = |level| -> Vec<f64> {
-            let curve = solved.reflectance(level);
-            nm.iter().map(|&nm| curve.at(nm)).collect()
-        };
-        let beams = beams(&tissue, &nm, self.nodes)?;
-        let thickness_mm: f64 = tissue.layers.iter().map(|layer| 1e-3 * layer.thickness_um).sum();
-        let fluorescence: Vec<FoundFluorescence> =
-            lights.iter().map(|(name, light)| fluorescence(name, light, &solved, &nm)).collect();
-        let own_absorption = own_absorption(&solved, &nm, solver, lights, &fluorescence)?;
-        Ok(Found {
-            title,
-            site: site.name().to_owned(),
-            below: match tissue.below {
-                Below::Black => "black: nothing returns from below the last layer".into(),
-                Below::Index(index) => {
-                    format!("a medium of index {index}: its surface reflects, nothing returns from within it")
-                }
-            },
-            specular_reflectance_of_diffuse_light: solved.specular_reflectance(),
-            reflectance: at(Level::AboveSurface),
-            reflectance_below_surface: at(Level::BelowSurface),
-            reflectance_of_beam: beams.iter().map(|field| field.reflectance).collect(),
-            fluence_at_surface: beams.iter().map(|field| field.fluence(0.0)).collect(),
-            depth_of_1_over_e_um: beams
-                .iter()
-                .map(|field| depth_of_1_over_e_um(field, thickness_mm))
-                .collect(),
-            fluorescence,
-            own_absorption,
-            eem: eem(&solved, &nm),
-            wavelength_nm: nm,
-        })
-    }
-}
-
-/// A beam along the normal at each wavelength.
-fn beams(tissue: &LayeredTissue, nm: &[f64], nodes: usize) -> Result<Vec<LightField>, CliError> {
-    let solver = DiscreteOrdinates::new(nodes.max(32))?;
-    let solve = |&nm: &f64| solver.solve(&tissue.optics(nm), Incidence::NORMAL);
-    Ok(nm.par_iter().map(solve).collect::<Result<_, TissueError>>()?)
-}
-
-/// Bisection between the surface and the bottom.
-fn depth_of_1_over_e_um(field: &LightField, thickness_mm: f64) -> f64 {
-    let wanted = field.fluence(0.0) / std::f64::consts::E;
-    let [mut above, mut below] = [0.0, thickness_mm];
-    for _ in 0..40 {
-        let middle = 0.5 * (above + below);
-        if field.fluence(middle) > wanted { above = middle } else { below = middle }
-    }
-    1e3 * above
-}
-
-/// Integral of samples, by trapezoids.
-fn integral(nm: &[f64], values: &[f64]) -> f64 {
-    nm.windows(2).zip(values.windows(2)).map(|(nm, v)| 0.5 * (nm[1] - nm[0]) * (v[0] + v[1])).sum()
-}
-
-fn fluorescence(name: &str, light: &Viewing, solved: &EffectiveTissue, nm: &[f64]) -> FoundFluorescence {
-    let mut total = vec![0.0; nm.len()];
-    let mut emitters = Vec::new();
-    for part in solved.parts() {
-        let layer = &solved.tissue().layers[part.layer];
-        let emitted = light.fluorescence(solved, part, nm);
-        total.iter_mut().zip(&emitted).for_each(|(sum, value)| *sum += value);
-        emitters.push(Emitter {
-            fluorophore: layer.fluorophores[part.fluorophore].fluorophore.name.clone(),
-            layer: layer.name.clone(),
-            share: integral(nm, &emitted),
-            exitance_per_nm: emitted,
-        });
-    }
-    let exitance = integral(nm, &total);
-    emitters.iter_mut().for_each(|emitter| emitter.share /= exitance.max(f64::MIN_POSITIVE));
-    FoundFluorescence { light: name.into(), exitance_per_nm: total, exitance, emitters }
-}
-
-fn own_absorption(
-    solved: &EffectiveTissue,
-    nm: &[f64],
-    solver: DiscreteOrdinates,
-    lights: &[(String, Viewing)],
-    without: &[FoundFluorescence],
-) -> Result<OwnAbsorption, CliError> {
-    let tissue = solved.tissue().with_own_absorption(Site::quantum_yield);
-    let with = EffectiveTissue::new(&tissue, nm, solver)?;
-    let [a, b] = [&with, solved].map(|tissue| tissue.reflectance(Level::AboveSurface));
-    let largest = |changes: &mut dyn Iterator<Item = f64>| {
-        changes.fold(0.0, |most: f64, change| if change.abs() > most.abs() { change } else { most })
-    };
-    let seen = nm.iter().filter(|nm| (400.0..=700.0).contains(*nm));
-    let changes = |(light, before): (&(String, Viewing), &FoundFluorescence)| {
-        fluorescence(&light.0, &light.1, &with, nm).exitance / before.exitance.max(f64::MIN_POSITIVE) - 1.0
-    };
-    Ok(OwnAbsorption {
-        change_of_reflectance: largest(&mut seen.map(|&nm| a.at(nm) / b.at(nm) - 1.0)),
-        change_of_fluorescence: largest(&mut lights.iter().zip(without).map(changes)),
-    })
-}
-
-/// Matrices on the wavelengths that were solved: excitation up to 520 nm.
-fn eem(solved: &EffectiveTissue, nm: &[f64]) -> FoundEem {
-    let excitation_nm: Vec<f64> = nm.iter().copied().filter(|nm| *nm <= 520.0).collect();
-    let mut fluorophores: Vec<(String, Vec<f64>)> = Vec::new();
-    for part in solved.parts() {
-        let held = &solved.tissue().layers[part.layer].fluorophores[part.fluorophore];
-        let values = matrix(solved, part, nm, &excitation_nm);
-        match fluorophores.iter_mut().find(|(name, _)| *name == held.fluorophore.name) {
-            Some((_, sum)) => sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value),
-            None => fluorophores.push((held.fluorophore.name.clone(), values)),
+/// The results in words and columns.
+pub(super) fn describe(found: &SolvedTissue) -> String {
+    let head = ["nm", "R diffuse", "R beam", "R below surface", "fluence at surface", "1/e depth, um"];
+    let mut rows = vec![head.map(String::from).to_vec()];
+    for (row, nm) in found.wavelength_nm.iter().enumerate() {
+        if TOLD_NM.contains(nm) {
+            let values = [
+                found.reflectance[row],
+                found.reflectance_of_beam[row],
+                found.reflectance_below_surface[row],
+                found.fluence_at_surface[row],
+            ];
+            let mut cells = vec![nm.to_string()];
+            cells.extend(values.map(|value| format!("{value:.4}")));
+            cells.push(format!("{:.0}", found.depth_of_1_over_e_um[row]));
+            rows.push(cells);
         }
     }
-    FoundEem { excitation_nm, emission_nm: nm.to_vec(), fluorophores }
-}
-
-fn matrix(solved: &EffectiveTissue, part: LayerFluorophore, nm: &[f64], excitation_nm: &[f64]) -> Vec<f64> {
-    // One column after the other, each from one light; then by rows.
-    let columns: Vec<Vec<f64>> = excitation_nm
-        .par_iter()
-        .map(|&x| solved.emission(part, &[(x, 1.0)], nm, Level::AboveSurface))
-        .collect();
-    (0..nm.len()).flat_map(|row| columns.iter().map(move |column| column[row])).collect()
-}
-
-/// Writes all files of the results.
-fn write(out: OutputFolder, found: &Found) -> Result<PathBuf, CliError> {
-    let results = serde_json::to_string_pretty(found)?;
-    let mut files = vec![("results.json".to_string(), results.into_bytes())];
-    files.extend(tables(found).into_iter().map(|(name, table)| (format!("{name}.csv"), table.into_bytes())));
-    for (name, figure) in figures(found) {
-        files.push((format!("{name}.svg"), figure.to_svg().into_bytes()));
-        files.push((format!("{name}.png"), figure.to_png()?));
+    let mut text =
+        format!("{} ({}), below it {}\n\n{}", found.title, found.site, found.below, align(&rows, &[]));
+    for under in &found.fluorescence {
+        let peak = (0..found.wavelength_nm.len())
+            .max_by(|&a, &b| under.exitance_per_nm[a].total_cmp(&under.exitance_per_nm[b]))
+            .map_or(0.0, |at| found.wavelength_nm[at]);
+        let exitance = short(under.exitance);
+        text += &format!(
+            "\nUnder {}: {exitance} of the energy returns as fluorescence, most near {peak} nm\n",
+            under.light
+        );
+        let mut rows = Vec::new();
+        for emitter in under.emitters.iter().filter(|emitter| emitter.share >= LEAST_SHARE) {
+            let share = format!("{:.0} %", 100.0 * emitter.share);
+            rows.push(vec![format!("  {} in {}", emitter.fluorophore, emitter.layer), share]);
+        }
+        text += &align(&rows, &[]);
     }
-    Ok(out.finish_with(files)?)
+    let own = found.own_absorption;
+    text += &format!(
+        "\nThe fluorophores' own absorption is part of the background. Added to it (quantum yields assumed), reflectance would \
+         change by up to {:+.1} %, fluorescence by {:+.1} %.\n",
+        100.0 * own.change_of_reflectance,
+        100.0 * own.change_of_fluorescence
+    );
+    text
 }

@@ -1,0 +1,260 @@
+//! Raw frames from a component image in a file.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::{ValueEnum, ValueHint};
+use fluorspar::image::SensorImage;
+use fluorspar::pipeline::{
+    CameraColor, CapturedFrame, ColorRendering, analyze_regions, analyze_seen, capture_from_planes,
+    check_captures, preview,
+};
+use fluorspar::study::{Capture, Study};
+use fluorspar_experiment::{ResolvedExperiment, resolve};
+use fluorspar_format::{
+    DngColor, FileFormat, FormatError, OutputFolder, Provenance, RawPacking, write_atomically,
+    write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff,
+};
+use fluorspar_report::{FrameOrigin, evaluation_json};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+
+use crate::frame_report::{FrameReport, warn_of_darkness};
+use crate::options::defaults;
+use crate::values::{Override, as_typed};
+use crate::{
+    Changes, ExperimentSource, FinishedRender, Job, Result, Seed, ShownExperiment, Wanted,
+    as_typed_in_session, coarse_image, experiment_of, frame_bytes, say_uncertainty, warn_of_denoised,
+};
+
+/// Which component image is captured, by which experiment.
+#[derive(Clone, Debug, Deserialize, clap::Args)]
+#[serde(default = "defaults")]
+pub struct CaptureOptions {
+    /// Component image: components.exr of a run, or .exr or .npy of `render --components`.
+    #[arg(value_name = "COMPONENTS", value_hint = ValueHint::FilePath)]
+    pub image: PathBuf,
+    /// Experiment with lens, sensor and captures [default: the one that the image carries].
+    #[arg(long, value_name = "EXPERIMENT")]
+    pub experiment: Option<String>,
+    /// Changes by path.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub changes: Changes,
+    /// Seed of the noise.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub seed: Seed,
+    /// Format of the raw frames: TIFF or PNG with a .json description, DNG for raw converters, or packed as camera modules do.
+    #[arg(long, value_enum, value_name = "FORMAT", default_value_t = RawForm::Tiff)]
+    pub format: RawForm,
+    /// Also write report.html, with the analysis and the numbers that a design is judged by.
+    #[arg(long)]
+    pub report: bool,
+    /// Folder for the frames.
+    #[arg(long, value_name = "DIR", default_value = "fluorspar-out/capture", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+}
+
+/// Formats of raw frames.
+#[derive(Clone, Copy, Debug, Default, Deserialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum RawForm {
+    /// 16-bit TIFF and JSON.
+    #[default]
+    Tiff,
+    /// 16-bit PNG and JSON.
+    Png,
+    /// Adobe Digital Negative.
+    Dng,
+    /// MIPI RAW10 and JSON; for sensors of 10 bits.
+    Raw10,
+    /// MIPI RAW12 and JSON; for sensors of up to 12 bits.
+    Raw12,
+}
+
+impl RawForm {
+    fn ending(self) -> &'static str {
+        match self {
+            Self::Tiff => "tiff",
+            Self::Png => "png",
+            Self::Dng => "dng",
+            Self::Raw10 | Self::Raw12 => "raw",
+        }
+    }
+
+    fn write(
+        self,
+        path: &Path,
+        raw: &SensorImage,
+        color: impl Fn() -> Option<CameraColor>,
+        provenance: &Provenance,
+    ) -> Result<(), FormatError> {
+        match self {
+            Self::Tiff => write_sensor_tiff(path, raw, Some(provenance)),
+            Self::Png => write_sensor_png(path, raw, Some(provenance)),
+            Self::Dng => {
+                let color = color().map_or_else(DngColor::default, |color| DngColor {
+                    xyz_to_camera: color.xyz_to_camera,
+                    neutral: color.neutral,
+                });
+                write_sensor_dng(path, raw, &color, Some(provenance))
+            }
+            Self::Raw10 => write_packed_raw(path, raw, RawPacking::Raw10, Some(provenance)),
+            Self::Raw12 => write_packed_raw(path, raw, RawPacking::Raw12, Some(provenance)),
+        }
+    }
+}
+
+/// Frames of all captures in a folder.
+#[derive(Clone, Debug, Serialize)]
+pub struct CapturedFolder {
+    /// The folder.
+    pub folder: PathBuf,
+    /// Name, files and exposure of each frame.
+    pub frames: Vec<Value>,
+}
+
+/// Captures a component image into the folder of the options.
+///
+/// # Errors
+/// An option without a meaning, an image or an experiment that can't be read, captures that can't be taken of the image, a folder that can't be
+/// written.
+pub fn capture(options: &CaptureOptions, job: &Job) -> Result<CapturedFolder> {
+    // A report analyzes the frames, for which it asks maps and surfaces
+    let image = match options.report {
+        true => FinishedRender::open(&options.image)?,
+        false => FinishedRender::open_for_captures(&options.image)?,
+    };
+    warn_of_denoised(&image, job);
+    let overrides: Vec<Override> =
+        options.changes.overrides().into_iter().chain(options.seed.overrides()).collect();
+    let mut inputs = vec![options.image.clone()];
+    let (text, shown) = match &options.experiment {
+        Some(name) => {
+            let source = ExperimentSource::find(Some(name))?;
+            let parsed = source.parse(&overrides)?;
+            let experiment = resolve(&parsed).map_err(|error| as_typed(error, &overrides))?;
+            job.warn(&experiment.record.warnings);
+            inputs.extend(source.files(&experiment.record));
+            let shown = image.shown_by(&parsed, experiment)?;
+            (source.text, shown)
+        }
+        None => {
+            let (text, parsed) = experiment_of(&image, &overrides)?;
+            let shown = match options.report {
+                true => image.shown_whole(&parsed),
+                false => image.shown(&parsed),
+            };
+            (text, shown.map_err(|error| as_typed_in_session(error, &overrides))?)
+        }
+    };
+    let ShownExperiment { mut experiment, changes } = shown;
+    if let Some(warning) =
+        coarse_image(image.labels(), image.experiment().ok().flatten().map(Arc::as_ref), &experiment.study)
+    {
+        job.warn(std::slice::from_ref(&warning));
+        experiment.record.warnings.push(warning);
+    }
+    let ResolvedExperiment { study, record } = &experiment;
+    inputs.extend(record.inputs.iter().map(|input| input.path.clone()));
+    check_captures(study, image.labels())?;
+    let folder = OutputFolder::prepare(&options.out, &inputs, frame_bytes(study))?;
+    let spectra = if options.report { image.spectra(study, &changes)? } else { None };
+    if options.report && spectra.is_none() {
+        job.status(
+            "The page tells neither leak nor light by origin: the spectra of the image do not fit into render.memory_limit_gib; raise it",
+        );
+    }
+    let view = image.seen_by(study, &study.captures, changes, Wanted::Lit)?;
+    say_uncertainty(&view, study, job);
+    let seen = view.components(&image);
+    let frames = capture_from_planes(study, &seen)?;
+    warn_of_darkness(&experiment, &frames, job);
+    let provenance = Provenance::new(
+        &text,
+        record.resolved_toml.clone(),
+        study.render.seed,
+        image.labels().samples_per_pixel,
+    );
+    let list = write_frames(options.format, study, &frames, &folder, &provenance)
+        .and_then(|list| {
+            write_atomically(&folder.path().join("experiment.toml"), |file| {
+                file.write_all(record.resolved_toml.as_bytes())
+            })?;
+            Ok(list)
+        })
+        .map_err(|error| folder.at_its_place(error))?;
+    let labels = image.labels();
+    let mut results = results_json(&options.image, [labels.width, labels.height], &list);
+    if options.report {
+        let analysis = analyze_seen(study, Some(&seen), &frames)?;
+        let regions = analyze_regions(study, Some(&seen), &frames)?;
+        let report = FrameReport {
+            experiment: &experiment,
+            experiment_text: &text,
+            frames,
+            analysis,
+            regions,
+            components: spectra.as_ref(),
+            frames_from: FrameOrigin::Simulated,
+            described_frames: Vec::new(),
+            raw_ending: Some(options.format.ending()),
+        };
+        let found = report.write(folder.path()).map_err(|error| error.at_its_place(&folder))?;
+        results.extend(evaluation_json(&found)?);
+        results.insert("warnings".into(), serde_json::to_value(&record.warnings)?);
+    }
+    let results = serde_json::to_vec_pretty(&results)?;
+    write_atomically(&folder.path().join("results.json"), |file| file.write_all(&results))
+        .map_err(|error| folder.at_its_place(error))?;
+    let target = folder.finish()?;
+    Ok(CapturedFolder { folder: target, frames: list })
+}
+
+/// What the folder of a capture tells: the component image that the frames come from, and the frames.
+fn results_json(image: &Path, [width, height]: [usize; 2], frames: &[Value]) -> Map<String, Value> {
+    let image = image.canonicalize().unwrap_or_else(|_| image.to_path_buf());
+    Map::from_iter([
+        ("format".into(), json!(FileFormat::RESULTS.version())),
+        ("program".into(), json!("fluorspar")),
+        ("version".into(), json!(env!("CARGO_PKG_VERSION"))),
+        ("components_file".into(), json!(image)),
+        ("width_px".into(), json!(width)),
+        ("height_px".into(), json!(height)),
+        ("frames".into(), json!(frames)),
+    ])
+}
+
+/// Writes raw frames and their previews; returns a description of each.
+fn write_frames(
+    format: RawForm,
+    study: &Study,
+    frames: &[CapturedFrame],
+    folder: &OutputFolder,
+    provenance: &Provenance,
+) -> Result<Vec<Value>, FormatError> {
+    let write = |(frame, settings): (&CapturedFrame, &Capture)| -> Result<Value, FormatError> {
+        let name_of = |raw: &SensorImage| format!("raw_{}.{}", raw.label, format.ending());
+        for raw in std::iter::once(&frame.raw).chain(&frame.bracket) {
+            let color = || CameraColor::of_frame(study, settings);
+            format.write(&folder.path().join(name_of(raw)), raw, color, provenance)?;
+        }
+        let file = name_of(&frame.raw);
+        let picture = preview(&frame.developed, &ColorRendering::of_frame(study, settings));
+        let name = format!("preview_{}.png", frame.raw.label);
+        write_rgb_png(&folder.path().join(name), picture.width, picture.height, &picture.rgb)?;
+        let saturated = frame.developed.saturated.iter().filter(|s| **s).count();
+        Ok(json!({
+            "name": frame.raw.label,
+            "file": file,
+            "bracket_files": frame.bracket.iter().map(name_of).collect::<Vec<_>>(),
+            "exposure_s": frame.raw.exposure_s,
+            "gain": frame.raw.gain,
+            "saturated_fraction": saturated as f64 / frame.developed.saturated.len().max(1) as f64,
+        }))
+    };
+    frames.par_iter().zip(&study.captures).map(write).collect()
+}

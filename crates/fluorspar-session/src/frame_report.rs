@@ -1,0 +1,91 @@
+//! The report of frames: from a component image, or of a camera.
+
+use std::path::Path;
+
+use fluorspar::image::ComponentImage;
+use fluorspar::pipeline::{
+    AnalyzedFrame, AnalyzedRegion, CapturedFrame, ColorRendering, Evaluation, assess_safety, evaluate_frames,
+    preview,
+};
+use fluorspar::study::Study;
+use fluorspar_experiment::{ResolvedExperiment, Warning};
+use fluorspar_format::FrameFact;
+use fluorspar_report::{FrameOrigin, RunResults, dark_frames, write_frame_report};
+
+use crate::{Job, Result};
+
+/// What the report of frames is made from.
+pub(crate) struct FrameReport<'a> {
+    pub(crate) experiment: &'a ResolvedExperiment,
+    pub(crate) experiment_text: &'a str,
+    pub(crate) frames: Vec<CapturedFrame>,
+    pub(crate) analysis: Option<AnalyzedFrame>,
+    /// Regions beside that of the analysis.
+    pub(crate) regions: Vec<AnalyzedRegion>,
+    /// What the frames show, with its spectra; `None` where it is not known.
+    pub(crate) components: Option<&'a ComponentImage>,
+    pub(crate) frames_from: FrameOrigin,
+    /// What the frames are that were given, by file.
+    pub(crate) described_frames: Vec<(String, Vec<FrameFact>)>,
+    /// Ending of the raw files beside the report.
+    pub(crate) raw_ending: Option<&'a str>,
+}
+
+impl FrameReport<'_> {
+    /// Writes `report.html`, previews and figures into a folder. Returns what they are made from.
+    pub(crate) fn write(self, folder: &Path) -> Result<Evaluation> {
+        let study = &self.experiment.study;
+        let evaluation = match self.components {
+            Some(components) => evaluate_frames(study, components, self.frames, self.analysis, self.regions)?,
+            None => Evaluation {
+                regions: self.regions,
+                ..without_spectra(study, self.frames, self.analysis, self.frames_from)
+            },
+        };
+        let run = RunResults {
+            experiment: self.experiment,
+            experiment_text: self.experiment_text,
+            components: None,
+            evaluation: &evaluation,
+            frames_from: self.frames_from,
+            described_frames: &self.described_frames,
+            raw_ending: self.raw_ending,
+        };
+        write_frame_report(folder, &run)?;
+        Ok(evaluation)
+    }
+}
+
+/// What frames tell by themselves.
+fn without_spectra(
+    study: &Study,
+    frames: Vec<CapturedFrame>,
+    analysis: Option<AnalyzedFrame>,
+    frames_from: FrameOrigin,
+) -> Evaluation {
+    let shown = |frame: &CapturedFrame| {
+        let rendering = study.capture(&frame.raw.label).map(|c| ColorRendering::of_frame(study, c));
+        rendering.map(|rendering| preview(&frame.developed, &rendering))
+    };
+    Evaluation {
+        previews: frames.iter().filter_map(shown).collect(),
+        analysis,
+        regions: Vec::new(),
+        region_radiance: None,
+        leaks: Vec::new(),
+        depths: Vec::new(),
+        spectra: Vec::new(),
+        // The lights of a recorded frame are not those of the experiment
+        safety: match frames_from {
+            FrameOrigin::Simulated => assess_safety(study, &frames),
+            FrameOrigin::Given => None,
+        },
+        frames,
+    }
+}
+
+/// Warns of frames that see next to nothing.
+pub(crate) fn warn_of_darkness(experiment: &ResolvedExperiment, frames: &[CapturedFrame], job: &Job) {
+    let warnings: Vec<Warning> = dark_frames(experiment, frames).into_iter().map(Warning::from).collect();
+    job.warn(&warnings);
+}
