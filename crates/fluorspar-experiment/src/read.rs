@@ -9,7 +9,7 @@ use serde_path_to_error::Segment;
 
 use super::error::{ExperimentError, Step, steps};
 use super::schema::{ExperimentFile, FormatVersion};
-use crate::change::scene_change::{Edit, SceneChange, apply_change, apply_unset};
+use crate::change::scene_change::{SceneChange, apply_change, apply_unset};
 use crate::document::fit::{check, complete};
 use crate::document::format_version::check_format;
 use crate::document::merge::merge;
@@ -141,16 +141,15 @@ pub(super) fn read_merged_as(
     Ok(document)
 }
 
-/// Applies changes one after the other; returns what each of them came to.
+/// Applies changes one after the other.
 pub(super) fn change_document(
     document: &mut Document,
     schema: &Schema,
     changes: &[SceneChange],
     base_dir: &Path,
-) -> Result<Vec<Vec<Edit>>, ExperimentError> {
-    let mut edits = Vec::with_capacity(changes.len());
+) -> Result<(), ExperimentError> {
     for (number, change) in changes.iter().enumerate() {
-        edits.push(apply_change(document, schema, number, change, base_dir)?);
+        apply_change(document, schema, number, change, base_dir)?;
     }
     if document.root.get("base").is_some() {
         return Err(
@@ -162,7 +161,7 @@ pub(super) fn change_document(
             document.error(&steps!["unset"], "a list can't be set by an override; write --unset PATH")
         );
     }
-    Ok(edits)
+    Ok(())
 }
 
 /// Refuses overrides of sections that are not looked at; `why` says so of a section.
