@@ -24,8 +24,8 @@ const BATCH: u64 = 256;
 
 /// More choices for the problems of few designs.
 const CHANGES: [&str; 2] = [
-    "view_filter.long-pass.long_pass_after_peak_nm=[20.0, 30.0, 40.0, 50.0, 60.0]",
-    "lens.f_numbers=[2.0, 2.8, 4.0, 5.6, 8.0]",
+    "vary.long-pass.long_pass.after_peak_nm=[20.0, 30.0, 40.0, 50.0, 60.0]",
+    "vary.aperture.values=[2.0, 2.8, 4.0, 5.6, 8.0]",
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {

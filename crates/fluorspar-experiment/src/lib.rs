@@ -40,15 +40,15 @@ pub use cache::{cache, cached_mouth, use_cache};
 pub use change::scene_change::SceneChange;
 pub use design::{
     CohortSection, ComparedDesign, ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile,
-    DesignRegion, DesignRender, DesignRenders, ExcitationSection, ExposuresSection, FilterChoiceSection,
-    GeometrySection, GeometryValue, IdealBandsSection, LedSeriesSection, LensChoiceSection,
-    LightChoiceSection, LimitsSection, RegionSection, RenderedRegionSection, RenderedSceneSection,
-    ResolvedDesign, SceneSource, SearchSection, SensorChoiceSection, SensorSource, SplitChoice, SplitRule,
-    TolerancesSection, UnknownsSection, WheelFilterSection, WhiteFrameSection, parse_design,
+    DesignQuestion, DesignRegion, DesignRender, DesignRenders, ExcitationSection, ExposuresSection,
+    IdealBandsSection, LedSeriesSection, LimitsSection, LongPassSection, RegionSection,
+    RenderedRegionSection, ResolvedDesign, SearchSection, SplitChoice, SplitRule, TolerancesSection,
+    UnknownsSection, VarySection, WheelFilterSection, WhiteFrameSection, parse_design,
 };
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use file_text::file_text;
 pub use fluorspar::warning::Warning;
+use fluorspar_format::FileFormat;
 pub use part_file::layers::{
     LayerEmissionSection, LayerSection, LayersFile, ResolvedEmission, ResolvedLayers, parse_layers,
 };
@@ -75,7 +75,19 @@ pub fn json_schema() -> serde_json::Value {
     json_schema_of::<schema::ExperimentFile>()
 }
 
-/// JSON schema of a kind of file by the type of its sections: [`SampleFile`], [`SensorFile`], [`LayersFile`], [`DesignFile`].
+/// JSON schema of the file of a design problem.
+pub fn design_json_schema() -> serde_json::Value {
+    let mut schema = json_schema_of::<DesignFile>();
+    let version = FileFormat::DESIGN.version();
+    if let Some(format) = schema.pointer_mut("/properties/format") {
+        *format = serde_json::json!({
+            "description": format!("Version of the form of this file: {version}."), "type": "integer", "minimum": version, "maximum": version
+        });
+    }
+    schema
+}
+
+/// JSON schema of a kind of file by the type of its sections: [`SampleFile`], [`SensorFile`], [`LayersFile`].
 pub fn json_schema_of<T: schemars::JsonSchema>() -> serde_json::Value {
     let mut schema = with_mosaic_letters(schemars::schema_for!(T).to_value());
     tidy(&mut schema);

@@ -11,15 +11,15 @@ use serde::de::DeserializeOwned;
 use serde_path_to_error::Segment;
 
 use super::error::{ExperimentError, Step, steps};
-use super::schema::ExperimentFile;
-use crate::change::scene_change::{Edit, SceneChange, apply_change, apply_unset};
+use super::schema::{ExperimentFile, FormatVersion};
+use crate::change::scene_change::{SceneChange, apply_change, apply_unset};
 use crate::document::fit::{check, complete};
 use crate::document::format_version::check_format;
 use crate::document::merge::merge;
 use crate::document::shape::Schema;
 use crate::document::tree::{Content, Document, MAX_TEXT_BYTES, Node, TextSource, read_tree};
 use crate::preset;
-use fluorspar_format::read_text_bounded;
+use fluorspar_format::{FileFormat, read_text_bounded};
 
 /// Longest chain of base experiments.
 const MAX_BASES: usize = 8;
@@ -141,24 +141,37 @@ pub(super) fn read_merged(
     source_name: &str,
     base_dir: &Path,
 ) -> Result<Document, ExperimentError> {
+    read_merged_as(schema, &FileFormat::EXPERIMENT, text, source_name, base_dir)
+}
+
+/// Text of a format of its own and bases, which are experiments, as one tree.
+pub(super) fn read_merged_as(
+    schema: &Schema,
+    format: &'static FileFormat,
+    text: &str,
+    source_name: &str,
+    base_dir: &Path,
+) -> Result<Document, ExperimentError> {
     let source =
         TextSource { name: source_name.into(), overriding: None, folder: Some(base_dir.to_path_buf()) };
     let mut document = Document::read(text, source)?;
-    check_format(schema, &document.root, &document.sources[0])?;
+    check_format(schema, format, &document.root, &document.sources[0])?;
+    if let Some(stated) = document.root.get_mut("format") {
+        stated.content = Content::Leaf(FormatVersion::CURRENT.into());
+    }
     put_on_bases(&mut document, schema, base_dir)?;
     Ok(document)
 }
 
-/// Applies changes one after the other; returns what each of them came to.
+/// Applies changes one after the other.
 pub(super) fn change_document(
     document: &mut Document,
     schema: &Schema,
     changes: &[SceneChange],
     base_dir: &Path,
-) -> Result<Vec<Vec<Edit>>, ExperimentError> {
-    let mut edits = Vec::with_capacity(changes.len());
+) -> Result<(), ExperimentError> {
     for (number, change) in changes.iter().enumerate() {
-        edits.push(apply_change(document, schema, number, change, base_dir)?);
+        apply_change(document, schema, number, change, base_dir)?;
     }
     if document.root.get("base").is_some() {
         return Err(
@@ -170,11 +183,30 @@ pub(super) fn change_document(
             document.error(&steps!["unset"], "a list can't be set by an override; write --unset PATH")
         );
     }
-    Ok(edits)
+    Ok(())
+}
+
+/// Refuses overrides of sections that are not looked at; `why` says so of a section.
+pub(super) fn refuse_ignored(
+    document: &Document,
+    overrides: &[String],
+    why: impl Fn(&str) -> Option<String>,
+) -> Result<(), ExperimentError> {
+    for (number, text) in overrides.iter().enumerate() {
+        let path = text.trim_start_matches("insert ").trim_start_matches("unset ");
+        let Some(message) = why(path.split(['.', '=', '[']).next().unwrap_or_default()) else { continue };
+        let is_own =
+            |source: &&TextSource| source.overriding.as_ref().is_some_and(|set| set.number == number);
+        return Err(match document.sources.iter().find(is_own) {
+            Some(source) => source.error(message),
+            None => document.error(&[], message),
+        });
+    }
+    Ok(())
 }
 
 /// Puts the preset of the sensor below its fields and spells out what has a short form.
-fn finish_document(document: &mut Document, schema: &Schema) -> Result<(), ExperimentError> {
+pub(super) fn finish_document(document: &mut Document, schema: &Schema) -> Result<(), ExperimentError> {
     put_on_sensor_preset(document, schema)?;
     spell_out_mosaic(document)
 }
@@ -269,7 +301,7 @@ fn load_bases(
         let source =
             TextSource { name: source_name, overriding: None, folder: is_file.then(|| folder.clone()) };
         let base = read_tree(&text, &source, index)?;
-        check_format(schema, &base, &source)?;
+        check_format(schema, &FileFormat::EXPERIMENT, &base, &source)?;
         document.sources.push(source);
         document.root.take("base");
         above.push(std::mem::replace(&mut document.root, base));

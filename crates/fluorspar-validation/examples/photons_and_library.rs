@@ -13,17 +13,19 @@ use fluorspar_report::{Axis, Dash, Figure, Ink, Panel, Series};
 
 /// The problem, with LEDs at eight peaks and two exposures.
 const PROBLEM: &str = "two-lights-tissue";
-const LIGHTS: [&str; 2] =
-    ["led.peaks_nm=[340.0, 365.0, 385.0, 405.0, 420.0, 435.0, 450.0, 470.0]", "exposure.counts=[2]"];
+const LIGHTS: [&str; 2] = [
+    "vary.light.led.peaks_nm=[340.0, 365.0, 385.0, 405.0, 420.0, 435.0, 450.0, 470.0]",
+    "exposure.counts=[2]",
+];
 /// Sensors: name, centers and standard deviation of their bands.
-const SENSORS: [(&str, Option<[&str; 2]>); 2] = [
+const SENSORS: [(&str, Option<&str>); 2] = [
     ("RGB", None),
     (
         "eight bands",
-        Some([
-            "sensor.RGB.bands.centers_nm=[430.0, 465.0, 500.0, 535.0, 570.0, 605.0, 640.0, 675.0]",
-            "sensor.RGB.bands.sigma_nm=[14.0]",
-        ]),
+        Some(
+            "vary.sensor.bands=[{ centers_nm = [430.0, 465.0, 500.0, 535.0, 570.0, 605.0, 640.0, 675.0], sigma_nm = [14.0], \
+             read_noise_e = 2.0, full_well_e = 60000.0 }]",
+        ),
     ),
 ];
 /// Errors of the library (shift, nm, and smooth error) and blood, um.
@@ -70,7 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let mut points = Vec::new();
             for electrons in ELECTRONS {
                 let mut changes: Vec<String> = LIGHTS.map(String::from).into();
-                changes.extend(bands.into_iter().flatten().map(String::from));
+                changes.extend(bands.map(String::from));
                 changes.extend([
                     format!("exposure.total.electrons={electrons:.1}"),
                     format!("unknown.emission_shift_nm={shift_nm:.1}"),

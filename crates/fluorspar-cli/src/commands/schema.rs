@@ -1,7 +1,9 @@
 //! `fluorspar schema`: the JSON schemas of files.
 
 use clap::ValueEnum;
-use fluorspar_experiment::{DesignFile, LayersFile, SampleFile, SensorFile, json_schema, json_schema_of};
+use fluorspar_experiment::{
+    LayersFile, SampleFile, SensorFile, design_json_schema, json_schema, json_schema_of,
+};
 
 use crate::error::CliError;
 
@@ -34,7 +36,7 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         FileKind::Sample => json_schema_of::<SampleFile>(),
         FileKind::Sensor => json_schema_of::<SensorFile>(),
         FileKind::Layers => json_schema_of::<LayersFile>(),
-        FileKind::Design => json_schema_of::<DesignFile>(),
+        FileKind::Design => design_json_schema(),
     })?;
     Ok(())
 }

@@ -11,11 +11,11 @@ use serde_json::Value;
 /// 780 designs: pairs of LEDs, five edges, two apertures and splits.
 const SMALL: [&str; 6] = [
     "--set",
-    "led.peaks_nm=[340.0, 365.0, 385.0, 405.0, 420.0, 435.0]",
+    "vary.light.led.peaks_nm=[340.0, 365.0, 385.0, 405.0, 420.0, 435.0]",
     "--set",
-    "view_filter.long-pass.long_pass_after_peak_nm=[20.0, 30.0, 40.0, 50.0]",
+    "vary.long-pass.long_pass.after_peak_nm=[20.0, 30.0, 40.0, 50.0]",
     "--set",
-    "lens.f_numbers=[2.0, 2.8, 4.0, 5.6, 8.0]",
+    "vary.aperture.values=[2.0, 2.8, 4.0, 5.6, 8.0]",
 ];
 
 fn design(folder: &Path, args: &[&str]) -> Value {
@@ -104,16 +104,16 @@ fn one_light_is_told_as_singular_and_wrong_input_with_its_cure() {
     let before = listing(folder.path());
     for (args, words) in [
         (vec!["two-light"], "did you mean \"two-lights\""),
-        (vec!["--set", "led.fwhm_nm=0"], "must be between 1 and 100 nm"),
-        (vec!["--unset", "sensor.RGB.bands"], "give exactly one of preset, file, bands"),
+        (vec!["--set", "vary.light.led.fwhm_nm=0"], "must be between 1 and 100 nm"),
+        (vec!["--unset", "vary.sensor"], "there is no sensor; add [sensor]"),
         (vec!["--set", "criterion=\"detection\""], "add [cohort]"),
         (vec!["--set", "criterion=\"minmax\""], "minimax"),
         (vec!["--set", "criterion=kept"], "unknown value \"kept\". Known: minimax"),
         (vec!["--set", "contrast.redox.part=[\"nadhh\"]"], "did you mean"),
-        (vec!["--set", "exposure.counts=[7]"], "whole number between 1 and 6"),
+        (vec!["--set", "exposure.counts=[7]"], "must be between 1 and 6"),
         (vec!["--set", "exposure.total_ms=30"], "write total.ms"),
-        (vec!["--set", "lens.f_numbers=[0.1]"], "f/0.5"),
-        (vec!["--set", "lens.f_number=2"], "f_numbers"),
+        (vec!["--set", "vary.aperture.values=[0.1]"], "f/0.5"),
+        (vec!["--set", "capture.blue.exposure_ms=2"], "changes nothing of this design"),
         (vec!["--set", "exposure.splits=[\"equal\"]"], "splits"),
         (vec!["--shard", "3/2"], "I/N"),
         (vec!["--shard", "auto"], "SLURM_ARRAY_TASK_ID"),
@@ -166,27 +166,24 @@ fn a_slurm_array_shares_a_sweep() {
 
 /// Two places of a light, so two scenes to render.
 const RENDERED: &str = r#"
-format = 1
+format = 2
+base = "fluorescent-sphere"
 spectral = { first_nm = 330.0, last_nm = 700.0, step_nm = 10.0 }
-
-[scene]
-preset = "fluorescent-sphere"
-set = ["render.width_px=16", "render.height_px=12", "render.samples_per_pixel=4"]
+render = { width_px = 16, height_px = 12, samples_per_pixel = 4 }
+lens = { focal_length_mm = 3.0 }
+sensor.preset = "lyu_2021_table_1"
 
 [[region]]
 name = "porphyrin"
 rendered = { parts = ["porphyrin_sphere"] }
 
-[[geometry]]
+[[vary]]
 field = "light.violet.position_mm"
 values = [[-60.0, 160.0, 80.0], [60.0, 200.0, 120.0]]
 
-[led]
-peaks_nm = [375.0, 405.0]
-
-[[sensor]]
-name = "RGB"
-preset = "lyu_2021_table_1"
+[[vary]]
+field = "light.violet"
+led.peaks_nm = [375.0, 405.0]
 
 [[compare]]
 name = "first choices"
@@ -311,8 +308,8 @@ fn a_folder_of_the_user_stands_beside_the_catalogue() {
     for name in ["lab_led", "lab_glass", "lab_camera", "led_385"] {
         assert!(listed.contains(name), "{name}");
     }
-    let light = "light=[{ name = \"lab\", spectrum = \"lab_led\" }]";
-    let filter = "view_filter.long-pass.filters=[\"lab_glass\"]";
+    let light = "vary.light.values=[{ spectrum = \"lab_led\" }]";
+    let filter = "view_filter.filters=[\"lab_glass\"]";
     let compare = [
         "design",
         "optimize",
@@ -322,21 +319,13 @@ fn a_folder_of_the_user_stands_beside_the_catalogue() {
         "--set",
         filter,
         "--set",
-        "led.peaks_nm=[365.0]",
+        "vary.light.led.peaks_nm=[365.0]",
     ];
-    let set = [
-        "--set",
-        "compare=[]",
-        "--set",
-        "view_filter.long-pass.long_pass_after_peak_nm=[]",
-        "--out",
-        "a",
-        "-q",
-    ];
+    let set = ["--set", "compare=[]", "--unset", "vary.long-pass", "--out", "a", "-q"];
     let (code, _, said) = run(&[&compare[..], &set[..]].concat());
     assert_eq!(code, Some(0), "{said}");
     let csv = fs::read_to_string(folder.path().join("a/designs.csv")).unwrap();
-    assert!(csv.contains("365 nm + lab"), "{csv}");
+    assert!(csv.contains("365 nm + lab_led"), "{csv}");
     // Without the folder there is no such light
     let said = fluorspar(folder.path(), compare);
     assert!(said.code == Some(2) && said.stderr.contains("lab_led"), "{said:?}");

@@ -112,7 +112,7 @@ fn overriding(name: String, number: usize, folder: Option<&Path>) -> TextSource 
 
 /// What a change comes to on a tree.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Edit {
+enum Edit {
     /// A value at a place, the tables around it included.
     Put { path: Vec<Step>, value: Node },
     /// A new entry at the end of a list.
@@ -121,7 +121,7 @@ pub(crate) enum Edit {
     Remove { path: Vec<Step> },
 }
 
-/// Applies one change, of a number among all, and tells what it came to, step by step.
+/// Applies one change, of a number among all.
 ///
 /// # Errors
 /// Paths that name nothing, entries that exist already.
@@ -131,7 +131,7 @@ pub(crate) fn apply_change(
     number: usize,
     change: &SceneChange,
     base_dir: &Path,
-) -> Result<Vec<Edit>, ExperimentError> {
+) -> Result<(), ExperimentError> {
     let mut source = overriding(change.to_string(), number, Some(base_dir));
     let index = document.sources.len();
     let plan = Plan { root: &document.root, schema, source: &source, index };
@@ -146,10 +146,8 @@ pub(crate) fn apply_change(
         source.overriding = Some(Overriding { number, path: path.clone() });
     }
     document.sources.push(source);
-    for edit in &edits {
-        apply_edit(document, schema, edit);
-    }
-    Ok(edits)
+    edits.iter().for_each(|edit| apply_edit(document, schema, edit));
+    Ok(())
 }
 
 /// Takes away from the bases below a file what its `unset` names, a list of paths.

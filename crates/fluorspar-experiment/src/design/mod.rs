@@ -1,17 +1,16 @@
-//! Design problems: files that say what may be chosen of lights, filters and sensors, and what a design is judged by.
+//! Design problems: an experiment, what of it may be chosen, and what a design is judged by.
 
 mod regions;
 mod renders;
 mod resolve;
 mod schema;
+mod vary;
 
 pub use renders::{DesignRegion, DesignRender, DesignRenders};
 pub use resolve::{ComparedDesign, ResolvedDesign, parse_design};
 pub use schema::{
-    CohortSection, ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile, ExcitationSection,
-    ExposuresSection, FilterChoiceSection, GeometrySection, GeometryValue, IdealBandsSection,
-    LedSeriesSection, LensChoiceSection, LightChoiceSection, LimitsSection, RegionSection,
-    RenderedRegionSection, RenderedSceneSection, SceneSource, SearchSection, SensorChoiceSection,
-    SensorSource, SplitChoice, SplitRule, TolerancesSection, UnknownsSection, WheelFilterSection,
-    WhiteFrameSection,
+    CohortSection, ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile, DesignQuestion,
+    ExcitationSection, ExposuresSection, IdealBandsSection, LedSeriesSection, LimitsSection, LongPassSection,
+    RegionSection, RenderedRegionSection, SearchSection, SplitChoice, SplitRule, TolerancesSection,
+    UnknownsSection, VarySection, WheelFilterSection, WhiteFrameSection,
 };

@@ -10,12 +10,10 @@ use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid, blood_transmittanc
 use fluorspar::tissue::{Population, Site, TissueState};
 
 use super::schema::{CohortSection, DesignFile, RegionSection};
-use crate::error::{Message, Place, steps};
-use crate::part_file::sample::{SampleMaterial, SampleSurface, SampleTissue};
+use crate::error::{Place, steps};
+use crate::part_file::sample::{SampleMaterial, Sampled, material};
 use crate::resolve::context::{Context, Resolved};
-use crate::resolve::fluorophore::Fluorophores;
 use crate::resolve::named_tissue::NamedTissue;
-use crate::resolve::spectrum::Role;
 use crate::resolve::tissue::{FlatTissue, Layers, check_sections, flat_layers, named_tissue};
 
 /// Name of all fluorophores together that have no weight of their own.
@@ -44,19 +42,14 @@ pub(super) fn region(
         );
     };
     let at_material = at.field("material");
-    let mut model = match material {
-        SampleMaterial::Surface(surface) => {
-            surface_region(context, &at_material, file, section, surface, axes)
-        }
-        SampleMaterial::Tissue(tissue) => tissue_region(context, &at_material, file, section, tissue, axes),
-    }?;
+    let mut model = flat_region(context, &at_material, file, &section.name, material, axes)?;
     let held = || model.response.fluorescence.iter().map(|part| part.name.as_str());
-    for (index, name) in section.apart.iter().enumerate() {
-        if !held().any(|known| known == name) {
-            let message = Message::unknown("the region holds no such fluorophore", name, held());
-            return context.fail(&at.field("apart").index(index), message);
-        }
-    }
+    context.check_names(
+        &at.field("apart"),
+        &section.apart,
+        held(),
+        "the region holds no such fluorophore",
+    )?;
     if !section.apart.is_empty() {
         let is_apart: Vec<bool> = held().map(|name| section.apart.iter().any(|own| own == name)).collect();
         with_bulk(&mut model.response, &section.apart);
@@ -98,53 +91,62 @@ pub(super) fn with_bulk(region: &mut RegionResponse, apart: &[String]) {
     region.fluorescence = bulk.into_iter().chain(own).collect();
 }
 
-/// A surface with fluorophores; blood may lie above it.
-fn surface_region(
+/// A flat material, with what is not known of it: of a surface a layer of blood above it, of layered tissue what varies among people.
+fn flat_region(
     context: &mut Context<'_>,
     at: &Place,
     file: &DesignFile,
-    section: &RegionSection,
-    surface: &SampleSurface,
+    name: &str,
+    section: &SampleMaterial,
     axes: &Axes<'_>,
 ) -> Resolved<RegionModel> {
-    let reflectance = context.spectrum(
-        &at.field("reflectance"),
-        &surface.reflectance,
-        Role::Reflectance,
-        0.0,
-        axes.grid,
-    )?;
-    let mut found = Fluorophores::default();
-    let mut amounts = Vec::new();
-    for (name, &amount) in &surface.concentrations {
-        let at = at.field("concentrations").field(name);
-        context.within(&at, amount, [1e-9, 1e6], "; leave out what the region does not hold")?;
-        found.index(context, &at, &file.fluorophore, name)?;
-        amounts.push(amount);
+    let (experiment, unknown) = (&file.experiment, &file.question.unknown);
+    let of_file = (experiment.tissue.as_slice(), experiment.fluorophore.as_slice());
+    if let SampleMaterial::Tissue(_) = section {
+        check_sections(context, of_file.0, of_file.1, axes.grid)?;
     }
-    if amounts.is_empty() {
-        return context.fail(
-            &at.field("concentrations"),
-            "the region holds no fluorophore, so there is no weight to estimate; add for instance { nadh = 1.0 }",
-        );
+    let Sampled { reflectance, fluorophores: held, .. } = material(context, at, section, of_file, axes.grid)?;
+    let at_amounts = at.field("concentrations");
+    if held.is_empty() {
+        let message = "the region holds no fluorophore, so there is no weight to estimate; add for instance { nadh = 1.0 }";
+        return context.fail(&at_amounts, message);
     }
-    let held: Vec<(Fluorophore, f64)> = found.list.into_iter().zip(amounts).collect();
-    let response = RegionResponse::flat(&section.name, axes.grid, &axes.nodes_nm, &reflectance, &held);
-    let mut model = RegionModel::known(response);
-    if file.unknown.blood_um > 0.0 {
-        let moved = below_blood(&model.response, file.unknown.blood_um);
-        model.changes.extend(ResponseChange::between(
-            "blood",
-            &model.response,
-            &moved,
-            ChangeGrowth::Attenuation,
-        ));
+    for (fluorophore, amount) in &held {
+        let at = at_amounts.field(&fluorophore.name);
+        context.within(&at, *amount, [1e-9, 1e6], "; leave out what the region does not hold")?;
+    }
+    let response = RegionResponse::flat(name, axes.grid, &axes.nodes_nm, &reflectance, &held);
+    let SampleMaterial::Tissue(tissue) = section else {
+        let mut model = RegionModel::known(response);
+        model.changes.extend(change_by_blood(&model.response, unknown.blood_um));
+        return Ok(model);
+    };
+    let mut model = RegionModel::known(response.counted_by_light());
+    if unknown.tissue > 0.0 {
+        let at = at.field("tissue");
+        let typical = named_tissue(context, &at, of_file.0, of_file.1, axes.grid, &tissue.tissue)?;
+        let layers = Layers::new(context, &at, of_file.1, &typical)?;
+        let factors: Vec<f64> = held.iter().map(|(_, factor)| *factor).collect();
+        for (variation, moved) in moved_sites(typical.site(context, &at)?, unknown.tissue) {
+            let moved = flat_layers(context, &at, &layers, &NamedTissue::Site(moved), axes.grid)?;
+            let moved = respond(name, &moved, &factors, axes);
+            let change = ResponseChange::between(variation, &model.response, &moved, ChangeGrowth::Linear);
+            model.changes.extend(change);
+        }
     }
     Ok(model)
 }
 
+/// What a layer of whole blood of a thickness changes of a region, where there is one.
+pub(super) fn change_by_blood(region: &RegionResponse, thickness_um: f64) -> Option<ResponseChange> {
+    if thickness_um <= 0.0 {
+        return None;
+    }
+    ResponseChange::between("blood", region, &below_blood(region, thickness_um), ChangeGrowth::Attenuation)
+}
+
 /// The same region below a layer of whole blood that light passes twice.
-pub(super) fn below_blood(region: &RegionResponse, thickness_um: f64) -> RegionResponse {
+fn below_blood(region: &RegionResponse, thickness_um: f64) -> RegionResponse {
     let passes = |nm: &f64| blood_transmittance(*nm, thickness_um);
     let emission: Vec<f64> = region.grid.centers_nm().iter().map(passes).collect();
     let excitation: Vec<f64> = region.excitation.centers_nm().iter().map(passes).collect();
@@ -164,49 +166,6 @@ pub(super) fn below_blood(region: &RegionResponse, thickness_um: f64) -> RegionR
         reflected: region.reflected.times(&twice),
         ..region.clone()
     }
-}
-
-/// Layered tissue, with what varies among people as unknowns.
-fn tissue_region(
-    context: &mut Context<'_>,
-    at: &Place,
-    file: &DesignFile,
-    section: &RegionSection,
-    tissue: &SampleTissue,
-    axes: &Axes<'_>,
-) -> Resolved<RegionModel> {
-    let at_tissue = at.field("tissue");
-    check_sections(context, &file.tissue, &file.fluorophore, axes.grid)?;
-    let (tissues, fluorophores) = (&file.tissue, &file.fluorophore);
-    let typical = named_tissue(context, &at_tissue, tissues, fluorophores, axes.grid, &tissue.tissue)?;
-    let layers = Layers::new(context, &at_tissue, &file.fluorophore, &typical)?;
-    let solved = flat_layers(context, &at_tissue, &layers, &typical, axes.grid)?;
-    let mut factors = Vec::new();
-    for fluorophore in &solved.fluorophores {
-        factors.push(tissue.concentrations.get(&fluorophore.name).copied().unwrap_or(1.0));
-    }
-    for (name, &factor) in &tissue.concentrations {
-        let at = at.field("concentrations").field(name);
-        context.within(&at, factor, [1e-9, 1e6], "")?;
-        if !solved.fluorophores.iter().any(|held| held.name == *name) {
-            let known: Vec<&str> = solved.fluorophores.iter().map(|held| held.name.as_str()).collect();
-            let message = format!("the tissue holds no such fluorophore. It holds: {}", known.join(", "));
-            return context.fail(&at, message);
-        }
-    }
-    let respond = |flat: &FlatTissue| respond(&section.name, flat, &factors, axes);
-    let mut model = RegionModel::known(respond(&solved));
-    let spread = file.unknown.tissue;
-    if spread > 0.0 {
-        let typical = typical.site(context, &at_tissue)?;
-        for (variation, moved) in moved_sites(typical, spread) {
-            let moved = NamedTissue::Site(moved);
-            let moved = respond(&flat_layers(context, &at_tissue, &layers, &moved, axes.grid)?);
-            let change = ResponseChange::between(variation, &model.response, &moved, ChangeGrowth::Linear);
-            model.changes.extend(change);
-        }
-    }
-    Ok(model)
 }
 
 /// A change of the tissue of a rendered region at one standard deviation, as factors on what the region sends.
@@ -256,15 +215,22 @@ pub(super) fn tissue_factors(
     names: &[String],
     axes: &Axes<'_>,
 ) -> Resolved<Vec<TissueFactors>> {
-    check_sections(context, &file.tissue, &file.fluorophore, axes.grid)?;
-    let (spread, share) = (file.unknown.tissue, (names.len() as f64).sqrt().recip());
+    check_sections(context, &file.experiment.tissue, &file.experiment.fluorophore, axes.grid)?;
+    let (spread, share) = (file.question.unknown.tissue, (names.len() as f64).sqrt().recip());
     let mut responses: Vec<(Vec<f64>, Curve)> = Vec::new();
     let mut found = Vec::new();
     for (index, name) in names.iter().enumerate() {
         let at = at.index(index);
         context.unique_name(&at, name, names[..index].iter().map(String::as_str))?;
-        let typical = named_tissue(context, &at, &file.tissue, &file.fluorophore, axes.grid, name)?;
-        let layers = Layers::new(context, &at, &file.fluorophore, &typical)?;
+        let typical = named_tissue(
+            context,
+            &at,
+            &file.experiment.tissue,
+            &file.experiment.fluorophore,
+            axes.grid,
+            name,
+        )?;
+        let layers = Layers::new(context, &at, &file.experiment.fluorophore, &typical)?;
         let of = |context: &Context<'_>, tissue: &NamedTissue| -> Resolved<(Vec<f64>, Curve)> {
             let flat = flat_layers(context, &at, &layers, tissue, axes.grid)?;
             let region = respond(name, &flat, &vec![1.0; flat.fluorophores.len()], axes);
@@ -353,11 +319,11 @@ pub(super) fn cohort(
     let at = steps!["cohort"];
     context.whole_within(&at.field("people"), u64::from(section.people), [4, 200])?;
     let at_tissue = at.field("tissue");
-    let (tissues, fluorophores) = (&file.tissue, &file.fluorophore);
+    let (tissues, fluorophores) = (&file.experiment.tissue, &file.experiment.fluorophore);
     let typical = named_tissue(context, &at_tissue, tissues, fluorophores, axes.grid, &section.tissue)?;
     let state = TissueState::named(&section.state)
         .map_err(|error| context.error(&at.field("state"), error.to_string()))?;
-    let layers = Layers::new(context, &at_tissue, &file.fluorophore, &typical)?;
+    let layers = Layers::new(context, &at_tissue, &file.experiment.fluorophore, &typical)?;
     let population = Population::of(typical.site(context, &at_tissue)?);
     let key = Key::new(section.seed).with_text("cohort");
     let of = |context: &Context<'_>, site: &Site| -> Resolved<RegionModel> {

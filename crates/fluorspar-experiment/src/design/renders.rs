@@ -1,29 +1,19 @@
 //! Scenes of a design problem that must be rendered: which, under what names, and where the regions lie in them.
 
-use std::path::Path;
-
 use fluorspar::analysis::{Rectangle, RegionOfInterest};
-use fluorspar::design::{
-    ChangeGrowth, DesignProblem, GeometryChoice, LightChoice, RegionModel, ResponseChange,
-};
+use fluorspar::design::{DesignProblem, GeometryChoice, LensChoice, LightChoice, RegionModel};
 use fluorspar::safety::RetinalObserver;
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::Study;
-use fluorspar_format::read_text_bounded;
 
-use super::regions::{Axes, TissueFactors, below_blood, tissue_factors, with_bulk};
-use super::schema::{
-    DesignFile, GeometrySection, GeometryValue, RegionSection, RenderedRegionSection, SceneSource,
-};
+use super::regions::{Axes, TissueFactors, change_by_blood, tissue_factors, with_bulk};
+use super::schema::{DesignFile, RegionSection, RenderedRegionSection};
+use super::vary::{Base, Choice};
+use crate::change::scene_change::SceneChange;
 use crate::error::{Place, steps};
-use crate::preset;
-use crate::read::parse;
 use crate::resolve::context::{Context, Resolved};
 use crate::resolve::{FileRecord, ResolvedExperiment, resolve};
-use crate::schema::SpectralSection;
 
-/// Largest experiment file, bytes.
-const MOST_EXPERIMENT_BYTES: u64 = 64 << 20;
 /// Most renders of one problem.
 const MOST_RENDERS: usize = 1000;
 /// Share of a light that may lie where the render keeps no excitation apart.
@@ -40,8 +30,8 @@ pub struct DesignRender {
     pub record: FileRecord,
     /// The light group whose place the lights of a design take.
     pub light_group: String,
-    /// Where an eye looks into the lights: distance from the camera's pupil along its axis, mm, and whose it is. `None` where neither the
-    /// design nor the scene tells.
+    /// Where an eye looks into the lights: distance from the camera's pupil along its axis, mm, and whose it is. `None` where the scene
+    /// does not say.
     pub eye: Option<(f64, RetinalObserver)>,
 }
 
@@ -69,9 +59,7 @@ pub struct DesignRenders {
     pub regions: Vec<DesignRegion>,
     /// Names of the geometries.
     pub geometries: Vec<String>,
-    /// Working distance of the lens in each geometry, mm, where it has one of its own.
-    pub(super) distances_mm: Vec<Option<f64>>,
-    /// Solid angle of each aperture at that distance, sr, `[geometry][aperture]`; empty without one.
+    /// Solid angle of each aperture where the lens is focused in each geometry, sr, `[geometry][aperture]`.
     pub(super) lens_sr: Vec<Vec<f64>>,
     /// Thickness of whole blood that is not known, um.
     pub(super) blood_um: f64,
@@ -93,15 +81,7 @@ impl DesignRenders {
                 if !region.apart.is_empty() {
                     with_bulk(&mut model.response, &region.apart);
                 }
-                if self.blood_um > 0.0 {
-                    let moved = below_blood(&model.response, self.blood_um);
-                    model.changes.extend(ResponseChange::between(
-                        "blood",
-                        &model.response,
-                        &moved,
-                        ChangeGrowth::Attenuation,
-                    ));
-                }
+                model.changes.extend(change_by_blood(&model.response, self.blood_um));
                 model.changes.extend(region.tissue.iter().map(|factors| factors.change_of(&model.response)));
                 geometry.regions.push(model);
             }
@@ -109,13 +89,18 @@ impl DesignRenders {
         problem
     }
 
-    /// Power of the designed group as the scenes have it, W.
-    pub(super) fn own_power_w(&self) -> Option<f64> {
-        let render = self.renders.first()?;
-        let scene = &render.study.scene;
-        let group = scene.light_groups.iter().position(|group| group.name == render.light_group)?;
-        let mut lights = scene.lights.iter().filter(|light| light.group == group);
-        lights.next().map(|light| light.whole_spectrum().total())
+    /// Focuses the lens in each geometry as its scene does.
+    pub(super) fn focus(&mut self, lenses: &[LensChoice]) {
+        let Some(region) = self.regions.first() else { return };
+        let lens_of = |render: &usize| self.renders[*render].study.camera.lens.as_ref();
+        let focused = |render| match lens_of(render) {
+            Some(lens) if lens.traced.is_none() => lenses
+                .iter()
+                .map(|choice| LensChoice::new(&lens.equation, choice.f_number).solid_angle_sr)
+                .collect(),
+            _ => Vec::new(),
+        };
+        self.lens_sr = region.renders.iter().map(focused).collect();
     }
 }
 
@@ -123,72 +108,65 @@ impl DesignRenders {
 pub(super) fn renders(
     context: &mut Context<'_>,
     file: &DesignFile,
+    base: &Base,
     lights: &[LightChoice],
+    light_group: &str,
+    geometries: &[Choice],
 ) -> Resolved<DesignRenders> {
-    let mut found = DesignRenders { blood_um: file.unknown.blood_um, ..DesignRenders::default() };
-    let rendered: Vec<(usize, &RegionSection, &RenderedRegionSection)> = file
-        .region
-        .iter()
-        .enumerate()
-        .filter_map(|(index, section)| Some((index, section, section.rendered.as_ref()?)))
-        .collect();
+    let unknown = &file.question.unknown;
+    let mut found = DesignRenders { blood_um: unknown.blood_um, ..DesignRenders::default() };
+    let regions = file.question.region.iter().enumerate();
+    let rendered: Vec<(usize, &RegionSection, &RenderedRegionSection)> =
+        regions.filter_map(|(index, section)| Some((index, section, section.rendered.as_ref()?))).collect();
     if rendered.is_empty() {
-        if !file.geometry.is_empty() {
+        if !geometries[0].changes.is_empty() {
             let message = "there is no region that a geometry could change; give a [[region]] with rendered = { parts = [...] }";
-            return context.fail(&steps!["geometry"], message);
+            return context.fail(&steps!["vary"], message);
         }
         return Ok(found);
     }
-    let geometries = geometries(context, &file.geometry)?;
     if geometries.len() * rendered.len() > MOST_RENDERS {
         let message = format!(
             "there are more than {MOST_RENDERS} combinations of values and regions; give fewer values"
         );
-        return context.fail(&steps!["geometry"], message);
+        return context.fail(&steps!["vary"], message);
     }
-    let (text, source, folder) = scene_text(context, file)?;
     found.geometries = geometries.iter().map(|geometry| geometry.name.clone()).collect();
-    found.distances_mm = geometries.iter().map(|geometry| geometry.distance_mm).collect();
-    let mut known: Vec<Vec<String>> = Vec::new();
+    let mut known: Vec<(&[String], usize)> = Vec::new();
     for (index, section, of_region) in rendered {
-        let at = steps!["region", index].field("rendered");
-        let rectangle = of_region.rectangle_px.map(|[col, row, width, height]| {
-            let [col, row, width, height] = [col, row, width, height].map(|value| value as usize);
+        let at = steps!["region", index, "rendered"];
+        let rectangle = of_region.rectangle_px.map(|corners| {
+            let [col, row, width, height] = corners.map(|value| value as usize);
             Rectangle { col, row, width, height }
         });
         let region =
             RegionOfInterest { parts: of_region.parts.clone(), rectangle, ..RegionOfInterest::default() };
-        let mut numbers = Vec::new();
-        for NamedGeometry { name, changes, .. } in &geometries {
-            let mut overrides = file.scene.iter().flat_map(|scene| scene.set.clone()).collect::<Vec<_>>();
-            overrides.extend(of_region.set.iter().chain(changes).cloned());
-            let number = match known.iter().position(|other| *other == overrides) {
-                Some(number) => number,
-                None => {
-                    let own = of_region.set.iter().map(String::as_str);
-                    let words: Vec<&str> =
-                        own.chain((geometries.len() > 1).then_some(name.as_str())).collect();
-                    let title = if words.is_empty() { "the scene".into() } else { words.join(", ") };
-                    let study = scene(context, &at, file, lights, [&text, &source], &folder, &overrides)?;
-                    found.renders.push(design_render(context, file, title, study)?);
-                    known.push(overrides);
-                    known.len() - 1
-                }
-            };
-            numbers.push(number);
+        let mut renders = Vec::new();
+        for (number, geometry) in geometries.iter().enumerate() {
+            let scene = (of_region.set.as_slice(), number);
+            if !known.contains(&scene) {
+                let own = of_region.set.iter().map(String::as_str);
+                let words: Vec<&str> =
+                    own.chain((geometries.len() > 1).then_some(geometry.name.as_str())).collect();
+                let name = if words.is_empty() { "the scene".into() } else { words.join(", ") };
+                let study = scene_of(context, &at, base, lights, &of_region.set, geometry)?;
+                found.renders.push(design_render(context, light_group, name, study)?);
+                known.push(scene);
+            }
+            renders.extend(known.iter().position(|other| *other == scene));
         }
-        let study = &found.renders[numbers[0]].study;
-        check_parts(context, &at, &region, study)?;
-        check_apart(context, &at, &of_region.apart, study)?;
+        let study = &found.renders[renders[0]].study;
+        check_region(context, &at, &region, study)?;
+        let names = study.scene.fluorophores.iter().map(|known| known.name.as_str());
+        context.check_names(
+            &at.field("apart"),
+            &of_region.apart,
+            names,
+            "the scene has no such fluorophore",
+        )?;
         let tissue = unknown_tissue(context, &at, file, of_region, study)?;
-        let apart = of_region.apart.clone();
-        found.regions.push(DesignRegion {
-            name: section.name.clone(),
-            region,
-            renders: numbers,
-            apart,
-            tissue,
-        });
+        let (name, apart) = (section.name.clone(), of_region.apart.clone());
+        found.regions.push(DesignRegion { name, region, renders, apart, tissue });
     }
     check_lights(context, lights, &found);
     let known: Vec<&str> = found
@@ -197,7 +175,7 @@ pub(super) fn renders(
         .filter(|region| region.tissue.is_empty())
         .map(|region| region.name.as_str())
         .collect();
-    if file.unknown.tissue > 0.0 && !known.is_empty() {
+    if unknown.tissue > 0.0 && !known.is_empty() {
         let message = format!(
             "the tissue of these rendered regions is taken as known: {}; say of what tissue they are, such as rendered.tissue = \
              [\"dorsal_tongue\"], or of which they may be",
@@ -220,7 +198,7 @@ fn unknown_tissue(
     if section.tissue.is_empty() {
         return Ok(Vec::new());
     }
-    if file.unknown.tissue <= 0.0 {
+    if file.question.unknown.tissue <= 0.0 {
         let message = "the tissue counts where its spread is not known; give unknown.tissue, for instance 1";
         return context.fail(&at, message);
     }
@@ -229,123 +207,30 @@ fn unknown_tissue(
     tissue_factors(context, &at, file, &section.tissue, &Axes { grid: &study.scene.grid, nodes_nm })
 }
 
-/// One combination of the values of the variables.
-#[derive(Clone)]
-struct NamedGeometry {
-    name: String,
-    /// The changes that make it.
-    changes: Vec<String>,
-    distance_mm: Option<f64>,
-}
-
-/// Refuses fluorophores that the scene does not have.
-fn check_apart(context: &Context<'_>, at: &Place, apart: &[String], study: &Study) -> Resolved<()> {
-    let names: Vec<&str> = study.scene.fluorophores.iter().map(|known| known.name.as_str()).collect();
-    for (index, name) in apart.iter().enumerate() {
-        if !names.contains(&name.as_str()) {
-            let hint = fluorspar::names::did_you_mean(name, names.iter().copied());
-            let message =
-                format!("the scene has no such fluorophore{hint} Its fluorophores: {}", names.join(", "));
-            return context.fail(&at.field("apart").index(index), message);
-        }
-    }
-    Ok(())
-}
-
-/// All combinations of the values of the variables, by name, with the changes that make them.
-fn geometries(context: &Context<'_>, sections: &[GeometrySection]) -> Resolved<Vec<NamedGeometry>> {
-    let mut found = vec![NamedGeometry { name: String::new(), changes: Vec::new(), distance_mm: None }];
-    for (index, section) in sections.iter().enumerate() {
-        let at = steps!["geometry", index];
-        if section.values.is_empty() {
-            return context.fail(&at.field("values"), "give at least one value");
-        }
-        let distances = &section.working_distance_mm;
-        let at_distances = at.field("working_distance_mm");
-        if !distances.is_empty() && distances.len() != section.values.len() {
-            let message = format!("give one distance for each of the {} values", section.values.len());
-            return context.fail(&at_distances, message);
-        }
-        if !distances.is_empty() && found[0].distance_mm.is_some() {
-            return context
-                .fail(&at_distances, "another geometry gives the distances already; remove one of the two");
-        }
-        let last = section.field.rsplit('.').next().unwrap_or_default();
-        let label = section.name.as_deref().unwrap_or(last);
-        let with = |held: &NamedGeometry, number: usize, value: &GeometryValue| {
-            let own = format!("{label} {}", value.text());
-            let change = format!("{}={}", section.field, value.text());
-            NamedGeometry {
-                name: if held.name.is_empty() { own } else { format!("{}, {own}", held.name) },
-                changes: held.changes.iter().cloned().chain([change]).collect(),
-                distance_mm: distances.get(number).copied().or(held.distance_mm),
-            }
-        };
-        let mut combined = Vec::with_capacity(found.len() * section.values.len());
-        for held in &found {
-            combined
-                .extend(section.values.iter().enumerate().map(|(number, value)| with(held, number, value)));
-        }
-        found = combined;
-    }
-    if sections.is_empty() {
-        found[0].name = "as in the scene".into();
-    }
-    Ok(found)
-}
-
-/// Text, name and folder of the experiment that is rendered.
-fn scene_text(
-    context: &mut Context<'_>,
-    file: &DesignFile,
-) -> Resolved<(String, String, std::path::PathBuf)> {
-    let at = steps!["scene"];
-    let Some(section) = &file.scene else {
-        let message =
-            "rendered regions need a scene; add [scene] with preset (an experiment of the catalogue) or file";
-        return context.fail(&at, message);
-    };
-    match &section.source {
-        SceneSource::Preset { preset: name } => match preset::experiment(name) {
-            Ok(found) => Ok((found.text.into(), format!("experiment \"{name}\""), ".".into())),
-            Err(error) => context.fail(&at.field("preset"), error.to_string()),
-        },
-        SceneSource::File { file: path } => {
-            let at = at.field("file");
-            context.note_input(&at, path)?;
-            let path: &Path = path.as_ref();
-            let text = read_text_bounded(path, MOST_EXPERIMENT_BYTES)
-                .map_err(|error| context.file_error(&at, &error))?;
-            Ok((text, path.display().to_string(), path.parent().unwrap_or(Path::new(".")).into()))
-        }
-    }
-}
-
-/// Reads a scene with its changes, the bands of the design, and an excitation basis for its lights.
-fn scene(
+/// The scene with the changes of a region, a geometry, and an excitation basis for the lights.
+fn scene_of(
     context: &Context<'_>,
     at: &Place,
-    file: &DesignFile,
+    base: &Base,
     lights: &[LightChoice],
-    [text, source]: [&str; 2],
-    folder: &Path,
-    overrides: &[String],
+    set: &[String],
+    geometry: &Choice,
 ) -> Resolved<ResolvedExperiment> {
-    let own = file.scene.as_ref().and_then(|scene| scene.peaks_nm);
-    let [first, last] = own.unwrap_or_else(|| peaks_nm(lights));
-    let mut all = bands(&file.spectral);
-    all.push(format!("render.excitation_basis_nm=[{first:.1}, {last:.1}]"));
-    all.extend(overrides.iter().cloned());
-    let read = parse(text, source, folder, &all).and_then(|experiment| resolve(&experiment));
-    let resolved = match read {
+    let read = || {
+        let set = set.iter().map(|text| SceneChange::read(text)).collect::<Resolved<Vec<_>>>()?;
+        let mut experiment = base.scene(&[set, geometry.changes.clone()].concat())?;
+        experiment.file.render.excitation_basis_nm.get_or_insert_with(|| peaks_nm(lights));
+        resolve(&experiment)
+    };
+    let resolved = match read() {
         Ok(resolved) => resolved,
         Err(error) => return context.fail(at, format!("the scene can't be rendered: {error}")),
     };
     if resolved.study.scene.camera.lens.is_some()
         || resolved.study.scene.camera.parallel_half_width_m.is_some()
     {
-        let message = "the scene is rendered through a traced lens or with parallel rays; a design has an ideal lens: remove lens.prescription \
-                       or give camera.horizontal_field_deg, in the scene or in scene.set";
+        let message = "the scene is rendered through a traced lens or with parallel rays; a design has an ideal lens: give \
+                       lens.focal_length_mm or camera.horizontal_field_deg";
         return context.fail(at, message);
     }
     Ok(resolved)
@@ -359,71 +244,26 @@ fn peaks_nm(lights: &[LightChoice]) -> [f64; 2] {
     [rounded(least - 2.5), rounded(peaks.fold(0.0, f64::max) + 2.5)]
 }
 
-/// Bands of the design as changes of an experiment.
-fn bands(section: &SpectralSection) -> Vec<String> {
-    match section {
-        SpectralSection::Edges(edges) => vec![format!("spectral={{ edges_nm = {:?} }}", edges.edges_nm)],
-        SpectralSection::Uniform(bins) => {
-            [("first_nm", bins.first_nm), ("last_nm", bins.last_nm), ("step_nm", bins.step_nm)]
-                .map(|(name, value)| format!("spectral.{name}={value:?}"))
-                .into()
-        }
-    }
-}
-
 fn design_render(
     context: &Context<'_>,
-    file: &DesignFile,
+    light_group: &str,
     name: String,
     resolved: ResolvedExperiment,
 ) -> Resolved<DesignRender> {
     let ResolvedExperiment { study, record } = resolved;
-    let at = steps!["scene", "light_group"];
     let basis = study.render.excitation_basis.as_ref();
-    let groups = basis.map_or(&[][..], |basis| &basis.groups);
-    let names: Vec<&str> =
-        groups.iter().map(|&group| study.scene.light_groups[group].name.as_str()).collect();
-    let wanted = file.scene.as_ref().and_then(|scene| scene.light_group.as_deref());
-    let light_group = match (wanted, names.as_slice()) {
-        (None, [only]) => (*only).to_owned(),
-        (Some(wanted), _) if names.contains(&wanted) => wanted.to_owned(),
-        _ => {
-            let message = format!(
-                "name the light group whose place the lights of the design take; with a narrow light are: {}",
-                names.join(", ")
-            );
-            return context.fail(&at, message);
-        }
-    };
-    let eye = eye_place(context, file, &study)?;
-    Ok(DesignRender { name, study, record, light_group, eye })
-}
-
-/// Where an eye looks into the lights: distance from the camera, mm, and whose it is. Of the file, or else of the scene.
-fn eye_place(
-    context: &Context<'_>,
-    file: &DesignFile,
-    study: &Study,
-) -> Resolved<Option<(f64, RetinalObserver)>> {
-    let plan = study.safety.as_ref();
-    let of_scene = plan.and_then(|plan| plan.patient_eye_distance_mm);
-    let Some(section) = &file.eye else {
-        let aphakic = plan.is_some_and(|plan| plan.aphakic);
-        return Ok(of_scene.map(|mm| (mm, observer(aphakic))));
-    };
-    let at = steps!["eye"];
-    for (field, is_given) in [
-        ("source_mrad", section.source_mrad.is_some()),
-        ("irradiance_share", section.irradiance_share.is_some()),
-    ] {
-        if is_given {
-            let message =
-                "the scene is rendered and tells it by the place of the eye; give distance_mm instead";
-            return context.fail(&at.field(field), message);
-        }
+    let groups = basis.iter().flat_map(|basis| &basis.groups);
+    let names: Vec<&str> = groups.map(|&group| study.scene.light_groups[group].name.as_str()).collect();
+    if !names.contains(&light_group) {
+        let message = format!(
+            "the light group \"{light_group}\" has no narrow spectrum within render.excitation_basis_nm; those that have one: {}",
+            names.join(", ")
+        );
+        return context.fail(&steps!["light"], message);
     }
-    let own = section.distance_mm.map(|mm| context.within(&at.field("distance_mm"), mm, [1.0, 1e5], "mm"));
-    Ok(own.transpose()?.or(of_scene).map(|mm| (mm, observer(section.aphakic))))
+    let plan = study.safety.as_ref();
+    let eye = plan.and_then(|plan| Some((plan.patient_eye_distance_mm?, observer(plan.aphakic))));
+    Ok(DesignRender { name, study, record, light_group: light_group.into(), eye })
 }
 
 /// An eye with its lens, or without.
@@ -431,30 +271,26 @@ pub(super) fn observer(aphakic: bool) -> RetinalObserver {
     if aphakic { RetinalObserver::Aphakic } else { RetinalObserver::Normal }
 }
 
-/// Refuses parts that the scene does not have, before it is rendered.
-fn check_parts(context: &Context<'_>, at: &Place, region: &RegionOfInterest, study: &Study) -> Resolved<()> {
-    let names: Vec<&str> = study.scene.objects.iter().map(|object| object.name.as_str()).collect();
-    for (index, part) in region.parts.iter().enumerate() {
-        if !names.contains(&part.as_str()) {
-            let hint = fluorspar::names::did_you_mean(part, names.iter().copied());
-            let message = format!("the scene has no such part{hint} Its parts: {}", names.join(", "));
-            return context.fail(&at.field("parts").index(index), message);
-        }
-    }
-    if let Some(area) = region.rectangle {
-        let (width, height) = (study.scene.camera.width, study.scene.camera.height);
-        if area.width == 0
-            || area.height == 0
-            || area.col + area.width > width
-            || area.row + area.height > height
-        {
+/// Refuses parts and pixels that the scene does not have, before it is rendered.
+fn check_region(context: &Context<'_>, at: &Place, region: &RegionOfInterest, study: &Study) -> Resolved<()> {
+    let names = study.scene.objects.iter().map(|object| object.name.as_str());
+    context.check_names(&at.field("parts"), &region.parts, names, "the scene has no such part")?;
+    let (width, height) = (study.scene.camera.width, study.scene.camera.height);
+    let is_inside = |area: &Rectangle| {
+        area.width > 0
+            && area.height > 0
+            && area.col + area.width <= width
+            && area.row + area.height <= height
+    };
+    match &region.rectangle {
+        Some(area) if !is_inside(area) => {
             let message = format!(
                 "{area} do not lie in the render of {width} x {height} pixels; give column, row, width and height"
             );
-            return context.fail(&at.field("rectangle_px"), message);
+            context.fail(&at.field("rectangle_px"), message)
         }
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 /// Warns of lights that reach beyond what the renders keep apart.
@@ -469,10 +305,10 @@ fn check_lights(context: &mut Context<'_>, lights: &[LightChoice], found: &Desig
         let [first, last] = basis.nodes.span_nm();
         let message = format!(
             "more than 1 % of these lights lies outside the {first} to {last} nm that the renders keep apart, and what it excites there is \
-             left out: {}; widen peaks_nm",
+             left out: {}; widen render.excitation_basis_nm",
             names.join(", ")
         );
-        context.warn(&steps!["scene", "peaks_nm"], message);
+        context.warn(&steps!["render", "excitation_basis_nm"], message);
     }
 }
 
@@ -483,8 +319,8 @@ pub(super) fn check_grid(
     found: &DesignRenders,
 ) -> Resolved<()> {
     if found.renders.iter().any(|render| render.study.scene.grid != *grid) {
-        let message = "the scene has bands of its own; remove spectral from scene.set, and give the bands in [spectral] of the design";
-        return context.fail(&steps!["scene", "set"], message);
+        let message = "a region changes the wavelengths, which all regions share; give [spectral] once, outside of regions";
+        return context.fail(&steps!["region"], message);
     }
     Ok(())
 }

@@ -6,91 +6,92 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::part_file::sample::SampleMaterial;
-use crate::schema::{
-    FilePath, FluorophoreSection, FormatVersion, SpectralSection, SpectrumReference, TissueSection,
-};
+use crate::schema::{ExperimentFile, FilePath, SpectrumReference};
 
-/// A design problem. Every list of choices is searched; designs are ranked by one criterion and kept within limits.
+/// A design problem: an experiment from which everything fixed is taken, fields of it that may be chosen, and the question. Its sections
+/// are those of an experiment and those of the question.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct DesignFile {
-    /// Version of the form of this file: 1.
-    pub format: FormatVersion,
-    /// Name for people. Default: empty.
-    #[serde(default)]
-    pub title: String,
-    /// Description of the problem. Default: empty.
-    #[serde(default)]
-    pub description: String,
-    /// Wavelength bands of the emission. Default: 350 to 750 nm by 5 nm.
-    #[serde(default)]
-    pub spectral: SpectralSection,
+    /// Light, filters, sensor, lens, wavelengths, fluorophores, tissues and, for rendered regions, the scene.
+    #[serde(flatten)]
+    pub experiment: ExperimentFile,
+    /// What is asked.
+    #[serde(flatten)]
+    pub question: DesignQuestion,
+}
+
+/// The question of a design problem: what may be chosen, what is assumed, what counts.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DesignQuestion {
+    /// Fields of the experiment that may be chosen. Every combination of their values is a design. Default: none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub vary: Vec<VarySection>,
     /// Wavelengths of the excitation.
-    #[serde(default)]
     pub excitation: ExcitationSection,
     /// Regions that are measured; a design is as good as in the worst of them.
-    #[serde(default)]
     pub region: Vec<RegionSection>,
-    /// The scene in which rendered regions lie. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub scene: Option<RenderedSceneSection>,
-    /// What is chosen of the scene itself: each value is rendered. All values of several variables are combined.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub geometry: Vec<GeometrySection>,
-    /// Fluorophores besides those of the catalogue, or variants of those.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub fluorophore: Vec<FluorophoreSection>,
-    /// Layered tissues besides those of the catalogue, or in other states.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub tissue: Vec<TissueSection>,
     /// People in two states, whom a design should tell apart. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub cohort: Option<CohortSection>,
-    /// Lights to choose from.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub light: Vec<LightChoiceSection>,
-    /// A series of generic LEDs to choose from. Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub led: Option<LedSeriesSection>,
-    /// Viewing filters to choose from. Default: none in front of the lens.
-    #[serde(default)]
-    pub view_filter: Vec<FilterChoiceSection>,
-    /// Sensors to choose from.
-    #[serde(default)]
-    pub sensor: Vec<SensorChoiceSection>,
-    /// Lens.
-    #[serde(default)]
-    pub lens: LensChoiceSection,
     /// Exposures.
-    #[serde(default)]
     pub exposure: ExposuresSection,
     /// What is not known besides the weights of the fluorophores.
-    #[serde(default)]
     pub unknown: UnknownsSection,
     /// Ratios of amounts whose error is wanted.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub contrast: Vec<ContrastSection>,
     /// What designs are ranked by. Default "minimax".
-    #[serde(default)]
     pub criterion: CriterionChoice,
     /// Name of the contrast that designs are ranked by where the criterion is "contrast". Default: the first.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub criterion_contrast: Option<String>,
     /// What designs must keep to.
-    #[serde(default)]
     pub limit: LimitsSection,
-    /// An eye that looks into the lights, for their margin. Default: in a rendered scene that of `[safety]`, otherwise none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// An eye that looks into the lights of flat regions, for their margin; of a rendered scene that of `[safety]`. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub eye: Option<EyeSection>,
     /// How designs are searched.
-    #[serde(default)]
     pub search: SearchSection,
     /// Manufacturing tolerances, for the worst case of the best design.
-    #[serde(default)]
     pub tolerance: TolerancesSection,
-    /// A design to compare the best with. Default: the first light behind the first filter on the first sensor.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    /// A design to compare the best with. Default: the first value of every variable.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub compare: Vec<ComparedDesignSection>,
+}
+
+/// A variable of the design: a field of the experiment and its values.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct VarySection {
+    /// Name in results and in the paths of changes. Default: the last word of the field.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Path of the field: of a light (`light.blue`, its `spectrum`, `filters` or `strength`), `view_filter.filters`, `sensor`,
+    /// `lens.f_number`; or of what a rendered region shows, in `camera`, `mouth`, `object`, `material` or the place of a light.
+    pub field: String,
+    /// Values. A table is put on top of what the experiment says, as a file on top of its base; all else takes its place.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<serde_json::Value>")]
+    pub values: Vec<toml::Value>,
+    /// LEDs as further values, for a field such as `light.blue`. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub led: Option<LedSeriesSection>,
+    /// Long-pass edges behind the viewing filters of the experiment as further values, for the field `view_filter`. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub long_pass: Option<LongPassSection>,
+    /// Sensors of ideal bands as further values, for the field `sensor`. Default: none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub bands: Vec<IdealBandsSection>,
+    /// Sensor files as further values, for the field `sensor`. Default: none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sensor_files: Vec<FilePath>,
+    /// Names of all values. Default: what they say.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub names: Vec<String>,
+    /// Prices, in any unit, 0 or more: of each value, or one for all. Default 0.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub costs: Vec<f64>,
 }
 
 /// Nodes between which the response to light is linear in its wavelength.
@@ -124,7 +125,7 @@ pub struct RegionSection {
     /// Fluorophores of a flat region with weights of their own; all others together are one, called "bulk". Default: each has its own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub apart: Vec<String>,
-    /// Where the region lies in the rendered `[scene]`. Default: none, the region is flat.
+    /// Where the region lies in the rendered scene. Default: none, the region is flat.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rendered: Option<RenderedRegionSection>,
 }
@@ -145,81 +146,6 @@ pub struct RenderedRegionSection {
     /// Tissue of the region, for `unknown.tissue`: a `[[tissue]]` of this file or a site of the catalogue; several where it is not known
     /// which of them it is. Default: none, the tissue is known.
     pub tissue: Vec<String>,
-}
-
-/// The scene in which rendered regions lie. It is rendered with an excitation basis, once for each combination of the geometry and of what
-/// regions change.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(deny_unknown_fields)]
-pub struct RenderedSceneSection {
-    /// Where it comes from.
-    #[serde(flatten)]
-    pub source: SceneSource,
-    /// Changes of the experiment, for instance `["render.width_px=96"]`. Default: none.
-    #[serde(default)]
-    pub set: Vec<String>,
-    /// Light group whose place the lights of a design take. Default: the only one with a narrow spectrum.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub light_group: Option<String>,
-    /// Range of the peaks of lights that the renders must serve, nm. Default: that of the lights of the file.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub peaks_nm: Option<[f64; 2]>,
-}
-
-/// Where a rendered scene comes from.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub enum SceneSource {
-    /// An experiment of the catalogue.
-    Preset {
-        /// Experiment of the catalogue.
-        preset: String,
-    },
-    /// An experiment of a file.
-    File {
-        /// Path of an experiment file.
-        file: FilePath,
-    },
-}
-
-/// A variable of the scene, such as the radius of a ring of lights or the place of the camera.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct GeometrySection {
-    /// Field of the experiment, for instance "light.blue.ring_radius_mm".
-    pub field: String,
-    /// Its values to choose from: numbers, lists of numbers, or texts.
-    pub values: Vec<GeometryValue>,
-    /// Working distance of the lens at each value, mm, where the values move the camera; beyond the focal length. Default: that of
-    /// `[lens]` at all of them.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub working_distance_mm: Vec<f64>,
-    /// Name in results. Default: the last word of the field.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub name: Option<String>,
-}
-
-/// A value of a field: a number, a list of numbers, or a text.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub enum GeometryValue {
-    /// A number.
-    Number(f64),
-    /// A list of numbers, such as a position.
-    List(Vec<f64>),
-    /// A text.
-    Text(String),
-}
-
-impl GeometryValue {
-    /// As a change writes it.
-    pub(super) fn text(&self) -> String {
-        match self {
-            Self::Number(value) => value.to_string(),
-            Self::List(values) => format!("{values:?}"),
-            Self::Text(text) => toml::Value::String(text.clone()).to_string(),
-        }
-    }
 }
 
 /// People with healthy tissue, and the same people with the tissue in another state.
@@ -246,145 +172,46 @@ fn cohort_seed() -> u64 {
     1
 }
 
-/// A light to choose from.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LightChoiceSection {
-    /// Name.
-    pub name: String,
-    /// Spectrum, relative.
-    pub spectrum: SpectrumReference,
-    /// Filters on the light. Default: none.
-    #[serde(default)]
-    pub filters: Vec<SpectrumReference>,
-    /// Irradiance of flat regions behind the filters, W/m², 1e-12 to 1e12. Default 10.
-    #[serde(default = "default_irradiance")]
-    pub irradiance_w_per_m2: f64,
-    /// Power in the place of the first light of the group in a rendered scene, behind the filters, mW, 1e-12 to 1e12. Default: as much as
-    /// that light has.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub power_mw: Option<f64>,
-    /// Price, in any unit, 0 or more. Default 0.
-    #[serde(default)]
-    pub cost: f64,
-}
-
-fn default_irradiance() -> f64 {
-    10.0
-}
-
 /// Generic LEDs: Gaussian spectra, named by their peaks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct LedSeriesSection {
-    /// Wavelengths of the peaks, nm. Default: 340 to 500 nm by 5 nm.
-    #[serde(default = "generic_peaks_nm")]
+    /// Wavelengths of the peaks, nm, 250 to 1100. Default: 340 to 500 nm by 5 nm.
     pub peaks_nm: Vec<f64>,
     /// Full width at half maximum, nm, 1 to 100. Default 12.
-    #[serde(default = "led_width")]
     pub fwhm_nm: f64,
     /// Short-pass filter of each, so many nanometers above its peak, 1 to 200; 10 % to 90 % over 5 nm, optical density 5.
-    /// Default: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Default: the filters of the light in the experiment.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub short_pass_after_peak_nm: Option<f64>,
-    /// Irradiance of flat regions by each, behind its filter, W/m², 1e-12 to 1e12. Default 10.
-    #[serde(default = "default_irradiance")]
-    pub irradiance_w_per_m2: f64,
-    /// Power of each in a rendered scene, as that of a light, mW, 1e-12 to 1e12. Default: as much as the light in its place has.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub power_mw: Option<f64>,
-    /// Price of each, in any unit, 0 or more. Default 0.
-    #[serde(default)]
-    pub cost: f64,
 }
 
-fn generic_peaks_nm() -> Vec<f64> {
-    (0..=32).map(|k| 340.0 + 5.0 * f64::from(k)).collect()
+impl Default for LedSeriesSection {
+    fn default() -> Self {
+        let peaks_nm = (0..=32).map(|k| 340.0 + 5.0 * f64::from(k)).collect();
+        Self { peaks_nm, fwhm_nm: 12.0, short_pass_after_peak_nm: None }
+    }
 }
 
-fn led_width() -> f64 {
-    12.0
-}
-
-/// Viewing filters to choose from: one for each edge. An edge given in nm is ideal: it passes everything beyond, where a filter of the catalogue
-/// passes less (`long_pass_475`: 0.95), and has the optical density below that is assumed here.
+/// Long-pass edges. They are ideal: they pass everything beyond, where a filter of the catalogue passes less (`long_pass_475`: 0.95), and have
+/// the optical density below that is assumed here.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct FilterChoiceSection {
-    /// Name.
-    pub name: String,
-    /// Filters that are the same for all exposures. Default: none.
-    #[serde(default)]
-    pub filters: Vec<SpectrumReference>,
-    /// Long-pass edges, nm, 200 to 1200, one choice each. Default: none.
-    #[serde(default)]
-    pub long_pass_nm: Vec<f64>,
-    /// Long-pass edges above the peak of the light of each exposure, nm, 0 to 400, one choice each; every exposure has a filter of
-    /// its own. Default: none.
-    #[serde(default)]
-    pub long_pass_after_peak_nm: Vec<f64>,
-    /// Distance from 10 % to 90 % of the long-pass edges, nm, 0.1 to 100. Default 8.
-    #[serde(default = "edge_width")]
-    pub edge_width_nm: f64,
-    /// Optical density below the long-pass edges, 0 to 12, assumed: the leak of a light that ends before the edge follows from it. Default 5.
-    #[serde(default = "edge_density")]
+#[serde(deny_unknown_fields, default)]
+pub struct LongPassSection {
+    /// Edges, nm, 200 to 1200. Default: none.
+    pub edges_nm: Vec<f64>,
+    /// Edges above the peak of the light of each exposure, nm, 0 to 400; every exposure has a filter of its own. Default: none.
+    pub after_peak_nm: Vec<f64>,
+    /// Distance from 10 % to 90 %, nm, 0.1 to 100. Default 8.
+    pub width_nm: f64,
+    /// Optical density below the edge, 0 to 12, assumed: the leak of a light that ends before the edge follows from it. Default 5.
     pub optical_density: f64,
-    /// Price of one, in any unit, 0 or more. Default 0.
-    #[serde(default)]
-    pub cost: f64,
 }
 
-fn edge_width() -> f64 {
-    8.0
-}
-
-fn edge_density() -> f64 {
-    5.0
-}
-
-/// A sensor to choose from: one of the catalogue, one of a file, or ideal bands.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(deny_unknown_fields)]
-pub struct SensorChoiceSection {
-    /// Name.
-    pub name: String,
-    /// What it is.
-    #[serde(flatten)]
-    pub source: SensorSource,
-    /// Filters on the sensor. Default: none.
-    #[serde(default)]
-    pub filters: Vec<SpectrumReference>,
-    /// Filters of a wheel before a sensor of one channel: the time of every exposure is shared evenly among them, and each is a channel.
-    /// Default: none.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub wheel: Vec<WheelFilterSection>,
-    /// Analog gain, 0.01 to 1000. Default 1.
-    #[serde(default = "unity")]
-    pub gain: f64,
-    /// Price, in any unit, 0 or more. Default 0.
-    #[serde(default)]
-    pub cost: f64,
-}
-
-/// What a sensor to choose from is.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub enum SensorSource {
-    /// One of the catalogue.
-    Preset {
-        /// Sensor of the catalogue.
-        preset: String,
-    },
-    /// One of a file.
-    File {
-        /// Path of a sensor file.
-        file: FilePath,
-    },
-    /// Ideal bands.
-    Bands {
-        /// Ideal Gaussian bands.
-        bands: IdealBandsSection,
-    },
+impl Default for LongPassSection {
+    fn default() -> Self {
+        Self { edges_nm: Vec::new(), after_peak_nm: Vec::new(), width_nm: 8.0, optical_density: 5.0 }
+    }
 }
 
 /// A filter of a wheel.
@@ -397,70 +224,33 @@ pub struct WheelFilterSection {
     pub filters: Vec<SpectrumReference>,
 }
 
-fn unity() -> f64 {
-    1.0
-}
-
 /// A sensor of Gaussian bands with nothing but read noise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct IdealBandsSection {
     /// Centers, nm, 200 to 1200; one channel each.
     pub centers_nm: Vec<f64>,
-    /// Standard deviations, nm, 0.5 to 200: one for all, or one for each.
+    /// Standard deviations, nm: one for all, or one for each.
     pub sigma_nm: Vec<f64>,
-    /// Electrons per photon at the center, 1e-6 to 1. Default 0.5.
-    #[serde(default = "half_of_full")]
+    /// Electrons per photon at the center, up to 1. Default 0.5.
     pub peak: f64,
-    /// Read noise, e- rms, 0 to 1e6. Default 2.
-    #[serde(default = "default_read_noise_e")]
+    /// Read noise, e- rms, 0 or more. Default 2.
     pub read_noise_e: f64,
-    /// Electrons that a pixel holds, 1 to 1e9. Default 10000.
-    #[serde(default = "default_full_well_e")]
+    /// Electrons that a pixel holds, 1 or more. Default 10000.
     pub full_well_e: f64,
-    /// Side of a pixel, um, 0.1 to 1000. Default 3.
-    #[serde(default = "default_pixel_size_um")]
+    /// Side of a pixel, um. Default 3.
     pub pixel_size_um: f64,
 }
 
-fn half_of_full() -> f64 {
-    0.5
-}
-
-fn default_read_noise_e() -> f64 {
-    2.0
-}
-
-fn default_pixel_size_um() -> f64 {
-    3.0
-}
-
-fn default_full_well_e() -> f64 {
-    10_000.0
-}
-
-/// An ideal lens and its apertures.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct LensChoiceSection {
-    /// Focal length, mm, 0.001 to 1e6. Default 3.
-    pub focal_length_mm: f64,
-    /// Apertures to choose from, 0.5 to 1000: focal length over the diameter of the pupil. Default 4.
-    pub f_numbers: Vec<f64>,
-    /// Distance of the region, mm, beyond the focal length. Default: infinity.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub distance_mm: Option<f64>,
-    /// Transmittance of the glass. Default 1.
-    pub transmittance: SpectrumReference,
-}
-
-impl Default for LensChoiceSection {
+impl Default for IdealBandsSection {
     fn default() -> Self {
         Self {
-            focal_length_mm: 3.0,
-            f_numbers: vec![4.0],
-            distance_mm: None,
-            transmittance: SpectrumReference::default(),
+            centers_nm: Vec::new(),
+            sigma_nm: Vec::new(),
+            peak: 0.5,
+            read_noise_e: 2.0,
+            full_well_e: 10_000.0,
+            pixel_size_um: 3.0,
         }
     }
 }
@@ -521,6 +311,10 @@ pub struct ExposuresSection {
     pub splits: Vec<SplitChoice>,
     /// Factors on all lights to choose from, 1e-6 to 1e6. Default 1.
     pub drives: Vec<f64>,
+    /// Filters of a wheel before sensors of one channel: the time of every exposure is shared evenly among them, and each is a channel.
+    /// Default: none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub wheel: Vec<WheelFilterSection>,
     /// A frame under white light, whose data count as well. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub white: Option<WhiteFrameSection>,
@@ -533,37 +327,30 @@ impl Default for ExposuresSection {
             total: ExposureTotal::default(),
             splits: vec![SplitChoice::Rule(SplitRule::EqualTime)],
             drives: vec![1.0],
+            wheel: Vec::new(),
             white: None,
         }
     }
 }
 
-/// A frame under white light without the viewing filter.
+/// A frame under a light of the experiment without the viewing filter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct WhiteFrameSection {
-    /// Spectrum, relative. Default "white_led".
-    #[serde(default = "white_led")]
-    pub spectrum: SpectrumReference,
-    /// Irradiance of flat regions, W/m², 1e-12 to 1e12. Default 10.
-    #[serde(default = "default_irradiance")]
-    pub irradiance_w_per_m2: f64,
-    /// Power in a rendered scene, in the place of the lights of the design, mW, 1e-12 to 1e12. Default: as much as the light there has.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub power_mw: Option<f64>,
+    /// Name of the light; in rendered regions it shines in the place of the light that is designed. Default "white".
+    pub light: String,
     /// Filters in front of the sensor. Default: none.
-    #[serde(default)]
     pub filters: Vec<SpectrumReference>,
     /// Signal of the brightest channel in the first region, share of what a pixel holds, 0.001 to 1. Default 0.5.
-    #[serde(default = "half_of_full")]
     pub level: f64,
     /// Price of the light, in any unit, 0 or more. Default 0.
-    #[serde(default)]
     pub cost: f64,
 }
 
-fn white_led() -> SpectrumReference {
-    SpectrumReference::named("white_led")
+impl Default for WhiteFrameSection {
+    fn default() -> Self {
+        Self { light: "white".into(), filters: Vec::new(), level: 0.5, cost: 0.0 }
+    }
 }
 
 /// What is not known besides the weights: standard deviations of normal priors; 0 is known exactly. With all of them 0 results are best cases.
@@ -666,9 +453,6 @@ pub struct LimitsSection {
     /// Smallest photobiological margin of an eye that looks into the lights of all exposures (`[eye]`), 0.001 to 1e9. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub eye_margin: Option<f64>,
-    /// Former name of `tissue_margin`. Default: none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub safety_margin: Option<f64>,
     /// Factor by which mucosa is taken to be more sensitive than skin, 1 to 1000. Default 10.
     pub tissue_safety_factor: f64,
     /// Largest ratio of reflected to fluorescent electrons, 0 to 1e6. Default: none.
@@ -690,7 +474,6 @@ impl Default for LimitsSection {
         Self {
             tissue_margin: None,
             eye_margin: None,
-            safety_margin: None,
             tissue_safety_factor: 10.0,
             leak: None,
             saturation: 1.0,
@@ -700,23 +483,20 @@ impl Default for LimitsSection {
     }
 }
 
-/// An eye that looks into the lights of a design: before flat regions by the light that it gets and the size of its source, in a rendered
-/// scene by its place.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+/// An eye that looks into the lights of flat regions: how much light it gets, and how large its source is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct EyeSection {
-    /// Angle that the light source subtends for the eye, mrad, 0.1 to 3000: a small one is worse for the retina. Flat regions need it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub source_mrad: Option<f64>,
+    /// Angle that the light source subtends for the eye, mrad, 0.1 to 3000: a small one is worse for the retina.
+    #[schemars(extend("x-expected" = "its diameter over its distance, mrad"))]
+    pub source_mrad: f64,
     /// Irradiance of the eye over that of flat regions, 1e-6 to 1e6. Default 1: the eye is where the region is.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub irradiance_share: Option<f64>,
-    /// Place of the eye in a rendered scene: distance from the camera's pupil along its axis, mm, 1 to 100 000. Default:
-    /// `safety.patient_eye_distance_mm` of the scene.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub distance_mm: Option<f64>,
-    /// Whether it may be that of an infant, or without its lens. Default false.
-    pub aphakic: bool,
+    #[serde(default = "as_bright")]
+    pub irradiance_share: f64,
+}
+
+fn as_bright() -> f64 {
+    1.0
 }
 
 /// How designs are searched.
@@ -767,7 +547,7 @@ pub struct ComparedDesignSection {
     pub name: String,
     /// Names of its lights.
     pub lights: Vec<String>,
-    /// Viewing filter. Default: the first.
+    /// Viewing filter, as results call it, and so on. Default: the first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub view_filter: Option<String>,
     /// Sensor. Default: the first.

@@ -3,27 +3,29 @@
 use super::shape::{Schema, Shape};
 use super::tree::{Content, Node, TextSource};
 use crate::error::ExperimentError;
-use crate::schema::FormatVersion;
 use fluorspar_format::FileFormat;
 
 /// Largest number of old spellings in a message.
 const MOST_NAMED: usize = 6;
 
-/// Refuses a file that does not say `format = 1`. The message names what its owner has to change.
+/// Refuses a file that does not state its format. The message names what its owner has to change.
 ///
 /// # Errors
 /// A format that is absent or another one.
-pub(crate) fn check_format(schema: &Schema, root: &Node, source: &TextSource) -> Result<(), ExperimentError> {
+pub(crate) fn check_format(
+    schema: &Schema,
+    format: &'static FileFormat,
+    root: &Node,
+    source: &TextSource,
+) -> Result<(), ExperimentError> {
     let (message, given) = match root.get("format") {
-        None => (missing_format(schema, root), None),
+        None => (missing_format(schema, format, root), None),
         Some(node) => match &node.content {
-            Content::Leaf(toml::Value::Integer(stated)) => {
-                match FileFormat::EXPERIMENT.check(Some(*stated)) {
-                    Ok(()) => return Ok(()),
-                    Err(other) => (other.to_string(), Some(node)),
-                }
-            }
-            _ => (format!("expected a whole number: {}", FormatVersion::CURRENT), Some(node)),
+            Content::Leaf(toml::Value::Integer(stated)) => match format.check(Some(*stated)) {
+                Ok(()) => return Ok(()),
+                Err(other) => (other.to_string(), Some(node)),
+            },
+            _ => (format!("expected a whole number: {}", format.version()), Some(node)),
         },
     };
     let mut error = source.error(message);
@@ -35,7 +37,7 @@ pub(crate) fn check_format(schema: &Schema, root: &Node, source: &TextSource) ->
 }
 
 /// What to change in a file that states no format.
-fn missing_format(schema: &Schema, root: &Node) -> String {
+fn missing_format(schema: &Schema, format: &FileFormat, root: &Node) -> String {
     let mut old = Vec::new();
     find_renamed(schema, schema.root(), root, &mut old);
     old.sort_unstable();
@@ -47,7 +49,7 @@ fn missing_format(schema: &Schema, root: &Node) -> String {
         .collect();
     let rest =
         if named.is_empty() { String::new() } else { format!(". Also change {}{more}", named.join("; ")) };
-    format!("the file has no `format`; write format = {} as its first line{rest}", FormatVersion::CURRENT)
+    format!("the file has no `format`; write format = {} as its first line{rest}", format.version())
 }
 
 /// Fields of the old form below a node, with their lines.

@@ -143,6 +143,13 @@ impl Node {
         }
     }
 
+    /// Removes all keys of a table but some.
+    pub(crate) fn retain(&mut self, is_kept: impl Fn(&str) -> bool) {
+        if let Content::Table(entries) = &mut self.content {
+            entries.retain(|(key, _)| is_kept(key));
+        }
+    }
+
     /// Name of an entry of a list, where it has one.
     pub(crate) fn name(&self) -> Option<&str> {
         self.get("name")?.as_str()

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::document::tree::Document;
-use crate::error::{ExperimentError, steps};
+use crate::error::{ExperimentError, Place, steps};
 use crate::read::read_sections;
 use crate::resolve::context::{Context, Resolved, STRENGTH};
 use crate::resolve::spectrum::Role;
@@ -22,7 +22,6 @@ use crate::schema::{
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::light::{DistantEmitter, Light, LightGroup};
 use fluorspar::material::{FluorophoreAmount, Material, ScalarTexture};
-use fluorspar::names::did_you_mean;
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::scene::{Object, Scene, Shape};
 use fluorspar::sensor::{AutoExposure, CaptureFrame, SensorMode};
@@ -271,7 +270,8 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
     }
     let irradiance = irradiance(context, &file.light, &grid)?;
     fluorophore::check_sections(context, &file.fluorophore)?;
-    let material = material(context, file, &grid)?;
+    let held = (file.tissue.as_slice(), file.fluorophore.as_slice());
+    let material = material(context, &steps!["sample"], &file.sample, held, &grid)?;
     let scene = as_scene(&grid, &irradiance, &material);
     if let Some(scene) = &scene {
         scene.check().map_err(|error| context.error(&steps!["sample"], problem_of(&error)))?;
@@ -315,43 +315,44 @@ fn resolve_sample(document: &Document, file: &SampleFile) -> Resolved<ResolvedSa
 }
 
 /// What a sample reflects and emits.
-struct Sampled {
-    reflectance: Curve,
+pub(crate) struct Sampled {
+    pub(crate) reflectance: Curve,
     /// Fluorophores at unit concentration, and their concentrations.
-    fluorophores: Vec<(Fluorophore, f64)>,
+    pub(crate) fluorophores: Vec<(Fluorophore, f64)>,
     porphyrin: &'static str,
 }
 
-fn material(context: &mut Context<'_>, file: &SampleFile, grid: &WavelengthGrid) -> Resolved<Sampled> {
-    match &file.sample {
+/// A material at a place of a file, with the fluorophores and tissues of that file.
+pub(crate) fn material(
+    context: &mut Context<'_>,
+    at: &Place,
+    section: &SampleMaterial,
+    (tissues, of_file): (&[TissueSection], &[FluorophoreSection]),
+    grid: &WavelengthGrid,
+) -> Resolved<Sampled> {
+    let at_amounts = at.field("concentrations");
+    match section {
         SampleMaterial::Surface(surface) => {
-            let at = steps!["sample", "reflectance"];
+            let at = at.field("reflectance");
             let reflectance = context.spectrum(&at, &surface.reflectance, Role::Reflectance, 0.0, grid)?;
             let mut fluorophores = fluorophore::Fluorophores::default();
             let mut concentrations = Vec::new();
             for (name, &amount) in &surface.concentrations {
-                let at = steps!["sample", "concentrations", name];
+                let at = at_amounts.field(name);
                 context.within(&at, amount, [0.0, 1e6], "")?;
-                fluorophores.index(context, &at, &file.fluorophore, name)?;
+                fluorophores.index(context, &at, of_file, name)?;
                 concentrations.push(amount);
             }
             let fluorophores = fluorophores.list.into_iter().zip(concentrations).collect();
             Ok(Sampled { reflectance, fluorophores, porphyrin: DEFAULT_PORPHYRIN })
         }
         SampleMaterial::Tissue(section) => {
-            let at = steps!["sample", "tissue"];
-            let flat = flat_tissue(context, &at, &file.tissue, &file.fluorophore, &section.tissue, grid)?;
+            let flat = flat_tissue(context, &at.field("tissue"), tissues, of_file, &section.tissue, grid)?;
             for (name, &factor) in &section.concentrations {
-                let at = steps!["sample", "concentrations", name];
+                let at = at_amounts.field(name);
                 context.within(&at, factor, [0.0, 1e6], "")?;
                 let held = flat.fluorophores.iter().map(|fluorophore| fluorophore.name.as_str());
-                if !held.clone().any(|other| other == name) {
-                    let known: Vec<&str> = held.collect();
-                    let hint = did_you_mean(name, known.iter().copied());
-                    let known = known.join(", ");
-                    return context
-                        .fail(&at, format!("the tissue holds no such fluorophore{hint} It holds: {known}"));
-                }
+                context.known(&at, name, held, "the tissue holds no such fluorophore")?;
             }
             let factor = |name: &str| section.concentrations.get(name).copied().unwrap_or(1.0);
             let fluorophores = flat.fluorophores.into_iter().map(|f| (factor(&f.name), f));

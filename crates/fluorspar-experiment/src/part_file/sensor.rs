@@ -7,9 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::sample::SampleFile;
 use crate::document::shape::Schema;
-use crate::document::tree::{Content, Node, TextSource};
 use crate::error::ExperimentError;
-use crate::read::{read_document, schema_of, typed};
+use crate::read::{read_document, refuse_ignored, schema_of, typed};
 use crate::resolve::context::Context;
 use crate::resolve::device;
 use crate::schema::{ExperimentFile, FormatVersion, SensorSection};
@@ -82,22 +81,11 @@ pub fn parse_sensor(
         let others = [schema_of::<ExperimentFile>(), schema_of::<SampleFile>()];
         !has(schema_of::<SensorFile>(), key) && others.iter().any(|schema| has(schema, key))
     };
-    for (number, text) in overrides.iter().enumerate() {
-        let path = text.trim_start_matches("insert ").trim_start_matches("unset ");
-        let key = path.split(['.', '=', '[']).next().unwrap_or_default();
-        if is_beside(key) {
-            let of_override =
-                |source: &&TextSource| source.overriding.as_ref().is_some_and(|set| set.number == number);
-            let message = format!("`{key}` is no part of a sensor and changes nothing here; change `sensor`");
-            return Err(match document.sources.iter().find(of_override) {
-                Some(source) => source.error(message),
-                None => document.error(&[], message),
-            });
-        }
-    }
-    if let Content::Table(entries) = &mut document.root.content {
-        entries.retain(|(key, _): &(String, Node)| !is_beside(key));
-    }
+    refuse_ignored(&document, overrides, |key| {
+        let message = || format!("`{key}` is no part of a sensor and changes nothing here; change `sensor`");
+        is_beside(key).then(message)
+    })?;
+    document.root.retain(|key| !is_beside(key));
     let file: SensorFile = typed(&mut document, schema_of::<SensorFile>())?;
     let mut context = Context::new(&document);
     let sensor = device::sensor(&mut context, &file.sensor, &WavelengthGrid::default())?;

@@ -181,6 +181,46 @@ impl<'a> Context<'a> {
         std::mem::take(&mut self.warnings)
     }
 
+    /// Takes over what another context has noted.
+    pub(crate) fn absorb(&mut self, other: Context<'_>) {
+        let is_new = |input: &InputFile| !self.inputs.iter().any(|known| known.path == input.path);
+        self.inputs.extend(other.inputs.into_iter().filter(is_new).collect::<Vec<_>>());
+        self.presets.extend(other.presets);
+        for exceeded in other.exceeded {
+            if !self.exceeded.contains(&exceeded) {
+                self.exceeded.push(exceeded);
+            }
+        }
+        other.warnings.into_iter().for_each(|warning| self.push_warning(warning));
+    }
+
+    /// The number of a name among those that there are; `what` is wrong with any other.
+    pub(crate) fn known<'n>(
+        &self,
+        at: &[Step],
+        name: &str,
+        known: impl IntoIterator<Item = &'n str>,
+        what: &str,
+    ) -> Resolved<usize> {
+        let known: Vec<&str> = known.into_iter().collect();
+        match known.iter().position(|other| *other == name) {
+            Some(number) => Ok(number),
+            None => self.fail(at, Message::unknown(what, name, known)),
+        }
+    }
+
+    /// Checks that all names of a list are among those that there are.
+    pub(crate) fn check_names<'n>(
+        &self,
+        at: &Place,
+        names: &[String],
+        known: impl Iterator<Item = &'n str> + Clone,
+        what: &str,
+    ) -> Resolved<()> {
+        let mut places = names.iter().enumerate();
+        places.try_for_each(|(index, name)| self.known(&at.index(index), name, known.clone(), what).map(drop))
+    }
+
     /// Checks a range, ends included; NaN is outside.
     pub(crate) fn within(&self, at: &[Step], value: f64, [low, high]: [f64; 2], unit: &str) -> Resolved<f64> {
         if (low..=high).contains(&value) {

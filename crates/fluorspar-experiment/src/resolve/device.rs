@@ -205,19 +205,6 @@ pub(super) fn camera(
         }
     };
     let (width, height) = (file.render.width_px as usize, file.render.height_px as usize);
-    if let Some(sensor) = sensor {
-        let (image, chip) =
-            (width as f64 / height as f64, sensor.model().width_mm() / sensor.model().height_mm());
-        // Pixels are whole: the nearest height is as good as it gets
-        let fitting = (width as f64 / chip).round().max(1.0);
-        if (image / chip - 1.0).abs() > 0.01 && height as f64 != fitting {
-            let message = format!(
-                "the image has {width} x {height} pixels, but the sensor is {chip:.3} times as wide as high; parts of one of \
-                 the two see nothing of the other. Give render.height_px = {fitting:.0}"
-            );
-            context.warn(&steps!["render"], message);
-        }
-    }
     match PerspectiveCamera::look_at(position, target, up, field_deg as f32, width, height) {
         Some(mut camera) => {
             camera.lens = traced.filter(|_| formation == ImageFormation::Rendered).cloned();
@@ -225,6 +212,22 @@ pub(super) fn camera(
             Ok(camera)
         }
         None => context.fail(&steps!["camera"], "position, direction and field of view make no camera"),
+    }
+}
+
+/// Warns of an image that is wider or higher than the sensor.
+pub(super) fn warn_of_shape(context: &mut Context<'_>, file: &ExperimentFile, sensor: Option<&Sensor>) {
+    let Some(model) = sensor.map(Sensor::model) else { return };
+    let (width, height) = (f64::from(file.render.width_px), f64::from(file.render.height_px));
+    let chip = model.width_mm() / model.height_mm();
+    // Pixels are whole: the nearest height is as good as it gets
+    let fitting = (width / chip).round().max(1.0);
+    if (width / height / chip - 1.0).abs() > 0.01 && height != fitting {
+        let message = format!(
+            "the image has {width} x {height} pixels, but the sensor is {chip:.3} times as wide as high; parts of one of \
+             the two see nothing of the other. Give render.height_px = {fitting:.0}"
+        );
+        context.warn(&steps!["render"], message);
     }
 }
 

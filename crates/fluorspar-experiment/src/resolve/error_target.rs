@@ -1,7 +1,7 @@
 //! The error at which a render is good enough, in the channels of captures or in a range of wavelengths.
 
 use super::context::{Context, Resolved};
-use crate::error::{Message, steps};
+use crate::error::steps;
 use crate::schema::{RenderSection, StatisticsChoice};
 use fluorspar::image::StatisticsKind;
 use fluorspar::light::LightGroup;
@@ -102,17 +102,11 @@ impl<'a> Counted<'a> {
 /// Captures that count toward the error must exist.
 fn check_captures(context: &Context<'_>, wanted: &[String], captures: &[Capture]) -> Resolved<()> {
     let at = steps!["render", "error_captures"];
-    let known = || captures.iter().map(|capture| capture.frame.label.as_str());
     if wanted.is_empty() {
         return context.fail(&at, "names no capture; leave it out for all of them");
     }
-    for (index, name) in wanted.iter().enumerate() {
-        if !known().any(|label| label == name) {
-            let message = Message::unknown("there is no capture of this name", name, known());
-            return context.fail(&at.index(index), message);
-        }
-    }
-    Ok(())
+    let known = captures.iter().map(|capture| capture.frame.label.as_str());
+    context.check_names(&at, wanted, known, "there is no capture of this name")
 }
 
 /// Signals of the channels of a sensor in the wanted captures that have light.

@@ -2,7 +2,7 @@
 
 use super::context::{Context, LENGTH_MM, Resolved};
 use super::spectrum::Role;
-use crate::error::{Message, steps};
+use crate::error::steps;
 use crate::preset::{self, PresetKind};
 use crate::schema::{ExperimentFile, SafetySection};
 use fluorspar::scene::Object;
@@ -83,18 +83,11 @@ pub(super) fn spectroradiometers(
         let at = |key: &str| steps!["spectroradiometer", index, key];
         let earlier = file.spectroradiometer[..index].iter().map(|other| other.name.as_str());
         context.unique_name(&base, &section.name, earlier)?;
-        let Some(capture) = captures.iter().find(|c| c.frame.label == section.capture) else {
-            let known = captures.iter().map(|c| c.frame.label.as_str());
-            let message = Message::unknown("there is no capture of this name", &section.capture, known);
-            return context.fail(&at("capture"), message);
-        };
-        for (number, part) in section.parts.iter().enumerate() {
-            if !objects.iter().any(|object| object.name == *part) {
-                let known = objects.iter().map(|object| object.name.as_str());
-                let message = Message::unknown("the scene has no part of this name", part, known);
-                return context.fail(&steps!["spectroradiometer", index, "parts", number], message);
-            }
-        }
+        let known = captures.iter().map(|c| c.frame.label.as_str());
+        let what = "there is no capture of this name";
+        let capture = &captures[context.known(&at("capture"), &section.capture, known, what)?];
+        let known = objects.iter().map(|object| object.name.as_str());
+        context.check_names(&at("parts"), &section.parts, known, "the scene has no part of this name")?;
         if section.aim.is_some() && !section.parts.is_empty() {
             return context.fail(&at("aim"), "given together with parts; keep one of the two");
         }

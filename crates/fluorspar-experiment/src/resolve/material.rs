@@ -8,7 +8,7 @@ use super::gloss::gloss;
 use super::mouth;
 use super::spectrum::Role;
 use super::tissue::TissueRecipe;
-use crate::error::{Message, Place, steps};
+use crate::error::{Place, steps};
 use crate::preset;
 use crate::schema::{
     ExperimentFile, MaterialSection, MetalIndex, MetalReference, NormalMapSection, ReflectanceReference,
@@ -80,12 +80,8 @@ fn scattering(
     grid: &WavelengthGrid,
 ) -> Resolved<Scattering> {
     let part = |context: &Context<'_>, key: &str, name: &str| -> Resolved<usize> {
-        if let Some(index) = file.material.iter().position(|other| other.name == name) {
-            return Ok(index);
-        }
         let known = file.material.iter().map(|other| other.name.as_str());
-        let message = Message::unknown("there is no [[material]] of this name", name, known);
-        context.fail(&at.field(key), message)
+        context.known(&at.field(key), name, known, "there is no [[material]] of this name")
     };
     match &section.scattering {
         ScatteringSection::Diffuse(diffuse) => {

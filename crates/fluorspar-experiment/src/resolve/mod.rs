@@ -42,6 +42,7 @@ use super::schema::{
 use super::{Experiment, ExperimentError};
 use crate::cache::fetch_mouth;
 use crate::preset;
+use fluorspar::light::{Light, LightGroup};
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::render::{RenderSettings, basis_bytes, memory_bytes, tile_row_bytes, whole_image_bytes};
 use fluorspar::scene::{Scene, SceneError, SceneWarning};
@@ -83,15 +84,10 @@ fn resolve_scene(experiment: &Experiment, needs_light: bool) -> Result<ResolvedE
     // The largest file of the cache comes while materials are resolved.
     let mouth = file.mouth.as_ref().map(|mouth| fetch_mouth(&mouth.parameters));
 
-    let grid = device::grid(context, &file.spectral)?;
-    let mut render = device::render_settings(context, &file.render)?;
-    device::check_camera(context, &file.camera)?;
-    let (camera, view) = camera(context, file, &grid)?;
+    let Setup { grid, camera, view, mut light_groups, lights } = setup(context, file)?;
     let sensor = camera.sensor.as_ref();
-
-    let mut light_groups = Vec::new();
-    let lights = light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
-    context.check_filter_data(lights.iter().map(|light| &light.spectrum), &grid)?;
+    device::warn_of_shape(context, file, sensor);
+    let mut render = device::render_settings(context, &file.render)?;
     fluorophore::check_sections(context, &file.fluorophore)?;
     tissue::check_sections(context, &file.tissue, &file.fluorophore, &grid)?;
     let mut fluorophores = fluorophore::Fluorophores::default();
@@ -104,7 +100,7 @@ fn resolve_scene(experiment: &Experiment, needs_light: bool) -> Result<ResolvedE
         context.push_warning(
             "the scene has no lights, so that it can't be rendered; add a [[light]] section".to_owned(),
         );
-        light_groups.push(fluorspar::light::LightGroup { name: "light".into() });
+        light_groups.push(LightGroup { name: "light".into() });
     }
     let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
@@ -336,13 +332,8 @@ pub fn check_settings(experiment: &Experiment) -> Result<(), ExperimentError> {
     let file = &experiment.file;
     let mut context = Context::new(&experiment.document);
     let context = &mut context;
-    let grid = device::grid(context, &file.spectral)?;
     device::render_settings(context, &file.render)?;
-    device::check_camera(context, &file.camera)?;
-    let (camera, view) = camera(context, file, &grid)?;
-    let mut light_groups = Vec::new();
-    let lights = light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
-    context.check_filter_data(lights.iter().map(|light| &light.spectrum), &grid)?;
+    let Setup { grid, camera, light_groups, .. } = setup(context, file)?;
     fluorophore::check_sections(context, &file.fluorophore)?;
     if let Some(section) = &file.mouth {
         mouth::check_parameters(context, &section.parameters)?;
@@ -425,19 +416,15 @@ pub fn resolve_captures(
     }
     let mut context = Context::new(&now.document);
     let context = &mut context;
-    let grid = device::grid(context, &file.spectral)?;
     let render = device::render_settings(context, &file.render)?;
-    device::check_camera(context, &file.camera)?;
-    let (camera, view) = camera(context, file, &grid)?;
+    let Setup { grid, camera, view, light_groups, lights } = setup(context, file)?;
     if !is_same {
+        device::warn_of_shape(context, file, camera.sensor.as_ref());
         let rendered = self::camera(&mut Context::new(&rendered.document), other, &grid)?;
         if !shows_to((&rendered.0, &rendered.1), (&camera, &view)) {
             return Ok(None);
         }
     }
-    let mut light_groups = Vec::new();
-    let lights = light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
-    context.check_filter_data(lights.iter().map(|light| &light.spectrum), &grid)?;
     let concentrations = concentration::changes(context, file, fluorophores)?;
     let captures = capture::captures(context, file, &light_groups, &grid)?;
     let motion = instrument::motion(context, file)?;
@@ -457,6 +444,27 @@ pub fn resolve_captures(
     let study = Study { render, concentrations, camera, captures, motion, develop, ..Study::new(scene) };
     let inputs = std::mem::take(&mut context.inputs);
     Ok(Some(CapturesOfRender { study, resolved_toml, complete, inputs, warnings }))
+}
+
+/// Wavelengths, lights and camera of an experiment.
+#[derive(Clone, Debug)]
+pub(crate) struct Setup {
+    pub(crate) grid: WavelengthGrid,
+    pub(crate) camera: Camera,
+    pub(crate) view: PerspectiveCamera,
+    pub(crate) light_groups: Vec<LightGroup>,
+    pub(crate) lights: Vec<Light>,
+}
+
+/// Resolves wavelengths, lights and camera.
+pub(crate) fn setup(context: &mut Context<'_>, file: &ExperimentFile) -> Resolved<Setup> {
+    let grid = device::grid(context, &file.spectral)?;
+    device::check_camera(context, &file.camera)?;
+    let (camera, view) = camera(context, file, &grid)?;
+    let mut light_groups = Vec::new();
+    let lights = light::lights(context, &file.light, &view, &grid, &mut light_groups)?;
+    context.check_filter_data(lights.iter().map(|light| &light.spectrum), &grid)?;
+    Ok(Setup { grid, camera, view, light_groups, lights })
 }
 
 /// Whether two experiments differ in lens and sensor, and in what [`show_the_same_scene`] leaves free, at most, and nothing else that is
@@ -597,7 +605,7 @@ fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(Experime
 }
 
 /// The file with all that it leaves to defaults. Completing it again changes nothing.
-fn complete(file: &ExperimentFile) -> ExperimentFile {
+pub(crate) fn complete(file: &ExperimentFile) -> ExperimentFile {
     let mut complete = file.clone();
     complete.base = None;
     for light in &mut complete.light {

@@ -12,7 +12,7 @@ use super::material::Materials;
 use super::mouth;
 use super::spectrum::Role;
 use crate::cache::cached_mouth;
-use crate::error::{Message, Place, steps};
+use crate::error::{Place, steps};
 use crate::schema::{
     BoxShape, DiscShape, DisplacementSection, EmissionSection, EmissionSides, ExperimentFile, FilePath,
     InstanceSection, MouthSection, ObjectSection, PlacesSection, QuadShape, ShapeSection, SphereShape,
@@ -367,11 +367,8 @@ fn displace(
 }
 
 fn material_index(context: &Context<'_>, at: &Place, name: &str, materials: &[Material]) -> Resolved<usize> {
-    if let Some(index) = materials.iter().position(|material| material.name == name) {
-        return Ok(index);
-    }
     let known = materials.iter().map(|material| material.name.as_str());
-    context.fail(at, Message::unknown("there is no [[material]] of this name", name, known))
+    context.known(at, name, known, "there is no [[material]] of this name")
 }
 
 fn affine(context: &Context<'_>, at: &Place, section: &TransformSection) -> Resolved<(Affine3A, f32)> {

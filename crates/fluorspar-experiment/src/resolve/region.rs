@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::context::{Context, Resolved};
 use super::seen::{Seen, check_parts};
-use crate::error::{Message, Place, steps};
+use crate::error::{Place, steps};
 use crate::schema::{ExperimentFile, FilePath, RegionReference, SensorRegionSection, TargetSection};
 use fluorspar::analysis::{PixelMask, Polygon, Rectangle, RegionOfInterest};
 use fluorspar::sensor::Sensor;
@@ -178,14 +178,9 @@ fn place(
             "a lesion tells where the target is; give nothing else about its place",
         );
     }
-    match seen.lesions.spots.iter().find(|(name, _)| name == lesion) {
-        Some((_, spot)) => Ok(TargetPlace::Spot(spot.clone())),
-        None => {
-            let known = seen.lesions.spots.iter().map(|(name, _)| name.as_str());
-            let message = Message::unknown("there is no [[mouth.lesion]] of this name", lesion, known);
-            context.fail(&at.field("lesion"), message)
-        }
-    }
+    let (at, known) = (at.field("lesion"), seen.lesions.spots.iter().map(|(name, _)| name.as_str()));
+    let number = context.known(&at, lesion, known, "there is no [[mouth.lesion]] of this name")?;
+    Ok(TargetPlace::Spot(seen.lesions.spots[number].1.clone()))
 }
 
 /// Refuses parts in frames of a part of the sensor, where they can't be found.

@@ -3,7 +3,7 @@
 use super::context::{Context, Resolved};
 use super::fluorophore::Fluorophores;
 use super::lesion::Lesions;
-use crate::error::{Message, Place};
+use crate::error::Place;
 use fluorspar::material::{Material, StateGrid};
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::scene::Object;
@@ -47,11 +47,6 @@ pub(super) fn check_parts(
     parts: &[String],
     seen: &Seen<'_>,
 ) -> Resolved<()> {
-    let is_unknown = |part: &&String| !seen.objects.iter().any(|object| object.name == **part);
-    let Some((index, part)) = parts.iter().enumerate().find(|(_, part)| is_unknown(part)) else {
-        return Ok(());
-    };
     let known = seen.objects.iter().map(|object| object.name.as_str());
-    let message = Message::unknown("the scene has no part of this name", part, known);
-    context.fail(&at.index(index), message)
+    context.check_names(at, parts, known, "the scene has no part of this name")
 }

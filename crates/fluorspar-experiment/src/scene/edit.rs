@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
+use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table, TableLike, Value};
 
-use crate::change::scene_change::{Edit, SceneChange};
-use crate::document::shape::Schema;
+use crate::change::scene_change::SceneChange;
+use crate::document::shape::{Schema, Shape};
 use crate::document::tree::{Content, Document, Node, TextSource};
 use crate::error::{ExperimentError, Step, step_text};
 use crate::read::{change_document, experiment_schema, parse, read_merged};
@@ -26,17 +26,10 @@ pub fn edit_experiment(
     let source = TextSource { name: source_name.into(), overriding: None, folder: None };
     let mut edited = editable(text, &source)?;
     let mut document = read_merged(schema, text, source_name, base_dir)?;
-    for change in changes {
-        let before = document.clone();
-        let edits = change_document(&mut document, schema, std::slice::from_ref(change), base_dir)?;
-        for edit in edits.iter().flatten() {
-            let writer = Writer { before: &before.root, after: &document.root };
-            writer
-                .write(edited.as_table_mut(), edit)
-                .map_err(|problem| source.error(format!("{change}: {problem}")))?;
-        }
-        remove_from_bases(&mut edited, schema, source_name, base_dir, &document)?;
-    }
+    let before = document.root.clone();
+    change_document(&mut document, schema, changes, base_dir)?;
+    Writer { schema }.table(edited.as_table_mut(), Some(schema.root()), &before, &document.root);
+    remove_from_bases(&mut edited, schema, source_name, base_dir, &document)?;
     let text = edited.to_string();
     check_same(schema, &text, source_name, base_dir, &document)?;
     parse(&text, source_name, base_dir, &[])?;
@@ -192,168 +185,114 @@ fn first_difference(now: &Node, wanted: &Node, path: &mut Vec<Step>) -> Option<V
     (!is_same).then(|| path.clone())
 }
 
-/// Writes edits into a text.
+/// Writes into a text what a tree says otherwise than before. What only bases say stays there.
 struct Writer<'a> {
-    /// What the text and its bases said, and say after the edit.
-    before: &'a Node,
-    after: &'a Node,
+    schema: &'a Schema,
 }
 
 impl Writer<'_> {
-    fn write(&self, root: &mut dyn TableLike, edit: &Edit) -> Result<(), String> {
-        match edit {
-            Edit::Put { path, value } => put(root, self.after, path, &value.to_value()),
-            Edit::Append { list, entry } => {
-                let names: Vec<String> = list
-                    .iter()
-                    .filter_map(|step| match step {
-                        Step::Key(key) => Some(key.clone()),
-                        Step::Index(_) => None,
-                    })
-                    .collect();
-                if names.len() != list.len() {
-                    return Err("only lists of whole sections can be added to".into());
+    fn table(&self, text: &mut dyn TableLike, shape: Option<&Shape>, before: &Node, after: &Node) {
+        let Content::Table(fields) = &after.content else { return };
+        let is_gone = |key: &str| after.get(key).is_none() && !["base", "remove", "unset"].contains(&key);
+        let gone: Vec<String> =
+            text.iter().map(|(key, _)| key.to_string()).filter(|key| is_gone(key)).collect();
+        for key in gone {
+            text.remove(&key);
+        }
+        let table = shape.and_then(|shape| self.schema.table(shape));
+        for (key, value) in fields {
+            let shape = table.and_then(|table| table.shape(table.variant_or_default(after), key));
+            let is_whole = shape.is_some_and(|shape| self.schema.is_whole(shape));
+            let old = before.get(key);
+            match (&value.content, old.map(|old| &old.content)) {
+                (_, Some(_))
+                    if old.is_some_and(|old| first_difference(old, value, &mut Vec::new()).is_none()) => {}
+                (Content::Table(_), Some(Content::Table(_))) if !is_whole => {
+                    if !text.get(key).is_some_and(Item::is_table_like) {
+                        let mut new = Table::new();
+                        new.set_dotted(true);
+                        text.insert(key, Item::Table(new));
+                    }
+                    let inner = text.get_mut(key).and_then(Item::as_table_like_mut);
+                    inner.into_iter().for_each(|inner| self.table(inner, shape, old.unwrap_or(value), value));
                 }
-                append(root, &names, table_of(entry));
-                Ok(())
+                (Content::Array(entries), old) if is_list_of_entries(entries) => {
+                    let old = match old {
+                        Some(Content::Array(old)) => old.as_slice(),
+                        _ => &[],
+                    };
+                    self.entries(text, key, shape.and_then(|shape| self.schema.items(shape)), old, entries);
+                }
+                (Content::Table(inner), None) if inner.len() == 1 => {
+                    let mut new = table_of(value);
+                    new.set_dotted(true);
+                    text.insert(key, Item::Table(new));
+                }
+                _ => put_value(text, key, &value.to_value()),
             }
-            Edit::Remove { path } => {
-                remove(root, self.before, path);
-                Ok(())
+        }
+    }
+
+    /// Entries of a list, which have names: the numbers of texts and merged trees differ.
+    fn entries(
+        &self,
+        text: &mut dyn TableLike,
+        key: &str,
+        shape: Option<&Shape>,
+        before: &[Node],
+        after: &[Node],
+    ) {
+        for entry in after {
+            let old = before.iter().find(|old| old.name() == entry.name());
+            if old.is_some_and(|old| first_difference(old, entry, &mut Vec::new()).is_none()) {
+                continue;
             }
+            match (old, entry_of(text, key, entry.name())) {
+                (Some(old), Some(found)) => self.table(found, shape, old, entry),
+                (Some(old), None) => {
+                    let mut new = Table::new();
+                    new.insert("name", Item::Value(entry.name().unwrap_or_default().into()));
+                    self.table(&mut new, shape, old, entry);
+                    // What is gone alone is left to `unset`
+                    if new.len() > 1 {
+                        append(text, &[key.to_owned()], new);
+                    }
+                }
+                (None, _) => append(text, &[key.to_owned()], table_of(entry)),
+            }
+        }
+        let is_gone = |table: &dyn TableLike| {
+            let name = table.get("name").and_then(Item::as_str);
+            !after.iter().any(|entry| entry.name() == name)
+        };
+        match text.get_mut(key) {
+            Some(Item::ArrayOfTables(tables)) => tables.retain(|table| !is_gone(table)),
+            Some(Item::Value(Value::Array(items))) => {
+                items.retain(|item| !item.as_inline_table().is_some_and(|table| is_gone(table)));
+            }
+            _ => {}
         }
     }
 }
 
-/// Puts a value at a place; `after` is the tree that the text is to say.
-fn put(table: &mut dyn TableLike, after: &Node, path: &[Step], value: &toml::Value) -> Result<(), String> {
-    let Some((Step::Key(key), rest)) = path.split_first() else { return Ok(()) };
-    // Fields that the value takes the place of
-    let gone: Vec<String> =
-        table.iter().map(|(key, _)| key.to_string()).filter(|key| is_gone(after, key)).collect();
-    for key in gone {
-        table.remove(&key);
-    }
-    let Some(inner) = after.get(key) else { return Ok(()) };
-    if rest.is_empty() {
-        put_value(table, key, value);
-        return Ok(());
-    }
-    if !is_container(table.get(key), rest) {
-        table.remove(key);
-        let new = container(rest, table.is_dotted());
-        table.insert(key, new);
-    }
-    let Some(item) = table.get_mut(key) else { return Ok(()) };
-    match rest.split_first() {
-        Some((Step::Index(index), rest)) => put_in_list(item, inner, *index, rest, value),
-        _ => match item.as_table_like_mut() {
-            Some(table) => put(table, inner, rest, value),
-            None => Ok(()),
-        },
-    }
+/// Whether a list holds entries with names.
+fn is_list_of_entries(items: &[Node]) -> bool {
+    !items.is_empty() && items.iter().all(|item| item.name().is_some())
 }
 
-/// Whether a key of a text is not wanted any more. What only texts say, and no merged tree, stays.
-fn is_gone(after: &Node, key: &str) -> bool {
-    after.get(key).is_none() && !["base", "remove", "unset"].contains(&key)
-}
-
-fn is_container(item: Option<&Item>, rest: &[Step]) -> bool {
-    match (item, rest.first()) {
-        (Some(item), Some(Step::Index(_))) => item.is_array_of_tables() || item.is_array(),
-        (Some(item), _) => item.is_table_like(),
-        (None, _) => false,
-    }
-}
-
-/// What holds the rest of a path.
-fn container(rest: &[Step], is_within_dots: bool) -> Item {
-    match rest.first() {
-        Some(Step::Index(_)) => Item::ArrayOfTables(ArrayOfTables::new()),
-        _ => {
-            let mut table = Table::new();
-            table.set_dotted(is_within_dots || rest.len() == 1);
-            Item::Table(table)
-        }
-    }
-}
-
-/// Puts a value into an entry of a list, which it finds by its name: the numbers of texts and merged trees differ.
-fn put_in_list(
-    item: &mut Item,
-    list: &Node,
-    index: usize,
-    rest: &[Step],
-    value: &toml::Value,
-) -> Result<(), String> {
-    let Some(entry) = list.step(&Step::Index(index)) else { return Ok(()) };
-    let name = entry.name();
-    let has_name = |table: &dyn TableLike| name.is_some() && table.get("name").and_then(Item::as_str) == name;
-    match item {
+/// The entry of a list of a text that has a name.
+fn entry_of<'t>(text: &'t mut dyn TableLike, key: &str, name: Option<&str>) -> Option<&'t mut dyn TableLike> {
+    let has_name = |table: &dyn TableLike| table.get("name").and_then(Item::as_str) == name;
+    match text.get_mut(key)? {
         Item::ArrayOfTables(tables) => {
-            let found = match name {
-                Some(_) => tables.iter().position(|table| has_name(table)),
-                None => Some(index),
-            };
-            if found.is_none() {
-                let mut table = Table::new();
-                table.insert("name", Item::Value(name.unwrap_or_default().into()));
-                tables.push(table);
-            }
-            let number = found.unwrap_or(tables.len() - 1);
-            let table = tables.get_mut(number).ok_or_else(not_in_the_file)?;
-            put_in_entry(table, entry, rest, value)
+            tables.iter_mut().find(|table| has_name(*table)).map(|table| table as &mut dyn TableLike)
         }
         Item::Value(Value::Array(items)) => {
-            let found = match name {
-                Some(_) => items.iter().position(|item| item.as_inline_table().is_some_and(|t| has_name(t))),
-                None => Some(index),
-            };
-            if rest.is_empty() {
-                let place = items.get_mut(found.ok_or_else(not_in_the_file)?).ok_or_else(not_in_the_file)?;
-                *place = as_value(value);
-                return Ok(());
-            }
-            if found.is_none() {
-                let mut table = InlineTable::new();
-                table.insert("name", name.unwrap_or_default().into());
-                items.push(Value::InlineTable(table));
-            }
-            let number = found.unwrap_or(items.len() - 1);
-            let table = items.get_mut(number).and_then(Value::as_inline_table_mut);
-            put_in_entry(table.ok_or_else(not_in_the_file)?, entry, rest, value)
+            let tables = items.iter_mut().filter_map(Value::as_inline_table_mut);
+            tables.into_iter().find(|table| has_name(*table)).map(|table| table as &mut dyn TableLike)
         }
-        _ => Err(not_in_the_file()),
+        _ => None,
     }
-}
-
-fn not_in_the_file() -> String {
-    "the list comes from the base of the file; set the whole list".into()
-}
-
-fn put_in_entry(
-    table: &mut dyn TableLike,
-    entry: &Node,
-    rest: &[Step],
-    value: &toml::Value,
-) -> Result<(), String> {
-    if !rest.is_empty() {
-        return put(table, entry, rest, value);
-    }
-    // The whole entry: what it has no more goes, the rest is set.
-    let toml::Value::Table(fields) = value else {
-        return Err("an entry of this list is a table; write { field = value, ... }".into());
-    };
-    let gone: Vec<String> =
-        table.iter().map(|(key, _)| key.to_string()).filter(|k| !fields.contains_key(k)).collect();
-    for key in gone {
-        table.remove(&key);
-    }
-    for (key, value) in fields {
-        put_value(table, key, value);
-    }
-    Ok(())
 }
 
 /// Sets a key; the comment behind an old value stays.
@@ -435,59 +374,5 @@ fn append(table: &mut dyn TableLike, list: &[String], entry: Table) {
         let wanted = name(&entry);
         tables.retain(|other| wanted.is_none() || name(other) != wanted);
         tables.push(entry);
-    }
-}
-
-/// Removes what a text says at a place, if it says something there.
-fn remove(table: &mut dyn TableLike, before: &Node, path: &[Step]) {
-    match path {
-        [Step::Key(key)] => {
-            table.remove(key);
-        }
-        [Step::Key(key), Step::Index(index), rest @ ..] => {
-            let list = before.get(key);
-            let entry = list.and_then(|list| list.step(&Step::Index(*index)));
-            let name = entry.and_then(Node::name);
-            let found = |table: &dyn TableLike, number: usize| match name {
-                Some(_) => table.get("name").and_then(Item::as_str) == name,
-                None => number == *index,
-            };
-            match table.get_mut(key) {
-                Some(Item::ArrayOfTables(tables)) => {
-                    let Some(number) =
-                        (0..tables.len()).find(|n| tables.get(*n).is_some_and(|t| found(t, *n)))
-                    else {
-                        return;
-                    };
-                    if rest.is_empty() {
-                        tables.remove(number);
-                    } else if let (Some(table), Some(entry)) = (tables.get_mut(number), entry) {
-                        remove(table, entry, rest);
-                    }
-                }
-                Some(Item::Value(Value::Array(items))) => {
-                    let is_found = |n: &usize| match items.get(*n).and_then(Value::as_inline_table) {
-                        Some(table) => found(table, *n),
-                        None => *n == *index,
-                    };
-                    let Some(number) = (0..items.len()).find(is_found) else { return };
-                    if rest.is_empty() {
-                        items.remove(number);
-                    } else if let (Some(table), Some(entry)) =
-                        (items.get_mut(number).and_then(Value::as_inline_table_mut), entry)
-                    {
-                        remove(table, entry, rest);
-                    }
-                }
-                _ => {}
-            }
-        }
-        [Step::Key(key), rest @ ..] => {
-            let inner = table.get_mut(key).and_then(Item::as_table_like_mut);
-            if let (Some(inner), Some(before)) = (inner, before.get(key)) {
-                remove(inner, before, rest);
-            }
-        }
-        _ => {}
     }
 }

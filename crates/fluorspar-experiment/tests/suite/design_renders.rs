@@ -18,13 +18,18 @@ use fluorspar_experiment::{ResolvedDesign, parse_design, parse_sensor};
 
 /// Two spheres under a light at two places; reflected light is far below the filter.
 const PROBLEM: &str = r#"
-format = 1
+format = 2
+base = "fluorescent-sphere"
 spectral = { first_nm = 330.0, last_nm = 700.0, step_nm = 5.0 }
+render = { width_px = 48, height_px = 32, samples_per_pixel = 16 }
+lens = { focal_length_mm = 3.0, focus_distance_mm = 1e9 }
+sensor.preset = "lyu_2021_table_1"
 criterion = "d"
 
-[scene]
-preset = "fluorescent-sphere"
-set = ["render.width_px=48", "render.height_px=32", "render.samples_per_pixel=16"]
+[[light]]
+name = "violet"
+filters = []
+strength.power_mw = 500.0
 
 [[region]]
 name = "elastin"
@@ -34,26 +39,24 @@ rendered = { parts = ["elastin_sphere"] }
 name = "porphyrin"
 rendered = { parts = ["porphyrin_sphere"] }
 
-[[geometry]]
+[[vary]]
 field = "light.violet.position_mm"
 name = "light"
 values = [[-60.0, 160.0, 80.0], [60.0, 200.0, 120.0]]
 
-[led]
-peaks_nm = [375.0, 405.0, 430.0]
-power_mw = 500.0
+[[vary]]
+name = "led"
+field = "light.violet"
+led.peaks_nm = [375.0, 405.0, 430.0]
 
-[[view_filter]]
+[[vary]]
 name = "long-pass"
-long_pass_nm = [520.0]
-edge_width_nm = 40.0
+field = "view_filter"
+long_pass = { edges_nm = [520.0], width_nm = 40.0 }
 
-[[sensor]]
-name = "RGB"
-preset = "lyu_2021_table_1"
-
-[lens]
-f_numbers = [2.0, 4.0]
+[[vary]]
+field = "lens.f_number"
+values = [2.0, 4.0]
 
 [exposure]
 total.ms = 20.0
@@ -178,35 +181,26 @@ fn what_can_not_be_rendered_is_told_with_its_cure() {
         (vec!["region.elastin.rendered={ apart = [\"elastine\"] }"], "did you mean"),
         (vec!["region.elastin.rendered={ rectangle_px = [40, 0, 20, 10] }"], "48 x 32 pixels"),
         (vec!["region.elastin.material={ reflectance = 0.5 }"], "remove one of the two"),
-        (vec!["scene.preset=\"fluorescent-spheres\""], "fluorescent-sphere"),
-        (vec!["scene.light_group=\"room\""], "violet"),
-        (vec!["scene.set=[\"camera.position=3\"]"], "can't be rendered"),
-        (vec!["scene.set=[\"spectral.step_nm=10\"]"], "remove spectral"),
-        (vec!["geometry=[{ field = \"light.violet.position_mm\", values = [] }]"], "at least one value"),
+        (vec!["render.excitation_basis_nm=[600.0, 640.0]"], "no light group has 90 %"),
+        (vec!["region.elastin.rendered.set=[\"camera.position=3\"]"], "can't be rendered"),
+        (vec!["region.elastin.rendered.set=[\"spectral.step_nm=10\"]"], "give [spectral] once"),
         (
-            vec![
-                "geometry=[{ field = \"camera.position_mm\", values = [[0, 90, 260]], working_distance_mm = [1.0] }]",
-            ],
-            "1 is not beyond the focal length of 3 mm",
+            vec!["vary.light={ name = \"light\", field = \"light.violet.position_mm\", values = [] }"],
+            "at least one value",
         ),
-        (
-            vec![
-                "geometry=[{ field = \"camera.position_mm\", values = [[0, 90, 260]], working_distance_mm = [1.0, 2.0] }]",
-            ],
-            "one distance for each of the 1 values",
-        ),
+        (vec!["lens.focus_distance_mm=1.0"], "1 is not beyond the focal length of 3 mm"),
         (vec!["region.elastin.rendered={ tissue = [\"dorsal_tongue\"] }"], "give unknown.tissue"),
         (
             vec!["unknown.tissue=1", "region.elastin.rendered={ tissue = [\"dorsal_tounge\"] }"],
             "dorsal_tongue",
         ),
-        (vec!["limit.eye_margin=1.0"], "give eye.distance_mm"),
-        (vec!["eye={ source_mrad = 10.0 }"], "give distance_mm instead"),
+        (vec!["limit.eye_margin=1.0"], "give safety.patient_eye_distance_mm"),
+        (vec!["eye={ source_mrad = 10.0 }"], "give safety.patient_eye_distance_mm instead"),
         (vec!["region.elastin.apart=[\"elastin\"]"], "give rendered = { apart = [...] } instead"),
         (vec!["unknown.weights={ elastine = 0.5 }"], "did you mean"),
         (vec!["unknown.weights={ elastin = 0.0 }"], "of the amount that the region holds"),
         (vec!["spectral.first_nm=380"], "spectral.first_nm"),
-        (vec!["led.power_mw=-1"], "between"),
+        (vec!["light.violet.strength.power_mw=-1"], "between"),
     ] {
         let changes: Vec<String> = changes.iter().map(|change| (*change).into()).collect();
         let error = parse_design(PROBLEM, "spheres", Path::new("."), &changes).unwrap_err().to_string();
@@ -221,13 +215,14 @@ fn the_working_distance_of_a_camera_is_a_variable() {
     let (near, far) = ([0.0, 90.0, 260.0], [0.0, 165.0, 520.0]);
     let distance = |place: [f64; 3]| (place[1] - 15.0_f64).hypot(place[2]);
     assert!((distance(far) / distance(near) - 2.0).abs() < 1e-12);
-    let geometry = format!(
-        "geometry=[{{ field = \"camera.position_mm\", name = \"camera\", values = [{near:?}, {far:?}], working_distance_mm = [{}, {}] }}]",
-        distance(near),
-        distance(far)
-    );
-    let fine = "scene.set=[\"render.width_px=96\", \"render.height_px=64\", \"render.samples_per_pixel=1\"]";
-    let resolved = resolved(&[&geometry, fine, "lens={ focal_length_mm = 12.0, f_numbers = [2.0, 4.0] }"]);
+    let values = format!("vary.light.values=[{near:?}, {far:?}]");
+    let resolved = resolved(&[
+        "vary.light={ name = \"camera\", field = \"camera.position_mm\", values = [] }",
+        &values.replace("vary.light", "vary.camera"),
+        "render={ width_px = 96, height_px = 64, samples_per_pixel = 1 }",
+        "unset lens.focus_distance_mm",
+        "lens.focal_length_mm=12.0",
+    ]);
     let space = space(&resolved);
     let problem = space.problem();
     for (number, place) in [near, far].into_iter().enumerate() {
@@ -257,11 +252,11 @@ fn the_tissue_of_a_rendered_region_may_be_unknown() {
     let of = |tissue: &str| {
         resolved(&[
             flat,
-            "geometry=[]",
+            "unset vary.light",
             &tissues(tissue),
             "unknown.tissue=1",
             "unknown.gain=0.2",
-            "scene.set=[\"render.width_px=48\", \"render.height_px=32\", \"render.samples_per_pixel=4\"]",
+            "render.samples_per_pixel=4",
         ])
     };
     let (one, two) = (of("[\"dorsal_tongue\"]"), of("[\"dorsal_tongue\", \"gingiva\"]"));
@@ -330,9 +325,10 @@ fn difference_of_reflected(flat: &RegionModel, rendered: &RegionModel) -> f64 {
 /// An eye before the lights of a group gets what `safety` says of a capture under them.
 #[test]
 fn an_eye_before_the_lights_of_a_scene_gets_what_safety_says() {
-    let text = "format = 1\nspectral = { first_nm = 330.0, last_nm = 700.0, step_nm = 10.0 }\n[scene]\npreset = \"flat-patch\"\n\
-        [[region]]\nname = \"patch\"\nrendered = { parts = [\"patch\"] }\n[led]\npeaks_nm = [385.0]\n\
-        [[sensor]]\nname = \"RGB\"\npreset = \"lyu_2021_table_1\"\n[eye]\ndistance_mm = 40.0\naphakic = true\n";
+    let text = "format = 2\nbase = \"flat-patch\"\nspectral = { first_nm = 330.0, last_nm = 700.0, step_nm = 10.0 }\n\
+        safety = { patient_eye_distance_mm = 40.0, aphakic = true }\n\
+        [[region]]\nname = \"patch\"\nrendered = { parts = [\"patch\"] }\n\
+        [[vary]]\nfield = \"light.blue\"\nled.peaks_nm = [385.0]\n";
     let resolved = parse_design(text, "patch", Path::new("."), &[]).unwrap();
     let render = &resolved.rendered.renders[0];
     let (distance_mm, observer) = render.eye.unwrap();

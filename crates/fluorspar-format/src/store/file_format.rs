@@ -32,6 +32,15 @@ impl FileFormat {
         1,
         ["Write format = 1 as its first line", "Use a version of Fluorspar that reads this format"],
     );
+    /// Design problems (TOML).
+    pub const DESIGN: Self = Self::new(
+        "design file",
+        2,
+        [
+            "Write format = 2 as its first line",
+            "Of one of format 1 examples/convert_design.py makes one of format 2",
+        ],
+    );
     /// Component images (OpenEXR).
     pub const COMPONENT_IMAGE: Self = Self::new("component image", 1, MAKE_AGAIN);
     /// Films.

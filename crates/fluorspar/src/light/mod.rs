@@ -142,7 +142,7 @@ impl Emitter {
 
     /// Irradiance on a surface point per unit of each of [`Light::spectra`]: 1/m² for spectra in W/nm, 1 for irradiance, sr
     /// for radiance. Unoccluded; an environment fills the hemisphere.
-    pub(crate) fn irradiance_factors(&self, at: OrientedPoint) -> Vec<f64> {
+    pub fn irradiance_factors(&self, at: OrientedPoint) -> Vec<f64> {
         let factor = match self {
             Self::Disc(disc) => disc.irradiance_factor(at),
             Self::Annulus(annulus) => annulus.irradiance_factor(at),
