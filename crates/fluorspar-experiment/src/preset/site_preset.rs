@@ -19,8 +19,7 @@ use fluorspar_format::{read_text_bounded, read_toml};
 struct SiteFile {
     name: String,
     title: String,
-    #[serde(rename = "description")]
-    _description: String,
+    description: String,
     source: String,
     structure: SiteStructure,
     surroundings: Surroundings,
@@ -42,7 +41,7 @@ struct ValueGroup {
 /// # Errors
 /// What is wrong and how to fix it.
 pub fn site_of_text(text: &str) -> Result<Site, String> {
-    let SiteFile { name, title, source, structure, surroundings, values, .. } =
+    let SiteFile { name, title, description, source, structure, surroundings, values } =
         read_toml(text).map_err(|error| error.to_string())?;
     let values = values.into_iter().flat_map(|ValueGroup { basis, source, parameters }| {
         parameters.into_iter().map(move |(parameter, value)| {
@@ -50,7 +49,7 @@ pub fn site_of_text(text: &str) -> Result<Site, String> {
             SiteValue { parameter, value, basis, source }
         })
     });
-    let description = SiteDescription { name, title, source, surroundings };
+    let description = SiteDescription { name, title, description, source, surroundings };
     Site::new(description, structure, values.collect()).map_err(|error| error.to_string())
 }
 

@@ -27,6 +27,8 @@ pub struct SiteDescription {
     pub name: String,
     /// Name for people.
     pub title: String,
+    /// What it is, and caveats.
+    pub description: String,
     /// Where its parameters come from.
     pub source: String,
     /// What reaches it by way of other surfaces of a mouth.
@@ -150,6 +152,12 @@ impl Site {
     #[must_use]
     pub fn title(&self) -> &str {
         &self.description.title
+    }
+
+    /// What it is, and caveats.
+    #[must_use]
+    pub fn description(&self) -> &str {
+        &self.description.description
     }
 
     /// Where its parameters come from.

@@ -57,6 +57,7 @@ fn described(name: &str) -> SiteDescription {
     SiteDescription {
         name: name.into(),
         title: name.into(),
+        description: String::new(),
         source: String::new(),
         surroundings: Surroundings {
             indirect: [0.17, 0.4],

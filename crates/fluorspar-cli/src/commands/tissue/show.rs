@@ -1,7 +1,7 @@
 //! `fluorspar catalog show tissue`.
 
 use fluorspar::tissue::{
-    LayeredTissue, Population, Site, SiteParameter, Spread, Surroundings, TissueLayer, TissueState,
+    Basis, LayeredTissue, Population, Site, SiteParameter, Spread, Surroundings, TissueLayer, TissueState,
 };
 use fluorspar::units::number_text;
 use fluorspar_experiment::NamedTissue;
@@ -75,6 +75,7 @@ fn as_json(title: &str, site: &Site, tissue: &LayeredTissue) -> Value {
     json!({
         "site": site.name(),
         "title": title,
+        "description": site.description(),
         "assumed": site.is_assumed(),
         "source": site.source(),
         "parameters": site.parameters().map(parameter).collect::<Vec<_>>(),
@@ -131,15 +132,33 @@ fn describe(title: &str, site: &Site, tissue: &LayeredTissue) -> String {
         format!("  {}: {}\n", state.name(), factors.collect::<Vec<_>>().join(", "))
     });
     format!(
-        "{title} ({})\n{}\n\n{}\n{}\n\"people\": the standard deviation among people and places, a factor or a difference.\n\n{}\n\
+        "{title} ({})\n{}\n{}\n\n{}\n{}\n{}\n\"people\": the standard deviation among people and places, a factor or a difference.\n\n{}\n\
          States [assumed sizes]:\n{}",
         site.name(),
+        site.description(),
         site.source(),
         align(&parameter_rows(site), &[2, 3, 4, 5, 6]),
+        sources(site),
         layer_table(tissue),
         describe_surroundings(site.surroundings()),
         states.collect::<String>()
     )
+}
+
+/// Where the values come from: the parameters of each source.
+fn sources(site: &Site) -> String {
+    let mut of_source: Vec<((Basis, &str), Vec<&str>)> = Vec::new();
+    for (parameter, _) in site.parameters() {
+        let from = site.basis(parameter.name);
+        match of_source.iter_mut().find(|(known, _)| *known == from) {
+            Some((_, names)) => names.push(parameter.name),
+            None => of_source.push((from, vec![parameter.name])),
+        }
+    }
+    let named = of_source.iter().filter(|((_, source), _)| !source.is_empty());
+    named
+        .map(|((basis, source), names)| format!("{}, {source}: {}\n", basis.name(), names.join(", ")))
+        .collect()
 }
 
 /// The parameters of a site, below their heads.
