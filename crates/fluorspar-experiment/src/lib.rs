@@ -39,11 +39,10 @@ pub mod schema;
 pub use cache::{cache, cached_mouth, use_cache};
 pub use change::scene_change::SceneChange;
 pub use design::{
-    CohortSection, ComparedDesign, ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile,
-    DesignQuestion, DesignRegion, DesignRender, DesignRenders, ExcitationSection, ExposuresSection,
-    IdealBandsSection, LedSeriesSection, LimitsSection, LongPassSection, RegionSection,
-    RenderedRegionSection, ResolvedDesign, SearchSection, SplitChoice, SplitRule, TolerancesSection,
-    UnknownsSection, VarySection, WheelFilterSection, WhiteFrameSection, parse_design,
+    CohortSection, ComparedDesign, ComparedDesignSection, CriterionChoice, DesignFile, DesignQuestion,
+    DesignRegion, DesignRender, DesignRenders, ExcitationSection, ExposuresSection, IdealBandsSection,
+    LedSeriesSection, LimitsSection, LongPassSection, RegionSection, RenderedRegionSection, ResolvedDesign,
+    SearchSection, UnknownsSection, VarySection, WheelFilterSection, WhiteFrameSection, parse_design,
 };
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use file_text::file_text;

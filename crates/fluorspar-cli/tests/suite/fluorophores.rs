@@ -408,11 +408,11 @@ fn what_a_viewing_filter_keeps_is_the_ratio_of_the_integrals() {
         assert!((found / expected - 1.0).abs() < 1e-3, "{found} {expected}");
     }
     // The same share as `design` has, whose bands of some nanometers cut the filter's edge otherwise
-    let design = "format = 1\ntitle = \"A long-pass\"\ncriterion = \"leak\"\n[[region]]\nname = \"dye\"\n\
-                  material = { reflectance = 0.5, concentrations = { fluorescein = 0.01 } }\n[[light]]\nname = \"405 nm\"\nspectrum = \"led_405\"\n\
-                  irradiance_w_per_m2 = 100.0\n[[view_filter]]\nname = \"long-pass\"\nfilters = [\"long_pass_520\"]\n[[sensor]]\nname = \"camera\"\n\
-                  preset = \"pi_camera_3\"\n[exposure]\ncounts = [1]\ntotal.ms = 60.0\n[unknown]\ngain = 0.2\nleak = 0.3\npixels = 1000\n[[contrast]]\n\
-                  name = \"dye\"\npart = [\"fluorescein\"]\n";
+    let design = "format = 2\ntitle = \"A long-pass\"\nbase = \"flat-patch\"\nview_filter.filters = [\"long_pass_520\"]\n\
+                  sensor.preset = \"pi_camera_3\"\ncriterion = \"leak\"\n[[light]]\nname = \"blue\"\nspectrum = \"led_405\"\nfilters = []\n\
+                  strength.irradiance_w_per_m2 = 100.0\n[[region]]\nname = \"dye\"\n\
+                  material = { reflectance = 0.5, concentrations = { fluorescein = 0.01 } }\n[exposure]\ncounts = [1]\ntotal.ms = 60.0\n\
+                  [unknown]\ngain = 0.2\nleak = 0.3\npixels = 1000\n[[contrast]]\nname = \"dye\"\npart = [\"fluorescein\"]\n";
     fs::write(folder.join("design.toml"), design).unwrap();
     let swept = fluorspar(folder, ["design", "sweep", "design.toml", "--json", "-q"]).json();
     let of_design = 100.0 * swept["best"][0]["fluorescence_kept"].as_f64().unwrap();

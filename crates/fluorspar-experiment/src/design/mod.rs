@@ -9,8 +9,8 @@ mod vary;
 pub use renders::{DesignRegion, DesignRender, DesignRenders};
 pub use resolve::{ComparedDesign, ResolvedDesign, parse_design};
 pub use schema::{
-    CohortSection, ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile, DesignQuestion,
-    ExcitationSection, ExposuresSection, IdealBandsSection, LedSeriesSection, LimitsSection, LongPassSection,
-    RegionSection, RenderedRegionSection, SearchSection, SplitChoice, SplitRule, TolerancesSection,
-    UnknownsSection, VarySection, WheelFilterSection, WhiteFrameSection,
+    CohortSection, ComparedDesignSection, CriterionChoice, DesignFile, DesignQuestion, ExcitationSection,
+    ExposuresSection, IdealBandsSection, LedSeriesSection, LimitsSection, LongPassSection, RegionSection,
+    RenderedRegionSection, SearchSection, UnknownsSection, VarySection, WheelFilterSection,
+    WhiteFrameSection,
 };

@@ -5,15 +5,15 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use fluorspar::design::{
-    Assumptions, Budget, ContrastDefinition, Criterion, Design, DesignCamera, DesignProblem, ExcitationBasis,
-    ExposedEye, FilterChoice, FineBands, LensChoice, LibraryError, LightChoice, Limits, RegionModel, Split,
-    WeightPrior, WhiteFrame,
+    Budget, ContrastDefinition, Criterion, Design, DesignCamera, DesignProblem, ExcitationBasis, ExposedEye,
+    FilterChoice, FineBands, LensChoice, LightChoice, Limits, RegionModel, Tolerances, WeightPrior,
+    WhiteFrame,
 };
 use fluorspar::digest::sha256_hex;
 use fluorspar::geometry::OrientedPoint;
 use fluorspar::light::Light;
 use fluorspar::sensor::EXPOSURE_MS;
-use fluorspar::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
+use fluorspar::spectral::{Curve, WavelengthGrid};
 use fluorspar::study::Lens;
 use fluorspar_format::FileFormat;
 use glam::DVec3;
@@ -21,10 +21,10 @@ use glam::DVec3;
 use super::regions::{Axes, BULK, cohort, region};
 use super::renders::{DesignRenders, check_grid, observer, renders};
 use super::schema::{
-    ComparedDesignSection, ContrastSection, CriterionChoice, DesignFile, DesignQuestion, ExcitationSection,
-    ExposureTotal, SearchSection, SplitChoice, SplitRule, TolerancesSection,
+    ComparedDesignSection, CriterionChoice, DesignFile, DesignQuestion, ExcitationSection, ExposureTotal,
+    SearchSection,
 };
-use super::vary::{Axis, Base, Choice, OF_SCENE, UNUSED, Variables, anchor};
+use super::vary::{Axis, Base, Choice, OF_SCENE, PRICE, UNUSED, Variables, WAVELENGTH_NM, anchor};
 use crate::change::scene_change::SceneChange;
 use crate::document::shape::Schema;
 use crate::document::tree::{Content, Node};
@@ -34,9 +34,6 @@ use crate::resolve::context::{Context, Resolved};
 use crate::resolve::spectrum::Role;
 use crate::resolve::{FileRecord, Setup, complete, device, fluorophore};
 use crate::schema::{LightSection, SpectrumReference};
-
-pub(super) const WAVELENGTH_NM: [f64; 2] = [MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM];
-pub(super) const PRICE: [f64; 2] = [0.0, 1e12];
 
 /// A design of the file to compare the best with.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -55,7 +52,7 @@ pub struct ResolvedDesign {
     /// How it is searched.
     pub search: SearchSection,
     /// Tolerances of manufacture.
-    pub tolerance: TolerancesSection,
+    pub tolerance: Tolerances,
     /// What of the problem must be rendered first; its regions are missing in `problem`.
     pub rendered: DesignRenders,
     /// Designs to compare the best with, at least one.
@@ -193,7 +190,7 @@ impl Reader<'_, '_> {
         let known = known_weights(&regions, &rendered);
         let contrasts = contrasts(self.context, question, &known)?;
         let weights = weights(self.context, question, &known)?;
-        let (exposure, unknown, limit) = (&question.exposure, &question.unknown, &question.limit);
+        let (exposure, limit) = (&question.exposure, &question.limit);
         let problem = DesignProblem {
             criterion: criterion(self.context, question, &contrasts)?,
             contrasts,
@@ -204,26 +201,14 @@ impl Reader<'_, '_> {
             cameras,
             lenses,
             drives: exposure.drives.clone(),
-            splits: exposure.splits.iter().map(split).collect(),
+            splits: exposure.splits.clone(),
             budget: match exposure.total {
                 ExposureTotal::Time { ms } => Budget::Time(ms * 1e-3),
                 ExposureTotal::Electrons { electrons } => Budget::Electrons(electrons),
             },
             white: self.white(&grid)?,
-            library: LibraryError {
-                emission_shift_nm: unknown.emission_shift_nm,
-                excitation_shift_nm: unknown.excitation_shift_nm,
-                shape: unknown.spectrum,
-                correlation_nm: unknown.correlation_nm,
-            },
-            assumptions: Assumptions {
-                gain: unknown.gain,
-                drive: unknown.drive,
-                leak: unknown.leak,
-                pixels: unknown.pixels,
-                brightest_fluorescence: unknown.brightest_fluorescence,
-                brightest_reflection: unknown.brightest_reflection,
-            },
+            library: question.unknown.library,
+            assumptions: question.unknown.assumptions,
             weights,
             limits: Limits {
                 tissue_margin: limit.tissue_margin,
@@ -532,14 +517,6 @@ fn check_numbers(context: &Context<'_>) -> Resolved<()> {
     Ok(())
 }
 
-fn split(choice: &SplitChoice) -> Split {
-    match *choice {
-        SplitChoice::Rule(SplitRule::EqualTime) => Split::EqualTime,
-        SplitChoice::Rule(SplitRule::EqualElectrons) => Split::EqualElectrons,
-        SplitChoice::First(share) => Split::First(share),
-    }
-}
-
 /// Nodes of the excitation.
 fn nodes(context: &Context<'_>, section: &ExcitationSection) -> Resolved<Vec<f64>> {
     if section.last_nm <= section.first_nm {
@@ -612,18 +589,20 @@ fn contrasts(
     question: &DesignQuestion,
     known: &[String],
 ) -> Resolved<Vec<ContrastDefinition>> {
-    let mut found: Vec<ContrastDefinition> = Vec::new();
-    for (index, ContrastSection { name, part, whole }) in question.contrast.iter().enumerate() {
+    let mut found = question.contrast.clone();
+    for (index, contrast) in found.iter_mut().enumerate() {
         let at = steps!["contrast", index];
-        context.unique_name(&at, name, found.iter().map(|other| other.name.as_str()))?;
-        for (field, names) in [("part", part), ("whole", whole)] {
+        let earlier = question.contrast[..index].iter().map(|other| other.name.as_str());
+        context.unique_name(&at, &contrast.name, earlier)?;
+        for (field, names) in [("part", &contrast.part), ("whole", &contrast.whole)] {
             context.check_names(&at.field(field), names, known.iter().map(String::as_str), NOT_HELD)?;
         }
-        if part.is_empty() {
+        if contrast.part.is_empty() {
             return context.fail(&at.field("part"), "give at least one fluorophore");
         }
-        let whole = if whole.is_empty() { known } else { whole };
-        found.push(ContrastDefinition { name: name.clone(), part: part.clone(), whole: whole.to_vec() });
+        if contrast.whole.is_empty() {
+            contrast.whole = known.to_vec();
+        }
     }
     Ok(found)
 }

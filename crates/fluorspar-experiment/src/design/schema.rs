@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use fluorspar::design::{Assumptions, ContrastDefinition, LibraryError, Split, Tolerances};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -40,7 +41,7 @@ pub struct DesignQuestion {
     pub unknown: UnknownsSection,
     /// Ratios of amounts whose error is wanted.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub contrast: Vec<ContrastSection>,
+    pub contrast: Vec<ContrastDefinition>,
     /// What designs are ranked by. Default "minimax".
     pub criterion: CriterionChoice,
     /// Name of the contrast that designs are ranked by where the criterion is "contrast". Default: the first.
@@ -54,7 +55,7 @@ pub struct DesignQuestion {
     /// How designs are searched.
     pub search: SearchSection,
     /// Manufacturing tolerances, for the worst case of the best design.
-    pub tolerance: TolerancesSection,
+    pub tolerance: Tolerances,
     /// A design to compare the best with. Default: the first value of every variable.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub compare: Vec<ComparedDesignSection>,
@@ -255,26 +256,6 @@ impl Default for IdealBandsSection {
     }
 }
 
-/// How exposures share the budget: a rule, or the share of the time for the shortest wavelength, between 0 and 1.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub enum SplitChoice {
-    /// Share of the time for the first exposure; the others have equal parts of the rest.
-    First(f64),
-    /// A rule.
-    Rule(SplitRule),
-}
-
-/// A rule by which exposures share the budget.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum SplitRule {
-    /// Equal times.
-    EqualTime,
-    /// Equal electrons in the first region.
-    EqualElectrons,
-}
-
 /// What all exposures have together: `ms`, or `electrons`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, deny_unknown_fields)]
@@ -307,8 +288,9 @@ pub struct ExposuresSection {
     pub counts: Vec<u32>,
     /// What all of them have together. Default 30 ms.
     pub total: ExposureTotal,
-    /// How two or more of them share it, to choose from. Default "equal_time".
-    pub splits: Vec<SplitChoice>,
+    /// How two or more of them share it, to choose from: a rule, or the share of the time for the shortest wavelength, 0.001 to 0.999.
+    /// Default "equal_time".
+    pub splits: Vec<Split>,
     /// Factors on all lights to choose from, 1e-6 to 1e6. Default 1.
     pub drives: Vec<f64>,
     /// Filters of a wheel before sensors of one channel: the time of every exposure is shared evenly among them, and each is a channel.
@@ -325,7 +307,7 @@ impl Default for ExposuresSection {
         Self {
             counts: vec![1],
             total: ExposureTotal::default(),
-            splits: vec![SplitChoice::Rule(SplitRule::EqualTime)],
+            splits: vec![Split::EqualTime],
             drives: vec![1.0],
             wheel: Vec::new(),
             white: None,
@@ -354,15 +336,16 @@ impl Default for WhiteFrameSection {
 }
 
 /// What is not known besides the weights: standard deviations of normal priors; 0 is known exactly. With all of them 0 results are best cases.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+#[schemars(deny_unknown_fields)]
 pub struct UnknownsSection {
-    /// Factor common to all exposures, relative, 0 to 10, which is as good as no knowledge: distance, shading. Default 0.
-    pub gain: f64,
-    /// Factor of each exposure, relative, 0 to 10: current and age of its light. Default 0.
-    pub drive: f64,
-    /// Reflected light that passes the filters, relative, 0 to 10. Default 0.
-    pub leak: f64,
+    /// What is not known of exposures, and how large and bright a region is.
+    #[serde(flatten)]
+    pub assumptions: Assumptions,
+    /// What is not known of the spectra of fluorophores.
+    #[serde(flatten)]
+    pub library: LibraryError,
     /// Factor on the spread of layered tissue among people (blood, oxygen, thickness, melanin), and among the sites where a rendered
     /// region may be of several, 0 to 10; 0: the tissue is known. Default 0.
     pub tissue: f64,
@@ -372,54 +355,6 @@ pub struct UnknownsSection {
     /// a design of few channels tells more fluorophores apart. Default: nothing.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub weights: BTreeMap<String, f64>,
-    /// Shift of the emission of each fluorophore, nm, 0 to 100: libraries differ by 5 to 25 nm. Default 0.
-    pub emission_shift_nm: f64,
-    /// Shift of its excitation, nm, 0 to 100. Default 0.
-    pub excitation_shift_nm: f64,
-    /// Smooth relative error of its emission and of its excitation spectrum, 0 to 1. Default 0.
-    pub spectrum: f64,
-    /// Distance over which that error is alike, nm, 5 to 500. Default 40.
-    pub correlation_nm: f64,
-    /// Pixels of the sensor that a region is averaged over, 1 to 1e9. Default 1000.
-    pub pixels: f64,
-    /// Brightest fluorescence of the scene over that of the region, 1 to 1e6. Default 1.
-    pub brightest_fluorescence: f64,
-    /// Brightest reflection of the scene, highlights included, over that of the region, 1 to 1e6. Default 1.
-    pub brightest_reflection: f64,
-}
-
-impl Default for UnknownsSection {
-    fn default() -> Self {
-        Self {
-            gain: 0.0,
-            drive: 0.0,
-            leak: 0.0,
-            tissue: 0.0,
-            blood_um: 0.0,
-            weights: BTreeMap::new(),
-            emission_shift_nm: 0.0,
-            excitation_shift_nm: 0.0,
-            spectrum: 0.0,
-            correlation_nm: 40.0,
-            pixels: 1000.0,
-            brightest_fluorescence: 1.0,
-            brightest_reflection: 1.0,
-        }
-    }
-}
-
-/// A ratio of amounts, such as NADH / (NADH + FAD). In layered tissue and in rendered scenes an amount is the light that a fluorophore sends between
-/// 500 and 700 nm under 405 nm.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ContrastSection {
-    /// Name.
-    pub name: String,
-    /// Fluorophores of the numerator.
-    pub part: Vec<String>,
-    /// Fluorophores of the denominator. Default: all.
-    #[serde(default)]
-    pub whole: Vec<String>,
 }
 
 /// What designs are ranked by.
@@ -516,26 +451,6 @@ pub struct SearchSection {
 impl Default for SearchSection {
     fn default() -> Self {
         Self { most_exhaustive: 1_000_000, evaluations: 1000, seed: 1, keep: 50 }
-    }
-}
-
-/// Manufacturing tolerances.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct TolerancesSection {
-    /// Peak of a light, nm, 0 to 50. Default 3.
-    pub light_nm: f64,
-    /// Edge of a filter, nm, 0 to 50. Default 2.
-    pub filter_nm: f64,
-    /// Largest angle at which light passes an interference filter, degrees, 0 to 60. Default 15.
-    pub angle_deg: f64,
-    /// Effective refractive index of the filter, 1 to 4. Default 1.8.
-    pub effective_index: f64,
-}
-
-impl Default for TolerancesSection {
-    fn default() -> Self {
-        Self { light_nm: 3.0, filter_nm: 2.0, angle_deg: 15.0, effective_index: 1.8 }
     }
 }
 

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use fluorspar::design::{LongPass, LongPassEdge};
-use fluorspar_format::read_text_bounded;
+use fluorspar::spectral::{MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM};
+use fluorspar_format::{read_text_bounded, read_toml};
 use toml::Value;
 
-use super::resolve::{PRICE, WAVELENGTH_NM};
 use super::schema::{IdealBandsSection, LedSeriesSection, LongPassSection, VarySection};
 use crate::change::scene_change::SceneChange;
 use crate::change::scene_path::ScenePath;
@@ -18,6 +18,8 @@ use crate::resolve::context::{Context, Resolved};
 use crate::resolve::{Setup, setup};
 use crate::schema::NameOrTable;
 
+pub(super) const WAVELENGTH_NM: [f64; 2] = [MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM];
+pub(super) const PRICE: [f64; 2] = [0.0, 1e12];
 /// Largest sensor file, bytes.
 const MOST_SENSOR_BYTES: u64 = 1 << 20;
 
@@ -81,8 +83,8 @@ impl Base {
 
     /// The experiment of a scene: without a sensor of its own it has the first that may be chosen.
     pub(super) fn scene(&self, changes: &[SceneChange]) -> Resolved<Experiment> {
-        let sensor =
-            self.first.iter().filter(|(axis, _)| *axis == Axis::Sensor && self.words("sensor").is_none());
+        let has_sensor = self.document.root.get("sensor").is_some();
+        let sensor = self.first.iter().filter(|(axis, _)| *axis == Axis::Sensor && !has_sensor);
         let sensor = sensor.flat_map(|(_, choice)| choice.changes.clone());
         self.experiment(&sensor.chain(changes.iter().cloned()).collect::<Vec<_>>())
     }
@@ -103,13 +105,14 @@ impl Base {
             context.absorb(own);
             Ok(found)
         });
-        found.or_else(|error| match (choice.changes.as_slice(), &error.details().path) {
-            ([], _) => Err(error),
-            (_, path) => {
-                let place = path.as_ref().map_or_else(String::new, |path| format!("{path}: "));
-                let message = format!("{}: {place}{}", choice.name, error.details().message);
-                context.fail(&steps!["vary", choice.variable, "values"], message)
+        found.or_else(|error| {
+            if changes.is_empty() {
+                return Err(error);
             }
+            let details = error.details();
+            let parts = [Some(&choice.name).filter(|name| !name.is_empty()), details.path.as_ref()];
+            let parts = parts.into_iter().flatten().chain([&details.message]).cloned();
+            context.fail(&steps!["vary", choice.variable, "values"], parts.collect::<Vec<_>>().join(": "))
         })
     }
 
@@ -372,7 +375,7 @@ impl Variable<'_> {
         let name = path.display().to_string();
         let read = parse_sensor(&text, &name, path.parent().unwrap_or(Path::new(".")), &[]);
         let sensor = read.map_err(|error| self.context.error(at, error.to_string()).without_value())?;
-        let section = toml::from_str::<toml::Table>(&sensor.resolved_toml).unwrap_or_default();
+        let section = read_toml::<toml::Table>(&sensor.resolved_toml).unwrap_or_default();
         let section = section.get("sensor").map(Value::to_string).unwrap_or_default();
         Ok(Choice { name, changes: vec![self.set("", section)], ..Choice::default() })
     }

@@ -263,19 +263,14 @@ pub fn resolve_rendered(
     let mut context = Context::new(&rendered.document);
     let context = &mut context;
     let mut study = resolved.study.clone();
-    let grid = study.scene.grid.clone();
     let error_target = study.render.error_target.take();
     study.render = RenderSettings { error_target, ..device::render_settings(context, &file.render)? };
-    device::check_camera(context, &file.camera)?;
-    let (camera, view) = camera(context, file, &grid)?;
-    let mut groups = Vec::new();
-    study.scene.lights = light::lights(context, &file.light, &view, &grid, &mut groups)?;
-    context.check_filter_data(study.scene.lights.iter().map(|light| &light.spectrum), &grid)?;
+    let Setup { camera, view, light_groups, lights, .. } = setup(context, file)?;
     // Groups of lights come first, then those of surfaces that emit.
-    if study.scene.light_groups.get(..groups.len()) != Some(groups.as_slice()) {
+    if study.scene.light_groups.get(..light_groups.len()) != Some(light_groups.as_slice()) {
         return Ok(None);
     }
-    (study.camera, study.scene.camera) = (camera, view);
+    (study.camera, study.scene.camera, study.scene.lights) = (camera, view, lights);
     Ok(Some(study))
 }
 

@@ -359,6 +359,25 @@ fn a_sensor_is_chosen_from_catalogue_and_files() {
     assert_eq!(cameras(&[&named[..], &[&of_file]].concat()), of_catalogue);
 }
 
+/// Flat regions before the lights of an experiment lie where its camera looks: by a ring 103 mm away they get what its strength says.
+/// Emitters count as points in that, which is good to 1 %.
+#[test]
+fn flat_regions_lie_where_the_camera_looks() {
+    let text = "format = 2\nbase = \"oraleye-2021\"\n[[light]]\nname = \"blue\"\n\
+        strength = { irradiance_w_per_m2 = 100.0, at_distance_mm = 102.96 }\n\
+        [[region]]\nname = \"patch\"\nmaterial = { reflectance = 0.2, concentrations = { elastin = 1.0 } }\n\
+        [[vary]]\nfield = \"light.blue.spectrum\"\nvalues = [\"led_385\", \"led_405\"]\n";
+    let problem = parse_design(text, "ring", Path::new("."), &[]).unwrap().problem;
+    assert_eq!(problem.lights.len(), 2);
+    for light in &problem.lights {
+        assert!(
+            (light.light / 100.0 - 1.0).abs() < 0.01 && light.name.starts_with("led_"),
+            "{}",
+            light.light
+        );
+    }
+}
+
 /// Values that change nothing a design looks at, fields that it does not have, and sections that it leaves alone are told.
 #[test]
 fn what_has_no_effect_is_refused() {

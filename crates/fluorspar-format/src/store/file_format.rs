@@ -38,7 +38,7 @@ impl FileFormat {
         2,
         [
             "Write format = 2 as its first line",
-            "Of one of format 1 examples/convert_design.py makes one of format 2",
+            "Files of format 1 are converted by examples/convert_design.py",
         ],
     );
     /// Component images (OpenEXR).

@@ -3,10 +3,8 @@
 use std::collections::BTreeMap;
 
 use fluorspar::design::{
-    Criterion, Design, DesignSpace, Score, Sensitivity, Tolerances, WorstCase, pareto_front, sensitivities,
-    worst_case,
+    Criterion, Design, DesignSpace, Score, Sensitivity, WorstCase, pareto_front, sensitivities, worst_case,
 };
-use fluorspar_experiment::TolerancesSection;
 use fluorspar_format::{FileFormat, OutputFolder, csv_cell};
 use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_report};
 use serde::{Serialize, Serializer};
@@ -57,16 +55,6 @@ pub struct DesignOutcome {
     pub worst_cases: Vec<WorstCase>,
 }
 
-/// Tolerances of a file as the library takes them.
-fn tolerances(section: &TolerancesSection) -> Tolerances {
-    Tolerances {
-        light_nm: section.light_nm,
-        filter_nm: section.filter_nm,
-        angle_deg: section.angle_deg,
-        effective_index: section.effective_index,
-    }
-}
-
 pub(super) fn judged(space: &DesignSpace, name: String, design: Design) -> JudgedDesign {
     let merits = space.evaluate(&design);
     let fluorescence = space.filtered_fluorescence(&design);
@@ -96,8 +84,9 @@ impl DesignOutcome {
         let front: Vec<JudgedDesign> = pareto_front(&scores).iter().take(keep).map(judge).collect();
         let rivals: Vec<Design> = best.iter().take(RIVALS).map(|judged| judged.design.clone()).collect();
         let failed = |error: fluorspar::design::DesignError| Error::Input(error.to_string());
-        let tolerances = tolerances(&problem.resolved.tolerance);
-        let within = |design: &Design| worst_case(space.problem(), design, &tolerances).map_err(failed);
+        let within = |design: &Design| {
+            worst_case(space.problem(), design, &problem.resolved.tolerance).map_err(failed)
+        };
         let worst_cases = rivals.iter().map(within).collect::<Result<Vec<_>, _>>()?;
         let Found { scores, search, action } = found;
         Ok(Self {

@@ -2,7 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 use rand_distr::{Distribution, Poisson, StandardNormal};
-use serde::Serialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::sampling::random::Key;
 
@@ -12,19 +13,21 @@ use super::fisher::{Bound, UncertainData};
 use super::region_model::SignalRates;
 
 /// What is taken for granted about each measurement.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct Assumptions {
-    /// Relative standard deviation of a factor common to all exposures (distance, shading, pupil); 10 is as good as no knowledge.
+    /// Relative standard deviation of a factor common to all exposures (distance, shading, pupil), 0 to 10, which is as good as no knowledge.
+    /// Default 0.
     pub gain: f64,
-    /// The same of each exposure by itself (current and age of its light).
+    /// The same of each exposure by itself (current and age of its light), 0 to 10. Default 0.
     pub drive: f64,
-    /// Relative standard deviation of the reflected light that passes the filters.
+    /// Relative standard deviation of the reflected light that passes the filters, 0 to 10. Default 0.
     pub leak: f64,
-    /// Pixels of the sensor that a region is averaged over.
+    /// Pixels of the sensor that a region is averaged over, 1 to 1e9. Default 1000.
     pub pixels: f64,
-    /// Brightest fluorescence of the scene over that of the region.
+    /// Brightest fluorescence of the scene over that of the region, 1 to 1e6. Default 1.
     pub brightest_fluorescence: f64,
-    /// Brightest reflection of the scene, highlights included, over that of the region.
+    /// Brightest reflection of the scene, highlights included, over that of the region, 1 to 1e6. Default 1.
     pub brightest_reflection: f64,
 }
 

@@ -1,5 +1,8 @@
 //! A design problem: what may be chosen, what is assumed, what counts.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::optics::IdealLens;
 use crate::safety::{ApparentSource, ExposedTissue, Illumination, assess};
 use crate::spectral::Curve;
@@ -111,13 +114,15 @@ impl LensChoice {
 }
 
 /// How exposures share what there is of time or electrons.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Split {
     /// Equal times.
     EqualTime,
     /// Equal electrons in the first region.
     EqualElectrons,
     /// The first exposure (the shortest wavelength) has this share of the time, the others the rest in equal parts.
+    #[serde(untagged)]
     First(f64),
 }
 
@@ -158,14 +163,17 @@ pub struct Limits {
     pub cost: Option<f64>,
 }
 
-/// A ratio of amounts by the names of fluorophores.
-#[derive(Clone, Debug, PartialEq)]
+/// A ratio of amounts by the names of fluorophores, such as NADH / (NADH + FAD). In layered tissue and in rendered scenes an amount is
+/// the light that a fluorophore sends between 500 and 700 nm under 405 nm.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct ContrastDefinition {
     /// Name.
     pub name: String,
-    /// What counts in the numerator.
+    /// Fluorophores of the numerator.
     pub part: Vec<String>,
-    /// What counts in the denominator.
+    /// Fluorophores of the denominator. Default: all.
+    #[serde(default)]
     pub whole: Vec<String>,
 }
 

@@ -1,5 +1,8 @@
 //! A region with everything about it that is not known.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::spectral::Curve;
 
 use super::design_camera::{FilteredCamera, FineBands};
@@ -7,16 +10,25 @@ use super::problem::LightChoice;
 use super::region_response::{FluorescenceResponse, RegionResponse, bands_of};
 
 /// How wrong the library of fluorophores may be: standard deviations of independent errors of each fluorophore.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
 pub struct LibraryError {
-    /// Shift of its emission, nm. Libraries differ by 5 to 25 nm for the same molecule.
+    /// Shift of its emission, nm, 0 to 100. Libraries differ by 5 to 25 nm for the same molecule. Default 0.
     pub emission_shift_nm: f64,
-    /// Shift of its excitation, nm.
+    /// Shift of its excitation, nm, 0 to 100. Default 0.
     pub excitation_shift_nm: f64,
-    /// Smooth relative error of its emission and of its excitation spectrum.
+    /// Smooth relative error of its emission and of its excitation spectrum, 0 to 1. Default 0.
+    #[serde(rename = "spectrum")]
     pub shape: f64,
-    /// Distance over which that error is alike, nm.
+    /// Distance over which that error is alike, nm, 5 to 500. Default 40.
     pub correlation_nm: f64,
+}
+
+impl Default for LibraryError {
+    /// No error.
+    fn default() -> Self {
+        Self { emission_shift_nm: 0.0, excitation_shift_nm: 0.0, shape: 0.0, correlation_nm: 40.0 }
+    }
 }
 
 /// A change of everything that a region sends when one unknown moves by one standard deviation.

@@ -1,7 +1,8 @@
 //! How much a design rests on what was assumed, and on how well it can be made.
 
 use rayon::prelude::*;
-use serde::Serialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::spectral::Curve;
 
@@ -150,16 +151,23 @@ fn changes(problem: &DesignProblem, best: &Design, factor: f64) -> Vec<(String, 
 }
 
 /// Tolerances of manufacture.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
 pub struct Tolerances {
-    /// Peaks of lights, nm, to both sides.
+    /// Peaks of lights, nm, to both sides, 0 to 50. Default 3.
     pub light_nm: f64,
-    /// Edges of filters, nm, to both sides.
+    /// Edges of filters, nm, to both sides, 0 to 50. Default 2.
     pub filter_nm: f64,
-    /// Largest angle at which light passes the viewing filter, degrees.
+    /// Largest angle at which light passes the viewing filter, degrees, 0 to 60. Default 15.
     pub angle_deg: f64,
-    /// Effective refractive index of the filter.
+    /// Effective refractive index of the filter, 1 to 4. Default 1.8.
     pub effective_index: f64,
+}
+
+impl Default for Tolerances {
+    fn default() -> Self {
+        Self { light_nm: 3.0, filter_nm: 2.0, angle_deg: 15.0, effective_index: 1.8 }
+    }
 }
 
 /// The worst case of a design within tolerances.
