@@ -14,10 +14,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use fluorspar::spectral::{Fluorophore, WavelengthGrid};
-use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, LayeredTissue, Level, Site};
+use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, LayeredTissue, Level};
 use fluorspar_accel::Allocator;
 use fluorspar_benchmarks::cpu_seconds;
-use fluorspar_experiment::preset;
+use fluorspar_experiment::preset::{self, PresetKind};
 use serde_json::json;
 
 #[global_allocator]
@@ -49,14 +49,14 @@ fn matrices(tissue: &LayeredTissue, wavelengths_nm: &[f64], solver: DiscreteOrdi
 }
 
 fn measure(runs: u32) -> Fallible<()> {
-    let tongue = Site::named("dorsal_tongue")?.tissue(&catalogue)?;
+    let tongue = preset::site("dorsal_tongue")?.tissue(&catalogue)?;
     let wavelengths_nm: Vec<f64> = (0..70).map(|i| 365.0 + 5.0 * f64::from(i)).collect();
     let seconds = |solver| mean_time(runs, || matrices(&tongue, &wavelengths_nm, solver));
     let [diffuse, working, precise] =
         [DiscreteOrdinates::DIFFUSE, DiscreteOrdinates::WORKING, DiscreteOrdinates::PRECISE].map(seconds);
     let mut tissues = Vec::new();
-    for name in Site::names() {
-        tissues.push(Site::named(name)?.tissue(&catalogue)?);
+    for name in preset::names(PresetKind::Site) {
+        tissues.push(preset::site(name)?.tissue(&catalogue)?);
     }
     let all = mean_time(runs, || {
         for tissue in &tissues {

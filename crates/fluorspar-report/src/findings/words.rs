@@ -212,9 +212,7 @@ impl<'a> FindingWords<'a> {
             Id::SignalRatio => "Electrons per second over electrons per second, by sensor noise alone.".into(),
             Id::ChromaticityR => "Share of the signal that is red: mean and standard deviation of the pixels.".into(),
             Id::ChromaticityG => "The same of green.".into(),
-            Id::SpreadAlong | Id::SpreadAcross => {
-                "Standard deviation of the cloud of pixels along its long or short axis.".into()
-            }
+            Id::SpreadAlong | Id::SpreadAcross => "Standard deviation of the cloud of pixels along an axis.".into(),
             Id::PixelsOfRegion => "All pixels of the region.".into(),
             Id::PixelsUsed => "Pixels bright enough and not saturated.".into(),
             Id::PixelsSaturated => "Left out: their true value is unknown.".into(),

@@ -189,7 +189,8 @@ impl LightFamily {
 
     /// The blocks along the red direction; `None` where there are too few, or where they hold nothing to tell.
     pub(super) fn red_pattern(&self, blocks: &[RegionBlock]) -> Option<RedPattern> {
-        if blocks.len() < LEAST_BLOCKS {
+        // A single channel has no color
+        if blocks.len() < LEAST_BLOCKS || self.counted_data().len() < 2 {
             return None;
         }
         // The typical tissue, and what porphyrin and chlorophyll add to it

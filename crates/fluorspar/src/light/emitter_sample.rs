@@ -85,3 +85,13 @@ pub(crate) enum LightBounds {
         lobe: Option<(Vec3, f32)>,
     },
 }
+
+impl LightBounds {
+    /// Center and radius of the sphere that an emitter with a place lies in, m.
+    pub(crate) fn sphere(&self) -> Option<(Vec3, f32)> {
+        match self {
+            Self::Local { center, radius, .. } => Some((*center, *radius)),
+            Self::Distant { .. } | Self::Environment => None,
+        }
+    }
+}

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::geometry::EmissiveSurface;
 use crate::interruption::end_if_interrupted;
-use crate::light::{LightBounds, PreparedEmitter};
+use crate::light::PreparedEmitter;
 use crate::render::RenderSettings;
 use crate::render::compiled_scene::{CompiledLight, Source};
 use crate::render::fluorescence_operator::direct_exitance;
@@ -94,12 +94,10 @@ pub(super) fn compile(
 
 /// A box around the lights that have a size, a little larger than they are.
 fn light_box(lights: &[CompiledLight]) -> Option<[Vec3; 2]> {
-    let local = lights.iter().filter_map(|light| match light.bounds {
-        LightBounds::Local { center, radius, .. } => {
-            let margin = Vec3::splat(1.001 * radius + 1e-5 * center.abs().max_element());
-            Some([center - margin, center + margin])
-        }
-        LightBounds::Distant { .. } | LightBounds::Environment => None,
+    let local = lights.iter().filter_map(|light| {
+        let (center, radius) = light.bounds.sphere()?;
+        let margin = Vec3::splat(1.001 * radius + 1e-5 * center.abs().max_element());
+        Some([center - margin, center + margin])
     });
     local.reduce(|[low, high], [other_low, other_high]| [low.min(other_low), high.max(other_high)])
 }
