@@ -266,7 +266,7 @@ mod tests {
     }
 
     /// Photons in the lip, in a pool of one thread.
-    fn traced(photons: u64, stop: &Arc<AtomicBool>) -> TracedTissue {
+    fn traced(photons: u64, stop: &Arc<AtomicBool>) -> Result<TracedTissue> {
         let tissue = TissueOptions {
             site: SiteOptions { site: "lip".into(), ..SiteOptions::default() },
             excitation_nm: Some(405.0),
@@ -274,21 +274,22 @@ mod tests {
         };
         let options = MonteCarloOptions { tissue, photons, ..defaults() };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        pool.install(|| monte_carlo(&options, &Job::new(stop.clone(), Arc::new(Silent))).unwrap())
+        pool.install(|| monte_carlo(&options, &Job::new(stop.clone(), Arc::new(Silent))))
     }
 
     #[test]
     fn a_task_that_is_stopped_stops_no_other() {
         let running = Arc::default();
-        let alone = traced(2000, &running);
+        let alone = traced(2000, &running).unwrap();
         let stop = Arc::new(AtomicBool::new(false));
         let (ended, other) = thread::scope(|scope| {
             let endless = scope.spawn(|| traced(1_000_000_000, &stop));
-            let other = scope.spawn(|| traced(2000, &running)).join().unwrap();
+            let other = scope.spawn(|| traced(2000, &running)).join().unwrap().unwrap();
             stop.store(true, Ordering::SeqCst);
             (endless.join().unwrap(), other)
         });
-        assert_eq!(ended.light.ending, Ending::Interrupted);
+        // It was stopped before its first photon or after
+        assert!(ended.is_err() || ended.is_ok_and(|traced| traced.light.ending == Ending::Interrupted));
         assert_eq!(serde_json::to_value(&other).unwrap(), serde_json::to_value(alone).unwrap());
         assert_eq!(other.light.ending, Ending::Photons);
     }
