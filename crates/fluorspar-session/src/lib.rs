@@ -17,6 +17,11 @@
 //! | form its electrons in the captures | [`FinishedRender::seen_by`] |
 //! | learn what is odd about an experiment before it is rendered | [`warnings_before_run`] |
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "comments of options are the texts of --help, where brackets stand for themselves"
+)]
+
 mod analyze;
 mod capture;
 mod changes;

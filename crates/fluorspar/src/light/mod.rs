@@ -140,7 +140,7 @@ impl Emitter {
         matches!(self, Self::Distant(_))
     }
 
-    /// Irradiance on a surface point per unit of each of [`Light::spectra`]: 1/m² for spectra in W/nm, 1 for irradiance, sr
+    /// Irradiance on a surface point per unit of each of its spectra: 1/m² for spectra in W/nm, 1 for irradiance, sr
     /// for radiance. Unoccluded; an environment fills the hemisphere.
     pub fn irradiance_factors(&self, at: OrientedPoint) -> Vec<f64> {
         let factor = match self {
