@@ -244,11 +244,20 @@ impl<'a> FamilyAverage<'a> {
             .filter(|fit| has_part(*fit))
             .map(|fit| families[compared.numbers[fit]])
             .collect();
-        let quiet: Vec<f64> = variance.iter().map(|variance| QUIET * variance).collect();
+        let quietened =
+            |variance: &[f64]| -> Vec<f64> { variance.iter().map(|variance| QUIET * variance).collect() };
+        let quiet = quietened(variance);
+        let quiet_blocks: Vec<RegionBlock> = blocks
+            .iter()
+            .map(|block| RegionBlock { variance: quietened(&block.variance), ..block.clone() })
+            .collect();
         let interval_of = |change: &Change| {
             let changed: Vec<LightFamily> = parts.iter().map(|(_, family)| change.of(family)).collect();
             let weighted: Vec<Weighted<'_>> = parts.iter().map(|(weight, _)| *weight).zip(&changed).collect();
-            let variance = if *change == Change::WithoutNoise { &quiet } else { variance };
+            let (variance, blocks) = match change {
+                Change::WithoutNoise => (&quiet[..], &quiet_blocks[..]),
+                _ => (variance, blocks),
+            };
             Compared::new(&weighted, electrons, variance).map_or([0.0, 1.0], |compared| {
                 compared
                     .by_blocks(&weighted, blocks, side_px)

@@ -152,6 +152,8 @@ pub struct LightFamily {
     pub tissue: String,
     /// What the prior is, for people.
     pub prior: String,
+    /// Width of the prior over that of the population.
+    pub width: f64,
     /// Coordinates of the tissue.
     pub coordinates: Vec<FamilyCoordinate>,
     /// Everything but the porphyrin.
@@ -279,6 +281,7 @@ impl LightFamily {
     #[must_use]
     pub fn widened(&self, factor: f64) -> Self {
         let mut family = self.clone();
+        family.width *= factor;
         family.coordinates.iter_mut().for_each(|coordinate| coordinate.sd *= factor);
         family.sources.iter_mut().for_each(|source| source.log_sd *= factor);
         family.porphyrin.log_sd *= factor;

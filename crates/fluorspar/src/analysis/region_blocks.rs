@@ -9,7 +9,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::light_family::{LightFamily, NuisanceGroup};
+use super::light_family::{FamilySource, LightFamily, NuisanceGroup};
 use super::red_pattern::{
     INDEPENDENT_BLOCKS, PLACE_FACTORS, PLACES_OVER_PEOPLE, PatternPosterior, RedPattern, SHARE_OF_MARK,
 };
@@ -173,24 +173,24 @@ impl LightFamily {
 
     /// The family of places in one typical person.
     fn of_places(&self) -> Self {
-        let width = self.coordinates.first().map_or(1.0, |coordinate| coordinate.sd);
-        let mut family = self.widened(PLACES_OVER_PEOPLE / width.max(f64::MIN_POSITIVE));
-        for source in &mut family.sources {
-            if source.group == NuisanceGroup::Surroundings {
-                source.log_sd = PLACES_OF_TEETH;
-            }
-        }
-        if let Some(indirect) = &mut family.indirect {
+        let mut family = self.widened(PLACES_OVER_PEOPLE / self.width);
+        // What is known of the person is known of its places
+        let unknown =
+            |source: &&mut FamilySource| source.group == NuisanceGroup::Surroundings && source.log_sd > 0.0;
+        family.sources.iter_mut().filter(unknown).for_each(|source| source.log_sd = PLACES_OF_TEETH);
+        if let Some(indirect) = family.indirect.as_mut().filter(|indirect| indirect[1] > 0.0) {
             indirect[1] = PLACES_OF_INDIRECT;
         }
         family.library.fill(0.0);
         family
     }
 
-    /// The blocks along the red direction; `None` where there are too few, or where they hold nothing to tell.
+    /// The blocks along the red direction; `None` where there are too few, where they hold nothing to tell, and where the mean of the region
+    /// rests on more than the channels that blocks are known in: further frames, or channels that do not count in the share.
     pub(super) fn red_pattern(&self, blocks: &[RegionBlock]) -> Option<RedPattern> {
         // A single channel has no color
-        if blocks.len() < LEAST_BLOCKS || self.counted_data().len() < 2 {
+        let is_whole = self.counted.iter().all(|is_counted| *is_counted) && self.counted.len() > 1;
+        if blocks.len() < LEAST_BLOCKS || !is_whole {
             return None;
         }
         // The typical tissue, and what porphyrin and chlorophyll add to it

@@ -35,6 +35,7 @@ fn family() -> LightFamily {
     let blood = FamilyCoordinate { name: "blood".into(), sd: 0.6 };
     LightFamily {
         tissue: "a test".into(),
+        width: 1.0,
         prior: "a test".into(),
         coordinates: vec![blood],
         sources: vec![

@@ -130,6 +130,7 @@ fn family_by(
     Ok(LightFamily {
         tissue: prior.site.name().into(),
         prior: describe(prior),
+        width: prior.width,
         coordinates: coordinates
             .variations()
             .iter()
