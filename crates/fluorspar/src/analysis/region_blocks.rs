@@ -18,16 +18,16 @@ use crate::sampling::random::Key;
 /// Draws of people, and of places in one person.
 const PEOPLE: u64 = 1000;
 const PLACES: u64 = 500;
-/// Variation of the light of teeth and of indirect light from place to place, standard deviations of logarithms.
+/// Variation of the light of teeth and of indirect light from place to place, standard deviations of logarithms. \[assumed\]
 const PLACES_OF_TEETH: f64 = 0.45;
 const PLACES_OF_INDIRECT: f64 = 0.3;
 /// How alike places are: correlation at no distance of two blocks, that at any distance, and the length over which it falls, as a share
-/// of the side of a square of the region's size (8 mm of a tongue).
+/// of the side of a square of the region's size (8 mm of a tongue). \[assumed\]
 const ALIKE: [f64; 3] = [0.9, 0.1, 0.23];
 /// Fewest blocks that say anything about a pattern.
 pub const LEAST_BLOCKS: usize = 8;
 /// Chlorophyll looks like porphyrin where this share of it moves the colors that porphyrin leaves alone by less than so many standard
-/// deviations of a place.
+/// deviations of a place. \[assumed\]
 const LOOKS_ALIKE: [f64; 2] = [0.05, 2.0];
 /// Share of marked blocks that may be false.
 const FALSE_DISCOVERIES: f64 = 0.05;
