@@ -109,6 +109,16 @@ impl Change {
 /// A family with its probability before the measurement.
 type Weighted<'a> = (f64, &'a LightFamily);
 
+/// What the blocks of a region say.
+struct ByBlocks {
+    /// The share, averaged over the families.
+    all: Mixture,
+    /// The share if the tissue is the named one for certain; `None` where its blocks say nothing.
+    named: Option<Mixture>,
+    /// The blocks, as the most probable family has them.
+    shares: BlockShares,
+}
+
 /// What a measurement says under each of several families.
 struct Compared {
     fits: Vec<FamilyFit>,
@@ -156,8 +166,8 @@ impl Compared {
         families: &[Weighted<'_>],
         blocks: &[RegionBlock],
         side_px: usize,
-    ) -> Option<(Mixture, BlockShares)> {
-        let found: Vec<_> = (0..self.fits.len())
+    ) -> Option<ByBlocks> {
+        let mut found: Vec<_> = (0..self.fits.len())
             .into_par_iter()
             .map(|fit| {
                 let has_part = fit == 0 || self.probabilities[fit] > NEGLIGIBLE_IN_BLOCKS;
@@ -177,7 +187,7 @@ impl Compared {
             all.none += weight * own.none;
             all.terms.extend(own.terms.iter().map(|[share, mean, sd]| [weight * share, *mean, *sd]));
         }
-        Some((all, shares))
+        Some(ByBlocks { all, named: found.swap_remove(0).map(|(_, found)| found.share), shares })
     }
 
     /// Evidence of a fit over that of the named family.
@@ -191,11 +201,16 @@ impl Compared {
     }
 }
 
-/// The interval by blocks. They may prove porphyrin; where they don't, it ends no nearer than that of the mean.
-fn proven(mixture: &Mixture, of_mean: &Mixture) -> [f64; 2] {
-    match mixture.interval() {
-        [0.0, high] => [0.0, high.max(of_mean.quantile(0.95))],
-        interval => interval,
+/// The share with its interval. What the mean of a region proves stands: it knows the scale of the share better. Else blocks may prove
+/// porphyrin; where they don't, the interval ends no nearer than that of the mean.
+fn answer<'a>(of_mean: &'a Mixture, by_blocks: Option<&'a Mixture>) -> (&'a Mixture, [f64; 2]) {
+    let proven_by_mean = of_mean.interval();
+    match by_blocks {
+        Some(blocks) if proven_by_mean[0] <= 0.0 => match blocks.interval() {
+            [0.0, high] => (blocks, [0.0, high.max(proven_by_mean[1])]),
+            interval => (blocks, interval),
+        },
+        _ => (of_mean, proven_by_mean),
     }
 }
 
@@ -235,8 +250,8 @@ impl<'a> FamilyAverage<'a> {
         let compared = Compared::new(&families, electrons, variance)?;
         let (of_mean, named) = (compared.average(), &compared.fits[0]);
         let by_blocks = compared.by_blocks(&families, blocks, side_px);
-        let mixture = by_blocks.as_ref().map_or(&of_mean, |(mixture, _)| mixture);
-        let interval = proven(mixture, &of_mean);
+        let (mixture, interval) = answer(&of_mean, by_blocks.as_ref().map(|found| &found.all));
+        let is_by_blocks = !std::ptr::eq(mixture, &raw const of_mean);
 
         // What one change of all families that have a part makes of the interval
         let has_part = |fit: usize| fit == 0 || compared.probabilities[fit] > NEGLIGIBLE;
@@ -259,10 +274,8 @@ impl<'a> FamilyAverage<'a> {
                 _ => (variance, blocks),
             };
             Compared::new(&weighted, electrons, variance).map_or([0.0, 1.0], |compared| {
-                compared
-                    .by_blocks(&weighted, blocks, side_px)
-                    .map_or_else(|| compared.average(), |found| found.0)
-                    .interval()
+                let by_blocks = compared.by_blocks(&weighted, blocks, side_px);
+                answer(&compared.average(), by_blocks.as_ref().map(|found| &found.all)).1
             })
         };
         let known = NuisanceGroup::ALL
@@ -285,7 +298,8 @@ impl<'a> FamilyAverage<'a> {
                 Change::TwiceAsWide => with_prior_twice_as_wide = interval,
             }
         }
-        let doubt = self.doubt(&compared);
+        let of_named = by_blocks.as_ref().and_then(|found| found.named.as_ref());
+        let doubt = self.doubt(&compared, answer(&named.mixture, of_named));
         if let Some(doubt) = &doubt {
             without.push(IntervalWithout {
                 source: "doubt of the tissue".into(),
@@ -308,12 +322,12 @@ impl<'a> FamilyAverage<'a> {
             data,
             foreign: named.misfit > largest_misfit(data),
             doubt,
-            of_mean: by_blocks.is_some().then(|| ShareOfMean {
+            of_mean: is_by_blocks.then(|| ShareOfMean {
                 median: of_mean.quantile(0.5),
                 interval: of_mean.interval(),
                 probability_of_none: of_mean.none,
             }),
-            blocks: by_blocks.map(|(_, shares)| shares),
+            blocks: by_blocks.map(|found| found.shares),
         })
     }
 
@@ -335,16 +349,20 @@ impl<'a> FamilyAverage<'a> {
         let compared = Compared::new(&families, electrons, variance)?;
         let of_mean = compared.average();
         let by_blocks = compared.by_blocks(&families, blocks, 0);
-        let mixture = by_blocks.as_ref().map_or(&of_mean, |(mixture, _)| mixture);
+        let (mixture, interval) = answer(&of_mean, by_blocks.as_ref().map(|found| &found.all));
         let foreign = compared.fits[0].misfit > largest_misfit(electrons.len());
         Some(ShareInterval {
             median: mixture.quantile(0.5),
-            interval: proven(mixture, &of_mean),
+            interval,
             warned: foreign || compared.factor_of_others(self.others.len()) >= STRONG,
         })
     }
 
-    fn doubt(&self, compared: &Compared) -> Option<TissueDoubt> {
+    fn doubt(
+        &self,
+        compared: &Compared,
+        (named, interval_as_named): (&Mixture, [f64; 2]),
+    ) -> Option<TissueDoubt> {
         if self.others.is_empty() {
             return None;
         }
@@ -359,13 +377,35 @@ impl<'a> FamilyAverage<'a> {
         };
         let mut tissues: Vec<TissueEvidence> = (0..compared.fits.len()).map(evidence).collect();
         tissues[1..].sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        let (bayes_factor, named) = (compared.factor_of_others(self.others.len()), &compared.fits[0].mixture);
+        let bayes_factor = compared.factor_of_others(self.others.len());
         Some(TissueDoubt {
             bayes_factor,
             tissues,
             median_as_named: named.quantile(0.5),
-            interval_as_named: named.interval(),
+            interval_as_named,
             is_strong: bayes_factor >= STRONG,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A share around some odds, with a probability of none.
+    fn mixture(none: f64, share: f64) -> Mixture {
+        Mixture { none, terms: vec![[1.0 - none, (share / (1.0 - share)).ln(), 0.1]] }
+    }
+
+    #[test]
+    fn blocks_answer_where_the_mean_proves_nothing() {
+        let [sure, unsure] = [mixture(0.0, 0.05), mixture(0.4, 0.2)];
+        let found = |of_mean: &Mixture, by_blocks: Option<&Mixture>| answer(of_mean, by_blocks).1;
+        assert_eq!(found(&sure, Some(&mixture(0.0, 0.3))), sure.interval());
+        let blocks = mixture(0.001, 0.3);
+        assert_eq!(found(&unsure, Some(&blocks)), blocks.interval());
+        assert_eq!(found(&unsure, None), unsure.interval());
+        // Blocks that prove nothing end no nearer than the mean
+        assert_eq!(found(&unsure, Some(&mixture(0.3, 0.01))), unsure.interval());
     }
 }

@@ -58,11 +58,11 @@ pub struct SharePosterior {
     /// Whether it is the tissue that was named, where others were compared; the numbers above are averages over all of them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub doubt: Option<TissueDoubt>,
-    /// What the blocks of the region say, where there are enough: the median, the interval and the probability of none above are then
-    /// theirs. Where the interval begins at 0 it ends where that of the mean does, if that is farther.
+    /// What the blocks of the region say, where there are enough.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blocks: Option<BlockShares>,
-    /// The share from the mean of the region alone, where its blocks say more.
+    /// The share from the mean of the region alone, where it can't exclude that there is none: the median, the interval and the probability
+    /// of none above are then those of the blocks. Where that interval begins at 0 it ends where that of the mean does, if that is farther.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub of_mean: Option<ShareOfMean>,
 }

@@ -153,20 +153,18 @@ fn posterior_findings(posterior: &SharePosterior, truth: Option<f64>) -> Vec<Fin
     if posterior.frames.len() > 1 {
         share.caveats.push(Caveat::FromFrames(posterior.frames.clone()));
     }
-    if posterior.excludes_none() && posterior.blocks.as_ref().is_some_and(|b| b.looks_like_chlorophyll) {
+    let proven_by_blocks = posterior.excludes_none() && posterior.of_mean.is_some();
+    if proven_by_blocks && posterior.blocks.as_ref().is_some_and(|b| b.looks_like_chlorophyll) {
         share.caveats.push(Caveat::LooksLike("plant pigment"));
     }
     let mut all = vec![share];
-    if let (Some(blocks), Some(of_mean), false) =
-        (&posterior.blocks, &posterior.of_mean, posterior.is_no_estimate())
-    {
+    if let Some(blocks) = posterior.blocks.as_ref().filter(|_| !posterior.is_no_estimate()) {
         let marked = Finding::new(FindingId::MarkedBlocks, blocks.marked() as f64);
         all.push(marked.judged_by(blocks.blocks.len() as f64));
+    }
+    if let Some(of_mean) = posterior.of_mean.filter(|_| !posterior.is_no_estimate()) {
         let share = Finding::new(FindingId::ShareOfMean, None).within(of_mean.interval);
-        all.push(match of_mean.interval[0] > 0.0 {
-            true => Finding { value: Some(of_mean.median), ..share },
-            false => share.with(Caveat::NotDetected),
-        });
+        all.push(share.with(Caveat::NotDetected));
     }
     if !posterior.is_no_estimate() {
         let probability = Finding::new(FindingId::ProbabilityOfNone, 100.0 * posterior.probability_of_none);
