@@ -121,7 +121,7 @@ impl Scatter {
         self.runs += 1.0;
         self.labels = image.components.iter().map(Component::label).collect();
         let bands = image.grid.len();
-        let pixels = (0..self.labels.len()).flat_map(|component| image.component(component).chunks(bands));
+        let pixels = (0..self.labels.len()).flat_map(|component| image.stored(component).chunks(bands));
         let values: Vec<f64> = pixels.map(|pixel| pixel.iter().map(|&v| f64::from(v)).sum()).collect();
         self.sums.resize(values.len(), (0.0, 0.0));
         for ((sum, squares), value) in self.sums.iter_mut().zip(values) {

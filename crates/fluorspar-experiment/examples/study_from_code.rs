@@ -12,7 +12,7 @@ use fluorspar::light::{DistantEmitter, Emitter, Light, LightGroup};
 use fluorspar::material::{FluorophoreAmount, Material, ScalarTexture};
 use fluorspar::optics::{Filter, FilterStack, IdealLens, PerspectiveCamera, Vignetting};
 use fluorspar::pipeline::evaluate;
-use fluorspar::render::{RenderControl, RenderSettings, render};
+use fluorspar::render::{ComponentBands, RenderControl, RenderSettings, render};
 use fluorspar::scene::{Object, Scene, Shape};
 use fluorspar::sensor::{CaptureFrame, Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::WavelengthGrid;
@@ -116,7 +116,12 @@ pub(crate) fn study() -> Result<Study, Box<dyn Error>> {
         noise_threshold: fluorspar::analysis::DEFAULT_NOISE_THRESHOLD,
     };
     Ok(Study {
-        render: RenderSettings { samples_per_pixel: 16, max_depth: 2, ..RenderSettings::default() },
+        render: RenderSettings {
+            samples_per_pixel: 16,
+            max_depth: 2,
+            component_bands: ComponentBands::Basis,
+            ..RenderSettings::default()
+        },
         camera,
         captures: vec![dark, lit],
         // No mouth: limits are those of skin

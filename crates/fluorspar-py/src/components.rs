@@ -1,7 +1,7 @@
 //! Component images.
 
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar_format::{
@@ -20,6 +20,8 @@ use crate::view::view;
 #[pyclass(frozen, module = "fluorspar._fluorspar")]
 pub(crate) struct Components {
     pub(crate) image: Arc<ComponentImage>,
+    /// All bands, once they are asked for, of an image that is stored with fewer.
+    radiance: OnceLock<Vec<f32>>,
     pub(crate) provenance: Option<Provenance>,
     /// The experiment that it was rendered from.
     pub(crate) experiment: Option<Py<Experiment>>,
@@ -37,7 +39,14 @@ impl Components {
         let image = Arc::new(image);
         let parsed = experiment.as_ref().map(|experiment| experiment.get().parsed.clone());
         let render = Arc::new(FinishedRender::of_image(image.clone(), parsed));
-        Self { image, provenance, experiment, render }
+        Self { image, radiance: OnceLock::new(), provenance, experiment, render }
+    }
+
+    fn all_bands(&self) -> &[f32] {
+        if self.image.bases.is_empty() {
+            return &self.image.data;
+        }
+        self.radiance.get_or_init(|| self.image.all_values().into_owned())
     }
 
     /// An image with the experiment that it carries.
@@ -65,7 +74,7 @@ impl Components {
     fn radiance<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray4<f32>>> {
         let image = &slf.get().image;
         let shape = (image.components.len(), image.height, image.width, image.grid.len());
-        view(slf, |this| &this.image.data, shape)
+        view(slf, |this| this.all_bands(), shape)
     }
 
     /// Distance of what a pixel sees, `[row, col]`, m; infinite where it sees nothing.

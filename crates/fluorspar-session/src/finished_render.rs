@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use fluorspar::image::{
     ChannelPlanes, ComponentFactors, ComponentImage, ComponentRows, ExcitationImage, PreparedRows, RelitRows,
+    SpectralBasis, StoredBands,
 };
 use fluorspar::light::Light;
 use fluorspar::pipeline::{
@@ -251,21 +252,30 @@ impl FinishedRender {
     pub fn spectra(&self, study: &Study, changes: &SceneChanges<'_>) -> Result<Option<ComponentImage>> {
         let labels = self.labels();
         let (width, height, bands) = (labels.width, labels.height, labels.grid.len());
-        let values = labels.components.len() * width * height * bands;
+        // Light under another spectrum comes with all its bands
+        let is_relit = |component: usize| changes.relit.get(component).is_some_and(Option::is_some);
+        let bases: StoredBands = labels
+            .bases
+            .iter()
+            .enumerate()
+            .map(|(component, basis)| basis.clone().filter(|_| !is_relit(component)))
+            .collect();
+        let mut image = ComponentImage { bases, data: Vec::new(), ..labels.clone() };
+        let values = image.stored_values();
         // The rows that are read, and the image that they are put into
         if 2 * 4 * values as u64 > study.render.memory_limit_bytes {
             return Ok(None);
         }
+        image.data = vec![0.0; values];
         let rows = RelitRows { rows: &self.spectra, size: [width, height, bands], relit: &changes.relit };
         let rows = PreparedRows { rows: &rows, factors: &changes.factors, width };
         let found = rows.map_rows(
             |component| self.is_lit(component, &study.captures),
             |component, _, lines| by_pixel(lines, width, changes.factors.even[component] as f32),
         )?;
-        let mut image = ComponentImage { data: vec![0.0; values], ..labels.clone() };
         for (component, row, spectra) in found {
-            let start = (component * height + row) * width * bands;
-            image.data[start..start + width * bands].copy_from_slice(&spectra);
+            let first = row * spectra.len();
+            image.stored_mut(component)[first..first + spectra.len()].copy_from_slice(&spectra);
         }
         Ok(Some(image))
     }
@@ -398,6 +408,13 @@ impl FinishedRender {
 
 impl ComponentRows for Spectra {
     type Error = FormatError;
+
+    fn basis(&self, component: usize) -> Option<&SpectralBasis> {
+        match self {
+            Self::File(file) => file.basis(component),
+            Self::Memory(image) => image.basis(component),
+        }
+    }
 
     fn map_rows<T: Send>(
         &self,

@@ -58,7 +58,7 @@ pub(super) fn render(
         .map_err(|error| in_bands(options, &error, needed))?;
     let rows = layout.pixel_rows(0..1).len();
     let planes = if options.output.components { BandPlanes::Components } else { BandPlanes::Sum };
-    let images = planes.count(&layout);
+    let stored = planes.stored(&layout);
     let [film, most] = memory_texts(needed, limit);
     messages.status(format!(
         "Memory: the film takes {film}, {} of {most}{}: {} bands of up to {} rows, one after the other; {} of \
@@ -67,7 +67,7 @@ pub(super) fn render(
         if needed > limit { "" } else { ", but --film is a folder" },
         bands.len(),
         bands.iter().map(|band| band.len() * rows).max().unwrap_or(0),
-        memory_text(4 * (layout.width * layout.height * layout.grid.len() * images) as u64),
+        memory_text(4 * (layout.width * layout.height * stored.iter().sum::<usize>()) as u64),
         options.output.out.display()
     ));
     if !messages.is_quiet() {
@@ -95,7 +95,7 @@ pub(super) fn render(
         options,
         renderer: &renderer,
         provenance: &provenance,
-        spool: SpooledImage::create(beside.unwrap_or(Path::new(".")), size, layout.grid.clone(), images)?,
+        spool: SpooledImage::create(beside.unwrap_or(Path::new(".")), size, layout.grid.clone(), &stored)?,
     };
     let weight = |component: &Component| light.weight(component);
     let rendered =

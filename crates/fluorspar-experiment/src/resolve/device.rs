@@ -9,15 +9,16 @@ use super::spectrum::Role;
 use crate::error::{Place, steps};
 use crate::preset;
 use crate::schema::{
-    CameraSection, EdgeBins, EfficiencyReference, ExperimentFile, FieldOfView, FilterAngles, FilterPosition,
-    ImageFormation, LensSection, NameOrFile, NameOrTable, RenderSection, SensorSection, SpectralSection,
-    SpectrumReference, StatisticsChoice, TracedLensSection, UniformBins, ViewFilterSection, is_file_name,
+    BandsChoice, CameraSection, EdgeBins, EfficiencyReference, ExperimentFile, FieldOfView, FilterAngles,
+    FilterPosition, ImageFormation, LensSection, NameOrFile, NameOrTable, RenderSection, SensorSection,
+    SpectralSection, SpectrumReference, StatisticsChoice, TracedLensSection, UniformBins, ViewFilterSection,
+    is_file_name,
 };
 use fluorspar::optics::{
     CameraLens, FilterAutofluorescence, FilterStack, IdealLens, LensSetting, LensState, Paraxial,
     PerspectiveCamera, Vignetting,
 };
-use fluorspar::render::{BasisSettings, Estimator, RenderSettings, choose_basis};
+use fluorspar::render::{BasisSettings, ComponentBands, Estimator, RenderSettings, choose_basis};
 use fluorspar::scene::Scene;
 use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, GridError, WavelengthGrid};
@@ -72,6 +73,10 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         statistics: error_target::statistics(section),
         error_target: None,
         excitation_basis: None,
+        component_bands: match section.component_bands {
+            BandsChoice::Basis => ComponentBands::Basis,
+            BandsChoice::All => ComponentBands::All,
+        },
     })
 }
 

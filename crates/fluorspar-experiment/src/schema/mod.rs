@@ -67,7 +67,7 @@ pub use reference::{
     TextureReference, TextureTable, TongueMap,
 };
 pub use region::{RegionReference, SensorRegionSection, TargetSection};
-pub use settings::{EdgeBins, RenderSection, SpectralSection, StatisticsChoice, UniformBins};
+pub use settings::{BandsChoice, EdgeBins, RenderSection, SpectralSection, StatisticsChoice, UniformBins};
 pub use tissue::{
     BackgroundSection, BloodSection, CaroteneSection, LayerAbsorptionSection, LayerFluorophoreSection,
     LayerScatteringSection, TissueLayerSection, TissueSection, VolumeSection,

@@ -129,18 +129,18 @@ fn factors_are_those_of_drives_and_masks() {
     let planes = CapturePlanes::new(&study, &image).unwrap();
     // Elastin three times as much in the left half, all porphyrin gone.
     let mut changed = image.clone();
-    let plane = image.width * image.height * image.grid.len();
     let mask: Arc<[f32]> = (0..image.width * image.height)
         .map(|pixel| if pixel % image.width < image.width / 2 { 3.0 } else { 1.0 })
         .collect();
     let mut factors = ComponentFactors::ones(image.components.len());
     for (number, component) in image.components.iter().enumerate() {
         let LightPath::Fluorescence(name) = &component.light else { continue };
-        let values = &mut changed.data[number * plane..][..plane];
+        let stored = image.stored_bands(number).max(1);
+        let values = changed.stored_mut(number);
         match name.as_str() {
             "elastin" => {
                 factors.maps[number] = Some(mask.clone());
-                let spectra = values.chunks_exact_mut(image.grid.len()).zip(mask.iter());
+                let spectra = values.chunks_exact_mut(stored).zip(mask.iter());
                 spectra.for_each(|(spectrum, factor)| spectrum.iter_mut().for_each(|value| *value *= factor));
             }
             "protoporphyrin_ix" => {
@@ -306,10 +306,8 @@ fn a_painted_mask_shows_what_a_new_render_of_a_plane_does() {
     });
     let number = image.components.iter().position(|c| c.light == LightPath::Fluorescence("elastin".into()));
     let number = number.unwrap();
-    let plane = image.width * image.height * image.grid.len();
     let spectrum = |image: &ComponentImage, pixel: usize| -> f64 {
-        let start = number * plane + pixel * image.grid.len();
-        image.data[start..start + image.grid.len()].iter().map(|value| f64::from(*value)).sum()
+        image.spectrum(number, pixel).iter().map(|value| f64::from(*value)).sum()
     };
     let ratio = |pixel: usize| spectrum(&again, pixel) / spectrum(&image, pixel);
     let right = ratio(image.width - 1) > 2.0;

@@ -9,8 +9,8 @@ use fluorspar::design::RegionResponse;
 use fluorspar::image::{ComponentImage, ComponentRows, ExcitationImage, LightPath, RelitRows};
 use fluorspar::pipeline::{PipelineError, check_same_scene, relight_with_basis, render_with_basis};
 use fluorspar::render::{
-    Checkpoint, FilmRenderer, RenderControl, RenderSettings, basis_bytes, memory_bytes, render,
-    tile_row_bytes, whole_image_bytes,
+    Checkpoint, ComponentBands, FilmRenderer, RenderControl, RenderSettings, basis_bytes, memory_bytes,
+    render, tile_row_bytes, whole_image_bytes,
 };
 use fluorspar::spectral::{Curve, CurveModel};
 use fluorspar::study::Study;
@@ -33,7 +33,7 @@ fn study(changes: &[&str]) -> Study {
 
 /// Depth 3: no path ends by roulette, which looks at the light spectrum, so that all lights share their paths.
 fn settings(study: &Study) -> RenderSettings {
-    RenderSettings { max_depth: 3, ..study.render.clone() }
+    RenderSettings { max_depth: 3, component_bands: ComponentBands::All, ..study.render.clone() }
 }
 
 fn control(stop: &AtomicBool) -> RenderControl<'_> {

@@ -9,8 +9,8 @@ use std::time::Duration;
 use fluorspar::image::{ComponentImage, FeatureMaps, Film, StatisticsKind};
 use fluorspar::pipeline::{DenoiseSettings, denoise};
 use fluorspar::render::{
-    Checkpoint, ErrorChannel, ErrorTarget, FilmRenderer, RenderControl, RenderError, RenderSettings, Share,
-    render,
+    Checkpoint, ComponentBands, ErrorChannel, ErrorTarget, FilmRenderer, RenderControl, RenderError,
+    RenderSettings, Share, render,
 };
 use fluorspar::study::Study;
 use fluorspar_experiment::{parse, resolve};
@@ -202,11 +202,57 @@ fn films_and_statistics_survive_files_and_damage_is_noticed() {
     let read = read_component_exr(&path).unwrap().image;
     for component in 0..image.components.len() {
         let brightest = image.component(component).iter().copied().fold(0.0, f32::max);
-        for (a, b) in read.component(component).iter().zip(image.component(component)) {
+        for (a, b) in read.component(component).iter().zip(image.component(component).iter()) {
             assert!((a - b).abs() <= b / 2048.0 + brightest * 2_f32.powi(-39), "{a} {b}");
         }
     }
     assert_eq!(read.samples, image.samples);
+}
+
+#[test]
+fn a_basis_holds_every_component_within_its_error() {
+    // A mouth in miniature: layered tissue, teeth, nine fluorophores, two lights, 81 bands
+    let text = "format = 1\nbase = \"oraleye-2021\"";
+    let changes =
+        ["width_px=48", "height_px=36", "samples_per_pixel=8"].map(|change| format!("render.{change}"));
+    let study = resolve(&parse(text, "test", Path::new("."), &changes).unwrap()).unwrap().study;
+    let short = image(&study, &study.render);
+    let all = image(&study, &RenderSettings { component_bands: ComponentBands::All, ..study.render.clone() });
+    let (bands, pixels) = (all.grid.len(), 48 * 36);
+    assert!(4 * short.data.len() < all.data.len(), "{} of {}", short.data.len(), all.data.len());
+    let rms =
+        |values: &mut dyn Iterator<Item = f64>| (values.map(|v| v * v).sum::<f64>() / bands as f64).sqrt();
+    for component in 0..all.components.len() {
+        let Some(basis) = short.basis(component) else { continue };
+        let (a, b) = (short.component(component), all.component(component));
+        // Stored bands are those of the image with all, to the rounding of the sums
+        let kept =
+            short.stored(component).chunks_exact(basis.stored().len().max(1)).zip(b.chunks_exact(bands));
+        for (kept, spectrum) in kept {
+            assert!(kept.iter().zip(basis.stored()).all(|(kept, band)| *kept == spectrum[*band]));
+        }
+        let level = rms(&mut b.iter().map(|v| f64::from(*v))) / (pixels as f64).sqrt();
+        let errors: Vec<f64> = a
+            .chunks_exact(bands)
+            .zip(b.chunks_exact(bands))
+            .map(|(a, b)| {
+                let error = rms(&mut a.iter().zip(b).map(|(a, b)| f64::from(a - b)));
+                error / rms(&mut b.iter().map(|v| f64::from(*v))).max(0.1 * level).max(f64::MIN_POSITIVE)
+            })
+            .collect();
+        let mean = (errors.iter().map(|error| error * error).sum::<f64>() / pixels as f64).sqrt();
+        let (label, stated) = (all.components[component].label(), f64::from(basis.error()));
+        assert!(mean <= stated, "{label}: {mean:.1e}, stated {stated:.1e}");
+    }
+    // What is measured on some pixels again
+    let renderer = FilmRenderer::new(&study.scene, &study.render).unwrap();
+    let measured = renderer.basis_error(&short);
+    assert!(measured > 0.0 && measured < 2e-3, "{measured:.1e}");
+    assert_eq!(renderer.basis_error(&all), 0.0);
+    // A film of all bands is not gone on with
+    let of_all = RenderSettings { component_bands: ComponentBands::All, ..study.render.clone() };
+    let film = FilmRenderer::new(&study.scene, &of_all).unwrap().new_film();
+    assert!(matches!(renderer.check(&film), Err(RenderError::OtherStorage)));
 }
 
 /// Sum over bands of a light group, per pixel.
@@ -351,8 +397,8 @@ fn denoising_lowers_the_error_and_keeps_parts_and_means() {
     // Every component by itself: bright ones would hide the others.
     let squares = |image: &ComponentImage, pixels: &dyn Fn(usize) -> bool| -> Vec<f64> {
         let of_component = |component: usize| {
-            let pairs =
-                image.component(component).chunks(bands).zip(reference.component(component).chunks(bands));
+            let (image, reference) = (image.component(component), reference.component(component));
+            let pairs = image.chunks(bands).zip(reference.chunks(bands));
             let chosen = pairs.enumerate().filter(|(pixel, _)| pixels(*pixel));
             chosen.flat_map(|(_, (a, b))| a.iter().zip(b)).map(|(a, b)| f64::from(a - b).powi(2)).sum()
         };

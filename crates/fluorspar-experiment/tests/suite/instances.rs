@@ -129,7 +129,7 @@ fn assert_same_image(a: &ComponentImage, b: &ComponentImage) {
         let (a, b) = (a.component(component), b.component(component));
         let mean = a.iter().map(|&v| f64::from(v)).sum::<f64>() / a.len() as f64;
         let off = |(x, y): (&f32, &f32)| f64::from((x - y).abs()) > 1e-2 * f64::from(x.abs()) + 1e-3 * mean;
-        let different = a.iter().zip(b).filter(|&pair| off(pair)).count() as f64 / a.len() as f64;
+        let different = a.iter().zip(b.iter()).filter(|&pair| off(pair)).count() as f64 / a.len() as f64;
         assert!(different < 0.005, "component {component}: {different} of the values differ");
         let other = b.iter().map(|&v| f64::from(v)).sum::<f64>() / b.len() as f64;
         assert!((other - mean).abs() <= 2e-3 * mean, "component {component}: {mean} {other}");

@@ -54,7 +54,9 @@ fn mathematics() -> String {
 }
 
 fn with_changes(text: &str, changes: &[&str]) -> Study {
-    let changes: Vec<String> = changes.iter().map(|change| (*change).to_owned()).collect();
+    // Digests are those of all bands
+    let all = std::iter::once(&"render.component_bands=\"all\"").chain(changes);
+    let changes: Vec<String> = all.map(|change| (*change).to_owned()).collect();
     resolve(&parse(text, "digests", Path::new("."), &changes).unwrap()).unwrap().study
 }
 

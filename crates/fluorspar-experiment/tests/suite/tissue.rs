@@ -67,7 +67,8 @@ fn pixels(image: &ComponentImage, band: usize, wanted: impl Fn(&LightPath) -> bo
     let bands = image.grid.len();
     let mut sums = vec![0.0; image.width * image.height];
     for component in (0..image.components.len()).filter(|&c| wanted(&image.components[c].light)) {
-        let values = image.component(component).iter().skip(band).step_by(bands);
+        let spectra = image.component(component);
+        let values = spectra.iter().skip(band).step_by(bands);
         sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += f64::from(*value));
     }
     sums

@@ -1,5 +1,6 @@
 //! Images: spectral ones, masks, textures.
 
+pub(crate) mod basis_text;
 pub(crate) mod exr;
 pub(crate) mod jpeg;
 pub(crate) mod mask;

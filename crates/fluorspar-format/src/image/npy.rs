@@ -95,7 +95,7 @@ pub fn write_component_npy(
         denoised: image.denoised.clone(),
         provenance: provenance.cloned(),
     };
-    write_array(path, &description, &image.data)
+    write_array(path, &description, &image.all_values())
 }
 
 /// Writes one number for each pixel, `[row, col]`, as little-endian f32 `.npy`, without a description.
@@ -158,6 +158,7 @@ pub fn read_component_npy(path: &Path) -> Result<Loaded<ComponentImage>, FormatE
         height: description.shape[1] as usize,
         width: description.shape[2] as usize,
         components,
+        bases: Vec::new(),
         data,
         samples_per_pixel: description.samples_per_pixel.unwrap_or(0),
         samples: Vec::new(),

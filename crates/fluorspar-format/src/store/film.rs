@@ -8,15 +8,17 @@ use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::file::check_image_size;
 use super::input::open_plain;
 use super::output::write_atomically;
+use crate::image::basis_text::BasisText;
 use crate::{FileFormat, FormatError, Loaded, Provenance};
 use fluorspar::image::film::film_bytes;
-use fluorspar::image::{Component, FeatureMaps, Film, FilmLayout, StatisticsKind, View};
+use fluorspar::image::{Component, FeatureMaps, Film, FilmLayout, StatisticsKind, StoredBands, View};
 use fluorspar::spectral::WavelengthGrid;
 
 pub(crate) const MAGIC: &[u8; 8] = b"FLSPFILM";
@@ -32,6 +34,9 @@ struct Header {
     wavelength_edges_nm: Vec<f64>,
     components: Vec<Component>,
     statistics: StatisticsKind,
+    /// Of each component its basis; none where all bands of all are summed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    bases: Vec<Option<BasisText>>,
     quantum_exponents: Vec<i16>,
     pilot_levels: Vec<f32>,
     scene_sha256: String,
@@ -59,6 +64,7 @@ pub fn write_film(path: &Path, film: &Film, provenance: Option<&Provenance>) -> 
         wavelength_edges_nm: layout.grid.edges_nm().to_vec(),
         components: layout.components.clone(),
         statistics: layout.statistics,
+        bases: layout.bases.iter().map(|basis| basis.as_deref().map(BasisText::of)).collect(),
         quantum_exponents: layout.exponents.clone(),
         pilot_levels: layout.levels.clone(),
         scene_sha256: layout.scene_digest.clone(),
@@ -86,14 +92,12 @@ pub fn write_film(path: &Path, film: &Film, provenance: Option<&Provenance>) -> 
             writer.write_all(&part.to_le_bytes())?;
         }
         write_f32(writer, features.uv.as_flattened())?;
-        let bands = layout.grid.len();
         let mut record = Vec::new();
         for (tile, sums) in film.tiles().filter(|(tile, _)| !tile.samples.is_empty()) {
             let pixel_len = film.pixel_len();
             let used = &sums[..tile.pixels() * pixel_len];
-            for plane in 0..pixel_len / bands {
-                let bands = plane * bands..(plane + 1) * bands;
-                let values = || used.chunks(pixel_len).flat_map(|pixel| pixel[bands.clone()].iter().copied());
+            for plane in planes_of(layout) {
+                let values = || used.chunks(pixel_len).flat_map(|pixel| pixel[plane.clone()].iter().copied());
                 let most = values().max().unwrap_or(0);
                 let width = 8 - most.leading_zeros() as usize / 8;
                 record.clear();
@@ -109,6 +113,17 @@ pub fn write_film(path: &Path, film: &Film, provenance: Option<&Provenance>) -> 
 
 fn write_f32(writer: &mut BufWriter<File>, values: &[f32]) -> io::Result<()> {
     values.iter().try_for_each(|value| writer.write_all(&value.to_le_bytes()))
+}
+
+/// Integers of each plane of a pixel.
+fn planes_of(layout: &FilmLayout) -> Vec<Range<usize>> {
+    let mut end = 0;
+    let lens = layout.plane_lens().into_iter();
+    lens.map(|len| {
+        end += len;
+        end - len..end
+    })
+    .collect()
 }
 
 /// Notices changed and swapped integers; no protection against anyone who means harm.
@@ -196,12 +211,21 @@ fn open(path: &Path) -> Result<Opened, FormatError> {
         serde_json::from_slice(&json).map_err(|error| damaged(format!("the header is damaged: {error}")))?;
     let grid = WavelengthGrid::from_edges(&header.wavelength_edges_nm).map_err(|e| damaged(e.to_string()))?;
     check_image_size(path, header.width as u64, header.height as u64, 1, MAX_FILM_BYTES)?;
-    let values = header.components.len() * grid.len();
-    if header.quantum_exponents.len() != values || header.pilot_levels.len() != values {
-        return Err(damaged("the quanta do not fit the components".into()));
-    }
-    let planes = 3 * header.components.len();
-    if film_bytes(header.width, header.height, grid.len(), planes) > MAX_FILM_BYTES {
+    let bases = std::mem::take(&mut header.bases).into_iter();
+    let bases: Option<StoredBands> = bases
+        .map(|text| match text {
+            None => Some(None),
+            Some(text) => text.basis(grid.len()).map(|basis| Some(Arc::new(basis))),
+        })
+        .collect();
+    let count = header.components.len();
+    let fits = |bases: &StoredBands| {
+        bases.is_empty() || (bases.len() == count && header.statistics == StatisticsKind::None)
+    };
+    let bases =
+        bases.filter(fits).ok_or_else(|| damaged("the bases of the components are damaged".into()))?;
+    let values = 3 * count * grid.len();
+    if film_bytes(header.width, header.height, values) > MAX_FILM_BYTES {
         return Err(FormatError::too_large(path, "the film is too large", format!("{MAX_FILM_BYTES} bytes")));
     }
     let layout = FilmLayout {
@@ -209,11 +233,16 @@ fn open(path: &Path) -> Result<Opened, FormatError> {
         width: header.width,
         height: header.height,
         components: std::mem::take(&mut header.components),
+        bases,
         statistics: header.statistics,
         exponents: std::mem::take(&mut header.quantum_exponents),
         levels: std::mem::take(&mut header.pilot_levels),
         scene_digest: std::mem::take(&mut header.scene_sha256),
     };
+    let stored: usize = layout.plane_lens()[..count].iter().sum();
+    if layout.exponents.len() != stored || layout.levels.len() != count * layout.grid.len() {
+        return Err(damaged("the quanta do not fit the components".into()));
+    }
     Ok(Opened { reader, length, header, layout })
 }
 
@@ -244,7 +273,7 @@ fn read(path: &Path, tile_rows: Option<Range<usize>>) -> Result<Loaded<Film>, Fo
         material_names: header.material_names,
         view: header.view,
     };
-    let bands = layout.grid.len();
+    let planes = planes_of(&layout);
     let all = 0..layout.tile_rows();
     let mut film = Film::of_tile_rows(layout, features, tile_rows.unwrap_or(all));
     let pixel_len = film.pixel_len();
@@ -266,21 +295,21 @@ fn read(path: &Path, tile_rows: Option<Range<usize>>) -> Result<Loaded<Film>, Fo
             let (row, col) = (task.tile.row, task.tile.col);
             return Err(damaged(format!("it holds samples at row {row}, column {col}, where it should not")));
         };
-        for plane in 0..pixel_len / bands {
+        for plane in &planes {
             let mut width = [0];
             reader.read_exact(&mut width).map_err(failed)?;
             let width = usize::from(width[0]);
             if width > 8 {
                 return Err(damaged(format!("a plane of {width} bytes per integer")));
             }
-            bytes.resize(task.tile.rows * task.tile.cols * bands * width, 0);
+            bytes.resize(task.tile.rows * task.tile.cols * plane.len() * width, 0);
             reader.read_exact(&mut bytes).map_err(failed)?;
             if width == 0 {
                 continue;
             }
             let mut packed = bytes.chunks_exact(width);
             for pixel in used.chunks_mut(pixel_len) {
-                for (value, packed) in pixel[plane * bands..(plane + 1) * bands].iter_mut().zip(&mut packed) {
+                for (value, packed) in pixel[plane.clone()].iter_mut().zip(&mut packed) {
                     let mut word = [0; 8];
                     word[..width].copy_from_slice(packed);
                     *value = u64::from_le_bytes(word);

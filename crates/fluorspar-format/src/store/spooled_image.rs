@@ -23,7 +23,8 @@ pub struct SpooledImage {
     grid: WavelengthGrid,
     width: usize,
     height: usize,
-    images: usize,
+    /// First band of each image, and the end of the last.
+    starts: Vec<usize>,
     /// Largest magnitude of each image that is finite.
     brightest: Vec<f32>,
     /// Error of reading lines for a writer that can't fail.
@@ -31,8 +32,8 @@ pub struct SpooledImage {
 }
 
 impl SpooledImage {
-    /// A place for `images` images of `height` rows and `width` columns, in a file in `folder`. It takes
-    /// 4 bytes for each image, pixel and band; rows that are never added are zeros.
+    /// A place for images of `height` rows, `width` columns and so many `stored` bands each, in a file in `folder`. It takes
+    /// 4 bytes for each pixel and band; rows that are never added are zeros.
     ///
     /// # Errors
     /// When the file can't be made.
@@ -40,11 +41,16 @@ impl SpooledImage {
         folder: &Path,
         (width, height): (usize, usize),
         grid: WavelengthGrid,
-        images: usize,
+        stored: &[usize],
     ) -> Result<Self, FormatError> {
         let failed = |source| FormatError::io(folder, "make a temporary file in", source);
         let file = tempfile::tempfile_in(folder).map_err(failed)?;
-        file.set_len((4 * width * height * images * grid.len()) as u64).map_err(failed)?;
+        let ends = stored.iter().scan(0, |end, bands| {
+            *end += bands;
+            Some(*end)
+        });
+        let starts: Vec<usize> = std::iter::once(0).chain(ends).collect();
+        file.set_len(4 * (width * height * starts[stored.len()]) as u64).map_err(failed)?;
         let failure = Mutex::new(None);
         Ok(Self {
             file,
@@ -52,20 +58,25 @@ impl SpooledImage {
             grid,
             width,
             height,
-            images,
-            brightest: vec![0.0; images],
+            brightest: vec![0.0; stored.len()],
+            starts,
             failure,
         })
     }
 
-    /// Adds rows of one of the images, `[row][col][band]`.
+    /// Adds rows of one of the images, `[row][col][stored band]`.
     ///
     /// # Errors
     /// Rows that do not fill the width or lie outside of the image, a full disk.
     pub fn add_rows(&mut self, image: usize, first_row: usize, values: &[f32]) -> Result<(), FormatError> {
-        let (bands, width) = (self.grid.len(), self.width);
+        let width = self.width;
+        let is_there = image < self.images();
+        let bands = if is_there { self.starts[image + 1] - self.starts[image] } else { 0 };
+        if is_there && bands == 0 && values.is_empty() {
+            return Ok(());
+        }
         let rows = values.len() / (bands * width).max(1);
-        if rows * bands * width != values.len() || first_row + rows > self.height || image >= self.images {
+        if rows * bands * width != values.len() || first_row + rows > self.height || !is_there {
             return Err(FormatError::unwritable(
                 &self.folder,
                 format!("{} values at row {first_row} do not fill rows of image {image}", values.len()),
@@ -125,7 +136,7 @@ impl SpooledImage {
     }
 
     pub(crate) fn images(&self) -> usize {
-        self.images
+        self.starts.len() - 1
     }
 
     pub(crate) fn brightest(&self, image: usize) -> f32 {
@@ -148,7 +159,7 @@ impl SpooledImage {
     }
 
     fn offset(&self, image: usize, row: usize, band: usize) -> u64 {
-        4 * (((row * self.images + image) * self.grid.len() + band) * self.width) as u64
+        4 * ((row * self.starts[self.images()] + self.starts[image] + band) * self.width) as u64
     }
 }
 
@@ -223,7 +234,9 @@ mod tests {
             &statistics.half_b,
             &statistics.variance,
         ];
-        let mut spool = SpooledImage::create(folder.path(), (21, 37), image.grid.clone(), 5).unwrap();
+        let mut spool =
+            SpooledImage::create(folder.path(), (21, 37), image.grid.clone(), &[image.grid.len(); 5])
+                .unwrap();
         let row = 21 * image.grid.len();
         // In bands, out of order.
         for rows in [32..37, 0..16, 16..32] {
@@ -238,7 +251,8 @@ mod tests {
                 (Vec::new(), Vec::new(), Vec::new());
         }
         let sum = image.recombine(|_| 1.0);
-        let mut of_sum = SpooledImage::create(folder.path(), (21, 37), image.grid.clone(), 1).unwrap();
+        let mut of_sum =
+            SpooledImage::create(folder.path(), (21, 37), image.grid.clone(), &[image.grid.len()]).unwrap();
         of_sum.add_rows(0, 0, sum.data()).unwrap();
         for compression in [
             ExrCompression::Uncompressed,

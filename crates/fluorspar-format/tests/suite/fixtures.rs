@@ -107,6 +107,7 @@ fn film() -> Film {
         height: 2,
         components: labels(),
         statistics: StatisticsKind::None,
+        bases: Vec::new(),
         exponents: vec![-40; 4],
         levels: vec![0.5; 4],
         scene_digest: "0".repeat(64),

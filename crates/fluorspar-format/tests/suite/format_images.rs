@@ -4,20 +4,21 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
 use fluorspar::image::{
     ChannelPlanes, Component, ComponentImage, ComponentRows, FeatureMaps, LightPath, Mosaic, SensorImage,
-    SpectralImage, View,
+    SpectralBasis, SpectralImage, View,
 };
 use fluorspar::spectral::{Irradiance, Quantity, Radiance, Reflectance, WavelengthGrid};
 use fluorspar_format::{
     ComponentFile, ExrCompression, ExrOptions, FormatError, Provenance, Transfer, read_component_exr,
-    read_component_npy, read_sensor_image, read_spectral_exr, read_spectral_npy, read_texture_png,
-    write_atomically, write_component_exr, write_component_npy, write_rgb_png, write_sensor_png,
-    write_sensor_tiff, write_spectral_exr, write_spectral_npy, written_share,
+    read_component_image, read_component_npy, read_sensor_image, read_spectral_exr, read_spectral_npy,
+    read_texture_png, write_atomically, write_component_exr, write_component_npy, write_rgb_png,
+    write_sensor_png, write_sensor_tiff, write_spectral_exr, write_spectral_npy, written_share,
 };
 
 fn grid() -> WavelengthGrid {
@@ -175,6 +176,66 @@ fn component_images_are_read_part_by_part() {
     let rows = file.map_rows(|component| component == 1, |_, row, _| row).unwrap();
     assert_eq!(rows.len(), 3);
     assert_eq!(file.planes("a camera", |_| true).unwrap(), None);
+}
+
+/// A component with all bands, one of which two bands are stored, and one without light.
+fn with_bases() -> ComponentImage {
+    let mut image = components();
+    let basis = |stored: Vec<usize>, spectra: Vec<f32>| {
+        Some(Arc::new(SpectralBasis::new(stored, spectra, 4, 1e-3).unwrap()))
+    };
+    let spectra = vec![1.0, 0.5, 0.0, 0.25, 0.0, 0.75, 1.0, -0.125];
+    image.bases = vec![None, basis(vec![0, 2], spectra), basis(Vec::new(), Vec::new())];
+    let values = image.stored_values();
+    image.data.truncate(values);
+    image
+}
+
+#[test]
+fn components_of_few_bands_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.exr");
+    let image = with_bases();
+    assert_eq!(image.data.len(), 15 * (4 + 2));
+    for compression in [ExrCompression::Uncompressed, ExrCompression::Zip, ExrCompression::Rounded24] {
+        let options = ExrOptions { compression, ..Default::default() };
+        write_component_exr(&path, &image, &options).unwrap();
+        let whole = read_component_exr(&path).unwrap().image;
+        let file = ComponentFile::open(&path).unwrap();
+        assert_eq!((&whole.bases, &file.labels().bases), (&image.bases, &image.bases));
+        let close = |a: &f32, b: &f32| (a - b).abs() <= compression.relative_error() as f32 * b.abs();
+        assert!(
+            whole.data.len() == image.data.len()
+                && whole.data.iter().zip(&image.data).all(|(a, b)| close(a, b))
+        );
+        let rows = file.map_rows(|_| true, |_, _, lines| lines.to_vec()).unwrap();
+        assert_eq!(rows.len(), 9);
+        for (component, row, lines) in rows {
+            let bands = whole.stored_bands(component);
+            assert_eq!(lines.len(), 5 * bands);
+            for (index, value) in lines.iter().enumerate() {
+                assert_eq!(*value, whole.stored(component)[(row * 5 + index % 5) * bands + index / 5]);
+            }
+        }
+    }
+    // As an array, which has all bands of all
+    let array = folder.path().join("c.npy");
+    write_component_npy(&array, &image, None).unwrap();
+    let read = read_component_image(&array).unwrap().image;
+    assert_eq!((read.bases.len(), read.data.as_slice()), (0, &*image.all_values()));
+    assert_eq!(read.component(1)[..4], *image.spectrum(1, 0));
+    // A band more than the channels have
+    let text = String::from_utf8_lossy(&fs::read(&path).unwrap()).into_owned();
+    assert!(text.contains(r#"{"stored":[0,2]"#));
+    let bytes = fs::read(&path).unwrap();
+    let at = bytes.windows(5).position(|part| part == b"[0,2]").unwrap();
+    for (other, reason) in [(b"[2,0]", "is damaged"), (b"[0,3]", "does not fit")] {
+        let mut bytes = bytes.clone();
+        bytes[at..at + 5].copy_from_slice(other);
+        fs::write(&path, bytes).unwrap();
+        let said = said(folder.path(), read_component_exr(&path));
+        assert!(said.contains(reason), "{said}");
+    }
 }
 
 /// Rows of 24-bit values have a decoder of their own: over several blocks, the last of which is not full, with what deflate makes

@@ -1,11 +1,13 @@
 //! The result of a render: radiance by light group and fluorescence event.
 
+use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{ComponentFactors, SpectralImage};
+use super::{ComponentFactors, SpectralBasis, SpectralImage};
 use crate::spectral::{Radiance, WavelengthGrid};
 
 /// Which light paths a component holds, by their fluorescence events.
@@ -130,6 +132,9 @@ pub struct FeatureMaps {
     pub view: Option<View>,
 }
 
+/// Of which bands each component is stored: a basis, from which all others follow, or all bands.
+pub type StoredBands = Vec<Option<Arc<SpectralBasis>>>;
+
 /// Radiance images kept apart by component, `[component, row, col, band]`, W/(sr m² nm), at the rendered powers
 /// and concentrations. Their plain sum is the radiance that a camera would see with all light groups on.
 #[derive(Clone, Debug, PartialEq)]
@@ -142,7 +147,9 @@ pub struct ComponentImage {
     pub height: usize,
     /// Label of each component.
     pub components: Vec<Component>,
-    /// `[component, row, col, band]`.
+    /// Of each component its basis; empty where all bands of all are stored.
+    pub bases: StoredBands,
+    /// `[component, row, col, stored band]`.
     pub data: Vec<f32>,
     /// Paths averaged per pixel; the fewest of any pixel where they differ.
     pub samples_per_pixel: u32,
@@ -189,7 +196,7 @@ pub struct SampleStatistics {
 }
 
 impl ComponentImage {
-    /// A black image.
+    /// A black image of all bands.
     pub fn zeros(grid: WavelengthGrid, width: usize, height: usize, components: Vec<Component>) -> Self {
         let data = vec![0.0; components.len() * width * height * grid.len()];
         Self {
@@ -197,6 +204,7 @@ impl ComponentImage {
             width,
             height,
             components,
+            bases: Vec::new(),
             data,
             samples_per_pixel: 0,
             samples: Vec::new(),
@@ -206,14 +214,64 @@ impl ComponentImage {
         }
     }
 
+    /// The basis of a component that is not stored with all bands.
+    pub fn basis(&self, component: usize) -> Option<&SpectralBasis> {
+        self.bases.get(component)?.as_deref()
+    }
+
+    /// Values that a pixel of a component is stored with.
+    pub fn stored_bands(&self, component: usize) -> usize {
+        self.basis(component).map_or(self.grid.len(), |basis| basis.stored().len())
+    }
+
+    /// Values that the whole image is stored with.
+    pub fn stored_values(&self) -> usize {
+        let per_pixel: usize = (0..self.components.len()).map(|component| self.stored_bands(component)).sum();
+        self.width * self.height * per_pixel
+    }
+
     fn range(&self, component: usize) -> Range<usize> {
-        let len = self.width * self.height * self.grid.len();
-        component * len..(component + 1) * len
+        let before: usize = (0..component).map(|component| self.stored_bands(component)).sum();
+        let pixels = self.width * self.height;
+        pixels * before..pixels * (before + self.stored_bands(component))
+    }
+
+    /// Values of one component as they are stored, `[row, col, stored band]`.
+    pub fn stored(&self, component: usize) -> &[f32] {
+        &self.data[self.range(component)]
+    }
+
+    /// Values of one component as they are stored, to be changed.
+    pub fn stored_mut(&mut self, component: usize) -> &mut [f32] {
+        let range = self.range(component);
+        &mut self.data[range]
     }
 
     /// Values of one component, `[row, col, band]`.
-    pub fn component(&self, component: usize) -> &[f32] {
-        &self.data[self.range(component)]
+    pub fn component(&self, component: usize) -> Cow<'_, [f32]> {
+        let stored = self.stored(component);
+        let Some(basis) = self.basis(component) else { return Cow::Borrowed(stored) };
+        let mut values = vec![0.0; self.width * self.height * self.grid.len()];
+        add_spectra(basis, 1.0, stored, &mut values, self.grid.len());
+        Cow::Owned(values)
+    }
+
+    /// All bands of one pixel of a component.
+    pub fn spectrum(&self, component: usize, pixel: usize) -> Cow<'_, [f32]> {
+        let len = self.stored_bands(component);
+        let stored = &self.stored(component)[pixel * len..][..len];
+        let Some(basis) = self.basis(component) else { return Cow::Borrowed(stored) };
+        let mut spectrum = vec![0.0; self.grid.len()];
+        basis.add(1.0, stored, &mut spectrum);
+        Cow::Owned(spectrum)
+    }
+
+    /// Values of all bands of all components, `[component, row, col, band]`.
+    pub fn all_values(&self) -> Cow<'_, [f32]> {
+        if self.bases.iter().all(Option::is_none) {
+            return Cow::Borrowed(&self.data);
+        }
+        (0..self.components.len()).flat_map(|component| self.component(component).into_owned()).collect()
     }
 
     /// Number of the component with this label.
@@ -234,10 +292,9 @@ impl ComponentImage {
 
     /// Multiplies the values of each component. Statistics of the samples do not follow, and are dropped.
     pub fn scale(&mut self, factors: &ComponentFactors) {
-        let (width, bands) = (self.width, self.grid.len());
-        let pixels = width * self.height;
-        for (component, values) in self.data.chunks_mut((pixels * bands).max(1)).enumerate() {
-            for (pixel, spectrum) in values.chunks_mut(bands).enumerate() {
+        for component in 0..self.components.len() {
+            let (len, range) = (self.stored_bands(component), self.range(component));
+            for (pixel, spectrum) in self.data[range].chunks_mut(len.max(1)).enumerate() {
                 let factor = factors.at(component, pixel);
                 if factor != 1.0 {
                     spectrum.iter_mut().for_each(|value| *value = (factor * f64::from(*value)) as f32);
@@ -250,14 +307,19 @@ impl ComponentImage {
     /// `sum weight(component) * component`: any change of drive current or (to first order) concentration.
     /// A component whose weight is zero is skipped.
     pub fn recombine(&self, weight: impl Fn(&Component) -> f64) -> SpectralImage<Radiance> {
+        let bands = self.grid.len();
         let mut image = SpectralImage::zeros(self.grid.clone(), self.width, self.height);
         for (index, component) in self.components.iter().enumerate() {
             let factor = weight(component) as f32;
             if factor == 0.0 {
                 continue;
             }
-            for (sum, value) in image.data_mut().iter_mut().zip(self.component(index)) {
-                *sum += factor * value;
+            let stored = self.stored(index);
+            match self.basis(index) {
+                Some(basis) => add_spectra(basis, factor, stored, image.data_mut(), bands),
+                None => {
+                    image.data_mut().iter_mut().zip(stored).for_each(|(sum, value)| *sum += factor * value);
+                }
             }
         }
         image
@@ -277,6 +339,21 @@ impl ComponentImage {
     pub fn light_group(&self, name: &str) -> SpectralImage<Radiance> {
         self.recombine(|component| if component.light_group == name { 1.0 } else { 0.0 })
     }
+}
+
+/// Adds all bands of pixels `[pixel][stored band]` times a factor to `[pixel][band]`.
+fn add_spectra(basis: &SpectralBasis, factor: f32, stored: &[f32], out: &mut [f32], bands: usize) {
+    const AT_ONCE: usize = 1024;
+    let len = basis.stored().len();
+    if len == 0 {
+        return;
+    }
+    let parts = out.par_chunks_mut(AT_ONCE * bands.max(1)).zip(stored.par_chunks(AT_ONCE * len));
+    parts.for_each(|(out, stored)| {
+        for (out, stored) in out.chunks_exact_mut(bands).zip(stored.chunks_exact(len)) {
+            basis.add(factor, stored, out);
+        }
+    });
 }
 
 /// Rounds values to 24 bits: 15 of the mantissa.

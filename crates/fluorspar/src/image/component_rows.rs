@@ -6,7 +6,7 @@ use fluorspar_accel::{Lanes, Simd, Work, bands};
 use rayon::prelude::*;
 
 use super::component_image::round_to_24_bits;
-use super::{ComponentFactors, ComponentImage};
+use super::{ComponentFactors, ComponentImage, SpectralBasis};
 
 /// Spectra of the components of a render, row by row: those of an image in memory, or of a file, of which only the rows of the
 /// wanted components are read.
@@ -14,9 +14,12 @@ pub trait ComponentRows: Sync {
     /// Why rows can't be had.
     type Error;
 
+    /// The basis of a component whose rows hold its stored bands alone.
+    fn basis(&self, component: usize) -> Option<&SpectralBasis>;
+
     /// Calls `visit` for every row of the components that are `wanted`, in any order and from several threads, with the
-    /// number of the component, the row, and its radiance `[band][col]`, W/(sr m² nm). Returns what it returned, with
-    /// component and row.
+    /// number of the component, the row, and its radiance `[band][col]`, W/(sr m² nm), of the bands that [`Self::basis`] says. Returns
+    /// what it returned, with component and row.
     ///
     /// # Errors
     /// Rows that can't be read.
@@ -30,21 +33,31 @@ pub trait ComponentRows: Sync {
 impl ComponentRows for ComponentImage {
     type Error = Infallible;
 
+    fn basis(&self, component: usize) -> Option<&SpectralBasis> {
+        self.basis(component)
+    }
+
     fn map_rows<T: Send>(
         &self,
         wanted: impl Fn(usize) -> bool + Sync,
         visit: impl Fn(usize, usize, &[f32]) -> T + Sync,
     ) -> Result<Vec<(usize, usize, T)>, Infallible> {
-        let (width, bands, simd) = (self.width, self.grid.len(), Simd::detect());
+        let (width, simd) = (self.width, Simd::detect());
         let components: Vec<usize> =
             (0..self.components.len()).filter(|component| wanted(*component)).collect();
         let rows: Vec<(usize, usize)> =
             components.iter().flat_map(|component| (0..self.height).map(|row| (*component, row))).collect();
         let found = rows.into_par_iter().map_init(
-            || vec![0.0_f32; width * bands],
+            || vec![0.0_f32; width * self.grid.len()],
             |lines, (component, row)| {
-                let spectra = &self.component(component)[row * width * bands..][..width * bands];
-                transpose(simd, spectra, bands, lines);
+                let bands = self.stored_bands(component);
+                let lines = &mut lines[..width * bands];
+                transpose(
+                    simd,
+                    &self.stored(component)[row * width * bands..][..width * bands],
+                    bands,
+                    lines,
+                );
                 (component, row, visit(component, row, lines))
             },
         );
@@ -86,6 +99,10 @@ pub struct PreparedRows<'a, R> {
 
 impl<R: ComponentRows> ComponentRows for PreparedRows<'_, R> {
     type Error = R::Error;
+
+    fn basis(&self, component: usize) -> Option<&SpectralBasis> {
+        self.rows.basis(component)
+    }
 
     fn map_rows<T: Send>(
         &self,

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{ComponentRows, LightPath};
+use super::{ComponentRows, LightPath, SpectralBasis};
 use crate::spectral::{Curve, ExcitationNodes, WavelengthGrid};
 
 /// Light groups of a render whose light spectra can be changed without another one.
@@ -178,6 +178,11 @@ pub struct RelitRows<'a, R> {
 
 impl<R: ComponentRows> ComponentRows for RelitRows<'_, R> {
     type Error = R::Error;
+
+    fn basis(&self, component: usize) -> Option<&SpectralBasis> {
+        let is_relit = self.relit.get(component).is_some_and(Option::is_some);
+        if is_relit { None } else { self.rows.basis(component) }
+    }
 
     fn map_rows<T: Send>(
         &self,
@@ -380,6 +385,10 @@ mod tests {
 
     impl ComponentRows for Nothing {
         type Error = Infallible;
+
+        fn basis(&self, _: usize) -> Option<&SpectralBasis> {
+            None
+        }
 
         fn map_rows<T: Send>(
             &self,

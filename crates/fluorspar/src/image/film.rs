@@ -17,7 +17,10 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralImage, StatisticsKind};
+use super::{
+    Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralBasis, SpectralImage, StatisticsKind,
+    StoredBands,
+};
 use crate::spectral::{Radiance, WavelengthGrid};
 
 /// Side of a tile, pixels.
@@ -72,7 +75,9 @@ pub struct FilmLayout {
     pub components: Vec<Component>,
     /// Statistics of the samples.
     pub statistics: StatisticsKind,
-    /// Quantum of each component and band as a power of two, `[component][band]`.
+    /// Of each component its basis; empty where all bands of all are summed, as they are wherever statistics are kept.
+    pub bases: StoredBands,
+    /// Quantum of each component and stored band as a power of two, `[component][stored band]`.
     pub exponents: Vec<i16>,
     /// Mean radiance of the pilot samples, `[component][band]`, W/(sr m² nm): the level that errors are compared with.
     pub levels: Vec<f32>,
@@ -102,8 +107,17 @@ impl FilmLayout {
         }
     }
 
-    fn planes(&self) -> usize {
-        self.components.len() + 2 * self.statistic_members().len()
+    /// The basis of a component that is not summed in all bands.
+    pub fn basis(&self, component: usize) -> Option<&SpectralBasis> {
+        self.bases.get(component)?.as_deref()
+    }
+
+    /// Integers of each plane of a pixel: components, then first halves, then squares of the statistics.
+    pub fn plane_lens(&self) -> Vec<usize> {
+        let bands = self.grid.len();
+        let of_component = |c| self.basis(c).map_or(bands, |basis| basis.stored().len());
+        let of_statistics = std::iter::repeat_n(bands, 2 * self.statistic_members().len());
+        (0..self.components.len()).map(of_component).chain(of_statistics).collect()
     }
 
     /// Rows of tiles.
@@ -123,17 +137,17 @@ impl FilmLayout {
         tile_rows.start * per_row..tile_rows.end * per_row
     }
 
-    /// Memory of a film, bytes: 8 for each component, pixel and band, and 16 for each statistic, pixel and band.
+    /// Memory of a film, bytes: 8 for each component, pixel and stored band, and 16 for each statistic, pixel and band.
     pub fn memory_bytes(&self) -> u64 {
-        film_bytes(self.width, self.height, self.grid.len(), self.planes())
+        film_bytes(self.width, self.height, self.plane_lens().iter().sum())
     }
 }
 
-/// Memory of `planes` sums of every pixel and band, bytes, whole tiles counted.
-pub fn film_bytes(width: usize, height: usize, bands: usize, planes: usize) -> u64 {
+/// Memory of `values` sums of every pixel, bytes, whole tiles counted.
+pub fn film_bytes(width: usize, height: usize, values: usize) -> u64 {
     let (tile_width, tile_height) = (TILE.min(width), TILE.min(height));
     let tiles = width.div_ceil(tile_width.max(1)) as u64 * height.div_ceil(tile_height.max(1)) as u64;
-    8 * tiles * (tile_width * tile_height) as u64 * (bands * planes) as u64
+    8 * tiles * (tile_width * tile_height) as u64 * values as u64
 }
 
 /// A rectangle of pixels and the samples that each of them holds.
@@ -208,8 +222,10 @@ pub enum BlockSign {
 pub struct FilmScale {
     bands: usize,
     components: usize,
+    /// First integer of each plane, and the end of the last.
+    starts: Vec<usize>,
     members: Vec<(String, Vec<usize>)>,
-    /// `2^-exponent`, `[plane][band]`.
+    /// `2^-exponent`, `[plane][stored band]`.
     per_unit: Vec<f64>,
     scratch: Vec<f64>,
 }
@@ -231,9 +247,14 @@ impl FilmScale {
             }
         }
         exponents.extend(squares);
+        let ends = layout.plane_lens().into_iter().scan(0, |end, len| {
+            *end += len;
+            Some(*end)
+        });
         Self {
             bands,
             components: layout.components.len(),
+            starts: std::iter::once(0).chain(ends).collect(),
             members,
             per_unit: exponents.into_iter().map(|e| 2_f64.powi(-e)).collect(),
             scratch: vec![0.0; bands],
@@ -245,9 +266,13 @@ impl FilmScale {
         self.per_unit.len()
     }
 
+    fn plane(&self, plane: usize) -> Range<usize> {
+        self.starts[plane]..self.starts[plane + 1]
+    }
+
     /// Adds one block of one pixel.
     ///
-    /// `sums` are the pixel's integers, `block` the plain sums of the block's samples, `[component][band]`; components
+    /// `sums` are the pixel's integers, `block` the plain sums of the block's samples, `[component][stored band]`; components
     /// that are not `lit` hold zeros. `samples` are the samples of the block that were taken.
     pub fn add_block(
         &mut self,
@@ -259,7 +284,7 @@ impl FilmScale {
     ) {
         let bands = self.bands;
         for component in (0..self.components).filter(|&c| lit[c]) {
-            let range = component * bands..(component + 1) * bands;
+            let range = self.plane(component);
             let values = block[range.clone()].iter().map(|&v| f64::from(v));
             add(&mut sums[range.clone()], values, &self.per_unit[range], sign);
         }
@@ -280,20 +305,18 @@ impl FilmScale {
                 }
             }
             if even {
-                let start = (self.components + index) * bands;
-                let range = start..start + bands;
+                let range = self.plane(self.components + index);
                 add(&mut sums[range.clone()], self.scratch.iter().copied(), &self.per_unit[range], sign);
             }
-            let start = (self.components + statistics + index) * bands;
-            let range = start..start + bands;
+            let range = self.plane(self.components + statistics + index);
             let squares = self.scratch.iter().map(|v| v * v / count);
             add(&mut sums[range.clone()], squares, &self.per_unit[range], sign);
         }
     }
 
-    /// Mean of a component, one value per band.
+    /// Mean of a component, one value per stored band.
     pub fn mean(&self, sums: &[u64], component: usize, samples: u32, mean: &mut [f32]) {
-        let range = component * self.bands..(component + 1) * self.bands;
+        let range = self.plane(component);
         let samples = f64::from(samples);
         for ((mean, &sum), per_unit) in mean.iter_mut().zip(&sums[range.clone()]).zip(&self.per_unit[range]) {
             *mean = (real(sum, *per_unit) / samples) as f32;
@@ -352,7 +375,7 @@ pub struct Film {
     slabs: Vec<Slab>,
 }
 
-/// A tile of a film with its integers, `[pixel][plane][band]`.
+/// A tile of a film with its integers, `[pixel][plane][stored band]`.
 #[derive(Debug)]
 pub struct TileMut<'a> {
     /// Number of the tile, row by row.
@@ -425,7 +448,7 @@ impl Film {
     /// An empty film with memory for some rows of tiles only: only they can be filled.
     pub fn of_tile_rows(layout: FilmLayout, features: FeatureMaps, tile_rows: Range<usize>) -> Self {
         let (tile_width, tile_height) = (TILE.min(layout.width).max(1), TILE.min(layout.height).max(1));
-        let tile_len = tile_width * tile_height * layout.planes() * layout.grid.len();
+        let tile_len = tile_width * tile_height * layout.plane_lens().iter().sum::<usize>();
         let per_slab = (SLAB_BYTES / (8 * tile_len).max(1)).max(1);
         let mut tiles = Vec::new();
         for row in (0..layout.height).step_by(tile_height) {
@@ -461,12 +484,12 @@ impl Film {
         self.features
     }
 
-    /// Integers of one pixel, `[plane][band]`: components, then first halves, then squares of the statistics.
+    /// Integers of one pixel, `[plane][stored band]`: components, then first halves, then squares of the statistics.
     pub fn pixel_len(&self) -> usize {
-        self.layout.planes() * self.layout.grid.len()
+        self.layout.plane_lens().iter().sum()
     }
 
-    /// All tiles with their integers, `[pixel][plane][band]`, row by row.
+    /// All tiles with their integers, `[pixel][plane][stored band]`, row by row.
     pub fn tiles(&self) -> impl Iterator<Item = (&FilmTile, &[u64])> {
         let len = self.tile_len.max(1);
         self.slabs.iter().flat_map(move |slab| {
@@ -569,8 +592,12 @@ impl Film {
             for (index, sums) in sums.chunks(scale.pixel_len()).take(tile.pixels()).enumerate() {
                 let pixel = image.pixel_mut(tile.row + index / tile.cols, tile.col + index % tile.cols);
                 for &(component, weight) in &weights {
-                    scale.mean(sums, component, samples, &mut mean);
-                    pixel.iter_mut().zip(&mean).for_each(|(sum, value)| *sum += weight * value);
+                    let mean = &mut mean[..scale.plane(component).len()];
+                    scale.mean(sums, component, samples, mean);
+                    match self.layout.basis(component) {
+                        Some(basis) => basis.add(weight, mean, pixel),
+                        None => pixel.iter_mut().zip(mean).for_each(|(sum, value)| *sum += weight * *value),
+                    }
                 }
             }
         }
@@ -591,7 +618,14 @@ impl Film {
         let (bands, width, height) = (layout.grid.len(), layout.width, rows.len());
         let scale = FilmScale::new(&layout);
         let plane = width * height * bands;
-        let mut image = ComponentImage::zeros(layout.grid.clone(), width, height, layout.components.clone());
+        let values =
+            (0..layout.components.len()).map(|component| scale.plane(component).len()).sum::<usize>();
+        let mut image = ComponentImage {
+            data: vec![0.0; width * height * values],
+            bases: layout.bases.clone(),
+            components: layout.components.clone(),
+            ..ComponentImage::zeros(layout.grid.clone(), width, height, Vec::new())
+        };
         let names: Vec<String> = scale.members.iter().map(|(name, _)| name.clone()).collect();
         let mut statistics = (!names.is_empty()).then(|| SampleStatistics {
             of: layout.statistics,
@@ -621,9 +655,18 @@ impl Film {
             for of in &pixels {
                 samples[of.pixel] = of.tile.count();
             }
-            image.data.par_chunks_mut(plane.max(1)).enumerate().for_each(|(component, means)| {
+            let mut rest = image.data.as_mut_slice();
+            let mut of_component = Vec::with_capacity(layout.components.len());
+            for component in 0..layout.components.len() {
+                let (own, after) =
+                    std::mem::take(&mut rest).split_at_mut(width * height * scale.plane(component).len());
+                of_component.push(own);
+                rest = after;
+            }
+            of_component.into_par_iter().enumerate().for_each(|(component, means)| {
+                let len = scale.plane(component).len();
                 for of in &pixels {
-                    let means = &mut means[of.pixel * bands..(of.pixel + 1) * bands];
+                    let means = &mut means[of.pixel * len..(of.pixel + 1) * len];
                     scale.mean(of.sums, component, of.tile.count(), means);
                 }
             });
@@ -678,6 +721,7 @@ mod tests {
         let grid = WavelengthGrid::uniform(400.0, 410.0, 5.0).unwrap();
         FilmLayout {
             components: vec![label(LightPath::Reflected), label(LightPath::MultipleFluorescence)],
+            bases: Vec::new(),
             exponents: vec![-30; 2 * grid.len()],
             levels: vec![1.0; 2 * grid.len()],
             grid,
@@ -809,6 +853,30 @@ mod tests {
     }
 
     #[test]
+    fn a_basis_keeps_the_sums_of_its_bands_and_gives_all() {
+        let mut short = layout(StatisticsKind::None);
+        // The last component is stored as its band 1 and shaped 1 : 2 : 3, the first as it is
+        let basis = SpectralBasis::new(vec![1], vec![0.5, 1.0, 1.5], 3, 0.0).unwrap();
+        (short.bases, short.exponents) = (vec![None, Some(basis.into())], vec![-30; 4]);
+        let mut film = Film::new(short, FeatureMaps::default());
+        assert_eq!((film.pixel_len(), film.layout().memory_bytes()), (4, 4 * 8 * 6));
+        let mut scale = FilmScale::new(film.layout());
+        for task in film.tiles_mut() {
+            for sums in task.sums.chunks_mut(4) {
+                scale.add_block(sums, &[1.0, 2.0, 3.0, 4.0], &[true, true], 0..1, BlockSign::Add);
+            }
+            task.tile.add_samples(0..1);
+        }
+        let sum = film.sum(|component| if component.light == LightPath::Reflected { 1.0 } else { 10.0 });
+        assert_eq!(sum.pixel(1, 2), [21.0, 42.0, 63.0]);
+        let image = film.into_image();
+        assert_eq!((image.stored(1), &image.component(1)[..4]), (&[4.0; 6][..], &[2.0, 4.0, 6.0, 2.0][..]));
+        assert_eq!(image.recombine(|_| 1.0).pixel(0, 1), [3.0, 6.0, 9.0]);
+        assert_eq!(image.all_values()[..18], image.component(0)[..]);
+        assert_eq!(image.all_values()[33..], image.spectrum(1, 5)[..]);
+    }
+
+    #[test]
     fn rows_are_those_of_the_image() {
         let mut layout = layout(StatisticsKind::LightGroups);
         (layout.width, layout.height) = (20, 40);
@@ -840,7 +908,7 @@ mod tests {
             let values = 20 * 3;
             for component in 0..2 {
                 let expected = &image.component(component)[rows.start * values..rows.end * values];
-                assert_eq!(part.component(component), expected);
+                assert_eq!(part.component(component).as_ref(), expected);
             }
             let (a, b) = (part.statistics.unwrap(), image.statistics.as_ref().unwrap());
             assert_eq!(a.half_a, b.half_a[rows.start * values..rows.end * values]);

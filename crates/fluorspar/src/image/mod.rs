@@ -8,11 +8,12 @@ pub mod film;
 mod interpolation_taps;
 mod orientation;
 mod sensor_image;
+mod spectral_basis;
 mod spectral_image;
 
 pub use channel_planes::{ChannelPlanes, ComponentFactors};
 pub use component_image::{
-    Component, ComponentImage, FeatureMaps, LightPath, SampleStatistics, StatisticsKind, View,
+    Component, ComponentImage, FeatureMaps, LightPath, SampleStatistics, StatisticsKind, StoredBands, View,
 };
 pub use component_rows::{ComponentRows, PreparedRows};
 pub(crate) use excitation_image::BasisBuilder;
@@ -22,4 +23,6 @@ pub use interpolation_taps::InterpolationTaps;
 pub(crate) use interpolation_taps::Tap;
 pub use orientation::Orientation;
 pub use sensor_image::{CalibrationNoise, ChannelImage, Mosaic, SensorImage, SubtractedLight};
+pub use spectral_basis::SpectralBasis;
+pub(crate) use spectral_basis::representatives;
 pub use spectral_image::{ImageShapeError, SpectralImage};

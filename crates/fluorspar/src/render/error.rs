@@ -81,6 +81,11 @@ pub enum RenderError {
         /// Requested statistics.
         wanted: StatisticsKind,
     },
+    /// The film keeps other bands of the components.
+    #[error(
+        "the film keeps other bands of its components than are requested: request the same, or start a new render"
+    )]
+    OtherStorage,
     /// The film was made for other rows than those that are to be rendered.
     #[error(
         "the film was made for some rows only and has no memory for the tile at row {row}, column {col}. Render the tiles of \

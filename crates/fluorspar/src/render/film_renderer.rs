@@ -14,7 +14,7 @@ use super::feature_maps::feature_maps;
 use super::memory::{check_memory, memory_bytes, request_memory, tile_row_bytes, whole_image_bytes};
 use super::pilot::{film_layout, trial_paths};
 use super::scene_digest::scene_digest;
-use super::settings::RenderSettings;
+use super::settings::{ComponentBands, RenderSettings};
 use super::share::Share;
 use crate::image::film::{
     BlockSign, FilmScale, FilmTile, TileMut, block_end, block_start, is_block_boundary,
@@ -164,6 +164,9 @@ impl FilmRenderer {
         if layout.statistics != wanted {
             return Err(RenderError::OtherStatistics { film: layout.statistics, wanted });
         }
+        if layout.bases.is_empty() != (self.settings.film_bands() == ComponentBands::All) {
+            return Err(RenderError::OtherStorage);
+        }
         Ok(())
     }
 
@@ -199,6 +202,46 @@ impl FilmRenderer {
     /// Traces some thousand paths all over the image, for a caller that times them, and forgets them. Returns their number.
     pub fn trial_paths(&self) -> usize {
         trial_paths(&self.compiled, &self.settings)
+    }
+
+    /// Error that the bases of a finished image leave, measured: some pixels are rendered again with all bands. Root mean square over
+    /// their bands, relative to the light: the larger one of the reflected light and of the fluorescence of any light group; 0 where all
+    /// bands are stored.
+    pub fn basis_error(&self, image: &ComponentImage) -> f64 {
+        const SIDE: usize = 16;
+        if image.bases.iter().all(Option::is_none) {
+            return 0.0;
+        }
+        let (bands, kinds) = (self.compiled.bands, self.compiled.fluorophores + 2);
+        let at = |number: usize, size: usize| (2 * number + 1) * size / (2 * SIDE);
+        // Squares of error and of light, of both kinds of each light group
+        let squares = |block: &mut BlockSum, number: usize| -> Vec<[f64; 2]> {
+            let (row, col) = (at(number / SIDE, image.height), at(number % SIDE, image.width));
+            let pixel = row * image.width + col;
+            let samples = image.samples.get(pixel).copied().unwrap_or(image.samples_per_pixel);
+            block.render(&self.compiled, &self.settings, std::iter::once((row, col)), 0..samples);
+            let mut sums = vec![[0.0_f64; 2]; 2 * image.components.len() / kinds * bands];
+            for (component, of_component) in block.values.chunks_exact(bands).enumerate() {
+                let kind = 2 * (component / kinds) + usize::from(component % kinds > 0);
+                let pairs = image.spectrum(component, pixel);
+                for ((sum, of_all), kept) in
+                    sums[kind * bands..][..bands].iter_mut().zip(of_component).zip(pairs.iter())
+                {
+                    let light = f64::from(*of_all) / f64::from(samples.max(1));
+                    *sum = [sum[0] + light - f64::from(*kept), sum[1] + light];
+                }
+            }
+            sums.chunks_exact(bands).map(|of_kind| of_kind.iter().fold([0.0; 2], add_squares)).collect()
+        };
+        let pixels = (0..SIDE * SIDE).into_par_iter();
+        let found: Vec<Vec<[f64; 2]>> = pixels
+            .map_init(|| BlockSum::new(&self.compiled), |block, number| squares(block, number))
+            .collect();
+        let kinds = found.first().map_or(0, Vec::len);
+        let all = (0..kinds).map(|kind| {
+            found.iter().fold([0.0; 2], |sum: [f64; 2], of| [sum[0] + of[kind][0], sum[1] + of[kind][1]])
+        });
+        all.map(|[error, light]| if light > 0.0 { (error / light).sqrt() } else { 0.0 }).fold(0.0, f64::max)
     }
 
     /// Paths that a film lacks of a share; with an error target it is the most that may be traced.
@@ -243,6 +286,10 @@ impl FilmRenderer {
         );
         image
     }
+}
+
+fn add_squares(sum: [f64; 2], values: &[f64; 2]) -> [f64; 2] {
+    [sum[0] + values[0] * values[0], sum[1] + values[1] * values[1]]
 }
 
 /// Checks a scene and compiles it.
@@ -371,7 +418,7 @@ impl<'a> TileWorker<'a> {
         layout: &FilmLayout,
         stop: &'a AtomicBool,
     ) -> Self {
-        let (block, scale) = (BlockSum::new(scene), FilmScale::new(layout));
+        let (block, scale) = (BlockSum::of_stored(scene, &layout.bases), FilmScale::new(layout));
         Self { scene, settings, stop, block, scale, before: Vec::new() }
     }
 
@@ -441,7 +488,7 @@ impl<'a> TileWorker<'a> {
     ) {
         let (tile, len) = (&*task.tile, self.scale.pixel_len());
         let position = |index: usize| (tile.row + index / tile.cols, tile.col + index % tile.cols);
-        let sums = task.sums[pixels.start * len..pixels.end * len].chunks_mut(len);
+        let sums = task.sums[pixels.start * len..pixels.end * len].chunks_mut(len.max(1));
         self.block.render(self.scene, self.settings, pixels.map(position), samples.clone());
         for ((values, lit), sums) in self.block.pixels().zip(sums) {
             self.scale.add_block(sums, values, lit, samples.clone(), sign);

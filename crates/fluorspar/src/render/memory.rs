@@ -4,13 +4,17 @@ use fluorspar_accel::memory_is_available;
 
 use super::component_labels::component_labels;
 use super::error::RenderError;
-use super::settings::RenderSettings;
+use super::settings::{ComponentBands, RenderSettings};
 use crate::image::StatisticsKind;
 use crate::image::film::{TILE, film_bytes};
 use crate::material::Material;
 use crate::scene::{Object, Scene, Shape};
 
-/// Memory that a render's images need, bytes: the film, from which the result is made in place.
+/// Stored bands of a component as mouths were seen to need them.
+const USUAL_STORED: usize = 12;
+
+/// Memory that a render's images need, bytes: the film, from which the result is made in place. With bases of components, which a pilot
+/// finds, as much as mouths were seen to need.
 pub fn memory_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
     let groups = settings.spectrum_number(scene.light_groups.len());
     let components = groups * (scene.fluorophores.len() + 2);
@@ -20,7 +24,11 @@ pub fn memory_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
             StatisticsKind::LightGroups => groups,
             StatisticsKind::Components => components,
         };
-    film_bytes(scene.camera.width, scene.camera.height, scene.grid.len(), planes)
+    let bands = match settings.film_bands() {
+        ComponentBands::All => scene.grid.len(),
+        ComponentBands::Basis => scene.grid.len().min(USUAL_STORED),
+    };
+    film_bytes(scene.camera.width, scene.camera.height, bands * planes)
 }
 
 /// Memory of what a render with an excitation basis keeps of the whole image besides the film, bytes: the image under the lights as
@@ -31,7 +39,7 @@ pub fn basis_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
     let kinds = scene.fluorophores.len() + 2;
     let own = scene.light_groups.len() * kinds;
     let (width, height) = (scene.camera.width, scene.camera.height);
-    let image = film_bytes(width, height, scene.grid.len(), own) / 2;
+    let image = film_bytes(width, height, scene.grid.len() * own) / 2;
     image + 4 * SPECTRA * (basis.groups.len() * kinds * width * height) as u64
 }
 

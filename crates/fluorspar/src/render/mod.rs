@@ -9,6 +9,7 @@
 //! | `share` | shards: which samples of which tiles one process renders |
 //! | `memory` | memory estimates |
 //! | `component_labels` | labels of the components, in the order of the film |
+//! | `component_bases` | which bands of each component are worth storing |
 //! | `scene_digest` | digest of everything that decides the value of a sample |
 //! | `compiled_scene` | a scene as plain buffers |
 //! | `compile` | makes these buffers: geometry, lights, materials, fluorescence operators |
@@ -37,6 +38,7 @@ mod camera_sample;
 mod choose_basis;
 mod compile;
 mod compiled_scene;
+mod component_bases;
 mod component_labels;
 mod error;
 mod excitation;
@@ -67,6 +69,6 @@ pub use fluorescence_operator::FluorescenceOperator;
 pub(crate) use fluorescence_operator::direct_exitance;
 pub use memory::{basis_bytes, memory_bytes, surface_bytes, tile_row_bytes, whole_image_bytes};
 pub use scene_digest::scene_digest;
-pub use settings::{BasisSettings, Estimator, RenderSettings};
+pub use settings::{BasisSettings, ComponentBands, Estimator, RenderSettings};
 pub use share::Share;
 pub use visible_surfaces::visible_surfaces;

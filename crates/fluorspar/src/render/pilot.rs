@@ -5,8 +5,9 @@ use rayon::prelude::*;
 
 use super::block_sum::BlockSum;
 use super::compiled_scene::CompiledScene;
+use super::component_bases::component_bases;
 use super::component_labels::component_labels;
-use super::settings::RenderSettings;
+use super::settings::{ComponentBands, RenderSettings};
 use crate::image::{Component, FilmLayout};
 use crate::interruption::end_if_interrupted;
 use crate::scene::Scene;
@@ -61,44 +62,66 @@ pub(super) fn film_layout(
         .into_iter()
         .flat_map(|row| grid(camera.width).into_iter().map(move |col| (row, col)))
         .collect();
+    let has_bases = settings.film_bands() == ComponentBands::Basis;
     // Fixed groups of pixels: sums of floats in an order that no scheduler decides.
-    let parts: Vec<(Vec<f32>, Vec<f64>)> = pixels
+    let parts: Vec<(Vec<f32>, Vec<f64>, Vec<Vec<f32>>)> = pixels
         .par_chunks(PILOT_SIDE)
         .map_init(
             || BlockSum::new(compiled),
             |block, pixels| {
                 let (mut brightest, mut sums) =
                     (vec![0.0_f32; block.pixel_len()], vec![0.0; block.pixel_len()]);
+                let mut spectra = vec![Vec::new(); components.len()];
                 for &(row, col) in pixels {
                     end_if_interrupted();
+                    let mut pixel = vec![0.0_f32; block.pixel_len()];
                     for sample in 0..PILOT_SAMPLES {
                         block.render(compiled, settings, std::iter::once((row, col)), sample..sample + 1);
                         for ((most, sum), &value) in brightest.iter_mut().zip(&mut sums).zip(&block.values) {
                             *most = most.max(value);
                             *sum += f64::from(value);
                         }
+                        pixel.iter_mut().zip(&block.values).for_each(|(sum, value)| *sum += value);
+                    }
+                    let of_components = spectra.iter_mut().zip(pixel.chunks_exact(bands));
+                    for (spectra, of_pixel) in
+                        of_components.filter(|(_, of)| has_bases && of.iter().any(|v| *v > 0.0))
+                    {
+                        spectra.extend_from_slice(of_pixel);
                     }
                 }
-                (brightest, sums)
+                (brightest, sums, spectra)
             },
         )
         .collect();
     // Reduce brightest samples and sums in a fixed order
     let (mut brightest, mut levels) =
         (vec![0.0_f32; components.len() * bands], vec![0.0; components.len() * bands]);
-    for (most, sums) in parts {
+    let mut spectra = vec![Vec::new(); components.len()];
+    for (most, sums, of_part) in parts {
+        spectra.iter_mut().zip(of_part).for_each(|(all, of_part)| all.extend(of_part));
         brightest.iter_mut().zip(&most).for_each(|(a, b)| *a = a.max(*b));
         levels.iter_mut().zip(&sums).for_each(|(a, b)| *a += b);
     }
     let samples = f64::from(PILOT_SAMPLES) * pixels.len() as f64;
+    let levels: Vec<f32> = levels.into_iter().map(|sum| ((sum / samples) as f32).min(f32::MAX)).collect();
+    let bases = if has_bases { component_bases(compiled, spectra, &levels) } else { Vec::new() };
+    let exponents = exponents(compiled, &components, &brightest);
+    let stored = |(component, exponents): (usize, &[i16])| -> Vec<i16> {
+        match bases.get(component).and_then(Option::as_ref) {
+            Some(basis) => basis.stored().iter().map(|band| exponents[*band]).collect(),
+            None => exponents.to_vec(),
+        }
+    };
     FilmLayout {
         grid: compiled.grid.clone(),
         width: camera.width,
         height: camera.height,
-        exponents: exponents(compiled, &components, &brightest),
+        exponents: exponents.chunks_exact(bands).enumerate().flat_map(stored).collect(),
+        bases,
         components,
         statistics: settings.film_statistics(),
-        levels: levels.into_iter().map(|sum| ((sum / samples) as f32).min(f32::MAX)).collect(),
+        levels,
         scene_digest,
     }
 }

@@ -1,5 +1,7 @@
 //! Settings of a render.
 
+use serde::{Deserialize, Serialize};
+
 use super::adaptive::ErrorTarget;
 use super::error::{MOST_DEPTH, MOST_SAMPLES_PER_PIXEL, RenderError};
 use crate::image::StatisticsKind;
@@ -13,6 +15,18 @@ pub enum Estimator {
     MultipleImportance,
     /// Only scattered directions: slow, blind to point and distant lights, a reference for tests.
     ScatteringOnly,
+}
+
+/// Which bands of each component a render keeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ComponentBands {
+    /// All bands.
+    #[default]
+    All,
+    /// The bands from which all others follow to about 0.1 % ([`SpectralBasis`](crate::image::SpectralBasis)): a tenth of memory and files. All
+    /// bands where the render keeps statistics of the samples or an excitation basis.
+    Basis,
 }
 
 /// Settings of a render.
@@ -34,6 +48,8 @@ pub struct RenderSettings {
     pub error_target: Option<ErrorTarget>,
     /// Light groups whose light the render keeps apart by excitation node, besides what they give under their own spectrum.
     pub excitation_basis: Option<BasisSettings>,
+    /// Which bands of each component the film keeps.
+    pub component_bands: ComponentBands,
 }
 
 /// Light groups that are rendered once more under the hat functions of excitation nodes, 1 W/nm (or W/(m² nm), or
@@ -58,6 +74,7 @@ impl Default for RenderSettings {
             statistics: StatisticsKind::None,
             error_target: None,
             excitation_basis: None,
+            component_bands: ComponentBands::default(),
         }
     }
 }
@@ -68,6 +85,14 @@ impl RenderSettings {
         match self.statistics {
             StatisticsKind::None if self.error_target.is_some() => StatisticsKind::LightGroups,
             statistics => statistics,
+        }
+    }
+
+    /// Which bands the film keeps: all of them where statistics or excitation nodes are kept beside them.
+    pub(crate) fn film_bands(&self) -> ComponentBands {
+        match self.film_statistics() {
+            StatisticsKind::None if self.excitation_basis.is_none() => self.component_bands,
+            _ => ComponentBands::All,
         }
     }
 

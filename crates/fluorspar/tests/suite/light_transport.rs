@@ -22,7 +22,7 @@ use glam::Vec3;
 fn band_mean(image: &ComponentImage, component: usize, band: usize) -> MeanEstimate {
     let bands = image.grid.len();
     let values: Vec<f64> =
-        image.component(component).iter().skip(band).step_by(bands).map(|&v| f64::from(v)).collect();
+        image.stored(component).iter().skip(band).step_by(bands).map(|&v| f64::from(v)).collect();
     MeanEstimate::of(&values)
 }
 
@@ -283,13 +283,13 @@ fn radiance_is_linear_in_power_and_first_order_in_concentration() {
     // A factor of two is exact in binary floating point.
     assert!(base.data.iter().zip(&bright.data).all(|(a, b)| 2.0 * a == *b || *b < 1e-30));
     let dense = run(&cornell(1.0, 1.0), &settings);
-    assert_eq!(base.component(0), dense.component(0), "reflected light does not know of fluorophores");
+    assert_eq!(base.stored(0), dense.stored(0), "reflected light does not know of fluorophores");
     for component in [1, 2] {
-        for (a, b) in base.component(component).iter().zip(dense.component(component)) {
+        for (a, b) in base.stored(component).iter().zip(dense.stored(component)) {
             assert!((2.0 * a - b).abs() <= 1e-6 * b.abs() + 1e-30, "{a} {b}");
         }
     }
-    for (a, b) in base.component(3).iter().zip(dense.component(3)) {
+    for (a, b) in base.stored(3).iter().zip(dense.stored(3)) {
         // At least two events: at least quadratic.
         assert!(4.0 * a <= b * (1.0 + 1e-5) + 1e-30, "{a} {b}");
     }
@@ -298,9 +298,9 @@ fn radiance_is_linear_in_power_and_first_order_in_concentration() {
 #[test]
 fn without_fluorophores_fluorescence_is_exactly_zero() {
     let image = run(&cornell(1.0, 0.0), &settings(4, 5));
-    assert!(image.component(0).iter().any(|&v| v > 0.0));
+    assert!(image.stored(0).iter().any(|&v| v > 0.0));
     for component in 1..4 {
-        assert!(image.component(component).iter().all(|&v| v == 0.0));
+        assert!(image.stored(component).iter().all(|&v| v == 0.0));
     }
 }
 

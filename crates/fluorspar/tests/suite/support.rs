@@ -287,7 +287,7 @@ pub(crate) fn lit_box(lighting: &str, material: &str, concentration: f32) -> Sce
 
 /// Values of one component and band, one per pixel.
 fn band_values(image: &ComponentImage, component: usize, band: usize) -> impl Iterator<Item = f64> + '_ {
-    image.component(component).iter().skip(band).step_by(image.grid.len()).map(|&v| f64::from(v))
+    image.stored(component).iter().skip(band).step_by(image.grid.len()).map(|&v| f64::from(v))
 }
 
 /// Mean of one component and band over pixels, with the standard error from pixel to pixel.
@@ -371,7 +371,7 @@ fn table(image: &ComponentImage) -> String {
     let centers: Vec<String> = (0..bands).map(|band| format!("{} nm", image.grid.center_nm(band))).collect();
     let mut text = format!("component,row,column,{}\n", centers.join(","));
     for component in 0..image.components.len() {
-        for (pixel, values) in image.component(component).chunks(bands).enumerate() {
+        for (pixel, values) in image.stored(component).chunks(bands).enumerate() {
             let (row, column) = (pixel / image.width, pixel % image.width);
             let values: Vec<String> = values.iter().map(f32::to_string).collect();
             text += &format!("{component},{row},{column},{}\n", values.join(","));
@@ -386,7 +386,7 @@ fn save_difference_image(path: &Path, a: &[ComponentImage], b: &[ComponentImage]
         let sums: Vec<f64> = images
             .iter()
             .map(|i| {
-                i.component(component)[pixel * bands..(pixel + 1) * bands].iter().map(|&v| f64::from(v)).sum()
+                i.stored(component)[pixel * bands..(pixel + 1) * bands].iter().map(|&v| f64::from(v)).sum()
             })
             .collect();
         MeanEstimate::of(&sums)

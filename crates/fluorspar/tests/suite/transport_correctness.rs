@@ -185,7 +185,7 @@ fn indirect_light_excites_as_direct_light_does() {
     let photons = |image: &fluorspar::image::ComponentImage, component: usize| -> MeanEstimate {
         let bands = image.grid.len();
         let values: Vec<f64> = image
-            .component(component)
+            .stored(component)
             .chunks_exact(bands)
             .map(|pixel| {
                 (0..bands)
@@ -380,7 +380,7 @@ fn lights_of_different_kinds_share_a_group() {
             .map(|pixel| {
                 (0..image.components.len())
                     .filter(|&c| image.components[c].label().contains("steep"))
-                    .flat_map(|c| &image.component(c)[pixel * bands..(pixel + 1) * bands])
+                    .flat_map(|c| &image.stored(c)[pixel * bands..(pixel + 1) * bands])
                     .map(|&v| f64::from(v))
                     .sum()
             })
@@ -450,7 +450,7 @@ fn assert_reciprocal(samples: u32, runs: u64) {
                 let seen = image.features.part.iter().position(|&part| part == 2);
                 assert!(seen.is_some(), "the plate is not in view");
                 let pixels: Vec<f64> = image
-                    .component(0)
+                    .stored(0)
                     .chunks_exact(3)
                     .zip(&image.features.part)
                     .filter(|(_, part)| **part == 2)
@@ -510,7 +510,7 @@ fn photons_balance() {
             .filter(is_inner)
             .map(|pixel| {
                 (0..image.components.len())
-                    .flat_map(|c| image.component(c)[pixel * bands..(pixel + 1) * bands].iter().enumerate())
+                    .flat_map(|c| image.stored(c)[pixel * bands..(pixel + 1) * bands].iter().enumerate())
                     .map(|(b, v)| f64::from(*v) * image.grid.center_nm(b) * image.grid.width_nm(b))
                     .sum()
             })
@@ -529,12 +529,9 @@ fn photons_balance() {
 fn without_fluorophores_every_material_has_none() {
     for material in MATERIALS {
         let image = run(&lit_box("disc", material, 0.0), &settings(2, 5));
-        assert!(image.component(0).iter().any(|&v| v > 0.0), "{material}");
+        assert!(image.stored(0).iter().any(|&v| v > 0.0), "{material}");
         for component in 1..4 {
-            assert!(
-                image.component(component).iter().all(|&v| v == 0.0),
-                "{material}, component {component}"
-            );
+            assert!(image.stored(component).iter().all(|&v| v == 0.0), "{material}, component {component}");
         }
     }
 }
@@ -546,8 +543,8 @@ fn concentrations_leave_every_path_as_it_is() {
             run(&lit_box("lamps and sky", material, 0.5), &settings(2, 6)),
             run(&lit_box("lamps and sky", material, 1.0), &settings(2, 6)),
         );
-        assert_eq!(thin.component(0), dense.component(0), "{material}");
-        for (a, b) in thin.component(1).iter().zip(dense.component(1)) {
+        assert_eq!(thin.stored(0), dense.stored(0), "{material}");
+        for (a, b) in thin.stored(1).iter().zip(dense.stored(1)) {
             assert!((2.0 * a - b).abs() <= 2e-6 * b.abs() + 1e-30, "{material}: {a} {b}");
         }
     }
@@ -601,7 +598,7 @@ fn a_bias_is_noticed_and_its_maps_are_saved() {
     let honest = repeat(&scene, 24, &settings(32, 6));
     let mut biased = repeat(&scene, 24, &RenderSettings { seed: 5, ..settings(32, 6) });
     assert_same_light("unbiased", &honest, &biased, 1e-3);
-    let length = biased[0].component(1).len();
+    let length = biased[0].stored(1).len();
     for image in &mut biased {
         image.data[length..2 * length].iter_mut().for_each(|value| *value *= 1.05);
     }

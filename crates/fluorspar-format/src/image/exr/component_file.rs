@@ -3,23 +3,24 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use base64::prelude::{BASE64_STANDARD, Engine};
 use exr::block::UncompressedBlock;
 use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
 use exr::prelude::f16;
 
 use super::read::{
-    attribute, bands, component_parts, damaged, decode, for_each_block, headers, parse_json, provenance,
-    read_component_exr, read_features, scale_of,
+    BandChannels, attribute, bands, component_parts, damaged, decode, for_each_block, headers, parse_json,
+    provenance, read_component_exr, read_features, scale_of,
 };
 use super::rounded_rows::rows_of_24_bits;
 use super::{COMPONENT, DENOISED, EXCITATION, ExcitationLabel, PLANES, PlanesLabel};
+use crate::image::basis_text::floats_of_text;
 use crate::image::npy::{is_npy, read_component_npy};
 use crate::store::file::{check_image_size, guarded, most_image_bytes};
 use crate::{FormatError, Loaded, Provenance};
 use fluorspar::image::{
     BasisComponent, ChannelPlanes, ComponentImage, ComponentRows, ExcitationImage, GroupBasis, LightPath,
+    SpectralBasis,
 };
 use fluorspar::spectral::{ExcitationNodes, Radiance};
 
@@ -89,13 +90,13 @@ impl ComponentFile {
         let parts = component_parts(path, &headers)?;
         let (width, height) = (parts.size.width(), parts.size.height());
         let length = std::fs::metadata(path).map_err(|source| FormatError::io(path, "read", source))?.len();
-        let per_pixel = 4 * (parts.grid.len() * parts.components.len()) as u64;
+        let per_pixel = 4 * (parts.stored().sum::<usize>() / (width * height).max(1)) as u64;
         check_image_size(path, width as u64, height as u64, per_pixel, most_image_bytes(length))?;
         let mut components = Vec::with_capacity(parts.components.len());
         let (mut planes, mut excitation) = (Vec::new(), Vec::new());
         for (part, header) in headers.iter().enumerate() {
             if attribute(header, COMPONENT).is_some() {
-                let (_, bands) = bands::<Radiance>(path, header)?;
+                let BandChannels { bands, .. } = bands::<Radiance>(path, header)?;
                 components.push(BandPart { part, bands, scale: scale_of(path, header)? });
             } else if let Some(text) = attribute(header, PLANES) {
                 let label: PlanesLabel = parse_json(path, PLANES, &text)?;
@@ -122,7 +123,7 @@ impl ComponentFile {
         };
         Ok(Self {
             path: path.into(),
-            labels: ComponentImage { components: parts.components, ..labels },
+            labels: ComponentImage { components: parts.components, bases: parts.bases, ..labels },
             provenance: provenance(path, &headers)?,
             spectra: Spectra::Parts { headers, components, planes, excitation },
         })
@@ -233,11 +234,9 @@ impl ComponentFile {
         factors: Vec<f32>,
     ) -> Result<BasisComponent, FormatError> {
         let damage = || FormatError::malformed(&self.path, "the excitation basis is damaged", DAMAGED);
-        let bytes = BASE64_STANDARD.decode(&label.spectra).map_err(|_| damage())?;
-        let (floats, rest) = bytes.as_chunks::<4>();
-        let spectra: Vec<f32> = floats.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        let spectra = floats_of_text(&label.spectra).ok_or_else(damage)?;
         let nodes = if label.light == LightPath::Reflected { 1 } else { label.nodes_nm.len() };
-        if !rest.is_empty() || spectra.len() != label.rank * nodes * self.labels.grid.len() {
+        if spectra.len() != label.rank * nodes * self.labels.grid.len() {
             return Err(damage());
         }
         let light = label.light.clone();
@@ -278,6 +277,10 @@ fn check_planes(
 
 impl ComponentRows for ComponentFile {
     type Error = FormatError;
+
+    fn basis(&self, component: usize) -> Option<&SpectralBasis> {
+        self.labels.basis(component)
+    }
 
     fn map_rows<T: Send>(
         &self,

@@ -29,6 +29,8 @@ const STATISTIC: &str = "fluorsparStatistic";
 const MATERIALS: &str = "fluorsparMaterials";
 const PLANES: &str = "fluorsparPlanes";
 const EXCITATION: &str = "fluorsparExcitation";
+/// How all bands of a component follow from those that are stored.
+const BASIS: &str = "fluorsparBasis";
 const FEATURES: &str = "features";
 const PREVIEW: &str = "preview";
 

@@ -1,7 +1,9 @@
 //! Reading spectral and component images.
 
 use std::io::{BufReader, Read};
+use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use exr::block::chunk::{Chunk, TileCoordinates};
 use exr::block::reader::{ChunksReader, FilteredChunksReader};
@@ -13,13 +15,16 @@ use exr::meta::header::Header;
 use rayon::prelude::*;
 
 use super::{
-    COMPONENT, DENOISED, EDGES, FEATURES, FORMAT, PARTS, PROVENANCE, QUANTITY, SAMPLES, SCALE, STATISTIC,
-    StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
+    BASIS, COMPONENT, DENOISED, EDGES, FEATURES, FORMAT, PARTS, PROVENANCE, QUANTITY, SAMPLES, SCALE,
+    STATISTIC, StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
 };
+use crate::image::basis_text::BasisText;
 use crate::store::file::{check_image_size, check_packing, guarded, most_image_bytes};
 use crate::store::input::open_plain;
 use crate::{FileFormat, FormatError, Loaded, Provenance, TextureImage};
-use fluorspar::image::{Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralImage};
+use fluorspar::image::{
+    Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralBasis, SpectralImage, StoredBands,
+};
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 
 /// Reads a spectral image, written by this program or any other that follows the layout.
@@ -41,7 +46,7 @@ pub fn read_spectral_exr<Q: Quantity>(path: &Path) -> Result<Loaded<SpectralImag
             ));
         }
         check_quantity::<Q>(path, header)?;
-        let (grid, bands) = bands::<Q>(path, header)?;
+        let BandChannels { grid, bands, .. } = bands::<Q>(path, header)?;
         let Vec2(width, height) = header.layer_size;
         let mut buffers = [vec![0.0; width * height * grid.len()]];
         let targets = [band_targets(header, &bands, 0, 0)];
@@ -103,15 +108,26 @@ pub(super) struct ComponentParts {
     pub(super) grid: WavelengthGrid,
     pub(super) size: Vec2<usize>,
     pub(super) components: Vec<Component>,
+    /// Of each component its basis; empty where all bands of all are stored.
+    pub(super) bases: StoredBands,
     pub(super) samples_per_pixel: u32,
     /// Of all parts of the file.
     targets: Vec<PartTargets>,
 }
 
 impl ComponentParts {
-    /// Values of one component.
+    /// Values of one statistic.
     fn plane(&self) -> usize {
         self.size.area() * self.grid.len()
+    }
+
+    /// Values that each component is stored with.
+    pub(super) fn stored(&self) -> impl Iterator<Item = usize> {
+        let stored = |component: usize| match self.bases.get(component) {
+            Some(Some(basis)) => basis.stored().len(),
+            _ => self.grid.len(),
+        };
+        (0..self.components.len()).map(move |component| self.size.area() * stored(component))
     }
 }
 
@@ -121,26 +137,27 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
     let mut parts = component_parts(path, &headers)?;
     let plane = parts.plane();
     let Vec2(width, height) = parts.size;
-    // Part, buffer and first value of everything that may be stored at a scale.
-    let mut scaled: Vec<(usize, usize, usize)> = (0..headers.len())
+    // Part, buffer and values of everything that may be stored at a scale.
+    let mut values = 0;
+    let mut scaled: Vec<(usize, usize, Range<usize>)> = (0..headers.len())
         .filter(|part| attribute(&headers[*part], COMPONENT).is_some())
-        .enumerate()
-        .map(|(component, part)| (part, 0, component * plane))
+        .zip(parts.stored())
+        .map(|(part, len)| {
+            values += len;
+            (part, 0, values - len..values)
+        })
         .collect();
     let mut statistics = statistic_parts(path, &headers, &mut parts, &mut scaled)?;
 
     // Refuse images that the file is too short for, then allocate
     let pixels = width * height;
     let statistic_values = statistics.as_ref().map_or(0, |statistics| statistics.names.len() * plane);
-    let per_pixel = parts.grid.len() * parts.components.len()
-        + FEATURE_CHANNELS.len()
-        + 3 * statistic_values / pixels.max(1);
+    let per_pixel = values / pixels.max(1) + FEATURE_CHANNELS.len() + 3 * statistic_values / pixels.max(1);
     let bytes_per_pixel = 4 * per_pixel as u64;
     let length = std::fs::metadata(path).map_err(|source| FormatError::io(path, "read", source))?.len();
     check_image_size(path, width as u64, height as u64, bytes_per_pixel, most_image_bytes(length))?;
     let mut buffers =
-        [parts.components.len() * plane, 0, statistic_values, statistic_values, statistic_values]
-            .map(|len| vec![0.0; len]);
+        [values, 0, statistic_values, statistic_values, statistic_values].map(|len| vec![0.0; len]);
     let features_part = headers.iter().position(|header| part_name(header).as_deref() == Some(FEATURES));
     if let Some(part) = features_part {
         if headers[part].layer_size != parts.size {
@@ -156,8 +173,8 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
 
     // Decode all values
     decode(path, &headers, &parts.targets, &mut buffers)?;
-    for (part, buffer, start) in scaled {
-        rescale(path, &headers[part], &mut buffers[buffer][start..start + plane])?;
+    for (part, buffer, values) in scaled {
+        rescale(path, &headers[part], &mut buffers[buffer][values])?;
     }
 
     // Assemble the image
@@ -176,6 +193,7 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
         width,
         height,
         components: parts.components,
+        bases: parts.bases,
         data,
         samples_per_pixel: parts.samples_per_pixel,
         samples,
@@ -186,11 +204,21 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
     Ok(Loaded { image, provenance: provenance(path, &headers)? })
 }
 
+/// Bands of a part.
+pub(super) struct BandChannels {
+    pub(super) grid: WavelengthGrid,
+    /// Number of the stored band of each channel that is one.
+    pub(super) bands: Vec<Option<usize>>,
+    /// How all bands follow from those that are stored; `None` where all are.
+    pub(super) basis: Option<SpectralBasis>,
+}
+
 /// Finds the parts that hold components, which must agree in size and wavelengths.
 pub(super) fn component_parts(path: &Path, headers: &[Header]) -> Result<ComponentParts, FormatError> {
     let mut shared: Option<(WavelengthGrid, Vec2<usize>)> = None;
     let mut components = Vec::new();
     let mut samples_per_pixel = 0;
+    let (mut bases, mut values) = (StoredBands::new(), 0);
     let mut targets: Vec<PartTargets> = Vec::new();
     for header in headers {
         let Some(label) = attribute(header, COMPONENT) else {
@@ -201,7 +229,7 @@ pub(super) fn component_parts(path: &Path, headers: &[Header]) -> Result<Compone
         FileFormat::COMPONENT_IMAGE.check(stated).map_err(|other| FormatError::other_format(path, other))?;
         let component: Component = parse_json(path, COMPONENT, &label)?;
         check_quantity::<Radiance>(path, header)?;
-        let (grid, bands) = bands::<Radiance>(path, header)?;
+        let BandChannels { grid, bands, basis } = bands::<Radiance>(path, header)?;
         if let Some((first_grid, size)) = &shared
             && (grid != *first_grid || header.layer_size != *size)
         {
@@ -212,7 +240,9 @@ pub(super) fn component_parts(path: &Path, headers: &[Header]) -> Result<Compone
             ));
         }
         let pixels = header.layer_size.area();
-        targets.push(band_targets(header, &bands, 0, components.len() * pixels * grid.len()));
+        targets.push(band_targets(header, &bands, 0, values));
+        values += pixels * bands.iter().flatten().count();
+        bases.push(basis.map(Arc::new));
         samples_per_pixel = attribute(header, SAMPLES).and_then(|text| text.parse().ok()).unwrap_or(0);
         components.push(component);
         shared.get_or_insert((grid, header.layer_size));
@@ -224,7 +254,10 @@ pub(super) fn component_parts(path: &Path, headers: &[Header]) -> Result<Compone
             "Give components.exr of a run, or render one with `fluorspar render --components`",
         ));
     };
-    Ok(ComponentParts { grid, size, components, samples_per_pixel, targets })
+    if bases.iter().all(Option::is_none) {
+        bases.clear();
+    }
+    Ok(ComponentParts { grid, size, components, bases, samples_per_pixel, targets })
 }
 
 /// Finds the parts that hold sample statistics, and adds them to the targets and to what may be stored at a scale. The
@@ -233,14 +266,14 @@ fn statistic_parts(
     path: &Path,
     headers: &[Header],
     parts: &mut ComponentParts,
-    scaled: &mut Vec<(usize, usize, usize)>,
+    scaled: &mut Vec<(usize, usize, Range<usize>)>,
 ) -> Result<Option<SampleStatistics>, FormatError> {
     let plane = parts.plane();
     let mut statistics: Option<SampleStatistics> = None;
     for (part, header) in headers.iter().enumerate() {
         let Some(label) = attribute(header, STATISTIC) else { continue };
         let label: StatisticLabel = parse_json(path, STATISTIC, &label)?;
-        let (statistic_grid, bands) = bands::<Radiance>(path, header)?;
+        let BandChannels { grid: statistic_grid, bands, .. } = bands::<Radiance>(path, header)?;
         if statistic_grid != parts.grid || header.layer_size != parts.size {
             return Err(FormatError::malformed(
                 path,
@@ -267,7 +300,7 @@ fn statistic_parts(
             StatisticPlane::Variance => 4,
         };
         parts.targets[part] = band_targets(header, &bands, buffer, index * plane);
-        scaled.push((part, buffer, index * plane));
+        scaled.push((part, buffer, index * plane..(index + 1) * plane));
     }
     Ok(statistics)
 }
@@ -681,10 +714,7 @@ fn unit_factors(unit: &str) -> Vec<&str> {
 }
 
 /// The wavelength grid, and the band that each channel holds.
-pub(super) fn bands<Q: Quantity>(
-    path: &Path,
-    header: &Header,
-) -> Result<(WavelengthGrid, Vec<Option<usize>>), FormatError> {
+pub(super) fn bands<Q: Quantity>(path: &Path, header: &Header) -> Result<BandChannels, FormatError> {
     let prefix = if layout_unit(Q::UNIT).is_some() { "S0." } else { "T." };
     let mut wavelengths: Vec<(f64, usize)> = Vec::new();
     for (index, channel) in header.channels.list.iter().enumerate() {
@@ -725,8 +755,24 @@ pub(super) fn bands<Q: Quantity>(
     };
     let grid =
         grid.map_err(|error| FormatError::malformed(path, error.to_string(), "Check the channel names"))?;
-    let agree = grid.len() == centers.len()
-        && centers.iter().enumerate().all(|(band, nm)| grid.bin_of(*nm) == Some(band));
+    let damaged = || {
+        let what = format!("the attribute \"{BASIS}\" is damaged");
+        FormatError::malformed(path, what, "Write the file again")
+    };
+    let basis: Option<BasisText> =
+        attribute(header, BASIS).map(|text| parse_json(path, BASIS, &text)).transpose()?;
+    let basis = basis.map(|text| text.basis(grid.len()).ok_or_else(damaged)).transpose()?;
+    if basis.as_ref().is_some_and(|basis| basis.stored().is_empty()) {
+        // A component without light has a channel, since a part must have one, and no stored band
+        return Ok(BandChannels { grid, bands: vec![None; header.channels.list.len()], basis });
+    }
+    let stored = |band: usize| match &basis {
+        Some(basis) => basis.stored().get(band).copied(),
+        None => Some(band),
+    };
+    let count = basis.as_ref().map_or(grid.len(), |basis| basis.stored().len());
+    let agree = count == centers.len()
+        && centers.iter().enumerate().all(|(band, nm)| grid.bin_of(*nm) == stored(band));
     if !agree {
         return Err(FormatError::malformed(
             path,
@@ -738,5 +784,5 @@ pub(super) fn bands<Q: Quantity>(
     for (band, &(_, channel)) in wavelengths.iter().enumerate() {
         bands[channel] = Some(band);
     }
-    Ok((grid, bands))
+    Ok(BandChannels { grid, bands, basis })
 }

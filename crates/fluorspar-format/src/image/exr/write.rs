@@ -4,7 +4,6 @@ use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
-use base64::prelude::{BASE64_STANDARD, Engine};
 use exr::block::lines::LineRefMut;
 use exr::image::write::layers::WritableLayers;
 use exr::image::write::samples::{SamplesWriter, WritableSamples};
@@ -18,15 +17,17 @@ use exr::prelude::{
 
 use super::packing::write_blocks;
 use super::{
-    COMPONENT, DENOISED, EDGES, EXCITATION, ExcitationLabel, FEATURES, FORMAT, LAYOUT_VERSION, MATERIALS,
-    PARTS, PLANES, PREVIEW, PROVENANCE, PlanesLabel, QUANTITY, SAMPLES, SCALE, STATISTIC, STORAGE_ERROR,
-    StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
+    BASIS, COMPONENT, DENOISED, EDGES, EXCITATION, ExcitationLabel, FEATURES, FORMAT, LAYOUT_VERSION,
+    MATERIALS, PARTS, PLANES, PREVIEW, PROVENANCE, PlanesLabel, QUANTITY, SAMPLES, SCALE, STATISTIC,
+    STORAGE_ERROR, StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
 };
+use crate::image::basis_text::{BasisText, floats_to_text};
 use crate::store::file::{MAX_IMAGE_BYTES, check_image_size};
 use crate::store::output::{WrittenShare, write_atomically};
 use crate::{FileFormat, FormatError, Provenance, SpooledImage};
 use fluorspar::image::{
-    ChannelPlanes, Component, ComponentImage, ExcitationImage, FeatureMaps, GroupBasis, SpectralImage,
+    ChannelPlanes, Component, ComponentImage, ExcitationImage, FeatureMaps, GroupBasis, SpectralBasis,
+    SpectralImage,
 };
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 
@@ -98,7 +99,7 @@ pub fn write_spectral_exr<Q: Quantity>(
     options: &ExrOptions<'_>,
 ) -> Result<(), FormatError> {
     let size = (image.width(), image.height());
-    check(path, size, image.grid(), image.data().len(), 1, options)?;
+    check(path, size, image.grid(), image.data().len(), image.bands(), options)?;
     spectral::<Q>(path, size, image.grid(), PixelSource::Memory(image.data()), options)
 }
 
@@ -109,7 +110,7 @@ pub(crate) fn write_spooled_spectral_exr<Q: Quantity>(
     options: &ExrOptions<'_>,
 ) -> Result<(), FormatError> {
     let (size, grid) = (spool.size(), spool.grid());
-    check(path, size, grid, size.0 * size.1 * grid.len(), 1, options)?;
+    check(path, size, grid, size.0 * size.1, 1, options)?;
     spectral::<Q>(path, size, grid, PixelSource::Spool(spool, 0), options)
 }
 
@@ -120,7 +121,7 @@ fn spectral<Q: Quantity>(
     source: PixelSource<'_>,
     options: &ExrOptions<'_>,
 ) -> Result<(), FormatError> {
-    let (mut planes, storage) = band_planes::<Q>(grid, source, size.0, options.compression);
+    let (mut planes, storage) = band_planes::<Q>(grid, None, source, size.0, options.compression);
     if let Some(preview) = options.preview {
         planes.extend(preview_planes(preview, size.0));
     }
@@ -139,6 +140,7 @@ fn spectral<Q: Quantity>(
 /// |---|---|
 /// | `fluorsparFormat` | version of this form, an integer: 1; in every part but the preview |
 /// | `fluorsparComponent` | label of the component, JSON |
+/// | `fluorsparBasis` | how all bands follow from those that are stored, JSON; missing where all are stored |
 /// | `fluorsparSamplesPerPixel` | paths per pixel |
 /// | `fluorsparDenoised` | settings of the noise reduction, JSON; missing in raw images |
 /// | `fluorsparPlanes` | of which camera the channel planes of a part are, JSON; such parts hold electrons per second |
@@ -157,7 +159,8 @@ pub fn write_component_exr(
     options: &ExrOptions<'_>,
 ) -> Result<(), FormatError> {
     let size = (image.width, image.height);
-    check(path, size, &image.grid, image.data.len(), image.components.len(), options)?;
+    let per_pixel = image.stored_values() / (size.0 * size.1).max(1);
+    check(path, size, &image.grid, image.data.len(), per_pixel, options)?;
     components(path, image, None, options)
 }
 
@@ -180,7 +183,7 @@ pub(crate) fn write_spooled_component_exr(
             "Give one image for each component, then three for each statistic",
         ));
     }
-    check(path, size, grid, size.0 * size.1 * grid.len(), 1, options)?;
+    check(path, size, grid, size.0 * size.1, 1, options)?;
     components(path, labels, Some(spool), options)
 }
 
@@ -209,12 +212,15 @@ fn components(
             ));
         }
         let source = spool.map_or_else(
-            || PixelSource::Memory(image.component(index)),
+            || PixelSource::Memory(image.stored(index)),
             |spool| PixelSource::Spool(spool, index),
         );
-        let (planes, storage) = band_planes::<Radiance>(&image.grid, source, size.0, options.compression);
+        let basis = image.basis(index);
+        let (planes, storage) =
+            band_planes::<Radiance>(&image.grid, basis, source, size.0, options.compression);
         let mut attributes = spectral_attributes::<Radiance>(&image.grid);
         attributes.extend(storage);
+        attributes.extend(basis.map(|basis| (BASIS, text(&json(&BasisText::of(basis))))));
         attributes.push((COMPONENT, text(&json(component))));
         attributes.push((SAMPLES, text(&image.samples_per_pixel.to_string())));
         attributes.extend(image.denoised.as_ref().map(|settings| (DENOISED, text(settings))));
@@ -250,7 +256,7 @@ fn components(
                 }
                 attributes.push((STATISTIC, text(&json(&label))));
                 let (planes, storage) =
-                    band_planes::<Radiance>(&image.grid, source, size.0, options.compression);
+                    band_planes::<Radiance>(&image.grid, None, source, size.0, options.compression);
                 attributes.extend(storage);
                 let name = Some(format!("{prefix}.{name}"));
                 parts.push(Part { name, planes, attributes, is_packed: true });
@@ -328,14 +334,13 @@ fn excitation_parts<'a>(
             stride: 1,
             width: image.width,
         };
-        let bytes: Vec<u8> = component.spectra.iter().flat_map(|value| value.to_le_bytes()).collect();
         let label = ExcitationLabel {
             light_group: group.light_group.clone(),
             light: component.light.clone(),
             nodes_nm: group.nodes.nodes_nm().to_vec(),
             rank: component.rank,
             error: component.error,
-            spectra: BASE64_STANDARD.encode(bytes),
+            spectra: floats_to_text(&component.spectra),
         };
         let of = Component::of_group(&group.light_group, component.light.clone());
         parts.push(Part {
@@ -432,20 +437,19 @@ fn check(
     (width, height): (usize, usize),
     grid: &WavelengthGrid,
     values: usize,
-    components: usize,
+    per_pixel: usize,
     options: &ExrOptions<'_>,
 ) -> Result<(), FormatError> {
     let refuse = |what: String, hint: &str| Err(FormatError::unwritable(path, what, hint));
     if check_image_size(path, width as u64, height as u64, 1, MAX_IMAGE_BYTES).is_err() {
         return refuse(format!("an image can't have {height} rows and {width} columns"), "Give 1 to 100000");
     }
-    if values != width * height * grid.len() * components {
+    if values != width * height * per_pixel {
         return refuse(
             format!(
-                "{values} values do not fill {components} image(s) of {height} x {width} x {}",
-                grid.len()
+                "{values} values do not fill {height} rows and {width} columns of {per_pixel} values each"
             ),
-            "Give one value per component, row, column and band",
+            "Give one value per component, row, column and stored band",
         );
     }
     if let Some(preview) = options.preview
@@ -520,6 +524,8 @@ enum Values<'a> {
     },
     /// Multiplied by a factor and rounded to 16 bits.
     F16(&'a [f32], f32),
+    /// Zeros.
+    Dark,
     U16(&'a [u16]),
     U32(&'a [u32]),
 }
@@ -529,7 +535,7 @@ impl<'a> WritableSamples<'_> for Plane<'a> {
 
     fn sample_type(&self) -> SampleType {
         match self.values {
-            Values::F32(_) | Values::Spool { .. } => SampleType::F32,
+            Values::F32(_) | Values::Spool { .. } | Values::Dark => SampleType::F32,
             Values::F16(..) | Values::SpoolF16 { .. } => SampleType::F16,
             Values::U16(_) | Values::U32(_) => SampleType::U32,
         }
@@ -550,6 +556,7 @@ impl SamplesWriter for Plane<'_> {
         let at = |i: usize| self.offset + (row * self.width + col + i) * self.stride;
         // Writing into memory of the right size can't fail.
         let _ = match self.values {
+            Values::Dark => line.write_samples(|_| 0.0_f32),
             Values::F32(values) => line.write_samples(|i| values[at(i)]),
             Values::F16(values, factor) => line.write_samples(|i| f16::from_f32(values[at(i)] * factor)),
             Values::Spool { spool, image, band } => {
@@ -583,6 +590,7 @@ impl Part<'_> {
 /// Planes of all bands, and what a reader must know about the way they are stored.
 fn band_planes<'a, Q: Quantity>(
     grid: &WavelengthGrid,
+    basis: Option<&SpectralBasis>,
     source: PixelSource<'a>,
     width: usize,
     compression: ExrCompression,
@@ -601,15 +609,21 @@ fn band_planes<'a, Q: Quantity>(
         (PixelSource::Spool(spool, image), Some(factor)) => Values::SpoolF16 { spool, image, band, factor },
     };
     let prefix = if layout_unit(Q::UNIT).is_some() { "S0" } else { "T" };
-    let stride = grid.len();
-    let plane = |band| Plane {
-        name: channel_name(prefix, grid.center_nm(band)),
-        values: values(band),
-        offset: band,
-        stride,
+    let bands: Vec<usize> = basis.map_or_else(|| (0..grid.len()).collect(), |basis| basis.stored().to_vec());
+    let plane = |(offset, band): (usize, &usize)| Plane {
+        name: channel_name(prefix, grid.center_nm(*band)),
+        values: values(offset),
+        offset,
+        stride: bands.len(),
         width,
     };
-    ((0..stride).map(plane).collect(), attributes)
+    let mut planes: Vec<Plane<'a>> = bands.iter().enumerate().map(plane).collect();
+    if planes.is_empty() {
+        // No part is without a channel
+        let name = channel_name(prefix, grid.center_nm(0));
+        planes.push(Plane { name, values: Values::Dark, offset: 0, stride: 0, width });
+    }
+    (planes, attributes)
 }
 
 /// Factor by which the brightest value comes close to the end of the range of 16-bit floats, and the attributes that

@@ -131,7 +131,7 @@ impl Collected {
         let (plane, row) = (self.image.width * self.image.height * bands, width * bands);
         for (component, of_film) in self.own.iter().enumerate() {
             let target = component * plane + rows.start * row;
-            let values = part.component(*of_film);
+            let values = part.stored(*of_film);
             self.image.data[target..target + values.len()].copy_from_slice(values);
         }
         let samples = &mut self.samples[rows.start * width..rows.end * width];
@@ -194,7 +194,7 @@ fn gathered(image: &ComponentImage, components: &[usize], pixels: Range<usize>, 
     let mut values = vec![0.0; pixels.len() * len];
     for (number, component) in components.iter().enumerate() {
         let offset = if summed { 0 } else { number * bands };
-        let of = &image.component(*component)[pixels.start * bands..pixels.end * bands];
+        let of = &image.stored(*component)[pixels.start * bands..pixels.end * bands];
         for (target, spectrum) in values.chunks_exact_mut(len).zip(of.chunks_exact(bands)) {
             let target = &mut target[offset..offset + bands];
             target.iter_mut().zip(spectrum).for_each(|(sum, value)| *sum += value);

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::direct_light::group_spectrum;
 use super::film_irradiance::{behind_filter, film_extent, projected_solid_angle, tan_half_width};
 use crate::digest::sha256_hex;
-use crate::image::{ChannelPlanes, ComponentImage, ComponentRows, LightPath, RelitComponent};
+use crate::image::{ChannelPlanes, ComponentImage, ComponentRows, LightPath, RelitComponent, SpectralBasis};
 use crate::optics::{CameraLens, FilterAutofluorescence, IdealLens};
 use crate::pipeline::PipelineError;
 use crate::sensor::FilmExtent;
@@ -157,12 +157,32 @@ impl FilmResponse {
         let components = planes.first().map_or(0, |planes| planes.components);
         let most = responses.iter().map(|response| response.values_per_component()).max().unwrap_or(0);
         let batch = (BATCH_VALUES / most.max(1)).clamp(1, components.max(1));
+        // Weights of the stored bands of components with a basis, `[response][component]`
+        let short: Vec<Vec<Option<Vec<Vec<f32>>>>> = responses
+            .iter()
+            .map(|response| {
+                (0..components).map(|component| response.on_basis(component, rows.basis(component))).collect()
+            })
+            .collect();
         for first in (0..components).step_by(batch) {
             let batch = first..(first + batch).min(components);
             let found = rows.map_rows(
                 |component| batch.contains(&component) && wanted(component),
                 |component, row, lines| {
-                    responses.iter().map(|response| response.row(component, row, lines)).collect::<Vec<_>>()
+                    let of =
+                        |(response, short): (&&Self, &Vec<Option<Vec<Vec<f32>>>>)| match &short[component] {
+                            Some(tables) => RowResponse {
+                                slices: response.row_behind_lens(row, tables, lines),
+                                band_sums: Vec::new(),
+                            },
+                            None => match rows.basis(component) {
+                                Some(basis) => {
+                                    response.row(component, row, &basis.lines(lines, response.size[0]))
+                                }
+                                None => response.row(component, row, lines),
+                            },
+                        };
+                    responses.iter().zip(&short).map(of).collect::<Vec<_>>()
                 },
             )?;
             for (number, (response, planes)) in responses.iter().zip(&mut planes).enumerate() {
@@ -175,6 +195,13 @@ impl FilmResponse {
             }
         }
         Ok(planes)
+    }
+
+    /// Weights on the stored bands of a component with a basis, by height on the film; `None` where all bands are needed one by one.
+    fn on_basis(&self, component: usize, basis: Option<&SpectralBasis>) -> Option<Vec<Vec<f32>>> {
+        let basis = basis.filter(|_| self.is_local())?;
+        let tables = &self.shapes[self.shape_of[component]].tables;
+        Some(tables.iter().map(|table| single(&basis.through(table))).collect())
     }
 
     /// Puts a component under another light into planes: its few spectra pass lens, filters and sensor once, and pixels are sums of what

@@ -96,11 +96,17 @@ pub enum BandPlanes {
 }
 
 impl BandPlanes {
-    /// Planes of an image: the components, then the first half, the second half and the variance of all statistics; or one.
-    pub fn count(self, layout: &FilmLayout) -> usize {
+    /// Stored bands of the planes of an image: the components, then the first half, the second half and the variance of all statistics;
+    /// or one plane.
+    pub fn stored(self, layout: &FilmLayout) -> Vec<usize> {
+        let bands = layout.grid.len();
         match self {
-            Self::Components => layout.components.len() + 3 * layout.statistic_members().len(),
-            Self::Sum => 1,
+            Self::Components => {
+                let mut stored = layout.plane_lens();
+                stored.extend(std::iter::repeat_n(bands, layout.statistic_members().len()));
+                stored
+            }
+            Self::Sum => vec![bands],
         }
     }
 }
@@ -123,7 +129,7 @@ pub trait BandStore {
     /// A render that can't start, a film that can't be saved.
     fn fill(&mut self, band: &Range<usize>, share: &Share, film: &mut Film) -> Result<bool, Self::Error>;
 
-    /// Keeps finished rows of a plane, from a row of pixels on, `[row, col, band]`.
+    /// Keeps finished rows of a plane, from a row of pixels on, `[row, col, band]`: of a component its stored bands.
     ///
     /// # Errors
     /// Storage that fails.
@@ -163,6 +169,7 @@ impl FinishedBands {
             width: layout.width,
             height: layout.height,
             components: layout.components,
+            bases: layout.bases,
             data: Vec::new(),
             samples_per_pixel: least,
             samples: if even { Vec::new() } else { self.samples },
@@ -190,10 +197,11 @@ impl FinishedBands {
         if planes == BandPlanes::Components {
             let count = image.components.len();
             for component in 0..count {
-                store.store_rows(component, rows.start, image.component(component))?;
+                store.store_rows(component, rows.start, image.stored(component))?;
             }
             if let Some(statistics) = &image.statistics {
-                let (names, plane) = (statistics.names.len(), image.data.len() / count.max(1));
+                let names = statistics.names.len();
+                let plane = image.width * image.height * image.grid.len();
                 let kinds = [&statistics.half_a, &statistics.half_b, &statistics.variance];
                 for (kind, data) in kinds.into_iter().enumerate() {
                     for (index, data) in data.chunks_exact(plane).enumerate() {

@@ -136,7 +136,7 @@ pub fn denoise(image: &ComponentImage, settings: &DenoiseSettings) -> Result<Com
                     // Average the neighbors with their weights
                     let near = weights.around(&guides, row, col);
                     for (m, &component) in members.iter().enumerate() {
-                        let source = image.component(component);
+                        let source = image.stored(component);
                         let start = (m * width + col) * bands;
                         let target = &mut out[start..start + bands];
                         for &(pixel, weight) in &near {
@@ -294,7 +294,7 @@ fn give_back_means(raw: &ComponentImage, result: &mut ComponentImage) {
     for component in 0..raw.components.len() {
         let sums = |image: &ComponentImage| {
             let mut sums = vec![0.0_f64; parts * bands];
-            for (pixel, spectrum) in image.component(component).chunks(bands).enumerate() {
+            for (pixel, spectrum) in image.stored(component).chunks(bands).enumerate() {
                 let of_part = &mut sums[part_of(pixel) * bands..][..bands];
                 of_part.iter_mut().zip(spectrum).for_each(|(sum, v)| *sum += f64::from(*v));
             }

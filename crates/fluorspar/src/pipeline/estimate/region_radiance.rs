@@ -60,14 +60,15 @@ impl RegionRadiance {
                 continue;
             }
             // Average the component over the region
-            let values = components.component(index);
-            let mut mean = vec![0.0; bands];
+            let (values, len) = (components.stored(index), components.stored_bands(index));
+            let mut mean = vec![0.0; len];
             for &pixel in pixels {
-                for (sum, value) in mean.iter_mut().zip(&values[pixel * bands..]) {
+                for (sum, value) in mean.iter_mut().zip(&values[pixel * len..]) {
                     *sum += drive * f64::from(*value);
                 }
             }
             mean.iter_mut().for_each(|sum| *sum /= pixels.len().max(1) as f64);
+            let mean = components.basis(index).map_or_else(|| mean.clone(), |basis| basis.all_bands(&mean));
             // Add it to its term and to the total
             let target = match &component.light {
                 LightPath::Reflected => {
