@@ -123,16 +123,23 @@ pub fn run(options: &RunOptions, job: &Job) -> Result<FinishedExperiment> {
     ));
     components.round_to_24_bits();
 
-    // What took the time is safe before anything else is tried.
+    // What took the time is kept whatever becomes of the rest
     let planes = planes(study, &components);
     let held = planes.as_ref().map_or(&[][..], |planes| planes.planes.as_slice());
     let kept = (held, basis.as_ref());
-    let writing = job.listener.begin_writing(Path::new("components.exr"));
-    write_run_components(folder.path(), &experiment, &source.text, &components, kept)
-        .map_err(|error| Error::from(error).at_its_place(&folder))?;
-    drop(writing);
-    let seen = (&components, planes.as_ref());
-    let analyzed = match evaluate_and_write(&experiment, &source.text, seen, folder.path(), job) {
+    let write = || {
+        let _writing = job.listener.begin_writing(Path::new("components.exr"));
+        write_run_components(folder.path(), &experiment, &source.text, &components, kept)
+    };
+    let (written, evaluated) = rayon::join(write, || match &planes {
+        Some(planes) => evaluate_from_planes(study, &components, Some(planes)),
+        None => evaluate(study, &components),
+    });
+    written.map_err(|error| Error::from(error).at_its_place(&folder))?;
+    let results = evaluated.map_err(Error::from).and_then(|evaluation| {
+        write_results(&experiment, &source.text, &components, evaluation, folder.path(), job)
+    });
+    let analyzed = match results {
         Ok(analyzed) => analyzed,
         Err(error) => {
             let error = error.at_its_place(&folder);
@@ -206,18 +213,15 @@ struct Evaluated {
     regions: Vec<AnalyzedRegion>,
 }
 
-/// Everything after the render: frames, analysis, figures, report.
-fn evaluate_and_write(
+/// Writes everything that is made of the components: frames, analysis, figures, report.
+fn write_results(
     experiment: &ResolvedExperiment,
     experiment_text: &str,
-    (components, planes): (&ComponentImage, Option<&CapturePlanes>),
+    components: &ComponentImage,
+    evaluation: Evaluation,
     folder: &Path,
     job: &Job,
 ) -> Result<Evaluated> {
-    let evaluation = match planes {
-        Some(planes) => evaluate_from_planes(&experiment.study, components, Some(planes))?,
-        None => evaluate(&experiment.study, components)?,
-    };
     let results = RunResults {
         experiment,
         experiment_text,

@@ -14,10 +14,11 @@ use fluorspar_format::{
     ExrCompression, ExrOptions, FileFormat, FormatError, Provenance, write_atomically, write_component_exr,
     write_label_png, write_rgb_png, write_sensor_tiff, write_spectral_exr,
 };
+use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use thiserror::Error;
 
-use super::{RunReport, RunResults, run_report};
+use super::{NamedFigure, RunReport, RunResults, run_report};
 use crate::FigureError;
 
 /// Why a run can't be saved.
@@ -116,25 +117,30 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
     let options =
         ExrOptions { compression: ExrCompression::Zip, provenance: Some(&provenance), ..Default::default() };
 
-    for capture in &run.experiment.study.captures {
-        if capture.frame.lights.values().any(|&drive| drive > 0.0) {
-            let radiance = frame_radiance(&capture.frame, components);
-            let shown = rgb_layer(&radiance);
-            let options = ExrOptions { preview: Some(&shown), ..options };
-            let path = folder.join(format!("radiance_{}.exr", capture.frame.label));
-            write_spectral_exr(&path, &radiance, &options)?;
+    let images = || -> Result<(), RunFolderError> {
+        for capture in &run.experiment.study.captures {
+            if capture.frame.lights.values().any(|&drive| drive > 0.0) {
+                let radiance = frame_radiance(&capture.frame, components);
+                let shown = rgb_layer(&radiance);
+                let options = ExrOptions { preview: Some(&shown), ..options };
+                let path = folder.join(format!("radiance_{}.exr", capture.frame.label));
+                write_spectral_exr(&path, &radiance, &options)?;
+            }
         }
-    }
-    for frame in &evaluation.frames {
-        for raw in std::iter::once(&frame.raw).chain(&frame.bracket) {
-            let path = folder.join(format!("raw_{}.tiff", raw.label));
-            write_sensor_tiff(&path, raw, Some(&provenance))?;
+        for frame in &evaluation.frames {
+            for raw in std::iter::once(&frame.raw).chain(&frame.bracket) {
+                let path = folder.join(format!("raw_{}.tiff", raw.label));
+                write_sensor_tiff(&path, raw, Some(&provenance))?;
+            }
         }
-    }
-    let mut results = serde_json::to_string_pretty(&results_json(run, components)?)?;
-    results.push('\n');
-    write_text(&folder.join("results.json"), &results)?;
-    write_frame_report(folder, run)
+        let mut results = serde_json::to_string_pretty(&results_json(run, components)?)?;
+        results.push('\n');
+        Ok(write_text(&folder.join("results.json"), &results)?)
+    };
+    // Files and figures side by side
+    let (written, page) = rayon::join(images, || report_and_figures(folder, run));
+    written?;
+    write_report(folder, &page?)
 }
 
 /// Writes the report of frames into a folder: `preview_*.png`, `targets.png` where there are targets, `figures/` (every figure as SVG and PNG, and its points as CSV) and
@@ -143,6 +149,17 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
 /// # Errors
 /// A folder or file that can't be written.
 pub fn write_frame_report(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, RunFolderError> {
+    write_report(folder, &report_and_figures(folder, run)?)
+}
+
+fn write_report(folder: &Path, page: &str) -> Result<PathBuf, RunFolderError> {
+    let report = folder.join("report.html");
+    write_text(&report, page)?;
+    Ok(report)
+}
+
+/// Writes all of a report but its page, which it returns.
+fn report_and_figures(folder: &Path, run: &RunResults<'_>) -> Result<String, RunFolderError> {
     let figures = folder.join("figures");
     fs::create_dir_all(&figures)
         .map_err(|source| RunFolderError::Folder { path: figures.clone(), source })?;
@@ -154,7 +171,7 @@ pub fn write_frame_report(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf
         write_label_png(&folder.join("targets.png"), labels.width, labels.height, &labels.labels)?;
     }
     let RunReport { page, figures: list } = run_report(run);
-    for named in &list {
+    let write = |named: &NamedFigure| -> Result<(), RunFolderError> {
         write_text(&figures.join(format!("{}.svg", named.stem)), &named.figure.to_svg())?;
         if let Some(csv) = named.figure.to_csv() {
             write_text(&figures.join(format!("{}.csv", named.stem)), &csv)?;
@@ -163,11 +180,11 @@ pub fn write_frame_report(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf
             .figure
             .to_png()
             .map_err(|source| RunFolderError::Figure { stem: named.stem.clone(), source })?;
-        write_atomically(&figures.join(format!("{}.png", named.stem)), |file| file.write_all(&png))?;
-    }
-    let report = folder.join("report.html");
-    write_text(&report, &page.to_html())?;
-    Ok(report)
+        Ok(write_atomically(&figures.join(format!("{}.png", named.stem)), |file| file.write_all(&png))?)
+    };
+    let (written, page) = rayon::join(|| list.par_iter().try_for_each(write), || page.to_html());
+    written?;
+    Ok(page)
 }
 
 fn write_text(path: &Path, text: &str) -> Result<(), FormatError> {
