@@ -3,7 +3,9 @@
 use std::time::Instant;
 
 use fluorspar::image::{Film, StatisticsKind};
-use fluorspar::render::{FilmRenderer, Share, basis_bytes, memory_bytes, surface_bytes, whole_image_bytes};
+use fluorspar::render::{
+    ComponentBands, FilmRenderer, Share, basis_bytes, memory_bytes, surface_bytes, whole_image_bytes,
+};
 use fluorspar::study::Study;
 use fluorspar::units::{memory_text, memory_texts};
 use fluorspar_experiment::{ResolvedExperiment, cache};
@@ -14,6 +16,8 @@ use crate::{Error, Job, Result};
 
 /// Memory of the program itself with its catalogue, bytes, as measured.
 const PROGRAM_BYTES: u64 = 44 << 20;
+/// Memory that the search for the bands of components takes, bytes, as measured.
+const BAND_SEARCH_BYTES: u64 = 20 << 20;
 /// Memory that an image takes besides its film while it is made of it, bytes, at most.
 const CONVERSION_BYTES: u64 = 64 << 20;
 
@@ -66,7 +70,8 @@ impl ResourceNeeds {
         let film = (whole + basis_bytes(scene, settings)).min(settings.memory_limit_bytes);
         let conversion = (film / 4).min(CONVERSION_BYTES);
         let surfaces = surface_bytes(scene);
-        let memory = film + surfaces + whole_image_bytes(scene) + PROGRAM_BYTES + conversion;
+        let search = if settings.film_bands() == ComponentBands::Basis { BAND_SEARCH_BYTES } else { 0 };
+        let memory = film + surfaces + whole_image_bytes(scene) + PROGRAM_BYTES + conversion + search;
         Self { memory, film, surfaces, disk: image_room_bytes(study, components) + film_file }
     }
 

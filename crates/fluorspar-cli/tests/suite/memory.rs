@@ -23,7 +23,9 @@ fn stderr(said: &Output) -> String {
 fn too_little_memory_is_an_error_that_names_images_and_surfaces() {
     let folder = tempfile::tempdir().unwrap();
     // 1.6 GiB of images.
-    let size = ["--set=render.width_px=600", "--set=render.height_px=600", "--spp=1", "-q"];
+    let size =
+        ["width_px=600", "height_px=600", "component_bands=all"].map(|size| format!("--set=render.{size}"));
+    let size = [size.each_ref().map(String::as_str).as_slice(), &["--spp=1", "-q"]].concat();
     let said = limited(folder.path(), "-v 500000", &[&["render", "flat-patch"], &size[..]].concat());
     let message = stderr(&said);
     assert_eq!(said.status.code(), Some(1), "{message}");

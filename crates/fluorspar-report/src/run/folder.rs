@@ -114,8 +114,11 @@ pub fn write_run_folder(folder: &Path, run: &RunResults<'_>) -> Result<PathBuf, 
     let evaluation = run.evaluation;
     let Some(components) = run.components else { return write_frame_report(folder, run) };
     let provenance = provenance(run.experiment, run.experiment_text, components);
-    let options =
-        ExrOptions { compression: ExrCompression::Zip, provenance: Some(&provenance), ..Default::default() };
+    let options = ExrOptions {
+        compression: ExrCompression::Rounded24,
+        provenance: Some(&provenance),
+        ..Default::default()
+    };
 
     let images = || -> Result<(), RunFolderError> {
         for capture in &run.experiment.study.captures {

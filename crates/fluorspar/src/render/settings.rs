@@ -89,7 +89,7 @@ impl RenderSettings {
     }
 
     /// Which bands the film keeps: all of them where statistics or excitation nodes are kept beside them.
-    pub(crate) fn film_bands(&self) -> ComponentBands {
+    pub fn film_bands(&self) -> ComponentBands {
         match self.film_statistics() {
             StatisticsKind::None if self.excitation_basis.is_none() => self.component_bands,
             _ => ComponentBands::All,

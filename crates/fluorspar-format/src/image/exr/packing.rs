@@ -12,6 +12,7 @@ use exr::meta::Headers;
 use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
 use exr::prelude::Compression;
+use fluorspar_accel::memory_is_available;
 use libdeflater::{CompressionLvl, Compressor};
 use rayon::prelude::*;
 
@@ -68,8 +69,15 @@ fn packed(headers: &[Header], index: BlockIndex, data: Vec<u8>) -> Chunk {
     chunk(header, index, ordered.and_then(|bytes| deflated(&bytes, stored.len())).unwrap_or(stored))
 }
 
+/// Memory of a compressor, bytes, generously.
+const COMPRESSOR_BYTES: u64 = 2 << 20;
+
 /// Bytes in less than so many; `None` where that is not possible.
 fn deflated(bytes: &[u8], most: usize) -> Option<Vec<u8>> {
+    // The library ends the program where it gets no memory
+    if !memory_is_available(COMPRESSOR_BYTES) {
+        return None;
+    }
     let mut compressor = Compressor::new(CompressionLvl::new(LEVEL).unwrap_or_default());
     let mut packed = vec![0; compressor.zlib_compress_bound(bytes.len())];
     let length = compressor.zlib_compress(bytes, &mut packed).ok().filter(|length| *length < most)?;
