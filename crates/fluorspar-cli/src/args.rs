@@ -49,6 +49,9 @@ pub(crate) struct Args {
     pub(crate) command: Option<Command>,
 }
 
+/// Command lines that `--help` shows, each at its command.
+const EXAMPLES: &str = include_str!("examples.txt");
+
 /// The commands as `--help` groups them.
 const GROUPS: [(&str, &[&str]); 6] = [
     ("Run and look", &["run", "new", "render", "capture", "analyze", "sheet", "compare", "merge", "denoise"]),
@@ -74,7 +77,7 @@ impl Args {
                 list += &format!("  {name:<18} {about}\n");
             }
         }
-        command.help_template(format!(
+        with_examples(command, "").help_template(format!(
             "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n{list}\nOptions:\n{{options}}{{after-help}}\n"
         ))
     }
@@ -83,6 +86,25 @@ impl Args {
     pub(crate) fn read(line: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
         let matches = Self::grouped().try_get_matches_from(line)?;
         Self::from_arg_matches(&matches)
+    }
+}
+
+/// A command with the examples of those within it that do something.
+fn with_examples(command: clap::Command, name: &str) -> clap::Command {
+    if command.has_subcommands() {
+        return command.mut_subcommands(|sub| {
+            let name = format!("{name} {}", sub.get_name());
+            with_examples(sub, &name)
+        });
+    }
+    let is_own = |line: &&str| {
+        line.strip_prefix(&format!("fluorspar{name}")).is_some_and(|rest| rest.starts_with(' '))
+    };
+    let lines: Vec<&str> = EXAMPLES.lines().filter(is_own).collect();
+    if lines.is_empty() {
+        command
+    } else {
+        command.after_help(format!("Examples:\n  {}", lines.join("\n  ")))
     }
 }
 
@@ -200,6 +222,24 @@ mod tests {
         named.sort_unstable();
         grouped.sort_unstable();
         assert_eq!(named, grouped);
+    }
+
+    #[test]
+    fn every_command_helps_with_an_example_that_fits_in_a_line() {
+        let mut root = Args::grouped();
+        walk(&mut root, "", &mut |name, command| {
+            let has_example =
+                command.get_after_help().is_some_and(|text| text.to_string().contains("fluorspar "));
+            assert!(has_example || command.has_subcommands(), "{name}");
+        });
+        for line in EXAMPLES.lines() {
+            // Quotes keep blanks
+            let words = line.split('\'').enumerate().flat_map(|(i, part)| match i % 2 {
+                0 => part.split_whitespace().map(OsString::from).collect::<Vec<_>>(),
+                _ => vec![part.into()],
+            });
+            assert!(line.len() < 99 && Args::read(words).is_ok(), "{line}");
+        }
     }
 
     #[test]

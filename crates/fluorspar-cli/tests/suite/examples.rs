@@ -36,6 +36,7 @@ fn tiny(words: &[String], folder: &Path) -> Vec<String> {
     };
     match (words[0].as_str(), words.get(1).map(String::as_str)) {
         ("run" | "check", file) => {
+            let file = file.filter(|file| file.ends_with(".toml"));
             add(&mut all, &["--set=render.width_px=16", "--set=render.height_px=12"]);
             add(&mut all, &["--set=render.samples_per_pixel=1"]);
             let text = file.map(|file| fs::read_to_string(folder.join(file)).unwrap()).unwrap_or_default();
@@ -49,7 +50,14 @@ fn tiny(words: &[String], folder: &Path) -> Vec<String> {
                 }
             }
         }
-        ("tissue", _) => add(&mut all, &["--step-nm", "20"]),
+        ("render", _) => {
+            add(&mut all, &["--set=render.width_px=16", "--set=render.height_px=12", "--spp=16"]);
+        }
+        ("mouth", Some("generate")) => add(&mut all, &["--detail=0.25"]),
+        ("mouth", Some("view")) => add(&mut all, &["--detail=0.25", "--width=64", "--spp=1"]),
+        ("sensor", _) => add(&mut all, &["--region", "32", "24", "--levels=10", "--stack=4"]),
+        ("tissue", Some("mc")) => add(&mut all, &["--photons=1000"]),
+        ("tissue", Some("solve" | "fit")) => add(&mut all, &["--step-nm", "20"]),
         _ => {}
     }
     all
@@ -137,6 +145,58 @@ fn the_task_index_and_the_examples_run() {
     assert!(place.starts_with("fluorspar-out/design-03-four-leds-"), "{}", changed.stderr);
     let own = fs::read_to_string(folder.path().join(place).with_file_name("designs.csv")).unwrap();
     assert_eq!(own.lines().count(), 2, "{own}");
+}
+
+/// Examples of `--help` that take long, wait for other processes or need frames of a camera: that they can be read another test holds.
+const ONLY_READ: [&str; 9] = [
+    "run velscope-like",
+    "analyze --experiment",
+    "design sweep tongue-camera",
+    "design compare devices",
+    "design scenes",
+    "design merge",
+    "mouth sample",
+    "mouth view",
+    "validate",
+];
+
+#[test]
+fn the_examples_of_help_run() {
+    let folder = workshop();
+    let put = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    // Excitation light in the cells where both wavelengths are the same
+    let cell = |ex: i32, em: i32| match em - ex {
+        0 => 0.5,
+        gap if gap > 0 => (-(f64::from(em - 530) / 30.0).powi(2)).exp(),
+        _ => 0.0,
+    };
+    let row = |em: i32| format!("{em},{},{},{}\n", cell(400, em), cell(410, em), cell(420, em));
+    let rows: String = (400..=600).step_by(5).map(row).collect();
+    put("raw.csv", &format!("em_nm\\ex_nm,400,410,420\n{rows}"));
+    put(
+        "kitchen.pbrt",
+        "Camera \"perspective\" Film \"image\" \"integer xresolution\" 8 \"integer yresolution\" 8\nWorldBegin\n\
+         LightSource \"infinite\"\nShape \"sphere\"\nWorldEnd\n",
+    );
+    let run = |line: &str| {
+        let said = fluorspar(folder.path(), tiny(&words(line), folder.path()));
+        assert_eq!(said.code, Some(0), "{line}: {}", said.stderr);
+    };
+    run("run");
+    fs::copy(
+        folder.path().join("fluorspar-out/oraleye-2021/raw_blue.tiff"),
+        folder.path().join("IMG_0001.tiff"),
+    )
+    .unwrap();
+    let lines = include_str!("../../src/examples.txt").lines();
+    let mut lines: Vec<&str> = lines.map(|line| line.strip_prefix("fluorspar ").unwrap()).collect();
+    lines.retain(|line| !ONLY_READ.iter().any(|start| line.starts_with(start)));
+    for line in lines {
+        run(line);
+        if line.contains("--shard 1/2") {
+            run("render flat-patch --film 2.film --shard 2/2");
+        }
+    }
 }
 
 #[test]
