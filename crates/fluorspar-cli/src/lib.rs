@@ -7,6 +7,8 @@ mod error;
 mod interrupt;
 mod message;
 mod progress;
+#[cfg(test)]
+mod reference_tests;
 
 use std::ffi::OsString;
 use std::io::ErrorKind;

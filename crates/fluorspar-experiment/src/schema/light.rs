@@ -108,7 +108,7 @@ pub struct RingLight {
     /// Frame of position and direction. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
-    /// Center of the ring, mm. Default: the origin of its frame.
+    /// Center, mm. Default: the origin of its frame.
     #[serde(default)]
     pub position_mm: [f64; 3],
     /// Where it shines. Default: forward in the frame of the camera, otherwise needed.
@@ -128,7 +128,7 @@ pub struct RingLight {
     /// Angle from the axis at which the radiant intensity is one half, degrees, 2.2 to 60. Default 60 (Lambertian).
     #[serde(default = "lambertian")]
     pub half_angle_deg: f64,
-    /// Power of each emitter, or irradiance of all together.
+    /// Power or irradiance.
     pub strength: SourceStrength,
 }
 
@@ -201,7 +201,7 @@ pub struct RectangleLight {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SphereLight {
-    /// Frame of the position. Default "scene".
+    /// Frame of position and direction. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
     /// Center, mm. Default: the origin of its frame.
@@ -217,10 +217,10 @@ pub struct SphereLight {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PointLight {
-    /// Frame of the position. Default "scene".
+    /// Frame of position and direction. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
-    /// Position, mm. Default: the origin of its frame.
+    /// Center, mm. Default: the origin of its frame.
     #[serde(default)]
     pub position_mm: [f64; 3],
     /// Power or irradiance.
@@ -234,7 +234,7 @@ pub struct SpotLight {
     /// Frame of position and direction. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
-    /// Position, mm. Default: the origin of its frame.
+    /// Center, mm. Default: the origin of its frame.
     #[serde(default)]
     pub position_mm: [f64; 3],
     /// Where it shines. Default: forward in the frame of the camera, otherwise needed.
@@ -266,11 +266,10 @@ pub enum SpotEdge {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DistantLight {
-    /// Frame of the direction. Default "scene".
+    /// Frame of position and direction. Default "scene".
     #[serde(default)]
     pub frame: LightFrame,
-    /// Where it shines; a point is seen from the origin of the frame. Default: forward in the frame of the camera,
-    /// otherwise needed.
+    /// Where it shines. Default: forward in the frame of the camera, otherwise needed. A point is seen from the origin of the frame.
     pub aim: Option<Aim>,
     /// Irradiance of a surface that faces it.
     pub strength: DistantStrength,

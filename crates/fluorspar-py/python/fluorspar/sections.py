@@ -973,7 +973,7 @@ class LightSection(TypedDict, total=False):
     frame: LightFrame
     """Frame of position and direction. Default "scene"."""
     position_mm: list[float]
-    """Center of the ring, mm. Default: the origin of its frame."""
+    """Center, mm. Default: the origin of its frame."""
     aim: Aim
     """Where it shines. Default: forward in the frame of the camera, otherwise needed."""
     count: int
@@ -989,7 +989,7 @@ class LightSection(TypedDict, total=False):
     half_angle_deg: float
     """Angle from the axis at which the radiant intensity is one half, degrees, 2.2 to 60. Default 60 (Lambertian)."""
     strength: SourceStrength | DistantStrength | EnvironmentStrength
-    """Power of each emitter, or irradiance of all together."""
+    """Power or irradiance."""
     inner_radius_mm: float
     """Radius of the hole, mm; smaller than `radius_mm`."""
     size_mm: list[float]
