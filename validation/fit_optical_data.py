@@ -5,7 +5,7 @@
 
 REFERENCE is a folder of measured spectra as CSV (first column wavelength_nm, then values). It is read and never
 copied: what is written are the parameters of equations. Without --write the script only fits, prints the errors
-and the leak of the default filter pairs; with --write it replaces the TOML files and the README under
+and the leak of the default filter pairs; with --write it replaces the TOML files under
 crates/fluorspar-experiment/data. Everything that is not fitted is typed in below, with its source.
 
 Needs numpy and scipy; matplotlib for --plots.
@@ -992,74 +992,7 @@ def to_toml(item):
     return "\n".join(lines) + "\n"
 
 
-FOLDERS = {
-    "lights": (
-        "Lights",
-        "Relative spectral power of emitters, 1 at the peak; the power in watts is part of the scene.",
-    ),
-    "filters": (
-        "Filters",
-        (
-            "Transmittance at normal incidence. A filter with an `effective_index` n is an interference "
-            "filter: at the angle a its curve moves to shorter wavelengths, lambda(a) = lambda sqrt(1 - (sin a / n)^2)."
-        ),
-    ),
-    "reflectances": (
-        "Reflectances",
-        "Diffuse reflectance without the gloss of the surface, which belongs to the material.",
-    ),
-    "qe": ("Quantum efficiencies", "Electrons per photon that arrives at the sensor, per channel."),
-}
-
-
-def readme(items):
-    lines = [
-        "# Lights, filters, reflectances, quantum efficiencies",
-        "",
-        "Models, not measurements: every file is an equation with its parameters, which `validation/fit_optical_data.py`",
-        "fitted to public data or which are typed in from the literature. The rms is in the unit of the quantity; `-` means",
-        "assumed or exact. References are named relative to the folder that the script is given; they do not ship.",
-        "All files hold from 350 to 750 nm unless `valid_nm` says otherwise. To change a value, change the script and run it",
-        "with `--write`: this table and the files are its output.",
-        "",
-        "What to know before use:",
-        "",
-        "- `led_385` has no near-infrared emission; what its measurement shows there is the second diffraction order of the instrument.",
-        "- Blocking bands are optical densities, because the measured ones are stray light. OD 4 on the light and OD 5 in front of",
-        "  the lens are assumptions that decide how much reflected light leaks; set them to those of your parts.",
-        "- Filters are given at normal incidence. A short-pass on an LED at 30 degrees cuts 4 % earlier, a long-pass passes 4 % earlier.",
-        "- Tissue parameters describe a curve. Sites other than tongue and inner lip are assumed.",
-        "- The OralEye's sensor, white LED and filters are not public; generic models replace them here.",
-        "",
-        "Families of generic parts, which `validation/write_generic_optics.py` writes: LEDs `led_340` to `led_500` by 5 nm, `long_pass_400` to",
-        "`long_pass_680`, `short_pass_370` to `short_pass_540`, `band_pass_CENTER_WIDTH`, `absorbing_long_pass_450` to `550`, sensors",
-        "`multispectral_8_band` and `multispectral_16_band`. All their numbers are assumed: round ones within what data sheets state. Names that",
-        "are in the tables below are not theirs.",
-        "",
-    ]
-    for folder, (title, text) in FOLDERS.items():
-        lines += [
-            f"## {title} (`{folder}/`)",
-            "",
-            text,
-            "",
-            "| name | what | model | fitted to | range nm | rms |",
-            "|---|---|---|---|---|---|",
-        ]
-        for item in (i for i in items if i.folder == folder):
-            kind = next(iter(item.curves.values()))["type"]
-            if item.fits:
-                worst = max(item.fits.values(), key=lambda f: f.rms)
-                span = f"{worst.range_nm[0]:.0f}-{worst.range_nm[1]:.0f}"
-                lines.append(
-                    f"| {item.name} | {item.title} | {kind} | `{worst.reference}` | {span} | {worst.rms:.2g} |"
-                )
-            else:
-                lines.append(
-                    f"| {item.name} | {item.title} | {kind} | {'assumed' if item.assumed else 'definition'} | - | - |"
-                )
-        lines.append("")
-    return "\n".join(lines)
+FOLDERS = ("lights", "filters", "reflectances", "qe")
 
 
 # ---------------------------------------------------------------- judging
@@ -1149,7 +1082,6 @@ def main():
             path = DATA / item.folder / f"{item.name}.toml"
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(to_toml(item), encoding="utf-8")
-        (DATA / "README.md").write_text(readme(items), encoding="utf-8")
         print(f"\nwrote {len(items)} files")
 
 

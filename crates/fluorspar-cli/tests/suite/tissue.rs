@@ -439,33 +439,3 @@ fn wrong_words_of_tissue_commands_are_told() {
     }
     assert_eq!(listing(folder.path()), before);
 }
-
-/// docs/tissue.md has a table of parameters of some sites: all of them, with the values of `catalog show tissue`.
-#[test]
-fn the_documented_parameters_are_those_of_the_sites() {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/tissue.md");
-    let text = fs::read_to_string(page).unwrap();
-    let cells = |line: &str| -> Vec<String> {
-        line.trim_matches('|').split('|').map(|cell| cell.trim().trim_matches('`').to_string()).collect()
-    };
-    let mut lines = text.lines().skip_while(|line| !line.starts_with("| parameter |"));
-    let head = cells(lines.next().unwrap());
-    let rows: Vec<Vec<String>> = lines.skip(1).take_while(|line| line.starts_with('|')).map(cells).collect();
-    let mut sites = 0;
-    for (column, name) in head.iter().enumerate() {
-        let shown = fluorspar(Path::new("."), ["catalog", "show", "tissue", name.as_str(), "--json"]);
-        if shown.code != Some(0) {
-            continue;
-        }
-        sites += 1;
-        let site = shown.json();
-        let parameters = site["parameters"].as_array().unwrap();
-        assert_eq!(parameters.len(), rows.len(), "{name}");
-        for (parameter, row) in parameters.iter().zip(&rows) {
-            assert_eq!(parameter["name"], row[0].as_str());
-            assert_eq!(parameter["unit"], row[1].as_str());
-            assert_eq!(parameter["value"].as_f64(), row[column].parse().ok(), "{name}: {}", row[0]);
-        }
-    }
-    assert!(sites >= 3, "{head:?}");
-}

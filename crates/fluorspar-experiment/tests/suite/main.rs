@@ -8,7 +8,6 @@ mod channel_planes;
 mod design;
 mod design_renders;
 mod documentation;
-mod documented_surroundings;
 mod emission_sides;
 mod excitation_basis;
 mod experiment_files;
