@@ -47,8 +47,9 @@ pub use frame::frame_description::{
     DescribedFrame, FactSource, FrameDescription, FrameFact, FrameFacts, black_level_doubt, describe_frame,
     description_path, read_described_frame,
 };
-pub use frame::packed_raw::{RawPacking, write_packed_raw};
+pub use frame::packed_raw::write_packed_raw;
 pub use frame::raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
+pub use frame::row_packing::RawPacking;
 pub use image::exr::{
     ComponentFile, ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
     write_spectral_exr,

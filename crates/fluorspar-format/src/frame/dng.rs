@@ -10,12 +10,12 @@ use std::path::Path;
 use tiff::encoder::{Rational, TiffEncoder, TiffValue};
 use tiff::tags::{Tag, Type};
 
+use super::described_frame::{Description, JudgedFrame, Samples, description, image_of};
 use super::dng_pixels::{DngPixels, read_dng_pixels};
 use super::frame_judgement::{
     FrameRemark, FrameTags, StoredFrame, alignment_words, left_aligned_bits, orientation_of,
 };
 use super::opcodes::opcodes_of;
-use super::raw::{Description, JudgedFrame, Samples, description, image_of};
 use super::tiff_directory::{Directory, TiffBytes};
 use crate::store::file::{read_sidecar, sidecar_path};
 use crate::store::output::write_atomically;
@@ -371,7 +371,7 @@ fn raw_directory<'a, 'b>(
 ) -> Result<&'b Directory<'a>, FormatError> {
     let is_raw = |d: &&Directory<'_>| {
         let kind = d.first(262);
-        kind == Some(u64::from(CFA)) || (kind == Some(u64::from(LINEAR_RAW)) && [1, 3].contains(&samples(d)))
+        kind == Some(u64::from(CFA)) || (kind == Some(u64::from(LINEAR_RAW)) && [1, 3].contains(&d.samples()))
     };
     let size = |d: &Directory<'_>| d.first(256).unwrap_or(0).saturating_mul(d.first(257).unwrap_or(0));
     let raw: Vec<&Directory<'_>> = directories.iter().filter(is_raw).collect();
@@ -394,10 +394,6 @@ fn raw_directory<'a, 'b>(
             Err(FormatError::unsupported(path, what, hint))
         }
     }
-}
-
-pub(crate) fn samples(directory: &Directory<'_>) -> u64 {
-    directory.first(277).unwrap_or(1)
 }
 
 /// The frame as the tags of another camera describe it.

@@ -98,7 +98,7 @@ fn layout(path: &Path, tiff: &TiffBytes<'_>, raw: &Directory<'_>) -> Result<Layo
         FormatError::unsupported(path, what, "Convert it to an uncompressed or losslessly compressed DNG")
     };
     let (width, height) = (raw.first(256).unwrap_or(0), raw.first(257).unwrap_or(0));
-    let samples = super::dng::samples(raw);
+    let samples = raw.samples();
     if ![1, 3].contains(&samples) {
         return Err(unsupported(format!("{samples} samples per pixel are not supported")));
     }

@@ -4,13 +4,12 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::camera_raw::{no_frame, refuse_camera_raw};
+use super::described_frame::{Description, JudgedFrame, Samples, image_of_parts};
 use super::dng::{
     DngFrame, EXPOSURE_TIME, ISO, Told, bits_of, camera_number, gain_of_iso, is_dng, read_dng_description,
 };
 use super::frame_judgement::{FrameRemark, StoredFrame, alignment_words, left_aligned_bits, unused_bits};
-use super::raw::{
-    Description, JudgedFrame, Samples, image_of_parts, read_frame_png, read_judged_frame, tiff_tags,
-};
+use super::raw::{read_frame_png, read_judged_frame, tiff_tags};
 use super::tiff_directory::{Directory, TiffBytes};
 use super::tiff_image::{TiffPixels, read_tiff_pixels};
 use crate::store::file::{MAX_IMAGE_BYTES, check_not_empty, read_file, sidecar_path, write_sidecar};

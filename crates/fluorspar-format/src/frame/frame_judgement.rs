@@ -2,7 +2,6 @@
 
 use fluorspar::image::{Orientation, SensorImage};
 
-use super::opcodes::bounds;
 use super::tiff_directory::Directory;
 
 /// One thing that a frame has otherwise than most, in words.
@@ -295,4 +294,11 @@ fn by_channel(image: &SensorImage, number: impl Fn(usize) -> Option<f64>) -> Str
         Some(format!("{name} {value}"))
     });
     format!("{} DN", words.collect::<Vec<_>>().join(", "))
+}
+
+/// The least and the largest of some numbers.
+pub(crate) fn bounds(values: &[f32]) -> Option<(f32, f32)> {
+    let bounds =
+        values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)));
+    (bounds.0 <= bounds.1).then_some(bounds)
 }

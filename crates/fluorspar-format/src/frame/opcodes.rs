@@ -1,7 +1,7 @@
 //! Opcodes of DNG files (Adobe DNG 1.7, chapter 7): gain maps are applied, others told.
 
 use super::dng_pixels::DngPixels;
-use super::frame_judgement::FrameRemark;
+use super::frame_judgement::{FrameRemark, bounds};
 use super::tiff_directory::Directory;
 
 /// Names of opcodes.
@@ -228,11 +228,4 @@ pub(crate) fn opcodes_of(
         });
     }
     found
-}
-
-/// The least and the largest of some numbers.
-pub(crate) fn bounds(values: &[f32]) -> Option<(f32, f32)> {
-    let bounds =
-        values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)));
-    (bounds.0 <= bounds.1).then_some(bounds)
 }

@@ -174,6 +174,11 @@ impl<'a> Directory<'a> {
             .collect()
     }
 
+    /// Numbers in a pixel.
+    pub(crate) fn samples(&self) -> u64 {
+        self.first(277).unwrap_or(1)
+    }
+
     /// The only or first whole number of a tag.
     pub(crate) fn first(&self, tag: u16) -> Option<u64> {
         self.unsigned(tag).first().copied()

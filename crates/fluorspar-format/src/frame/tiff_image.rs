@@ -145,7 +145,7 @@ pub(crate) fn check_kind(path: &Path, bytes: &[u8], is_frame: bool) -> Result<()
     } else if first.first(262) == Some(3) {
         let what = "its pixels are indices of a palette, not numbers of light";
         (what.into(), "Give the file that it was made from, or save it as gray or RGB".into())
-    } else if first.first(284) == Some(2) && super::dng::samples(first) > 1 {
+    } else if first.first(284) == Some(2) && first.samples() > 1 {
         let what = "its channels are stored in separate planes (planar configuration 2), which are not read";
         (what.into(), python_copy(path, ".transpose(1, 2, 0), photometric='rgb'"))
     } else {
@@ -159,7 +159,7 @@ fn check_numbers(path: &Path, first: &Directory<'_>) -> Result<(), FormatError> 
     let photometric = first.first(262);
     let bits = first.first(258).unwrap_or(1);
     let tables = first.unsigned(301);
-    let samples = super::dng::samples(first) as usize;
+    let samples = first.samples() as usize;
     // One for all samples, or one for each
     let of_sample =
         if tables.len().is_multiple_of(3) && samples > 1 { tables.len() / 3 } else { tables.len() };

@@ -546,6 +546,7 @@ const WITHOUT_CIRCLES: &[(&str, &str)] = &[
     ("fluorspar", "light"),
     ("fluorspar", "pipeline"),
     ("fluorspar-experiment", ""),
+    ("fluorspar-format", "frame"),
 ];
 
 /// The files of one module: what each of them imports from the others.
