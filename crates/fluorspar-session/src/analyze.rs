@@ -293,7 +293,7 @@ fn readout_of_frames(options: &AnalyzeOptions, parsed: &Experiment) -> Result<Ve
     let raw = read_sensor_image(Path::new(file))?.image;
     if raw.black_level < 0.0 {
         return Err(Error::Input(format!(
-            "{file}: its black level, {} DN, is below zero; describe the frame with --black-level, the mean of a frame with the cap on the \
+            "{file}: its black level, {} DN, is below zero; describe the frame with ⟨black_level⟩, the mean of a frame with the cap on the \
              lens",
             raw.black_level
         )));
@@ -635,7 +635,7 @@ fn remedy(lack: &IncompleteRaw, path: &Path, exposure_s: f64) -> String {
                 )
             });
             format!(
-                ". {}Where the sensor has {of_frame} bits: ⟨set=sensor.bit_depth={of_frame}⟩. Or describe the frame with --dn-per-electron",
+                ". {}Where the sensor has {of_frame} bits: ⟨set=sensor.bit_depth={of_frame}⟩. Or describe the frame with ⟨dn_per_electron⟩",
                 again.unwrap_or_default()
             )
         }
@@ -699,7 +699,7 @@ fn named_frames(
         if options.dark.is_empty()
             && let Some(doubt) = black_level_doubt(&raw.data, raw.black_level, raw.white_level)
         {
-            let what = "Describe the frame with --black-level, or give dark frames with ⟨dark⟩";
+            let what = "Describe the frame with ⟨black_level⟩, or give dark frames with ⟨dark⟩";
             job.warn(&[Warning::from(format!("{file}: {doubt}. {what}"))]);
         }
         match frames.iter_mut().find(|frame| frame.raw.label == **capture) {

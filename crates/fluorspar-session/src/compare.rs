@@ -113,7 +113,7 @@ pub fn compare(options: &CompareOptions, job: &Job) -> Result<Comparison> {
         && of_a == of_b
     {
         return Err(Error::Input(format!(
-            "{} and {}: both are the same folder; give the folders of two runs (a run has a folder of its own with --out)",
+            "{} and {}: both are the same folder; give the folders of two runs (a run has a folder of its own with ⟨out⟩)",
             options.a.display(),
             options.b.display()
         )));
