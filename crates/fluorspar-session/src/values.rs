@@ -144,6 +144,17 @@ impl Override {
         Self { set: format!("insert {path}={value}"), typed: Some(typed) }
     }
 
+    /// The section of the file that it changes.
+    pub fn section(&self) -> &str {
+        let path = self.set.trim_start_matches("insert ").trim_start_matches("unset ").trim_start();
+        path.split(['.', '=', '[']).next().unwrap_or_default().trim_end()
+    }
+
+    /// The option that was typed.
+    pub fn typed(&self) -> String {
+        self.typed.clone().unwrap_or_else(|| format!("⟨set={}⟩", self.set))
+    }
+
     /// A field that has an option of its own.
     pub fn of_option(path: &str, value: impl Display, typed: String) -> Self {
         Self { set: format!("{path}={value}"), typed: Some(typed) }

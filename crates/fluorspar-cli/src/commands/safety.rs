@@ -10,6 +10,9 @@ use crate::error::CliError;
 use crate::message::Messages;
 use crate::values::{self, Override};
 
+/// Sections that the safety of captures does not rest on.
+const IGNORED: [&str; 6] = ["analysis", "develop", "motion", "output", "spectroradiometer", "target"];
+
 /// Options of `safety`.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Options {
@@ -32,6 +35,12 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     overrides.extend(of("safety.patient_eye_distance_mm", options.patient_eye_mm, "patient_eye_mm"));
     overrides.extend(of("safety.operator_eye_distance_mm", options.operator_eye_mm, "operator_eye_mm"));
     let ResolvedExperiment { study, record } = source.resolve(&overrides)?;
+    if let Some(change) = overrides.iter().find(|change| IGNORED.contains(&change.section())) {
+        let (typed, section) = (change.typed(), change.section());
+        return Err(CliError::Input(format!(
+            "{typed}: `{section}` changes nothing of the safety of captures; leave this out"
+        )));
+    }
     Messages::default().warnings(&record.warnings);
     if study.captures.is_empty() {
         return Err(CliError::Input(format!(
