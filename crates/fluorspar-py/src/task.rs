@@ -127,10 +127,10 @@ fn options_of<O: TaskOptions>(task: &str, arguments: Option<&Bound<'_, PyDict>>)
         };
         table.insert(name.clone(), as_option(toml_value(&value, &name)?, option));
     }
-    let of = |table: &toml::Table| O::deserialize(toml::Value::Table(table.clone()));
-    of(&table).map_err(|error| {
+    let options = |table: &toml::Table| O::deserialize(toml::Value::Table(table.clone()));
+    options(&table).map_err(|error| {
         let alone = |(name, value): &(&String, &toml::Value)| {
-            of(&toml::Table::from_iter([((*name).clone(), (*value).clone())])).is_err()
+            options(&toml::Table::from_iter([((*name).clone(), (*value).clone())])).is_err()
         };
         let name = table.iter().find(alone).map_or(task, |(name, _)| name);
         PyTypeError::new_err(format!("{name}: {}", in_words(error.message())))

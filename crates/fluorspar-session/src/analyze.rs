@@ -395,10 +395,10 @@ fn as_recorded(
     warn_of_missing_frames(options, experiment, job);
     if !options.frame.is_empty() {
         // The size of the frames, and where the region lies, make no other experiment
-        let of = &experiment.record.title;
-        let of = of.strip_suffix(", changed").unwrap_or(of);
+        let title = &experiment.record.title;
+        let title = title.strip_suffix(", changed").unwrap_or(title);
         let files: Vec<String> = named_files(options).map(|(_, file)| file_name(file)).collect();
-        experiment.record.title = format!("{}, analyzed as by \"{of}\"", files.join(", "));
+        experiment.record.title = format!("{}, analyzed as by \"{title}\"", files.join(", "));
     }
 }
 

@@ -126,8 +126,8 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     if options.answer.json {
         let names = ["lights", "filters", "excitation", "emission", "quantum_efficiency"];
         let list = |curves: &Vec<PlotCurve>| -> serde_json::Value {
-            let of = |curve: &PlotCurve| serde_json::json!({ "name": curve.name, "wavelength_nm": curve.wavelength_nm, "value": curve.value });
-            curves.iter().map(of).collect()
+            let as_json = |curve: &PlotCurve| serde_json::json!({ "name": curve.name, "wavelength_nm": curve.wavelength_nm, "value": curve.value });
+            curves.iter().map(as_json).collect()
         };
         let mut answer = serde_json::json!({ "file": options.out, "kept": kept });
         for (name, curves) in names.into_iter().zip(all) {

@@ -108,17 +108,17 @@ fn radiance_rows(
         row.extend([cell(0), cell(1)]);
         rows.push(row);
     };
-    let of = |pick: &dyn Fn(&ChannelPrediction) -> f64| {
+    let by_channel = |pick: &dyn Fn(&ChannelPrediction) -> f64| {
         channels.iter().map(|(_, channel)| pick(channel)).collect::<Vec<f64>>()
     };
-    add("reflected", &prediction.radiance.reflected, of(&|c| c.electrons_reflected), None);
+    add("reflected", &prediction.radiance.reflected, by_channel(&|c| c.electrons_reflected), None);
     for (name, values) in &prediction.radiance.fluorescence {
         let rg = prediction.fluorophore_chromaticity.get(name).and_then(Option::as_ref).map(|c| [c.r, c.g]);
-        let electrons = of(&|c| c.electrons_fluorescence.get(name).copied().unwrap_or(0.0));
+        let electrons = by_channel(&|c| c.electrons_fluorescence.get(name).copied().unwrap_or(0.0));
         add(name, values, electrons, rg);
     }
     let rg = prediction.chromaticity.as_ref().map(|c| [c.r, c.g]);
-    add("total", &prediction.radiance.total, of(&|c| c.electrons), rg);
+    add("total", &prediction.radiance.total, by_channel(&|c| c.electrons), rg);
     if channels.is_empty() {
         rows.iter_mut().for_each(|row| row.truncate(3));
     }

@@ -31,9 +31,10 @@ pub(crate) struct Options {
 pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let mut overrides = options.experiment.overrides();
-    let of = |path: &str, mm: Option<f64>, option: &str| mm.map(|mm| Override::number(path, mm, option));
-    overrides.extend(of("safety.patient_eye_distance_mm", options.patient_eye_mm, "patient_eye_mm"));
-    overrides.extend(of("safety.operator_eye_distance_mm", options.operator_eye_mm, "operator_eye_mm"));
+    let distance =
+        |path: &str, mm: Option<f64>, option: &str| mm.map(|mm| Override::number(path, mm, option));
+    overrides.extend(distance("safety.patient_eye_distance_mm", options.patient_eye_mm, "patient_eye_mm"));
+    overrides.extend(distance("safety.operator_eye_distance_mm", options.operator_eye_mm, "operator_eye_mm"));
     let ResolvedExperiment { study, record } = source.resolve(&overrides)?;
     if let Some(change) = overrides.iter().find(|change| IGNORED.contains(&change.section())) {
         let (typed, section) = (change.typed(), change.section());

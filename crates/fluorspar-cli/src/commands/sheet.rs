@@ -95,11 +95,12 @@ fn panels(options: &Options, image: &FinishedRender, common: &[Override]) -> Res
     if !options.panel.is_empty() {
         return options.panel.iter().map(|text| panel(text, common)).collect();
     }
-    let of = |light: &LightPath| match light {
+    let fluorophore = |light: &LightPath| match light {
         LightPath::Fluorescence(name) => Some(name.clone()),
         _ => None,
     };
-    let names: BTreeSet<String> = image.labels().components.iter().filter_map(|c| of(&c.light)).collect();
+    let names: BTreeSet<String> =
+        image.labels().components.iter().filter_map(|c| fluorophore(&c.light)).collect();
     let alone = |kept: Option<&String>| {
         let others = names.iter().filter(|name| Some(*name) != kept);
         let off = others.map(|name| Override::set(&format!("concentration.\"{name}\"=0")));

@@ -158,7 +158,7 @@ pub(crate) fn list(options: &ListOptions, kind: PresetKind) -> Result<(), CliErr
     let (mut list, mut rows, mut head) = (Vec::new(), Vec::new(), Vec::new());
     for name in preset::names(kind) {
         let entry = entry(name, kind)?;
-        let of = numbers(&entry.curves[0].1, kind);
+        let measures = numbers(&entry.curves[0].1, kind);
         let mut row = vec![name.to_string()];
         let mut value = json!({ "name": name, "title": entry.title });
         head = vec!["name"];
@@ -168,7 +168,7 @@ pub(crate) fn list(options: &ListOptions, kind: PresetKind) -> Result<(), CliErr
             row.push(channels.join(" "));
             value["channels"] = channels.into();
         } else {
-            for (name, _, number) in of {
+            for (name, _, number) in measures {
                 head.push(name);
                 row.push(number.map_or_else(|| "-".into(), short));
                 value[name] = number.into();
@@ -188,7 +188,7 @@ pub(crate) fn show(options: &ShowOptions, kind: PresetKind) -> Result<(), CliErr
     let entry = entry(&options.name, kind)?;
     if options.json {
         let nm: Vec<f64> = (0..=120).map(|i| 300.0 + 5.0 * f64::from(i)).collect();
-        let of = |(channel, curve): &(String, Curve)| {
+        let as_json = |(channel, curve): &(String, Curve)| {
             let (first, last) = curve.range_nm();
             let mut value = json!({ "channel": channel, "data_from_nm": first, "data_to_nm": last });
             for (name, _, number) in numbers(curve, kind) {
@@ -197,7 +197,7 @@ pub(crate) fn show(options: &ShowOptions, kind: PresetKind) -> Result<(), CliErr
             value["value"] = nm.iter().map(|nm| curve.at(*nm)).collect::<Vec<f64>>().into();
             value
         };
-        let curves: Vec<Value> = entry.curves.iter().map(of).collect();
+        let curves: Vec<Value> = entry.curves.iter().map(as_json).collect();
         return super::print_json(&json!({
             "name": entry.name,
             "title": entry.title,
@@ -208,7 +208,7 @@ pub(crate) fn show(options: &ShowOptions, kind: PresetKind) -> Result<(), CliErr
     }
     let mut text = format!("{}: {}\n", entry.name, entry.title);
     for (channel, curve) in &entry.curves {
-        let of = numbers(curve, kind).into_iter().map(|(name, unit, number)| {
+        let facts = numbers(curve, kind).into_iter().map(|(name, unit, number)| {
             let words = name.trim_end_matches("_nm").replace('_', " ");
             match number {
                 Some(number) => format!("{words} {} {unit}", short(number)).trim_end().to_string(),
@@ -216,7 +216,7 @@ pub(crate) fn show(options: &ShowOptions, kind: PresetKind) -> Result<(), CliErr
             }
         });
         let label = if channel.is_empty() { String::new() } else { format!("{channel}: ") };
-        text += &format!("{label}{}\n", of.collect::<Vec<String>>().join(", "));
+        text += &format!("{label}{}\n", facts.collect::<Vec<String>>().join(", "));
     }
     let about = entry.about.unwrap_or_default();
     for (field, label) in [("description", ""), ("source", "Source: "), ("assumed", "Assumed: ")] {

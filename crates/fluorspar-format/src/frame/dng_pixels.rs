@@ -258,8 +258,9 @@ fn active_area(layout: &Layout, raw: &Directory<'_>, data: Vec<u16>) -> Result<D
 fn linear(mut pixels: DngPixels, raw: &Directory<'_>) -> Result<DngPixels, String> {
     let table = raw.unsigned(50_712);
     if let Some(&last) = table.last() {
-        let of = |value: u16| table.get(usize::from(value)).copied().unwrap_or(last).min(65_535) as u16;
-        pixels.data.iter_mut().for_each(|value| *value = of(*value));
+        let linearized =
+            |value: u16| table.get(usize::from(value)).copied().unwrap_or(last).min(65_535) as u16;
+        pixels.data.iter_mut().for_each(|value| *value = linearized(*value));
     }
     let (width, samples) = (pixels.width, pixels.samples);
     let cell = match raw.unsigned(50_713).as_slice() {

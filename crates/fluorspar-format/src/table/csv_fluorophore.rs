@@ -64,10 +64,10 @@ fn columns(
         headers.iter().filter(|header| names_spectrum(header, axis)).collect()
     };
     let [excitation, emission] = [Axis::Excitation, Axis::Emission].map(named);
-    let of = |name: &str, of_axis: &[&String]| -> Option<String> {
+    let header_of = |name: &str, of_axis: &[&String]| -> Option<String> {
         of_axis.iter().find(|header| sample_of(header) == name).map(|header| header.to_string())
     };
-    let both = |name: &str| Some(vec![of(name, &excitation)?, of(name, &emission)?]);
+    let both = |name: &str| Some(vec![header_of(name, &excitation)?, header_of(name, &emission)?]);
     let mut names: Vec<&str> = Vec::new();
     for name in excitation.iter().map(|header| sample_of(header)) {
         if both(name).is_some() && !names.contains(&name) {

@@ -336,7 +336,8 @@ fn chosen(
     nm: &[f64],
     wanted: Option<&str>,
 ) -> Result<Option<Vec<usize>>, FormatError> {
-    let of = |name: &str| -> Vec<usize> { (0..nm.len()).filter(|place| samples[*place] == name).collect() };
+    let places =
+        |name: &str| -> Vec<usize> { (0..nm.len()).filter(|place| samples[*place] == name).collect() };
     let mut names: Vec<&str> = Vec::new();
     samples.iter().filter(|name| !name.is_empty()).for_each(|name| {
         if !names.contains(name) {
@@ -346,7 +347,7 @@ fn chosen(
     match wanted {
         Some(_) if names.is_empty() => Err(no_samples(path, line)),
         Some(name) if !names.contains(&name) => Err(no_such_sample(path, line, name, &names)),
-        Some(name) => Ok(Some(of(name))),
+        Some(name) => Ok(Some(places(name))),
         None if names.len() > 1 && !are_wavelengths(nm) => Err(FormatError::Samples {
             path: path.into(),
             line,

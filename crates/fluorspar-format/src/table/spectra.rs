@@ -723,10 +723,10 @@ impl SpectrumReader<'_> {
             })
         });
         let convert = convert.transpose()?;
-        let of =
+        let converted =
             |sample: &Sample| convert.map_or(sample.value, |convert| convert.of(sample.nm, sample.value));
         self.say(convert.and_then(Conversion::in_words).map(String::from));
-        let mut values: Vec<f64> = samples.iter().map(of).collect();
+        let mut values: Vec<f64> = samples.iter().map(converted).collect();
         self.check_values(column.values, unit, &samples, &mut values)?;
         let errors = samples.iter().map(|sample| {
             sample.error.map(|error| match convert {
@@ -860,8 +860,8 @@ impl SpectrumReader<'_> {
         let runs: Vec<usize> = samples.chunk_by(|a, b| a.nm == b.nm).map(<[Sample]>::len).collect();
         let mut place = 0;
         for run in runs {
-            let of = &mut samples[place..place + run];
-            of[0].value = of.iter().map(|sample| sample.value).sum::<f64>() / run as f64;
+            let same = &mut samples[place..place + run];
+            same[0].value = same.iter().map(|sample| sample.value).sum::<f64>() / run as f64;
             place += run;
         }
         samples.dedup_by(|b, a| a.nm == b.nm);
@@ -986,7 +986,7 @@ impl SpectrumReader<'_> {
             }
             *value = self.table.checked_sign(self.path, sample.row, column, *value, self.options.negative)?;
         }
-        let of = |(count, extreme): (usize, f64), what: &str| {
+        let words = |(count, extreme): (usize, f64), what: &str| {
             (count > 0)
                 .then(|| format!("{} {what}, as far as {extreme:.2e}", counted(count, "value", "values")))
         };
@@ -995,8 +995,8 @@ impl SpectrumReader<'_> {
                 format!("never below {percent:.0} % of the largest value, and level there: is the dark subtracted?")
             }));
         }
-        self.say(of(below, "below 0 taken as 0"));
-        self.say(of(above, "above 1 taken as 1"));
+        self.say(words(below, "below 0 taken as 0"));
+        self.say(words(above, "above 1 taken as 1"));
         Ok(())
     }
 }
@@ -1021,7 +1021,7 @@ fn around(values: &[f64]) -> Vec<Around> {
     if values.len() < 10 * NOISE_WITHIN {
         return values.iter().map(|value| Around { mean: *value, within: 0.0 }).collect();
     }
-    let of = |place: usize| {
+    let around_place = |place: usize| {
         let end = (place + NOISE_WITHIN + 1).min(values.len());
         let near = &values[place.saturating_sub(NOISE_WITHIN)..end];
         let count = near.len() as f64;
@@ -1029,7 +1029,7 @@ fn around(values: &[f64]) -> Vec<Around> {
         let variance = near.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
         Around { mean, within: 3.0 * (variance / count).sqrt() }
     };
-    (0..values.len()).map(of).collect()
+    (0..values.len()).map(around_place).collect()
 }
 
 /// Percent of the largest value above which all values of a light stay, where a third of them are as low as the lowest: its dark.

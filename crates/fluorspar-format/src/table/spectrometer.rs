@@ -32,12 +32,12 @@ pub(crate) struct RawRow {
 impl RawColumns {
     /// The columns with these headers, if there are all three.
     pub(crate) fn find(headers: &[String]) -> Option<Self> {
-        let of =
+        let column =
             |names: &[&str]| headers.iter().position(|header| names.contains(&first_word(header).as_str()));
         Some(Self {
-            sample: of(&["s", "sample", "scope", "raw"])?,
-            dark: of(&["d", "dark"])?,
-            reference: of(&["r", "ref", "reference", "white"])?,
+            sample: column(&["s", "sample", "scope", "raw"])?,
+            dark: column(&["d", "dark"])?,
+            reference: column(&["r", "ref", "reference", "white"])?,
         })
     }
 

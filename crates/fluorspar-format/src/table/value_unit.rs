@@ -144,9 +144,9 @@ fn prefix(lower: &str, unit: &str) -> Option<f64> {
 /// What the values of a column with this header are multiplied by to be in the unit that [`stated_unit`] finds.
 pub(crate) fn factor_of(header: &str) -> f64 {
     let lower = header.to_lowercase();
-    let of =
+    let factor =
         |units: &[&str]| units.iter().find_map(|unit| prefix(&lower, unit)).filter(|factor| *factor != 1.0);
-    of(&RESPONSIVITY).or_else(|| of(&["od", "au", "abs", "absorbance"])).unwrap_or(1.0)
+    factor(&RESPONSIVITY).or_else(|| factor(&["od", "au", "abs", "absorbance"])).unwrap_or(1.0)
 }
 
 /// The unit that a text names: a header, or a line about the units of a file. What stands in brackets at its end says it better than the name of a
