@@ -130,7 +130,7 @@ const BUNDLES: [(&str, &[&str]); 5] = [
     ("limits", &["max-memory", "max-disk", "time-limit"]),
     ("pbrt", &["unit", "strict", "light-spectra", "bands", "single-scattering"]),
     (
-        "table",
+        "measured",
         &[
             "sample",
             "yield-unit",
@@ -169,51 +169,63 @@ fn shared_options(shared: &BTreeSet<Item>) -> String {
 
 /// Commands with the names of their options, and their examples.
 fn usage(root: &Command, names: &[String]) -> String {
-    let (mut lines, mut examples) = (String::new(), String::new());
+    // Commands of one parent with the same words stand in one line
+    let mut synopses: Vec<(&str, Vec<&str>, Vec<String>)> = Vec::new();
+    let mut examples = String::new();
     for name in names {
         let command = command(root, name);
-        let mut words = vec![format!("    fluorspar {name}")];
-        let items: Vec<(String, &Arg)> =
-            command.get_arguments().filter(is_shown).map(|arg| (option_item(arg).0, arg)).collect();
-        let has = |option: &&str| {
-            items.iter().any(|(name, _)| name.split(' ').next() == Some(&format!("--{option}")))
-        };
-        let bundles: Vec<_> = BUNDLES.iter().filter(|(_, options)| options.iter().all(has)).collect();
-        let is_bundled = |name: &str| bundles.iter().any(|(_, options)| options.contains(&name));
-        for (item, arg) in &items {
-            if arg.get_long().is_some_and(is_bundled) {
-                continue;
-            }
-            let defaults: Vec<_> =
-                arg.get_default_values().iter().map(|v| v.to_string_lossy().into_owned()).collect();
-            let is_switch = arg.get_long().is_some() && !item.contains(' ');
-            let default = if is_switch || defaults.is_empty() || item.contains('|') {
-                String::new()
-            } else {
-                format!("={}", defaults.join(" "))
-            };
-            let many = matches!(arg.get_action(), ArgAction::Append)
-                || arg.get_num_args().is_some_and(|n| n.max_values() > 9);
-            let word = format!("{item}{default}{}", if many { "..." } else { "" });
-            words.push(if arg.is_required_set() { word } else { format!("[{word}]") });
+        let (parent, own) = name.rsplit_once(' ').unwrap_or(("", name));
+        let words = synopsis(command);
+        match synopses
+            .last_mut()
+            .filter(|(of, _, same)| *of == parent && !parent.is_empty() && *same == words)
+        {
+            Some((_, alike, _)) => alike.push(own),
+            None => synopses.push((parent, vec![own], words)),
         }
-        words.extend(bundles.iter().map(|(bundle, _)| format!("[{bundle}]")));
-        let (first, mut line) = (lines.len(), String::new());
-        for word in words {
-            if line.len() + word.len() > 130 {
-                lines += &format!("{line}\n");
-                line = " ".repeat(8);
-            }
-            line += &if line.trim().is_empty() && lines.len() > first { word } else { format!("{word} ") };
-            if line.trim_start().len() < line.len() && !line.ends_with(' ') {
-                line.push(' ');
-            }
-        }
-        lines += &format!("{}\n", line.trim_end());
         let shown = command.get_after_help().map(ToString::to_string).unwrap_or_default();
         examples.extend(shown.lines().filter_map(|line| Some(format!("    {}\n", line.strip_prefix("  ")?))));
     }
-    format!("{lines}\n{}\n\n{examples}", abouts(root, names).trim_end()).replace(" \n", "\n")
+    let mut lines = String::new();
+    for (parent, names, words) in synopses {
+        let mut line = format!("    fluorspar {}", format!("{parent} {}", names.join("|")).trim());
+        for word in words {
+            if line.len() + word.len() > 128 {
+                lines += &format!("{line}\n");
+                line = format!("        {word}");
+            } else {
+                line += &format!(" {word}");
+            }
+        }
+        lines += &format!("{line}\n");
+    }
+    format!("{lines}\n{}\n\n{examples}", abouts(root, names).trim_end())
+}
+
+/// Arguments and options of a command with their defaults, in brackets what may be left out.
+fn synopsis(command: &Command) -> Vec<String> {
+    let mut words = Vec::new();
+    let options: Vec<&str> = command.get_arguments().filter(is_shown).filter_map(Arg::get_long).collect();
+    let bundles: Vec<_> =
+        BUNDLES.iter().filter(|(_, names)| names.iter().all(|name| options.contains(name))).collect();
+    let is_bundled = |name: &str| bundles.iter().any(|(_, names)| names.contains(&name));
+    for arg in command.get_arguments().filter(is_shown) {
+        if arg.get_long().is_some_and(is_bundled) {
+            continue;
+        }
+        let (item, _) = option_item(arg);
+        let default: Vec<_> =
+            arg.get_default_values().iter().map(|v| v.to_string_lossy().into_owned()).collect();
+        let is_told = arg.get_action().takes_values() && arg.get_possible_values().is_empty();
+        let default =
+            if is_told && !default.is_empty() { format!("={}", default.join(" ")) } else { String::new() };
+        let is_many = matches!(arg.get_action(), ArgAction::Append)
+            || arg.get_num_args().is_some_and(|number| number.max_values() > 9);
+        let word = format!("{item}{default}{}", if is_many { "..." } else { "" });
+        words.push(if arg.is_required_set() { word } else { format!("[{word}]") });
+    }
+    words.extend(bundles.iter().map(|(bundle, _)| format!("[{bundle}]")));
+    words
 }
 
 /// What commands do, in a sentence each.
@@ -221,10 +233,10 @@ fn abouts(root: &Command, names: &[String]) -> String {
     let about = |name: &String| {
         sentence(&command(root, name).get_about().map(ToString::to_string).unwrap_or_default())
     };
-    let last = |name: &String| name.rsplit(' ').next().unwrap().to_string();
+    let own = |name: &String| name.split_once(' ').map_or(name.clone(), |(_, own)| own.to_string());
     match names {
         [name] => about(name),
-        _ => names.iter().map(|name| format!("- `{}`: {}\n", last(name), about(name))).collect(),
+        _ => names.iter().map(|name| format!("- `{}`: {}\n", own(name), about(name))).collect(),
     }
 }
 
@@ -487,4 +499,81 @@ fn the_documents_have_the_options_and_fields_of_the_program() {
         }
     }
     assert!(stale.is_empty(), "run this test with FLUORSPAR_WRITE_DOCUMENTS=1: {stale:#?}");
+}
+
+/// All sections of a schema, by name: definitions, and their variants under the same name.
+fn every_section(all: &Map<String, Value>) -> Vec<(&str, &Value)> {
+    let mut found: Vec<(&str, &Value)> = Vec::new();
+    for (name, section) in all {
+        let variants =
+            [section.get("oneOf"), section.get("anyOf")].into_iter().flatten().filter_map(Value::as_array);
+        let variants = variants.flatten().filter(|variant| variant.get("properties").is_some());
+        found.extend(variants.map(|variant| (name.as_str(), variant)));
+        if section.get("properties").is_some() {
+            found.push((name, section));
+        }
+    }
+    found
+}
+
+#[test]
+fn every_section_of_an_experiment_is_in_the_documents() {
+    let all = definitions();
+    let mut named: BTreeSet<String> = BTreeSet::new();
+    for page in pages() {
+        let text = fs::read_to_string(page).unwrap();
+        let lists = text
+            .lines()
+            .filter_map(marker)
+            .filter(|(kind, _)| ["fields", "defaults"].contains(&kind.as_str()));
+        named.extend(
+            lists.flat_map(|(_, list)| list).map(|entry| entry.rsplit('=').next().unwrap().to_string()),
+        );
+    }
+    // Of a choice its variants
+    let choices: Vec<&Value> = named.iter().filter_map(|name| all.get(name)?.get("anyOf")).collect();
+    let variants = choices.into_iter().filter_map(Value::as_array).flatten();
+    let variants =
+        variants.filter_map(|variant| variant.get("$ref")?.as_str()?.rsplit('/').next().map(String::from));
+    named.extend(variants.collect::<Vec<_>>());
+    let schema = json_schema();
+    let of_experiments = schema.get("$defs").and_then(Value::as_object).unwrap();
+    let mut left: BTreeSet<&str> = every_section(of_experiments).into_iter().map(|(name, _)| name).collect();
+    left.retain(|name| !named.contains(*name));
+    // The first is part of others, the second has one field
+    assert_eq!(Vec::from_iter(left), ["OutputSection", "SensorRegionSection"]);
+}
+
+/// What a text states as the default, where that is a value.
+fn stated_default(text: &str) -> Option<Value> {
+    let said = text.split_once("Default ").or_else(|| text.split_once("(default "))?.1.replace(" 000", "000");
+    let end = match said.chars().next()? {
+        '"' => said[1..].find('"')? + 2,
+        '[' => said.find(']')? + 1,
+        _ => said.find([' ', ',', ';', ')']).unwrap_or(said.len()),
+    };
+    serde_json::from_str(said[..end].trim_end_matches('.')).ok()
+}
+
+#[test]
+fn texts_of_fields_state_their_defaults() {
+    // A list of one may be said as its entry
+    let as_numbers = |value: &Value| -> Vec<Value> {
+        let items = value.as_array().cloned().unwrap_or_else(|| vec![value.clone()]);
+        items.iter().map(|item| item.as_f64().map_or(item.clone(), Value::from)).collect()
+    };
+    let (all, mut checked) = (definitions(), 0);
+    for (name, section) in every_section(&all) {
+        for (field, schema) in section["properties"].as_object().unwrap() {
+            let text = text_of(schema).replace('\n', " ");
+            let (Some(said), Some(default)) =
+                (stated_default(&text), schema.get("default").filter(|value| !value.is_object()))
+            else {
+                continue;
+            };
+            assert_eq!(as_numbers(&said), as_numbers(default), "{name}.{field}: {text}");
+            checked += 1;
+        }
+    }
+    assert!(checked > 150, "{checked}");
 }
