@@ -16,8 +16,8 @@ use crate::{Error, Job, Result};
 
 /// Memory of the program itself with its catalogue, bytes, as measured.
 const PROGRAM_BYTES: u64 = 44 << 20;
-/// Memory that the search for the bands of components takes, bytes, as measured.
-const BAND_SEARCH_BYTES: u64 = 20 << 20;
+/// Spectra of a component among which its bands are searched, as measured.
+const SEARCHED_SPECTRA: usize = 5200;
 /// Memory that an image takes besides its film while it is made of it, bytes, at most.
 const CONVERSION_BYTES: u64 = 64 << 20;
 
@@ -70,7 +70,10 @@ impl ResourceNeeds {
         let film = (whole + basis_bytes(scene, settings)).min(settings.memory_limit_bytes);
         let conversion = (film / 4).min(CONVERSION_BYTES);
         let surfaces = surface_bytes(scene);
-        let search = if settings.film_bands() == ComponentBands::Basis { BAND_SEARCH_BYTES } else { 0 };
+        let search = match settings.film_bands() {
+            ComponentBands::All => 0,
+            ComponentBands::Basis => 4 * (SEARCHED_SPECTRA * band_spectra(scene)) as u64,
+        };
         let memory = film + surfaces + whole_image_bytes(scene) + PROGRAM_BYTES + conversion + search;
         Self { memory, film, surfaces, disk: image_room_bytes(study, components) + film_file }
     }
@@ -198,10 +201,18 @@ fn image_bytes(study: &Study, components: bool) -> u64 {
 
 /// Room of a rendered image on the disk while it is made, bytes: rows of one in bands wait in a file of their own.
 pub fn image_room_bytes(study: &Study, components: bool) -> u64 {
-    let image = image_bytes(study, components);
+    // Spectra by which bands follow from stored ones, as text
+    const SPECTRA: usize = 16;
+    let text = if components { 6 * (SPECTRA * band_spectra(&study.scene)) as u64 } else { 0 };
+    let image = image_bytes(study, components) + text;
     let in_bands = memory_bytes(&study.scene, &study.render) > study.render.memory_limit_bytes;
     // Rows of a render with an excitation basis wait in memory
     if in_bands && study.render.excitation_basis.is_none() { 2 * image } else { image }
+}
+
+/// Bands of all components.
+fn band_spectra(scene: &Scene) -> usize {
+    scene.light_groups.len() * (scene.fluorophores.len() + 2) * scene.grid.len()
 }
 
 /// Room of a film on the disk while it is renewed, bytes: the earlier one stays until the new one is complete.
