@@ -9,10 +9,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::light_family::{LightFamily, NuisanceGroup};
-use super::region_blocks::{BlockShares, RegionBlock};
+use super::region_blocks::{BlockShares, LEAST_BLOCKS, RegionBlock};
 use super::share_posterior::{
     FamilyFit, IntervalWithout, Mixture, ShareInterval, ShareOfMean, SharePosterior, largest_misfit,
 };
+use super::visible_share::SignalLevel;
 use crate::warning::Warning;
 
 /// Bayes factor from which on other tissue is told: "strong" by Kass and Raftery, J. Am. Stat. Assoc. 90, 773, 1995. The factor of the
@@ -107,7 +108,7 @@ impl Change {
 }
 
 /// A family with its probability before the measurement.
-type Weighted<'a> = (f64, &'a LightFamily);
+pub(super) type Weighted<'a> = (f64, &'a LightFamily);
 
 /// What the blocks of a region say.
 struct ByBlocks {
@@ -120,7 +121,7 @@ struct ByBlocks {
 }
 
 /// What a measurement says under each of several families.
-struct Compared {
+pub(super) struct Compared {
     fits: Vec<FamilyFit>,
     /// Number of the family of each fit.
     numbers: Vec<usize>,
@@ -130,7 +131,7 @@ struct Compared {
 
 impl Compared {
     /// `None` where the first family, the named one, says nothing.
-    fn new(families: &[Weighted<'_>], electrons: &[f64], variance: &[f64]) -> Option<Self> {
+    pub(super) fn new(families: &[Weighted<'_>], electrons: &[f64], variance: &[f64]) -> Option<Self> {
         let fit =
             |(number, (_, family)): (usize, &Weighted<'_>)| Some((number, family.fit(electrons, variance)?));
         let found: Vec<(usize, FamilyFit)> = families.par_iter().enumerate().filter_map(fit).collect();
@@ -148,7 +149,7 @@ impl Compared {
     }
 
     /// The posterior of the share.
-    fn average(&self) -> Mixture {
+    pub(super) fn average(&self) -> Mixture {
         let weighted = || self.fits.iter().map(|fit| &fit.mixture).zip(&self.probabilities);
         let terms = weighted().flat_map(|(mixture, weight)| {
             mixture.terms.iter().map(move |[share, mean, sd]| [weight * share, *mean, *sd])
@@ -167,12 +168,15 @@ impl Compared {
         blocks: &[RegionBlock],
         side_px: usize,
     ) -> Option<ByBlocks> {
+        if blocks.len() < LEAST_BLOCKS {
+            return None;
+        }
         let mut found: Vec<_> = (0..self.fits.len())
             .into_par_iter()
             .map(|fit| {
                 let has_part = fit == 0 || self.probabilities[fit] > NEGLIGIBLE_IN_BLOCKS;
                 let family = families[self.numbers[fit]].1;
-                let pattern = if has_part { family.red_pattern(blocks) } else { None }?;
+                let pattern = if has_part { family.of_blocks()?.pattern(blocks) } else { None }?;
                 let posterior = pattern.posterior()?;
                 Some((pattern, posterior))
             })
@@ -203,7 +207,7 @@ impl Compared {
 
 /// The share with its interval. What the mean of a region proves stands: it knows the scale of the share better. Else blocks may prove
 /// porphyrin; where they don't, the interval ends no nearer than that of the mean.
-fn answer<'a>(of_mean: &'a Mixture, by_blocks: Option<&'a Mixture>) -> (&'a Mixture, [f64; 2]) {
+pub(super) fn answer<'a>(of_mean: &'a Mixture, by_blocks: Option<&'a Mixture>) -> (&'a Mixture, [f64; 2]) {
     let proven_by_mean = of_mean.interval();
     match by_blocks {
         Some(blocks) if proven_by_mean[0] <= 0.0 => match blocks.interval() {
@@ -284,7 +288,12 @@ impl<'a> FamilyAverage<'a> {
             .filter(|group| self.named.nuisances().iter().any(|(_, of)| of == group));
         let changes: Vec<Change> =
             known.map(Change::Known).chain([Change::WithoutNoise, Change::TwiceAsWide]).collect();
-        let intervals: Vec<[f64; 2]> = changes.par_iter().map(interval_of).collect();
+        let level =
+            SignalLevel { electrons: electrons.to_vec(), variance: variance.to_vec(), blocks: blocks.len() };
+        let (intervals, visible): (Vec<[f64; 2]>, _) = rayon::join(
+            || changes.par_iter().map(interval_of).collect(),
+            || self.named.visible_share(&level),
+        );
         let mut without = Vec::new();
         let mut with_prior_twice_as_wide = interval;
         for (change, interval) in changes.into_iter().zip(intervals) {
@@ -328,6 +337,7 @@ impl<'a> FamilyAverage<'a> {
                 probability_of_none: of_mean.none,
             }),
             blocks: by_blocks.map(|found| found.shares),
+            visible,
         })
     }
 

@@ -26,6 +26,19 @@ pub struct CubicTerms {
     lanes: Vec<Vec<Lanes>>,
 }
 
+/// Values of all products of up to three coordinates, in the order of [`CubicTerms`].
+fn cubic_values(x: &[f64]) -> Vec<f64> {
+    let mut values = vec![1.0];
+    for i in 0..x.len() {
+        values.push(x[i]);
+        for j in i..x.len() {
+            values.push(x[i] * x[j]);
+            values.extend(x[j..].iter().map(|third| x[i] * x[j] * third));
+        }
+    }
+    values
+}
+
 impl CubicTerms {
     /// All products of up to three coordinates.
     #[must_use]
@@ -231,6 +244,12 @@ impl<'a> SourceValue<'a> {
     }
 }
 
+/// A coordinate of the tissue from its nuisance, and its slope.
+fn scaled(u: f64, coordinate: &FamilyCoordinate) -> (f64, f64) {
+    let bent = (coordinate.sd * u / LARGEST_COORDINATE).tanh();
+    (LARGEST_COORDINATE * bent, coordinate.sd * (1.0 - bent * bent))
+}
+
 impl LightFamily {
     /// Names of the nuisances with their groups, in order.
     #[must_use]
@@ -294,7 +313,27 @@ impl LightFamily {
     /// Electrons for nuisances, each in standard deviations of its prior, and an amount of porphyrin.
     #[must_use]
     pub fn electrons(&self, nuisances: &[f64], porphyrin: f64) -> Vec<f64> {
-        self.point(nuisances, porphyrin).electrons
+        let places = self.places();
+        let x: Vec<f64> = nuisances.iter().zip(&self.coordinates).map(|(u, c)| scaled(*u, c).0).collect();
+        let terms = cubic_values(&x);
+        let exponential = |coefficients: &[f64]| {
+            terms.iter().zip(coefficients).map(|(term, coefficient)| term * coefficient).sum::<f64>().exp()
+        };
+        let indirect = self.indirect.map(|[median, sd]| median * (sd * nuisances[places.indirect]).exp());
+        let (gains, errors) = (self.gains(nuisances, places.gain), self.library_factors(nuisances));
+        let amounts = self.sources.iter().enumerate().map(|(k, source)| {
+            (source, source.median * (source.log_sd * nuisances[places.sources + k]).exp())
+        });
+        let all: Vec<(&FamilySource, f64)> =
+            amounts.chain([(&self.porphyrin, porphyrin)]).filter(|(_, amount)| *amount > 0.0).collect();
+        let of_datum = |datum: usize| {
+            let of_source = |(source, amount): &(&FamilySource, f64)| {
+                let again = indirect.map_or(0.0, |indirect| indirect * exponential(&source.once_more[datum]));
+                amount * exponential(&source.direct[datum]) * (1.0 + again)
+            };
+            gains[self.frame_of[datum]] * errors[datum] * all.iter().map(of_source).sum::<f64>()
+        };
+        (0..self.frame_of.len()).map(of_datum).collect()
     }
 
     /// The share of the porphyrin in the fluorescence electrons of the first frame.
@@ -332,11 +371,8 @@ impl LightFamily {
         let places = self.places();
 
         // Bring nuisances to their scales
-        let scaled = |(u, coordinate): (&f64, &FamilyCoordinate)| {
-            let bent = (coordinate.sd * u / LARGEST_COORDINATE).tanh();
-            (LARGEST_COORDINATE * bent, coordinate.sd * (1.0 - bent * bent))
-        };
-        let (x, x_slopes): (Vec<f64>, Vec<f64>) = nuisances.iter().zip(&self.coordinates).map(scaled).unzip();
+        let (x, x_slopes): (Vec<f64>, Vec<f64>) =
+            nuisances.iter().zip(&self.coordinates).map(|(u, c)| scaled(*u, c)).unzip();
         let terms = CubicTerms::new(&x);
         let indirect = self.indirect.map(|[median, sd]| median * (sd * nuisances[places.indirect]).exp());
         let gains = self.gains(nuisances, places.gain);

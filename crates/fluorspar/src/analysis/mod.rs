@@ -12,6 +12,7 @@
 //! | [`ErrorBudget`] | what moves the estimate, its blank and its detection limit |
 //! | [`LightFamily::posterior`] | the share of the porphyrin in tissue of which only a family is known, as a [`SharePosterior`] |
 //! | [`FamilyAverage::posterior`] | the same where the tissue may be another than the named one |
+//! | [`LightFamily::visible_share`] | the smallest share of the porphyrin that is told from none |
 //! | [`SpectralMixture`] | a measured spectrum as a sum of known ones, with intervals, and the sets of them that describe it as well |
 //! | [`spectral_overlap`] | how alike two spectra are |
 //! | [`SpotSeparation::new`] | how well the pixels of two spots are told apart |
@@ -47,6 +48,7 @@ mod spot_separation;
 mod statistics;
 mod summary;
 mod target_detection;
+mod visible_share;
 
 pub use analyte::Analyte;
 pub use channel_noise::ChannelNoise;
@@ -85,3 +87,4 @@ pub use summary::{
 };
 pub(crate) use summary::{PixelAnalysis, analyze_pixels};
 pub use target_detection::{ChannelContrast, RenderNoise, TargetDetection};
+pub use visible_share::{PorphyrinSpread, SignalLevel, VisibleShare};

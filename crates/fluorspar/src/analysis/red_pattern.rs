@@ -45,6 +45,9 @@ const OUTLIER_WIDTH: f64 = 3.0;
 const SCALE_ERROR: f64 = 0.06;
 /// Terms this far below the best, as logarithms of probability, are left out.
 const NEGLIGIBLE: f64 = 9.0;
+/// Blocks whose likelihoods are multiplied before their logarithm is taken, and the least likelihood that counts, so that no product is 0.
+const MULTIPLIED: usize = 4;
+const LEAST_LIKELIHOOD: f64 = 1e-60;
 /// Share from which on a block counts as one with porphyrin.
 pub(super) const SHARE_OF_MARK: f64 = 0.02;
 
@@ -101,10 +104,14 @@ struct Pattern {
 struct Patterns {
     shares: Vec<f64>,
     patterns: Vec<Pattern>,
+    /// Probabilities of the patchy ones, `[share][pattern]`.
+    patchy: Vec<f64>,
 }
 
 /// Number of the pattern without porphyrin; those with the same share everywhere follow.
 const NONE: usize = 0;
+/// Number of the first patchy pattern.
+const FIRST_PATCHY: usize = 1 + MEANS;
 
 impl Patterns {
     fn new([typical, log_sd]: [f64; 2]) -> Self {
@@ -145,7 +152,22 @@ impl Patterns {
                 patterns.push(Pattern { log_prior, first: 0, probabilities });
             }
         }
-        Self { shares, patterns }
+        let patchy = (0..shares.len())
+            .flat_map(|share| {
+                patterns[FIRST_PATCHY..].iter().map(move |pattern| pattern.probabilities[share])
+            })
+            .collect();
+        Self { shares, patterns, patchy }
+    }
+
+    /// Likelihood of a block under each pattern, from that of each share.
+    fn sums(&self, likelihood: &[f64], out: &mut [f64]) {
+        let (alike, patchy) = out.split_at_mut(FIRST_PATCHY);
+        alike.iter_mut().zip(&self.patterns).for_each(|(sum, pattern)| *sum = likelihood[pattern.first]);
+        patchy.fill(0.0);
+        for (likelihood, probabilities) in likelihood.iter().zip(self.patchy.chunks(patchy.len())) {
+            patchy.iter_mut().zip(probabilities).for_each(|(sum, p)| *sum += p * likelihood);
+        }
     }
 }
 
@@ -177,9 +199,19 @@ impl RedPattern {
         let patterns = Patterns::new(self.typical_share);
         let cells = self.cells();
 
-        // Weigh every pattern in every cell, then look closer at what is not negligible
+        // Weigh every pattern in every cell that no bound excludes, then look closer at what is not negligible
+        let largest = |values: &[f64]| values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let bounds: Vec<f64> = cells.iter().map(|cell| self.bound(cell)).collect();
+        let promising = (0..cells.len()).max_by(|a, b| bounds[*a].total_cmp(&bounds[*b]))?;
+        let reached = largest(&self.evidence(&cells[promising], &patterns));
+        let cells: Vec<Cell> = cells
+            .iter()
+            .zip(&bounds)
+            .filter(|(_, bound)| **bound > reached - NEGLIGIBLE)
+            .map(|(c, _)| *c)
+            .collect();
         let evidence: Vec<Vec<f64>> = cells.par_iter().map(|cell| self.evidence(cell, &patterns)).collect();
-        let best = evidence.iter().flatten().copied().fold(f64::NEG_INFINITY, f64::max);
+        let best = evidence.iter().map(|weights| largest(weights)).fold(f64::NEG_INFINITY, f64::max);
         if !best.is_finite() {
             return None;
         }
@@ -228,18 +260,31 @@ impl RedPattern {
         cells
     }
 
-    /// Likelihood of each share in a block, up to a factor that all cells have.
-    fn likelihood(&self, cell: &Cell, block: usize, shares: &[f64], out: &mut [f64]) {
+    /// Standard deviation of the amplitude of a block in a cell.
+    fn deviation(&self, cell: &Cell, block: usize) -> f64 {
         let variance = cell.place_factor.powi(2) * self.place_variance
             + (PLACES_OVER_PEOPLE * cell.chlorophyll).powi(2)
             + self.noise[block];
-        let sd = variance.sqrt();
+        variance.sqrt()
+    }
+
+    /// Likelihood of each share in a block, up to a factor that all cells have.
+    fn likelihood(&self, cell: &Cell, block: usize, shares: &[f64], out: &mut [f64]) {
+        let per_sd = self.deviation(cell, block).recip();
         for (out, share) in out.iter_mut().zip(shares) {
-            let x = (self.amplitudes[block] - cell.bulk - share * (1.0 - cell.bulk)) / sd;
-            let wide = x / OUTLIER_WIDTH;
-            let bell = |x: f64| (-0.5 * x * x).exp();
-            *out = ((1.0 - OUTLIERS) * bell(x) + OUTLIERS / OUTLIER_WIDTH * bell(wide)) / sd;
+            let x = (self.amplitudes[block] - cell.bulk - share * (1.0 - cell.bulk)) * per_sd;
+            *out = bell(x) * per_sd;
         }
+    }
+
+    /// A bound on the logarithm of the weight of all patterns in a cell: each block has its most probable share.
+    fn bound(&self, cell: &Cell) -> f64 {
+        let of_block = |block: usize| {
+            let sd = self.deviation(cell, block);
+            (bell(((self.amplitudes[block] - cell.bulk) / sd).min(0.0)) / sd).max(LEAST_LIKELIHOOD).ln()
+        };
+        let sum: f64 = (0..self.amplitudes.len()).map(of_block).sum();
+        self.independent() * sum + cell.log_prior
     }
 
     /// Share of the number of blocks that is independent.
@@ -249,12 +294,19 @@ impl RedPattern {
 
     /// Logarithm of the weight of each pattern in a cell.
     fn evidence(&self, cell: &Cell, patterns: &Patterns) -> Vec<f64> {
-        let mut sums = vec![0.0; patterns.patterns.len()];
+        let count = patterns.patterns.len();
+        let (mut sums, mut of_block, mut products) = (vec![0.0; count], vec![0.0; count], vec![1.0; count]);
         let mut likelihood = vec![0.0; patterns.shares.len()];
-        for block in 0..self.amplitudes.len() {
+        let blocks = self.amplitudes.len();
+        for block in 0..blocks {
             self.likelihood(cell, block, &patterns.shares, &mut likelihood);
-            for (sum, pattern) in sums.iter_mut().zip(&patterns.patterns) {
-                *sum += pattern.sum(&likelihood).max(f64::MIN_POSITIVE).ln();
+            patterns.sums(&likelihood, &mut of_block);
+            for (product, sum) in products.iter_mut().zip(&of_block) {
+                *product *= sum.max(LEAST_LIKELIHOOD);
+            }
+            if (block + 1) % MULTIPLIED == 0 || block + 1 == blocks {
+                sums.iter_mut().zip(&products).for_each(|(sum, product)| *sum += product.ln());
+                products.fill(1.0);
             }
         }
         let weight =
@@ -334,12 +386,15 @@ impl RedPattern {
     }
 }
 
-impl Pattern {
-    /// Likelihood of a block in the pattern.
-    fn sum(&self, likelihood: &[f64]) -> f64 {
-        self.probabilities.iter().zip(&likelihood[self.first..]).map(|(p, l)| p * l).sum()
-    }
+/// Density of an error in its standard deviations up to a factor: normal, and wider for blocks that nobody foresaw.
+fn bell(x: f64) -> f64 {
+    // The narrow one is the ninth power of the wide one
+    let wide = (-0.5 * (x / OUTLIER_WIDTH).powi(2)).exp();
+    let third = wide * wide * wide;
+    (1.0 - OUTLIERS) * (third * third * third) + OUTLIERS / OUTLIER_WIDTH * wide
+}
 
+impl Pattern {
     /// Mean share of a block, mean of its square, and probability that it is above [`SHARE_OF_MARK`].
     fn moments(&self, likelihood: &[f64], shares: &[f64]) -> [f64; 3] {
         let mut sums = [0.0; 4];

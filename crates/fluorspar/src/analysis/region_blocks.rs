@@ -13,11 +13,11 @@ use super::light_family::{FamilySource, LightFamily, NuisanceGroup};
 use super::red_pattern::{
     INDEPENDENT_BLOCKS, PLACE_FACTORS, PLACES_OVER_PEOPLE, PatternPosterior, RedPattern, SHARE_OF_MARK,
 };
-use crate::sampling::random::Key;
+use crate::sampling::SampleStream;
 
 /// Draws of people, and of places in one person.
-const PEOPLE: u64 = 1000;
-const PLACES: u64 = 500;
+const PEOPLE: u32 = 512;
+const PLACES: u32 = 256;
 /// Variation of the light of teeth and of indirect light from place to place, standard deviations of logarithms. \[assumed\]
 const PLACES_OF_TEETH: f64 = 0.45;
 const PLACES_OF_INDIRECT: f64 = 0.3;
@@ -123,6 +123,21 @@ impl BlockShares {
     pub const SHARE_OF_MARK: f64 = SHARE_OF_MARK;
 }
 
+/// Independent standard normal numbers, evenly distributed over the draws of a seed.
+pub(super) fn normal_deviates(count: usize, seed: u64, draw: u32) -> Vec<f64> {
+    let stream = SampleStream::new(seed, 0, draw);
+    let pair = |[first, second]: [f32; 2]| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(second)).sin_cos();
+        let radius = (-2.0 * (1.0 - f64::from(first)).ln()).sqrt();
+        [radius * cos, radius * sin]
+    };
+    let set = |set: u32| {
+        let [a, b, c, d] = stream.set_4d(set);
+        [[a, b], [c, d]].into_iter().flat_map(pair)
+    };
+    (0..count.div_ceil(4) as u32).flat_map(set).take(count).collect()
+}
+
 /// Mean and covariance of vectors.
 fn moments(vectors: &[DVector<f64>]) -> (DVector<f64>, DMatrix<f64>) {
     let len = vectors.first().map_or(0, DVector::len);
@@ -152,14 +167,24 @@ impl LightFamily {
     }
 
     /// Colors of tissues drawn from the family, without porphyrin.
-    fn drawn_colors(&self, count: u64, seed: u64) -> Vec<DVector<f64>> {
-        let nuisances = self.nuisances().len() as u64;
-        let draw = |number: u64| {
-            let key = Key::new(seed).with(number);
-            let drawn: Vec<f64> = (0..nuisances).map(|nuisance| key.with(nuisance).normal()).collect();
-            self.color(&self.electrons(&drawn, 0.0))
-        };
+    fn drawn_colors(&self, count: u32, seed: u64) -> Vec<DVector<f64>> {
+        let nuisances = self.nuisances().len();
+        let draw = |number: u32| self.color(&self.electrons(&normal_deviates(nuisances, seed, number), 0.0));
         (0..count).into_par_iter().filter_map(draw).collect()
+    }
+
+    /// Electrons of some places in the typical person without porphyrin, each as bright in a frame as `typical`.
+    pub(super) fn drawn_places(&self, count: usize, typical: &[f64]) -> Vec<Vec<f64>> {
+        let (places, nuisances) = (self.of_places(), self.nuisances().len());
+        let sum = |frame: usize, of: &[f64]| -> f64 {
+            of.iter().zip(&self.frame_of).filter(|(_, of)| **of == frame).map(|(e, _)| e).sum()
+        };
+        let place = |number: usize| {
+            let drawn = places.electrons(&normal_deviates(nuisances, 3, number as u32), 0.0);
+            let scaled = |(e, &frame): (&f64, &usize)| e * sum(frame, typical) / sum(frame, &drawn);
+            drawn.iter().zip(&self.frame_of).map(scaled).collect()
+        };
+        (0..count).map(place).collect()
     }
 
     /// The family with some of its sources taken out.
@@ -185,12 +210,12 @@ impl LightFamily {
         family
     }
 
-    /// The blocks along the red direction; `None` where there are too few, where they hold nothing to tell, and where the mean of the region
-    /// rests on more than the channels that blocks are known in: further frames, or channels that do not count in the share.
-    pub(super) fn red_pattern(&self, blocks: &[RegionBlock]) -> Option<RedPattern> {
+    /// What the family says of blocks; `None` where they hold nothing to tell, and where the mean of the region rests on more than the
+    /// channels that blocks are known in: further frames, or channels that do not count in the share.
+    pub(super) fn of_blocks(&self) -> Option<BlockFamily<'_>> {
         // A single channel has no color
         let is_whole = self.counted.iter().all(|is_counted| *is_counted) && self.counted.len() > 1;
-        if blocks.len() < LEAST_BLOCKS || !is_whole {
+        if !is_whole {
             return None;
         }
         // The typical tissue, and what porphyrin and chlorophyll add to it
@@ -198,14 +223,13 @@ impl LightFamily {
         let bulk_family = self.without(|name, _| is_chlorophyll(name));
         let own_family = self.without(|_, fluorescent| !fluorescent);
         let middle = vec![0.0; self.nuisances().len()];
-        let counted = self.counted_data();
-        let sum = |electrons: &[f64]| counted.iter().map(|datum| electrons[*datum]).sum::<f64>();
         let added = |more: Vec<f64>, less: &[f64]| -> Vec<f64> {
             more.iter().zip(less).map(|(more, less)| (more - less).max(0.0)).collect()
         };
         let bulk = bulk_family.electrons(&middle, 0.0);
         let porphyrin = added(bulk_family.electrons(&middle, self.porphyrin.median), &bulk);
         let chlorophyll = added(self.electrons(&middle, 0.0), &bulk);
+        let sum = |electrons: &[f64]| electrons.iter().sum::<f64>();
         let all = sum(&bulk) + sum(&porphyrin) + sum(&chlorophyll);
         let own = sum(&own_family.electrons(&middle, self.porphyrin.median));
         if !(own > 0.0 && all > 0.0) {
@@ -215,62 +239,17 @@ impl LightFamily {
         // People, and places in one of them
         let (mean, of_people) = moments(&bulk_family.drawn_colors(PEOPLE, 1));
         let (_, of_places) = moments(&bulk_family.of_places().drawn_colors(PLACES, 2));
-        let red = self.color(&porphyrin)? - &mean;
-        let colors: Vec<DVector<f64>> =
-            blocks.iter().map(|block| self.color(&block.electrons)).collect::<Option<_>>()?;
-        let noise: Vec<DMatrix<f64>> =
-            blocks.iter().zip(&colors).map(|(block, z)| self.noise_of(block, z)).collect();
-        let mean_noise =
-            noise.iter().fold(DMatrix::zeros(mean.len(), mean.len()), |sum, n| sum + n) / blocks.len() as f64;
-
-        // Amplitudes, and the rest that holds no porphyrin
-        let scatter = Cholesky::new(&of_places + &mean_noise)?;
-        let toward = scatter.solve(&red);
-        let weights = &toward / toward.dot(&red);
-        let remainder = DMatrix::identity(mean.len(), mean.len()) - &red * weights.transpose();
-        let off: Vec<DVector<f64>> = colors.iter().map(|color| color - &mean).collect();
-        let light: Vec<f64> = blocks.iter().map(|b| b.pixels as f64 * sum(&b.electrons)).collect();
-        let whole: f64 = light.iter().sum();
-        let light: Vec<f64> = light.iter().map(|light| light / whole).collect();
-        let rests: Vec<DVector<f64>> = off.iter().map(|off| &remainder * off).collect();
-        let mean_rest = rests
-            .iter()
-            .zip(&light)
-            .fold(DVector::zeros(mean.len()), |sum, (rest, weight)| sum + rest * *weight);
-
-        // Where the rest says that the bulk of the person lies
-        let independent = INDEPENDENT_BLOCKS.min(blocks.len() as f64);
-        let of_mean = &remainder * (&of_places + &mean_noise) * remainder.transpose() / independent;
-        let of_rest = &remainder * &of_people * remainder.transpose() + of_mean;
-        let along = (weights.transpose() * &of_people * remainder.transpose()).transpose();
-        let tolerance = 1e-9 * of_rest.diagonal().max();
-        let regression = of_rest.pseudo_inverse(tolerance).ok()? * &along;
-        let bulk_variance = (weights.transpose() * &of_people * &weights)[(0, 0)] - regression.dot(&along);
-        let of_chlorophyll = self.color(&chlorophyll).map(|color| color - &mean);
-        let scatter_of_rest = &remainder * (&of_places + &mean_noise) * remainder.transpose();
-        let tolerance = 1e-9 * scatter_of_rest.diagonal().max();
-        let looks_like_chlorophyll = of_chlorophyll.as_ref().is_some_and(|color| {
-            let rest = &remainder * color * LOOKS_ALIKE[0];
-            let scattered = scatter_of_rest.clone().pseudo_inverse(tolerance);
-            scattered.is_ok_and(|inverse| rest.dot(&(inverse * &rest)).max(0.0).sqrt() < LOOKS_ALIKE[1])
-        });
-        let slope = of_chlorophyll.as_ref().map_or(0.0, |color| -regression.dot(&(&remainder * color)));
-
-        let pattern = RedPattern {
-            amplitudes: off.iter().map(|off| weights.dot(off)).collect(),
-            noise: noise.iter().map(|n| (weights.transpose() * n * &weights)[(0, 0)]).collect(),
-            weights: light,
-            place_variance: (weights.transpose() * &of_places * &weights)[(0, 0)],
-            place_evidence: place_evidence(blocks, &rests, &noise, &remainder, &of_places),
-            bulk_mean: [regression.dot(&mean_rest), slope],
-            bulk_variance: bulk_variance.max(1e-12),
-            chlorophyll: of_chlorophyll
-                .map(|color| [sum(&chlorophyll) / (sum(&bulk) + sum(&porphyrin)), weights.dot(&color)]),
-            typical_share: [sum(&porphyrin) / all, self.porphyrin.log_sd],
+        Some(BlockFamily {
+            family: self,
+            red: self.color(&porphyrin)? - &mean,
+            of_chlorophyll: self.color(&chlorophyll).map(|color| color - &mean),
+            chlorophyll: sum(&chlorophyll) / (sum(&bulk) + sum(&porphyrin)),
+            typical_share: sum(&porphyrin) / all,
             own_light: all / own,
-            looks_like_chlorophyll,
-        };
-        Some(pattern)
+            mean,
+            of_people,
+            of_places,
+        })
     }
 
     /// Covariance of the color of a block by the sensor's noise.
@@ -282,6 +261,87 @@ impl LightFamily {
         });
         let variance = DVector::from_iterator(counted.len(), counted.iter().map(|d| block.variance[*d]));
         &slopes * DMatrix::from_diagonal(&variance) * slopes.transpose()
+    }
+}
+
+/// What a family says of blocks: colors as shares of the channels in their sum but the last.
+pub(super) struct BlockFamily<'a> {
+    family: &'a LightFamily,
+    /// Mean color of people without porphyrin, and its covariance.
+    mean: DVector<f64>,
+    of_people: DMatrix<f64>,
+    /// Covariance of places in one person.
+    of_places: DMatrix<f64>,
+    /// Ways from the mean to porphyrin and to chlorophyll alone.
+    red: DVector<f64>,
+    of_chlorophyll: Option<DVector<f64>>,
+    /// Typical light of chlorophyll over all other.
+    chlorophyll: f64,
+    /// Typical share of porphyrin in all light.
+    typical_share: f64,
+    /// All light over that which the share is of.
+    own_light: f64,
+}
+
+impl BlockFamily<'_> {
+    /// The blocks along the red direction; `None` where there are too few.
+    pub(super) fn pattern(&self, blocks: &[RegionBlock]) -> Option<RedPattern> {
+        if blocks.len() < LEAST_BLOCKS {
+            return None;
+        }
+        let count = self.mean.len();
+        let colors: Vec<DVector<f64>> =
+            blocks.iter().map(|block| self.family.color(&block.electrons)).collect::<Option<_>>()?;
+        let noise: Vec<DMatrix<f64>> =
+            blocks.iter().zip(&colors).map(|(block, z)| self.family.noise_of(block, z)).collect();
+        let mean_noise =
+            noise.iter().fold(DMatrix::zeros(count, count), |sum, n| sum + n) / blocks.len() as f64;
+
+        // Amplitudes, and the rest that holds no porphyrin
+        let scatter = Cholesky::new(&self.of_places + &mean_noise)?;
+        let toward = scatter.solve(&self.red);
+        let weights = &toward / toward.dot(&self.red);
+        let remainder = DMatrix::identity(count, count) - &self.red * weights.transpose();
+        let off: Vec<DVector<f64>> = colors.iter().map(|color| color - &self.mean).collect();
+        let light: Vec<f64> =
+            blocks.iter().map(|b| b.pixels as f64 * b.electrons.iter().sum::<f64>()).collect();
+        let whole: f64 = light.iter().sum();
+        let light: Vec<f64> = light.iter().map(|light| light / whole).collect();
+        let rests: Vec<DVector<f64>> = off.iter().map(|off| &remainder * off).collect();
+        let mean_rest =
+            rests.iter().zip(&light).fold(DVector::zeros(count), |sum, (rest, weight)| sum + rest * *weight);
+
+        // Where the rest says that the bulk of the person lies
+        let independent = INDEPENDENT_BLOCKS.min(blocks.len() as f64);
+        let of_mean = &remainder * (&self.of_places + &mean_noise) * remainder.transpose() / independent;
+        let of_rest = &remainder * &self.of_people * remainder.transpose() + of_mean;
+        let along = (weights.transpose() * &self.of_people * remainder.transpose()).transpose();
+        let tolerance = 1e-9 * of_rest.diagonal().max();
+        let regression = of_rest.pseudo_inverse(tolerance).ok()? * &along;
+        let bulk_variance =
+            (weights.transpose() * &self.of_people * &weights)[(0, 0)] - regression.dot(&along);
+        let scatter_of_rest = &remainder * (&self.of_places + &mean_noise) * remainder.transpose();
+        let tolerance = 1e-9 * scatter_of_rest.diagonal().max();
+        let looks_like_chlorophyll = self.of_chlorophyll.as_ref().is_some_and(|color| {
+            let rest = &remainder * color * LOOKS_ALIKE[0];
+            let scattered = scatter_of_rest.clone().pseudo_inverse(tolerance);
+            scattered.is_ok_and(|inverse| rest.dot(&(inverse * &rest)).max(0.0).sqrt() < LOOKS_ALIKE[1])
+        });
+        let slope = self.of_chlorophyll.as_ref().map_or(0.0, |color| -regression.dot(&(&remainder * color)));
+
+        Some(RedPattern {
+            amplitudes: off.iter().map(|off| weights.dot(off)).collect(),
+            noise: noise.iter().map(|n| (weights.transpose() * n * &weights)[(0, 0)]).collect(),
+            weights: light,
+            place_variance: (weights.transpose() * &self.of_places * &weights)[(0, 0)],
+            place_evidence: place_evidence(blocks, &rests, &noise, &remainder, &self.of_places),
+            bulk_mean: [regression.dot(&mean_rest), slope],
+            bulk_variance: bulk_variance.max(1e-12),
+            chlorophyll: self.of_chlorophyll.as_ref().map(|color| [self.chlorophyll, weights.dot(color)]),
+            typical_share: [self.typical_share, self.family.porphyrin.log_sd],
+            own_light: self.own_light,
+            looks_like_chlorophyll,
+        })
     }
 }
 

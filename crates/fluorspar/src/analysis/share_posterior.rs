@@ -14,6 +14,7 @@ use super::Analyte;
 use super::family_average::{FamilyAverage, TissueDoubt};
 use super::light_family::{FamilyPoint, LightFamily, NuisanceGroup};
 use super::region_blocks::BlockShares;
+use super::visible_share::VisibleShare;
 use crate::warning::Warning;
 
 /// Amounts of porphyrin on the grid.
@@ -65,6 +66,9 @@ pub struct SharePosterior {
     /// of none above are then those of the blocks. Where that interval begins at 0 it ends where that of the mean does, if that is farther.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub of_mean: Option<ShareOfMean>,
+    /// The smallest shares that would be told from none in the typical tissue, with this light.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub visible: Option<VisibleShare>,
 }
 
 /// The share of the porphyrin from the mean of a region alone.

@@ -1,0 +1,223 @@
+//! The smallest share of porphyrin that a camera tells from none, before the typical tissue of a family: the estimate itself, on regions
+//! made for it.
+//!
+//! A region is as many blocks as that of the measurement. Each has the color of a place drawn from the family, the same in every run,
+//! and the sensor's noise; porphyrin is added in a tenth of the blocks, evenly, or as people have it. What the estimate would say of
+//! it is what it would say of a frame.
+
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use super::family_average::{Compared, answer};
+use super::light_family::{LightFamily, NuisanceGroup};
+use super::region_blocks::{BlockFamily, LEAST_BLOCKS, RegionBlock, normal_deviates};
+use super::share_posterior::Mixture;
+
+/// Shares between which the smallest is looked for, and how often their ratio is halved.
+const RANGE: [f64; 2] = [0.003, 0.5];
+const HALVINGS: usize = 6;
+/// One of so many blocks holds the porphyrin of patches.
+const PATCHES_OF: usize = 10;
+/// As people have it: the part of the blocks that hold none, and the standard deviation of the logarithm of the others. \[assumed\]
+const USUAL: [f64; 2] = [0.4, 0.9];
+/// Side of a block, in any unit.
+const SIDE: usize = 10;
+
+/// How much light a region gives, and how well it is known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SignalLevel {
+    /// Mean electrons of one pixel for each datum of a family.
+    pub electrons: Vec<f64>,
+    /// Their variances by the sensor's noise, of the means over the region.
+    pub variance: Vec<f64>,
+    /// Blocks that the region is cut into.
+    pub blocks: usize,
+}
+
+/// How porphyrin lies in a region.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PorphyrinSpread {
+    /// In patches that cover a tenth.
+    Patches,
+    /// The same everywhere.
+    Even,
+    /// As people have it: in some places none, in the others log-normal.
+    Usual,
+}
+
+/// The smallest shares that a camera tells from none.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct VisibleShare {
+    /// Share of the light of the region in patches that cover a tenth of it; `None` where one half is not enough.
+    pub in_patches: Option<f64>,
+    /// The same if it is spread evenly.
+    pub evenly: Option<f64>,
+    /// What, if it were known, would lower the first most.
+    pub limited_by: Option<String>,
+}
+
+/// A typical region before a camera.
+struct TypicalRegion<'a> {
+    family: &'a LightFamily,
+    of_blocks: Option<BlockFamily<'a>>,
+    /// Electrons of each place without porphyrin, and those of all porphyrin where it is as much as all other fluorescence.
+    places: Vec<Vec<f64>>,
+    porphyrin: Vec<f64>,
+    /// Variance of the mean over the region per electron.
+    noise: Vec<f64>,
+    /// Normal deviates of the noise of each place.
+    deviates: Vec<Vec<f64>>,
+}
+
+impl PorphyrinSpread {
+    /// Amount in each of some blocks over their mean.
+    fn amounts(self, blocks: usize) -> Vec<f64> {
+        let usual = |block: usize| {
+            // Even steps of the distribution in an order that no place has a part in
+            let step = (block as f64 * 0.618_033_988_749_895 + 0.5).fract();
+            let [empty, log_sd] = USUAL;
+            let quantile = Normal::standard().inverse_cdf(((step - empty) / (1.0 - empty)).clamp(0.01, 0.99));
+            if step < empty { 0.0 } else { (log_sd * quantile).exp() }
+        };
+        let of = |block: usize| match self {
+            Self::Even => 1.0,
+            Self::Patches => f64::from(u8::from(block % PATCHES_OF == 0)),
+            Self::Usual => usual(block),
+        };
+        let amounts: Vec<f64> = (0..blocks).map(of).collect();
+        let mean = amounts.iter().sum::<f64>() / blocks.max(1) as f64;
+        amounts.into_iter().map(|amount| amount / mean).collect()
+    }
+}
+
+impl<'a> TypicalRegion<'a> {
+    /// `None` where the family sends no light, or the level is not of it.
+    fn new(family: &'a LightFamily, level: &SignalLevel) -> Option<Self> {
+        let data = family.frame_of.len();
+        if level.electrons.len() != data || level.variance.len() != data {
+            return None;
+        }
+        let middle = vec![0.0; family.nuisances().len()];
+        let bulk = family.electrons(&middle, 0.0);
+        let typical = family.electrons(&middle, family.porphyrin.median);
+        let share = family.share(&middle, family.porphyrin.median);
+        if !(share > 0.0 && share < 1.0) {
+            return None;
+        }
+        // As bright as the measurement, each frame by itself
+        let sum = |frame: usize, of: &[f64]| -> f64 {
+            (0..data).filter(|datum| family.frame_of[*datum] == frame).map(|datum| of[datum]).sum()
+        };
+        let scale: Vec<f64> = (0..family.frames.len())
+            .map(|frame| sum(frame, &level.electrons) / sum(frame, &typical).max(f64::MIN_POSITIVE))
+            .collect();
+        let of_datum = |datum: usize| scale[family.frame_of[datum]];
+        let per_odds = (1.0 - share) / share;
+        let places = family.drawn_places(level.blocks.max(1), &bulk);
+        Some(Self {
+            family,
+            of_blocks: (level.blocks >= LEAST_BLOCKS).then(|| family.of_blocks()).flatten(),
+            porphyrin: (0..data).map(|i| of_datum(i) * per_odds * (typical[i] - bulk[i])).collect(),
+            noise: (0..data).map(|i| level.variance[i] / level.electrons[i].max(f64::MIN_POSITIVE)).collect(),
+            deviates: (0..level.blocks.max(1)).map(|place| normal_deviates(data, 4, place as u32)).collect(),
+            places: places
+                .into_iter()
+                .map(|place| place.iter().enumerate().map(|(i, e)| of_datum(i) * e).collect())
+                .collect(),
+        })
+    }
+
+    /// The blocks of the region with a share of porphyrin, and their mean.
+    fn blocks(&self, share: f64, spread: PorphyrinSpread) -> (Vec<RegionBlock>, [Vec<f64>; 2]) {
+        let (count, odds) = (self.places.len(), share / (1.0 - share));
+        let columns = (count as f64).sqrt().ceil() as usize;
+        let places = self.places.iter().zip(&self.deviates).zip(spread.amounts(count)).enumerate();
+        let blocks: Vec<RegionBlock> = places
+            .map(|(number, ((place, deviates), amount))| {
+                let exact = place.iter().zip(&self.porphyrin).map(|(bulk, p)| bulk + odds * amount * p);
+                let exact: Vec<f64> = exact.collect();
+                let variance: Vec<f64> =
+                    exact.iter().zip(&self.noise).map(|(e, noise)| noise * e * count as f64).collect();
+                let noisy = exact.iter().zip(&variance).zip(deviates);
+                RegionBlock {
+                    corner_px: [number % columns * SIDE, number / columns * SIDE],
+                    pixels: SIDE * SIDE,
+                    electrons: noisy.map(|((e, variance), z)| e + z * variance.sqrt()).collect(),
+                    variance,
+                }
+            })
+            .collect();
+        let mean = |of: &dyn Fn(&RegionBlock) -> &Vec<f64>, per: f64| -> Vec<f64> {
+            (0..self.noise.len()).map(|i| blocks.iter().map(|b| of(b)[i]).sum::<f64>() / per).collect()
+        };
+        let means = [mean(&|b| &b.electrons, count as f64), mean(&|b| &b.variance, (count * count) as f64)];
+        (blocks, means)
+    }
+
+    /// What the estimate says of the region: the interval of the share and the probability of none.
+    fn estimate(&self, share: f64, spread: PorphyrinSpread) -> Option<([f64; 2], f64)> {
+        let (blocks, [electrons, variance]) = self.blocks(share, spread);
+        let of_mean = Compared::new(&[(1.0, self.family)], &electrons, &variance)?.average();
+        let by_blocks = self
+            .of_blocks
+            .as_ref()
+            .filter(|_| of_mean.interval()[0] <= 0.0)
+            .and_then(|family| Some(family.pattern(&blocks)?.posterior()?.share));
+        let (mixture, interval): (&Mixture, _) = answer(&of_mean, by_blocks.as_ref());
+        Some((interval, mixture.none))
+    }
+
+    /// The smallest share of which the estimate excludes that there is none.
+    fn smallest(&self, spread: PorphyrinSpread) -> Option<f64> {
+        let is_seen =
+            |share: f64| self.estimate(share, spread).is_some_and(|(interval, _)| interval[0] > 0.0);
+        let [mut low, mut high] = RANGE;
+        if !is_seen(high) {
+            return None;
+        }
+        for _ in 0..HALVINGS {
+            let middle = (low * high).sqrt();
+            if is_seen(middle) { high = middle } else { low = middle }
+        }
+        Some(high)
+    }
+}
+
+impl LightFamily {
+    /// The smallest share of porphyrin that is told from none in the typical tissue of the family. `None` where it sends no light.
+    #[must_use]
+    pub fn visible_share(&self, level: &SignalLevel) -> Option<VisibleShare> {
+        let region = TypicalRegion::new(self, level)?;
+        let in_patches = region.smallest(PorphyrinSpread::Patches);
+        // Of what might be known, what leaves the least probability of none at the limit
+        let none_if = |family: &Self, level: &SignalLevel| {
+            let known =
+                TypicalRegion { family, of_blocks: family.of_blocks(), ..TypicalRegion::new(self, level)? };
+            Some(known.estimate(in_patches.unwrap_or(RANGE[1]), PorphyrinSpread::Patches)?.1)
+        };
+        let groups = NuisanceGroup::ALL
+            .into_iter()
+            .filter(|group| *group != NuisanceGroup::Brightness)
+            .filter(|group| self.nuisances().iter().any(|(_, of)| of == group));
+        let quiet = SignalLevel {
+            variance: level.variance.iter().map(|variance| 1e-6 * variance).collect(),
+            ..level.clone()
+        };
+        let limits = groups
+            .filter_map(|group| Some((group.name(), none_if(&self.with_known(group), level)?)))
+            .chain(none_if(self, &quiet).map(|none| ("sensor noise", none)));
+        let limited_by = limits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(name, _)| name.to_owned());
+        Some(VisibleShare { evenly: region.smallest(PorphyrinSpread::Even), in_patches, limited_by })
+    }
+
+    /// The 95 % interval that the estimate would give of a share of porphyrin in the typical tissue of the family.
+    #[must_use]
+    pub fn expected_interval(
+        &self,
+        level: &SignalLevel,
+        share: f64,
+        spread: PorphyrinSpread,
+    ) -> Option<[f64; 2]> {
+        Some(TypicalRegion::new(self, level)?.estimate(share, spread)?.0)
+    }
+}
