@@ -232,11 +232,12 @@ fn of_mouth(number: u64, folder: Option<&Path>) -> Fallible<Vec<Case>> {
                 odds = Some(of_porphyrin / of_bulk);
                 continue;
             }
+            let red_truth = truth.red;
             let truth = of_porphyrin / (of_porphyrin + of_bulk);
             let Some(found) = analyzed.analysis.posterior else { continue };
             let blocks = found.blocks.as_ref();
             println!(
-                "{number},{},{},{:.1},{:.2},{},{part},{},{},{truth:.4},{:.4},{:.4},{:.4},{:.4},{},{:.3},{:.3},{:.2},{:.3},{:.1},{},{:.4},{:.4},{}",
+                "{number},{},{},{:.1},{:.2},{},{part},{},{},{truth:.4},{:.4},{:.4},{:.4},{:.4},{},{:.3},{:.3},{:.2},{:.3},{:.1},{},{:.4},{:.4},{},{:.4},{:.4},{:.4}",
                 drawn.sensor,
                 drawn.led,
                 drawn.exposure_ms,
@@ -258,6 +259,9 @@ fn of_mouth(number: u64, folder: Option<&Path>) -> Fallible<Vec<Case>> {
                 found.visible.as_ref().and_then(|v| v.in_patches).unwrap_or(1.0),
                 found.visible.as_ref().and_then(|v| v.evenly).unwrap_or(1.0),
                 found.visible.as_ref().and_then(|v| v.limited_by.clone()).unwrap_or_default(),
+                red_truth,
+                found.red.map_or(f64::NAN, |red| red.interval[0]),
+                found.red.map_or(f64::NAN, |red| red.interval[1]),
             );
             cases.push(Case { part, sensor: drawn.sensor, led: drawn.led, truth, found });
         }
@@ -294,7 +298,7 @@ fn main() -> Fallible<()> {
     }
     println!(
         "mouth,sensor,led,exposure_ms,power,even,part,pixels,blocks,truth,median,low,high,none,mean,even,patchy,places,chlorophyll,misfit,\
-         warned,visible_in_patches,visible_evenly,limit"
+         warned,visible_in_patches,visible_evenly,limit,red_truth,red_low,red_high"
     );
     let mut cases = Vec::new();
     for mouth in first..first + mouths {

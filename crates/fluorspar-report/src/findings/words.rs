@@ -46,6 +46,11 @@ impl<'a> FindingWords<'a> {
         let channel = finding.channel.as_deref().unwrap_or_default();
         match finding.id {
             Id::Share => format!("{share} of the light"),
+            Id::RedShare => format!("Red fluorescence ({analyte} and plant pigment)"),
+            Id::VisibleInPatches => {
+                format!("Smallest {analyte} share told from none, in patches over a tenth of the region")
+            }
+            Id::VisibleEvenly => format!("Smallest {analyte} share told from none, spread evenly"),
             Id::ShareUpperLimit => format!("Upper limit of the {analyte} share"),
             Id::ShareOfMean => format!("{share} from the mean of the region alone"),
             Id::MarkedBlocks => format!("Places with {analyte}"),
@@ -128,6 +133,7 @@ impl<'a> FindingWords<'a> {
                 "Electrons of {analyte} light over those of all fluorescence of the region. The interval of 95 % holds sensor noise, leak, \
                  indirect light, the variety of tissue and errors of the library of spectra."
             ),
+            Id::RedShare => format!("Share of both in the fluorescence, by color alone.{truth}"),
             Id::ShareUpperLimit => "The share is below it with a probability of 95 %.".into(),
             Id::ShareOfMean => "What one color of the whole region says, without its pattern.".into(),
             Id::MarkedBlocks => of_marked_blocks(&reference, analyte),
@@ -253,6 +259,11 @@ impl<'a> FindingWords<'a> {
                 format!(" of {}", number(all))
             }
             (FindingId::SpotSeparation, Some(right)) => format!(", {:.0} % of pixels right", 100.0 * right),
+            (FindingId::RedShare, Some(truth)) => format!("; true {} %", number(truth)),
+            (FindingId::VisibleInPatches, _) => match &finding.name {
+                Some(limit) => format!(", limited by {limit}"),
+                None => String::new(),
+            },
             (FindingId::UnmixedOthers, _) => format!("; {}", place_of_others(finding)),
             (FindingId::DetectionLimit, _) => " above the blank".into(),
             (FindingId::TrueShare, _) if value(finding).ends_with(')') => {
@@ -306,7 +317,10 @@ pub(crate) fn shown(finding: &Finding) -> Finding {
     let is_share = matches!(
         finding.id,
         Id::Share
+            | Id::RedShare
             | Id::ShareUpperLimit
+            | Id::VisibleInPatches
+            | Id::VisibleEvenly
             | Id::ShareOfMean
             | Id::ShareInWiderFamily
             | Id::ShareWithout

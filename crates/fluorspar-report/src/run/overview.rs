@@ -21,7 +21,9 @@ use super::words::{NO_LIGHT, Words, capital};
 use super::{FrameOrigin, RunResults};
 use crate::figure::rgba_png;
 use crate::figures::ShareMap;
-use crate::findings::{ASSUMED_GAIN, FindingWords, ShareAnswer, answering_share, number, value};
+use crate::findings::{
+    ASSUMED_GAIN, FindingWords, ShareAnswer, answering_share, number, undivided_red, value,
+};
 use crate::page::render_noise_words;
 use crate::{Answer, ColorMap, Contribution, Contributions, FrameView, MapOverlay, Number, Overview, Raster};
 
@@ -241,11 +243,19 @@ fn answer(analysis: &Analysis) -> Option<Answer> {
     let findings = region_findings(analysis);
     let words = FindingWords::of(&analysis.analyte);
     let of = |id: FindingId| findings.iter().filter(move |finding| finding.id == id);
-    let (share, answer) = (answering_share(&findings)?, ShareAnswer::of(&findings, &analysis.analyte)?);
-    let truth =
-        share.reference.map_or_else(String::new, |truth| format!("True share: {} %", number(100.0 * truth)));
-    let line =
-        of(FindingId::LineShare).next().filter(|line| line.id != share.id && analysis.budget.is_none());
+    let of_analyte = ShareAnswer::of(&findings, &analysis.analyte)?;
+    let share = answering_share(&findings)?;
+    let true_share = |finding: &Finding| finding.reference.map(|truth| number(100.0 * truth));
+    let truth = true_share(share).map_or_else(String::new, |truth| format!("True share: {truth} %"));
+    // The sum of what the camera can't divide comes first
+    let (asked, answer, truth, other) = match undivided_red(&findings) {
+        Some(red) => {
+            let of_red = true_share(red).map_or_else(String::new, |truth| format!("True: {truth} %"));
+            let truth = if truth.is_empty() { of_red } else { format!("{of_red}. {truth} of porphyrin") };
+            (red, ShareAnswer::of_share(red, &analysis.analyte), truth, of_analyte.sentence())
+        }
+        None => (share, of_analyte, truth, String::new()),
+    };
     let width = share.interval.map(|[low, high]| high - low).filter(|width| *width > 0.0);
     let narrower = |finding: &Finding| {
         let [low, high] = finding.interval?;
@@ -261,14 +271,14 @@ fn answer(analysis: &Analysis) -> Option<Answer> {
     Some(Answer {
         quantity: format!(
             "{}, in frame \"{}\", {}",
-            words.name(share),
+            words.name(asked),
             analysis.frame,
             analysis.region_description
         ),
         value: answer.headline.replace('-', "−"),
         interval: answer.rest.replace('-', "−"),
         truth,
-        other: line.map_or_else(String::new, |line| words.line(line)),
+        other: other.replace('-', "−"),
         budgets: vec![
             contributions("What widens the interval:", budget, width, |less| {
                 in_percent(less / width.unwrap_or(1.0))
@@ -281,20 +291,15 @@ fn answer(analysis: &Analysis) -> Option<Answer> {
 
 /// What moves the estimate on the mixture line; without rows where that is not known.
 fn line_budget(analysis: &Analysis) -> Contributions {
-    let Some(budget) = &analysis.budget else { return Contributions::default() };
-    let line = region_findings(analysis).into_iter().find(|finding| finding.id == FindingId::LineShare);
-    let title = match (&analysis.posterior, &line) {
-        (Some(_), Some(line)) => {
-            format!("If all other fluorophores were known exactly: {} %. What moves it:", value(line))
-        }
-        _ => "What moves it:".into(),
+    let Some(budget) = analysis.budget.as_ref().filter(|_| analysis.posterior.is_none()) else {
+        return Contributions::default();
     };
     let mut parts: Vec<(String, f64)> =
         budget.items.iter().map(|item| (item.source.clone(), item.change)).collect();
     parts.push(("sensor noise, half of 95 %".into(), budget.sensor_noise));
     parts.retain(|(_, change)| change.abs() >= LEAST_CHANGE);
     let text = |change: f64| format!("{:+.2} %", 100.0 * change).replace('-', "−");
-    contributions(&title.replace('-', "−"), parts, None, text)
+    contributions("What moves it:", parts, None, text)
 }
 
 /// The largest contributions with their texts, relative to the whole that they are parts of, or to the largest where there is none.
@@ -408,10 +413,18 @@ fn target_cards(analysis: &Analysis) -> Vec<Number> {
 /// The smallest share that is told from the blank, and where the simulation knows the share that is there, how much of it that is. Another
 /// light changes the share of the light of the same amount, so that only the latter compares lights.
 fn detection_card(analysis: &Analysis) -> Option<Number> {
-    let unknown = match analysis.posterior {
-        Some(_) => "; unknown tissue hides more",
-        None => "",
-    };
+    if let Some(posterior) = &analysis.posterior {
+        let findings = region_findings(analysis);
+        let of = |id: FindingId| findings.iter().find(|finding| finding.id == id);
+        let (patches, evenly) = (of(FindingId::VisibleInPatches)?, of(FindingId::VisibleEvenly)?);
+        let limit = patches.name.as_ref().map_or_else(String::new, |limit| format!("; limited by {limit}"));
+        let meaning = format!(
+            "told from none in patches over a tenth of the region, in {}; spread evenly {} %{limit}",
+            posterior.prior,
+            value(evenly)
+        );
+        return Some(Number::computed("Smallest share seen", value(patches), "% of the light", meaning));
+    }
     let limit = analysis.detection_limit()?;
     let there = analysis.truth.as_ref().map(|truth| truth.share).filter(|share| *share > 0.0);
     let beside = match (there, &analysis.budget) {
@@ -421,7 +434,7 @@ fn detection_card(analysis: &Analysis) -> Option<Number> {
         }
         (None, None) => String::new(),
     };
-    let meaning = format!("smallest share above sensor noise{beside}{unknown}");
+    let meaning = format!("smallest share above sensor noise{beside}");
     Some(Number::computed("Detection limit", number(100.0 * limit), "% of the light", meaning))
 }
 
@@ -436,6 +449,9 @@ fn contrast_card(analyzed: &AnalyzedFrame, words: &Words<'_>) -> Option<Number> 
         let meaning =
             format!("per pixel between the two spots, by {}", spot.name.as_deref().unwrap_or_default());
         return Some(Number::computed("d'", value(&spot), "", meaning));
+    }
+    if analysis.posterior.is_some() {
+        return None;
     }
     let porphyrin = analyzed.porphyrin.as_ref()?;
     let errors = analyzed.region.pixels.iter().filter_map(|&pixel| porphyrin.at(pixel));

@@ -60,7 +60,7 @@ pub fn regions_matrix(
     let channels: Vec<&str> = main.channels.iter().map(|channel| channel.name.as_str()).collect();
     let channels = channels.join(", ");
     let mut columns: Vec<String> =
-        ["Region", "pixels", &share, "true share, %", "detection limit, %"].map(String::from).into();
+        ["Region", "pixels", &share, "true share, %", "smallest share seen, %"].map(String::from).into();
     columns.extend([format!("signal {channels}, e-"), format!("signal to noise {channels}")]);
     // What no region has needs no column
     let is_there: Vec<bool> = (0..columns.len()).map(|k| rows.iter().any(|row| row[k] != NOTHING)).collect();
@@ -160,7 +160,10 @@ fn row(name: &str, analysis: &Analysis) -> Vec<String> {
         analysis.counts.total().to_string(),
         answering_share(&findings).map_or_else(|| NOTHING.into(), value),
         truth,
-        of(FindingId::DetectionLimit),
+        match of(FindingId::VisibleInPatches) {
+            nothing if nothing == NOTHING => of(FindingId::DetectionLimit),
+            seen => seen,
+        },
         signal,
         of(FindingId::PixelSnr),
     ]

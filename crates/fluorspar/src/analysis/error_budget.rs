@@ -139,6 +139,7 @@ mod tests {
             channels: ["R", "G", "B"].map(String::from).to_vec(),
             porphyrin: porphyrin.to_vec(),
             bulk: bulk.to_vec(),
+            pigment: Vec::new(),
             other_parts: vec![0.0; 3],
             fluoresced_twice: vec![0.0; 3],
             reflected: vec![0.0, 2.0, 0.0],

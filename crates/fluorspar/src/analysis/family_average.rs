@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::light_family::{LightFamily, NuisanceGroup};
 use super::region_blocks::{BlockShares, LEAST_BLOCKS, RegionBlock};
 use super::share_posterior::{
-    FamilyFit, IntervalWithout, Mixture, ShareInterval, ShareOfMean, SharePosterior, largest_misfit,
+    FamilyFit, IntervalWithout, Mixture, RedShare, ShareInterval, ShareOfMean, SharePosterior, largest_misfit,
 };
 use super::visible_share::SignalLevel;
 use crate::warning::Warning;
@@ -116,6 +116,8 @@ struct ByBlocks {
     all: Mixture,
     /// The share if the tissue is the named one for certain; `None` where its blocks say nothing.
     named: Option<Mixture>,
+    /// The share of all red emission, averaged over the families.
+    red: Mixture,
     /// The blocks, as the most probable family has them.
     shares: BlockShares,
 }
@@ -150,14 +152,19 @@ impl Compared {
 
     /// The posterior of the share.
     pub(super) fn average(&self) -> Mixture {
-        let weighted = || self.fits.iter().map(|fit| &fit.mixture).zip(&self.probabilities);
-        let terms = weighted().flat_map(|(mixture, weight)| {
-            mixture.terms.iter().map(move |[share, mean, sd]| [weight * share, *mean, *sd])
-        });
-        Mixture {
-            none: weighted().map(|(mixture, weight)| weight * mixture.none).sum(),
-            terms: terms.collect(),
-        }
+        self.averaged(|fit| &fit.mixture)
+    }
+
+    /// The posterior of the share of all red emission; tissue without plant pigment has none but that of porphyrin.
+    fn average_of_red(&self) -> Mixture {
+        self.averaged(FamilyFit::red)
+    }
+
+    /// What families say, each by its probability.
+    fn averaged<'a>(&'a self, of: impl Fn(&'a FamilyFit) -> &'a Mixture) -> Mixture {
+        let mut all = Mixture { none: 0.0, terms: Vec::new() };
+        self.fits.iter().zip(&self.probabilities).for_each(|(fit, weight)| all.add(*weight, of(fit)));
+        all
     }
 
     /// The posterior of the share by blocks, each family by its probability, and what the most probable one says of each block. A family
@@ -185,13 +192,13 @@ impl Compared {
             (0..found.len()).max_by(|a, b| self.probabilities[*a].total_cmp(&self.probabilities[*b]))?;
         let (pattern, posterior) = found[best].as_ref()?;
         let shares = BlockShares::new(blocks, side_px, (pattern, posterior));
-        let mut all = Mixture { none: 0.0, terms: Vec::new() };
+        let [mut all, mut red] = [(); 2].map(|()| Mixture { none: 0.0, terms: Vec::new() });
         for ((fit, found), weight) in self.fits.iter().zip(&found).zip(&self.probabilities) {
-            let own = found.as_ref().map_or(&fit.mixture, |(_, found)| &found.share);
-            all.none += weight * own.none;
-            all.terms.extend(own.terms.iter().map(|[share, mean, sd]| [weight * share, *mean, *sd]));
+            let of_blocks = found.as_ref().map(|(_, found)| found);
+            all.add(*weight, of_blocks.map_or(&fit.mixture, |found| &found.share));
+            red.add(*weight, of_blocks.filter(|_| fit.red.is_some()).map_or(fit.red(), |found| &found.red));
         }
-        Some(ByBlocks { all, named: found.swap_remove(0).map(|(_, found)| found.share), shares })
+        Some(ByBlocks { all, named: found.swap_remove(0).map(|(_, found)| found.share), red, shares })
     }
 
     /// Evidence of a fit over that of the named family.
@@ -307,6 +314,10 @@ impl<'a> FamilyAverage<'a> {
                 Change::TwiceAsWide => with_prior_twice_as_wide = interval,
             }
         }
+        let red = named.red.as_ref().map(|_| match by_blocks.as_ref().filter(|_| is_by_blocks) {
+            Some(found) => RedShare::of(&found.red),
+            None => RedShare::of(&compared.average_of_red()),
+        });
         let of_named = by_blocks.as_ref().and_then(|found| found.named.as_ref());
         let doubt = self.doubt(&compared, answer(&named.mixture, of_named));
         if let Some(doubt) = &doubt {
@@ -337,6 +348,7 @@ impl<'a> FamilyAverage<'a> {
                 probability_of_none: of_mean.none,
             }),
             blocks: by_blocks.map(|found| found.shares),
+            red,
             visible,
         })
     }

@@ -149,6 +149,18 @@ pub struct FamilySource {
     pub once_more: Vec<Vec<f64>>,
 }
 
+impl FamilySource {
+    /// Whether its light is that of plant pigment, which is red as that of porphyrin is.
+    pub(super) fn is_pigment(&self) -> bool {
+        self.fluorescent && is_plant_pigment(&self.name)
+    }
+}
+
+/// Whether a fluorophore is plant pigment, as of food.
+pub(crate) fn is_plant_pigment(name: &str) -> bool {
+    name.ends_with("chlorophyll")
+}
+
 /// A coordinate of the tissue.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FamilyCoordinate {
@@ -207,6 +219,9 @@ pub(super) struct FamilyPoint {
     pub(super) log_odds: f64,
     /// Its slopes.
     pub(super) log_odds_slopes: DVector<f64>,
+    /// The same of all red emission, porphyrin and plant pigment, over other fluorescence; its slopes are empty without either.
+    pub(super) red_log_odds: f64,
+    pub(super) red_log_odds_slopes: DVector<f64>,
 }
 
 /// Electrons of a unit amount of one source in one datum, without gain; slopes are of their logarithm.
@@ -378,8 +393,8 @@ impl LightFamily {
         let gains = self.gains(nuisances, places.gain);
         let errors = self.library_factors(nuisances);
 
-        // Add up the sources: the porphyrin, other fluorescence, and light that does not count
-        let mut sums = [0, 1, 2].map(|_| Sums::none(n, nuisances.len()));
+        // Add up the sources: the porphyrin, plant pigment, other fluorescence, and light that does not count
+        let mut sums = [0, 1, 2, 3].map(|_| Sums::none(n, nuisances.len()));
         let amounts = self.sources.iter().enumerate().map(|(k, source)| {
             let amount = source.median * (source.log_sd * nuisances[places.sources + k]).exp();
             (Some(places.sources + k), source, amount)
@@ -389,6 +404,7 @@ impl LightFamily {
         for (place, source, amount) in all {
             let kind = match place {
                 None => PORPHYRIN,
+                Some(_) if source.is_pigment() => PIGMENT,
                 Some(_) if source.fluorescent => BULK,
                 Some(_) => NOT_COUNTED,
             };
@@ -426,17 +442,21 @@ impl LightFamily {
     }
 
     /// All light together, and the odds of the porphyrin in the data that count.
-    fn point_of(&self, [porphyrin, bulk, rest]: &[Sums; 3]) -> FamilyPoint {
+    fn point_of(&self, [porphyrin, pigment, bulk, rest]: &[Sums; 4]) -> FamilyPoint {
         let n = self.frame_of.len();
         let unknowns = porphyrin.slopes.ncols();
         let mut point = FamilyPoint {
             electrons: (0..n)
-                .map(|i| porphyrin.electrons[i] + bulk.electrons[i] + rest.electrons[i])
+                .map(|i| {
+                    porphyrin.electrons[i] + pigment.electrons[i] + bulk.electrons[i] + rest.electrons[i]
+                })
                 .collect(),
-            slopes: &porphyrin.slopes + &bulk.slopes + &rest.slopes,
+            slopes: &porphyrin.slopes + &pigment.slopes + &bulk.slopes + &rest.slopes,
             porphyrin: porphyrin.electrons.clone(),
             log_odds: 0.0,
             log_odds_slopes: DVector::zeros(unknowns),
+            red_log_odds: 0.0,
+            red_log_odds_slopes: DVector::zeros(0),
         };
         let counted = |sum: &Sums| -> (f64, DVector<f64>) {
             let (mut total, mut slopes) = (0.0, DVector::zeros(unknowns));
@@ -446,10 +466,18 @@ impl LightFamily {
             }
             (total, slopes)
         };
-        let ((of_porphyrin, by_porphyrin), (of_bulk, by_bulk)) = (counted(porphyrin), counted(bulk));
+        let (of_porphyrin, by_porphyrin) = counted(porphyrin);
+        let (of_pigment, by_pigment) = counted(pigment);
+        let (of_bulk, by_bulk) = counted(bulk);
         if of_porphyrin > 0.0 && of_bulk > 0.0 {
-            point.log_odds = (of_porphyrin / of_bulk).ln();
-            point.log_odds_slopes = by_porphyrin / of_porphyrin - by_bulk / of_bulk;
+            let others = of_pigment + of_bulk;
+            point.log_odds = (of_porphyrin / others).ln();
+            point.log_odds_slopes = &by_porphyrin / of_porphyrin - (&by_pigment + &by_bulk) / others;
+        }
+        if of_pigment > 0.0 && of_bulk > 0.0 {
+            let red = of_porphyrin + of_pigment;
+            point.red_log_odds = (red / of_bulk).ln();
+            point.red_log_odds_slopes = (by_porphyrin + by_pigment) / red - by_bulk / of_bulk;
         }
         point
     }
@@ -457,8 +485,9 @@ impl LightFamily {
 
 /// Kinds of light in sums.
 const PORPHYRIN: usize = 0;
-const BULK: usize = 1;
-const NOT_COUNTED: usize = 2;
+const PIGMENT: usize = 1;
+const BULK: usize = 2;
+const NOT_COUNTED: usize = 3;
 
 /// Electrons of some sources in each datum, with slopes `[datum, nuisance]`.
 struct Sums {

@@ -63,17 +63,20 @@ pub use detection::{auc_of_d_prime, auc_of_scores, d_prime_of_rates};
 pub use difference::interval_of_difference;
 pub use error_budget::{BudgetInput, BudgetItem, ErrorBudget};
 pub use family_average::{FamilyAverage, TissueDoubt, TissueEvidence};
+pub(crate) use light_family::is_plant_pigment;
 pub use light_family::{CubicTerms, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
 pub use mixture_line::{
     DETECTION_Z, FluorophoreResponse, LineEstimate, MixtureEnd, MixtureError, MixtureLine, PorphyrinLayers,
     PorphyrinMap, channel_response,
 };
 pub use pixel_mean::{PixelMean, mean_of_pixels};
-pub use region_blocks::{BlockShare, BlockShares, LEAST_BLOCKS, RegionBlock};
+pub use region_blocks::{BlockShare, BlockShares, LEAST_BLOCKS, RegionBlock, block_side_px};
 pub use region_light::{PorphyrinTruth, RegionLight};
 pub use region_of_interest::{PixelSelection, Rectangle, RegionError, RegionOfInterest, SceneOnSensor};
 pub use region_shape::{PixelMask, Polygon};
-pub use share_posterior::{BlindDirection, IntervalWithout, ShareInterval, ShareOfMean, SharePosterior};
+pub use share_posterior::{
+    BlindDirection, IntervalWithout, RedShare, ShareInterval, ShareOfMean, SharePosterior,
+};
 pub use spectral_mixture::{
     BloodBefore, ComponentSet, ComponentSets, FitChiSquare, FitError, FittedBlood, FittedWeight,
     MixtureComponent, MixtureFit, ResidualCorrelation, ResidualScatter, SetMembership, SpectralMixture,

@@ -82,6 +82,8 @@ pub(super) struct RedPattern {
 pub(super) struct PatternPosterior {
     /// The share of the region.
     pub(super) share: Mixture,
+    /// The share of all red emission, of porphyrin and plant pigment.
+    pub(super) red: Mixture,
     /// Probability that porphyrin is the same everywhere, and that it is patchy.
     pub(super) even: f64,
     pub(super) patchy: f64,
@@ -177,6 +179,8 @@ struct Cell {
     log_prior: f64,
     place_factor: f64,
     chlorophyll: f64,
+    /// Amplitude of the person's tissue without porphyrin and chlorophyll, and with chlorophyll.
+    tissue: f64,
     bulk: f64,
 }
 
@@ -252,6 +256,7 @@ impl RedPattern {
                         log_prior: place + evidence + of_amount + of_deviate,
                         place_factor: *place_factor,
                         chlorophyll,
+                        tissue: own,
                         bulk: own + amplitude * chlorophyll * (1.0 - own),
                     });
                 }
@@ -350,12 +355,17 @@ impl RedPattern {
         let total: f64 = all().map(|(_, term)| weight(term)).sum();
         let mut found = PatternPosterior {
             share: Mixture { none: 0.0, terms: Vec::new() },
+            red: Mixture { none: 0.0, terms: Vec::new() },
             even: 0.0,
             patchy: 0.0,
             blocks: vec![[0.0; 2]; self.amplitudes.len()],
             place_factor: 0.0,
             chlorophyll: 0.0,
         };
+        for (cell, terms) in terms {
+            let of_cell: f64 = terms.iter().map(weight).sum();
+            found.red.terms.push(self.log_odds(of_cell / total, self.red_share(cell)));
+        }
         for (cell, term) in all() {
             let weight = weight(term) / total;
             match term.pattern {
@@ -373,6 +383,18 @@ impl RedPattern {
             found.chlorophyll += weight * cell.chlorophyll;
         }
         found
+    }
+
+    /// The share of all red emission in a cell and its variance: how far the mean amplitude lies from the bulk without either.
+    fn red_share(&self, cell: &Cell) -> [f64; 2] {
+        let mean = |of: &dyn Fn(usize) -> f64| -> f64 {
+            self.weights.iter().enumerate().map(|(block, weight)| weight * of(block)).sum()
+        };
+        let share = ((mean(&|block| self.amplitudes[block]) - cell.tissue) / (1.0 - cell.tissue)).max(1e-4);
+        let blocks = self.amplitudes.len() as f64;
+        let places = cell.place_factor.powi(2) * self.place_variance / (blocks * self.independent());
+        let noise = mean(&|block| self.weights[block] * self.noise[block]);
+        [share, (places + noise) / (1.0 - cell.tissue).powi(2) + (SCALE_ERROR * share).powi(2)]
     }
 
     /// A share of all light with its variance as a share of the region's own light: weight, mean and standard deviation of the log

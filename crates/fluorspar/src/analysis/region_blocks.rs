@@ -32,6 +32,16 @@ const LOOKS_ALIKE: [f64; 2] = [0.05, 2.0];
 /// Share of marked blocks that may be false.
 const FALSE_DISCOVERIES: f64 = 0.05;
 
+/// Blocks that a region is cut into, about, and the least side of a block, pixels.
+const BLOCKS: f64 = 50.0;
+const LEAST_SIDE_PX: f64 = 4.0;
+
+/// Side of the blocks of a region of some pixels, pixels.
+#[must_use]
+pub fn block_side_px(pixels: f64) -> usize {
+    (pixels / BLOCKS).sqrt().round().max(LEAST_SIDE_PX) as usize
+}
+
 /// A block of a region, as measured in the first frame of a family.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegionBlock {
@@ -188,11 +198,9 @@ impl LightFamily {
     }
 
     /// The family with some of its sources taken out.
-    fn without(&self, is_out: impl Fn(&str, bool) -> bool) -> Self {
+    fn without(&self, is_out: impl Fn(&FamilySource) -> bool) -> Self {
         let mut family = self.clone();
-        for source in family.sources.iter_mut().filter(|source| is_out(&source.name, source.fluorescent)) {
-            source.median = 0.0;
-        }
+        family.sources.iter_mut().filter(|source| is_out(source)).for_each(|source| source.median = 0.0);
         family
     }
 
@@ -219,9 +227,8 @@ impl LightFamily {
             return None;
         }
         // The typical tissue, and what porphyrin and chlorophyll add to it
-        let is_chlorophyll = |name: &str| name.ends_with("chlorophyll");
-        let bulk_family = self.without(|name, _| is_chlorophyll(name));
-        let own_family = self.without(|_, fluorescent| !fluorescent);
+        let bulk_family = self.without(FamilySource::is_pigment);
+        let own_family = self.without(|source| !source.fluorescent);
         let middle = vec![0.0; self.nuisances().len()];
         let added = |more: Vec<f64>, less: &[f64]| -> Vec<f64> {
             more.iter().zip(less).map(|(more, less)| (more - less).max(0.0)).collect()

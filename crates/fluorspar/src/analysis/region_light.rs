@@ -14,6 +14,9 @@ pub struct RegionLight {
     pub porphyrin: Vec<f64>,
     /// The same of the other fluorophores that the materials of the region hold.
     pub bulk: Vec<f64>,
+    /// That of plant pigment among these.
+    #[serde(default)]
+    pub pigment: Vec<f64>,
     /// The same of fluorophores that the region does not hold: light of teeth, reflected here.
     pub other_parts: Vec<f64>,
     /// Light that fluoresced more than once. Which fluorophore emitted it last is not kept.
@@ -36,6 +39,9 @@ pub struct PorphyrinTruth {
     pub share: f64,
     /// The share if light that fluoresced twice is counted, all of it as of other fluorophores, or all of it as of the porphyrin.
     pub share_with_light_that_fluoresced_twice: [f64; 2],
+    /// The share of all red emission, porphyrin and plant pigment together.
+    #[serde(default)]
+    pub red: f64,
     /// The electrons that it was computed from.
     pub electrons: RegionLight,
 }
@@ -77,6 +83,7 @@ impl RegionLight {
         (all > 0.0).then(|| PorphyrinTruth {
             definition: self.definition(analyte),
             share: porphyrin / all,
+            red: (porphyrin + total(&self.pigment)) / all,
             share_with_light_that_fluoresced_twice: [
                 porphyrin / (all + twice),
                 (porphyrin + twice) / (all + twice),
@@ -93,7 +100,15 @@ mod tests {
     fn light(channels: &[&str], parts: [&[f64]; 5]) -> RegionLight {
         let [porphyrin, bulk, other_parts, fluoresced_twice, reflected] = parts.map(<[f64]>::to_vec);
         let channels = channels.iter().map(|name| (*name).to_owned()).collect();
-        RegionLight { channels, porphyrin, bulk, other_parts, fluoresced_twice, reflected }
+        RegionLight {
+            channels,
+            porphyrin,
+            bulk,
+            pigment: Vec::new(),
+            other_parts,
+            fluoresced_twice,
+            reflected,
+        }
     }
 
     #[test]

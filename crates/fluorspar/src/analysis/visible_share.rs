@@ -56,6 +56,11 @@ pub struct VisibleShare {
     pub limited_by: Option<String>,
 }
 
+impl VisibleShare {
+    /// Largest share that is tried.
+    pub const LARGEST: f64 = RANGE[1];
+}
+
 /// A typical region before a camera.
 struct TypicalRegion<'a> {
     family: &'a LightFamily,
@@ -81,7 +86,7 @@ impl PorphyrinSpread {
         };
         let of = |block: usize| match self {
             Self::Even => 1.0,
-            Self::Patches => f64::from(u8::from(block % PATCHES_OF == 0)),
+            Self::Patches => f64::from(u8::from(block.is_multiple_of(PATCHES_OF))),
             Self::Usual => usual(block),
         };
         let amounts: Vec<f64> = (0..blocks).map(of).collect();

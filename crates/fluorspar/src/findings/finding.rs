@@ -8,8 +8,14 @@ use serde::{Serialize, Serializer};
 pub enum FindingId {
     /// Share of the analyte in the fluorescence electrons of the analyzed frame, in tissue of which only a family is known.
     Share,
+    /// Share of all red emission, of the analyte and of plant pigment, in the same electrons.
+    RedShare,
     /// The share is below it with a probability of 95 %.
     ShareUpperLimit,
+    /// Smallest share of the region that is told from none in patches that cover a tenth of it; named by what limits it.
+    VisibleInPatches,
+    /// The same of one that is spread evenly.
+    VisibleEvenly,
     /// The share from the mean of the region alone, where its blocks say more.
     ShareOfMean,
     /// Blocks of the region that hold the analyte; judged by the number of all.

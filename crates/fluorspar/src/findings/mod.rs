@@ -6,8 +6,9 @@ mod finding;
 pub use finding::{Caveat, Finding, FindingId};
 
 use crate::analysis::{
-    Analysis, BudgetItem, ChannelSignal, ChannelStatistics, ErrorBudget, MixtureSummary, RegionFraction,
-    SharePosterior, SignalRatio, SignalSummary, Statistics, TargetDetection, Unmixing,
+    Analysis, BudgetItem, ChannelSignal, ChannelStatistics, ErrorBudget, MixtureSummary, PorphyrinTruth,
+    RegionFraction, SharePosterior, SignalRatio, SignalSummary, Statistics, TargetDetection, Unmixing,
+    VisibleShare,
 };
 use crate::pipeline::{Evaluation, FrameLeak, Viewer};
 use crate::safety::DAY_S;
@@ -98,7 +99,7 @@ fn share_findings(analysis: &Analysis) -> Vec<Finding> {
     let truth = analysis.truth.as_ref().map(|truth| truth.share);
     let mut all = Vec::new();
     if let Some(posterior) = &analysis.posterior {
-        all.extend(posterior_findings(posterior, truth));
+        all.extend(posterior_findings(posterior, analysis.truth.as_ref()));
     }
     if let Some(mixture) = &analysis.mixture {
         all.extend(line_findings(mixture, analysis, truth));
@@ -110,7 +111,9 @@ fn share_findings(analysis: &Analysis) -> Vec<Finding> {
     }
     let there = truth.filter(|share| *share > 0.0);
     let percent = |id, share: f64, there: f64| Finding::new(id, 100.0 * share / there);
-    if let Some(limit) = analysis.detection_limit() {
+    // One limit of one kind: that of the line knows neither people nor indirect light
+    let of_line = analysis.detection_limit().filter(|_| analysis.posterior.is_none());
+    if let Some(limit) = of_line {
         all.push(Finding::new(FindingId::DetectionLimit, limit).with(Caveat::SensorNoiseAlone));
         all.extend(there.map(|there| percent(FindingId::LimitOverTruth, limit, there)));
     } else if there.is_some()
@@ -137,7 +140,8 @@ fn share_findings(analysis: &Analysis) -> Vec<Finding> {
 }
 
 /// The share if the region is tissue of which a family is known.
-fn posterior_findings(posterior: &SharePosterior, truth: Option<f64>) -> Vec<Finding> {
+fn posterior_findings(posterior: &SharePosterior, known: Option<&PorphyrinTruth>) -> Vec<Finding> {
+    let truth = known.map(|truth| truth.share);
     let frame = posterior.frames.first().map_or("", String::as_str);
     let share = |value: Option<f64>| Finding::new(FindingId::Share, value).of_frame(frame);
     let mut share = if posterior.is_no_estimate() {
@@ -153,11 +157,28 @@ fn posterior_findings(posterior: &SharePosterior, truth: Option<f64>) -> Vec<Fin
     if posterior.frames.len() > 1 {
         share.caveats.push(Caveat::FromFrames(posterior.frames.clone()));
     }
-    let proven_by_blocks = posterior.excludes_none() && posterior.of_mean.is_some();
-    if proven_by_blocks && posterior.blocks.as_ref().is_some_and(|b| b.looks_like_chlorophyll) {
-        share.caveats.push(Caveat::LooksLike("plant pigment"));
+    let looks_alike = posterior.blocks.as_ref().is_some_and(|blocks| blocks.looks_like_chlorophyll);
+    let alike = || looks_alike.then_some(Caveat::LooksLike("plant pigment"));
+    let mut all = Vec::new();
+    if let Some(red) = posterior.red.filter(|_| !posterior.is_no_estimate()) {
+        share.caveats.extend(alike());
+        let mut red = Finding::new(FindingId::RedShare, red.median).of_frame(frame).within(red.interval);
+        red.caveats.extend(alike());
+        all.push(red.judged_by(known.map(|truth| truth.red)));
     }
-    let mut all = vec![share];
+    all.push(share);
+    if let Some(visible) = posterior.visible.as_ref().filter(|_| !posterior.is_no_estimate()) {
+        let named = |finding: Finding| match &visible.limited_by {
+            Some(limit) => finding.named(limit),
+            None => finding,
+        };
+        let smallest = |id, share: Option<f64>| match share {
+            Some(share) => Finding::new(id, share),
+            None => Finding::new(id, VisibleShare::LARGEST).with(Caveat::LowerLimit),
+        };
+        all.push(named(smallest(FindingId::VisibleInPatches, visible.in_patches)));
+        all.push(smallest(FindingId::VisibleEvenly, visible.evenly));
+    }
     if let Some(blocks) = posterior.blocks.as_ref().filter(|_| !posterior.is_no_estimate()) {
         let marked = Finding::new(FindingId::MarkedBlocks, blocks.marked() as f64);
         all.push(marked.judged_by(blocks.blocks.len() as f64));

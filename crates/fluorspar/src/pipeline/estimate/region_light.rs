@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::region_signal::CameraResponse;
-use crate::analysis::{PixelSelection, RegionLight};
+use crate::analysis::{PixelSelection, RegionLight, is_plant_pigment};
 use crate::image::{ChannelImage, Component, ComponentImage, InterpolationTaps, LightPath};
 use crate::optics::IdealLens;
 use crate::pipeline::PipelineError;
@@ -160,12 +160,15 @@ pub(super) fn region_light(
     };
     let is_porphyrin =
         |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if name == porphyrin);
+    let is_pigment =
+        |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if is_plant_pigment(name));
     let is_held = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if held.contains(name));
     let is_other = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if !held.contains(name));
     Ok(Some(RegionLight {
         channels: channels.iter().map(|&channel| camera.channels()[channel].clone()).collect(),
         porphyrin: electrons(&is_porphyrin)?,
         bulk: electrons(&|light| is_held(light) && !is_porphyrin(light))?,
+        pigment: electrons(&|light| is_held(light) && is_pigment(light))?,
         other_parts: electrons(&|light| is_other(light) && !is_porphyrin(light))?,
         fluoresced_twice: electrons(&|light| *light == LightPath::MultipleFluorescence)?,
         reflected: electrons(&|light| *light == LightPath::Reflected)?,

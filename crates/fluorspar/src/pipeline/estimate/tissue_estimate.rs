@@ -9,17 +9,12 @@ use super::region_signal::CameraResponse;
 use super::tissue_family::{FamilyFrame, other_tissue_families, tissue_family};
 use crate::analysis::{
     ChannelNoise, FamilyAverage, LightFamily, PixelMean, PixelSelection, RegionBlock, SceneOnSensor,
-    SharePosterior,
+    SharePosterior, block_side_px,
 };
 use crate::pipeline::PipelineError;
 use crate::pipeline::capture::CapturedFrame;
 use crate::pipeline::capture::film_irradiance::behind_filter;
 use crate::study::{AnalysisPlan, Capture, Study};
-
-/// Blocks that a region is cut into, about.
-const BLOCKS: f64 = 50.0;
-/// Least side of a block, pixels.
-const LEAST_SIDE_PX: f64 = 4.0;
 
 /// What the camera of a study sees of the tissues that its region may be of, in the analyzed frame and the further ones. It rests on
 /// lights, camera and exposure times, and not on what the frames show.
@@ -109,7 +104,7 @@ impl<'a> FamiliesOfFrames<'a> {
             return None;
         }
         // Sort the pixels of the region into squares
-        let side = (region.pixels.len() as f64 / BLOCKS).sqrt().round().max(LEAST_SIDE_PX) as usize;
+        let side = block_side_px(region.pixels.len() as f64);
         let mut squares: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
         for &pixel in region.pixels.iter().filter(|pixel| is_lit(**pixel) && !image.saturated[**pixel]) {
             let place = [pixel / image.width / side, pixel % image.width / side];
