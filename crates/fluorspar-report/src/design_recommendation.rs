@@ -1,7 +1,8 @@
 //! Which design is recommended, why, and what it fails at.
 
-use fluorspar::analysis::DETECTION_Z;
+use fluorspar::analysis::{DETECTION_Z, VisibleShare};
 use fluorspar::design::{Criterion, LimitExcess, WorstCase};
+use fluorspar::pipeline::DesignEstimate;
 
 use crate::design_remarks::cures;
 use crate::design_report::{DesignFindings, JudgedDesign, digits};
@@ -60,6 +61,7 @@ pub fn recommendation(found: &DesignFindings<'_>) -> Vec<String> {
         ),
     }];
     sentences.extend(why_others_see_less(found, made));
+    sentences.extend(made.estimate.as_ref().map(estimate_in_words));
     sentences.extend(failings(found, place, made).into_iter().map(|what| format!("But {what}.")));
     sentences
 }
@@ -96,6 +98,26 @@ fn why_others_see_less(found: &DesignFindings<'_>, made: &JudgedDesign) -> Optio
         percent(share),
         shares.len()
     ))
+}
+
+/// What an analysis of the frames of a design would find.
+fn estimate_in_words(estimate: &DesignEstimate) -> String {
+    let percent = |share: f64| digits(100.0 * share);
+    let from = |share: Option<f64>| match share {
+        Some(share) => format!("from {} % on", percent(share)),
+        None => format!("not below {} %", percent(VisibleShare::LARGEST)),
+    };
+    let [low, high] = estimate.interval.map(percent);
+    let limit = estimate.visible.limited_by.as_ref();
+    format!(
+        "An analysis of its frames would put {} % of porphyrin at {low} to {high} %, and tell porphyrin from none {} in patches over a tenth of \
+         the region, {} where it is spread evenly{}: {}.",
+        percent(estimate.share),
+        from(estimate.visible.in_patches),
+        from(estimate.visible.evenly),
+        limit.map_or_else(String::new, |limit| format!(", limited by {limit}")),
+        estimate.prior.replace('_', " ")
+    )
 }
 
 /// Of which designs the recommended one has the least loss within tolerances, as a part of a sentence that the loss follows.
@@ -168,7 +190,9 @@ fn failings(found: &DesignFindings<'_>, place: usize, judged: &JudgedDesign) -> 
         for region in &merits.regions {
             let value = region.contrast_values.get(k).copied().flatten();
             let sd = region.contrasts.get(k).copied().filter(|sd| sd.is_finite());
-            if let Some((value, sd)) = value.zip(sd).filter(|(value, sd)| value.abs() < DETECTION_Z * sd) {
+            let is_lost =
+                |(value, sd): &(f64, f64)| value.abs() < DETECTION_Z * sd && judged.estimate.is_none();
+            if let Some((value, sd)) = value.zip(sd).filter(is_lost) {
                 let told = digits(DETECTION_Z * sd);
                 failings.push(format!(
                     "the value itself, {}, can't be told from zero: it would have to be {told}, {DETECTION_Z:.2} standard deviations",

@@ -4,6 +4,7 @@ use fluorspar::analysis::DETECTION_Z;
 use fluorspar::design::{
     Criterion, Design, DesignSpace, FilteredFluorescence, FineBands, Merits, Score, Sensitivity, WorstCase,
 };
+use fluorspar::pipeline::DesignEstimate;
 
 use crate::design_recommendation::{analyte_share, limit_in_words, recommendation, recommended};
 use crate::design_remarks::{best_case, ideal_edges};
@@ -24,6 +25,8 @@ pub struct JudgedDesign {
     pub merits: Merits,
     /// What its viewing filter does to the fluorescence; `None` where nothing that fluoresces is seen.
     pub fluorescence: Option<FilteredFluorescence>,
+    /// What an analysis of its frames would say of the porphyrin; `None` where that is not asked for, or the region is not tissue of the mouth.
+    pub estimate: Option<DesignEstimate>,
 }
 
 /// What a search found.
@@ -155,7 +158,8 @@ fn headline(found: &DesignFindings<'_>) -> Vec<Number> {
         }
         _ => None,
     };
-    let of_value = value.map_or_else(String::new, |value| yardstick(value, recommended.merits.loss));
+    let of_value =
+        value.map_or_else(String::new, |value| yardstick(value, recommended.merits.loss, recommended));
     let meaning = format!("of {}, {}{of_value}", recommended.name, found.criterion);
     let mut numbers = vec![Number::computed("loss", digits(recommended.merits.loss), "", meaning)];
     if let Some(worst) = found.worst_cases.get(place) {
@@ -167,6 +171,12 @@ fn headline(found: &DesignFindings<'_>) -> Vec<Number> {
         numbers.push(Number::computed("least loss as meant", digits(best.merits.loss), "", meaning));
     }
     let merits = &recommended.merits;
+    numbers.extend(recommended.estimate.iter().map(|estimate| {
+        let share = estimate.visible.in_patches.map_or_else(|| "none".into(), |share| digits(100.0 * share));
+        let meaning =
+            "told from none, in patches over a tenth of the region: by the estimate that analyzes frames";
+        Number::computed("smallest porphyrin share seen", share, "%", meaning)
+    }));
     numbers.push(Number::computed("time", digits(merits.time_s * 1e3), "ms", "of all exposures"));
     numbers.push(Number::computed(
         "leak",
@@ -202,7 +212,7 @@ fn bounds(found: &DesignFindings<'_>, judged: &JudgedDesign) -> Vec<ReportItem> 
         });
         let values = merits.contrasts.iter().zip(&merits.contrast_values);
         let contrasts = p.contrasts.iter().zip(values).map(|(contrast, (sd, value))| {
-            let yardstick = value.map_or_else(String::new, |value| yardstick(value, *sd));
+            let yardstick = value.map_or_else(String::new, |value| yardstick(value, *sd, judged));
             let meaning =
                 format!("bound on the standard deviation{yardstick}; {}", contrast.part.join(" + "));
             Number::computed(&contrast.name, digits(*sd), "", meaning)
@@ -215,8 +225,9 @@ fn bounds(found: &DesignFindings<'_>, judged: &JudgedDesign) -> Vec<ReportItem> 
 
 /// What the standard deviation of a contrast is to be judged by: the contrast itself, and the change that can be detected with errors of 5 %
 /// either way (Currie 1968).
-fn yardstick(value: f64, sd: f64) -> String {
-    if !sd.is_finite() {
+fn yardstick(value: f64, sd: f64, judged: &JudgedDesign) -> String {
+    // The estimate knows the limit, people included
+    if !sd.is_finite() || judged.estimate.is_some() {
         return format!(" of a value of {}", digits(value));
     }
     let told = DETECTION_Z * sd;

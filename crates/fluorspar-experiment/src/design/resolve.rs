@@ -14,7 +14,7 @@ use fluorspar::geometry::OrientedPoint;
 use fluorspar::light::Light;
 use fluorspar::sensor::EXPOSURE_MS;
 use fluorspar::spectral::{Curve, WavelengthGrid};
-use fluorspar::study::Lens;
+use fluorspar::study::{Lens, TissuePrior};
 use fluorspar_format::FileFormat;
 use glam::DVec3;
 
@@ -29,9 +29,13 @@ use crate::change::scene_change::SceneChange;
 use crate::document::shape::Schema;
 use crate::document::tree::{Content, Node};
 use crate::error::{ExperimentError, Place, steps};
+use crate::part_file::sample::SampleMaterial;
+use crate::preset;
 use crate::read::{change_document, read_merged_as, refuse_ignored, typed};
+use crate::resolve::capture::prior_of;
 use crate::resolve::context::{Context, Resolved};
 use crate::resolve::spectrum::Role;
+use crate::resolve::tissue::named_tissue;
 use crate::resolve::{FileRecord, Setup, complete, device, fluorophore};
 use crate::schema::{LightSection, SpectrumReference};
 
@@ -49,6 +53,8 @@ pub struct ComparedDesign {
 pub struct ResolvedDesign {
     /// What may be chosen, assumed and must be kept to.
     pub problem: DesignProblem,
+    /// What is known beforehand of the tissue of each region of a geometry; `None` where it is not tissue of one site of the mouth.
+    pub priors: Vec<Option<TissuePrior>>,
     /// How it is searched.
     pub search: SearchSection,
     /// Tolerances of manufacture.
@@ -224,9 +230,11 @@ impl Reader<'_, '_> {
             geometries: Vec::new(),
         };
         let compared = compared(self.context, question, &problem, &rendered.geometries)?;
+        let priors = self.priors(&grid)?;
         let record = self.record(&rendered, &grid)?;
         Ok(ResolvedDesign {
             problem,
+            priors,
             search: question.search,
             tolerance: question.tolerance,
             rendered,
@@ -234,6 +242,34 @@ impl Reader<'_, '_> {
             names_compared: !question.compare.is_empty(),
             record,
         })
+    }
+
+    /// What is known of the tissue of each region, flat ones first.
+    fn priors(&mut self, grid: &WavelengthGrid) -> Resolved<Vec<Option<TissuePrior>>> {
+        let DesignFile { experiment, question } = self.file;
+        let context = &mut *self.context;
+        let mut of_kinds = [Vec::new(), Vec::new()];
+        for (index, section) in question.region.iter().enumerate() {
+            let at = steps!["region", index];
+            let name = match (&section.material, &section.rendered) {
+                (Some(SampleMaterial::Tissue(tissue)), _) => Some(&tissue.tissue),
+                (_, Some(rendered)) if rendered.tissue.len() == 1 => rendered.tissue.first(),
+                _ => None,
+            };
+            let mut prior = None;
+            if let Some(name) = name {
+                let tissues = &experiment.tissue;
+                let named = named_tissue(context, &at, tissues, &experiment.fluorophore, grid, name)?;
+                let site =
+                    named.site(context, &at).ok().filter(|site| site.get("biofilm_porphyrin_per_mm").is_ok());
+                if let Some(site) = site.cloned() {
+                    let tooth = preset::site("tooth").map_err(|error| context.error(&at, error))?;
+                    prior = Some(prior_of(context, &at, &experiment.fluorophore, (site, Some(tooth)))?);
+                }
+            }
+            of_kinds[usize::from(section.rendered.is_some())].push(prior);
+        }
+        Ok(of_kinds.into_iter().flatten().collect())
     }
 
     /// The file with every default written out, and its digest, in which renders count by theirs.

@@ -17,7 +17,7 @@ use crate::error::{Message, Place, Step, steps};
 use crate::preset::{self, PresetError};
 use crate::schema::{
     AnalysisSection, BulkReference, CaptureSection, ConcentrationFactor, DEFAULT_PORPHYRIN, ExperimentFile,
-    ExposureTime, SensorRegionSection, TextureReference,
+    ExposureTime, FluorophoreSection, SensorRegionSection, TextureReference,
 };
 use fluorspar::analysis::Analyte;
 use fluorspar::light::LightGroup;
@@ -535,17 +535,34 @@ fn tissue_prior(
             _ => return Ok(None),
         },
     };
-    let failed = |error: PresetError| context.error(&at, error);
-    let teeth = teeth_around(file).map_err(failed)?;
-    let others = preset::compared_sites().map_err(failed)?;
+    let teeth = teeth_around(file).map_err(|error| context.error(&at, error))?;
+    let prior = prior_of(context, &at, &file.fluorophore, (site, teeth))?;
+    Ok(Some(TissuePrior { width, library_error, site_probability, ..prior }))
+}
+
+/// What is known beforehand of the tissue of a site, with the teeth around it.
+pub(crate) fn prior_of(
+    context: &mut Context<'_>,
+    at: &Place,
+    fluorophores: &[FluorophoreSection],
+    (site, teeth): (Site, Option<Site>),
+) -> Resolved<TissuePrior> {
+    let others = preset::compared_sites().map_err(|error| context.error(at, error))?;
     let mut known = Fluorophores::default();
     let of_teeth = teeth.as_ref().map(Site::fluorophores).unwrap_or_default();
     for name in site.fluorophores().iter().chain(of_teeth) {
-        known.index(context, &at, &file.fluorophore, name)?;
+        known.index(context, at, fluorophores, name)?;
     }
-    let fluorophores = known.list.into_iter().map(Arc::new).collect();
-    let kept = cached_solutions();
-    Ok(Some(TissuePrior { site, fluorophores, width, library_error, teeth, site_probability, others, kept }))
+    Ok(TissuePrior {
+        site,
+        fluorophores: known.list.into_iter().map(Arc::new).collect(),
+        width: TissuePrior::WIDTH,
+        library_error: TissuePrior::LIBRARY_ERROR,
+        teeth,
+        site_probability: TissuePrior::SITE_PROBABILITY,
+        others,
+        kept: cached_solutions(),
+    })
 }
 
 /// The teeth that light a site in a mouth.

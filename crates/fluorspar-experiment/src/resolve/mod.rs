@@ -2,7 +2,7 @@
 
 mod analyzed_region;
 pub(super) mod cached_analysis;
-mod capture;
+pub(super) mod capture;
 mod concentration;
 pub(super) mod context;
 pub(super) mod device;

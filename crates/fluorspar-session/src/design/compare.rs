@@ -40,5 +40,5 @@ pub fn compare(options: &ProblemOptions, job: &Job) -> Result<ComparedDesigns> {
         )));
     }
     let problem = read.prepare(job)?;
-    Ok(ComparedDesigns { designs: compared(&problem), problem })
+    Ok(ComparedDesigns { designs: compared(&problem)?, problem })
 }

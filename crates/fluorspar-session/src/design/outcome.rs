@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use fluorspar::design::{
     Criterion, Design, DesignSpace, Score, Sensitivity, WorstCase, pareto_front, sensitivities, worst_case,
 };
+use fluorspar::pipeline::design_estimate;
 use fluorspar_format::{FileFormat, OutputFolder, csv_cell};
 use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_report};
 use serde::{Serialize, Serializer};
@@ -58,13 +59,39 @@ pub struct DesignOutcome {
 pub(super) fn judged(space: &DesignSpace, name: String, design: Design) -> JudgedDesign {
     let merits = space.evaluate(&design);
     let fluorescence = space.filtered_fluorescence(&design);
-    JudgedDesign { name, design, merits, fluorescence }
+    JudgedDesign { name, design, merits, fluorescence, estimate: None }
+}
+
+/// Designs of which it is told what an analysis of their frames would find, of the best.
+const ESTIMATED: usize = 3;
+/// The fluorophore that this is told of.
+const PORPHYRIN: &str = "biofilm_porphyrin";
+
+/// Adds what an analysis of the frames of a design would say of its first region, where a contrast asks for porphyrin.
+fn estimate(problem: &PreparedProblem, judged: &mut JudgedDesign) -> Result<()> {
+    let space = &problem.space;
+    let p = space.problem();
+    let is_asked = p.contrasts.iter().any(|contrast| contrast.part.iter().any(|name| name == PORPHYRIN));
+    let (Some(Some(prior)), true) = (problem.resolved.priors.first(), is_asked) else { return Ok(()) };
+    let (Some(region), Some(light)) = (p.regions_of(judged.design.geometry).next(), &judged.fluorescence)
+    else {
+        return Ok(());
+    };
+    let parts = region.response.fluorescence.iter().zip(&light.shares);
+    let share: f64 = parts.filter(|(part, _)| part.name == PORPHYRIN).map(|(_, share)| share).sum();
+    if share > 0.0 && share < 1.0 {
+        let found = design_estimate(space, &judged.design, (0, share), prior);
+        judged.estimate = found.map_err(|error| Error::Input(error.to_string()))?;
+    }
+    Ok(())
 }
 
 /// The designs of the file to compare with.
-pub(super) fn compared(problem: &PreparedProblem) -> Vec<JudgedDesign> {
+pub(super) fn compared(problem: &PreparedProblem) -> Result<Vec<JudgedDesign>> {
     let of = |compared: &fluorspar_experiment::ComparedDesign| {
-        judged(&problem.space, compared.name.clone(), compared.design.clone())
+        let mut judged = judged(&problem.space, compared.name.clone(), compared.design.clone());
+        estimate(problem, &mut judged)?;
+        Ok(judged)
     };
     problem.resolved.compared.iter().map(of).collect()
 }
@@ -80,7 +107,8 @@ impl DesignOutcome {
             judged(space, space.describe(&design), design)
         };
         let keep = problem.resolved.search.keep as usize;
-        let best: Vec<JudgedDesign> = ranked.iter().take(keep).map(judge).collect();
+        let mut best: Vec<JudgedDesign> = ranked.iter().take(keep).map(judge).collect();
+        best.iter_mut().take(ESTIMATED).try_for_each(|judged| estimate(&problem, judged))?;
         let front: Vec<JudgedDesign> = pareto_front(&scores).iter().take(keep).map(judge).collect();
         let rivals: Vec<Design> = best.iter().take(RIVALS).map(|judged| judged.design.clone()).collect();
         let failed = |error: fluorspar::design::DesignError| Error::Input(error.to_string());
@@ -94,7 +122,7 @@ impl DesignOutcome {
             left_out: left_out(space, &scores),
             best,
             front,
-            compared: compared(&problem),
+            compared: compared(&problem)?,
             sensitivities: sensitivities(space.problem(), &rivals).map_err(failed)?,
             worst_cases,
             problem,
@@ -301,6 +329,7 @@ pub(super) fn design_json(space: &DesignSpace, judged: &JudgedDesign) -> Value {
         "eye_margin": merits.eye_margin,
         "detectability": merits.detectability,
         "color_separability": merits.color_separability,
+        "estimate": judged.estimate,
         "regions": regions,
     })
 }

@@ -74,8 +74,13 @@ impl DesignExposure<'_> {
         self.factor() * rates.fluorescence.iter().flatten().sum::<f64>()
     }
 
+    /// Mean electrons of one pixel of a channel.
+    pub(super) fn channel_electrons(&self, channel: usize, rates: &SignalRates) -> f64 {
+        self.factor() * (rates.fluorescence[channel].iter().sum::<f64>() + rates.leak[channel])
+    }
+
     /// Variance of the mean of a channel over the region.
-    fn variance(&self, channel: usize, mean_e: f64, pixels: f64) -> f64 {
+    pub(super) fn variance(&self, channel: usize, mean_e: f64, pixels: f64) -> f64 {
         let camera = self.camera;
         let spread = camera.prnu * mean_e;
         let of_pixel = mean_e + camera.dark_e_per_s * self.time_s + camera.dark_variance_e2 + spread * spread;
@@ -223,7 +228,7 @@ pub(super) fn sample_pixels(
     key: Key,
 ) -> Vec<f64> {
     let dark_e = exposure.camera.dark_e_per_s * exposure.time_s;
-    let mean_e = exposure.factor() * (rates.fluorescence[channel].iter().sum::<f64>() + rates.leak[channel]);
+    let mean_e = exposure.channel_electrons(channel, rates);
     let read_e = exposure.camera.dark_variance_e2.sqrt();
     let draw = |pixel: usize| {
         let mut rng = key.with(channel as u64).with(pixel as u64).rng();
@@ -243,7 +248,7 @@ fn means_and_variances(
     let (mut means, mut variances) = (Vec::new(), Vec::new());
     for (exposure, rates) in exposures.iter().zip(signals) {
         for c in 0..rates.leak.len() {
-            let mean = exposure.factor() * (rates.fluorescence[c].iter().sum::<f64>() + rates.leak[c]);
+            let mean = exposure.channel_electrons(c, rates);
             variances.push(exposure.variance(c, mean, pixels));
             means.push(mean);
         }

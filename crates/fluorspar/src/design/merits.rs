@@ -141,7 +141,7 @@ impl DesignSpace {
     }
 
     /// Exposures of a design, the white frame last.
-    fn exposures(&self, design: &Design) -> Vec<DesignExposure<'_>> {
+    pub(super) fn exposures(&self, design: &Design) -> Vec<DesignExposure<'_>> {
         let times = self.times(design);
         let lit = times.iter().enumerate().map(|(k, &time_s)| self.exposure(design, k, time_s));
         lit.chain(self.white_exposure(design)).collect()
@@ -154,7 +154,13 @@ impl DesignSpace {
         lit.chain(signals.white(camera)).collect()
     }
 
-    fn region_signals(&self, region: usize, design: &Design) -> Vec<&SignalRates> {
+    /// Pixels of the sensor that a region covers.
+    #[must_use]
+    pub fn pixels_of(&self, design: &Design, region: usize) -> f64 {
+        self.problem.assumptions.pixels * self.geometries[design.geometry].pixel_shares[region]
+    }
+
+    pub(super) fn region_signals(&self, region: usize, design: &Design) -> Vec<&SignalRates> {
         Self::in_exposures(&self.geometries[design.geometry].regions[region], design)
     }
 
@@ -283,7 +289,7 @@ impl DesignSpace {
         let by_region: Vec<Vec<&SignalRates>> =
             (0..geometry.regions.len()).map(|region| self.region_signals(region, design)).collect();
         let of_region = |(number, signals): (usize, &Vec<&SignalRates>)| {
-            let pixels = p.assumptions.pixels * geometry.pixel_shares[number];
+            let pixels = self.pixels_of(design, number);
             let assumptions = Assumptions { pixels, ..p.assumptions };
             let known = (geometry.priors[number].as_slice(), &assumptions);
             evaluate_region(signals, &exposures, &is_white, known, &geometry.contrasts[number])

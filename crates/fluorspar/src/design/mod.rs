@@ -10,6 +10,7 @@
 //! | what may be chosen, assumed, and must be kept to | [`DesignProblem`] | `problem.rs` |
 //! | all designs, with signals that are prepared once | [`DesignSpace`], [`Design`] | `design_space.rs`, `prepared_signals.rs` |
 //! | a design of a space in numbers | [`Merits`], [`Score`] | `merits.rs`, `score.rs` |
+//! | its exposures as an estimate takes them | [`LitExposure`] | `lit_exposure.rs` |
 //! | search | [`score_all`], [`exchange`], [`pareto_front`] | `search.rs`, `score.rs` |
 //! | an eye that looks into the lights | [`ExposedEye`] | `eye.rs` |
 //! | what it rests on | [`sensitivities`], [`worst_case`] | `robustness.rs` |
@@ -26,6 +27,7 @@ mod design_space_tests;
 mod evaluation;
 mod eye;
 mod fisher;
+mod lit_exposure;
 mod merits;
 mod prepared_signals;
 mod problem;
@@ -44,6 +46,7 @@ pub use evaluation::{
 };
 pub use eye::ExposedEye;
 pub use fisher::{Bound, Information, UncertainData, WeakDirection};
+pub use lit_exposure::LitExposure;
 pub use merits::{FilteredFluorescence, LimitExcess, Merits};
 pub use problem::{
     Budget, Cohort, ContrastDefinition, DesignProblem, FilterChoice, GeometryChoice, LensChoice, LightChoice,

@@ -55,11 +55,11 @@ pub use display::{
 pub use error::{LightOutsideBasis, PipelineError};
 pub use estimate::{
     AnalyzedFrame, AnalyzedRegion, BasisRender, CameraResponse, ChannelLeak, ChannelPrediction, Chromaticity,
-    DepthOfLight, FamilyFrame, FilterLeak, FrameLeak, LayerShare, LeakAtAngle, LeakBehindFilters,
-    MixtureSpectra, PorphyrinEstimate, PredictError, PredictedPorphyrin, Prediction, RadianceSplit,
-    RegionRadiance, TISSUE_BLOOD, TargetLabels, TissueView, analyze, analyze_regions, analyze_seen,
-    depths_of_light, estimate_porphyrin, filter_leak, frame_leak, other_tissue_families, predict,
-    rendered_regions, tissue_family, tissue_mixture,
+    DepthOfLight, DesignEstimate, FamilyFrame, FilterLeak, FrameLeak, LayerShare, LeakAtAngle,
+    LeakBehindFilters, MixtureSpectra, PorphyrinEstimate, PredictError, PredictedPorphyrin, Prediction,
+    RadianceSplit, RegionRadiance, TISSUE_BLOOD, TargetLabels, TissueView, analyze, analyze_regions,
+    analyze_seen, depths_of_light, design_estimate, estimate_porphyrin, filter_leak, frame_leak,
+    other_tissue_families, predict, rendered_regions, tissue_family, tissue_mixture,
 };
 pub use evaluate::{Evaluation, evaluate, evaluate_frames, evaluate_from_planes};
 pub use safety::{

@@ -3,6 +3,7 @@
 pub(super) mod analyze;
 mod channel_analysis;
 mod depth_of_light;
+mod design_estimate;
 mod filter_leak;
 mod frame_leak;
 pub(super) mod frame_light;
@@ -19,6 +20,7 @@ mod tissue_mixture;
 
 pub use analyze::{AnalyzedFrame, AnalyzedRegion, analyze, analyze_regions, analyze_seen};
 pub use depth_of_light::{DepthOfLight, LayerShare, depths_of_light};
+pub use design_estimate::{DesignEstimate, design_estimate};
 pub use filter_leak::{FilterLeak, LeakAtAngle, LeakBehindFilters, filter_leak};
 pub use frame_leak::{ChannelLeak, FrameLeak, frame_leak};
 pub use predict::{

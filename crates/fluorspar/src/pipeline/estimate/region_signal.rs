@@ -16,6 +16,7 @@
 use serde::Serialize;
 
 use crate::analysis::{LineEstimate, MixtureError, MixtureLine};
+use crate::design::LitExposure;
 use crate::optics::IdealLens;
 use crate::render::direct_exitance;
 use crate::sensor::Sensor;
@@ -53,6 +54,19 @@ impl CameraResponse {
             shares: sensor.mosaic().shares(),
             read_noise_e: model.read_noise_electrons(),
             gain_spread: model.image_prnu_percent() / 100.0,
+        }
+    }
+
+    /// The camera of an exposure of a design; `reflected` for light with the shape of its irradiance.
+    pub(super) fn of_exposure(exposure: &LitExposure, reflected: bool) -> Self {
+        let weights = if reflected { &exposure.weights_of_reflected } else { &exposure.weights };
+        Self {
+            channels: exposure.channels.clone(),
+            film_per_radiance: vec![1.0; weights.first().map_or(0, Vec::len)],
+            electrons_per_irradiance: weights.clone(),
+            shares: exposure.shares.clone(),
+            read_noise_e: 0.0,
+            gain_spread: 0.0,
         }
     }
 
