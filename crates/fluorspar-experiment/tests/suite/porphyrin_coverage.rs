@@ -9,7 +9,9 @@ use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
 
-use fluorspar::analysis::{FamilyAverage, LightFamily, NuisanceGroup, RegionBlock, ShareInterval};
+use fluorspar::analysis::{
+    FamilyAverage, LightFamily, NuisanceGroup, PorphyrinSpread, RegionBlock, ShareInterval, SignalLevel,
+};
 use fluorspar::optics::IdealLens;
 use fluorspar::pipeline::{CameraResponse, FamilyFrame, other_tissue_families, tissue_family};
 use fluorspar::sampling::random::Key;
@@ -719,4 +721,39 @@ fn patches_of_porphyrin_are_told_from_none() {
     assert!(excluded >= 0.65 && held >= 0.85, "5 %: {excluded} {held}");
     let [excluded, held] = by_blocks(&family, 0.1, 16, 13);
     assert!(excluded >= 0.85 && held >= 0.80, "10 %: {excluded} {held}");
+}
+
+/// What a design foretells is what drawn tongues show: the interval of a share, and the share from which on none is excluded.
+#[test]
+fn the_visible_share_is_that_of_drawn_tongues() {
+    let family =
+        tissue_family(&prior("dorsal_tongue", TissuePrior::WIDTH), &[frame("led_385")], &grid()).unwrap();
+    let mut widths = Vec::new();
+    let mut level = None;
+    for number in 0..15 {
+        let (blocks, [electrons, variance], _) = tongue(&family, 0.08, Key::new(14).with(number));
+        let found = FamilyAverage::certain(&family).share_interval_of_blocks(&electrons, &variance, &blocks);
+        let [low, high] = found.unwrap().interval;
+        widths.push(high - low);
+        level = Some(SignalLevel { electrons, variance, blocks: blocks.len() });
+    }
+    widths.sort_by(f64::total_cmp);
+    let level = level.unwrap();
+    let [low, high] = family.expected_interval(&level, 0.08, PorphyrinSpread::Usual).unwrap();
+    println!("median width {}, foretold {}", widths[7], high - low);
+    assert!(
+        low < 0.08 && 0.08 < high && ((high - low) / widths[7]).ln().abs() < 0.3,
+        "{low} {high} {widths:?}"
+    );
+
+    let found = family.visible_share(&level).unwrap();
+    let (patches, evenly) = (found.in_patches.unwrap(), found.evenly.unwrap_or(1.0));
+    println!("{found:?}");
+    assert!(patches < 0.05 && evenly > 2.0 * patches && found.limited_by.is_some(), "{found:?}");
+    let begins = |share| family.expected_interval(&level, share, PorphyrinSpread::Patches).unwrap()[0];
+    assert!(begins(1.1 * patches) > 0.0 && begins(0.7 * patches) == 0.0, "{found:?}");
+    // A camera with a thousandth of the light sees less
+    let dim = SignalLevel { variance: level.variance.iter().map(|v| 1e3 * v).collect(), ..level };
+    let dim = family.visible_share(&dim).unwrap();
+    assert!(dim.in_patches.unwrap_or(1.0) > 1.5 * patches, "{dim:?}");
 }
