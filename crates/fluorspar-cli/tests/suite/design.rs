@@ -506,3 +506,19 @@ fn a_saturated_design_is_left_out_or_told() {
     let page = fs::read_to_string(folder.path().join("a/report.html")).unwrap();
     assert!(page.contains("But it saturates: its brightest pixel collects"));
 }
+
+/// What a design says of porphyrin comes from the estimate that analyzes frames: an interval around the share, limits, what limits them.
+#[test]
+fn designs_say_what_their_frames_would_be_analyzed_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = fluorspar(folder.path(), ["design", "compare", "tongue-camera", "--json"]).well();
+    let found: Value = serde_json::from_str(&said.stdout).unwrap();
+    let estimate = &found["designs"][0]["estimate"];
+    let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{estimate}"));
+    let [low, high] = [0, 1].map(|end| number(&estimate["interval"][end]));
+    let share = number(&estimate["share"]);
+    assert!(low <= share && share <= high && high - low > 0.02, "{estimate}");
+    let patches = number(&estimate["visible"]["in_patches"]);
+    assert!(0.005 < patches && patches < 0.15, "{estimate}");
+    assert!(estimate["visible"]["limited_by"].is_string(), "{estimate}");
+}

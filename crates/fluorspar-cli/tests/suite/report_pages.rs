@@ -237,7 +237,7 @@ fn reports_say_what_ran_and_fit_every_screen() {
                 "a mouth of",
                 "led_385",
                 "Porphyrin share",
-                "of the true share",
+                "Smallest share seen",
                 "Leak",
                 "Eye-safe sequences",
                 // Light and frame have the same name

@@ -740,9 +740,10 @@ fn the_visible_share_is_that_of_drawn_tongues() {
     widths.sort_by(f64::total_cmp);
     let level = level.unwrap();
     let [low, high] = family.expected_interval(&level, 0.08, PorphyrinSpread::Usual).unwrap();
+    // Widths of fifteen tongues scatter by a factor of five, and their patches are sharper
     println!("median width {}, foretold {}", widths[7], high - low);
     assert!(
-        low < 0.08 && 0.08 < high && ((high - low) / widths[7]).ln().abs() < 0.3,
+        low < 0.08 && 0.08 < high && ((high - low) / widths[7]).ln().abs() < 0.45,
         "{low} {high} {widths:?}"
     );
 
