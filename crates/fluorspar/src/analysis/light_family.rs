@@ -351,6 +351,26 @@ impl LightFamily {
         (0..self.frame_of.len()).map(of_datum).collect()
     }
 
+    /// The largest share of the counted electrons that the sources of a group may send: all of them two standard deviations brighter than
+    /// in the middle of the prior.
+    #[must_use]
+    pub fn largest_share_of(&self, group: NuisanceGroup) -> f64 {
+        const DEVIATIONS: f64 = 2.0;
+        let is_it = |source: &FamilySource| source.group == group;
+        let mut nuisances = vec![0.0; self.nuisances().len()];
+        let places = self.places();
+        for (k, _) in self.sources.iter().enumerate().filter(|(_, source)| is_it(source)) {
+            nuisances[places.sources + k] = DEVIATIONS;
+        }
+        let mut without = self.clone();
+        without.sources.iter_mut().filter(|source| is_it(source)).for_each(|source| source.median = 0.0);
+        let sum = |electrons: Vec<f64>| -> f64 {
+            electrons.iter().zip(&self.counted).filter(|(_, counted)| **counted).map(|(e, _)| e).sum()
+        };
+        let all = sum(self.electrons(&nuisances, self.porphyrin.median));
+        1.0 - sum(without.electrons(&nuisances, self.porphyrin.median)) / all.max(f64::MIN_POSITIVE)
+    }
+
     /// The share of the porphyrin in the fluorescence electrons of the first frame.
     #[must_use]
     pub fn share(&self, nuisances: &[f64], porphyrin: f64) -> f64 {

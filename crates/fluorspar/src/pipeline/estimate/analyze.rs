@@ -184,9 +184,13 @@ fn analyzed(
         analysis.warnings.extend(signals.warnings());
         analysis.signals = Some(signals);
     }
-    let estimate = families?.and_then(|families| families.estimate(frames, noise, &is_lit, &region));
+    let families = families?;
+    let estimate = families.as_ref().and_then(|families| families.estimate(frames, noise, &is_lit, &region));
     if let Some(estimate) = &estimate {
         analysis.warnings.extend(estimate.warnings(&analysis.analyte));
+        let known = families.as_ref().zip(analysis.truth.as_ref());
+        let foreign = known.map(|(families, truth)| families.foreign_light(&truth.electrons));
+        analysis.warnings.extend(foreign.into_iter().flatten());
     } else if analysis.mixture.is_some() {
         analysis.warnings.extend(of_line);
         analysis.warnings.extend(what_the_line_assumes(study, settings));

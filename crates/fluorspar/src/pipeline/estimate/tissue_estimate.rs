@@ -8,13 +8,14 @@ use super::frame_light::frame_light;
 use super::region_signal::CameraResponse;
 use super::tissue_family::{FamilyFrame, other_tissue_families, tissue_family};
 use crate::analysis::{
-    ChannelNoise, FamilyAverage, LightFamily, PixelMean, PixelSelection, RegionBlock, SceneOnSensor,
-    SharePosterior, block_side_px,
+    ChannelNoise, FamilyAverage, LightFamily, NuisanceGroup, PixelMean, PixelSelection, RegionBlock,
+    RegionLight, SceneOnSensor, SharePosterior, block_side_px,
 };
 use crate::pipeline::PipelineError;
 use crate::pipeline::capture::CapturedFrame;
 use crate::pipeline::capture::film_irradiance::behind_filter;
 use crate::study::{AnalysisPlan, Capture, Study};
+use crate::warning::Warning;
 
 /// What the camera of a study sees of the tissues that its region may be of, in the analyzed frame and the further ones. It rests on
 /// lights, camera and exposure times, and not on what the frames show.
@@ -86,6 +87,31 @@ impl<'a> FamiliesOfFrames<'a> {
         };
         let (blocks, side_px) = self.blocks(frames, noise, is_lit, region).unwrap_or_default();
         average.posterior_of_blocks(&electrons, &variance, &blocks, side_px)
+    }
+
+    /// Light of a region that is not its own and more than the estimate allows for, where a simulation knows it: it looks like bulk.
+    pub(super) fn foreign_light(&self, light: &RegionLight) -> Vec<Warning> {
+        let all: f64 = light.all().iter().sum();
+        let of = |(group, electrons, what): (NuisanceGroup, &Vec<f64>, &str)| {
+            let (share, most) = (electrons.iter().sum::<f64>() / all, self.named.largest_share_of(group));
+            (share > most).then(|| {
+                Warning::explained(
+                    format!(
+                        "{:.0} % of the region's light is {what}, and the estimate allows for {:.0} % at most",
+                        100.0 * share,
+                        100.0 * most
+                    ),
+                    "The share may lie outside of its interval. Shade the region, subtract a frame without the excitation, or filter better.",
+                )
+            })
+        };
+        [
+            (NuisanceGroup::Surroundings, &light.other_parts, "light of other parts, as of teeth"),
+            (NuisanceGroup::Leak, &light.reflected, "reflected"),
+        ]
+        .into_iter()
+        .filter_map(of)
+        .collect()
     }
 
     /// Squares of the first frame that lie in the region for more than half, with their means, and their side in pixels.
