@@ -6,6 +6,7 @@ use fluorspar::image::{Film, StatisticsKind};
 use fluorspar::render::{
     ComponentBands, FilmRenderer, Share, basis_bytes, memory_bytes, surface_bytes, whole_image_bytes,
 };
+use fluorspar::scene::Scene;
 use fluorspar::study::Study;
 use fluorspar::units::{memory_text, memory_texts};
 use fluorspar_experiment::{ResolvedExperiment, cache};
