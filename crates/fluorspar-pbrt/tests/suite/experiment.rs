@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use fluorspar::render::{RenderControl, render};
+use fluorspar::render::{ComponentBands, RenderControl, RenderSettings, render};
 use fluorspar::spectral::{Radiance, Spectrum};
 use fluorspar_experiment::{parse, resolve};
 use fluorspar_pbrt::{ConvertedScene, PbrtStudy, to_experiment};
@@ -26,7 +26,8 @@ fn both(study: &PbrtStudy) -> [Vec<f64>; 2] {
     let resolved = resolve(&parsed).unwrap_or_else(|error| panic!("{error}\n{}", converted.text));
     let control = RenderControl { stop: &std::sync::atomic::AtomicBool::new(false), progress: &|_| () };
     [&study.study, &resolved.study].map(|study| {
-        let image = render(&study.scene, &study.render, &control).unwrap();
+        let all_bands = RenderSettings { component_bands: ComponentBands::All, ..study.render.clone() };
+        let image = render(&study.scene, &all_bands, &control).unwrap();
         let mean: Spectrum<Radiance> = image.recombine(|_| 1.0).mean_spectrum();
         mean.values().to_vec()
     })

@@ -10,7 +10,7 @@ use crate::image::{SpectralBasis, StoredBands, representatives};
 
 /// Error of the worst spectrum that may occur, relative to it, see [`SpectralBasis::interpolating`]: that of a component that is all the light of
 /// its group somewhere. One that is a share of it everywhere may err as much more, and no more than at the least share.
-const ERROR: f32 = 3e-3;
+const ERROR: f32 = 2e-3;
 const LEAST_SHARE: f32 = 0.1;
 /// Bands dimmer than this share of the brightest of a light group show nothing.
 const DARK_BAND: f32 = 1e-7;
