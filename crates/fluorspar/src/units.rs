@@ -1,6 +1,8 @@
 //! Physical constants (exact SI values of 2019), conversions between energy and photons, numbers and sizes of memory in
 //! words.
 
+pub use fluorspar_accel::memory_is_available;
+
 /// Planck constant, J s (exact).
 pub const PLANCK_J_S: f64 = 6.626_070_15e-34;
 /// Speed of light in vacuum, m/s (exact).

@@ -60,8 +60,6 @@ mod surface;
 mod survival_probability;
 mod visible_surfaces;
 
-pub use fluorspar_accel::memory_is_available;
-
 pub use adaptive::{ErrorChannel, ErrorTarget, ErrorTargetError};
 pub use choose_basis::{BasisError, choose_basis};
 pub(crate) use choose_basis::{are_in_proportion, excitation_responses};

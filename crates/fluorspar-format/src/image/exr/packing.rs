@@ -12,7 +12,7 @@ use exr::meta::Headers;
 use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
 use exr::prelude::Compression;
-use fluorspar::render::memory_is_available;
+use fluorspar::units::memory_is_available;
 use libdeflater::{CompressionLvl, Compressor};
 use rayon::prelude::*;
 
