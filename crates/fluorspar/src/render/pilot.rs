@@ -64,7 +64,7 @@ pub(super) fn film_layout(
         .collect();
     let has_bases = settings.film_bands() == ComponentBands::Basis;
     // Fixed groups of pixels: sums of floats in an order that no scheduler decides.
-    let parts: Vec<(Vec<f32>, Vec<f64>, Vec<Vec<f32>>)> = pixels
+    let parts: Vec<_> = pixels
         .par_chunks(PILOT_SIDE)
         .map_init(
             || BlockSum::new(compiled),

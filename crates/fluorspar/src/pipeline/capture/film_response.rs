@@ -53,6 +53,9 @@ struct ShapeWeights {
     passed: Vec<f64>,
 }
 
+/// Weights on stored bands by height on the film, `[channel][stored band]` each.
+type HeightTables = Vec<Vec<f32>>;
+
 /// The image of a traced lens through which the render did not go.
 struct Spread {
     lens: Arc<CameraLens>,
@@ -158,7 +161,7 @@ impl FilmResponse {
         let most = responses.iter().map(|response| response.values_per_component()).max().unwrap_or(0);
         let batch = (BATCH_VALUES / most.max(1)).clamp(1, components.max(1));
         // Weights of the stored bands of components with a basis, `[response][component]`
-        let short: Vec<Vec<Option<Vec<Vec<f32>>>>> = responses
+        let short: Vec<Vec<Option<HeightTables>>> = responses
             .iter()
             .map(|response| {
                 (0..components).map(|component| response.on_basis(component, rows.basis(component))).collect()
@@ -169,19 +172,19 @@ impl FilmResponse {
             let found = rows.map_rows(
                 |component| batch.contains(&component) && wanted(component),
                 |component, row, lines| {
-                    let of =
-                        |(response, short): (&&Self, &Vec<Option<Vec<Vec<f32>>>>)| match &short[component] {
-                            Some(tables) => RowResponse {
-                                slices: response.row_behind_lens(row, tables, lines),
-                                band_sums: Vec::new(),
-                            },
-                            None => match rows.basis(component) {
-                                Some(basis) => {
-                                    response.row(component, row, &basis.lines(lines, response.size[0]))
-                                }
-                                None => response.row(component, row, lines),
-                            },
-                        };
+                    let of = |(response, short): (&&Self, &Vec<Option<HeightTables>>)| match &short[component]
+                    {
+                        Some(tables) => RowResponse {
+                            slices: response.row_behind_lens(row, tables, lines),
+                            band_sums: Vec::new(),
+                        },
+                        None => match rows.basis(component) {
+                            Some(basis) => {
+                                response.row(component, row, &basis.lines(lines, response.size[0]))
+                            }
+                            None => response.row(component, row, lines),
+                        },
+                    };
                     responses.iter().zip(&short).map(of).collect::<Vec<_>>()
                 },
             )?;
@@ -198,7 +201,7 @@ impl FilmResponse {
     }
 
     /// Weights on the stored bands of a component with a basis, by height on the film; `None` where all bands are needed one by one.
-    fn on_basis(&self, component: usize, basis: Option<&SpectralBasis>) -> Option<Vec<Vec<f32>>> {
+    fn on_basis(&self, component: usize, basis: Option<&SpectralBasis>) -> Option<HeightTables> {
         let basis = basis.filter(|_| self.is_local())?;
         let tables = &self.shapes[self.shape_of[component]].tables;
         Some(tables.iter().map(|table| single(&basis.through(table))).collect())
