@@ -58,8 +58,9 @@ fn largest_difference(study: &Study, image: &ComponentImage, sensor: &Sensor) ->
 }
 
 /// What single precision allows: the chain rounds each band three times and adds 81 of them in eight lanes, the
-/// planes add them in blocks of eight; each error is below half a unit of 2^-24 and their signs are random.
-const TOLERANCE: f64 = 1e-6;
+/// planes add them in blocks of eight; each error is below half a unit of 2^-24 and their signs are random. Spectra of a basis have both
+/// signs, so that what is summed, and its rounding, is up to some three times the sum.
+const TOLERANCE: f64 = 3e-6;
 
 #[test]
 fn planes_equal_the_chain_behind_every_lens() {

@@ -31,8 +31,11 @@ impl SpectralBasis {
 
     /// The basis from which all `samples`, `[sample][band]`, follow within `error`: the root mean square over the bands of a sample, relative
     /// to it, where each band counts relative to how bright it is in the mean sample plus `floor` times the brightest. `None` where
-    /// half of the bands would not do.
+    /// half of the bands would not do, or a sample is not finite.
     pub(crate) fn interpolating(samples: &[f32], bands: usize, floor: f32, error: f32) -> Option<Self> {
+        if samples.iter().any(|value| !value.is_finite()) {
+            return None;
+        }
         let interpolation =
             Interpolation::new(samples, bands, floor, error, (MOST_BANDS * bands as f64) as usize);
         (interpolation.error <= error).then(|| interpolation.basis())
@@ -118,7 +121,8 @@ impl Interpolation {
         // Scale the bands, and the samples to a root mean square of 1
         let mut rest: Vec<f32> = samples.to_vec();
         for row in rest.chunks_exact_mut(bands) {
-            row.iter_mut().zip(&found.level).for_each(|(value, level)| *value *= inverse(*level));
+            let bright = inverse(size(row));
+            row.iter_mut().zip(&found.level).for_each(|(value, level)| *value *= bright * inverse(*level));
             let size = rms(row);
             row.iter_mut().for_each(|value| *value *= inverse(size));
         }
@@ -176,15 +180,22 @@ pub(crate) fn representatives(samples: &[f32], bands: usize, error: f32, most: u
 fn levels(samples: &[f32], bands: usize, floor: f32) -> Vec<f32> {
     let mut levels = vec![0.0_f32; bands];
     for row in samples.chunks_exact(bands) {
-        let size = inverse(rms(row));
+        let size = inverse(size(row));
         levels.iter_mut().zip(row).for_each(|(level, value)| *level += size * value.abs());
     }
     let most = levels.iter().copied().fold(0.0, f32::max);
     levels.iter().map(|level| if *level > 0.0 { level + floor * most } else { 0.0 }).collect()
 }
 
+/// Root mean square of values whose squares may leave the range of numbers.
+fn size(values: &[f32]) -> f32 {
+    let most = values.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
+    let squares: f32 = values.iter().map(|value| (value * inverse(most)).powi(2)).sum();
+    most * (squares / values.len().max(1) as f32).sqrt()
+}
+
 fn inverse(value: f32) -> f32 {
-    if value > 0.0 && value.is_finite() { value.recip() } else { 0.0 }
+    if value > 0.0 && value.is_normal() { value.recip() } else { 0.0 }
 }
 
 fn rms(values: &[f32]) -> f32 {
@@ -244,6 +255,14 @@ mod tests {
         let noise: Vec<f32> =
             (0..4000_u32).map(|at| (at.wrapping_mul(2_654_435_761) >> 8) as f32 / 16_777_216.0).collect();
         assert_eq!(SpectralBasis::interpolating(&noise, 40, 1e-3, 1e-3), None);
+        // Light of any brightness takes as many, and what is infinite all
+        let basis = |factor: f32| {
+            let bright: Vec<f32> = samples().iter().map(|value| factor * value).collect();
+            SpectralBasis::interpolating(&bright, 40, 1e-4, 1e-4).map(|basis| basis.stored().to_vec())
+        };
+        let powers = [-80, 80].map(|power| basis(2_f32.powi(power)));
+        assert_eq!(powers, [basis(1.0), basis(1.0)]);
+        assert_eq!((basis(f32::INFINITY), basis(1.0).map(|bands| bands.len())), (None, Some(3)));
     }
 
     #[test]
