@@ -1,7 +1,7 @@
 //! Figure 8: chromaticities of the tongues of three people, here three levels of porphyrin on one tongue.
 
 use fluorspar::analysis::{LineEstimate, Statistics};
-use fluorspar::image::{ComponentImage, LightPath};
+use fluorspar::image::{ComponentFactors, ComponentImage, LightPath};
 use fluorspar::pipeline::{Evaluation, evaluate};
 use fluorspar::study::Study;
 
@@ -91,14 +91,15 @@ const MOST_ACROSS: f64 = 2.0;
 
 /// The same image with other porphyrin: first fluorescence is linear in the concentration.
 fn scaled(image: &ComponentImage, level: f64) -> ComponentImage {
-    let mut scaled = image.clone();
-    let size = scaled.data.len() / scaled.components.len().max(1);
     let porphyrin = LightPath::Fluorescence(PORPHYRIN.into());
-    for (component, values) in image.components.iter().zip(scaled.data.chunks_exact_mut(size.max(1))) {
+    let mut factors = ComponentFactors::ones(image.components.len());
+    for (component, factor) in image.components.iter().zip(&mut factors.even) {
         if component.light == porphyrin {
-            values.iter_mut().for_each(|value| *value *= level as f32);
+            *factor = level;
         }
     }
+    let mut scaled = image.clone();
+    scaled.scale(&factors);
     scaled
 }
 

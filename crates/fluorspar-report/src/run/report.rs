@@ -790,7 +790,7 @@ fn assumptions_section(run: &RunResults<'_>) -> Section {
     let dark = |components: &ComponentImage| -> Vec<String> {
         let all = components.components.iter().enumerate();
         all.filter_map(|(index, component)| match &component.light {
-            LightPath::Fluorescence(name) if components.component(index).iter().all(|&v| v == 0.0) => {
+            LightPath::Fluorescence(name) if components.stored(index).iter().all(|&v| v == 0.0) => {
                 Some(title_of(run, name))
             }
             _ => None,

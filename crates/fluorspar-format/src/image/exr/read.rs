@@ -149,6 +149,11 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
         .collect();
     let mut statistics = statistic_parts(path, &headers, &mut parts, &mut scaled)?;
 
+    if statistics.is_some() && !parts.bases.is_empty() {
+        let what = "the file has statistics, but not all bands of its components";
+        return Err(FormatError::malformed(path, what, "Write the file again"));
+    }
+
     // Refuse images that the file is too short for, then allocate
     let pixels = width * height;
     let statistic_values = statistics.as_ref().map_or(0, |statistics| statistics.names.len() * plane);
