@@ -74,7 +74,7 @@ pub fn render_scene(
     let mut film = renderer.new_film();
     fill_film(&renderer, &Share::Whole, &mut film, time_limit_s, job, &Keep::default())?;
     let image = film.into_image();
-    if job.listener.hears_status() {
+    if job.listener.hears_status() && !job.is_interrupted() {
         say_basis(&renderer, &image, job);
     }
     Ok(image)

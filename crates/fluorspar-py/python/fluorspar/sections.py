@@ -446,8 +446,8 @@ class RenderSection(TypedDict, total=False):
     light groups whose light lies there are kept apart by excitation wavelength, so that `capture` and `analyze` follow a
     change of their spectrum, filters and power. Default: none."""
     component_bands: BandsChoice
-    """Bands in which each component is kept: `basis`, those from which all others follow to about 0.1 %, in a tenth of memory
-    and disk, or `all`. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default `basis`."""
+    """Bands in which each component is kept: `basis`, those from which all others follow to about 0.1 %, in a seventh of the
+    values, or `all`. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default `basis`."""
 
 
 class CameraSection(TypedDict, total=False):

@@ -157,8 +157,9 @@ pub fn finding_lines(findings: &[Finding], analyte: &Analyte, whole: bool) -> Ve
     head.chain(lines).chain([note]).collect()
 }
 
-/// What would tell porphyrin from plant pigment. Per 10 % of the light the ratio of the two frames moves by 0.217 and by 0.001.
-const TELLS_APART: &str = "a second blue frame behind a 655 nm short-pass would tell";
+/// What may tell porphyrin from plant pigment: per 10 % of the light the ratio of the two frames moves by 0.217 and by 0.001, computed for R, G, B
+/// under 385 nm on a tongue; not for this camera.
+const TELLS_APART: &str = "a second blue frame behind a 655 nm short-pass may tell";
 
 /// What a share of the fluorescence is, in percent: 5.3 % (3.5 to 9.9 %).
 fn percent(finding: &Finding) -> String {

@@ -132,6 +132,18 @@ impl<'a> TypicalRegion<'a> {
         })
     }
 
+    /// The same region as another family has it.
+    fn judged_by<'b>(&self, family: &'b LightFamily) -> TypicalRegion<'b> {
+        TypicalRegion {
+            family,
+            of_blocks: self.of_blocks.as_ref().and_then(|_| family.of_blocks()),
+            places: self.places.clone(),
+            porphyrin: self.porphyrin.clone(),
+            noise: self.noise.clone(),
+            deviates: self.deviates.clone(),
+        }
+    }
+
     /// The blocks of the region with a share of porphyrin, and their mean.
     fn blocks(&self, share: f64, spread: PorphyrinSpread) -> (Vec<RegionBlock>, [Vec<f64>; 2]) {
         let (count, odds) = (self.places.len(), share / (1.0 - share));
@@ -195,22 +207,18 @@ impl LightFamily {
         let region = TypicalRegion::new(self, level)?;
         let in_patches = region.smallest(PorphyrinSpread::Patches);
         // Of what might be known, what leaves the least probability of none at the limit
-        let none_if = |family: &Self, level: &SignalLevel| {
-            let known =
-                TypicalRegion { family, of_blocks: family.of_blocks(), ..TypicalRegion::new(self, level)? };
-            Some(known.estimate(in_patches.unwrap_or(RANGE[1]), PorphyrinSpread::Patches)?.1)
+        let none_if = |region: &TypicalRegion<'_>| {
+            Some(region.estimate(in_patches.unwrap_or(RANGE[1]), PorphyrinSpread::Patches)?.1)
         };
         let groups = NuisanceGroup::ALL
             .into_iter()
             .filter(|group| *group != NuisanceGroup::Brightness)
             .filter(|group| self.nuisances().iter().any(|(_, of)| of == group));
-        let quiet = SignalLevel {
-            variance: level.variance.iter().map(|variance| 1e-6 * variance).collect(),
-            ..level.clone()
-        };
+        let mut quiet = region.judged_by(self);
+        quiet.noise.iter_mut().for_each(|noise| *noise *= 1e-6);
         let limits = groups
-            .filter_map(|group| Some((group.name(), none_if(&self.with_known(group), level)?)))
-            .chain(none_if(self, &quiet).map(|none| ("sensor noise", none)));
+            .filter_map(|group| Some((group.name(), none_if(&region.judged_by(&self.with_known(group)))?)))
+            .chain(none_if(&quiet).map(|none| ("sensor noise", none)));
         let limited_by = limits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(name, _)| name.to_owned());
         Some(VisibleShare { evenly: region.smallest(PorphyrinSpread::Even), in_patches, limited_by })
     }

@@ -208,15 +208,16 @@ impl FilmRenderer {
     /// their bands, relative to the light: the larger one of the reflected light and of the fluorescence of any light group; 0 where all
     /// bands are stored.
     pub fn basis_error(&self, image: &ComponentImage) -> f64 {
-        const SIDE: usize = 16;
         if image.bases.iter().all(Option::is_none) {
             return 0.0;
         }
+        // A hundredth of the work of the render at most
+        let side = ((image.width * image.height) as f64 / 100.0).sqrt().clamp(1.0, 16.0) as usize;
         let (bands, kinds) = (self.compiled.bands, self.compiled.fluorophores + 2);
-        let at = |number: usize, size: usize| (2 * number + 1) * size / (2 * SIDE);
+        let at = |number: usize, size: usize| (2 * number + 1) * size / (2 * side);
         // Squares of error and of light, of both kinds of each light group
         let squares = |block: &mut BlockSum, number: usize| -> Vec<[f64; 2]> {
-            let (row, col) = (at(number / SIDE, image.height), at(number % SIDE, image.width));
+            let (row, col) = (at(number / side, image.height), at(number % side, image.width));
             let pixel = row * image.width + col;
             let samples = image.samples.get(pixel).copied().unwrap_or(image.samples_per_pixel);
             block.render(&self.compiled, &self.settings, std::iter::once((row, col)), 0..samples);
@@ -233,7 +234,7 @@ impl FilmRenderer {
             }
             sums.chunks_exact(bands).map(|of_kind| of_kind.iter().fold([0.0; 2], add_squares)).collect()
         };
-        let pixels = (0..SIDE * SIDE).into_par_iter();
+        let pixels = (0..side * side).into_par_iter();
         let found: Vec<Vec<[f64; 2]>> = pixels
             .map_init(|| BlockSum::new(&self.compiled), |block, number| squares(block, number))
             .collect();
