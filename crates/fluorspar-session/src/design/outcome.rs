@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use fluorspar::analysis::Analyte;
 use fluorspar::design::{
     Criterion, Design, DesignSpace, Score, Sensitivity, WorstCase, pareto_front, sensitivities, worst_case,
 };
@@ -64,21 +65,21 @@ pub(super) fn judged(space: &DesignSpace, name: String, design: Design) -> Judge
 
 /// Designs of which it is told what an analysis of their frames would find, of the best.
 const ESTIMATED: usize = 3;
-/// The fluorophore that this is told of.
-const PORPHYRIN: &str = "biofilm_porphyrin";
 
 /// Adds what an analysis of the frames of a design would say of its first region, where a contrast asks for porphyrin.
 fn estimate(problem: &PreparedProblem, judged: &mut JudgedDesign) -> Result<()> {
     let space = &problem.space;
     let p = space.problem();
-    let is_asked = p.contrasts.iter().any(|contrast| contrast.part.iter().any(|name| name == PORPHYRIN));
+    let is_asked =
+        p.contrasts.iter().any(|contrast| contrast.part.iter().any(|name| Analyte::names_porphyrin(name)));
     let (Some(Some(prior)), true) = (problem.resolved.priors.first(), is_asked) else { return Ok(()) };
     let (Some(region), Some(light)) = (p.regions_of(judged.design.geometry).next(), &judged.fluorescence)
     else {
         return Ok(());
     };
     let parts = region.response.fluorescence.iter().zip(&light.shares);
-    let share: f64 = parts.filter(|(part, _)| part.name == PORPHYRIN).map(|(_, share)| share).sum();
+    let share: f64 =
+        parts.filter(|(part, _)| Analyte::names_porphyrin(&part.name)).map(|(_, share)| share).sum();
     if share > 0.0 && share < 1.0 {
         let found = design_estimate(space, &judged.design, (0, share), prior);
         judged.estimate = found.map_err(|error| Error::Input(error.to_string()))?;

@@ -6,6 +6,8 @@ use serde::{Deserialize, Serialize};
 
 /// The word for every kind of porphyrin.
 const PORPHYRIN: &str = "porphyrin";
+/// Those of plant pigment: chlorophyll, and what is left of it in food.
+const PLANT_PIGMENTS: [&str; 3] = ["chlorophyll", "pheophytin", "pheophorbide"];
 
 /// The name, for people, of the fluorophore whose share of the light is estimated: "porphyrin" for every kind of it, else its title.
 ///
@@ -25,6 +27,12 @@ impl Analyte {
     #[must_use]
     pub fn names_porphyrin(name: &str) -> bool {
         name.contains(PORPHYRIN)
+    }
+
+    /// Whether a fluorophore of this name is plant pigment, as of food, which is red as porphyrin is.
+    #[must_use]
+    pub fn names_plant_pigment(name: &str) -> bool {
+        PLANT_PIGMENTS.iter().any(|pigment| name.contains(pigment))
     }
 
     /// Whether a porphyrin is looked for.

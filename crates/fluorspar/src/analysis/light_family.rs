@@ -12,6 +12,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::Analyte;
+
 /// Bound of the coordinates, in standard deviations: solutions were made for such tissue only.
 const LARGEST_COORDINATE: f64 = 3.5;
 
@@ -152,13 +154,8 @@ pub struct FamilySource {
 impl FamilySource {
     /// Whether its light is that of plant pigment, which is red as that of porphyrin is.
     pub(super) fn is_pigment(&self) -> bool {
-        self.fluorescent && is_plant_pigment(&self.name)
+        self.fluorescent && Analyte::names_plant_pigment(&self.name)
     }
-}
-
-/// Whether a fluorophore is plant pigment, as of food.
-pub(crate) fn is_plant_pigment(name: &str) -> bool {
-    name.ends_with("chlorophyll")
 }
 
 /// A coordinate of the tissue.

@@ -63,7 +63,6 @@ pub use detection::{auc_of_d_prime, auc_of_scores, d_prime_of_rates};
 pub use difference::interval_of_difference;
 pub use error_budget::{BudgetInput, BudgetItem, ErrorBudget};
 pub use family_average::{FamilyAverage, TissueDoubt, TissueEvidence};
-pub(crate) use light_family::is_plant_pigment;
 pub use light_family::{CubicTerms, FamilyCoordinate, FamilySource, LightFamily, NuisanceGroup};
 pub use mixture_line::{
     DETECTION_Z, FluorophoreResponse, LineEstimate, MixtureEnd, MixtureError, MixtureLine, PorphyrinLayers,

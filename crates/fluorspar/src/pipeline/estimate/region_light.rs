@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::region_signal::CameraResponse;
-use crate::analysis::{PixelSelection, RegionLight, is_plant_pigment};
+use crate::analysis::{Analyte, PixelSelection, RegionLight};
 use crate::image::{ChannelImage, Component, ComponentImage, InterpolationTaps, LightPath};
 use crate::optics::IdealLens;
 use crate::pipeline::PipelineError;
@@ -160,8 +160,7 @@ pub(super) fn region_light(
     };
     let is_porphyrin =
         |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if name == porphyrin);
-    let is_pigment =
-        |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if is_plant_pigment(name));
+    let is_pigment = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if Analyte::names_plant_pigment(name));
     let is_held = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if held.contains(name));
     let is_other = |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if !held.contains(name));
     Ok(Some(RegionLight {
