@@ -77,7 +77,8 @@ def filters():
         )
         text += curve.format(density="5.0") + edge("long", cut, 8.0)
         yield f"filters/{name}.toml", text
-    for cut in [*range(370, 541, 10)]:
+    # 655 nm parts porphyrin from plant pigment
+    for cut in [*range(370, 541, 10), 655]:
         if cut in FITTED["short_pass"]:
             continue
         name = f"short_pass_{cut}"

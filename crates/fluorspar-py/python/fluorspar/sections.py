@@ -97,6 +97,7 @@ FilterName: TypeAlias = Literal[
     'short_pass_520',
     'short_pass_530',
     'short_pass_540',
+    'short_pass_655',
     'uv_ir',
     'view_425_700',
     'view_475_700',
