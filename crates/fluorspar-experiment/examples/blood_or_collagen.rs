@@ -209,8 +209,9 @@ fn among_people(cameras: &[FlatSample; 2], cheek: &Site, blood: f64) -> Answer<(
     let mut ratios: [Vec<Vec<f64>>; 2] = Default::default();
     for (kind, people) in ratios.iter_mut().enumerate() {
         for number in 0..PEOPLE {
-            let mut rng = Key::new(14).with(kind as u64).with(number).rng();
-            let around = population.person(&mut rng).typical().clone();
+            let person = Key::new(14).with(kind as u64).with(number);
+            let around = population.person(person).typical().clone();
+            let mut rng = person.rng();
             let change = (SPOT_SPREAD * rng.sample::<f64, _>(StandardNormal)).exp();
             let site = match kind {
                 0 => spot(&around, (blood * change).max(1.0), 1.0)?,

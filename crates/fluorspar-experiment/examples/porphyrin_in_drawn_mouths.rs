@@ -120,8 +120,7 @@ fn experiment(number: u64) -> Fallible<(String, Drawn)> {
     );
     for (place, [_, material, site]) in REGIONS.iter().enumerate() {
         let population = Population::of(&preset::site(site)?);
-        let mut rng = key.with(20 + place as u64).rng();
-        let site = population.person(&mut rng).typical().clone();
+        let site = population.person(key).typical().clone();
         let mut tissue = site.clone();
         for (nth, name) in FIXED.iter().enumerate() {
             let deviate: f64 = (0..12)
