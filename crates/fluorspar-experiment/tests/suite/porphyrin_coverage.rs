@@ -6,6 +6,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
 
@@ -26,7 +27,7 @@ use fluorspar::tissue::{
     CachedSolutions, DiscreteOrdinates, EffectiveTissue, Incidence, LayeredTissue, Level, Population, Site,
 };
 use fluorspar::units::photons_per_joule;
-use fluorspar_experiment::preset;
+use fluorspar_experiment::{parse, preset, resolve};
 
 const TISSUES: u64 = 60;
 const DRAWS: u64 = 8;
@@ -41,11 +42,21 @@ fn grid() -> WavelengthGrid {
     WavelengthGrid::uniform(370.0, 700.0, 5.0).unwrap()
 }
 
-fn camera(light: Option<&Curve>) -> CameraResponse {
-    let qe =
-        SpectralQe::from_curves(preset::quantum_efficiency("consumer_rgb_cmos").unwrap().channels().unwrap());
-    let sensor = Sensor::new(SensorModel::default(), qe.unwrap()).unwrap();
-    let transmittance = preset::filter("view_475_700").unwrap().curve();
+/// A camera of the catalogue's quantum efficiency, or of the sensor that has the name, behind filters.
+fn camera_of(channels: &str, filters: &[&str], light: Option<&Curve>) -> CameraResponse {
+    let sensor = match preset::quantum_efficiency(channels) {
+        Ok(qe) => {
+            let qe = SpectralQe::from_curves(qe.channels().unwrap()).unwrap();
+            Sensor::new(SensorModel::default(), qe).unwrap()
+        }
+        Err(_) => {
+            let text = format!("format = 1\nbase = \"oraleye-2021\"\n[sensor]\npreset = \"{channels}\"\n");
+            let experiment = parse(&text, "sensor", Path::new("."), &[]).unwrap();
+            resolve(&experiment).unwrap().study.camera.sensor.unwrap()
+        }
+    };
+    let curves = filters.iter().map(|name| preset::filter(name).unwrap().curve());
+    let transmittance = curves.reduce(|a, b| a.times(&b)).unwrap();
     let lens = IdealLens { transmittance, ..IdealLens::new(3.0, 4.0) };
     CameraResponse::new(&lens, &sensor, &grid(), light)
 }
@@ -58,12 +69,18 @@ fn light(name: &str) -> Curve {
 }
 
 fn frame(name: &str) -> FamilyFrame {
+    frame_of(name, "consumer_rgb_cmos", &["view_475_700"])
+}
+
+/// What a camera of [`camera_of`] sees under a light.
+fn frame_of(name: &str, channels: &str, filters: &[&str]) -> FamilyFrame {
     let irradiance = light(name);
+    let camera = camera_of(channels, filters, None);
     FamilyFrame {
         label: name.into(),
-        channels: camera(None).seeing_channels(),
-        camera: camera(None),
-        camera_of_reflected: camera(Some(&irradiance)),
+        channels: camera.seeing_channels(),
+        camera_of_reflected: camera_of(channels, filters, Some(&irradiance)),
+        camera,
         irradiance,
         time_s: 0.03,
     }
@@ -652,7 +669,9 @@ fn tongue(family: &LightFamily, share: f64, key: Key) -> (Vec<RegionBlock>, [Vec
             if z > 0.25 { (0.5 * normal(key.with(5).with(cell(col, row)))).exp() } else { 0.0 }
         })
         .collect();
-    let sum = |electrons: &[f64]| electrons.iter().sum::<f64>();
+    let sum = |electrons: &[f64]| -> f64 {
+        electrons.iter().zip(&family.counted).filter(|(_, counted)| **counted).map(|(e, _)| e).sum()
+    };
     let truth = |factor: f64| -> f64 {
         let [mut porphyrin, mut own] = [0.0; 2];
         for (tissue, amount) in tissue.iter().zip(&pattern) {
@@ -723,6 +742,20 @@ fn patches_of_porphyrin_are_told_from_none() {
     assert!(excluded >= 0.85 && held >= 0.80, "10 %: {excluded} {held}");
 }
 
+/// Blocks count as well where further frames or channels that have no part in the share are seen.
+#[test]
+fn patches_are_told_by_two_lights_and_by_near_infrared() {
+    let two = ["led_385", "led_450"].map(frame);
+    let near_infrared = [frame_of("led_385", "rgb_nir_3um", &["view_475_700"])];
+    for frames in [&two[..], &near_infrared[..]] {
+        let family = tissue_family(&prior("dorsal_tongue", TissuePrior::WIDTH), frames, &grid()).unwrap();
+        let [excluded, held] = by_blocks(&family, 0.0, 12, 16);
+        assert!(excluded <= 0.1 && held >= 0.9, "none: {excluded} {held}");
+        let [excluded, held] = by_blocks(&family, 0.1, 12, 17);
+        assert!(excluded >= 0.75 && held >= 0.75, "10 %: {excluded} {held}");
+    }
+}
+
 /// What a design foretells is what drawn tongues show: the interval of a share, and the share from which on none is excluded.
 #[test]
 fn the_visible_share_is_that_of_drawn_tongues() {
@@ -757,4 +790,66 @@ fn the_visible_share_is_that_of_drawn_tongues() {
     let dim = SignalLevel { variance: level.variance.iter().map(|v| 1e3 * v).collect(), ..level };
     let dim = family.visible_share(&dim).unwrap();
     assert!(dim.in_patches.unwrap_or(1.0) > 1.5 * patches, "{dim:?}");
+}
+
+/// What cameras say of tongues drawn from the population, for numbers in the documentation: how often none is excluded and the truth is held,
+/// and the width of the interval beside what a design foretells.
+#[test]
+#[ignore = "estimates the shares of thousands of drawn tongues"]
+fn cameras_of_drawn_tongues() {
+    const RGB: &str = "consumer_rgb_cmos";
+    const VIEW: &[&str] = &["view_475_700"];
+    const SHORT: &[&str] = &["view_475_700", "short_pass_655"];
+    let cameras: [(&str, &str, &[(&str, &[&str])]); 12] = [
+        ("385", RGB, &[("led_385", VIEW)]),
+        ("405", RGB, &[("led_405", VIEW)]),
+        ("415", RGB, &[("led_415", VIEW)]),
+        ("450", RGB, &[("led_450", VIEW)]),
+        ("385 + 450", RGB, &[("led_385", VIEW), ("led_450", VIEW)]),
+        ("405 + 450", RGB, &[("led_405", VIEW), ("led_450", VIEW)]),
+        ("385, 655", RGB, &[("led_385", VIEW), ("led_385", SHORT)]),
+        ("405, 655", RGB, &[("led_405", VIEW), ("led_405", SHORT)]),
+        ("385 NIR", "rgb_nir_3um", &[("led_385", VIEW)]),
+        ("405 NIR", "rgb_nir_3um", &[("led_405", VIEW)]),
+        ("385 8 bands", "multispectral_8_band", &[("led_385", VIEW)]),
+        ("385 16 bands", "multispectral_16_band", &[("led_385", VIEW)]),
+    ];
+    let number = |name: &str, default: u64| {
+        std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
+    };
+    let (tongues, wanted) = (number("TONGUES", 40), std::env::var("CAMERA").ok());
+    println!("camera, share: none excluded, held, median width, foretold width");
+    for (name, channels, lights) in cameras {
+        if wanted.as_ref().is_some_and(|wanted| wanted != name) {
+            continue;
+        }
+        let frames: Vec<FamilyFrame> =
+            lights.iter().map(|(light, filters)| frame_of(light, channels, filters)).collect();
+        let of_width = |width| tissue_family(&prior("dorsal_tongue", width), &frames, &grid()).unwrap();
+        let (drawn, judging) = (of_width(1.0), of_width(TissuePrior::WIDTH));
+        for share in [0.0, 0.05, 0.1, 0.2] {
+            let mut widths = Vec::new();
+            let (mut excluded, mut held) = (0.0, 0.0);
+            let mut level = None;
+            for tongue_number in 0..tongues {
+                let (blocks, [electrons, variance], truth) =
+                    tongue(&drawn, share, Key::new(77).with(tongue_number));
+                let average = FamilyAverage::certain(&judging);
+                let found = average.share_interval_of_blocks(&electrons, &variance, &blocks).unwrap();
+                let [low, high] = found.interval;
+                widths.push(high - low);
+                excluded += f64::from(u8::from(low > 0.0)) / tongues as f64;
+                held += f64::from(u8::from(low <= truth && truth <= high)) / tongues as f64;
+                level = Some(SignalLevel { electrons, variance, blocks: blocks.len() });
+            }
+            widths.sort_by(f64::total_cmp);
+            let foretold =
+                judging.expected_interval(&level.unwrap(), share, PorphyrinSpread::Usual).map(|[a, b]| b - a);
+            println!(
+                "{name}, {share}: {excluded:.2}, {held:.2}, {:.3}, {:.3}",
+                widths[widths.len() / 2],
+                foretold.unwrap_or(f64::NAN)
+            );
+        }
+    }
 }

@@ -194,9 +194,13 @@ impl Compared {
         let shares = BlockShares::new(blocks, side_px, (pattern, posterior));
         let [mut all, mut red] = [(); 2].map(|()| Mixture { none: 0.0, terms: Vec::new() });
         for ((fit, found), weight) in self.fits.iter().zip(&found).zip(&self.probabilities) {
-            let of_blocks = found.as_ref().map(|(_, found)| found);
-            all.add(*weight, of_blocks.map_or(&fit.mixture, |found| &found.share));
-            red.add(*weight, of_blocks.filter(|_| fit.red.is_some()).map_or(fit.red(), |found| &found.red));
+            let (share, of_red) = match found {
+                Some((_, found)) if fit.red.is_some() => (&found.share, &found.red),
+                Some((_, found)) => (&found.share, &found.share),
+                None => (&fit.mixture, fit.red()),
+            };
+            all.add(*weight, share);
+            red.add(*weight, of_red);
         }
         Some(ByBlocks { all, named: found.swap_remove(0).map(|(_, found)| found.share), red, shares })
     }

@@ -41,8 +41,6 @@ const PATCHES: [[f64; 2]; 4] = [[0.6, 0.0], [1.0, 0.0], [1.5, 0.0], [0.9, 0.4]];
 /// Probability of blocks that nobody foresaw, and how much wider they scatter. \[assumed\]
 const OUTLIERS: f64 = 0.02;
 const OUTLIER_WIDTH: f64 = 3.0;
-/// Relative error of the scale of amplitudes: the color of porphyrin and of the mean bulk. \[assumed\]
-const SCALE_ERROR: f64 = 0.06;
 /// Terms this far below the best, as logarithms of probability, are left out.
 const NEGLIGIBLE: f64 = 9.0;
 /// Blocks whose likelihoods are multiplied before their logarithm is taken, and the least likelihood that counts, so that no product is 0.
@@ -66,13 +64,15 @@ pub(super) struct RedPattern {
     pub(super) place_evidence: [f64; 4],
     /// Mean of the person's bulk for a share of chlorophyll `C`: `[at 0, slope by C]`.
     pub(super) bulk_mean: [f64; 2],
+    /// Relative variance of the scale of the amplitudes.
+    pub(super) scale_variance: f64,
     /// Variance of the person's bulk.
     pub(super) bulk_variance: f64,
     /// Typical amount of chlorophyll over all other light, and the amplitude of chlorophyll alone; none where the tissue holds none.
     pub(super) chlorophyll: Option<[f64; 2]>,
     /// Typical share of porphyrin in all light, and the standard deviation of its logarithm.
     pub(super) typical_share: [f64; 2],
-    /// All light over that which the share is of.
+    /// The share that is asked for over that of all light, which the amplitudes know.
     pub(super) own_light: f64,
     /// Whether patches of chlorophyll would look the same.
     pub(super) looks_like_chlorophyll: bool,
@@ -336,7 +336,7 @@ impl RedPattern {
                 variance += weight * (second - first * first).max(0.0);
                 found.push([first, marked]);
             }
-            let of_scale = (SCALE_ERROR * mean).powi(2);
+            let of_scale = self.scale_variance * mean * mean;
             let independent = blocks as f64 * self.independent();
             Term {
                 log_weight: *log_weight,
@@ -362,12 +362,12 @@ impl RedPattern {
             place_factor: 0.0,
             chlorophyll: 0.0,
         };
-        for (cell, terms) in terms {
-            let of_cell: f64 = terms.iter().map(weight).sum();
-            found.red.terms.push(self.log_odds(of_cell / total, self.red_share(cell)));
-        }
         for (cell, term) in all() {
             let weight = weight(term) / total;
+            // Porphyrin is red light
+            let [red, variance] = self.red_share(cell);
+            let red = if red > term.share[0] { [red, variance] } else { term.share };
+            found.red.terms.push(self.log_odds(weight, red));
             match term.pattern {
                 NONE => found.share.none += weight,
                 pattern => {
@@ -394,7 +394,7 @@ impl RedPattern {
         let blocks = self.amplitudes.len() as f64;
         let places = cell.place_factor.powi(2) * self.place_variance / (blocks * self.independent());
         let noise = mean(&|block| self.weights[block] * self.noise[block]);
-        [share, (places + noise) / (1.0 - cell.tissue).powi(2) + (SCALE_ERROR * share).powi(2)]
+        [share, (places + noise) / (1.0 - cell.tissue).powi(2) + self.scale_variance * share * share]
     }
 
     /// A share of all light with its variance as a share of the region's own light: weight, mean and standard deviation of the log
@@ -446,6 +446,7 @@ mod tests {
             place_variance: 0.0093_f64.powi(2),
             place_evidence: [0.0; 4],
             bulk_mean: [0.0, 0.0],
+            scale_variance: 0.06_f64.powi(2),
             bulk_variance: 0.039_f64.powi(2),
             chlorophyll: Some([0.014, 0.95]),
             typical_share: [0.0153, 1.3],

@@ -21,6 +21,12 @@ const PLACES: u32 = 256;
 /// Variation of the light of teeth and of indirect light from place to place, standard deviations of logarithms. \[assumed\]
 const PLACES_OF_TEETH: f64 = 0.45;
 const PLACES_OF_INDIRECT: f64 = 0.3;
+/// The same of colors in further frames, whose lights stand elsewhere. \[assumed\]
+const PLACES_OF_LAMPS: f64 = 0.01;
+/// Share of a source at which its way from the bulk is taken: straight in the first frame, nearly so in others.
+const TOWARD: f64 = 0.1;
+/// People by whom amplitudes are scaled.
+const SCALED: u32 = 128;
 /// How alike places are: correlation at no distance of two blocks, that at any distance, and the length over which it falls, as a share
 /// of the side of a square of the region's size (8 mm of a tongue). \[assumed\]
 const ALIKE: [f64; 3] = [0.9, 0.1, 0.23];
@@ -42,14 +48,14 @@ pub fn block_side_px(pixels: f64) -> usize {
     (pixels / BLOCKS).sqrt().round().max(LEAST_SIDE_PX) as usize
 }
 
-/// A block of a region, as measured in the first frame of a family.
+/// A block of a region, as measured in the frames of a family.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegionBlock {
     /// Its first column and row, pixels of the frame.
     pub corner_px: [usize; 2],
     /// Pixels that count.
     pub pixels: usize,
-    /// Mean electrons of each datum of the first frame.
+    /// Mean electrons of each datum of a family.
     pub electrons: Vec<f64>,
     /// Their variances by the sensor's noise.
     pub variance: Vec<f64>,
@@ -162,18 +168,31 @@ fn moments(vectors: &[DVector<f64>]) -> (DVector<f64>, DMatrix<f64>) {
 }
 
 impl LightFamily {
-    /// Numbers of the data whose electrons count in the share.
-    fn counted_data(&self) -> Vec<usize> {
-        (0..self.counted.len()).filter(|datum| self.counted[*datum]).collect()
+    /// Electrons that count in the share.
+    fn counted_electrons(&self, electrons: &[f64]) -> f64 {
+        electrons.iter().zip(&self.counted).filter(|(_, counted)| **counted).map(|(e, _)| e).sum()
     }
 
-    /// Shares of the counted data in their sum but the last, by the electrons of all data of the first frame; `None` without light.
+    /// The numbers of a color, each a datum with those whose sum it is divided by. Of the first frame those are the ones that count in
+    /// the share, so that the color is linear in it; of further frames all of the frame, whatever the brightness of its light.
+    fn color_terms(&self) -> Vec<(usize, Vec<usize>)> {
+        let data = |frame: usize| (0..self.counted.len()).filter(move |datum| self.frame_of[*datum] == frame);
+        let of_frame = |frame: usize| {
+            let divisor: Vec<usize> = data(frame).filter(|datum| frame > 0 || self.counted[*datum]).collect();
+            let last = divisor.last().copied();
+            data(frame).filter(move |datum| Some(*datum) != last).map(move |datum| (datum, divisor.clone()))
+        };
+        (0..self.frames.len()).flat_map(of_frame).collect()
+    }
+
+    /// The color of the electrons of all data; `None` where a frame has no light.
     fn color(&self, electrons: &[f64]) -> Option<DVector<f64>> {
-        let counted = self.counted_data();
-        let total: f64 = counted.iter().map(|datum| electrons[*datum]).sum();
-        let (_, first) = counted.split_last()?;
-        (total > 0.0)
-            .then(|| DVector::from_iterator(first.len(), first.iter().map(|d| electrons[*d] / total)))
+        let of_term = |(datum, divisor): &(usize, Vec<usize>)| {
+            let total: f64 = divisor.iter().map(|datum| electrons[*datum]).sum();
+            (total > 0.0).then(|| electrons[*datum] / total)
+        };
+        let color: Vec<f64> = self.color_terms().iter().map(of_term).collect::<Option<_>>()?;
+        Some(DVector::from_vec(color))
     }
 
     /// Colors of tissues drawn from the family, without porphyrin.
@@ -218,17 +237,10 @@ impl LightFamily {
         family
     }
 
-    /// What the family says of blocks; `None` where they hold nothing to tell, and where the mean of the region rests on more than the
-    /// channels that blocks are known in: further frames, or channels that do not count in the share.
+    /// What the family says of blocks; `None` where they hold nothing to tell, as those of a single channel.
     pub(super) fn of_blocks(&self) -> Option<BlockFamily<'_>> {
-        // A single channel has no color
-        let is_whole = self.counted.iter().all(|is_counted| *is_counted) && self.counted.len() > 1;
-        if !is_whole {
-            return None;
-        }
         // The typical tissue, and what porphyrin and chlorophyll add to it
         let bulk_family = self.without(FamilySource::is_pigment);
-        let own_family = self.without(|source| !source.fluorescent);
         let middle = vec![0.0; self.nuisances().len()];
         let added = |more: Vec<f64>, less: &[f64]| -> Vec<f64> {
             more.iter().zip(less).map(|(more, less)| (more - less).max(0.0)).collect()
@@ -236,23 +248,41 @@ impl LightFamily {
         let bulk = bulk_family.electrons(&middle, 0.0);
         let porphyrin = added(bulk_family.electrons(&middle, self.porphyrin.median), &bulk);
         let chlorophyll = added(self.electrons(&middle, 0.0), &bulk);
-        let sum = |electrons: &[f64]| electrons.iter().sum::<f64>();
+        let sum = |electrons: &[f64]| self.counted_electrons(electrons);
         let all = sum(&bulk) + sum(&porphyrin) + sum(&chlorophyll);
-        let own = sum(&own_family.electrons(&middle, self.porphyrin.median));
-        if !(own > 0.0 && all > 0.0) {
+        if self.color_terms().is_empty() || all <= 0.0 {
             return None;
         }
 
         // People, and places in one of them
         let (mean, of_people) = moments(&bulk_family.drawn_colors(PEOPLE, 1));
-        let (_, of_places) = moments(&bulk_family.of_places().drawn_colors(PLACES, 2));
+        let (_, mut of_places) = moments(&bulk_family.of_places().drawn_colors(PLACES, 2));
+        for (number, (datum, _)) in self.color_terms().iter().enumerate() {
+            if self.frame_of[*datum] > 0 {
+                of_places[(number, number)] += (PLACES_OF_LAMPS * mean[number]).powi(2);
+            }
+        }
+        // From the mean to a source alone, as far as its first part leads; straight on in the first frame
+        let mixed = |source: &[f64]| -> Vec<f64> {
+            let odds = TOWARD / (1.0 - TOWARD) * sum(&bulk) / sum(source);
+            bulk.iter().zip(source).map(|(bulk, more)| bulk + odds * more).collect()
+        };
+        let way = |bulk: &[f64], mixed: &[f64]| Some((self.color(mixed)? - self.color(bulk)?) / TOWARD);
+        let toward = |source: &[f64]| Some(way(&bulk, &mixed(source))? + self.color(&bulk)? - &mean);
+        // People with porphyrin, whose light scales the amplitudes
+        let amount = self.porphyrin.median * TOWARD / (1.0 - TOWARD) * sum(&bulk) / sum(&porphyrin);
+        let scaled = |number: u32| {
+            let nuisances = normal_deviates(middle.len(), 1, number);
+            let color = |amount| self.color(&bulk_family.electrons(&nuisances, amount));
+            Some((color(0.0)?, color(amount)?, bulk_family.share(&nuisances, amount)))
+        };
         Some(BlockFamily {
             family: self,
-            red: self.color(&porphyrin)? - &mean,
-            of_chlorophyll: self.color(&chlorophyll).map(|color| color - &mean),
+            red: toward(&porphyrin)?,
+            scaled: (0..SCALED).into_par_iter().filter_map(scaled).collect(),
+            of_chlorophyll: if sum(&chlorophyll) > 0.0 { toward(&chlorophyll) } else { None },
             chlorophyll: sum(&chlorophyll) / (sum(&bulk) + sum(&porphyrin)),
             typical_share: sum(&porphyrin) / all,
-            own_light: all / own,
             mean,
             of_people,
             of_places,
@@ -261,17 +291,19 @@ impl LightFamily {
 
     /// Covariance of the color of a block by the sensor's noise.
     fn noise_of(&self, block: &RegionBlock, color: &DVector<f64>) -> DMatrix<f64> {
-        let counted = self.counted_data();
-        let total: f64 = counted.iter().map(|datum| block.electrons[*datum]).sum();
-        let slopes = DMatrix::from_fn(color.len(), counted.len(), |row, col| {
-            (f64::from(u8::from(row == col)) - color[row]) / total
+        let terms = self.color_terms();
+        let slopes = DMatrix::from_fn(color.len(), self.counted.len(), |row, datum| {
+            let (of, divisor) = &terms[row];
+            let total: f64 = divisor.iter().map(|datum| block.electrons[*datum]).sum();
+            let by_divisor = if divisor.contains(&datum) { color[row] } else { 0.0 };
+            (f64::from(u8::from(*of == datum)) - by_divisor) / total
         });
-        let variance = DVector::from_iterator(counted.len(), counted.iter().map(|d| block.variance[*d]));
+        let variance = DVector::from_column_slice(&block.variance);
         &slopes * DMatrix::from_diagonal(&variance) * slopes.transpose()
     }
 }
 
-/// What a family says of blocks: colors as shares of the channels in their sum but the last.
+/// What a family says of the colors of blocks.
 pub(super) struct BlockFamily<'a> {
     family: &'a LightFamily,
     /// Mean color of people without porphyrin, and its covariance.
@@ -279,15 +311,15 @@ pub(super) struct BlockFamily<'a> {
     of_people: DMatrix<f64>,
     /// Covariance of places in one person.
     of_places: DMatrix<f64>,
-    /// Ways from the mean to porphyrin and to chlorophyll alone.
+    /// Ways from the mean to porphyrin and to plant pigment alone.
     red: DVector<f64>,
+    /// People: color without porphyrin, color with some, and the share of the latter.
+    scaled: Vec<(DVector<f64>, DVector<f64>, f64)>,
     of_chlorophyll: Option<DVector<f64>>,
     /// Typical light of chlorophyll over all other.
     chlorophyll: f64,
     /// Typical share of porphyrin in all light.
     typical_share: f64,
-    /// All light over that which the share is of.
-    own_light: f64,
 }
 
 impl BlockFamily<'_> {
@@ -311,7 +343,7 @@ impl BlockFamily<'_> {
         let remainder = DMatrix::identity(count, count) - &self.red * weights.transpose();
         let off: Vec<DVector<f64>> = colors.iter().map(|color| color - &self.mean).collect();
         let light: Vec<f64> =
-            blocks.iter().map(|b| b.pixels as f64 * b.electrons.iter().sum::<f64>()).collect();
+            blocks.iter().map(|b| b.pixels as f64 * self.family.counted_electrons(&b.electrons)).collect();
         let whole: f64 = light.iter().sum();
         let light: Vec<f64> = light.iter().map(|light| light / whole).collect();
         let rests: Vec<DVector<f64>> = off.iter().map(|off| &remainder * off).collect();
@@ -336,6 +368,14 @@ impl BlockFamily<'_> {
         });
         let slope = self.of_chlorophyll.as_ref().map_or(0.0, |color| -regression.dot(&(&remainder * color)));
 
+        // The share of the porphyrin over what the amplitude takes for it
+        let of_person = |(bulk, mixed, share): &(DVector<f64>, DVector<f64>, f64)| {
+            let [from, to] = [bulk, mixed].map(|color| weights.dot(&(color - &self.mean)));
+            DVector::from_element(1, share * (1.0 - from) / (to - from))
+        };
+        let (scale, scatter_of_scale) = moments(&self.scaled.iter().map(of_person).collect::<Vec<_>>());
+        let (scale, scatter_of_scale) = (scale[0], scatter_of_scale[(0, 0)]);
+
         Some(RedPattern {
             amplitudes: off.iter().map(|off| weights.dot(off)).collect(),
             noise: noise.iter().map(|n| (weights.transpose() * n * &weights)[(0, 0)]).collect(),
@@ -343,10 +383,11 @@ impl BlockFamily<'_> {
             place_variance: (weights.transpose() * &self.of_places * &weights)[(0, 0)],
             place_evidence: place_evidence(blocks, &rests, &noise, &remainder, &self.of_places),
             bulk_mean: [regression.dot(&mean_rest), slope],
+            scale_variance: scatter_of_scale / (scale * scale),
             bulk_variance: bulk_variance.max(1e-12),
             chlorophyll: self.of_chlorophyll.as_ref().map(|color| [self.chlorophyll, weights.dot(color)]),
             typical_share: [self.typical_share, self.family.porphyrin.log_sd],
-            own_light: self.own_light,
+            own_light: scale,
             looks_like_chlorophyll,
         })
     }

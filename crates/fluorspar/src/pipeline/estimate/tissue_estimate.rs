@@ -114,7 +114,7 @@ impl<'a> FamiliesOfFrames<'a> {
         .collect()
     }
 
-    /// Squares of the first frame that lie in the region for more than half, with their means, and their side in pixels.
+    /// Squares that lie in the region for more than half, with the means of all frames, and their side in pixels.
     fn blocks(
         &self,
         frames: &[CapturedFrame],
@@ -122,30 +122,37 @@ impl<'a> FamiliesOfFrames<'a> {
         is_lit: &dyn Fn(usize) -> bool,
         region: &PixelSelection,
     ) -> Option<(Vec<RegionBlock>, usize)> {
-        let (label, of_family) = labels(self.settings).zip(&self.frames).next()?;
-        let frame = frames.iter().find(|frame| frame.raw.label == *label)?;
-        let (image, k) = (&frame.developed, frame.raw.dn_per_electron);
-        let noise = noise_of_frame(noise, frame);
-        if [image.width, image.height] != [region.width, region.height] || region.pixels.is_empty() {
+        let find = |label: &String| frames.iter().find(|frame| frame.raw.label == *label);
+        let frames: Vec<&CapturedFrame> = labels(self.settings).map(find).collect::<Option<_>>()?;
+        let fits = |frame: &&CapturedFrame| {
+            [frame.developed.width, frame.developed.height] == [region.width, region.height]
+        };
+        if !frames.iter().all(fits) || region.pixels.is_empty() {
             return None;
         }
         // Sort the pixels of the region into squares
         let side = block_side_px(region.pixels.len() as f64);
         let mut squares: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
-        for &pixel in region.pixels.iter().filter(|pixel| is_lit(**pixel) && !image.saturated[**pixel]) {
-            let place = [pixel / image.width / side, pixel % image.width / side];
+        let usable =
+            |pixel: usize| is_lit(pixel) && frames.iter().all(|frame| !frame.developed.saturated[pixel]);
+        for &pixel in region.pixels.iter().filter(|pixel| usable(**pixel)) {
+            let place = [pixel / region.width / side, pixel % region.width / side];
             squares.entry(place).or_default().push(pixel);
         }
         let found: Vec<([usize; 2], Vec<usize>)> =
             squares.into_iter().filter(|(_, pixels)| 2 * pixels.len() > side * side).collect();
         let block = |([row, col], pixels): &([usize; 2], Vec<usize>)| {
-            let mean = PixelMean::new(image, &of_family.channels, pixels, &noise)?;
-            Some(RegionBlock {
-                corner_px: [col * side, row * side],
-                pixels: pixels.len(),
-                electrons: mean.dn.iter().map(|dn| dn / k).collect(),
-                variance: mean.variance_dn2.iter().map(|dn2| dn2 / (k * k)).collect(),
-            })
+            let corner_px = [col * side, row * side];
+            let (electrons, variance) = (Vec::new(), Vec::new());
+            let mut block = RegionBlock { corner_px, pixels: pixels.len(), electrons, variance };
+            for (frame, of_family) in frames.iter().zip(&self.frames) {
+                let k = frame.raw.dn_per_electron;
+                let noise = noise_of_frame(noise, frame);
+                let mean = PixelMean::new(&frame.developed, &of_family.channels, pixels, &noise)?;
+                block.electrons.extend(mean.dn.iter().map(|dn| dn / k));
+                block.variance.extend(mean.variance_dn2.iter().map(|dn2| dn2 / (k * k)));
+            }
+            Some(block)
         };
         Some((found.par_iter().filter_map(block).collect(), side))
     }
