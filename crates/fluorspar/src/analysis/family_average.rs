@@ -319,8 +319,9 @@ impl<'a> FamilyAverage<'a> {
             }
         }
         let red = named.red.as_ref().map(|_| match by_blocks.as_ref().filter(|_| is_by_blocks) {
-            Some(found) => RedShare::of(&found.red),
-            None => RedShare::of(&compared.average_of_red()),
+            // Blocks along a way that pigment does not go say nothing of it
+            Some(found) if found.shares.looks_like_chlorophyll => RedShare::of(&found.red),
+            _ => RedShare::of(&compared.average_of_red()),
         });
         let of_named = by_blocks.as_ref().and_then(|found| found.named.as_ref());
         let doubt = self.doubt(&compared, answer(&named.mixture, of_named));

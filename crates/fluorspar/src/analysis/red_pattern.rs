@@ -4,7 +4,7 @@
 //! each block. So the blocks with the least red light bound the color of the bulk from above, and with it the porphyrin of the others
 //! from below. With the amplitude `a_j` of block `j` along the way from the bulk to the porphyrin, per unit of its share,
 //!
-//! `a_j = beta + s_j (1 - beta) + error_j`, `beta = beta_0 + f C (1 - beta_0)`, `var error_j = tau² v_a + (rho C)² + v_n,j`
+//! `a_j = beta + s_j (1 - beta) + error_j`, `beta = beta_0 + f C (1 - beta_0)`, `var error_j = tau² v_a + (rho f C)² + v_n,j`
 //!
 //! where `beta_0 ~ N(m_b, v_b)` is the bulk of the person, `C` the share of chlorophyll, `tau` how much more than usual places differ.
 //! The shares `s_j` of blocks follow one of 91 patterns: none, the same everywhere, or a log-normal distribution, with or without
@@ -242,7 +242,7 @@ impl RedPattern {
             ),
             None => (vec![0.0], vec![0.0]),
         };
-        let amplitude = self.chlorophyll.map_or(0.0, |[_, amplitude]| amplitude);
+        let amplitude = self.amplitude_of_chlorophyll();
         let deviates: Vec<f64> =
             (0..BULK_NODES).map(|i| BULK_REACH * (2.0 * i as f64 / (BULK_NODES - 1) as f64 - 1.0)).collect();
         let of_deviates = normalized(deviates.iter().map(|z| -0.5 * z * z).collect());
@@ -265,10 +265,15 @@ impl RedPattern {
         cells
     }
 
+    /// Amplitude of chlorophyll alone.
+    fn amplitude_of_chlorophyll(&self) -> f64 {
+        self.chlorophyll.map_or(0.0, |[_, amplitude]| amplitude)
+    }
+
     /// Standard deviation of the amplitude of a block in a cell.
     fn deviation(&self, cell: &Cell, block: usize) -> f64 {
         let variance = cell.place_factor.powi(2) * self.place_variance
-            + (PLACES_OVER_PEOPLE * cell.chlorophyll).powi(2)
+            + (PLACES_OVER_PEOPLE * self.amplitude_of_chlorophyll() * cell.chlorophyll).powi(2)
             + self.noise[block];
         variance.sqrt()
     }
@@ -464,13 +469,13 @@ mod tests {
     fn amplitudes_give_the_numbers_of_another_program() {
         let even_steps = (0..40).map(|i| 0.15 * f64::from(i) / 39.0).collect();
         let cases = [
-            (blocks(&[(40, 0.015)]), 0.526, 0.0, [0.0, 0.0376], [0.0073, 0.0073]),
-            (blocks(&[(40, 0.12)]), 0.088, 0.0720, [0.0, 0.1474], [0.0675, 0.0675]),
-            (blocks(&[(20, 0.015), (20, 0.075)]), 0.162, 0.0316, [0.0, 0.0625], [0.0075, 0.0428]),
-            (blocks(&[(20, 0.015), (20, 0.115)]), 0.00043, 0.0562, [0.0441, 0.0904], [0.0067, 0.1024]),
-            (blocks(&[(36, 0.015), (4, 0.115)]), 0.0200, 0.0152, [0.0065, 0.0235], [0.0045, 0.1009]),
-            (blocks(&[(36, 0.015), (4, 0.315)]), 0.0, 0.0413, [0.0348, 0.0524], [0.0065, 0.3265]),
-            (even_steps, 0.057, 0.0576, [0.0, 0.1047], [0.0128, 0.1080]),
+            (blocks(&[(40, 0.015)]), 0.531, 0.0, [0.0, 0.0374], [0.0072, 0.0072]),
+            (blocks(&[(40, 0.12)]), 0.088, 0.0719, [0.0, 0.1470], [0.0675, 0.0675]),
+            (blocks(&[(20, 0.015), (20, 0.075)]), 0.1415, 0.0323, [0.0, 0.0630], [0.0077, 0.0454]),
+            (blocks(&[(20, 0.015), (20, 0.115)]), 0.00025, 0.0562, [0.0441, 0.0909], [0.0067, 0.1032]),
+            (blocks(&[(36, 0.015), (4, 0.115)]), 0.0197, 0.0152, [0.0067, 0.0235], [0.0046, 0.1014]),
+            (blocks(&[(36, 0.015), (4, 0.315)]), 0.0, 0.0413, [0.0348, 0.0525], [0.0065, 0.3274]),
+            (even_steps, 0.0417, 0.0606, [0.0, 0.1059], [0.0135, 0.1153]),
         ];
         for (amplitudes, none, median, interval, [first, last]) in cases {
             let found = pattern(amplitudes).posterior().unwrap();

@@ -337,7 +337,12 @@ impl BlockFamily<'_> {
             noise.iter().fold(DMatrix::zeros(count, count), |sum, n| sum + n) / blocks.len() as f64;
 
         // Amplitudes, and the rest that holds no porphyrin
-        let scatter = Cholesky::new(&self.of_places + &mean_noise)?;
+        // along a way that plant pigment goes little, where the camera has one
+        let of_pigment = self.of_chlorophyll.as_ref().map_or_else(
+            || DMatrix::zeros(count, count),
+            |color| color * color.transpose() * self.chlorophyll.powi(2),
+        );
+        let scatter = Cholesky::new(&self.of_places + &mean_noise + of_pigment)?;
         let toward = scatter.solve(&self.red);
         let weights = &toward / toward.dot(&self.red);
         let remainder = DMatrix::identity(count, count) - &self.red * weights.transpose();
