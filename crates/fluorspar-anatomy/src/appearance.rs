@@ -252,7 +252,7 @@ impl<'a> Place<'a> {
         let between = smoothstep(0.2, -0.8, twice);
         let height = 0.12 + 0.1 * between + 0.08 * self.noise(0x4c, 2.5, 2);
         let patchy = smoothstep(-0.25, 0.25, self.noise(0x4d, 3.0, 3));
-        smoothstep(height + 0.05, height - 0.03, self.v) * (0.3 + 0.7 * patchy)
+        (self.p.plaque * smoothstep(height + 0.05, height - 0.03, self.v) * (0.3 + 0.7 * patchy)).min(1.0)
     }
 
     fn dentin(&self) -> f64 {
@@ -260,7 +260,7 @@ impl<'a> Place<'a> {
             return 0.0;
         }
         let neck = smoothstep(0.55, 0.02, self.v);
-        0.75 * neck * neck + 0.12 + 0.12 * self.noise(0x4e, 3.0, 2)
+        (0.75 * neck * neck + 0.12 + 0.12 * self.noise(0x4e, 3.0, 2) + self.p.tooth_shade).clamp(0.0, 1.0)
     }
 
     fn dryness(&self) -> f64 {

@@ -78,6 +78,10 @@ pub struct MouthParameters {
     pub lower_tooth_factor: f64,
     /// Factor on the small differences between neighboring teeth in place, turn and size (default 1, 0 to 3).
     pub tooth_irregularity: f64,
+    /// How much more dentin shows through the enamel of all teeth, which makes them darker and yellower (default 0, -0.2 to 0.8).
+    pub tooth_shade: f64,
+    /// Factor on the plaque at the gums (default 1, 0 to 3).
+    pub plaque: f64,
     /// Teeth that are not there, as FDI numbers (default: the wisdom teeth 18, 28, 38 and 48).
     pub missing_teeth: Vec<u8>,
     /// Factor on the height of the papillae of the tongue (default 1, 0 to 2; 0 gives a smooth tongue).
@@ -114,6 +118,8 @@ impl Default for MouthParameters {
             tooth_scale: 1.0,
             lower_tooth_factor: 1.0,
             tooth_irregularity: 1.0,
+            tooth_shade: 0.0,
+            plaque: 1.0,
             missing_teeth: vec![18, 28, 38, 48],
             papilla_scale: 1.0,
             seed: 1,
@@ -163,6 +169,8 @@ impl MouthParameters {
             ("tooth_scale", self.tooth_scale, 0.85, 1.15),
             ("lower_tooth_factor", self.lower_tooth_factor, 0.94, 1.08),
             ("tooth_irregularity", self.tooth_irregularity, 0.0, 3.0),
+            ("tooth_shade", self.tooth_shade, -0.2, 0.8),
+            ("plaque", self.plaque, 0.0, 3.0),
             ("papilla_scale", self.papilla_scale, 0.0, 2.0),
             ("detail", self.detail, 0.25, 5.0),
         ];

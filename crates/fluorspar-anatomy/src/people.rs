@@ -22,7 +22,7 @@ fn normal(seed: u32, quantity: u32) -> f64 {
     0.0
 }
 
-/// A person: shape only, in the default pose.
+/// A person: shape, teeth and plaque, in the default pose.
 ///
 /// One factor for the size of the body is shared by all lengths with the loading given below, the rest of each
 /// spread is its own (loadings assumed; means and spreads: Wheeler's table and Magne and others 2003 for teeth, Mina
@@ -65,6 +65,9 @@ pub fn sample_person(seed: u32) -> MouthParameters {
     p.palate_height_mm = (0.375 * p.upper_arch_width_mm + draw(0.0, 1.5, 0.0, 8)).clamp(15.0, 25.0);
     p.overjet_mm = exp(draw(0.9, 0.3, 0.0, 9)).clamp(0.8, 5.5);
     p.tooth_irregularity = exp(0.45 * normal(seed, 10)).clamp(0.3, 2.4);
+    // Some five units of color difference between people's teeth, as between shades (assumed)
+    p.tooth_shade = draw(0.0, 0.25, 0.0, 19).clamp(-0.12, 0.6);
+    p.plaque = exp(draw(0.0, 0.6, 0.0, 20)).clamp(0.2, 3.0);
     p.tongue_width_mm = draw(48.0, 2.6, 0.5, 11).clamp(41.0, 55.0).min(0.94 * p.lower_arch_width_mm);
     p.tongue_length_mm = (if female { 80.0 } else { 84.0 } + draw(0.0, 3.5, 0.4, 12)).clamp(71.0, 94.0);
     p.tongue_thickness_mm = draw(21.0, 1.6, 0.4, 13).clamp(17.0, 25.5);

@@ -1484,6 +1484,10 @@ class MouthSection(TypedDict, total=False):
     % for Wheeler's table and 92.3 to 93.4 % in populations."""
     tooth_irregularity: float
     """Factor on the small differences between neighboring teeth in place, turn and size (default 1, 0 to 3)."""
+    tooth_shade: float
+    """How much more dentin shows through the enamel of all teeth, which makes them darker and yellower (default 0, -0.2 to 0.8)."""
+    plaque: float
+    """Factor on the plaque at the gums (default 1, 0 to 3)."""
     missing_teeth: list[int]
     """Teeth that are not there, as FDI numbers (default: the wisdom teeth 18, 28, 38 and 48)."""
     papilla_scale: float
