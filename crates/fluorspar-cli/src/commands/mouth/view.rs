@@ -129,3 +129,21 @@ fn picture(
     Raster::from_rgb8(preview.width, preview.height, &preview.rgb)
         .ok_or_else(|| CliError::Failed("an image without pixels".into()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_light_that_shows_colors_is_drawn_without_fluorescence() {
+        for (group, dyes, bands) in [("white", false, 21), ("blue", true, 81)] {
+            let source = ExperimentSource::find(Some("oraleye-2021-surface")).unwrap();
+            let mut study = source.resolve(&[Override::set("mouth.detail=0.25")]).unwrap().study;
+            reduce_to_preview(&mut study, group);
+            let scene = &study.scene;
+            assert_eq!((!scene.fluorophores.is_empty(), scene.grid.len()), (dyes, bands), "{group}");
+            assert_eq!((scene.lights.len(), scene.light_groups.len()), (8, 1));
+            assert!(scene.check().is_ok() && scene.lights.iter().all(|light| light.group == 0));
+        }
+    }
+}
