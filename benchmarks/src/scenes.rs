@@ -2,6 +2,7 @@
 
 use std::f32::consts::{FRAC_PI_2, TAU};
 use std::f64::consts::PI;
+use std::path::Path;
 use std::sync::Arc;
 
 use fluorspar::geometry::TriangleMesh;
@@ -11,7 +12,7 @@ use fluorspar::optics::{CameraLens, LensSetting, LensState, PerspectiveCamera};
 use fluorspar::scene::{Object, Scene, Shape};
 use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid};
 use fluorspar_anatomy::{MouthParameters, Tissue, generate_mouth};
-use fluorspar_experiment::preset;
+use fluorspar_experiment::{DEFAULT_EXPERIMENT, parse, preset, resolve};
 use glam::Vec3;
 
 use crate::meshes::{block, bumps, closed_surface, parallelogram};
@@ -30,6 +31,8 @@ pub enum BenchmarkScene {
     CavityThroughLens,
     /// The parametric mouth from 10 cm, with two lights beside the camera.
     Mouth,
+    /// The mouth of the default experiment: layered tissue with its own fluorophores under rings of white and of blue lights.
+    TissueMouth,
 }
 
 /// What may vary between measurements of one scene.
@@ -37,7 +40,7 @@ pub enum BenchmarkScene {
 pub struct SceneOptions {
     /// Wavelength bins.
     pub grid: WavelengthGrid,
-    /// Separable fluorophores, 0 to 5.
+    /// Separable fluorophores, 0 to 5; tissue has its own.
     pub fluorophores: usize,
     /// Columns and rows of the image.
     pub side: usize,
@@ -45,8 +48,14 @@ pub struct SceneOptions {
 
 impl BenchmarkScene {
     /// All scenes.
-    pub const ALL: [Self; 5] =
-        [Self::CornellBox, Self::ClosedCavity, Self::MatteCavity, Self::CavityThroughLens, Self::Mouth];
+    pub const ALL: [Self; 6] = [
+        Self::CornellBox,
+        Self::ClosedCavity,
+        Self::MatteCavity,
+        Self::CavityThroughLens,
+        Self::Mouth,
+        Self::TissueMouth,
+    ];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
@@ -56,6 +65,7 @@ impl BenchmarkScene {
             Self::MatteCavity => "matte_cavity",
             Self::CavityThroughLens => "cavity_through_lens",
             Self::Mouth => "mouth",
+            Self::TissueMouth => "tissue_mouth",
         }
     }
 
@@ -67,6 +77,7 @@ impl BenchmarkScene {
             Self::MatteCavity => closed_cavity(options, false),
             Self::CavityThroughLens => cavity_through_lens(options),
             Self::Mouth => mouth(options),
+            Self::TissueMouth => tissue_mouth(options),
         }
     }
 }
@@ -293,6 +304,23 @@ fn mouth(options: &SceneOptions) -> Scene {
         });
     }
     scene
+}
+
+/// The fluorophores are those of the tissues, whatever the options say.
+fn tissue_mouth(options: &SceneOptions) -> Scene {
+    let sets = [
+        format!("spectral={{edges_nm={:?}}}", options.grid.edges_nm()),
+        format!("render.width_px={}", options.side),
+        format!("render.height_px={}", options.side),
+        "unset analysis".into(),
+    ];
+    #[allow(clippy::expect_used, reason = "the experiment ships with the library")]
+    let study = {
+        let preset = preset::experiment(DEFAULT_EXPERIMENT).expect("the experiment is in the catalogue");
+        let experiment = parse(preset.text, "built in", Path::new("."), &sets).expect("it can be read");
+        resolve(&experiment).expect("it is valid").study
+    };
+    study.scene
 }
 
 #[cfg(test)]

@@ -181,7 +181,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (cpu, wall) = (median(&mut cpu), median(&mut wall));
     let mut report = json!({
             "scene": arguments.scene.name(), "bands": arguments.options.grid.len(),
-            "fluorophores": arguments.options.fluorophores, "samples": arguments.samples,
+            "fluorophores": scene.fluorophores.len(), "samples": arguments.samples,
             "side": arguments.options.side, "threads": arguments.threads,
             "cpu_s": cpu, "wall_s": wall, "setup_cpu_s": median(&mut setup),
             "us_per_path": 1e6 * cpu / paths, "peak_mib": peak_mib(),

@@ -4,7 +4,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 
 use crate::support::{listing, tiny};
 
@@ -85,22 +85,22 @@ fn two_runs_at_once_share_a_cache_and_a_damaged_one_is_made_anew() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let cache = folder.join("cache");
-    // Meshes with the colors of tissues, which are solved for them.
     let start = |out: &'static str| {
-        let set: &[(&str, &Path)] = &[("XDG_CACHE_HOME", &cache)];
-        generate(folder, set, &["--out", out]).stdout(Stdio::null()).spawn().unwrap()
+        let mut command = Command::new(env!("CARGO_BIN_EXE_fluorspar"));
+        command.args(tiny(&["render", "oraleye-2021", "--out", out, "-q"]));
+        command.env("XDG_CACHE_HOME", &cache).current_dir(folder).spawn().unwrap()
     };
     let finish = |mut child: Child| assert!(child.wait().unwrap().success());
-    for child in ["a.glb", "b.glb"].map(start) {
+    for child in ["a.exr", "b.exr"].map(start) {
         finish(child);
     }
-    // This mouth, and that of the default experiment, whose colors it has; and its solved tissues.
+    // The mouth, its maps and its solved tissues
     let files = kept(&cache);
-    assert_eq!(mouths(&files), 2, "{files:?}");
+    assert_eq!(mouths(&files), 1, "{files:?}");
     assert!(files.len() > 2, "{files:?}");
     damage(&files);
-    finish(start("c.glb"));
-    let [a, b, c] = ["a.glb", "b.glb", "c.glb"].map(|name| fs::read(folder.join(name)).unwrap());
+    finish(start("c.exr"));
+    let [a, b, c] = ["a.exr", "b.exr", "c.exr"].map(|name| fs::read(folder.join(name)).unwrap());
     assert!(a == b && b == c);
     assert_eq!(kept(&cache), files);
 }

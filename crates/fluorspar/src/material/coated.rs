@@ -62,11 +62,9 @@ impl CoatAlbedo {
         // f cos / pdf = F G2 / G1.
         let table = AlbedoTable::new(|outgoing, half, alpha| {
             let incident = 2.0 * outgoing.dot(half) * half - outgoing;
-            if incident.z <= 0.0 {
-                return 0.0;
-            }
-            dielectric_fresnel(outgoing.dot(half), refractive_index)
-                * microfacet::passing(outgoing, incident, alpha)
+            let leaving = dielectric_fresnel(outgoing.dot(half), refractive_index)
+                * microfacet::passing(outgoing, incident, alpha);
+            if incident.z <= 0.0 { 0.0 } else { leaving }
         });
         Self { refractive_index, table }
     }

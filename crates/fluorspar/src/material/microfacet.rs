@@ -6,7 +6,7 @@
 use std::f32::consts::PI;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use crate::sampling::warp;
 
@@ -43,11 +43,16 @@ pub fn shadowing(outgoing: Vec3, incident: Vec3, alpha: f32) -> f32 {
 /// Draws a microfacet normal among those that `outgoing` (z > 0) sees (Heitz, JCGT 7(4), 2018).
 /// Density [`visible_normal_pdf`].
 pub fn sample_visible_normal(outgoing: Vec3, alpha: f32, u: [f32; 2]) -> Vec3 {
+    visible_normal(outgoing, alpha, warp::concentric_disc(u))
+}
+
+/// The visible normal of a point of the unit disc.
+#[inline]
+fn visible_normal(outgoing: Vec3, alpha: f32, disc: Vec2) -> Vec3 {
     let stretched = Vec3::new(alpha * outgoing.x, alpha * outgoing.y, outgoing.z).normalize();
     let lensq = stretched.x * stretched.x + stretched.y * stretched.y;
     let t1 = if lensq > 0.0 { Vec3::new(-stretched.y, stretched.x, 0.0) / lensq.sqrt() } else { Vec3::X };
     let t2 = stretched.cross(t1);
-    let disc = warp::concentric_disc(u);
     let s = 0.5 * (1.0 + stretched.z);
     let y = (1.0 - s) * (1.0 - disc.x * disc.x).max(0.0).sqrt() + s * disc.y;
     let z = (1.0 - disc.x * disc.x - y * y).max(0.0).sqrt();
@@ -111,14 +116,17 @@ pub struct AlbedoTable {
 
 impl AlbedoTable {
     /// Tabulates `weight(outgoing, half, alpha)` averaged over visible normals, on a regular grid; deterministic.
-    /// The weight is the share of light that a microfacet with this normal sends on and that leaves the surface.
+    /// The weight is the share of light that a microfacet with this normal sends on and that leaves the surface; without jumps
+    /// it is computed for many normals at once.
     pub fn new(weight: impl Fn(Vec3, Vec3, f32) -> f32) -> Self {
+        let nodes = disc_nodes();
         let mut table = Vec::with_capacity(COSINES * ROUGHNESSES);
         let mut mean = Vec::with_capacity(ROUGHNESSES);
         for row in 0..ROUGHNESSES {
             let alpha = roughness_node(row);
-            let albedos: Vec<f64> =
-                (0..COSINES).map(|col| directional_albedo(cosine_node(col), alpha, &weight)).collect();
+            let albedos: Vec<f64> = (0..COSINES)
+                .map(|col| directional_albedo(&nodes, cosine_node(col), alpha, &weight))
+                .collect();
             // Mean with weight 2 cos dcos, trapezoidal over the nodes.
             let weighted = |col: usize| 2.0 * f64::from(cosine_node(col)) * albedos[col];
             let integral: f64 = (1..COSINES)
@@ -172,9 +180,18 @@ fn roughness_coordinate(alpha: f32) -> f32 {
     x.sqrt() * (ROUGHNESSES - 1) as f32
 }
 
-fn directional_albedo(cos: f32, alpha: f32, weight: &impl Fn(Vec3, Vec3, f32) -> f32) -> f64 {
-    const SIDE: usize = 48;
-    let outgoing = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
+/// Points of the unit disc with their weights, as many as vector instructions take.
+struct DiscNodes {
+    x: [f32; LANES],
+    y: [f32; LANES],
+    weight: [f64; LANES],
+}
+
+const LANES: usize = 16;
+
+/// The nodes at which directional albedos are integrated.
+fn disc_nodes() -> Vec<DiscNodes> {
+    const SIDE: usize = 3 * LANES;
     // Nodes crowd toward the edges of the square, which map to the steep facets of the distribution's long tail: at
     // roughness 0.1 one in a hundred facets tilts by more than 45 degrees.
     let node = |k: usize| {
@@ -182,13 +199,31 @@ fn directional_albedo(cos: f32, alpha: f32, weight: &impl Fn(Vec3, Vec3, f32) ->
         let weight = 30.0 * (v * (1.0 - v)).powi(2) / SIDE as f64;
         ((v * v * v * (10.0 - 15.0 * v + 6.0 * v * v)) as f32, weight)
     };
+    let several = |first: usize| {
+        let nodes: [_; LANES] = std::array::from_fn(|k| {
+            let ((u, weight_u), (v, weight_v)) = (node((first + k) / SIDE), node((first + k) % SIDE));
+            (warp::concentric_disc([u, v]), weight_u * weight_v)
+        });
+        DiscNodes { x: nodes.map(|n| n.0.x), y: nodes.map(|n| n.0.y), weight: nodes.map(|n| n.1) }
+    };
+    (0..SIDE * SIDE).step_by(LANES).map(several).collect()
+}
+
+fn directional_albedo(
+    nodes: &[DiscNodes],
+    cos: f32,
+    alpha: f32,
+    weight: &impl Fn(Vec3, Vec3, f32) -> f32,
+) -> f64 {
+    let outgoing = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
     let mut sum = 0.0;
-    for i in 0..SIDE {
-        let (u, weight_u) = node(i);
-        for j in 0..SIDE {
-            let (v, weight_v) = node(j);
-            let half = sample_visible_normal(outgoing, alpha, [u, v]);
-            sum += weight_u * weight_v * f64::from(weight(outgoing, half, alpha));
+    for node in nodes {
+        let mut weights = [0.0; LANES];
+        for ((value, x), y) in weights.iter_mut().zip(node.x).zip(node.y) {
+            *value = weight(outgoing, visible_normal(outgoing, alpha, Vec2::new(x, y)), alpha);
+        }
+        for (value, weight) in weights.into_iter().zip(node.weight) {
+            sum += weight * f64::from(value);
         }
     }
     sum
@@ -212,7 +247,8 @@ pub fn white_microfacets() -> &'static AlbedoTable {
     static TABLE: LazyLock<AlbedoTable> = LazyLock::new(|| {
         AlbedoTable::new(|outgoing, half, alpha| {
             let incident = 2.0 * outgoing.dot(half) * half - outgoing;
-            if incident.z > 0.0 { passing(outgoing, incident, alpha) } else { 0.0 }
+            let passed = passing(outgoing, incident, alpha);
+            if incident.z > 0.0 { passed } else { 0.0 }
         })
     });
     &TABLE

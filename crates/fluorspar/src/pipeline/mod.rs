@@ -50,7 +50,7 @@ pub use capture::{
 pub use display::{
     CameraColor, ColorRendering, DenoiseError, DenoiseSettings, DisplayImage, Preview, SurfaceView,
     bright_level_dn, denoise, depth_range_m, for_display, light_group_preview, part_color, preview,
-    preview_white, preview_with_white, radiance_preview, surface_view,
+    preview_white, preview_with_white, radiance_preview, reduce_to_preview, surface_view,
 };
 pub use error::{LightOutsideBasis, PipelineError};
 pub use estimate::{

@@ -5,7 +5,7 @@ use std::ops::Range;
 use fluorspar_accel::bands::{self, BandBlock, BandMatrix, OuterProduct};
 use fluorspar_accel::{Lanes, Simd, Work};
 
-use crate::spectral::{Curve, PhotonEem, SeparableTerm, Stokes, WavelengthGrid, YieldDensity};
+use crate::spectral::{Curve, Lookup, PhotonEem, Stokes, WavelengthGrid, YieldDensity};
 
 /// Points per bin at which tables and the bin on the diagonal are integrated.
 const SUBSAMPLES: usize = 8;
@@ -33,40 +33,7 @@ impl FluorescenceOperator {
     /// The operator for a matrix at unit concentration, with excitation weighted by a light spectrum (any scale).
     /// Bins in which the light is dark, and `None`, weight evenly.
     pub fn new(eem: &PhotonEem, grid: &WavelengthGrid, light: Option<&Curve>) -> Self {
-        let weight = BinWeight::new(grid, light);
-        let form = match eem.density() {
-            YieldDensity::Separable(terms) => {
-                let masked = eem.stokes() == Stokes::Mask;
-                // Integrate the Stokes mask on the diagonal
-                let mut diagonal: Vec<f32> =
-                    (0..grid.len()).map(|band| diagonal_entry(eem, grid, &weight, band) as f32).collect();
-                let terms = terms
-                    .iter()
-                    .map(|term| {
-                        // Average excitation and emission over the bins
-                        let excitation: Vec<f32> = (0..grid.len())
-                            .map(|band| excitation_average(eem, term, grid, &weight, band) as f32)
-                            .collect();
-                        let emission: Vec<f32> =
-                            emission_averages(term, grid).into_iter().map(|value| value as f32).collect();
-                        if !masked {
-                            return OuterProduct::new(&excitation, &emission);
-                        }
-                        // Add the diagonal to the first term only
-                        let product = OuterProduct::below_diagonal(&excitation, &emission, &diagonal);
-                        diagonal.fill(0.0);
-                        product
-                    })
-                    .collect();
-                Form::Separable(terms)
-            }
-            YieldDensity::Table(_) => {
-                let columns: Vec<Vec<f64>> =
-                    (0..grid.len()).map(|excitation| table_column(eem, grid, &weight, excitation)).collect();
-                Form::Dense(BandMatrix::new(grid.len(), |row, column| columns[column][row] as f32))
-            }
-        };
-        Self { bands: grid.len(), form }
+        SampledEem::new(eem, grid).operator(&BinWeight::new(grid, light))
     }
 
     /// Number of bands.
@@ -107,46 +74,105 @@ impl FluorescenceOperator {
     }
 }
 
-/// Exitance under light that lies in a few bands, band by band.
-pub(super) struct HatColumns<'a> {
+/// A matrix at the sub-samples of all bins, from which operators under any light follow.
+pub(super) struct SampledEem<'a> {
     eem: &'a PhotonEem,
     grid: &'a WavelengthGrid,
-    /// Emission of each separable term.
-    emission: Vec<Vec<f64>>,
+    /// Of each separable term.
+    terms: Vec<SampledTerm>,
+    /// Yield density before the Stokes mask between the sub-samples of a bin, `[band][emission][excitation]`; nothing without a mask.
+    diagonal: Vec<[[f64; SUBSAMPLES]; SUBSAMPLES]>,
 }
 
-impl<'a> HatColumns<'a> {
+struct SampledTerm {
+    /// Photons absorbed at each sub-sample, as energy.
+    excitation: Vec<f64>,
+    /// Energy emitted, by band.
+    emission: Vec<f64>,
+}
+
+impl<'a> SampledEem<'a> {
     pub(super) fn new(eem: &'a PhotonEem, grid: &'a WavelengthGrid) -> Self {
-        let emission = match eem.density() {
-            YieldDensity::Separable(terms) => {
-                terms.iter().map(|term| emission_averages(term, grid)).collect()
+        let mut sampled = Self { eem, grid, terms: Vec::new(), diagonal: Vec::new() };
+        let YieldDensity::Separable(terms) = eem.density() else { return sampled };
+        let nodes: Vec<f64> = (0..grid.len()).flat_map(|band| bin_nodes(grid, band)).collect();
+        let (mut exciting, mut emitting) = (Lookup::new(&nodes), Lookup::new(&nodes));
+        if eem.stokes() == Stokes::Mask {
+            sampled.diagonal = vec![[[0.0; SUBSAMPLES]; SUBSAMPLES]; grid.len()];
+        }
+        for term in terms {
+            let mut excitation = exciting.values(&term.excitation);
+            let mut emission = emitting.values(&term.emission);
+            let bins = excitation.as_chunks().0.iter().zip(emission.as_chunks().0);
+            for (density, (excited, emitted)) in sampled.diagonal.iter_mut().zip(bins) {
+                add_outer_product(density, emitted, excited);
             }
-            YieldDensity::Table(_) => Vec::new(),
+            for ((excited, emitted), nm) in excitation.iter_mut().zip(&mut emission).zip(&nodes) {
+                *excited *= nm;
+                *emitted /= nm;
+            }
+            let emission = emission.chunks(SUBSAMPLES).map(even_mean).collect();
+            sampled.terms.push(SampledTerm { excitation, emission });
+        }
+        sampled.diagonal.as_flattened_mut().as_flattened_mut().iter_mut().for_each(|d| *d *= eem.scale());
+        sampled
+    }
+
+    /// The operator under light that weights the excitation within each bin.
+    pub(super) fn operator(&self, weight: &BinWeight<'_>) -> FluorescenceOperator {
+        let bands = self.grid.len();
+        let form = match self.eem.density() {
+            YieldDensity::Separable(_) => {
+                let masked = self.eem.stokes() == Stokes::Mask;
+                // Integrate the Stokes mask on the diagonal
+                let mut diagonal: Vec<f32> =
+                    (0..bands).map(|band| self.diagonal_entry(weight, band) as f32).collect();
+                let terms = self.terms.iter().map(|term| {
+                    // Average excitation over the bins
+                    let excitation: Vec<f32> =
+                        (0..bands).map(|band| self.absorbed(term, weight, band) as f32).collect();
+                    let emission: Vec<f32> = term.emission.iter().map(|value| *value as f32).collect();
+                    if !masked {
+                        return OuterProduct::new(&excitation, &emission);
+                    }
+                    // Add the diagonal to the first term only
+                    let product = OuterProduct::below_diagonal(&excitation, &emission, &diagonal);
+                    diagonal.fill(0.0);
+                    product
+                });
+                Form::Separable(terms.collect())
+            }
+            YieldDensity::Table(_) => {
+                let columns: Vec<Vec<f64>> =
+                    (0..bands).map(|excitation| table_column(self.eem, weight, excitation)).collect();
+                Form::Dense(BandMatrix::new(bands, |row, column| columns[column][row] as f32))
+            }
         };
-        Self { eem, grid, emission }
+        FluorescenceOperator { bands, form }
     }
 
     /// For each of the bands in which a light spectrum lies, its exitance per unit concentration by what the light has there, as
     /// [`FluorescenceOperator`] forms it.
-    pub(super) fn of_hat(&self, light: &Curve, lit: Range<usize>) -> Vec<Vec<f64>> {
-        let (eem, grid) = (self.eem, self.grid);
-        let weight = BinWeight::new(grid, Some(light));
-        let irradiance = light.bin_averages(grid);
+    pub(super) fn columns(
+        &self,
+        weight: &BinWeight<'_>,
+        irradiance: &[f64],
+        lit: Range<usize>,
+    ) -> Vec<Vec<f64>> {
         let column = |excitation: usize| -> Vec<f64> {
-            let mut column = match eem.density() {
-                YieldDensity::Table(_) => table_column(eem, grid, &weight, excitation),
-                YieldDensity::Separable(terms) => {
-                    let mut column = vec![0.0; grid.len()];
-                    for (term, emission) in terms.iter().zip(&self.emission) {
-                        let absorbed = excitation_average(eem, term, grid, &weight, excitation);
-                        column
-                            .iter_mut()
-                            .zip(emission)
-                            .for_each(|(sum, emission)| *sum += absorbed * emission);
+            let mut column = match self.eem.density() {
+                YieldDensity::Table(_) => table_column(self.eem, weight, excitation),
+                YieldDensity::Separable(_) => {
+                    let mut column = vec![0.0; self.grid.len()];
+                    for term in &self.terms {
+                        let absorbed = self.absorbed(term, weight, excitation);
+                        for (sum, emission) in column.iter_mut().zip(&term.emission) {
+                            *sum += absorbed * emission;
+                        }
                     }
-                    if eem.stokes() == Stokes::Mask {
+                    if self.eem.stokes() == Stokes::Mask {
                         column[..excitation].fill(0.0);
-                        column[excitation] = diagonal_entry(eem, grid, &weight, excitation);
+                        column[excitation] = self.diagonal_entry(weight, excitation);
                     }
                     column
                 }
@@ -156,76 +182,108 @@ impl<'a> HatColumns<'a> {
         };
         lit.map(column).collect()
     }
+
+    /// Photons that a term absorbs in a band, as energy.
+    fn absorbed(&self, term: &SampledTerm, weight: &BinWeight<'_>, band: usize) -> f64 {
+        let values = &term.excitation[band * SUBSAMPLES..][..SUBSAMPLES];
+        let average: f64 =
+            weight.weights[band].iter().zip(values).map(|(weight, value)| weight * value).sum();
+        self.eem.scale() * average * self.grid.width_nm(band)
+    }
+
+    /// Entry for emission and excitation in the same bin under the Stokes mask; 0 without it.
+    fn diagonal_entry(&self, weight: &BinWeight<'_>, band: usize) -> f64 {
+        self.diagonal.get(band).map_or(0.0, |density| diagonal_sum(density, weight, band))
+    }
 }
 
-/// Photons that a term absorbs in a band, as energy.
-fn excitation_average(
-    eem: &PhotonEem,
-    term: &SeparableTerm,
-    grid: &WavelengthGrid,
-    weight: &BinWeight<'_>,
-    band: usize,
-) -> f64 {
-    let average = weight.average(band, |nm| term.excitation.at(nm) * nm);
-    eem.scale() * average * grid.width_nm(band)
-}
-
-/// Energy that a term emits, by band.
-fn emission_averages(term: &SeparableTerm, grid: &WavelengthGrid) -> Vec<f64> {
-    (0..grid.len()).map(|band| uniform_average(grid, band, |nm| term.emission.at(nm) / nm)).collect()
+/// `density[emission][excitation] += emitted * excited`.
+fn add_outer_product(
+    density: &mut [[f64; SUBSAMPLES]; SUBSAMPLES],
+    emitted: &[f64; SUBSAMPLES],
+    excited: &[f64; SUBSAMPLES],
+) {
+    for (row, emitted) in density.iter_mut().zip(emitted) {
+        row.iter_mut().zip(excited).for_each(|(sum, excited)| *sum += excited * emitted);
+    }
 }
 
 /// A column of a table: each entry averaged over both bins.
-fn table_column(
-    eem: &PhotonEem,
-    grid: &WavelengthGrid,
-    weight: &BinWeight<'_>,
-    excitation: usize,
-) -> Vec<f64> {
+fn table_column(eem: &PhotonEem, weight: &BinWeight<'_>, excitation: usize) -> Vec<f64> {
+    let grid = weight.grid;
     let entry = |emission: usize| {
+        let nodes = bin_nodes(grid, emission);
         if emission == excitation && eem.stokes() == Stokes::Mask {
-            return diagonal_entry(eem, grid, weight, emission);
+            let densities = eem.unmasked_densities(&nodes, &nodes);
+            let rows = densities.as_chunks().0.as_chunks().0;
+            return rows.first().map_or(0.0, |density| diagonal_sum(density, weight, emission));
         }
         let at = |excitation_nm: f64| {
-            uniform_average(grid, emission, |emission_nm| {
-                eem.at(emission_nm, excitation_nm) * excitation_nm / emission_nm
-            })
+            even_mean(
+                &nodes.map(|emission_nm| eem.at(emission_nm, excitation_nm) * excitation_nm / emission_nm),
+            )
         };
-        grid.width_nm(excitation) * weight.average(excitation, at)
+        let values = bin_nodes(grid, excitation).map(at);
+        let average: f64 =
+            weight.weights[excitation].iter().zip(values).map(|(weight, value)| weight * value).sum();
+        grid.width_nm(excitation) * average
     };
     (0..grid.len()).map(entry).collect()
 }
 
-/// `F s` for a fixed light spectrum, formed on fine samples before averaging over bins: exitance per unit
-/// concentration, W/(m² nm) for an irradiance `s` in W/(m² nm). Only excitation within the grid counts.
-pub(crate) fn direct_exitance(eem: &PhotonEem, grid: &WavelengthGrid, light: &Curve) -> Vec<f64> {
-    let within = light.clipped(grid.start_nm(), grid.end_nm());
-    // In units of 1/(h c): photons = energy * lambda.
-    let wavelength = Curve::from_fn(grid.start_nm(), grid.end_nm(), |nm| nm);
-    let photons = eem.photon_exitance(&within.times(&wavelength), (grid.start_nm(), grid.end_nm()));
-    let (x, y) = (photons.wavelengths_nm(), photons.values());
-    let energy = Curve::new(x.to_vec(), x.iter().zip(y).map(|(nm, value)| value / nm).collect());
-    match energy {
-        Ok(curve) => curve.bin_averages(grid),
-        Err(_) => vec![0.0; grid.len()],
+/// `F s` of any matrix for a fixed light spectrum, formed on fine samples before averaging over bins.
+pub(crate) struct DirectLight<'a> {
+    grid: &'a WavelengthGrid,
+    /// In units of 1/(h c): photons = energy * lambda.
+    photons: Curve,
+}
+
+impl<'a> DirectLight<'a> {
+    /// Only excitation within the grid counts.
+    pub(crate) fn new(grid: &'a WavelengthGrid, light: &Curve) -> Self {
+        let within = light.clipped(grid.start_nm(), grid.end_nm());
+        let wavelength = Curve::from_fn(grid.start_nm(), grid.end_nm(), |nm| nm);
+        Self { grid, photons: within.times(&wavelength) }
+    }
+
+    /// Exitance per unit concentration, W/(m² nm) for an irradiance `s` in W/(m² nm).
+    pub(crate) fn exitance(&self, eem: &PhotonEem) -> Vec<f64> {
+        let range = (self.grid.start_nm(), self.grid.end_nm());
+        let photons = eem.photon_exitance(&self.photons, range);
+        let (x, y) = (photons.wavelengths_nm(), photons.values());
+        let energy = Curve::new(x.to_vec(), x.iter().zip(y).map(|(nm, value)| value / nm).collect());
+        match energy {
+            Ok(curve) => curve.bin_averages(self.grid),
+            Err(_) => vec![0.0; self.grid.len()],
+        }
     }
 }
 
-/// Average over a bin with even weight.
-fn uniform_average(grid: &WavelengthGrid, band: usize, f: impl Fn(f64) -> f64) -> f64 {
+/// [`DirectLight::exitance`] of one matrix.
+pub(crate) fn direct_exitance(eem: &PhotonEem, grid: &WavelengthGrid, light: &Curve) -> Vec<f64> {
+    DirectLight::new(grid, light).exitance(eem)
+}
+
+/// The sub-samples of a bin, nm.
+fn bin_nodes(grid: &WavelengthGrid, band: usize) -> [f64; SUBSAMPLES] {
     let (start, width) = (grid.edges_nm()[band], grid.width_nm(band));
-    (0..SUBSAMPLES).map(|k| f(start + width * (k as f64 + 0.5) / SUBSAMPLES as f64)).sum::<f64>()
-        / SUBSAMPLES as f64
+    std::array::from_fn(|k| start + width * (k as f64 + 0.5) / SUBSAMPLES as f64)
+}
+
+/// Average over a bin with even weight.
+fn even_mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / SUBSAMPLES as f64
 }
 
 /// Weights of sub-samples of every bin, each bin's sum being 1.
-struct BinWeight<'a> {
+pub(super) struct BinWeight<'a> {
     grid: &'a WavelengthGrid,
     weights: Vec<[f64; SUBSAMPLES]>,
 }
 
 impl<'a> BinWeight<'a> {
-    fn new(grid: &'a WavelengthGrid, light: Option<&Curve>) -> Self {
+    /// By a light spectrum of any scale; even where it is dark, or `None`.
+    pub(super) fn new(grid: &'a WavelengthGrid, light: Option<&Curve>) -> Self {
         let even = [1.0 / SUBSAMPLES as f64; SUBSAMPLES];
         let weights = (0..grid.len())
             .map(|band| {
@@ -244,32 +302,20 @@ impl<'a> BinWeight<'a> {
             .collect();
         Self { grid, weights }
     }
-
-    fn average(&self, band: usize, f: impl Fn(f64) -> f64) -> f64 {
-        let (start, width) = (self.grid.edges_nm()[band], self.grid.width_nm(band));
-        self.weights[band]
-            .iter()
-            .enumerate()
-            .map(|(k, weight)| weight * f(start + width * (k as f64 + 0.5) / SUBSAMPLES as f64))
-            .sum()
-    }
 }
 
-/// Entry for emission and excitation in the same bin under the Stokes mask: only pairs with `lo > li` count.
+/// Sum over emission and excitation in the same bin under the Stokes mask: only pairs with `lo > li` count.
 /// Pairs of sub-samples at the same place count half.
-fn diagonal_entry(eem: &PhotonEem, grid: &WavelengthGrid, weight: &BinWeight<'_>, band: usize) -> f64 {
-    let (start, width) = (grid.edges_nm()[band], grid.width_nm(band));
-    let nodes: [f64; SUBSAMPLES] =
-        std::array::from_fn(|k| start + width * (k as f64 + 0.5) / SUBSAMPLES as f64);
-    let density = eem.unmasked_densities(&nodes, &nodes);
+fn diagonal_sum(density: &[[f64; SUBSAMPLES]; SUBSAMPLES], weight: &BinWeight<'_>, band: usize) -> f64 {
+    let nodes = bin_nodes(weight.grid, band);
     let mut sum = 0.0;
     for (i, excitation_weight) in weight.weights[band].iter().enumerate() {
         for o in i..SUBSAMPLES {
             let half = if o == i { 0.5 } else { 1.0 };
-            sum += half * excitation_weight * density[o * SUBSAMPLES + i] * nodes[i] / nodes[o];
+            sum += half * excitation_weight * density[o][i] * nodes[i] / nodes[o];
         }
     }
-    sum * width / SUBSAMPLES as f64
+    sum * weight.grid.width_nm(band) / SUBSAMPLES as f64
 }
 
 #[cfg(test)]

@@ -153,12 +153,17 @@ impl Curve {
 
     /// Samples a function every [`FINE_STEP_NM`] over a range, ends included.
     pub fn from_fn(start_nm: f64, end_nm: f64, f: impl Fn(f64) -> f64) -> Self {
+        Self::from_samples(start_nm, end_nm, |wavelength_nm| wavelength_nm.iter().map(|&nm| f(nm)).collect())
+    }
+
+    /// [`Self::from_fn`] with all values made together from the wavelengths of the samples.
+    pub(super) fn from_samples(start_nm: f64, end_nm: f64, values: impl FnOnce(&[f64]) -> Vec<f64>) -> Self {
         let wavelength_nm = if [start_nm, end_nm] == MODEL_NM {
             Arc::clone(&MODEL_WAVELENGTHS)
         } else {
             fine_wavelengths(start_nm, end_nm)
         };
-        let value = wavelength_nm.iter().map(|&nm| f(nm)).collect();
+        let value = values(&wavelength_nm);
         Self { wavelength_nm, value }
     }
 
@@ -325,18 +330,122 @@ impl Curve {
     /// Pointwise product on the union of both samplings, refined to at most [`FINE_STEP_NM`]; zero where either is.
     #[must_use]
     pub fn times(&self, other: &Self) -> Self {
-        let (a, b) = (self.range_nm(), other.range_nm());
+        Factor::new(other).times(self)
+    }
+}
+
+/// Where wavelengths lie among the samples of curves, looked up once for curves in a row that have the same samples.
+pub(crate) struct Lookup<'a> {
+    wavelength_nm: &'a [f64],
+    samples: Option<Arc<[f64]>>,
+    places: Vec<Option<Place>>,
+}
+
+/// A wavelength within the range of some samples.
+#[derive(Clone, Copy)]
+pub(super) struct Place {
+    /// Number of the sample at its right end of the interval, from 1.
+    pub(super) right: usize,
+    from_left: f64,
+    width: f64,
+}
+
+impl Place {
+    fn new(samples: &[f64], right: usize, wavelength_nm: f64) -> Self {
+        let (x0, x1) = (samples[right - 1], samples[right]);
+        Self { right, from_left: wavelength_nm - x0, width: x1 - x0 }
+    }
+
+    /// What [`Curve::at`] gives there, to the last bit.
+    pub(super) fn value(&self, values: &[f64]) -> f64 {
+        let (y0, y1) = (values[self.right - 1], values[self.right]);
+        y0 + (y1 - y0) * self.from_left / self.width
+    }
+}
+
+impl<'a> Lookup<'a> {
+    pub(crate) fn new(wavelength_nm: &'a [f64]) -> Self {
+        Self { wavelength_nm, samples: None, places: Vec::new() }
+    }
+
+    /// The wavelengths.
+    pub(super) fn wavelengths_nm(&self) -> &'a [f64] {
+        self.wavelength_nm
+    }
+
+    /// Where each wavelength lies; `None` outside the samples.
+    pub(super) fn places(&mut self, curve: &Curve) -> &[Option<Place>] {
+        if !self.samples.as_ref().is_some_and(|known| same(known, &curve.wavelength_nm)) {
+            let (first, last) = curve.range_nm();
+            let place = |&nm: &f64| {
+                (first..=last)
+                    .contains(&nm)
+                    .then(|| Place::new(&curve.wavelength_nm, curve.first_not_below(nm).max(1), nm))
+            };
+            self.places.clear();
+            self.places.extend(self.wavelength_nm.iter().map(place));
+            self.samples = Some(Arc::clone(&curve.wavelength_nm));
+        }
+        &self.places
+    }
+
+    /// What [`Curve::at`] gives at each wavelength, to the last bit.
+    pub(crate) fn values(&mut self, curve: &Curve) -> Vec<f64> {
+        let value = |place: &Option<Place>| place.map_or(0.0, |place| place.value(&curve.value));
+        self.places(curve).iter().map(value).collect()
+    }
+}
+
+fn same(a: &Arc<[f64]>, b: &Arc<[f64]>) -> bool {
+    Arc::ptr_eq(a, b) || a == b
+}
+
+/// A curve by which others are multiplied: their samples are merged with its own once for curves in a row that have the same.
+pub(super) struct Factor<'a> {
+    factor: &'a Curve,
+    samples: Option<Arc<[f64]>>,
+    merged: Merged,
+}
+
+/// Two samplings together.
+struct Merged {
+    wavelength_nm: Arc<[f64]>,
+    /// At each: its place among the samples of the one, and the value of the other. Nothing where they do not overlap.
+    places: Vec<(Place, f64)>,
+}
+
+impl<'a> Factor<'a> {
+    pub(super) fn new(factor: &'a Curve) -> Self {
+        let merged = Merged { wavelength_nm: Arc::default(), places: Vec::new() };
+        Self { factor, samples: None, merged }
+    }
+
+    /// [`Curve::times`].
+    pub(super) fn times(&mut self, curve: &Curve) -> Curve {
+        if !self.samples.as_ref().is_some_and(|known| same(known, &curve.wavelength_nm)) {
+            self.merged = self.merged_with(curve);
+            self.samples = Some(Arc::clone(&curve.wavelength_nm));
+        }
+        let Merged { wavelength_nm, places } = &self.merged;
+        let mut value: Vec<f64> =
+            places.iter().map(|(place, factor)| place.value(&curve.value) * factor).collect();
+        value.resize(wavelength_nm.len(), 0.0);
+        Curve { wavelength_nm: Arc::clone(wavelength_nm), value }
+    }
+
+    fn merged_with(&self, curve: &Curve) -> Merged {
+        let (a, b) = (curve.range_nm(), self.factor.range_nm());
         let (start, end) = (a.0.max(b.0), a.1.min(b.1));
         if end <= start {
-            return Self { wavelength_nm: [a.0, a.1].into(), value: vec![0.0, 0.0] };
+            return Merged { wavelength_nm: [a.0, a.1].into(), places: Vec::new() };
         }
         let steps = ((end - start) / FINE_STEP_NM).ceil() as usize;
         let mut fine = (0..=steps).map(|i| start + (end - start) * i as f64 / steps as f64).peekable();
         // Both samplings and the fine one are in order: they are merged, with a place in each
-        let (x, y) = (&self.wavelength_nm, &other.wavelength_nm);
+        let (x, y) = (&curve.wavelength_nm, &self.factor.wavelength_nm);
         let (mut i, mut j) = (x.partition_point(|&nm| nm < start), y.partition_point(|&nm| nm < start));
         let room = steps + x.len() + y.len();
-        let (mut nodes, mut value) = (Vec::with_capacity(room), Vec::with_capacity(room));
+        let (mut nodes, mut places) = (Vec::with_capacity(room), Vec::with_capacity(room));
         loop {
             let next_of =
                 |x: &[f64], i: usize| x.get(i).copied().filter(|&nm| nm <= end).unwrap_or(f64::INFINITY);
@@ -346,13 +455,13 @@ impl Curve {
             }
             if nodes.last().is_none_or(|last| nm - last >= 1e-9) {
                 nodes.push(nm);
-                value.push(self.between(i.max(1), nm) * other.between(j.max(1), nm));
+                places.push((Place::new(x, i.max(1), nm), self.factor.between(j.max(1), nm)));
             }
             i += usize::from(x.get(i) == Some(&nm));
             j += usize::from(y.get(j) == Some(&nm));
             fine.next_if_eq(&nm);
         }
-        Self { wavelength_nm: nodes.into(), value }
+        Merged { wavelength_nm: nodes.into(), places }
     }
 }
 

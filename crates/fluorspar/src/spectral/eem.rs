@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::Curve;
+use super::curve::{Factor, Lookup, Place};
 
 /// Whether light may be emitted at wavelengths shorter than those that excite it.
 ///
@@ -247,10 +248,11 @@ impl PhotonEem {
             return emission_nm.iter().flat_map(|m| row(*m)).collect();
         };
         let mut sums = vec![0.0; emission_nm.len() * excitation_nm.len()];
+        let (mut emitting, mut exciting) = (Lookup::new(emission_nm), Lookup::new(excitation_nm));
         for term in terms {
-            let excited: Vec<f64> = excitation_nm.iter().map(|nm| term.excitation.at(*nm)).collect();
-            for (row, nm) in sums.chunks_exact_mut(excited.len().max(1)).zip(emission_nm) {
-                let emitted = term.emission.at(*nm);
+            let excited = exciting.values(&term.excitation);
+            let emitted = emitting.values(&term.emission);
+            for (row, emitted) in sums.chunks_exact_mut(excited.len().max(1)).zip(emitted) {
                 row.iter_mut().zip(&excited).for_each(|(sum, excited)| *sum += excited * emitted);
             }
         }
@@ -291,15 +293,21 @@ impl PhotonEem {
     pub fn total_yields(&self, excitation_nm: &[f64]) -> Vec<f64> {
         match &self.density {
             YieldDensity::Separable(terms) => {
-                let sums: Vec<Cumulative> = terms.iter().map(|t| Cumulative::of(&t.emission)).collect();
-                let emitted = |sum: &Cumulative, nm: f64| match self.stokes {
-                    Stokes::Mask => sum.total() - sum.up_to(nm),
-                    Stokes::Off => sum.total(),
-                };
-                let total = |nm: f64| -> f64 {
-                    terms.iter().zip(&sums).map(|(t, sum)| t.excitation.at(nm) * emitted(sum, nm)).sum()
-                };
-                excitation_nm.iter().map(|&nm| self.scale * total(nm)).collect()
+                let (mut exciting, mut emitting) = (Lookup::new(excitation_nm), Lookup::new(excitation_nm));
+                let mut totals = vec![0.0; excitation_nm.len()];
+                for term in terms {
+                    let sum = Cumulative::of(&term.emission);
+                    let excited = exciting.values(&term.excitation);
+                    let below = match self.stokes {
+                        Stokes::Mask => sum.up_to_each(&mut emitting),
+                        Stokes::Off => vec![0.0; totals.len()],
+                    };
+                    for ((total, excited), below) in totals.iter_mut().zip(excited).zip(below) {
+                        *total += excited * (sum.total() - below);
+                    }
+                }
+                totals.iter_mut().for_each(|total| *total *= self.scale);
+                totals
             }
             YieldDensity::Table(table) => {
                 let (from_nm, to_nm) = (table.emission_nm[0], table.emission_nm[table.emission_nm.len() - 1]);
@@ -312,17 +320,24 @@ impl PhotonEem {
     pub fn photon_exitance(&self, photon_irradiance: &Curve, emission_range_nm: (f64, f64)) -> Curve {
         match &self.density {
             YieldDensity::Separable(terms) => {
-                let excited: Vec<(Cumulative, &Curve)> = terms
-                    .iter()
-                    .map(|t| (Cumulative::of(&t.excitation.times(photon_irradiance)), &t.emission))
-                    .collect();
-                Curve::from_fn(emission_range_nm.0, emission_range_nm.1, |emission_nm| {
-                    let total = |c: &Cumulative| match self.stokes {
-                        Stokes::Mask => c.up_to(emission_nm),
-                        Stokes::Off => c.total(),
-                    };
-                    self.scale
-                        * excited.iter().map(|(c, emission)| total(c) * emission.at(emission_nm)).sum::<f64>()
+                let mut light = Factor::new(photon_irradiance);
+                Curve::from_samples(emission_range_nm.0, emission_range_nm.1, |emission_nm| {
+                    let (mut absorbing, mut emitting) = (Lookup::new(emission_nm), Lookup::new(emission_nm));
+                    let mut sums = vec![0.0; emission_nm.len()];
+                    for term in terms {
+                        let absorbed = light.times(&term.excitation);
+                        let absorbed = Cumulative::of(&absorbed);
+                        let exciting = match self.stokes {
+                            Stokes::Mask => absorbed.up_to_each(&mut absorbing),
+                            Stokes::Off => vec![absorbed.total(); sums.len()],
+                        };
+                        let emitted = emitting.values(&term.emission);
+                        for ((sum, exciting), emitted) in sums.iter_mut().zip(exciting).zip(emitted) {
+                            *sum += exciting * emitted;
+                        }
+                    }
+                    sums.iter_mut().for_each(|sum| *sum *= self.scale);
+                    sums
                 })
             }
             YieldDensity::Table(_) => {
@@ -369,35 +384,39 @@ impl EnergyEem {
 }
 
 /// Running integral of a curve.
-struct Cumulative {
-    curve: Curve,
+struct Cumulative<'a> {
+    curve: &'a Curve,
     sums: Vec<f64>,
 }
 
-impl Cumulative {
-    fn of(curve: &Curve) -> Self {
+impl<'a> Cumulative<'a> {
+    fn of(curve: &'a Curve) -> Self {
         let (x, y) = (curve.wavelengths_nm(), curve.values());
         let mut sums = vec![0.0; x.len()];
         for i in 1..x.len() {
             sums[i] = sums[i - 1] + 0.5 * (y[i] + y[i - 1]) * (x[i] - x[i - 1]);
         }
-        Self { curve: curve.clone(), sums }
+        Self { curve, sums }
     }
 
     fn total(&self) -> f64 {
         self.sums.last().copied().unwrap_or(0.0)
     }
 
-    fn up_to(&self, nm: f64) -> f64 {
-        let x = self.curve.wavelengths_nm();
-        let next = x.partition_point(|&node| node <= nm);
-        if next == 0 {
-            return 0.0;
-        }
-        if next == x.len() {
-            return self.total();
-        }
-        self.sums[next - 1] + 0.5 * (self.curve.values()[next - 1] + self.curve.at(nm)) * (nm - x[next - 1])
+    /// The integral up to each of some wavelengths.
+    fn up_to_each(&self, lookup: &mut Lookup<'_>) -> Vec<f64> {
+        let (x, y) = (self.curve.wavelengths_nm(), self.curve.values());
+        let wavelengths_nm = lookup.wavelengths_nm();
+        let up_to = |(place, &nm): (&Option<Place>, &f64)| {
+            let Some(place) = place else { return if nm < x[0] { 0.0 } else { self.total() } };
+            // The first sample above the wavelength
+            let next = place.right + usize::from(x[place.right] <= nm);
+            if next == x.len() {
+                return self.total();
+            }
+            self.sums[next - 1] + 0.5 * (y[next - 1] + place.value(y)) * (nm - x[next - 1])
+        };
+        lookup.places(self.curve).iter().zip(wavelengths_nm).map(up_to).collect()
     }
 }
 

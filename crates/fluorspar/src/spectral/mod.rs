@@ -24,6 +24,7 @@ mod tables;
 mod wavelength_grid;
 
 pub use colorimetry::{StandardObserver, daylight_d65, encode_srgb, linear_srgb};
+pub(crate) use curve::Lookup;
 pub use curve::{Curve, CurveError, FINE_STEP_NM};
 pub use curve_model::*;
 pub use eem::{EemError, EemTable, EnergyEem, PhotonEem, SeparableTerm, Stokes, YieldDensity};

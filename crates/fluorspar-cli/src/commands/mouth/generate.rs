@@ -1,16 +1,12 @@
 //! `fluorspar mouth generate`: meshes of one mouth.
 
 use clap::ValueHint;
-use fluorspar::spectral::{Reflectance, StandardObserver, linear_srgb};
-use fluorspar::tissue::diffuse_reflectance;
 use fluorspar_anatomy::{Mouth, MouthParameters};
 use fluorspar_experiment::cached_mouth;
 use fluorspar_format::{
     NamedMesh, Output, OutputFolder, OutputSet, Outputs, write_gltf, write_obj, write_pbrt, write_ply,
 };
-use fluorspar_session::ExperimentSource;
 use serde_json::json;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::person::PersonArgs;
@@ -125,7 +121,6 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let files = Files::declare(&options.out, &targets)?;
     let mouth = cached_mouth(&parameters).map_err(|error| CliError::Input(format!("mouth: {error}")))?;
     let names: Vec<String> = mouth.parts.iter().map(|part| part.tissue.name().to_owned()).collect();
-    let colors = if options.out.is_empty() { BTreeMap::new() } else { tissue_colors()? };
     let meshes: Vec<NamedMesh<'_>> = mouth
         .parts
         .iter()
@@ -133,7 +128,7 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         .map(|(part, material)| NamedMesh {
             name: &part.name,
             material,
-            color: colors.get(material).copied().unwrap_or(GRAY),
+            color: COLORS.iter().find(|(tissue, _)| tissue == material).map_or(GRAY, |(_, color)| *color),
             mesh: &part.mesh,
         })
         .collect();
@@ -150,43 +145,21 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
 /// Color of a tissue that the default experiment does not have.
 const GRAY: [f64; 3] = [0.5; 3];
 
-/// Mean color of every tissue of the default experiment under even light, without gloss: linear sRGB.
-fn tissue_colors() -> Result<BTreeMap<String, [f64; 3]>, CliError> {
-    let source = ExperimentSource::find(None)?;
-    let scene = source.resolve(&[])?.study.scene;
-    let observer = StandardObserver::new(&scene.grid);
-    let srgb = |spectrum: &[f32]| linear_srgb(observer.xyz(spectrum));
-    let white = srgb(&vec![1.0; scene.grid.len()]);
-    const SIDE: u16 = 16;
-    let grid: Vec<[f32; 2]> = (0..SIDE * SIDE)
-        .map(|i| [i % SIDE, i / SIDE].map(|k| (f32::from(k) + 0.5) / f32::from(SIDE)))
-        .collect();
-    let mut colors = BTreeMap::new();
-    for material in &scene.materials {
-        let Some(diffuse) = material.diffuse() else { continue };
-        // A coat lets in what it does not reflect; the reflectance below it is that of the light let in.
-        let passed =
-            material.coat().map_or(1.0, |coat| 1.0 - diffuse_reflectance(1.0, coat.refractive_index.into()));
-        let mut weights = vec![0.0_f64; diffuse.reflectance.len()];
-        for uv in &grid {
-            let at_point = diffuse.weights_at((*uv).into());
-            weights.iter_mut().zip(at_point).for_each(|(sum, weight)| *sum += f64::from(weight));
-        }
-        let mut reflectance = vec![0.0_f32; scene.grid.len()];
-        for (term, weight) in diffuse.reflectance.iter().zip(&weights) {
-            let share = passed * weight / grid.len() as f64;
-            let values = term.spectrum.on_grid::<Reflectance>(&scene.grid);
-            reflectance
-                .iter_mut()
-                .zip(values.values())
-                .for_each(|(sum, value)| *sum += (share * *value) as f32);
-        }
-        let color = srgb(&reflectance);
-        // Saturated colors may lie a little outside of sRGB.
-        colors.insert(material.name.clone(), std::array::from_fn(|c| (color[c] / white[c]).clamp(0.0, 1.0)));
-    }
-    Ok(colors)
-}
+/// Mean color of every tissue of the default experiment under even light, without gloss: linear sRGB. Numbers, because solving the
+/// tissues takes longer than making the meshes.
+const COLORS: [(&str, [f64; 3]); 11] = [
+    ("cheek", [0.3606, 0.1605, 0.1454]),
+    ("floor_of_mouth", [0.3371, 0.1441, 0.1349]),
+    ("gingiva", [0.4189, 0.2178, 0.2103]),
+    ("hard_palate", [0.4366, 0.2381, 0.2234]),
+    ("lip", [0.3112, 0.1044, 0.1025]),
+    ("skin", [0.4885, 0.3545, 0.2742]),
+    ("soft_palate", [0.3493, 0.1460, 0.1317]),
+    ("throat", [0.3202, 0.1279, 0.1173]),
+    ("tongue_dorsum", [0.3245, 0.1411, 0.1447]),
+    ("tongue_ventral", [0.3117, 0.1145, 0.1114]),
+    ("tooth", [0.5944, 0.5456, 0.4252]),
+];
 
 /// A length of a mouth.
 struct Dimension {
@@ -332,4 +305,54 @@ fn print_json(parameters: &MouthParameters, mouth: &Mouth) -> Result<(), CliErro
         "parts": parts,
     }))?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use fluorspar::spectral::{Reflectance, StandardObserver, linear_srgb};
+    use fluorspar::tissue::diffuse_reflectance;
+    use fluorspar_session::ExperimentSource;
+
+    use super::*;
+    use crate::values::Override;
+
+    #[test]
+    fn colors_are_those_of_the_default_experiment() {
+        let changes = [Override::set("mouth.detail=0.25"), Override::unset("analysis")];
+        let scene = ExperimentSource::find(None).unwrap().resolve(&changes).unwrap().study.scene;
+        let observer = StandardObserver::new(&scene.grid);
+        let srgb = |spectrum: &[f32]| linear_srgb(observer.xyz(spectrum));
+        let white = srgb(&vec![1.0; scene.grid.len()]);
+        const SIDE: u16 = 16;
+        let grid: Vec<[f32; 2]> = (0..SIDE * SIDE)
+            .map(|i| [i % SIDE, i / SIDE].map(|k| (f32::from(k) + 0.5) / f32::from(SIDE)))
+            .collect();
+        for material in &scene.materials {
+            let diffuse = material.diffuse().unwrap();
+            // A coat lets in what it does not reflect; the reflectance below it is that of the light let in.
+            let passed = material
+                .coat()
+                .map_or(1.0, |coat| 1.0 - diffuse_reflectance(1.0, coat.refractive_index.into()));
+            let mut weights = vec![0.0_f64; diffuse.reflectance.len()];
+            for uv in &grid {
+                let at_point = diffuse.weights_at((*uv).into());
+                weights.iter_mut().zip(at_point).for_each(|(sum, weight)| *sum += f64::from(weight));
+            }
+            let mut reflectance = vec![0.0_f32; scene.grid.len()];
+            for (term, weight) in diffuse.reflectance.iter().zip(&weights) {
+                let share = passed * weight / grid.len() as f64;
+                let values = term.spectrum.on_grid::<Reflectance>(&scene.grid);
+                reflectance
+                    .iter_mut()
+                    .zip(values.values())
+                    .for_each(|(sum, value)| *sum += (share * *value) as f32);
+            }
+            let color = srgb(&reflectance);
+            // Saturated colors may lie a little outside of sRGB.
+            let color: [f64; 3] = std::array::from_fn(|c| (color[c] / white[c]).clamp(0.0, 1.0));
+            let (_, kept) = COLORS.iter().find(|(tissue, _)| *tissue == material.name).unwrap();
+            let worst = color.iter().zip(kept).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(worst < 5e-4, "{}: {color:.4?}", material.name);
+        }
+    }
 }

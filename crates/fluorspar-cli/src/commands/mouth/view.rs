@@ -1,7 +1,7 @@
 //! `fluorspar mouth view`: a contact sheet.
 
 use clap::ValueHint;
-use fluorspar::pipeline::light_group_preview;
+use fluorspar::pipeline::{light_group_preview, reduce_to_preview};
 use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, POSES};
 use fluorspar_experiment::{parse, resolve};
 use fluorspar_format::{Output, Outputs, write_rgb_png};
@@ -27,7 +27,8 @@ pub(crate) struct Options {
     /// Experiment that gives lights and materials.
     #[arg(long, value_name = "EXPERIMENT", default_value = "oraleye-2021")]
     experiment: String,
-    /// Group of lights that is on.
+    /// Group of lights that is on. Under white light surfaces are drawn in few bands and without fluorescence, which looks the
+    /// same; under other light, with both.
     #[arg(long, value_name = "GROUP", default_value = "white")]
     light_group: String,
     /// Width of each image, pixels (64 to 2000); three quarters as high. Rows with fewer images have larger ones.
@@ -110,7 +111,7 @@ fn picture(
         .map_err(|error| as_typed(error, &overrides))?;
     // Only light is looked at: a region that this view does not see is not a defect.
     experiment.file.analysis = None;
-    let study = resolve(&experiment).map_err(|error| as_typed(error, &overrides))?.study;
+    let mut study = resolve(&experiment).map_err(|error| as_typed(error, &overrides))?.study;
     if !study.scene.light_groups.iter().any(|group| group.name == options.light_group) {
         let known: Vec<&str> = study.scene.light_groups.iter().map(|group| group.name.as_str()).collect();
         return Err(CliError::Input(format!(
@@ -119,13 +120,30 @@ fn picture(
             known.join(", ")
         )));
     }
+    reduce_to_preview(&mut study, &options.light_group);
     let components = render_scene(&study.scene, &study.render, None, &Messages::default().job())?;
     if interrupted() {
         return Err(CliError::Stopped("interrupted: a picture is missing, and nothing was written".into()));
     }
-    let sum =
-        components.recombine(|component| f64::from(u8::from(component.light_group == options.light_group)));
-    let preview = light_group_preview(&sum, &study, &options.light_group);
+    let preview = light_group_preview(&components.recombine(|_| 1.0), &study, &options.light_group);
     Raster::from_rgb8(preview.width, preview.height, &preview.rgb)
         .ok_or_else(|| CliError::Failed("an image without pixels".into()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_light_that_shows_colors_is_drawn_without_fluorescence() {
+        for (group, dyes, bands) in [("white", false, 21), ("blue", true, 81)] {
+            let source = ExperimentSource::find(Some("oraleye-2021-surface")).unwrap();
+            let mut study = source.resolve(&[Override::set("mouth.detail=0.25")]).unwrap().study;
+            reduce_to_preview(&mut study, group);
+            let scene = &study.scene;
+            assert_eq!((!scene.fluorophores.is_empty(), scene.grid.len()), (dyes, bands), "{group}");
+            assert_eq!((scene.lights.len(), scene.light_groups.len()), (8, 1));
+            assert!(scene.check().is_ok() && scene.lights.iter().all(|light| light.group == 0));
+        }
+    }
 }

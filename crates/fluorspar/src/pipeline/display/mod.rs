@@ -11,6 +11,6 @@ pub use denoise::{DenoiseError, DenoiseSettings, denoise};
 pub use display_image::{DisplayImage, for_display};
 pub use preview::{
     ColorRendering, Preview, bright_level_dn, light_group_preview, preview, preview_white,
-    preview_with_white, radiance_preview,
+    preview_with_white, radiance_preview, reduce_to_preview,
 };
 pub use surface_view::{SurfaceView, depth_range_m, part_color, surface_view};

@@ -4,12 +4,13 @@ use glam::DMat3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::image::{ChannelImage, SpectralImage};
+use crate::image::{ChannelImage, SpectralImage, StatisticsKind};
 use crate::pipeline::capture::direct_light::group_spectrum;
 use crate::pipeline::estimate::frame_light::frame_light;
+use crate::render::{ComponentBands, RenderSettings};
 use crate::sensor::Sensor;
 use crate::spectral::{
-    Curve, QuantumEfficiency, Radiance, Spectrum, StandardObserver, encode_srgb, linear_srgb,
+    Curve, QuantumEfficiency, Radiance, Spectrum, StandardObserver, WavelengthGrid, encode_srgb, linear_srgb,
 };
 use crate::study::{Capture, Study};
 use crate::units::photons_per_joule;
@@ -256,6 +257,45 @@ pub fn light_group_preview(image: &SpectralImage<Radiance>, study: &Study, group
     });
     let white = white.filter(|white| white.iter().all(|channel| *channel > 0.0)).unwrap_or([1.0; 3]);
     balanced(image, white)
+}
+
+/// Leaves of a study what [`light_group_preview`] shows: the light of one group. Under white light fluorescence is next to nothing
+/// beside what is reflected, and bands of 20 nm show the same colors: both make the render cheap. A study without the group keeps all.
+pub fn reduce_to_preview(study: &mut Study, group: &str) {
+    const BAND_NM: f64 = 20.0;
+    let Some(index) = study.scene.light_groups.iter().position(|other| other.name == group) else { return };
+    let shows_colors = group_spectrum(study, group).is_some_and(|light| covers_the_visible_range(&light));
+    let scene = &mut study.scene;
+    scene.lights.retain(|light| light.group == index);
+    scene.lights.iter_mut().for_each(|light| light.group = 0);
+    for object in &mut scene.objects {
+        object.emission = object.emission.take().filter(|emission| emission.group == index);
+        object.emission.iter_mut().for_each(|emission| emission.group = 0);
+    }
+    scene.light_groups = vec![scene.light_groups.swap_remove(index)];
+    study.render = RenderSettings {
+        statistics: StatisticsKind::None,
+        error_target: None,
+        excitation_basis: None,
+        component_bands: ComponentBands::All,
+        ..study.render.clone()
+    };
+    if !shows_colors {
+        return;
+    }
+    scene.fluorophores.clear();
+    scene.materials.iter_mut().for_each(|material| material.fluorophores.clear());
+    // A traced lens is made for the bands of its scene
+    if scene.camera.lens.is_none() {
+        let (edges, end) = (scene.grid.edges_nm(), scene.grid.end_nm());
+        let mut wide = vec![edges[0]];
+        for &edge in &edges[1..] {
+            if edge - wide[wide.len() - 1] >= BAND_NM || edge == end {
+                wide.push(edge);
+            }
+        }
+        scene.grid = WavelengthGrid::from_edges(&wide).unwrap_or_else(|_| scene.grid.clone());
+    }
 }
 
 /// The image in which a surface of this color is white.

@@ -9,7 +9,7 @@ use super::lights::{Lights, band_blocks};
 use crate::interruption::end_if_interrupted;
 use crate::render::RenderSettings;
 use crate::render::compiled_scene::{BasisGroup, BasisNode};
-use crate::render::fluorescence_operator::HatColumns;
+use crate::render::fluorescence_operator::{BinWeight, SampledEem};
 use crate::scene::Scene;
 use crate::spectral::{Curve, ExcitationNodes, PhotonEem, WavelengthGrid};
 
@@ -35,23 +35,25 @@ pub(super) fn compile(
 fn basis_nodes(grid: &WavelengthGrid, matrices: &[&PhotonEem], nodes: &ExcitationNodes) -> Vec<BasisNode> {
     let hats: Vec<Curve> = (0..nodes.len()).map(|node| nodes.hat(node)).collect();
     let lit: Vec<Range<usize>> = hats.iter().map(|hat| lit_bands(grid, hat)).collect();
+    let weights: Vec<BinWeight<'_>> = hats.iter().map(|hat| BinWeight::new(grid, Some(hat))).collect();
+    let averages: Vec<Vec<f64>> = hats.iter().map(|hat| hat.bin_averages(grid)).collect();
     // `[matrix][node]`
     let of_matrix = |eem: &&PhotonEem| -> Vec<Vec<BandBlock>> {
         end_if_interrupted();
-        let columns = HatColumns::new(eem, grid);
-        let of_node = |(hat, lit): (&Curve, &Range<usize>)| {
-            columns.of_hat(hat, lit.clone()).iter().flat_map(|column| band_blocks(column)).collect()
+        let sampled = SampledEem::new(eem, grid);
+        let of_node = |((weight, irradiance), lit): ((&BinWeight<'_>, &Vec<f64>), &Range<usize>)| {
+            let columns = sampled.columns(weight, irradiance, lit.clone());
+            columns.iter().flat_map(|column| band_blocks(column)).collect()
         };
-        hats.iter().zip(&lit).map(of_node).collect()
+        weights.iter().zip(&averages).zip(&lit).map(of_node).collect()
     };
     let mut found: Vec<Vec<Vec<BandBlock>>> = matrices.par_iter().map(of_matrix).collect();
-    let node = |(number, (hat, bands)): (usize, (&Curve, &Range<usize>))| {
-        let averages = hat.bin_averages(grid);
+    let node = |(number, (averages, bands)): (usize, (&Vec<f64>, &Range<usize>))| {
         let columns = found.iter_mut().map(|of_matrix| std::mem::take(&mut of_matrix[number])).collect();
         let hat = averages[bands.clone()].iter().map(|value| *value as f32).collect();
         BasisNode { bands: bands.clone(), hat, columns }
     };
-    hats.iter().zip(&lit).enumerate().map(node).collect()
+    averages.iter().zip(&lit).enumerate().map(node).collect()
 }
 
 /// Bands in which a hat is not dark.

@@ -9,7 +9,7 @@ use crate::interruption::end_if_interrupted;
 use crate::light::PreparedEmitter;
 use crate::render::RenderSettings;
 use crate::render::compiled_scene::{CompiledLight, Source};
-use crate::render::fluorescence_operator::direct_exitance;
+use crate::render::fluorescence_operator::DirectLight;
 use crate::scene::Scene;
 use crate::spectral::{Curve, PhotonEem};
 
@@ -140,9 +140,10 @@ impl SourceList<'_> {
             self.hats.push((group, number, factor as f32));
         }
         let grid = &self.scene.grid;
+        let light = DirectLight::new(grid, curve);
         let exitance = |eem: &&PhotonEem| {
             end_if_interrupted();
-            band_blocks(&direct_exitance(eem, grid, curve))
+            band_blocks(&light.exitance(eem))
         };
         self.sources.push(Source {
             group: self.settings.spectrum_number(group),

@@ -42,8 +42,7 @@ impl CompiledScene {
         end_if_interrupted();
         let points = visible_points::on_fluorescent_surfaces(scene, &geometry);
         let group_spectra = operators::group_spectra(scene, &points);
-        let group_operators = operators::of_groups(scene, &matrices.list, &group_spectra, settings);
-        let plain_operators = operators::unweighted(scene, &matrices.list);
+        let operators = operators::compile(scene, &matrices.list, &group_spectra, settings);
         let bases = bases::compile(scene, &matrices.list, &lights, settings);
 
         // Compile materials
@@ -51,8 +50,8 @@ impl CompiledScene {
         let roulette = RouletteModel::new(&scene.grid);
         let (materials, material_spectra) = materials::compile(scene, &matrices, &roulette);
         let repeat_probability =
-            excitation::repeat_probability(&materials, &material_spectra, &lights, &plain_operators);
-        let excitation = excitation::compile(group_operators, &lights, &material_spectra);
+            excitation::repeat_probability(&materials, &material_spectra, &lights, &operators.unweighted);
+        let excitation = excitation::compile(operators.of_groups, &lights, &material_spectra);
         let has_holes = scene.objects.iter().any(|object| materials.has_opacity(object.material));
 
         let has_discrete_choices =
@@ -86,7 +85,7 @@ impl CompiledScene {
             spectra: settings.spectrum_number(scene.light_groups.len()),
             excitation,
             bases,
-            plain_operators,
+            plain_operators: operators.unweighted,
             repeat_probability,
         };
 

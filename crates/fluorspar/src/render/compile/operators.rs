@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::geometry::OrientedPoint;
 use crate::interruption::end_if_interrupted;
 use crate::render::RenderSettings;
-use crate::render::fluorescence_operator::FluorescenceOperator;
+use crate::render::fluorescence_operator::{BinWeight, FluorescenceOperator, SampledEem};
 use crate::scene::Scene;
 use crate::scene::irradiance::{direct_irradiance, group_spectrum};
 use crate::spectral::{Curve, ExcitationNodes, PhotonEem};
@@ -17,32 +17,37 @@ pub(super) fn group_spectra(scene: &Scene, points: &[OrientedPoint]) -> Vec<Opti
     (0..scene.light_groups.len()).map(|group| group_spectrum(&parts, group)).collect()
 }
 
-/// `[spectrum kept apart][matrix]`, excitation weighted by it; nothing for excitation nodes.
-pub(super) fn of_groups(
+/// Operators of all matrices.
+pub(super) struct Operators {
+    /// `[spectrum kept apart][matrix]`, excitation weighted by it; nothing for excitation nodes.
+    pub(super) of_groups: Vec<Vec<FluorescenceOperator>>,
+    /// `[matrix]`, evenly weighted, for light that already fluoresced.
+    pub(super) unweighted: Vec<FluorescenceOperator>,
+}
+
+/// Samples every matrix once for the spectra of all light groups.
+pub(super) fn compile(
     scene: &Scene,
     matrices: &[&PhotonEem],
     group_spectra: &[Option<Curve>],
     settings: &RenderSettings,
-) -> Vec<Vec<FluorescenceOperator>> {
-    group_spectra
-        .iter()
-        .enumerate()
-        .flat_map(|(group, spectrum)| {
-            let nodes = settings.nodes_of(group).map_or(0, ExcitationNodes::len);
-            std::iter::once(of_matrices(scene, matrices, spectrum.as_ref())).chain(vec![Vec::new(); nodes])
-        })
-        .collect()
-}
-
-/// `[matrix]`, evenly weighted, for light that already fluoresced.
-pub(super) fn unweighted(scene: &Scene, matrices: &[&PhotonEem]) -> Vec<FluorescenceOperator> {
-    of_matrices(scene, matrices, None)
-}
-
-fn of_matrices(scene: &Scene, matrices: &[&PhotonEem], light: Option<&Curve>) -> Vec<FluorescenceOperator> {
-    let operator = |eem: &&PhotonEem| {
+) -> Operators {
+    let spectra = group_spectra.iter().map(Option::as_ref).chain([None]);
+    let weights: Vec<BinWeight<'_>> = spectra.map(|light| BinWeight::new(&scene.grid, light)).collect();
+    let of_matrix = |eem: &&PhotonEem| -> Vec<FluorescenceOperator> {
         end_if_interrupted();
-        FluorescenceOperator::new(eem, &scene.grid, light)
+        let sampled = SampledEem::new(eem, &scene.grid);
+        weights.iter().map(|weight| sampled.operator(weight)).collect()
     };
-    matrices.par_iter().map(operator).collect()
+    let found: Vec<Vec<FluorescenceOperator>> = matrices.par_iter().map(of_matrix).collect();
+    let mut by_weight: Vec<Vec<FluorescenceOperator>> = weights.iter().map(|_| Vec::new()).collect();
+    for operator in found.into_iter().flat_map(|of_matrix| of_matrix.into_iter().enumerate()) {
+        by_weight[operator.0].push(operator.1);
+    }
+    let unweighted = by_weight.pop().unwrap_or_default();
+    let of_groups = by_weight.into_iter().enumerate().flat_map(|(group, operators)| {
+        let nodes = settings.nodes_of(group).map_or(0, ExcitationNodes::len);
+        std::iter::once(operators).chain(vec![Vec::new(); nodes])
+    });
+    Operators { of_groups: of_groups.collect(), unweighted }
 }
