@@ -825,6 +825,22 @@ def reflectances(ref):
         sigmoids(0.24, (440, 140, 0.28), (570, 200, 0.16)),
         assumed=["curve"],
     )
+    for name, title, text, curve in [
+        (
+            "tooth_incisor",
+            "Upper incisor, middle of its face",
+            "Reflectance of the tissue tooth, which has the measured color of front teeth (CIELAB 79, 0, 16).",
+            sigmoids(0.039, (358, 260, 0.363), (509, 215, 0.231)),
+        ),
+        (
+            "tooth_neck",
+            "Tooth with much dentin, as at its neck",
+            "Reflectance of the tissue tooth moved twice as far as to that of the tissue canine (CIELAB 68, 2, 29): half "
+            "and half of both is a canine.",
+            sigmoids(0.0, (389, 168, 0.1), (506, 226, 0.4)),
+        ),
+    ]:
+        yield Item("reflectances", name, title, text, OWN, q, curve, assumed=["curve"])
     yield Item(
         "reflectances",
         "white_reference",

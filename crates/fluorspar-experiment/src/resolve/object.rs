@@ -525,7 +525,9 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
         cached_mouth(&section.parameters).map_err(|e| context.error(&steps!["mouth", e.field], e.message))?;
     for key in section.materials.keys() {
         let is_tissue = Tissue::ALL.iter().any(|tissue| tissue.name() == key);
-        if !is_tissue && mouth.part(key).is_none() {
+        let is_missing =
+            section.parameters.missing_teeth.iter().any(|tooth| *key == format!("tooth_{tooth}"));
+        if !is_tissue && !is_missing && mouth.part(key).is_none() {
             let names = || {
                 Tissue::ALL
                     .into_iter()

@@ -168,6 +168,17 @@ fn teeth_of_a_mouth_are_parts() {
 }
 
 #[test]
+fn a_tooth_that_is_missing_may_have_a_material() {
+    let text = "format = 1\nbase = \"oraleye-2021\"\nmouth.detail = 0.25\n";
+    let missing = changed(text, &["mouth.missing_teeth=[13, 18]"]).unwrap();
+    let scene = resolve_shapes(&missing).unwrap_or_else(|error| panic!("{error}"));
+    let of = |name: &str| scene.objects.iter().find(|object| object.name == name);
+    assert!(of("tooth_13").is_none());
+    assert_eq!(scene.materials[of("tooth_23").unwrap().material].name, "canine");
+    assert_eq!(scene.materials[of("tooth_22").unwrap().material].name, "tooth");
+}
+
+#[test]
 fn comments_and_order_survive_changes() {
     let text = edited(
         SCENE,

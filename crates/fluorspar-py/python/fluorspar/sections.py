@@ -238,6 +238,8 @@ ReflectanceName: TypeAlias = Literal[
     'soft_palate',
     'tongue_dorsum',
     'tongue_ventral',
+    'tooth_incisor',
+    'tooth_neck',
     'white_reference',
 ]
 
@@ -254,12 +256,14 @@ SensorName: TypeAlias = Literal[
 
 TissueName: TypeAlias = Literal[
     'buccal_mucosa',
+    'canine',
     'dorsal_tongue',
     'dorsal_tongue_b',
     'facial_skin',
     'floor_of_mouth',
     'gingiva',
     'hard_palate',
+    'lateral_tongue',
     'lip',
     'soft_palate',
     'tooth',

@@ -175,7 +175,7 @@ impl ToothParameters {
         let enamel = layer(
             "enamel",
             self.enamel_thickness_um,
-            &power_law(self.enamel_scattering_per_mm, 543.0, self.enamel_scattering_power, 0.96),
+            &power_law(self.enamel_scattering_per_mm, 633.0, self.enamel_scattering_power, 0.68),
             vec![background(self.enamel_background_per_mm, self.background_slope_per_nm)],
             fluorescence(find, &[("enamel", self.enamel_per_mm)])?,
         );

@@ -123,8 +123,8 @@ parameters! {
     ToothParameters {
         enamel_thickness_um: [100.0, 3000.0], "Enamel.";
         dentin_thickness_um: [500.0, 10_000.0], "Dentin; nothing returns from under it.";
-        enamel_scattering_per_mm: [0.0, 40.0], "Scattering of enamel at 543 nm, anisotropy 0.96.";
-        enamel_scattering_power: POWER, "It falls as (lambda / 543 nm)^-power.";
+        enamel_scattering_per_mm: [0.0, 40.0], "Scattering of enamel at 633 nm, anisotropy 0.68.";
+        enamel_scattering_power: POWER, "It falls as (lambda / 633 nm)^-power.";
         dentin_scattering_per_mm: [0.0, 40.0], "Scattering of dentin at 543 nm, anisotropy 0.93.";
         dentin_scattering_power: POWER, "It falls as (lambda / 543 nm)^-power.";
         enamel_background_per_mm: [0.0, 0.8], "Absorption of enamel at 420 nm.";

@@ -109,19 +109,19 @@ pub(crate) fn lip() -> Site {
 /// A tooth, as that of the catalogue.
 pub(crate) fn tooth() -> Site {
     let parameters = ToothParameters {
-        enamel_thickness_um: 1200.0,
+        enamel_thickness_um: 1000.0,
         dentin_thickness_um: 3000.0,
-        enamel_scattering_per_mm: 10.5,
-        enamel_scattering_power: 3.0,
-        dentin_scattering_per_mm: 28.0,
+        enamel_scattering_per_mm: 6.6,
+        enamel_scattering_power: 1.0,
+        dentin_scattering_per_mm: 35.0,
         dentin_scattering_power: 0.0,
-        enamel_background_per_mm: 0.01,
-        dentin_background_per_mm: 0.08,
-        background_slope_per_nm: 0.006,
+        enamel_background_per_mm: 0.077,
+        dentin_background_per_mm: 0.257,
+        background_slope_per_nm: 0.0186,
         enamel_refractive_index: 1.63,
         dentin_refractive_index: 1.54,
-        enamel_per_mm: 2.0e-3,
-        dentin_per_mm: 6.0e-3,
+        enamel_per_mm: 6.4e-3,
+        dentin_per_mm: 1.92e-2,
     };
     let values = values(ToothParameters::PARAMETERS, parameters.values());
     Site::new(described("tooth"), SiteStructure::Tooth, values).unwrap()
