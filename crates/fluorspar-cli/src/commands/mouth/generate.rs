@@ -150,15 +150,15 @@ const GRAY: [f64; 3] = [0.5; 3];
 const COLORS: [(&str, [f64; 3]); 11] = [
     ("cheek", [0.3606, 0.1605, 0.1454]),
     ("floor_of_mouth", [0.3371, 0.1441, 0.1349]),
-    ("gingiva", [0.4189, 0.2178, 0.2103]),
+    ("gingiva", [0.3735, 0.1378, 0.1143]),
     ("hard_palate", [0.4366, 0.2381, 0.2234]),
     ("lip", [0.3112, 0.1044, 0.1025]),
-    ("skin", [0.4885, 0.3545, 0.2742]),
+    ("skin", [0.4711, 0.2910, 0.2112]),
     ("soft_palate", [0.3493, 0.1460, 0.1317]),
     ("throat", [0.3202, 0.1279, 0.1173]),
     ("tongue_dorsum", [0.3245, 0.1411, 0.1447]),
-    ("tongue_ventral", [0.3117, 0.1145, 0.1114]),
-    ("tooth", [0.5944, 0.5456, 0.4252]),
+    ("tongue_ventral", [0.3128, 0.1175, 0.1165]),
+    ("tooth", [0.5350, 0.4584, 0.3015]),
 ];
 
 /// A length of a mouth.
@@ -327,6 +327,7 @@ mod tests {
         let grid: Vec<[f32; 2]> = (0..SIDE * SIDE)
             .map(|i| [i % SIDE, i / SIDE].map(|k| (f32::from(k) + 0.5) / f32::from(SIDE)))
             .collect();
+        let mut others = Vec::new();
         for material in &scene.materials {
             let diffuse = material.diffuse().unwrap();
             // A coat lets in what it does not reflect; the reflectance below it is that of the light let in.
@@ -350,9 +351,13 @@ mod tests {
             let color = srgb(&reflectance);
             // Saturated colors may lie a little outside of sRGB.
             let color: [f64; 3] = std::array::from_fn(|c| (color[c] / white[c]).clamp(0.0, 1.0));
-            let (_, kept) = COLORS.iter().find(|(tissue, _)| *tissue == material.name).unwrap();
-            let worst = color.iter().zip(kept).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            assert!(worst < 5e-4, "{}: {color:.4?}", material.name);
+            let Some((_, kept)) = COLORS.iter().find(|(tissue, _)| *tissue == material.name) else {
+                continue;
+            };
+            if color.iter().zip(kept).any(|(a, b)| (a - b).abs() > 5e-4) {
+                others.push(format!("({:?}, {color:.4?}),", material.name));
+            }
         }
+        assert!(others.is_empty(), "other colors:\n{}", others.join("\n"));
     }
 }
