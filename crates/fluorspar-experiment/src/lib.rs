@@ -58,7 +58,7 @@ pub use part_file::sample::{
 };
 pub use part_file::sensor::{ResolvedSensor, SensorFile, parse_sensor};
 pub use part_file::tissue::{TissueFile, parse_tissue};
-pub use people::person_tissues;
+pub use people::{give_tissues_of, person_tissues};
 pub use read::{Experiment, parse, parse_changed};
 pub use resolve::cached_analysis::{CachedAnalysis, cached_analysis};
 pub use resolve::named_tissue::NamedTissue;

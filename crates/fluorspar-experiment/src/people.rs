@@ -32,6 +32,20 @@ pub fn person_tissues(file: &ExperimentFile, person: u32) -> Result<Vec<TissueSe
     names.into_iter().filter_map(of_name).collect()
 }
 
+/// Gives an experiment the tissues of a person in place of its own.
+///
+/// # Errors
+/// Those of [`person_tissues`].
+pub fn give_tissues_of(person: u32, file: &mut ExperimentFile) -> Result<(), PresetError> {
+    for section in person_tissues(file, person)? {
+        match file.tissue.iter_mut().find(|known| known.name == section.name) {
+            Some(known) => *known = section,
+            None => file.tissue.push(section),
+        }
+    }
+    Ok(())
+}
+
 /// A section with the parameters of a person.
 fn drawn(mut section: TissueSection, person: Key) -> Result<TissueSection, PresetError> {
     let Some(site) = &section.site else { return Ok(section) };

@@ -11,7 +11,7 @@ use crate::values;
 pub(crate) struct PersonArgs {
     /// A person drawn from the population, instead of the average adult: 7 is the seventh of `mouth sample`.
     #[arg(long, value_name = "NUMBER", value_parser = parse_person, allow_negative_numbers = true)]
-    person: Option<u32>,
+    pub(crate) person: Option<u32>,
     /// Change one value, a parameter of the mouth, for instance `--set tooth_scale=1.05`; see docs/mouth.md. May be repeated.
     #[arg(long = "set", value_name = "PATH=VALUE")]
     set: Vec<String>,
