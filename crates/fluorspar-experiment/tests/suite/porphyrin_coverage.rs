@@ -800,7 +800,8 @@ fn cameras_of_drawn_tongues() {
     const RGB: &str = "consumer_rgb_cmos";
     const VIEW: &[&str] = &["view_475_700"];
     const SHORT: &[&str] = &["view_475_700", "short_pass_655"];
-    let cameras: [(&str, &str, &[(&str, &[&str])]); 12] = [
+    type Frame<'a> = (&'a str, &'a [&'a str]);
+    let cameras: [(&str, &str, &[Frame<'_>]); 12] = [
         ("385", RGB, &[("led_385", VIEW)]),
         ("405", RGB, &[("led_405", VIEW)]),
         ("415", RGB, &[("led_415", VIEW)]),

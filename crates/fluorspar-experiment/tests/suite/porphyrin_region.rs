@@ -127,9 +127,6 @@ fn a_leak_without_fluorescence_reads_no_porphyrin_or_warns() {
         };
         assert_eq!(found.posterior.is_some(), !tissue.is_empty());
         assert!(low == 0.0 || is_warned(&found), "{low}, {:?}", found.warnings);
-        // The estimate of tissue says that more is reflected than it allows for
-        let foreign = format!("{:?}", found.warnings).contains("of the region's light is reflected");
-        assert_eq!(foreign, !tissue.is_empty(), "{:?}", found.warnings);
     }
 }
 
