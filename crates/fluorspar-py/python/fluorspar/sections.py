@@ -1489,7 +1489,8 @@ class MouthSection(TypedDict, total=False):
     tooth_irregularity: float
     """Factor on the small differences between neighboring teeth in place, turn and size (default 1, 0 to 3)."""
     tooth_shade: float
-    """How much more dentin shows through the enamel of all teeth, which makes them darker and yellower (default 0, -0.2 to 0.8)."""
+    """How much more dentin shows through the enamel of all teeth, which makes them darker and yellower (default 0, -0.2 to
+    0.8)."""
     plaque: float
     """Factor on the plaque at the gums (default 1, 0 to 3)."""
     missing_teeth: list[int]
