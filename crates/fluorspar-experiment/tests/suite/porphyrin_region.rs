@@ -111,6 +111,24 @@ fn the_groove_of_one_tissue_reads_its_truth_or_warns() {
     }
 }
 
+/// A dim patch beside a wall that shines as a tooth does sends back more of its light than the estimate of tissue allows for; not beside a
+/// dark one.
+#[test]
+fn light_of_bright_surroundings_is_warned_of() {
+    let walls = "[[object]]\nname = \"patch\"\ncorner_mm = [0.0, -100.0, -20.0]\nedge_u_mm = [60.0, 0.0, 60.0]\nedge_v_mm = [0.0, 200.0, \
+                 0.0]\n[[object]]\nname = \"wall\"\nmaterial = \"wall\"\ntype = \"quad\"\ncorner_mm = [0.0, -100.0, -20.0]\nedge_u_mm = \
+                 [0.0, 200.0, 0.0]\nedge_v_mm = [-60.0, 0.0, 60.0]\n[[material]]\nname = \"patch\"\nconcentrations = { fad = 0.02, \
+                 collagen = 0.02, elastin = 0.1, keratin = 0.02, protoporphyrin_ix = 0.0 }\n[[material]]\nname = \"wall\"\nreflectance = \
+                 \"enamel\"\n";
+    for (dentin, is_warned) in [(0.4, true), (0.0, false)] {
+        let found = analysis(&small_patch(&format!(
+            "[analysis]\nparts = [\"patch\"]\ntissue = \"lip\"\n{walls}concentrations = {{ dentin = {dentin:?} }}\n"
+        )));
+        let said = format!("{:?}", found.warnings).contains("is light of other parts, as of teeth");
+        assert_eq!(said, is_warned, "{:?}", found.warnings);
+    }
+}
+
 /// Light that leaks through the filters of a region without any fluorescence, as if it were the light of some bulk, and as if it were
 /// that of a lip.
 #[test]
