@@ -65,7 +65,7 @@ pub fn sample_person(seed: u32) -> MouthParameters {
     p.palate_height_mm = (0.375 * p.upper_arch_width_mm + draw(0.0, 1.5, 0.0, 8)).clamp(15.0, 25.0);
     p.overjet_mm = exp(draw(0.9, 0.3, 0.0, 9)).clamp(0.8, 5.5);
     p.tooth_irregularity = exp(0.45 * normal(seed, 10)).clamp(0.3, 2.4);
-    // Some five units of color difference between people's teeth, as between shades (assumed)
+    // A standard deviation is two to three units of color difference of an incisor (assumed)
     p.tooth_shade = draw(0.0, 0.25, 0.0, 19).clamp(-0.12, 0.6);
     p.plaque = exp(draw(0.0, 0.6, 0.0, 20)).clamp(0.2, 3.0);
     p.tongue_width_mm = draw(48.0, 2.6, 0.5, 11).clamp(41.0, 55.0).min(0.94 * p.lower_arch_width_mm);

@@ -87,6 +87,19 @@ fn there_is_no_porphyrin_on_sides_underside_palate_and_elsewhere() {
     }
 }
 
+/// More dentin shows through darker teeth everywhere, and plaque goes with its factor as far as it covers all.
+#[test]
+fn teeth_of_a_darker_shade_show_more_dentin_and_plaque_goes_with_its_factor() {
+    let (p, changed) = (person(1), MouthParameters { tooth_shade: 0.25, plaque: 0.5, ..person(1) });
+    for i in 0..2500_u32 {
+        let [u, v] = [i % 50, i / 50].map(|k| f64::from(k) / 49.0);
+        let of = |map, p: &MouthParameters| surface_map(map, Tissue::Tooth, p, u, v);
+        let more = of(SurfaceMap::Dentin, &changed) - of(SurfaceMap::Dentin, &p);
+        assert!((more - 0.25).abs() < 1e-12 || of(SurfaceMap::Dentin, &changed) == 1.0, "{more} at {u}, {v}");
+        assert!((of(SurfaceMap::Plaque, &changed) - 0.5 * of(SurfaceMap::Plaque, &p)).abs() < 1e-12);
+    }
+}
+
 /// The coating hangs on filiform papillae, which the map of pale keratin shows; the fungiform ones stay clean.
 #[test]
 fn porphyrin_keeps_to_the_filiform_papillae() {

@@ -173,25 +173,31 @@ impl LightFamily {
         electrons.iter().zip(&self.counted).filter(|(_, counted)| **counted).map(|(e, _)| e).sum()
     }
 
-    /// The numbers of a color, each a datum with those whose sum it is divided by. Of the first frame those are the ones that count in
-    /// the share, so that the color is linear in it; of further frames all of the frame, whatever the brightness of its light.
-    fn color_terms(&self) -> Vec<(usize, Vec<usize>)> {
-        let data = |frame: usize| (0..self.counted.len()).filter(move |datum| self.frame_of[*datum] == frame);
-        let of_frame = |frame: usize| {
-            let divisor: Vec<usize> = data(frame).filter(|datum| frame > 0 || self.counted[*datum]).collect();
-            let last = divisor.last().copied();
-            data(frame).filter(move |datum| Some(*datum) != last).map(move |datum| (datum, divisor.clone()))
-        };
-        (0..self.frames.len()).flat_map(of_frame).collect()
+    /// Whether a datum belongs to the sum by which another is divided in a color: of the first frame those that count in the share, so that
+    /// the color is linear in it; of further frames all of the frame, whatever the brightness of its light.
+    fn divides(&self, datum: usize, of: usize) -> bool {
+        self.frame_of[datum] == self.frame_of[of] && (self.frame_of[of] > 0 || self.counted[datum])
+    }
+
+    /// The data that make a color: all but the last of each sum, which the others tell.
+    fn color_data(&self) -> Vec<usize> {
+        let data = 0..self.counted.len();
+        let is_last = |of: usize| data.clone().rfind(|datum| self.divides(*datum, of)) == Some(of);
+        data.clone().filter(|datum| !is_last(*datum)).collect()
+    }
+
+    /// Sum by which a datum is divided in a color.
+    fn divisor(&self, electrons: &[f64], of: usize) -> f64 {
+        electrons.iter().enumerate().filter(|(datum, _)| self.divides(*datum, of)).map(|(_, e)| e).sum()
     }
 
     /// The color of the electrons of all data; `None` where a frame has no light.
     fn color(&self, electrons: &[f64]) -> Option<DVector<f64>> {
-        let of_term = |(datum, divisor): &(usize, Vec<usize>)| {
-            let total: f64 = divisor.iter().map(|datum| electrons[*datum]).sum();
-            (total > 0.0).then(|| electrons[*datum] / total)
+        let of_datum = |&datum: &usize| {
+            let total = self.divisor(electrons, datum);
+            (total > 0.0).then(|| electrons[datum] / total)
         };
-        let color: Vec<f64> = self.color_terms().iter().map(of_term).collect::<Option<_>>()?;
+        let color: Vec<f64> = self.color_data().iter().map(of_datum).collect::<Option<_>>()?;
         Some(DVector::from_vec(color))
     }
 
@@ -250,15 +256,15 @@ impl LightFamily {
         let chlorophyll = added(self.electrons(&middle, 0.0), &bulk);
         let sum = |electrons: &[f64]| self.counted_electrons(electrons);
         let all = sum(&bulk) + sum(&porphyrin) + sum(&chlorophyll);
-        if self.color_terms().is_empty() || all <= 0.0 {
+        if self.color_data().is_empty() || all <= 0.0 {
             return None;
         }
 
         // People, and places in one of them
         let (mean, of_people) = moments(&bulk_family.drawn_colors(PEOPLE, 1));
         let (_, mut of_places) = moments(&bulk_family.of_places().drawn_colors(PLACES, 2));
-        for (number, (datum, _)) in self.color_terms().iter().enumerate() {
-            if self.frame_of[*datum] > 0 {
+        for (number, datum) in self.color_data().into_iter().enumerate() {
+            if self.frame_of[datum] > 0 {
                 of_places[(number, number)] += (PLACES_OF_LAMPS * mean[number]).powi(2);
             }
         }
@@ -291,12 +297,11 @@ impl LightFamily {
 
     /// Covariance of the color of a block by the sensor's noise.
     fn noise_of(&self, block: &RegionBlock, color: &DVector<f64>) -> DMatrix<f64> {
-        let terms = self.color_terms();
+        let data = self.color_data();
+        let totals: Vec<f64> = data.iter().map(|of| self.divisor(&block.electrons, *of)).collect();
         let slopes = DMatrix::from_fn(color.len(), self.counted.len(), |row, datum| {
-            let (of, divisor) = &terms[row];
-            let total: f64 = divisor.iter().map(|datum| block.electrons[*datum]).sum();
-            let by_divisor = if divisor.contains(&datum) { color[row] } else { 0.0 };
-            (f64::from(u8::from(*of == datum)) - by_divisor) / total
+            let by_divisor = if self.divides(datum, data[row]) { color[row] } else { 0.0 };
+            (f64::from(u8::from(data[row] == datum)) - by_divisor) / totals[row]
         });
         let variance = DVector::from_column_slice(&block.variance);
         &slopes * DMatrix::from_diagonal(&variance) * slopes.transpose()
