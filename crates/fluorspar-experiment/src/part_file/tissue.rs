@@ -9,8 +9,10 @@ use crate::error::{ExperimentError, steps};
 use crate::read::read_sections;
 use crate::resolve::context::Context;
 use crate::resolve::device;
+use crate::resolve::fluorophore::check_sections;
 use crate::resolve::named_tissue::{NamedTissue, of_section};
-use crate::schema::{FormatVersion, SpectralSection, TissueSection};
+use crate::resolve::tissue::check_balance;
+use crate::schema::{FluorophoreSection, FormatVersion, SpectralSection, TissueSection};
 
 /// A tissue by itself. The section can be copied into an experiment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -18,13 +20,16 @@ use crate::schema::{FormatVersion, SpectralSection, TissueSection};
 pub struct TissueFile {
     /// Version of the form of this file: 1.
     pub format: FormatVersion,
+    /// Fluorophores of its own that its layers name.
+    #[serde(default)]
+    pub fluorophore: Vec<FluorophoreSection>,
     /// The tissue: one section.
     #[serde(default)]
     pub tissue: Vec<TissueSection>,
 }
 
 /// Reads a file with one tissue: its name, and the site with its states and parameters, or its layers. Fluorophores of layers are
-/// those of the catalogue.
+/// those of the file, otherwise of the catalogue.
 ///
 /// # Errors
 /// The first defect found; no tissue, or several.
@@ -40,7 +45,37 @@ pub fn parse_tissue(
         return context.fail(&steps!["tissue"], message);
     };
     let grid = device::grid(context, &SpectralSection::default())?;
-    Ok((section.name.clone(), of_section(context, &steps!["tissue", 0], section, &[], &grid)?))
+    check_sections(context, &file.fluorophore)?;
+    let named = of_section(context, &steps!["tissue", 0], section, &file.fluorophore, &grid)?;
+    check_balance(context, &steps!["tissue", 0], section, &named, &file.fluorophore, &grid)?;
+    check_use(context, &file.fluorophore, section, &named)?;
+    Ok((section.name.clone(), named))
+}
+
+/// Refuses fluorophores that no layer holds, or that have the names of those of the site.
+fn check_use(
+    context: &Context<'_>,
+    fluorophores: &[FluorophoreSection],
+    section: &TissueSection,
+    named: &NamedTissue,
+) -> Result<(), ExperimentError> {
+    for (index, own) in fluorophores.iter().enumerate() {
+        let at = steps!["fluorophore", index];
+        if let NamedTissue::Site(site) = named
+            && site.fluorophores().contains(&own.name.as_str())
+        {
+            let message =
+                "the site holds the fluorophore of this name of the catalogue; give this one another name";
+            return context.fail(&at.field("name"), message);
+        }
+        if !section.layer.iter().any(|layer| layer.fluorophores.contains_key(&own.name)) {
+            return context.fail(
+                &at,
+                "no layer holds it; name it in the fluorophores of a [[tissue.layer]], or remove it",
+            );
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

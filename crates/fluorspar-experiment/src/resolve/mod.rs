@@ -10,6 +10,7 @@ mod emitter;
 mod error_target;
 pub(super) mod fluorophore;
 mod gloss;
+mod held_fluorophore;
 mod instrument;
 mod lesion;
 mod light;

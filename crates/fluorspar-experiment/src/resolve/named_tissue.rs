@@ -3,17 +3,17 @@
 use std::sync::Arc;
 
 use super::context::{Context, Resolved};
-use super::emitter::known_emitter;
+use super::held_fluorophore::{held_fluorophores, misplaced};
 use super::spectrum::Role;
-use crate::error::{ExperimentError, Place};
+use crate::error::Place;
 use crate::schema::{
     FluorophoreSection, LayerAbsorptionSection, LayerScatteringSection, NameOrFile, NameOrTable,
     SpectrumReference, TissueLayerSection, TissueSection,
 };
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
 use fluorspar::tissue::{
-    Below, Blood, Chromophore, LayerScattering, LayeredTissue, REFRACTIVE_INDEX, ScatteringCoefficient, Site,
-    TissueError, TissueFluorophore, TissueLayer, TissueState,
+    Below, Blood, Chromophore, LayerAddition, LayerScattering, LayeredTissue, REFRACTIVE_INDEX,
+    ScatteringCoefficient, Site, TissueError, TissueLayer, TissueState,
 };
 use fluorspar::units::number_text;
 
@@ -76,7 +76,16 @@ impl NamedTissue {
     /// Names of the fluorophores that it may hold.
     pub(crate) fn fluorophores(&self) -> Vec<&str> {
         match self {
-            Self::Site(site) => site.fluorophores().to_vec(),
+            Self::Site(site) => {
+                let mut names = site.fluorophores().to_vec();
+                let added = site.added().iter().flat_map(|addition| &addition.fluorophores);
+                for name in added.map(|held| held.fluorophore.name.as_str()) {
+                    if !names.contains(&name) {
+                        names.push(name);
+                    }
+                }
+                names
+            }
             Self::Layers { tissue, .. } => {
                 let held = tissue.layers.iter().flat_map(|layer| &layer.fluorophores);
                 let mut names: Vec<&str> = held.map(|held| held.fluorophore.name.as_str()).collect();
@@ -215,15 +224,14 @@ pub(crate) fn of_section(
     let only_layers = [
         ("refractive_index", section.refractive_index.is_some()),
         ("index_below", section.index_below.is_some()),
-        ("layer", !section.layer.is_empty()),
     ];
     let only_sites = [("states", !section.states.is_empty()), ("parameters", !section.parameters.is_empty())];
     let given = |fields: &[(&'static str, bool)]| fields.iter().find(|(_, given)| *given).map(|(f, _)| *f);
     match &section.site {
         Some(site) => match given(&only_layers) {
-            None => Ok(NamedTissue::Site(of_site(context, at, section, site)?)),
+            None => Ok(NamedTissue::Site(of_site(context, at, section, site, fluorophores, grid)?)),
             Some(field) => {
-                let message = "a tissue site has its own layers; remove this field, or remove `site` to describe the layers yourself";
+                let message = "a tissue site has its own index; remove this field, or remove `site` to describe the layers yourself";
                 context.fail(&at.field(field), message)
             }
         },
@@ -242,12 +250,14 @@ pub(crate) fn of_section(
     }
 }
 
-/// The site of a section, in its states and with its parameters.
+/// The site of a section, in its states, with its parameters and what its layers hold in addition.
 fn of_site(
     context: &mut Context<'_>,
     at: &Place,
     section: &TissueSection,
     site: &NameOrFile,
+    fluorophores: &[FluorophoreSection],
+    grid: &WavelengthGrid,
 ) -> Resolved<Site> {
     let mut site = context.site(&at.field("site"), site)?;
     let failed = |at: &Place, error: TissueError| context.error(at, error.to_string());
@@ -259,7 +269,41 @@ fn of_site(
     for (name, value) in &section.parameters {
         site.set(name, *value).map_err(|error| failed(&at.field("parameters").field(name), error))?;
     }
+    for (number, layer) in section.layer.iter().enumerate() {
+        let at = at.field("layer").index(number);
+        context.unique_name(&at, &layer.name, section.layer[..number].iter().map(|l| l.name.as_str()))?;
+        let addition = addition(context, &at, layer, &site, fluorophores, grid)?;
+        site.add(addition).map_err(|error| context.error(&at.field("name"), error.to_string()))?;
+    }
     Ok(site)
+}
+
+/// What a section adds to a layer of a site.
+fn addition(
+    context: &mut Context<'_>,
+    at: &Place,
+    section: &TissueLayerSection,
+    site: &Site,
+    sections: &[FluorophoreSection],
+    grid: &WavelengthGrid,
+) -> Resolved<LayerAddition> {
+    let own = [
+        ("thickness_um", section.thickness_um.is_some()),
+        ("scattering", section.scattering.is_some()),
+        ("refractive_index", section.refractive_index.is_some()),
+    ];
+    if let Some((field, _)) = own.iter().find(|(_, given)| *given) {
+        let message = "the layer of a site has its own; change it by `parameters`, or remove `site` to describe the layers yourself";
+        return context.fail(&at.field(*field), message);
+    }
+    let absorption = absorption(context, &at.field("absorption"), &section.absorption, grid)?;
+    let fluorophores = held_fluorophores(context, at, section, sections, Some(site))?;
+    if absorption.is_empty() && section.fluorophores.is_empty() {
+        let message =
+            "adds nothing to the layer of the site; give it absorption or fluorophores, or remove it";
+        return context.fail(at, message);
+    }
+    Ok(LayerAddition { layer: section.name.clone(), absorption, fluorophores })
 }
 
 fn of_layers(
@@ -294,51 +338,23 @@ fn of_layer(
     sections: &[FluorophoreSection],
     grid: &WavelengthGrid,
 ) -> Resolved<TissueLayer> {
+    let (Some(thickness_um), Some(scattering_section)) = (section.thickness_um, &section.scattering) else {
+        let message =
+            "give its thickness_um and its scattering, or the tissue a `site` whose layer this adds to";
+        return context.fail(at, message);
+    };
     let thickness = at.field("thickness_um");
-    let thickness_um =
-        context.within(&thickness, section.thickness_um, THICKNESS_UM, "µm (1 mm = 1000 µm)")?;
+    let thickness_um = context.within(&thickness, thickness_um, THICKNESS_UM, "µm (1 mm = 1000 µm)")?;
     if let Some(index) = section.refractive_index {
         let hint = "(tissue has 1.33 to 1.65)";
         context.within(&at.field("refractive_index"), index, REFRACTIVE_INDEX, hint)?;
     }
-    let scattering = scattering(context, &at.field("scattering"), &section.scattering, grid)?;
+    let scattering = scattering(context, &at.field("scattering"), scattering_section, grid)?;
     let absorption = absorption(context, &at.field("absorption"), &section.absorption, grid)?;
-    let mut fluorophores = Vec::new();
-    for (name, held) in &section.fluorophores {
-        let at = at.field("fluorophores").field(name);
-        let found = TissueFluorophore {
-            fluorophore: known_emitter(context, &at, sections, name)?.fluorophore,
-            strength_per_mm: held.strength_per_mm,
-            at_nm: held.at_nm,
-            quantum_yield: held.quantum_yield,
-        };
-        found.validate("").map_err(|error| misplaced(context, &at, &error))?;
-        if held.strength_per_mm > 0.0 {
-            fluorophores.push(found);
-        }
-    }
+    let fluorophores = held_fluorophores(context, at, section, sections, None)?;
     let refractive_index = section.refractive_index;
     let name = section.name.clone();
     Ok(TissueLayer { name, thickness_um, scattering, absorption, fluorophores, refractive_index })
-}
-
-/// A number outside its range, told at its field: the last word of what the layer calls it.
-fn misplaced(context: &Context<'_>, at: &Place, error: &TissueError) -> ExperimentError {
-    match error {
-        TissueError::OutOfRange { quantity, range, hint, .. } => {
-            let field = quantity.rsplit('.').next().unwrap_or(quantity);
-            let [least, most] = range.map(number_text);
-            context.error(&at.field(field), format!("must be between {least} and {most}; {hint}"))
-        }
-        TissueError::NotExcited { at_nm, .. } => {
-            let nm = number_text(*at_nm);
-            let message = format!(
-                "the fluorophore is not excited at {nm} nm; choose a wavelength within its excitation"
-            );
-            context.error(&at.field("at_nm"), message)
-        }
-        other => context.error(at, other.to_string()),
-    }
 }
 
 fn scattering(

@@ -85,9 +85,27 @@ pub(crate) fn check_sections(
     for (index, section) in sections.iter().enumerate() {
         let at = steps!["tissue", index];
         context.unique_name(&at, &section.name, sections[..index].iter().map(|other| other.name.as_str()))?;
-        of_section(context, &at, section, fluorophores, grid)?;
+        let named = of_section(context, &at, section, fluorophores, grid)?;
+        check_balance(context, &at, section, &named, fluorophores, grid)?;
     }
     Ok(())
+}
+
+/// Refuses layers of a section that emit more photons than they absorb.
+pub(crate) fn check_balance(
+    context: &mut Context<'_>,
+    at: &Place,
+    section: &TissueSection,
+    named: &NamedTissue,
+    fluorophores: &[FluorophoreSection],
+    grid: &WavelengthGrid,
+) -> Resolved<()> {
+    if section.layer.is_empty() {
+        return Ok(());
+    }
+    let layers = Layers::new(context, at, fluorophores, named)?;
+    let balance = layers.of(named).and_then(|tissue| tissue.check_photon_balance(&grid.centers_nm()));
+    balance.map_err(|error| context.error(&at.field("layer"), error.to_string()))
 }
 
 /// A tissue by name: from the sections of the file, otherwise a site of the catalogue.
@@ -460,8 +478,7 @@ fn check_held(
             "Its strength is 0: give it one among the parameters of a [[tissue]]"
         }
         NamedTissue::Site(_) => {
-            "A tissue site accepts no others. For another dye, describe the tissue by layers ([[tissue.layer]]), or use diffuse \
-             materials with concentrations, as the experiment oraleye-2021-surface does"
+            "Give it to a layer of a [[tissue]] of that site: [[tissue.layer]] with a name and fluorophores"
         }
     };
     let message = format!(

@@ -25,9 +25,8 @@ pub struct TissueSection {
     /// the place of those of the site in its state. Default: none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parameters: BTreeMap<String, f64>,
-    /// The layers in place of a site, the uppermost first.
+    /// The layers in place of a site, the uppermost first; with a site what its layers hold in addition, a dye for instance.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    #[schemars(extend("x-mutually-exclusive-with" = ["site", "states", "parameters"]))]
     pub layer: Vec<TissueLayerSection>,
     /// Refractive index of layers that do not state their own, 1 to 3. Default 1.4 (mucosa).
     pub refractive_index: Option<f64>,
@@ -36,16 +35,16 @@ pub struct TissueSection {
     pub index_below: Option<f64>,
 }
 
-/// One homogeneous layer of tissue.
+/// One homogeneous layer of tissue, or an addition to the layer of a site.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TissueLayerSection {
-    /// Name, unique in its tissue.
+    /// Name, unique in its tissue; with a site that of its layer, for instance "basal layer".
     pub name: String,
-    /// Thickness, um, 0.1 to 1e6. 1 mm = 1000 um.
-    pub thickness_um: f64,
-    /// How it scatters.
-    pub scattering: LayerScatteringSection,
+    /// Thickness, um, 0.1 to 1e6. 1 mm = 1000 um. Layers of a site have their own.
+    pub thickness_um: Option<f64>,
+    /// How it scatters. Layers of a site have their own.
+    pub scattering: Option<LayerScatteringSection>,
     /// What absorbs in it. Default: nothing.
     #[serde(default)]
     pub absorption: LayerAbsorptionSection,
@@ -140,15 +139,19 @@ pub struct BackgroundSection {
     pub slope_per_nm: f64,
 }
 
-/// A fluorophore in a layer.
+/// A fluorophore in a layer: `strength_per_mm`, or the concentration of a dye.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LayerFluorophoreSection {
-    /// Absorption coefficient of the fluorophore at `at_nm` times its quantum yield, 1/mm, 0 to 0.05; mucosa has 1e-5 to 1e-2.
-    pub strength_per_mm: f64,
+    /// Concentration, umol/l, of a dye of the catalogue whose molar absorption and quantum yield are published
+    /// (`catalog show fluorophore`). Its own absorption is added to that of the layer.
+    #[schemars(extend("x-mutually-exclusive-with" = ["strength_per_mm", "at_nm", "quantum_yield"]))]
+    pub concentration_umol_per_l: Option<f64>,
+    /// Absorption coefficient of the fluorophore at `at_nm` times its quantum yield, 1/mm, 0 to 400; mucosa has 1e-5 to 1e-2.
+    #[schemars(extend("x-mutually-exclusive-with" = ["concentration_umol_per_l"]))]
+    pub strength_per_mm: Option<f64>,
     /// Wavelength of that value, nm, 200 to 1200; the fluorophore must be excited there. Default 405.
-    #[serde(default = "strength_nm")]
-    pub at_nm: f64,
+    pub at_nm: Option<f64>,
     /// Quantum yield, 0.001 to 1: the absorption that the emission implies is added to that of the layer. Default: the layer's
     /// absorption holds it already.
     pub quantum_yield: Option<f64>,
@@ -160,5 +163,4 @@ defaults! {
     capillary: f64 = 4.0;
     background_nm: f64 = 420.0;
     background_slope: f64 = 0.008_35;
-    strength_nm: f64 = 405.0;
 }

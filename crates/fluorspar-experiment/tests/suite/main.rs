@@ -36,5 +36,6 @@ mod study_from_code;
 mod support;
 mod target_noise;
 mod tissue;
+mod tissue_dyes;
 mod tissue_sites;
 mod traced_experiment;

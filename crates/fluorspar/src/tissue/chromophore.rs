@@ -6,7 +6,7 @@ use super::tissue_error::{TissueError, check};
 use crate::spectral::{Curve, blood_absorption_per_cm};
 
 /// Largest absorption coefficient of a curve, 1/mm: whole blood without oxygen has 300/mm at 434 nm.
-const CURVE_PER_MM: [f64; 2] = [0.0, 400.0];
+pub(super) const CURVE_PER_MM: [f64; 2] = [0.0, 400.0];
 /// Absorption of tissue without blood and pigment, 1/mm. Soft tissue has 0.01 to 0.3, dentin 0.3 to 0.6.
 const BACKGROUND_PER_MM: [f64; 2] = [0.0, 0.8];
 

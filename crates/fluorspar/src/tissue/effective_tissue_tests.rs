@@ -185,8 +185,8 @@ fn bad_tissues_are_refused() {
         (|t| t.below = Below::Index(0.5), "medium below: refractive_index is 0.5"),
         (|t| t.layers[0].refractive_index = Some(5.0), "layer 'keratin': refractive_index is 5"),
         (
-            |t| t.layers[0].fluorophores[0].strength_per_mm = 1.43,
-            "fluorophore 'e': strength_per_mm is 1.43, outside 0 to 0.05; absorption times quantum yield is in 1/mm",
+            |t| t.layers[0].fluorophores[0].strength_per_mm = 1430.0,
+            "fluorophore 'e': strength_per_mm is 1430, outside 0 to 400; absorption times quantum yield is in 1/mm",
         ),
         (|t| t.layers[0].fluorophores[0].at_nm = 1100.0, "not excited at 1100 nm"),
         (|t| t.layers.clear(), "at least one layer"),
@@ -205,6 +205,21 @@ fn bad_tissues_are_refused() {
         effective.eem(LayerFluorophore { layer: 9, fluorophore: 0 }, Level::AboveSurface),
         Err(TissueError::NoSuchPart)
     );
+}
+
+#[test]
+fn layers_that_emit_more_than_they_absorb_are_told() {
+    let nm = [400.0, 405.0, 420.0];
+    let mut tissue = tongue();
+    tissue.check_photon_balance(&nm).unwrap();
+    let held = &mut tissue.layers[2].fluorophores[0];
+    held.strength_per_mm = 2.0;
+    let said = tissue.check_photon_balance(&nm).unwrap_err().to_string();
+    assert!(said.starts_with("layer 'superficial stroma', fluorophore 'e': under "), "{said}");
+    // With its own absorption it can't, even if it emits all that it absorbs
+    tissue.layers[2].fluorophores[0].quantum_yield = Some(1.0);
+    tissue.check_photon_balance(&nm).unwrap();
+    assert!(solved(&tissue).largest_photon_return() < 1.0);
 }
 
 /// Photons under several lines are the sum of those under each.

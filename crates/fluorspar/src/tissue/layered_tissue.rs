@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::chromophore::Chromophore;
+use super::chromophore::{CURVE_PER_MM, Chromophore};
 use super::optical_layer::{OpticalLayer, OpticalStack};
 use super::scattering::LayerScattering;
 use super::tissue_error::{TissueError, check};
@@ -17,7 +17,7 @@ use crate::spectral::{Fluorophore, Stokes, YieldDensity};
 pub struct TissueFluorophore {
     /// The fluorophore; its own scale does not matter.
     pub fluorophore: Arc<Fluorophore>,
-    /// Absorption times quantum yield at `at_nm`, 1/mm; 0 to 0.05. Mucosa has 1e-5 to 1e-2.
+    /// Absorption times quantum yield at `at_nm`, 1/mm; 0 to 400. Mucosa has 1e-5 to 1e-2.
     pub strength_per_mm: f64,
     /// Wavelength of the strength, nm; the fluorophore must be excited there.
     pub at_nm: f64,
@@ -84,7 +84,7 @@ impl TissueFluorophore {
     pub fn validate(&self, place: &str) -> Result<(), TissueError> {
         let place = format!("{place}, fluorophore '{}'", self.fluorophore.name);
         let hint = "absorption times quantum yield is in 1/mm (1/cm = 0.1/mm); mucosa has 1e-5 to 1e-2";
-        check(&place, "strength_per_mm", self.strength_per_mm, [0.0, 0.05], hint)?;
+        check(&place, "strength_per_mm", self.strength_per_mm, CURVE_PER_MM, hint)?;
         check(&place, "at_nm", self.at_nm, [200.0, 1200.0], "it is in nm")?;
         if let Some(quantum_yield) = self.quantum_yield {
             let hint = "leave it out where it is not known";
@@ -156,6 +156,43 @@ impl LayeredTissue {
                 return Err(TissueError::NameTwice { name: layer.name.clone() });
             }
             layer.validate(&format!("layer '{}'", layer.name))?;
+        }
+        Ok(())
+    }
+
+    /// Refuses layers that emit more photons than they absorb. A fluorophore that brings its own absorption, with a quantum yield, can't.
+    ///
+    /// # Errors
+    /// The layer and the wavelength where most photons are gained, with the strongest fluorophore there that brings none.
+    pub fn check_photon_balance(&self, wavelengths_nm: &[f64]) -> Result<(), TissueError> {
+        for layer in &self.layers {
+            let emitted: Vec<Vec<f64>> = layer
+                .fluorophores
+                .iter()
+                .map(|held| {
+                    let yields = held.fluorophore.eem.total_yields(wavelengths_nm);
+                    yields.into_iter().map(|photons| photons * held.scale_per_mm()).collect()
+                })
+                .collect();
+            let at = |i: usize| {
+                let sum: f64 = emitted.iter().map(|of_one| of_one[i]).sum();
+                (i, sum, layer.absorption_per_mm(wavelengths_nm[i]))
+            };
+            let gain = |&(_, emitted, absorbed): &(usize, f64, f64)| emitted - absorbed;
+            let most = (0..wavelengths_nm.len()).map(at).max_by(|a, b| gain(a).total_cmp(&gain(b)));
+            let Some((i, emitted_per_mm, absorbed_per_mm)) = most else { continue };
+            let without = layer.fluorophores.iter().zip(&emitted).filter(|(f, _)| f.quantum_yield.is_none());
+            let strongest = without.max_by(|(_, a), (_, b)| a[i].total_cmp(&b[i]));
+            // Rounding may leave a little more than a quantum yield of 1 gives.
+            if let Some((held, _)) = strongest.filter(|_| emitted_per_mm > (1.0 + 1e-9) * absorbed_per_mm) {
+                return Err(TissueError::GainsPhotons {
+                    layer: layer.name.clone(),
+                    fluorophore: held.fluorophore.name.clone(),
+                    nm: wavelengths_nm[i],
+                    emitted_per_mm,
+                    absorbed_per_mm,
+                });
+            }
         }
         Ok(())
     }

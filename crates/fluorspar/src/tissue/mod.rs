@@ -57,7 +57,7 @@ pub use optical_layer::{
 };
 pub use population::{Population, Spread, Variation};
 pub use scattering::{LayerScattering, ScatteringCoefficient};
-pub use site::{Site, SiteDescription, SiteParameters, SiteStructure, SiteValue};
+pub use site::{LayerAddition, Site, SiteDescription, SiteParameters, SiteStructure, SiteValue};
 pub use site_parameter::{Basis, MucosaParameters, SiteParameter, ToothParameters};
 pub use surroundings::Surroundings;
 pub use tissue_error::TissueError;

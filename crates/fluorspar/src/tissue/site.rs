@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
-use super::layered_tissue::LayeredTissue;
+use super::chromophore::Chromophore;
+use super::layered_tissue::{LayeredTissue, TissueFluorophore};
 use super::site_parameter::{Basis, MucosaParameters, SiteParameter, ToothParameters};
 use super::surroundings::Surroundings;
 use super::tissue_error::{TissueError, check};
@@ -18,6 +19,18 @@ pub struct Site {
     /// Basis of the value that the description gives each parameter, and the source of it.
     bases: Arc<[(Basis, String)]>,
     parameters: Box<SiteParameters>,
+    added: Vec<LayerAddition>,
+}
+
+/// What a layer of a site holds beside what its parameters say: a dye, for instance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LayerAddition {
+    /// Name of the layer, one of [`Site::layer_names`].
+    pub layer: String,
+    /// What absorbs.
+    pub absorption: Vec<Chromophore>,
+    /// What fluoresces. The absorption of a dye that the parameters do not know comes with its quantum yield.
+    pub fluorophores: Vec<TissueFluorophore>,
 }
 
 /// What is known of a site beside its parameters.
@@ -125,7 +138,8 @@ impl Site {
     ) -> Result<Self, TissueError> {
         let parameters = Box::new(SiteParameters::of(structure));
         let all = parameters.list();
-        let mut site = Self { description: Arc::new(description), bases: Arc::new([]), parameters };
+        let (description, bases) = (Arc::new(description), Arc::new([]));
+        let mut site = Self { description, bases, parameters, added: Vec::new() };
         let mut bases = vec![None; all.len()];
         for SiteValue { parameter, value, basis, source } in values {
             site.set(&parameter, value)?;
@@ -268,6 +282,35 @@ impl Site {
         }
     }
 
+    /// Names of the layers that it may have, the uppermost first.
+    #[must_use]
+    pub fn layer_names(&self) -> &'static [&'static str] {
+        match *self.parameters {
+            SiteParameters::Mucosa(_) => MucosaParameters::LAYERS,
+            SiteParameters::Tooth(_) => ToothParameters::LAYERS,
+        }
+    }
+
+    /// Adds something to a layer.
+    ///
+    /// # Errors
+    /// A layer that the site does not have, with the names of those that it has.
+    pub fn add(&mut self, addition: LayerAddition) -> Result<(), TissueError> {
+        let known = self.layer_names();
+        if !known.contains(&addition.layer.as_str()) {
+            let (site, name) = (self.name().into(), addition.layer);
+            return Err(TissueError::NoSuchSiteLayer { site, name, known });
+        }
+        self.added.push(addition);
+        Ok(())
+    }
+
+    /// What was added to its layers.
+    #[must_use]
+    pub fn added(&self) -> &[LayerAddition] {
+        &self.added
+    }
+
     /// Photons emitted per photon that a fluorophore of tissue absorbs, as far as one number can be given: to size what its own
     /// absorption does. None of fluorophores that no site holds.
     #[must_use]
@@ -289,10 +332,17 @@ impl Site {
                 name: name.to_string(),
             })
         };
-        let tissue = match &*self.parameters {
-            SiteParameters::Mucosa(parameters) => parameters.tissue(&find)?,
+        let is_added = |layer: &str| self.added.iter().any(|addition| addition.layer == layer);
+        let mut tissue = match &*self.parameters {
+            SiteParameters::Mucosa(parameters) => parameters.tissue(&find, &is_added)?,
             SiteParameters::Tooth(parameters) => parameters.tissue(&find)?,
         };
+        for LayerAddition { layer, absorption, fluorophores } in &self.added {
+            let held = tissue.layers.iter_mut().find(|held| held.name == *layer);
+            let held = held.ok_or_else(|| TissueError::ThinLayer { name: layer.clone() })?;
+            held.absorption.extend_from_slice(absorption);
+            held.fluorophores.extend_from_slice(fluorophores);
+        }
         tissue.validate()?;
         Ok(tissue)
     }

@@ -66,11 +66,19 @@ impl MucosaParameters {
         "flavin_aggregate",
     ];
 
-    /// Biofilm, keratin, epithelium, basal layer, superficial and deep stroma.
-    pub(super) fn tissue(&self, find: &Find<'_>) -> Result<LayeredTissue, TissueError> {
+    /// Layers that there may be.
+    pub(super) const LAYERS: &'static [&'static str] =
+        &["biofilm", "keratin", "epithelium", "basal layer", "superficial stroma", "deep stroma"];
+
+    /// All layers; `is_added` says of which something is added to, so that they are layers of their own.
+    pub(super) fn tissue(
+        &self,
+        find: &Find<'_>,
+        is_added: &dyn Fn(&str) -> bool,
+    ) -> Result<LayeredTissue, TissueError> {
         let mut layers = Vec::with_capacity(6);
-        self.add_keratin(find, &mut layers)?;
-        self.add_epithelium(find, &mut layers)?;
+        self.add_keratin(find, is_added("biofilm"), &mut layers)?;
+        self.add_epithelium(find, is_added("basal layer"), &mut layers)?;
         self.add_stroma(find, &mut layers)?;
         Ok(LayeredTissue { layers, refractive_index: self.refractive_index, below: Below::Black })
     }
@@ -83,7 +91,12 @@ impl MucosaParameters {
         power_law(scattering_per_mm, 420.0, self.epithelium_scattering_power, 0.97)
     }
 
-    fn add_keratin(&self, find: &Find<'_>, layers: &mut Vec<TissueLayer>) -> Result<(), TissueError> {
+    fn add_keratin(
+        &self,
+        find: &Find<'_>,
+        has_film: bool,
+        layers: &mut Vec<TissueLayer>,
+    ) -> Result<(), TissueError> {
         let scattering = self.cell_scattering(self.keratin_scattering_per_mm);
         let keratin = fluorescence(find, &[("keratin", self.keratin_per_mm)])?;
         let mut film = fluorescence(
@@ -96,7 +109,7 @@ impl MucosaParameters {
         let mut keratin_um = self.keratin_thickness_um;
         let film_um = self.biofilm_thickness_um.min(0.5 * keratin_um);
         // A biofilm without emitters of its own is keratin.
-        if film_um >= 0.1 && !film.is_empty() {
+        if film_um >= 0.1 && (has_film || !film.is_empty()) {
             film.extend(keratin.clone());
             layers.push(layer("biofilm", film_um, &scattering, vec![self.background()], film));
             keratin_um -= film_um;
@@ -105,7 +118,12 @@ impl MucosaParameters {
         Ok(())
     }
 
-    fn add_epithelium(&self, find: &Find<'_>, layers: &mut Vec<TissueLayer>) -> Result<(), TissueError> {
+    fn add_epithelium(
+        &self,
+        find: &Find<'_>,
+        has_basal: bool,
+        layers: &mut Vec<TissueLayer>,
+    ) -> Result<(), TissueError> {
         let scattering = self.cell_scattering(self.epithelium_scattering_per_mm);
         let cells = fluorescence(
             find,
@@ -117,10 +135,11 @@ impl MucosaParameters {
         )?;
         let volume_fraction = self.melanin_fraction;
         let whole_um = self.epithelium_thickness_um;
-        let basal_um = if volume_fraction > 0.0 { BASAL_UM.min(0.5 * whole_um) } else { 0.0 };
+        let has_basal = has_basal || volume_fraction > 0.0;
+        let basal_um = if has_basal { BASAL_UM.min(0.5 * whole_um) } else { 0.0 };
         let absorption = vec![self.background()];
         layers.push(layer("epithelium", whole_um - basal_um, &scattering, absorption, cells.clone()));
-        if volume_fraction > 0.0 {
+        if has_basal {
             let absorption = vec![self.background(), Chromophore::Melanin { volume_fraction }];
             layers.push(layer("basal layer", basal_um, &scattering, absorption, cells));
         }
@@ -169,6 +188,8 @@ impl MucosaParameters {
 impl ToothParameters {
     /// Fluorophores that the layers may hold.
     pub(super) const FLUOROPHORES: &'static [&'static str] = &["enamel", "dentin"];
+    /// The layers.
+    pub(super) const LAYERS: &'static [&'static str] = &["enamel", "dentin"];
 
     /// Enamel on dentin.
     pub(super) fn tissue(&self, find: &Find<'_>) -> Result<LayeredTissue, TissueError> {

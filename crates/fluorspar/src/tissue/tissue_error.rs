@@ -50,6 +50,47 @@ pub enum TissueError {
         /// The wavelength, nm.
         at_nm: f64,
     },
+    /// A layer that emits more photons than it absorbs.
+    #[error(
+        "layer '{layer}', fluorophore '{fluorophore}': under {} nm the layer emits {} photons per mm and photon, but absorbs {}; \
+         give the fluorophore a smaller strength, or its quantum_yield, with which its own absorption comes",
+        number_text(*nm),
+        three_digits(*emitted_per_mm),
+        three_digits(*absorbed_per_mm)
+    )]
+    GainsPhotons {
+        /// The layer.
+        layer: String,
+        /// The strongest fluorophore of those that bring no absorption.
+        fluorophore: String,
+        /// Excitation, nm.
+        nm: f64,
+        /// Photons emitted per mm of path of a photon.
+        emitted_per_mm: f64,
+        /// Absorption coefficient, 1/mm.
+        absorbed_per_mm: f64,
+    },
+    /// A layer that a site does not have.
+    #[error(
+        "tissue '{site}' has no layer '{}'{} It has {}",
+        excerpt(name),
+        did_you_mean(name, known.iter().copied()),
+        known.join(", ")
+    )]
+    NoSuchSiteLayer {
+        /// The site.
+        site: String,
+        /// The name.
+        name: String,
+        /// The names that there are.
+        known: &'static [&'static str],
+    },
+    /// A layer too thin for what was added to it.
+    #[error("layer '{name}' is thinner than 0.1 um and holds nothing; make it thicker")]
+    ThinLayer {
+        /// The layer.
+        name: String,
+    },
     /// A name that no state has.
     #[error("there is no state '{name}' of tissue; there are {}", known.join(", "))]
     NoSuchState {
@@ -163,6 +204,10 @@ pub enum TissueError {
     /// Reciprocity needs the fluence of even diffuse light.
     #[error("reciprocity needs the emission wavelength simulated under Lambertian light")]
     EmissionNotLambertian,
+}
+
+fn three_digits(value: f64) -> String {
+    number_text(format!("{value:.2e}").parse().unwrap_or(value))
 }
 
 /// Refuses a number outside a range, ends included, and NaN.
