@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use fluorspar::sampling::random::Key;
-use fluorspar::tissue::{Population, TissueError, TissueState};
+use fluorspar::tissue::{Population, TissueError};
 
 use crate::preset::{self, PresetError};
 use crate::schema::{ExperimentFile, NameOrFile, TissueSection};
@@ -50,8 +50,9 @@ pub fn give_tissues_of(person: u32, file: &mut ExperimentFile) -> Result<(), Pre
 fn drawn(mut section: TissueSection, person: Key) -> Result<TissueSection, PresetError> {
     let Some(site) = &section.site else { return Ok(section) };
     let mut site = preset::site_or_file(site.as_str())?;
+    let states = section.states.iter().map(|name| preset::state(name)).collect::<Result<Vec<_>, _>>()?;
     let mut change = || -> Result<(), TissueError> {
-        section.states.iter().try_for_each(|state| site.apply(TissueState::named(state)?))?;
+        states.iter().try_for_each(|state| site.apply(state))?;
         section.parameters.iter().try_for_each(|(name, value)| site.set(name, *value))
     };
     change().map_err(|error| PresetError::User {

@@ -52,7 +52,7 @@ fn by_kind(entries: &[preset::PresetSummary]) -> String {
             text += &format!("{}{}\n", if last.is_some() { "\n" } else { "" }, entry.kind);
             last = Some(entry.kind);
         }
-        text += &format!("  {:<22} {}\n", entry.name, entry.title);
+        text += &format!("  {:<26} {}\n", entry.name, entry.title);
     }
     text
 }

@@ -412,7 +412,7 @@ fn wrong_words_of_tissue_commands_are_told() {
         ("catalog show tissue tongue", "there is no tissue \"tongue\"; did you mean"),
         ("catalog show tissue lip --set oxygen_saturation", "write NAME=VALUE"),
         ("catalog show tissue mucosa.toml", "mucosa.toml"),
-        ("catalog show tissue tooth --state dysplasia", "has no parameter"),
+        ("catalog show tissue tooth --state dysplasia_mild", "has no parameter"),
         ("tissue solve lip --from-nm 200", "--from-nm 200: must be between 350 and 800 nm"),
         (
             "tissue solve lip --from-nm 500 --to-nm 510",

@@ -7,11 +7,12 @@ use fluorspar::design::{
 };
 use fluorspar::sampling::random::Key;
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid, blood_transmittance};
-use fluorspar::tissue::{Population, Site, TissueState};
+use fluorspar::tissue::{Population, Site};
 
 use super::schema::{CohortSection, DesignFile, RegionSection};
 use crate::error::{Place, steps};
 use crate::part_file::sample::{SampleMaterial, Sampled, material};
+use crate::preset;
 use crate::resolve::context::{Context, Resolved};
 use crate::resolve::named_tissue::NamedTissue;
 use crate::resolve::tissue::{FlatTissue, Layers, check_sections, flat_layers, named_tissue};
@@ -321,8 +322,7 @@ pub(super) fn cohort(
     let at_tissue = at.field("tissue");
     let (tissues, fluorophores) = (&file.experiment.tissue, &file.experiment.fluorophore);
     let typical = named_tissue(context, &at_tissue, tissues, fluorophores, axes.grid, &section.tissue)?;
-    let state = TissueState::named(&section.state)
-        .map_err(|error| context.error(&at.field("state"), error.to_string()))?;
+    let state = preset::state(&section.state).map_err(|error| context.error(&at.field("state"), error))?;
     let layers = Layers::new(context, &at_tissue, &file.experiment.fluorophore, &typical)?;
     let population = Population::of(typical.site(context, &at_tissue)?);
     let key = Key::new(section.seed).with_text("cohort");
@@ -335,7 +335,7 @@ pub(super) fn cohort(
     for person in 0..section.people {
         let mut tissue = population.draw(&mut key.with(u64::from(person)).rng());
         healthy.push(of(context, &tissue)?);
-        tissue.apply(state).map_err(|error| context.error(&at.field("state"), error.to_string()))?;
+        tissue.apply(&state).map_err(|error| context.error(&at.field("state"), error.to_string()))?;
         altered.push(of(context, &tissue)?);
     }
     Ok(Cohort { name: format!("{} with {}", section.tissue, section.state), healthy, altered })

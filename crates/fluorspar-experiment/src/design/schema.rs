@@ -155,7 +155,7 @@ pub struct RenderedRegionSection {
 pub struct CohortSection {
     /// Tissue of the healthy: a `[[tissue]]`, or a site of the catalogue.
     pub tissue: String,
-    /// State of the others, for instance "dysplasia".
+    /// State of the others, for instance "dysplasia_moderate".
     pub state: String,
     /// People in each group, 4 to 200. Default 24.
     #[serde(default = "cohort_size")]

@@ -31,6 +31,8 @@ pub enum PresetKind {
     Lens,
     /// A tissue with its parameters.
     Site,
+    /// A state of tissue, a lesion for instance.
+    State,
     /// A complete experiment.
     Experiment,
     /// A flat sample without geometry.
@@ -41,7 +43,7 @@ pub enum PresetKind {
 
 impl PresetKind {
     /// Every kind.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Light,
         Self::Filter,
         Self::Reflectance,
@@ -52,6 +54,7 @@ impl PresetKind {
         Self::Glass,
         Self::Lens,
         Self::Site,
+        Self::State,
         Self::Experiment,
         Self::Sample,
         Self::Design,
@@ -70,6 +73,7 @@ impl PresetKind {
             Self::Glass => ["glasses", "glass"],
             Self::Lens => ["lenses", "lens"],
             Self::Site => ["sites", "tissue"],
+            Self::State => ["states", "state of tissue"],
             Self::Experiment => ["experiments", "experiment"],
             Self::Sample => ["samples", "flat sample"],
             Self::Design => ["designs", "design problem"],

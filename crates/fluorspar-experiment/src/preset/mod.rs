@@ -14,6 +14,7 @@
 //! | glasses | [`list`]`(PresetKind::Glass)` | [`glass`] |
 //! | lenses | [`list`]`(PresetKind::Lens)` | [`lens`], [`lens_or_file`] |
 //! | tissue sites | [`list`]`(PresetKind::Site)` | [`site`], [`site_or_file`] |
+//! | states of tissue | [`list`]`(PresetKind::State)` | [`state`] |
 //! | experiments | [`list`]`(PresetKind::Experiment)` | [`experiment`] |
 //! | flat samples | [`list`]`(PresetKind::Sample)` | [`sample`] |
 //! | design problems | [`list`]`(PresetKind::Design)` | [`design`] |
@@ -27,6 +28,7 @@ mod kind;
 mod lens_preset;
 mod metal_preset;
 mod site_preset;
+mod state_preset;
 mod text_preset;
 mod user_catalogue;
 mod user_entries;
@@ -41,6 +43,7 @@ pub use kind::{PresetError, PresetKind};
 pub use lens_preset::{LensError, LoadedLens, glass, lens, lens_or_file};
 pub use metal_preset::{MetalPreset, metal};
 pub use site_preset::{compared_sites, site, site_of_text, site_or_file};
+pub use state_preset::state;
 pub(crate) use text_preset::sensor_text;
 pub use text_preset::{ExperimentPreset, SensorPreset, design, experiment, sample, sensor};
 pub use user_catalogue::use_catalogue;

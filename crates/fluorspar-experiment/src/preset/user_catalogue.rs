@@ -12,21 +12,23 @@ use super::curve_preset::{
 };
 use super::kind::{PresetError, PresetKind};
 use super::site_preset::site;
+use super::state_preset::state;
 use super::text_preset::sensor;
 use super::user_entries::{Entries, MOST_BYTES, UserEntry, keep_entries};
 
 /// Kinds of entries that the folder may hold.
-const KINDS: [PresetKind; 6] = [
+const KINDS: [PresetKind; 7] = [
     PresetKind::Light,
     PresetKind::Filter,
     PresetKind::Reflectance,
     PresetKind::QuantumEfficiency,
     PresetKind::Sensor,
     PresetKind::Site,
+    PresetKind::State,
 ];
 
 /// Lets the entries of a folder stand beside those of the catalogue, for the rest of this process. Its folders `lights`, `filters`,
-/// `reflectances`, `qe`, `sensors` and `sites` hold files in the form of the catalogue (`NAME.toml`), or tables (`NAME.csv`, only of
+/// `reflectances`, `qe`, `sensors`, `sites` and `states` hold files in the form of the catalogue (`NAME.toml`), or tables (`NAME.csv`, only of
 /// spectra): wavelength, nm, in the first column, one column beside it, for quantum efficiencies one for each channel. A table of a light is brought
 /// to a peak of 1. The first folder that is used stays.
 ///
@@ -68,6 +70,7 @@ fn check(folder: &str, name: &str) -> Result<(), PresetError> {
         Some(PresetKind::Reflectance) => reflectance(name).map(drop),
         Some(PresetKind::QuantumEfficiency) => quantum_efficiency(name).map(drop),
         Some(PresetKind::Site) => site(name).map(drop),
+        Some(PresetKind::State) => state(name).map(drop),
         _ => sensor(name).map(drop),
     }
 }
@@ -84,7 +87,7 @@ fn of_file(path: &Path, error: &FormatError) -> PresetError {
 fn text_of_entry(kind: PresetKind, name: &str, path: &Path) -> Result<Option<String>, PresetError> {
     match path.extension().and_then(|ending| ending.to_str()) {
         Some("toml") => read_text_bounded(path, MOST_BYTES).map(Some).map_err(|error| of_file(path, &error)),
-        Some("csv") if !matches!(kind, PresetKind::Sensor | PresetKind::Site) => {
+        Some("csv") if !matches!(kind, PresetKind::Sensor | PresetKind::Site | PresetKind::State) => {
             text_of_table(kind, name, path).map(Some)
         }
         _ => Ok(None),

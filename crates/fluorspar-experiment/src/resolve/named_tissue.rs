@@ -6,6 +6,7 @@ use super::context::{Context, Resolved};
 use super::held_fluorophore::{held_fluorophores, misplaced};
 use super::spectrum::Role;
 use crate::error::Place;
+use crate::preset;
 use crate::schema::{
     FluorophoreSection, LayerAbsorptionSection, LayerScatteringSection, NameOrFile, NameOrTable,
     SpectrumReference, TissueLayerSection, TissueSection,
@@ -13,7 +14,7 @@ use crate::schema::{
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
 use fluorspar::tissue::{
     Below, Blood, Chromophore, LayerAddition, LayerScattering, LayeredTissue, REFRACTIVE_INDEX,
-    ScatteringCoefficient, Site, TissueError, TissueLayer, TissueState,
+    ScatteringCoefficient, Site, TissueError, TissueLayer,
 };
 use fluorspar::units::number_text;
 
@@ -263,8 +264,8 @@ fn of_site(
     let failed = |at: &Place, error: TissueError| context.error(at, error.to_string());
     for (index, name) in section.states.iter().enumerate() {
         let at = at.field("states").index(index);
-        let state = TissueState::named(name).map_err(|error| failed(&at, error))?;
-        site.apply(state).map_err(|error| failed(&at, error))?;
+        let state = preset::state(name).map_err(|error| context.error(&at, error))?;
+        site.apply(&state).map_err(|error| failed(&at, error))?;
     }
     for (name, value) in &section.parameters {
         site.set(name, *value).map_err(|error| failed(&at.field("parameters").field(name), error))?;

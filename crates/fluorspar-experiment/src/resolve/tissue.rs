@@ -53,8 +53,17 @@ pub(crate) struct TissueRecipe {
 struct Variation {
     name: String,
     map: ScalarTexture,
-    /// Factors on parameters inside of a spot, where the map is 1; of a single parameter the map itself is the factor.
-    inside: Option<Vec<(String, f64)>>,
+    /// What changes inside of a spot, where the map is 1; of a single parameter the map itself is the factor.
+    inside: Option<Inside>,
+}
+
+/// What changes inside of a spot.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Inside {
+    /// States of the site, one after the other.
+    states: Vec<TissueState>,
+    /// Factors on parameters.
+    factors: Vec<(String, f64)>,
 }
 
 impl Variation {
@@ -62,7 +71,10 @@ impl Variation {
     fn apply(&self, tissue: &mut NamedTissue, value: f64) -> Result<(), TissueError> {
         match &self.inside {
             None => tissue.scale(&self.name, value),
-            Some(factors) => {
+            Some(Inside { states, factors }) => {
+                if let NamedTissue::Site(site) = tissue {
+                    states.iter().try_for_each(|state| site.apply_share(state, value))?;
+                }
                 factors.iter().try_for_each(|(name, factor)| tissue.scale(name, 1.0 + value * (factor - 1.0)))
             }
         }
@@ -229,10 +241,10 @@ impl TissueRecipe {
                            instead";
             return context.fail(&at.field(field), message);
         }
-        let mut inside = Vec::new();
+        let mut inside = Inside::default();
         for (index, name) in lesion.states.iter().enumerate() {
             let at = at.field("states").index(index);
-            let state = TissueState::named(name).map_err(|error| context.error(&at, error.to_string()))?;
+            let state = preset::state(name).map_err(|error| context.error(&at, error))?;
             if let NamedTissue::Layers { name, .. } = &self.tissue {
                 let message = format!(
                     "states are known of sites of the catalogue; \"{name}\" is described by its layers: give factors on their \
@@ -240,12 +252,12 @@ impl TissueRecipe {
                 );
                 return context.fail(&at, message);
             }
-            inside.extend(state.factors().iter().map(|(name, factor)| ((*name).to_owned(), *factor)));
+            inside.states.push(state);
         }
         for (name, factor) in &lesion.tissue {
             let at = at.field("tissue").field(name);
             check_parameter(context, &at, &self.tissue, name)?;
-            inside.push((name.clone(), context.within(&at, *factor, [0.0, MAX_FACTOR], "")?));
+            inside.factors.push((name.clone(), context.within(&at, *factor, [0.0, MAX_FACTOR], "")?));
         }
         let mut changed = self.clone();
         for (name, factor) in &lesion.concentrations {
@@ -256,7 +268,7 @@ impl TissueRecipe {
                 }
             }
         }
-        if !inside.is_empty() {
+        if inside != Inside::default() {
             let name = format!("lesion {}", lesion.name);
             changed.variations.push(Variation { name, map: mask, inside: Some(inside) });
         }

@@ -272,7 +272,7 @@ pub struct LesionSection {
     /// Extra blood above the reflecting layer, as a layer of whole blood of this thickness, µm, 0 to 200. Default 0.
     #[serde(default)]
     pub blood_um: f64,
-    /// States of layered tissue inside, for instance "dysplasia". Default: none.
+    /// States of layered tissue inside, for instance "dysplasia_moderate". Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub states: Vec<String>,
     /// Factors on parameters of layered tissue inside, for instance `superficial_blood_fraction = 10.0`. Default: none.

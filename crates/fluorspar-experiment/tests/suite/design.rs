@@ -288,7 +288,7 @@ fn a_cohort_of_a_file_is_told_apart() {
     let text = "spectral = { first_nm = 430.0, last_nm = 690.0, step_nm = 20.0 }\n\
                 excitation = { first_nm = 385.0, last_nm = 425.0, step_nm = 10.0 }\ncriterion = \"detection\"\n\
                 [[region]]\nname = \"tongue\"\nmaterial = { tissue = \"dorsal_tongue\" }\n\
-                [cohort]\ntissue = \"dorsal_tongue\"\nstate = \"dysplasia\"\npeople = 10\n\
+                [cohort]\ntissue = \"dorsal_tongue\"\nstate = \"dysplasia_moderate\"\npeople = 10\n\
                 [[vary]]\nfield = \"light.led\"\nled = { peaks_nm = [405.0], fwhm_nm = 10.0 }\n\
                 [exposure]\ntotal.ms = 1000.0\n";
     let text = &flat(text, 1000.0);

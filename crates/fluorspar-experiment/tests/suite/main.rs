@@ -19,6 +19,7 @@ mod lens_camera;
 mod lens_catalogue;
 mod lens_change;
 mod long_experiments;
+mod measured_lesions;
 mod measured_sites;
 mod mesh_files;
 mod mouth_appearance;

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use fluorspar::spectral::{Curve, StandardObserver, WavelengthGrid, daylight_d65};
-use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, Level};
+use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, Level, Site};
 use fluorspar_experiment::preset;
 use serde::Deserialize;
 
@@ -67,11 +67,16 @@ fn measured() -> Measured {
 }
 
 fn solved(Place { site, set }: &Place) -> EffectiveTissue {
-    let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
     let mut site = preset::site(site).unwrap();
     for (name, value) in set {
         site.set(name, *value).unwrap();
     }
+    of_site(&site)
+}
+
+/// A site as it looks from above.
+pub(crate) fn of_site(site: &Site) -> EffectiveTissue {
+    let find = |name: &str| Some(Arc::new(preset::fluorophore(name).ok()?.fluorophore()));
     let nm: Vec<f64> = (0..=74).map(|i| 380.0 + 5.0 * f64::from(i)).collect();
     EffectiveTissue::new(&site.tissue(&find).unwrap(), &nm, DiscreteOrdinates::DIFFUSE).unwrap()
 }
@@ -93,7 +98,7 @@ fn tristimulus(reflectance: &Curve) -> [[f64; 3]; 2] {
 }
 
 /// CIELAB of a reflectance under D65.
-fn lab(reflectance: &Curve) -> [f64; 3] {
+pub(crate) fn lab(reflectance: &Curve) -> [f64; 3] {
     let [xyz, white] = tristimulus(reflectance);
     let root = |c: usize| (xyz[c] / white[c]).cbrt();
     let [x, y, z] = [root(0), root(1), root(2)];
@@ -101,7 +106,7 @@ fn lab(reflectance: &Curve) -> [f64; 3] {
 }
 
 /// Color difference.
-fn apart(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub(crate) fn apart(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
 }
 
@@ -116,6 +121,11 @@ fn chromaticity(reflectance: &Curve) -> [f64; 3] {
 fn fluorescence(tissue: &EffectiveTissue, nm: f64) -> f64 {
     let parts = tissue.parts().into_iter();
     parts.map(|part| tissue.yield_density(part, nm, 405.0, Level::AboveSurface)).sum::<f64>() / nm
+}
+
+/// Fluorescence from 500 to 600 nm under 405 nm, up to a factor common to all.
+pub(crate) fn brightness(tissue: &EffectiveTissue) -> f64 {
+    (0..=20).map(|i| fluorescence(tissue, 500.0 + 5.0 * f64::from(i))).sum()
 }
 
 #[test]
@@ -167,10 +177,7 @@ fn teeth_of_mouths_have_the_colors_of_the_sites() {
 #[test]
 fn sites_are_as_bright_under_violet_light_as_measured() {
     let Violet { brightest, darkest, alike, factor } = measured().violet;
-    let brightness = |site: &String| {
-        let tissue = of_catalogue(site);
-        (0..=20).map(|i| fluorescence(&tissue, 500.0 + 5.0 * f64::from(i))).sum::<f64>()
-    };
+    let brightness = |site: &String| brightness(&of_catalogue(site));
     let others: Vec<f64> = alike.iter().map(brightness).collect();
     let (least, most) =
         others.iter().fold((f64::MAX, 0.0_f64), |(least, most), b| (least.min(*b), most.max(*b)));

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fluorspar::spectral::Fluorophore;
-use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, Level, Site, TissueState};
+use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, Level, Site};
 use fluorspar_experiment::preset::{self, PresetKind};
 
 fn catalogue(name: &str) -> Option<Arc<Fluorophore>> {
@@ -22,7 +22,7 @@ fn solved(site: &Site) -> EffectiveTissue {
 fn superficial_blood_darkens_fluorescence_most_under_violet_light() {
     let normal = preset::site("dorsal_tongue").unwrap();
     let mut bloody = normal.clone();
-    bloody.apply(TissueState::Hyperemia).unwrap();
+    bloody.apply(&preset::state("hyperemia").unwrap()).unwrap();
     let [normal, bloody] = [&normal, &bloody].map(solved);
     // Lamps that are sold as 405, 415 and 450 nm, as measured: three lines for their width of 15 nm.
     for (peak_nm, expected) in [(408.0, 0.40), (416.0, 0.41), (444.0, 0.51)] {

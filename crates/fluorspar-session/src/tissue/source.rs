@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use clap::ValueHint;
 use fluorspar::spectral::Fluorophore;
-use fluorspar::tissue::{LayeredTissue, Site, TissueState};
+use fluorspar::tissue::{LayeredTissue, Site};
 use fluorspar_experiment::preset::{self, fluorophore, site_of_text};
 use fluorspar_experiment::{NamedTissue, ResolvedEmission, ResolvedLayers, parse_layers, parse_tissue};
 use serde::Deserialize;
@@ -25,7 +25,7 @@ pub fn find(name: &str) -> Option<Arc<Fluorophore>> {
 /// A site in states, then with parameters changed by `NAME=VALUE`.
 fn changed(mut site: Site, states: &[String], changes: &[String]) -> Result<Site> {
     for state in states {
-        site.apply(TissueState::named(state)?)?;
+        site.apply(&preset::state(state)?)?;
     }
     for change in changes {
         let (name, value) = change.split_once('=').ok_or_else(|| {
@@ -46,7 +46,7 @@ pub struct SiteOptions {
     /// wavelength ([[layer]] sections).
     #[arg(value_name = "SITE|FILE", value_hint = ValueHint::FilePath)]
     pub site: String,
-    /// State of the site: inflammation, hyperemia or dysplasia. May be repeated.
+    /// State of the site, for instance inflammation or carcinoma (`catalog list state`). May be repeated.
     #[arg(long, value_name = "STATE")]
     pub state: Vec<String>,
     /// Change one value, a parameter of the site, for instance `--set superficial_blood_fraction=0.01`; of plane layers

@@ -1,7 +1,7 @@
 //! Tissues of the catalogue against the medians of people: these spectra were what they were fitted to.
 
-use fluorspar::tissue::{Level, Site, TissueState};
-use fluorspar_experiment::preset;
+use fluorspar::tissue::{Level, Site};
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_report::figures::PlotCurve;
 
 use crate::figures::Overlay;
@@ -88,16 +88,16 @@ pub(crate) fn forward(
 /// Fluorescence of the states relative to the normal tissue.
 fn states(reference: &Reference, site: &Site) -> Fallible<()> {
     let normal = solved(site)?;
-    for state in TissueState::ALL {
+    for name in preset::names(PresetKind::State) {
         let mut changed = site.clone();
-        changed.apply(state)?;
+        changed.apply(&preset::state(name)?)?;
         let changed = solved(&changed)?;
         let at_520 = |lamp: &Lamp| {
             let [a, b] = [&changed, &normal].map(|tissue| lamp.without_leak.spectrum(tissue, &[520.0])[0]);
             format!("{:.2}", a / b)
         };
         let factors: Vec<String> = reference.lamps.iter().map(at_520).collect();
-        println!("  {}: fluorescence at 520 nm x {}", state.name(), factors.join(", "));
+        println!("  {name}: fluorescence at 520 nm x {}", factors.join(", "));
     }
     Ok(())
 }

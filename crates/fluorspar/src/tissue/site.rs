@@ -261,16 +261,28 @@ impl Site {
         self.parameters().map(|(parameter, _)| parameter.name).find(|name| *name == wanted)
     }
 
-    /// Changes the parameters to those of a state; several may follow each other.
+    /// Changes the site to a state; several may follow each other.
     ///
     /// # Errors
     /// A state that the site can't have, as a tooth has no blood, or that takes a parameter out of its range.
-    pub fn apply(&mut self, state: TissueState) -> Result<(), TissueError> {
-        for (name, factor) in state.factors() {
+    pub fn apply(&mut self, state: &TissueState) -> Result<(), TissueError> {
+        self.apply_share(state, 1.0)
+    }
+
+    /// Goes a share of the way to a state, 0 to 1: parameters change in proportion.
+    ///
+    /// # Errors
+    /// Those of [`Self::apply`].
+    pub fn apply_share(&mut self, state: &TissueState, share: f64) -> Result<(), TissueError> {
+        for (name, factor) in &state.factors {
             let value = self.get(name)?;
-            self.set(name, value * factor)?;
+            self.set(name, value * (1.0 + share * (factor - 1.0)))?;
         }
-        Ok(())
+        for (name, wanted) in &state.values {
+            let value = self.get(name)?;
+            self.set(name, value + share * (wanted - value))?;
+        }
+        state.additions(share).filter(|_| share > 0.0).try_for_each(|addition| self.add(addition))
     }
 
     /// Names of the fluorophores that it may hold; [`Self::tissue`] looks for those of a strength above 0.

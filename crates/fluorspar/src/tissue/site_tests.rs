@@ -179,13 +179,25 @@ fn the_tongue_has_its_published_reflectance() {
 
 #[test]
 fn states_change_what_they_say() {
-    let mut site = tongue();
-    site.apply(TissueState::Hyperemia).unwrap();
-    assert!((site.get("superficial_blood_fraction").unwrap() - 0.03).abs() < 1e-12);
-    let mut site = tongue();
-    site.apply(TissueState::Dysplasia).unwrap();
-    assert!((site.get("epithelium_thickness_um").unwrap() - 272.0).abs() < 1e-9);
-    let said = tooth().apply(TissueState::Inflammation).unwrap_err().to_string();
+    let pairs = |pairs: &[(&str, f64)]| pairs.iter().map(|(name, value)| ((*name).into(), *value)).collect();
+    let state = TissueState {
+        factors: pairs(&[("superficial_blood_fraction", 10.0)]),
+        values: pairs(&[("keratin_thickness_um", 240.0)]),
+        gray_per_mm: pairs(&[("superficial stroma", 2.0)]),
+        ..TissueState::default()
+    };
+    let absorption = |site: &Site| {
+        site.tissue(&any).unwrap().layer("superficial stroma").unwrap().absorption_per_mm(700.0)
+    };
+    for (share, blood, keratin) in [(0.0, 0.003, 40.0), (0.5, 0.0165, 140.0), (1.0, 0.03, 240.0)] {
+        let [mut site, mut red] = [tongue(), tongue()];
+        site.apply_share(&state, share).unwrap();
+        assert!((site.get("superficial_blood_fraction").unwrap() - blood).abs() < 1e-12);
+        assert!((site.get("keratin_thickness_um").unwrap() - keratin).abs() < 1e-9);
+        red.set("superficial_blood_fraction", blood).unwrap();
+        assert!((absorption(&site) - absorption(&red) - 2.0 * share).abs() < 1e-9);
+    }
+    let said = tooth().apply(&state).unwrap_err().to_string();
     assert!(said.starts_with("tissue 'tooth' has no parameter"), "{said}");
 }
 

@@ -91,14 +91,6 @@ pub enum TissueError {
         /// The layer.
         name: String,
     },
-    /// A name that no state has.
-    #[error("there is no state '{name}' of tissue; there are {}", known.join(", "))]
-    NoSuchState {
-        /// The name.
-        name: String,
-        /// The names that there are.
-        known: Vec<&'static str>,
-    },
     /// A parameter that a site does not have.
     #[error(
         "tissue '{site}' has no parameter '{}'{} It has {}",

@@ -1,73 +1,40 @@
-//! States of mucosa as changes of parameters.
+//! States of tissue as changes of its parameters.
 
-use super::tissue_error::TissueError;
+use std::sync::Arc;
 
-/// A state of mucosa: factors on parameters of a [`super::Site`].
-///
-/// Directions follow Pavlova et al., Clin. Cancer Res. 14, 2396 (2008, 49 biopsies): epithelial fluorescence falls with
-/// inflammation and rises with dysplasia, that of the stroma falls with both. All sizes are assumed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TissueState {
-    /// Less coenzymes and collagen, more superficial blood, thicker epithelium.
-    Inflammation,
-    /// Ten times the superficial blood.
-    Hyperemia,
-    /// More coenzymes, less collagen, more blood, thicker epithelium that scatters more.
-    Dysplasia,
+use super::chromophore::Chromophore;
+use super::site::LayerAddition;
+use crate::spectral::Curve;
+
+/// A state of a [`super::Site`], a lesion for instance.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TissueState {
+    /// Name by which files refer to it.
+    pub name: String,
+    /// Name for people.
+    pub title: String,
+    /// What it is.
+    pub description: String,
+    /// Where directions and sizes of its changes come from.
+    pub source: String,
+    /// Parameters that it multiplies, with the factors.
+    pub factors: Vec<(String, f64)>,
+    /// Parameters that it sets, with the values.
+    pub values: Vec<(String, f64)>,
+    /// Absorption that it adds to layers, alike at all wavelengths, 1/mm: names of the layers, and how much.
+    pub gray_per_mm: Vec<(String, f64)>,
 }
 
 impl TissueState {
-    /// All states.
-    pub const ALL: [Self; 3] = [Self::Inflammation, Self::Hyperemia, Self::Dysplasia];
-
-    /// Its name in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Inflammation => "inflammation",
-            Self::Hyperemia => "hyperemia",
-            Self::Dysplasia => "dysplasia",
-        }
-    }
-
-    /// A state by its name.
-    ///
-    /// # Errors
-    /// A name that no state has, with all names.
-    pub fn named(name: &str) -> Result<Self, TissueError> {
-        let found = Self::ALL.into_iter().find(|state| state.name() == name);
-        found.ok_or_else(|| TissueError::NoSuchState {
-            name: name.to_string(),
-            known: Self::ALL.map(Self::name).to_vec(),
+    /// What it adds to layers, or a share of that.
+    pub fn additions(&self, share: f64) -> impl Iterator<Item = LayerAddition> + '_ {
+        self.gray_per_mm.iter().map(move |(layer, per_mm)| LayerAddition {
+            layer: layer.clone(),
+            absorption: vec![Chromophore::Curve {
+                name: self.name.clone(),
+                absorption_per_mm: Arc::new(Curve::constant(share * per_mm)),
+            }],
+            fluorophores: Vec::new(),
         })
-    }
-
-    /// Parameters that it changes, with the factors. \[assumed sizes\]
-    #[must_use]
-    pub fn factors(self) -> &'static [(&'static str, f64)] {
-        match self {
-            Self::Inflammation => &[
-                ("nadh_per_mm", 0.8),
-                ("fad_per_mm", 0.8),
-                ("superficial_collagen_per_mm", 0.4),
-                ("deep_collagen_per_mm", 0.4),
-                ("superficial_elastin_per_mm", 0.4),
-                ("deep_elastin_per_mm", 0.4),
-                ("superficial_blood_fraction", 4.0),
-                ("epithelium_thickness_um", 1.3),
-            ],
-            Self::Hyperemia => &[("superficial_blood_fraction", 10.0)],
-            Self::Dysplasia => &[
-                ("nadh_per_mm", 1.5),
-                ("fad_per_mm", 1.5),
-                ("superficial_collagen_per_mm", 0.4),
-                ("deep_collagen_per_mm", 0.4),
-                ("superficial_elastin_per_mm", 0.4),
-                ("deep_elastin_per_mm", 0.4),
-                ("superficial_blood_fraction", 2.0),
-                ("epithelium_thickness_um", 1.7),
-                ("epithelium_scattering_per_mm", 1.6),
-            ],
-        }
     }
 }

@@ -5,6 +5,7 @@ use fluorspar::tissue::{
 };
 use fluorspar::units::number_text;
 use fluorspar_experiment::NamedTissue;
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_session::tissue::{SiteOptions, find};
 use serde_json::{Value, json};
 
@@ -51,7 +52,8 @@ fn variation(population: &Population, name: &str) -> Option<(String, [f64; 2])> 
 
 /// The states that the site can have.
 fn states(site: &Site) -> impl Iterator<Item = TissueState> + '_ {
-    TissueState::ALL.into_iter().filter(|state| site.clone().apply(*state).is_ok())
+    let known = preset::names(PresetKind::State).into_iter();
+    known.filter_map(|name| preset::state(name).ok()).filter(|state| site.clone().apply(state).is_ok())
 }
 
 fn as_json(title: &str, site: &Site, tissue: &LayeredTissue) -> Value {
@@ -71,7 +73,7 @@ fn as_json(title: &str, site: &Site, tissue: &LayeredTissue) -> Value {
             "deviation_within_person": deviations.map(|d| d[1]),
         })
     };
-    let state = |state: TissueState| json!({ "name": state.name(), "factors": state.factors() });
+    let state = |TissueState { name, title, source, factors, values, gray_per_mm, .. }: TissueState| json!({ "name": name, "title": title, "source": source, "factors": factors, "values": values, "gray_per_mm": gray_per_mm });
     json!({
         "site": site.name(),
         "title": title,
@@ -128,8 +130,10 @@ fn layer_table(tissue: &LayeredTissue) -> String {
 
 fn describe(title: &str, site: &Site, tissue: &LayeredTissue) -> String {
     let states = states(site).map(|state| {
-        let factors = state.factors().iter().map(|(name, factor)| format!("{name} x {factor}"));
-        format!("  {}: {}\n", state.name(), factors.collect::<Vec<_>>().join(", "))
+        let factors = state.factors.iter().map(|(name, factor)| format!("{name} x {factor}"));
+        let values = state.values.iter().map(|(name, value)| format!("{name} = {value}"));
+        let gray = state.gray_per_mm.iter().map(|(layer, more)| format!("{layer} absorbs {more}/mm more"));
+        format!("  {}: {}\n", state.name, values.chain(factors).chain(gray).collect::<Vec<_>>().join(", "))
     });
     format!(
         "{title} ({})\n{}\n{}\n\n{}\n{}\n{}\n\"people\": the standard deviation among people and places, a factor or a difference.\n\n{}\n\
