@@ -61,6 +61,8 @@ tasks! {
     predict(PredictOptions) => fluorspar_session::predict,
     /// Solves a tissue.
     tissue_solve(tissue::SolveOptions) => tissue::solve,
+    /// Solves a tissue at several values of a parameter.
+    tissue_sweep(tissue::TissueSweepOptions) => tissue::sweep,
     /// Tells from which depths the light of a tissue comes.
     tissue_depth(tissue::DepthOptions) => tissue::depth,
     /// Traces photons through a tissue.

@@ -187,7 +187,7 @@ fn sites_are_listed_and_shown() {
         (blood["value"].as_f64().unwrap() - 0.0613).abs() < 1e-9 && blood["basis"] == "fitted",
         "{blood}"
     );
-    assert_eq!(lip["states"].as_array().unwrap().len(), 3);
+    assert_eq!(lip["states"].as_array().unwrap().len(), 13);
     let deep = lip["layers"].as_array().unwrap().last().unwrap().clone();
     assert_eq!(deep["fluorophores"][0]["parameter"], "deep_collagen_per_mm");
 }
@@ -414,6 +414,9 @@ fn wrong_words_of_tissue_commands_are_told() {
         ("catalog show tissue mucosa.toml", "mucosa.toml"),
         ("catalog show tissue tooth --state dysplasia_mild", "has no parameter"),
         ("tissue solve lip --from-nm 200", "--from-nm 200: must be between 350 and 800 nm"),
+        ("tissue sweep lip blood=0..1", "no parameter 'blood'"),
+        ("tissue sweep lip oxygen_saturation=0..2", "oxygen_saturation is 2, outside 0 to 1"),
+        ("tissue sweep lip oxygen_saturation=0.5", "\"oxygen_saturation=0.5\": write PARAMETER=FROM..TO"),
         (
             "tissue solve lip --from-nm 500 --to-nm 510",
             "--to-nm 510: must be 20 nm or more above --from-nm 500",

@@ -137,6 +137,12 @@ class Tissue(_Named):
         found: Record = _done_in_arrays(_fluorspar.tissue_solve, site=self.name, **options)
         return found
 
+    def sweep(self, parameter: str, first: float, last: float, **options: Any) -> Record:
+        """Solved at several values of a parameter: ``sweep("superficial_blood_fraction", 0.002, 0.05).points[0].exitance``."""
+        range_ = f"{parameter}={first}..{last}"
+        found: Record = _done_in_arrays(_fluorspar.tissue_sweep, site=self.name, range=range_, **options)
+        return found
+
     def depth(self, **options: Any) -> list[Record]:
         """From how deep its light comes: a record for each channel, ``depth()[0].mean_depth_um``."""
         found: list[Record] = _done_in_arrays(_fluorspar.tissue_depth, site=self.name, **options)

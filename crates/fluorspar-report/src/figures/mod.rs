@@ -17,6 +17,7 @@ mod radiance;
 mod reflectance;
 mod sensor;
 mod share_map;
+mod sweep;
 mod tissue;
 
 pub use chain::chain;
@@ -34,6 +35,7 @@ pub use reflectance::reflectances;
 pub use sensor::sensor_response;
 pub(crate) use share_map::ShareMap;
 pub use share_map::{share_map, share_map_of_blocks};
+pub use sweep::{SweptQuantity, swept_quantities, swept_spectra};
 pub use tissue::{
     EstimatedCurve, SpectrumFit, light_by_depth, light_by_radius, light_sources_by_depth, spectrum_fits,
     tissue_reflectance,
@@ -84,6 +86,11 @@ mod tests {
     use super::*;
     use crate::{Figure, Raster, Scale};
 
+    fn swept(curves: &[PlotCurve]) -> [SweptQuantity; 1] {
+        let curves = curves.iter().map(|curve| (curve.name.clone(), curve.points())).collect();
+        [SweptQuantity { label: "depth".into(), unit: "µm".into(), curves }]
+    }
+
     fn all(
         curves: &[PlotCurve],
         map: &EemMap,
@@ -104,6 +111,8 @@ mod tests {
             chromaticity(plot),
             histograms("blue", values, 4000.0, Some("ambient")),
             picture("picture", raster, Some([0.0, 0.0, 1.0, 1.0])),
+            swept_spectra("spectra", ["reflectance", ""], curves),
+            swept_quantities("sweep", "blood", 0.5, &swept(curves)),
         ]
     }
 

@@ -18,9 +18,9 @@ use crate::values::{self, check_range};
 use crate::{Error, Job, Result, named_spectra};
 
 /// Wavelengths that are solved, nm.
-const RANGE_NM: [f64; 2] = [350.0, 750.0];
+pub(super) const RANGE_NM: [f64; 2] = [350.0, 750.0];
 /// Step between them, nm.
-const STEP_NM: f64 = 5.0;
+pub(super) const STEP_NM: f64 = 5.0;
 /// Shares of the light whose depths are told and drawn.
 const SHARES: u32 = 100;
 
@@ -98,7 +98,7 @@ pub fn depth(options: &DepthOptions, job: &Job) -> Result<LightOrigins> {
         .map(|nm| ("excitation_nm", nm))
         .chain(options.emission_nm.iter().map(|nm| ("emission_nm", nm)))
     {
-        check_range(option, *nm, [RANGE_NM[0] + STEP_NM, RANGE_NM[1] - STEP_NM], "nm")?;
+        check_inside(option, *nm)?;
     }
     let (title, site) = options.site.resolve()?;
     let figure = options.out.as_deref().map(FigureFormat::of).transpose()?;
@@ -111,9 +111,7 @@ pub fn depth(options: &DepthOptions, job: &Job) -> Result<LightOrigins> {
     let set = set.transpose()?;
 
     let (light, channels) = (options.light(job)?, options.channels(job)?);
-    let number = ((RANGE_NM[1] - RANGE_NM[0]) / STEP_NM) as usize;
-    let nm: Vec<f64> = (0..=number).map(|i| RANGE_NM[0] + STEP_NM * i as f64).collect();
-    let solved = EffectiveTissue::new(&site.tissue(&find)?, &nm, DiscreteOrdinates::DIFFUSE)?;
+    let solved = EffectiveTissue::new(&site.tissue(&find)?, &wavelengths(), DiscreteOrdinates::DIFFUSE)?;
     let names: Vec<String> = solved.tissue().layers.iter().map(|layer| layer.name.clone()).collect();
     let origin = |(name, channel): &(String, Curve)| {
         origin(name, &solved.depth_of_fluorescence(&light, channel), &names)
@@ -130,8 +128,19 @@ pub fn depth(options: &DepthOptions, job: &Job) -> Result<LightOrigins> {
     Ok(LightOrigins { title, light: options.light_name(), channels: origins })
 }
 
+/// The wavelengths that are solved, nm.
+pub(super) fn wavelengths() -> Vec<f64> {
+    let number = ((RANGE_NM[1] - RANGE_NM[0]) / STEP_NM) as usize;
+    (0..=number).map(|i| RANGE_NM[0] + STEP_NM * i as f64).collect()
+}
+
+/// Refuses a wavelength that has no room for a [`line`].
+pub(super) fn check_inside(option: &str, nm: f64) -> Result<()> {
+    check_range(option, nm, [RANGE_NM[0] + STEP_NM, RANGE_NM[1] - STEP_NM], "nm")
+}
+
 /// A narrow line.
-fn line(nm: f64) -> Result<Curve> {
+pub(super) fn line(nm: f64) -> Result<Curve> {
     let curve = Curve::new(vec![nm - STEP_NM, nm, nm + STEP_NM], vec![0.0, 1.0, 0.0]);
     curve.map_err(|error| Error::Input(format!("{nm} nm: {error}")))
 }

@@ -1,4 +1,4 @@
-//! Tissues by themselves: solved, looked into, traced and fitted.
+//! Tissues by themselves: solved, swept, looked into, traced and fitted.
 
 mod depth;
 mod fit;
@@ -8,6 +8,8 @@ mod monte_carlo_files;
 mod solve;
 mod solve_files;
 mod source;
+mod sweep;
+mod sweep_files;
 
 pub use depth::{DepthOptions, LightOrigin, LightOrigins, depth};
 pub use fit::{TissueFitOptions, fit};
@@ -17,3 +19,5 @@ pub use solve::{
     OwnAbsorption, SolveOptions, SolvedFluorescence, SolvedTissue, TissueEem, TissueEmitter, solve,
 };
 pub use source::{SiteOptions, TissueOptions, find, site_named};
+pub use sweep::{SweptPoint, SweptTissue, TissueSweepOptions, sweep};
+pub use sweep_files::sweep_table;

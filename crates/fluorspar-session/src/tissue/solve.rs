@@ -179,16 +179,11 @@ pub fn solve(options: &SolveOptions, job: &Job) -> Result<SolvedTissue> {
 impl SolveOptions {
     /// Names and spectra of the lights.
     fn lights(&self, job: &Job) -> Result<Vec<(String, Viewing)>> {
-        let unfiltered = || Curve::constant(1.0);
         let named = |name: &String| {
-            Ok((named_spectra::label(name), Viewing::new(&named_spectra::light(name, job)?, unfiltered())?))
+            let light = named_spectra::light(name, job)?;
+            Ok((named_spectra::label(name), Viewing::new(&light, Curve::constant(1.0))?))
         };
-        let line = |nm: &f64| {
-            // A line that is no wider than the steps of a light.
-            let curve = Curve::new(vec![nm - LINE_NM, *nm, nm + LINE_NM], vec![0.0, 1.0, 0.0]);
-            let curve = curve.map_err(|error| Error::Input(format!("⟨excitation_nm={nm}⟩: {error}")))?;
-            Ok((format!("{nm} nm"), Viewing::new(&curve, unfiltered())?))
-        };
+        let line = |nm: &f64| Ok((format!("{nm} nm"), line_viewing(*nm)?));
         let default = ["led_405", "led_450"].map(String::from);
         let chosen: &[String] =
             if self.light.is_empty() && self.excitation_nm.is_empty() { &default } else { &self.light };
@@ -239,15 +234,23 @@ impl SolveOptions {
     }
 }
 
+/// Light of one wavelength, without a filter behind it.
+pub(super) fn line_viewing(nm: f64) -> Result<Viewing> {
+    // A line that is no wider than the steps of a light.
+    let curve = Curve::new(vec![nm - LINE_NM, nm, nm + LINE_NM], vec![0.0, 1.0, 0.0]);
+    let curve = curve.map_err(|error| Error::Input(format!("⟨excitation_nm={nm}⟩: {error}")))?;
+    Ok(Viewing::new(&curve, Curve::constant(1.0))?)
+}
+
 /// A beam along the normal at each wavelength.
-fn beams(tissue: &LayeredTissue, nm: &[f64], nodes: usize) -> Result<Vec<LightField>> {
+pub(super) fn beams(tissue: &LayeredTissue, nm: &[f64], nodes: usize) -> Result<Vec<LightField>> {
     let solver = DiscreteOrdinates::new(nodes.max(32))?;
     let solve = |&nm: &f64| solver.solve(&tissue.optics(nm), Incidence::NORMAL);
     Ok(nm.par_iter().map(solve).collect::<Result<_, TissueError>>()?)
 }
 
 /// Bisection between the surface and the bottom.
-fn depth_of_1_over_e_um(field: &LightField, thickness_mm: f64) -> f64 {
+pub(super) fn depth_of_1_over_e_um(field: &LightField, thickness_mm: f64) -> f64 {
     let wanted = field.fluence(0.0) / std::f64::consts::E;
     let [mut above, mut below] = [0.0, thickness_mm];
     for _ in 0..40 {
@@ -262,7 +265,12 @@ fn integral(nm: &[f64], values: &[f64]) -> f64 {
     nm.windows(2).zip(values.windows(2)).map(|(nm, v)| 0.5 * (nm[1] - nm[0]) * (v[0] + v[1])).sum()
 }
 
-fn fluorescence(name: &str, light: &Viewing, solved: &EffectiveTissue, nm: &[f64]) -> SolvedFluorescence {
+pub(super) fn fluorescence(
+    name: &str,
+    light: &Viewing,
+    solved: &EffectiveTissue,
+    nm: &[f64],
+) -> SolvedFluorescence {
     let mut total = vec![0.0; nm.len()];
     let mut emitters = Vec::new();
     for part in solved.parts() {

@@ -91,7 +91,7 @@ impl SiteOptions {
             (title, NamedTissue::Site(site)) => Ok((title, site)),
             (title, NamedTissue::Layers { .. }) => {
                 let message = format!(
-                    "{}: \"{title}\" is described by its layers, but a fit changes the parameters of a site; give site = \
+                    "{}: \"{title}\" is described by its layers, but this changes the parameters of a site; give site = \
                      \"dorsal_tongue\" or another instead",
                     self.site
                 );
