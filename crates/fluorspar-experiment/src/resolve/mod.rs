@@ -13,6 +13,7 @@ mod gloss;
 mod held_fluorophore;
 mod instrument;
 mod lesion;
+mod lesion_spot;
 mod light;
 mod material;
 mod mouth;

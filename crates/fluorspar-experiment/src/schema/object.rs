@@ -264,6 +264,12 @@ pub struct LesionSection {
     /// Width over which it fades out, mm, 0 or more. Default 1.
     #[serde(default = "lesion_edge")]
     pub edge_mm: f64,
+    /// Standard deviation of the distance of its border from the middle over that of the ellipse, 0 to 0.5; the area stays. Default 0.
+    pub border_irregularity: Option<f64>,
+    /// Number of small spots of the same kind around it, 0 to 50. Default 0.
+    pub satellites: Option<u32>,
+    /// Seed of border and satellites. Default 0.
+    pub seed: Option<u64>,
     /// Path of a gray PNG on the texture coordinates of the part instead of the ellipse: white is inside. Of colors the mean
     /// of red, green and blue is taken, with a warning.
     pub mask: Option<FilePath>,
