@@ -159,6 +159,18 @@ impl CoatedBsdf<'_> {
         }
     }
 
+    /// About [`Self::evaluate`] over a base of some reflectance: without shadows among facets, and with a coat that passes all light.
+    #[inline]
+    pub(super) fn estimate(&self, incident: Vec3, reflectance: f32) -> f32 {
+        let half = (self.outgoing + incident).normalize_or_zero();
+        if incident.z <= 0.0 || half.z <= 0.0 {
+            return 0.0;
+        }
+        let mirrored = dielectric_fresnel(self.outgoing.dot(half), self.table.refractive_index())
+            * distribution(half, self.alpha);
+        reflectance * cosine_lobe(incident) + mirrored / (4.0 * self.outgoing.z.max(self.alpha))
+    }
+
     /// Draws a direction from the coat's lobe or by the cosine; `None` ends the path. A mirrored direction that points
     /// into the surface is absorbed by nothing: that light belongs to the base, whose share is computed from
     /// [`CoatAlbedo`].

@@ -270,6 +270,23 @@ impl Bsdf<'_> {
         matches!(self, Self::Dielectric(_))
     }
 
+    /// Whether it scatters light from some directions much more than from others.
+    #[inline]
+    pub(crate) fn has_gloss(&self) -> bool {
+        !matches!(self, Self::Lambertian(_))
+    }
+
+    /// About what it scatters of the light from a direction, 1/sr, with a spectrum whose mean is `reflectance`: for choosing among
+    /// lights.
+    #[inline]
+    pub(crate) fn estimate(&self, incident: Vec3, reflectance: f32) -> f32 {
+        if let Self::Coated(coated) = self {
+            return coated.estimate(incident, reflectance);
+        }
+        let value = self.evaluate(incident);
+        (value.diffuse * reflectance + value.gloss).max(0.0)
+    }
+
     /// Weight of a term of the material's spectrum here, where its texture has `value`: for metals by the angle of view.
     #[inline]
     fn term_weight(&self, term: usize, value: f32) -> f32 {

@@ -31,21 +31,52 @@ pub(super) struct LightSample {
 
 /// Lights of a group whose weights are kept while one is chosen.
 const KNOWN_WEIGHTS: usize = 16;
+/// Most lights of a scene that are weighted by what a surface scatters.
+pub(super) const WEIGHTED_LIGHTS: usize = 32;
+/// Share of the choice by irradiance alone, which fluorescence follows: no light's share falls below half of that.
+const BY_IRRADIANCE: f32 = 0.5;
 /// A floor on the weight of any light, so that none is ever left out.
 const LEAST_WEIGHT: f32 = 1e-3;
+
+/// Probabilities with which the lights of a scene are chosen at a vertex, each among those of its group, by irradiance times
+/// what the surface scatters; `None` where irradiance alone decides.
+pub(super) type LightProbabilities = Option<[f32; WEIGHTED_LIGHTS]>;
+
+/// A point that lights are chosen for.
+#[derive(Clone, Copy)]
+pub(super) struct LitPoint<'a> {
+    pub(super) position: Vec3,
+    /// Normal on the side that light arrives from; zero where that may be either side.
+    pub(super) normal: Vec3,
+    pub(super) probabilities: &'a LightProbabilities,
+}
+
+/// Irradiance of a light, on any scale, and from where it comes.
+struct LightWeight {
+    weight: f32,
+    /// The cosine that is part of the weight.
+    facing: f32,
+    /// Unit direction to its center; `None` for light from everywhere.
+    direction: Option<Vec3>,
+}
 
 impl CompiledScene {
     /// Relative weight with which a light is chosen at a point: power over squared distance, and no more than a
     /// token for lights that lie behind the surface. A zero normal marks a surface that transmits light.
     #[inline]
-    fn light_weight(&self, light: &CompiledLight, position: Vec3, normal: Vec3) -> f32 {
+    fn light_weight(&self, light: &CompiledLight, position: Vec3, normal: Vec3) -> LightWeight {
         let (center, radius, lobe) = match light.bounds {
             // The others' weight is 2 pi times their irradiance.
             LightBounds::Distant { direction } => {
                 let facing = if normal == Vec3::ZERO { 1.0 } else { -direction.dot(normal) };
-                return 2.0 * PI * light.power * facing.max(LEAST_WEIGHT);
+                let facing = facing.max(LEAST_WEIGHT);
+                let weight = 2.0 * PI * light.power * facing;
+                return LightWeight { weight, facing, direction: Some(-direction) };
             }
-            LightBounds::Environment => return 2.0 * PI * PI * light.power,
+            LightBounds::Environment => {
+                let weight = 2.0 * PI * PI * light.power;
+                return LightWeight { weight, facing: 1.0, direction: None };
+            }
             LightBounds::Local { center, radius, lobe } => (center, radius, lobe),
         };
         let to_light = center - position;
@@ -61,12 +92,53 @@ impl CompiledScene {
             let lobe = if exponent == 1.0 { cos } else { cos.powf(exponent) };
             if cos <= 0.0 { LEAST_WEIGHT } else { lobe.max(LEAST_WEIGHT) * (exponent + 1.0) }
         });
-        light.power * facing * emission / distance2
+        LightWeight {
+            weight: light.power * facing * emission / distance2,
+            facing,
+            direction: Some(direction),
+        }
+    }
+
+    /// Probabilities of all lights at a surface that scatters the share `scattered(direction)`, 1/sr, of the light from a
+    /// direction: half by irradiance, half by irradiance times that. `None` where the lights are too many.
+    ///
+    /// Few lights of a ring are mirrored by a wet surface, and those that are count for most of its light.
+    pub(super) fn light_probabilities(
+        &self,
+        position: Vec3,
+        normal: Vec3,
+        scattered: impl Fn(Vec3) -> f32,
+    ) -> LightProbabilities {
+        if self.lights.len() > WEIGHTED_LIGHTS || self.group_lights.iter().all(|lights| lights.len() < 2) {
+            return None;
+        }
+        let (mut irradiances, mut products) = ([0.0; WEIGHTED_LIGHTS], [0.0; WEIGHTED_LIGHTS]);
+        for lights in &self.group_lights {
+            // Weigh the lights of the group
+            let (mut irradiance, mut product) = (0.0, 0.0);
+            for &light in lights {
+                let of = self.light_weight(&self.lights[light], position, normal);
+                irradiances[light] = of.weight;
+                // Light from everywhere is as good as scattered by a white surface
+                products[light] =
+                    of.direction.map_or(of.weight / PI, |from| of.weight / of.facing * scattered(from));
+                irradiance += irradiances[light];
+                product += products[light];
+            }
+            // Mix both choices
+            let share = if product > 0.0 { BY_IRRADIANCE } else { 1.0 };
+            let by_product = if product > 0.0 { (1.0 - share) / product } else { 0.0 };
+            let irradiance = irradiance.max(f32::MIN_POSITIVE);
+            for &light in lights {
+                irradiances[light] = irradiances[light] * share / irradiance + products[light] * by_product;
+            }
+        }
+        Some(irradiances)
     }
 
     /// Chooses one light of a group; returns it and the probability of the choice.
     #[inline]
-    fn choose_light(&self, group: usize, position: Vec3, normal: Vec3, u: f32) -> Option<(usize, f32)> {
+    fn choose_light(&self, group: usize, point: &LitPoint<'_>, u: f32) -> Option<(usize, f32)> {
         let lights = &self.group_lights[group];
         match lights.as_slice() {
             [] => None,
@@ -74,7 +146,10 @@ impl CompiledScene {
             _ => {
                 // Sum the weights of all lights; those of the first are kept for the second pass.
                 let mut known = [0.0; KNOWN_WEIGHTS];
-                let weight = |l: usize| self.light_weight(&self.lights[l], position, normal);
+                let weight = |light: usize| match point.probabilities {
+                    Some(probabilities) => probabilities[light],
+                    None => self.light_weight(&self.lights[light], point.position, point.normal).weight,
+                };
                 let mut total = 0.0;
                 for (index, &light) in lights.iter().enumerate() {
                     let w = weight(light);
@@ -102,12 +177,15 @@ impl CompiledScene {
     }
 
     /// Probability with which [`Self::choose_light`] takes this light.
-    fn choice_probability(&self, light: usize, position: Vec3, normal: Vec3) -> f32 {
+    fn choice_probability(&self, light: usize, point: &LitPoint<'_>) -> f32 {
         let lights = &self.group_lights[self.lights[light].group];
         if lights.len() == 1 {
             return 1.0;
         }
-        let weight = |&l: &usize| self.light_weight(&self.lights[l], position, normal);
+        if let Some(probabilities) = point.probabilities {
+            return probabilities[light];
+        }
+        let weight = |&l: &usize| self.light_weight(&self.lights[l], point.position, point.normal).weight;
         weight(&light) / lights.iter().map(weight).sum::<f32>()
     }
 
@@ -115,16 +193,15 @@ impl CompiledScene {
     pub(super) fn sample_light(
         &self,
         group: usize,
-        position: Vec3,
-        normal: Vec3,
+        point: &LitPoint<'_>,
         u: [f32; 3],
     ) -> Option<LightSample> {
         // Choose a light
-        let (light, choice) = self.choose_light(group, position, normal, u[0])?;
+        let (light, choice) = self.choose_light(group, point, u[0])?;
 
         // Sample a direction toward it
         let corners = |triangle| self.corners(triangle);
-        let sample = self.lights[light].emitter.sample(position, [u[1], u[2]], choice, corners)?;
+        let sample = self.lights[light].emitter.sample(point.position, [u[1], u[2]], choice, corners)?;
         let EmitterSample { direction, distance, scale, pixel, pdf, delta } = sample;
         Some(LightSample { light, direction, distance, scale, pixel, pdf, delta })
     }
@@ -148,8 +225,7 @@ impl CompiledScene {
     /// it never does.
     pub(super) fn surroundings(
         &self,
-        position: Vec3,
-        normal: Vec3,
+        point: &LitPoint<'_>,
         direction: Vec3,
         mut add: impl FnMut(usize, f32, f32),
     ) {
@@ -160,7 +236,7 @@ impl CompiledScene {
             let CompiledLight { emitter, sources, .. } = &self.lights[light];
             let Some(map) = emitter.environment_map() else { continue };
             let pixel = map.pixel(direction);
-            let pdf = self.choice_probability(light, position, normal) * map.pdf(direction);
+            let pdf = self.choice_probability(light, point) * map.pdf(direction);
             for (source, layer) in sources.iter().zip(map.layers()) {
                 let factor = layer.factors[pixel];
                 if factor > 0.0 {
@@ -171,11 +247,10 @@ impl CompiledScene {
     }
 
     /// Emission hit by a scattered ray: light, factor on its spectrum, and the density, 1/sr,
-    /// with which [`Self::sample_light`] would have chosen this direction from `position`.
+    /// with which [`Self::sample_light`] would have chosen this direction from `point`.
     pub(super) fn emission_along(
         &self,
-        position: Vec3,
-        normal: Vec3,
+        point: &LitPoint<'_>,
         direction: Vec3,
         distance: f32,
         target: Target,
@@ -195,8 +270,8 @@ impl CompiledScene {
             _ => None,
         };
         let Emission { scale, density } =
-            self.lights[light].emitter.emission(position, direction, distance, corners)?;
-        Some((light, scale, self.choice_probability(light, position, normal) * density))
+            self.lights[light].emitter.emission(point.position, direction, distance, corners)?;
+        Some((light, scale, self.choice_probability(light, point) * density))
     }
 }
 
@@ -240,8 +315,11 @@ mod tests {
 
     /// Draws directions toward the lights and compares them with the density that rays report on meeting them:
     /// the two must be the same function for multiple importance sampling to be unbiased.
-    fn check(scene: &Scene, position: Vec3, normal: Vec3, tests: usize) {
+    fn check(scene: &Scene, position: Vec3, normal: Vec3, is_glossy: bool, tests: usize) {
         let compiled = CompiledScene::new(scene, &RenderSettings::default()).unwrap();
+        let lobe = |direction: Vec3| direction.dot(Vec3::new(0.6, 0.0, 0.8)).max(0.0).powi(20);
+        let probabilities = is_glossy.then(|| compiled.light_probabilities(position, normal, lobe)).flatten();
+        let point = LitPoint { position, normal, probabilities: &probabilities };
         chi_square_over_sphere(
             20_000,
             20,
@@ -251,7 +329,7 @@ mod tests {
                 let (a, b) = (hash_u64(i as u64), hash_u64(i as u64 ^ 0xBEEF_0000_0000));
                 let u = [a >> 40, a & 0xFF_FFFF, b >> 40].map(|bits| bits as f32 / 16_777_216.0);
                 compiled
-                    .sample_light(0, position, normal, u)
+                    .sample_light(0, &point, u)
                     // A light in front of the environment occludes it.
                     .filter(|s| s.distance.is_finite() || compiled.closest(position, s.direction).is_none())
                     .map(|s| s.direction.as_dvec3().normalize().to_array())
@@ -260,11 +338,11 @@ mod tests {
                 let direction = Vec3::new(d[0] as f32, d[1] as f32, d[2] as f32);
                 let Some(hit) = compiled.closest(position, direction) else {
                     let mut density = 0.0;
-                    compiled.surroundings(position, normal, direction, |_, _, pdf| density = f64::from(pdf));
+                    compiled.surroundings(&point, direction, |_, _, pdf| density = f64::from(pdf));
                     return density;
                 };
                 compiled
-                    .emission_along(position, normal, direction, hit.t, hit.target)
+                    .emission_along(&point, direction, hit.t, hit.target)
                     .map_or(0.0, |(_, _, pdf)| f64::from(pdf))
             },
         )
@@ -316,8 +394,36 @@ mod tests {
             scene(vec![sky.clone()], vec![]),
             scene(vec![sky, disc(Vec3::new(0.0, 0.5, 2.0), 1.0)], vec![]),
         ];
-        for case in &cases {
-            check(case, Vec3::new(0.1, -0.2, 0.05), Vec3::new(0.2, 0.3, 1.0).normalize(), cases.len());
+        for (case, is_glossy) in cases.iter().flat_map(|case| [(case, false), (case, true)]) {
+            let normal = Vec3::new(0.2, 0.3, 1.0).normalize();
+            check(case, Vec3::new(0.1, -0.2, 0.05), normal, is_glossy, 2 * cases.len());
         }
+    }
+
+    #[test]
+    fn lights_that_a_surface_mirrors_are_chosen_more_often() {
+        let disc = |x: f32| {
+            let normal = Vec3::NEG_Z;
+            Emitter::Disc(DiscEmitter {
+                center: Vec3::new(x, 0.0, 2.0),
+                normal,
+                radius_m: 0.1,
+                exponent: 1.0,
+            })
+        };
+        let compiled = CompiledScene::new(
+            &scene(vec![disc(-1.0), disc(0.0), disc(1.0)], vec![]),
+            &RenderSettings::default(),
+        )
+        .unwrap();
+        // Nothing but light from the right is mirrored
+        let mirrored = |direction: Vec3| if direction.x > 0.3 { 1.0 } else { 0.0 };
+        let chosen = compiled.light_probabilities(Vec3::ZERO, Vec3::Z, mirrored).unwrap();
+        let plain = compiled.light_probabilities(Vec3::ZERO, Vec3::Z, |_| 0.0).unwrap();
+        for light in 0..3 {
+            let expected = 0.5 * plain[light] + if light == 2 { 0.5 } else { 0.0 };
+            assert!((chosen[light] - expected).abs() < 1e-6, "{light}: {} {expected}", chosen[light]);
+        }
+        assert!((plain.iter().sum::<f32>() - 1.0).abs() < 1e-6 && plain[1] > plain[0]);
     }
 }

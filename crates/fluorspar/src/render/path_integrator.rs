@@ -11,7 +11,7 @@ use glam::Vec3;
 
 use super::compiled_scene::{CompiledScene, MaterialSpectra};
 use super::intersect::TraceBuffers;
-use super::light_sampling::LightSample;
+use super::light_sampling::{LightProbabilities, LightSample, LitPoint};
 use super::path::Path;
 use super::settings::Estimator;
 use super::surface::{Intersection, SurfacePoint};
@@ -23,6 +23,9 @@ use crate::sampling::SampleStream;
 const ROULETTE_FROM: u32 = 3;
 /// Least survival probability of Russian roulette.
 const LEAST_SURVIVAL: f32 = 0.05;
+
+/// Vertices of a path that weigh lights by what their surface mirrors: later ones add too little.
+const MIRRORING_VERTICES: u32 = 3;
 
 /// The random numbers of a vertex, each in `[0, 1)`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -96,6 +99,17 @@ struct PathState {
     direction: Vec3,
     /// `None` for rays of the camera.
     scattered: Option<ScatteringOrigin>,
+    /// Probabilities of lights at the last vertex.
+    light_probabilities: LightProbabilities,
+}
+
+impl PathState {
+    /// Where the lights that its next ray meets would have been chosen.
+    fn lit_point(&self) -> LitPoint<'_> {
+        let (position, normal) =
+            self.scattered.map_or((self.origin, Vec3::ZERO), |s| (s.position, s.light_normal));
+        LitPoint { position, normal, probabilities: &self.light_probabilities }
+    }
 }
 
 /// Direct light that a vertex receives unless its shadow ray is blocked.
@@ -148,6 +162,7 @@ impl PathBatch {
             origin,
             direction,
             scattered: None,
+            light_probabilities: None,
         };
         match self.states.get_mut(self.len) {
             Some(old) => {
@@ -238,22 +253,20 @@ impl CompiledScene {
 
     /// Adds the emission of the environment, for a ray that misses everything.
     fn add_environment(&self, state: &mut PathState, estimator: Estimator) {
-        let PathState { path, origin, direction, scattered, .. } = state;
-        let (from, normal) = scattered.map_or((*origin, Vec3::ZERO), |s| (s.position, s.light_normal));
+        let mut path = std::mem::take(&mut state.path);
         let add = |source, scale: f32, light_pdf| {
-            path.add_emission(source, scale * emission_weight(*scattered, light_pdf, estimator));
+            path.add_emission(source, scale * emission_weight(state.scattered, light_pdf, estimator));
         };
-        self.surroundings(from, normal, *direction, add);
+        self.surroundings(&state.lit_point(), state.direction, add);
+        state.path = path;
     }
 
     /// Adds the emission of what a ray hits.
     fn add_emission(&self, state: &mut PathState, hit: &Intersection, estimator: Estimator) {
-        let PathState { path, origin, direction, scattered, .. } = state;
-        let (from, normal) = scattered.map_or((*origin, Vec3::ZERO), |s| (s.position, s.light_normal));
-        let emission = self.emission_along(from, normal, *direction, hit.t, hit.target);
+        let emission = self.emission_along(&state.lit_point(), state.direction, hit.t, hit.target);
         if let Some((light, scale, light_pdf)) = emission {
-            let scale = scale * emission_weight(*scattered, light_pdf, estimator);
-            path.add_emission(self.lights[light].source, scale);
+            let scale = scale * emission_weight(state.scattered, light_pdf, estimator);
+            state.path.add_emission(self.lights[light].source, scale);
         }
     }
 
@@ -328,16 +341,29 @@ impl CompiledScene {
     #[inline]
     fn sample_direct(
         &self,
-        state: &PathState,
+        state: &mut PathState,
         index: u32,
         vertex: &ShadingPoint<'_>,
         mut queue: impl FnMut(Ray, ShadowRay),
     ) {
         let ShadingPoint { point, bsdf, .. } = vertex;
-        let number = state.path.vertices().len() as u32 - 1;
+        let depth = state.path.vertices().len() as u32 - 1;
+        // Weigh the lights where the surface mirrors
+        state.light_probabilities = None;
+        if depth < MIRRORING_VERTICES && bsdf.has_gloss() {
+            let reflectance = vertex.coarse_spectrum.iter().sum::<f32>() / BINS as f32;
+            let scattered = |direction: Vec3| bsdf.estimate(point.to_local(direction), reflectance);
+            state.light_probabilities =
+                self.light_probabilities(point.position, vertex.light_normal, scattered);
+        }
+        let lit = LitPoint {
+            position: point.position,
+            normal: vertex.light_normal,
+            probabilities: &state.light_probabilities,
+        };
         for group in 0..self.group_lights.len() {
             // Sample a light of the group
-            let sample = self.sample_light(group, point.position, vertex.light_normal, state.samples.light);
+            let sample = self.sample_light(group, &lit, state.samples.light);
             let Some(light) = sample else { continue };
             let local = point.to_local(light.direction);
             if !vertex.is_consistent(light.direction, local) {
@@ -356,7 +382,7 @@ impl CompiledScene {
             let origin = point.leave(light.direction, self.clearance);
             let mis_weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, scattering.pdf) };
             let ray = Ray { origin, direction: light.direction, t_min: 0.0, t_max };
-            queue(ray, ShadowRay { path: index, vertex: number, light, scattering, mis_weight });
+            queue(ray, ShadowRay { path: index, vertex: depth, light, scattering, mis_weight });
         }
     }
 
