@@ -16,7 +16,9 @@
 //! | [`SpectralMixture`] | a measured spectrum as a sum of known ones, with intervals, and the sets of them that describe it as well |
 //! | [`spectral_overlap`] | how alike two spectra are |
 //! | [`SpotSeparation::new`] | how well the pixels of two spots are told apart |
-//! | [`d_prime_of_rates`], [`auc_of_d_prime`], [`auc_of_scores`] | how well scores tell two groups apart |
+//! | [`d_prime_of_rates`], [`d_prime_of_scores`], [`RocArea::of`] | how well scores tell two groups apart |
+//! | [`ToleranceInterval::of`] | the range that holds 95 % of people |
+//! | [`Agreement::of`] | estimates against their truth |
 //! | [`ChannelSignal`], [`SignalRatio`], [`Unmixing`] | levels of any channels of any frames, their ratios, and the fluorophores that they are made of |
 //! | [`TargetDetection::new`] | how well a target is told from what lies around it: contrast, d', smallest diameter, frames |
 //! | [`interval_of_difference`] | whether two estimates differ by more than their intervals leave open |
@@ -25,6 +27,7 @@
 //! Out of scope: telling the four bulk fluorophores apart. Under one excitation light their chromaticities are too
 //! close, and three channels leave no room for five unknowns.
 
+mod agreement;
 mod analyte;
 mod channel_noise;
 mod channel_signals;
@@ -48,8 +51,10 @@ mod spot_separation;
 mod statistics;
 mod summary;
 mod target_detection;
+mod tolerance;
 mod visible_share;
 
+pub use agreement::{Agreement, EstimateOfTruth};
 pub use analyte::Analyte;
 pub use channel_noise::ChannelNoise;
 pub use channel_signals::{
@@ -59,7 +64,10 @@ pub use chromaticity::{
     ChromaticityMap, DEFAULT_NOISE_THRESHOLD, ExclusionCounts, MissingChannel, PixelValidity,
     chromaticity_covariance, rgb_channels, sensor_chromaticity,
 };
-pub use detection::{auc_of_d_prime, auc_of_scores, d_prime_of_rates};
+pub use detection::{
+    RocArea, auc_of_d_prime, auc_of_scores, d_prime_of_rates, d_prime_of_scores, group_size_for_area,
+    roc_curve,
+};
 pub use difference::interval_of_difference;
 pub use error_budget::{BudgetInput, BudgetItem, ErrorBudget};
 pub use family_average::{FamilyAverage, TissueDoubt, TissueEvidence};
@@ -89,4 +97,5 @@ pub use summary::{
 };
 pub(crate) use summary::{PixelAnalysis, analyze_pixels};
 pub use target_detection::{ChannelContrast, RenderNoise, TargetDetection};
+pub use tolerance::{ToleranceInterval, ToleranceMethod, ValueRange};
 pub use visible_share::{PorphyrinSpread, SignalLevel, VisibleShare};
