@@ -1,9 +1,9 @@
 //! A number of an evaluation with everything that it is judged by.
 
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// What a number is. Fronts word it; results have it in snake case.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FindingId {
     /// Share of the analyte in the fluorescence electrons of the analyzed frame, in tissue of which only a family is known.

@@ -1,8 +1,13 @@
 //! Every number of an evaluation that people decide by, made once: what it is, of what, its value, its interval of 95 % and what limits
 //! it. There are no sentences here; text, page, comparison and JSON word and list the same findings.
 
+mod cohort;
 mod finding;
 
+pub use cohort::{
+    CohortAgreement, CohortFindings, CohortQuantity, LesionSeparation, NormalRange, PersonFinding,
+    cohort_findings,
+};
 pub use finding::{Caveat, Finding, FindingId};
 
 use crate::analysis::{
