@@ -9,6 +9,8 @@ pub struct ExaminationView {
     pub name: &'static str,
     /// Description.
     pub title: &'static str,
+    /// Parts that are examined, the one in the middle first.
+    pub parts: &'static [&'static str],
     /// Camera, in the frame of the mouth, mm.
     pub camera_mm: [f64; 3],
     /// Target of the camera, mm.
@@ -32,6 +34,7 @@ pub struct ExaminationView {
 const REST: ExaminationView = ExaminationView {
     name: "",
     title: "",
+    parts: &["tongue_dorsum"],
     camera_mm: [0.0, 0.0, 100.0],
     look_at_mm: [0.0, 0.0, -10.0],
     width_mm: 78.0,
@@ -48,6 +51,7 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
     ExaminationView {
         name: "lips",
         title: "Lips and the gums in front",
+        parts: &["lower_lip", "upper_gingiva"],
         camera_mm: [0.0, 2.0, 110.0],
         look_at_mm: [0.0, 0.0, 5.0],
         jaw_opening_mm: 18.0,
@@ -58,6 +62,7 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
     ExaminationView {
         name: "right-cheek",
         title: "Right cheek",
+        parts: &["cheek_right"],
         camera_mm: [52.0, 2.0, 78.0],
         look_at_mm: [-25.0, 0.0, -16.0],
         width_mm: 56.0,
@@ -71,6 +76,7 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
     ExaminationView {
         name: "left-cheek",
         title: "Left cheek",
+        parts: &["cheek_left"],
         camera_mm: [-52.0, 2.0, 78.0],
         look_at_mm: [25.0, 0.0, -16.0],
         width_mm: 56.0,
@@ -84,6 +90,7 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
     ExaminationView {
         name: "hard-palate",
         title: "Hard palate and upper teeth",
+        parts: &["hard_palate"],
         camera_mm: [0.0, -62.0, 62.0],
         look_at_mm: [0.0, 26.0, -18.0],
         width_mm: 66.0,
@@ -95,6 +102,7 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
     ExaminationView {
         name: "throat",
         title: "Soft palate, uvula, tonsils and pharynx",
+        parts: &["soft_palate", "pharyngeal_wall"],
         camera_mm: [0.0, 5.0, 92.0],
         look_at_mm: [0.0, 2.0, -50.0],
         width_mm: 60.0,
@@ -114,6 +122,7 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
     ExaminationView {
         name: "right-tongue",
         title: "Right border of the tongue",
+        parts: &["tongue_lateral_right"],
         camera_mm: [-76.0, -8.0, 68.0],
         look_at_mm: [0.0, -13.0, 6.0],
         width_mm: 60.0,
@@ -124,6 +133,7 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
     ExaminationView {
         name: "left-tongue",
         title: "Left border of the tongue",
+        parts: &["tongue_lateral_left"],
         camera_mm: [76.0, -8.0, 68.0],
         look_at_mm: [0.0, -13.0, 6.0],
         width_mm: 60.0,
@@ -134,6 +144,7 @@ pub const EXAMINATION_VIEWS: [ExaminationView; 9] = [
     ExaminationView {
         name: "ventral-tongue",
         title: "Underside of the tongue and floor of the mouth",
+        parts: &["tongue_ventral", "floor_of_mouth"],
         camera_mm: [0.0, 52.0, 82.0],
         look_at_mm: [0.0, -9.5, -10.0],
         width_mm: 66.0,

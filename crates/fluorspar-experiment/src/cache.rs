@@ -1,5 +1,6 @@
 //! What takes long to make is made once: the cache of the program, if it has one.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 use std::thread::{self, JoinHandle};
 
@@ -25,6 +26,32 @@ pub fn cache() -> Option<&'static Cache> {
     CACHE.get()
 }
 
+/// Tasks whose surfaces nobody asks for again.
+static PASSING: AtomicUsize = AtomicUsize::new(0);
+
+/// What [`keep_no_surfaces`] gives.
+#[derive(Debug)]
+#[must_use]
+pub struct PassingSurfaces(());
+
+/// Until what is returned is dropped, meshes, maps and tissues that this process makes are not put into the cache: those of many people
+/// would take the place of everything that is used again.
+pub fn keep_no_surfaces() -> PassingSurfaces {
+    PASSING.fetch_add(1, Ordering::Relaxed);
+    PassingSurfaces(())
+}
+
+impl Drop for PassingSurfaces {
+    fn drop(&mut self) {
+        PASSING.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// The cache, where surfaces go into it.
+pub(crate) fn cache_of_surfaces() -> Option<&'static Cache> {
+    cache().filter(|_| PASSING.load(Ordering::Relaxed) == 0)
+}
+
 /// [`generate_mouth`], or the same mouth from this process or from the cache.
 ///
 /// # Errors
@@ -36,7 +63,7 @@ pub fn cached_mouth(parameters: &MouthParameters) -> Result<Arc<Mouth>, Paramete
             return Ok(mouth);
         }
         let mouth = generate_mouth(parameters)?;
-        if let Some(cache) = cache() {
+        if let Some(cache) = cache_of_surfaces() {
             cache.put("mouth", key.as_bytes(), &mouth.to_bytes());
         }
         Ok(mouth)
@@ -101,7 +128,9 @@ pub(crate) fn cached_tissue<E>(
         Some(surface) => surface,
         None => {
             let surface = make()?;
-            if let (Some(cache), Some(bytes)) = (cache(), surface.to_bytes()) {
+            if let Some((cache, bytes)) =
+                cache_of_surfaces().and_then(|cache| Some((cache, surface.to_bytes()?)))
+            {
                 cache.put("tissue", key.as_bytes(), &bytes);
             }
             surface
@@ -133,7 +162,9 @@ pub(crate) fn cached_surface_map(
             return kept;
         }
         let baked = bake();
-        cache.put("map", key.as_bytes(), &baked.to_bytes());
+        if let Some(cache) = cache_of_surfaces() {
+            cache.put("map", key.as_bytes(), &baked.to_bytes());
+        }
         baked
     })
 }

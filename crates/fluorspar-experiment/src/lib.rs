@@ -16,6 +16,7 @@
 //! | the small file of plane layers | [`parse_layers`] | `layers_file.rs` |
 //! | the small file of one tissue | [`parse_tissue`] | `tissue_file.rs` |
 //! | the file of a design problem | [`parse_design`] | `design/` |
+//! | the file of a cohort | [`parse_cohort`] | `cohort.rs` |
 //! | catalogue: lights, filters, tissues, sensors, lenses, experiments | [`preset`] | `preset/`, `data/` |
 //!
 //! Every error names file, line, entry, field and value, says what is wrong and how to fix it. No stage of the physics
@@ -23,6 +24,7 @@
 
 mod cache;
 mod change;
+mod cohort;
 mod design;
 mod document;
 mod error;
@@ -37,8 +39,9 @@ mod setting_difference;
 pub mod preset;
 pub mod schema;
 
-pub use cache::{cache, cached_mouth, use_cache};
+pub use cache::{PassingSurfaces, cache, cached_mouth, keep_no_surfaces, use_cache};
 pub use change::scene_change::SceneChange;
+pub use cohort::{CohortFile, CohortQuestion, CohortStudy, PeopleSection, parse_cohort};
 pub use design::{
     CohortSection, ComparedDesign, ComparedDesignSection, CriterionChoice, DesignFile, DesignQuestion,
     DesignRegion, DesignRender, DesignRenders, ExcitationSection, ExposuresSection, IdealBandsSection,
@@ -48,6 +51,7 @@ pub use design::{
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use file_text::file_text;
 pub use fluorspar::warning::Warning;
+pub use fluorspar_anatomy::ExaminationView;
 use fluorspar_format::FileFormat;
 pub use part_file::layers::{
     LayerEmissionSection, LayerSection, LayersFile, ResolvedEmission, ResolvedLayers, parse_layers,
@@ -58,7 +62,7 @@ pub use part_file::sample::{
 };
 pub use part_file::sensor::{ResolvedSensor, SensorFile, parse_sensor};
 pub use part_file::tissue::{TissueFile, parse_tissue};
-pub use people::{give_tissues_of, person_tissues};
+pub use people::{Person, give_tissues_of, people_csv};
 pub use read::{Experiment, parse, parse_changed};
 pub use resolve::cached_analysis::{CachedAnalysis, cached_analysis};
 pub use resolve::named_tissue::NamedTissue;
@@ -88,7 +92,7 @@ pub fn design_json_schema() -> serde_json::Value {
     schema
 }
 
-/// JSON schema of a kind of file by the type of its sections: [`SampleFile`], [`SensorFile`], [`LayersFile`].
+/// JSON schema of a kind of file by the type of its sections: [`SampleFile`], [`SensorFile`], [`LayersFile`], [`CohortFile`].
 pub fn json_schema_of<T: schemars::JsonSchema>() -> serde_json::Value {
     let mut schema = with_mosaic_letters(schemars::schema_for!(T).to_value());
     tidy(&mut schema);

@@ -1,12 +1,73 @@
-//! The tissues of a person, drawn from the populations of their sites along with the shape of the mouth.
+//! People: shape of the mouth and its tissues, drawn from populations.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use fluorspar::sampling::random::Key;
 use fluorspar::tissue::{Population, TissueError};
+use fluorspar_anatomy::{MouthParameters, sample_person};
+use serde::Serialize;
 
 use crate::preset::{self, PresetError};
 use crate::schema::{ExperimentFile, NameOrFile, TissueSection};
+
+/// What is drawn of a person, as sections of an experiment.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Person {
+    /// Shape of the mouth; its seed is the number of the person.
+    pub mouth: MouthParameters,
+    /// Tissues, in place of those of the experiment.
+    #[serde(rename = "tissue")]
+    pub tissues: Vec<TissueSection>,
+}
+
+impl Person {
+    /// The person of a number, for the materials of an experiment.
+    ///
+    /// # Errors
+    /// A site or a state of a tissue that does not exist.
+    pub fn draw(file: &ExperimentFile, number: u32) -> Result<Self, PresetError> {
+        Ok(Self { mouth: sample_person(number), tissues: person_tissues(file, number)? })
+    }
+
+    /// Parameters of the tissues by `TISSUE.PARAMETER`.
+    fn of_tissues(&self) -> impl Iterator<Item = (String, f64)> {
+        self.tissues.iter().flat_map(|tissue| {
+            tissue
+                .parameters
+                .iter()
+                .map(|(parameter, value)| (format!("{}.{parameter}", tissue.name), *value))
+        })
+    }
+}
+
+/// A table of people, a line each: number, shape, ratio of the widths of their teeth, parameters of their tissues. All are of one
+/// experiment.
+///
+/// # Errors
+/// None that is known: parameters that have no JSON.
+pub fn people_csv(people: &[Person]) -> Result<String, serde_json::Error> {
+    let fields = serde_json::to_value(MouthParameters::default())?;
+    let names: Vec<&String> = fields.as_object().map(|fields| fields.keys().collect()).unwrap_or_default();
+    let shape: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
+    let tissues =
+        people.first().map(|person| person.of_tissues().map(|(name, _)| format!(",{name}")).collect());
+    let tissues: String = tissues.unwrap_or_default();
+    let mut table = format!("person,{},bolton_ratio{tissues}\n", shape.join(","));
+    for person in people {
+        let values = serde_json::to_value(&person.mouth)?;
+        let cell = |name: &&String| match &values[name.as_str()] {
+            serde_json::Value::Array(list) => {
+                list.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ")
+            }
+            other => other.to_string(),
+        };
+        let row: Vec<String> = names.iter().map(cell).collect();
+        let tissues: String = person.of_tissues().map(|(_, value)| format!(",{value:.6e}")).collect();
+        let (number, ratio) = (person.mouth.seed, person.mouth.bolton_ratio());
+        table += &format!("{number},{},{ratio:.4}{tissues}\n", row.join(","));
+    }
+    Ok(table)
+}
 
 /// The tissues that the materials of an experiment are made of, as the person of a number has them: sections that take the place of the sites
 /// they are named after. What varies among people is drawn around the typical tissue of the experiment ([`Population::person`]); tissues
@@ -14,7 +75,7 @@ use crate::schema::{ExperimentFile, NameOrFile, TissueSection};
 ///
 /// # Errors
 /// A site or a state that does not exist.
-pub fn person_tissues(file: &ExperimentFile, person: u32) -> Result<Vec<TissueSection>, PresetError> {
+fn person_tissues(file: &ExperimentFile, person: u32) -> Result<Vec<TissueSection>, PresetError> {
     let names: BTreeSet<&str> = file.material.iter().filter_map(|material| material.tissue()).collect();
     let of_name = |name: &str| {
         let known = file.tissue.iter().find(|section| section.name == name);

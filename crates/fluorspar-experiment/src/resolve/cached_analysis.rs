@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::analyzed_region::as_analysis;
 use super::capture::{OfSurfaces, plan, teeth_around};
-use crate::cache::{cache, cached_solutions};
+use crate::cache::{cache, cache_of_surfaces, cached_solutions};
 use crate::preset::{self, has_user_catalogue};
 use crate::read::Experiment;
 use crate::schema::{AnalysisSection, ExperimentFile, RenderSection};
@@ -157,7 +157,7 @@ impl AnalysisNames {
 /// resolved without error or file.
 pub(crate) fn keep_analysis(file: &ExperimentFile, all: &[OfSurfaces], scene: &Scene) {
     let has_prior = all.first().is_some_and(|of| of.tissue.is_some());
-    let (Some(cache), true, Some(key)) = (cache(), has_prior, key(file)) else { return };
+    let (Some(cache), true, Some(key)) = (cache_of_surfaces(), has_prior, key(file)) else { return };
     if has_user_catalogue() || cache.has(KIND, key.as_bytes()) {
         return;
     }
