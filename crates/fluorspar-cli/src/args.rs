@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use fluorspar_session::{
-    AnalyzeOptions, CaptureOptions, CheckOptions, CompareOptions, PredictOptions, RunOptions,
+    AnalyzeOptions, CaptureOptions, CheckOptions, CohortOptions, CompareOptions, PredictOptions, RunOptions,
 };
 
 use crate::commands::Answering;
@@ -54,7 +54,10 @@ const EXAMPLES: &str = include_str!("examples.txt");
 
 /// The commands as `--help` groups them.
 const GROUPS: [(&str, &[&str]); 6] = [
-    ("Run and look", &["run", "new", "render", "capture", "analyze", "sheet", "compare", "merge", "denoise"]),
+    (
+        "Run and look",
+        &["run", "new", "render", "capture", "analyze", "sheet", "compare", "cohort", "merge", "denoise"],
+    ),
     ("Frames of a camera", &["describe"]),
     ("Design", &["design", "predict", "filter", "plot", "safety"]),
     ("Parts", &["catalog", "fluorophore", "sensor", "lens", "tissue", "spectroradiometer"]),
@@ -130,6 +133,8 @@ pub(crate) enum Command {
     Analyze(Answering<AnalyzeOptions>),
     /// Compare two finished runs: settings, numbers with their intervals, frames. Designs that were not run: `design compare`.
     Compare(Answering<CompareOptions>),
+    /// Examine many drawn people: normal ranges, truth against estimate, how well a lesion is told.
+    Cohort(Answering<CohortOptions>),
     /// Write the description that a camera's frame needs beside it: from its tags, and from what you know.
     Describe(describe::Options),
     /// List, show and plot parts of the catalogue: lights, filters, dyes, sensors, lenses, tissues.
@@ -181,6 +186,7 @@ impl Command {
                 | Self::Mouth(_)
                 | Self::Validate(_)
                 | Self::Design(_)
+                | Self::Cohort(_)
         )
     }
 }

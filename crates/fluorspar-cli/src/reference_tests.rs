@@ -8,7 +8,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::{Arg, ArgAction, Command};
-use fluorspar_experiment::{LayersFile, SampleFile, design_json_schema, json_schema, json_schema_of};
+use fluorspar_experiment::{
+    CohortFile, LayersFile, SampleFile, design_json_schema, json_schema, json_schema_of,
+};
 use serde_json::{Map, Value};
 
 use crate::args::Args;
@@ -275,6 +277,7 @@ fn definitions() -> Map<String, Value> {
         ("SampleFile", json_schema_of::<SampleFile>()),
         ("LayersFile", json_schema_of::<LayersFile>()),
         ("DesignFile", design_json_schema()),
+        ("CohortFile", json_schema_of::<CohortFile>()),
     ] {
         let mut schema = schema.as_object().unwrap().clone();
         if let Some(Value::Object(definitions)) = schema.remove("$defs") {

@@ -7,10 +7,13 @@
 //! | write | [`ReportData::to_html`] | one file: text, images, figures, tables, the experiment itself |
 //! | two finished runs side by side | [`compared_numbers`], [`comparison_report`] | numbers with intervals, and whether these tell them apart |
 //! | a design search as a page | [`design_report`] | what is best, what it costs, what it rests on |
+//! | a cohort as a page | [`cohort_report`] | what is normal, how good estimates are, how well lesions are told |
 //! | read back | [`extract_experiment`] | the TOML that a report was made from |
 //!
 //! Out of scope: physics. Everything here draws and explains numbers that were computed elsewhere.
 
+mod cohort_figures;
+mod cohort_report;
 mod comparison;
 mod design_recommendation;
 mod design_remarks;
@@ -21,6 +24,7 @@ mod findings;
 mod page;
 mod run;
 
+pub use cohort_report::{CohortResults, cohort_figures, cohort_report};
 pub use comparison::{
     ComparedNumber, ComparedPictures, ComparedSide, Distinction, FinishedCapture, FinishedFrame,
     FinishedProgram, FinishedRegion, FinishedRun, FinishedSafety, FinishedViewer, FrameToCompare, HOW_JUDGED,

@@ -8,6 +8,7 @@
 //! | run an experiment from scene to report | [`run`] |
 //! | check an experiment or a flat sample | [`check`] |
 //! | compare two finished runs | [`compare`] |
+//! | examine many people | [`cohort`] |
 //! | search lights, filters and sensors | [`design`] |
 //! | predict a flat sample | [`predict`] |
 //! | fit measured spectra with fluorophores | [`fluorophore`] |
@@ -27,6 +28,7 @@ mod capture;
 mod changes;
 mod check;
 mod coarse_render;
+mod cohort;
 mod compare;
 pub mod design;
 mod error;
@@ -45,6 +47,7 @@ mod render_remarks;
 mod rendered_scene;
 mod resource_needs;
 mod run;
+mod shard;
 mod source;
 mod surroundings;
 pub mod tissue;
@@ -55,6 +58,7 @@ pub use capture::{CaptureOptions, CapturedFolder, RawForm, capture};
 pub use changes::{Changes, ExperimentArgs, RenderOptions, Seed, StatisticsOption};
 pub use check::{CameraView, CheckOptions, CheckedExperiment, CheckedFile, CheckedSample, check};
 pub use coarse_render::{coarse_image, warnings_before_run};
+pub use cohort::{CohortOptions, CohortOutcome, ExaminedCohort, cohort};
 pub use compare::{CompareOptions, ComparedRun, ComparedRuns, Comparison, compare};
 pub use error::{Error, ErrorKind, Result, worded};
 pub use figure_file::FigureFormat;
@@ -71,5 +75,6 @@ pub use resource_needs::{
     say_time, seconds_of,
 };
 pub use run::{FinishedExperiment, RunOptions, check_memory, check_nothing_painted, run};
+pub use shard::WorkShard;
 pub use source::{ExperimentSource, read_text};
 pub use surroundings::use_surroundings;

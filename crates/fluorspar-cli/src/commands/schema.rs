@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use fluorspar_experiment::{
-    LayersFile, SampleFile, SensorFile, design_json_schema, json_schema, json_schema_of,
+    CohortFile, LayersFile, SampleFile, SensorFile, design_json_schema, json_schema, json_schema_of,
 };
 
 use crate::error::CliError;
@@ -28,6 +28,8 @@ enum FileKind {
     Layers,
     /// Design problems, as `design` takes them.
     Design,
+    /// Cohorts, as `cohort` takes them.
+    Cohort,
 }
 
 pub(crate) fn run(options: &Options) -> Result<(), CliError> {
@@ -37,6 +39,7 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         FileKind::Sensor => json_schema_of::<SensorFile>(),
         FileKind::Layers => json_schema_of::<LayersFile>(),
         FileKind::Design => design_json_schema(),
+        FileKind::Cohort => json_schema_of::<CohortFile>(),
     })?;
     Ok(())
 }

@@ -50,6 +50,13 @@ fn tiny(words: &[String], folder: &Path) -> Vec<String> {
                 }
             }
         }
+        ("cohort", _) => {
+            add(&mut all, &["--set=people.count=2", "--set=render.width_px=32", "--set=render.height_px=24"]);
+            add(&mut all, &["--set=render.samples_per_pixel=1", "--set=mouth.detail=0.25"]);
+            add(&mut all, &["--set=analysis.inset_px=0"]);
+            add(&mut all, &["--set=sensor.columns=64", "--set=sensor.rows=48"]);
+            add(&mut all, &["--set=sensor.pixel_size_um=37.5", "--set=sensor.fill_factor=0.0044"]);
+        }
         ("render", _) => {
             add(&mut all, &["--set=render.width_px=16", "--set=render.height_px=12", "--spp=16"]);
         }

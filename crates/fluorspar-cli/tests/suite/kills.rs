@@ -34,6 +34,16 @@ const SMALL: [&str; 4] =
 /// Wavelengths of the fit of a tissue.
 const FITTED: [&str; 3] = ["--from-nm=450", "--to-nm=700", "--step-nm=25"];
 
+/// Two people in one view.
+const COHORT: [&str; 6] = [
+    "--set=people.count=2",
+    "--set=people.views=[\"lips\"]",
+    "--set=render.width_px=32",
+    "--set=render.height_px=24",
+    "--set=render.samples_per_pixel=1",
+    "--set=mouth.detail=0.25",
+];
+
 /// Every command that takes a while or writes much. `a.exr`, `1.film`, `2.film` and `white.csv` are in the folder `in`.
 fn jobs() -> Vec<(&'static str, Vec<&'static str>)> {
     let film = [
@@ -152,6 +162,7 @@ fn further_jobs() -> Vec<(&'static str, Vec<&'static str>)> {
         ),
         ("validate", vec!["validate", "--case", "figure-4", "-q", "--out", "v"]),
         ("design sweep", vec!["design", "sweep", "two-lights", "-q", "--out", "d"]),
+        ("cohort", [&["cohort", "oraleye-2021-surface", "-q", "--out", "c"], &COHORT[..]].concat()),
     ]
 }
 

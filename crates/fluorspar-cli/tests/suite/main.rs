@@ -4,6 +4,7 @@
 mod bad_input;
 mod budget;
 mod cache;
+mod cohort;
 mod compare;
 mod design;
 mod documentation;

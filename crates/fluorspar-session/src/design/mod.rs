@@ -4,13 +4,11 @@ mod compare;
 mod outcome;
 mod renders;
 mod scenes;
-mod shard;
 mod sweep;
 
 pub use compare::{ComparedDesigns, compare};
 pub use outcome::{DesignOutcome, criterion_text};
 pub use scenes::{DesignScene, DesignScenes, scenes};
-pub use shard::SweepShard;
 pub use sweep::{MergeOptions, OptimizeOptions, Sweep, SweepOptions, merge, optimize, sweep};
 
 use std::path::PathBuf;

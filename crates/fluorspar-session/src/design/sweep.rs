@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::outcome::{DesignOutcome, FOLDER_BYTES, Found};
-use super::shard::{SweepShard, journal_beside};
 use super::{Place, PreparedProblem, ProblemOptions, ReadProblem};
+use crate::shard::{WorkShard, journal_beside, shards_beside};
 use crate::values;
 use crate::{Error, Job, Left, Result};
 
@@ -31,7 +31,7 @@ pub struct SweepOptions {
     pub problem: ProblemOptions,
     /// Part that is done, for one of several processes: I/N, or auto in a Slurm array. `design merge` makes one result of them.
     #[arg(long, value_name = "I/N|auto")]
-    pub shard: Option<SweepShard>,
+    pub shard: Option<WorkShard>,
     /// Where results go.
     #[command(flatten)]
     #[serde(flatten)]
@@ -121,7 +121,7 @@ impl<'a> Work<'a> {
     }
 
     /// Evaluates what a journal lacks of a part, and gives all of the part.
-    fn finish(&self, path: &Path, shard: Option<SweepShard>, job: &Job) -> Result<BTreeMap<u64, Vec<Score>>> {
+    fn finish(&self, path: &Path, shard: Option<WorkShard>, job: &Job) -> Result<BTreeMap<u64, Vec<Score>>> {
         let (mut journal, entries) = Journal::open(path, &self.head)?;
         let mut done: BTreeMap<u64, Vec<Score>> =
             entries.iter().filter_map(|entry| self.parse(entry)).collect();
@@ -252,13 +252,13 @@ pub fn merge(options: &MergeOptions, job: &Job) -> Result<DesignOutcome> {
     let sha256 = &problem.resolved.record.sha256;
     let shards = match options.wait_for {
         Some(shards) => shards,
-        None => shards_beside(&shown, sha256)?,
+        None => number_of_shards(&shown, sha256)?,
     };
     let mut waiting = false;
     loop {
         let mut blocks: BTreeMap<u64, Vec<Score>> = BTreeMap::new();
         for number in 1..=shards {
-            let journal = SweepShard { number, of: shards }.journal(&shown, sha256);
+            let journal = WorkShard { number, of: shards }.journal(&shown, sha256);
             let entries = Journal::read(&journal, &work.head)?.unwrap_or_default();
             blocks.extend(entries.iter().filter_map(|entry| work.parse(entry)));
         }
@@ -283,15 +283,8 @@ pub fn merge(options: &MergeOptions, job: &Job) -> Result<DesignOutcome> {
 }
 
 /// Number of shards by the names of the journals of a problem beside a folder.
-fn shards_beside(folder: &Path, sha256: &str) -> Result<u64> {
-    let around = folder.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let start = format!("{}.{}.", folder.file_name().unwrap_or_default().to_string_lossy(), &sha256[..8]);
-    let of = |name: &str| -> Option<u64> {
-        let part = name.strip_prefix(&start)?.strip_suffix(".journal")?;
-        part.split_once("-of-")?.1.parse().ok()
-    };
-    let entries = std::fs::read_dir(around).into_iter().flatten().flatten();
-    let found = entries.filter_map(|entry| of(&entry.file_name().to_string_lossy())).max();
+fn number_of_shards(folder: &Path, sha256: &str) -> Result<u64> {
+    let found = shards_beside(folder, sha256).last().map(|shard| shard.of);
     found.ok_or_else(|| {
         Error::Input(format!(
             "there is no journal of a shard of this problem beside {}; run `fluorspar design sweep --shard I/N` with the same ⟨out⟩ first",

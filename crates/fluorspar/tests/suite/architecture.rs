@@ -92,7 +92,7 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
         "fluorspar-session/src/",
         &[
             "digest", "units", "quote", "names", "spectral", "image", "light", "tissue", "scene", "render",
-            "analysis", "study", "design", "pipeline",
+            "analysis", "study", "design", "pipeline", "findings",
         ],
         &["fluorspar_experiment", "fluorspar_format", "fluorspar_report"],
     ),

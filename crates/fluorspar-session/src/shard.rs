@@ -1,4 +1,4 @@
-//! Parts of a sweep, for several processes.
+//! Parts of long work, for several processes: each has a journal.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -6,20 +6,20 @@ use std::str::FromStr;
 
 use serde::Deserialize;
 
-/// One of several processes that share a sweep, from 1.
+/// One of several processes that share work, from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
-pub struct SweepShard {
+pub struct WorkShard {
     /// Its number.
     pub number: u64,
     /// Number of all.
     pub of: u64,
 }
 
-/// Most processes that share a sweep.
+/// Most processes that share work.
 const MOST: u64 = 100_000;
 
-impl FromStr for SweepShard {
+impl FromStr for WorkShard {
     type Err = String;
 
     /// `2/8`, or `auto`: the task of an array of Slurm.
@@ -37,7 +37,7 @@ impl FromStr for SweepShard {
     }
 }
 
-impl SweepShard {
+impl WorkShard {
     /// The task of a Slurm array: numbers may start anywhere and have steps.
     fn of_slurm(variable: impl Fn(&str) -> Option<String>) -> Result<Self, String> {
         let number = |name: &str| -> Result<u64, String> {
@@ -59,18 +59,18 @@ impl SweepShard {
         }
     }
 
-    /// Whether a block of designs is this process's.
-    pub(super) fn holds(self, block: u64) -> bool {
-        block % self.of == self.number - 1
+    /// Whether a part of the work, counted from 0, is this process's.
+    pub(crate) fn holds(self, part: u64) -> bool {
+        part % self.of == self.number - 1
     }
 
-    /// The journal of this part beside a folder of results.
-    pub(super) fn journal(self, folder: &Path, sha256: &str) -> PathBuf {
+    /// The journal of this process beside a folder of results.
+    pub(crate) fn journal(self, folder: &Path, sha256: &str) -> PathBuf {
         journal_beside(folder, sha256, &format!(".{}-of-{}", self.number, self.of))
     }
 }
 
-impl TryFrom<String> for SweepShard {
+impl TryFrom<String> for WorkShard {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
@@ -78,17 +78,32 @@ impl TryFrom<String> for SweepShard {
     }
 }
 
-impl fmt::Display for SweepShard {
+impl fmt::Display for WorkShard {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/{}", self.number, self.of)
     }
 }
 
-/// The journal of a problem beside a folder: its name with an ending. Another problem, or the same one changed, has another journal.
-pub(super) fn journal_beside(folder: &Path, sha256: &str, part: &str) -> PathBuf {
+/// The journal of work beside a folder of results: its name with an ending. Other work, or the same one changed, has another journal.
+pub(crate) fn journal_beside(folder: &Path, sha256: &str, part: &str) -> PathBuf {
     let mut name = folder.file_name().unwrap_or_default().to_os_string();
     name.push(format!(".{}{part}.journal", &sha256[..8]));
     folder.with_file_name(name)
+}
+
+/// The processes whose journals lie beside a folder of results.
+pub(crate) fn shards_beside(folder: &Path, sha256: &str) -> Vec<WorkShard> {
+    let around = folder.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let start = format!("{}.{}.", folder.file_name().unwrap_or_default().to_string_lossy(), &sha256[..8]);
+    let of = |name: &str| -> Option<WorkShard> {
+        let part = name.strip_prefix(&start)?.strip_suffix(".journal")?;
+        part.replacen("-of-", "/", 1).parse().ok()
+    };
+    let entries = std::fs::read_dir(around).into_iter().flatten().flatten();
+    let mut found: Vec<WorkShard> =
+        entries.filter_map(|entry| of(&entry.file_name().to_string_lossy())).collect();
+    found.sort_unstable_by_key(|shard| (shard.of, shard.number));
+    found
 }
 
 #[cfg(test)]
@@ -97,21 +112,21 @@ mod tests {
 
     #[test]
     fn shards_are_read_from_text_and_from_slurm() {
-        assert_eq!("2/8".parse(), Ok(SweepShard { number: 2, of: 8 }));
+        assert_eq!("2/8".parse(), Ok(WorkShard { number: 2, of: 8 }));
         for wrong in ["0/3", "4/3", "x", "1/0", "1/200000", "-1/2"] {
-            assert!(wrong.parse::<SweepShard>().is_err(), "{wrong}");
+            assert!(wrong.parse::<WorkShard>().is_err(), "{wrong}");
         }
         let slurm = |pairs: &[(&str, &str)]| {
-            SweepShard::of_slurm(|name| {
+            WorkShard::of_slurm(|name| {
                 pairs.iter().find(|(key, _)| name.ends_with(key)).map(|(_, v)| (*v).to_owned())
             })
         };
-        assert_eq!(slurm(&[("_ID", "0"), ("_COUNT", "3")]), Ok(SweepShard { number: 1, of: 3 }));
+        assert_eq!(slurm(&[("_ID", "0"), ("_COUNT", "3")]), Ok(WorkShard { number: 1, of: 3 }));
         let strided = [("_ID", "14"), ("_COUNT", "3"), ("_MIN", "10"), ("_STEP", "2")];
-        assert_eq!(slurm(&strided), Ok(SweepShard { number: 3, of: 3 }));
+        assert_eq!(slurm(&strided), Ok(WorkShard { number: 3, of: 3 }));
         assert!(slurm(&[("_COUNT", "3")]).unwrap_err().contains("SLURM_ARRAY_TASK_ID is not set"));
         assert!(slurm(&[("_ID", "7"), ("_COUNT", "3")]).unwrap_err().contains("not among"));
-        let held = |number| (0..7).filter(move |&block| SweepShard { number, of: 3 }.holds(block)).count();
+        let held = |number| (0..7).filter(move |&block| WorkShard { number, of: 3 }.holds(block)).count();
         assert_eq!((held(1), held(2), held(3)), (3, 2, 2));
     }
 }

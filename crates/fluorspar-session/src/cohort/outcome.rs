@@ -1,0 +1,166 @@
+//! What a cohort says: tables, JSON and a page.
+
+use fluorspar::analysis::Analyte;
+use fluorspar::findings::{CohortFindings, CohortQuantity, PersonFinding, cohort_findings};
+use fluorspar_experiment::{CohortFile, CohortQuestion, CohortStudy, Person, file_text, people_csv};
+use fluorspar_format::{FileFormat, OutputFolder, csv_cell};
+use fluorspar_report::{CohortResults, cohort_figures, cohort_report};
+use serde::{Serialize, Serializer};
+use serde_json::{Value, json};
+
+use crate::figure_file::figure_files;
+use crate::values::csv;
+use crate::{Error, ExperimentSource, Job, Result};
+
+/// What is found in all people of a cohort.
+#[derive(Clone, Debug)]
+pub struct CohortOutcome {
+    /// Title.
+    pub title: String,
+    /// The cohort.
+    pub cohort: CohortStudy,
+    /// Every number of every person.
+    pub findings: Vec<(u32, PersonFinding)>,
+    /// What they say together.
+    pub said: CohortFindings,
+    analyte: Analyte,
+    toml: String,
+    sha256: String,
+}
+
+/// Room for the tables and the page: a view has some hundred lines, the table of people a line of 2 kB.
+pub(super) fn room_bytes(cohort: &CohortStudy) -> u64 {
+    let people = u64::from(cohort.people.count);
+    (64 << 20) + people * (4096 + (32 << 10) * cohort.views.len() as u64)
+}
+
+impl CohortOutcome {
+    pub(super) fn of(
+        cohort: CohortStudy,
+        source: &ExperimentSource,
+        sha256: String,
+        findings: Vec<(u32, PersonFinding)>,
+    ) -> Result<Self> {
+        let all: Vec<PersonFinding> = findings.iter().map(|(_, finding)| finding.clone()).collect();
+        let experiment = &cohort.experiment.file;
+        let file = CohortFile {
+            experiment: experiment.clone(),
+            question: CohortQuestion { people: cohort.people.clone() },
+        };
+        let toml = file_text(&file).map_err(|error| {
+            Error::Failed(format!("{}: the file can't be written out: {error}", source.name))
+        })?;
+        let title = if experiment.title.is_empty() { &source.stem } else { &experiment.title };
+        let porphyrin = experiment.analysis.as_ref().and_then(|analysis| analysis.porphyrin.as_deref());
+        let analyte =
+            porphyrin.map_or_else(Analyte::default, |name| Analyte::new(name, &name.replace('_', " ")));
+        let (title, said) = (title.clone(), cohort_findings(&all));
+        Ok(Self { title, cohort, findings, said, analyte, toml, sha256 })
+    }
+
+    /// Writes the folder.
+    pub(super) fn write(self, folder: OutputFolder, job: &Job) -> Result<Self> {
+        let file = &self.cohort.experiment.file;
+        let drawn = self.cohort.numbers().map(|number| Person::draw(file, number));
+        let people: Vec<Person> = drawn.collect::<Result<_, _>>()?;
+        let mut files = vec![
+            ("results.json".to_owned(), serde_json::to_vec_pretty(&self)?),
+            ("people.csv".into(), people_csv(&people)?.into_bytes()),
+            ("cohort.csv".into(), self.table().into_bytes()),
+            ("ranges.csv".into(), self.ranges().into_bytes()),
+            ("report.html".into(), cohort_report(&self.results()).to_html().into_bytes()),
+        ];
+        for (stem, figure) in cohort_figures(&self.results()) {
+            files.extend(figure_files(stem, &figure)?);
+        }
+        let place = folder.finish_with(files)?;
+        job.status(format!("Open {}", place.join("report.html").display()));
+        Ok(self)
+    }
+
+    /// What the page and its words are made of.
+    #[must_use]
+    pub fn results(&self) -> CohortResults<'_> {
+        let analysis = self.cohort.experiment.file.analysis.as_ref();
+        CohortResults {
+            title: &self.title,
+            cohort: &self.cohort,
+            findings: &self.findings,
+            said: &self.said,
+            frame: analysis.map_or("", |analysis| &analysis.frame),
+            analyte: &self.analyte,
+            toml: &self.toml,
+            sha256: &self.sha256,
+        }
+    }
+
+    /// Every number of every person, a line each.
+    fn table(&self) -> String {
+        let lesions = self.cohort.lesions();
+        let with = |person: u32| -> String {
+            let held = lesions.iter().filter(|lesion| self.cohort.has_lesion(person, lesion));
+            held.map(|lesion| lesion.name.as_str()).collect::<Vec<_>>().join(" ")
+        };
+        let row = |(person, finding): &(u32, PersonFinding)| {
+            let [low, high] = finding.interval.unwrap_or_default();
+            let numbers = [finding.value, low, high, finding.reference].map(number);
+            let lesion = u8::from(finding.has_lesion);
+            format!(
+                "{person},{},{lesion},{},{}",
+                names(&finding.quantity),
+                numbers.join(","),
+                csv_cell(&with(*person))
+            )
+        };
+        let heads = format!("person,{NAMES},has_lesion_here,value,low,high,reference,lesions");
+        csv(&heads, self.findings.iter().map(row))
+    }
+
+    /// The ranges of people without lesions, a line each.
+    fn ranges(&self) -> String {
+        let row = |range: &fluorspar::findings::NormalRange| {
+            let of = &range.statistics;
+            let ends = range.tolerance.map_or([None; 2], |t| [Some(t.low), Some(t.high)]);
+            let numbers = [Some(of.median), Some(of.p05), Some(of.p95), ends[0], ends[1]].map(number);
+            format!("{},{},{}", names(&range.quantity), of.n, numbers.join(","))
+        };
+        let heads = format!("{NAMES},people,median,p05,p95,tolerance_low,tolerance_high");
+        csv(&heads, self.said.ranges.iter().map(row))
+    }
+}
+
+/// Columns of what a number is of.
+const NAMES: &str = "view,part,frame,channel,name,quantity,unit";
+
+fn names(of: &CohortQuantity) -> String {
+    let id =
+        serde_json::to_value(of.id).ok().and_then(|id| id.as_str().map(str::to_owned)).unwrap_or_default();
+    let text = |text: &Option<String>| text.clone().unwrap_or_default();
+    let cells = [of.view.clone(), of.part.clone(), text(&of.frame), text(&of.channel), text(&of.name), id];
+    let cells: Vec<_> = cells.iter().map(|cell| csv_cell(cell)).collect();
+    format!("{},{}", cells.join(","), csv_cell(of.id.unit()))
+}
+
+fn number(value: Option<f64>) -> String {
+    value.map_or_else(String::new, |value| value.to_string())
+}
+
+impl Serialize for CohortOutcome {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let all: Value = json!({
+            "format": FileFormat::RESULTS.version(),
+            "provenance": {
+                "program": "fluorspar",
+                "version": env!("CARGO_PKG_VERSION"),
+                "sha256": self.sha256,
+                "cohort_toml": self.toml,
+            },
+            "people": self.cohort.people,
+            "findings": self.findings.len(),
+            "ranges": self.said.ranges,
+            "agreements": self.said.agreements,
+            "separations": self.said.separations,
+        });
+        all.serialize(serializer)
+    }
+}
