@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fluorspar_experiment::Warning;
 use fluorspar_session::{
-    CompareOptions, Error, Job, Left, Listener, PredictOptions, RunOptions, TaskOption, TaskOptions, design,
-    fluorophore, tissue,
+    CohortOptions, CompareOptions, Error, Job, Left, Listener, PredictOptions, RunOptions, TaskOption,
+    TaskOptions, design, fluorophore, tissue,
 };
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -47,6 +47,8 @@ tasks! {
     run(RunOptions) => fluorspar_session::run,
     /// Compares two finished runs.
     compare(CompareOptions) => fluorspar_session::compare,
+    /// Examines many people.
+    cohort(CohortOptions) => fluorspar_session::cohort,
     /// Evaluates the designs that a file names.
     design_compare(design::ProblemOptions) => design::compare,
     /// Evaluates all designs of a problem.

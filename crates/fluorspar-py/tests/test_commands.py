@@ -95,6 +95,18 @@ def test_designs_become_parquet(tmp_path) -> None:
     assert len(again) > 0 and again["lights"].tolist() == designs["lights"].tolist()
 
 
+def test_a_cohort_says_what_is_normal(tmp_path) -> None:
+    (tmp_path / "c.toml").write_text(
+        'format = 1\nbase = "oraleye-2021-surface"\n[people]\ncount = 2\nviews = ["lips"]\n[render]\nwidth_px = 32\n'
+        "height_px = 24\nsamples_per_pixel = 1\n[sensor]\ncolumns = 64\nrows = 48\npixel_size_um = 37.5\n"
+        "fill_factor = 0.0044\n[mouth]\ndetail = 0.25\n"
+    )
+    found = fs.cohort(tmp_path / "c.toml", out=tmp_path / "people")
+    red = [of for of in found.ranges if of.quantity.id == "chromaticity_r" and of.quantity.part == "lower_lip"]
+    assert found.people.count == 2 and all(of.statistics.n == 2 for of in red) and red
+    assert (tmp_path / "people" / "report.html").is_file()
+
+
 def test_two_runs_are_compared(tmp_path) -> None:
     small = {"render.width_px": 16, "render.height_px": 12, "sensor.columns": 32, "sensor.rows": 24}
     for name, spectrum in (("a", "led_385"), ("b", "led_405")):

@@ -304,6 +304,14 @@ def compare(a: str | os.PathLike[str], b: str | os.PathLike[str], **options: Any
     return _done(_fluorspar.compare, a=_given.path(a, "a"), b=_given.path(b, "b"), **options)
 
 
+def cohort(source: str | os.PathLike[str] | None = None, **options: Any) -> Record:
+    """Many drawn people in the views of an examination: normal ranges, truth against estimate, how well a lesion is told.
+
+    ``cohort("cohort.toml", out="people").ranges``; options are those of ``fluorspar cohort``.
+    """
+    return _done(_fluorspar.cohort, cohort=source, **options)
+
+
 def fit_spectra(spectra: str | os.PathLike[str], **options: Any) -> Record:
     """Measured spectra (CSV) as sums of fluorophores: weights with intervals, and which sets describe them as well.
 
