@@ -86,19 +86,19 @@ pub(crate) fn chromaticity_figure(found: &CohortResults<'_>) -> Figure {
         Axis::linear("g = G / (R + G + B)", "", limits[1]),
     )
     .sized(520.0, 420.0);
-    // People stand before the measured ones
-    for (part, name, hollow) in
-        [("tongue_dorsum", "measured tongues", false), ("lower_lip", "measured inner lips", true)]
-    {
-        let points: Vec<[f64; 2]> = measured.iter().filter(|of| of.1 == part).map(|of| of.2).collect();
-        if !points.is_empty() {
-            let shape = SeriesShape::Markers { points, radius: 7.0, hollow };
-            panel = panel.with(Series { name: Some(name.into()), ink: Ink::Muted, shape });
-        }
-    }
     for (number, (name, points, hollow)) in clouds.into_iter().enumerate() {
         let shape = SeriesShape::Markers { points, radius: 3.0, hollow };
         panel = panel.with(Series { name: Some(name), ink: Ink::cycle(number), shape });
+    }
+    // Rings around the measured ones hide nobody
+    for (part, name, ink) in
+        [("tongue_dorsum", "measured tongues", Ink::Text), ("lower_lip", "measured inner lips", Ink::Muted)]
+    {
+        let points: Vec<[f64; 2]> = measured.iter().filter(|of| of.1 == part).map(|of| of.2).collect();
+        if !points.is_empty() {
+            let shape = SeriesShape::Markers { points, radius: 8.0, hollow: true };
+            panel = panel.with(Series { name: Some(name.into()), ink, shape });
+        }
     }
     let label = |(who, _, at): &Measured| Label { at: *at, text: (*who).to_owned() };
     panel = panel.with(Series::unnamed(Ink::Text, SeriesShape::Labels(measured.iter().map(label).collect())));
