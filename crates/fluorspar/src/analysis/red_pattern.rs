@@ -25,7 +25,7 @@ pub(super) const PLACES_OVER_PEOPLE: f64 = 0.25;
 pub(super) const PLACE_FACTORS: [f64; 4] = [0.6, 1.0, 1.6, 2.5];
 const PLACE_FACTOR_LOG_SD: f64 = 0.4;
 /// Amounts of chlorophyll over the typical one, and the standard deviation of their logarithm, that of the population.
-const CHLOROPHYLL: [f64; 5] = [0.1, 0.4, 1.2, 3.0, 7.0];
+pub(super) const CHLOROPHYLL: [f64; 5] = [0.1, 0.4, 1.2, 3.0, 7.0];
 const CHLOROPHYLL_LOG_SD: f64 = 1.25;
 /// Colors of the bulk on the grid, and their reach in standard deviations.
 const BULK_NODES: usize = 31;
@@ -62,6 +62,8 @@ pub(super) struct RedPattern {
     pub(super) place_variance: f64,
     /// Logarithm of the likelihood of each of [`PLACE_FACTORS`].
     pub(super) place_evidence: [f64; 4],
+    /// Logarithm of the likelihood of each of [`CHLOROPHYLL`], by colors that porphyrin leaves alone.
+    pub(super) chlorophyll_evidence: [f64; CHLOROPHYLL.len()],
     /// Mean of the person's bulk for a share of chlorophyll `C`: `[at 0, slope by C]`.
     pub(super) bulk_mean: [f64; 2],
     /// Relative variance of the scale of the amplitudes.
@@ -173,6 +175,11 @@ impl Patterns {
     }
 }
 
+/// Share of chlorophyll in all light for an amount `factor` times the typical one, which is `typical` of all other light.
+pub(super) fn share_of_chlorophyll(factor: f64, typical: f64) -> f64 {
+    factor * typical / (1.0 + factor * typical)
+}
+
 /// One choice of the unknowns that all blocks share.
 #[derive(Clone, Copy)]
 struct Cell {
@@ -237,8 +244,12 @@ impl RedPattern {
         let places = normalized(PLACE_FACTORS.iter().map(|f| log_normal(*f, PLACE_FACTOR_LOG_SD)).collect());
         let (amounts, of_amounts) = match self.chlorophyll {
             Some([typical, _]) => (
-                CHLOROPHYLL.iter().map(|k| k * typical / (1.0 + k * typical)).collect(),
-                normalized(CHLOROPHYLL.iter().map(|k| log_normal(*k, CHLOROPHYLL_LOG_SD)).collect()),
+                CHLOROPHYLL.iter().map(|k| share_of_chlorophyll(*k, typical)).collect(),
+                normalized(CHLOROPHYLL.iter().map(|k| log_normal(*k, CHLOROPHYLL_LOG_SD)).collect())
+                    .into_iter()
+                    .zip(&self.chlorophyll_evidence)
+                    .map(|(prior, evidence)| prior + evidence)
+                    .collect(),
             ),
             None => (vec![0.0], vec![0.0]),
         };
@@ -450,6 +461,7 @@ mod tests {
             weights: vec![1.0 / blocks as f64; blocks],
             place_variance: 0.0093_f64.powi(2),
             place_evidence: [0.0; 4],
+            chlorophyll_evidence: [0.0; CHLOROPHYLL.len()],
             bulk_mean: [0.0, 0.0],
             scale_variance: 0.06_f64.powi(2),
             bulk_variance: 0.039_f64.powi(2),

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use super::light_family::{FamilySource, LightFamily, NuisanceGroup};
 use super::red_pattern::{
-    INDEPENDENT_BLOCKS, PLACE_FACTORS, PLACES_OVER_PEOPLE, PatternPosterior, RedPattern, SHARE_OF_MARK,
+    CHLOROPHYLL, INDEPENDENT_BLOCKS, PLACE_FACTORS, PLACES_OVER_PEOPLE, PatternPosterior, RedPattern,
+    SHARE_OF_MARK, share_of_chlorophyll,
 };
 use crate::sampling::SampleStream;
 
@@ -366,7 +367,15 @@ impl BlockFamily<'_> {
         let of_rest = &remainder * &self.of_people * remainder.transpose() + of_mean;
         let along = (weights.transpose() * &self.of_people * remainder.transpose()).transpose();
         let tolerance = 1e-9 * of_rest.diagonal().max();
-        let regression = of_rest.pseudo_inverse(tolerance).ok()? * &along;
+        let inverse = of_rest.pseudo_inverse(tolerance).ok()?;
+        let regression = &inverse * &along;
+        // How much chlorophyll the rest shows
+        let chlorophyll_evidence = CHLOROPHYLL.map(|factor| {
+            let Some(color) = &self.of_chlorophyll else { return 0.0 };
+            let share = share_of_chlorophyll(factor, self.chlorophyll);
+            let off = &mean_rest - &remainder * color * share;
+            -0.5 * off.dot(&(&inverse * &off))
+        });
         let bulk_variance =
             (weights.transpose() * &self.of_people * &weights)[(0, 0)] - regression.dot(&along);
         let scatter_of_rest = &remainder * (&self.of_places + &mean_noise) * remainder.transpose();
@@ -392,6 +401,7 @@ impl BlockFamily<'_> {
             weights: light,
             place_variance: (weights.transpose() * &self.of_places * &weights)[(0, 0)],
             place_evidence: place_evidence(blocks, &rests, &noise, &remainder, &self.of_places),
+            chlorophyll_evidence,
             bulk_mean: [regression.dot(&mean_rest), slope],
             scale_variance: scatter_of_scale / (scale * scale),
             bulk_variance: bulk_variance.max(1e-12),
