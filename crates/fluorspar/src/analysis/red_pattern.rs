@@ -11,6 +11,8 @@
 //! blocks that hold none. Neighbors are alike: the likelihood of the blocks is raised to the power of the number of independent ones
 //! over that of all (composite likelihood; Cooley, Davison and Ribatet, arXiv 0911.5357). All unknowns are summed over grids.
 
+use fluorspar_accel::bands::{self, BLOCK, BandBlock};
+use fluorspar_accel::{Lanes, Simd, Work};
 use rayon::prelude::*;
 use statrs::function::erf::erfc;
 
@@ -41,11 +43,13 @@ const PATCHES: [[f64; 2]; 4] = [[0.6, 0.0], [1.0, 0.0], [1.5, 0.0], [0.9, 0.4]];
 /// Probability of blocks that nobody foresaw, and how much wider they scatter. \[assumed\]
 const OUTLIERS: f64 = 0.02;
 const OUTLIER_WIDTH: f64 = 3.0;
+/// Standard deviations beyond which no block lies: there the density is below [`LEAST_LIKELIHOOD`].
+const FARTHEST: f64 = 36.0;
 /// Terms this far below the best, as logarithms of probability, are left out.
 const NEGLIGIBLE: f64 = 9.0;
 /// Blocks whose likelihoods are multiplied before their logarithm is taken, and the least likelihood that counts, so that no product is 0.
 const MULTIPLIED: usize = 4;
-const LEAST_LIKELIHOOD: f64 = 1e-60;
+const LEAST_LIKELIHOOD: f64 = 1e-30;
 /// Share from which on a block counts as one with porphyrin.
 pub(super) const SHARE_OF_MARK: f64 = 0.02;
 
@@ -108,8 +112,8 @@ struct Pattern {
 struct Patterns {
     shares: Vec<f64>,
     patterns: Vec<Pattern>,
-    /// Probabilities of the patchy ones, `[share][pattern]`.
-    patchy: Vec<f64>,
+    /// Probabilities of the patchy ones, sixteen by sixteen, `[sixteen patterns][share]`.
+    patchy: Vec<BandBlock>,
 }
 
 /// Number of the pattern without porphyrin; those with the same share everywhere follow.
@@ -156,22 +160,17 @@ impl Patterns {
                 patterns.push(Pattern { log_prior, first: 0, probabilities });
             }
         }
-        let patchy = (0..shares.len())
-            .flat_map(|share| {
-                patterns[FIRST_PATCHY..].iter().map(move |pattern| pattern.probabilities[share])
-            })
+        let sixteen = |patterns: &[Pattern], share: usize| {
+            let mut block = BandBlock::ZERO;
+            let probabilities = patterns.iter().map(|pattern| pattern.probabilities[share] as f32);
+            block.0.iter_mut().zip(probabilities).for_each(|(out, probability)| *out = probability);
+            block
+        };
+        let patchy = patterns[FIRST_PATCHY..]
+            .chunks(BLOCK)
+            .flat_map(|patterns| (0..shares.len()).map(|share| sixteen(patterns, share)))
             .collect();
         Self { shares, patterns, patchy }
-    }
-
-    /// Likelihood of a block under each pattern, from that of each share.
-    fn sums(&self, likelihood: &[f64], out: &mut [f64]) {
-        let (alike, patchy) = out.split_at_mut(FIRST_PATCHY);
-        alike.iter_mut().zip(&self.patterns).for_each(|(sum, pattern)| *sum = likelihood[pattern.first]);
-        patchy.fill(0.0);
-        for (likelihood, probabilities) in likelihood.iter().zip(self.patchy.chunks(patchy.len())) {
-            patchy.iter_mut().zip(probabilities).for_each(|(sum, p)| *sum += p * likelihood);
-        }
     }
 }
 
@@ -315,21 +314,7 @@ impl RedPattern {
 
     /// Logarithm of the weight of each pattern in a cell.
     fn evidence(&self, cell: &Cell, patterns: &Patterns) -> Vec<f64> {
-        let count = patterns.patterns.len();
-        let (mut sums, mut of_block, mut products) = (vec![0.0; count], vec![0.0; count], vec![1.0; count]);
-        let mut likelihood = vec![0.0; patterns.shares.len()];
-        let blocks = self.amplitudes.len();
-        for block in 0..blocks {
-            self.likelihood(cell, block, &patterns.shares, &mut likelihood);
-            patterns.sums(&likelihood, &mut of_block);
-            for (product, sum) in products.iter_mut().zip(&of_block) {
-                *product *= sum.max(LEAST_LIKELIHOOD);
-            }
-            if (block + 1) % MULTIPLIED == 0 || block + 1 == blocks {
-                sums.iter_mut().zip(&products).for_each(|(sum, product)| *sum += product.ln());
-                products.fill(1.0);
-            }
-        }
+        let sums = Simd::detect().run(Evidence { pattern: self, cell, patterns });
         let weight =
             |(sum, pattern): (f64, &Pattern)| self.independent() * sum + cell.log_prior + pattern.log_prior;
         sums.into_iter().zip(&patterns.patterns).map(weight).collect()
@@ -424,8 +409,54 @@ impl RedPattern {
     }
 }
 
+/// Logarithm of the likelihood of all blocks under each pattern in a cell, compiled for each instruction set.
+struct Evidence<'a> {
+    pattern: &'a RedPattern,
+    cell: &'a Cell,
+    patterns: &'a Patterns,
+}
+
+impl Work for Evidence<'_> {
+    type Output = Vec<f64>;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> Vec<f64> {
+        let Self { pattern, cell, patterns } = self;
+        let count = patterns.patterns.len();
+        let (mut sums, mut products) = (vec![0.0; count], vec![1.0; count]);
+        let mut likelihood = vec![0.0; patterns.shares.len()];
+        let mut of_patchy = vec![BandBlock::ZERO; (count - FIRST_PATCHY).div_ceil(BLOCK)];
+        let blocks = pattern.amplitudes.len();
+        for block in 0..blocks {
+            // Sum the likelihoods of the shares that each pattern has
+            pattern.likelihood(cell, block, &patterns.shares, &mut likelihood);
+            let narrow: Vec<f32> = likelihood.iter().map(|value| *value as f32).collect();
+            bands::clear(lanes, &mut of_patchy);
+            bands::add_combination(lanes, &narrow, &patterns.patchy, &mut of_patchy);
+            let (alike, patchy) = products.split_at_mut(FIRST_PATCHY);
+            for (product, pattern) in alike.iter_mut().zip(&patterns.patterns) {
+                *product *= likelihood[pattern.first].max(LEAST_LIKELIHOOD);
+            }
+            for (products, sums) in patchy.chunks_mut(BLOCK).zip(&of_patchy) {
+                for (product, sum) in products.iter_mut().zip(&sums.0) {
+                    *product *= f64::from(*sum).max(LEAST_LIKELIHOOD);
+                }
+            }
+            // Take the logarithm of several blocks at once
+            if (block + 1) % MULTIPLIED == 0 || block + 1 == blocks {
+                sums.iter_mut().zip(&products).for_each(|(sum, product)| *sum += product.ln());
+                products.fill(1.0);
+            }
+        }
+        sums
+    }
+}
+
 /// Density of an error in its standard deviations up to a factor: normal, and wider for blocks that nobody foresaw.
 fn bell(x: f64) -> f64 {
+    if x.abs() > FARTHEST {
+        return 0.0;
+    }
     // The narrow one is the ninth power of the wide one
     let wide = (-0.5 * (x / OUTLIER_WIDTH).powi(2)).exp();
     let third = wide * wide * wide;
