@@ -126,11 +126,14 @@ impl CompiledScene {
                 product += products[light];
             }
             // Mix both choices
-            let share = if product > 0.0 { BY_IRRADIANCE } else { 1.0 };
-            let by_product = if product > 0.0 { (1.0 - share) / product } else { 0.0 };
             let irradiance = irradiance.max(f32::MIN_POSITIVE);
             for &light in lights {
-                irradiances[light] = irradiances[light] * share / irradiance + products[light] * by_product;
+                let by_irradiance = irradiances[light] / irradiance;
+                irradiances[light] = if product.is_normal() {
+                    BY_IRRADIANCE * by_irradiance + (1.0 - BY_IRRADIANCE) * products[light] / product
+                } else {
+                    by_irradiance
+                };
             }
         }
         Some(irradiances)

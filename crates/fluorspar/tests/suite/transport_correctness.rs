@@ -619,6 +619,14 @@ fn lights_and_materials_agree_with_brute_force() {
     }
 }
 
+/// Lamps of a group are chosen by what the surface mirrors.
+#[test]
+fn lamps_before_glossy_materials_agree_with_brute_force() {
+    for material in ["coated", "rough glass", "rough metal"] {
+        compare_estimators("lamps and sky", material, 8, 20, 3e-4);
+    }
+}
+
 #[test]
 #[ignore = "heavy: every light with every material"]
 fn every_light_with_every_material_agrees_with_brute_force() {
