@@ -248,8 +248,7 @@ mod tests {
 
     #[test]
     fn a_person_depends_on_its_number_alone() {
-        let lesion =
-            "[[mouth.lesion]]\nname = \"spot\"\npart = \"tongue_dorsum\"\nstates = [\"dysplasia_moderate\"]\n";
+        let lesion = "[[mouth.lesion]]\nname = \"spot\"\npart = \"tongue_dorsum\"\nstates = [\"dysplasia_moderate\"]\n";
         let few = cohort(&format!("[people]\ncount = 2\nviews = [\"dorsal-tongue\"]\n{lesion}")).unwrap();
         let many = cohort(&format!("[people]\ncount = 200\n{lesion}")).unwrap();
         assert_eq!((few.numbers().count(), many.views.len()), (2, 9));

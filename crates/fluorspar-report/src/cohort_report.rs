@@ -49,6 +49,9 @@ pub(crate) fn finding_of(
     Finding { frame, channel, name, interval, ..Finding::new(id, value) }
 }
 
+/// Fewest people whose differences have ends that are told.
+const PEOPLE_OF_LIMITS: u32 = 20;
+
 /// The estimates whose agreement is told, the first that a cohort has first.
 const ESTIMATES: [FindingId; 4] =
     [FindingId::RedShare, FindingId::Share, FindingId::LineShare, FindingId::UnmixedShare];
@@ -160,32 +163,39 @@ fn verdict(found: &CohortResults<'_>) -> Vec<String> {
     lead.extend(
         ESTIMATES.into_iter().find_map(|id| Some(agreement_sentence(found, id, &overall(found, id)?))),
     );
-    lead.extend(found.said.separations.first().map(separation_sentence));
+    let separations = &found.said.separations;
+    lead.extend(separations.first().map(|best| separation_sentence(best, separations.len())));
     lead
 }
 
 fn agreement_sentence(found: &CohortResults<'_>, id: FindingId, all: &Agreement) -> String {
     let name = FindingWords::of(found.analyte).name(&Finding::new(id, None));
     let percent = |share: f64| format!("{:+.1}", 100.0 * share);
+    // Views of one person are alike: few people say little of the ends
+    let people = found.cohort.people.count;
+    let spread = if people < PEOPLE_OF_LIMITS {
+        String::new()
+    } else {
+        format!(", 95 % of them by {} to {}", percent(all.limits[0]), percent(all.limits[1]))
+    };
     format!(
-        "{name}: {} estimates are off by {} percentage points in the mean, 95 % of them by {} to {}; {} of {} intervals hold the truth.",
+        "{name}: {} estimates in {people} people are off by {} percentage points in the mean{spread}; {} of {} intervals hold the truth.",
         all.n,
         percent(all.bias),
-        percent(all.limits[0]),
-        percent(all.limits[1]),
         all.held,
         all.with_interval
     )
 }
 
-fn separation_sentence(best: &LesionSeparation) -> String {
-    let [low, high] = best.area.interval;
+fn separation_sentence(best: &LesionSeparation, tried: usize) -> String {
+    let [low, high] = best.area.interval_of_best(tried);
     let size = best.group_size.map_or_else(String::new, |size| {
         let width = LesionSeparation::WANTED_HALF_WIDTH;
         format!(" To know that area to ±{width} takes {size} people in each group.")
     });
     format!(
-        "What tells the lesion best is {}, {} with it: area under the ROC curve {:.2} (95 %: {low:.2} to {high:.2}).{size}",
+        "Of {tried} numbers what tells the lesion best is {}, {} with it: area under the ROC curve {:.2} (95 %, as the best of {tried}: \
+         {low:.2} to {high:.2}).{size}",
         separation_name(best),
         if best.is_lower { "darker" } else { "brighter" },
         best.area.area
@@ -241,9 +251,13 @@ fn ranges_section(found: &CohortResults<'_>, figure: Option<Figure>) -> Option<S
         for range in found.said.ranges.iter().filter(is_here) {
             let ends = range.tolerance.map(|t| [t.low, t.high]);
             let of = finding_of(&range.quantity, Some(range.statistics.median), None);
+            let by_ranks = range.tolerance.is_some_and(|t| t.method == ToleranceMethod::OrderStatistics);
             let interval = ends.map_or_else(
                 || "too few".into(),
-                |ends| value(&finding_of(&range.quantity, None, Some(ends))),
+                |ends| {
+                    let shown = value(&finding_of(&range.quantity, None, Some(ends)));
+                    if by_ranks { format!("{shown}, ranks") } else { shown }
+                },
             );
             let frame = range.quantity.frame.clone().unwrap_or_default();
             let unit = shown(&of).unit;
@@ -261,22 +275,14 @@ fn ranges_section(found: &CohortResults<'_>, figure: Option<Figure>) -> Option<S
             ]);
         }
     }
-    let by_order = found.said.ranges.iter().any(|range| {
-        range.tolerance.is_some_and(|tolerance| tolerance.method == ToleranceMethod::OrderStatistics)
-    });
-    let method = if by_order {
-        "of 93 people or more by order statistics, whatever the distribution"
-    } else {
-        "from mean and standard deviation of logarithms (signals) or log odds (shares), taken as normal"
-    };
     let matrix = NumberMatrix {
         caption: "Normal ranges".into(),
         columns: ["part", "number", "people", "median", "95 % of people"].map(String::from).into(),
         rows,
-        note: format!(
-            "With 95 % confidence 95 % of all people of these populations lie within ({method}). People with a lesion on the part are left \
-             out. More numbers are in ranges.csv."
-        ),
+        note: "With 95 % confidence 95 % of all people of these populations lie within: by order statistics where marked \"ranks\", else from mean \
+             and standard deviation of logarithms (signals) or log odds (shares), taken as normal. People with a lesion on the part and signals \
+             of clipped pixels are left out. More numbers are in ranges.csv."
+            .into(),
     };
     let mut section = Section::new("What is normal");
     if let Some(figure) = figure {
@@ -325,8 +331,23 @@ fn agreement_section(found: &CohortResults<'_>, figure: Option<Figure>) -> Optio
     Some(section.with(ReportItem::Matrix(matrix)))
 }
 
+/// Lesions of which too few people have any, or all but a few.
+fn too_few(found: &CohortResults<'_>) -> Option<Section> {
+    let people = &found.cohort.people;
+    let numbers = (0..people.count).map(|person| people.first.saturating_add(person));
+    let counts = |lesion| {
+        let with = numbers.clone().filter(|person| found.cohort.has_lesion(*person, lesion)).count();
+        let text = format!("{with} of {} people have \"{}\".", people.count, lesion.name);
+        ReportItem::Paragraph(text)
+    };
+    let lesions = found.cohort.lesions();
+    let section = lesions.iter().map(counts).fold(Section::new("Lesions"), Section::with);
+    let why = "How well a lesion is told takes two people with it and two without, in a view that shows it.";
+    (!lesions.is_empty()).then(|| section.with(ReportItem::Paragraph(why.into())))
+}
+
 fn lesions_section(found: &CohortResults<'_>, figure: Option<Figure>) -> Option<Section> {
-    let figure = figure?;
+    let Some(figure) = figure else { return too_few(found) };
     let row = |of: &LesionSeparation| {
         let [low, high] = of.area.interval;
         vec![
@@ -347,8 +368,7 @@ fn lesions_section(found: &CohortResults<'_>, figure: Option<Figure>) -> Option<
         rows: found.said.separations.iter().map(row).collect(),
         note: format!(
             "The score is the contrast of the place of the lesion to its surroundings, in people without it, too. Mucosa without a lesion is more \
-             even here than in a clinic: there areas are smaller. Intervals of areas after DeLong \
-             et al. (1988); the last column is the size of each of two groups that gives the area to ±{width} (Hanley and McNeil 1982). The \
+             even here than in a clinic, and lesions of one file are alike: there areas are smaller. Intervals of areas after Newcombe (2006); the last column is the size of each of two groups that gives the area to ±{width} (Hanley and McNeil 1982). The \
              direction is chosen after the fact: areas near 0.5 are no finding."
         ),
     };

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Finding, FindingId};
+use super::{Caveat, Finding, FindingId};
 use crate::analysis::{
     Agreement, EstimateOfTruth, RocArea, Statistics, ToleranceInterval, ValueRange, d_prime_of_scores,
     group_size_for_area, roc_curve,
@@ -52,6 +52,8 @@ impl PersonFinding {
     #[must_use]
     pub fn of(finding: &Finding, [view, part, frame]: [&str; 3], has_lesion: bool) -> Self {
         let end = |end: f64| end.is_finite().then_some(end);
+        // The signal of clipped pixels is that of the sensor
+        let is_limit = finding.has(&Caveat::LowerLimit) && finding.id == FindingId::MedianSignal;
         Self {
             quantity: CohortQuantity {
                 view: view.into(),
@@ -61,7 +63,7 @@ impl PersonFinding {
                 channel: finding.channel.clone(),
                 name: finding.name.clone(),
             },
-            value: finding.value.and_then(end),
+            value: finding.value.filter(|_| !is_limit).and_then(end),
             interval: finding.interval.map(|ends| ends.map(end)),
             reference: finding.reference.and_then(end),
             has_lesion,
