@@ -5,7 +5,8 @@ use std::ffi::OsString;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use fluorspar_session::{
-    AnalyzeOptions, CaptureOptions, CheckOptions, CohortOptions, CompareOptions, PredictOptions, RunOptions,
+    AnalyzeOptions, CaptureOptions, CheckOptions, CohortOptions, CompareOptions, DatasetOptions,
+    PredictOptions, RunOptions,
 };
 
 use crate::commands::Answering;
@@ -56,7 +57,10 @@ const EXAMPLES: &str = include_str!("examples.txt");
 const GROUPS: [(&str, &[&str]); 6] = [
     (
         "Run and look",
-        &["run", "new", "render", "capture", "analyze", "sheet", "compare", "cohort", "merge", "denoise"],
+        &[
+            "run", "new", "render", "capture", "analyze", "sheet", "compare", "cohort", "dataset", "merge",
+            "denoise",
+        ],
     ),
     ("Frames of a camera", &["describe"]),
     ("Design", &["design", "predict", "filter", "plot", "safety"]),
@@ -135,6 +139,8 @@ pub(crate) enum Command {
     Compare(Answering<CompareOptions>),
     /// Examine many drawn people: normal ranges, truth against estimate, how well a lesion is told.
     Cohort(Answering<CohortOptions>),
+    /// Write images of drawn people with their truth, to train and test with: masks, depths, COCO annotations.
+    Dataset(Answering<DatasetOptions>),
     /// Write the description that a camera's frame needs beside it: from its tags, and from what you know.
     Describe(describe::Options),
     /// List, show and plot parts of the catalogue: lights, filters, dyes, sensors, lenses, tissues.
@@ -187,6 +193,7 @@ impl Command {
                 | Self::Validate(_)
                 | Self::Design(_)
                 | Self::Cohort(_)
+                | Self::Dataset(_)
         )
     }
 }

@@ -119,6 +119,7 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Sheet(options) => Ended::of(commands::sheet::run, &options),
         Command::Analyze(options) => Ended::of(commands::analyze::run, &options),
         Command::Cohort(options) => Ended::of(commands::cohort::run, &options),
+        Command::Dataset(options) => Ended::of(commands::dataset::run, &options),
         Command::Compare(options) => options.answer(compare, commands::compare::describe).map(Into::into),
         Command::Describe(options) => Ended::of(commands::describe::run, &options),
         Command::Catalog(options) => Ended::of(commands::catalog::run, &options),

@@ -144,8 +144,15 @@ impl CohortStudy {
     /// Whether a person has a lesion of the file. It depends on the number of the person and the name of the lesion alone.
     #[must_use]
     pub fn has_lesion(&self, person: u32, lesion: &LesionSection) -> bool {
-        let draw = Key::new(u64::from(person)).with_text("lesion").with_text(&lesion.name).value();
-        ((draw >> 11) as f64) < self.people.prevalence * (1u64 << 53) as f64
+        let key = Key::new(u64::from(person)).with_text("lesion").with_text(&lesion.name);
+        unit(key) < self.people.prevalence
+    }
+
+    /// A number below 1 by which a data set is split. It depends on the seed of the file and the number of the person alone: more people
+    /// move nobody.
+    #[must_use]
+    pub fn split_draw(&self, person: u32) -> f64 {
+        unit(Key::new(self.experiment.file.render.seed).with(u64::from(person)).with_text("split"))
     }
 
     /// The lesions of the file.
@@ -202,6 +209,11 @@ impl CohortStudy {
         }
         Ok(experiment)
     }
+}
+
+/// A number from 0 on and below 1 with the 53 bits that it can hold.
+fn unit(key: Key) -> f64 {
+    (key.value() >> 11) as f64 / (1u64 << 53) as f64
 }
 
 /// The place of a lesion with the tissue that is around it.

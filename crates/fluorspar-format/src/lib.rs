@@ -11,7 +11,7 @@
 //! | component image, part by part | [`ComponentFile`] | |
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
-//! | mask, PNG, TIFF or NumPy | [`read_mask`] | |
+//! | mask, PNG, TIFF or NumPy | [`read_mask`] | [`write_indexed_png`], [`CocoMask`] |
 //! | description of a camera's frame | [`describe_frame`] | [`FrameDescription::write`] |
 //! | texture, image: PNG, JPEG, TGA, QOI, OpenEXR, Radiance or PFM | [`read_texture`], [`read_texture_png`] | [`write_gray_png, write_rgb_png`] |
 //! | scene of pbrt, versions 3 and 4 | [`read_pbrt`] | |
@@ -50,6 +50,7 @@ pub use frame::frame_description::{
 pub use frame::packed_raw::write_packed_raw;
 pub use frame::raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
 pub use frame::row_packing::RawPacking;
+pub use image::coco_mask::{CocoMask, CocoRuns};
 pub use image::exr::{
     ComponentFile, ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
     write_spectral_exr,
@@ -60,7 +61,8 @@ pub use image::npy::{
     write_map_npy, write_spectral_npy,
 };
 pub use image::png::{
-    TextureImage, Transfer, opaque_rgb, read_texture_png, write_gray_png, write_label_png, write_rgb_png,
+    TextureImage, Transfer, opaque_rgb, read_texture_png, write_gray_png, write_indexed_png, write_label_png,
+    write_rgb_png,
 };
 pub use image::texture::read_texture;
 pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};

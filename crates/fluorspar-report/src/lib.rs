@@ -8,6 +8,7 @@
 //! | two finished runs side by side | [`compared_numbers`], [`comparison_report`] | numbers with intervals, and whether these tell them apart |
 //! | a design search as a page | [`design_report`] | what is best, what it costs, what it rests on |
 //! | a cohort as a page | [`cohort_report`] | what is normal, how good estimates are, how well lesions are told |
+//! | what a data set holds and assumes | [`dataset_sheet`] | Markdown |
 //! | read back | [`extract_experiment`] | the TOML that a report was made from |
 //!
 //! Out of scope: physics. Everything here draws and explains numbers that were computed elsewhere.
@@ -15,6 +16,7 @@
 mod cohort_figures;
 mod cohort_report;
 mod comparison;
+mod dataset_sheet;
 mod design_recommendation;
 mod design_remarks;
 mod design_report;
@@ -31,6 +33,7 @@ pub use comparison::{
     UnreadableRun, compared_numbers, compared_pictures, comparison_figures, comparison_remarks,
     comparison_report, comparison_verdict, numbers_by_region, setting_cells,
 };
+pub use dataset_sheet::{DatasetFacts, LesionCounts, SplitCounts, dataset_in_short, dataset_sheet};
 pub use design_recommendation::recommendation;
 pub use design_remarks::{best_case, cures, ideal_edges};
 pub use design_report::{DesignFindings, JudgedDesign, design_figures, design_report};

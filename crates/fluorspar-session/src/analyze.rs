@@ -596,7 +596,7 @@ fn write_layers(out: &OutputFolder, porphyrin: &PorphyrinMap) -> Result<()> {
     let PorphyrinLayers { share, low, high, detection_limit } = porphyrin.layers();
     for (name, values) in [("share", share), ("low", low), ("high", high), ("limit", detection_limit)] {
         let path = out.path().join(format!("porphyrin_{name}.npy"));
-        write_map_npy(&path, porphyrin.width, porphyrin.height, &values)
+        write_map_npy(&path, &[porphyrin.height, porphyrin.width], &values)
             .map_err(|error| out.at_its_place(error))?;
     }
     Ok(())

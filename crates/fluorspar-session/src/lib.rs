@@ -9,6 +9,7 @@
 //! | check an experiment or a flat sample | [`check`] |
 //! | compare two finished runs | [`compare`] |
 //! | examine many people | [`cohort`] |
+//! | write them as training data | [`dataset`] |
 //! | search lights, filters and sensors | [`design`] |
 //! | predict a flat sample | [`predict`] |
 //! | fit measured spectra with fluorophores | [`fluorophore`] |
@@ -30,6 +31,7 @@ mod check;
 mod coarse_render;
 mod cohort;
 mod compare;
+mod dataset;
 pub mod design;
 mod error;
 mod figure_file;
@@ -58,8 +60,9 @@ pub use capture::{CaptureOptions, CapturedFolder, RawForm, capture};
 pub use changes::{Changes, ExperimentArgs, RenderOptions, Seed, StatisticsOption};
 pub use check::{CameraView, CheckOptions, CheckedExperiment, CheckedFile, CheckedSample, check};
 pub use coarse_render::{coarse_image, warnings_before_run};
-pub use cohort::{CohortOptions, CohortOutcome, ExaminedCohort, cohort};
+pub use cohort::{CohortArgs, CohortOptions, CohortOutcome, ExaminedCohort, FinishedShard, cohort};
 pub use compare::{CompareOptions, ComparedRun, ComparedRuns, Comparison, compare};
+pub use dataset::{DatasetOptions, WrittenDataset, dataset};
 pub use error::{Error, ErrorKind, Result, worded};
 pub use figure_file::FigureFormat;
 pub use finished_render::{CaptureView, FinishedRender, ShownExperiment};

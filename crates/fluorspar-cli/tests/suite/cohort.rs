@@ -11,27 +11,27 @@ use std::time::Duration;
 use crate::support::{fluorspar, listing};
 
 /// Four people without tissue to be solved, some of them with a spot of blood on the lip.
-const SMALL: &str = "format = 1\nbase = \"oraleye-2021-surface\"\n[people]\ncount = 4\nviews = [\"lips\"]\n\
+pub(crate) const SMALL: &str = "format = 1\nbase = \"oraleye-2021-surface\"\n[people]\ncount = 4\nviews = [\"lips\"]\n\
                      [spectral]\nfirst_nm = 360.0\nlast_nm = 720.0\nstep_nm = 10.0\n\
                      [render]\nwidth_px = 32\nheight_px = 24\nsamples_per_pixel = 2\n\
                      [sensor]\ncolumns = 64\nrows = 48\npixel_size_um = 37.5\nfill_factor = 0.0044\n[mouth]\ndetail = 0.25\n\
                      [[mouth.lesion]]\nname = \"spot\"\npart = \"lower_lip\"\nsize_mm = [12.0, 6.0]\n\
                      blood_um = 40.0\n";
 
-fn workshop() -> tempfile::TempDir {
+pub(crate) fn workshop() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("c.toml"), SMALL).unwrap();
     folder
 }
 
 /// Content of every file of a folder by its name.
-fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+pub(crate) fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let files = listing(folder).into_keys().filter(|path| path.is_file());
     files.map(|path| (path.strip_prefix(folder).unwrap().to_path_buf(), fs::read(&path).unwrap())).collect()
 }
 
 /// Finished views of the journals in a folder.
-fn finished(folder: &Path) -> usize {
+pub(crate) fn finished(folder: &Path) -> usize {
     let journals =
         listing(folder).into_keys().filter(|path| path.extension().is_some_and(|e| e == "journal"));
     journals.map(|path| fs::read_to_string(path).unwrap().matches("\"person\":").count()).sum()

@@ -50,7 +50,7 @@ fn tiny(words: &[String], folder: &Path) -> Vec<String> {
                 }
             }
         }
-        ("cohort", _) => {
+        ("cohort" | "dataset", _) => {
             add(&mut all, &["--set=people.count=2", "--set=render.width_px=32", "--set=render.height_px=24"]);
             add(&mut all, &["--set=render.samples_per_pixel=1", "--set=mouth.detail=0.25"]);
             add(&mut all, &["--set=analysis.inset_px=0"]);

@@ -163,6 +163,7 @@ fn further_jobs() -> Vec<(&'static str, Vec<&'static str>)> {
         ("validate", vec!["validate", "--case", "figure-4", "-q", "--out", "v"]),
         ("design sweep", vec!["design", "sweep", "two-lights", "-q", "--out", "d"]),
         ("cohort", [&["cohort", "oraleye-2021-surface", "-q", "--out", "c"], &COHORT[..]].concat()),
+        ("dataset", [&["dataset", "oraleye-2021-surface", "-q", "--out", "t"], &COHORT[..]].concat()),
     ]
 }
 

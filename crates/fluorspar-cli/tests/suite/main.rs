@@ -6,6 +6,7 @@ mod budget;
 mod cache;
 mod cohort;
 mod compare;
+mod dataset;
 mod design;
 mod documentation;
 mod examples;

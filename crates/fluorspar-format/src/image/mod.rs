@@ -1,6 +1,7 @@
 //! Images: spectral ones, masks, textures.
 
 pub(crate) mod basis_text;
+pub(crate) mod coco_mask;
 pub(crate) mod exr;
 pub(crate) mod jpeg;
 pub(crate) mod mask;

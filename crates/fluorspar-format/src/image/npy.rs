@@ -98,16 +98,16 @@ pub fn write_component_npy(
     write_array(path, &description, &image.all_values())
 }
 
-/// Writes one number for each pixel, `[row, col]`, as little-endian f32 `.npy`, without a description.
+/// Writes numbers, the last axis of `shape` fastest, as little-endian f32 `.npy`, without a description: `[row, col]` is a map.
 ///
 /// # Errors
-/// When the file can't be written, or the numbers do not fill the picture.
-pub fn write_map_npy(path: &Path, width: usize, height: usize, values: &[f32]) -> Result<(), FormatError> {
-    if values.len() != width * height {
-        let what = format!("{} values do not fill {width} x {height} pixels", values.len());
+/// When the file can't be written, or the numbers do not fill the shape.
+pub fn write_map_npy(path: &Path, shape: &[usize], values: &[f32]) -> Result<(), FormatError> {
+    if values.len() != shape.iter().product::<usize>() {
+        let what = format!("{} values do not fill an array of shape {shape:?}", values.len());
         return Err(FormatError::unwritable(path, what, "Give one value per pixel"));
     }
-    let shape = [height as u64, width as u64];
+    let shape: Vec<u64> = shape.iter().map(|extent| *extent as u64).collect();
     write_atomically(path, |writer: &mut BufWriter<File>| write_npy(writer, &shape, values))
 }
 

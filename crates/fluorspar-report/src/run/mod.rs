@@ -11,6 +11,7 @@ mod safety_section;
 mod view_filters;
 mod words;
 
+pub(crate) use overview::scene_rests_on;
 pub use regions_section::{region_warnings, regions_matrix};
 pub(crate) use words::capital;
 

@@ -9,8 +9,8 @@ use fluorspar::pipeline::{
 };
 use fluorspar::spectral::Fluorophore;
 use fluorspar::study::Capture;
-use fluorspar_experiment::InputFile;
 use fluorspar_experiment::schema::{ASSUMED_PHOTON_YIELD, FluorophoreSection};
+use fluorspar_experiment::{InputFile, ResolvedExperiment};
 
 use super::region_outline::region_outline;
 use super::regions_section::region_names;
@@ -553,20 +553,24 @@ fn spectra_rest_on(
     sentences
 }
 
+/// What the spectra of a scene rest on.
+pub(crate) fn scene_rests_on(experiment: &ResolvedExperiment) -> Vec<String> {
+    let record = &experiment.record;
+    let file = record.experiment.as_deref();
+    let sections = file.map_or(&[][..], |file| &file.fluorophore);
+    let mut sentences = spectra_rest_on(&experiment.study.scene.fluorophores, &record.inputs, sections);
+    sentences.extend(file.and_then(assumed_blocking_in_short));
+    sentences
+}
+
 /// What the numbers rest on.
 fn assumed(run: &RunResults<'_>, words: &Words<'_>) -> Vec<String> {
-    let study = &run.experiment.study;
     let mut sentences = Vec::new();
     let powers = words.powers();
     if !powers.is_empty() {
         sentences.push(format!("Powers of lights before filters, as stated ({}).", powers.join(", ")));
     }
-    let record = &run.experiment.record;
-    let sections = record.experiment.as_deref().map_or(&[][..], |file| &file.fluorophore);
-    sentences.extend(spectra_rest_on(&study.scene.fluorophores, &record.inputs, sections));
-    if let Some(file) = record.experiment.as_deref() {
-        sentences.extend(assumed_blocking_in_short(file));
-    }
+    sentences.extend(scene_rests_on(run.experiment));
     if let Some(efficiency) = words.efficiency() {
         sentences.push(format!("Quantum efficiency: {efficiency}."));
     }

@@ -1,29 +1,37 @@
 //! The loop over people and views: each is rendered once, and handed to what is done with it.
 
+use std::fmt::Display;
+
 use fluorspar::image::ComponentImage;
 use fluorspar::render::{RenderControl, RenderProgress, render};
-use fluorspar::study::Study;
 use fluorspar_experiment::{CohortStudy, ExaminationView, ExperimentError, ResolvedExperiment, resolve};
 
 use crate::{Error, Job, Left, Result};
 
 /// A view of a person before it is rendered.
-pub(super) struct Examination {
+pub(crate) struct Examination {
     person: u32,
     view: &'static ExaminationView,
-    pub(super) experiment: ResolvedExperiment,
+    pub(crate) experiment: ResolvedExperiment,
 }
 
 /// A view of a person as it was rendered.
-pub(super) struct ExaminedView<'a> {
+pub(crate) struct ExaminedView<'a> {
     /// Number of the person.
-    pub(super) person: u32,
+    pub(crate) person: u32,
     /// The view.
-    pub(super) view: &'static ExaminationView,
+    pub(crate) view: &'static ExaminationView,
     /// Scene, camera, captures and analysis.
-    pub(super) study: &'a Study,
+    pub(crate) experiment: &'a ResolvedExperiment,
     /// The render.
-    pub(super) components: &'a ComponentImage,
+    pub(crate) components: &'a ComponentImage,
+}
+
+impl ExaminedView<'_> {
+    /// An error of this view.
+    pub(crate) fn failed(&self, error: impl Display) -> Error {
+        Error::Input(format!("person {}, view {}: {error}", self.person, self.view.name))
+    }
 }
 
 impl Examination {
@@ -78,7 +86,7 @@ pub(super) fn each_view(
             // As a run keeps them
             components.round_to_24_bits();
             let (person, view) = (current.person, current.view);
-            take(&ExaminedView { person, view, study, components: &components })
+            take(&ExaminedView { person, view, experiment: &current.experiment, components: &components })
         };
         let following = places.get(number + 1).filter(|_| !job.is_stopped());
         let (examined, following) =

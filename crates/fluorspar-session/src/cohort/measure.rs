@@ -11,7 +11,7 @@ use fluorspar::study::{AnalysisPlan, Capture, RegionPlan, Study};
 use fluorspar_experiment::CohortStudy;
 
 use super::examine::ExaminedView;
-use crate::{Error, Result};
+use crate::Result;
 
 /// What is measured in frames beside that of the analysis.
 const OF_FURTHER_FRAMES: [FindingId; 4] =
@@ -23,14 +23,11 @@ pub(super) fn findings_of_view(
     cohort: &CohortStudy,
     examined: &ExaminedView<'_>,
 ) -> Result<Vec<PersonFinding>> {
-    let of_view = |error: PipelineError| {
-        Error::Input(format!("person {}, view {}: {error}", examined.person, examined.view.name))
-    };
-    measured(cohort, examined).map_err(of_view)
+    measured(cohort, examined).map_err(|error| examined.failed(error))
 }
 
 fn measured(cohort: &CohortStudy, examined: &ExaminedView<'_>) -> Result<Vec<PersonFinding>, PipelineError> {
-    let ExaminedView { study, components: image, .. } = examined;
+    let (study, image) = (&examined.experiment.study, examined.components);
     check_captures(study, image)?;
     let planes = CapturePlanes::new(study, image)?;
     let factors = ComponentFactors::ones(image.components.len());

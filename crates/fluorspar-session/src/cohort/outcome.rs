@@ -2,15 +2,16 @@
 
 use fluorspar::analysis::Analyte;
 use fluorspar::findings::{CohortFindings, CohortQuantity, PersonFinding, cohort_findings};
-use fluorspar_experiment::{CohortFile, CohortQuestion, CohortStudy, Person, file_text, people_csv};
+use fluorspar_experiment::{CohortStudy, people_csv};
 use fluorspar_format::{FileFormat, OutputFolder, csv_cell};
 use fluorspar_report::{CohortResults, cohort_figures, cohort_report};
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
+use super::work::CohortWork;
 use crate::figure_file::figure_files;
 use crate::values::csv;
-use crate::{Error, ExperimentSource, Job, Result};
+use crate::{Job, Result};
 
 /// What is found in all people of a cohort.
 #[derive(Clone, Debug)]
@@ -35,34 +36,20 @@ pub(super) fn room_bytes(cohort: &CohortStudy) -> u64 {
 }
 
 impl CohortOutcome {
-    pub(super) fn of(
-        cohort: CohortStudy,
-        source: &ExperimentSource,
-        sha256: String,
-        findings: Vec<(u32, PersonFinding)>,
-    ) -> Result<Self> {
+    pub(super) fn of(work: &CohortWork, findings: Vec<(u32, PersonFinding)>) -> Result<Self> {
         let all: Vec<PersonFinding> = findings.iter().map(|(_, finding)| finding.clone()).collect();
-        let experiment = &cohort.experiment.file;
-        let file = CohortFile {
-            experiment: experiment.clone(),
-            question: CohortQuestion { people: cohort.people.clone() },
-        };
-        let toml = file_text(&file).map_err(|error| {
-            Error::Failed(format!("{}: the file can't be written out: {error}", source.name))
-        })?;
-        let title = if experiment.title.is_empty() { &source.stem } else { &experiment.title };
-        let porphyrin = experiment.analysis.as_ref().and_then(|analysis| analysis.porphyrin.as_deref());
+        let cohort = work.cohort.clone();
+        let analysis = cohort.experiment.file.analysis.as_ref();
+        let porphyrin = analysis.and_then(|analysis| analysis.porphyrin.as_deref());
         let analyte =
             porphyrin.map_or_else(Analyte::default, |name| Analyte::new(name, &name.replace('_', " ")));
-        let (title, said) = (title.clone(), cohort_findings(&all));
-        Ok(Self { title, cohort, findings, said, analyte, toml, sha256 })
+        let (title, sha256) = (work.title().to_owned(), work.sha256.clone());
+        Ok(Self { title, said: cohort_findings(&all), cohort, findings, analyte, toml: work.toml()?, sha256 })
     }
 
     /// Writes the folder.
-    pub(super) fn write(self, folder: OutputFolder, job: &Job) -> Result<Self> {
-        let file = &self.cohort.experiment.file;
-        let drawn = self.cohort.numbers().map(|number| Person::draw(file, number));
-        let people: Vec<Person> = drawn.collect::<Result<_, _>>()?;
+    pub(super) fn write(self, work: &CohortWork, folder: OutputFolder, job: &Job) -> Result<Self> {
+        let people = work.people()?;
         let mut files = vec![
             ("results.json".to_owned(), serde_json::to_vec_pretty(&self)?),
             ("people.csv".into(), people_csv(&people)?.into_bytes()),

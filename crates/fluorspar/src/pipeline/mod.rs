@@ -44,8 +44,8 @@ pub use capture::{
     SeenComponents, SpectroradiometerReading, bracket_label, capture, capture_from_planes,
     capture_irradiance, check_captures, check_same_scene, columns_per_column_to_render,
     columns_per_render_column, complete_raw, concentration_factors, develop_frames, frame_radiance,
-    image_and_basis, read_spectroradiometers, relight_with_basis, render_row_bands, render_with_basis,
-    row_bands, scale_multiple, subtract_what_is_given, tile_rows_at_once, turned_alike,
+    image_and_basis, on_sensor, read_spectroradiometers, relight_with_basis, render_row_bands,
+    render_with_basis, row_bands, scale_multiple, subtract_what_is_given, tile_rows_at_once, turned_alike,
 };
 pub use display::{
     CameraColor, ColorRendering, DenoiseError, DenoiseSettings, DisplayImage, Preview, SurfaceView,
@@ -59,7 +59,7 @@ pub use estimate::{
     LeakBehindFilters, MixtureSpectra, PorphyrinEstimate, PredictError, PredictedPorphyrin, Prediction,
     RadianceSplit, RegionRadiance, TISSUE_BLOOD, TargetLabels, TissueView, analyze, analyze_regions,
     analyze_seen, depths_of_light, design_estimate, estimate_porphyrin, filter_leak, frame_leak,
-    other_tissue_families, predict, rendered_regions, tissue_family, tissue_mixture,
+    other_tissue_families, predict, rendered_regions, target_labels, tissue_family, tissue_mixture,
 };
 pub use evaluate::{Evaluation, evaluate, evaluate_frames, evaluate_from_planes};
 pub use safety::{

@@ -15,8 +15,8 @@ const PHYSICS: [&str; 3] = ["fluorspar", "fluorspar-accel", "fluorspar-anatomy"]
 /// Crates that no user gets.
 const UNPUBLISHED: [&str; 1] = ["fluorspar-testkit"];
 
-const MOST_LINES_OF_CODE: usize = 111_350;
-const MOST_PERCENT_OF_SHELL: f64 = 57.0;
+const MOST_LINES_OF_CODE: usize = 112_250;
+const MOST_PERCENT_OF_SHELL: f64 = 57.6;
 const MOST_WORDS_OF_DOCUMENTS: usize = 55_850;
 /// Words in string literals of the physics: it holds numbers, and the fronts word them.
 const MOST_WORDS_IN_PHYSICS: usize = 8_000;

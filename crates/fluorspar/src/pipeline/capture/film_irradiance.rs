@@ -125,11 +125,8 @@ pub(in crate::pipeline) fn behind_filter<'a>(lens: &'a IdealLens, capture: &Capt
     }
 }
 
-/// The image on the film, relative to the sensor.
-pub(in crate::pipeline) fn on_sensor<'a>(
-    study: &Study,
-    components: &'a ComponentImage,
-) -> Option<SceneOnSensor<'a>> {
+/// The image on the film, relative to the sensor. `None` without lens or sensor.
+pub fn on_sensor<'a>(study: &Study, components: &'a ComponentImage) -> Option<SceneOnSensor<'a>> {
     let film = film_extent(study, components, &study.camera.lens.as_ref()?.equation);
     let sensor = study.camera.sensor.as_ref()?.film_extent();
     let film_over_sensor = [film.width_mm / sensor.width_mm, film.height_mm / sensor.height_mm];

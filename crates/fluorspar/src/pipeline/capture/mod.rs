@@ -22,7 +22,9 @@ pub use captured_frame::{
 };
 pub use concentration::{MultipleUncertainty, concentration_factors, scale_multiple};
 pub use excitation_basis::{RelitImage, image_and_basis, relight_with_basis, render_with_basis};
-pub use film_irradiance::{capture_irradiance, columns_per_column_to_render, columns_per_render_column};
+pub use film_irradiance::{
+    capture_irradiance, columns_per_column_to_render, columns_per_render_column, on_sensor,
+};
 pub use film_response::FilmResponse;
 pub use row_bands::{
     BandPlanes, BandStore, BandedRender, FinishedBands, RowBandError, render_row_bands, row_bands,

@@ -80,7 +80,7 @@ pub(super) fn measured_targets(
     }
     let (width, height) = (first.developed.width, first.developed.height);
     lit.retain(|frame| (frame.developed.width, frame.developed.height) == (width, height));
-    let labels = labeled(plan, width, height, scene, &mut found.warnings)?;
+    let labels = labeled(&plan.targets, width, height, scene, &mut found.warnings)?;
     for (index, target) in plan.targets.iter().enumerate().take(labels.names.len()) {
         let number = index + 1;
         let is_its_own = |pixel: &usize| usize::from(labels.labels[*pixel]) == number;
@@ -125,24 +125,36 @@ pub(super) fn measured_targets(
     Ok(found)
 }
 
+/// Which of some targets each pixel of frames of `width` columns and `height` rows sees, of several the first.
+///
+/// # Errors
+/// A region that does not fit the frames.
+pub fn target_labels(
+    targets: &[Target],
+    [width, height]: [usize; 2],
+    scene: SceneOnSensor<'_>,
+) -> Result<TargetLabels, PipelineError> {
+    labeled(targets, width, height, Some(scene), &mut Vec::new())
+}
+
 /// Which target each pixel sees, of several the first. Tells of targets that no pixel sees.
 fn labeled(
-    plan: &AnalysisPlan,
+    targets: &[Target],
     width: usize,
     height: usize,
     scene: Option<SceneOnSensor<'_>>,
     warnings: &mut Vec<Warning>,
 ) -> Result<TargetLabels, PipelineError> {
     let mut found = TargetLabels { width, height, labels: vec![0; width * height], names: Vec::new() };
-    if plan.targets.len() > Target::MOST {
+    if targets.len() > Target::MOST {
         let text = format!(
             "Of {} targets the first {} are measured: the image of labels has no more numbers",
-            plan.targets.len(),
+            targets.len(),
             Target::MOST
         );
         warnings.push(text.into());
     }
-    for (target, number) in plan.targets.iter().zip(1..=u8::MAX) {
+    for (target, number) in targets.iter().zip(1..=u8::MAX) {
         found.names.push(target.name.clone());
         let pixels = pixels_of(target, width, height, scene)?;
         match &pixels {
