@@ -105,6 +105,10 @@ def test_a_cohort_says_what_is_normal(tmp_path) -> None:
     red = [of for of in found.ranges if of.quantity.id == "chromaticity_r" and of.quantity.part == "lower_lip"]
     assert found.people.count == 2 and all(of.statistics.n == 2 for of in red) and red
     assert (tmp_path / "people" / "report.html").is_file()
+    written = fs.dataset(tmp_path / "c.toml", out=tmp_path / "images")
+    assert sum(split.people for split in written.holds.splits) == 2
+    depth = np.load(tmp_path / "images" / "truth" / "000002_lips_depth_m.npy")
+    assert depth.shape == (48, 64) and 0.05 < depth.max() < 0.3
 
 
 def test_two_runs_are_compared(tmp_path) -> None:

@@ -312,6 +312,14 @@ def cohort(source: str | os.PathLike[str] | None = None, **options: Any) -> Reco
     return _done(_fluorspar.cohort, cohort=source, **options)
 
 
+def dataset(source: str | os.PathLike[str] | None = None, **options: Any) -> Record:
+    """Images of drawn people with their truth in a folder, to train and test with.
+
+    ``dataset("cohort.toml", out="images").holds.splits``; options are those of ``fluorspar dataset``.
+    """
+    return _done(_fluorspar.dataset, cohort=source, **options)
+
+
 def fit_spectra(spectra: str | os.PathLike[str], **options: Any) -> Record:
     """Measured spectra (CSV) as sums of fluorophores: weights with intervals, and which sets describe them as well.
 
