@@ -205,7 +205,8 @@ mod tests {
         // Alike: nothing is known of a half; the best of many is known less well than one
         let alike = RocArea::of(&[2.0, 2.0], &[2.0, 2.0]).unwrap().interval;
         assert!(alike[0] < 0.2 && alike[1] > 0.8, "{alike:?}");
-        assert!(apart.interval_of_best(6)[0] < low && apart.interval_of_best(1) == apart.interval);
+        let best_of = |tried| apart.interval_of_best(tried)[0];
+        assert!(best_of(6) < low - 0.02 && (best_of(1) - low).abs() < 1e-3, "{}", best_of(6));
     }
 
     /// Pairs of normal groups d' apart.

@@ -60,6 +60,17 @@ struct LightWeight {
     direction: Option<Vec3>,
 }
 
+impl LightWeight {
+    fn new(weight: f32, facing: f32, direction: Option<Vec3>) -> Self {
+        Self { weight, facing, direction }
+    }
+
+    /// Times what a surface scatters from there; from everywhere, what a white one does.
+    fn times(&self, scattered: impl Fn(Vec3) -> f32) -> f32 {
+        self.direction.map_or(self.weight / PI, |from| self.weight / self.facing * scattered(from))
+    }
+}
+
 impl CompiledScene {
     /// Relative weight with which a light is chosen at a point: power over squared distance, and no more than a
     /// token for lights that lie behind the surface. A zero normal marks a surface that transmits light.
@@ -68,15 +79,11 @@ impl CompiledScene {
         let (center, radius, lobe) = match light.bounds {
             // The others' weight is 2 pi times their irradiance.
             LightBounds::Distant { direction } => {
-                let facing = if normal == Vec3::ZERO { 1.0 } else { -direction.dot(normal) };
-                let facing = facing.max(LEAST_WEIGHT);
-                let weight = 2.0 * PI * light.power * facing;
-                return LightWeight { weight, facing, direction: Some(-direction) };
+                let cosine = if normal == Vec3::ZERO { 1.0 } else { -direction.dot(normal) };
+                let facing = cosine.max(LEAST_WEIGHT);
+                return LightWeight::new(2.0 * PI * light.power * facing, facing, Some(-direction));
             }
-            LightBounds::Environment => {
-                let weight = 2.0 * PI * PI * light.power;
-                return LightWeight { weight, facing: 1.0, direction: None };
-            }
+            LightBounds::Environment => return LightWeight::new(2.0 * PI * PI * light.power, 1.0, None),
             LightBounds::Local { center, radius, lobe } => (center, radius, lobe),
         };
         let to_light = center - position;
@@ -119,9 +126,7 @@ impl CompiledScene {
             for &light in lights {
                 let of = self.light_weight(&self.lights[light], position, normal);
                 irradiances[light] = of.weight;
-                // Light from everywhere is as good as scattered by a white surface
-                products[light] =
-                    of.direction.map_or(of.weight / PI, |from| of.weight / of.facing * scattered(from));
+                products[light] = of.times(&scattered);
                 irradiance += irradiances[light];
                 product += products[light];
             }
