@@ -169,6 +169,27 @@ impl CohortStudy {
     /// # Errors
     /// A site or a state of a tissue that does not exist.
     pub fn experiment_of(&self, person: u32, view: &ExaminationView) -> Result<Experiment, ExperimentError> {
+        self.experiment_with(person, view, |lesion| self.has_lesion(person, lesion))
+    }
+
+    /// The same of a person who has every lesion of the file.
+    ///
+    /// # Errors
+    /// As [`Self::experiment_of`].
+    pub fn experiment_with_all_lesions(
+        &self,
+        person: u32,
+        view: &ExaminationView,
+    ) -> Result<Experiment, ExperimentError> {
+        self.experiment_with(person, view, |_| true)
+    }
+
+    fn experiment_with(
+        &self,
+        person: u32,
+        view: &ExaminationView,
+        has_lesion: impl Fn(&LesionSection) -> bool,
+    ) -> Result<Experiment, ExperimentError> {
         let mut experiment = self.experiment.clone();
         let Experiment { file, document } = &mut experiment;
         give_tissues_of(person, file).map_err(|error| document.error(&steps!["tissue"], error))?;
@@ -190,7 +211,7 @@ impl CohortStudy {
             let detail = mouth.parameters.detail;
             mouth.parameters = MouthParameters { detail, ..view.pose(&sample_person(person)) };
             for lesion in &mut mouth.lesion {
-                if !self.has_lesion(person, lesion) {
+                if !has_lesion(lesion) {
                     *lesion = without_change(lesion);
                 }
             }

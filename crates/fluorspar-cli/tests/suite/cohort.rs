@@ -116,6 +116,20 @@ fn shards_kills_and_threads_give_the_same_files() {
 }
 
 #[test]
+fn views_are_those_of_the_lesions_of_the_file() {
+    let folder = workshop();
+    let examined = |blood: &str| {
+        let set = format!("--set=mouth.lesion.spot.blood_um={blood}");
+        let words =
+            ["cohort", "c.toml", "--set=people.count=1", "--set=people.prevalence=0", &set, "--out", "o"];
+        fluorspar(folder.path(), words).stderr
+    };
+    examined("40");
+    assert!(examined("40").contains("1 of 1 views are finished"));
+    assert!(!examined("80").contains("are finished"));
+}
+
+#[test]
 fn what_is_no_cohort_is_refused_before_the_work() {
     let folder = workshop();
     let refused = |words: &[&str]| {
@@ -133,6 +147,9 @@ fn what_is_no_cohort_is_refused_before_the_work() {
         let said = refused(&["c.toml", &format!("--set={set}")]);
         assert!(said.contains(told), "{set}: {said}");
     }
+    // Known although nobody has the lesion
+    let nobody = "--set=people.prevalence=0";
+    assert!(refused(&["c.toml", nobody, "--set=mouth.lesion.spot.states=[\"nosuch\"]"]).contains("nosuch"));
     assert!(refused(&["flat-patch"]).contains("base it on an experiment with [mouth]"));
     assert!(refused(&["c.toml", "--shard", "3/2"]).contains("give I/N"));
     fs::create_dir(folder.path().join("mine")).unwrap();

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueHint;
 use fluorspar::digest::sha256_hex;
 use fluorspar_experiment::{
-    CohortFile, CohortQuestion, CohortStudy, ExaminationView, Person, file_text, parse_cohort,
+    CohortFile, CohortQuestion, CohortStudy, ExaminationView, Person, file_text, parse_cohort, resolve,
 };
 use fluorspar_format::Journal;
 use serde::{Deserialize, Serialize};
@@ -81,9 +81,21 @@ impl CohortWork {
         let first = Examination::prepare(&cohort, cohort.people.first, cohort.views[0])
             .map_err(|error| Error::from(as_typed(error, &overrides)))?;
         job.warn(&warnings_before_run(&first.experiment));
+        // The first person may lack lesions, and its view may leave out what the analysis says: both belong to all
+        let all_lesions = if cohort.lesions().is_empty() {
+            String::new()
+        } else {
+            cohort
+                .experiment_with_all_lesions(cohort.people.first, cohort.views[0])
+                .and_then(|experiment| resolve(&experiment))
+                .map_err(|error| Error::from(as_typed(error, &overrides)))?
+                .record
+                .sha256
+        };
+        let analysis = json!(cohort.experiment.file.analysis).to_string();
         let names: Vec<&str> = cohort.views.iter().map(|view| view.name).collect();
         let people = json!([cohort.people.prevalence, cohort.people.first, names]).to_string();
-        let sha256 = sha256_hex([first.experiment.record.sha256.clone(), people]);
+        let sha256 = sha256_hex([first.experiment.record.sha256.clone(), all_lesions, analysis, people]);
         let folder = out.map(Path::to_path_buf).unwrap_or_else(|| {
             let usual = format!("fluorspar-out/{kind}-{}", source.stem);
             PathBuf::from(if overrides.is_empty() { usual } else { format!("{usual}-{}", &sha256[..8]) })
