@@ -4,8 +4,8 @@
 //! then: two outputs of one name, an output that is an input, a file that this program did not write, a disk without room.
 //! A file is written beside its place and moved there when it is complete and on the disk ([`write_atomically`]); the files of
 //! one command are moved together ([`OutputSet::finish`]), and so is a folder ([`OutputFolder`]). What a killed process has
-//! left is not locked, and goes with the next write to the same place. Only a [`Journal`] grows in its place: it holds finished work. Processes that share work
-//! hold each piece by a [`Claim`].
+//! left is not locked, and goes with the next write to the same place. Only a [`Journal`], and a data set beside one, grow in their
+//! place: they hold finished work. Processes that share work hold each piece by a [`Claim`].
 
 mod claim;
 mod disk;
