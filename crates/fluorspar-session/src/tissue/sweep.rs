@@ -137,6 +137,7 @@ impl TissueSweepOptions {
         let at = |value: f64| -> Result<(f64, Site)> {
             let mut site = site.clone();
             site.set(name, value)?;
+            site.check_followed(name, value)?;
             Ok((value, site))
         };
         // Ends that are out of range are told as they were given
@@ -261,6 +262,7 @@ mod tests {
         for (range, words) in [
             ("superficial_blood=0..1", "superficial_blood_fraction"),
             ("superficial_blood_fraction=0.1..2", "superficial_blood_fraction is 2, outside 0 to 1"),
+            ("biofilm_thickness_um=0..10", "biofilm_thickness_um is 10, outside 0 to 7.5"),
             ("superficial_blood_fraction=0.1", "write PARAMETER=FROM..TO"),
             ("superficial_blood_fraction=0.1..0.1", "the first value must be below the last"),
             ("superficial_blood_fraction=a..0.1", "give a number"),

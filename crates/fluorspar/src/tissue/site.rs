@@ -234,6 +234,20 @@ impl Site {
         Ok(())
     }
 
+    /// Refuses a value that [`Self::tissue`] does not follow because of the other parameters: a biofilm of more than half of the
+    /// keratin layer.
+    ///
+    /// # Errors
+    /// A name that the site does not have, and such a value.
+    pub fn check_followed(&self, name: &str, value: f64) -> Result<(), TissueError> {
+        let parameter = &self.parameters.list()[self.index_of(name)?];
+        let [least, mut most] = parameter.range;
+        if let (SiteParameters::Mucosa(mucosa), "biofilm_thickness_um") = (&*self.parameters, name) {
+            most = most.min(mucosa.largest_biofilm_um());
+        }
+        check(&format!("tissue '{}'", self.name()), parameter.name, value, [least, most], parameter.meaning)
+    }
+
     fn put(&mut self, index: usize, value: f64) {
         if let Some(parameter) = self.parameters.value_mut(index) {
             *parameter = value;

@@ -83,6 +83,10 @@ impl MucosaParameters {
         Ok(LayeredTissue { layers, refractive_index: self.refractive_index, below: Below::Black })
     }
 
+    pub(super) fn largest_biofilm_um(&self) -> f64 {
+        0.5 * self.keratin_thickness_um
+    }
+
     fn background(&self) -> Chromophore {
         background(self.background_per_mm, self.background_slope_per_nm)
     }
@@ -107,7 +111,7 @@ impl MucosaParameters {
             ],
         )?;
         let mut keratin_um = self.keratin_thickness_um;
-        let film_um = self.biofilm_thickness_um.min(0.5 * keratin_um);
+        let film_um = self.biofilm_thickness_um.min(self.largest_biofilm_um());
         // A biofilm without emitters of its own is keratin.
         if film_um >= 0.1 && (has_film || !film.is_empty()) {
             film.extend(keratin.clone());
