@@ -92,6 +92,8 @@ enum Shown {
     Lens(lens::ReportOptions),
     /// A tissue: parameters, layers, fluorophores, states.
     Tissue(tissue::ShowOptions),
+    /// A state of tissue: what it changes, how far that is assumed, its source.
+    State(tissue::StateOptions),
     /// The file of an experiment.
     Experiment(presets::FileOptions),
     /// The file of a flat sample.
@@ -110,6 +112,7 @@ fn show(args: &ShowArgs) -> Result<(), CliError> {
         Shown::Sensor(options) => sensor::show(options)?,
         Shown::Lens(options) => lens::report(options)?,
         Shown::Tissue(options) => tissue::show(options)?,
+        Shown::State(options) => tissue::show_state(options)?,
         Shown::Experiment(options) => presets::show(options, PresetKind::Experiment)?,
         Shown::Sample(options) => presets::show(options, PresetKind::Sample)?,
         Shown::Design(options) => presets::show(options, PresetKind::Design)?,

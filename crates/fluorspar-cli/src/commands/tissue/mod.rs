@@ -9,7 +9,7 @@ mod solve;
 mod sweep;
 
 pub(crate) use list::run as list;
-pub(crate) use show::{Options as ShowOptions, run as show};
+pub(crate) use show::{Options as ShowOptions, StateOptions, run as show, run_state as show_state};
 
 use fluorspar_session::tissue::{
     self, DepthOptions, MonteCarloOptions, SolveOptions, TissueFitOptions, TissueSweepOptions,

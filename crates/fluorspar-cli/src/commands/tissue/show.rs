@@ -1,4 +1,4 @@
-//! `fluorspar catalog show tissue`.
+//! `fluorspar catalog show tissue` and `fluorspar catalog show state`.
 
 use fluorspar::tissue::{
     Basis, LayeredTissue, Population, Site, SiteParameter, Spread, Surroundings, TissueLayer, TissueState,
@@ -39,6 +39,40 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     }
 }
 
+/// Options of `catalog show state`.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct StateOptions {
+    /// Its name in the catalogue.
+    #[arg(value_name = "NAME")]
+    name: String,
+    /// Print the answer as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run_state(options: &StateOptions) -> Result<(), CliError> {
+    let state = preset::state(&options.name)?;
+    if options.json {
+        return print_json(&state_as_json(&state));
+    }
+    let TissueState { name, title, description, source, .. } = &state;
+    print_text(&format!("{title} ({name})\n{description}\n{source}\n\n{}\n", changes(&state).join("\n")))
+}
+
+fn state_as_json(state: &TissueState) -> Value {
+    let TissueState { name, title, description, source, factors, values, gray_per_mm } = state;
+    json!({ "name": name, "title": title, "description": description, "source": source, "factors": factors, "values": values,
+        "gray_per_mm": gray_per_mm })
+}
+
+/// What a state changes, each in words.
+fn changes(state: &TissueState) -> Vec<String> {
+    let factors = state.factors.iter().map(|(name, factor)| format!("{name} x {factor}"));
+    let values = state.values.iter().map(|(name, value)| format!("{name} = {value}"));
+    let gray = state.gray_per_mm.iter().map(|(layer, more)| format!("{layer} absorbs {more}/mm more"));
+    values.chain(factors).chain(gray).collect()
+}
+
 /// How a parameter varies among people: in words, and its standard deviations among people and within a person.
 fn variation(population: &Population, name: &str) -> Option<(String, [f64; 2])> {
     let variation = population.variations().iter().find(|v| v.parameters.contains(&name))?;
@@ -73,7 +107,6 @@ fn as_json(title: &str, site: &Site, tissue: &LayeredTissue) -> Value {
             "deviation_within_person": deviations.map(|d| d[1]),
         })
     };
-    let state = |TissueState { name, title, source, factors, values, gray_per_mm, .. }: TissueState| json!({ "name": name, "title": title, "source": source, "factors": factors, "values": values, "gray_per_mm": gray_per_mm });
     json!({
         "site": site.name(),
         "title": title,
@@ -82,7 +115,7 @@ fn as_json(title: &str, site: &Site, tissue: &LayeredTissue) -> Value {
         "source": site.source(),
         "parameters": site.parameters().map(parameter).collect::<Vec<_>>(),
         "layers": layers_as_json(tissue, Some(site)),
-        "states": states(site).map(state).collect::<Vec<_>>(),
+        "states": states(site).map(|state| state_as_json(&state)).collect::<Vec<_>>(),
         "surroundings": site.surroundings(),
     })
 }
@@ -129,12 +162,7 @@ fn layer_table(tissue: &LayeredTissue) -> String {
 }
 
 fn describe(title: &str, site: &Site, tissue: &LayeredTissue) -> String {
-    let states = states(site).map(|state| {
-        let factors = state.factors.iter().map(|(name, factor)| format!("{name} x {factor}"));
-        let values = state.values.iter().map(|(name, value)| format!("{name} = {value}"));
-        let gray = state.gray_per_mm.iter().map(|(layer, more)| format!("{layer} absorbs {more}/mm more"));
-        format!("  {}: {}\n", state.name, values.chain(factors).chain(gray).collect::<Vec<_>>().join(", "))
-    });
+    let states = states(site).map(|state| format!("  {}: {}\n", state.name, changes(&state).join(", ")));
     format!(
         "{title} ({})\n{}\n{}\n\n{}\n{}\n{}\n\"people\": the standard deviation among people and places, a factor or a difference.\n\n{}\n\
          States [assumed sizes]:\n{}",
