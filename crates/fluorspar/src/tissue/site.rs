@@ -288,6 +288,7 @@ impl Site {
     /// # Errors
     /// Those of [`Self::apply`].
     pub fn apply_share(&mut self, state: &TissueState, share: f64) -> Result<(), TissueError> {
+        self.check_kind(state)?;
         for (name, factor) in &state.factors {
             let value = self.get(name)?;
             self.set(name, value * (1.0 + share * (factor - 1.0)))?;
@@ -297,6 +298,27 @@ impl Site {
             self.set(name, value + share * (wanted - value))?;
         }
         state.additions(share).filter(|_| share > 0.0).try_for_each(|addition| self.add(addition))
+    }
+
+    /// Refuses a state that changes what only the other kind of tissue has.
+    fn check_kind(&self, state: &TissueState) -> Result<(), TissueError> {
+        let (kind, parameters, layers) = match *self.parameters {
+            SiteParameters::Mucosa(_) => ("teeth", ToothParameters::PARAMETERS, ToothParameters::LAYERS),
+            SiteParameters::Tooth(_) => ("mucosa", MucosaParameters::PARAMETERS, MucosaParameters::LAYERS),
+        };
+        let mut changed = state.factors.iter().chain(&state.values).map(|(name, _)| name);
+        let parameter = changed.find(|name| {
+            self.index_of(name).is_err() && parameters.iter().any(|parameter| parameter.name == *name)
+        });
+        let mut added = state.gray_per_mm.iter().map(|(layer, _)| layer);
+        let layer = || {
+            added.find(|layer| {
+                layers.contains(&layer.as_str()) && !self.layer_names().contains(&layer.as_str())
+            })
+        };
+        let Some(changed) = parameter.or_else(layer) else { return Ok(()) };
+        let (site, state, changed) = (self.name().into(), state.name.clone(), changed.clone());
+        Err(TissueError::StateOfOtherTissue { site, state, changed, kind })
     }
 
     /// Names of the fluorophores that it may hold; [`Self::tissue`] looks for those of a strength above 0.

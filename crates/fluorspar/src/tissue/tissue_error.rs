@@ -106,6 +106,18 @@ pub enum TissueError {
         /// The names that there are.
         known: Vec<&'static str>,
     },
+    /// A state of another kind of tissue.
+    #[error("tissue '{site}' has no '{changed}': the state '{state}' is one of {kind}")]
+    StateOfOtherTissue {
+        /// The site.
+        site: String,
+        /// The state.
+        state: String,
+        /// A parameter or a layer that it changes.
+        changed: String,
+        /// What can have the state.
+        kind: &'static str,
+    },
     /// Parameters without values.
     #[error("tissue '{site}' lacks values of {}; give every parameter one", missing.join(", "))]
     MissingParameters {
