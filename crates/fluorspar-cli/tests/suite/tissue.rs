@@ -382,6 +382,29 @@ fn sites_of_the_user_are_named_by_file_and_by_catalogue() {
     let shown = with_catalogue("catalog show tissue my_lip --json").1;
     assert_eq!(serde_json::from_str::<Value>(&shown).unwrap()["layers"], expected);
 
+    // The digest of an experiment holds the site and its state
+    let states = folder.path().join("mine/states");
+    fs::create_dir_all(&states).unwrap();
+    let patch = "format = 1\nbase = \"flat-patch\"\n[[tissue]]\nname = \"mine\"\nsite = \"my_lip\"\nstates = [\"my_state\"]\n\
+        [[material]]\nname = \"patch\"\ntype = \"tissue\"\ntissue = \"mine\"\n";
+    fs::write(folder.path().join("patch.toml"), patch).unwrap();
+    let digest = |site: &str, factor: f64| {
+        fs::write(sites.join("my_lip.toml"), site).unwrap();
+        let state = format!(
+            "name = \"my_state\"\ntitle = \"M\"\ndescription = \"m\"\nsource = \"m\"\n[factors]\ndeep_blood_fraction = {factor}\n"
+        );
+        fs::write(states.join("my_state.toml"), state).unwrap();
+        let (code, checked, said) = with_catalogue("check patch.toml --json");
+        assert_eq!(code, Some(0), "{said}");
+        serde_json::from_str::<Value>(&checked).unwrap()["sha256"].to_string()
+    };
+    let of_two = digest(&mine, 2.0);
+    assert_eq!(of_two, digest(&mine, 2.0));
+    assert_ne!(of_two, digest(&mine, 3.0));
+    assert_ne!(of_two, digest(&mine.replace("= 0.7\n", "= 0.71\n"), 2.0));
+    let shown = with_catalogue("catalog show state my_state").1;
+    assert!(shown.contains("deep_blood_fraction x 2\n"), "{shown}");
+
     // Wrong files
     for (wrong, words) in [
         (mine.replace("= 0.7\n", "= 70.0\n"), "oxygen_saturation is 70, outside 0 to 1"),

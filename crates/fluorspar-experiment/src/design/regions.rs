@@ -12,7 +12,6 @@ use fluorspar::tissue::{Population, Site};
 use super::schema::{CohortSection, DesignFile, RegionSection};
 use crate::error::{Place, steps};
 use crate::part_file::sample::{SampleMaterial, Sampled, material};
-use crate::preset;
 use crate::resolve::context::{Context, Resolved};
 use crate::resolve::named_tissue::NamedTissue;
 use crate::resolve::tissue::{FlatTissue, Layers, check_sections, flat_layers, named_tissue};
@@ -322,7 +321,7 @@ pub(super) fn cohort(
     let at_tissue = at.field("tissue");
     let (tissues, fluorophores) = (&file.experiment.tissue, &file.experiment.fluorophore);
     let typical = named_tissue(context, &at_tissue, tissues, fluorophores, axes.grid, &section.tissue)?;
-    let state = preset::state(&section.state).map_err(|error| context.error(&at.field("state"), error))?;
+    let state = context.state(&at.field("state"), &section.state)?;
     let layers = Layers::new(context, &at_tissue, &file.experiment.fluorophore, &typical)?;
     let population = Population::of(typical.site(context, &at_tissue)?);
     let key = Key::new(section.seed).with_text("cohort");

@@ -16,7 +16,7 @@ use fluorspar::digest::sha256_hex;
 use fluorspar::quote::excerpt_to;
 use fluorspar::sensor::{AutoExposure, EXPOSURE_MS};
 use fluorspar::spectral::{Curve, Fluorophore, WavelengthGrid};
-use fluorspar::tissue::Site;
+use fluorspar::tissue::{Site, TissueState};
 use fluorspar::units::{counted, number_text};
 use fluorspar::warning::Warning;
 use fluorspar_anatomy::{MouthParameters, Tissue};
@@ -293,10 +293,28 @@ impl<'a> Context<'a> {
         if let NameOrFile::File(path) = reference {
             self.note_input(at, path)?;
         }
-        preset::site_or_file(reference.as_str()).map_err(|error| match &error {
+        let name = reference.as_str();
+        let site = preset::site_or_file(name).map_err(|error| match &error {
             PresetError::User { message, .. } => self.error(at, message.as_str()),
             _ => self.error(at, error),
-        })
+        })?;
+        if let NameOrFile::Name(name) = reference {
+            self.note_site(name, &site);
+        }
+        Ok(site)
+    }
+
+    /// Notes a tissue site of the catalogue as an input.
+    pub(super) fn note_site(&mut self, name: &str, site: &Site) {
+        // Debug text of finite numbers is exact: it reads back to the same bits.
+        self.note_preset("site", name, &format!("{site:?}"));
+    }
+
+    /// A state of tissue of the catalogue, noted as an input.
+    pub(crate) fn state(&mut self, at: &[Step], name: &str) -> Resolved<TissueState> {
+        let state = preset::state(name).map_err(|error| self.error(at, error))?;
+        self.note_preset("state", name, &format!("{state:?}"));
+        Ok(state)
     }
 
     /// SHA-256 of a file and of the entries of the catalogue that it uses, as hexadecimal text. Paths count by the content of

@@ -6,7 +6,6 @@ use super::context::{Context, Resolved};
 use super::held_fluorophore::{held_fluorophores, misplaced};
 use super::spectrum::Role;
 use crate::error::Place;
-use crate::preset;
 use crate::schema::{
     FluorophoreSection, LayerAbsorptionSection, LayerScatteringSection, NameOrFile, NameOrTable,
     SpectrumReference, TissueLayerSection, TissueSection,
@@ -261,14 +260,15 @@ fn of_site(
     grid: &WavelengthGrid,
 ) -> Resolved<Site> {
     let mut site = context.site(&at.field("site"), site)?;
-    let failed = |at: &Place, error: TissueError| context.error(at, error.to_string());
+    let failed = |context: &Context<'_>, at: &Place, error: TissueError| context.error(at, error.to_string());
     for (index, name) in section.states.iter().enumerate() {
         let at = at.field("states").index(index);
-        let state = preset::state(name).map_err(|error| context.error(&at, error))?;
-        site.apply(&state).map_err(|error| failed(&at, error))?;
+        let state = context.state(&at, name)?;
+        site.apply(&state).map_err(|error| failed(context, &at, error))?;
     }
     for (name, value) in &section.parameters {
-        site.set(name, *value).map_err(|error| failed(&at.field("parameters").field(name), error))?;
+        site.set(name, *value)
+            .map_err(|error| failed(context, &at.field("parameters").field(name), error))?;
     }
     for (number, layer) in section.layer.iter().enumerate() {
         let at = at.field("layer").index(number);

@@ -132,12 +132,14 @@ pub(crate) fn named_tissue(
     if let Some(index) = sections.iter().position(|section| section.name == name) {
         return of_section(context, &steps!["tissue", index], &sections[index], fluorophores, grid);
     }
-    preset::site(name).map(NamedTissue::Site).map_err(|_| {
+    let Ok(site) = preset::site(name) else {
         let sites = preset::names(PresetKind::Site);
         let known: Vec<&str> = sections.iter().map(|section| section.name.as_str()).chain(sites).collect();
         let message = Message::unknown(format!("there is no tissue \"{}\"", excerpt(name)), name, known);
-        context.error(at, message)
-    })
+        return context.fail(at, message);
+    };
+    context.note_site(name, &site);
+    Ok(NamedTissue::Site(site))
 }
 
 /// The layers of a tissue, with fluorophores of the sections of the file, otherwise of the catalogue.
@@ -229,7 +231,7 @@ impl TissueRecipe {
     /// The same with a lesion where `mask` is 1. `bake` combines a texture with its value inside.
     pub(super) fn with_lesion(
         &self,
-        context: &Context<'_>,
+        context: &mut Context<'_>,
         at: &Place,
         lesion: &LesionSection,
         mask: ScalarTexture,
@@ -244,7 +246,7 @@ impl TissueRecipe {
         let mut inside = Inside::default();
         for (index, name) in lesion.states.iter().enumerate() {
             let at = at.field("states").index(index);
-            let state = preset::state(name).map_err(|error| context.error(&at, error))?;
+            let state = context.state(&at, name)?;
             if let NamedTissue::Layers { name, .. } = &self.tissue {
                 let message = format!(
                     "states are known of sites of the catalogue; \"{name}\" is described by its layers: give factors on their \
