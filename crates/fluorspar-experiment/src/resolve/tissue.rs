@@ -279,13 +279,18 @@ impl TissueRecipe {
     }
 
     fn check_number(&self, context: &Context<'_>, at: &Place) -> Resolved<()> {
-        let varying = self.variations.iter().filter(|change| change.map.constant().is_none()).count();
-        if varying <= MAX_MAPPED_PARAMETERS {
+        let varying = self.variations.iter().filter(|change| change.map.constant().is_none());
+        let names: Vec<&str> = varying.map(|change| change.name.as_str()).collect();
+        if names.len() <= MAX_MAPPED_PARAMETERS {
             return Ok(());
         }
         let message = format!(
-            "{varying} parameters of tissue vary over one surface; at most {MAX_MAPPED_PARAMETERS} can"
+            "the tissue of {material} varies by {}, {}; at most {MAX_MAPPED_PARAMETERS} can vary. Give a number in place of a map of \
+             its `vary`, or move or remove a lesion",
+            names.len(),
+            names.join(", ")
         );
+        let material = context.document.error(&self.at, "").0.entry.unwrap_or_default();
         context.fail(at, message)
     }
 
