@@ -103,7 +103,7 @@ pub(crate) fn check_sections(
     Ok(())
 }
 
-/// Refuses layers of a section that emit more photons than they absorb.
+/// Refuses a section whose layers emit more photons than they absorb.
 pub(crate) fn check_balance(
     context: &mut Context<'_>,
     at: &Place,
@@ -112,12 +112,15 @@ pub(crate) fn check_balance(
     fluorophores: &[FluorophoreSection],
     grid: &WavelengthGrid,
 ) -> Resolved<()> {
-    if section.layer.is_empty() {
-        return Ok(());
-    }
+    let changes = [
+        ("layer", !section.layer.is_empty()),
+        ("parameters", !section.parameters.is_empty()),
+        ("states", !section.states.is_empty()),
+    ];
+    let Some((field, _)) = changes.iter().find(|(_, changed)| *changed) else { return Ok(()) };
     let layers = Layers::new(context, at, fluorophores, named)?;
     let balance = layers.of(named).and_then(|tissue| tissue.check_photon_balance(&grid.centers_nm()));
-    balance.map_err(|error| context.error(&at.field("layer"), error.to_string()))
+    balance.map_err(|error| context.error(&at.field(*field), error.to_string()))
 }
 
 /// A tissue by name: from the sections of the file, otherwise a site of the catalogue.
@@ -284,13 +287,13 @@ impl TissueRecipe {
         if names.len() <= MAX_MAPPED_PARAMETERS {
             return Ok(());
         }
+        let material = context.document.error(&self.at, "").0.entry.unwrap_or_default();
         let message = format!(
             "the tissue of {material} varies by {}, {}; at most {MAX_MAPPED_PARAMETERS} can vary. Give a number in place of a map of \
              its `vary`, or move or remove a lesion",
             names.len(),
             names.join(", ")
         );
-        let material = context.document.error(&self.at, "").0.entry.unwrap_or_default();
         context.fail(at, message)
     }
 
@@ -315,7 +318,9 @@ impl TissueRecipe {
         let tissue = |values: &[f64]| {
             let mut state = named.clone();
             varying.iter().zip(values).try_for_each(|(change, value)| change.apply(&mut state, *value))?;
-            layers.of(&state)
+            let tissue = layers.of(&state)?;
+            tissue.check_photon_balance(&grid.centers_nm())?;
+            Ok(tissue)
         };
         let parameters: Vec<MappedParameter> = varying.iter().map(|change| change.parameter()).collect();
         let key = self.key(&named, &layers, &varying, &parameters, grid);

@@ -219,6 +219,25 @@ fn tissues_that_make_no_sense_are_refused_with_what_is_known() {
     let message =
         refusal(&PATCH.replace("gloss.roughness = 0.01", "concentrations = { protoporphyrin_ix = 1.0 }"));
     assert!(message.contains("holds no protoporphyrin_ix") && message.contains("collagen"), "{message}");
+    let vary = |maps: &str| PATCH.replace("gloss.roughness = 0.01", &format!("vary = {{ {maps} }}"));
+    let map = "{ checker = [1, 2], low = 0.5, high = 2.0 }";
+    let four =
+        ["deep_blood_fraction", "superficial_blood_fraction", "epithelium_thickness_um", "background_per_mm"];
+    let message = refusal(&vary(&four.map(|name| format!("{name} = {map}")).join(", ")));
+    assert!(message.contains("tissue of material[0] \"patch\" varies by 4, "), "{message}");
+    assert!(four.iter().all(|name| message.contains(name)), "{message}");
+    // More light than is absorbed
+    for (text, place) in [
+        (tissue("parameters = { background_per_mm = 0.0 }"), "tissue[0] \"mine\": parameters"),
+        (vary("background_per_mm = 0.01"), "material[0] \"patch\": tissue"),
+        (
+            vary("background_per_mm = { checker = [1, 2], low = 0.01, high = 1.0 }"),
+            "material[0] \"patch\": tissue",
+        ),
+    ] {
+        let message = refusal(&text);
+        assert!(message.contains(place) && message.contains("the layer emits"), "{message}");
+    }
 }
 
 /// A flat sample of tissue reflects and emits what the solver finds, with factors on what it holds.

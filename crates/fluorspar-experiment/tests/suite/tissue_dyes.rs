@@ -5,12 +5,13 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use fluorspar::sampling::random::Key;
 use fluorspar::spectral::Fluorophore;
 use fluorspar::tissue::monte_carlo::{
     MonteCarloControl, MonteCarloSettings, ScoringGrid, simulate_fluorescence,
 };
 use fluorspar::tissue::{
-    DiscreteOrdinates, EffectiveTissue, Incidence, LayerFluorophore, LayeredTissue, Level,
+    DiscreteOrdinates, EffectiveTissue, Incidence, LayerFluorophore, LayeredTissue, Level, Population, Site,
 };
 use fluorspar_experiment::{parse, parse_tissue, preset, resolve};
 
@@ -136,7 +137,20 @@ fn layers_that_would_gain_photons_are_refused() {
 fn sites_of_the_catalogue_emit_less_than_they_absorb() {
     let nm: Vec<f64> = (0..=80).map(|i| 350.0 + 5.0 * f64::from(i)).collect();
     for name in preset::names(preset::PresetKind::Site) {
-        preset::site(name).unwrap().tissue(&catalogue).unwrap().check_photon_balance(&nm).unwrap();
+        let site = preset::site(name).unwrap();
+        let holds = |site: &Site| site.tissue(&catalogue).unwrap().check_photon_balance(&nm);
+        holds(&site).unwrap();
+        let population = Population::of(&site);
+        for person in 0..20 {
+            let drawn = population.draw(&mut Key::new(person).rng());
+            holds(&drawn).unwrap_or_else(|error| panic!("{name}, person {person}: {error}"));
+        }
+        for state in preset::names(preset::PresetKind::State) {
+            let mut site = site.clone();
+            if site.apply(&preset::state(state).unwrap()).is_ok() {
+                holds(&site).unwrap_or_else(|error| panic!("{name}, {state}: {error}"));
+            }
+        }
     }
 }
 

@@ -11,7 +11,7 @@ use fluorspar_format::{Output, Outputs, write_atomically};
 use fluorspar_report::figures::light_sources_by_depth;
 use serde::{Deserialize, Serialize};
 
-use super::source::{SiteOptions, find};
+use super::source::{SiteOptions, balanced, find};
 use crate::figure_file::FigureFormat;
 use crate::options::defaults;
 use crate::values::{self, check_range};
@@ -111,7 +111,8 @@ pub fn depth(options: &DepthOptions, job: &Job) -> Result<LightOrigins> {
     let set = set.transpose()?;
 
     let (light, channels) = (options.light(job)?, options.channels(job)?);
-    let solved = EffectiveTissue::new(&site.tissue(&find)?, &wavelengths(), DiscreteOrdinates::DIFFUSE)?;
+    let solved =
+        EffectiveTissue::new(&balanced(site.tissue(&find)?)?, &wavelengths(), DiscreteOrdinates::DIFFUSE)?;
     let names: Vec<String> = solved.tissue().layers.iter().map(|layer| layer.name.clone()).collect();
     let origin = |(name, channel): &(String, Curve)| {
         origin(name, &solved.depth_of_fluorescence(&light, channel), &names)

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::solve_files::{figures, tables};
-use super::source::{SiteOptions, find};
+use super::source::{SiteOptions, balanced, find};
 use crate::figure_file::figure_files;
 use crate::options::defaults;
 use crate::values::{self, check_range};
@@ -196,7 +196,7 @@ impl SolveOptions {
     }
 
     fn solve(&self, title: String, site: &NamedTissue, lights: &[(String, Viewing)]) -> Result<SolvedTissue> {
-        let (tissue, nm) = (site.tissue(&find)?, self.wavelengths());
+        let (tissue, nm) = (balanced(site.tissue(&find)?)?, self.wavelengths());
         let solver = DiscreteOrdinates::new(self.nodes)?;
         let solved = EffectiveTissue::new(&tissue, &nm, solver)?;
         let at = |level| -> Vec<f64> {

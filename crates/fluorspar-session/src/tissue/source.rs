@@ -10,6 +10,7 @@ use fluorspar_experiment::preset::{self, fluorophore, site_of_text};
 use fluorspar_experiment::{NamedTissue, ResolvedEmission, ResolvedLayers, parse_layers, parse_tissue};
 use serde::Deserialize;
 
+use super::depth::wavelengths;
 use crate::source::read_text;
 use crate::values::{self, check_range};
 use crate::{Error, Result};
@@ -20,6 +21,12 @@ const WAVELENGTH_NM: [f64; 2] = [350.0, 1000.0];
 /// A fluorophore of the catalogue.
 pub fn find(name: &str) -> Option<Arc<Fluorophore>> {
     Some(Arc::new(fluorophore(name).ok()?.fluorophore()))
+}
+
+/// Refuses layers that emit more photons than they absorb.
+pub(super) fn balanced(tissue: LayeredTissue) -> Result<LayeredTissue> {
+    tissue.check_photon_balance(&wavelengths())?;
+    Ok(tissue)
 }
 
 /// A site in states, then with parameters changed by `NAME=VALUE`.
@@ -169,7 +176,7 @@ impl TissueOptions {
         let text = self.file().map(|path| read_text(&path)).transpose()?;
         let Some(text) = text.filter(|text| !is_tissue(text)) else {
             let (title, tissue) = self.site.resolve()?;
-            return self.at_wavelength(&title, &tissue.tissue(&find)?);
+            return self.at_wavelength(&title, &balanced(tissue.tissue(&find)?)?);
         };
         if let Some(option) = [
             self.excitation_nm.map(|_| "⟨excitation_nm⟩"),

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::depth::{RANGE_NM, STEP_NM, check_inside, line, wavelengths};
 use super::solve::{beams, depth_of_1_over_e_um, fluorescence, line_viewing};
-use super::source::{SiteOptions, find};
+use super::source::{SiteOptions, balanced, find};
 use super::sweep_files::write;
 use crate::options::defaults;
 use crate::values;
@@ -164,7 +164,7 @@ impl TissueSweepOptions {
 
 /// The tissue at one value.
 fn point(value: f64, site: &Site, nm: &[f64], excitation_nm: f64) -> Result<SweptPoint> {
-    let tissue = site.tissue(&find)?;
+    let tissue = balanced(site.tissue(&find)?)?;
     let solved = EffectiveTissue::new(&tissue, nm, DiscreteOrdinates::DIFFUSE)?;
     let of_tissue = solved.reflectance(Level::AboveSurface);
     let glow = fluorescence("", &line_viewing(excitation_nm)?, &solved, nm);
