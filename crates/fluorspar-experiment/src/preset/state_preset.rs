@@ -72,6 +72,7 @@ impl StateFile {
 mod tests {
     use super::super::{names, site};
     use super::*;
+    use fluorspar::tissue::Population;
 
     #[test]
     fn every_mucosa_can_have_every_state() {
@@ -80,6 +81,18 @@ mod tests {
             for name in names(PresetKind::State) {
                 site.clone().apply(&state(name).unwrap()).unwrap_or_else(|error| panic!("{name}: {error}"));
             }
+        }
+    }
+
+    /// What a state sets is alike in all people; what it multiplies differs as it does without the state.
+    #[test]
+    fn no_state_makes_fluorophores_alike_in_all_people() {
+        let population = Population::of(&site("buccal_mucosa").unwrap());
+        let strengths = population.variations().iter().filter(|variation| variation.fluorophore.is_some());
+        let strengths: Vec<&str> = strengths.flat_map(|variation| variation.parameters).copied().collect();
+        for name in names(PresetKind::State) {
+            let state = state(name).unwrap();
+            assert!(state.values.iter().all(|(name, _)| !strengths.contains(&name.as_str())), "{name}");
         }
     }
 
