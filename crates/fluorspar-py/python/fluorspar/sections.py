@@ -254,6 +254,22 @@ SensorName: TypeAlias = Literal[
     'rgb_nir_3um',
 ]
 
+StateOfTissueName: TypeAlias = Literal[
+    'amalgam_tattoo',
+    'candidiasis',
+    'carcinoma',
+    'dysplasia_mild',
+    'dysplasia_moderate',
+    'dysplasia_severe',
+    'hemangioma',
+    'hyperemia',
+    'inflammation',
+    'keratosis',
+    'leukoplakia_homogeneous',
+    'leukoplakia_nonhomogeneous',
+    'ulcer',
+]
+
 TissueName: TypeAlias = Literal[
     'buccal_mucosa',
     'canine',
@@ -1148,7 +1164,7 @@ class TissueSection(TypedDict, total=False):
     """Parameters of a site by name, each in the unit that ends its name, for instance `epithelium_thickness_um = 250.0`. They
     take the place of those of the site in its state. Default: none."""
     layer: list[TissueLayerSection]
-    """The layers in place of a site, the uppermost first."""
+    """The layers in place of a site, the uppermost first; with a site what its layers hold in addition, a dye for instance."""
     refractive_index: float
     """Refractive index of layers that do not state their own, 1 to 3. Default 1.4 (mucosa)."""
     index_below: float
@@ -1157,14 +1173,14 @@ class TissueSection(TypedDict, total=False):
 
 
 class TissueLayerSection(TypedDict, total=False):
-    """One homogeneous layer of tissue."""
+    """One homogeneous layer of tissue, or an addition to the layer of a site."""
 
     name: str
-    """Name, unique in its tissue."""
+    """Name, unique in its tissue; with a site that of its layer, for instance "basal layer"."""
     thickness_um: float
-    """Thickness, um, 0.1 to 1e6. 1 mm = 1000 um."""
+    """Thickness, um, 0.1 to 1e6. 1 mm = 1000 um. Layers of a site have their own."""
     scattering: LayerScatteringSection
-    """How it scatters."""
+    """How it scatters. Layers of a site have their own."""
     absorption: LayerAbsorptionSection
     """What absorbs in it. Default: nothing."""
     fluorophores: dict[str, LayerFluorophoreSection]
@@ -1245,10 +1261,13 @@ class BackgroundSection(TypedDict, total=False):
 
 
 class LayerFluorophoreSection(TypedDict, total=False):
-    """A fluorophore in a layer."""
+    """A fluorophore in a layer: `strength_per_mm`, or the concentration of a dye."""
 
+    concentration_umol_per_l: float
+    """Concentration, umol/l, of a dye of the catalogue whose molar absorption and quantum yield are published (`catalog show
+    fluorophore`). Its own absorption is added to that of the layer."""
     strength_per_mm: float
-    """Absorption coefficient of the fluorophore at `at_nm` times its quantum yield, 1/mm, 0 to 0.05; mucosa has 1e-5 to 1e-2."""
+    """Absorption coefficient of the fluorophore at `at_nm` times its quantum yield, 1/mm, 0 to 400; mucosa has 1e-5 to 1e-2."""
     at_nm: float
     """Wavelength of that value, nm, 200 to 1200; the fluorophore must be excited there. Default 405."""
     quantum_yield: float
@@ -1520,6 +1539,13 @@ class LesionSection(TypedDict, total=False):
     """Turn of the first axis from the direction of u toward that of v, degrees. Default 0."""
     edge_mm: float
     """Width over which it fades out, mm, 0 or more. Default 1."""
+    border_irregularity: float
+    """Standard deviation of the distance of its border from the middle over that of the ellipse, 0 to 0.5; the area stays.
+    Default 0."""
+    satellites: int
+    """Number of small spots of the same kind around it, 0 to 50. Default 0."""
+    seed: int
+    """Seed of border and satellites. Default 0."""
     mask: FilePath
     """Path of a gray PNG on the texture coordinates of the part instead of the ellipse: white is inside. Of colors the mean of
     red, green and blue is taken, with a warning."""
@@ -1528,7 +1554,7 @@ class LesionSection(TypedDict, total=False):
     blood_um: float
     """Extra blood above the reflecting layer, as a layer of whole blood of this thickness, µm, 0 to 200. Default 0."""
     states: list[str]
-    """States of layered tissue inside, for instance "dysplasia". Default: none."""
+    """States of layered tissue inside, for instance "dysplasia_moderate". Default: none."""
     tissue: dict[str, float]
     """Factors on parameters of layered tissue inside, for instance `superficial_blood_fraction = 10.0`. Default: none."""
     concentrations: dict[str, float]
