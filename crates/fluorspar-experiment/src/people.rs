@@ -96,7 +96,7 @@ fn person_tissues(file: &ExperimentFile, person: u32) -> Result<Vec<TissueSectio
 /// Gives an experiment the tissues of a person in place of its own.
 ///
 /// # Errors
-/// Those of [`person_tissues`].
+/// A site or a state that does not exist.
 pub fn give_tissues_of(person: u32, file: &mut ExperimentFile) -> Result<(), PresetError> {
     for section in person_tissues(file, person)? {
         match file.tissue.iter_mut().find(|known| known.name == section.name) {

@@ -414,10 +414,9 @@ pub(super) fn study_tissues(
         }
         let mut tissue = layers.of(&named).map_err(|error| recipe.failed(context, &error))?;
         for held in tissue.layers.iter_mut().flat_map(|layer| &mut layer.fluorophores) {
-            let factor = recipe.factors.iter().find(|(name, _)| *name == held.fluorophore.name);
-            if let Some((_, map)) = factor {
-                let shapes = of_material().map(|object| &object.shape);
-                held.strength_per_mm *= rough_surface_mean(map, shapes);
+            let is_held = |(name, _): &&(String, ScalarTexture)| *name == held.fluorophore.name;
+            if let Some((_, map)) = recipe.factors.iter().find(is_held) {
+                held.strength_per_mm *= rough_surface_mean(map, of_material().map(|object| &object.shape));
             }
         }
         tissues.push(StudyTissue { name: materials[index].name.clone(), parts, tissue });

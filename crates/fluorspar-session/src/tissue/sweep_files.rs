@@ -172,9 +172,19 @@ fn page(found: &SweptTissue) -> ReportData {
     for (stem, figure) in figures(found) {
         section = section.with(ReportItem::Figure { figure, caption: String::new(), stem: stem.into() });
     }
+    ReportData {
+        title: format!("{} by {}", found.title, found.quantity()),
+        lead: vec![lead],
+        sections: vec![section, Section::new("Numbers").with(ReportItem::Matrix(numbers(found)))],
+        ..ReportData::default()
+    }
+}
+
+/// All points as a table.
+fn numbers(found: &SweptTissue) -> NumberMatrix {
     let mut rows = sweep_table(found, short);
     let heads = rows.remove(0);
-    let table = NumberMatrix {
+    NumberMatrix {
         caption: "The same in numbers; sweep.csv has all digits.".into(),
         columns: heads.iter().map(|name| name.replace('_', " ")).collect(),
         rows,
@@ -182,11 +192,5 @@ fn page(found: &SweptTissue) -> ReportData {
                the light. Chromaticities: x and y of CIE 1931, white light is D65. Depths in µm: above the first half of the fluorescence \
                arises; at the second the fluence of a beam has fallen to 1/e."
             .into(),
-    };
-    ReportData {
-        title: format!("{} by {}", found.title, found.quantity()),
-        lead: vec![lead],
-        sections: vec![section, Section::new("Numbers").with(ReportItem::Matrix(table))],
-        ..ReportData::default()
     }
 }

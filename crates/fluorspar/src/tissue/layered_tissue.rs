@@ -166,14 +166,11 @@ impl LayeredTissue {
     /// The layer and the wavelength where most photons are gained, with the strongest fluorophore there that brings none.
     pub fn check_photon_balance(&self, wavelengths_nm: &[f64]) -> Result<(), TissueError> {
         for layer in &self.layers {
-            let emitted: Vec<Vec<f64>> = layer
-                .fluorophores
-                .iter()
-                .map(|held| {
-                    let yields = held.fluorophore.eem.total_yields(wavelengths_nm);
-                    yields.into_iter().map(|photons| photons * held.scale_per_mm()).collect()
-                })
-                .collect();
+            let of_one = |held: &TissueFluorophore| -> Vec<f64> {
+                let yields = held.fluorophore.eem.total_yields(wavelengths_nm);
+                yields.into_iter().map(|photons| photons * held.scale_per_mm()).collect()
+            };
+            let emitted: Vec<Vec<f64>> = layer.fluorophores.iter().map(of_one).collect();
             let at = |i: usize| {
                 let sum: f64 = emitted.iter().map(|of_one| of_one[i]).sum();
                 (i, sum, layer.absorption_per_mm(wavelengths_nm[i]))
