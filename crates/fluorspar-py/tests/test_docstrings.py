@@ -50,6 +50,10 @@ def folder(mouth, components, tmp_path_factory) -> Path:
     table = "wavelength_nm,total\n" + "".join(f"{nm},{value}\n" for nm, value in rows)
     (folder / "measured.csv").write_text(table)
     (folder / "my_led.csv").write_text("wavelength_nm,power\n380,0\n385,1\n390,0\n")
+    (folder / "cohort.toml").write_text(
+        'format = 1\nbase = "oraleye-2021-surface"\n[people]\ncount = 1\nviews = ["lips"]\n'
+        "[render]\nwidth_px = 16\nheight_px = 12\nsamples_per_pixel = 1\n[mouth]\ndetail = 0.25\n"
+    )
     fs.capture(mouth, components)["blue"].write(folder / "photo.tiff")
     # As a camera gives it, without a description
     next(folder.glob("photo*.json")).unlink()
