@@ -30,6 +30,8 @@ pub struct CohortResults<'a> {
     pub analyte: &'a Analyte,
     /// The file with everything that it rests on.
     pub toml: &'a str,
+    /// Files that it names.
+    pub inputs: &'a [String],
     /// Its digest.
     pub sha256: &'a str,
 }
@@ -102,7 +104,7 @@ pub fn cohort_report(found: &CohortResults<'_>) -> ReportData {
             ("version".into(), env!("CARGO_PKG_VERSION").into()),
         ],
         experiment_toml: found.toml.into(),
-        input_files: Vec::new(),
+        input_files: found.inputs.to_vec(),
         rerun_command: "fluorspar cohort report.html".into(),
     }
 }

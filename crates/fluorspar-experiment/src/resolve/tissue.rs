@@ -415,13 +415,24 @@ pub(super) fn study_tissues(
         let mut tissue = layers.of(&named).map_err(|error| recipe.failed(context, &error))?;
         for held in tissue.layers.iter_mut().flat_map(|layer| &mut layer.fluorophores) {
             let is_held = |(name, _): &&(String, ScalarTexture)| *name == held.fluorophore.name;
-            if let Some((_, map)) = recipe.factors.iter().find(is_held) {
+            if let Some((name, map)) = recipe.factors.iter().find(is_held) {
+                if held.quantum_yield.is_some() && [map.min(), map.max()] != [1.0; 2] {
+                    context.warn(&recipe.at, light_alone(name));
+                }
                 held.strength_per_mm *= rough_surface_mean(map, of_material().map(|object| &object.shape));
             }
         }
         tissues.push(StudyTissue { name: materials[index].name.clone(), parts, tissue });
     }
     Ok(tissues)
+}
+
+/// A dye absorbs in proportion to its amount, so that its light does not follow a factor.
+fn light_alone(dye: &str) -> String {
+    format!(
+        "factors on \"{}\" scale its light and leave what it absorbs; give its layer another amount instead",
+        excerpt(dye)
+    )
 }
 
 /// A tissue as a flat, matte sample: what its surface sends back under diffuse light, without its specular reflection.

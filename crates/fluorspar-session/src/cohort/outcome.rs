@@ -26,6 +26,7 @@ pub struct CohortOutcome {
     pub said: CohortFindings,
     analyte: Analyte,
     toml: String,
+    inputs: Vec<String>,
     sha256: String,
 }
 
@@ -44,7 +45,8 @@ impl CohortOutcome {
         let analyte =
             porphyrin.map_or_else(Analyte::default, |name| Analyte::new(name, &name.replace('_', " ")));
         let (title, sha256) = (work.title().to_owned(), work.sha256.clone());
-        Ok(Self { title, said: cohort_findings(&all), cohort, findings, analyte, toml: work.toml()?, sha256 })
+        let (said, toml, inputs) = (cohort_findings(&all), work.toml()?, work.inputs.clone());
+        Ok(Self { title, said, cohort, findings, analyte, toml, inputs, sha256 })
     }
 
     /// Writes the folder.
@@ -77,6 +79,7 @@ impl CohortOutcome {
             frame: analysis.map_or("", |analysis| &analysis.frame),
             analyte: &self.analyte,
             toml: &self.toml,
+            inputs: &self.inputs,
             sha256: &self.sha256,
         }
     }

@@ -59,6 +59,8 @@ pub(crate) struct CohortWork {
     pub(crate) sha256: String,
     /// Folder of the results; the journals lie beside it.
     pub(crate) folder: PathBuf,
+    /// Files that it names.
+    pub(crate) inputs: Vec<String>,
     head: Value,
 }
 
@@ -101,7 +103,9 @@ impl CohortWork {
             PathBuf::from(if overrides.is_empty() { usual } else { format!("{usual}-{}", &sha256[..8]) })
         });
         let head = json!({ format!("{kind}_sha256"): sha256, "version": env!("CARGO_PKG_VERSION") });
-        Ok((Self { cohort, source, sha256, folder, head }, first))
+        let inputs =
+            first.experiment.record.inputs.iter().map(|input| input.path.display().to_string()).collect();
+        Ok((Self { cohort, source, sha256, folder, inputs, head }, first))
     }
 
     /// The journal of a part, or of the whole.
