@@ -37,6 +37,26 @@ pub(crate) fn finished(folder: &Path) -> usize {
     journals.map(|path| fs::read_to_string(path).unwrap().matches("\"person\":").count()).sum()
 }
 
+/// Starts a command whose journals lie in a folder, kills it after two views, and gives how many are finished.
+pub(crate) fn kill_after_two_views(here: &Path, folder: &Path, words: [&str; 5]) -> usize {
+    fs::create_dir(folder).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_fluorspar"))
+        .args(words)
+        .env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"))
+        .current_dir(here)
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    while finished(folder) < 2 && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let before = finished(folder);
+    assert!(before >= 2);
+    before
+}
+
 #[test]
 fn shards_kills_and_threads_give_the_same_files() {
     let folder = workshop();
@@ -80,21 +100,7 @@ fn shards_kills_and_threads_give_the_same_files() {
 
     // Killed after some views: these are not made again
     let killed = here.join("killed");
-    fs::create_dir(&killed).unwrap();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_fluorspar"))
-        .args(["cohort", "c.toml", "-q", "--out", "killed/c"])
-        .env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"))
-        .current_dir(here)
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    while finished(&killed) < 2 && child.try_wait().unwrap().is_none() {
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    child.kill().unwrap();
-    child.wait().unwrap();
-    let before = finished(&killed);
-    assert!(before >= 2);
+    let before = kill_after_two_views(here, &killed, ["cohort", "c.toml", "-q", "--out", "killed/c"]);
     let said = fluorspar(here, ["cohort", "c.toml", "--out", "killed/c"]).well();
     assert!(
         before == 4 || said.stderr.contains(&format!("{before} of 4 views are finished")),

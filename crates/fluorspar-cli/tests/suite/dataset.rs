@@ -5,14 +5,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
-use std::time::Duration;
 
 use fluorspar::pipeline::part_color;
 use fluorspar_format::{Transfer, read_texture_png};
 use serde_json::Value;
 
-use crate::cohort::{contents, finished, workshop};
+use crate::cohort::{contents, kill_after_two_views, workshop};
 use crate::support::{fluorspar, listing};
 
 /// Numbers of the colors of an indexed picture.
@@ -135,21 +133,7 @@ fn annotations_fit_the_masks_and_shards_kills_and_threads_give_the_same_files() 
 
     // Killed after some views: these are not made again, but those whose files are gone
     let killed = here.join("killed");
-    fs::create_dir(&killed).unwrap();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_fluorspar"))
-        .args(["dataset", "c.toml", "-q", "--out", "killed/d"])
-        .env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"))
-        .current_dir(here)
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    while finished(&killed) < 2 && child.try_wait().unwrap().is_none() {
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    child.kill().unwrap();
-    child.wait().unwrap();
-    let before = finished(&killed);
-    assert!(before >= 2);
+    let before = kill_after_two_views(here, &killed, ["dataset", "c.toml", "-q", "--out", "killed/d"]);
     fs::remove_file(killed.join("d/images/000001_lips_white.png")).unwrap();
     let said = fluorspar(here, ["dataset", "c.toml", "--out", "killed/d"]).well();
     let told = format!("{} of 4 views are finished", before - 1);
