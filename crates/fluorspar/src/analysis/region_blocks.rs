@@ -36,8 +36,6 @@ pub const LEAST_BLOCKS: usize = 8;
 /// Chlorophyll looks like porphyrin where this share of it moves the colors that porphyrin leaves alone by less than so many standard
 /// deviations of a place. \[assumed\]
 const LOOKS_ALIKE: [f64; 2] = [0.05, 2.0];
-/// Share of the evidence of colors for an amount of pigment that counts: people are no normal distribution. \[assumed\]
-const TRUST: f64 = 0.5;
 /// Share of marked blocks that may be false.
 const FALSE_DISCOVERIES: f64 = 0.05;
 
@@ -376,7 +374,7 @@ impl BlockFamily<'_> {
             let Some(color) = &self.of_chlorophyll else { return 0.0 };
             let share = share_of_chlorophyll(factor, self.chlorophyll);
             let off = &mean_rest - &remainder * color * share;
-            -0.5 * TRUST * off.dot(&(&inverse * &off))
+            -0.5 * off.dot(&(&inverse * &off))
         });
         let bulk_variance =
             (weights.transpose() * &self.of_people * &weights)[(0, 0)] - regression.dot(&along);
