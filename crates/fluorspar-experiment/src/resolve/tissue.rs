@@ -46,6 +46,8 @@ pub(crate) struct TissueRecipe {
     /// Factors on what the tissue holds of a fluorophore.
     factors: Vec<(String, ScalarTexture)>,
     coat: Coat,
+    /// Whether light leaves at some distance from where it enters.
+    translucent: bool,
 }
 
 /// A change of a tissue over the surface.
@@ -214,7 +216,8 @@ impl TissueRecipe {
             );
             return context.fail(&gloss_at.field("refractive_index"), message);
         }
-        let recipe = Self { at: at.clone(), tissue: named, held, variations, factors, coat };
+        let translucent = section.translucent;
+        let recipe = Self { at: at.clone(), tissue: named, held, variations, factors, coat, translucent };
         recipe.check_number(context, &at.field("vary"))?;
         Ok(recipe)
     }
@@ -325,7 +328,7 @@ impl TissueRecipe {
         let parameters: Vec<MappedParameter> = varying.iter().map(|change| change.parameter()).collect();
         let key = self.key(&named, &layers, &varying, &parameters, grid);
         let maps = parameters.iter().map(|p| (p.name.clone(), p.map.clone())).collect();
-        let make = || TissueSurface::varying(parameters, tissue, grid);
+        let make = || TissueSurface::varying(parameters, tissue, grid, self.translucent);
         let surface = cached_tissue(&key, maps, &|name| layers.find(name), make)
             .map_err(|error| self.failed(context, &error))?;
         if surface.error > INTERPOLATION_ERROR {
@@ -350,7 +353,8 @@ impl TissueRecipe {
         grid: &WavelengthGrid,
     ) -> String {
         // Debug text of finite numbers is exact: it reads back to the same bits.
-        let mut key = format!("tissue 1 {} {:?} {:?}", named.key(), grid.start_nm(), grid.end_nm());
+        let range = [grid.start_nm(), grid.end_nm()];
+        let mut key = format!("tissue 2 {} {} {range:?}", self.translucent, named.key());
         for emitter in &layers.0 {
             key += &format!("\n{} {}", emitter.fluorophore.name, emitter.sha256);
         }

@@ -219,9 +219,17 @@ pub struct TissueMaterialSection {
     pub vary: BTreeMap<String, TextureReference>,
     /// The wet surface; its refractive index is that of the tissue. Default: that index, roughness 0.2.
     pub gloss: Option<GlossSection>,
+    /// Whether light leaves at some distance from where it enters, so that edges are soft; otherwise it leaves where it enters.
+    /// Default: true.
+    #[serde(default = "translucent", skip_serializing_if = "Clone::clone")]
+    pub translucent: bool,
     /// Factor on what the tissue holds of each fluorophore, 0 or more. Default: 1.
     #[serde(default)]
     pub concentrations: BTreeMap<String, TextureReference>,
+}
+
+fn translucent() -> bool {
+    true
 }
 
 /// A dielectric: a body that refracts, such as glass, water, plastic. The side of the geometric normal is air.

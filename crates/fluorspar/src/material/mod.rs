@@ -54,6 +54,7 @@ pub use texture::{ImageTexture, ScalarTexture, TextureError};
 pub use tissue_surface::{INTERPOLATION_ERROR, SurfaceFluorescence, TissueSurface};
 
 use crate::spectral::{Curve, PhotonEem};
+use crate::tissue::RadialProfile;
 
 /// A surface material, Eq. 5 of the paper: `L = reflection + fluorescence`.
 ///
@@ -123,6 +124,9 @@ pub struct TissueEmission {
     pub eem: Arc<PhotonEem>,
     /// Number of the reflectance term that belongs to the same state: its weight multiplies the concentration.
     pub term: usize,
+    /// How far from where the excitation enters its light leaves, for each of [`crate::tissue::EXCITATIONS_NM`]. `None` where light
+    /// leaves where it enters.
+    pub profiles: Option<Arc<[RadialProfile; 3]>>,
 }
 
 impl FluorophoreAmount {

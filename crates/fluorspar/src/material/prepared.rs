@@ -32,7 +32,7 @@ pub(crate) struct PreparedMaterial {
     /// the reflectances of a metal.
     pub(crate) terms: Vec<SpectralTerm>,
     /// The grid that weights the terms of layered tissue.
-    states: Option<StateGrid>,
+    pub(crate) states: Option<StateGrid>,
     /// Fluorophores with their concentrations.
     pub(crate) fluorophores: Vec<FluorophoreAmount>,
     /// Number of the first fluorophore whose concentration has the same texture, of each.

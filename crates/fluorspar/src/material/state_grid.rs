@@ -4,6 +4,7 @@ use glam::Vec2;
 
 use super::material_error::MaterialError;
 use super::texture::ScalarTexture;
+use crate::tissue::RadialProfile;
 
 /// Most parameters that vary at once.
 pub const MAX_MAPPED_PARAMETERS: usize = 3;
@@ -31,6 +32,8 @@ pub struct MappedParameter {
 pub struct StateGrid {
     /// Parameters that vary, at most 3; the nodes of the last one follow each other. Without any there is one state.
     pub parameters: Vec<MappedParameter>,
+    /// How far from where it enters reflected light of each state leaves, in their order. None: it leaves where it enters.
+    pub profiles: Vec<RadialProfile>,
 }
 
 impl StateGrid {
@@ -92,7 +95,7 @@ impl StateGrid {
         let parameters = self.parameters.iter();
         let changed =
             |parameter: &MappedParameter| MappedParameter { map: map(&parameter.map), ..parameter.clone() };
-        Self { parameters: parameters.map(changed).collect() }
+        Self { parameters: parameters.map(changed).collect(), profiles: self.profiles.clone() }
     }
 
     /// Checks numbers and order of the nodes.
@@ -159,6 +162,10 @@ mod tests {
         MappedParameter { nodes: nodes.to_vec(), ..MappedParameter::without_nodes("x".into(), map) }
     }
 
+    fn grid(parameters: Vec<MappedParameter>) -> StateGrid {
+        StateGrid { parameters, profiles: Vec::new() }
+    }
+
     fn weights(grid: &StateGrid) -> Vec<f32> {
         let mut weights = Vec::new();
         grid.weights(Vec2::ZERO, |state, weight| {
@@ -170,8 +177,7 @@ mod tests {
 
     #[test]
     fn weights_interpolate_the_parameters() {
-        let grid =
-            StateGrid { parameters: vec![parameter(&[0.5, 1.0, 4.0], 2.5), parameter(&[0.0, 2.0], 0.5)] };
+        let grid = grid(vec![parameter(&[0.5, 1.0, 4.0], 2.5), parameter(&[0.0, 2.0], 0.5)]);
         let weights = weights(&grid);
         assert_eq!(weights.len(), 6);
         assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-6);
@@ -186,9 +192,7 @@ mod tests {
     fn bends_change_weights_between_nodes_only() {
         let bent = |value| {
             let bends = vec![0.5, 3.0];
-            weights(&StateGrid {
-                parameters: vec![MappedParameter { bends, ..parameter(&[1.0, 2.0, 4.0], value) }],
-            })
+            weights(&grid(vec![MappedParameter { bends, ..parameter(&[1.0, 2.0, 4.0], value) }]))
         };
         assert_eq!(bent(1.0), [1.0, 0.0, 0.0]);
         assert_eq!(bent(2.0), [0.0, 1.0, 0.0]);
@@ -202,7 +206,7 @@ mod tests {
     #[test]
     fn beyond_the_nodes_the_outermost_state_holds() {
         for (value, expected) in [(-3.0, [1.0, 0.0]), (9.0, [0.0, 1.0]), (1.0, [1.0, 0.0])] {
-            let grid = StateGrid { parameters: vec![parameter(&[1.0, 4.0], value)] };
+            let grid = grid(vec![parameter(&[1.0, 4.0], value)]);
             assert_eq!(weights(&grid), expected);
         }
         assert_eq!(weights(&StateGrid::default()), [1.0]);
@@ -211,7 +215,7 @@ mod tests {
     #[test]
     fn grids_that_do_not_fit_are_refused() {
         let check = |nodes: &[f32], states| {
-            StateGrid { parameters: vec![parameter(nodes, 1.0)] }.check(states).map_err(|e| e.to_string())
+            grid(vec![parameter(nodes, 1.0)]).check(states).map_err(|e| e.to_string())
         };
         assert_eq!(check(&[1.0, 2.0], 2), Ok(()));
         assert!(check(&[1.0, 2.0], 3).unwrap_err().contains("2 states, but 3"));
@@ -219,9 +223,9 @@ mod tests {
         assert!(check(&[1.0], 1).unwrap_err().contains("2 to 8"));
         for bends in [vec![1.0, 1.0], vec![0.0], vec![f32::NAN]] {
             let parameters = vec![MappedParameter { bends, ..parameter(&[1.0, 2.0], 1.0) }];
-            let said = StateGrid { parameters }.check(2).unwrap_err().to_string();
+            let said = grid(parameters).check(2).unwrap_err().to_string();
             assert!(said.contains("a bend above 0 for each interval"), "{said}");
         }
-        assert!(StateGrid { parameters: vec![parameter(&[1.0, 2.0], 1.0); 4] }.check(16).is_err());
+        assert!(grid(vec![parameter(&[1.0, 2.0], 1.0); 4]).check(16).is_err());
     }
 }

@@ -11,7 +11,10 @@ use super::texture::ScalarTexture;
 use super::tissue_nodes::{Probe, between, choose_nodes};
 use super::{FluorophoreAmount, TissueEmission};
 use crate::spectral::{Curve, Fluorophore, PhotonEem, WavelengthGrid};
-use crate::tissue::{EffectiveTissue, LayeredTissue, Level, TissueError};
+use crate::tissue::{
+    EffectiveTissue, LayeredTissue, Level, PHOTONS, RadialProfile, TissueError, TissueProfiles,
+    radial_profiles,
+};
 
 /// Relative error of reflectance and fluorescence that a mean of states may have between its nodes.
 pub const INTERPOLATION_ERROR: f64 = 0.01;
@@ -42,6 +45,8 @@ pub struct SurfaceFluorescence {
     pub fluorophore: Arc<Fluorophore>,
     /// Photon yield density of the tissue in each state, for light that passed the surface.
     pub states: Vec<Arc<PhotonEem>>,
+    /// How far from where it enters light leaves in each state; none where it leaves where it enters.
+    pub profiles: Vec<Arc<[RadialProfile; 3]>>,
 }
 
 impl TissueSurface {
@@ -57,7 +62,10 @@ impl TissueSurface {
                 let eem = Arc::new(eem.scaled(passed));
                 match emissions.iter_mut().find(|known| known.fluorophore.name == fluorophore.name) {
                     Some(known) => known.states.push(eem),
-                    None => emissions.push(SurfaceFluorescence { fluorophore, states: vec![eem] }),
+                    None => {
+                        let states = vec![eem];
+                        emissions.push(SurfaceFluorescence { fluorophore, states, profiles: Vec::new() });
+                    }
                 }
             }
         }
@@ -76,18 +84,21 @@ impl TissueSurface {
     /// weights between them, until the means of the states are within [`INTERPOLATION_ERROR`] of the tissue, as far as 8
     /// nodes suffice; [`Self::error`] tells how far they are off.
     ///
+    /// Where it is `translucent`, light leaves at some distance from where it enters ([`radial_profiles`]).
+    ///
     /// # Errors
     /// Parameters that `tissue` or the solver refuses.
     pub fn varying(
         parameters: Vec<MappedParameter>,
         tissue: impl Fn(&[f64]) -> Result<LayeredTissue, TissueError> + Sync,
         bands: &WavelengthGrid,
+        translucent: bool,
     ) -> Result<Self, TissueError> {
         // Choose the nodes of each parameter, the others in the middle of their ranges
         let range = |map: &ScalarTexture| [f64::from(map.min()), f64::from(map.max())];
         let middles: Vec<f64> =
             parameters.iter().map(|parameter| between(range(&parameter.map), 0.5)).collect();
-        let mut grid = StateGrid { parameters };
+        let mut grid = StateGrid { parameters, profiles: Vec::new() };
         let mut error = 0.0_f64;
         let mut chosen_axes = Vec::new();
         for (place, parameter) in grid.parameters.iter_mut().enumerate().filter(|(_, p)| p.nodes.is_empty()) {
@@ -114,7 +125,29 @@ impl TissueSurface {
         if chosen_axes.len() > 1 {
             error = error.max(error_in_cells(&grid, &chosen_axes, &states, &tissue, bands)?);
         }
-        Ok(Self { error, ..Self::new(grid, &states)? })
+        let surface = Self { error, ..Self::new(grid, &states)? };
+        if !translucent {
+            return Ok(surface);
+        }
+        let tissues: Vec<LayeredTissue> = states.iter().map(|state| state.tissue().clone()).collect();
+        Ok(surface.with_profiles(radial_profiles(&tissues, PHOTONS)))
+    }
+
+    /// The same with profiles of all states.
+    fn with_profiles(mut self, profiles: Vec<TissueProfiles>) -> Self {
+        for emission in &mut self.emissions {
+            let name = &emission.fluorophore.name;
+            let of_state = |state: &TissueProfiles| {
+                state
+                    .fluorescence
+                    .iter()
+                    .find(|(held, _)| held == name)
+                    .map(|(_, found)| Arc::new(found.clone()))
+            };
+            emission.profiles = profiles.iter().filter_map(of_state).collect();
+        }
+        self.grid.profiles = profiles.into_iter().map(|state| state.reflected).collect();
+        self
     }
 
     /// The same tissue over a surface with other maps of its parameters, in their order.
@@ -141,7 +174,11 @@ impl TissueSurface {
         let amount = |(term, eem): (usize, &Arc<PhotonEem>)| FluorophoreAmount {
             fluorophore,
             concentration: factor.clone(),
-            in_tissue: Some(TissueEmission { eem: eem.clone(), term }),
+            in_tissue: Some(TissueEmission {
+                eem: eem.clone(),
+                term,
+                profiles: self.emissions[emission].profiles.get(term).cloned(),
+            }),
         };
         states.iter().enumerate().map(amount).collect()
     }

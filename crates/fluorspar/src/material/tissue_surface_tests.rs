@@ -171,7 +171,7 @@ pub(super) fn surface_with_a_map() -> TissueSurface {
     let grid = crate::spectral::WavelengthGrid::uniform(400.0, 700.0, 20.0).unwrap();
     let map = ScalarTexture::Noise { cells: [3.0, 3.0], seed: 1, low: 0.05, high: 0.7 };
     let parameters = vec![super::MappedParameter::without_nodes("absorption".into(), map)];
-    TissueSurface::varying(parameters, |values| Ok(tissue(values[0])), &grid).unwrap()
+    TissueSurface::varying(parameters, |values| Ok(tissue(values[0])), &grid, true).unwrap()
 }
 
 /// With gloss, light and view may change places: the BRDF of base and coat is the same for both, elastic and fluorescent.

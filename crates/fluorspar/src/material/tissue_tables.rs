@@ -7,6 +7,7 @@ use super::state_grid::MappedParameter;
 use super::texture::ScalarTexture;
 use super::tissue_surface::{SurfaceFluorescence, TissueSurface};
 use crate::spectral::{Fluorophore, TableReader, TableWriter};
+use crate::tissue::RadialProfile;
 
 impl TissueSurface {
     /// Everything but the maps of the parameters and the fluorophores as the catalogue has them. `None` where the fluorescence
@@ -21,12 +22,18 @@ impl TissueSurface {
         writer.double(self.error);
         writer.count(self.reflectances.len());
         self.reflectances.iter().for_each(|curve| writer.curve(curve));
+        writer.count(self.grid.profiles.len());
+        self.grid.profiles.iter().for_each(|profile| writer.singles(profile.values()));
         writer.count(self.emissions.len());
         for emission in &self.emissions {
             writer.text(&emission.fluorophore.name);
             writer.count(emission.states.len());
             for eem in &emission.states {
                 writer.matrix(eem)?;
+            }
+            writer.count(emission.profiles.len());
+            for profile in emission.profiles.iter().flat_map(|by_excitation| by_excitation.iter()) {
+                writer.singles(profile.values());
             }
         }
         Some(writer.finish())
@@ -49,16 +56,26 @@ impl TissueSurface {
                 Some(MappedParameter { name, nodes: reader.singles()?, bends: reader.singles()?, map })
             })
             .collect::<Option<_>>()?;
-        let grid = StateGrid { parameters };
+        let mut grid = StateGrid { parameters, profiles: Vec::new() };
         let error = reader.double()?;
         let reflectances = (0..reader.count()?).map(|_| reader.curve()).collect::<Option<Vec<_>>>()?;
+        grid.profiles = (0..reader.count()?)
+            .map(|_| RadialProfile::of_reflected(&reader.singles()?))
+            .collect::<Option<_>>()?;
         let emissions = (0..reader.count()?)
             .map(|_| {
                 let fluorophore = find(&reader.text()?)?;
                 let states = (0..reader.count()?)
                     .map(|_| Some(Arc::new(reader.matrix()?)))
                     .collect::<Option<Vec<_>>>()?;
-                (states.len() == reflectances.len()).then_some(SurfaceFluorescence { fluorophore, states })
+                let profiles = (0..reader.count()?)
+                    .map(|_| {
+                        let mut profile = || RadialProfile::of_emitted(&reader.singles()?);
+                        Some(Arc::new([profile()?, profile()?, profile()?]))
+                    })
+                    .collect::<Option<Vec<_>>>()?;
+                let fits = states.len() == reflectances.len() && [0, states.len()].contains(&profiles.len());
+                fits.then_some(SurfaceFluorescence { fluorophore, states, profiles })
             })
             .collect::<Option<Vec<_>>>()?;
         let whole = reader.is_at_end() && grid.check(reflectances.len()).is_ok();

@@ -15,6 +15,7 @@ use fluorspar_accel::bands::{self, BandBlock};
 
 use super::compiled_scene::{BasisGroup, CompiledScene};
 use super::path::{Path, Vertex};
+use super::spread_spectra::SpreadSpectra;
 
 /// Error of light that fluoresces again, relative to all light that fluoresced there under the same node.
 const MULTIPLE_ERROR: f32 = 2e-3;
@@ -90,7 +91,7 @@ impl BasisState {
         &mut self,
         lanes: L,
         scene: &CompiledScene,
-        path: &Path,
+        (path, spread): (&Path, Option<&SpreadSpectra>),
         group: &BasisGroup,
         components: &mut Components<'_>,
     ) {
@@ -116,6 +117,10 @@ impl BasisState {
             bands::reflection_factor(lanes, diffuse * FRAC_1_PI, reflectance, gloss, &mut self.throughput);
             bands::add_scaled(lanes, 1.0, &self.throughput, &mut even);
         }
+        if let Some(spread) = spread {
+            let [diffuse, _] = entered_more(path, group);
+            bands::add_scaled(lanes, diffuse * FRAC_1_PI, &spread.reflected, &mut even);
+        }
         add_even(lanes, lit_by(&path.seen), scene.bands, &mut even);
         reflect(lanes, group, &even, components);
         self.even = even;
@@ -133,6 +138,39 @@ impl BasisState {
                 self.fluoresce_again(lanes, &at, components);
             }
             any_fluoresced |= self.fluoresce(lanes, &at, components);
+        }
+        if let Some(spread) = spread {
+            self.fluoresce_aside(lanes, (path, spread), group, components);
+        }
+    }
+
+    /// Adds how much more the first vertex emits since direct light entered elsewhere.
+    #[inline(always)]
+    fn fluoresce_aside<L: Lanes>(
+        &mut self,
+        lanes: L,
+        (path, spread): (&Path, &SpreadSpectra),
+        group: &BasisGroup,
+        components: &mut Components<'_>,
+    ) {
+        let (blocks, kinds) = (components.blocks, components.kinds);
+        let Some(vertex) = path.vertices().first() else { return };
+        let [_, more] = entered_more(path, group);
+        let of_one = path.emitters(vertex).chunk_by(|(a, _), (b, _)| a.fluorophore == b.fluorophore);
+        for emitters in of_one.filter(|_| more != 0.0) {
+            let fluorophore = emitters[0].0.fluorophore;
+            for (number, node) in group.nodes.iter().enumerate() {
+                let emitted = &mut self.throughput;
+                bands::clear(lanes, emitted);
+                for (emitter, amount) in emitters {
+                    for column in node.columns[emitter.matrix].chunks_exact(blocks).take(node.bands.len()) {
+                        bands::add_scaled(lanes, more * FRAC_1_PI * amount, column, emitted);
+                    }
+                }
+                let component = (group.first + number) * kinds + 1 + fluorophore;
+                let light = components.light_up(lanes, component);
+                bands::add_product_of(lanes, spread.emitted(fluorophore), emitted, light);
+            }
         }
     }
 
@@ -307,6 +345,14 @@ fn direct_light(scene: &CompiledScene, path: &Path, group: &BasisGroup, vertex: 
         }
     }
     sum
+}
+
+/// How much more direct light of the hats there is where light entered than at the first vertex: diffuse, fluorescent.
+fn entered_more(path: &Path, group: &BasisGroup) -> [f32; 2] {
+    group.sources.iter().fold([0.0; 2], |[diffuse, fluorescent], (source, factor)| {
+        let [more_diffuse, more_fluorescent] = path.entered_more(*source);
+        [diffuse + factor * more_diffuse, fluorescent + factor * more_fluorescent]
+    })
 }
 
 /// Cuts even light that reaches the camera into the hats.

@@ -10,11 +10,13 @@ use super::excitation::Excitation;
 use super::fluorescence_operator::FluorescenceOperator;
 use super::instances::CompiledInstances;
 use super::survival_probability::{Coarse, RouletteModel};
+use super::translucency::MaterialSpread;
 use crate::geometry::{intersect_disc, intersect_sphere};
 use crate::light::{LightBounds, PreparedEmitter};
 use crate::material::PreparedMaterials;
 use crate::optics::PerspectiveCamera;
 use crate::spectral::WavelengthGrid;
+use crate::tissue::EMITTED_NM;
 
 /// One distinct spectrum of the lights of one group.
 #[derive(Debug)]
@@ -75,6 +77,8 @@ pub(super) struct MaterialSpectra {
     pub(super) emitters: Vec<Emitter>,
     /// Numbers of its fluorophores, each once.
     pub(super) fluorophores: Vec<usize>,
+    /// How far from where it enters light leaves; `None` where it leaves where it enters.
+    pub(super) spread: Option<MaterialSpread>,
 }
 
 /// A fluorophore in a material.
@@ -84,6 +88,23 @@ pub(super) struct Emitter {
     pub(super) fluorophore: usize,
     /// Number of its matrix among the operators and exitances: that of the fluorophore, or one of a tissue.
     pub(super) matrix: usize,
+    /// Its place among the fluorophores of its material.
+    pub(super) number: usize,
+}
+
+/// Where each band lies among [`EMITTED_NM`]: the wavelength below, and the share of the way to the next.
+#[derive(Debug)]
+pub(super) struct EmissionBands(pub(super) Vec<(usize, f32)>);
+
+impl EmissionBands {
+    pub(super) fn new(grid: &WavelengthGrid) -> Self {
+        let place = |band: usize| {
+            let nm = grid.center_nm(band).clamp(EMITTED_NM[0], EMITTED_NM[EMITTED_NM.len() - 1]);
+            let low = EMITTED_NM.partition_point(|known| *known <= nm).clamp(1, EMITTED_NM.len() - 1) - 1;
+            (low, ((nm - EMITTED_NM[low]) / (EMITTED_NM[low + 1] - EMITTED_NM[low])) as f32)
+        };
+        Self((0..grid.len()).map(place).collect())
+    }
 }
 
 /// An analytic shape of an object.
@@ -171,6 +192,9 @@ pub(super) struct CompiledScene {
     pub(super) roulette: RouletteModel,
     /// Whether any surface has an opacity.
     pub(super) has_holes: bool,
+    /// Whether light leaves any surface elsewhere than it entered.
+    pub(super) has_translucency: bool,
+    pub(super) emission_bands: EmissionBands,
     /// Lights that are environment maps.
     pub(super) environment_maps: Vec<usize>,
     /// Number of fluorophores, and so of components that hold light which fluoresced once.

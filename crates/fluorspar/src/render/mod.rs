@@ -20,8 +20,10 @@
 //! | `intersect` | the nearest surface or light along a ray, and visibility |
 //! | `light_sampling` | directions toward lights, with densities |
 //! | `survival_probability` | expected remaining contribution of a path, which decides its survival |
+//! | `translucency` | where light entered that leaves translucent tissue |
 //! | `path` | the vertices of a path |
 //! | `path_integrator` | samples paths: direct illumination, continuation, Russian roulette |
+//! | `spread_spectra` | what of it arrives at the distance that a path has drawn |
 //! | `spectral_accumulation` | runs spectra backwards along a path |
 //! | `camera_sample` | one sample of one pixel, through pinhole or lens |
 //! | `block_sum` | sums of a block of samples of a few pixels |
@@ -56,8 +58,12 @@ mod scene_digest;
 mod settings;
 mod share;
 mod spectral_accumulation;
+mod spread_spectra;
 mod surface;
 mod survival_probability;
+mod translucency;
+#[cfg(test)]
+mod translucency_tests;
 mod visible_surfaces;
 
 pub use adaptive::{ErrorChannel, ErrorTarget, ErrorTargetError};

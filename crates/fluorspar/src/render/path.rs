@@ -31,6 +31,18 @@ pub(super) struct Vertex {
     pub(super) gloss: f32,
 }
 
+/// How far from where it entered light leaves the first vertex.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct VertexSpread {
+    /// Node of the radial profiles below the distance, and the share of the way to the next.
+    pub(super) node: usize,
+    pub(super) fraction: f32,
+    /// One over the density with which it was drawn, mm².
+    pub(super) inverse_density: f32,
+    /// For the choice of a state of each fluorophore.
+    pub(super) choice: f32,
+}
+
 /// The vertices of one path; reused from path to path.
 #[derive(Debug, Default)]
 pub(super) struct Path {
@@ -47,6 +59,10 @@ pub(super) struct Path {
     pub(super) seen: Vec<(u32, f32)>,
     /// Source of the random choices that are made while spectra run back along the path.
     pub(super) choices: u64,
+    /// Of the first vertex, where light leaves it elsewhere than it entered.
+    pub(super) spread: Option<VertexSpread>,
+    /// Direct light where that entered, one entry per source.
+    pub(super) entered: Vec<DirectLight>,
 }
 
 impl Path {
@@ -57,6 +73,7 @@ impl Path {
         self.direct.clear();
         self.emission.clear();
         self.seen.clear();
+        self.spread = None;
     }
 
     /// Vertices from the camera on.
@@ -96,6 +113,19 @@ impl Path {
         let emitters = (self.emitters.len() as u32, 0);
         self.vertices.push(Vertex { material: material as u32, weights, emitters, ..Vertex::default() });
         self.direct.resize(self.direct.len() + sources, DirectLight::default());
+    }
+
+    /// Lets light leave the first vertex elsewhere than it entered; direct light there follows.
+    pub(super) fn spread_first_vertex(&mut self, spread: VertexSpread, sources: usize) {
+        self.spread = Some(spread);
+        self.entered.clear();
+        self.entered.resize(sources, DirectLight::default());
+    }
+
+    /// How much more direct light of a source there is where light entered than at the first vertex: diffuse, fluorescent.
+    pub(super) fn entered_more(&self, source: usize) -> [f32; 2] {
+        let (there, here) = (&self.entered[source], &self.direct[source]);
+        [there.diffuse - here.diffuse, there.fluorescent - here.fluorescent]
     }
 
     /// Adds to the weights of the reflectance terms of the last vertex.

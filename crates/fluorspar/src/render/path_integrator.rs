@@ -16,6 +16,7 @@ use super::path::Path;
 use super::settings::Estimator;
 use super::surface::{Intersection, SurfacePoint};
 use super::survival_probability::{BINS, CoarseThroughput};
+use super::translucency::{Entry, Probe, Spread};
 use crate::material::{Bsdf, BsdfSample, BsdfValue};
 use crate::sampling::SampleStream;
 
@@ -76,6 +77,9 @@ impl VertexSamples {
     }
 }
 
+/// Set of the random numbers of a translucent vertex: the first vertex needs no third set of its own.
+const SPREAD_SET: u32 = 3;
+
 /// Where a path scattered last: what weights the emission that its ray meets.
 #[derive(Clone, Copy, Debug)]
 struct ScatteringOrigin {
@@ -112,6 +116,15 @@ impl PathState {
     }
 }
 
+/// Where direct light falls on the surface of a vertex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Arrival {
+    /// Where it leaves.
+    Here,
+    /// Where light entered that leaves a translucent surface elsewhere.
+    Entry,
+}
+
 /// Direct light that a vertex receives unless its shadow ray is blocked.
 #[derive(Clone, Copy, Debug)]
 struct ShadowRay {
@@ -119,6 +132,7 @@ struct ShadowRay {
     path: u32,
     /// Index of the vertex on the path.
     vertex: u32,
+    arrival: Arrival,
     light: LightSample,
     scattering: BsdfValue,
     /// Weight of multiple importance sampling.
@@ -138,6 +152,9 @@ pub(super) struct PathBatch {
     hits: Vec<Option<Intersection>>,
     shadow_rays: Vec<ShadowRay>,
     visibility: Vec<f32>,
+    /// Probes of the paths whose first vertex is translucent, in the order of the paths.
+    probes: Vec<Option<Probe>>,
+    spreads: Vec<Option<Spread>>,
 }
 
 impl PathBatch {
@@ -185,6 +202,8 @@ impl PathBatch {
 /// A vertex while light is scattered there.
 struct ShadingPoint<'a> {
     point: SurfacePoint,
+    /// Direction of the viewer, local.
+    outgoing: Vec3,
     spectra: &'a MaterialSpectra,
     bsdf: Bsdf<'a>,
     /// Random number for the lobe, rescaled after the choice of a mixture's material.
@@ -206,7 +225,8 @@ impl ShadingPoint<'_> {
 impl CompiledScene {
     /// Samples all paths of a batch to their ends: at most `max_depth` vertices each.
     pub(super) fn sample_paths(&self, batch: &mut PathBatch, max_depth: u32, estimator: Estimator) {
-        let PathBatch { states, len, active, rays, buffers, hits, shadow_rays, visibility } = batch;
+        let PathBatch { states, len, active, rays, buffers, hits, shadow_rays, visibility, probes, spreads } =
+            batch;
         active.clear();
         active.extend(0..*len as u32);
         for depth in 0..=max_depth {
@@ -222,12 +242,34 @@ impl CompiledScene {
             }));
             self.closest_each(rays, buffers, hits);
 
+            // Find where light entered that leaves translucent surfaces
+            spreads.clear();
+            if depth == 0 && self.has_translucency {
+                let numbers = |index: &u32| states[*index as usize].stream.set_4d(SPREAD_SET);
+                probes.clear();
+                probes.extend(active.iter().zip(&*rays).zip(&*hits).map(|((index, ray), hit)| {
+                    let lobe = states[*index as usize].stream.set_4d(1)[0];
+                    self.probe(ray, hit.as_ref()?, numbers(index), lobe)
+                }));
+                rays.clear();
+                rays.extend(probes.iter().flatten().map(|probe| probe.ray));
+                let mut met = Vec::new();
+                self.closest_each(rays, buffers, &mut met);
+                let mut met = met.iter();
+                spreads.extend(active.iter().zip(&*probes).map(|(index, probe)| {
+                    let probe = probe.as_ref()?;
+                    self.spread(probe, met.next()?.as_ref(), numbers(index))
+                }));
+            }
+
             // Add emission at the hits, queue shadow rays and sample the next directions
             rays.clear();
             shadow_rays.clear();
             let mut found = hits.iter();
+            let mut spread = spreads.iter();
             active.retain(|&index| {
                 let state = &mut states[index as usize];
+                let spread = spread.next().and_then(Option::as_ref);
                 let Some(Some(hit)) = found.next() else {
                     self.add_environment(state, estimator);
                     return false;
@@ -237,7 +279,7 @@ impl CompiledScene {
                     rays.push(ray);
                     shadow_rays.push(shadow_ray);
                 };
-                depth < max_depth && self.scatter(state, index, hit, depth, estimator, queue)
+                depth < max_depth && self.scatter(state, index, hit, spread, estimator, queue)
             });
 
             // Trace the shadow rays and add direct illumination
@@ -278,19 +320,30 @@ impl CompiledScene {
         state: &mut PathState,
         index: u32,
         hit: &Intersection,
-        depth: u32,
+        spread: Option<&Spread>,
         estimator: Estimator,
-        queue: impl FnMut(Ray, ShadowRay),
+        mut queue: impl FnMut(Ray, ShadowRay),
     ) -> bool {
         // Find the surface, and the random numbers of the vertex
         let Some(point) = self.surface(state.origin, state.direction, hit) else { return false };
+        let depth = state.path.vertices().len() as u32;
         state.samples.advance(&state.stream, depth, self.has_discrete_choices);
 
-        let vertex = self.add_vertex(state, hit, point);
+        let vertex = self.add_vertex(state, hit, point, spread);
         if estimator == Estimator::MultipleImportance {
-            self.sample_direct(state, index, &vertex, queue);
+            self.sample_direct(state, index, &vertex, Arrival::Here, &mut queue);
+            if let Some(entry) = spread.and_then(|spread| self.entry(&vertex, spread)) {
+                self.sample_direct(state, index, &entry, Arrival::Entry, queue);
+            }
         }
-        self.continue_path(state, &vertex, depth)
+        self.continue_path(state, &vertex)
+    }
+
+    /// The point where direct light entered that leaves a vertex elsewhere.
+    fn entry<'a>(&'a self, vertex: &ShadingPoint<'a>, spread: &Spread) -> Option<ShadingPoint<'a>> {
+        let Entry::Elsewhere { point, material } = spread.entry else { return None };
+        let bsdf = self.materials[material].bsdf(point.uv, point.front, vertex.outgoing);
+        Some(ShadingPoint { point, bsdf, light_normal: point.shading, ..*vertex })
     }
 
     /// Prepares shading at a hit and appends the vertex to the path, with the weights of its reflectance terms and its
@@ -301,6 +354,7 @@ impl CompiledScene {
         state: &mut PathState,
         hit: &Intersection,
         mut point: SurfacePoint,
+        spread: Option<&Spread>,
     ) -> ShadingPoint<'_> {
         let PathState { path, samples, direction, .. } = state;
         let view = *direction;
@@ -314,14 +368,19 @@ impl CompiledScene {
             let along = self.texture_directions(hit.target, point.position);
             point.apply_normal_map(map.at(point.uv), along, -view);
         }
-        let bsdf = material.bsdf(point.uv, point.front, point.to_local(-view));
+        let outgoing = point.to_local(-view);
+        let bsdf = material.bsdf(point.uv, point.front, outgoing);
         let light_normal = if bsdf.transmits() { Vec3::ZERO } else { point.shading };
 
-        // Weight the reflectance terms and the fluorophores
-        path.push_vertex(chosen.index, self.sources.len());
+        // Weight the reflectance terms and the fluorophores: of translucent tissue those on the way of the light
+        let (index, uv) = spread.map_or((chosen.index, point.uv), |spread| (spread.material, spread.uv));
+        path.push_vertex(index, self.sources.len());
+        if let Some(spread) = spread {
+            path.spread_first_vertex(spread.weights, self.sources.len());
+        }
         let mut coarse_spectrum = [0.0; BINS];
-        let spectra = &self.material_spectra[chosen.index];
-        material.term_weights(point.uv, &bsdf, |index, weight| {
+        let (material, spectra) = (&self.materials[index], &self.material_spectra[index]);
+        material.term_weights(uv, &bsdf, |index, weight| {
             path.push_weight(weight);
             for (sum, value) in coarse_spectrum.iter_mut().zip(&spectra.coarse_terms[index]) {
                 *sum += weight * value;
@@ -329,12 +388,12 @@ impl CompiledScene {
         });
         path.push_emitters(|weights, emitters| {
             material.concentrations(
-                point.uv,
+                uv,
                 |term| weights[term],
                 |number, concentration| emitters.push((spectra.emitters[number], concentration)),
             );
         });
-        ShadingPoint { point, spectra, bsdf, lobe, coarse_spectrum, light_normal }
+        ShadingPoint { point, outgoing, spectra, bsdf, lobe, coarse_spectrum, light_normal }
     }
 
     /// Next-event estimation: samples one light of every group and queues its shadow ray.
@@ -344,13 +403,17 @@ impl CompiledScene {
         state: &mut PathState,
         index: u32,
         vertex: &ShadingPoint<'_>,
+        arrival: Arrival,
         mut queue: impl FnMut(Ray, ShadowRay),
     ) {
         let ShadingPoint { point, bsdf, .. } = vertex;
         let depth = state.path.vertices().len() as u32 - 1;
-        // Weigh the lights where the surface mirrors
-        state.light_probabilities = None;
-        if depth < MIRRORING_VERTICES && bsdf.has_gloss() {
+        // Weigh the lights where the surface mirrors; where light entered they are weighed as where it leaves, so that both points
+        // choose the same one
+        if arrival == Arrival::Here {
+            state.light_probabilities = None;
+        }
+        if arrival == Arrival::Here && depth < MIRRORING_VERTICES && bsdf.has_gloss() {
             let reflectance = vertex.coarse_spectrum.iter().sum::<f32>() / BINS as f32;
             let scattered = |direction: Vec3| bsdf.estimate(point.to_local(direction), reflectance);
             state.light_probabilities =
@@ -382,14 +445,15 @@ impl CompiledScene {
             let origin = point.leave(light.direction, self.clearance);
             let mis_weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, scattering.pdf) };
             let ray = Ray { origin, direction: light.direction, t_min: 0.0, t_max };
-            queue(ray, ShadowRay { path: index, vertex: depth, light, scattering, mis_weight });
+            queue(ray, ShadowRay { path: index, vertex: depth, arrival, light, scattering, mis_weight });
         }
     }
 
     /// Samples the direction in which a path continues, unless the material absorbs it or Russian roulette ends it.
     /// Returns whether it continues.
     #[inline]
-    fn continue_path(&self, state: &mut PathState, vertex: &ShadingPoint<'_>, depth: u32) -> bool {
+    fn continue_path(&self, state: &mut PathState, vertex: &ShadingPoint<'_>) -> bool {
+        let depth = state.path.vertices().len() as u32 - 1;
         let ShadingPoint { point, spectra, bsdf, .. } = vertex;
 
         // Sample the material for the next direction
@@ -430,7 +494,10 @@ impl CompiledScene {
         let s = &shadow_ray.scattering;
         let factor = visibility * shadow_ray.mis_weight / shadow_ray.light.pdf;
         self.each_source(&shadow_ray.light, |source, scale| {
-            let direct = path.direct_mut(shadow_ray.vertex as usize, self.sources.len(), source);
+            let direct = match shadow_ray.arrival {
+                Arrival::Here => path.direct_mut(shadow_ray.vertex as usize, self.sources.len(), source),
+                Arrival::Entry => &mut path.entered[source],
+            };
             direct.diffuse += factor * scale * s.diffuse * PI;
             direct.fluorescent += factor * scale * s.fluorescent * PI;
             direct.gloss += factor * scale * s.gloss;

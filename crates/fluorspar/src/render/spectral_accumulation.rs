@@ -10,6 +10,7 @@ use super::basis_accumulation::{BasisState, Components};
 use super::compiled_scene::{CompiledScene, Emitter};
 use super::excitation::Choices;
 use super::path::{Path, Vertex};
+use super::spread_spectra::SpreadSpectra;
 
 /// Band vectors of all components while they travel, `[group][kind][band]` with kinds reflected, one per
 /// fluorophore, multiple.
@@ -28,6 +29,8 @@ pub(super) struct SpectralState {
     rest: Vec<BandBlock>,
     /// What is carried for excitation nodes.
     basis: BasisState,
+    /// Of direct light that left translucent tissue elsewhere than it entered.
+    spread: SpreadSpectra,
 }
 
 impl SpectralState {
@@ -45,6 +48,7 @@ impl SpectralState {
             fluoresced: vec![BandBlock::ZERO; blocks],
             rest: vec![BandBlock::ZERO; blocks],
             basis: BasisState::default(),
+            spread: SpreadSpectra::default(),
         }
     }
 
@@ -160,6 +164,39 @@ impl SpectralState {
     }
 }
 
+impl SpectralState {
+    /// Adds how much more direct light leaves the first vertex since it entered elsewhere.
+    #[inline(always)]
+    fn add_spread<L: Lanes>(&mut self, lanes: L, scene: &CompiledScene, path: &Path) {
+        let (spread, mut temporary) =
+            (std::mem::take(&mut self.spread), std::mem::take(&mut self.throughput));
+        for (number, source) in scene.sources.iter().enumerate() {
+            let [diffuse, fluorescent] = path.entered_more(number).map(|more| more * FRAC_1_PI);
+            let base = source.group * self.kinds;
+            if diffuse != 0.0 {
+                bands::clear(lanes, &mut temporary);
+                bands::add_scaled(lanes, diffuse, &spread.reflected, &mut temporary);
+                bands::add_product_of(lanes, &temporary, &source.bands, self.light_up(lanes, base));
+            }
+            if fluorescent == 0.0 {
+                continue;
+            }
+            let emitters = path.vertices().first().map_or(&[][..], |vertex| path.emitters(vertex));
+            for of_one in emitters.chunk_by(|(a, _), (b, _)| a.fluorophore == b.fluorophore) {
+                let fluorophore = of_one[0].0.fluorophore;
+                bands::clear(lanes, &mut temporary);
+                for (emitter, amount) in of_one {
+                    let exitance = &source.exitance[emitter.matrix];
+                    bands::add_scaled(lanes, fluorescent * amount, exitance, &mut temporary);
+                }
+                let emitted = self.light_up(lanes, base + 1 + fluorophore);
+                bands::add_product_of(lanes, spread.emitted(fluorophore), &temporary, emitted);
+            }
+        }
+        (self.spread, self.throughput) = (spread, temporary);
+    }
+}
+
 /// One path on one state, compiled for each instruction set.
 struct Gather<'a> {
     state: &'a mut SpectralState,
@@ -225,12 +262,18 @@ impl Work for Gather<'_> {
                 }
             }
         }
+        let blocks = state.blocks;
+        let is_spread = state.spread.prepare(lanes, scene, path, blocks);
+        if is_spread {
+            state.add_spread(lanes, scene, path);
+        }
         state.add_emission(lanes, scene, &path.seen);
         state.reflectance = mixed;
         for basis in &scene.bases {
-            let SpectralState { values, lit, kinds, blocks, basis: carried, .. } = &mut *state;
+            let SpectralState { values, lit, kinds, blocks, basis: carried, spread, .. } = &mut *state;
+            let spread = is_spread.then_some(&*spread);
             let mut components = Components { values, lit, kinds: *kinds, blocks: *blocks };
-            carried.gather(lanes, scene, path, basis, &mut components);
+            carried.gather(lanes, scene, (path, spread), basis, &mut components);
         }
     }
 }

@@ -7,6 +7,7 @@
 //! | [`Population`], [`Variation`] | how a site varies among people and within a person, and tissues drawn from it |
 //! | [`EffectiveTissue`] | reflectance and fluorescence of a tissue as of a surface, by layer and fluorophore; depths |
 //! | [`CachedSolutions`], [`SolutionStore`] | solved tissues that are kept from one run to the next |
+//! | [`radial_profiles`], [`TissueProfiles`] | how far from where it enters light leaves, reflected and after fluorescence |
 //! | [`OpticalLayer`], [`OpticalStack`] | plane layers at one wavelength, what solvers start from |
 //! | [`DiscreteOrdinates`], [`LightField`] | the deterministic solver, and the light that it finds |
 //! | [`fit`] | parameters of a tissue from measured spectra, with intervals; spectra under other lights |
@@ -35,6 +36,10 @@ mod light_field;
 mod low_rank;
 mod optical_layer;
 mod population;
+mod radial_mixture;
+mod radial_profile;
+#[cfg(test)]
+mod radial_profile_tests;
 mod scattering;
 mod site;
 mod site_layers;
@@ -56,6 +61,10 @@ pub use optical_layer::{
     ANISOTROPY, COEFFICIENT_PER_MM, OpticalLayer, OpticalStack, REFRACTIVE_INDEX, THICKNESS_MM,
 };
 pub use population::{Population, Spread, Variation};
+pub use radial_mixture::{GAUSSIANS, density_per_mm2, gaussian_mm};
+pub use radial_profile::{
+    EMITTED_NM, EXCITATIONS_NM, PHOTONS, RadialProfile, TissueProfiles, radial_profiles,
+};
 pub use scattering::{LayerScattering, ScatteringCoefficient};
 pub use site::{LayerAddition, Site, SiteDescription, SiteParameters, SiteStructure, SiteValue};
 pub use site_parameter::{Basis, MucosaParameters, SiteParameter, ToothParameters};

@@ -127,7 +127,7 @@ pub(crate) fn tooth() -> Site {
     Site::new(described("tooth"), SiteStructure::Tooth, values).unwrap()
 }
 
-fn any(name: &str) -> Option<Arc<Fluorophore>> {
+pub(crate) fn any(name: &str) -> Option<Arc<Fluorophore>> {
     let band = |peak_nm| LogNormalBand { peak_nm, fwhm_per_cm: 4000.0, skew: 1.0, weight: 1.0 };
     let terms = [BandTerm { excitation: vec![band(400.0)], emission: vec![band(520.0)] }];
     let range = (350.0, 450.0);

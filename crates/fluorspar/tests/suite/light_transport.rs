@@ -321,10 +321,14 @@ fn box_of_tissue(as_states: bool, coat: Option<Coat>) -> Scene {
     let matrix = |fluorophore: usize, factor: f64| scene.fluorophores[fluorophore].eem.clone().scaled(factor);
 
     let (base, amounts) = if as_states {
-        let grid = StateGrid { parameters };
+        let grid = StateGrid { parameters, ..StateGrid::default() };
         let base = Lambertian::of_states(reflectances.map(flat).to_vec(), grid);
         let amount = |fluorophore: usize, term: usize| FluorophoreAmount {
-            in_tissue: Some(TissueEmission { eem: Arc::new(matrix(fluorophore, yields[term])), term }),
+            in_tissue: Some(TissueEmission {
+                eem: Arc::new(matrix(fluorophore, yields[term])),
+                term,
+                profiles: None,
+            }),
             ..FluorophoreAmount::new(fluorophore, ScalarTexture::Constant(0.8))
         };
         (base, (0..12).map(|number| amount(number / 6, number % 6)).collect())

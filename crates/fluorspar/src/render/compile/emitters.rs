@@ -34,6 +34,6 @@ impl<'a> Matrices<'a> {
             place.map(|place| self.fluorophores + place)
         };
         let matrix = amount.in_tissue.as_ref().and_then(|state| of_tissue(&state.eem));
-        Emitter { fluorophore: amount.fluorophore, matrix: matrix.unwrap_or(amount.fluorophore) }
+        Emitter { fluorophore: amount.fluorophore, matrix: matrix.unwrap_or(amount.fluorophore), number: 0 }
     }
 }

@@ -3,23 +3,27 @@
 use fluorspar_accel::bands::to_blocks;
 
 use super::emitters::Matrices;
+use super::spread;
 use crate::material::PreparedMaterials;
 use crate::render::compiled_scene::{Emitter, MaterialSpectra};
 use crate::render::survival_probability::RouletteModel;
 use crate::scene::Scene;
+use crate::spectral::Curve;
 
 /// Prepares the materials of a scene.
 pub(super) fn compile(
     scene: &Scene,
     matrices: &Matrices<'_>,
     roulette: &RouletteModel,
+    light: &[Option<Curve>],
 ) -> (PreparedMaterials, Vec<MaterialSpectra>) {
     let materials = PreparedMaterials::new(&scene.materials, &scene.grid);
     let spectra = materials
         .iter()
         .map(|material| {
+            let numbered = material.fluorophores.iter().enumerate();
             let emitters: Vec<Emitter> =
-                material.fluorophores.iter().map(|amount| matrices.emitter(amount)).collect();
+                numbered.map(|(number, amount)| Emitter { number, ..matrices.emitter(amount) }).collect();
             let mut fluorophores: Vec<usize> = emitters.iter().map(|emitter| emitter.fluorophore).collect();
             fluorophores.sort_unstable();
             fluorophores.dedup();
@@ -28,6 +32,7 @@ pub(super) fn compile(
                 coarse_terms: material.terms.iter().map(|term| roulette.coarse(&term.spectrum)).collect(),
                 emitters,
                 fluorophores,
+                spread: spread::compile(material, &scene.grid, light),
             }
         })
         .collect();

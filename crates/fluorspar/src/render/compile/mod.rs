@@ -10,6 +10,7 @@
 //! | `operators` | fluorescence operators, weighted by the spectrum of each light group |
 //! | `excitation` | bases of the light that arrives after reflections |
 //! | `materials` | band averages and tables of every material |
+//! | `spread` | radial profiles of translucent materials |
 //! | `interreflection` | how much interreflection adds to direct light |
 
 mod bases;
@@ -20,11 +21,12 @@ mod interreflection;
 mod lights;
 mod materials;
 mod operators;
+mod spread;
 mod visible_points;
 
 use fluorspar_accel::{BuildError, Simd};
 
-use super::compiled_scene::CompiledScene;
+use super::compiled_scene::{CompiledScene, EmissionBands};
 use super::settings::RenderSettings;
 use super::survival_probability::RouletteModel;
 use crate::interruption::end_if_interrupted;
@@ -48,10 +50,12 @@ impl CompiledScene {
         // Compile materials
         end_if_interrupted();
         let roulette = RouletteModel::new(&scene.grid);
-        let (materials, material_spectra) = materials::compile(scene, &matrices, &roulette);
+        let (materials, material_spectra) = materials::compile(scene, &matrices, &roulette, &group_spectra);
         let repeat_probability =
             excitation::repeat_probability(&materials, &material_spectra, &lights, &operators.unweighted);
         let excitation = excitation::compile(operators.of_groups, &lights, &material_spectra);
+        let has_translucency = material_spectra.iter().any(|material| material.spread.is_some());
+        let emission_bands = EmissionBands::new(&scene.grid);
         let has_holes = scene.objects.iter().any(|object| materials.has_opacity(object.material));
 
         let has_discrete_choices =
@@ -80,6 +84,8 @@ impl CompiledScene {
             materials,
             material_spectra,
             has_holes,
+            has_translucency,
+            emission_bands,
             roulette,
             fluorophores: scene.fluorophores.len(),
             spectra: settings.spectrum_number(scene.light_groups.len()),

@@ -40,6 +40,7 @@ mod engine;
 mod estimate;
 mod fluorescence;
 mod medium;
+mod recorded_ways;
 mod scattering;
 mod settings;
 mod simulation;
@@ -50,6 +51,7 @@ pub use estimate::Estimate;
 pub use fluorescence::{
     FluorescenceResult, ReciprocalFluorescence, fluorescence_by_reciprocity, simulate_fluorescence,
 };
+pub(super) use recorded_ways::{Recorded, Ways, trace_ways};
 pub use settings::{
     MonteCarloControl, MonteCarloProgress, MonteCarloSettings, ScoredQuantity, ScoringGrid,
     StandardErrorTarget,

@@ -43,6 +43,9 @@ pub(super) trait Record {
     fn collision(&mut self, layer: &Layer, photon: &Photon, rng: &mut KeyedRng);
     /// A straight way in a thin layer, to `depth`, of a length in mm.
     fn track(&mut self, layer: &Layer, photon: &Photon, depth: f64, length: f64);
+    /// Any straight way, of a length in mm, in the layer in which the packet is.
+    #[inline(always)]
+    fn way(&mut self, _photon: &Photon, _length: f64) {}
 }
 
 /// Records nothing.
@@ -146,6 +149,7 @@ pub(super) fn walk(
             if layer.is_thin {
                 record.track(layer, &photon, depth, path);
             }
+            record.way(&photon, path);
             photon.position[0] += photon.direction[0] * path;
             photon.position[1] += photon.direction[1] * path;
             photon.position[2] = depth;
@@ -170,6 +174,7 @@ pub(super) fn walk(
         if layer.is_thin {
             record.track(layer, &photon, boundary, length);
         }
+        record.way(&photon, length);
         photon.position[0] += photon.direction[0] * length;
         photon.position[1] += photon.direction[1] * length;
         photon.position[2] = boundary;
