@@ -147,7 +147,7 @@ impl CompiledScene {
     pub(super) fn spread(&self, probe: &Probe, met: Option<&Intersection>, u: [f32; 4]) -> Option<Spread> {
         let &Probe { ray, left, material, density_per_mm2 } = probe;
         let met = met.filter(|hit| hit.t <= ray.t_max && !matches!(hit.target, Target::Light(_)));
-        let point = met.and_then(|hit| self.surface(ray.origin, ray.direction, hit))?;
+        let mut point = met.and_then(|hit| self.surface(ray.origin, ray.direction, hit))?;
         if point.front != left.front || point.geometric.dot(left.geometric) < LEAST_COSINE {
             return None;
         }
@@ -158,9 +158,14 @@ impl CompiledScene {
             });
         let mut choice = u[2];
         let outermost = self.object_material[point.object];
-        let there = self.materials.choose(outermost, point.uv, point.front, &mut choice).index;
+        let chosen = self.materials.choose(outermost, point.uv, point.front, &mut choice);
+        let there = chosen.index;
         if self.material_spectra[there].spread.is_none() {
             return Some(Spread { entry: Entry::Nowhere, material, uv: left.uv, weights });
+        }
+        if let (Some(map), Some(hit)) = (chosen.normal_map, met) {
+            let along = self.texture_directions(hit.target, point.position);
+            point.apply_normal_map(map.at(point.uv), along, left.geometric);
         }
         // The tissue between both: on a sheet at any place on the way, otherwise one of the two
         let entry = Entry::Elsewhere { point, material: there };

@@ -13,7 +13,7 @@ pub(super) const RINGS: usize = 40;
 const FIRST_RING_MM: f64 = 0.01;
 const RING_RATIO: f64 = 1.23;
 /// Steps of the fit from an even mixture: few, so that it stays smooth where counts are noisy.
-const STEPS: usize = 120;
+const STEPS: usize = 80;
 
 /// Shares of the Gaussians; they add up to 1.
 pub(super) type Shares = [f32; GAUSSIANS];
