@@ -3,13 +3,16 @@
 use glam::{DVec2, DVec3};
 
 use super::dental_arch::{Arch, JawPose, Station};
-use super::math::{bell, lerp, pow, smoothstep, spline};
+use super::math::{PI, bell, lerp, pow, sin_cos, smoothstep, spline};
 use super::noise::fractal_noise;
 use super::surface::{count, linspace, surface_mesh};
 use fluorspar::geometry::TriangleMesh;
 
 /// How far the gums reach behind the arch, mm.
 const BEHIND_MM: f64 = 2.0;
+
+/// Height of the papillae in crowns: they fill the spaces below the contacts (42 % in front, Chu and others 2009).
+const PAPILLA_SHARE: f64 = 0.45;
 
 /// Arc length of the hind ends of the gums.
 pub(super) fn end_of_gums(arch: &Arch) -> f64 {
@@ -27,8 +30,8 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let Station { length, outer, inner, toothed, .. } = station;
     let across = station.across.abs();
     // 0 at the middle of a tooth, 1 at its contacts: papillae are pointed, the margin between them is round.
-    let papilla = pow(across, 2.4);
-    let contact = length * lerp(0.35, 0.53, smoothstep(10.0, 22.0, arc.abs()));
+    let papilla = pow(across, 2.8);
+    let contact = length - 0.7 - PAPILLA_SHARE * length;
     let margin = lerp(length - 0.7, contact, papilla);
     // On the tongue side papillae are lower.
     let inner_margin = lerp(length - 0.9, contact + 1.0, papilla);
@@ -36,7 +39,7 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let margin = lerp(length + 1.9, margin, toothed);
     let inner_margin = lerp(length + 1.9, inner_margin, toothed);
     // Between the teeth the gum lies behind their outer faces.
-    let outer_margin = outer * (1.0 - 0.32 * pow(across, 2.0) * toothed - 0.2 * (1.0 - toothed));
+    let outer_margin = outer * (1.0 - 0.27 * pow(across, 5.0) * toothed - 0.2 * (1.0 - toothed));
     let inner_edge = inner * (1.0 - 0.3 * pow(across, 2.0) * toothed - 0.2 * (1.0 - toothed));
     // Roots bulge under the gum.
     let root = 0.55 * bell(across / 0.55) * toothed;
@@ -85,7 +88,7 @@ pub(super) fn lingual_border(arch: &Arch, arc: f64) -> DVec3 {
 /// from the vestibule over the margin to the tongue side (v).
 pub(super) fn gingiva_mesh(arch: &Arch, pose: &JawPose, seed: u32, detail: f64) -> TriangleMesh {
     let end = end_of_gums(arch);
-    let arcs = stations(arch, end, count(9, detail));
+    let arcs = stations(arch, end, count(12, detail));
     let rows = count(34, detail);
     let last_knot = 14.0;
     let v_values = linspace(0.0, 1.0, rows);
@@ -115,7 +118,9 @@ fn stations(arch: &Arch, end: f64, per_tooth: usize) -> Vec<f64> {
     for tooth in &arch.teeth {
         let (low, high) = (tooth.middle - tooth.half_room, tooth.middle + tooth.half_room);
         let (low, high) = (low.max(-arch.end), high.min(arch.end));
-        arcs.extend(linspace(low, high, per_tooth).into_iter().skip(1));
+        // Closer together at the papillae.
+        let turns = linspace(-0.5 * PI, 0.5 * PI, per_tooth).into_iter().skip(1);
+        arcs.extend(turns.map(|turn| 0.5 * (low + high + (high - low) * sin_cos(turn).0)));
     }
     arcs.extend(linspace(arch.end, end, 3).into_iter().skip(1));
     arcs
