@@ -100,7 +100,7 @@ impl<'a> Place<'a> {
             Tissue::Lip => (45.0 * across, 20.0 * v),
             Tissue::Tooth => (26.0 * u, 9.0 * v),
             Tissue::Throat => (100.0 * u, 40.0 * v),
-            Tissue::Skin => (160.0 * u, 40.0 * v),
+            Tissue::Skin => (160.0 * u, 110.0 * v),
         };
         Self { tissue, p, u, v, x, y }
     }
@@ -160,7 +160,7 @@ impl<'a> Place<'a> {
                     + 0.4 * wet
                     + 0.6 * wet * self.vessels(0x3b, 4.0, 0.06)
             }
-            Tissue::Skin => 0.35 * mottled + 0.3 * smoothstep(0.75, 1.0, self.v),
+            Tissue::Skin => 0.35 * mottled + 0.3 * smoothstep(0.8, 1.0, self.v),
             Tissue::Tooth => 0.0,
         }
     }
