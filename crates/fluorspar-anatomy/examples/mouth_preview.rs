@@ -88,7 +88,7 @@ fn view_named(name: &str) -> Result<View, Box<dyn std::error::Error>> {
         "below" => View { eye: at(0.0, -55.0, 75.0), target: at(0.0, 15.0, -20.0), field: 0.065 },
         "above" => View { eye: at(0.0, 50.0, 85.0), target: at(0.0, -15.0, -15.0), field: 0.065 },
         "lower" => View { eye: at(10.0, 10.0, 80.0), target: at(0.0, -25.0, -8.0), field: 0.05 },
-        "tongue" => View { eye: at(15.0, 60.0, 60.0), target: at(0.0, -15.0, -12.0), field: 0.025 },
+        "tongue" => View { eye: at(15.0, 45.0, 80.0), target: at(0.0, -18.0, 2.0), field: 0.03 },
         "molars" => View { eye: at(-18.0, 25.0, 70.0), target: at(22.0, -16.0, -25.0), field: 0.035 },
         "smile" => View { eye: at(-15.0, 8.0, 150.0), target: at(0.0, 1.0, 0.0), field: 0.036 },
         "chewing" => View { eye: at(10.0, -62.0, 62.0), target: at(21.0, 20.0, -25.0), field: 0.032 },

@@ -31,6 +31,9 @@ const THINNING_REACH: usize = 12;
 pub(super) const TIP_END: f64 = 0.12;
 pub(super) const LATERAL_END: f64 = 0.09;
 
+/// How much lower the tip of a tongue at rest lies than its body, mm (assumed).
+const TIP_DROOP_MM: f64 = 4.5;
+
 /// Share of the half width over the length.
 const WIDTH: &[(f64, f64)] =
     &[(0.0, 0.6), (0.12, 0.66), (0.24, 0.76), (0.36, 0.9), (0.5, 1.0), (0.6, 1.0), (0.8, 0.86), (1.0, 0.7)];
@@ -64,6 +67,8 @@ struct Section {
     half_width: f64,
     back: f64,
     under: f64,
+    /// How far the borders hang below the middle.
+    sag: f64,
 }
 
 /// Values shared by the points of a row.
@@ -97,6 +102,13 @@ impl Column {
 /// quarter turn the back.
 fn superellipse(sine: f64, cosine: f64) -> (f64, f64) {
     (signed_pow(cosine, 2.0 / 2.25), signed_pow(sine, 2.0 / 2.2))
+}
+
+/// How far the borders of the tongue hang below the middle, mm: it lies on the lower teeth and between them (assumed).
+fn sag(p: &MouthParameters, t: f64) -> f64 {
+    const SAG: &[(f64, f64)] =
+        &[(0.0, 0.0), (0.08, 0.12), (0.22, 0.26), (0.38, 0.18), (0.5, 0.02), (0.55, 0.0)];
+    p.tongue_thickness_mm * curve(SAG, t) * smoothstep(1.0, 0.3, p.tongue_curl)
 }
 
 /// Half width, height of the back and of the underside over the midline, mm.
@@ -261,6 +273,11 @@ impl<'a> Tongue<'a> {
         }
         Self::shift(p, tip, &mut points);
         Self::lift(p, obstacles, &mut points);
+        // At rest the tip lies on the edges of the incisors or behind them.
+        let resting = TIP_DROOP_MM * smoothstep(7.0, 1.0, tip) * smoothstep(0.3, 0.0, p.tongue_curl);
+        for (i, point) in points.iter_mut().enumerate() {
+            point.y -= resting * bell(i as f64 / 8.0);
+        }
         for _ in 0..12 {
             let before = points.clone();
             for i in 1..points.len() - 1 {
@@ -406,13 +423,14 @@ impl<'a> Tongue<'a> {
         let x = t.clamp(0.0, 1.0) * STEPS as f64;
         let i = (x.floor() as usize).min(STEPS - 1);
         let under = under * lerp(self.thinned[i], self.thinned[i + 1], x - i as f64);
-        Section { center, side, up, half_width, back, under }
+        Section { center, side, up, half_width, back, under, sag: sag(self.parameters, t) }
     }
 
     /// Offset of the surface from the middle of a section, from [`superellipse`] at its angle.
     fn offset(section: &Section, across: f64, upward: f64) -> DVec3 {
         let height = if upward > 0.0 { section.back } else { section.under };
-        section.side * (section.half_width * across) + section.up * (height * upward)
+        section.side * (section.half_width * across)
+            + section.up * (height * upward - section.sag * across * across)
     }
 
     /// Finds how far every fiber from the midline to the surface can reach.
@@ -559,14 +577,14 @@ impl<'a> Tongue<'a> {
     fn rows(&self) -> Vec<f64> {
         let detail = self.parameters.detail;
         // Rows are packed at the tip, where the surface turns over.
-        let tip_rows = count(12, detail);
+        let tip_rows = count(15, detail);
         let mut v_values: Vec<f64> = (0..=tip_rows)
             .map(|i| {
                 let x = i as f64 / tip_rows as f64;
                 0.03 * x * x
             })
             .collect();
-        v_values.extend(linspace(0.03, TIP_END, count(24, detail)).into_iter().skip(1));
+        v_values.extend(linspace(0.03, TIP_END, count(34, detail)).into_iter().skip(1));
         v_values.extend(linspace(TIP_END, 1.0, count(226, detail)).into_iter().skip(1));
         v_values
     }
@@ -685,11 +703,36 @@ pub(super) fn filiform(seed: u32, across: f64, along: f64) -> f64 {
     bumps(seed ^ 0x13, across / 0.62, along / 0.72, 0.66, 1.0)
 }
 
+/// Distance of the places where a fungiform papilla may stand, mm, and their radius there.
+const FUNGIFORM_CELL_MM: f64 = 1.75;
+const FUNGIFORM_RADIUS: f64 = 0.27;
+/// How high papillae stand out, mm (filiform 0.2, fungiform 0.39, Andablo-Reyes and others 2020).
+const FILIFORM_MM: f64 = 0.2;
+const FUNGIFORM_MM: f64 = 0.39;
+
+/// Share of their places that fungiform papillae take: 29 in a square centimeter at the tip, 7 to 8 in the middle, 3 behind
+/// and at the sides there (Witt 2020).
+fn fungiform_density(across: f64, v: f64) -> f64 {
+    let per_cm2 = curve(&[(0.03, 29.0), (0.12, 20.0), (0.3, 9.0), (0.45, 7.0), (0.62, 3.0)], v);
+    let at_side = 4.0 * smoothstep(12.0, 22.0, across.abs()) * smoothstep(0.5, 0.2, v);
+    (per_cm2 + at_side) * 0.01 * FUNGIFORM_CELL_MM * FUNGIFORM_CELL_MM
+}
+
 /// Height of the fungiform papillae, 0 to 1: dense at the tip, rare behind.
 pub(super) fn fungiform(seed: u32, across: f64, along: f64, v: f64) -> f64 {
-    let at_side = 0.25 * smoothstep(12.0, 22.0, across.abs());
-    let density = (lerp(0.42, 0.06, smoothstep(0.02, 0.42, v)) + at_side * smoothstep(0.8, 0.3, v)).min(0.8);
-    bumps(seed ^ 0x14, across / 1.75, along / 1.75, 0.27, density)
+    let [x, y] = [across, along].map(|length| length / FUNGIFORM_CELL_MM);
+    bumps(seed ^ 0x14, x, y, FUNGIFORM_RADIUS, fungiform_density(across, v))
+}
+
+/// Foliate papillae: four to eight upright folds of the border in front of the palatoglossal arch, mm.
+fn foliate(seed: u32, across: f64, along: f64, v: f64) -> f64 {
+    let there = smoothstep(19.0, 25.0, across.abs()) * smoothstep(0.5, 0.56, v) * smoothstep(0.74, 0.68, v);
+    if there <= 0.0 {
+        return 0.0;
+    }
+    let wander = 0.5 * fractal_noise(seed ^ 0x1a, along * 0.3, across * 0.2, 2);
+    let (sine, _) = sin_cos(2.0 * PI * (along / 2.1 + wander));
+    there * (0.45 * sine.abs() - 0.2)
 }
 
 /// Sulcus, papillae and lingual tonsil: height above the smooth back, mm, from the lengths across and along.
@@ -703,13 +746,15 @@ fn dorsal_relief(p: &MouthParameters, across: f64, along: f64, v: f64) -> f64 {
     let fold = fractal_noise(seed ^ 0x18, across * 0.05 + 3.0, along * 0.22 - across.abs() * 0.1, 2);
     height -= 0.5 * depth * smoothstep(0.15, 0.45, fold) * smoothstep(2.0, 6.0, across.abs());
     height += 0.7 * fractal_noise(seed ^ 0x12, across * 0.1, along * 0.08, 3);
+    height += foliate(seed, across, along, v);
     let front = in_front_of_sulcus(across, v);
     height -= 0.6 * bell((v - sulcus_place(across)) / 0.008);
     // Papillae finer than the mesh are left out.
     let resolved = smoothstep(0.35, 1.0, p.detail);
     if front > 0.0 && resolved > 0.0 {
-        let hairs = resolved * filiform(seed, across, along) * 0.2;
-        let mushrooms = resolved.sqrt() * smoothstep(0.0, 0.6, fungiform(seed, across, along, v)) * 0.32;
+        let hairs = resolved * filiform(seed, across, along) * FILIFORM_MM;
+        let domes = smoothstep(0.0, 0.6, fungiform(seed, across, along, v));
+        let mushrooms = resolved.sqrt() * domes * FUNGIFORM_MM;
         height += scale * front * hairs.max(mushrooms);
     }
     if front < 1.0 {
