@@ -257,6 +257,19 @@ impl<'a> Sheet<'a> {
         nose + fold + chin
     }
 
+    /// How far the papilla of the parotid duct, beside the upper second molar, and the ridge along the line of the bite stand
+    /// out of a cheek, mm (papilla 3 to 4 mm wide, assumed).
+    fn cheek_relief(&self, point: DVec3) -> f64 {
+        let molar = 0.5 * self.parameters.jaw_opening_mm;
+        let papilla = bell((point.y - 0.55 * molar) / 1.8)
+            * bell((point.z + 0.8 * self.parameters.upper_arch_depth_mm) / 2.0);
+        1.6 * papilla
+            + 0.5
+                * bell(point.y / 1.2)
+                * smoothstep(-16.0, -22.0, point.z)
+                * smoothstep(-42.0, -36.0, point.z)
+    }
+
     /// Point of the sheet: `place` counts rings from the face to the throat.
     fn point(&self, knots: &[DVec3], place: f64, turn: f64) -> DVec3 {
         let mut point = spline(knots, place);
@@ -284,8 +297,7 @@ impl<'a> Sheet<'a> {
         let inside =
             smoothstep(BORDER + 6.0, BORDER + 7.0, place) * smoothstep(BORDER + 12.0, BORDER + 11.0, place);
         let swell = 0.9 * fractal_noise(seed ^ 0x23, 9.0 * cosine, 9.0 * sine + place * 1.3, 3);
-        point -= DVec3::new(cosine, sine, 0.0) * (inside * swell);
-        point
+        point - DVec3::new(cosine, sine, 0.0) * (inside * (swell + self.cheek_relief(point)))
     }
 }
 
@@ -316,9 +328,9 @@ impl Sheet<'_> {
             (0, VERMILION_BORDER, 7, 0, columns, "face", Tissue::Skin),
             (VERMILION_BORDER, INNER_LIP, 5, 0, 2 * quarter, "upper_lip", Tissue::Lip),
             (VERMILION_BORDER, INNER_LIP, 5, 2 * quarter, 4 * quarter, "lower_lip", Tissue::Lip),
-            (INNER_LIP, THROAT, 8, quarter, 3 * quarter, "cheek_right", Tissue::Cheek),
-            (INNER_LIP, THROAT, 8, 3 * quarter, 5 * quarter, "cheek_left", Tissue::Cheek),
-            (THROAT, last, 10, 0, columns, "pharyngeal_wall", Tissue::Throat),
+            (INNER_LIP, THROAT, 11, quarter, 3 * quarter, "cheek_right", Tissue::Cheek),
+            (INNER_LIP, THROAT, 11, 3 * quarter, 5 * quarter, "cheek_left", Tissue::Cheek),
+            (THROAT, last, 7, 0, columns, "pharyngeal_wall", Tissue::Throat),
         ];
         parts
             .into_iter()

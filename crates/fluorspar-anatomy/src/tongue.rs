@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::clearance::{Field, Obstacles};
 use super::dental_arch::JawPose;
 use super::math::{PI, bell, curve, lerp, mean, pow, signed_pow, sin_cos, smoothstep, spline, window};
-use super::noise::{bumps, fractal_noise};
+use super::noise::{bumps, fractal_noise, lattice};
 use super::parameters::MouthParameters;
 use super::surface::{Surface, count, linspace, surface_mesh};
 use fluorspar::geometry::TriangleMesh;
@@ -107,7 +107,7 @@ fn superellipse(sine: f64, cosine: f64) -> (f64, f64) {
 /// How far the borders of the tongue hang below the middle, mm: it lies on the lower teeth and between them (assumed).
 fn sag(p: &MouthParameters, t: f64) -> f64 {
     const SAG: &[(f64, f64)] =
-        &[(0.0, 0.0), (0.08, 0.12), (0.22, 0.26), (0.38, 0.18), (0.5, 0.02), (0.55, 0.0)];
+        &[(0.0, 0.0), (0.08, 0.14), (0.2, 0.3), (0.35, 0.22), (0.48, 0.04), (0.55, 0.0)];
     p.tongue_thickness_mm * curve(SAG, t) * smoothstep(1.0, 0.3, p.tongue_curl)
 }
 
@@ -615,7 +615,7 @@ impl<'a> Tongue<'a> {
 
     /// The underside, with the same texture coordinates on the shared border.
     pub(super) fn ventral_mesh(&self) -> TriangleMesh {
-        let u_values = linspace(0.0, 1.0, 2 * count(40, self.parameters.detail));
+        let u_values = linspace(0.0, 1.0, 2 * count(34, self.parameters.detail));
         let v_values = self.rows();
         let (rows, columns) = (v_values.len() - 1, u_values.len() - 1);
         self.surface(&v_values, &u_values, -1.0).mesh(0..rows, 0..columns, false)
@@ -651,9 +651,9 @@ impl<'a> Tongue<'a> {
             let hollow = 4.0 * v * (1.0 - v);
             let edge = top + down * (height * v) + back * (0.1 * height * hollow);
             let w = 2.0 * u - 1.0;
-            let (depth, flare) = (w * w, 0.8 + 1.8 * (1.0 - hollow));
+            let (depth, flare) = (w * w, 1.2 + 3.5 * (1.0 - hollow));
             let (sine, _) = sin_cos(0.5 * PI * w);
-            let beside = sine * (0.6 + flare * depth);
+            let beside = sine * (0.8 + flare * depth);
             (edge + back * (lerp(depths[0], depths[1], v) * depth) + side * beside, DVec2::new(u, v))
         })
     }
@@ -781,13 +781,44 @@ fn dorsal_relief(p: &MouthParameters, across: f64, along: f64, v: f64) -> f64 {
 fn ventral_relief(p: &MouthParameters, x: f64, along: f64, v: f64) -> f64 {
     let seed = p.seed;
     let free = smoothstep(0.05, 0.16, v) * smoothstep(0.5, 0.35, v);
-    let fringe = 8.0 + 0.1 * along + 0.8 * fractal_noise(seed ^ 0x16, along * 0.3, x.signum(), 2);
-    let vein = vein_place(seed, along, x);
-    free * (0.5 * bell((x.abs() - fringe) / 0.6) + 0.35 * bell((x.abs() - vein) / 1.0) - 0.5 * bell(x / 2.0))
+    // The fringed fold lies outside of the vein; its edge is notched.
+    let fringe = 9.5 + 0.12 * along + 0.9 * fractal_noise(seed ^ 0x16, along * 0.3, x.signum(), 2);
+    let notches = 0.7 + 0.6 * fractal_noise(seed ^ 0x1e, along * 0.9, x.signum() * 2.0, 2);
+    let fringed = 0.9 * notches * bell((x.abs() - fringe) / 0.55);
+    free * (fringed + 0.35 * veins(seed, x, along) - 0.5 * bell(x / 2.0))
         + 0.25 * fractal_noise(seed ^ 0x17, x * 0.25, along * 0.25, 3)
 }
 
 /// Distance of the deep lingual vein from the midline, mm.
-pub(super) fn vein_place(seed: u32, along: f64, x: f64) -> f64 {
-    4.2 + 0.05 * along + 1.2 * fractal_noise(seed ^ 0x19, along * 0.15, x.signum() * 3.0, 2)
+fn vein_place(seed: u32, along: f64, x: f64) -> f64 {
+    let side = x.signum() * 3.0;
+    4.2 + 0.06 * along
+        + 1.6 * fractal_noise(seed ^ 0x19, along * 0.12, side, 2)
+        + 0.5 * fractal_noise(seed ^ 0x1b, along * 0.4, side, 2)
+}
+
+/// The deep lingual veins with their branches on the underside, 0 to 1, at lengths across and along, mm: a stem on each side,
+/// thinner toward the tip, from which branches run aside and forward.
+pub(super) fn veins(seed: u32, x: f64, along: f64) -> f64 {
+    const STEP_MM: f64 = 7.0;
+    const REACH_MM: f64 = 15.0;
+    let swell = 1.0 + 0.4 * fractal_noise(seed ^ 0x1c, along * 0.25, x.signum() * 5.0, 2);
+    let width = swell * lerp(0.35, 1.15, smoothstep(6.0, 34.0, along));
+    let mut vein = bell((x.abs() - vein_place(seed, along, x)) / width);
+    let first = (along / STEP_MM).floor() as i32;
+    for number in first..=first + 3 {
+        let odds = |channel: u32| lattice(seed, number, x.signum() as i32, 30 + channel);
+        let root = STEP_MM * (f64::from(number) + odds(0));
+        let forward = root - along;
+        if !(0.0..REACH_MM).contains(&forward) || odds(1) < 0.2 {
+            continue;
+        }
+        // Most branches run outward, some to the midline.
+        let slope = if odds(2) < 0.7 { lerp(0.3, 0.8, odds(3)) } else { -0.3 };
+        let wander = 0.9 * fractal_noise(seed ^ 0x1d, along * 0.35, f64::from(number) * 3.7 + x.signum(), 2);
+        let place = vein_place(seed, root, x) + slope * forward + wander * smoothstep(0.0, 5.0, forward);
+        let thin = lerp(0.55, 0.2, forward / REACH_MM);
+        vein = vein.max(0.9 * bell((x.abs() - place) / thin) * smoothstep(REACH_MM, 0.6 * REACH_MM, forward));
+    }
+    vein
 }
