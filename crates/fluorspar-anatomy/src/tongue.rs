@@ -108,7 +108,9 @@ fn superellipse(sine: f64, cosine: f64) -> (f64, f64) {
 fn sag(p: &MouthParameters, t: f64) -> f64 {
     const SAG: &[(f64, f64)] =
         &[(0.0, 0.0), (0.08, 0.14), (0.2, 0.3), (0.35, 0.22), (0.48, 0.04), (0.55, 0.0)];
-    p.tongue_thickness_mm * curve(SAG, t) * smoothstep(1.0, 0.3, p.tongue_curl)
+    let free = smoothstep(1.0, 0.3, p.tongue_curl) * smoothstep(14.0, 34.0, p.jaw_opening_mm);
+    let aside = p.tongue_shift_mm / 12.0;
+    p.tongue_thickness_mm * curve(SAG, t) * free / (1.0 + aside * aside)
 }
 
 /// Half width, height of the back and of the underside over the midline, mm.
@@ -274,7 +276,10 @@ impl<'a> Tongue<'a> {
         Self::shift(p, tip, &mut points);
         Self::lift(p, obstacles, &mut points);
         // At rest the tip lies on the edges of the incisors or behind them.
-        let resting = TIP_DROOP_MM * smoothstep(7.0, 1.0, tip) * smoothstep(0.3, 0.0, p.tongue_curl);
+        let resting = TIP_DROOP_MM
+            * smoothstep(14.0, 1.0, tip)
+            * smoothstep(0.3, 0.0, p.tongue_curl)
+            * smoothstep(20.0, 34.0, p.jaw_opening_mm);
         for (i, point) in points.iter_mut().enumerate() {
             point.y -= resting * bell(i as f64 / 8.0);
         }
