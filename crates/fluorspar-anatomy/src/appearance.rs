@@ -145,9 +145,11 @@ impl<'a> Place<'a> {
             }
             Tissue::HardPalate => 0.3 * mottled + 0.3 * smoothstep(0.55, 0.95, self.v),
             Tissue::SoftPalate => {
+                // On the folds to the cheeks, where the map is stretched, there are none.
+                let middle = smoothstep(0.44, 0.32, (self.u - 0.5).abs());
                 0.5 * mottled
-                    + 0.75 * self.vessels(0x34, 6.0, 0.05)
-                    + 0.35 * self.vessels(0x35, 2.5, 0.06)
+                    + 0.75 * middle * self.vessels(0x34, 6.0, 0.05)
+                    + 0.35 * middle * self.vessels(0x35, 2.5, 0.06)
                     + 0.4 * smoothstep(0.5, 0.66, self.v)
             }
             Tissue::Throat => {

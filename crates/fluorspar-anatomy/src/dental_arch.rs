@@ -127,7 +127,8 @@ struct StationTables {
     length: Vec<(f64, f64)>,
     outer: Vec<(f64, f64)>,
     inner: Vec<(f64, f64)>,
-    contact: Vec<(f64, f64)>,
+    /// Place of the axes of the crowns outward of the curve of contact points.
+    axis: Vec<(f64, f64)>,
 }
 
 /// The arch at one arc length.
@@ -202,7 +203,10 @@ impl Arch {
             length: table(&|t| t.length),
             outer: table(&|t| t.neck_depths().0),
             inner: table(&|t| t.neck_depths().1),
-            contact: table(&contact_outward),
+            axis: table(&|t| {
+                let (point, _, outward) = arch.frame(t.middle);
+                (t.edge - point).dot(outward)
+            }),
         };
         arch
     }
@@ -399,7 +403,7 @@ impl Arch {
         let a2 = across * across;
         let (tilt_sin, tilt_cos) = sin_cos(curve(&self.profile.tilt, arc));
         Station {
-            point: point - outward * curve(&self.profile.contact, arc),
+            point: point + outward * curve(&self.profile.axis, arc),
             outward,
             lean: tilt_sin / tilt_cos,
             length: curve(&self.profile.length, arc),

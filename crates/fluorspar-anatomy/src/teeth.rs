@@ -153,7 +153,7 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
             // to the middle of the crown, and weaker ones along the rim.
             const SHARPNESS: f64 = 3.0;
             /// How round the tip of a cusp is, mm.
-            const TIP_MM: f64 = 0.75;
+            const TIP_MM: f64 = 0.6;
             let (half_width, half_depth) = (0.5 * tooth.width, 0.5 * tooth.depth);
             let mut sum = 0.0;
             let (mut first, mut second) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
@@ -177,7 +177,7 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
             let proximal = m.abs();
             sum += exp(SHARPNESS * (-form.fossa + 1.0 * smoothstep(0.4, 0.75, proximal)));
             // Fissures run where the slopes of two cusps meet, and end at the marginal ridges.
-            let fissure = 0.4 * bell((first - second) / 0.4) * (1.0 - smoothstep(0.46, 0.7, proximal));
+            let fissure = 0.55 * bell((first - second) / 0.3) * (1.0 - smoothstep(0.46, 0.7, proximal));
             fissure - ln(sum) / SHARPNESS
         }
     }
