@@ -1,14 +1,16 @@
 //! Shaded previews of the generated mouth, without any physics: a depth buffer and one light beside the camera.
 //!
-//! Usage: `mouth_preview OUT.png [VIEW] [FIELD=VALUE ...]`, where VIEW is `front`, `oblique`, `below`, `above` or
-//! `upper`, and the fields are those of the mouth's parameters.
+//! Usage: `mouth_preview OUT.png [VIEW] [FIELD=VALUE ...]`, where VIEW is `front`, `oblique`, `below`, `above`, ... or a
+//! view of the examination, which brings its pose, and the fields are those of the mouth's parameters.
 
 #![allow(clippy::print_stderr, reason = "what an example has to say")]
 
 use std::fs::File;
 use std::io::BufWriter;
 
-use fluorspar_anatomy::{MouthParameters, Part, Tissue, generate_mouth};
+use fluorspar_anatomy::{
+    ExaminationView, MouthParameters, Part, SurfaceMap, Tissue, generate_mouth, surface_map,
+};
 use glam::{Vec2, Vec3};
 
 const SIZE: usize = 1000;
@@ -42,20 +44,22 @@ fn color(tissue: Tissue) -> Vec3 {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let output = arguments.first().ok_or("name the PNG file to write")?;
-    let mut view = "front";
-    let mut parameters = serde_json::to_value(MouthParameters::default())?;
-    for argument in &arguments[1..] {
-        match argument.split_once('=') {
-            Some((field, value)) => parameters[field] = serde_json::from_str(value)?,
-            None => view = argument,
-        }
+    let fields = || arguments[1..].iter().filter_map(|argument| argument.split_once('='));
+    let view = arguments[1..].iter().find(|argument| !argument.contains('=')).map_or("front", |view| view);
+    let mut person = MouthParameters::default();
+    if let Some(view) = ExaminationView::find(view) {
+        person = view.pose(&person);
+    }
+    let mut parameters = serde_json::to_value(person)?;
+    for (field, value) in fields() {
+        parameters[field] = serde_json::from_str(value)?;
     }
     let parameters: MouthParameters = serde_json::from_value(parameters)?;
     let start = std::time::Instant::now();
     let mouth = generate_mouth(&parameters)?;
     eprintln!("{} triangles in {:.3} s", mouth.triangle_count(), start.elapsed().as_secs_f64());
     eprintln!("{:#?}", mouth.dimensions());
-    let mut picture = Picture::new(view_named(view)?);
+    let mut picture = Picture::new(view_named(view)?, parameters);
     for (number, part) in mouth.parts.iter().enumerate() {
         for triangle in &part.mesh.triangles {
             picture.draw(number, part, *triangle);
@@ -72,6 +76,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
 fn view_named(name: &str) -> Result<View, Box<dyn std::error::Error>> {
     let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) * 1e-3;
+    if let Some(view) = ExaminationView::find(name) {
+        let [eye, target] =
+            [view.camera_mm, view.look_at_mm].map(|p| Vec3::from_array(p.map(|c| c as f32)) * 1e-3);
+        return Ok(View { eye, target, field: view.width_mm as f32 * 1e-3 });
+    }
     Ok(match name {
         "front" => View { eye: at(0.0, 0.0, 100.0), target: Vec3::ZERO, field: 0.078 },
         "wide" => View { eye: at(0.0, 0.0, 250.0), target: Vec3::ZERO, field: 0.14 },
@@ -79,8 +88,10 @@ fn view_named(name: &str) -> Result<View, Box<dyn std::error::Error>> {
         "below" => View { eye: at(0.0, -55.0, 75.0), target: at(0.0, 15.0, -20.0), field: 0.065 },
         "above" => View { eye: at(0.0, 50.0, 85.0), target: at(0.0, -15.0, -15.0), field: 0.065 },
         "lower" => View { eye: at(10.0, 10.0, 80.0), target: at(0.0, -25.0, -8.0), field: 0.05 },
-        "tongue" => View { eye: at(15.0, 60.0, 60.0), target: at(0.0, -15.0, -12.0), field: 0.025 },
+        "tongue" => View { eye: at(15.0, 45.0, 80.0), target: at(0.0, -18.0, 2.0), field: 0.03 },
         "molars" => View { eye: at(-18.0, 25.0, 70.0), target: at(22.0, -16.0, -25.0), field: 0.035 },
+        "smile" => View { eye: at(-15.0, 8.0, 150.0), target: at(0.0, 1.0, 0.0), field: 0.036 },
+        "chewing" => View { eye: at(10.0, -62.0, 62.0), target: at(21.0, 20.0, -25.0), field: 0.032 },
         "incisors" => View { eye: at(15.0, 20.0, 60.0), target: at(0.0, 24.0, 0.0), field: 0.045 },
         other => return Err(format!("no view {other}").into()),
     })
@@ -89,6 +100,7 @@ fn view_named(name: &str) -> Result<View, Box<dyn std::error::Error>> {
 /// A picture while it is being drawn.
 struct Picture {
     view: View,
+    parameters: MouthParameters,
     forward: Vec3,
     right: Vec3,
     up: Vec3,
@@ -104,7 +116,7 @@ struct Picture {
 const SIDE: usize = SIZE * FINE;
 
 impl Picture {
-    fn new(view: View) -> Self {
+    fn new(view: View, parameters: MouthParameters) -> Self {
         let forward = (view.target - view.eye).normalize();
         let right = forward.cross(Vec3::Y).normalize();
         Self {
@@ -116,7 +128,16 @@ impl Picture {
             hidden_side: vec![usize::MAX; SIDE * SIDE],
             picture: vec![Vec3::new(0.0, 0.0, 0.15); SIDE * SIDE],
             view,
+            parameters,
         }
+    }
+
+    /// Color of a tissue at texture coordinates: redder where there is blood, paler under keratin.
+    fn tint(&self, tissue: Tissue, uv: Vec2) -> Vec3 {
+        let map = |map| surface_map(map, tissue, &self.parameters, uv.x.into(), uv.y.into()) as f32;
+        let blood = map(SurfaceMap::Redness).max(map(SurfaceMap::Fungiform));
+        let plain = color(tissue) * Vec3::new(1.0, 1.0 - 0.45 * blood, 1.0 - 0.42 * blood);
+        plain.lerp(Vec3::splat(0.85), 0.35 * map(SurfaceMap::Pallor))
     }
 
     /// Draws a triangle of a part into the depth buffer.
@@ -174,7 +195,9 @@ impl Picture {
         let mesh = &part.mesh;
         let mut normal = Vec3::ZERO;
         let mut position = Vec3::ZERO;
+        let mut uv = Vec2::ZERO;
         for k in 0..3 {
+            uv += mesh.uvs[triangle[k] as usize] * w[k];
             normal += mesh.normals[triangle[k] as usize] * w[k];
             position += mesh.positions[triangle[k] as usize] * w[k];
         }
@@ -182,11 +205,11 @@ impl Picture {
         let light = self.view.eye + self.right * 0.035 + self.up * 0.03;
         let to_light = light - position;
         let direction = to_light.normalize();
-        let fall = 0.0105 / to_light.length_squared();
+        let fall = 0.95 * (self.view.eye - self.view.target).length_squared() / to_light.length_squared();
         let diffuse = normal.dot(direction).max(0.0);
         let half_way = (direction + (self.view.eye - position).normalize()).normalize();
         let shine = 0.25 * normal.dot(half_way).max(0.0).powi(60);
-        color(part.tissue) * (0.12 + 0.88 * diffuse) * fall + Vec3::splat(shine * fall)
+        self.tint(part.tissue, uv) * (0.12 + 0.88 * diffuse) * fall + Vec3::splat(shine * fall)
     }
 
     fn write_png(&self, output: &str) -> Result<(), Box<dyn std::error::Error>> {

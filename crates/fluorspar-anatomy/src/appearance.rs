@@ -100,7 +100,7 @@ impl<'a> Place<'a> {
             Tissue::Lip => (45.0 * across, 20.0 * v),
             Tissue::Tooth => (26.0 * u, 9.0 * v),
             Tissue::Throat => (100.0 * u, 40.0 * v),
-            Tissue::Skin => (160.0 * u, 40.0 * v),
+            Tissue::Skin => (160.0 * u, 110.0 * v),
         };
         Self { tissue, p, u, v, x, y }
     }
@@ -109,15 +109,22 @@ impl<'a> Place<'a> {
         fractal_noise(self.p.seed ^ salt, self.x / scale_mm, self.y / scale_mm, octaves)
     }
 
-    /// Branching lines: ridges of warped noise.
+    /// Branching lines: ridges of warped noise, which end before they close, and finer ones that leave them.
     fn vessels(&self, salt: u32, scale_mm: f64, thickness: f64) -> f64 {
         let seed = self.p.seed ^ salt;
         let (x, y) = (self.x / scale_mm, self.y / scale_mm);
-        let warp_x = fractal_noise(seed ^ 0x51, 0.8 * x, 0.8 * y, 2);
-        let warp_y = fractal_noise(seed ^ 0x52, 0.8 * x, 0.8 * y, 2);
-        let ridge = value_noise(seed, x + 0.9 * warp_x, y + 0.9 * warp_y).abs();
-        let presence = smoothstep(-0.15, 0.25, fractal_noise(seed ^ 0x53, 0.35 * x, 0.35 * y, 2));
-        bell(ridge / thickness) * presence
+        let warp_x = 0.9 * fractal_noise(seed ^ 0x51, 0.8 * x, 0.8 * y, 2);
+        let warp_y = 0.9 * fractal_noise(seed ^ 0x52, 0.8 * x, 0.8 * y, 2);
+        let ridge = |salt: u32, fine: f64| {
+            value_noise(seed ^ salt, fine * (x + warp_x), fine * 0.55 * (y + warp_y)).abs()
+        };
+        let presence = smoothstep(-0.1, 0.35, fractal_noise(seed ^ 0x53, 0.6 * x, 0.35 * y, 2));
+        if presence <= 0.0 {
+            return 0.0;
+        }
+        let stem = ridge(0, 1.0);
+        let branches = 0.6 * bell(stem / 0.45) * bell(ridge(0x54, 2.3) / (1.8 * thickness));
+        presence * bell(stem / (thickness * lerp(0.4, 1.2, presence))).max(branches)
     }
 
     fn redness(&self) -> f64 {
@@ -128,9 +135,8 @@ impl<'a> Place<'a> {
                 0.25 * mottled + 0.35 * rim
             }
             Tissue::TongueVentral => {
-                let vein = tongue::vein_place(self.p.seed, self.y, self.x);
-                let vein = bell((self.x.abs() - vein) / 1.1) * smoothstep(0.04, 0.12, self.v);
-                0.4 * mottled + 0.8 * vein + 0.6 * self.vessels(0x32, 5.0, 0.06)
+                let veins = tongue::veins(self.p.seed, self.x, self.y) * smoothstep(0.04, 0.12, self.v);
+                0.4 * mottled + 0.8 * veins + 0.4 * self.vessels(0x32, 5.0, 0.06)
             }
             Tissue::Gingiva => {
                 // The free margin and the mucosa below the attached gum are redder.
@@ -139,9 +145,11 @@ impl<'a> Place<'a> {
             }
             Tissue::HardPalate => 0.3 * mottled + 0.3 * smoothstep(0.55, 0.95, self.v),
             Tissue::SoftPalate => {
+                // On the folds to the cheeks, where the map is stretched, there are none.
+                let middle = smoothstep(0.44, 0.32, (self.u - 0.5).abs());
                 0.5 * mottled
-                    + 0.75 * self.vessels(0x34, 6.0, 0.05)
-                    + 0.35 * self.vessels(0x35, 2.5, 0.06)
+                    + 0.75 * middle * self.vessels(0x34, 6.0, 0.05)
+                    + 0.35 * middle * self.vessels(0x35, 2.5, 0.06)
                     + 0.4 * smoothstep(0.5, 0.66, self.v)
             }
             Tissue::Throat => {
@@ -160,7 +168,7 @@ impl<'a> Place<'a> {
                     + 0.4 * wet
                     + 0.6 * wet * self.vessels(0x3b, 4.0, 0.06)
             }
-            Tissue::Skin => 0.35 * mottled + 0.3 * smoothstep(0.75, 1.0, self.v),
+            Tissue::Skin => 0.35 * mottled + 0.3 * smoothstep(0.8, 1.0, self.v),
             Tissue::Tooth => 0.0,
         }
     }

@@ -32,12 +32,26 @@ const CLEARANCE_MM: f64 = 0.6;
 const LIP_REACH: usize = 14;
 
 /// Rings at which the sheet changes its part.
-const VERMILION_BORDER: usize = 4;
-const INNER_LIP: usize = 9;
-const THROAT: usize = 14;
+const VERMILION_BORDER: usize = 7;
+const INNER_LIP: usize = 12;
+const THROAT: usize = 17;
+/// The same border as a place, from which places are counted.
+const BORDER: f64 = VERMILION_BORDER as f64;
 
 /// Half the power of the distance from the midline by which the rings fall back toward the corners.
-const BOW: &[(f64, f64)] = &[(7.0, 1.1), (10.0, 1.6)];
+const BOW: &[(f64, f64)] = &[(BORDER + 3.0, 1.1), (BORDER + 6.0, 1.6)];
+
+/// From the edges of the upper incisors up to the base of the nose, mm: the upper lip is 20 to 22 mm high (Farkas), and the edges
+/// stand 2 mm below it.
+const NOSE_BASE_MM: f64 = 23.0;
+/// Half the width of the nose at its wings, mm (31 to 35 mm in all, Farkas).
+const HALF_NOSE_MM: f64 = 16.5;
+/// How far the middle of the nose stands out over the height above its base, mm (18 to 19.5 mm at the tip, Farkas).
+const NOSE: &[(f64, f64)] =
+    &[(-1.5, 0.0), (2.0, 3.5), (6.0, 13.0), (10.0, 17.5), (15.0, 17.0), (40.0, 8.0), (70.0, 6.0)];
+/// From the edges of the lower incisors down to the fold above the chin and to its foremost place, mm (assumed).
+const CHIN_FOLD_MM: f64 = 22.0;
+const CHIN_MM: f64 = 38.0;
 
 /// The whole sheet, pressed outward where teeth and gums stand.
 pub(super) struct Sheet<'a> {
@@ -85,13 +99,18 @@ impl<'a> Sheet<'a> {
         let fornix = h + 20.5;
         let ring = |half_width, top, bottom, squareness, z| Ring { half_width, top, bottom, squareness, z };
         let rings = vec![
-            ring(corner + 36.0, m + 42.0, m + 44.0, 2.3, [4.0, 4.0, -32.0]),
-            ring(corner + 22.0, m + 27.0, m + 28.0, 2.2, [8.0, 7.5, -17.0]),
-            ring(corner + 12.0, m + 17.0, m + 16.0, 2.1, [9.0, 8.0, -11.5]),
-            ring(corner + 6.5, m + 10.5, m + 11.0, 1.95, [9.8, 9.0, -10.5]),
-            ring(corner + 2.0, m + 6.0, m + 9.0, 1.84, [10.4, 10.6, -9.6]),
-            ring(corner + 1.0, m + 3.0, m + 5.4, 1.86, [12.2, 13.8, -10.4]),
-            ring(corner + 0.15, m + 0.8, m + 1.4, 1.88, [10.9, 12.0, -11.4]),
+            // The sides of the head, from which the face comes forward.
+            ring(corner + 34.0, m + 84.0, m + 66.0, 2.2, [-30.0, -70.0, -100.0]),
+            ring(corner + 38.0, m + 66.0, m + 58.0, 2.3, [-4.0, -22.0, -66.0]),
+            ring(corner + 35.0, m + 45.0, m + 45.0, 2.3, [2.0, 5.0, -34.0]),
+            ring(corner + 21.0, m + 28.0, m + 30.0, 2.2, [7.0, 8.5, -18.0]),
+            ring(corner + 11.0, m + 17.5, m + 19.0, 2.1, [9.0, 7.0, -11.5]),
+            ring(corner + 5.5, m + 11.0, m + 13.0, 1.95, [9.8, 8.0, -10.2]),
+            // The white roll, the border of the red and its fullest place, which all run together at the corners.
+            ring(corner + 2.2, m + 7.3, m + 10.2, 1.86, [10.8, 10.0, -10.4]),
+            ring(corner + 1.3, m + 6.0, m + 9.0, 1.84, [10.6, 10.7, -10.9]),
+            ring(corner + 0.6, m + 3.0, m + 5.4, 1.86, [12.3, 13.8, -11.5]),
+            ring(corner + 0.1, m + 0.8, m + 1.4, 1.88, [10.9, 12.0, -12.3]),
             ring(corner, m, m, 1.9, [8.2, 8.9, -13.4]),
             ring(corner + 0.9, m + 1.6, m + 1.6, 2.1, [5.2, 5.6, -16.0]),
             ring(corner + 3.2, m + 0.55 * (fornix - m), m + 0.55 * (fornix - m), 2.4, [4.6, 4.4, -19.5]),
@@ -118,8 +137,8 @@ impl<'a> Sheet<'a> {
     fn way_out(place: f64, turn: f64) -> DVec3 {
         let (sine, cosine) = sin_cos(2.0 * PI * turn);
         let front = lerp(
-            smoothstep(9.3, 8.0, place),
-            smoothstep(11.2, 10.2, place),
+            smoothstep(BORDER + 5.3, BORDER + 4.0, place),
+            smoothstep(BORDER + 7.2, BORDER + 6.2, place),
             smoothstep(0.5, 0.9, sine.abs()),
         );
         let outward = DVec3::new(cosine, sine, 0.0).lerp(DVec3::new(0.5 * cosine, 0.12 * sine, 1.0), front);
@@ -135,7 +154,7 @@ impl<'a> Sheet<'a> {
             for row in 0..self.pressed.rows {
                 let place = row as f64 / CONTACT_ROWS_PER_RING as f64;
                 // Behind the fornix of the vestibule the gums are attached to the sheet.
-                if !(1.0..12.5).contains(&place) {
+                if !(BORDER - 3.0..BORDER + 8.5).contains(&place) {
                     continue;
                 }
                 let way = Self::way_out(place, turn);
@@ -148,23 +167,28 @@ impl<'a> Sheet<'a> {
         // The skin of the face goes with the lining behind it, and either lip as a whole, less toward its corners.
         let at = |place: usize, column: usize| place * CONTACT_COLUMNS + column;
         let half = CONTACT_COLUMNS / 2;
+        let border = VERMILION_BORDER * CONTACT_ROWS_PER_RING;
         for lip in [0..half, half..CONTACT_COLUMNS] {
             let lining: Vec<f64> = lip
                 .clone()
-                .map(|column| (18..=46).map(|row| self.pressed.values[at(row, column)]).fold(0.0, f64::max))
+                .map(|column| {
+                    (border + 2..=border + 30)
+                        .map(|row| self.pressed.values[at(row, column)])
+                        .fold(0.0, f64::max)
+                })
                 .collect();
             let whole = window(&lining, LIP_REACH, &|near| near.iter().copied().fold(0.0, f64::max));
             let whole = window(&whole, LIP_REACH, &mean);
             for ((column, lining), whole) in lip.zip(lining).zip(whole) {
                 let (sine, _) = sin_cos(2.0 * PI * column as f64 / CONTACT_COLUMNS as f64);
                 let pushed = lining.max(whole * smoothstep(0.1, 0.7, sine.abs()));
-                for row in 3..=24 {
+                for row in border - 13..=border + 8 {
                     let value = &mut self.pressed.values[at(row, column)];
                     *value = value.max(pushed);
                 }
                 let inside = &mut self.pressed.values;
-                for row in 25..=40 {
-                    let share = smoothstep(40.0, 24.0, row as f64);
+                for row in border + 9..=border + 24 {
+                    let share = smoothstep(24.0, 8.0, (row - border) as f64);
                     inside[at(row, column)] = inside[at(row, column)].max(pushed * share);
                 }
             }
@@ -188,37 +212,62 @@ impl<'a> Sheet<'a> {
         // lips and face are nearly parabolas, the fold of the vestibule is a U around the gums.
         let bow = curve(BOW, number as f64);
         let mut z = lerp(ring.z[2], middle, 1.0 - pow((1.0 - sine * sine).max(0.0), bow));
+        let below_border = number as isize - VERMILION_BORDER as isize;
         if sine > 0.0 {
-            match number {
+            match below_border {
                 // Cupid's bow and the tubercle of the upper lip.
-                4 => y += 1.3 * bell((x.abs() - 5.8) / 4.6) - 1.1 * bell(x / 3.2),
-                5 => {
+                -1 | 0 => y += 1.3 * bell((x.abs() - 5.8) / 4.6) - 1.1 * bell(x / 3.2),
+                1 => {
                     y -= 0.5 * bell(x / 4.5);
                     z += 0.5 * bell(x / 4.0);
                 }
-                6 => y -= 0.7 * bell(x / 4.8),
-                7 => y -= 0.9 * bell(x / 5.5),
+                2 => y -= 0.7 * bell(x / 4.8),
+                3 => y -= 0.9 * bell(x / 5.5),
                 // Groove of the philtrum between its two columns.
-                3 => {
+                -2 => {
                     y += 1.0 * bell((x.abs() - 5.5) / 3.6) - 0.8 * bell(x / 2.6);
                     z += 0.8 * bell((x.abs() - 5.2) / 2.0) - 1.1 * bell(x / 2.8);
                 }
-                2 => z += 0.7 * bell((x.abs() - 5.0) / 2.2) - 1.3 * bell(x / 3.0),
-                // The base of the nose.
-                1 => z += 9.0 * bell(x / 13.0) - 2.5 * bell((x.abs() - 6.0) / 3.0),
-                0 => z += 15.0 * bell(x / 15.0),
+                -3 => z += 0.7 * bell((x.abs() - 5.0) / 2.2) - 1.3 * bell(x / 3.0),
                 _ => {}
             }
-        } else {
-            match number {
-                // Fold under the lower lip, then the chin.
-                2 => z -= 1.2 * bell(x / 18.0),
-                0 | 1 => z += 4.0 * bell(x / 16.0),
-                5 | 6 => z += 0.6 * bell((x.abs() - 8.0) / 7.0) - 0.3 * bell(x / 4.0),
-                _ => {}
-            }
+        } else if (1..=2).contains(&below_border) {
+            // The two pillows of the lower lip.
+            z += 0.6 * bell((x.abs() - 8.0) / 7.0) - 0.3 * bell(x / 4.0);
         }
         DVec3::new(x, y, z)
+    }
+
+    /// Nose, folds beside it and chin: how far they stand out in front of the even face, mm.
+    fn face_relief(&self, x: f64, y: f64) -> f64 {
+        let half_opening = 0.5 * self.parameters.jaw_opening_mm;
+        let (above, below) = (y - half_opening - NOSE_BASE_MM, -half_opening - y);
+        let a = x.abs();
+        let wing = 9.0 * bell((a - 0.75 * HALF_NOSE_MM) / 4.2) * bell((above - 8.0) / 6.5);
+        let nostril = 7.0 * bell((a - 6.2) / 2.6) * bell((above - 3.6) / 2.6);
+        let nose = (curve(NOSE, above) * bell(x / (0.55 * HALF_NOSE_MM))).max(wing) - nostril;
+        // The fold from the wing of the nose past the corner of the mouth, and the cheek outside of it.
+        let share = (y / (half_opening + NOSE_BASE_MM + 5.0)).max(-0.3);
+        let from_fold =
+            a - lerp(0.5 * self.parameters.lip_opening_width_mm + 11.0, HALF_NOSE_MM + 1.0, share);
+        let ends = smoothstep(-0.3, 0.1, share) * smoothstep(1.25, 0.9, share);
+        let fold = ends * (1.8 * bell((from_fold - 7.0) / 6.5) - 0.9 * bell(from_fold / 2.2));
+        let chin = 5.0 * bell((below - CHIN_MM) / 10.0) * bell(x / 20.0)
+            - 2.0 * bell((below - CHIN_FOLD_MM) / 4.5) * bell(x / 22.0);
+        nose + fold + chin
+    }
+
+    /// How far the papilla of the parotid duct, beside the upper second molar, and the ridge along the line of the bite stand
+    /// out of a cheek, mm (papilla 3 to 4 mm wide, assumed).
+    fn cheek_relief(&self, point: DVec3) -> f64 {
+        let molar = 0.5 * self.parameters.jaw_opening_mm;
+        let papilla = bell((point.y - 0.55 * molar) / 1.8)
+            * bell((point.z + 0.8 * self.parameters.upper_arch_depth_mm) / 2.0);
+        1.6 * papilla
+            + 0.5
+                * bell(point.y / 1.2)
+                * smoothstep(-16.0, -22.0, point.z)
+                * smoothstep(-42.0, -36.0, point.z)
     }
 
     /// Point of the sheet: `place` counts rings from the face to the throat.
@@ -226,26 +275,29 @@ impl<'a> Sheet<'a> {
         let mut point = spline(knots, place);
         // Nothing presses on the throat: its back wall closes in one point.
         let pressed = self.pressed.at(place * CONTACT_ROWS_PER_RING as f64, turn * CONTACT_COLUMNS as f64)
-            * smoothstep(15.0, 12.5, place);
+            * smoothstep(BORDER + 11.0, BORDER + 8.5, place);
         if pressed > 0.0 {
             point += Self::way_out(place, turn) * pressed;
         }
         let seed = self.parameters.seed;
         let (sine, cosine) = sin_cos(2.0 * PI * turn);
         // Fine vertical folds of the lips' red, and pores and unevenness elsewhere.
-        let red = smoothstep(4.0, 4.6, place) * smoothstep(8.6, 7.6, place);
-        let across = (place - VERMILION_BORDER as f64) / (INNER_LIP - VERMILION_BORDER) as f64;
+        let red = smoothstep(BORDER, BORDER + 0.6, place) * smoothstep(BORDER + 4.6, BORDER + 3.6, place);
+        let across = (place - BORDER) / (INNER_LIP - VERMILION_BORDER) as f64;
         // The same lengths as the maps use: half the ring is one lip.
         let along = 45.0 * (2.0 * (2.0 * turn).rem_euclid(1.0) - 1.0);
         let folds =
             crease(seed, along, across) + 0.3 * fractal_noise(seed ^ 0x21, along * 0.5, 2.0 * across, 2);
-        point -= Self::way_out(8.0, turn) * (0.32 * red * folds);
-        let skin = smoothstep(4.0, 3.0, place);
-        point.z += 0.12 * skin * fractal_noise(seed ^ 0x22, point.x * 0.5, point.y * 0.5, 3);
-        let inside = smoothstep(10.0, 11.0, place) * smoothstep(16.0, 15.0, place);
+        point -= Self::way_out(BORDER + 4.0, turn) * (0.32 * red * folds);
+        let skin = smoothstep(BORDER, BORDER - 1.0, place);
+        if skin > 0.0 {
+            let uneven = 0.12 * fractal_noise(seed ^ 0x22, point.x * 0.5, point.y * 0.5, 3);
+            point.z += skin * (uneven + self.face_relief(point.x, point.y));
+        }
+        let inside =
+            smoothstep(BORDER + 6.0, BORDER + 7.0, place) * smoothstep(BORDER + 12.0, BORDER + 11.0, place);
         let swell = 0.9 * fractal_noise(seed ^ 0x23, 9.0 * cosine, 9.0 * sine + place * 1.3, 3);
-        point -= DVec3::new(cosine, sine, 0.0) * (inside * swell);
-        point
+        point - DVec3::new(cosine, sine, 0.0) * (inside * (swell + self.cheek_relief(point)))
     }
 }
 
@@ -273,12 +325,12 @@ impl Sheet<'_> {
         let last = sheet.rings.len() - 1;
         // Rings from and to, rows per ring, columns from and to, name, tissue.
         let parts: [(usize, usize, usize, usize, usize, &str, Tissue); 6] = [
-            (0, VERMILION_BORDER, 6, 0, columns, "face", Tissue::Skin),
+            (0, VERMILION_BORDER, 7, 0, columns, "face", Tissue::Skin),
             (VERMILION_BORDER, INNER_LIP, 5, 0, 2 * quarter, "upper_lip", Tissue::Lip),
             (VERMILION_BORDER, INNER_LIP, 5, 2 * quarter, 4 * quarter, "lower_lip", Tissue::Lip),
-            (INNER_LIP, THROAT, 8, quarter, 3 * quarter, "cheek_right", Tissue::Cheek),
-            (INNER_LIP, THROAT, 8, 3 * quarter, 5 * quarter, "cheek_left", Tissue::Cheek),
-            (THROAT, last, 10, 0, columns, "pharyngeal_wall", Tissue::Throat),
+            (INNER_LIP, THROAT, 11, quarter, 3 * quarter, "cheek_right", Tissue::Cheek),
+            (INNER_LIP, THROAT, 11, 3 * quarter, 5 * quarter, "cheek_left", Tissue::Cheek),
+            (THROAT, last, 7, 0, columns, "pharyngeal_wall", Tissue::Throat),
         ];
         parts
             .into_iter()

@@ -43,25 +43,25 @@ const KINDS: [ToothKind; 8] = [
 ];
 
 /// Crown length, mesiodistal width, the same at the neck, and labio- or buccolingual width in mm (Wheeler's table);
-/// then the lean of the crown to the outside and to the midline in degrees (assumed).
+/// then the lean of the crown to the outside (assumed) and to the midline (Andrews 1989) in degrees.
 const UPPER_TEETH: [[f64; 6]; 8] = [
-    [10.5, 8.5, 7.0, 7.0, 17.0, 3.0],
-    [9.0, 6.5, 5.0, 6.0, 15.0, 5.0],
-    [10.0, 7.5, 5.5, 8.0, 9.0, 7.0],
-    [8.5, 7.0, 5.0, 9.0, 3.0, 4.0],
-    [8.5, 7.0, 5.0, 9.0, 3.0, 4.0],
-    [7.5, 10.0, 8.0, 11.0, 4.0, 3.0],
-    [7.0, 9.0, 7.0, 11.0, 6.0, 2.0],
+    [10.5, 8.5, 7.0, 7.0, 17.0, 3.6],
+    [9.0, 6.5, 5.0, 6.0, 15.0, 8.0],
+    [10.0, 7.5, 5.5, 8.0, 9.0, 8.4],
+    [8.5, 7.0, 5.0, 9.0, 3.0, 2.7],
+    [8.5, 7.0, 5.0, 9.0, 3.0, 2.8],
+    [7.5, 10.0, 8.0, 11.0, 4.0, 5.7],
+    [7.0, 9.0, 7.0, 11.0, 6.0, 0.4],
     [6.5, 8.5, 6.5, 10.0, 8.0, 0.0],
 ];
 const LOWER_TEETH: [[f64; 6]; 8] = [
-    [9.0, 5.0, 3.5, 6.0, 9.0, 0.0],
-    [9.5, 5.5, 4.0, 6.5, 8.0, 1.0],
-    [11.0, 7.0, 5.5, 7.5, 3.0, 4.0],
-    [8.5, 7.0, 5.0, 7.5, -7.0, 2.0],
-    [8.0, 7.0, 5.0, 8.0, -10.0, 3.0],
-    [7.5, 11.0, 9.0, 10.5, -14.0, 4.0],
-    [7.0, 10.5, 8.0, 10.0, -16.0, 5.0],
+    [9.0, 5.0, 3.5, 6.0, 9.0, 0.5],
+    [9.5, 5.5, 4.0, 6.5, 8.0, 0.4],
+    [11.0, 7.0, 5.5, 7.5, 3.0, 2.5],
+    [8.5, 7.0, 5.0, 7.5, -7.0, 1.3],
+    [8.0, 7.0, 5.0, 8.0, -10.0, 1.5],
+    [7.5, 11.0, 9.0, 10.5, -14.0, 2.0],
+    [7.0, 10.5, 8.0, 10.0, -16.0, 2.9],
     [7.0, 10.0, 7.5, 9.5, -16.0, 5.0],
 ];
 
@@ -98,13 +98,11 @@ impl Tooth {
         (0.5 * self.depth * 0.92, 0.5 * self.depth * 0.88)
     }
 
-    /// Makes the crown narrower on both sides together; second molars keep the place of their distal contact.
-    fn narrow(&mut self, by_mm: f64) {
+    /// Makes the crown narrower on the side of a neighbor; the other side stays where it is.
+    fn narrow(&mut self, by_mm: f64, neighbor: DVec3) {
         self.neck_width *= 1.0 - by_mm / self.width;
         self.width -= by_mm;
-        if self.number % 10 == 7 {
-            self.edge += self.distal * (0.5 * by_mm);
-        }
+        self.edge -= self.distal * (0.5 * by_mm * (neighbor - self.edge).dot(self.distal).signum());
     }
 }
 
@@ -129,7 +127,8 @@ struct StationTables {
     length: Vec<(f64, f64)>,
     outer: Vec<(f64, f64)>,
     inner: Vec<(f64, f64)>,
-    contact: Vec<(f64, f64)>,
+    /// Place of the axes of the crowns outward of the curve of contact points.
+    axis: Vec<(f64, f64)>,
 }
 
 /// The arch at one arc length.
@@ -204,7 +203,10 @@ impl Arch {
             length: table(&|t| t.length),
             outer: table(&|t| t.neck_depths().0),
             inner: table(&|t| t.neck_depths().1),
-            contact: table(&contact_outward),
+            axis: table(&|t| {
+                let (point, _, outward) = arch.frame(t.middle);
+                (t.edge - point).dot(outward)
+            }),
         };
         arch
     }
@@ -325,12 +327,36 @@ impl Arch {
                     parted = false;
                     // The way out may be longer along the arch than across it.
                     let by = 0.5 * deep.max(LEAST_MM);
-                    self.teeth[i - 1].narrow(by);
-                    self.teeth[i].narrow(by);
+                    let (before, this) = (a.edge, b.edge);
+                    self.teeth[i - 1].narrow(by, this);
+                    self.teeth[i].narrow(by, before);
                 }
             }
             if parted {
                 break;
+            }
+        }
+        self.close_contacts(ENOUGH_MM);
+    }
+
+    /// Makes neighbors that almost touch wider toward each other until they do.
+    fn close_contacts(&mut self, enough_mm: f64) {
+        const STEP_MM: f64 = 0.03;
+        const MOST_STEPS: usize = 6;
+        for i in 1..self.teeth.len() {
+            let (a, b) = (&self.teeth[i - 1], &self.teeth[i]);
+            if !a.present || !b.present {
+                continue;
+            }
+            let (mut a, mut b) = (a.clone(), b.clone());
+            for _ in 0..MOST_STEPS {
+                let (before, this) = (a.edge, b.edge);
+                a.narrow(-STEP_MM, this);
+                b.narrow(-STEP_MM, before);
+                if overlap(&a, &b).max(overlap(&b, &a)) > enough_mm {
+                    break;
+                }
+                (self.teeth[i - 1], self.teeth[i]) = (a.clone(), b.clone());
             }
         }
     }
@@ -377,7 +403,7 @@ impl Arch {
         let a2 = across * across;
         let (tilt_sin, tilt_cos) = sin_cos(curve(&self.profile.tilt, arc));
         Station {
-            point: point - outward * curve(&self.profile.contact, arc),
+            point: point + outward * curve(&self.profile.axis, arc),
             outward,
             lean: tilt_sin / tilt_cos,
             length: curve(&self.profile.length, arc),

@@ -37,29 +37,32 @@ impl<'a> Fauces<'a> {
         let k = v.min(1.0);
         let a = across.abs();
         // From the vault to a hanging curtain that comes down beside the tongue.
-        let x = edge.x * (1.0 + 0.55 * smoothstep(0.0, 0.9, k) * a);
-        let drop = 38.0 * pow(a, 2.9) - 1.8 * bell((a - 0.32) / 0.17);
-        let edge_height = self.crest.y - 4.5 - drop - 2.2 * bell(x / 4.2);
+        let x = edge.x * (1.0 + 0.3 * smoothstep(0.0, 0.9, k) * a);
+        let drop = 40.0 * pow(a, 3.2) + 24.0 * smoothstep(0.7, 1.0, a) - 1.8 * bell((a - 0.32) / 0.17);
+        let edge_height = self.crest.y - 4.5 - drop - 4.0 * bell(x / 4.6);
         let sink = smoothstep(0.0, 1.0, k);
         let mut y = lerp(edge.y, edge_height, sink * (0.5 + 0.5 * k));
         // The raphe is a faint seam, and the muscles beside it swell.
         y += 0.5 * bell(x / 0.9) * (1.0 - k) * smoothstep(0.0, 0.2, k);
         y -= 0.8 * bell((x.abs() - 7.0) / 4.0) * 4.0 * k * (1.0 - k);
-        let mut z = edge.z - 23.0 * k - 3.5 * (1.0 - a * a) * k + 9.5 * a * a * k * k;
+        // Its sides come forward, but stay behind the last lower molars.
+        let forward = 9.5 * a * a * k * k * (1.0 - 0.9 * smoothstep(0.6, 0.82, a));
+        let mut z = edge.z - 23.0 * k - 3.5 * (1.0 - a * a) * k + forward;
         // Its sides run forward into the cheeks behind the last molars: the fold over the pterygomandibular raphe.
-        let fold = smoothstep(0.84, 1.0, a) * smoothstep(0.0, 0.12, k);
-        let x = x + (7.0 * fold).copysign(across);
-        z += fold;
+        let fold = smoothstep(0.84, 1.0, a) * smoothstep(0.0, 0.35, k);
+        let x = x + (18.0 * fold).copysign(across);
         let rough = smoothstep(0.0, 0.2, k) * smoothstep(1.5, 1.2, v);
         y += rough * 0.35 * fractal_noise(self.parameters.seed ^ 0x77, x * 0.25, z * 0.25, 3);
+        // The two pits at the border of the hard palate.
+        y += 0.6 * bell((x.abs() - 1.7) / 0.7) * bell((k - 0.07) / 0.03);
         // Small mucous glands.
         y -= rough * 0.12 * bumps(self.parameters.seed ^ 0x78, x / 1.6, z / 1.6, 0.4, 0.5);
         if v > 1.0 {
             // A rounded edge, then back and up again.
             let w = (v - 1.0) / 0.5;
             let (sine, cosine) = sin_cos(PI * w.min(0.5));
-            z -= 2.0 * (1.0 - cosine) + 3.0 * (w - 0.5).max(0.0);
-            y -= 1.1 * sine * smoothstep(1.0, 0.4, w);
+            z -= 2.6 * (1.0 - cosine) + 3.0 * (w - 0.5).max(0.0);
+            y -= 1.5 * sine * smoothstep(1.0, 0.4, w);
             y += 12.0 * (w - 0.45).max(0.0);
         }
         DVec3::new(x, y, z)
@@ -92,9 +95,9 @@ impl<'a> Fauces<'a> {
     pub(super) fn uvula_mesh(&self) -> TriangleMesh {
         let detail = self.parameters.detail;
         let length = self.parameters.uvula_length_mm;
-        let root = self.velum(0.86, 0.0) + DVec3::new(0.0, 1.6, -2.6);
+        let root = self.velum(0.95, 0.0) + DVec3::new(0.0, 1.6, -2.6);
         const RADIUS: &[(f64, f64)] =
-            &[(0.0, 4.6), (0.25, 3.7), (0.5, 2.9), (0.72, 3.0), (0.88, 2.5), (0.96, 1.5), (1.0, 0.0)];
+            &[(0.0, 3.6), (0.25, 3.3), (0.5, 2.7), (0.74, 3.0), (0.9, 2.3), (0.97, 1.3), (1.0, 0.0)];
         let seed = self.parameters.seed;
         let v_values: Vec<f64> =
             linspace(0.0, 1.0, count(44, detail)).iter().map(|v| v * (1.4 - 0.4 * v)).collect();
@@ -108,7 +111,7 @@ impl<'a> Fauces<'a> {
                 * (1.0 + 0.06 * fractal_noise(seed ^ 0x7a, 3.0 * cosine + 9.0, 3.0 * sine + 4.0 * v, 2));
             // Broad where it leaves the palate.
             let (wide, deep) =
-                (1.0 + 0.5 * smoothstep(0.35, 0.0, v), lerp(0.5, 1.0, smoothstep(0.0, 0.35, v)));
+                (1.0 + 0.3 * smoothstep(0.35, 0.0, v), lerp(0.5, 1.0, smoothstep(0.0, 0.35, v)));
             (
                 self.pose.point(center + DVec3::new(r * wide * cosine, 0.0, 0.85 * r * deep * sine)),
                 DVec2::new(u, v),
@@ -152,7 +155,7 @@ impl<'a> Fauces<'a> {
         let seed = self.parameters.seed ^ if side > 0.0 { 0x7d } else { 0x7e };
         let top = self.velum(1.0, 0.0);
         let size = self.parameters.tonsil_size;
-        let center = DVec3::new(24.5 - 3.0 * size, top.y - 17.0, top.z + 2.5);
+        let center = DVec3::new(22.8 - 3.0 * size, top.y - 17.0, top.z + 2.5);
         let half = DVec3::new(4.5 + 2.5 * size, 8.0 + 2.0 * size, 4.5);
         let v_values = linspace(0.0, 1.0, count(30, detail));
         let u_values = linspace(0.0, 1.0, count(36, detail));

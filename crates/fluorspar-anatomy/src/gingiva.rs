@@ -3,13 +3,24 @@
 use glam::{DVec2, DVec3};
 
 use super::dental_arch::{Arch, JawPose, Station};
-use super::math::{bell, lerp, pow, smoothstep, spline};
-use super::noise::fractal_noise;
+use super::math::{PI, bell, lerp, pow, sin_cos, smoothstep, spline};
+use super::noise::{bumps, fractal_noise};
 use super::surface::{count, linspace, surface_mesh};
 use fluorspar::geometry::TriangleMesh;
 
 /// How far the gums reach behind the arch, mm.
 const BEHIND_MM: f64 = 2.0;
+
+/// Height of the papillae in crowns: they fill the spaces below the contacts (42 % in front, Chu and others 2009).
+const PAPILLA_SHARE: f64 = 0.45;
+
+/// How far the frenulum of a lip stands out of the vestibule's floor, mm (assumed).
+const FRENULUM_MM: f64 = 2.0;
+
+/// Knot of the profile at the far ends of the attached gum, of its free margin, and the last one.
+const LINING_KNOT: f64 = 2.4;
+const FREE_KNOT: f64 = 4.3;
+const LAST_KNOT: f64 = 14.0;
 
 /// Arc length of the hind ends of the gums.
 pub(super) fn end_of_gums(arch: &Arch) -> f64 {
@@ -27,8 +38,8 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let Station { length, outer, inner, toothed, .. } = station;
     let across = station.across.abs();
     // 0 at the middle of a tooth, 1 at its contacts: papillae are pointed, the margin between them is round.
-    let papilla = pow(across, 2.4);
-    let contact = length * lerp(0.35, 0.53, smoothstep(10.0, 22.0, arc.abs()));
+    let papilla = pow(across, 2.8);
+    let contact = length - 0.7 - PAPILLA_SHARE * length;
     let margin = lerp(length - 0.7, contact, papilla);
     // On the tongue side papillae are lower.
     let inner_margin = lerp(length - 0.9, contact + 1.0, papilla);
@@ -36,7 +47,7 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let margin = lerp(length + 1.9, margin, toothed);
     let inner_margin = lerp(length + 1.9, inner_margin, toothed);
     // Between the teeth the gum lies behind their outer faces.
-    let outer_margin = outer * (1.0 - 0.32 * pow(across, 2.0) * toothed - 0.2 * (1.0 - toothed));
+    let outer_margin = outer * (1.0 - 0.27 * pow(across, 5.0) * toothed - 0.2 * (1.0 - toothed));
     let inner_edge = inner * (1.0 - 0.3 * pow(across, 2.0) * toothed - 0.2 * (1.0 - toothed));
     // Roots bulge under the gum.
     let root = 0.55 * bell(across / 0.55) * toothed;
@@ -44,10 +55,12 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let saddle = lerp(length + 0.2, saddle, toothed);
     let at =
         |out: f64, g: f64| station.point + station.outward * (out - station.lean * g.max(0.0)) + DVec3::Y * g;
+    // The frenulum of the lip, a fold in the midline.
+    let fold = FRENULUM_MM * bell(arc / 0.9);
     let knots = [
-        (outer + 2.2, length + 11.0),
-        (outer + 1.2, length + 8.2),
-        (outer + 0.7 + root, length + 5.4),
+        (outer + 2.2 + fold, length + 11.0),
+        (outer + 1.2 + fold, length + 8.2),
+        (outer + 0.7 + root + 0.4 * fold, length + 5.4),
         (outer + 0.5 + root, length + 2.4),
         (lerp(outer, outer_margin, 0.55) + 0.62, lerp(margin, length + 2.4, 0.4)),
         (outer_margin + 0.5, margin + 0.35),
@@ -85,27 +98,37 @@ pub(super) fn lingual_border(arch: &Arch, arc: f64) -> DVec3 {
 /// from the vestibule over the margin to the tongue side (v).
 pub(super) fn gingiva_mesh(arch: &Arch, pose: &JawPose, seed: u32, detail: f64) -> TriangleMesh {
     let end = end_of_gums(arch);
-    let arcs = stations(arch, end, count(9, detail));
-    let rows = count(34, detail);
-    let last_knot = 14.0;
-    let v_values = linspace(0.0, 1.0, rows);
+    let arcs = stations(arch, end, count(12, detail));
+    // Closest together on the attached gum and around the margin.
+    let mut v_values = linspace(0.0, 0.14, count(4, detail));
+    v_values.extend(linspace(0.14, 0.54, count(22, detail)).into_iter().skip(1));
+    v_values.extend(linspace(0.54, 1.0, count(14, detail)).into_iter().skip(1));
     let mut columns: Vec<Vec<DVec3>> = Vec::with_capacity(arcs.len());
     for &arc in &arcs {
         let knots = profile(arch, arc);
-        columns.push(v_values.iter().map(|v| spline(&knots, v * last_knot)).collect());
+        columns.push(v_values.iter().map(|v| spline(&knots, v * LAST_KNOT)).collect());
     }
     let u_values: Vec<f64> = (0..arcs.len()).map(|i| i as f64).collect();
-    let row_numbers: Vec<f64> = (0..=rows).map(|i| i as f64).collect();
+    let row_numbers: Vec<f64> = (0..v_values.len()).map(|i| i as f64).collect();
     surface_mesh(&row_numbers, &u_values, pose.mirrored, |row, column| {
         let arc = arcs[column as usize];
-        let mut point = columns[column as usize][row as usize];
-        let v = row / rows as f64;
-        // Slight unevenness of the attached gum; none at the border that palate and floor share.
+        let v = v_values[row as usize];
         let station = arch.station(arc);
-        let window = smoothstep(0.0, 0.1, v) * smoothstep(1.0, 0.9, v);
-        point += station.outward * (0.12 * window * fractal_noise(seed ^ 0x61, arc * 0.45, v * 14.0, 2));
+        let point = columns[column as usize][row as usize] + station.outward * relief(seed, arc, v);
         (pose.point(point), DVec2::new(0.5 + 0.5 * arc / end, v))
     })
+}
+
+/// Unevenness of the attached gum with its stipples, and the shallow grooves that part it from the free margin and from the lining
+/// of the vestibule, mm; none at the border that palate and floor share.
+fn relief(seed: u32, arc: f64, v: f64) -> f64 {
+    let knot = v * LAST_KNOT;
+    let window = smoothstep(0.0, 0.1, v) * smoothstep(1.0, 0.9, v);
+    let attached =
+        smoothstep(LINING_KNOT, LINING_KNOT + 0.4, knot) * smoothstep(FREE_KNOT, FREE_KNOT - 0.4, knot);
+    let grooves = 0.12 * bell((knot - FREE_KNOT) / 0.35) + 0.1 * bell((knot - LINING_KNOT) / 0.4);
+    let uneven = 0.12 * fractal_noise(seed ^ 0x61, arc * 0.45, knot, 2);
+    window * (uneven - grooves) - 0.09 * attached * bumps(seed ^ 0x42, arc / 1.1, 2.2 * knot / 1.1, 0.5, 0.8)
 }
 
 /// Stations along the arch, the same number for every tooth, so that all papillae are alike.
@@ -115,7 +138,12 @@ fn stations(arch: &Arch, end: f64, per_tooth: usize) -> Vec<f64> {
     for tooth in &arch.teeth {
         let (low, high) = (tooth.middle - tooth.half_room, tooth.middle + tooth.half_room);
         let (low, high) = (low.max(-arch.end), high.min(arch.end));
-        arcs.extend(linspace(low, high, per_tooth).into_iter().skip(1));
+        // Closer together at the papillae.
+        let places = linspace(-1.0, 1.0, per_tooth).into_iter().skip(1);
+        arcs.extend(places.map(|place| {
+            let place = lerp(place, sin_cos(0.5 * PI * place).0, 0.7);
+            0.5 * (low + high + (high - low) * place)
+        }));
     }
     arcs.extend(linspace(arch.end, end, 3).into_iter().skip(1));
     arcs

@@ -7,9 +7,10 @@
 //! can be seen: the inside for the walls of the cavity.
 //!
 //! # Sources
-//! Crown sizes: Wheeler's table. Arches: the beta function of Braun and others (1998). Opening, lips, palate and
-//! tongue: the ranges stated with each field of [`MouthParameters`]. Cusps, leans of the teeth and the shapes of the
-//! soft parts are drawn after textbook figures (assumed).
+//! Crown sizes: Wheeler's table. Leans of the crowns to the midline: Andrews (1989). Arches: the beta function of Braun and
+//! others (1998). Opening, lips, palate and tongue: the ranges stated with each field of [`MouthParameters`]. Papillae of
+//! gums and tongue: Chu (2009), Witt (2020). Cusps, leans of the teeth to the outside and the shapes of the soft parts and
+//! of the face are drawn after textbook figures (assumed).
 
 mod appearance;
 mod cache;

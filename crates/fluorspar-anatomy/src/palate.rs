@@ -102,7 +102,7 @@ impl<'a> Palate<'a> {
                 let number = number as f64;
                 let wander =
                     fractal_noise(seed ^ 0x75, x * 0.3 + 11.0 * number, if x > 0.0 { 3.5 } else { 8.5 }, 2);
-                let bend = 0.13 * x.abs() - 0.5 * bell((x.abs() - 6.0) / 3.0) + 0.6 * wander;
+                let bend = 0.13 * x.abs() - 0.5 * bell((x.abs() - 6.0) / 3.0) + 1.3 * wander;
                 let reach = smoothstep(16.0 - 1.5 * number, 9.0 - number, x.abs());
                 fold += (1.0 - 0.1 * number) * bell((behind - place - bend) / 0.9) * reach;
             }

@@ -13,13 +13,14 @@ type Table = &'static [(f64, f64)];
 
 /// Shape of a crown in units of its own sizes.
 struct Form {
-    /// Half-width along the arch; 0 stands for the width at the neck, 1 for the full width.
-    width: Table,
+    /// Half-widths along the arch of the mesial and the distal side; 0 stands for the width at the neck, 1 for the full width.
+    mesial: Table,
+    distal: Table,
     /// Distance of the outer and inner surface from the axis, in half-depths.
     outer: Table,
     inner: Table,
-    /// Exponent of the superellipse of the sections: 2 is an ellipse, more is squarer.
-    squareness: f64,
+    /// Exponents of the superellipses of the sections' outer and inner halves: 2 is an ellipse, more is squarer.
+    squareness: [f64; 2],
     /// Relative narrowing of the inner side.
     taper: f64,
     /// Shift of the inner side to the distal per depth (rhomboid upper molars).
@@ -30,23 +31,30 @@ struct Form {
     fossa: f64,
 }
 
-const FRONT_WIDTH: Table =
-    &[(-0.4, -0.35), (0.0, 0.0), (0.3, 0.72), (0.55, 0.95), (0.72, 1.0), (0.92, 0.99), (1.0, 0.92)];
+/// Sides that touch over two fifths of the height and part in the third at the gum, where the papilla stands (Stappert and others
+/// 2010): the mesial one is straighter.
 const INCISOR: Form = Form {
-    width: FRONT_WIDTH,
+    mesial: &[(-0.4, -0.35), (0.0, 0.0), (0.2, 0.5), (0.4, 0.88), (0.55, 0.98), (0.75, 1.0), (1.0, 0.97)],
+    distal: &[(-0.4, -0.35), (0.0, 0.0), (0.2, 0.52), (0.4, 0.9), (0.6, 1.0), (0.8, 0.98), (1.0, 0.86)],
     outer: &[(-0.4, 0.7), (0.0, 0.9), (0.22, 1.0), (0.6, 0.82), (0.93, 0.42), (1.0, 0.26)],
     inner: &[(-0.4, 0.65), (0.0, 0.86), (0.2, 0.94), (0.45, 0.42), (0.75, 0.06), (0.93, -0.03), (1.0, 0.0)],
-    squareness: 2.8,
-    taper: 0.24,
+    squareness: [4.2, 2.0],
+    taper: 0.28,
     skew: 0.0,
     cusps: &[],
     fossa: 0.0,
 };
+const LOWER_INCISOR: Form = Form {
+    mesial: &[(-0.4, -0.35), (0.0, 0.0), (0.25, 0.42), (0.5, 0.8), (0.75, 0.99), (0.88, 1.0), (1.0, 0.97)],
+    distal: &[(-0.4, -0.35), (0.0, 0.0), (0.25, 0.42), (0.5, 0.8), (0.72, 0.99), (0.85, 1.0), (1.0, 0.94)],
+    ..INCISOR
+};
 const CANINE: Form = Form {
-    width: &[(-0.4, -0.3), (0.0, 0.0), (0.35, 0.6), (0.66, 1.0), (0.85, 0.86), (1.0, 0.66)],
+    mesial: &[(-0.4, -0.3), (0.0, 0.0), (0.35, 0.66), (0.62, 0.98), (0.74, 1.0), (0.88, 0.86), (1.0, 0.66)],
+    distal: &[(-0.4, -0.3), (0.0, 0.0), (0.3, 0.66), (0.52, 0.98), (0.62, 1.0), (0.82, 0.86), (1.0, 0.66)],
     outer: &[(-0.4, 0.7), (0.0, 0.9), (0.25, 1.0), (0.6, 0.86), (0.9, 0.48), (1.0, 0.3)],
     inner: &[(-0.4, 0.65), (0.0, 0.86), (0.2, 0.95), (0.5, 0.5), (0.8, 0.12), (1.0, 0.0)],
-    squareness: 2.3,
+    squareness: [2.9, 2.0],
     taper: 0.3,
     skew: 0.0,
     cusps: &[],
@@ -58,10 +66,11 @@ const POSTERIOR_OUTER: Table = &[(-0.4, 0.8), (0.0, 0.92), (0.3, 1.0), (0.7, 0.9
 const POSTERIOR_INNER: Table =
     &[(-0.4, 0.75), (0.0, 0.88), (0.45, 1.0), (0.75, 0.94), (0.92, 0.8), (1.0, 0.68)];
 const UPPER_PREMOLAR: Form = Form {
-    width: POSTERIOR_WIDTH,
+    mesial: POSTERIOR_WIDTH,
+    distal: POSTERIOR_WIDTH,
     outer: POSTERIOR_OUTER,
     inner: POSTERIOR_INNER,
-    squareness: 2.3,
+    squareness: [3.0, 2.5],
     taper: 0.16,
     skew: 0.0,
     cusps: &[[0.0, 0.56, 0.0], [-0.08, -0.5, 0.7]],
@@ -70,14 +79,14 @@ const UPPER_PREMOLAR: Form = Form {
 const LOWER_FIRST_PREMOLAR: Form =
     Form { taper: 0.25, cusps: &[[0.0, 0.42, 0.0], [0.0, -0.55, 2.4]], fossa: 2.9, ..UPPER_PREMOLAR };
 const LOWER_SECOND_PREMOLAR: Form = Form {
-    squareness: 2.6,
+    squareness: [3.2, 2.7],
     taper: 0.08,
     cusps: &[[0.0, 0.48, 0.0], [-0.38, -0.52, 0.8], [0.38, -0.52, 1.1]],
     fossa: 2.4,
     ..UPPER_PREMOLAR
 };
 const UPPER_MOLAR: Form = Form {
-    squareness: 3.0,
+    squareness: [3.6, 3.0],
     taper: 0.05,
     skew: 0.1,
     cusps: &[[-0.44, 0.54, 0.2], [0.42, 0.52, 0.5], [-0.36, -0.5, 0.0], [0.48, -0.54, 1.1]],
@@ -90,7 +99,7 @@ const UPPER_SECOND_MOLAR: Form = Form {
     ..UPPER_MOLAR
 };
 const LOWER_FIRST_MOLAR: Form = Form {
-    squareness: 3.0,
+    squareness: [3.6, 3.0],
     taper: 0.08,
     skew: 0.0,
     cusps: &[[-0.5, 0.5, 0.5], [0.08, 0.54, 0.6], [0.58, 0.3, 1.0], [-0.44, -0.52, 0.0], [0.4, -0.5, 0.1]],
@@ -103,7 +112,8 @@ const LOWER_SECOND_MOLAR: Form = Form {
 
 fn form(tooth: &Tooth) -> &'static Form {
     match (tooth.jaw, tooth.kind) {
-        (_, ToothKind::CentralIncisor | ToothKind::LateralIncisor) => &INCISOR,
+        (Jaw::Upper, ToothKind::CentralIncisor | ToothKind::LateralIncisor) => &INCISOR,
+        (Jaw::Lower, ToothKind::CentralIncisor | ToothKind::LateralIncisor) => &LOWER_INCISOR,
         (_, ToothKind::Canine) => &CANINE,
         (Jaw::Upper, ToothKind::FirstPremolar | ToothKind::SecondPremolar) => &UPPER_PREMOLAR,
         (Jaw::Upper, ToothKind::FirstMolar) => &UPPER_MOLAR,
@@ -143,7 +153,7 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
             // to the middle of the crown, and weaker ones along the rim.
             const SHARPNESS: f64 = 3.0;
             /// How round the tip of a cusp is, mm.
-            const TIP_MM: f64 = 0.75;
+            const TIP_MM: f64 = 0.6;
             let (half_width, half_depth) = (0.5 * tooth.width, 0.5 * tooth.depth);
             let mut sum = 0.0;
             let (mut first, mut second) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
@@ -167,7 +177,7 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
             let proximal = m.abs();
             sum += exp(SHARPNESS * (-form.fossa + 1.0 * smoothstep(0.4, 0.75, proximal)));
             // Fissures run where the slopes of two cusps meet, and end at the marginal ridges.
-            let fissure = 0.4 * bell((first - second) / 0.4) * (1.0 - smoothstep(0.46, 0.7, proximal));
+            let fissure = 0.55 * bell((first - second) / 0.3) * (1.0 - smoothstep(0.46, 0.7, proximal));
             fissure - ln(sum) / SHARPNESS
         }
     }
@@ -205,7 +215,8 @@ fn marginal_ridge(m: f64, height: f64) -> f64 {
 /// A row of a crown: what all its points share.
 struct Level {
     height: f64,
-    half_width: f64,
+    /// To the mesial and to the distal.
+    half_widths: [f64; 2],
     outer: f64,
     inner: f64,
 }
@@ -219,9 +230,10 @@ struct Meridian {
 }
 
 fn level(tooth: &Tooth, form: &Form, height: f64) -> Level {
+    let half_width = |table| 0.5 * lerp(tooth.neck_width, tooth.width, curve(table, height));
     Level {
         height,
-        half_width: 0.5 * lerp(tooth.neck_width, tooth.width, curve(form.width, height)),
+        half_widths: [half_width(form.mesial), half_width(form.distal)],
         outer: curve(form.outer, height),
         inner: curve(form.inner, height),
     }
@@ -229,10 +241,10 @@ fn level(tooth: &Tooth, form: &Form, height: f64) -> Level {
 
 /// Columns of a crown, the first one again at the end: the seam closes exactly.
 fn meridians(form: &Form, around: usize) -> Vec<Meridian> {
-    let power = 2.0 / form.squareness;
     (0..=around)
         .map(|i| {
             let (sine, cosine) = sin_cos(2.0 * PI * (i % around) as f64 / around as f64);
+            let power = 2.0 / form.squareness[usize::from(cosine > 0.0)];
             Meridian { cosine, across: signed_pow(sine, power), outward: signed_pow(cosine, power) }
         })
         .collect()
@@ -243,7 +255,6 @@ fn meridians(form: &Form, around: usize) -> Vec<Meridian> {
 pub(super) fn overlap(tooth: &Tooth, other: &Tooth) -> f64 {
     let (own_form, form) = (form(tooth), form(other));
     let columns = meridians(own_form, 32);
-    let n = form.squareness;
     let mut deepest = 0.0_f64;
     for step in 0..=10 {
         let own = level(tooth, own_form, 0.4 + 0.06 * f64::from(step));
@@ -264,16 +275,19 @@ pub(super) fn overlap(tooth: &Tooth, other: &Tooth) -> f64 {
                 there.inner += marginal_ridge(from.dot(other.distal) / (0.5 * other.width), height);
             }
             // A little larger than it is, for the unevenness of enamel.
-            const MARGIN_MM: f64 = 0.05;
+            const MARGIN_MM: f64 = 0.03;
             let half_depth = 0.5 * (there.outer + there.inner) + MARGIN_MM / (0.5 * other.depth);
             let y = (b - 0.5 * (there.outer - there.inner)) / half_depth;
             if y.abs() >= 1.0 {
                 continue;
             }
-            let inside = 0.5 * (1.0 - signed_pow(y, 0.5 * n)) * smoothstep(1.05, 0.6, height);
-            let half_width = there.half_width * (1.0 - form.taper * inside) + MARGIN_MM;
+            let n = form.squareness[usize::from(y < 0.0)];
+            let inside = smoothstep(0.0, 0.8, -signed_pow(y, 0.5 * n)) * smoothstep(1.05, 0.6, height);
             let skew = form.skew * b * smoothstep(0.0, 0.4, height) * 0.5 * other.width;
-            let x = ((from.dot(other.distal) + skew) / half_width).abs();
+            let along = from.dot(other.distal) + skew;
+            let half_width =
+                there.half_widths[usize::from(along > 0.0)] * (1.0 - form.taper * inside) + MARGIN_MM;
+            let x = (along / half_width).abs();
             if x >= 1.0 {
                 continue;
             }
@@ -289,8 +303,9 @@ pub(super) fn overlap(tooth: &Tooth, other: &Tooth) -> f64 {
 fn section(tooth: &Tooth, form: &Form, level: &Level, meridian: &Meridian) -> DVec2 {
     let (height, front) = (level.height, form.cusps.is_empty());
     let b = 0.5 * (level.outer - level.inner) - 0.5 * (level.outer + level.inner) * meridian.outward;
-    let inside = 0.5 * (1.0 + meridian.cosine) * smoothstep(1.05, 0.6, height);
-    let mut m = -level.half_width / (0.5 * tooth.width) * meridian.across * (1.0 - form.taper * inside);
+    let inside = smoothstep(0.0, 0.8, meridian.cosine) * smoothstep(1.05, 0.6, height);
+    let half_width = level.half_widths[usize::from(meridian.across < 0.0)];
+    let mut m = -half_width / (0.5 * tooth.width) * meridian.across * (1.0 - form.taper * inside);
     m -= form.skew * b * smoothstep(0.0, 0.4, height);
     if front {
         // Shallow grooves between the lobes of the outer face; marginal ridges around the fossa of the inner one.

@@ -564,6 +564,80 @@ fn crowns_have_the_sizes_of_the_table() {
 }
 
 #[test]
+fn front_teeth_touch_their_neighbors() {
+    let mouth = mouth(&MouthParameters::default());
+    let crown = |number: u8| {
+        let mesh = &mouth.part(&format!("tooth_{number}")).unwrap().mesh;
+        mesh.uvs.iter().zip(&mesh.positions).filter(|(uv, _)| uv.y > 0.4).map(|(_, p)| *p).collect::<Vec<_>>()
+    };
+    for row in [[13, 12, 11, 21, 22, 23], [43, 42, 41, 31, 32, 33]] {
+        for pair in row.windows(2) {
+            let (a, b) = (crown(pair[0]), crown(pair[1]));
+            let gap = a.iter().flat_map(|p| b.iter().map(|q| p.distance(*q))).fold(f32::INFINITY, f32::min);
+            assert!(gap < 0.35e-3, "{pair:?} are {:.2} mm apart", gap * 1e3);
+        }
+    }
+}
+
+/// Papillae are 42 % of the crowns beside them high, 4 mm in front (Chu and others 2009).
+#[test]
+fn papillae_fill_the_gaps_below_the_contacts() {
+    let mouth = mouth(&MouthParameters { tooth_irregularity: 0.0, ..MouthParameters::default() });
+    let crown = &mouth.part("tooth_21").unwrap().mesh;
+    let middle = |rows: std::ops::Range<f32>| {
+        let there = crown.uvs.iter().zip(&crown.positions).filter(|(uv, _)| rows.contains(&uv.y));
+        let (sum, count) = there.fold((Vec3::ZERO, 0.0), |(sum, n), (_, p)| (sum + *p, n + 1.0));
+        sum / count * 1e3
+    };
+    let (edge, axis) = (middle(0.9..1.0), (middle(0.0..0.1) - middle(0.9..1.0)).normalize());
+    let gum = &mouth.part("upper_gingiva").unwrap().mesh;
+    // How near the edge of the crown the gum comes at a place across.
+    let reach = |x_mm: f32| {
+        let outer = gum.uvs.iter().zip(&gum.positions).filter(|(uv, _)| (0.3..0.5).contains(&uv.y));
+        let near = outer.map(|(_, p)| *p * 1e3).filter(|p| (p.x - x_mm).abs() < 0.3);
+        near.map(|p| (p - edge).dot(axis)).fold(f32::INFINITY, f32::min)
+    };
+    let height = reach(edge.x) - reach(0.0);
+    assert!((3.6..5.0).contains(&height), "{height} mm");
+}
+
+/// Papillae on a square centimeter of the tongue's back, across and along in mm: places higher than those around them.
+fn fungiform_per_cm2(across: [f64; 2], along: [f64; 2]) -> f64 {
+    const STEP_MM: f64 = 0.15;
+    let p = MouthParameters::default();
+    let at = |x: f64, y: f64| tongue::fungiform(p.seed, x, y, y / p.tongue_length_mm);
+    let steps = |[low, high]: [f64; 2]| ((high - low) / STEP_MM) as i32;
+    let mut count = 0;
+    for i in 0..steps(across) {
+        for j in 0..steps(along) {
+            let place = |di: i32, dj: i32| {
+                at(across[0] + STEP_MM * f64::from(i + di), along[0] + STEP_MM * f64::from(j + dj))
+            };
+            let around = [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
+            let here = place(0, 0);
+            count += u32::from(here > 0.2 && around.iter().all(|&(di, dj)| place(di, dj) < here));
+        }
+    }
+    f64::from(count) / ((across[1] - across[0]) * (along[1] - along[0]) * 0.01)
+}
+
+/// 29 to 30 at the tip, 7 to 8 in the middle, 3 behind at the sides (Witt 2020), each within a quarter or two papillae.
+#[test]
+fn fungiform_papillae_are_as_dense_as_on_measured_tongues() {
+    for (across, along, wanted) in [
+        ([-9.0, 9.0], [1.0, 5.0], 27.0),
+        ([-12.0, 12.0], [26.0, 40.0], 8.0),
+        ([10.0, 22.0], [45.0, 56.0], 4.0),
+    ] {
+        let density = fungiform_per_cm2(across, along);
+        assert!(
+            (density - wanted).abs() < (0.25 * wanted).max(2.0),
+            "{density:.1} for {wanted} at {along:?}"
+        );
+    }
+}
+
+#[test]
 fn no_ray_that_enters_the_mouth_escapes() {
     for parameters in
         [coarse(), MouthParameters { jaw_opening_mm: 25.0, lip_opening_width_mm: 45.0, ..coarse() }]

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::clearance::{Field, Obstacles};
 use super::dental_arch::JawPose;
 use super::math::{PI, bell, curve, lerp, mean, pow, signed_pow, sin_cos, smoothstep, spline, window};
-use super::noise::{bumps, fractal_noise};
+use super::noise::{bumps, fractal_noise, lattice};
 use super::parameters::MouthParameters;
 use super::surface::{Surface, count, linspace, surface_mesh};
 use fluorspar::geometry::TriangleMesh;
@@ -30,6 +30,9 @@ const THINNING_REACH: usize = 12;
 /// Where the front, the sides and the middle of the tongue's back meet, in its texture coordinates.
 pub(super) const TIP_END: f64 = 0.12;
 pub(super) const LATERAL_END: f64 = 0.09;
+
+/// How much lower the tip of a tongue at rest lies than its body, mm (assumed).
+const TIP_DROOP_MM: f64 = 4.5;
 
 /// Share of the half width over the length.
 const WIDTH: &[(f64, f64)] =
@@ -64,6 +67,8 @@ struct Section {
     half_width: f64,
     back: f64,
     under: f64,
+    /// How far the borders hang below the middle.
+    sag: f64,
 }
 
 /// Values shared by the points of a row.
@@ -97,6 +102,15 @@ impl Column {
 /// quarter turn the back.
 fn superellipse(sine: f64, cosine: f64) -> (f64, f64) {
     (signed_pow(cosine, 2.0 / 2.25), signed_pow(sine, 2.0 / 2.2))
+}
+
+/// How far the borders of the tongue hang below the middle, mm: it lies on the lower teeth and between them (assumed).
+fn sag(p: &MouthParameters, t: f64) -> f64 {
+    const SAG: &[(f64, f64)] =
+        &[(0.0, 0.0), (0.08, 0.14), (0.2, 0.3), (0.35, 0.22), (0.48, 0.04), (0.55, 0.0)];
+    let free = smoothstep(1.0, 0.3, p.tongue_curl) * smoothstep(14.0, 34.0, p.jaw_opening_mm);
+    let aside = p.tongue_shift_mm / 12.0;
+    p.tongue_thickness_mm * curve(SAG, t) * free / (1.0 + aside * aside)
 }
 
 /// Half width, height of the back and of the underside over the midline, mm.
@@ -261,6 +275,14 @@ impl<'a> Tongue<'a> {
         }
         Self::shift(p, tip, &mut points);
         Self::lift(p, obstacles, &mut points);
+        // At rest the tip lies on the edges of the incisors or behind them.
+        let resting = TIP_DROOP_MM
+            * smoothstep(14.0, 1.0, tip)
+            * smoothstep(0.3, 0.0, p.tongue_curl)
+            * smoothstep(20.0, 34.0, p.jaw_opening_mm);
+        for (i, point) in points.iter_mut().enumerate() {
+            point.y -= resting * bell(i as f64 / 8.0);
+        }
         for _ in 0..12 {
             let before = points.clone();
             for i in 1..points.len() - 1 {
@@ -406,13 +428,14 @@ impl<'a> Tongue<'a> {
         let x = t.clamp(0.0, 1.0) * STEPS as f64;
         let i = (x.floor() as usize).min(STEPS - 1);
         let under = under * lerp(self.thinned[i], self.thinned[i + 1], x - i as f64);
-        Section { center, side, up, half_width, back, under }
+        Section { center, side, up, half_width, back, under, sag: sag(self.parameters, t) }
     }
 
     /// Offset of the surface from the middle of a section, from [`superellipse`] at its angle.
     fn offset(section: &Section, across: f64, upward: f64) -> DVec3 {
         let height = if upward > 0.0 { section.back } else { section.under };
-        section.side * (section.half_width * across) + section.up * (height * upward)
+        section.side * (section.half_width * across)
+            + section.up * (height * upward - section.sag * across * across)
     }
 
     /// Finds how far every fiber from the midline to the surface can reach.
@@ -559,14 +582,14 @@ impl<'a> Tongue<'a> {
     fn rows(&self) -> Vec<f64> {
         let detail = self.parameters.detail;
         // Rows are packed at the tip, where the surface turns over.
-        let tip_rows = count(12, detail);
+        let tip_rows = count(15, detail);
         let mut v_values: Vec<f64> = (0..=tip_rows)
             .map(|i| {
                 let x = i as f64 / tip_rows as f64;
                 0.03 * x * x
             })
             .collect();
-        v_values.extend(linspace(0.03, TIP_END, count(24, detail)).into_iter().skip(1));
+        v_values.extend(linspace(0.03, TIP_END, count(34, detail)).into_iter().skip(1));
         v_values.extend(linspace(TIP_END, 1.0, count(226, detail)).into_iter().skip(1));
         v_values
     }
@@ -597,7 +620,7 @@ impl<'a> Tongue<'a> {
 
     /// The underside, with the same texture coordinates on the shared border.
     pub(super) fn ventral_mesh(&self) -> TriangleMesh {
-        let u_values = linspace(0.0, 1.0, 2 * count(40, self.parameters.detail));
+        let u_values = linspace(0.0, 1.0, 2 * count(34, self.parameters.detail));
         let v_values = self.rows();
         let (rows, columns) = (v_values.len() - 1, u_values.len() - 1);
         self.surface(&v_values, &u_values, -1.0).mesh(0..rows, 0..columns, false)
@@ -633,9 +656,9 @@ impl<'a> Tongue<'a> {
             let hollow = 4.0 * v * (1.0 - v);
             let edge = top + down * (height * v) + back * (0.1 * height * hollow);
             let w = 2.0 * u - 1.0;
-            let (depth, flare) = (w * w, 0.8 + 1.8 * (1.0 - hollow));
+            let (depth, flare) = (w * w, 1.2 + 3.5 * (1.0 - hollow));
             let (sine, _) = sin_cos(0.5 * PI * w);
-            let beside = sine * (0.6 + flare * depth);
+            let beside = sine * (0.8 + flare * depth);
             (edge + back * (lerp(depths[0], depths[1], v) * depth) + side * beside, DVec2::new(u, v))
         })
     }
@@ -685,11 +708,36 @@ pub(super) fn filiform(seed: u32, across: f64, along: f64) -> f64 {
     bumps(seed ^ 0x13, across / 0.62, along / 0.72, 0.66, 1.0)
 }
 
+/// Distance of the places where a fungiform papilla may stand, mm, and their radius there.
+const FUNGIFORM_CELL_MM: f64 = 1.75;
+const FUNGIFORM_RADIUS: f64 = 0.27;
+/// How high papillae stand out, mm (filiform 0.2, fungiform 0.39, Andablo-Reyes and others 2020).
+const FILIFORM_MM: f64 = 0.2;
+const FUNGIFORM_MM: f64 = 0.39;
+
+/// Share of their places that fungiform papillae take: 29 in a square centimeter at the tip, 7 to 8 in the middle, 3 behind
+/// and at the sides there (Witt 2020).
+fn fungiform_density(across: f64, v: f64) -> f64 {
+    let per_cm2 = curve(&[(0.03, 29.0), (0.12, 20.0), (0.3, 9.0), (0.45, 7.0), (0.62, 3.0)], v);
+    let at_side = 4.0 * smoothstep(12.0, 22.0, across.abs()) * smoothstep(0.5, 0.2, v);
+    (per_cm2 + at_side) * 0.01 * FUNGIFORM_CELL_MM * FUNGIFORM_CELL_MM
+}
+
 /// Height of the fungiform papillae, 0 to 1: dense at the tip, rare behind.
 pub(super) fn fungiform(seed: u32, across: f64, along: f64, v: f64) -> f64 {
-    let at_side = 0.25 * smoothstep(12.0, 22.0, across.abs());
-    let density = (lerp(0.42, 0.06, smoothstep(0.02, 0.42, v)) + at_side * smoothstep(0.8, 0.3, v)).min(0.8);
-    bumps(seed ^ 0x14, across / 1.75, along / 1.75, 0.27, density)
+    let [x, y] = [across, along].map(|length| length / FUNGIFORM_CELL_MM);
+    bumps(seed ^ 0x14, x, y, FUNGIFORM_RADIUS, fungiform_density(across, v))
+}
+
+/// Foliate papillae: four to eight upright folds of the border in front of the palatoglossal arch, mm.
+fn foliate(seed: u32, across: f64, along: f64, v: f64) -> f64 {
+    let there = smoothstep(19.0, 25.0, across.abs()) * smoothstep(0.5, 0.56, v) * smoothstep(0.74, 0.68, v);
+    if there <= 0.0 {
+        return 0.0;
+    }
+    let wander = 0.5 * fractal_noise(seed ^ 0x1a, along * 0.3, across * 0.2, 2);
+    let (sine, _) = sin_cos(2.0 * PI * (along / 2.1 + wander));
+    there * (0.45 * sine.abs() - 0.2)
 }
 
 /// Sulcus, papillae and lingual tonsil: height above the smooth back, mm, from the lengths across and along.
@@ -703,13 +751,15 @@ fn dorsal_relief(p: &MouthParameters, across: f64, along: f64, v: f64) -> f64 {
     let fold = fractal_noise(seed ^ 0x18, across * 0.05 + 3.0, along * 0.22 - across.abs() * 0.1, 2);
     height -= 0.5 * depth * smoothstep(0.15, 0.45, fold) * smoothstep(2.0, 6.0, across.abs());
     height += 0.7 * fractal_noise(seed ^ 0x12, across * 0.1, along * 0.08, 3);
+    height += foliate(seed, across, along, v);
     let front = in_front_of_sulcus(across, v);
     height -= 0.6 * bell((v - sulcus_place(across)) / 0.008);
     // Papillae finer than the mesh are left out.
     let resolved = smoothstep(0.35, 1.0, p.detail);
     if front > 0.0 && resolved > 0.0 {
-        let hairs = resolved * filiform(seed, across, along) * 0.2;
-        let mushrooms = resolved.sqrt() * smoothstep(0.0, 0.6, fungiform(seed, across, along, v)) * 0.32;
+        let hairs = resolved * filiform(seed, across, along) * FILIFORM_MM;
+        let domes = smoothstep(0.0, 0.6, fungiform(seed, across, along, v));
+        let mushrooms = resolved.sqrt() * domes * FUNGIFORM_MM;
         height += scale * front * hairs.max(mushrooms);
     }
     if front < 1.0 {
@@ -736,13 +786,44 @@ fn dorsal_relief(p: &MouthParameters, across: f64, along: f64, v: f64) -> f64 {
 fn ventral_relief(p: &MouthParameters, x: f64, along: f64, v: f64) -> f64 {
     let seed = p.seed;
     let free = smoothstep(0.05, 0.16, v) * smoothstep(0.5, 0.35, v);
-    let fringe = 8.0 + 0.1 * along + 0.8 * fractal_noise(seed ^ 0x16, along * 0.3, x.signum(), 2);
-    let vein = vein_place(seed, along, x);
-    free * (0.5 * bell((x.abs() - fringe) / 0.6) + 0.35 * bell((x.abs() - vein) / 1.0) - 0.5 * bell(x / 2.0))
+    // The fringed fold lies outside of the vein; its edge is notched.
+    let fringe = 9.5 + 0.12 * along + 0.9 * fractal_noise(seed ^ 0x16, along * 0.3, x.signum(), 2);
+    let notches = 0.7 + 0.6 * fractal_noise(seed ^ 0x1e, along * 0.9, x.signum() * 2.0, 2);
+    let fringed = 0.9 * notches * bell((x.abs() - fringe) / 0.55);
+    free * (fringed + 0.35 * veins(seed, x, along) - 0.5 * bell(x / 2.0))
         + 0.25 * fractal_noise(seed ^ 0x17, x * 0.25, along * 0.25, 3)
 }
 
 /// Distance of the deep lingual vein from the midline, mm.
-pub(super) fn vein_place(seed: u32, along: f64, x: f64) -> f64 {
-    4.2 + 0.05 * along + 1.2 * fractal_noise(seed ^ 0x19, along * 0.15, x.signum() * 3.0, 2)
+fn vein_place(seed: u32, along: f64, x: f64) -> f64 {
+    let side = x.signum() * 3.0;
+    4.2 + 0.06 * along
+        + 1.6 * fractal_noise(seed ^ 0x19, along * 0.12, side, 2)
+        + 0.5 * fractal_noise(seed ^ 0x1b, along * 0.4, side, 2)
+}
+
+/// The deep lingual veins with their branches on the underside, 0 to 1, at lengths across and along, mm: a stem on each side,
+/// thinner toward the tip, from which branches run aside and forward.
+pub(super) fn veins(seed: u32, x: f64, along: f64) -> f64 {
+    const STEP_MM: f64 = 7.0;
+    const REACH_MM: f64 = 15.0;
+    let swell = 1.0 + 0.4 * fractal_noise(seed ^ 0x1c, along * 0.25, x.signum() * 5.0, 2);
+    let width = swell * lerp(0.35, 1.15, smoothstep(6.0, 34.0, along));
+    let mut vein = bell((x.abs() - vein_place(seed, along, x)) / width);
+    let first = (along / STEP_MM).floor() as i32;
+    for number in first..=first + 3 {
+        let odds = |channel: u32| lattice(seed, number, x.signum() as i32, 30 + channel);
+        let root = STEP_MM * (f64::from(number) + odds(0));
+        let forward = root - along;
+        if !(0.0..REACH_MM).contains(&forward) || odds(1) < 0.2 {
+            continue;
+        }
+        // Most branches run outward, some to the midline.
+        let slope = if odds(2) < 0.7 { lerp(0.3, 0.8, odds(3)) } else { -0.3 };
+        let wander = 0.9 * fractal_noise(seed ^ 0x1d, along * 0.35, f64::from(number) * 3.7 + x.signum(), 2);
+        let place = vein_place(seed, root, x) + slope * forward + wander * smoothstep(0.0, 5.0, forward);
+        let thin = lerp(0.55, 0.2, forward / REACH_MM);
+        vein = vein.max(0.9 * bell((x.abs() - place) / thin) * smoothstep(REACH_MM, 0.6 * REACH_MM, forward));
+    }
+    vein
 }

@@ -29,6 +29,7 @@ mod design;
 mod document;
 mod error;
 mod file_text;
+mod mouth_view;
 mod part_file;
 mod people;
 mod read;

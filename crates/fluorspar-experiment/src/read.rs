@@ -18,6 +18,7 @@ use crate::document::format_version::check_format;
 use crate::document::merge::merge;
 use crate::document::shape::Schema;
 use crate::document::tree::{Content, Document, MAX_TEXT_BYTES, Node, TextSource, read_tree};
+use crate::mouth_view::{change_view, spell_out_view, view_of};
 use crate::preset;
 use fluorspar_format::{FileFormat, read_text_bounded};
 
@@ -171,7 +172,11 @@ pub(super) fn change_document(
     base_dir: &Path,
 ) -> Result<(), ExperimentError> {
     for (number, change) in changes.iter().enumerate() {
+        let before = view_of(&document.root);
         apply_change(document, schema, number, change, base_dir)?;
+        if view_of(&document.root) != before {
+            change_view(&mut document.root, before);
+        }
     }
     if document.root.get("base").is_some() {
         return Err(
@@ -249,7 +254,9 @@ fn put_on_bases(document: &mut Document, schema: &Schema, base_dir: &Path) -> Re
             "this takes away what a base says, and the file has no base; leave the sections out instead";
         return Err(document.error(&steps!["unset"], message).without_value());
     }
+    spell_out_view(&mut document.root, None);
     while let Some(mut over) = above.pop() {
+        spell_out_view(&mut over, Some(&document.root));
         if let Some(unset) = over.take("unset") {
             apply_unset(document, schema, &unset)?;
         }

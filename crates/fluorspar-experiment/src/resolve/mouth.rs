@@ -3,7 +3,9 @@
 use super::context::{Context, Resolved};
 use crate::error::steps;
 use crate::schema::ExperimentFile;
-use fluorspar_anatomy::{MouthParameters, Tissue};
+use fluorspar::names::did_you_mean;
+use fluorspar::quote::excerpt;
+use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, MouthParameters, POSES, Tissue};
 
 /// The tissue that uses a material, if it is the only one.
 pub(super) fn only_tissue(file: &ExperimentFile, material: &str) -> Option<Tissue> {
@@ -21,4 +23,16 @@ pub(super) fn only_tissue(file: &ExperimentFile, material: &str) -> Option<Tissu
 /// Refuses invalid parameters of a mouth.
 pub(super) fn check_parameters(context: &Context<'_>, parameters: &MouthParameters) -> Resolved<()> {
     parameters.validate().map_err(|error| context.error(&steps!["mouth", error.field], error.message))
+}
+
+/// Refuses the name of a view that there is not.
+pub(super) fn check_view(context: &Context<'_>, view: Option<&str>) -> Resolved<()> {
+    let Some(name) = view.filter(|name| ExaminationView::find(name).is_none()) else { return Ok(()) };
+    let names = || EXAMINATION_VIEWS.iter().chain(&POSES).map(|view| view.name);
+    let hint = did_you_mean(name, names());
+    let known = names().collect::<Vec<_>>().join(", ");
+    context.fail(
+        &steps!["mouth", "view"],
+        format!("there is no view \"{}\"{hint} Known: {known}", excerpt(name)),
+    )
 }

@@ -500,6 +500,7 @@ fn surface_emission(
 }
 
 fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Material]) -> Resolved<Vec<Object>> {
+    mouth::check_view(context, section.view.as_deref())?;
     mouth::check_parameters(context, &section.parameters)?;
     let transform = match &section.transform {
         Some(transform) => affine(context, &steps!["mouth", "transform"], transform)?.0,

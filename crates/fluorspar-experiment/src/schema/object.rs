@@ -332,6 +332,9 @@ pub struct MouthSection {
     pub scan: Vec<ScanSection>,
     /// Placement of the mouth. Default: in its own frame.
     pub transform: Option<TransformSection>,
+    /// Name of a view of `fluorspar mouth view --list`, such as "tongue-out": pose of jaw, tongue and lips (drawn apart as by
+    /// retractors) and place of the camera, as far as this file does not give them. Default: none.
+    pub view: Option<String>,
     /// Shape and pose.
     #[serde(flatten)]
     pub parameters: MouthParameters,

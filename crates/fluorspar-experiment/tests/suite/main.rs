@@ -23,6 +23,7 @@ mod measured_lesions;
 mod measured_sites;
 mod mesh_files;
 mod mouth_appearance;
+mod mouth_view;
 mod porphyrin_coverage;
 mod porphyrin_region;
 mod safety_of_captures;
