@@ -20,6 +20,7 @@
 //! | `intersect` | the nearest surface or light along a ray, and visibility |
 //! | `light_sampling` | directions toward lights, with densities |
 //! | `survival_probability` | expected remaining contribution of a path, which decides its survival |
+//! | `material_spread` | radial profiles of a material, and distances drawn from them |
 //! | `translucency` | where light entered that leaves translucent tissue |
 //! | `path` | the vertices of a path |
 //! | `path_integrator` | samples paths: direct illumination, continuation, Russian roulette |
@@ -50,6 +51,7 @@ mod fluorescence_operator;
 mod instances;
 mod intersect;
 mod light_sampling;
+mod material_spread;
 mod memory;
 mod path;
 mod path_integrator;

@@ -4,8 +4,8 @@ use fluorspar_accel::Lanes;
 use fluorspar_accel::bands::{self, BLOCK, BandBlock};
 
 use super::compiled_scene::{CompiledScene, Emitter, MaterialSpectra};
+use super::material_spread::MaterialSpread;
 use super::path::{Path, VertexSpread};
-use super::translucency::MaterialSpread;
 use crate::tissue::EMITTED_NM;
 
 /// What becomes of direct light that entered elsewhere, on its way to the first vertex of a path.

@@ -9,21 +9,19 @@
 //! With `E` the direct light, `R (E(o) + t (E(i) - E(o)))` has the same mean, since `t` is 1 on average, and no noise of `t` where light
 //! is even: both points sample the same place on the same light. Indirect light hardly changes over a millimeter, and leaves where it
 //! enters. The tissue is that of a random place between both points. Where the probe meets nothing, the surface ends, and the light has
-//! entered here: on any shape under even light as much leaves as from a plane. Where it meets a surface that is not translucent, none
-//! has entered there.
+//! entered here: on any shape under even light as much leaves as from a plane. Where it meets a surface that is not translucent, light
+//! has entered there, or here as well, by the share that the surface reflects: a white tooth passes light on to the gum, black paint
+//! none.
 
 use fluorspar_accel::Ray;
-use fluorspar_accel::bands::BandBlock;
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 
 use super::compiled_scene::CompiledScene;
+use super::material_spread::node_at;
 use super::path::VertexSpread;
 use super::surface::{Intersection, SurfacePoint, Target};
+use super::survival_probability::BINS;
 
-/// Radii at which profiles are known: the first one, mm, their ratio and their number. Beyond the last no light leaves.
-const FIRST_MM: f64 = 0.01;
-const RATIO: f64 = 1.2;
-pub(super) const RADII: usize = 42;
 /// How far above and below the plane a probe looks, by the distance along it and for bumps, m: what lies farther off is another surface
 /// across a gap.
 const SLOPE: f32 = 0.5;
@@ -35,62 +33,6 @@ const SHEET: f32 = 0.25;
 
 /// Millimeters per meter.
 const MM: f32 = 1e3;
-
-/// Radial profiles of a material.
-#[derive(Debug)]
-pub(super) struct MaterialSpread {
-    /// Probability of distances up to each node.
-    pub(super) cumulative: [f32; RADII],
-    /// Reflectance times density, 1/mm², `[term][radius][block]`.
-    pub(super) reflected: Vec<Vec<BandBlock>>,
-    /// Density, 1/mm², `[fluorophore][radius][wavelength of emission]`; nothing of what lies on the surface.
-    pub(super) emitted: Vec<Vec<f32>>,
-}
-
-/// Radius of a node, mm.
-pub(super) fn radius_mm(node: usize) -> f64 {
-    FIRST_MM * RATIO.powi(node as i32)
-}
-
-/// Area that each node stands for when densities are interpolated between them, mm².
-pub(super) fn node_areas_mm2() -> [f64; RADII] {
-    const STEPS: usize = 64;
-    let mut areas = [0.0; RADII];
-    areas[0] = std::f64::consts::PI * radius_mm(0).powi(2);
-    for node in 0..RADII - 1 {
-        let (inner, outer) = (radius_mm(node), radius_mm(node + 1));
-        for step in 0..STEPS {
-            let share = (step as f64 + 0.5) / STEPS as f64;
-            let radius = inner * RATIO.powf(share);
-            // dA = 2 pi r dr, dr = r ln(ratio) d(share)
-            let area = std::f64::consts::TAU * radius * radius * (outer / inner).ln() / STEPS as f64;
-            areas[node] += (1.0 - share) * area;
-            areas[node + 1] += share * area;
-        }
-    }
-    areas
-}
-
-/// Node below a distance, and the share of the way to the next; `None` beyond the last.
-fn node_at(distance_mm: f32) -> Option<(usize, f32)> {
-    let place = (distance_mm.max(FIRST_MM as f32) / FIRST_MM as f32).ln() / (RATIO as f32).ln();
-    let node = place as usize;
-    (node + 1 < RADII).then_some((node, place - node as f32))
-}
-
-impl MaterialSpread {
-    /// Draws a distance along the plane, mm, and gives the density there, 1/mm². Distances rise with `u`, so that even numbers give
-    /// evenly spread distances; the density is even within a ring between two nodes.
-    fn sample(&self, u: f32) -> (f32, f32) {
-        let ring = self.cumulative.partition_point(|sum| *sum <= u).min(RADII - 1);
-        let below = if ring == 0 { 0.0 } else { self.cumulative[ring - 1] };
-        let share = self.cumulative[ring] - below;
-        let inner = if ring == 0 { 0.0 } else { radius_mm(ring - 1) as f32 };
-        let area = radius_mm(ring).powi(2) as f32 - inner * inner;
-        let distance_mm = (inner * inner + ((u - below) / share).clamp(0.0, 1.0) * area).sqrt();
-        (distance_mm, share / (std::f32::consts::PI * area))
-    }
-}
 
 /// A point where light leaves, while it is not known where it entered.
 #[derive(Clone, Copy, Debug)]
@@ -143,6 +85,17 @@ impl CompiledScene {
         Some(Probe { ray, left, material: chosen.index, density_per_mm2 })
     }
 
+    /// Mean diffuse reflectance of a surface, 0 to 1.
+    fn mean_reflectance(&self, material: usize, point: &SurfacePoint) -> f32 {
+        let prepared = &self.materials[material];
+        let bsdf = prepared.bsdf(point.uv, point.front, Vec3::Z);
+        let mut sum = 0.0;
+        prepared.term_weights(point.uv, &bsdf, |term, weight| {
+            sum += weight * self.material_spectra[material].coarse_terms[term].iter().sum::<f32>();
+        });
+        sum / BINS as f32
+    }
+
     /// What a probe has met; `None` where light has entered where it leaves.
     pub(super) fn spread(&self, probe: &Probe, met: Option<&Intersection>, u: [f32; 4]) -> Option<Spread> {
         let &Probe { ray, left, material, density_per_mm2 } = probe;
@@ -161,6 +114,9 @@ impl CompiledScene {
         let chosen = self.materials.choose(outermost, point.uv, point.front, &mut choice);
         let there = chosen.index;
         if self.material_spectra[there].spread.is_none() {
+            if u[2] < self.mean_reflectance(there, &point) {
+                return None;
+            }
             return Some(Spread { entry: Entry::Nowhere, material, uv: left.uv, weights });
         }
         if let (Some(map), Some(hit)) = (chosen.normal_map, met) {

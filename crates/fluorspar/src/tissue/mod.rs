@@ -62,9 +62,8 @@ pub use optical_layer::{
 };
 pub use population::{Population, Spread, Variation};
 pub use radial_mixture::{GAUSSIANS, density_per_mm2, gaussian_mm};
-pub use radial_profile::{
-    EMITTED_NM, EXCITATIONS_NM, PHOTONS, RadialProfile, TissueProfiles, radial_profiles,
-};
+pub(crate) use radial_profile::{EMITTED_NM, PHOTONS};
+pub use radial_profile::{EXCITATIONS_NM, RadialProfile, TissueProfiles, radial_profiles};
 pub use scattering::{LayerScattering, ScatteringCoefficient};
 pub use site::{LayerAddition, Site, SiteDescription, SiteParameters, SiteStructure, SiteValue};
 pub use site_parameter::{Basis, MucosaParameters, SiteParameter, ToothParameters};

@@ -36,6 +36,7 @@ const MODULES: &[(&str, &[&str])] = &[
             "material",
             "light",
             "optics",
+            "tissue",
             "scene",
         ],
     ),

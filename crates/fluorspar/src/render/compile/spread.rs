@@ -3,7 +3,7 @@
 use fluorspar_accel::bands::to_blocks;
 
 use crate::material::{FluorophoreAmount, PreparedMaterial};
-use crate::render::translucency::{MaterialSpread, RADII, node_areas_mm2, radius_mm};
+use crate::render::material_spread::{MaterialSpread, RADII, node_areas_mm2, radius_mm};
 use crate::spectral::{Curve, WavelengthGrid};
 use crate::tissue::{EMITTED_NM, EXCITATIONS_NM, GAUSSIANS, density_per_mm2, gaussian_mm};
 
