@@ -154,6 +154,7 @@ pub(super) struct PathBatch {
     visibility: Vec<f32>,
     /// Probes of the paths whose first vertex is translucent, in the order of the paths.
     probes: Vec<Option<Probe>>,
+    met: Vec<Option<Intersection>>,
     spreads: Vec<Option<Spread>>,
 }
 
@@ -225,8 +226,19 @@ impl ShadingPoint<'_> {
 impl CompiledScene {
     /// Samples all paths of a batch to their ends: at most `max_depth` vertices each.
     pub(super) fn sample_paths(&self, batch: &mut PathBatch, max_depth: u32, estimator: Estimator) {
-        let PathBatch { states, len, active, rays, buffers, hits, shadow_rays, visibility, probes, spreads } =
-            batch;
+        let PathBatch {
+            states,
+            len,
+            active,
+            rays,
+            buffers,
+            hits,
+            shadow_rays,
+            visibility,
+            probes,
+            met,
+            spreads,
+        } = batch;
         active.clear();
         active.extend(0..*len as u32);
         for depth in 0..=max_depth {
@@ -253,8 +265,7 @@ impl CompiledScene {
                 }));
                 rays.clear();
                 rays.extend(probes.iter().flatten().map(|probe| probe.ray));
-                let mut met = Vec::new();
-                self.closest_each(rays, buffers, &mut met);
+                self.closest_each(rays, buffers, met);
                 let mut met = met.iter();
                 spreads.extend(active.iter().zip(&*probes).map(|(index, probe)| {
                     let probe = probe.as_ref()?;

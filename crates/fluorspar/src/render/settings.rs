@@ -13,7 +13,8 @@ pub enum Estimator {
     /// Next-event estimation toward one light of every group, weighted against scattered directions.
     #[default]
     MultipleImportance,
-    /// Only scattered directions: slow, blind to point and distant lights, a reference for tests.
+    /// Only scattered directions: slow, blind to point and distant lights and to how direct light spreads in tissue; a reference for
+    /// tests.
     ScatteringOnly,
 }
 

@@ -17,7 +17,7 @@ use crate::sampling::random::Key;
 pub const EXCITATIONS_NM: [f64; 3] = [385.0, 415.0, 450.0];
 /// Photons that are traced for each way of scattering: counts in rings of a tenth of the light are good to 5 %,
 /// and their mixtures to less.
-pub const PHOTONS: u64 = 4096;
+pub(crate) const PHOTONS: u64 = 4096;
 /// Wavelengths at which photons are traced, nm; between them the shares of the mixtures are interpolated.
 const TRACED_NM: [f64; 4] = [395.0, 480.0, 570.0, 680.0];
 /// Wavelengths of the profiles, nm: bands and gaps of hemoglobin.
@@ -28,7 +28,7 @@ static REFLECTED_NM: [f64; 24] = [
 /// Number of wavelengths of the emission of fluorescence.
 const EMISSIONS: usize = 11;
 /// Wavelengths of the emission of fluorescence, nm.
-pub static EMITTED_NM: [f64; EMISSIONS] =
+pub(crate) static EMITTED_NM: [f64; EMISSIONS] =
     [430.0, 460.0, 490.0, 520.0, 542.0, 560.0, 577.0, 600.0, 635.0, 680.0, 750.0];
 /// For every so many photons that are followed to where they leave, one is asked where it passes: it passes many places.
 const PASSING: u64 = 4;
