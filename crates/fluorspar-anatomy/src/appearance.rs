@@ -141,7 +141,8 @@ impl<'a> Place<'a> {
             Tissue::Gingiva => {
                 // The free margin and the mucosa below the attached gum are redder.
                 let lining = smoothstep(0.17, 0.1, self.v);
-                0.25 * mottled + 0.6 * lining + lining * 0.8 * self.vessels(0x33, 5.0, 0.07)
+                let margin = bell((self.v - 0.43) / 0.04);
+                0.25 * mottled + 0.25 * margin + 0.6 * lining + lining * 0.8 * self.vessels(0x33, 5.0, 0.07)
             }
             Tissue::HardPalate => 0.3 * mottled + 0.3 * smoothstep(0.55, 0.95, self.v),
             Tissue::SoftPalate => {
@@ -178,7 +179,8 @@ impl<'a> Place<'a> {
         if self.tissue != Tissue::TongueDorsum {
             return 0.0;
         }
-        smoothstep(0.05, 0.5, tongue::fungiform(self.p.seed, self.x, self.y, self.v))
+        let papillae = smoothstep(0.05, 0.5, tongue::fungiform(self.p.seed, self.x, self.y, self.v));
+        papillae * tongue::in_front_of_sulcus(self.x, self.v)
     }
 
     /// Creases of the dry lip, 0 to 1: across the lip, a millimeter or two apart.

@@ -775,9 +775,8 @@ fn dorsal_relief(p: &MouthParameters, across: f64, along: f64, v: f64) -> f64 {
         let (dx, dy) = (across - place, (v - v_place) * length);
         let r = (dx * dx + dy * dy).sqrt();
         let size = 1.25 - 0.08 * f64::from(number).abs();
-        height += scale
-            * resolved
-            * (0.8 * smoothstep(size, 0.72 * size, r) - 0.4 * bell((r - 1.15 * size) / 0.35));
+        height +=
+            scale * resolved * (0.7 * smoothstep(size, 0.5 * size, r) - 0.5 * bell((r - 1.2 * size) / 0.4));
     }
     height
 }
