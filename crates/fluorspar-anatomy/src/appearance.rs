@@ -100,7 +100,12 @@ impl<'a> Place<'a> {
             Tissue::Lip => (45.0 * across, 20.0 * v),
             Tissue::Tooth => (26.0 * u, 9.0 * v),
             Tissue::Throat => (100.0 * u, 40.0 * v),
-            Tissue::Skin => (160.0 * u, 110.0 * v),
+            // Around the mouth, without a seam.
+            Tissue::Skin => {
+                let (sine, cosine) = sin_cos(2.0 * PI * u);
+                let away = lerp(130.0, 38.0, v);
+                (away * cosine, away * sine)
+            }
         };
         Self { tissue, p, u, v, x, y }
     }
