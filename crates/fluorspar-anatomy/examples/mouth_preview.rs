@@ -91,6 +91,7 @@ fn view_named(name: &str) -> Result<View, Box<dyn std::error::Error>> {
         "tongue" => View { eye: at(15.0, 45.0, 80.0), target: at(0.0, -18.0, 2.0), field: 0.03 },
         "molars" => View { eye: at(-18.0, 25.0, 70.0), target: at(22.0, -16.0, -25.0), field: 0.035 },
         "smile" => View { eye: at(-15.0, 8.0, 150.0), target: at(0.0, 1.0, 0.0), field: 0.036 },
+        "root" => View { eye: at(0.0, 40.0, 20.0), target: at(0.0, -8.0, -42.0), field: 0.045 },
         "chewing" => View { eye: at(10.0, -62.0, 62.0), target: at(21.0, 20.0, -25.0), field: 0.032 },
         "incisors" => View { eye: at(15.0, 20.0, 60.0), target: at(0.0, 24.0, 0.0), field: 0.045 },
         other => return Err(format!("no view {other}").into()),

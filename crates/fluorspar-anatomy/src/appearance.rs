@@ -100,7 +100,12 @@ impl<'a> Place<'a> {
             Tissue::Lip => (45.0 * across, 20.0 * v),
             Tissue::Tooth => (26.0 * u, 9.0 * v),
             Tissue::Throat => (100.0 * u, 40.0 * v),
-            Tissue::Skin => (160.0 * u, 110.0 * v),
+            // Around the mouth, without a seam.
+            Tissue::Skin => {
+                let (sine, cosine) = sin_cos(2.0 * PI * u);
+                let away = lerp(130.0, 38.0, v);
+                (away * cosine, away * sine)
+            }
         };
         Self { tissue, p, u, v, x, y }
     }
@@ -141,7 +146,8 @@ impl<'a> Place<'a> {
             Tissue::Gingiva => {
                 // The free margin and the mucosa below the attached gum are redder.
                 let lining = smoothstep(0.17, 0.1, self.v);
-                0.25 * mottled + 0.6 * lining + lining * 0.8 * self.vessels(0x33, 5.0, 0.07)
+                let margin = bell((self.v - 0.43) / 0.04);
+                0.25 * mottled + 0.25 * margin + 0.6 * lining + lining * 0.8 * self.vessels(0x33, 5.0, 0.07)
             }
             Tissue::HardPalate => 0.3 * mottled + 0.3 * smoothstep(0.55, 0.95, self.v),
             Tissue::SoftPalate => {
@@ -178,7 +184,8 @@ impl<'a> Place<'a> {
         if self.tissue != Tissue::TongueDorsum {
             return 0.0;
         }
-        smoothstep(0.05, 0.5, tongue::fungiform(self.p.seed, self.x, self.y, self.v))
+        let papillae = smoothstep(0.05, 0.5, tongue::fungiform(self.p.seed, self.x, self.y, self.v));
+        papillae * tongue::in_front_of_sulcus(self.x, self.v)
     }
 
     /// Creases of the dry lip, 0 to 1: across the lip, a millimeter or two apart.

@@ -261,9 +261,9 @@ impl<'a> Sheet<'a> {
     /// out of a cheek, mm (papilla 3 to 4 mm wide, assumed).
     fn cheek_relief(&self, point: DVec3) -> f64 {
         let molar = 0.5 * self.parameters.jaw_opening_mm;
-        let papilla = bell((point.y - 0.55 * molar) / 1.8)
+        let papilla = bell((point.y - 0.3 * molar) / 1.8)
             * bell((point.z + 0.8 * self.parameters.upper_arch_depth_mm) / 2.0);
-        1.6 * papilla
+        2.2 * papilla
             + 0.5
                 * bell(point.y / 1.2)
                 * smoothstep(-16.0, -22.0, point.z)

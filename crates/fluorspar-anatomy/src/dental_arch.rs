@@ -391,15 +391,15 @@ impl Arch {
 
     pub(super) fn station(&self, arc: f64) -> Station {
         let (point, _, outward) = self.frame(arc);
-        let tooth = self
-            .teeth
-            .iter()
-            .min_by(|a, b| {
-                let distance = |t: &Tooth| (arc - t.middle).abs() - t.half_room;
-                distance(a).total_cmp(&distance(b))
-            })
-            .map(|t| (((arc - t.middle) / t.half_room).clamp(-1.0, 1.0), t.present));
-        let (across, present) = tooth.unwrap_or((0.0, false));
+        let distance = |t: &Tooth| (arc - t.middle).abs() - t.half_room;
+        let nearest = (0..self.teeth.len())
+            .min_by(|&a, &b| distance(&self.teeth[a]).total_cmp(&distance(&self.teeth[b])))
+            .unwrap_or(0);
+        let tooth = &self.teeth[nearest];
+        let across = ((arc - tooth.middle) / tooth.half_room).clamp(-1.0, 1.0);
+        // A gap falls from a tooth beside it, but has no papilla toward another gap.
+        let beside = if across > 0.0 { nearest.checked_add(1) } else { nearest.checked_sub(1) };
+        let is_beside_tooth = beside.and_then(|i| self.teeth.get(i)).is_some_and(|t| t.present);
         let a2 = across * across;
         let (tilt_sin, tilt_cos) = sin_cos(curve(&self.profile.tilt, arc));
         Station {
@@ -410,7 +410,13 @@ impl Arch {
             outer: curve(&self.profile.outer, arc),
             inner: curve(&self.profile.inner, arc),
             across,
-            toothed: if present { 1.0 } else { a2 * a2 * a2 },
+            toothed: if tooth.present {
+                1.0
+            } else if is_beside_tooth {
+                a2 * a2 * a2
+            } else {
+                0.0
+            },
         }
     }
 }

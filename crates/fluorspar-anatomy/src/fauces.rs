@@ -47,7 +47,8 @@ impl<'a> Fauces<'a> {
         y -= 0.8 * bell((x.abs() - 7.0) / 4.0) * 4.0 * k * (1.0 - k);
         // Its sides come forward, but stay behind the last lower molars.
         let forward = 9.5 * a * a * k * k * (1.0 - 0.9 * smoothstep(0.6, 0.82, a));
-        let mut z = edge.z - 23.0 * k - 3.5 * (1.0 - a * a) * k + forward;
+        let behind_teeth = 7.0 * smoothstep(0.74, 0.86, a) * k * k;
+        let mut z = edge.z - 23.0 * k - 3.5 * (1.0 - a * a) * k + forward - behind_teeth;
         // Its sides run forward into the cheeks behind the last molars: the fold over the pterygomandibular raphe.
         let fold = smoothstep(0.84, 1.0, a) * smoothstep(0.0, 0.35, k);
         let x = x + (18.0 * fold).copysign(across);

@@ -47,10 +47,12 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let margin = lerp(length + 1.9, margin, toothed);
     let inner_margin = lerp(length + 1.9, inner_margin, toothed);
     // Between the teeth the gum lies behind their outer faces.
-    let outer_margin = outer * (1.0 - 0.27 * pow(across, 5.0) * toothed - 0.2 * (1.0 - toothed));
+    let between = smoothstep(0.6, 1.0, across);
+    let groove = between * between;
+    let outer_margin = outer * (1.0 - 0.27 * groove * toothed - 0.2 * (1.0 - toothed));
     let inner_edge = inner * (1.0 - 0.3 * pow(across, 2.0) * toothed - 0.2 * (1.0 - toothed));
-    // Roots bulge under the gum.
-    let root = 0.55 * bell(across / 0.55) * toothed;
+    // Roots bulge under the gum, with soft grooves between them.
+    let root = 0.27 * (1.0 + sin_cos(PI * across).1) * toothed;
     let saddle = lerp(length - 0.4, contact + 0.9, papilla);
     let saddle = lerp(length + 0.2, saddle, toothed);
     let at =
@@ -63,8 +65,8 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
         (outer + 0.7 + root + 0.4 * fold, length + 5.4),
         (outer + 0.5 + root, length + 2.4),
         (lerp(outer, outer_margin, 0.55) + 0.62, lerp(margin, length + 2.4, 0.4)),
-        (outer_margin + 0.5, margin + 0.35),
-        (outer_margin + 0.1, margin - 0.05),
+        (outer_margin + 0.6, margin + 0.35),
+        (outer_margin + 0.2, margin - 0.05),
         (outer_margin - 0.7, margin + 0.12 - 0.7 * (1.0 - toothed)),
         (0.0, saddle),
         (0.7 - inner_edge, inner_margin + 0.12 - 0.7 * (1.0 - toothed)),

@@ -775,9 +775,8 @@ fn dorsal_relief(p: &MouthParameters, across: f64, along: f64, v: f64) -> f64 {
         let (dx, dy) = (across - place, (v - v_place) * length);
         let r = (dx * dx + dy * dy).sqrt();
         let size = 1.25 - 0.08 * f64::from(number).abs();
-        height += scale
-            * resolved
-            * (0.8 * smoothstep(size, 0.72 * size, r) - 0.4 * bell((r - 1.15 * size) / 0.35));
+        height +=
+            scale * resolved * (0.7 * smoothstep(size, 0.5 * size, r) - 0.5 * bell((r - 1.2 * size) / 0.4));
     }
     height
 }
@@ -785,13 +784,16 @@ fn dorsal_relief(p: &MouthParameters, across: f64, along: f64, v: f64) -> f64 {
 /// Veins and the fringed folds of the underside.
 fn ventral_relief(p: &MouthParameters, x: f64, along: f64, v: f64) -> f64 {
     let seed = p.seed;
+    let uneven = 0.25 * fractal_noise(seed ^ 0x17, x * 0.25, along * 0.25, 3);
     let free = smoothstep(0.05, 0.16, v) * smoothstep(0.5, 0.35, v);
+    if free <= 0.0 {
+        return uneven;
+    }
     // The fringed fold lies outside of the vein; its edge is notched.
     let fringe = 9.5 + 0.12 * along + 0.9 * fractal_noise(seed ^ 0x16, along * 0.3, x.signum(), 2);
     let notches = 0.7 + 0.6 * fractal_noise(seed ^ 0x1e, along * 0.9, x.signum() * 2.0, 2);
     let fringed = 0.9 * notches * bell((x.abs() - fringe) / 0.55);
-    free * (fringed + 0.35 * veins(seed, x, along) - 0.5 * bell(x / 2.0))
-        + 0.25 * fractal_noise(seed ^ 0x17, x * 0.25, along * 0.25, 3)
+    uneven + free * (fringed + 0.35 * veins(seed, x, along) - 0.5 * bell(x / 2.0))
 }
 
 /// Distance of the deep lingual vein from the midline, mm.
@@ -809,7 +811,12 @@ pub(super) fn veins(seed: u32, x: f64, along: f64) -> f64 {
     const REACH_MM: f64 = 15.0;
     let swell = 1.0 + 0.4 * fractal_noise(seed ^ 0x1c, along * 0.25, x.signum() * 5.0, 2);
     let width = swell * lerp(0.35, 1.15, smoothstep(6.0, 34.0, along));
-    let mut vein = bell((x.abs() - vein_place(seed, along, x)) / width);
+    let stem = vein_place(seed, along, x);
+    // Nothing reaches further aside.
+    if (x.abs() - stem).abs() > 16.0 {
+        return 0.0;
+    }
+    let mut vein = bell((x.abs() - stem) / width);
     let first = (along / STEP_MM).floor() as i32;
     for number in first..=first + 3 {
         let odds = |channel: u32| lattice(seed, number, x.signum() as i32, 30 + channel);

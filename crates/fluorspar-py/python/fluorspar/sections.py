@@ -1452,6 +1452,9 @@ class MouthSection(TypedDict, total=False):
     """Own scans in place of parts. Default: none."""
     transform: TransformSection
     """Placement of the mouth. Default: in its own frame."""
+    view: str
+    """Name of a view of `fluorspar mouth view --list`, such as "tongue-out": pose of jaw, tongue and lips (drawn apart as by
+    retractors) and place of the camera, as far as this file does not give them. Default: none."""
     jaw_opening_mm: float
     """Distance between the edges of the upper and lower central incisors, mm (default 45, 14 to 60). Adults open to 45-57 mm
     at most; below 35 mm is a restricted opening."""
