@@ -155,7 +155,7 @@ fn the_task_index_and_the_examples_run() {
 }
 
 /// Examples of `--help` that take long, wait for other processes or need frames of a camera: that they can be read another test holds.
-const ONLY_READ: [&str; 9] = [
+const ONLY_READ: [&str; 10] = [
     "run velscope-like",
     "analyze --experiment",
     "design sweep tongue-camera",
@@ -165,6 +165,7 @@ const ONLY_READ: [&str; 9] = [
     "mouth sample",
     "mouth view",
     "validate",
+    "workbench",
 ];
 
 #[test]

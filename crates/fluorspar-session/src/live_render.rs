@@ -1,0 +1,279 @@
+//! A finished render whose experiment changes again and again: frames, estimates and spectra without a new render.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use fluorspar::analysis::PixelSelection;
+use fluorspar::image::{ComponentImage, LightPath};
+use fluorspar::pipeline::{
+    AnalyzedFrame, CapturedFrame, PipelineError, RegionRadiance, analyze_regions, analyze_seen,
+    capture_from_planes, check_captures, on_sensor,
+};
+use fluorspar::study::{AnalysisPlan, Study};
+use fluorspar_experiment::schema::{ExperimentFile, ExposureTime};
+use fluorspar_experiment::{
+    Experiment, ResolvedExperiment, SceneChange, cached_analysis, edit_experiment, parse, resolve,
+};
+
+use crate::analyze::looked_at;
+use crate::region_option::{RegionOption, region_options};
+use crate::values::{Override, as_typed, sets};
+use crate::{
+    CaptureView, Changes, Error, ExperimentSource, FinishedRender, Result, ShownExperiment, Wanted,
+    as_typed_in_session,
+};
+
+/// A finished render and the text of its experiment, on top of which changes come.
+pub struct LiveRender {
+    render: FinishedRender,
+    name: String,
+    text: String,
+    base_dir: PathBuf,
+    /// What captures saw last, and of what experiment as far as that matters.
+    seen: Mutex<Option<(ExperimentFile, Arc<CaptureView>)>>,
+}
+
+/// An experiment with changes, as a finished render shows it.
+pub struct LiveStudy<'a> {
+    live: &'a LiveRender,
+    parsed: Experiment,
+    overrides: Vec<Override>,
+    experiment: ResolvedExperiment,
+    view: Arc<CaptureView>,
+}
+
+/// Name of the region that an estimate is asked for.
+const DRAWN: &str = "drawn";
+
+impl LiveRender {
+    /// Opens a component file with the experiment that it carries.
+    ///
+    /// # Errors
+    /// A file that can't be read, holds no components or carries no experiment.
+    pub fn open(path: &Path) -> Result<Self> {
+        let render = FinishedRender::open_to_stay(path)?;
+        let text = render.experiment_text()?.to_owned();
+        let name = format!("experiment in {}", render.name());
+        Ok(Self { render, name, text, base_dir: PathBuf::from("."), seen: Mutex::default() })
+    }
+
+    /// An image that was just rendered, with its experiment and the text on top of which changes come.
+    pub fn of_image(
+        image: Arc<ComponentImage>,
+        experiment: Arc<Experiment>,
+        source: &ExperimentSource,
+        text: String,
+    ) -> Self {
+        let render = FinishedRender::of_image(image, Some(experiment));
+        let (name, base_dir) = (source.name.clone(), source.base_dir.clone());
+        Self { render, name, text, base_dir, seen: Mutex::default() }
+    }
+
+    /// The render.
+    pub fn render(&self) -> &FinishedRender {
+        &self.render
+    }
+
+    /// The experiment with changes.
+    ///
+    /// # Errors
+    /// A change that can't be made.
+    pub fn experiment(&self, changes: &Changes) -> Result<Experiment> {
+        let overrides = changes.overrides();
+        let parsed = parse(&self.text, &self.name, &self.base_dir, &sets(&overrides));
+        Ok(parsed.map_err(|error| as_typed(error, &overrides))?)
+    }
+
+    /// The text of the experiment with changes written into it, comments and order kept; with a region of an analysis, as `NAME=WHERE` of
+    /// [`crate::AnalyzeOptions::named_region`], where one is given.
+    ///
+    /// # Errors
+    /// A change that can't be made.
+    pub fn text_with(&self, changes: &Changes, region: Option<&str>) -> Result<String> {
+        let mut overrides = changes.overrides();
+        if let Some(region) = drawn(region)? {
+            overrides.extend(region.overrides(&self.experiment(changes)?));
+        }
+        let read = |one: &Override| SceneChange::read(&one.set);
+        let list: Vec<SceneChange> = overrides.iter().map(read).collect::<Result<_, _>>()?;
+        let edited = edit_experiment(&self.text, &self.name, &self.base_dir, &list);
+        Ok(edited.map_err(|error| as_typed(error, &overrides))?)
+    }
+
+    /// The experiment with changes as the render shows it. Planes of the last cameras are kept.
+    ///
+    /// # Errors
+    /// A change that can't be made; one that only a new render can show.
+    pub fn show(&self, changes: &Changes) -> Result<LiveStudy<'_>> {
+        let (parsed, overrides) = (self.experiment(changes)?, changes.overrides());
+        let shown = self.render.shown(&parsed).map_err(|error| as_typed_in_session(error, &overrides))?;
+        let ShownExperiment { experiment, changes } = shown;
+        check_captures(&experiment.study, self.render.labels())?;
+        let key = what_is_seen(&parsed.file);
+        let held = self.seen.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let view = match held {
+            Some((known, view)) if known == key => view,
+            _ => {
+                let study = &experiment.study;
+                let view = Arc::new(self.render.seen_by(study, &study.captures, changes, Wanted::Lit)?);
+                let kept = Some((key, Arc::clone(&view)));
+                *self.seen.lock().unwrap_or_else(PoisonError::into_inner) = kept;
+                view
+            }
+        };
+        Ok(LiveStudy { live: self, parsed, overrides, experiment, view })
+    }
+}
+
+/// An experiment with nothing but what planes and factors depend on: drives, exposures, gains and the analysis are left out.
+fn what_is_seen(file: &ExperimentFile) -> ExperimentFile {
+    let mut seen = ExperimentFile {
+        title: String::new(),
+        description: String::new(),
+        motion: None,
+        develop: None,
+        safety: None,
+        analysis: None,
+        target: Vec::new(),
+        spectroradiometer: Vec::new(),
+        output: Default::default(),
+        ..file.clone()
+    };
+    for capture in &mut seen.capture {
+        capture.light_groups.retain(|_, drive| *drive != 0.0);
+        capture.light_groups.values_mut().for_each(|drive| *drive = 1.0);
+        (capture.exposure_ms, capture.auto_exposure, capture.gain) = (ExposureTime::Auto, None, 1.0);
+        (capture.subtract, capture.light_on_ms) = (None, None);
+        capture.bracket_ev.clear();
+    }
+    seen
+}
+
+/// A region that was drawn, from where it lies.
+fn drawn(region: Option<&str>) -> Result<Option<RegionOption>> {
+    let typed: Vec<String> = region.map(|place| format!("{DRAWN}={place}")).into_iter().collect();
+    Ok(region_options(&typed)?.pop())
+}
+
+impl LiveStudy<'_> {
+    /// What captures see of the study: without surfaces where nothing of the scene has changed.
+    pub fn study(&self) -> &Study {
+        &self.experiment.study
+    }
+
+    /// The experiment with its changes.
+    pub fn experiment(&self) -> &Experiment {
+        &self.parsed
+    }
+
+    /// What captures see of the render.
+    pub fn view(&self) -> &CaptureView {
+        &self.view
+    }
+
+    /// The frame of a capture, as `capture` takes it.
+    ///
+    /// # Errors
+    /// A capture that is not there or can't be taken.
+    pub fn frame(&self, capture: &str) -> Result<CapturedFrame> {
+        let study = self.study();
+        let plan = study.capture(capture).map(|own| (own, own.subtract.as_ref()));
+        let Some((own, subtracted)) = plan else { return Err(self.no_capture(capture)) };
+        let is_needed = |label: &String| *label == own.frame.label || Some(label) == subtracted;
+        let mut needed = study.clone();
+        // Motion runs from exposure to exposure, and calibration looks at the longest of all
+        if study.motion.is_none() && study.develop.dark_frames == 0 && study.develop.flat_field.is_none() {
+            needed.captures.retain(|other| is_needed(&other.frame.label));
+        }
+        let frames = capture_from_planes(&needed, &self.view.components(&self.live.render))?;
+        let frame = frames.into_iter().find(|frame| frame.raw.label == capture);
+        frame.ok_or_else(|| self.no_capture(capture))
+    }
+
+    fn no_capture(&self, wanted: &str) -> Error {
+        let known = self.study().captures.iter().map(|capture| capture.frame.label.as_str());
+        let known = known.collect::<Vec<_>>().join(", ");
+        PipelineError::NoFrame { wanted: wanted.into(), known }.into()
+    }
+
+    /// What the pixels of a region say, as `analyze` has it: that of `[analysis]`, or one that lies where `region` tells, as behind the
+    /// name of [`crate::AnalyzeOptions::named_region`]. `None` without an analysis.
+    ///
+    /// # Errors
+    /// A region without pixels; an analysis that can't be done.
+    pub fn analyzed(&self, region: Option<&str>) -> Result<Option<AnalyzedFrame>> {
+        let Some(region) = drawn(region)? else { return self.analyzed_by(&self.parsed, &self.overrides) };
+        let added = region.overrides(&self.parsed);
+        let all: Vec<Override> = self.overrides.iter().cloned().chain(added).collect();
+        let LiveRender { text, name, base_dir, .. } = self.live;
+        let parsed = parse(text, name, base_dir, &sets(&all)).map_err(|error| as_typed(error, &all))?;
+        self.analyzed_by(&parsed, &all)
+    }
+
+    /// The last region of an experiment, else its analysis. What an analysis asks of surfaces is kept in the cache, as for `analyze`.
+    fn analyzed_by(&self, parsed: &Experiment, overrides: &[Override]) -> Result<Option<AnalyzedFrame>> {
+        if parsed.file.analysis.is_none() {
+            return Ok(None);
+        }
+        if let Some(kept) = cached_analysis(parsed) {
+            let found = self.of_study(kept.complete(self.study().clone()))?;
+            if found.as_ref().is_some_and(|found| found.analysis.posterior.is_some()) {
+                return Ok(found);
+            }
+        }
+        let resolved = resolve(parsed).map_err(|error| as_typed(error, overrides))?;
+        self.of_study(resolved.study)
+    }
+
+    /// The drawn region of a study, else its analysis.
+    fn of_study(&self, mut study: Study) -> Result<Option<AnalyzedFrame>> {
+        study.regions.retain(|region| region.name == DRAWN);
+        let plans: Vec<&AnalysisPlan> =
+            study.analysis.iter().chain(study.regions.iter().map(|region| &region.analysis)).collect();
+        study.captures = looked_at(&study, &plans);
+        let seen = self.view.components(&self.live.render);
+        let frames = capture_from_planes(&study, &seen)?;
+        match analyze_regions(&study, Some(&seen), &frames)?.pop() {
+            None => Ok(analyze_seen(&study, Some(&seen), &frames)?),
+            Some(region) => Ok(Some(region.analyzed.map_err(|why| {
+                Error::Input(format!("the region is not in view: {why}; draw it elsewhere"))
+            })?)),
+        }
+    }
+
+    /// Mean radiance of a region of the frame of a capture, before filter and lens, split by what happened to the light.
+    ///
+    /// # Errors
+    /// A capture that is not there, a region outside of the rendered field, spectra that can't be read.
+    pub fn radiance(&self, capture: &str, region: &PixelSelection) -> Result<RegionRadiance> {
+        let render = &self.live.render;
+        let study = self.study();
+        let Some(own) = study.capture(capture) else { return Err(self.no_capture(capture)) };
+        let scene = on_sensor(study, render.labels()).ok_or(PipelineError::Missing("sensor"))?;
+        let pixels = scene.scene_pixels(region);
+        if pixels.is_empty() {
+            let why = "the region lies beyond the rendered field; draw it elsewhere";
+            return Err(Error::Input(why.into()));
+        }
+        let mut changes = render.shown(&self.parsed)?.changes;
+        changes.factors.even.copy_from_slice(self.view.even_factors());
+        let mut lit = study.clone();
+        lit.captures.retain(|other| other.frame.label == capture);
+        let spectra = render.spectra_at(&lit, &changes, &pixels)?;
+        let all: Vec<usize> = (0..pixels.len()).collect();
+        Ok(RegionRadiance::new(&spectra, &own.frame, &all))
+    }
+
+    /// Names of the fluorophores whose light the render holds, each once.
+    pub fn fluorophores(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = Vec::new();
+        for component in &self.live.render.labels().components {
+            if let LightPath::Fluorescence(name) = &component.light
+                && !names.contains(&name.as_str())
+            {
+                names.push(name);
+            }
+        }
+        names
+    }
+}

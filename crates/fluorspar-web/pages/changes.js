@@ -1,0 +1,120 @@
+// The differences to the experiment: one tree of paths and values, its history, and the fragment of the address that holds it.
+// @ts-check
+
+/** @typedef {{rectangle_px: number[]} | {polygon_px: number[][]} | null} Place */
+/** @typedef {{set: Record<string, string>, place: Place}} Differences */
+
+const MOST_STEPS = 200;
+
+export class Changes {
+  constructor() {
+    /** @type {Differences} */
+    this.now = { set: {}, place: null };
+    /** @type {string[]} */
+    this.past = [];
+    /** @type {string[]} */
+    this.future = [];
+    /** What is shown: capture and view; no difference to the experiment, but part of the address. */
+    this.shown = { capture: "", view: "developed" };
+    /** @type {(what: "set" | "place") => void} */
+    this.onchange = () => {};
+  }
+
+  /** Changes as `--set` has them. */
+  list() {
+    return Object.entries(this.now.set).map(([path, value]) => `${path}=${value}`);
+  }
+
+  /** @param {string} path */
+  value(path) {
+    return this.now.set[path];
+  }
+
+  /** Remembers what is there, for undo: once before a change, or before a whole drag. */
+  remember() {
+    const text = JSON.stringify(this.now);
+    if (this.past.at(-1) !== text) this.past.push(text);
+    if (this.past.length > MOST_STEPS) this.past.shift();
+    this.future = [];
+  }
+
+  /** @param {string} path @param {string | undefined} value `undefined` takes the change away. */
+  set(path, value) {
+    const set = { ...this.now.set };
+    if (value === undefined) delete set[path];
+    else set[path] = value;
+    this.now = { ...this.now, set };
+    this.onchange("set");
+  }
+
+  /** @param {Place} place */
+  draw(place) {
+    this.remember();
+    this.now = { ...this.now, place };
+    this.onchange("place");
+  }
+
+  reset() {
+    this.remember();
+    this.now = { set: {}, place: null };
+    this.onchange("set");
+  }
+
+  undo() {
+    this.step(this.past, this.future);
+  }
+
+  redo() {
+    this.step(this.future, this.past);
+  }
+
+  /** @param {string[]} from @param {string[]} to */
+  step(from, to) {
+    const now = JSON.stringify(this.now);
+    let text = from.pop();
+    while (text === now) text = from.pop();
+    if (text === undefined) return;
+    to.push(now);
+    this.now = JSON.parse(text);
+    this.onchange("set");
+  }
+
+  get canUndo() {
+    const now = JSON.stringify(this.now);
+    return this.past.some((text) => text !== now);
+  }
+
+  /** The fragment of an address that opens the workbench as it is now. */
+  fragment() {
+    const text = new URLSearchParams();
+    for (const change of this.list()) text.append("set", change);
+    if (this.now.place) text.append("region", JSON.stringify(Object.values(this.now.place)[0]));
+    if (this.shown.capture) text.append("capture", this.shown.capture);
+    if (this.shown.view !== "developed") text.append("view", this.shown.view);
+    return text.toString();
+  }
+
+  /** @param {string} fragment */
+  read(fragment) {
+    const text = new URLSearchParams(fragment.replace(/^#/, ""));
+    /** @type {Record<string, string>} */
+    const set = {};
+    for (const change of text.getAll("set")) {
+      const at = change.indexOf("=");
+      if (at > 0) set[change.slice(0, at)] = change.slice(at + 1);
+    }
+    this.now = { set, place: placeOf(text.get("region")) };
+    this.shown = { capture: text.get("capture") ?? "", view: text.get("view") ?? "developed" };
+  }
+}
+
+/** @param {string | null} text @returns {Place} */
+function placeOf(text) {
+  try {
+    const numbers = JSON.parse(text ?? "null");
+    if (!Array.isArray(numbers)) return null;
+    return Array.isArray(numbers[0]) ? { polygon_px: numbers } : { rectangle_px: numbers };
+  } catch {
+    return null;
+  }
+}
