@@ -489,7 +489,8 @@ impl FinishedRender {
         let cameras: Vec<&FilmResponse> = missing.iter().map(|number| &responses[*number]).collect();
         let formed = FilmResponse::planes(&cameras, |component| new[component], &rows)?;
         for (number, planes) in missing.into_iter().zip(formed) {
-            if let Some(cached) = self.planes.on_disk() {
+            // What stays in memory is tried and left by the dozen: it would drive all else out of the cache on the disk
+            if let PlaneCache::Disk(cached) = &self.planes {
                 cached.put(&responses[number], &planes, |component| new[component]);
             }
             all[number].add(planes, &new);

@@ -9,7 +9,7 @@ use fluorspar::pipeline::{
     AnalyzedFrame, CapturedFrame, PipelineError, RegionRadiance, analyze_regions, analyze_seen,
     capture_from_planes, check_captures, on_sensor,
 };
-use fluorspar::study::{AnalysisPlan, Study};
+use fluorspar::study::{AnalysisPlan, Capture, Study};
 use fluorspar_experiment::schema::{ExperimentFile, ExposureTime};
 use fluorspar_experiment::{
     Experiment, ResolvedExperiment, SceneChange, cached_analysis, edit_experiment, parse, resolve,
@@ -20,7 +20,7 @@ use crate::region_option::{RegionOption, region_options};
 use crate::values::{Override, as_typed, sets};
 use crate::{
     CaptureView, Changes, Error, ExperimentSource, FinishedRender, Result, ShownExperiment, Wanted,
-    as_typed_in_session,
+    SceneChanges, as_typed_in_session,
 };
 
 /// A finished render and the text of its experiment, on top of which changes come.
@@ -29,8 +29,18 @@ pub struct LiveRender {
     name: String,
     text: String,
     base_dir: PathBuf,
-    /// What captures saw last, and of what experiment as far as that matters.
-    seen: Mutex<Option<(ExperimentFile, Arc<CaptureView>)>>,
+    /// What captures saw of late, the last first.
+    seen: Mutex<Vec<KeptView>>,
+    /// The last analysis, with the changes and the region that it is of.
+    analyzed: Mutex<Option<(Vec<String>, Arc<AnalyzedFrame>)>>,
+}
+
+/// What captures saw.
+struct KeptView {
+    /// The experiment, as far as it matters.
+    file: ExperimentFile,
+    captures: Vec<String>,
+    view: Arc<CaptureView>,
 }
 
 /// An experiment with changes, as a finished render shows it.
@@ -39,8 +49,11 @@ pub struct LiveStudy<'a> {
     parsed: Experiment,
     overrides: Vec<Override>,
     experiment: ResolvedExperiment,
-    view: Arc<CaptureView>,
+    changes: SceneChanges<'a>,
 }
+
+/// Views that are kept: of the frame that is shown, of those that are analyzed, and of one to come back to.
+const KEPT_VIEWS: usize = 3;
 
 /// Name of the region that an estimate is asked for.
 const DRAWN: &str = "drawn";
@@ -54,7 +67,7 @@ impl LiveRender {
         let render = FinishedRender::open_to_stay(path)?;
         let text = render.experiment_text()?.to_owned();
         let name = format!("experiment in {}", render.name());
-        Ok(Self { render, name, text, base_dir: PathBuf::from("."), seen: Mutex::default() })
+        Ok(Self { render, name, text, base_dir: PathBuf::from("."), seen: Mutex::default(), analyzed: Mutex::default() })
     }
 
     /// An image that was just rendered, with its experiment and the text on top of which changes come.
@@ -66,7 +79,7 @@ impl LiveRender {
     ) -> Self {
         let render = FinishedRender::of_image(image, Some(experiment));
         let (name, base_dir) = (source.name.clone(), source.base_dir.clone());
-        Self { render, name, text, base_dir, seen: Mutex::default() }
+        Self { render, name, text, base_dir, seen: Mutex::default(), analyzed: Mutex::default() }
     }
 
     /// The render.
@@ -100,7 +113,7 @@ impl LiveRender {
         Ok(edited.map_err(|error| as_typed(error, &overrides))?)
     }
 
-    /// The experiment with changes as the render shows it. Planes of the last cameras are kept.
+    /// The experiment with changes as the render shows it.
     ///
     /// # Errors
     /// A change that can't be made; one that only a new render can show.
@@ -109,19 +122,7 @@ impl LiveRender {
         let shown = self.render.shown(&parsed).map_err(|error| as_typed_in_session(error, &overrides))?;
         let ShownExperiment { experiment, changes } = shown;
         check_captures(&experiment.study, self.render.labels())?;
-        let key = what_is_seen(&parsed.file);
-        let held = self.seen.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let view = match held {
-            Some((known, view)) if known == key => view,
-            _ => {
-                let study = &experiment.study;
-                let view = Arc::new(self.render.seen_by(study, &study.captures, changes, Wanted::Lit)?);
-                let kept = Some((key, Arc::clone(&view)));
-                *self.seen.lock().unwrap_or_else(PoisonError::into_inner) = kept;
-                view
-            }
-        };
-        Ok(LiveStudy { live: self, parsed, overrides, experiment, view })
+        Ok(LiveStudy { live: self, parsed, overrides, experiment, changes })
     }
 }
 
@@ -166,9 +167,55 @@ impl LiveStudy<'_> {
         &self.parsed
     }
 
-    /// What captures see of the render.
-    pub fn view(&self) -> &CaptureView {
-        &self.view
+    /// What some captures of the study see of the render. Planes of the last cameras are kept, and with them a drive, an exposure or a gain is a
+    /// sum.
+    ///
+    /// # Errors
+    /// A study without lens or sensor; spectra that can't be read.
+    pub fn view(&self, captures: &[Capture]) -> Result<Arc<CaptureView>> {
+        let file = what_is_seen(&self.parsed.file);
+        let labels: Vec<&str> = captures.iter().map(|capture| capture.frame.label.as_str()).collect();
+        let is_same = |kept: &KeptView| kept.captures == labels && kept.file == file;
+        let lock = || self.live.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kept) = lock().iter().find(|kept| is_same(kept)) {
+            return Ok(Arc::clone(&kept.view));
+        }
+        let study = self.study();
+        // The first capture under a light tells how light that fluoresced twice follows a concentration
+        let is_lit = |capture: &Capture, group: &str| capture.frame.drive(group) != 0.0;
+        let first = |group: &String| study.captures.iter().find(|capture| is_lit(capture, group));
+        let groups = captures.iter().flat_map(|capture| capture.frame.lights.keys());
+        let firsts = groups.filter_map(first).map(|capture| capture.frame.label.as_str());
+        let wanted: Vec<&str> = labels.iter().copied().chain(firsts).collect();
+        let wanted = Wanted::LitByAny(&wanted);
+        let seen = self.live.render.seen_by(study, &study.captures, self.changes.clone(), wanted)?;
+        let view = Arc::new(seen);
+        let captures = labels.into_iter().map(String::from).collect();
+        let mut held = lock();
+        held.insert(0, KeptView { file, captures, view: Arc::clone(&view) });
+        held.truncate(KEPT_VIEWS);
+        Ok(view)
+    }
+
+    /// What a capture sees of the render, with all that its frame takes.
+    ///
+    /// # Errors
+    /// A capture that is not there; those of [`Self::view`].
+    pub fn view_of(&self, capture: &str) -> Result<Arc<CaptureView>> {
+        self.view(&self.needed(capture)?)
+    }
+
+    /// The captures that the frame of one takes: itself and what is subtracted from it.
+    fn needed(&self, capture: &str) -> Result<Vec<Capture>> {
+        let study = self.study();
+        let Some(own) = study.capture(capture) else { return Err(self.no_capture(capture)) };
+        // Motion runs from exposure to exposure, and calibration looks at the longest of all
+        let takes_all =
+            study.motion.is_some() || study.develop.dark_frames > 0 || study.develop.flat_field.is_some();
+        let is_needed = |other: &&Capture| {
+            takes_all || other.frame.label == capture || own.subtract.as_ref() == Some(&other.frame.label)
+        };
+        Ok(study.captures.iter().filter(is_needed).cloned().collect())
     }
 
     /// The frame of a capture, as `capture` takes it.
@@ -176,16 +223,9 @@ impl LiveStudy<'_> {
     /// # Errors
     /// A capture that is not there or can't be taken.
     pub fn frame(&self, capture: &str) -> Result<CapturedFrame> {
-        let study = self.study();
-        let plan = study.capture(capture).map(|own| (own, own.subtract.as_ref()));
-        let Some((own, subtracted)) = plan else { return Err(self.no_capture(capture)) };
-        let is_needed = |label: &String| *label == own.frame.label || Some(label) == subtracted;
-        let mut needed = study.clone();
-        // Motion runs from exposure to exposure, and calibration looks at the longest of all
-        if study.motion.is_none() && study.develop.dark_frames == 0 && study.develop.flat_field.is_none() {
-            needed.captures.retain(|other| is_needed(&other.frame.label));
-        }
-        let frames = capture_from_planes(&needed, &self.view.components(&self.live.render))?;
+        let study = Study { captures: self.needed(capture)?, ..self.study().clone() };
+        let view = self.view(&study.captures)?;
+        let frames = capture_from_planes(&study, &view.components(&self.live.render))?;
         let frame = frames.into_iter().find(|frame| frame.raw.label == capture);
         frame.ok_or_else(|| self.no_capture(capture))
     }
@@ -201,13 +241,20 @@ impl LiveStudy<'_> {
     ///
     /// # Errors
     /// A region without pixels; an analysis that can't be done.
-    pub fn analyzed(&self, region: Option<&str>) -> Result<Option<AnalyzedFrame>> {
-        let Some(region) = drawn(region)? else { return self.analyzed_by(&self.parsed, &self.overrides) };
-        let added = region.overrides(&self.parsed);
+    pub fn analyzed(&self, region: Option<&str>) -> Result<Option<Arc<AnalyzedFrame>>> {
+        let added = drawn(region)?.map(|region| region.overrides(&self.parsed)).unwrap_or_default();
         let all: Vec<Override> = self.overrides.iter().cloned().chain(added).collect();
+        let asked = sets(&all);
+        let lock = || self.live.analyzed.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, found)) = lock().as_ref().filter(|(known, _)| *known == asked) {
+            return Ok(Some(Arc::clone(found)));
+        }
         let LiveRender { text, name, base_dir, .. } = self.live;
-        let parsed = parse(text, name, base_dir, &sets(&all)).map_err(|error| as_typed(error, &all))?;
-        self.analyzed_by(&parsed, &all)
+        let parsed = parse(text, name, base_dir, &asked).map_err(|error| as_typed(error, &all))?;
+        let Some(found) = self.analyzed_by(&parsed, &all)? else { return Ok(None) };
+        let found = Arc::new(found);
+        *lock() = Some((asked, Arc::clone(&found)));
+        Ok(Some(found))
     }
 
     /// The last region of an experiment, else its analysis. What an analysis asks of surfaces is kept in the cache, as for `analyze`.
@@ -231,7 +278,8 @@ impl LiveStudy<'_> {
         let plans: Vec<&AnalysisPlan> =
             study.analysis.iter().chain(study.regions.iter().map(|region| &region.analysis)).collect();
         study.captures = looked_at(&study, &plans);
-        let seen = self.view.components(&self.live.render);
+        let view = self.view(&study.captures)?;
+        let seen = view.components(&self.live.render);
         let frames = capture_from_planes(&study, &seen)?;
         match analyze_regions(&study, Some(&seen), &frames)?.pop() {
             None => Ok(analyze_seen(&study, Some(&seen), &frames)?),
@@ -255,10 +303,10 @@ impl LiveStudy<'_> {
             let why = "the region lies beyond the rendered field; draw it elsewhere";
             return Err(Error::Input(why.into()));
         }
-        let mut changes = render.shown(&self.parsed)?.changes;
-        changes.factors.even.copy_from_slice(self.view.even_factors());
+        let mut changes = self.changes.clone();
         let mut lit = study.clone();
         lit.captures.retain(|other| other.frame.label == capture);
+        changes.factors.even.copy_from_slice(self.view(&lit.captures)?.even_factors());
         let spectra = render.spectra_at(&lit, &changes, &pixels)?;
         let all: Vec<usize> = (0..pixels.len()).collect();
         Ok(RegionRadiance::new(&spectra, &own.frame, &all))

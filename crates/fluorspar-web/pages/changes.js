@@ -1,10 +1,12 @@
 // The differences to the experiment: one tree of paths and values, its history, and the fragment of the address that holds it.
 // @ts-check
 
-/** @typedef {{rectangle_px: number[]} | {polygon_px: number[][]} | null} Place */
+/** @typedef {{rectangle_px?: number[], polygon_px?: number[][], part?: string} | null} Place part: whose pixels count; "" for all */
 /** @typedef {{set: Record<string, string>, place: Place}} Differences */
 
 const MOST_STEPS = 200;
+/** Longest pause between keys that are one step of undo, ms. */
+const ONE_STEP = 1200;
 
 export class Changes {
   constructor() {
@@ -16,6 +18,7 @@ export class Changes {
     this.future = [];
     /** What is shown: capture and view; no difference to the experiment, but part of the address. */
     this.shown = { capture: "", view: "developed" };
+    this.last = { what: "", time: 0 };
     /** @type {(what: "set" | "place") => void} */
     this.onchange = () => {};
   }
@@ -30,8 +33,13 @@ export class Changes {
     return this.now.set[path];
   }
 
-  /** Remembers what is there, for undo: once before a change, or before a whole drag. */
-  remember() {
+  /** Remembers what is there, for undo: once before a change, a whole drag, or a run of keys that `what` names.
+   * @param {string} [what] */
+  remember(what = "") {
+    const now = Date.now();
+    const goesOn = what !== "" && what === this.last.what && now - this.last.time < ONE_STEP;
+    this.last = { what, time: now };
+    if (goesOn) return;
     const text = JSON.stringify(this.now);
     if (this.past.at(-1) !== text) this.past.push(text);
     if (this.past.length > MOST_STEPS) this.past.shift();
@@ -52,6 +60,11 @@ export class Changes {
     this.remember();
     this.now = { ...this.now, place };
     this.onchange("place");
+  }
+
+  /** Keeps the part that the server found for a region: no step of its own. @param {string} part */
+  settle(part) {
+    if (this.now.place && this.now.place.part === undefined) this.now = { ...this.now, place: { ...this.now.place, part } };
   }
 
   reset() {
@@ -88,7 +101,9 @@ export class Changes {
   fragment() {
     const text = new URLSearchParams();
     for (const change of this.list()) text.append("set", change);
-    if (this.now.place) text.append("region", JSON.stringify(Object.values(this.now.place)[0]));
+    const { place } = this.now;
+    if (place) text.append("region", JSON.stringify(place.polygon_px ?? place.rectangle_px));
+    if (place?.part !== undefined) text.append("part", place.part);
     if (this.shown.capture) text.append("capture", this.shown.capture);
     if (this.shown.view !== "developed") text.append("view", this.shown.view);
     return text.toString();
@@ -103,17 +118,18 @@ export class Changes {
       const at = change.indexOf("=");
       if (at > 0) set[change.slice(0, at)] = change.slice(at + 1);
     }
-    this.now = { set, place: placeOf(text.get("region")) };
+    this.now = { set, place: placeOf(text.get("region"), text.get("part")) };
     this.shown = { capture: text.get("capture") ?? "", view: text.get("view") ?? "developed" };
   }
 }
 
-/** @param {string | null} text @returns {Place} */
-function placeOf(text) {
+/** @param {string | null} text @param {string | null} part @returns {Place} */
+function placeOf(text, part) {
   try {
     const numbers = JSON.parse(text ?? "null");
     if (!Array.isArray(numbers)) return null;
-    return Array.isArray(numbers[0]) ? { polygon_px: numbers } : { rectangle_px: numbers };
+    const shape = Array.isArray(numbers[0]) ? { polygon_px: numbers } : { rectangle_px: numbers };
+    return part === null ? shape : { ...shape, part };
   } catch {
     return null;
   }

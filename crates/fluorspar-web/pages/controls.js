@@ -58,7 +58,7 @@ function numberControl(control, changes, drag) {
     changes.set(control.path, control.template ? control.template.replace("$", toml(value)) : toml(value));
   };
   slider.addEventListener("pointerdown", () => drag.begin());
-  slider.addEventListener("keydown", () => changes.remember());
+  slider.addEventListener("keydown", () => changes.remember(control.path));
   slider.addEventListener("input", () => write(fromSlider(control, Number(slider.value))));
   slider.addEventListener("change", () => drag.end());
   field.addEventListener("change", () => {

@@ -18,6 +18,10 @@ export async function ask(path, body) {
   throw new Error(why);
 }
 
+/** Height of a page beside the frame, and the least of a frame, px. */
+const OTHER_HEIGHT = 350;
+const LEAST_HEIGHT = 300;
+
 const byId = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 
 export class Picture {
@@ -39,6 +43,8 @@ export class Picture {
     this.zoom = byId("zoom");
     this.zoom.addEventListener("change", () => this.layOut());
     new ResizeObserver(() => this.layOut()).observe(byId("viewport"));
+    const bar = /** @type {HTMLElement} */ (document.querySelector(".bar"));
+    new ResizeObserver(() => byId("stage").style.setProperty("--bar-height", `${bar.offsetHeight + 20}px`)).observe(bar);
   }
 
   /** Asks for a new picture; while one is in the making, for the newest after it. */
@@ -92,11 +98,11 @@ export class Picture {
       ["Clipped", `${facts.clipped_percent.toFixed(facts.clipped_percent < 1 ? 2 : 1)} %`],
       ["Bright pixels", `${shortNumber(facts.bright_dn)} of ${facts.white_level_dn} DN`],
       ["Dark noise", `${shortNumber(facts.noise_dn)} DN`],
-      ["Frame", `${width} × ${height}`],
+      ["Frame", `${width} × ${height} px`],
       ["Answered in", `${Math.round(facts.milliseconds)} ms`],
     ];
-    byId("facts").replaceChildren(...entries.map(([name, value]) =>
-      make("div", {}, [make("dt", { textContent: name }), make("dd", { textContent: value })])));
+    byId("facts").replaceChildren(...entries.map(([name, value], i) =>
+      make("div", { className: i < 3 ? "" : "more" }, [make("dt", { textContent: name }), make("dd", { textContent: value })])));
     byId("remarks").replaceChildren(...facts.remarks.map((/** @type {string} */ text) => make("li", { textContent: text })));
     this.drawLegend(facts.legend);
   }
@@ -122,7 +128,10 @@ export class Picture {
     const [width, height] = this.facts.frame_px;
     const viewport = byId("viewport");
     const ratio = window.devicePixelRatio || 1;
-    const scale = this.zoom.value === "fit" ? viewport.clientWidth / width : Number(this.zoom.value) / ratio;
+    // The whole frame and its numbers are in sight, as far as the window allows
+    const room = Math.max(window.innerHeight - OTHER_HEIGHT, LEAST_HEIGHT);
+    const fit = Math.min(viewport.clientWidth / width, room / height);
+    const scale = this.zoom.value === "fit" ? fit : Number(this.zoom.value) / ratio;
     for (const layer of [this.canvas, byId("drawing")]) {
       layer.style.width = `${width * scale}px`;
       layer.style.height = `${height * scale}px`;
@@ -254,7 +263,7 @@ function rectangleOf(a, b) {
 /** @param {Place} place @returns {number[][]} */
 function cornersOf(place) {
   if (!place) return [];
-  if ("polygon_px" in place) return place.polygon_px;
-  const [column, row, width, height] = place.rectangle_px;
+  if (place.polygon_px) return place.polygon_px;
+  const [column, row, width, height] = place.rectangle_px ?? [0, 0, 0, 0];
   return [[column, row], [column + width, row], [column + width, row + height], [column, row + height]];
 }

@@ -24,12 +24,19 @@ export class Region {
       const field = (/** @type {string} */ name) => Math.max(Math.round(Number(byId("corners").elements[name].value)), 0);
       changes.draw({ rectangle_px: [field("column"), field("row"), Math.max(field("width"), 1), Math.max(field("height"), 1)] });
     });
+    let width = 0;
+    new ResizeObserver(([entry]) => {
+      if (Math.abs(entry.contentRect.width - width) > 1) this.redraw();
+      width = entry.contentRect.width;
+    }).observe(byId("spectra"));
     byId("clear").addEventListener("click", () => changes.draw(null));
+    byId("part").addEventListener("change", () => changes.draw({ ...changes.now.place, part: byId("part").value }));
   }
 
   /** Marks what is told as of an earlier state, and asks anew after a rest. */
   refresh() {
     byId("region").classList.add("stale");
+    byId("answer").classList.add("stale");
     clearTimeout(this.timer);
     this.timer = window.setTimeout(() => this.fetch(), REST);
   }
@@ -52,34 +59,65 @@ export class Region {
     const { place } = this.changes.now;
     const { analyzed, parts } = this.subject;
     const own = parts?.length ? parts.join(", ").replaceAll("_", " ") : "the whole analysis";
-    byId("place").textContent = place
-      ? "polygon_px" in place ? `A polygon of ${place.polygon_px.length} corners` : `A rectangle of ${place.rectangle_px[2]} × ${place.rectangle_px[3]} pixels`
-      : analyzed ? `Of the analysis: ${own}` : "Draw a region on the frame.";
+    const { polygon_px: corners, rectangle_px: rectangle } = place ?? {};
+    byId("place").textContent = corners ? `A polygon of ${corners.length} corners`
+      : rectangle ? `A rectangle of ${rectangle[2]} × ${rectangle[3]} pixels`
+      : analyzed ? `Of the analysis: ${own}. Draw another one on the frame.` : "Draw a region on the frame.";
     byId("clear").hidden = !place || !analyzed;
     const fields = byId("corners").elements;
-    const numbers = place && "rectangle_px" in place ? place.rectangle_px : ["", "", "", ""];
+    const numbers = rectangle ?? ["", "", "", ""];
     ["column", "row", "width", "height"].forEach((name, i) => (fields[name].value = String(numbers[i])));
   }
 
   /** @param {any} told */
   tell(told) {
-    byId("region").classList.toggle("stale", false);
-    byId("verdict").textContent = told.no_estimate ? `No estimate: ${told.no_estimate}` : `${told.lines[0]} (frame "${told.frame}")`;
-    byId("verdict").classList.toggle("none", Boolean(told.no_estimate));
-    const lines = [...told.lines.slice(1), ...told.warnings.map((/** @type {string} */ text) => `Note: ${text}`)];
-    byId("findings").replaceChildren(...lines.map((line) => make("li", { textContent: line.trim() })));
+    byId("region").classList.remove("stale");
+    byId("answer").classList.remove("stale");
+    this.tellPart(told);
+    // A number stays with its percent sign
+    const [verdict, ...rest] = told.lines.map((/** @type {string} */ line) => line.trim().replaceAll(" %", "\u00a0%"));
+    // Without a share there is no verdict, and what is left are findings
+    const isVerdict = told.lines.length > 0 && !told.lines[0].startsWith(" ");
+    const none = told.no_estimate ?? (isVerdict ? null : "too little light, or nothing to tell it by");
+    const truth = rest.find((/** @type {string} */ line) => line.startsWith("True "));
+    byId("verdict").textContent = none === null ? verdict : `No estimate: ${none}`;
+    byId("verdict").classList.toggle("none", none !== null);
+    byId("answer").textContent = none === null ? verdict : "";
+    byId("truth").textContent = [truth && `The simulation knows: ${truth}.`, told.frame && `From frame "${told.frame}".`].filter(Boolean).join(" ");
+    const lines = [...rest, ...told.warnings.map((/** @type {string} */ text) => `Note: ${text}`)];
+    byId("findings").replaceChildren(...lines.map((line) => make("li", { textContent: line })));
     byId("details").hidden = lines.length === 0;
+    this.tellSpectra(told);
+  }
+
+  /** @param {any} told */
+  tellPart(told) {
+    byId("part-choice").hidden = !this.changes.now.place || !told.parts?.length;
+    if (byId("part-choice").hidden) return;
+    this.changes.settle(told.part);
+    history.replaceState(null, "", `#${this.changes.fragment()}`);
+    const entries = told.parts.map((/** @type {[string, number]} */ [name, pixels]) => [name, `${name.replaceAll("_", " ")} (${pixels} px of the render)`]);
+    byId("part").replaceChildren(make("option", { value: "", textContent: "all pixels" }),
+      ...entries.map(([value, textContent]) => make("option", { value, textContent })));
+    byId("part").value = told.part;
+  }
+
+  /** @param {any} told */
+  tellSpectra(told) {
     const place = byId("spectra");
     if (!told.spectra) {
       place.replaceChildren(make("p", { className: "note", textContent: told.no_spectra ?? "" }));
       return;
     }
     const wasOpen = place.querySelector("details")?.open;
-    const hasReflected = byId("with-reflected")?.checked ?? false;
-    const box = make("input", { type: "checkbox", id: "with-reflected", checked: hasReflected });
+    const box = make("input", { type: "checkbox", id: "with-reflected", checked: byId("with-reflected")?.checked ?? false });
     const label = make("label", { className: "auto" }, [box, "with reflected light"]);
-    box.addEventListener("change", () => place.replaceChildren(label, chart(told.spectra, box.checked)));
-    place.replaceChildren(label, chart(told.spectra, hasReflected));
+    const draw = () => place.replaceChildren(label, chart(told.spectra, box.checked, place.clientWidth));
+    box.addEventListener("change", draw);
+    this.redraw = draw;
+    draw();
     if (wasOpen) place.querySelector("details").open = true;
   }
+
+  redraw = () => {};
 }

@@ -156,7 +156,7 @@ fn value_at(experiment: &Experiment, path: &str) -> Option<String> {
 
 fn choice(path: &str, label: &str, note: &str, current: String, mut options: Vec<Choice>) -> Control {
     if !options.iter().any(|option| option.value == current) {
-        let title = format!("as in the experiment: {current}");
+        let title = format!("as in the experiment {current}");
         options.insert(0, Choice { value: current.clone(), title });
     }
     let kind = Kind::Choice { value: current, options };
@@ -178,7 +178,9 @@ fn of_camera(experiment: &Experiment) -> Result<Vec<Control>> {
     let mut list = vec![Choice { value: "[]".into(), title: "no filter".into() }];
     list.extend(entries(PresetKind::Filter, |name| format!("[{}]", quoted(name)))?);
     let mut all = vec![choice(filters, "Viewing filter", "in front of the lens", current, list)];
-    if let Some(current) = value_at(experiment, "sensor.preset") {
+    if experiment.file.sensor.is_some() {
+        // The experiment that a render carries has all fields of its sensor, and no name
+        let current = value_at(experiment, "sensor.preset").unwrap_or_default();
         let note = "another sensor takes the place of the whole section";
         all.push(choice("sensor.preset", "Sensor", note, current, entries(PresetKind::Sensor, quoted)?));
     }
@@ -194,7 +196,7 @@ fn of_fluorophores(study: &LiveStudy<'_>) -> Vec<Control> {
             Some(ConcentrationFactor::Painted(_)) => return None,
         };
         let path = format!("concentration.{}", step(name));
-        Some(number(path, name, "×", value, [0.0, MOST_CONCENTRATION], false))
+        Some(number(path, &name.replace('_', " "), "×", value, [0.0, MOST_CONCENTRATION], false))
     };
     study.fluorophores().into_iter().filter_map(control).collect()
 }

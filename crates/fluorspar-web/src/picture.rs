@@ -104,16 +104,16 @@ pub(crate) fn picture(live: &LiveRender, request: &PictureRequest) -> Result<(Pi
         }
     };
     let png = png_of(&shrunk(shown))?;
-    let mut facts = facts(&study, &frame, white);
+    let mut facts = facts(&study, &frame, white)?;
     (facts.legend, facts.milliseconds) = (legend, 1e3 * begun.elapsed().as_secs_f64());
     Ok((facts, png))
 }
 
 /// What is told beside a picture, but for legend and time.
-fn facts(study: &LiveStudy<'_>, frame: &CapturedFrame, white: f64) -> PictureFacts {
+fn facts(study: &LiveStudy<'_>, frame: &CapturedFrame, white: f64) -> Result<PictureFacts> {
     let CapturedFrame { raw, developed, .. } = frame;
     let clipped = developed.saturated.iter().filter(|is_saturated| **is_saturated).count();
-    PictureFacts {
+    Ok(PictureFacts {
         frame_px: [developed.width, developed.height],
         white,
         exposure_ms: 1e3 * raw.exposure_s,
@@ -123,14 +123,14 @@ fn facts(study: &LiveStudy<'_>, frame: &CapturedFrame, white: f64) -> PictureFac
         noise_dn: developed.noise_floor_dn,
         white_level_dn: raw.white_level,
         legend: None,
-        remarks: remarks(study),
+        remarks: remarks(study, &raw.label)?,
         milliseconds: 0.0,
-    }
+    })
 }
 
 /// What changed lights and concentrations leave uncertain, in words.
-fn remarks(study: &LiveStudy<'_>) -> Vec<String> {
-    let view = study.view();
+fn remarks(study: &LiveStudy<'_>, capture: &str) -> Result<Vec<String>> {
+    let view = study.view_of(capture)?;
     let lights = view.light_errors.iter().map(|(group, error)| {
         format!("Light of \"{group}\" changed without a new render: fluorescence within {:.2} % of one", 100.0 * error)
     });
@@ -142,7 +142,7 @@ fn remarks(study: &LiveStudy<'_>) -> Vec<String> {
             100.0 * found.largest_error
         )
     });
-    lights.chain(multiple).collect()
+    Ok(lights.chain(multiple).collect())
 }
 
 /// The frame as its preview, and the level that is white.

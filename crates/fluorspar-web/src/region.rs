@@ -5,6 +5,7 @@ use fluorspar::analysis::{PixelSelection, Polygon, Rectangle, RegionOfInterest};
 use fluorspar::findings::region_findings;
 use fluorspar::pipeline::on_sensor;
 use fluorspar_report::finding_lines;
+use fluorspar_session::values::quoted;
 use fluorspar_session::{Changes, Error, LiveRender, LiveStudy, Result};
 use serde::{Deserialize, Serialize};
 
@@ -24,36 +25,60 @@ pub(crate) struct RegionRequest {
     place: Option<Place>,
 }
 
-/// A region that was drawn on a frame.
+/// A region that was drawn on a frame: a rectangle, or a polygon.
 #[derive(Clone, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Place {
+#[serde(deny_unknown_fields)]
+pub(crate) struct Place {
     /// Column, row, width, height.
-    RectanglePx([u32; 4]),
+    rectangle_px: Option<[u32; 4]>,
     /// Corners.
-    PolygonPx(Vec<[f64; 2]>),
+    polygon_px: Option<Vec<[f64; 2]>>,
+    /// The part of the scene whose pixels count; empty for all of them. Where it is `None` it is yet to be found.
+    part: Option<String>,
 }
+
+/// Share of the pixels of a shape that a part shows where the region is taken for one of it.
+const MAIN_SHARE: f64 = 0.5;
 
 impl Place {
     /// The region as `analyze --named-region` takes it behind the name.
     pub(crate) fn text(&self) -> String {
-        match self {
-            Self::RectanglePx(place) => format!("{place:?}"),
-            Self::PolygonPx(corners) => format!("{corners:?}"),
+        let shape = match (&self.rectangle_px, &self.polygon_px) {
+            (Some(place), _) => format!("rectangle_px = {place:?}"),
+            (None, corners) => format!("polygon_px = {:?}", corners.clone().unwrap_or_default()),
+        };
+        match self.part.as_deref() {
+            None | Some("") => format!("{{ {shape} }}"),
+            Some(part) => format!("{{ parts = [{}], {shape} }}", quoted(part)),
         }
     }
 
     fn region(&self) -> RegionOfInterest {
-        let mut region = RegionOfInterest::default();
-        match self {
-            Self::RectanglePx([column, row, width, height]) => {
-                let [col, row, width, height] = [*column, *row, *width, *height].map(|side| side as usize);
-                region.rectangle = Some(Rectangle { row, col, width, height });
-            }
-            Self::PolygonPx(corners) => region.polygon = Some(Polygon(corners.clone())),
-        }
-        region
+        let rectangle = self.rectangle_px.map(|place| {
+            let [col, row, width, height] = place.map(|side| side as usize);
+            Rectangle { row, col, width, height }
+        });
+        let parts = self.part.iter().filter(|part| !part.is_empty()).cloned().collect();
+        RegionOfInterest { parts, rectangle, polygon: self.polygon_px.clone().map(Polygon), ..Default::default() }
     }
+}
+
+/// The parts that a shape shows, with their pixels in the render, most first.
+fn parts_within(study: &LiveStudy<'_>, live: &LiveRender, shape: &PixelSelection) -> Vec<(String, usize)> {
+    let labels = live.render().labels();
+    let Some(scene) = on_sensor(study.study(), labels) else { return Vec::new() };
+    let features = &labels.features;
+    let mut counts = vec![0; features.part_names.len()];
+    for pixel in scene.scene_pixels(shape) {
+        let part = features.part.get(pixel).and_then(|part| usize::from(*part).checked_sub(1));
+        if let Some(count) = part.and_then(|part| counts.get_mut(part)) {
+            *count += 1;
+        }
+    }
+    let mut parts: Vec<(String, usize)> = features.part_names.iter().cloned().zip(counts).collect();
+    parts.retain(|(_, count)| *count > 0);
+    parts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    parts
 }
 
 /// What a region says.
@@ -61,6 +86,9 @@ impl Place {
 pub(crate) struct RegionAnswer {
     /// The capture that was analyzed.
     frame: String,
+    /// Parts that the shape shows, with their pixels in the render, and the one whose pixels count; empty for all of them.
+    parts: Vec<(String, usize)>,
+    part: String,
     /// Lines of findings, the verdict first.
     lines: Vec<String>,
     warnings: Vec<String>,
@@ -93,8 +121,18 @@ pub(crate) fn region(live: &LiveRender, request: &RegionRequest) -> Result<Regio
     let changes = Changes { set: request.set.clone(), unset: Vec::new() };
     check_no_files(&changes)?;
     let study = live.show(&changes)?;
-    let text = request.place.as_ref().map(Place::text);
     let mut answer = RegionAnswer::default();
+    let mut place = request.place.clone();
+    if let Some(place) = &mut place {
+        let whole = Place { part: None, ..place.clone() };
+        let shape = selected(&study, live, request.frame_px, &whole)?;
+        answer.parts = parts_within(&study, live, &shape);
+        let all: usize = answer.parts.iter().map(|(_, count)| count).sum();
+        let main = answer.parts.first().filter(|(_, count)| *count as f64 >= MAIN_SHARE * all as f64);
+        let main = || main.map_or_else(String::new, |(part, _)| part.clone());
+        answer.part = place.part.get_or_insert_with(main).clone();
+    }
+    let text = place.as_ref().map(Place::text);
     let mut selection = None;
     match study.analyzed(text.as_deref()) {
         Ok(Some(analyzed)) => {
@@ -102,39 +140,37 @@ pub(crate) fn region(live: &LiveRender, request: &RegionRequest) -> Result<Regio
             answer.frame.clone_from(&analysis.frame);
             answer.lines = finding_lines(&region_findings(analysis), &analysis.analyte, false);
             answer.warnings = analysis.warnings.iter().map(|warning| warning.text().to_owned()).collect();
-            selection = Some(analyzed.region);
+            selection = Some(analyzed.region.clone());
         }
         Ok(None) => answer.no_estimate = Some("the experiment has no [analysis]; its spectra are shown".into()),
         Err(error) => answer.no_estimate = Some(said(&error)),
     }
-    let spectra = match (&request.place, selection) {
-        (Some(place), _) => drawn_spectra(&study, live, request, place),
-        (None, Some(region)) => spectra(&study, &request.capture, &region),
+    let region = match (&place, selection) {
+        (Some(place), _) => selected(&study, live, request.frame_px, place),
+        (None, Some(region)) => Ok(region),
         (None, None) => Err(Error::Input("there is no region; draw one".into())),
     };
-    match spectra {
+    match region.and_then(|region| spectra(&study, &request.capture, &region)) {
         Ok(spectra) => answer.spectra = Some(spectra),
         Err(error) => answer.no_spectra = Some(said(&error)),
     }
     Ok(answer)
 }
 
-/// The spectra of all pixels of a region that was drawn, whether or not an estimate can use them.
-fn drawn_spectra(
+/// The pixels of a region that was drawn, whether or not an estimate can use them.
+fn selected(
     study: &LiveStudy<'_>,
     live: &LiveRender,
-    request: &RegionRequest,
+    [width, height]: [usize; 2],
     place: &Place,
-) -> Result<Spectra> {
-    let [width, height] = request.frame_px;
+) -> Result<PixelSelection> {
     const MOST_PIXELS: usize = 1 << 26;
     if width.checked_mul(height).is_none_or(|pixels| pixels > MOST_PIXELS) {
         return Err(Error::Input(format!("frame_px: {width} x {height} pixels are more than any sensor has")));
     }
     let scene = on_sensor(study.study(), live.render().labels());
-    let selected = place.region().select(width, height, scene);
-    let selected = selected.map_err(|error| Error::Input(format!("the region has no pixels: {error}")))?;
-    spectra(study, &request.capture, &selected)
+    let found = place.region().select(width, height, scene);
+    found.map_err(|error| Error::Input(format!("{error}; draw it elsewhere")))
 }
 
 fn spectra(study: &LiveStudy<'_>, capture: &str, region: &PixelSelection) -> Result<Spectra> {
