@@ -59,7 +59,17 @@ const GROUPS: [(&str, &[&str]); 6] = [
     (
         "Run and look",
         &[
-            "run", "workbench", "new", "render", "capture", "analyze", "sheet", "compare", "cohort", "dataset", "merge",
+            "run",
+            "workbench",
+            "new",
+            "render",
+            "capture",
+            "analyze",
+            "sheet",
+            "compare",
+            "cohort",
+            "dataset",
+            "merge",
             "denoise",
         ],
     ),

@@ -122,6 +122,12 @@ impl FinishedRender {
         }
     }
 
+    /// The same image with an excitation basis, by which its lights can change.
+    #[must_use]
+    pub fn with_basis(self, basis: ExcitationImage) -> Self {
+        Self { basis: OnceLock::from(Some(basis)), ..self }
+    }
+
     /// The file, as messages have it.
     pub fn name(&self) -> &str {
         &self.name

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use fluorspar::analysis::PixelSelection;
-use fluorspar::image::{ComponentImage, LightPath};
+use fluorspar::image::LightPath;
 use fluorspar::pipeline::{
     AnalyzedFrame, CapturedFrame, PipelineError, RegionRadiance, analyze_regions, analyze_seen,
     capture_from_planes, check_captures, on_sensor,
@@ -19,8 +19,8 @@ use crate::analyze::looked_at;
 use crate::region_option::{RegionOption, region_options};
 use crate::values::{Override, as_typed, sets};
 use crate::{
-    CaptureView, Changes, Error, ExperimentSource, FinishedRender, Result, ShownExperiment, Wanted,
-    SceneChanges, as_typed_in_session,
+    CaptureView, Changes, Error, ExperimentSource, FinishedRender, Result, SceneChanges, ShownExperiment,
+    Wanted, as_typed_in_session,
 };
 
 /// A finished render and the text of its experiment, on top of which changes come.
@@ -67,18 +67,19 @@ impl LiveRender {
         let render = FinishedRender::open_to_stay(path)?;
         let text = render.experiment_text()?.to_owned();
         let name = format!("experiment in {}", render.name());
-        Ok(Self { render, name, text, base_dir: PathBuf::from("."), seen: Mutex::default(), analyzed: Mutex::default() })
+        Ok(Self {
+            render,
+            name,
+            text,
+            base_dir: PathBuf::from("."),
+            seen: Mutex::default(),
+            analyzed: Mutex::default(),
+        })
     }
 
-    /// An image that was just rendered, with its experiment and the text on top of which changes come.
-    pub fn of_image(
-        image: Arc<ComponentImage>,
-        experiment: Arc<Experiment>,
-        source: &ExperimentSource,
-        text: String,
-    ) -> Self {
-        let render = FinishedRender::of_image(image, Some(experiment));
-        let (name, base_dir) = (source.name.clone(), source.base_dir.clone());
+    /// A render that was just made from an experiment, on top of which changes come.
+    pub fn of_render(render: FinishedRender, source: ExperimentSource) -> Self {
+        let ExperimentSource { name, text, base_dir, .. } = source;
         Self { render, name, text, base_dir, seen: Mutex::default(), analyzed: Mutex::default() }
     }
 
@@ -111,6 +112,20 @@ impl LiveRender {
         let list: Vec<SceneChange> = overrides.iter().map(read).collect::<Result<_, _>>()?;
         let edited = edit_experiment(&self.text, &self.name, &self.base_dir, &list);
         Ok(edited.map_err(|error| as_typed(error, &overrides))?)
+    }
+
+    /// The experiment with changes written into it, to be rendered.
+    ///
+    /// # Errors
+    /// A change that can't be made.
+    pub fn source_with(&self, changes: &Changes) -> Result<ExperimentSource> {
+        Ok(ExperimentSource {
+            name: self.name.clone(),
+            stem: "workbench".into(),
+            text: self.text_with(changes, None)?,
+            base_dir: self.base_dir.clone(),
+            file: None,
+        })
     }
 
     /// The experiment with changes as the render shows it.

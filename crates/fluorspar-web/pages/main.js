@@ -11,9 +11,11 @@ const TOOLS = [["off", "Off"], ["rectangle", "Rectangle"], ["polygon", "Polygon"
 /** How often the page looks how far a render is, ms. */
 const LOOK = 400;
 
-/** @param {string} text */
-function say(text) {
-  if (byId("message").textContent !== text) byId("message").textContent = text;
+/** @param {string} text @param {boolean} [needsRender] whether a new render would show what is wanted */
+function say(text, needsRender = false) {
+  byId("message").hidden = text === "";
+  byId("render").hidden = !needsRender;
+  if (byId("message-text").textContent !== text) byId("message-text").textContent = text;
 }
 
 /** A row of choices, of which one holds. @param {string} id @param {string[][]} choices @param {(value: string) => void} chosen */
@@ -29,16 +31,33 @@ function radios(id, choices, chosen) {
   };
 }
 
+/** Waits for the render that is in work. */
 async function wait() {
+  byId("stop").onclick = () => ask("/api/stop", {});
   for (;;) {
     const subject = await (await fetch("/api/subject")).json();
     byId("subject").textContent = subject.title || subject.name || "";
     if (subject.stage === "ready") return subject;
     if (subject.error) throw new Error(subject.error);
     byId("waiting").hidden = false;
+    byId("bench").hidden = true;
     byId("said").textContent = subject.said;
     byId("share").value = subject.share;
     await new Promise((resolve) => setTimeout(resolve, LOOK));
+  }
+}
+
+/** Renders the experiment with all changes, which then are part of it. @param {Changes} changes */
+async function renderAgain(changes) {
+  try {
+    await ask("/api/render", { set: changes.list() });
+    say("");
+    const subject = await wait();
+    if (!subject.remark) changes.now = { ...changes.now, set: {} };
+    history.replaceState(null, "", `#${changes.fragment()}`);
+    location.reload();
+  } catch (error) {
+    say(/** @type {Error} */ (error).message);
   }
 }
 
@@ -108,6 +127,7 @@ function begin(subject) {
     changed("set");
   });
   buttons(changes);
+  byId("render").addEventListener("click", () => renderAgain(changes));
   changed("set");
 }
 

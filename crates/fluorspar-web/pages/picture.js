@@ -10,12 +10,12 @@ import { make } from "./controls.js";
 export async function ask(path, body) {
   const response = await fetch(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
   if (response.ok) return response;
-  const told = await response.text();
-  let why = told.trim();
+  const text = await response.text();
+  let told = { error: text.trim(), needs_render: false };
   try {
-    why = JSON.parse(told).error;
+    told = JSON.parse(text);
   } catch { /* it is plain text */ }
-  throw new Error(why);
+  throw Object.assign(new Error(told.error), { needsRender: told.needs_render });
 }
 
 /** Height of a page beside the frame, and the least of a frame, px. */
@@ -25,7 +25,7 @@ const LEAST_HEIGHT = 300;
 const byId = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 
 export class Picture {
-  /** @param {Changes} changes @param {(text: string) => void} say */
+  /** @param {Changes} changes @param {(text: string, needsRender?: boolean) => void} say */
   constructor(changes, say) {
     this.changes = changes;
     this.say = say;
@@ -58,7 +58,8 @@ export class Picture {
         await this.fetch();
         this.say("");
       } catch (error) {
-        if (!this.isWanted) this.say(/** @type {Error} */ (error).message);
+        const { message, needsRender } = /** @type {Error & {needsRender?: boolean}} */ (error);
+        if (!this.isWanted) this.say(message, needsRender);
         byId("viewport").classList.add("stale");
       }
     }

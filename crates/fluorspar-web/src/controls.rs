@@ -2,7 +2,9 @@
 
 use fluorspar::spectral::CurveModel;
 use fluorspar_experiment::preset::{self, PresetKind};
-use fluorspar_experiment::schema::{CaptureSection, ConcentrationFactor, ExposureTime, LightSection, SpectrumReference};
+use fluorspar_experiment::schema::{
+    CaptureSection, ConcentrationFactor, ExposureTime, LightSection, SpectrumReference,
+};
 use fluorspar_experiment::{Experiment, scene_values};
 use fluorspar_session::values::quoted;
 use fluorspar_session::{Changes, LiveRender, LiveStudy, Result};
@@ -84,7 +86,8 @@ pub(crate) fn controls(live: &LiveRender, changes: &Changes) -> Result<Vec<Contr
         ("Fluorophores", of_fluorophores(&study)),
     ];
     let shared = shared.into_iter().filter(|(_, controls)| !controls.is_empty());
-    let shared = shared.map(|(title, controls)| ControlGroup { title: title.into(), capture: None, controls });
+    let shared =
+        shared.map(|(title, controls)| ControlGroup { title: title.into(), capture: None, controls });
     Ok(captures.chain(shared).collect())
 }
 
@@ -94,7 +97,14 @@ fn step(name: &str) -> String {
     if !name.is_empty() && name.chars().all(is_plain) { name.into() } else { quoted(name) }
 }
 
-fn number(path: String, label: &str, unit: &'static str, value: f64, range: [f64; 2], is_log: bool) -> Control {
+fn number(
+    path: String,
+    label: &str,
+    unit: &'static str,
+    value: f64,
+    range: [f64; 2],
+    is_log: bool,
+) -> Control {
     let range = [range[0].min(value), range[1].max(value)];
     let kind = Kind::Number { value: Some(value), range, is_log, auto: None, template: None };
     Control { path, label: label.into(), unit, note: String::new(), kind }

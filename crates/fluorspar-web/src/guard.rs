@@ -91,7 +91,8 @@ fn text_of(headers: &HeaderMap, name: HeaderName) -> &str {
 
 /// Whether a host is this machine by one of its own names; ports may be forwarded.
 fn is_this_machine(host: &str) -> bool {
-    let name = host.rsplit_once(':').filter(|(_, port)| port.parse::<u16>().is_ok()).map_or(host, |(name, _)| name);
+    let name =
+        host.rsplit_once(':').filter(|(_, port)| port.parse::<u16>().is_ok()).map_or(host, |(name, _)| name);
     ["127.0.0.1", "localhost"].contains(&name)
 }
 
@@ -126,7 +127,9 @@ mod tests {
         for host in ["127.0.0.1:5000", "localhost", "localhost:80"] {
             assert!(is_this_machine(host), "{host}");
         }
-        for host in ["", "evil.example:5000", "127.0.0.1.evil.example", "localhost:x", "127.0.0.2:1", "[::1]:5"] {
+        for host in
+            ["", "evil.example:5000", "127.0.0.1.evil.example", "localhost:x", "127.0.0.2:1", "[::1]:5"]
+        {
             assert!(!is_this_machine(host), "{host}");
         }
         assert!(same("ab", "ab") && !same("a", "ab") && !same("ab", "ac") && !same("", "ab"));

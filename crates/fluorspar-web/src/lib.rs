@@ -92,7 +92,7 @@ impl Workbench {
     /// A system that gives no threads.
     pub fn run(self, stop: &Arc<AtomicBool>) -> Result<()> {
         let Self { listener, server, .. } = self;
-        server.subject.begin(stop);
+        server.subject.begin();
         let failed = |error: std::io::Error| Error::Failed(format!("can't serve: {error}"));
         let mut runtime = tokio::runtime::Builder::new_multi_thread();
         let runtime = runtime.worker_threads(2).enable_all().build().map_err(failed)?;

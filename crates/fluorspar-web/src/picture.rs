@@ -132,7 +132,10 @@ fn facts(study: &LiveStudy<'_>, frame: &CapturedFrame, white: f64) -> Result<Pic
 fn remarks(study: &LiveStudy<'_>, capture: &str) -> Result<Vec<String>> {
     let view = study.view_of(capture)?;
     let lights = view.light_errors.iter().map(|(group, error)| {
-        format!("Light of \"{group}\" changed without a new render: fluorescence within {:.2} % of one", 100.0 * error)
+        format!(
+            "Light of \"{group}\" changed without a new render: fluorescence within {:.2} % of one",
+            100.0 * error
+        )
     });
     let multiple = view.uncertainty.iter().map(|found| {
         format!(
@@ -192,12 +195,15 @@ fn striped(mut shown: Preview, frame: &CapturedFrame) -> Preview {
 /// The share of each pixel of the region on the mixture line, over the frame in gray.
 fn porphyrin(analyzed: &AnalyzedFrame, frame: &CapturedFrame) -> Result<(Preview, Legend)> {
     let Some(map) = &analyzed.porphyrin else {
-        let why = "this analysis has no mixture line, and so no map; give analysis.porphyrin and analysis.bulk";
+        let why =
+            "this analysis has no mixture line, and so no map; give analysis.porphyrin and analysis.bulk";
         return Err(Error::Input(why.into()));
     };
     let developed = &frame.developed;
     if [map.width, map.height] != [developed.width, developed.height] {
-        return Err(Error::Input("the map is of frames of another size; show the capture that is analyzed".into()));
+        return Err(Error::Input(
+            "the map is of frames of another size; show the capture that is analyzed".into(),
+        ));
     }
     let share = map.layers().share;
     let mut sorted: Vec<f32> = share.iter().copied().filter(|share| !share.is_nan()).collect();

@@ -59,7 +59,12 @@ impl Place {
             Rectangle { row, col, width, height }
         });
         let parts = self.part.iter().filter(|part| !part.is_empty()).cloned().collect();
-        RegionOfInterest { parts, rectangle, polygon: self.polygon_px.clone().map(Polygon), ..Default::default() }
+        RegionOfInterest {
+            parts,
+            rectangle,
+            polygon: self.polygon_px.clone().map(Polygon),
+            ..Default::default()
+        }
     }
 }
 
@@ -142,7 +147,9 @@ pub(crate) fn region(live: &LiveRender, request: &RegionRequest) -> Result<Regio
             answer.warnings = analysis.warnings.iter().map(|warning| warning.text().to_owned()).collect();
             selection = Some(analyzed.region.clone());
         }
-        Ok(None) => answer.no_estimate = Some("the experiment has no [analysis]; its spectra are shown".into()),
+        Ok(None) => {
+            answer.no_estimate = Some("the experiment has no [analysis]; its spectra are shown".into())
+        }
         Err(error) => answer.no_estimate = Some(said(&error)),
     }
     let region = match (&place, selection) {
@@ -166,7 +173,9 @@ fn selected(
 ) -> Result<PixelSelection> {
     const MOST_PIXELS: usize = 1 << 26;
     if width.checked_mul(height).is_none_or(|pixels| pixels > MOST_PIXELS) {
-        return Err(Error::Input(format!("frame_px: {width} x {height} pixels are more than any sensor has")));
+        return Err(Error::Input(format!(
+            "frame_px: {width} x {height} pixels are more than any sensor has"
+        )));
     }
     let scene = on_sensor(study.study(), live.render().labels());
     let found = place.region().select(width, height, scene);
@@ -175,7 +184,8 @@ fn selected(
 
 fn spectra(study: &LiveStudy<'_>, capture: &str, region: &PixelSelection) -> Result<Spectra> {
     let found = study.radiance(capture, region)?;
-    let ends = [("reflected".to_owned(), found.reflected), ("fluoresced twice".into(), found.multiple_fluorescence)];
+    let ends =
+        [("reflected".to_owned(), found.reflected), ("fluoresced twice".into(), found.multiple_fluorescence)];
     let [reflected, twice] = ends;
     let parts = std::iter::once(reflected).chain(found.fluorescence).chain([twice]);
     let is_there = |(_, values): &(String, Vec<f64>)| values.iter().any(|value| *value != 0.0);

@@ -12,6 +12,7 @@ use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
+use fluorspar::pipeline::PipelineError;
 use fluorspar_session::{Changes, Error, ErrorKind, LiveRender, Result};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -63,7 +64,9 @@ pub(crate) fn router(server: Arc<Server>) -> Router {
         .route("/api/subject", get(subject))
         .route("/api/picture", post(picture_of))
         .route("/api/region", post(region_of))
-        .route("/api/toml", post(toml_of));
+        .route("/api/toml", post(toml_of))
+        .route("/api/render", post(render))
+        .route("/api/stop", post(stop));
     for (path, kind, content) in PAGES {
         router = router.route(path, get(move || async move { ([(CONTENT_TYPE, kind)], content) }));
     }
@@ -85,7 +88,15 @@ fn failure(error: &Error) -> Response {
         ErrorKind::Input => StatusCode::UNPROCESSABLE_ENTITY,
         ErrorKind::Failed | ErrorKind::Stopped => StatusCode::INTERNAL_SERVER_ERROR,
     };
-    refusal(status, &said(error))
+    use PipelineError::{OtherCamera, OtherGrid, OtherLights, OtherScene, OutsideBasis};
+
+    let needs_render = matches!(
+        error,
+        Error::Pipeline(
+            OtherScene(_) | OtherCamera | OtherGrid { .. } | OtherLights { .. } | OutsideBasis(_)
+        )
+    );
+    (status, Json(json!({ "error": said(error), "needs_render": needs_render }))).into_response()
 }
 
 /// What work on the finished render gives, done in a thread of its own.
@@ -99,11 +110,12 @@ async fn answer<Q: Send + 'static>(
         Err(error) => return refusal(error.status(), &error.body_text()),
     };
     let live = match server.subject.stage() {
-        Stage::Ready(live) => live,
+        Stage::Ready(live, _) => live,
         Stage::Rendering => return refusal(StatusCode::SERVICE_UNAVAILABLE, "the render is not there yet"),
         Stage::Failed(why) => return refusal(StatusCode::SERVICE_UNAVAILABLE, &why),
     };
-    let done = tokio::task::spawn_blocking(move || work(&live, &asked).unwrap_or_else(|error| failure(&error)));
+    let done =
+        tokio::task::spawn_blocking(move || work(&live, &asked).unwrap_or_else(|error| failure(&error)));
     let defect = "this is a defect of Fluorspar: please report the last lines of the terminal";
     done.await.unwrap_or_else(|_| refusal(StatusCode::INTERNAL_SERVER_ERROR, defect))
 }
@@ -121,15 +133,15 @@ async fn subject(State(server): Shared) -> Response {
 
 fn about(subject: &Subject, stage: &Stage) -> Result<Value> {
     let name = &subject.name;
-    let live = match stage {
-        Stage::Ready(live) => live,
+    let (live, remark) = match stage {
+        Stage::Ready(live, remark) => (live, remark),
         Stage::Failed(why) => return Ok(json!({ "stage": "failed", "name": name, "error": why })),
         Stage::Rendering => {
             let (share, said) = subject.progress();
             return Ok(json!({ "stage": "rendering", "name": name, "share": share, "said": said }));
         }
     };
-    let experiment = live.experiment(&subject.changes)?;
+    let experiment = live.experiment(&Changes::default())?;
     let file = &experiment.file;
     let captures: Vec<&str> = file.capture.iter().map(|capture| capture.name.as_str()).collect();
     let labels = live.render().labels();
@@ -137,7 +149,8 @@ fn about(subject: &Subject, stage: &Stage) -> Result<Value> {
         "stage": "ready",
         "name": name,
         "title": file.title,
-        "set": subject.changes.set,
+        "remark": remark,
+        "set": subject.changes(),
         "captures": captures,
         "analyzed": file.analysis.as_ref().map(|analysis| &analysis.frame),
         "parts": file.analysis.as_ref().map(|analysis| &analysis.place.parts),
@@ -185,4 +198,29 @@ async fn toml_of(State(server): Shared, asked: Asked<TomlRequest>) -> Response {
         Ok(Json(json!({ "toml": live.text_with(&changes, place.as_deref())? })).into_response())
     };
     answer(server, asked, work).await
+}
+
+/// Which changes are rendered.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RenderRequest {
+    set: Vec<String>,
+}
+
+/// Begins to render the experiment with changes; `/api/subject` tells how far that is.
+async fn render(State(server): Shared, asked: Asked<RenderRequest>) -> Response {
+    let subject = Arc::clone(&server.subject);
+    let work = move |live: &Arc<LiveRender>, asked: &RenderRequest| {
+        let changes = Changes { set: asked.set.clone(), unset: Vec::new() };
+        check_no_files(&changes)?;
+        subject.render_again(live, &changes)?;
+        Ok(StatusCode::ACCEPTED.into_response())
+    };
+    answer(server, asked, work).await
+}
+
+/// Ends the render in work.
+async fn stop(State(server): Shared) -> Response {
+    server.subject.stop();
+    StatusCode::ACCEPTED.into_response()
 }

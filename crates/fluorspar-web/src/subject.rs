@@ -3,14 +3,14 @@
 use std::any::Any;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
 use fluorspar_experiment::{SceneChange, Warning, edit_experiment};
 use fluorspar_session::values::{Override, as_typed, sets};
 use fluorspar_session::{
-    Changes, Error, ExperimentSource, Job, Left, Listener, LiveRender, Result, check_memory,
-    check_nothing_painted, render_scene, warnings_before_run, worded,
+    Changes, Error, ExperimentSource, FinishedRender, Job, Left, Listener, LiveRender, Result, check_memory,
+    check_nothing_painted, render_scene, render_with_excitation_basis, worded,
 };
 
 use crate::WorkbenchOptions;
@@ -20,24 +20,24 @@ pub(crate) struct Subject {
     stage: Mutex<Stage>,
     progress: Arc<Progress>,
     /// The experiment that is rendered first, until it is.
-    waiting: Mutex<Option<Waiting>>,
+    waiting: Mutex<Option<ExperimentSource>>,
+    /// Ends the render in work.
+    stop: Mutex<Arc<AtomicBool>>,
+    /// Samples per pixel of renders.
+    spp: u32,
     /// Its file or name.
     pub(crate) name: String,
-    /// Changes on which the workbench begins.
-    pub(crate) changes: Changes,
+    /// Changes on which the workbench begins, in the form of `--set`.
+    changes: Mutex<Vec<String>>,
 }
 
 /// How far it is.
 #[derive(Clone)]
 pub(crate) enum Stage {
     Rendering,
-    Ready(Arc<LiveRender>),
+    /// The render, and why a later one gave nothing.
+    Ready(Arc<LiveRender>, Option<String>),
     Failed(String),
-}
-
-struct Waiting {
-    source: ExperimentSource,
-    text: String,
 }
 
 /// Largest spectra that are read into memory, bytes.
@@ -46,51 +46,103 @@ const MOST_SPECTRA: usize = 2 << 30;
 /// Share of the width and height of an experiment that is rendered.
 const QUICK: [u32; 2] = [2, 3];
 
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 impl Subject {
     /// Finds the subject of some options.
     pub(crate) fn find(options: &WorkbenchOptions) -> Result<Self> {
         let name = options.subject.clone().unwrap_or_else(|| fluorspar_experiment::DEFAULT_EXPERIMENT.into());
-        let changes = options.changes.clone();
         let subject = |stage, waiting, changes| Self {
             stage: Mutex::new(stage),
             progress: Arc::default(),
             waiting: Mutex::new(waiting),
+            stop: Mutex::default(),
+            spp: options.spp,
             name: name.clone(),
-            changes,
+            changes: Mutex::new(changes),
         };
         if let Some(path) = image_of(options.subject.as_deref())? {
+            let Changes { set, unset } = &options.changes;
+            if let Some(path) = unset.first() {
+                return Err(Error::Input(format!(
+                    "⟨unset={path}⟩: the page of a finished render only sets values; give an experiment, or leave it out"
+                )));
+            }
             let live = LiveRender::open(&path)?;
-            live.show(&changes)?;
-            return Ok(subject(Stage::Ready(Arc::new(live)), None, changes));
+            live.show(&options.changes)?;
+            return Ok(subject(Stage::Ready(Arc::new(live), None), None, set.clone()));
         }
         let source = ExperimentSource::find(options.subject.as_deref())?;
         let text = first_text(&source, options)?;
-        // What the render was made with is no difference to it any more
-        Ok(subject(Stage::Rendering, Some(Waiting { source, text }), Changes::default()))
+        // What the render is made with is no difference to it any more
+        Ok(subject(Stage::Rendering, Some(ExperimentSource { text, ..source }), Vec::new()))
     }
 
     /// How far it is.
     pub(crate) fn stage(&self) -> Stage {
-        self.stage.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.stage).clone()
+    }
+
+    /// Changes on which the page begins, in the form of `--set`.
+    pub(crate) fn changes(&self) -> Vec<String> {
+        lock(&self.changes).clone()
     }
 
     /// Share of the render that is done, 0 to 1, and what is done or was said last.
     pub(crate) fn progress(&self) -> (f64, String) {
-        let said = self.progress.said.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        (f64::from(self.progress.permille.load(Ordering::Relaxed)) / 1000.0, said)
+        (
+            f64::from(self.progress.permille.load(Ordering::Relaxed)) / 1000.0,
+            lock(&self.progress.said).clone(),
+        )
     }
 
     /// Begins to render in a thread of its own, where that is to be done.
-    pub(crate) fn begin(self: &Arc<Self>, stop: &Arc<AtomicBool>) {
-        let waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let Some(waiting) = waiting else { return };
-        let (subject, job) = (Arc::clone(self), Job::new(Arc::clone(stop), self.progress.clone()));
+    pub(crate) fn begin(self: &Arc<Self>) {
+        if let Some(source) = lock(&self.waiting).take() {
+            self.render(source, None);
+        }
+    }
+
+    /// Renders the experiment with changes anew, with few samples. What was there comes back if that fails or is stopped.
+    ///
+    /// # Errors
+    /// A change that can't be made; a render that is already in work.
+    pub(crate) fn render_again(self: &Arc<Self>, live: &Arc<LiveRender>, changes: &Changes) -> Result<()> {
+        let mut all = changes.clone();
+        if !all.set.iter().any(|set| set.starts_with("render.samples_per_pixel")) {
+            all.set.push(format!("render.samples_per_pixel={}", self.spp));
+        }
+        let source = live.source_with(&all)?;
+        let before = std::mem::replace(&mut *lock(&self.stage), Stage::Rendering);
+        if matches!(before, Stage::Rendering) {
+            return Err(Error::Input("a render is in work; wait for it, or stop it".into()));
+        }
+        self.render(source, Some(Arc::clone(live)));
+        Ok(())
+    }
+
+    /// Ends the render in work.
+    pub(crate) fn stop(&self) {
+        lock(&self.stop).store(true, Ordering::SeqCst);
+    }
+
+    fn render(self: &Arc<Self>, source: ExperimentSource, before: Option<Arc<LiveRender>>) {
+        let stop: Arc<AtomicBool> = Arc::default();
+        *lock(&self.stop) = Arc::clone(&stop);
+        self.progress.permille.store(0, Ordering::Relaxed);
+        let (subject, job) = (Arc::clone(self), Job::new(stop, self.progress.clone()));
         thread::spawn(move || {
-            let stage = match rendered(&waiting, &job) {
-                Ok(live) => Stage::Ready(Arc::new(live)),
-                Err(error) => Stage::Failed(said(&error)),
+            let stage = match (rendered(source, &job), before) {
+                (Ok(live), _) => {
+                    lock(&subject.changes).clear();
+                    Stage::Ready(Arc::new(live), None)
+                }
+                (Err(error), Some(before)) => Stage::Ready(before, Some(said(&error))),
+                (Err(error), None) => Stage::Failed(said(&error)),
             };
-            *subject.stage.lock().unwrap_or_else(PoisonError::into_inner) = stage;
+            *lock(&subject.stage) = stage;
         });
     }
 }
@@ -131,35 +183,38 @@ fn first_text(source: &ExperimentSource, options: &WorkbenchOptions) -> Result<S
         (!is_set(path)).then(|| Override::of_option(path, value, "⟨spp⟩".into()))
     };
     let spp = Override::of_option("render.samples_per_pixel", options.spp, format!("⟨spp={}⟩", options.spp));
-    let quick = [part("render.width_px", render.width_px), part("render.height_px", render.height_px), Some(spp)];
+    let quick =
+        [part("render.width_px", render.width_px), part("render.height_px", render.height_px), Some(spp)];
     let all: Vec<Override> = quick.into_iter().flatten().chain(typed).collect();
     let changes = all.iter().map(|one| SceneChange::read(&one.set)).collect::<Result<Vec<_>, _>>()?;
     let edited = edit_experiment(&source.text, &source.name, &source.base_dir, &changes);
     Ok(edited.map_err(|error| as_typed(error, &all))?)
 }
 
-fn rendered(waiting: &Waiting, job: &Job) -> Result<LiveRender> {
-    let Waiting { source, text } = waiting;
+fn rendered(source: ExperimentSource, job: &Job) -> Result<LiveRender> {
     job.listener.status("Preparing the scene");
-    let source = ExperimentSource {
-        name: source.name.clone(),
-        stem: source.stem.clone(),
-        text: text.clone(),
-        base_dir: source.base_dir.clone(),
-        file: source.file.clone(),
-    };
     let parsed = source.parse(&[])?;
     let experiment = source.resolve(&[])?;
-    job.listener.warnings(&warnings_before_run(&experiment));
     let study = &experiment.study;
     check_nothing_painted(study)?;
     check_memory(study, "or give the folder of a finished run")?;
-    let mut image = render_scene(&study.scene, &study.render, study.time_limit_s, job)?;
+    let (mut image, basis) = match &study.render.excitation_basis {
+        None => (render_scene(&study.scene, &study.render, study.time_limit_s, job)?, None),
+        Some(basis) => {
+            let (image, basis) = render_with_excitation_basis(study, basis, job)?;
+            (image, Some(basis))
+        }
+    };
     if job.is_stopped() {
         return Err(Error::Stopped("the render was stopped".into()));
     }
     image.round_to_24_bits();
-    Ok(LiveRender::of_image(Arc::new(image), Arc::new(parsed), &source, text.clone()))
+    let render = FinishedRender::of_image(Arc::new(image), Some(Arc::new(parsed)));
+    let render = match basis {
+        Some(basis) => render.with_basis(basis),
+        None => render,
+    };
+    Ok(LiveRender::of_render(render, source))
 }
 
 /// An error as the page says it: options are changes there.
@@ -198,7 +253,7 @@ struct Progress {
 impl Listener for Progress {
     fn status(&self, text: &str) {
         let first = text.lines().next().unwrap_or_default();
-        first.clone_into(&mut self.said.lock().unwrap_or_else(PoisonError::into_inner));
+        first.clone_into(&mut lock(&self.said));
     }
 
     fn warnings(&self, _: &[Warning]) {}

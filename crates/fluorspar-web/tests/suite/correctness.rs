@@ -54,7 +54,8 @@ fn names(served: &Served) -> (Vec<String>, Vec<String>) {
     let texts = |list: &Value| -> Vec<String> {
         list.as_array().unwrap().iter().map(|text| text.as_str().unwrap().to_owned()).collect()
     };
-    let paths = subject["groups"].as_array().unwrap().iter().flat_map(|group| group["controls"].as_array().unwrap());
+    let paths =
+        subject["groups"].as_array().unwrap().iter().flat_map(|group| group["controls"].as_array().unwrap());
     let paths = paths.filter_map(|control| control["path"].as_str()?.strip_prefix("concentration."));
     (texts(&subject["captures"]), paths.map(String::from).collect())
 }
@@ -70,7 +71,7 @@ fn pictures_are_those_of_capture() {
         vec!["capture.blue.exposure_ms=11", "capture.blue.gain=2"],
         vec![&dye],
         vec!["view_filter.filters=[\"long_pass_500\"]"],
-        vec!["capture.blue.light_groups.blue=0.4", &dye, "capture.white.exposure_ms=3"],
+        vec!["capture.blue.light_groups.blue=0.4", &dye, "capture.ambient.exposure_ms=3"],
         vec!["sensor.bit_depth=10", "view_filter.filters=[]"],
     ];
     for set in changes {
@@ -93,7 +94,8 @@ fn raw_and_clipped_pixels_are_shown() {
     let served = Served::on_run();
     let bright = json!({ "set": ["capture.blue.exposure_ms=900.0"], "capture": "blue", "view": "clip" });
     let (facts, (_, _, pixels)) = picture(&served, &bright);
-    let striped = pixels.chunks(3).filter(|rgb| [[255, 70, 200], [20, 0, 20]].contains(&[rgb[0], rgb[1], rgb[2]]));
+    let striped =
+        pixels.chunks(3).filter(|rgb| [[255, 70, 200], [20, 0, 20]].contains(&[rgb[0], rgb[1], rgb[2]]));
     let share = 100.0 * striped.count() as f64 / (pixels.len() / 3) as f64;
     let told = facts["clipped_percent"].as_f64().unwrap();
     assert!(told > 1.0 && (share - told).abs() < 1e-9, "{share} {told}");
@@ -125,7 +127,11 @@ fn the_parts_of_a_spectrum_sum_to_the_radiance() {
         for (band, sum) in total.iter().enumerate() {
             let of_parts: f64 = parts.iter().map(|part| part[band]).sum();
             assert!((of_parts - sum).abs() <= 1e-6 * brightest, "{band}: {of_parts} {sum}");
-            assert!((f64::from(expected[band]) - sum).abs() <= 1e-6 * brightest, "{band}: {} {sum}", expected[band]);
+            assert!(
+                (f64::from(expected[band]) - sum).abs() <= 1e-6 * brightest,
+                "{band}: {} {sum}",
+                expected[band]
+            );
         }
     }
 }
@@ -166,12 +172,15 @@ fn what_needs_a_render_is_refused_in_words() {
         ("capture.blue.exposure=3", "exposure_ms"),
         ("capture.blue.gain=-1", "gain"),
     ] {
-        let refused = served.post("/api/picture", &json!({ "set": [set], "capture": "blue", "view": "developed" }));
+        let refused =
+            served.post("/api/picture", &json!({ "set": [set], "capture": "blue", "view": "developed" }));
         let text = refused.text();
         assert!(refused.status == 422 && text.contains(word) && !text.contains('⟨'), "{set}: {text}");
+        let needs_render = ["render", "render.excitation_basis_nm"].contains(&word);
+        assert!(text.contains(&format!("\"needs_render\":{needs_render}")), "{set}: {text}");
     }
     let refused = served.post("/api/picture", &json!({ "capture": "green", "view": "developed" }));
-    assert!(refused.status == 422 && refused.text().contains("white"), "{}", refused.text());
+    assert!(refused.status == 422 && refused.text().contains("ambient, blue"), "{}", refused.text());
 }
 
 #[test]
@@ -179,7 +188,9 @@ fn every_control_changes_what_it_says() {
     let served = Served::on_run();
     let subject = served.get("/api/subject").json();
     let mut kinds: BTreeMap<String, usize> = BTreeMap::new();
-    for control in subject["groups"].as_array().unwrap().iter().flat_map(|group| group["controls"].as_array().unwrap()) {
+    for control in
+        subject["groups"].as_array().unwrap().iter().flat_map(|group| group["controls"].as_array().unwrap())
+    {
         let path = control["path"].as_str().unwrap();
         let value = match control["kind"].as_str().unwrap() {
             "number" => format!("{:?}", control["range"][0].as_f64().unwrap()),
@@ -196,22 +207,40 @@ fn every_control_changes_what_it_says() {
 #[test]
 fn an_experiment_is_rendered_first() {
     let mut options = WorkbenchOptions { subject: Some("flat-patch".into()), spp: 1, ..Default::default() };
-    options.changes.set = ["render.width_px=16", "render.height_px=12", "sensor.columns=32", "sensor.rows=24"]
-        .map(String::from)
-        .to_vec();
+    options.changes.set =
+        ["render.width_px=16", "render.height_px=12", "sensor.columns=32", "sensor.rows=24"]
+            .map(String::from)
+            .to_vec();
     let served = Served::of(&options);
+    assert_eq!(ready(&served)["render_px"], json!([16, 12]));
+    let (facts, _) = picture(&served, &json!({ "capture": "blue", "view": "developed" }));
+    assert_eq!(facts["frame_px"], json!([32, 24]));
+}
+
+/// What a workbench tells of its subject once that is rendered.
+fn ready(served: &Served) -> Value {
     for _ in 0..600 {
         let subject = served.get("/api/subject").json();
         if subject["stage"] == "ready" {
-            assert_eq!(subject["render_px"], json!([16, 12]));
-            let (facts, _) = picture(&served, &json!({ "capture": "blue", "view": "developed" }));
-            assert_eq!(facts["frame_px"], json!([32, 24]));
-            return;
+            return subject;
         }
         assert_eq!(subject["stage"], "rendering", "{subject}");
         sleep(Duration::from_millis(50));
     }
     panic!("the render did not end");
+}
+
+#[test]
+fn what_needs_a_render_is_rendered_on_demand() {
+    let served = Served::on_run();
+    let bad = served.post("/api/render", &json!({ "set": ["object.none.material=x"] }));
+    assert_eq!(bad.status, 422, "{}", bad.text());
+    let set = json!(["render.samples_per_pixel=2", "render.width_px=16", "render.height_px=12"]);
+    assert_eq!(served.post("/api/render", &json!({ "set": set })).status, 202);
+    let subject = ready(&served);
+    assert_eq!((&subject["render_px"], &subject["samples_per_pixel"]), (&json!([16, 12]), &json!(2)));
+    assert_eq!(subject["remark"], Value::Null);
+    picture(&served, &json!({ "capture": "blue", "view": "developed" }));
 }
 
 #[test]

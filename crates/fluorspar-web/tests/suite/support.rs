@@ -99,7 +99,8 @@ impl Served {
         let thread = Some(thread::spawn(move || workbench.run(&until).unwrap()));
         let mut served =
             Self { port: port.parse().unwrap(), token: token.into(), cookie: String::new(), stop, thread };
-        let welcome = served.send(&format!("GET /?token={token} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n"), b"");
+        let welcome =
+            served.send(&format!("GET /?token={token} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n"), b"");
         let cookie = welcome.header("set-cookie").unwrap();
         served.cookie = cookie.split(';').next().unwrap().into();
         served
@@ -108,7 +109,8 @@ impl Served {
     /// Sends lines of a head, each with its end, and a body.
     pub(crate) fn send(&self, head: &str, body: &[u8]) -> Answer {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
-        let length = if body.is_empty() { String::new() } else { format!("Content-Length: {}\r\n", body.len()) };
+        let length =
+            if body.is_empty() { String::new() } else { format!("Content-Length: {}\r\n", body.len()) };
         stream.write_all(format!("{head}{length}Connection: close\r\n\r\n").as_bytes()).unwrap();
         // A server that refuses a head need not read the body
         let _ = stream.write_all(body);
