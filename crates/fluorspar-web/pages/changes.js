@@ -67,6 +67,16 @@ export class Changes {
     if (this.now.place && this.now.place.part === undefined) this.now = { ...this.now, place: { ...this.now.place, part } };
   }
 
+  /** Moves a region along when the frame has another size: its pixels are those of the sensor. @param {number[]} before @param {number[]} now */
+  resize(before, now) {
+    const { place } = this.now;
+    const across = [now[0] / before[0], now[1] / before[1]];
+    if (!place || (across[0] === 1 && across[1] === 1)) return;
+    const rectangle_px = place.rectangle_px?.map((value, i) => Math.max(Math.round(value * across[i % 2]), i < 2 ? 0 : 1));
+    const polygon_px = place.polygon_px?.map(([x, y]) => [x * across[0], y * across[1]].map((value) => Math.round(10 * value) / 10));
+    this.now = { ...this.now, place: { part: place.part, ...(polygon_px ? { polygon_px } : { rectangle_px }) } };
+  }
+
   reset() {
     this.remember();
     this.now = { set: {}, place: null };

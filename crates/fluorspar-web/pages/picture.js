@@ -19,7 +19,7 @@ export async function ask(path, body) {
 }
 
 /** Height of a page beside the frame, and the least of a frame, px. */
-const OTHER_HEIGHT = 350;
+const OTHER_HEIGHT = 300;
 const LEAST_HEIGHT = 300;
 
 const byId = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
@@ -81,6 +81,7 @@ export class Picture {
     }
     this.canvas.getContext("2d").drawImage(image, 0, 0);
     image.close();
+    if (this.facts) this.changes.resize(this.facts.frame_px, facts.frame_px);
     [this.facts, this.tones] = [facts, tones];
     this.canvas.dataset.serial = String(++this.serial);
     byId("viewport").classList.remove("stale");

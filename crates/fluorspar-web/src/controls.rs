@@ -221,7 +221,7 @@ fn of_lights(live: &LiveRender, experiment: &Experiment) -> Result<Vec<Control>>
         let (peak_nm, shape) = led(&light.spectrum);
         let kind = Kind::Number {
             value: peak_nm,
-            range: *span,
+            range: experiment.file.render.excitation_basis_nm.unwrap_or(*span),
             is_log: false,
             auto: None,
             template: Some(format!("{{ type = \"led\", peak_nm = $, {shape} }}")),

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
+use fluorspar::pipeline::PipelineError;
 use fluorspar_experiment::{SceneChange, Warning, edit_experiment};
 use fluorspar_session::values::{Override, as_typed, sets};
 use fluorspar_session::{
@@ -176,7 +177,16 @@ fn image_of(subject: Option<&str>) -> Result<Option<PathBuf>> {
 /// The text of an experiment with its changes, and with fewer pixels and samples, where these do not set them.
 fn first_text(source: &ExperimentSource, options: &WorkbenchOptions) -> Result<String> {
     let typed = options.changes.overrides();
-    let render = source.parse(&typed)?.file.render;
+    let file = source.parse(&typed)?.file;
+    let has = [
+        (file.lens.is_some(), "lens"),
+        (file.sensor.is_some(), "sensor"),
+        (!file.capture.is_empty(), "captures"),
+    ];
+    if let Some((_, missing)) = has.into_iter().find(|(is_there, _)| !is_there) {
+        return Err(PipelineError::Missing(missing).into());
+    }
+    let render = file.render;
     let is_set = |path: &str| options.changes.set.iter().any(|set| set.trim_start().starts_with(path));
     let part = |path: &str, value: u32| {
         let value = (value * QUICK[0] / QUICK[1]).max(1);

@@ -250,6 +250,7 @@ fn subjects_that_are_none_are_told() {
         (empty.path().display().to_string(), "has no components.exr"),
         ("no-such-experiment".into(), "no-such-experiment"),
         ("missing.exr".into(), "missing.exr"),
+        ("fluorescent-sphere".into(), "the experiment has no lens; add a [lens] section"),
     ] {
         let options = WorkbenchOptions { subject: Some(subject), spp: 1, ..Default::default() };
         let error = Workbench::open(&options).err().unwrap().to_string();
