@@ -34,7 +34,7 @@ pub struct FinishedRender {
 /// Where spectra lie.
 enum Spectra {
     /// In a file, and once they were all read in memory, too.
-    File(Box<ComponentFile>, OnceLock<ComponentImage>),
+    File(Box<ComponentFile>, OnceLock<Box<ComponentImage>>),
     Memory(Arc<ComponentImage>),
 }
 
@@ -96,7 +96,7 @@ impl FinishedRender {
             && read.get().is_none()
         {
             let image = read_component_image(Path::new(&self.name))?.image;
-            read.get_or_init(|| image);
+            read.get_or_init(|| Box::new(image));
         }
         Ok(())
     }

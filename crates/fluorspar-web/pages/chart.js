@@ -70,6 +70,7 @@ export function chart(spectra, hasReflected, room) {
   curves.forEach(([name, values, index]) => {
     const points = values.map((value, i) => `${x(nm[i]).toFixed(1)},${y(Math.max(value, 0)).toFixed(1)}`);
     const isTotal = index < 0;
+    /** @type {Record<string, string>} */
     const look = isTotal ? { class: "total" } : { stroke: INKS[index % INKS.length], "stroke-dasharray": DASHES[index % DASHES.length] };
     drawing.append(svg("polyline", { points: points.join(" "), fill: "none", "stroke-width": isTotal ? 2.5 : 2, ...look }));
     const entry = document.createElement("li");

@@ -171,6 +171,7 @@ function buttons(changes) {
       byId("toml-text").value = told.toml;
       dialog.showModal();
       byId("toml-text").select();
+      byId("toml-text").scrollTop = 0;
     } catch (error) {
       say(/** @type {Error} */ (error).message);
     }

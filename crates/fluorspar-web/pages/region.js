@@ -98,7 +98,7 @@ export class Region {
     history.replaceState(null, "", `#${this.changes.fragment()}`);
     const entries = told.parts.map((/** @type {[string, number]} */ [name, pixels]) => [name, `${name.replaceAll("_", " ")} (${pixels} px of the render)`]);
     byId("part").replaceChildren(make("option", { value: "", textContent: "all pixels" }),
-      ...entries.map(([value, textContent]) => make("option", { value, textContent })));
+      ...entries.map((/** @type {string[]} */ [value, textContent]) => make("option", { value, textContent })));
     byId("part").value = told.part;
   }
 
