@@ -1,7 +1,7 @@
 //! A finished render whose experiment changes again and again: frames, estimates and spectra without a new render.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use fluorspar::analysis::PixelSelection;
 use fluorspar::image::LightPath;
@@ -13,6 +13,7 @@ use fluorspar::study::{AnalysisPlan, Capture, Study};
 use fluorspar_experiment::schema::{ExperimentFile, ExposureTime};
 use fluorspar_experiment::{
     Experiment, ResolvedExperiment, SceneChange, cached_analysis, edit_experiment, parse, resolve,
+    resolve_captures, resolve_rendered,
 };
 
 use crate::analyze::looked_at;
@@ -31,6 +32,8 @@ pub struct LiveRender {
     base_dir: PathBuf,
     /// What captures saw of late, the last first.
     seen: Mutex<Vec<KeptView>>,
+    /// The rendered experiment with its surfaces, once a change of the lights asked for them.
+    surfaces: OnceLock<(Experiment, ResolvedExperiment)>,
     /// The last analysis, with the changes and the region that it is of.
     analyzed: Mutex<Option<(Vec<String>, Arc<AnalyzedFrame>)>>,
 }
@@ -67,20 +70,18 @@ impl LiveRender {
         let render = FinishedRender::open_to_stay(path)?;
         let text = render.experiment_text()?.to_owned();
         let name = format!("experiment in {}", render.name());
-        Ok(Self {
-            render,
-            name,
-            text,
-            base_dir: PathBuf::from("."),
-            seen: Mutex::default(),
-            analyzed: Mutex::default(),
-        })
+        Ok(Self::new(render, name, text, PathBuf::from(".")))
     }
 
     /// A render that was just made from an experiment, on top of which changes come.
     pub fn of_render(render: FinishedRender, source: ExperimentSource) -> Self {
         let ExperimentSource { name, text, base_dir, .. } = source;
-        Self { render, name, text, base_dir, seen: Mutex::default(), analyzed: Mutex::default() }
+        Self::new(render, name, text, base_dir)
+    }
+
+    fn new(render: FinishedRender, name: String, text: String, base_dir: PathBuf) -> Self {
+        let (seen, surfaces, analyzed) = (Mutex::default(), OnceLock::new(), Mutex::default());
+        Self { render, name, text, base_dir, seen, surfaces, analyzed }
     }
 
     /// The render.
@@ -134,11 +135,62 @@ impl LiveRender {
     /// A change that can't be made; one that only a new render can show.
     pub fn show(&self, changes: &Changes) -> Result<LiveStudy<'_>> {
         let (parsed, overrides) = (self.experiment(changes)?, changes.overrides());
-        let shown = self.render.shown(&parsed).map_err(|error| as_typed_in_session(error, &overrides))?;
+        let shown = self.shown(&parsed).map_err(|error| as_typed_in_session(error, &overrides))?;
         let ShownExperiment { experiment, changes } = shown;
         check_captures(&experiment.study, self.render.labels())?;
         Ok(LiveStudy { live: self, parsed, overrides, experiment, changes })
     }
+
+    /// [`FinishedRender::shown`], which meshes and solves surfaces once for all changes of lights.
+    fn shown(&self, now: &Experiment) -> Result<ShownExperiment<'_>> {
+        if let Some(shown) = self.render.shown_without_surfaces(now)? {
+            return Ok(shown);
+        }
+        match self.on_kept_surfaces(now)? {
+            Some(resolved) => self.render.shown_by(now, resolved),
+            None => self.render.shown_whole(now),
+        }
+    }
+
+    /// An experiment on the surfaces of the rendered one; `None` where it has others, or where more is to be checked than lights, camera and
+    /// captures.
+    fn on_kept_surfaces(&self, now: &Experiment) -> Result<Option<ResolvedExperiment>> {
+        let (rendered, resolved) = match self.surfaces.get() {
+            Some(kept) => kept,
+            None => {
+                let rendered = self.experiment(&Changes::default())?;
+                let resolved = resolve(&rendered)?;
+                self.surfaces.get_or_init(|| (rendered, resolved))
+            }
+        };
+        let (file, other) = (&now.file, &rendered.file);
+        let is_checked = file.analysis == other.analysis
+            && file.target == other.target
+            && file.spectroradiometer == other.spectroradiometer
+            && file.safety == other.safety;
+        let Some(study) = resolve_rendered(now, rendered, resolved)?.filter(|_| is_checked) else {
+            return Ok(None);
+        };
+        // Against itself an experiment shows the same scene: what is left are its captures
+        let Some(found) = resolve_captures(now, now, &fluorophores(&self.render))? else { return Ok(None) };
+        let mut experiment = found.into_resolved(now);
+        let Study { concentrations, captures, motion, develop, .. } = experiment.study;
+        experiment.study = Study { concentrations, captures, motion, develop, ..study };
+        Ok(Some(experiment))
+    }
+}
+
+/// Names of the fluorophores whose light a render holds, each once.
+fn fluorophores(render: &FinishedRender) -> Vec<&str> {
+    let mut names: Vec<&str> = Vec::new();
+    for component in &render.labels().components {
+        if let LightPath::Fluorescence(name) = &component.light
+            && !names.contains(&name.as_str())
+        {
+            names.push(name);
+        }
+    }
+    names
 }
 
 /// An experiment with nothing but what planes and factors depend on: drives, exposures, gains and the analysis are left out.
@@ -329,14 +381,6 @@ impl LiveStudy<'_> {
 
     /// Names of the fluorophores whose light the render holds, each once.
     pub fn fluorophores(&self) -> Vec<&str> {
-        let mut names: Vec<&str> = Vec::new();
-        for component in &self.live.render.labels().components {
-            if let LightPath::Fluorescence(name) = &component.light
-                && !names.contains(&name.as_str())
-            {
-                names.push(name);
-            }
-        }
-        names
+        fluorophores(&self.live.render)
     }
 }

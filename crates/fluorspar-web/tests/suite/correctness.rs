@@ -1,7 +1,7 @@
 //! What the workbench shows is what the commands write.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use fluorspar_session::{AnalyzeOptions, CaptureOptions, TaskOptions, analyze, ca
 use fluorspar_web::{Workbench, WorkbenchOptions};
 use serde_json::{Value, json};
 
-use crate::support::{Answer, Served, job, run_folder};
+use crate::support::{Answer, Served, any_led_folder, job, run_folder};
 
 /// Width, height and pixels of a PNG.
 fn decoded(bytes: &[u8]) -> (u32, u32, Vec<u8>) {
@@ -32,13 +32,13 @@ fn picture(served: &Served, body: &Value) -> (Value, (u32, u32, Vec<u8>)) {
     (serde_json::from_slice(&bytes[4..4 + length]).unwrap(), decoded(&bytes[4 + length..]))
 }
 
-/// The frames that `capture` writes of the saved experiment of some changes.
-fn captured(served: &Served, set: &[&str], folder: &std::path::Path) -> PathBuf {
+/// The frames that `capture` writes of a run and the saved experiment of some changes.
+fn captured(served: &Served, run: &Path, set: &[&str], folder: &Path) -> PathBuf {
     let toml = served.post("/api/toml", &json!({ "set": set })).json();
     let file = folder.join("saved.toml");
     std::fs::write(&file, toml["toml"].as_str().unwrap()).unwrap();
     let out = folder.join("frames");
-    let mut options = options::<CaptureOptions>(json!({ "image": run_folder().join("components.exr") }));
+    let mut options = options::<CaptureOptions>(json!({ "image": run.join("components.exr") }));
     (options.experiment, options.out) = (Some(file.display().to_string()), out.clone());
     capture(&options, &job()).unwrap();
     out
@@ -76,7 +76,7 @@ fn pictures_are_those_of_capture() {
     ];
     for set in changes {
         let folder = tempfile::tempdir().unwrap();
-        let frames = captured(&served, &set, folder.path());
+        let frames = captured(&served, &run_folder(), &set, folder.path());
         for name in &captures {
             let body = json!({ "set": set, "capture": name, "view": "developed" });
             let (facts, shown) = picture(&served, &body);
@@ -86,6 +86,30 @@ fn pictures_are_those_of_capture() {
             let held = json!({ "set": set, "capture": name, "view": "developed", "white": facts["white"] });
             assert!(picture(&served, &held).1 == shown, "{set:?} {name}");
         }
+    }
+}
+
+#[test]
+fn another_led_is_that_of_capture() {
+    let served = Served::on(&any_led_folder());
+    let subject = served.get("/api/subject").json();
+    let controls =
+        subject["groups"].as_array().unwrap().iter().flat_map(|group| group["controls"].as_array().unwrap());
+    let led = controls.into_iter().find(|control| control["template"].is_string()).unwrap();
+    assert_eq!(led["range"], json!([360.0, 480.0]));
+    let of_peak = |nm: &str| {
+        let value = led["template"].as_str().unwrap().replace('$', nm);
+        format!("{}={value}", led["path"].as_str().unwrap())
+    };
+    for (peak, more) in
+        [("405.0", "capture.blue.gain=2"), ("430.0", "view_filter.filters=[\"long_pass_500\"]")]
+    {
+        let (folder, peak) = (tempfile::tempdir().unwrap(), of_peak(peak));
+        let set = [peak.as_str(), more];
+        let frames = captured(&served, &any_led_folder(), &set, folder.path());
+        let (facts, shown) = picture(&served, &json!({ "set": set, "capture": "blue", "view": "developed" }));
+        assert!(shown == decoded(&std::fs::read(frames.join("preview_blue.png")).unwrap()), "{set:?}");
+        assert!(facts["remarks"][0].as_str().unwrap().starts_with("Light of \"blue\" changed"), "{facts}");
     }
 }
 
@@ -141,7 +165,7 @@ fn estimates_are_those_of_analyze() {
     let served = Served::on_run();
     let set = ["capture.blue.exposure_ms=21"];
     let folder = tempfile::tempdir().unwrap();
-    let frames = captured(&served, &set, folder.path());
+    let frames = captured(&served, &run_folder(), &set, folder.path());
     let polygon = json!([[10.0, 10.0], [50.5, 12.0], [40.0, 40.0]]);
     for (place, named) in [
         (Value::Null, None),

@@ -2,7 +2,7 @@
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock};
 use std::thread::{self, JoinHandle};
@@ -41,6 +41,30 @@ static RUN: LazyLock<(TempDir, PathBuf)> = LazyLock::new(|| {
     run(&RunOptions { experiment, out: Some(out.clone()), ..Default::default() }, &job()).unwrap();
     (folder, out)
 });
+
+/// A run whose light can have another peak.
+static ANY_LED: LazyLock<(TempDir, PathBuf)> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("led");
+    let set = [
+        "render.width_px=16",
+        "render.height_px=12",
+        "sensor.columns=32",
+        "sensor.rows=24",
+        "spectral.first_nm=330",
+        "render.excitation_basis_nm=[360.0, 480.0]",
+    ];
+    let mut experiment = ExperimentArgs { experiment: Some("flat-patch".into()), ..Default::default() };
+    experiment.changes.set = set.map(String::from).to_vec();
+    experiment.render.spp = Some(2);
+    run(&RunOptions { experiment, out: Some(out.clone()), ..Default::default() }, &job()).unwrap();
+    (folder, out)
+});
+
+/// The folder of that run.
+pub(crate) fn any_led_folder() -> PathBuf {
+    ANY_LED.1.clone()
+}
 
 /// The folder of the run.
 pub(crate) fn run_folder() -> PathBuf {
@@ -82,11 +106,13 @@ pub(crate) struct Served {
 impl Served {
     /// On the finished run.
     pub(crate) fn on_run() -> Self {
-        Self::of(&WorkbenchOptions {
-            subject: Some(run_folder().display().to_string()),
-            spp: 1,
-            ..Default::default()
-        })
+        Self::on(&run_folder())
+    }
+
+    /// On the run of a folder.
+    pub(crate) fn on(folder: &Path) -> Self {
+        let subject = Some(folder.display().to_string());
+        Self::of(&WorkbenchOptions { subject, spp: 1, ..Default::default() })
     }
 
     pub(crate) fn of(options: &WorkbenchOptions) -> Self {
