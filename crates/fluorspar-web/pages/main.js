@@ -14,7 +14,7 @@ const LOOK = 400;
 /** @param {string} text @param {boolean} [needsRender] whether a new render would show what is wanted */
 function say(text, needsRender = false) {
   byId("message").hidden = text === "";
-  byId("render").hidden = !needsRender;
+  byId("ways").hidden = !needsRender;
   if (byId("message-text").textContent !== text) byId("message-text").textContent = text;
 }
 
@@ -40,7 +40,7 @@ async function wait() {
     if (subject.stage === "ready") return subject;
     if (subject.error) throw new Error(subject.error);
     byId("waiting").hidden = false;
-    byId("bench").hidden = true;
+    byId("bench").hidden = byId("changes").hidden = true;
     byId("said").textContent = subject.said;
     byId("share").value = subject.share;
     await new Promise((resolve) => setTimeout(resolve, LOOK));
@@ -64,7 +64,7 @@ async function renderAgain(changes) {
 /** @param {any} subject */
 function begin(subject) {
   byId("waiting").hidden = true;
-  byId("bench").hidden = false;
+  byId("bench").hidden = byId("changes").hidden = false;
   byId("subject").textContent = `${subject.title || subject.name} · ${subject.render_px.join(" × ")} px, ${subject.samples_per_pixel} samples per pixel`;
   const changes = new Changes();
   changes.read(location.hash);
@@ -150,6 +150,7 @@ function listChanges(changes) {
 function buttons(changes) {
   byId("undo").addEventListener("click", () => changes.undo());
   byId("redo").addEventListener("click", () => changes.redo());
+  byId("back").addEventListener("click", () => changes.undo());
   byId("reset").addEventListener("click", () => changes.reset());
   document.addEventListener("keydown", (event) => {
     const isText = event.target instanceof HTMLElement && event.target.matches("input[type=number], input:not([type]), textarea");

@@ -40,7 +40,7 @@ pub struct WorkbenchOptions {
     /// Changes on which the workbench begins.
     #[command(flatten)]
     pub changes: Changes,
-    /// Samples (paths) per pixel of an experiment that is rendered first; few are soon there.
+    /// Samples (paths) per pixel of what is rendered for the page; few are soon there.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = values::whole::<u32, 1, 1_000_000>,
         allow_negative_numbers = true)]
     pub spp: u32,

@@ -16,6 +16,7 @@ use fluorspar::pipeline::PipelineError;
 use fluorspar_session::{Changes, Error, ErrorKind, LiveRender, Result};
 use serde::Deserialize;
 use serde_json::{Value, json};
+use tokio::sync::Semaphore;
 
 use crate::controls::controls;
 use crate::guard::{Guard, guarded};
@@ -31,11 +32,18 @@ pub(crate) struct Server {
     pub(crate) guard: Guard,
     pub(crate) subject: Arc<Subject>,
     is_read_ahead: AtomicBool,
+    /// How many answers are made at once: a picture and an estimate.
+    workers: Semaphore,
 }
 
 impl Server {
     pub(crate) fn new(guard: Guard, subject: Subject) -> Self {
-        Self { guard, subject: Arc::new(subject), is_read_ahead: AtomicBool::new(false) }
+        Self {
+            guard,
+            subject: Arc::new(subject),
+            is_read_ahead: AtomicBool::new(false),
+            workers: Semaphore::new(2),
+        }
     }
 }
 
@@ -114,6 +122,7 @@ async fn answer<Q: Send + 'static>(
         Stage::Rendering => return refusal(StatusCode::SERVICE_UNAVAILABLE, "the render is not there yet"),
         Stage::Failed(why) => return refusal(StatusCode::SERVICE_UNAVAILABLE, &why),
     };
+    let _turn = server.workers.acquire().await;
     let done =
         tokio::task::spawn_blocking(move || work(&live, &asked).unwrap_or_else(|error| failure(&error)));
     let defect = "this is a defect of Fluorspar: please report the last lines of the terminal";

@@ -8,6 +8,7 @@ use std::thread;
 
 use fluorspar::pipeline::PipelineError;
 use fluorspar_experiment::{SceneChange, Warning, edit_experiment};
+use fluorspar_format::read_toml;
 use fluorspar_session::values::{Override, as_typed, sets};
 use fluorspar_session::{
     Changes, Error, ExperimentSource, FinishedRender, Job, Left, Listener, LiveRender, Result, check_memory,
@@ -241,7 +242,8 @@ pub(crate) fn check_no_files(changes: &Changes) -> Result<()> {
     for text in sets(&changes.overrides()) {
         let value = text.split_once('=').map_or("", |(_, value)| value);
         let texts = value.split(['"', '\'']).skip(1).step_by(2);
-        let bare = value.trim().parse::<toml::Value>().is_err().then_some(value);
+        // What is not TOML is a text
+        let bare = read_toml::<serde_json::Value>(&format!("value = {value}")).is_err().then_some(value);
         let is_file = |text: &str| text.contains(['/', '\\']) || text.contains('.');
         if texts.chain(bare).any(is_file) {
             return Err(Error::Input(format!(
