@@ -37,6 +37,8 @@ export class Region {
   refresh() {
     byId("region").classList.add("stale");
     byId("answer").classList.add("stale");
+    // The first estimate of a scene solves its tissues
+    if (!byId("verdict").textContent) byId("verdict").textContent = "Estimating …";
     clearTimeout(this.timer);
     this.timer = window.setTimeout(() => this.fetch(), REST);
   }
