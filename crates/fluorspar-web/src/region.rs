@@ -147,9 +147,7 @@ pub(crate) fn region(live: &LiveRender, request: &RegionRequest) -> Result<Regio
             answer.warnings = analysis.warnings.iter().map(|warning| warning.text().to_owned()).collect();
             selection = Some(analyzed.region.clone());
         }
-        Ok(None) => {
-            answer.no_estimate = Some("the experiment has no [analysis]; its spectra are shown".into())
-        }
+        Ok(None) => answer.no_estimate = Some("the experiment has no [analysis] section".into()),
         Err(error) => answer.no_estimate = Some(said(&error)),
     }
     let region = match (&place, selection) {

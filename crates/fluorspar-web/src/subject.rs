@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
 use fluorspar::pipeline::PipelineError;
-use fluorspar_experiment::{SceneChange, Warning, edit_experiment};
+use fluorspar_experiment::{SceneChange, Warning, check_settings, edit_experiment};
 use fluorspar_format::read_toml;
 use fluorspar_session::values::{Override, as_typed, sets};
 use fluorspar_session::{
@@ -178,7 +178,9 @@ fn image_of(subject: Option<&str>) -> Result<Option<PathBuf>> {
 /// The text of an experiment with its changes, and with fewer pixels and samples, where these do not set them.
 fn first_text(source: &ExperimentSource, options: &WorkbenchOptions) -> Result<String> {
     let typed = options.changes.overrides();
-    let file = source.parse(&typed)?.file;
+    let parsed = source.parse(&typed)?;
+    check_settings(&parsed).map_err(|error| as_typed(error, &typed))?;
+    let file = parsed.file;
     let has = [
         (file.lens.is_some(), "lens"),
         (file.sensor.is_some(), "sensor"),

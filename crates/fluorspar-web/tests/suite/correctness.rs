@@ -280,4 +280,8 @@ fn subjects_that_are_none_are_told() {
         let error = Workbench::open(&options).err().unwrap().to_string();
         assert!(error.contains(word), "{error}");
     }
+    let mut options = WorkbenchOptions { subject: Some("flat-patch".into()), spp: 1, ..Default::default() };
+    options.changes.set = vec!["capture.blue.gain=-3".into()];
+    let error = Workbench::open(&options).err().unwrap().to_string();
+    assert!(error.contains("gain") && error.contains("-3"), "{error}");
 }
