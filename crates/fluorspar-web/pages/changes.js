@@ -1,7 +1,9 @@
 // The differences to the experiment: one tree of paths and values, its history, and the fragment of the address that holds it.
 // @ts-check
 
-/** @typedef {{rectangle_px?: number[], polygon_px?: number[][], part?: string} | null} Place part: whose pixels count; "" for all */
+/** @typedef {{px: number[], mm: number[]}} Frame columns and rows, and the size of the sensor */
+/** @typedef {{rectangle_px?: number[], polygon_px?: number[][], part?: string, frame?: Frame} | null} Place
+ *   part: whose pixels count, "" for all; frame: of which the pixels are */
 /** @typedef {{set: Record<string, string>, place: Place}} Differences */
 
 const MOST_STEPS = 200;
@@ -67,14 +69,26 @@ export class Changes {
     if (this.now.place && this.now.place.part === undefined) this.now = { ...this.now, place: { ...this.now.place, part } };
   }
 
-  /** Moves a region along when the frame has another size: its pixels are those of the sensor. @param {number[]} before @param {number[]} now */
-  resize(before, now) {
+  /** The region as the server takes it. */
+  place() {
+    if (!this.now.place) return null;
+    const { frame, ...place } = this.now.place;
+    return place;
+  }
+
+  /** Moves a region along when the frame is that of another sensor: it stays where it is on the film. @param {Frame} frame */
+  fit(frame) {
     const { place } = this.now;
-    const across = [now[0] / before[0], now[1] / before[1]];
-    if (!place || (across[0] === 1 && across[1] === 1)) return;
-    const rectangle_px = place.rectangle_px?.map((value, i) => Math.max(Math.round(value * across[i % 2]), i < 2 ? 0 : 1));
-    const polygon_px = place.polygon_px?.map(([x, y]) => [x * across[0], y * across[1]].map((value) => Math.round(10 * value) / 10));
-    this.now = { ...this.now, place: { part: place.part, ...(polygon_px ? { polygon_px } : { rectangle_px }) } };
+    if (!place) return;
+    const of = place.frame ?? frame;
+    const move = (/** @type {number} */ value, /** @type {number} */ axis) =>
+      (((value / of.px[axis] - 0.5) * of.mm[axis]) / frame.mm[axis] + 0.5) * frame.px[axis];
+    const moved = { ...place, frame };
+    if (JSON.stringify(of) !== JSON.stringify(frame)) {
+      moved.polygon_px = place.polygon_px?.map((corner) => corner.map((value, axis) => Math.round(10 * move(value, axis)) / 10));
+      moved.rectangle_px = place.rectangle_px && rectangleOf(place.rectangle_px, move, frame.px);
+    }
+    this.now = { ...this.now, place: moved };
   }
 
   reset() {
@@ -131,6 +145,15 @@ export class Changes {
     this.now = { set, place: placeOf(text.get("region"), text.get("part")) };
     this.shown = { capture: text.get("capture") ?? "", view: text.get("view") ?? "developed" };
   }
+}
+
+/** A rectangle whose ends are moved, as far as it lies on the frame.
+ * @param {number[]} rectangle @param {(value: number, axis: number) => number} move @param {number[]} px */
+function rectangleOf(rectangle, move, px) {
+  const ends = [0, 1].map((axis) => [rectangle[axis], rectangle[axis] + rectangle[axis + 2]].map((end) =>
+    Math.min(Math.max(Math.round(move(end, axis)), 0), px[axis])));
+  const starts = ends.map(([start], axis) => Math.min(start, px[axis] - 1));
+  return [...starts, ...ends.map(([, end], axis) => Math.max(end - starts[axis], 1))];
 }
 
 /** @param {string | null} text @param {string | null} part @returns {Place} */

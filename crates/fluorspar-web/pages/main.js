@@ -106,6 +106,8 @@ function begin(subject) {
 
   /** @param {"set" | "place"} what */
   function changed(what) {
+    // A region belongs to the frame on which it was drawn
+    if (what === "place" && picture.facts) changes.fit({ px: picture.facts.frame_px, mm: picture.facts.sensor_mm });
     updateControls();
     markCapture(changes.shown.capture);
     markView(changes.shown.view);
@@ -168,7 +170,7 @@ function buttons(changes) {
   const dialog = byId("toml");
   byId("copy").addEventListener("click", async () => {
     try {
-      const told = await (await ask("/api/toml", { set: changes.list(), place: changes.now.place })).json();
+      const told = await (await ask("/api/toml", { set: changes.list(), place: changes.place() })).json();
       byId("toml-text").value = told.toml;
       dialog.showModal();
       byId("toml-text").select();

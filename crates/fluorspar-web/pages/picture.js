@@ -71,7 +71,7 @@ export class Picture {
     const { capture, view } = this.changes.shown;
     const tones = `${capture} ${view}`;
     const white = this.isHeld && this.facts && this.tones === tones ? this.facts.white : null;
-    const body = { set: this.changes.list(), capture, view, white, place: this.changes.now.place };
+    const body = { set: this.changes.list(), capture, view, white, place: this.changes.place() };
     const bytes = await (await ask("/api/picture", body)).arrayBuffer();
     const length = new DataView(bytes).getUint32(0, true);
     const facts = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
@@ -81,7 +81,7 @@ export class Picture {
     }
     this.canvas.getContext("2d").drawImage(image, 0, 0);
     image.close();
-    if (this.facts) this.changes.resize(this.facts.frame_px, facts.frame_px);
+    this.changes.fit({ px: facts.frame_px, mm: facts.sensor_mm });
     [this.facts, this.tones] = [facts, tones];
     this.canvas.dataset.serial = String(++this.serial);
     byId("viewport").classList.remove("stale");

@@ -46,10 +46,9 @@ export class Region {
   async fetch() {
     if (this.picture.isHeld || this.picture.isBusy || !this.picture.facts) return this.refresh();
     const serial = ++this.serial;
-    const { place } = this.changes.now;
     this.tellPlace();
     try {
-      const body = { set: this.changes.list(), capture: this.changes.shown.capture, frame_px: this.picture.facts.frame_px, place };
+      const body = { set: this.changes.list(), capture: this.changes.shown.capture, frame_px: this.picture.facts.frame_px, place: this.changes.place() };
       const told = await (await ask("/api/region", body)).json();
       if (serial === this.serial) this.tell(told);
     } catch (error) {

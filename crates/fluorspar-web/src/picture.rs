@@ -41,8 +41,9 @@ enum View {
 /// What is told beside a picture.
 #[derive(Serialize)]
 pub(crate) struct PictureFacts {
-    /// Columns and rows of the frame.
+    /// Columns and rows of the frame, and width and height of the sensor, mm.
     frame_px: [usize; 2],
+    sensor_mm: [f64; 2],
     /// Level that is shown as white, on the scale of the view.
     white: f64,
     exposure_ms: f64,
@@ -112,9 +113,11 @@ pub(crate) fn picture(live: &LiveRender, request: &PictureRequest) -> Result<(Pi
 /// What is told beside a picture, but for legend and time.
 fn facts(study: &LiveStudy<'_>, frame: &CapturedFrame, white: f64) -> Result<PictureFacts> {
     let CapturedFrame { raw, developed, .. } = frame;
+    let sensor = study.study().camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?.film_extent();
     let clipped = developed.saturated.iter().filter(|is_saturated| **is_saturated).count();
     Ok(PictureFacts {
         frame_px: [developed.width, developed.height],
+        sensor_mm: [sensor.width_mm, sensor.height_mm],
         white,
         exposure_ms: 1e3 * raw.exposure_s,
         gain: raw.gain,
