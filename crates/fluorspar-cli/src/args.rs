@@ -8,6 +8,7 @@ use fluorspar_session::{
     AnalyzeOptions, CaptureOptions, CheckOptions, CohortOptions, CompareOptions, DatasetOptions,
     PredictOptions, RunOptions,
 };
+use fluorspar_web::WorkbenchOptions;
 
 use crate::commands::Answering;
 use crate::commands::{
@@ -58,7 +59,17 @@ const GROUPS: [(&str, &[&str]); 6] = [
     (
         "Run and look",
         &[
-            "run", "new", "render", "capture", "analyze", "sheet", "compare", "cohort", "dataset", "merge",
+            "run",
+            "workbench",
+            "new",
+            "render",
+            "capture",
+            "analyze",
+            "sheet",
+            "compare",
+            "cohort",
+            "dataset",
+            "merge",
             "denoise",
         ],
     ),
@@ -119,6 +130,8 @@ fn with_examples(command: clap::Command, name: &str) -> clap::Command {
 pub(crate) enum Command {
     /// Run an experiment from scene to report.
     Run(Answering<RunOptions>),
+    /// Turn lights, filters, sensors and concentrations in a browser, and see frames and numbers answer.
+    Workbench(WorkbenchOptions),
     /// Write a commented file to start from: a mouth, a leaf, a cuvette, a painting, your camera.
     New(new::Options),
     /// List, get, set, convert and view what a scene holds, by name.
@@ -194,6 +207,7 @@ impl Command {
                 | Self::Design(_)
                 | Self::Cohort(_)
                 | Self::Dataset(_)
+                | Self::Workbench(_)
         )
     }
 }

@@ -82,9 +82,20 @@ fn ignored_signals() -> u64 {
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
 }
 
+/// Whether the first request to end is the usual end of the command, as of one that serves.
+static SERVES: AtomicBool = AtomicBool::new(false);
+
+/// From here on the first Ctrl-C is the usual end of the command, which looks at [`stop_flag`].
+pub(crate) fn serve_until_interrupted() {
+    SERVES.store(true, Ordering::SeqCst);
+}
+
 fn interrupt() {
     STOP.store(true, Ordering::SeqCst);
     let again = INTERRUPTED.swap(true, Ordering::SeqCst);
+    if SERVES.load(Ordering::SeqCst) && !again {
+        return;
+    }
     let left = RENDERS.load(Ordering::SeqCst);
     if again || left == Left::Nothing as u8 {
         fluorspar_format::remove_unfinished_files();

@@ -136,6 +136,7 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Spectroradiometer(options) => Ended::of(commands::spectroradiometer::run, &options),
         Command::Validate(options) => Ended::of(commands::validate::run, &options),
         Command::Check(options) => Ended::of(commands::check::run, &options),
+        Command::Workbench(options) => Ended::of(commands::workbench::run, &options),
         Command::New(options) => Ended::of(commands::new::run, &options),
         Command::Scene(options) => Ended::of(commands::scene::run, &options),
         Command::Schema(options) => Ended::of(commands::schema::run, &options),

@@ -484,7 +484,7 @@ fn seen_early(
 
 /// The captures that analyses look at, with those that are subtracted from them. All where it compares spots, and where frames are
 /// calibrated, which takes the longest of all exposures.
-fn looked_at(study: &Study, plans: &[&AnalysisPlan]) -> Vec<Capture> {
+pub(crate) fn looked_at(study: &Study, plans: &[&AnalysisPlan]) -> Vec<Capture> {
     let develop = &study.develop;
     if plans.iter().any(|plan| plan.compared.is_some())
         || develop.dark_frames > 0

@@ -1,5 +1,6 @@
 //! A finished render, opened by part or in memory, and what captures see of it.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
@@ -13,7 +14,7 @@ use fluorspar::pipeline::{
 };
 use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::{Experiment, ResolvedExperiment, parse, resolve, with_sampling_of};
-use fluorspar_format::{ComponentFile, FormatError};
+use fluorspar_format::{ComponentFile, FormatError, read_component_image};
 
 use crate::plane_cache::{DiskPlanes, FormedPlanes, MemoryPlanes, Wanted};
 use crate::rendered_scene::{RenderedScene, SceneChanges};
@@ -32,7 +33,8 @@ pub struct FinishedRender {
 
 /// Where spectra lie.
 enum Spectra {
-    File(Box<ComponentFile>),
+    /// In a file, and once they were all read in memory, too.
+    File(Box<ComponentFile>, OnceLock<Box<ComponentImage>>),
     Memory(Arc<ComponentImage>),
 }
 
@@ -40,6 +42,23 @@ enum Spectra {
 enum PlaneCache {
     Disk(DiskPlanes),
     Memory(MemoryPlanes),
+    Both(DiskPlanes, MemoryPlanes),
+}
+
+impl PlaneCache {
+    fn on_disk(&self) -> Option<&DiskPlanes> {
+        match self {
+            Self::Disk(disk) | Self::Both(disk, _) => Some(disk),
+            Self::Memory(_) => None,
+        }
+    }
+
+    fn in_memory(&self) -> Option<&MemoryPlanes> {
+        match self {
+            Self::Memory(memory) | Self::Both(_, memory) => Some(memory),
+            Self::Disk(_) => None,
+        }
+    }
 }
 
 impl FinishedRender {
@@ -59,10 +78,33 @@ impl FinishedRender {
         Ok(Self::of_file(path, ComponentFile::open_without_maps(path)?))
     }
 
+    /// [`Self::open`] for many captures by one process: planes that were formed stay in memory, of the last few cameras.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_to_stay(path: &Path) -> Result<Self> {
+        let opened = Self::open(path)?;
+        Ok(Self { planes: PlaneCache::Both(DiskPlanes::new(path), MemoryPlanes::default()), ..opened })
+    }
+
+    /// Reads all spectra of a file into memory, where other cameras and regions find them sooner.
+    ///
+    /// # Errors
+    /// A file that can't be read any more.
+    pub fn read_spectra(&self) -> Result<()> {
+        if let Spectra::File(_, read) = &self.spectra
+            && read.get().is_none()
+        {
+            let image = read_component_image(Path::new(&self.name))?.image;
+            read.get_or_init(|| Box::new(image));
+        }
+        Ok(())
+    }
+
     fn of_file(path: &Path, file: ComponentFile) -> Self {
         Self {
             name: path.display().to_string(),
-            spectra: Spectra::File(Box::new(file)),
+            spectra: Spectra::File(Box::new(file), OnceLock::new()),
             planes: PlaneCache::Disk(DiskPlanes::new(path)),
             experiment: OnceLock::new(),
             basis: OnceLock::new(),
@@ -80,6 +122,12 @@ impl FinishedRender {
         }
     }
 
+    /// The same image with an excitation basis, by which its lights can change.
+    #[must_use]
+    pub fn with_basis(self, basis: ExcitationImage) -> Self {
+        Self { basis: OnceLock::from(Some(basis)), ..self }
+    }
+
     /// The file, as messages have it.
     pub fn name(&self) -> &str {
         &self.name
@@ -88,7 +136,7 @@ impl FinishedRender {
     /// The component image; that of a file is without its spectra.
     pub fn labels(&self) -> &ComponentImage {
         match &self.spectra {
-            Spectra::File(file) => file.labels(),
+            Spectra::File(file, _) => file.labels(),
             Spectra::Memory(image) => image,
         }
     }
@@ -99,7 +147,7 @@ impl FinishedRender {
     /// An image that carries none.
     pub fn experiment_text(&self) -> Result<&str> {
         let provenance = match &self.spectra {
-            Spectra::File(file) => file.provenance(),
+            Spectra::File(file, _) => file.provenance(),
             Spectra::Memory(_) => None,
         };
         let provenance = provenance.ok_or_else(|| Error::NoExperiment { image: self.name.clone() })?;
@@ -130,7 +178,7 @@ impl FinishedRender {
     fn experiment_for(&self, now: &Experiment) -> Result<Option<Arc<Experiment>>> {
         let rendered = self.experiment()?;
         let is_same = |rendered: &Experiment| {
-            matches!(self.spectra, Spectra::File(_)) || rendered.file.render == now.file.render
+            matches!(self.spectra, Spectra::File(..)) || rendered.file.render == now.file.render
         };
         Ok(rendered.map(|rendered| match is_same(rendered) {
             true => rendered.clone(),
@@ -201,10 +249,19 @@ impl FinishedRender {
             return Ok(basis.as_ref());
         }
         let read = match &self.spectra {
-            Spectra::File(file) => file.excitation_basis()?,
+            Spectra::File(file, _) => file.excitation_basis()?,
             Spectra::Memory(_) => None,
         };
         Ok(self.basis.get_or_init(|| read).as_ref())
+    }
+
+    /// Light groups whose light spectra can be changed without a new render, each with the wavelengths that its basis spans, nm.
+    ///
+    /// # Errors
+    /// A damaged file.
+    pub fn excitation_spans(&self) -> Result<Vec<(String, [f64; 2])>> {
+        let groups = self.basis()?.into_iter().flat_map(|basis| &basis.groups);
+        Ok(groups.map(|group| (group.light_group.clone(), group.nodes.span_nm())).collect())
     }
 
     /// What captures see of the image: the wanted channel planes, and the factors on them.
@@ -252,14 +309,7 @@ impl FinishedRender {
     pub fn spectra(&self, study: &Study, changes: &SceneChanges<'_>) -> Result<Option<ComponentImage>> {
         let labels = self.labels();
         let (width, height, bands) = (labels.width, labels.height, labels.grid.len());
-        // Light under another spectrum comes with all its bands
-        let is_relit = |component: usize| changes.relit.get(component).is_some_and(Option::is_some);
-        let bases: StoredBands = labels
-            .bases
-            .iter()
-            .enumerate()
-            .map(|(component, basis)| basis.clone().filter(|_| !is_relit(component)))
-            .collect();
+        let bases = self.bases_under(changes);
         let mut image = ComponentImage { bases, data: Vec::new(), ..labels.clone() };
         let values = image.stored_values();
         // The rows that are read, and the image that they are put into
@@ -278,6 +328,56 @@ impl FinishedRender {
             image.stored_mut(component)[first..first + spectra.len()].copy_from_slice(&spectra);
         }
         Ok(Some(image))
+    }
+
+    /// [`Self::spectra`] of some pixels alone, by their numbers: an image of one row, in their order.
+    ///
+    /// # Errors
+    /// Spectra that can't be read.
+    pub fn spectra_at(
+        &self,
+        study: &Study,
+        changes: &SceneChanges<'_>,
+        pixels: &[usize],
+    ) -> Result<ComponentImage> {
+        let labels = self.labels();
+        let (width, height) = (labels.width, labels.height);
+        let size = [width, height, labels.grid.len()];
+        let mut image = ComponentImage {
+            bases: self.bases_under(changes),
+            ..ComponentImage::zeros(labels.grid.clone(), pixels.len(), 1, labels.components.clone())
+        };
+        image.data = vec![0.0; image.stored_values()];
+        let mut places: BTreeMap<usize, Vec<(usize, usize)>> = BTreeMap::new();
+        for (place, pixel) in pixels.iter().enumerate() {
+            places.entry(pixel / width.max(1)).or_default().push((place, pixel % width.max(1)));
+        }
+        let rows = RelitRows { rows: &self.spectra, size, relit: &changes.relit };
+        let rows = PreparedRows { rows: &rows, factors: &changes.factors, width };
+        let found = rows.map_rows(
+            |component| self.is_lit(component, &study.captures),
+            |component, row, lines| {
+                let factor = changes.factors.even[component] as f32;
+                let line = |band: usize, col: usize| factor * lines[band * width + col];
+                let spectrum = |col| (0..lines.len() / width.max(1)).map(|band| line(band, col)).collect();
+                let of_row = places.get(&row).into_iter().flatten();
+                of_row.map(|(place, col)| (*place, spectrum(*col))).collect::<Vec<(usize, Vec<f32>)>>()
+            },
+        )?;
+        for (component, _, of_row) in found {
+            for (place, spectrum) in of_row {
+                let first = place * spectrum.len();
+                image.stored_mut(component)[first..first + spectrum.len()].copy_from_slice(&spectrum);
+            }
+        }
+        Ok(image)
+    }
+
+    /// The bases of the spectra; light under another spectrum comes with all its bands.
+    fn bases_under(&self, changes: &SceneChanges<'_>) -> StoredBands {
+        let is_relit = |component: usize| changes.relit.get(component).is_some_and(Option::is_some);
+        let own = self.labels().bases.iter().enumerate();
+        own.map(|(component, basis)| basis.clone().filter(|_| !is_relit(component))).collect()
     }
 
     /// Light that no capture switches on need not be read.
@@ -344,7 +444,7 @@ impl FinishedRender {
         is_wanted: impl Fn(usize) -> bool,
     ) -> Result<Option<ChannelPlanes>> {
         match &self.spectra {
-            Spectra::File(file) => Ok(file.planes(response.camera(), is_wanted)?),
+            Spectra::File(file, _) => Ok(file.planes(response.camera(), is_wanted)?),
             Spectra::Memory(_) => Ok(None),
         }
     }
@@ -355,17 +455,18 @@ impl FinishedRender {
         response: &FilmResponse,
         is_wanted: impl Fn(usize) -> bool,
     ) -> Result<FormedPlanes> {
-        let found = match (self.stored_planes(response, &is_wanted)?, &self.planes) {
-            (None, PlaneCache::Disk(cached)) => cached.get(response, &is_wanted),
-            (None, PlaneCache::Memory(cached)) => {
-                return Ok(cached.get(response).unwrap_or_else(|| FormedPlanes::none(response)));
-            }
+        let kept = self.planes.in_memory();
+        if let Some(formed) = kept.and_then(|kept| kept.get(response)) {
+            return Ok(formed);
+        }
+        let found = match (self.stored_planes(response, &is_wanted)?, self.planes.on_disk()) {
+            (None, Some(cached)) => cached.get(response, &is_wanted),
             (stored, _) => stored,
         };
-        Ok(found.map_or_else(
-            || FormedPlanes::none(response),
-            |planes| FormedPlanes { formed: (0..planes.components).map(is_wanted).collect(), planes },
-        ))
+        let Some(planes) = found else { return Ok(FormedPlanes::none(response)) };
+        let found = FormedPlanes { formed: (0..planes.components).map(is_wanted).collect(), planes };
+        kept.into_iter().for_each(|kept| kept.put(found.clone()));
+        Ok(found)
     }
 
     /// The planes of cameras: those that were formed before, and new ones of other cameras and components from the spectra.
@@ -394,11 +495,12 @@ impl FinishedRender {
         let cameras: Vec<&FilmResponse> = missing.iter().map(|number| &responses[*number]).collect();
         let formed = FilmResponse::planes(&cameras, |component| new[component], &rows)?;
         for (number, planes) in missing.into_iter().zip(formed) {
+            // What stays in memory is tried and left by the dozen: it would drive all else out of the cache on the disk
             if let PlaneCache::Disk(cached) = &self.planes {
                 cached.put(&responses[number], &planes, |component| new[component]);
             }
             all[number].add(planes, &new);
-            if let PlaneCache::Memory(cached) = &self.planes {
+            if let Some(cached) = self.planes.in_memory() {
                 cached.put(all[number].clone());
             }
         }
@@ -411,7 +513,7 @@ impl ComponentRows for Spectra {
 
     fn basis(&self, component: usize) -> Option<&SpectralBasis> {
         match self {
-            Self::File(file) => file.basis(component),
+            Self::File(file, _) => file.basis(component),
             Self::Memory(image) => image.basis(component),
         }
     }
@@ -421,13 +523,15 @@ impl ComponentRows for Spectra {
         wanted: impl Fn(usize) -> bool + Sync,
         visit: impl Fn(usize, usize, &[f32]) -> T + Sync,
     ) -> Result<Vec<(usize, usize, T)>, FormatError> {
-        match self {
-            Self::File(file) => file.map_rows(wanted, visit),
-            Self::Memory(image) => {
-                let Ok(rows) = image.map_rows(wanted, visit);
-                Ok(rows)
-            }
-        }
+        let image = match self {
+            Self::Memory(image) => image.as_ref(),
+            Self::File(file, read) => match read.get() {
+                Some(image) => image,
+                None => return file.map_rows(wanted, visit),
+            },
+        };
+        let Ok(rows) = image.map_rows(wanted, visit);
+        Ok(rows)
     }
 }
 
@@ -455,6 +559,11 @@ impl CaptureView {
     pub fn components<'a>(&'a self, render: &'a FinishedRender) -> SeenComponents<'a> {
         let Self { captures, planes, factors, .. } = self;
         SeenComponents { image: render.labels(), planes, captures, factors }
+    }
+
+    /// Factors on whole components, those on light that fluoresced twice included.
+    pub(crate) fn even_factors(&self) -> &[f64] {
+        &self.factors.even
     }
 
     /// The channel planes of the camera of a capture.

@@ -17,6 +17,7 @@
 //! | open a render, or take one that is in memory | [`FinishedRender::open`], [`FinishedRender::of_image`] |
 //! | see it with the lights, filters, sensor and concentrations of an experiment | [`FinishedRender::shown`] |
 //! | form its electrons in the captures | [`FinishedRender::seen_by`] |
+//! | show a render while its experiment changes again and again | [`LiveRender`] |
 //! | learn what is odd about an experiment before it is rendered | [`warnings_before_run`] |
 
 #![allow(
@@ -39,6 +40,7 @@ mod finished_render;
 pub mod fluorophore;
 mod frame_report;
 mod job;
+mod live_render;
 pub mod named_spectra;
 mod options;
 mod plane_cache;
@@ -67,6 +69,7 @@ pub use error::{Error, ErrorKind, Result, worded};
 pub use figure_file::FigureFormat;
 pub use finished_render::{CaptureView, FinishedRender, ShownExperiment};
 pub use job::{Job, Left, Listener};
+pub use live_render::{LiveRender, LiveStudy};
 pub use options::{TaskOption, TaskOptions};
 pub use plane_cache::Wanted;
 pub use predict::{Compatibility, PredictOptions, PredictedSample, filter_list, predict};

@@ -23,6 +23,8 @@ pub enum Wanted<'a> {
     Lit,
     /// In the camera of one capture those under a light that it switches on.
     LitBy(&'a str),
+    /// In the cameras of some captures those under a light that one of these switches on.
+    LitByAny(&'a [&'a str]),
     /// In the camera of one capture all.
     AllOf(&'a str),
 }
@@ -34,6 +36,7 @@ impl Wanted<'_> {
         match self {
             Self::Lit => is_lit(),
             Self::LitBy(name) => capture.frame.label == name && is_lit(),
+            Self::LitByAny(names) => names.contains(&capture.frame.label.as_str()) && is_lit(),
             Self::AllOf(name) => capture.frame.label == name,
         }
     }

@@ -85,7 +85,7 @@ fn fields_of_table(text: &str) -> Option<Vec<(String, String)>> {
 
 impl RegionOption {
     /// The changes that add this region to an experiment, in place of one of its name. None where nothing is analyzed.
-    fn overrides(&self, experiment: &Experiment) -> Vec<Override> {
+    pub(crate) fn overrides(&self, experiment: &Experiment) -> Vec<Override> {
         let Some(analysis) = &experiment.file.analysis else { return Vec::new() };
         let path = format!("analysis.region.{}", quoted(&self.name));
         let replaced = analysis.region.iter().any(|region| region.name == self.name);

@@ -25,7 +25,7 @@ pub(crate) struct RenderedScene<'a> {
 }
 
 /// What makes a finished render show another scene.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct SceneChanges<'a> {
     /// Factors on the components.
     pub factors: ComponentFactors,

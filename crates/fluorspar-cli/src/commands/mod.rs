@@ -37,6 +37,7 @@ pub(crate) mod spectroradiometer;
 pub(crate) mod table;
 pub(crate) mod tissue;
 pub(crate) mod validate;
+pub(crate) mod workbench;
 
 use std::path::{Path, PathBuf};
 

@@ -34,3 +34,4 @@ mod surroundings;
 mod survival;
 mod tissue;
 mod validate;
+mod workbench;

@@ -112,6 +112,10 @@ const CRATES: &[(&str, &[&str])] = &[
     ("fluorspar-session", &["fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"]),
     ("fluorspar-validation", &["fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"]),
     (
+        "fluorspar-web",
+        &["fluorspar", "fluorspar-experiment", "fluorspar-format", "fluorspar-report", "fluorspar-session"],
+    ),
+    (
         "fluorspar-cli",
         &[
             "fluorspar-accel",
@@ -123,6 +127,7 @@ const CRATES: &[(&str, &[&str])] = &[
             "fluorspar-report",
             "fluorspar-session",
             "fluorspar-validation",
+            "fluorspar-web",
         ],
     ),
     (

@@ -1,0 +1,386 @@
+//! A finished render whose experiment changes again and again: frames, estimates and spectra without a new render.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use fluorspar::analysis::PixelSelection;
+use fluorspar::image::LightPath;
+use fluorspar::pipeline::{
+    AnalyzedFrame, CapturedFrame, PipelineError, RegionRadiance, analyze_regions, analyze_seen,
+    capture_from_planes, check_captures, on_sensor,
+};
+use fluorspar::study::{AnalysisPlan, Capture, Study};
+use fluorspar_experiment::schema::{ExperimentFile, ExposureTime};
+use fluorspar_experiment::{
+    Experiment, ResolvedExperiment, SceneChange, cached_analysis, edit_experiment, parse, resolve,
+    resolve_captures, resolve_rendered,
+};
+
+use crate::analyze::looked_at;
+use crate::region_option::{RegionOption, region_options};
+use crate::values::{Override, as_typed, sets};
+use crate::{
+    CaptureView, Changes, Error, ExperimentSource, FinishedRender, Result, SceneChanges, ShownExperiment,
+    Wanted, as_typed_in_session,
+};
+
+/// A finished render and the text of its experiment, on top of which changes come.
+pub struct LiveRender {
+    render: FinishedRender,
+    name: String,
+    text: String,
+    base_dir: PathBuf,
+    /// What captures saw of late, the last first.
+    seen: Mutex<Vec<KeptView>>,
+    /// The rendered experiment with its surfaces, once a change of the lights asked for them.
+    surfaces: OnceLock<(Experiment, ResolvedExperiment)>,
+    /// The last analysis, with the changes and the region that it is of.
+    analyzed: Mutex<Option<(Vec<String>, Arc<AnalyzedFrame>)>>,
+}
+
+/// What captures saw.
+struct KeptView {
+    /// The experiment, as far as it matters.
+    file: ExperimentFile,
+    captures: Vec<String>,
+    view: Arc<CaptureView>,
+}
+
+/// An experiment with changes, as a finished render shows it.
+pub struct LiveStudy<'a> {
+    live: &'a LiveRender,
+    parsed: Experiment,
+    overrides: Vec<Override>,
+    experiment: ResolvedExperiment,
+    changes: SceneChanges<'a>,
+}
+
+/// Views that are kept: of the frame that is shown, of those that are analyzed, and of one to come back to.
+const KEPT_VIEWS: usize = 3;
+
+/// Name of the region that an estimate is asked for.
+const DRAWN: &str = "drawn";
+
+impl LiveRender {
+    /// Opens a component file with the experiment that it carries.
+    ///
+    /// # Errors
+    /// A file that can't be read, holds no components or carries no experiment.
+    pub fn open(path: &Path) -> Result<Self> {
+        let render = FinishedRender::open_to_stay(path)?;
+        let text = render.experiment_text()?.to_owned();
+        let name = format!("experiment in {}", render.name());
+        Ok(Self::new(render, name, text, PathBuf::from(".")))
+    }
+
+    /// A render that was just made from an experiment, on top of which changes come.
+    pub fn of_render(render: FinishedRender, source: ExperimentSource) -> Self {
+        let ExperimentSource { name, text, base_dir, .. } = source;
+        Self::new(render, name, text, base_dir)
+    }
+
+    fn new(render: FinishedRender, name: String, text: String, base_dir: PathBuf) -> Self {
+        let (seen, surfaces, analyzed) = (Mutex::default(), OnceLock::new(), Mutex::default());
+        Self { render, name, text, base_dir, seen, surfaces, analyzed }
+    }
+
+    /// The render.
+    pub fn render(&self) -> &FinishedRender {
+        &self.render
+    }
+
+    /// The experiment with changes.
+    ///
+    /// # Errors
+    /// A change that can't be made.
+    pub fn experiment(&self, changes: &Changes) -> Result<Experiment> {
+        let overrides = changes.overrides();
+        let parsed = parse(&self.text, &self.name, &self.base_dir, &sets(&overrides));
+        Ok(parsed.map_err(|error| as_typed(error, &overrides))?)
+    }
+
+    /// The text of the experiment with changes written into it, comments and order kept; with a region of an analysis, as `NAME=WHERE` of
+    /// [`crate::AnalyzeOptions::named_region`], where one is given.
+    ///
+    /// # Errors
+    /// A change that can't be made.
+    pub fn text_with(&self, changes: &Changes, region: Option<&str>) -> Result<String> {
+        let mut overrides = changes.overrides();
+        if let Some(region) = drawn(region)? {
+            overrides.extend(region.overrides(&self.experiment(changes)?));
+        }
+        let read = |one: &Override| SceneChange::read(&one.set);
+        let list: Vec<SceneChange> = overrides.iter().map(read).collect::<Result<_, _>>()?;
+        let edited = edit_experiment(&self.text, &self.name, &self.base_dir, &list);
+        Ok(edited.map_err(|error| as_typed(error, &overrides))?)
+    }
+
+    /// The experiment with changes written into it, to be rendered.
+    ///
+    /// # Errors
+    /// A change that can't be made.
+    pub fn source_with(&self, changes: &Changes) -> Result<ExperimentSource> {
+        Ok(ExperimentSource {
+            name: self.name.clone(),
+            stem: "workbench".into(),
+            text: self.text_with(changes, None)?,
+            base_dir: self.base_dir.clone(),
+            file: None,
+        })
+    }
+
+    /// The experiment with changes as the render shows it.
+    ///
+    /// # Errors
+    /// A change that can't be made; one that only a new render can show.
+    pub fn show(&self, changes: &Changes) -> Result<LiveStudy<'_>> {
+        let (parsed, overrides) = (self.experiment(changes)?, changes.overrides());
+        let shown = self.shown(&parsed).map_err(|error| as_typed_in_session(error, &overrides))?;
+        let ShownExperiment { experiment, changes } = shown;
+        check_captures(&experiment.study, self.render.labels())?;
+        Ok(LiveStudy { live: self, parsed, overrides, experiment, changes })
+    }
+
+    /// [`FinishedRender::shown`], which meshes and solves surfaces once for all changes of lights.
+    fn shown(&self, now: &Experiment) -> Result<ShownExperiment<'_>> {
+        if let Some(shown) = self.render.shown_without_surfaces(now)? {
+            return Ok(shown);
+        }
+        match self.on_kept_surfaces(now)? {
+            Some(resolved) => self.render.shown_by(now, resolved),
+            None => self.render.shown_whole(now),
+        }
+    }
+
+    /// An experiment on the surfaces of the rendered one; `None` where it has others, or where more is to be checked than lights, camera and
+    /// captures.
+    fn on_kept_surfaces(&self, now: &Experiment) -> Result<Option<ResolvedExperiment>> {
+        let (rendered, resolved) = match self.surfaces.get() {
+            Some(kept) => kept,
+            None => {
+                let rendered = self.experiment(&Changes::default())?;
+                let resolved = resolve(&rendered)?;
+                self.surfaces.get_or_init(|| (rendered, resolved))
+            }
+        };
+        let (file, other) = (&now.file, &rendered.file);
+        let is_checked = file.analysis == other.analysis
+            && file.target == other.target
+            && file.spectroradiometer == other.spectroradiometer
+            && file.safety == other.safety;
+        let Some(study) = resolve_rendered(now, rendered, resolved)?.filter(|_| is_checked) else {
+            return Ok(None);
+        };
+        // Against itself an experiment shows the same scene: what is left are its captures
+        let Some(found) = resolve_captures(now, now, &fluorophores(&self.render))? else { return Ok(None) };
+        let mut experiment = found.into_resolved(now);
+        let Study { concentrations, captures, motion, develop, .. } = experiment.study;
+        experiment.study = Study { concentrations, captures, motion, develop, ..study };
+        Ok(Some(experiment))
+    }
+}
+
+/// Names of the fluorophores whose light a render holds, each once.
+fn fluorophores(render: &FinishedRender) -> Vec<&str> {
+    let mut names: Vec<&str> = Vec::new();
+    for component in &render.labels().components {
+        if let LightPath::Fluorescence(name) = &component.light
+            && !names.contains(&name.as_str())
+        {
+            names.push(name);
+        }
+    }
+    names
+}
+
+/// An experiment with nothing but what planes and factors depend on: drives, exposures, gains and the analysis are left out.
+fn what_is_seen(file: &ExperimentFile) -> ExperimentFile {
+    let mut seen = ExperimentFile {
+        title: String::new(),
+        description: String::new(),
+        motion: None,
+        develop: None,
+        safety: None,
+        analysis: None,
+        target: Vec::new(),
+        spectroradiometer: Vec::new(),
+        output: Default::default(),
+        ..file.clone()
+    };
+    for capture in &mut seen.capture {
+        capture.light_groups.retain(|_, drive| *drive != 0.0);
+        capture.light_groups.values_mut().for_each(|drive| *drive = 1.0);
+        (capture.exposure_ms, capture.auto_exposure, capture.gain) = (ExposureTime::Auto, None, 1.0);
+        (capture.subtract, capture.light_on_ms) = (None, None);
+        capture.bracket_ev.clear();
+    }
+    seen
+}
+
+/// A region that was drawn, from where it lies.
+fn drawn(region: Option<&str>) -> Result<Option<RegionOption>> {
+    let typed: Vec<String> = region.map(|place| format!("{DRAWN}={place}")).into_iter().collect();
+    Ok(region_options(&typed)?.pop())
+}
+
+impl LiveStudy<'_> {
+    /// What captures see of the study: without surfaces where nothing of the scene has changed.
+    pub fn study(&self) -> &Study {
+        &self.experiment.study
+    }
+
+    /// The experiment with its changes.
+    pub fn experiment(&self) -> &Experiment {
+        &self.parsed
+    }
+
+    /// What some captures of the study see of the render. Planes of the last cameras are kept, and with them a drive, an exposure or a gain is a
+    /// sum.
+    ///
+    /// # Errors
+    /// A study without lens or sensor; spectra that can't be read.
+    pub fn view(&self, captures: &[Capture]) -> Result<Arc<CaptureView>> {
+        let file = what_is_seen(&self.parsed.file);
+        let labels: Vec<&str> = captures.iter().map(|capture| capture.frame.label.as_str()).collect();
+        let is_same = |kept: &KeptView| kept.captures == labels && kept.file == file;
+        let lock = || self.live.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kept) = lock().iter().find(|kept| is_same(kept)) {
+            return Ok(Arc::clone(&kept.view));
+        }
+        let study = self.study();
+        // The first capture under a light tells how light that fluoresced twice follows a concentration
+        let is_lit = |capture: &Capture, group: &str| capture.frame.drive(group) != 0.0;
+        let first = |group: &String| study.captures.iter().find(|capture| is_lit(capture, group));
+        let groups = captures.iter().flat_map(|capture| capture.frame.lights.keys());
+        let firsts = groups.filter_map(first).map(|capture| capture.frame.label.as_str());
+        let wanted: Vec<&str> = labels.iter().copied().chain(firsts).collect();
+        let wanted = Wanted::LitByAny(&wanted);
+        let seen = self.live.render.seen_by(study, &study.captures, self.changes.clone(), wanted)?;
+        let view = Arc::new(seen);
+        let captures = labels.into_iter().map(String::from).collect();
+        let mut held = lock();
+        held.insert(0, KeptView { file, captures, view: Arc::clone(&view) });
+        held.truncate(KEPT_VIEWS);
+        Ok(view)
+    }
+
+    /// What a capture sees of the render, with all that its frame takes.
+    ///
+    /// # Errors
+    /// A capture that is not there; those of [`Self::view`].
+    pub fn view_of(&self, capture: &str) -> Result<Arc<CaptureView>> {
+        self.view(&self.needed(capture)?)
+    }
+
+    /// The captures that the frame of one takes: itself and what is subtracted from it.
+    fn needed(&self, capture: &str) -> Result<Vec<Capture>> {
+        let study = self.study();
+        let Some(own) = study.capture(capture) else { return Err(self.no_capture(capture)) };
+        // Motion runs from exposure to exposure, and calibration looks at the longest of all
+        let takes_all =
+            study.motion.is_some() || study.develop.dark_frames > 0 || study.develop.flat_field.is_some();
+        let is_needed = |other: &&Capture| {
+            takes_all || other.frame.label == capture || own.subtract.as_ref() == Some(&other.frame.label)
+        };
+        Ok(study.captures.iter().filter(is_needed).cloned().collect())
+    }
+
+    /// The frame of a capture, as `capture` takes it.
+    ///
+    /// # Errors
+    /// A capture that is not there or can't be taken.
+    pub fn frame(&self, capture: &str) -> Result<CapturedFrame> {
+        let study = Study { captures: self.needed(capture)?, ..self.study().clone() };
+        let view = self.view(&study.captures)?;
+        let frames = capture_from_planes(&study, &view.components(&self.live.render))?;
+        let frame = frames.into_iter().find(|frame| frame.raw.label == capture);
+        frame.ok_or_else(|| self.no_capture(capture))
+    }
+
+    fn no_capture(&self, wanted: &str) -> Error {
+        let known = self.study().captures.iter().map(|capture| capture.frame.label.as_str());
+        let known = known.collect::<Vec<_>>().join(", ");
+        PipelineError::NoFrame { wanted: wanted.into(), known }.into()
+    }
+
+    /// What the pixels of a region say, as `analyze` has it: that of `[analysis]`, or one that lies where `region` tells, as behind the
+    /// name of [`crate::AnalyzeOptions::named_region`]. `None` without an analysis.
+    ///
+    /// # Errors
+    /// A region without pixels; an analysis that can't be done.
+    pub fn analyzed(&self, region: Option<&str>) -> Result<Option<Arc<AnalyzedFrame>>> {
+        let added = drawn(region)?.map(|region| region.overrides(&self.parsed)).unwrap_or_default();
+        let all: Vec<Override> = self.overrides.iter().cloned().chain(added).collect();
+        let asked = sets(&all);
+        let lock = || self.live.analyzed.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, found)) = lock().as_ref().filter(|(known, _)| *known == asked) {
+            return Ok(Some(Arc::clone(found)));
+        }
+        let LiveRender { text, name, base_dir, .. } = self.live;
+        let parsed = parse(text, name, base_dir, &asked).map_err(|error| as_typed(error, &all))?;
+        let Some(found) = self.analyzed_by(&parsed, &all)? else { return Ok(None) };
+        let found = Arc::new(found);
+        *lock() = Some((asked, Arc::clone(&found)));
+        Ok(Some(found))
+    }
+
+    /// The last region of an experiment, else its analysis. What an analysis asks of surfaces is kept in the cache, as for `analyze`.
+    fn analyzed_by(&self, parsed: &Experiment, overrides: &[Override]) -> Result<Option<AnalyzedFrame>> {
+        if parsed.file.analysis.is_none() {
+            return Ok(None);
+        }
+        if let Some(kept) = cached_analysis(parsed) {
+            let found = self.of_study(kept.complete(self.study().clone()))?;
+            if found.as_ref().is_some_and(|found| found.analysis.posterior.is_some()) {
+                return Ok(found);
+            }
+        }
+        let resolved = resolve(parsed).map_err(|error| as_typed(error, overrides))?;
+        self.of_study(resolved.study)
+    }
+
+    /// The drawn region of a study, else its analysis.
+    fn of_study(&self, mut study: Study) -> Result<Option<AnalyzedFrame>> {
+        study.regions.retain(|region| region.name == DRAWN);
+        let plans: Vec<&AnalysisPlan> =
+            study.analysis.iter().chain(study.regions.iter().map(|region| &region.analysis)).collect();
+        study.captures = looked_at(&study, &plans);
+        let view = self.view(&study.captures)?;
+        let seen = view.components(&self.live.render);
+        let frames = capture_from_planes(&study, &seen)?;
+        match analyze_regions(&study, Some(&seen), &frames)?.pop() {
+            None => Ok(analyze_seen(&study, Some(&seen), &frames)?),
+            Some(region) => Ok(Some(region.analyzed.map_err(|why| {
+                Error::Input(format!("the region is not in view: {why}; draw it elsewhere"))
+            })?)),
+        }
+    }
+
+    /// Mean radiance of a region of the frame of a capture, before filter and lens, split by what happened to the light.
+    ///
+    /// # Errors
+    /// A capture that is not there, a region outside of the rendered field, spectra that can't be read.
+    pub fn radiance(&self, capture: &str, region: &PixelSelection) -> Result<RegionRadiance> {
+        let render = &self.live.render;
+        let study = self.study();
+        let Some(own) = study.capture(capture) else { return Err(self.no_capture(capture)) };
+        let scene = on_sensor(study, render.labels()).ok_or(PipelineError::Missing("sensor"))?;
+        let pixels = scene.scene_pixels(region);
+        if pixels.is_empty() {
+            let why = "the region lies beyond the rendered field; draw it elsewhere";
+            return Err(Error::Input(why.into()));
+        }
+        let mut changes = self.changes.clone();
+        let mut lit = study.clone();
+        lit.captures.retain(|other| other.frame.label == capture);
+        changes.factors.even.copy_from_slice(self.view(&lit.captures)?.even_factors());
+        let spectra = render.spectra_at(&lit, &changes, &pixels)?;
+        let all: Vec<usize> = (0..pixels.len()).collect();
+        Ok(RegionRadiance::new(&spectra, &own.frame, &all))
+    }
+
+    /// Names of the fluorophores whose light the render holds, each once.
+    pub fn fluorophores(&self) -> Vec<&str> {
+        fluorophores(&self.live.render)
+    }
+}

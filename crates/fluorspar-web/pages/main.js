@@ -1,0 +1,194 @@
+// The page: waits for the render, then lets controls, picture and region follow one tree of changes.
+// @ts-check
+import { Changes } from "./changes.js";
+import { drawControls, make } from "./controls.js";
+import { Drawing, Picture, ask } from "./picture.js";
+import { Region } from "./region.js";
+
+const byId = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
+const VIEWS = [["developed", "Developed"], ["raw", "Raw mosaic"], ["clip", "Clipping"], ["porphyrin", "Porphyrin map"]];
+const TOOLS = [["off", "Off"], ["rectangle", "Rectangle"], ["polygon", "Polygon"]];
+/** How often the page looks how far a render is, ms. */
+const LOOK = 400;
+
+/** @param {string} text @param {boolean} [needsRender] whether a new render would show what is wanted */
+function say(text, needsRender = false) {
+  byId("message").hidden = text === "";
+  byId("ways").hidden = !needsRender;
+  if (byId("message-text").textContent !== text) byId("message-text").textContent = text;
+}
+
+/** A row of choices, of which one holds. @param {string} id @param {string[][]} choices @param {(value: string) => void} chosen */
+function radios(id, choices, chosen) {
+  const buttons = choices.map(([value, title]) => {
+    const button = make("input", { type: "radio", name: id, value });
+    button.addEventListener("change", () => chosen(value));
+    return make("label", {}, [button, make("span", { textContent: title })]);
+  });
+  byId(id).append(make("div", { className: "choices" }, buttons));
+  return (/** @type {string} */ value) => {
+    for (const button of byId(id).querySelectorAll("input")) button.checked = button.value === value;
+  };
+}
+
+/** Waits for the render that is in work. */
+async function wait() {
+  byId("stop").onclick = () => ask("/api/stop", {});
+  for (;;) {
+    const subject = await (await fetch("/api/subject")).json();
+    byId("subject").textContent = subject.title || subject.name || "";
+    if (subject.stage === "ready") return subject;
+    if (subject.error) throw new Error(subject.error);
+    byId("waiting").hidden = false;
+    byId("bench").hidden = byId("changes").hidden = true;
+    byId("said").textContent = subject.said;
+    byId("share").value = subject.share;
+    await new Promise((resolve) => setTimeout(resolve, LOOK));
+  }
+}
+
+/** Renders the experiment with all changes, which then are part of it. @param {Changes} changes */
+async function renderAgain(changes) {
+  try {
+    await ask("/api/render", { set: changes.list() });
+    say("");
+    const subject = await wait();
+    if (!subject.remark) changes.now = { ...changes.now, set: {} };
+    history.replaceState(null, "", `#${changes.fragment()}`);
+    location.reload();
+  } catch (error) {
+    say(/** @type {Error} */ (error).message);
+  }
+}
+
+/** @param {any} subject */
+function begin(subject) {
+  byId("waiting").hidden = true;
+  byId("bench").hidden = byId("changes").hidden = false;
+  byId("subject").textContent = `${subject.title || subject.name} · ${subject.render_px.join(" × ")} px, ${subject.samples_per_pixel} samples per pixel`;
+  const changes = new Changes();
+  changes.read(location.hash);
+  if (!location.hash) {
+    for (const text of subject.set) changes.now.set[text.slice(0, text.indexOf("="))] = text.slice(text.indexOf("=") + 1);
+  }
+  if (!subject.captures.includes(changes.shown.capture)) changes.shown.capture = subject.analyzed ?? subject.captures.at(-1);
+  if (!VIEWS.some(([view]) => view === changes.shown.view)) changes.shown.view = "developed";
+
+  const picture = new Picture(changes, say);
+  const drawing = new Drawing(picture, changes);
+  picture.drawing = drawing;
+  const region = new Region(changes, picture, subject);
+  const drag = {
+    /** @type {number | null} */
+    lastExposure: null,
+    begin: () => {
+      changes.remember();
+      picture.isHeld = true;
+    },
+    end: () => {
+      picture.isHeld = false;
+      changed("set");
+    },
+  };
+  const updateControls = drawControls(byId("groups"), subject.groups, changes, drag);
+  picture.onshown = () => (drag.lastExposure = Number(picture.facts?.exposure_ms?.toPrecision(3)) || null);
+
+  const show = (/** @type {"capture" | "view"} */ what) => (/** @type {string} */ value) => {
+    changes.shown[what] = value;
+    changed("set");
+  };
+  const markCapture = radios("captures", subject.captures.map((/** @type {string} */ name) => [name, name]), show("capture"));
+  const markView = radios("views", subject.analyzed ? VIEWS : VIEWS.slice(0, 3), show("view"));
+  const markTool = radios("tools", TOOLS, (tool) => drawing.use(tool));
+  const tool = matchMedia("(pointer: coarse)").matches ? "off" : "rectangle";
+  markTool(tool);
+  drawing.use(tool);
+
+  /** @param {"set" | "place"} what */
+  function changed(what) {
+    // A region belongs to the frame on which it was drawn
+    if (what === "place" && picture.facts) changes.fit({ px: picture.facts.frame_px, mm: picture.facts.sensor_mm });
+    updateControls();
+    markCapture(changes.shown.capture);
+    markView(changes.shown.view);
+    listChanges(changes);
+    byId("undo").disabled = !changes.canUndo;
+    byId("redo").disabled = changes.future.length === 0;
+    byId("reset").disabled = changes.list().length === 0 && !changes.now.place;
+    byId("copy").disabled = false;
+    if (!picture.isHeld) history.replaceState(null, "", `#${changes.fragment()}`);
+    if (what === "set" || changes.shown.view === "porphyrin") picture.refresh();
+    drawing.redraw();
+    region.refresh();
+  }
+  changes.onchange = changed;
+  window.addEventListener("hashchange", () => {
+    if (location.hash.slice(1) === changes.fragment()) return;
+    changes.remember();
+    changes.read(location.hash);
+    changed("set");
+  });
+  buttons(changes);
+  byId("render").addEventListener("click", () => renderAgain(changes));
+  changed("set");
+}
+
+/** @param {Changes} changes */
+function listChanges(changes) {
+  const entries = changes.list().map((text) => {
+    const path = text.slice(0, text.indexOf("="));
+    const back = make("button", { type: "button", className: "back", textContent: "↺" });
+    back.setAttribute("aria-label", `Take back the change of ${path}`);
+    back.addEventListener("click", () => {
+      changes.remember();
+      changes.set(path, undefined);
+    });
+    return make("li", {}, [make("code", { textContent: text }), back]);
+  });
+  byId("changed").replaceChildren(...(entries.length ? entries : [make("li", { className: "note", textContent: "None: the experiment as it was rendered." })]));
+}
+
+/** @param {Changes} changes */
+function buttons(changes) {
+  byId("undo").addEventListener("click", () => changes.undo());
+  byId("redo").addEventListener("click", () => changes.redo());
+  byId("back").addEventListener("click", () => changes.undo());
+  byId("reset").addEventListener("click", () => changes.reset());
+  document.addEventListener("keydown", (event) => {
+    const isText = event.target instanceof HTMLElement && event.target.matches("input[type=number], input:not([type]), textarea");
+    if (isText || !(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z") return;
+    event.preventDefault();
+    if (event.shiftKey) changes.redo();
+    else changes.undo();
+  });
+  byId("any").addEventListener("submit", (/** @type {Event} */ event) => {
+    event.preventDefault();
+    const { path, value } = byId("any").elements;
+    changes.remember();
+    changes.set(path.value.trim(), value.value.trim());
+  });
+  const dialog = byId("toml");
+  byId("copy").addEventListener("click", async () => {
+    try {
+      const told = await (await ask("/api/toml", { set: changes.list(), place: changes.place() })).json();
+      byId("toml-text").value = told.toml;
+      dialog.showModal();
+      byId("toml-text").select();
+      byId("toml-text").scrollTop = 0;
+    } catch (error) {
+      say(/** @type {Error} */ (error).message);
+    }
+  });
+  byId("toml-copy").addEventListener("click", async () => {
+    byId("toml-text").select();
+    await navigator.clipboard.writeText(byId("toml-text").value).catch(() => document.execCommand("copy"));
+    byId("toml-copy").textContent = "Copied";
+    setTimeout(() => (byId("toml-copy").textContent = "Copy"), 1500);
+  });
+  byId("toml-close").addEventListener("click", () => dialog.close());
+}
+
+wait().then(begin).catch((error) => {
+  byId("waiting").hidden = true;
+  say(error.message);
+});

@@ -1,0 +1,247 @@
+//! A frame as a picture: developed as previews are, raw, with stripes where it clips, or with its map of porphyrin.
+
+use std::time::Instant;
+
+use fluorspar::image::SensorImage;
+use fluorspar::pipeline::{
+    AnalyzedFrame, CapturedFrame, ColorRendering, PipelineError, Preview, bright_level_dn, preview_white,
+    preview_with_white,
+};
+use fluorspar::spectral::encode_srgb;
+use fluorspar_report::ColorMap;
+use fluorspar_session::{Changes, Error, LiveRender, LiveStudy, Result};
+use serde::{Deserialize, Serialize};
+
+use crate::region::Place;
+use crate::subject::check_no_files;
+
+/// Which picture is wanted.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PictureRequest {
+    #[serde(default)]
+    set: Vec<String>,
+    capture: String,
+    view: View,
+    /// Level that is shown as white, as an earlier picture had it: its tones are held. A new one where there is none.
+    white: Option<f64>,
+    /// Region of the map, where it is not that of the analysis.
+    place: Option<Place>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum View {
+    Developed,
+    Raw,
+    Clip,
+    Porphyrin,
+}
+
+/// What is told beside a picture.
+#[derive(Serialize)]
+pub(crate) struct PictureFacts {
+    /// Columns and rows of the frame, and width and height of the sensor, mm.
+    frame_px: [usize; 2],
+    sensor_mm: [f64; 2],
+    /// Level that is shown as white, on the scale of the view.
+    white: f64,
+    exposure_ms: f64,
+    gain: f64,
+    clipped_percent: f64,
+    /// Level of the brightest half percent, and that of noise, DN.
+    bright_dn: f64,
+    noise_dn: f64,
+    white_level_dn: u16,
+    /// Share at the upper end of the colors of a map, and the colors from 0 on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    legend: Option<Legend>,
+    /// What changed lights and concentrations leave uncertain.
+    remarks: Vec<String>,
+    /// Time that the answer took, ms.
+    milliseconds: f64,
+}
+
+#[derive(Serialize)]
+struct Legend {
+    label: String,
+    top_percent: f64,
+    colors: Vec<[u8; 3]>,
+}
+
+/// Widest picture that is sent, px: of wider frames means over blocks are.
+const WIDEST: usize = 1600;
+/// Side of the stripes over clipped pixels, px.
+const STRIPE: usize = 4;
+/// Their two colors, told apart by brightness.
+const STRIPES: [[u8; 3]; 2] = [[255, 70, 200], [20, 0, 20]];
+/// Colors of a legend.
+const LEGEND_STEPS: usize = 24;
+
+/// Draws a picture: what is told of it, and its PNG.
+///
+/// # Errors
+/// A change that can't be made or shown, a capture that is not there, a map without an analysis.
+pub(crate) fn picture(live: &LiveRender, request: &PictureRequest) -> Result<(PictureFacts, Vec<u8>)> {
+    let begun = Instant::now();
+    let changes = Changes { set: request.set.clone(), unset: Vec::new() };
+    check_no_files(&changes)?;
+    let study = live.show(&changes)?;
+    let frame = study.frame(&request.capture)?;
+    let (shown, white, legend) = match request.view {
+        View::Porphyrin => {
+            let analyzed = study.analyzed(request.place.as_ref().map(Place::text).as_deref())?;
+            let analyzed = analyzed.ok_or(PipelineError::Missing("analysis"))?;
+            let (shown, legend) = porphyrin(&analyzed, &frame)?;
+            (shown, 0.0, Some(legend))
+        }
+        View::Raw => {
+            let white = request.white.unwrap_or_else(|| bright_raw(&frame.raw));
+            (raw(&frame.raw, white), white, None)
+        }
+        View::Developed | View::Clip => {
+            let (developed, white) = developed(&study, &frame, request.white);
+            (if request.view == View::Clip { striped(developed, &frame) } else { developed }, white, None)
+        }
+    };
+    let png = png_of(&shrunk(shown))?;
+    let mut facts = facts(&study, &frame, white)?;
+    (facts.legend, facts.milliseconds) = (legend, 1e3 * begun.elapsed().as_secs_f64());
+    Ok((facts, png))
+}
+
+/// What is told beside a picture, but for legend and time.
+fn facts(study: &LiveStudy<'_>, frame: &CapturedFrame, white: f64) -> Result<PictureFacts> {
+    let CapturedFrame { raw, developed, .. } = frame;
+    let sensor = study.study().camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?.film_extent();
+    let clipped = developed.saturated.iter().filter(|is_saturated| **is_saturated).count();
+    Ok(PictureFacts {
+        frame_px: [developed.width, developed.height],
+        sensor_mm: [sensor.width_mm, sensor.height_mm],
+        white,
+        exposure_ms: 1e3 * raw.exposure_s,
+        gain: raw.gain,
+        clipped_percent: 100.0 * clipped as f64 / developed.saturated.len().max(1) as f64,
+        bright_dn: bright_level_dn(developed),
+        noise_dn: developed.noise_floor_dn,
+        white_level_dn: raw.white_level,
+        legend: None,
+        remarks: remarks(study, &raw.label)?,
+        milliseconds: 0.0,
+    })
+}
+
+/// What changed lights and concentrations leave uncertain, in words.
+fn remarks(study: &LiveStudy<'_>, capture: &str) -> Result<Vec<String>> {
+    let view = study.view_of(capture)?;
+    let lights = view.light_errors.iter().map(|(group, error)| {
+        format!(
+            "Light of \"{group}\" changed without a new render: fluorescence within {:.2} % of one",
+            100.0 * error
+        )
+    });
+    let multiple = view.uncertainty.iter().map(|found| {
+        format!(
+            "Concentrations changed without a new render: light that fluoresced twice, {:.2} % of all, may be off; the light of its source \
+             by {:.2} % at the very most",
+            100.0 * found.share,
+            100.0 * found.largest_error
+        )
+    });
+    Ok(lights.chain(multiple).collect())
+}
+
+/// The frame as its preview, and the level that is white.
+fn developed(study: &LiveStudy<'_>, frame: &CapturedFrame, white: Option<f64>) -> (Preview, f64) {
+    let study = study.study();
+    let capture = study.capture(&frame.raw.label);
+    let own = ColorRendering { matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], lift: 1.0 };
+    let rendering = capture.map_or(own, |capture| ColorRendering::of_frame(study, capture));
+    let white = white.unwrap_or_else(|| preview_white(&frame.developed, &rendering));
+    (preview_with_white(&frame.developed, &rendering, white), white)
+}
+
+/// Level of a raw frame that all but its brightest half percent stay below, DN above black.
+fn bright_raw(raw: &SensorImage) -> f64 {
+    const SHARE: f64 = 0.995;
+    let mut values = raw.data.clone();
+    let at = ((values.len() as f64 * SHARE) as usize).min(values.len().saturating_sub(1));
+    if values.is_empty() {
+        return 1.0;
+    }
+    let bright = *values.select_nth_unstable(at).1;
+    (f64::from(bright) - raw.black_level).max(1.0)
+}
+
+/// The mosaic in gray, pixel by pixel: of sensors whose pixels hold all channels the first one.
+fn raw(raw: &SensorImage, white: f64) -> Preview {
+    let per_pixel = (raw.data.len() / (raw.width * raw.height).max(1)).max(1);
+    let gray = |value: &u16| encode_srgb((f64::from(*value) - raw.black_level) / white);
+    // A table is as exact and much faster
+    let levels: Vec<u8> = (0..=u16::MAX).map(|value| gray(&value)).collect();
+    let pixels = raw.data.iter().step_by(per_pixel);
+    let rgb = pixels.flat_map(|value| [levels[usize::from(*value)]; 3]).collect();
+    Preview { width: raw.width, height: raw.height, rgb }
+}
+
+/// Stripes over the pixels that clip.
+fn striped(mut shown: Preview, frame: &CapturedFrame) -> Preview {
+    let width = shown.width.max(1);
+    let clipped = frame.developed.saturated.iter().enumerate().filter(|(_, is_saturated)| **is_saturated);
+    for (pixel, _) in clipped {
+        let stripe = (pixel % width + pixel / width) / STRIPE % 2;
+        shown.rgb[3 * pixel..3 * pixel + 3].copy_from_slice(&STRIPES[stripe]);
+    }
+    shown
+}
+
+/// The share of each pixel of the region on the mixture line, over the frame in gray.
+fn porphyrin(analyzed: &AnalyzedFrame, frame: &CapturedFrame) -> Result<(Preview, Legend)> {
+    let Some(map) = &analyzed.porphyrin else {
+        let why =
+            "this analysis has no mixture line, and so no map; give analysis.porphyrin and analysis.bulk";
+        return Err(Error::Input(why.into()));
+    };
+    let developed = &frame.developed;
+    if [map.width, map.height] != [developed.width, developed.height] {
+        return Err(Error::Input(
+            "the map is of frames of another size; show the capture that is analyzed".into(),
+        ));
+    }
+    let share = map.layers().share;
+    let mut sorted: Vec<f32> = share.iter().copied().filter(|share| !share.is_nan()).collect();
+    sorted.sort_by(f32::total_cmp);
+    let top = sorted.get(sorted.len() * 99 / 100).copied().map_or(1.0, f64::from).clamp(0.01, 1.0);
+    let bright = bright_level_dn(developed).max(f64::MIN_POSITIVE);
+    let channels = developed.channels.len().max(1);
+    let color = |(share, pixel): (&f32, &[f32])| match share.is_nan() {
+        true => [encode_srgb(f64::from(pixel.iter().copied().fold(0.0, f32::max)) / bright * 0.5); 3],
+        false => ColorMap::Viridis.color(f64::from(*share) / top),
+    };
+    let rgb = share.iter().zip(developed.data.chunks_exact(channels)).flat_map(color).collect();
+    let steps = (0..LEGEND_STEPS).map(|i| ColorMap::Viridis.color(i as f64 / (LEGEND_STEPS - 1) as f64));
+    let label = format!("{} share on the mixture line", analyzed.analysis.analyte.capitalized());
+    let legend = Legend { label, top_percent: 100.0 * top, colors: steps.collect() };
+    Ok((Preview { width: map.width, height: map.height, rgb }, legend))
+}
+
+/// A picture that is not wider than what a page shows.
+fn shrunk(shown: Preview) -> Preview {
+    let block = shown.width.max(shown.height).div_ceil(WIDEST);
+    if block > 1 { shown.fitted([shown.width / block, shown.height / block]) } else { shown }
+}
+
+/// The picture as PNG: the fastest way to pack it, since it goes nowhere.
+fn png_of(shown: &Preview) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, shown.width as u32, shown.height as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fastest);
+    let written = encoder.write_header().and_then(|mut writer| {
+        writer.write_image_data(&shown.rgb)?;
+        writer.finish()
+    });
+    written.map_err(|error| Error::Failed(format!("the picture can't be packed: {error}")))?;
+    Ok(bytes)
+}

@@ -1,0 +1,235 @@
+//! Requests and answers. Whatever takes time is done in a thread that answers nobody else.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use axum::body::Bytes;
+use axum::extract::rejection::JsonRejection;
+use axum::extract::{DefaultBodyLimit, State};
+use axum::http::StatusCode;
+use axum::http::header::CONTENT_TYPE;
+use axum::middleware::from_fn_with_state;
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use axum::{Json, Router};
+use fluorspar::pipeline::PipelineError;
+use fluorspar_session::{Changes, Error, ErrorKind, LiveRender, Result};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use tokio::sync::Semaphore;
+
+use crate::controls::controls;
+use crate::guard::{Guard, guarded};
+use crate::picture::{PictureRequest, picture};
+use crate::region::{Place, RegionRequest, region};
+use crate::subject::{Stage, Subject, check_no_files, read_ahead, said};
+
+/// Largest request, bytes: changes and a polygon.
+const MOST_BYTES: usize = 64 << 10;
+
+/// What all requests share.
+pub(crate) struct Server {
+    pub(crate) guard: Guard,
+    pub(crate) subject: Arc<Subject>,
+    is_read_ahead: AtomicBool,
+    /// How many answers are made at once: a picture and an estimate.
+    workers: Semaphore,
+}
+
+impl Server {
+    pub(crate) fn new(guard: Guard, subject: Subject) -> Self {
+        Self {
+            guard,
+            subject: Arc::new(subject),
+            is_read_ahead: AtomicBool::new(false),
+            workers: Semaphore::new(2),
+        }
+    }
+}
+
+type Shared = State<Arc<Server>>;
+type Asked<T> = std::result::Result<Json<T>, JsonRejection>;
+
+/// A page: path, kind and content.
+type Page = (&'static str, &'static str, &'static str);
+
+const HTML: &str = "text/html; charset=utf-8";
+const SCRIPT: &str = "text/javascript; charset=utf-8";
+const PAGES: [Page; 9] = [
+    ("/", HTML, include_str!("../pages/index.html")),
+    ("/style.css", "text/css; charset=utf-8", include_str!("../pages/style.css")),
+    ("/icon.svg", "image/svg+xml", include_str!("../pages/icon.svg")),
+    ("/main.js", SCRIPT, include_str!("../pages/main.js")),
+    ("/changes.js", SCRIPT, include_str!("../pages/changes.js")),
+    ("/controls.js", SCRIPT, include_str!("../pages/controls.js")),
+    ("/picture.js", SCRIPT, include_str!("../pages/picture.js")),
+    ("/region.js", SCRIPT, include_str!("../pages/region.js")),
+    ("/chart.js", SCRIPT, include_str!("../pages/chart.js")),
+];
+
+pub(crate) fn router(server: Arc<Server>) -> Router {
+    let mut router = Router::new()
+        .route("/api/subject", get(subject))
+        .route("/api/picture", post(picture_of))
+        .route("/api/region", post(region_of))
+        .route("/api/toml", post(toml_of))
+        .route("/api/render", post(render))
+        .route("/api/stop", post(stop));
+    for (path, kind, content) in PAGES {
+        router = router.route(path, get(move || async move { ([(CONTENT_TYPE, kind)], content) }));
+    }
+    let guard = from_fn_with_state(Arc::clone(&server), guarded);
+    router
+        .fallback(|| async { refusal(StatusCode::NOT_FOUND, "there is nothing here") })
+        .layer(DefaultBodyLimit::max(MOST_BYTES))
+        .layer(guard)
+        .with_state(server)
+}
+
+/// An error as the page reads it.
+fn refusal(status: StatusCode, why: &str) -> Response {
+    (status, Json(json!({ "error": why }))).into_response()
+}
+
+fn failure(error: &Error) -> Response {
+    let status = match error.kind() {
+        ErrorKind::Input => StatusCode::UNPROCESSABLE_ENTITY,
+        ErrorKind::Failed | ErrorKind::Stopped => StatusCode::INTERNAL_SERVER_ERROR,
+    };
+    use PipelineError::{OtherCamera, OtherGrid, OtherLights, OtherScene, OutsideBasis};
+
+    let needs_render = matches!(
+        error,
+        Error::Pipeline(
+            OtherScene(_) | OtherCamera | OtherGrid { .. } | OtherLights { .. } | OutsideBasis(_)
+        )
+    );
+    (status, Json(json!({ "error": said(error), "needs_render": needs_render }))).into_response()
+}
+
+/// What work on the finished render gives, done in a thread of its own.
+async fn answer<Q: Send + 'static>(
+    server: Arc<Server>,
+    asked: Asked<Q>,
+    work: impl FnOnce(&Arc<LiveRender>, &Q) -> Result<Response> + Send + 'static,
+) -> Response {
+    let Json(asked) = match asked {
+        Ok(asked) => asked,
+        Err(error) => return refusal(error.status(), &error.body_text()),
+    };
+    let live = match server.subject.stage() {
+        Stage::Ready(live, _) => live,
+        Stage::Rendering => return refusal(StatusCode::SERVICE_UNAVAILABLE, "the render is not there yet"),
+        Stage::Failed(why) => return refusal(StatusCode::SERVICE_UNAVAILABLE, &why),
+    };
+    let _turn = server.workers.acquire().await;
+    let done =
+        tokio::task::spawn_blocking(move || work(&live, &asked).unwrap_or_else(|error| failure(&error)));
+    let defect = "this is a defect of Fluorspar: please report the last lines of the terminal";
+    done.await.unwrap_or_else(|_| refusal(StatusCode::INTERNAL_SERVER_ERROR, defect))
+}
+
+/// How far the render is, and once it is there what it holds and what can be changed.
+async fn subject(State(server): Shared) -> Response {
+    let stage = server.subject.stage();
+    let about = tokio::task::spawn_blocking(move || about(&server.subject, &stage)).await;
+    match about {
+        Ok(Ok(about)) => Json(about).into_response(),
+        Ok(Err(error)) => failure(&error),
+        Err(_) => refusal(StatusCode::INTERNAL_SERVER_ERROR, "this is a defect of Fluorspar"),
+    }
+}
+
+fn about(subject: &Subject, stage: &Stage) -> Result<Value> {
+    let name = &subject.name;
+    let (live, remark) = match stage {
+        Stage::Ready(live, remark) => (live, remark),
+        Stage::Failed(why) => return Ok(json!({ "stage": "failed", "name": name, "error": why })),
+        Stage::Rendering => {
+            let (share, said) = subject.progress();
+            return Ok(json!({ "stage": "rendering", "name": name, "share": share, "said": said }));
+        }
+    };
+    let experiment = live.experiment(&Changes::default())?;
+    let file = &experiment.file;
+    let captures: Vec<&str> = file.capture.iter().map(|capture| capture.name.as_str()).collect();
+    let labels = live.render().labels();
+    Ok(json!({
+        "stage": "ready",
+        "name": name,
+        "title": file.title,
+        "remark": remark,
+        "set": subject.changes(),
+        "captures": captures,
+        "analyzed": file.analysis.as_ref().map(|analysis| &analysis.frame),
+        "parts": file.analysis.as_ref().map(|analysis| &analysis.place.parts),
+        "render_px": [labels.width, labels.height],
+        "samples_per_pixel": labels.samples_per_pixel,
+        "groups": controls(live, &Changes::default())?,
+    }))
+}
+
+/// A picture: the length of what is told beside it as four bytes, least first, that as JSON, and the PNG.
+async fn picture_of(State(server): Shared, asked: Asked<PictureRequest>) -> Response {
+    let shared = Arc::clone(&server);
+    let work = move |live: &Arc<LiveRender>, asked: &PictureRequest| {
+        let (facts, png) = picture(live, asked)?;
+        if !shared.is_read_ahead.swap(true, Ordering::Relaxed) {
+            read_ahead(live);
+        }
+        let facts = serde_json::to_vec(&facts)?;
+        let length = (facts.len() as u32).to_le_bytes();
+        let body = Bytes::from([length.as_slice(), &facts, &png].concat());
+        Ok(([(CONTENT_TYPE, "application/octet-stream")], body).into_response())
+    };
+    answer(server, asked, work).await
+}
+
+async fn region_of(State(server): Shared, asked: Asked<RegionRequest>) -> Response {
+    let work = |live: &Arc<LiveRender>, asked: &RegionRequest| Ok(Json(region(live, asked)?).into_response());
+    answer(server, asked, work).await
+}
+
+/// Which changes are to be written into the experiment.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TomlRequest {
+    #[serde(default)]
+    set: Vec<String>,
+    place: Option<Place>,
+}
+
+async fn toml_of(State(server): Shared, asked: Asked<TomlRequest>) -> Response {
+    let work = |live: &Arc<LiveRender>, asked: &TomlRequest| {
+        let changes = Changes { set: asked.set.clone(), unset: Vec::new() };
+        check_no_files(&changes)?;
+        let place = asked.place.as_ref().map(Place::text);
+        Ok(Json(json!({ "toml": live.text_with(&changes, place.as_deref())? })).into_response())
+    };
+    answer(server, asked, work).await
+}
+
+/// Which changes are rendered.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RenderRequest {
+    set: Vec<String>,
+}
+
+/// Begins to render the experiment with changes; `/api/subject` tells how far that is.
+async fn render(State(server): Shared, asked: Asked<RenderRequest>) -> Response {
+    let subject = Arc::clone(&server.subject);
+    let work = move |live: &Arc<LiveRender>, asked: &RenderRequest| {
+        let changes = Changes { set: asked.set.clone(), unset: Vec::new() };
+        check_no_files(&changes)?;
+        subject.render_again(live, &changes)?;
+        Ok(StatusCode::ACCEPTED.into_response())
+    };
+    answer(server, asked, work).await
+}
+
+/// Ends the render in work.
+async fn stop(State(server): Shared) -> Response {
+    server.subject.stop();
+    StatusCode::ACCEPTED.into_response()
+}

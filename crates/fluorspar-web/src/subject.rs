@@ -1,0 +1,284 @@
+//! What the workbench shows: a finished render, or an experiment that is rendered first.
+
+use std::any::Any;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+
+use fluorspar::pipeline::PipelineError;
+use fluorspar_experiment::{SceneChange, Warning, check_settings, edit_experiment};
+use fluorspar_format::read_toml;
+use fluorspar_session::values::{Override, as_typed, sets};
+use fluorspar_session::{
+    Changes, Error, ExperimentSource, FinishedRender, Job, Left, Listener, LiveRender, Result, check_memory,
+    check_nothing_painted, render_scene, render_with_excitation_basis, worded,
+};
+
+use crate::WorkbenchOptions;
+
+/// What is shown.
+pub(crate) struct Subject {
+    stage: Mutex<Stage>,
+    progress: Arc<Progress>,
+    /// The experiment that is rendered first, until it is.
+    waiting: Mutex<Option<ExperimentSource>>,
+    /// Ends the render in work.
+    stop: Mutex<Arc<AtomicBool>>,
+    /// Samples per pixel of renders.
+    spp: u32,
+    /// Its file or name.
+    pub(crate) name: String,
+    /// Changes on which the workbench begins, in the form of `--set`.
+    changes: Mutex<Vec<String>>,
+}
+
+/// How far it is.
+#[derive(Clone)]
+pub(crate) enum Stage {
+    Rendering,
+    /// The render, and why a later one gave nothing.
+    Ready(Arc<LiveRender>, Option<String>),
+    Failed(String),
+}
+
+/// Largest spectra that are read into memory, bytes.
+const MOST_SPECTRA: usize = 2 << 30;
+
+/// Share of the width and height of an experiment that is rendered.
+const QUICK: [u32; 2] = [2, 3];
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Subject {
+    /// Finds the subject of some options.
+    pub(crate) fn find(options: &WorkbenchOptions) -> Result<Self> {
+        let name = options.subject.clone().unwrap_or_else(|| fluorspar_experiment::DEFAULT_EXPERIMENT.into());
+        let subject = |stage, waiting, changes| Self {
+            stage: Mutex::new(stage),
+            progress: Arc::default(),
+            waiting: Mutex::new(waiting),
+            stop: Mutex::default(),
+            spp: options.spp,
+            name: name.clone(),
+            changes: Mutex::new(changes),
+        };
+        if let Some(path) = image_of(options.subject.as_deref())? {
+            let Changes { set, unset } = &options.changes;
+            if let Some(path) = unset.first() {
+                return Err(Error::Input(format!(
+                    "⟨unset={path}⟩: the page of a finished render only sets values; give an experiment, or leave it out"
+                )));
+            }
+            let live = LiveRender::open(&path)?;
+            live.show(&options.changes)?;
+            return Ok(subject(Stage::Ready(Arc::new(live), None), None, set.clone()));
+        }
+        let source = ExperimentSource::find(options.subject.as_deref())?;
+        let text = first_text(&source, options)?;
+        // What the render is made with is no difference to it any more
+        Ok(subject(Stage::Rendering, Some(ExperimentSource { text, ..source }), Vec::new()))
+    }
+
+    /// How far it is.
+    pub(crate) fn stage(&self) -> Stage {
+        lock(&self.stage).clone()
+    }
+
+    /// Changes on which the page begins, in the form of `--set`.
+    pub(crate) fn changes(&self) -> Vec<String> {
+        lock(&self.changes).clone()
+    }
+
+    /// Share of the render that is done, 0 to 1, and what is done or was said last.
+    pub(crate) fn progress(&self) -> (f64, String) {
+        (
+            f64::from(self.progress.permille.load(Ordering::Relaxed)) / 1000.0,
+            lock(&self.progress.said).clone(),
+        )
+    }
+
+    /// Begins to render in a thread of its own, where that is to be done.
+    pub(crate) fn begin(self: &Arc<Self>) {
+        if let Some(source) = lock(&self.waiting).take() {
+            self.render(source, None);
+        }
+    }
+
+    /// Renders the experiment with changes anew, with few samples. What was there comes back if that fails or is stopped.
+    ///
+    /// # Errors
+    /// A change that can't be made; a render that is already in work.
+    pub(crate) fn render_again(self: &Arc<Self>, live: &Arc<LiveRender>, changes: &Changes) -> Result<()> {
+        let mut all = changes.clone();
+        if !all.set.iter().any(|set| set.starts_with("render.samples_per_pixel")) {
+            all.set.push(format!("render.samples_per_pixel={}", self.spp));
+        }
+        let source = live.source_with(&all)?;
+        let before = std::mem::replace(&mut *lock(&self.stage), Stage::Rendering);
+        if matches!(before, Stage::Rendering) {
+            return Err(Error::Input("a render is in work; wait for it, or stop it".into()));
+        }
+        self.render(source, Some(Arc::clone(live)));
+        Ok(())
+    }
+
+    /// Ends the render in work.
+    pub(crate) fn stop(&self) {
+        lock(&self.stop).store(true, Ordering::SeqCst);
+    }
+
+    fn render(self: &Arc<Self>, source: ExperimentSource, before: Option<Arc<LiveRender>>) {
+        let stop: Arc<AtomicBool> = Arc::default();
+        *lock(&self.stop) = Arc::clone(&stop);
+        self.progress.permille.store(0, Ordering::Relaxed);
+        let (subject, job) = (Arc::clone(self), Job::new(stop, self.progress.clone()));
+        thread::spawn(move || {
+            let stage = match (rendered(source, &job), before) {
+                (Ok(live), _) => {
+                    lock(&subject.changes).clear();
+                    Stage::Ready(Arc::new(live), None)
+                }
+                (Err(error), Some(before)) => Stage::Ready(before, Some(said(&error))),
+                (Err(error), None) => Stage::Failed(said(&error)),
+            };
+            *lock(&subject.stage) = stage;
+        });
+    }
+}
+
+/// Reads the spectra of a render into memory in a thread of its own, unless they are too large: other filters and regions are soon
+/// there then. What fails is told when they are wanted.
+pub(crate) fn read_ahead(live: &Arc<LiveRender>) {
+    if live.render().labels().stored_values() <= MOST_SPECTRA / 4 {
+        let live = Arc::clone(live);
+        thread::spawn(move || live.render().read_spectra());
+    }
+}
+
+/// The component image that a subject names; `None` of an experiment.
+fn image_of(subject: Option<&str>) -> Result<Option<PathBuf>> {
+    let Some(path) = subject.map(Path::new) else { return Ok(None) };
+    if path.is_dir() {
+        let image = path.join("components.exr");
+        return match image.is_file() {
+            true => Ok(Some(image)),
+            false => Err(Error::Input(format!(
+                "{}: this folder has no components.exr; give one that `run` wrote, a component image, or an experiment",
+                path.display()
+            ))),
+        };
+    }
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    Ok(matches!(ending.as_deref(), Some("exr" | "npy")).then(|| path.to_path_buf()))
+}
+
+/// The text of an experiment with its changes, and with fewer pixels and samples, where these do not set them.
+fn first_text(source: &ExperimentSource, options: &WorkbenchOptions) -> Result<String> {
+    let typed = options.changes.overrides();
+    let parsed = source.parse(&typed)?;
+    check_settings(&parsed).map_err(|error| as_typed(error, &typed))?;
+    let file = parsed.file;
+    let has = [
+        (file.lens.is_some(), "lens"),
+        (file.sensor.is_some(), "sensor"),
+        (!file.capture.is_empty(), "captures"),
+    ];
+    if let Some((_, missing)) = has.into_iter().find(|(is_there, _)| !is_there) {
+        return Err(PipelineError::Missing(missing).into());
+    }
+    let render = file.render;
+    let is_set = |path: &str| options.changes.set.iter().any(|set| set.trim_start().starts_with(path));
+    let part = |path: &str, value: u32| {
+        let value = (value * QUICK[0] / QUICK[1]).max(1);
+        (!is_set(path)).then(|| Override::of_option(path, value, "⟨spp⟩".into()))
+    };
+    let spp = Override::of_option("render.samples_per_pixel", options.spp, format!("⟨spp={}⟩", options.spp));
+    let quick =
+        [part("render.width_px", render.width_px), part("render.height_px", render.height_px), Some(spp)];
+    let all: Vec<Override> = quick.into_iter().flatten().chain(typed).collect();
+    let changes = all.iter().map(|one| SceneChange::read(&one.set)).collect::<Result<Vec<_>, _>>()?;
+    let edited = edit_experiment(&source.text, &source.name, &source.base_dir, &changes);
+    Ok(edited.map_err(|error| as_typed(error, &all))?)
+}
+
+fn rendered(source: ExperimentSource, job: &Job) -> Result<LiveRender> {
+    job.listener.status("Preparing the scene");
+    let parsed = source.parse(&[])?;
+    let experiment = source.resolve(&[])?;
+    let study = &experiment.study;
+    check_nothing_painted(study)?;
+    check_memory(study, "or give the folder of a finished run")?;
+    let (mut image, basis) = match &study.render.excitation_basis {
+        None => (render_scene(&study.scene, &study.render, study.time_limit_s, job)?, None),
+        Some(basis) => {
+            let (image, basis) = render_with_excitation_basis(study, basis, job)?;
+            (image, Some(basis))
+        }
+    };
+    if job.is_stopped() {
+        return Err(Error::Stopped("the render was stopped".into()));
+    }
+    image.round_to_24_bits();
+    let render = FinishedRender::of_image(Arc::new(image), Some(Arc::new(parsed)));
+    let render = match basis {
+        Some(basis) => render.with_basis(basis),
+        None => render,
+    };
+    Ok(LiveRender::of_render(render, source))
+}
+
+/// An error as the page says it: options are changes there.
+pub(crate) fn said(error: &Error) -> String {
+    worded(&error.to_string(), |name, value| match (name, value) {
+        ("set", Some(value)) => value.to_owned(),
+        (name, Some(value)) => format!("{name} {value}"),
+        (name, None) => name.to_owned(),
+    })
+}
+
+/// Refuses changes that name files: the page changes what is there, and reads nothing from the disk.
+pub(crate) fn check_no_files(changes: &Changes) -> Result<()> {
+    for text in sets(&changes.overrides()) {
+        let value = text.split_once('=').map_or("", |(_, value)| value);
+        let texts = value.split(['"', '\'']).skip(1).step_by(2);
+        // What is not TOML is a text
+        let bare = read_toml::<serde_json::Value>(&format!("value = {value}")).is_err().then_some(value);
+        let is_file = |text: &str| text.contains(['/', '\\']) || text.contains('.');
+        if texts.chain(bare).any(is_file) {
+            return Err(Error::Input(format!(
+                "⟨set={text}⟩: the workbench reads no files; give a name of the catalogue, or start it with an experiment that names the \
+                 file"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Hears how far a render is.
+#[derive(Default)]
+struct Progress {
+    permille: Arc<AtomicU32>,
+    said: Mutex<String>,
+}
+
+impl Listener for Progress {
+    fn status(&self, text: &str) {
+        let first = text.lines().next().unwrap_or_default();
+        first.clone_into(&mut lock(&self.said));
+    }
+
+    fn warnings(&self, _: &[Warning]) {}
+
+    fn begin(&self, title: &'static str, _: &'static str, _: Left) -> Box<dyn Fn(f64) + Sync> {
+        self.status(title);
+        let permille = Arc::clone(&self.permille);
+        Box::new(move |share| permille.store((1000.0 * share) as u32, Ordering::Relaxed))
+    }
+
+    fn begin_writing(&self, _: &Path) -> Box<dyn Any> {
+        Box::new(())
+    }
+}

@@ -1,0 +1,287 @@
+//! What the workbench shows is what the commands write.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::thread::sleep;
+use std::time::Duration;
+
+use fluorspar::findings::region_findings;
+use fluorspar::pipeline::frame_radiance;
+use fluorspar_experiment::{parse, resolve};
+use fluorspar_format::read_component_image;
+use fluorspar_report::finding_lines;
+use fluorspar_session::{AnalyzeOptions, CaptureOptions, TaskOptions, analyze, capture};
+use fluorspar_web::{Workbench, WorkbenchOptions};
+use serde_json::{Value, json};
+
+use crate::support::{Answer, Served, any_led_folder, job, run_folder};
+
+/// Width, height and pixels of a PNG.
+fn decoded(bytes: &[u8]) -> (u32, u32, Vec<u8>) {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut pixels).unwrap();
+    (info.width, info.height, pixels)
+}
+
+/// What is told beside a picture, and the picture.
+fn picture(served: &Served, body: &Value) -> (Value, (u32, u32, Vec<u8>)) {
+    let Answer { status, body: bytes, .. } = served.post("/api/picture", body);
+    assert_eq!(status, 200, "{}", String::from_utf8_lossy(&bytes));
+    let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
+    (serde_json::from_slice(&bytes[4..4 + length]).unwrap(), decoded(&bytes[4 + length..]))
+}
+
+/// The frames that `capture` writes of a run and the saved experiment of some changes.
+fn captured(served: &Served, run: &Path, set: &[&str], folder: &Path) -> PathBuf {
+    let toml = served.post("/api/toml", &json!({ "set": set })).json();
+    let file = folder.join("saved.toml");
+    std::fs::write(&file, toml["toml"].as_str().unwrap()).unwrap();
+    let out = folder.join("frames");
+    let mut options = options::<CaptureOptions>(json!({ "image": run.join("components.exr") }));
+    (options.experiment, options.out) = (Some(file.display().to_string()), out.clone());
+    capture(&options, &job()).unwrap();
+    out
+}
+
+fn options<O: TaskOptions>(given: Value) -> O {
+    serde_json::from_value(given).unwrap()
+}
+
+/// Captures and fluorophores of the run.
+fn names(served: &Served) -> (Vec<String>, Vec<String>) {
+    let subject = served.get("/api/subject").json();
+    let texts = |list: &Value| -> Vec<String> {
+        list.as_array().unwrap().iter().map(|text| text.as_str().unwrap().to_owned()).collect()
+    };
+    let paths =
+        subject["groups"].as_array().unwrap().iter().flat_map(|group| group["controls"].as_array().unwrap());
+    let paths = paths.filter_map(|control| control["path"].as_str()?.strip_prefix("concentration."));
+    (texts(&subject["captures"]), paths.map(String::from).collect())
+}
+
+#[test]
+fn pictures_are_those_of_capture() {
+    let served = Served::on_run();
+    let (captures, fluorophores) = names(&served);
+    assert!(captures.len() > 1 && !fluorophores.is_empty(), "{captures:?} {fluorophores:?}");
+    let dye = format!("concentration.{}=2.5", fluorophores[0]);
+    let changes: Vec<Vec<&str>> = vec![
+        vec![],
+        vec!["capture.blue.exposure_ms=11", "capture.blue.gain=2"],
+        vec![&dye],
+        vec!["view_filter.filters=[\"long_pass_500\"]"],
+        vec!["capture.blue.light_groups.blue=0.4", &dye, "capture.ambient.exposure_ms=3"],
+        vec!["sensor.bit_depth=10", "view_filter.filters=[]"],
+    ];
+    for set in changes {
+        let folder = tempfile::tempdir().unwrap();
+        let frames = captured(&served, &run_folder(), &set, folder.path());
+        for name in &captures {
+            let body = json!({ "set": set, "capture": name, "view": "developed" });
+            let (facts, shown) = picture(&served, &body);
+            let written = decoded(&std::fs::read(frames.join(format!("preview_{name}.png"))).unwrap());
+            assert!(shown == written, "{set:?} {name}");
+            // A white that is held is the one that was told
+            let held = json!({ "set": set, "capture": name, "view": "developed", "white": facts["white"] });
+            assert!(picture(&served, &held).1 == shown, "{set:?} {name}");
+        }
+    }
+}
+
+#[test]
+fn another_led_is_that_of_capture() {
+    let served = Served::on(&any_led_folder());
+    let subject = served.get("/api/subject").json();
+    let controls =
+        subject["groups"].as_array().unwrap().iter().flat_map(|group| group["controls"].as_array().unwrap());
+    let led = controls.into_iter().find(|control| control["template"].is_string()).unwrap();
+    assert_eq!(led["range"], json!([360.0, 480.0]));
+    let of_peak = |nm: &str| {
+        let value = led["template"].as_str().unwrap().replace('$', nm);
+        format!("{}={value}", led["path"].as_str().unwrap())
+    };
+    for (peak, more) in
+        [("405.0", "capture.blue.gain=2"), ("430.0", "view_filter.filters=[\"long_pass_500\"]")]
+    {
+        let (folder, peak) = (tempfile::tempdir().unwrap(), of_peak(peak));
+        let set = [peak.as_str(), more];
+        let frames = captured(&served, &any_led_folder(), &set, folder.path());
+        let (facts, shown) = picture(&served, &json!({ "set": set, "capture": "blue", "view": "developed" }));
+        assert!(shown == decoded(&std::fs::read(frames.join("preview_blue.png")).unwrap()), "{set:?}");
+        assert!(facts["remarks"][0].as_str().unwrap().starts_with("Light of \"blue\" changed"), "{facts}");
+    }
+}
+
+#[test]
+fn raw_and_clipped_pixels_are_shown() {
+    let served = Served::on_run();
+    let bright = json!({ "set": ["capture.blue.exposure_ms=900.0"], "capture": "blue", "view": "clip" });
+    let (facts, (_, _, pixels)) = picture(&served, &bright);
+    let striped =
+        pixels.chunks(3).filter(|rgb| [[255, 70, 200], [20, 0, 20]].contains(&[rgb[0], rgb[1], rgb[2]]));
+    let share = 100.0 * striped.count() as f64 / (pixels.len() / 3) as f64;
+    let told = facts["clipped_percent"].as_f64().unwrap();
+    assert!(told > 1.0 && (share - told).abs() < 1e-9, "{share} {told}");
+    let (_, (width, height, raw)) = picture(&served, &json!({ "capture": "blue", "view": "raw" }));
+    assert_eq!([width, height], [64, 48]);
+    assert!(raw.chunks(3).all(|rgb| rgb[0] == rgb[1] && rgb[1] == rgb[2]));
+}
+
+#[test]
+fn the_parts_of_a_spectrum_sum_to_the_radiance() {
+    let served = Served::on_run();
+    let image = read_component_image(&run_folder().join("components.exr")).unwrap().image;
+    let text = std::fs::read_to_string(run_folder().join("experiment.toml")).unwrap();
+    let study = resolve(&parse(&text, "run", &run_folder(), &[]).unwrap()).unwrap().study;
+    let radiance = frame_radiance(&study.capture("blue").unwrap().frame, &image);
+    // A pixel of the sensor of 64 x 48 lies on half a pixel of the render of 32 x 24
+    for [column, row] in [[31, 23], [10, 40], [63, 0]] {
+        let body = json!({ "capture": "blue", "frame_px": [64, 48], "place": { "rectangle_px": [column, row, 1, 1] } });
+        let spectra = served.post("/api/region", &body).json()["spectra"].clone();
+        let numbers = |list: &Value| -> Vec<f64> {
+            list.as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect()
+        };
+        let total = numbers(&spectra["total"]);
+        let parts: Vec<Vec<f64>> =
+            spectra["parts"].as_array().unwrap().iter().map(|part| numbers(&part[1])).collect();
+        assert!(parts.len() > 1, "{spectra}");
+        let expected = radiance.pixel(row / 2, column / 2);
+        let brightest = total.iter().copied().fold(0.0, f64::max);
+        for (band, sum) in total.iter().enumerate() {
+            let of_parts: f64 = parts.iter().map(|part| part[band]).sum();
+            assert!((of_parts - sum).abs() <= 1e-6 * brightest, "{band}: {of_parts} {sum}");
+            assert!(
+                (f64::from(expected[band]) - sum).abs() <= 1e-6 * brightest,
+                "{band}: {} {sum}",
+                expected[band]
+            );
+        }
+    }
+}
+
+#[test]
+fn estimates_are_those_of_analyze() {
+    let served = Served::on_run();
+    let set = ["capture.blue.exposure_ms=21"];
+    let folder = tempfile::tempdir().unwrap();
+    let frames = captured(&served, &run_folder(), &set, folder.path());
+    let polygon = json!([[10.0, 10.0], [50.5, 12.0], [40.0, 40.0]]);
+    for (place, named) in [
+        (Value::Null, None),
+        (json!({ "rectangle_px": [8, 8, 40, 30], "part": "" }), Some("drawn=8,8,40,30".to_owned())),
+        (json!({ "polygon_px": polygon, "part": "" }), Some(format!("drawn={polygon}"))),
+    ] {
+        let asked = json!({ "set": set, "capture": "blue", "frame_px": [64, 48], "place": place });
+        let told = served.post("/api/region", &asked).json();
+        let mut options = AnalyzeOptions { folder: Some(frames.clone()), ..Default::default() };
+        options.named_region = named.into_iter().collect();
+        let analyzed = analyze(&options, &job()).unwrap();
+        let analysis = match analyzed.regions.first() {
+            Some(region) => &region.analyzed.as_ref().unwrap().analysis,
+            None => &analyzed.analysis,
+        };
+        let lines = finding_lines(&region_findings(analysis), &analysis.analyte, false);
+        assert_eq!(told["lines"], json!(lines), "{place}: {told}");
+        assert!(lines.len() > 2, "{lines:?}");
+    }
+}
+
+#[test]
+fn what_needs_a_render_is_refused_in_words() {
+    let served = Served::on_run();
+    for (set, word) in [
+        ("render.width_px=64", "render"),
+        ("light.blue.spectrum=led_405", "render.excitation_basis_nm"),
+        ("capture.blue.exposure=3", "exposure_ms"),
+        ("capture.blue.gain=-1", "gain"),
+    ] {
+        let refused =
+            served.post("/api/picture", &json!({ "set": [set], "capture": "blue", "view": "developed" }));
+        let text = refused.text();
+        assert!(refused.status == 422 && text.contains(word) && !text.contains('⟨'), "{set}: {text}");
+        let needs_render = ["render", "render.excitation_basis_nm"].contains(&word);
+        assert!(text.contains(&format!("\"needs_render\":{needs_render}")), "{set}: {text}");
+    }
+    let refused = served.post("/api/picture", &json!({ "capture": "green", "view": "developed" }));
+    assert!(refused.status == 422 && refused.text().contains("ambient, blue"), "{}", refused.text());
+}
+
+#[test]
+fn every_control_changes_what_it_says() {
+    let served = Served::on_run();
+    let subject = served.get("/api/subject").json();
+    let mut kinds: BTreeMap<String, usize> = BTreeMap::new();
+    for control in
+        subject["groups"].as_array().unwrap().iter().flat_map(|group| group["controls"].as_array().unwrap())
+    {
+        let path = control["path"].as_str().unwrap();
+        let value = match control["kind"].as_str().unwrap() {
+            "number" => format!("{:?}", control["range"][0].as_f64().unwrap()),
+            _ => control["options"].as_array().unwrap().last().unwrap()["value"].as_str().unwrap().to_owned(),
+        };
+        let change = format!("{path}={value}");
+        let answer = served.post("/api/toml", &json!({ "set": [change] }));
+        assert_eq!(answer.status, 200, "{change}: {}", answer.text());
+        *kinds.entry(control["kind"].as_str().unwrap().into()).or_default() += 1;
+    }
+    assert!(kinds["number"] > 6 && kinds["choice"] == 2, "{kinds:?}");
+}
+
+#[test]
+fn an_experiment_is_rendered_first() {
+    let mut options = WorkbenchOptions { subject: Some("flat-patch".into()), spp: 1, ..Default::default() };
+    options.changes.set =
+        ["render.width_px=16", "render.height_px=12", "sensor.columns=32", "sensor.rows=24"]
+            .map(String::from)
+            .to_vec();
+    let served = Served::of(&options);
+    assert_eq!(ready(&served)["render_px"], json!([16, 12]));
+    let (facts, _) = picture(&served, &json!({ "capture": "blue", "view": "developed" }));
+    assert_eq!(facts["frame_px"], json!([32, 24]));
+}
+
+/// What a workbench tells of its subject once that is rendered.
+fn ready(served: &Served) -> Value {
+    for _ in 0..600 {
+        let subject = served.get("/api/subject").json();
+        if subject["stage"] == "ready" {
+            return subject;
+        }
+        assert_eq!(subject["stage"], "rendering", "{subject}");
+        sleep(Duration::from_millis(50));
+    }
+    panic!("the render did not end");
+}
+
+#[test]
+fn what_needs_a_render_is_rendered_on_demand() {
+    let served = Served::on_run();
+    let bad = served.post("/api/render", &json!({ "set": ["object.none.material=x"] }));
+    assert_eq!(bad.status, 422, "{}", bad.text());
+    let set = json!(["render.samples_per_pixel=2", "render.width_px=16", "render.height_px=12"]);
+    assert_eq!(served.post("/api/render", &json!({ "set": set })).status, 202);
+    let subject = ready(&served);
+    assert_eq!((&subject["render_px"], &subject["samples_per_pixel"]), (&json!([16, 12]), &json!(2)));
+    assert_eq!(subject["remark"], Value::Null);
+    picture(&served, &json!({ "capture": "blue", "view": "developed" }));
+}
+
+#[test]
+fn subjects_that_are_none_are_told() {
+    let empty = tempfile::tempdir().unwrap();
+    for (subject, word) in [
+        (empty.path().display().to_string(), "has no components.exr"),
+        ("no-such-experiment".into(), "no-such-experiment"),
+        ("missing.exr".into(), "missing.exr"),
+        ("fluorescent-sphere".into(), "the experiment has no lens; add a [lens] section"),
+    ] {
+        let options = WorkbenchOptions { subject: Some(subject), spp: 1, ..Default::default() };
+        let error = Workbench::open(&options).err().unwrap().to_string();
+        assert!(error.contains(word), "{error}");
+    }
+    let mut options = WorkbenchOptions { subject: Some("flat-patch".into()), spp: 1, ..Default::default() };
+    options.changes.set = vec!["capture.blue.gain=-3".into()];
+    let error = Workbench::open(&options).err().unwrap().to_string();
+    assert!(error.contains("gain") && error.contains("-3"), "{error}");
+}
