@@ -6,7 +6,7 @@
 
 use std::fmt::Write;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::architecture::{crates, is_test, plain_code, sources};
 
@@ -15,9 +15,9 @@ const PHYSICS: [&str; 3] = ["fluorspar", "fluorspar-accel", "fluorspar-anatomy"]
 /// Crates that no user gets.
 const UNPUBLISHED: [&str; 1] = ["fluorspar-testkit"];
 
-const MOST_LINES_OF_CODE: usize = 112_600;
-const MOST_PERCENT_OF_SHELL: f64 = 57.6;
-const MOST_WORDS_OF_DOCUMENTS: usize = 55_900;
+const MOST_LINES_OF_CODE: usize = 116_600;
+const MOST_PERCENT_OF_SHELL: f64 = 58.0;
+const MOST_WORDS_OF_DOCUMENTS: usize = 57_200;
 /// Words in string literals of the physics: it holds numbers, and the fronts word them.
 const MOST_WORDS_IN_PHYSICS: usize = 8_000;
 
@@ -35,6 +35,15 @@ fn words_in_strings(code: &str) -> usize {
         .map(|text| text.split_whitespace().count())
         .filter(|&words| words > 1)
         .sum()
+}
+
+/// Scripts of the pages that a crate serves, if it serves any.
+fn scripts(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten();
+    entries
+        .map(|entry| entry.unwrap().path())
+        .filter(|file| file.extension().is_some_and(|e| e == "js"))
+        .collect()
 }
 
 /// Words of the Markdown pages of a folder and those below it, but not of what is built or downloaded there.
@@ -65,6 +74,7 @@ fn the_program_and_its_documents_keep_within_their_budgets() {
         }
         let mut files = Vec::new();
         sources(&folder.join("src"), &mut files);
+        files.extend(scripts(&folder.join("pages")));
         let texts: Vec<String> = files
             .iter()
             .filter(|file| !is_test(file))
