@@ -1297,6 +1297,9 @@ class MaterialSection(TypedDict, total=False):
     vary: dict[str, TextureReference]
     """Factors on parameters of the tissue over the surface, by name, at most 3: `superficial_blood_fraction = { noise = [8,
     8], low = 0.5, high = 3.0 }`. Amounts of fluorophores are `concentrations`. Default: none."""
+    translucent: bool
+    """Whether light leaves at some distance from where it enters, so that edges are soft; otherwise it leaves where it enters.
+    Default: true."""
     refractive_index: float
     """Refractive index against air, above 1 to 3; the same for all wavelengths."""
     roughness: TextureReference
