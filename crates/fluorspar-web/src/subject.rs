@@ -1,6 +1,7 @@
 //! What the workbench shows: a finished render, or an experiment that is rendered first.
 
 use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -136,7 +137,10 @@ impl Subject {
         self.progress.permille.store(0, Ordering::Relaxed);
         let (subject, job) = (Arc::clone(self), Job::new(stop, self.progress.clone()));
         thread::spawn(move || {
-            let stage = match (rendered(source, &job), before) {
+            // A defect of the program ends this render, not the workbench
+            let outcome = catch_unwind(AssertUnwindSafe(|| rendered(source, &job)))
+                .unwrap_or_else(|_| Err(Error::Input("the render ended by a defect of the program".into())));
+            let stage = match (outcome, before) {
                 (Ok(live), _) => {
                     lock(&subject.changes).clear();
                     Stage::Ready(Arc::new(live), None)
@@ -218,7 +222,7 @@ fn rendered(source: ExperimentSource, job: &Job) -> Result<LiveRender> {
             (image, Some(basis))
         }
     };
-    if job.is_stopped() {
+    if job.is_interrupted() {
         return Err(Error::Stopped("the render was stopped".into()));
     }
     image.round_to_24_bits();
@@ -239,15 +243,28 @@ pub(crate) fn said(error: &Error) -> String {
     })
 }
 
+/// Whether a text looks like the name of a file rather than that of a part of the catalogue.
+fn is_file(text: &str) -> bool {
+    text.contains(['/', '\\', '.'])
+}
+
+/// Whether any text of a value looks like the name of a file.
+fn names_file(value: &serde_json::Value) -> bool {
+    match value {
+        serde_json::Value::String(text) => is_file(text),
+        serde_json::Value::Array(values) => values.iter().any(names_file),
+        serde_json::Value::Object(fields) => fields.values().any(names_file),
+        _ => false,
+    }
+}
+
 /// Refuses changes that name files: the page changes what is there, and reads nothing from the disk.
 pub(crate) fn check_no_files(changes: &Changes) -> Result<()> {
     for text in sets(&changes.overrides()) {
         let value = text.split_once('=').map_or("", |(_, value)| value);
-        let texts = value.split(['"', '\'']).skip(1).step_by(2);
         // What is not TOML is a text
-        let bare = read_toml::<serde_json::Value>(&format!("value = {value}")).is_err().then_some(value);
-        let is_file = |text: &str| text.contains(['/', '\\']) || text.contains('.');
-        if texts.chain(bare).any(is_file) {
+        let read = read_toml::<serde_json::Value>(&format!("value = {value}"));
+        if read.map_or_else(|_| is_file(value), |read| names_file(&read)) {
             return Err(Error::Input(format!(
                 "⟨set={text}⟩: the workbench reads no files; give a name of the catalogue, or start it with an experiment that names the \
                  file"

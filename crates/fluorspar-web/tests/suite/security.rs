@@ -135,6 +135,7 @@ fn changes_name_no_files() {
         "sensor.quantum_efficiency={ csv = \"x.csv\" }",
         "analysis.mask=C:\\mask.png",
         "lens.prescription=lens.toml",
+        "light.white={ name = \"it's\", spectrum = \"/home/user/x.csv\" }",
     ];
     for set in set {
         for path in ["/api/picture", "/api/toml"] {

@@ -50,24 +50,35 @@ pub struct SurfaceFluorescence {
 }
 
 impl TissueSurface {
-    /// A tissue from its states, in the order of the grid. All must have the same fluorophores.
+    /// A tissue from its states, in the order of the grid.
     ///
     /// # Errors
     /// A fluorescence that can't be brought into a short form.
     pub fn new(grid: StateGrid, states: &[EffectiveTissue]) -> Result<Self, TissueError> {
         let mut emissions: Vec<SurfaceFluorescence> = Vec::new();
-        for state in states {
+        for (number, state) in states.iter().enumerate() {
             let passed = 1.0 / (1.0 - state.specular_reflectance());
             for (fluorophore, eem) in by_fluorophore(state)? {
                 let eem = Arc::new(eem.scaled(passed));
-                match emissions.iter_mut().find(|known| known.fluorophore.name == fluorophore.name) {
-                    Some(known) => known.states.push(eem),
-                    None => {
-                        let states = vec![eem];
-                        emissions.push(SurfaceFluorescence { fluorophore, states, profiles: Vec::new() });
-                    }
-                }
+                let name = &fluorophore.name;
+                let known = emissions.iter().position(|known| known.fluorophore.name == *name);
+                let place = known.unwrap_or_else(|| {
+                    emissions.push(SurfaceFluorescence {
+                        fluorophore,
+                        states: Vec::new(),
+                        profiles: Vec::new(),
+                    });
+                    emissions.len() - 1
+                });
+                // States before that held none of it emit nothing
+                let emitted = &mut emissions[place].states;
+                emitted.resize(number, Arc::new(eem.as_ref().clone().scaled(0.0)));
+                emitted.push(eem);
             }
+        }
+        for SurfaceFluorescence { states: emitted, .. } in &mut emissions {
+            let dark = Arc::new(emitted[0].as_ref().clone().scaled(0.0));
+            emitted.resize(states.len(), dark);
         }
         let reflectances = states
             .iter()
@@ -144,7 +155,10 @@ impl TissueSurface {
                     .find(|(held, _)| held == name)
                     .map(|(_, found)| Arc::new(found.clone()))
             };
-            emission.profiles = profiles.iter().filter_map(of_state).collect();
+            // A state without it has any profile: nothing leaves by it
+            let known: Vec<_> = profiles.iter().map(of_state).collect();
+            let Some(any) = known.iter().flatten().next().cloned() else { continue };
+            emission.profiles = known.into_iter().map(|found| found.unwrap_or_else(|| any.clone())).collect();
         }
         self.grid.profiles = profiles.into_iter().map(|state| state.reflected).collect();
         self

@@ -189,3 +189,28 @@ fn light_and_view_may_change_places() {
         }
     }
 }
+
+/// The states in which a tissue holds none of a fluorophore keep their places.
+#[test]
+fn states_without_a_fluorophore_emit_nothing() {
+    let grid = crate::spectral::WavelengthGrid::uniform(400.0, 700.0, 20.0).unwrap();
+    let map = ScalarTexture::Noise { cells: [3.0, 3.0], seed: 1, low: 0.0, high: 1.0 };
+    let amount = super::MappedParameter {
+        nodes: vec![0.0, 0.5, 1.0],
+        ..super::MappedParameter::without_nodes("dye".into(), map)
+    };
+    let holding = |values: &[f64]| {
+        let mut tissue = tissue(0.1);
+        tissue.layers[1].fluorophores[0].strength_per_mm *= values[0];
+        tissue.layers[1].fluorophores.retain(|held| held.strength_per_mm > 0.0);
+        Ok(tissue)
+    };
+    let surface = TissueSurface::varying(vec![amount], holding, &grid, true).unwrap();
+    let yields: Vec<f64> =
+        surface.emissions[0].states.iter().map(|eem| eem.total_yields(&[420.0])[0]).collect();
+    assert!(yields[0] == 0.0 && (yields[1] / yields[2] - 0.5).abs() < 1e-6, "{yields:?}");
+    assert_eq!([surface.emissions[0].profiles.len(), surface.grid.profiles.len()], [3, 3]);
+    let bytes = surface.to_bytes().unwrap();
+    let parameters = vec![("dye".to_owned(), surface.grid.parameters[0].map.clone())];
+    assert!(TissueSurface::from_bytes(&bytes, parameters, &|_| Some(dye())).unwrap() == surface);
+}

@@ -61,7 +61,7 @@ pub(super) struct Path {
     pub(super) choices: u64,
     /// Of the first vertex, where light leaves it elsewhere than it entered.
     pub(super) spread: Option<VertexSpread>,
-    /// Direct light where that entered, one entry per source.
+    /// How much more direct light there is where that entered, one entry per source.
     pub(super) entered: Vec<DirectLight>,
 }
 
@@ -124,8 +124,7 @@ impl Path {
 
     /// How much more direct light of a source there is where light entered than at the first vertex: diffuse, fluorescent.
     pub(super) fn entered_more(&self, source: usize) -> [f32; 2] {
-        let (there, here) = (&self.entered[source], &self.direct[source]);
-        [there.diffuse - here.diffuse, there.fluorescent - here.fluorescent]
+        [self.entered[source].diffuse, self.entered[source].fluorescent]
     }
 
     /// Adds to the weights of the reflectance terms of the last vertex.

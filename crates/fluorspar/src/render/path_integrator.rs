@@ -503,12 +503,21 @@ impl CompiledScene {
     /// Adds direct light, of which the share `visibility` arrives, to a vertex.
     fn add_direct(&self, path: &mut Path, shadow_ray: &ShadowRay, visibility: f32) {
         let s = &shadow_ray.scattering;
-        let factor = visibility * shadow_ray.mis_weight / shadow_ray.light.pdf;
+        let arriving = visibility / shadow_ray.light.pdf;
+        if path.spread.is_some() && shadow_ray.vertex == 0 {
+            // What more there is where light entered, whole: no scattered ray meets the lights there
+            let more = if shadow_ray.arrival == Arrival::Entry { arriving } else { -arriving };
+            self.each_source(&shadow_ray.light, |source, scale| {
+                path.entered[source].diffuse += more * scale * s.diffuse * PI;
+                path.entered[source].fluorescent += more * scale * s.fluorescent * PI;
+            });
+        }
+        if shadow_ray.arrival == Arrival::Entry {
+            return;
+        }
+        let factor = arriving * shadow_ray.mis_weight;
         self.each_source(&shadow_ray.light, |source, scale| {
-            let direct = match shadow_ray.arrival {
-                Arrival::Here => path.direct_mut(shadow_ray.vertex as usize, self.sources.len(), source),
-                Arrival::Entry => &mut path.entered[source],
-            };
+            let direct = path.direct_mut(shadow_ray.vertex as usize, self.sources.len(), source);
             direct.diffuse += factor * scale * s.diffuse * PI;
             direct.fluorescent += factor * scale * s.fluorescent * PI;
             direct.gloss += factor * scale * s.gloss;

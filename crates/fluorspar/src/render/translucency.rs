@@ -114,7 +114,9 @@ impl CompiledScene {
         let chosen = self.materials.choose(outermost, point.uv, point.front, &mut choice);
         let there = chosen.index;
         if self.material_spectra[there].spread.is_none() {
-            if u[2] < self.mean_reflectance(there, &point) {
+            // What stands off the surface covers nothing of it
+            let height = left.geometric.dot(point.position - left.position);
+            if height > BUMPS_M || choice < self.mean_reflectance(there, &point) {
                 return None;
             }
             return Some(Spread { entry: Entry::Nowhere, material, uv: left.uv, weights });
@@ -128,7 +130,7 @@ impl CompiledScene {
         let is_one_sheet = there == material
             && point.object == left.object
             && (point.uv - left.uv).abs().max_element() < SHEET;
-        let (material, uv) = match u[2] {
+        let (material, uv) = match choice {
             share if is_one_sheet => (material, left.uv.lerp(point.uv, share)),
             share if share < 0.5 => (material, left.uv),
             _ => (there, point.uv),

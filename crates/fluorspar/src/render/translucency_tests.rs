@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 use crate::geometry::TriangleMesh;
 use crate::image::ComponentImage;
 use crate::light::{DistantEmitter, Emitter, Light, LightGroup};
-use crate::material::{Material, ScalarTexture, TissueSurface};
+use crate::material::{Coat, Coated, Material, ScalarTexture, Scattering, TissueSurface};
 use crate::optics::PerspectiveCamera;
 use crate::render::{RenderControl, RenderSettings, render};
 use crate::scene::{Object, Scene, Shape};
@@ -172,6 +172,32 @@ fn edges_on_the_tongue_are_millimeters_wide() {
     };
     let [blue, red] = [450.0, 630.0].map(width_mm);
     assert!((2.5..4.0).contains(&red) && (1.0..1.6).contains(&blue), "{blue} mm, {red} mm");
+}
+
+/// The piece below a wet coat in light from all sides, which is sampled both ways.
+fn in_even_light(translucent: bool) -> Scene {
+    let mut scene = piece(translucent);
+    let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.2) };
+    let base = scene.materials[0].diffuse().unwrap().clone();
+    scene.materials[0].scattering = Scattering::Coated(Coated { base, coat });
+    scene.lights[0].emitter = Emitter::Environment;
+    scene
+}
+
+#[test]
+fn light_from_all_sides_does_not_tell_translucent_tissue() {
+    let [translucent, opaque] = [true, false].map(|translucent| image(&in_even_light(translucent), 64));
+    for component in 0..opaque.components.len() {
+        for band in 0..opaque.grid.len() {
+            let [a, b] = [&translucent, &opaque].map(|image| columns(image, component, band));
+            let mean = |values: &[(f64, f64)]| {
+                values.iter().map(|(mean, _)| mean).sum::<f64>() / values.len() as f64
+            };
+            let error = a.iter().map(|(_, error)| error * error).sum::<f64>().sqrt() / a.len() as f64;
+            let off = mean(&a) - mean(&b);
+            assert!(off.abs() <= 5.0 * error + 1e-3 * mean(&b).abs(), "{component}, {band}: {off} ± {error}");
+        }
+    }
 }
 
 #[test]

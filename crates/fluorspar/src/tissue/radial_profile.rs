@@ -36,6 +36,10 @@ const PASSING: u64 = 4;
 const PER_PAIR: u64 = 4;
 /// Thickness of the uppermost slice of a thick layer, mm; each slice below is twice as thick.
 const SLICE_MM: f64 = 0.1;
+/// Least absorption with which photons are traced, 1/mm: without any they might wander on forever.
+const LEAST_PER_MM: f64 = 1e-3;
+/// Ways that a slice holds at least; a thinner slice looks above and below itself, as fluence changes little there.
+const LEAST_WAYS: usize = 64;
 /// Slices of a layer at most.
 const SLICES: usize = 6;
 
@@ -222,7 +226,8 @@ pub fn radial_profiles(tissues: &[LayeredTissue], photons: u64) -> Vec<TissuePro
             traced.len() - 1
         });
         let least = &mut traced[number].absorption_per_mm;
-        least.iter_mut().zip(layers.least_absorption()).for_each(|(least, value)| *least = least.min(value));
+        let absorbed = layers.least_absorption().into_iter().map(|value| value.max(LEAST_PER_MM));
+        least.iter_mut().zip(absorbed).for_each(|(least, value)| *least = least.min(value));
         place.push(number);
     }
     traced.iter_mut().for_each(|layers| layers.trace(photons));
@@ -290,20 +295,32 @@ fn slices(top: f64, bottom: f64) -> Vec<[f64; 2]> {
     all.filter(|[upper, lower]| lower > upper).collect()
 }
 
+/// Ways that pass between two depths, or near enough that there are [`LEAST_WAYS`], and how far apart these depths are, mm.
+fn inside(ways: &Ways, [upper, lower]: [f64; 2]) -> (Vec<u32>, f64) {
+    let mut margin = 0.0;
+    loop {
+        let range = (upper - margin).max(0.0)..lower + margin;
+        let depths = ways.depth_mm.iter().enumerate();
+        let here = depths.filter(|(_, depth)| range.contains(&f64::from(**depth)));
+        let found: Vec<u32> = here.map(|(number, _)| number as u32).collect();
+        if found.len() >= LEAST_WAYS.min(ways.depth_mm.len()) {
+            return (found, range.end - range.start);
+        }
+        margin = 2.0 * margin.max(0.25 * (lower - upper)).max(1e-5);
+    }
+}
+
 /// Pairs in a layer between two depths.
 fn pairs(exciting: &Ways, emitted: &Ways, [top, bottom]: [f64; 2], in_slice: usize) -> Vec<Pair> {
     let mut pairs = Vec::new();
     for [upper, lower] in slices(top, bottom) {
-        let inside = |ways: &Ways| -> Vec<u32> {
-            let depths = ways.depth_mm.iter().enumerate();
-            let here = depths.filter(|(_, depth)| (upper..lower).contains(&f64::from(**depth)));
-            here.map(|(number, _)| number as u32).collect()
-        };
-        let (first, second) = (inside(exciting), inside(emitted));
+        let (first, first_mm) = inside(exciting, [upper, lower]);
+        let (second, second_mm) = inside(emitted, [upper, lower]);
         if first.is_empty() || second.is_empty() {
             continue;
         }
-        let weight = first.len() as f64 * second.len() as f64 / (in_slice as f64 * (lower - upper));
+        let by_depth = (first.len() as f64 / first_mm) * (second.len() as f64 / second_mm);
+        let weight = by_depth * (lower - upper) / in_slice as f64;
         for number in 0..in_slice {
             let key = Key::new(number as u64);
             let chosen = |list: &[u32], id: u64| list[(key.with(id).value() % list.len() as u64) as usize];

@@ -9,7 +9,9 @@ use crate::tissue::{EMITTED_NM, EXCITATIONS_NM, GAUSSIANS, density_per_mm2, gaus
 
 /// Wavelengths whose reflected light decides how distances are drawn, nm.
 const DRAWN_NM: [f64; 3] = [450.0, 540.0, 620.0];
-/// Least share of each ring in that.
+/// Least share of each ring in that, of what the state with most light there has.
+const LEAST_OF_LARGEST: f64 = 0.25;
+/// Least share of each ring at all.
 const LEAST_SHARE: f64 = 0.003;
 
 /// Profiles of a material; `None` where light leaves where it enters. `light` are the spectra of the light groups.
@@ -49,19 +51,18 @@ fn densities(shares: &[f32; GAUSSIANS], areas: &[f64; RADII]) -> [f64; RADII] {
 
 /// Probabilities of distances up to each node, by the mean of some mixtures.
 fn cumulative(mixtures: &[[f32; GAUSSIANS]]) -> [f32; RADII] {
-    let within = |radius_mm: f64| -> f64 {
-        let of_gaussian = |(number, share): (usize, &f32)| {
-            let from_axis = radius_mm / gaussian_mm(number);
-            f64::from(*share) * (1.0 - (-0.5 * from_axis * from_axis).exp())
-        };
-        mixtures.iter().flat_map(|shares| shares.iter().enumerate().map(of_gaussian)).sum()
+    let beyond = |radius_mm: f64, number: usize| (-0.5 * (radius_mm / gaussian_mm(number)).powi(2)).exp();
+    let in_ring = |node: usize, shares: &[f32; GAUSSIANS]| -> f64 {
+        let inner = if node == 0 { 0.0 } else { radius_mm(node - 1) };
+        let share = |number: usize| beyond(inner, number) - beyond(radius_mm(node), number);
+        shares.iter().enumerate().map(|(number, of_one)| f64::from(*of_one) * share(number)).sum()
     };
-    // Every ring is drawn now and then: other wavelengths may have light there
-    let (mut inside, mut sum) = (0.0, 0.0);
+    // Every ring is drawn now and then, and where a state has much light often enough that weights stay small
+    let mut sum = 0.0;
     let mut sums: [f64; RADII] = std::array::from_fn(|node| {
-        let outer = within(radius_mm(node));
-        sum += (outer - inside).max(LEAST_SHARE * mixtures.len() as f64);
-        inside = outer;
+        let of_states = || mixtures.iter().map(|shares| in_ring(node, shares));
+        let mean = of_states().sum::<f64>() / mixtures.len().max(1) as f64;
+        sum += mean.max(LEAST_OF_LARGEST * of_states().fold(0.0, f64::max)).max(LEAST_SHARE);
         sum
     });
     sums.iter_mut().for_each(|value| *value /= sum);
