@@ -515,7 +515,7 @@ impl CompiledScene {
         if shadow_ray.arrival == Arrival::Entry {
             return;
         }
-        let factor = arriving * shadow_ray.mis_weight;
+        let factor = visibility * shadow_ray.mis_weight / shadow_ray.light.pdf;
         self.each_source(&shadow_ray.light, |source, scale| {
             let direct = path.direct_mut(shadow_ray.vertex as usize, self.sources.len(), source);
             direct.diffuse += factor * scale * s.diffuse * PI;
