@@ -30,11 +30,17 @@ pub(crate) fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     files.map(|path| (path.strip_prefix(folder).unwrap().to_path_buf(), fs::read(&path).unwrap())).collect()
 }
 
-/// Finished views of the journals in a folder.
+/// Finished views of the journals in a folder. Files that a running command takes away meanwhile are passed over.
 pub(crate) fn finished(folder: &Path) -> usize {
-    let journals =
-        listing(folder).into_keys().filter(|path| path.extension().is_some_and(|e| e == "journal"));
-    journals.map(|path| fs::read_to_string(path).unwrap().matches("\"person\":").count()).sum()
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let of_entry = |path: PathBuf| {
+        if path.is_dir() {
+            return finished(&path);
+        }
+        let text = path.extension().filter(|e| *e == "journal").and_then(|_| fs::read_to_string(&path).ok());
+        text.map_or(0, |text| text.matches("\"person\":").count())
+    };
+    entries.map(of_entry).sum()
 }
 
 /// Starts a command whose journals lie in a folder, kills it after two views, and gives how many are finished.

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::cohort::contents;
 use crate::support::{fluorspar, listing};
 
 /// Random numbers by SplitMix64.
@@ -193,12 +194,6 @@ fn start(folder: &Path, args: &[&str]) -> Child {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap()
-}
-
-/// Every file below a folder with its content, by its name there.
-fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let files = listing(folder).into_keys().filter(|path| path.is_file());
-    files.map(|path| (path.strip_prefix(folder).unwrap().to_path_buf(), fs::read(&path).unwrap())).collect()
 }
 
 /// Names of what is hidden below a folder, but for somebody else's.
