@@ -1,14 +1,15 @@
 //! Sums of radiance samples that do not depend on the order in which they were added.
 //!
 //! Samples of a pixel are rendered in fixed **blocks** ({0}, {1}, {2, 3}, {4..7}, {8..15}, then 16 at a time). A
-//! block is summed in one go, rounded once to a multiple of a quantum, and added to a 64-bit integer. Sums of
+//! block is summed in one go, rounded once to a multiple of a quantum, and added to a signed 64-bit integer: what light
+//! that enters elsewhere brings less to a translucent surface may be negative in a sample. Sums of
 //! integers have no rounding and no order: a film that was interrupted, resumed, extended, or put together from
 //! shards holds the same bits as one that was rendered without a break.
 //!
 //! The quantum of a component and band is a power of two, 2^-30 of the brightest of a few thousand pilot samples
 //! (less where the pilot finds a band dark), so that rounding a block is an error of less than 2^-31 of that
 //! brightest sample: below the rounding of 32-bit floats for every pixel brighter than 2^-11 of it, and unbiased below.
-//! The range ends at 2^34 times the brightest pilot sample; a sum that leaves it stays at the end and becomes an
+//! The range ends at 2^33 times the brightest pilot sample; a sum that leaves it stays at the end and becomes an
 //! infinite radiance, never a silent error.
 
 use std::ops::Range;
@@ -344,18 +345,21 @@ impl FilmScale {
 }
 
 fn real(sum: u64, per_unit: f64) -> f64 {
-    if sum == u64::MAX { f64::INFINITY } else { sum as f64 / per_unit }
+    match sum as i64 {
+        i64::MAX => f64::INFINITY,
+        sum => sum as f64 / per_unit,
+    }
 }
 
 fn add(sums: &mut [u64], values: impl Iterator<Item = f64>, per_unit: &[f64], sign: BlockSign) {
     for ((sum, value), per_unit) in sums.iter_mut().zip(values).zip(per_unit) {
         // The conversion saturates: what is too large (or infinite) stays at the end of the range.
-        let units = (value * per_unit + 0.5) as u64;
-        *sum = match sign {
-            BlockSign::Add => sum.saturating_add(units),
-            BlockSign::Remove if *sum == u64::MAX => u64::MAX,
-            BlockSign::Remove => sum.wrapping_sub(units),
-        };
+        let units = (value * per_unit + 0.5).floor() as i64;
+        *sum = match (sign, *sum as i64) {
+            (BlockSign::Add, sum) => sum.saturating_add(units),
+            (BlockSign::Remove, i64::MAX) => i64::MAX,
+            (BlockSign::Remove, sum) => sum.wrapping_sub(units),
+        } as u64;
     }
 }
 
@@ -730,6 +734,22 @@ mod tests {
             statistics,
             scene_digest: "a".into(),
         }
+    }
+
+    /// Samples of translucent surfaces may be negative, and lie in blocks of their own: they count as they are.
+    #[test]
+    fn negative_samples_are_kept() {
+        let layout = layout(StatisticsKind::None);
+        let mut scale = FilmScale::new(&layout);
+        let mut sums = vec![0; 2 * layout.grid.len()];
+        let (lit, mut mean) = ([true, false], vec![0.0; layout.grid.len()]);
+        for (number, value) in [-0.5, 2.0, -0.25, 4.0].into_iter().enumerate() {
+            let samples = number as u32..number as u32 + 1;
+            let sign = if number == 3 { BlockSign::Remove } else { BlockSign::Add };
+            scale.add_block(&mut sums, &vec![value; 2 * layout.grid.len()], &lit, samples, sign);
+        }
+        scale.mean(&sums, 0, 1, &mut mean);
+        assert_eq!(mean, vec![-2.75; layout.grid.len()]);
     }
 
     /// A sample that any run gives again.
