@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::math::{PI, bell, exp, lerp, sin_cos, smoothstep};
 use super::noise::{bumps, fractal_noise, value_noise};
 use super::parameters::MouthParameters;
-use super::{Tissue, tongue};
+use super::{Tissue, teeth, tongue};
 use fluorspar::interruption::end_if_interrupted;
 
 /// A map of the anatomy.
@@ -32,6 +32,8 @@ pub enum SurfaceMap {
     Plaque,
     /// Dentin that shows through the enamel: most at the neck of a tooth and in its fissures; 0 to 1.
     Dentin,
+    /// Thickness of a front tooth behind its enamel: 0 at the biting edge, which is all enamel, 1 where dentin is as thick as light needs.
+    Crown,
     /// Roughness of the film of saliva: 0 is a smooth pool, 1 a dry surface.
     Dryness,
 }
@@ -67,6 +69,7 @@ pub fn surface_map(map: SurfaceMap, tissue: Tissue, p: &MouthParameters, u: f64,
         SurfaceMap::Porphyrin => place.porphyrin(),
         SurfaceMap::Plaque => place.plaque(),
         SurfaceMap::Dentin => place.dentin(),
+        SurfaceMap::Crown => place.crown(),
         SurfaceMap::Dryness => place.dryness(),
     }
     .clamp(0.0, 1.0)
@@ -276,6 +279,17 @@ impl<'a> Place<'a> {
         }
         let neck = smoothstep(0.55, 0.02, self.v);
         (0.75 * neck * neck + 0.12 + 0.12 * self.noise(0x4e, 3.0, 2) + self.p.tooth_shade).clamp(0.0, 1.0)
+    }
+
+    fn crown(&self) -> f64 {
+        const ENAMEL_MM: f64 = 1.0;
+        const THICK_MM: f64 = 2.0;
+        if self.tissue != Tissue::Tooth {
+            return 0.0;
+        }
+        let dentin_mm = teeth::incisor_thickness_mm(self.v) * self.p.tooth_scale - ENAMEL_MM;
+        // The lobes of dentin end unevenly below the edge.
+        dentin_mm / THICK_MM + 0.08 * self.noise(0x50, 1.5, 2)
     }
 
     fn dryness(&self) -> f64 {

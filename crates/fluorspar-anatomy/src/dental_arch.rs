@@ -44,8 +44,9 @@ const KINDS: [ToothKind; 8] = [
 
 /// Crown length, mesiodistal width, the same at the neck, and labio- or buccolingual width in mm (Wheeler's table);
 /// then the lean of the crown to the outside (assumed) and to the midline (Andrews 1989) in degrees.
+pub(super) const UPPER_INCISOR_DEPTH_MM: f64 = 7.0;
 const UPPER_TEETH: [[f64; 6]; 8] = [
-    [10.5, 8.5, 7.0, 7.0, 17.0, 3.6],
+    [10.5, 8.5, 7.0, UPPER_INCISOR_DEPTH_MM, 17.0, 3.6],
     [9.0, 6.5, 5.0, 6.0, 15.0, 8.0],
     [10.0, 7.5, 5.5, 8.0, 9.0, 8.4],
     [8.5, 7.0, 5.0, 9.0, 3.0, 2.7],
@@ -64,6 +65,22 @@ const LOWER_TEETH: [[f64; 6]; 8] = [
     [7.0, 10.5, 8.0, 10.0, -16.0, 2.9],
     [7.0, 10.0, 7.5, 9.5, -16.0, 5.0],
 ];
+
+/// Kinds of teeth by the last digit of their FDI numbers.
+pub const TOOTH_KINDS: [&str; 4] = ["incisor", "canine", "premolar", "molar"];
+
+/// The kind of a tooth by the name of its part, such as `tooth_11`.
+pub fn tooth_kind(part: &str) -> Option<&'static str> {
+    let place = part.strip_prefix("tooth_")?.strip_prefix(['1', '2', '3', '4'])?.parse::<usize>().ok()?;
+    let kind = match place {
+        1 | 2 => 0,
+        3 => 1,
+        4 | 5 => 2,
+        6..=8 => 3,
+        _ => return None,
+    };
+    Some(TOOTH_KINDS[kind])
+}
 
 /// One place in the arch, with or without its tooth.
 #[derive(Clone, Debug)]

@@ -39,6 +39,7 @@ mod views;
 
 pub use appearance::{SurfaceMap, bake_surface_map, surface_map};
 pub use cache::{BakedMap, shared_mouth, shared_surface_map};
+pub use dental_arch::{TOOTH_KINDS, tooth_kind};
 pub use dimensions::MouthDimensions;
 pub use mouth::{Mouth, Part, Tissue, generate_mouth};
 pub use parameters::{MouthParameters, ParameterError};

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::dental_arch::{Jaw, JawPose, Tooth, ToothKind};
+use super::dental_arch::{Jaw, JawPose, Tooth, ToothKind, UPPER_INCISOR_DEPTH_MM};
 use super::math::{PI, bell, curve, exp, lerp, ln, pow, signed_pow, sin_cos, smoothstep};
 use super::noise::value_noise;
 use super::surface::{count, surface_mesh};
@@ -189,6 +189,12 @@ const NECK_V: f64 = 0.03;
 const RIM_V: f64 = 0.9;
 /// How far the edge of a front tooth is rounded, mm.
 const ROUNDING_MM: f64 = 0.22;
+
+/// How far the inner face of an upper central incisor is behind its outer one, mm, at a place of its texture.
+pub(super) fn incisor_thickness_mm(v: f64) -> f64 {
+    let height = ((v - NECK_V) / (RIM_V - NECK_V)).clamp(0.0, 1.0);
+    0.5 * UPPER_INCISOR_DEPTH_MM * (curve(INCISOR.outer, height) + curve(INCISOR.inner, height))
+}
 
 /// Middle of the biting edge of a front tooth, in the frame of its jaw.
 pub(super) fn edge_middle(tooth: &Tooth) -> DVec3 {

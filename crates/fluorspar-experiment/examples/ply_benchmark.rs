@@ -58,6 +58,7 @@ fn scene(mesh: TriangleMesh) -> Option<Scene> {
             name: "sky".into(),
             group: 0,
             spectrum: Curve::constant(1.0),
+            crossed_polarizers: false,
             emitter: Emitter::Environment,
         }],
         camera: PerspectiveCamera::look_at(3.0 * Vec3::Z, Vec3::ZERO, Vec3::Y, 40.0, 64, 64)?,

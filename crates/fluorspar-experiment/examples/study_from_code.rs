@@ -56,6 +56,7 @@ fn scene(camera: PerspectiveCamera) -> Result<Scene, Box<dyn Error>> {
             name: "blue".into(),
             group: 0,
             spectrum: blue,
+            crossed_polarizers: false,
             emitter: Emitter::Distant(DistantEmitter { direction: Vec3::NEG_Z }),
         }],
         camera,
@@ -120,6 +121,7 @@ pub(crate) fn study() -> Result<Study, Box<dyn Error>> {
             samples_per_pixel: 16,
             max_depth: 2,
             component_bands: ComponentBands::Basis,
+            regularize: false,
             ..RenderSettings::default()
         },
         camera,

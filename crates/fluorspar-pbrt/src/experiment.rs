@@ -512,6 +512,7 @@ impl<'a> SceneWriter<'a> {
             spectrum: self.spectrum(spectrum),
             filters: Vec::new(),
             filter_angle_deg: 0.0,
+            crossed_polarizers: false,
             emitter,
         }
     }

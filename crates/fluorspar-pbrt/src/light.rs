@@ -84,7 +84,7 @@ impl Convert<'_> {
         given.finish("LightSource", &mut self.remarks);
         if spectrum.max() > 0.0 {
             let name = format!("{class}_{}", self.lights.len()).into();
-            self.lights.push(Light { name, group: 0, spectrum, emitter });
+            self.lights.push(Light { name, group: 0, spectrum, crossed_polarizers: false, emitter });
         } else {
             self.note(at, "the light is dark and is left out");
         }

@@ -475,6 +475,7 @@ fn as_scene(grid: &WavelengthGrid, irradiance: &Curve, sampled: &Sampled) -> Opt
             name: "light".into(),
             group: 0,
             spectrum: irradiance.clone(),
+            crossed_polarizers: false,
             emitter: DistantEmitter { direction: Vec3::NEG_Z }.into(),
         }],
         camera,

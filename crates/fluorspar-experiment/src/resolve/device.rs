@@ -77,6 +77,7 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
             BandsChoice::Basis => ComponentBands::Basis,
             BandsChoice::All => ComponentBands::All,
         },
+        regularize: section.regularize,
     })
 }
 

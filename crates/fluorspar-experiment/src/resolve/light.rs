@@ -77,16 +77,26 @@ pub(super) fn lights(
         let (emitters, strength) = emitters(context, &at, &section.emitter, camera)?;
         let spectrum = absolute_spectrum(context, &at, section, &emitters, strength, grid)?;
         let group = group_index(groups, group_name);
+        let crossed_polarizers = section.crossed_polarizers;
+        if crossed_polarizers && emitters.list.iter().any(is_everywhere) {
+            let message = "light from all directions has no polarizer; give it to a light with a place, or leave it out";
+            return context.fail(&at.field("crossed_polarizers"), message);
+        }
         let single = emitters.list.len() == 1;
         for (number, emitter) in emitters.list.into_iter().enumerate() {
             let name = match single {
                 true => section.name.as_str().into(),
                 false => LightName::of_emitter(&section.name, number),
             };
-            lights.push(Light { name, group, spectrum: spectrum.clone(), emitter });
+            lights.push(Light { name, group, spectrum: spectrum.clone(), crossed_polarizers, emitter });
         }
     }
     Ok(lights)
+}
+
+/// Whether a light has no place.
+fn is_everywhere(emitter: &Emitter) -> bool {
+    matches!(emitter, Emitter::Environment | Emitter::EnvironmentMap(_))
 }
 
 /// The spectral map of an environment.

@@ -314,6 +314,7 @@ pub fn with_sampling_of(rendered: &Experiment, now: &Experiment) -> Experiment {
     let own = std::mem::replace(&mut rendered.file.render, now.file.render.clone());
     let shown = &mut rendered.file.render;
     (shown.width_px, shown.height_px, shown.max_depth) = (own.width_px, own.height_px, own.max_depth);
+    shown.regularize = own.regularize;
     shown.excitation_basis_nm = own.excitation_basis_nm;
     shown.seed = own.seed;
     rendered

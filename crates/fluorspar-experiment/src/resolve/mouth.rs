@@ -5,11 +5,14 @@ use crate::error::steps;
 use crate::schema::ExperimentFile;
 use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
-use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, MouthParameters, POSES, Tissue};
+use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, MouthParameters, POSES, TOOTH_KINDS, Tissue};
 
 /// The tissue that uses a material, if it is the only one.
 pub(super) fn only_tissue(file: &ExperimentFile, material: &str) -> Option<Tissue> {
     let given = &file.mouth.as_ref()?.materials;
+    if TOOTH_KINDS.iter().any(|kind| given.get(*kind).is_some_and(|name| name == material)) {
+        return Some(Tissue::Tooth);
+    }
     let mut users = Tissue::ALL
         .into_iter()
         .filter(|tissue| given.get(tissue.name()).map_or(tissue.name(), String::as_str) == material);

@@ -25,7 +25,7 @@ use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
 use fluorspar::scene::{Object, Shape, SurfaceEmission};
 use fluorspar::spectral::{MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
-use fluorspar_anatomy::Tissue;
+use fluorspar_anatomy::{TOOTH_KINDS, Tissue, tooth_kind};
 use fluorspar_format::{read_gltf, read_gltf_instances, read_obj, read_placements, read_ply, read_stl};
 
 /// All surfaces: parts of the mouth first, then the objects. With them what the lesions left behind.
@@ -525,7 +525,8 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
     let mouth =
         cached_mouth(&section.parameters).map_err(|e| context.error(&steps!["mouth", e.field], e.message))?;
     for key in section.materials.keys() {
-        let is_tissue = Tissue::ALL.iter().any(|tissue| tissue.name() == key);
+        let is_tissue =
+            Tissue::ALL.iter().any(|tissue| tissue.name() == key) || TOOTH_KINDS.contains(&key.as_str());
         let is_missing =
             section.parameters.missing_teeth.iter().any(|tooth| *key == format!("tooth_{tooth}"));
         if !is_tissue && !is_missing && mouth.part(key).is_none() {
@@ -533,6 +534,7 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
                 Tissue::ALL
                     .into_iter()
                     .map(|t| -> &str { t.name() })
+                    .chain(TOOTH_KINDS)
                     .chain(mouth.parts.iter().map(|p| p.name.as_str()))
             };
             let hint = did_you_mean(key, names());
@@ -547,7 +549,8 @@ fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Materia
     let mut objects = Vec::with_capacity(mouth.parts.len());
     for part in &mouth.parts {
         let tissue = part.tissue.name();
-        let material = match section.materials.get(&part.name) {
+        let of_part = section.materials.get(&part.name);
+        let material = match of_part.or_else(|| section.materials.get(tooth_kind(&part.name)?)) {
             Some(name) => materials.iter().position(|material| material.name == *name),
             None => needed(tissue),
         };

@@ -43,6 +43,10 @@ pub struct LightSection {
     /// there. Default 0.
     #[serde(default)]
     pub filter_angle_deg: f64,
+    /// Whether the light passes a polarizer, crossed with one of the camera that holds back what wet surfaces and enamel mirror, as in
+    /// dental photography. The strength is then that of light which both let pass. Default false.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub crossed_polarizers: bool,
     /// Shape, place and strength.
     #[serde(flatten)]
     pub emitter: EmitterSection,

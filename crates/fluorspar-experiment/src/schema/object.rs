@@ -320,8 +320,8 @@ pub struct ScanSection {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MouthSection {
-    /// Material of each tissue (`tongue_dorsum`, `gingiva`, `tooth`, ...) or of a single part (`tooth_11`,
-    /// `upper_gingiva`, ...). Default: the material that has the name of the tissue.
+    /// Material of each tissue (`tongue_dorsum`, `gingiva`, `tooth`, ...), of a kind of teeth (`incisor`, `canine`, `premolar`,
+    /// `molar`) or of a single part (`tooth_11`, `upper_gingiva`, ...). Default: the material that has the name of the tissue.
     #[serde(default)]
     pub materials: BTreeMap<String, String>,
     /// Spots, sores and stains on the parts. Default: none.

@@ -241,7 +241,7 @@ pub struct TongueMap {
 #[serde(deny_unknown_fields)]
 pub struct AnatomyMap {
     /// Which map: `redness` (vessels, margins), `fungiform` (papillae of the dorsal tongue), `pallor` (keratin, coating),
-    /// `porphyrin` (dorsal tongue), `plaque` and `dentin` (teeth), `dryness` (film of saliva).
+    /// `porphyrin` (dorsal tongue), `plaque`, `dentin` and `crown` (teeth), `dryness` (film of saliva).
     pub anatomy: SurfaceMap,
     /// Tissue whose map it is. Default: the tissue that uses the material.
     pub tissue: Option<Tissue>,

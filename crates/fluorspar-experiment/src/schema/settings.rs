@@ -120,6 +120,10 @@ pub struct RenderSection {
     /// or `all`. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default `basis`.
     #[serde(skip_serializing_if = "is_basis")]
     pub component_bands: BandsChoice,
+    /// Mirror light that was scattered before no sharper than a roughness of 0.3 would, as pbrt's integrator does by the same name: no
+    /// specks from wet surfaces, whose caustics are blurred. Default false: without bias.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub regularize: bool,
 }
 
 impl Default for RenderSection {
@@ -138,6 +142,7 @@ impl Default for RenderSection {
             error_range_nm: None,
             excitation_basis_nm: None,
             component_bands: BandsChoice::Basis,
+            regularize: false,
         }
     }
 }

@@ -62,6 +62,9 @@ pub struct Light {
     pub group: usize,
     /// Absolute spectrum behind all filters of the light; what it measures depends on the emitter.
     pub spectrum: Curve,
+    /// Whether its light passes a polarizer that is crossed with one of the camera: what the first surface mirrors does not reach the
+    /// camera. Other light has lost its polarization, so that the spectrum may stand for what passes both.
+    pub crossed_polarizers: bool,
     /// Shape and pattern.
     pub emitter: Emitter,
 }

@@ -115,10 +115,15 @@ impl Coated {
 }
 
 impl PreparedCoated {
-    /// The material at a point, seen from `outgoing`.
+    /// Refractive index of the coat.
+    pub(super) fn refractive_index(&self) -> f32 {
+        self.table.refractive_index()
+    }
+
+    /// The material at a point, seen from `outgoing`, with a coat at least as rough as `least_alpha`.
     #[inline]
-    pub(super) fn bsdf(&self, uv: Vec2, outgoing: Vec3) -> CoatedBsdf<'_> {
-        let alpha = self.roughness.at(uv).clamp(MIN_ROUGHNESS, 1.0);
+    pub(super) fn bsdf(&self, uv: Vec2, outgoing: Vec3, least_alpha: f32) -> CoatedBsdf<'_> {
+        let alpha = self.roughness.at(uv).max(least_alpha).clamp(MIN_ROUGHNESS, 1.0);
         let table = &*self.table;
         let (albedo, mean) = table.at(outgoing.z, alpha);
         let pass_out = 1.0 - albedo;

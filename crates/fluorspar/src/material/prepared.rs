@@ -238,11 +238,19 @@ impl PreparedMaterial {
         }
     }
 
+    /// Refractive index of the coat, of a material that has one.
+    pub(crate) fn coat_index(&self) -> Option<f32> {
+        match &self.scattering {
+            PreparedScattering::Coated(coated) => Some(coated.refractive_index()),
+            _ => None,
+        }
+    }
+
     /// The BSDF of a material that is not a mixture at a point, seen from `outgoing` on the front or on the back.
     #[inline]
-    pub(crate) fn bsdf(&self, uv: Vec2, front: bool, outgoing: Vec3) -> Bsdf<'_> {
+    pub(crate) fn bsdf(&self, uv: Vec2, front: bool, outgoing: Vec3, least_alpha: f32) -> Bsdf<'_> {
         match &self.scattering {
-            PreparedScattering::Coated(coated) => Bsdf::Coated(coated.bsdf(uv, outgoing)),
+            PreparedScattering::Coated(coated) => Bsdf::Coated(coated.bsdf(uv, outgoing, least_alpha)),
             PreparedScattering::Dielectric(dielectric) => {
                 Bsdf::Dielectric(dielectric.bsdf(uv, front, outgoing))
             }

@@ -59,6 +59,8 @@ pub(super) struct CompiledLight {
     /// Sources of all its spectra.
     pub(super) sources: Vec<usize>,
     pub(super) group: usize,
+    /// Whether what the first surface mirrors of it does not reach the camera ([`Light::crossed_polarizers`](crate::light::Light)).
+    pub(super) crossed_polarizers: bool,
     pub(super) emitter: PreparedEmitter,
     /// Place and direction, for choosing among lights.
     pub(super) bounds: LightBounds,
@@ -194,6 +196,8 @@ pub(super) struct CompiledScene {
     pub(super) has_holes: bool,
     /// Whether light leaves any surface elsewhere than it entered.
     pub(super) has_translucency: bool,
+    /// Whether coats are rougher once light was scattered ([`RenderSettings::regularize`](super::RenderSettings)).
+    pub(super) regularizes: bool,
     pub(super) emission_bands: EmissionBands,
     /// Lights that are environment maps.
     pub(super) environment_maps: Vec<usize>,

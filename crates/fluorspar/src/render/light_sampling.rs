@@ -315,7 +315,13 @@ mod tests {
             light_groups: vec![LightGroup { name: "g".into() }],
             lights: lights
                 .into_iter()
-                .map(|emitter| Light { name: "l".into(), group: 0, spectrum: Curve::constant(1.0), emitter })
+                .map(|emitter| Light {
+                    name: "l".into(),
+                    group: 0,
+                    spectrum: Curve::constant(1.0),
+                    crossed_polarizers: false,
+                    emitter,
+                })
                 .collect(),
             camera: PerspectiveCamera::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 50.0, 4, 4).unwrap(),
         }

@@ -25,6 +25,11 @@ const ROULETTE_FROM: u32 = 3;
 /// Least survival probability of Russian roulette.
 const LEAST_SURVIVAL: f32 = 0.05;
 
+/// Roughness of coats after light was scattered, where the render regularizes: a lobe that directions of the diffuse surface before it
+/// find without specks (path space regularization, Kaplanyan and Dachsbacher, Comput. Graph. Forum 32, 63, 2013). The coat's energy
+/// stays; only where it mirrors light to is blurred.
+const REGULARIZED_ALPHA: f32 = 0.3;
+
 /// Vertices of a path that weigh lights by what their surface mirrors: later ones add too little.
 const MIRRORING_VERTICES: u32 = 3;
 
@@ -103,6 +108,8 @@ struct PathState {
     direction: Vec3,
     /// `None` for rays of the camera.
     scattered: Option<ScatteringOrigin>,
+    /// Least roughness of the coats that it meets.
+    least_alpha: f32,
     /// Probabilities of lights at the last vertex.
     light_probabilities: LightProbabilities,
 }
@@ -180,6 +187,7 @@ impl PathBatch {
             origin,
             direction,
             scattered: None,
+            least_alpha: 0.0,
             light_probabilities: None,
         };
         match self.states.get_mut(self.len) {
@@ -318,6 +326,9 @@ impl CompiledScene {
     fn add_emission(&self, state: &mut PathState, hit: &Intersection, estimator: Estimator) {
         let emission = self.emission_along(&state.lit_point(), state.direction, hit.t, hit.target);
         if let Some((light, scale, light_pdf)) = emission {
+            if self.lights[light].crossed_polarizers && state.path.vertices().len() == 1 {
+                return;
+            }
             let scale = scale * emission_weight(state.scattered, light_pdf, estimator);
             state.path.add_emission(self.lights[light].source, scale);
         }
@@ -353,7 +364,7 @@ impl CompiledScene {
     /// The point where direct light entered that leaves a vertex elsewhere.
     fn entry<'a>(&'a self, vertex: &ShadingPoint<'a>, spread: &Spread) -> Option<ShadingPoint<'a>> {
         let Entry::Elsewhere { point, material } = spread.entry else { return None };
-        let bsdf = self.materials[material].bsdf(point.uv, point.front, vertex.outgoing);
+        let bsdf = self.materials[material].bsdf(point.uv, point.front, vertex.outgoing, 0.0);
         Some(ShadingPoint { point, bsdf, light_normal: point.shading, ..*vertex })
     }
 
@@ -367,7 +378,7 @@ impl CompiledScene {
         mut point: SurfacePoint,
         spread: Option<&Spread>,
     ) -> ShadingPoint<'_> {
-        let PathState { path, samples, direction, .. } = state;
+        let PathState { path, samples, direction, least_alpha, .. } = state;
         let view = *direction;
 
         // Choose the material of mixtures, and bend the normal
@@ -380,7 +391,7 @@ impl CompiledScene {
             point.apply_normal_map(map.at(point.uv), along, -view);
         }
         let outgoing = point.to_local(-view);
-        let bsdf = material.bsdf(point.uv, point.front, outgoing);
+        let bsdf = material.bsdf(point.uv, point.front, outgoing, *least_alpha);
         let light_normal = if bsdf.transmits() { Vec3::ZERO } else { point.shading };
 
         // Weight the reflectance terms and the fluorophores: of translucent tissue those on the way of the light
@@ -445,16 +456,23 @@ impl CompiledScene {
             }
 
             // Evaluate the material for light from there
-            let scattering = bsdf.evaluate(local);
+            let mut scattering = bsdf.evaluate(local);
             if scattering.pdf <= 0.0 {
                 continue;
+            }
+
+            // Polarizers hold back what the first surface mirrors: no scattered ray finds the light then
+            let is_crossed = depth == 0 && self.lights[light.light].crossed_polarizers;
+            if is_crossed {
+                scattering.gloss = 0.0;
             }
 
             // Queue a shadow ray that stops short of the light's own surface
             let short = light.distance - 2.0 * self.clearance.max(1e-5 * light.distance);
             let t_max = if light.distance.is_finite() { short } else { f32::INFINITY };
             let origin = point.leave(light.direction, self.clearance);
-            let mis_weight = if light.delta { 1.0 } else { power_heuristic(light.pdf, scattering.pdf) };
+            let mis_weight =
+                if light.delta || is_crossed { 1.0 } else { power_heuristic(light.pdf, scattering.pdf) };
             let ray = Ray { origin, direction: light.direction, t_min: 0.0, t_max };
             queue(ray, ShadowRay { path: index, vertex: depth, arrival, light, scattering, mis_weight });
         }
@@ -495,6 +513,9 @@ impl CompiledScene {
             light_normal: vertex.light_normal,
             pdf: if delta { f32::INFINITY } else { s.pdf },
         });
+        if !delta && self.regularizes {
+            state.least_alpha = REGULARIZED_ALPHA;
+        }
         state.origin = point.leave(world, self.clearance);
         state.direction = world;
         true
@@ -582,6 +603,7 @@ mod tests {
             name: format!("light at {x}").into(),
             group: 0,
             spectrum: Curve::constant(1.0),
+            crossed_polarizers: false,
             emitter: Emitter::Disc(DiscEmitter {
                 center: Vec3::new(x, 0.0, 0.5),
                 normal: Vec3::NEG_Z,

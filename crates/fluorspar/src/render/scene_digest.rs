@@ -10,7 +10,7 @@ use crate::scene::Scene;
 
 /// Number of the way in which paths are drawn: one more whenever the same scene and seed come to give other samples, so that
 /// films of before are not continued with samples that do not fit theirs.
-const SAMPLING: u32 = 5;
+const SAMPLING: u32 = 6;
 
 /// SHA-256 of everything that decides the value of a sample: the scene with all its numbers, seed, depth, estimator,
 /// the version of the program and of its sampling. Lower-case hexadecimal.
@@ -28,12 +28,13 @@ pub fn scene_digest(scene: &Scene, settings: &RenderSettings) -> String {
     let _ = fmt::Write::write_fmt(
         &mut writer,
         format_args!(
-            "{} {SAMPLING} {} {} {:?} []{} {scene:?}",
+            "{} {SAMPLING} {} {} {:?} []{}{} {scene:?}",
             env!("CARGO_PKG_VERSION"),
             settings.seed,
             settings.max_depth,
             settings.estimator,
-            settings.excitation_basis.as_ref().map_or_else(String::new, |basis| format!(" {basis:?}"))
+            settings.excitation_basis.as_ref().map_or_else(String::new, |basis| format!(" {basis:?}")),
+            if settings.regularize { " regularized" } else { "" }
         ),
     );
     hex(&writer.0.finalize())

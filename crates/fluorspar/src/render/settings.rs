@@ -51,6 +51,9 @@ pub struct RenderSettings {
     pub excitation_basis: Option<BasisSettings>,
     /// Which bands of each component the film keeps.
     pub component_bands: ComponentBands,
+    /// Whether coats mirror diffusely scattered light no sharper than a roughness of 0.3: no specks, at the cost of blurred caustics
+    /// (pbrt's integrator has the same switch).
+    pub regularize: bool,
 }
 
 /// Light groups that are rendered once more under the hat functions of excitation nodes, 1 W/nm (or W/(m² nm), or
@@ -76,6 +79,7 @@ impl Default for RenderSettings {
             error_target: None,
             excitation_basis: None,
             component_bands: ComponentBands::default(),
+            regularize: false,
         }
     }
 }

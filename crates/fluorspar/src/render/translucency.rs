@@ -88,12 +88,18 @@ impl CompiledScene {
     /// Mean diffuse reflectance of a surface, 0 to 1.
     fn mean_reflectance(&self, material: usize, point: &SurfacePoint) -> f32 {
         let prepared = &self.materials[material];
-        let bsdf = prepared.bsdf(point.uv, point.front, Vec3::Z);
+        let bsdf = prepared.bsdf(point.uv, point.front, Vec3::Z, 0.0);
         let mut sum = 0.0;
         prepared.term_weights(point.uv, &bsdf, |term, weight| {
             sum += weight * self.material_spectra[material].coarse_terms[term].iter().sum::<f32>();
         });
         sum / BINS as f32
+    }
+
+    /// Whether two materials meet at a boundary inside of which light stays.
+    fn are_apart(&self, a: usize, b: usize) -> bool {
+        let index = |material: usize| self.materials[material].coat_index();
+        index(a).zip(index(b)).is_some_and(|(a, b)| (a - b).abs() > 0.1)
     }
 
     /// What a probe has met; `None` where light has entered where it leaves.
@@ -125,14 +131,15 @@ impl CompiledScene {
             let along = self.texture_directions(hit.target, point.position);
             point.apply_normal_map(map.at(point.uv), along, left.geometric);
         }
-        // The tissue between both: on a sheet at any place on the way, otherwise one of the two
+        // The tissue between both: on a sheet at any place on the way, otherwise one of the two; bodies of another refractive index,
+        // as tooth and gum, end at each other
         let entry = Entry::Elsewhere { point, material: there };
         let is_one_sheet = there == material
             && point.object == left.object
             && (point.uv - left.uv).abs().max_element() < SHEET;
         let (material, uv) = match choice {
             share if is_one_sheet => (material, left.uv.lerp(point.uv, share)),
-            share if share < 0.5 => (material, left.uv),
+            share if share < 0.5 || self.are_apart(material, there) => (material, left.uv),
             _ => (there, point.uv),
         };
         Some(Spread { entry, material, uv, weights })

@@ -55,6 +55,7 @@ fn piece(translucent: bool) -> Scene {
             name: "sun".into(),
             group: 0,
             spectrum: Curve::constant(1.0),
+            crossed_polarizers: false,
             emitter: Emitter::Distant(DistantEmitter { direction: Vec3::NEG_Z }),
         }],
         camera: PerspectiveCamera::look_at(eye, Vec3::ZERO, Vec3::Y, field_deg, SIDE as usize, SIDE as usize)

@@ -191,7 +191,7 @@ impl MucosaParameters {
 
 impl ToothParameters {
     /// Fluorophores that the layers may hold.
-    pub(super) const FLUOROPHORES: &'static [&'static str] = &["enamel", "dentin"];
+    pub(super) const FLUOROPHORES: &'static [&'static str] = &["biofilm_porphyrin", "enamel", "dentin"];
     /// The layers.
     pub(super) const LAYERS: &'static [&'static str] = &["enamel", "dentin"];
 
@@ -202,7 +202,10 @@ impl ToothParameters {
             self.enamel_thickness_um,
             &power_law(self.enamel_scattering_per_mm, 633.0, self.enamel_scattering_power, 0.68),
             vec![background(self.enamel_background_per_mm, self.background_slope_per_nm)],
-            fluorescence(find, &[("enamel", self.enamel_per_mm)])?,
+            fluorescence(
+                find,
+                &[("enamel", self.enamel_per_mm), ("biofilm_porphyrin", self.biofilm_porphyrin_per_mm)],
+            )?,
         );
         let dentin = layer(
             "dentin",

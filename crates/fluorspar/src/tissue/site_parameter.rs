@@ -122,7 +122,7 @@ parameters! {
     /// Parameters of a tooth crown.
     ToothParameters {
         enamel_thickness_um: [100.0, 3000.0], "Enamel.";
-        dentin_thickness_um: [500.0, 10_000.0], "Dentin; nothing returns from under it.";
+        dentin_thickness_um: [50.0, 10_000.0], "Dentin; nothing returns from under it.";
         enamel_scattering_per_mm: [0.0, 40.0], "Scattering of enamel at 633 nm, anisotropy 0.68.";
         enamel_scattering_power: POWER, "It falls as (lambda / 633 nm)^-power.";
         dentin_scattering_per_mm: [0.0, 40.0], "Scattering of dentin at 543 nm, anisotropy 0.93.";
@@ -132,6 +132,7 @@ parameters! {
         background_slope_per_nm: [0.0, 0.05], "Both fall as exp(-slope (lambda - 420 nm)).";
         enamel_refractive_index: INDEX, "Refractive index of enamel.";
         dentin_refractive_index: INDEX, "Refractive index of dentin.";
+        biofilm_porphyrin_per_mm: STRENGTH_PER_MM, "Porphyrin of plaque, as if the enamel held it, strength at 405 nm.";
         enamel_per_mm: STRENGTH_PER_MM, "Fluorescence of enamel, strength at 405 nm.";
         dentin_per_mm: STRENGTH_PER_MM, "Fluorescence of dentin, strength at 405 nm.";
     }

@@ -120,6 +120,7 @@ pub(crate) fn tooth() -> Site {
         background_slope_per_nm: 0.0186,
         enamel_refractive_index: 1.63,
         dentin_refractive_index: 1.54,
+        biofilm_porphyrin_per_mm: 0.0,
         enamel_per_mm: 6.4e-3,
         dentin_per_mm: 1.92e-2,
     };

@@ -45,6 +45,7 @@ fn white_furnace() {
             name: "sky".into(),
             group: 0,
             spectrum: flat(1.0),
+            crossed_polarizers: false,
             emitter: Emitter::Environment,
         });
         let image = run(&scene, &settings(1024, 4));
@@ -56,6 +57,58 @@ fn white_furnace() {
             assert!(mean.standard_error < 1e-3, "{mean:?}");
         }
     }
+}
+
+/// A coated plane with a disc light where its middle mirrors the camera's view.
+fn mirrored_disc(reflectance: f64, crossed_polarizers: bool) -> ComponentImage {
+    let mut scene = scene(
+        WavelengthGrid::uniform(500.0, 510.0, 10.0).unwrap(),
+        camera(Vec3::new(0.3, 0.0, 1.0), Vec3::ZERO, 20.0, 16),
+    );
+    let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.05) };
+    scene.materials.push(Material::with_base("wet", Lambertian::uniform(flat(reflectance)), Some(coat)));
+    scene.objects.push(object("plane", quad(Vec3::new(-1.0, -1.0, 0.0), 2.0 * Vec3::X, 2.0 * Vec3::Y), 0));
+    let (center, normal) = (Vec3::new(-0.3, 0.0, 1.0), Vec3::new(0.3, 0.0, -1.0).normalize());
+    scene.lights.push(Light {
+        name: "lamp".into(),
+        group: 0,
+        spectrum: flat(1.0),
+        crossed_polarizers,
+        emitter: Emitter::Disc(DiscEmitter { center, normal, radius_m: 0.05, exponent: 1.0 }),
+    });
+    run(&scene, &settings(256, 1))
+}
+
+/// Between crossed polarizers a wet surface shows what it scatters, and nothing of what it mirrors.
+#[test]
+fn crossed_polarizers_hold_back_mirrored_light() {
+    let mean = |reflectance, crossed| band_mean(&mirrored_disc(reflectance, crossed), 0, 0);
+    let (both, scattered, mirrored) = (mean(0.5, false), mean(0.5, true), mean(0.0, false));
+    assert_eq!(mean(0.0, true).mean, 0.0);
+    assert!(mirrored.mean > 0.2 * scattered.mean, "{mirrored:?}, {scattered:?}");
+    let ratio = (scattered.mean + mirrored.mean) / both.mean;
+    assert!((ratio - 1.0).abs() < 0.01, "{ratio}");
+}
+
+/// Where light is even, a coat that mirrors scattered light less sharply returns as much of it; what the camera sees first is as sharp.
+#[test]
+fn regularized_coats_keep_their_light() {
+    let mut scene = scene(
+        WavelengthGrid::uniform(500.0, 510.0, 10.0).unwrap(),
+        camera(Vec3::ZERO, Vec3::X, 60.0, 16),
+    );
+    let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.05) };
+    scene.materials.push(Material::with_base("wall", Lambertian::uniform(flat(0.5)), Some(coat)));
+    let mut wall = object("room", Shape::Sphere { center: Vec3::ZERO, radius_m: 1.0 }, 0);
+    wall.emission = Some(SurfaceEmission { radiance: flat(1.0), group: 0, is_one_sided: false });
+    scene.objects.push(wall);
+    let rendered = |depth, regularize| {
+        let settings = RenderSettings { regularize, ..settings(1024, depth) };
+        run(&scene, &settings)
+    };
+    assert_eq!(rendered(1, true).stored(0), rendered(1, false).stored(0));
+    let [sharp, blurred] = [false, true].map(|regularize| band_mean(&rendered(12, regularize), 0, 0).mean);
+    assert!((blurred / sharp - 1.0).abs() < 5e-3, "{blurred}, {sharp}");
 }
 
 /// Radiance in a closed cavity that emits `Le` everywhere: `L = Le / (1 - R)`; and with fluorescence
@@ -164,7 +217,13 @@ fn patch(
 }
 
 fn distant(spectrum: Curve, direction: Vec3) -> Light {
-    Light { name: "sun".into(), group: 0, spectrum, emitter: Emitter::Distant(DistantEmitter { direction }) }
+    Light {
+        name: "sun".into(),
+        group: 0,
+        spectrum,
+        crossed_polarizers: false,
+        emitter: Emitter::Distant(DistantEmitter { direction }),
+    }
 }
 
 /// `L = R E cos / pi` and `L_f = M / pi`, independent of `R`, with `R = 0` too.
@@ -252,6 +311,7 @@ fn cornell(power: f64, concentration: f32) -> Scene {
         name: "lamp".into(),
         group: 0,
         spectrum: gaussian(390.0, 15.0, power),
+        crossed_polarizers: false,
         emitter: Emitter::Rectangle(RectangleEmitter {
             corner: Vec3::new(-0.5, 0.99, -0.5),
             edge_u: Vec3::X,
@@ -421,6 +481,7 @@ fn a_disc_light_illuminates_by_its_view_factor() {
         name: "disc".into(),
         group: 0,
         spectrum: flat(power),
+        crossed_polarizers: false,
         emitter: Emitter::Disc(DiscEmitter {
             center: Vec3::Z * distance,
             normal: Vec3::NEG_Z,

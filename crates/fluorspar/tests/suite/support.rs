@@ -87,7 +87,7 @@ pub(crate) fn flat(value: f64) -> Curve {
 }
 
 pub(crate) fn light(spectrum: Curve, emitter: Emitter) -> Light {
-    Light { name: "lamp".into(), group: 0, spectrum, emitter }
+    Light { name: "lamp".into(), group: 0, spectrum, crossed_polarizers: false, emitter }
 }
 
 pub(crate) fn with_dyes(mut material: Material, amounts: &[(usize, f32)]) -> Material {

@@ -69,6 +69,7 @@ fn scene(camera: PerspectiveCamera) -> Scene {
             name: "sky".into(),
             group: 0,
             spectrum: Curve::constant(1.0),
+            crossed_polarizers: false,
             emitter: Emitter::Environment,
         }],
         camera,

@@ -117,6 +117,7 @@ mod tests {
             name: groups[group].into(),
             group,
             spectrum,
+            crossed_polarizers: false,
             emitter,
         };
         let window = Object {

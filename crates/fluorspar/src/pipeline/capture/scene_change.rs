@@ -122,6 +122,9 @@ fn difference(rendered: &Study, wanted: &Study) -> Option<String> {
     if a.max_depth != b.max_depth {
         return Some("render.max_depth".into());
     }
+    if a.regularize != b.regularize {
+        return Some("render.regularize".into());
+    }
     // A list that was only put into another order.
     (old.lights != new.lights || old.objects != new.objects || old.materials != new.materials)
         .then(|| "the order of lights, objects or materials".into())

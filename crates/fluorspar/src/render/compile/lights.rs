@@ -72,7 +72,11 @@ pub(super) fn compile(
             environment_maps.push(lights.len());
         }
         let power = light.whole_spectrum().total() as f32;
-        lights.push(compiled_light(light.group, &sources, emitter, power));
+        let crossed_polarizers = light.crossed_polarizers;
+        lights.push(CompiledLight {
+            crossed_polarizers,
+            ..compiled_light(light.group, &sources, emitter, power)
+        });
     }
 
     let light_box = light_box(&lights[first_light_source..]);
@@ -108,6 +112,7 @@ fn compiled_light(group: usize, sources: &[usize], emitter: PreparedEmitter, pow
         source: sources.first().copied().unwrap_or_default(),
         sources: sources.to_vec(),
         group,
+        crossed_polarizers: false,
         bounds: emitter.bounds(),
         emitter,
         power: power.max(f32::MIN_POSITIVE),

@@ -33,7 +33,7 @@ use crate::interruption::end_if_interrupted;
 use crate::scene::Scene;
 
 impl CompiledScene {
-    /// Of the settings only the excitation nodes count.
+    /// Of the settings only the excitation nodes and the roughness of coats count.
     pub(super) fn new(scene: &Scene, settings: &RenderSettings) -> Result<Self, BuildError> {
         // Compile surfaces and light sources
         let (geometry, emissive) = geometry::compile(scene)?;
@@ -85,6 +85,7 @@ impl CompiledScene {
             material_spectra,
             has_holes,
             has_translucency,
+            regularizes: settings.regularize,
             emission_bands,
             roulette,
             fluorophores: scene.fluorophores.len(),

@@ -150,7 +150,7 @@ impl EmissionScores {
                 }
             }
             End::Below => sums[self.downward] += photon.weight,
-            End::Inside | End::Guided => {}
+            End::Inside | End::Guided | End::Paused => {}
         }
     }
 }

@@ -65,19 +65,31 @@ impl Ways {
     }
 }
 
+/// Transport mean free paths after which a packet has forgotten its direction: the others are scattered evenly and so much less often.
+const REMEMBERED: f64 = 3.0;
+
 /// Records ways while a packet walks.
 struct WayRecord<'a> {
     lengths_mm: Vec<f64>,
+    /// Transport mean free paths that it has left before it forgets its direction.
+    remembered: f64,
     passed: Option<&'a mut Ways>,
     rng: KeyedRng,
 }
 
 impl Record for WayRecord<'_> {
     #[inline(always)]
-    fn collision(&mut self, _: &Layer, _: &Photon, _: &mut KeyedRng) {}
+    fn collision(&mut self, layer: &Layer, _: &Photon, _: &mut KeyedRng) {
+        self.remembered -= 1.0 - layer.phase.anisotropy();
+    }
 
     #[inline(always)]
     fn track(&mut self, _: &Layer, _: &Photon, _: f64, _: f64) {}
+
+    #[inline(always)]
+    fn pauses(&self) -> bool {
+        self.remembered <= 0.0
+    }
 
     #[inline(always)]
     fn way(&mut self, photon: &Photon, length: f64) {
@@ -97,6 +109,16 @@ impl Record for WayRecord<'_> {
     }
 }
 
+/// Layers of the same reduced scattering without a preferred direction (similarity: van de Hulst, Multiple Light Scattering, 1980).
+fn evenly_scattering(stack: &OpticalStack) -> OpticalStack {
+    let mut even = stack.clone();
+    for layer in &mut even.layers {
+        layer.scattering_per_mm *= 1.0 - layer.anisotropy;
+        layer.anisotropy = 0.0;
+    }
+    even
+}
+
 /// Traces photons that fall upon the layers at one point. The same number gives the same ways, whatever the number of threads.
 pub(in crate::tissue) fn trace_ways(
     stack: &OpticalStack,
@@ -105,6 +127,7 @@ pub(in crate::tissue) fn trace_ways(
     recorded: Recorded,
 ) -> Ways {
     let medium = Medium::new(stack, &ScoringGrid::default());
+    let even = Medium::new(&evenly_scattering(stack), &ScoringGrid::default());
     let layers = stack.layers.len();
     let of_chunk = |chunk: u64| {
         end_if_interrupted();
@@ -113,9 +136,18 @@ pub(in crate::tissue) fn trace_ways(
             let key = Key::new(number);
             let rng = &mut key.rng();
             let passed = (recorded == Recorded::Passed).then_some(&mut ways);
-            let mut record = WayRecord { lengths_mm: vec![0.0; layers], passed, rng: key.with(1).rng() };
+            let mut record = WayRecord {
+                lengths_mm: vec![0.0; layers],
+                remembered: REMEMBERED,
+                passed,
+                rng: key.with(1).rng(),
+            };
             let (_, photon) = Photon::incident(incidence, &medium, rng);
-            let end = walk(&medium, photon, &mut record, rng);
+            let mut end = walk(&medium, photon, &mut record, rng);
+            if let (End::Paused, photon) = end {
+                record.remembered = f64::INFINITY;
+                end = walk(&even, photon, &mut record, rng);
+            }
             let lengths_mm = record.lengths_mm;
             if let (Recorded::Left, (End::Above, photon)) = (recorded, end) {
                 ways.push(&photon, 0.0, photon.weight, &lengths_mm);

@@ -73,6 +73,12 @@ impl HenyeyGreenstein {
         Self { g, half_g: 0.5 * g, plus: 1.0 + g * g, three_minus: 3.0 - g * g }
     }
 
+    /// Mean cosine of the scattering angle.
+    #[inline(always)]
+    pub(super) fn anisotropy(&self) -> f64 {
+        self.g
+    }
+
     /// Cosine of the scattering angle.
     ///
     /// Inverting the distribution function gives `cos = (1 + g^2 - ((1 - g^2) / (1 + g s))^2) / (2 g)` with `s` uniform in

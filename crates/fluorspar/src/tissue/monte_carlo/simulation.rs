@@ -69,7 +69,7 @@ impl ScoreLayout {
                 scores[Self::GUIDED] += photon.weight;
                 return;
             }
-            End::Inside => return,
+            End::Inside | End::Paused => return,
         };
         scores[total] += photon.weight;
         if end == End::Below && !photon.has_scattered {

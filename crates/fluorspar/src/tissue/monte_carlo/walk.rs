@@ -35,6 +35,8 @@ pub(super) enum End {
     Inside,
     /// Guided sideways by total reflection in a clear layer.
     Guided,
+    /// Nowhere: what is recorded has seen enough.
+    Paused,
 }
 
 /// What is recorded on the way.
@@ -46,6 +48,11 @@ pub(super) trait Record {
     /// Any straight way, of a length in mm, in the layer in which the packet is.
     #[inline(always)]
     fn way(&mut self, _photon: &Photon, _length: f64) {}
+    /// Whether the packet stops here, after a collision.
+    #[inline(always)]
+    fn pauses(&self) -> bool {
+        false
+    }
 }
 
 /// Records nothing.
@@ -165,6 +172,9 @@ pub(super) fn walk(
             }
             let cos = layer.phase.cosine(rng);
             photon.direction = turn(photon.direction, cos, rng);
+            if record.pauses() {
+                return (End::Paused, photon);
+            }
             optical_depth = free_path(rng);
             continue;
         }
