@@ -93,10 +93,8 @@ fn crossed_polarizers_hold_back_mirrored_light() {
 /// Where light is even, a coat that mirrors scattered light less sharply returns as much of it; what the camera sees first is as sharp.
 #[test]
 fn regularized_coats_keep_their_light() {
-    let mut scene = scene(
-        WavelengthGrid::uniform(500.0, 510.0, 10.0).unwrap(),
-        camera(Vec3::ZERO, Vec3::X, 60.0, 16),
-    );
+    let mut scene =
+        scene(WavelengthGrid::uniform(500.0, 510.0, 10.0).unwrap(), camera(Vec3::ZERO, Vec3::X, 60.0, 16));
     let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.05) };
     scene.materials.push(Material::with_base("wall", Lambertian::uniform(flat(0.5)), Some(coat)));
     let mut wall = object("room", Shape::Sphere { center: Vec3::ZERO, radius_m: 1.0 }, 0);

@@ -73,6 +73,9 @@ pub struct ColorRendering {
     pub lift: f64,
 }
 
+/// Colors that are the sensor's own channels.
+const OWN_CHANNELS: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
 /// Percentile of the brightest channel that becomes white.
 const WHITE_PERCENTILE: f64 = 0.995;
 
@@ -175,18 +178,20 @@ impl ColorRendering {
             _ => [0; 3],
         };
         let matrix = self.matrix;
+        // A channel that clips takes its share of the color with it: what is brighter than white is white
+        let is_white = move |pixel: usize| matrix != OWN_CHANNELS && image.saturated[pixel];
         move |pixel| {
             let values = &image.data[pixel * image.channels.len()..][..image.channels.len()];
             let [r, g, b] = channels.map(|c| f64::from(values[c]));
-            matrix.map(|[of_r, of_g, of_b]| of_r * r + of_g * g + of_b * b)
+            let color = matrix.map(|[of_r, of_g, of_b]| of_r * r + of_g * g + of_b * b);
+            if is_white(pixel) { [largest(color); 3] } else { color }
         }
     }
 
     /// The rendering of one frame of a study: colors as under white light where the light source covers the visible range;
     /// the sensor's own channels where it does not (fluorescence), dim tissue lifted.
     pub fn of_frame(study: &Study, capture: &Capture) -> Self {
-        let matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        let own = Self { matrix, lift: LIFT_FLUORESCENT };
+        let own = Self { matrix: OWN_CHANNELS, lift: LIFT_FLUORESCENT };
         let (Some(sensor), Some(lens)) = (&study.camera.sensor, study.camera.lens_behind_filters()) else {
             return own;
         };
