@@ -120,7 +120,7 @@ pub struct RenderSection {
     /// or `all`. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default `basis`.
     #[serde(skip_serializing_if = "is_basis")]
     pub component_bands: BandsChoice,
-    /// Mirror light that was scattered before no sharper than a roughness of 0.3 would, as pbrt's integrator does by the same name: no
+    /// Mirror light that was scattered before no sharper than a roughness of 0.2 would, as pbrt's integrator does by the same name: few
     /// specks from wet surfaces, whose caustics are blurred. Default false: without bias.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub regularize: bool,

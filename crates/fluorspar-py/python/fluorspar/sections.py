@@ -383,7 +383,7 @@ TextureReference: TypeAlias = "float | TextureTable"
 TextureTable: TypeAlias = "ImageMap | CheckerMap | NoiseMap | TongueMap | AnatomyMap"
 """A map over texture coordinates."""
 
-SurfaceMap: TypeAlias = "Literal['redness', 'fungiform', 'pallor', 'porphyrin', 'plaque', 'dentin', 'dryness']"
+SurfaceMap: TypeAlias = "Literal['redness', 'fungiform', 'pallor', 'porphyrin', 'plaque', 'dentin', 'crown', 'dryness']"
 """A map of the anatomy."""
 
 Tissue: TypeAlias = "Literal['tongue_dorsum', 'tongue_ventral', 'gingiva', 'tooth', 'hard_palate', 'soft_palate', 'throat', 'floor_of_mouth', 'cheek', 'lip', 'skin']"
@@ -469,6 +469,9 @@ class RenderSection(TypedDict, total=False):
     component_bands: BandsChoice
     """Bands in which each component is kept: `basis`, those from which all others follow to about 0.1 %, in a seventh of the
     values, or `all`. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default `basis`."""
+    regularize: bool
+    """Mirror light that was scattered before no sharper than a roughness of 0.2 would, as pbrt's integrator does by the same
+    name: few specks from wet surfaces, whose caustics are blurred. Default false: without bias."""
 
 
 class CameraSection(TypedDict, total=False):
@@ -996,6 +999,9 @@ class LightSection(TypedDict, total=False):
     filter_angle_deg: float
     """Angle at which light passes the filters, degrees, 0 to 60; interference filters cut at shorter wavelengths there.
     Default 0."""
+    crossed_polarizers: bool
+    """Whether the light passes a polarizer, crossed with one of the camera that holds back what wet surfaces and enamel
+    mirror, as in dental photography. The strength is then that of light which both let pass. Default false."""
     type: Literal['ring', 'disc', 'annulus', 'rectangle', 'sphere', 'point', 'spot', 'distant', 'environment', 'spectral_environment']
     frame: LightFrame
     """Frame of position and direction. Default "scene"."""
@@ -1394,7 +1400,7 @@ class AnatomyMap(TypedDict, total=False):
 
     anatomy: SurfaceMap
     """Which map: `redness` (vessels, margins), `fungiform` (papillae of the dorsal tongue), `pallor` (keratin, coating),
-    `porphyrin` (dorsal tongue), `plaque` and `dentin` (teeth), `dryness` (film of saliva)."""
+    `porphyrin` (dorsal tongue), `plaque`, `dentin` and `crown` (teeth), `dryness` (film of saliva)."""
     tissue: Tissue
     """Tissue whose map it is. Default: the tissue that uses the material."""
     seed: int
@@ -1447,8 +1453,8 @@ class MouthSection(TypedDict, total=False):
     """A parametric mouth. Its frame: origin between the incisors, +z out of the mouth, +y up, +x to the patient's left."""
 
     materials: dict[str, str]
-    """Material of each tissue (`tongue_dorsum`, `gingiva`, `tooth`, ...) or of a single part (`tooth_11`, `upper_gingiva`,
-    ...). Default: the material that has the name of the tissue."""
+    """Material of each tissue (`tongue_dorsum`, `gingiva`, `tooth`, ...), of a kind of teeth (`incisor`, `canine`, `premolar`,
+    `molar`) or of a single part (`tooth_11`, `upper_gingiva`, ...). Default: the material that has the name of the tissue."""
     lesion: list[LesionSection]
     """Spots, sores and stains on the parts. Default: none."""
     scan: list[ScanSection]

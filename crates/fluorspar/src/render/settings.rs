@@ -51,7 +51,7 @@ pub struct RenderSettings {
     pub excitation_basis: Option<BasisSettings>,
     /// Which bands of each component the film keeps.
     pub component_bands: ComponentBands,
-    /// Whether coats mirror diffusely scattered light no sharper than a roughness of 0.3: no specks, at the cost of blurred caustics
+    /// Whether coats mirror diffusely scattered light no sharper than a roughness of 0.2: few specks, at the cost of blurred caustics
     /// (pbrt's integrator has the same switch).
     pub regularize: bool,
 }
