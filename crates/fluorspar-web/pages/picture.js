@@ -52,6 +52,7 @@ export class Picture {
     this.isWanted = true;
     if (this.isBusy) return;
     this.isBusy = true;
+    byId("viewport").setAttribute("aria-busy", "true");
     while (this.isWanted) {
       this.isWanted = false;
       try {
@@ -64,6 +65,7 @@ export class Picture {
       }
     }
     this.isBusy = false;
+    byId("viewport").setAttribute("aria-busy", "false");
     this.onshown();
   }
 
