@@ -1,12 +1,14 @@
 // The page: waits for the render, then lets controls, picture and region follow one tree of changes.
 // @ts-check
 import { Changes } from "./changes.js";
+import { Compare } from "./compare.js";
 import { drawControls, make } from "./controls.js";
+import { Findings } from "./findings.js";
 import { Drawing, Picture, ask } from "./picture.js";
 import { Region } from "./region.js";
 
 const byId = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
-const VIEWS = [["developed", "Developed"], ["raw", "Raw mosaic"], ["clip", "Clipping"], ["porphyrin", "Porphyrin map"]];
+const VIEWS = [["developed", "Developed"], ["raw", "Raw mosaic"], ["clip", "Clipping"], ["noise", "Signal to noise"], ["eye", "Eye"], ["porphyrin", "Porphyrin map"]];
 const TOOLS = [["off", "Off"], ["rectangle", "Rectangle"], ["polygon", "Polygon"]];
 /** How often the page looks how far a render is, ms. */
 const LOOK = 400;
@@ -78,6 +80,8 @@ function begin(subject) {
   const drawing = new Drawing(picture, changes);
   picture.drawing = drawing;
   const region = new Region(changes, picture, subject);
+  const compare = new Compare(changes, picture, say);
+  const findings = new Findings(changes, picture);
   const drag = {
     /** @type {number | null} */
     lastExposure: null,
@@ -91,14 +95,17 @@ function begin(subject) {
     },
   };
   const updateControls = drawControls(byId("groups"), subject.groups, changes, drag);
-  picture.onshown = () => (drag.lastExposure = Number(picture.facts?.exposure_ms?.toPrecision(3)) || null);
+  picture.onshown = () => {
+    drag.lastExposure = Number(picture.facts?.exposure_ms?.toPrecision(3)) || null;
+    compare.refresh();
+  };
 
   const show = (/** @type {"capture" | "view"} */ what) => (/** @type {string} */ value) => {
     changes.shown[what] = value;
     changed("set");
   };
   const markCapture = radios("captures", subject.captures.map((/** @type {string} */ name) => [name, name]), show("capture"));
-  const markView = radios("views", subject.analyzed ? VIEWS : VIEWS.slice(0, 3), show("view"));
+  const markView = radios("views", subject.analyzed ? VIEWS : VIEWS.slice(0, -1), show("view"));
   const markTool = radios("tools", TOOLS, (tool) => drawing.use(tool));
   const tool = matchMedia("(pointer: coarse)").matches ? "off" : "rectangle";
   markTool(tool);
@@ -120,6 +127,7 @@ function begin(subject) {
     if (what === "set" || changes.shown.view === "porphyrin") picture.refresh();
     drawing.redraw();
     region.refresh();
+    findings.refresh();
   }
   changes.onchange = changed;
   window.addEventListener("hashchange", () => {
@@ -148,6 +156,21 @@ function listChanges(changes) {
   byId("changed").replaceChildren(...(entries.length ? entries : [make("li", { className: "note", textContent: "None: the experiment as it was rendered." })]));
 }
 
+/** Has the report of what is shown made, and offers it. @param {Changes} changes */
+async function makeReport(changes) {
+  const links = ["made-open", "made-save"].map(byId);
+  for (const link of links) link.hidden = true;
+  byId("made-state").textContent = "Making the report of all captures …";
+  byId("made").showModal();
+  try {
+    await ask("/api/report", { set: changes.list(), place: changes.place() });
+    byId("made-state").textContent = "One page, with the experiment and all changes in it.";
+    for (const link of links) link.hidden = false;
+  } catch (error) {
+    byId("made-state").textContent = /** @type {Error} */ (error).message;
+  }
+}
+
 /** @param {Changes} changes */
 function buttons(changes) {
   byId("undo").addEventListener("click", () => changes.undo());
@@ -168,17 +191,22 @@ function buttons(changes) {
     changes.set(path.value.trim(), value.value.trim());
   });
   const dialog = byId("toml");
-  byId("copy").addEventListener("click", async () => {
-    try {
-      const told = await (await ask("/api/toml", { set: changes.list(), place: changes.place() })).json();
-      byId("toml-text").value = told.toml;
-      dialog.showModal();
-      byId("toml-text").select();
-      byId("toml-text").scrollTop = 0;
-    } catch (error) {
-      say(/** @type {Error} */ (error).message);
-    }
+  const text = async () => (await (await ask("/api/toml", { set: changes.list(), place: changes.place() })).json()).toml;
+  const pressed = (/** @type {string} */ id, /** @type {() => Promise<void>} */ act) =>
+    byId(id).addEventListener("click", () => act().catch((/** @type {Error} */ error) => say(error.message)));
+  pressed("copy", async () => {
+    byId("toml-text").value = await text();
+    dialog.showModal();
+    byId("toml-text").select();
+    byId("toml-text").scrollTop = 0;
   });
+  pressed("save", async () => {
+    const href = URL.createObjectURL(new Blob([await text()], { type: "application/toml" }));
+    make("a", { href, download: "experiment.toml" }).click();
+    setTimeout(() => URL.revokeObjectURL(href), 60_000);
+  });
+  pressed("report", () => makeReport(changes));
+  byId("made-close").addEventListener("click", () => byId("made").close());
   byId("toml-copy").addEventListener("click", async () => {
     byId("toml-text").select();
     await navigator.clipboard.writeText(byId("toml-text").value).catch(() => document.execCommand("copy"));

@@ -18,6 +18,18 @@ export async function ask(path, body) {
   throw Object.assign(new Error(told.error), { needsRender: told.needs_render });
 }
 
+/** Asks for a picture and draws it on a canvas; returns what is told beside it. @param {object} body @param {HTMLCanvasElement} canvas */
+export async function draw(body, canvas) {
+  const bytes = await (await ask("/api/picture", body)).arrayBuffer();
+  const length = new DataView(bytes).getUint32(0, true);
+  const facts = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
+  const image = await createImageBitmap(new Blob([new Uint8Array(bytes, 4 + length)], { type: "image/png" }));
+  if (canvas.width !== image.width || canvas.height !== image.height) [canvas.width, canvas.height] = [image.width, image.height];
+  canvas.getContext("2d")?.drawImage(image, 0, 0);
+  image.close();
+  return facts;
+}
+
 /** Height of a page beside the frame, and the least of a frame, px. */
 const OTHER_HEIGHT = 300;
 const LEAST_HEIGHT = 300;
@@ -73,16 +85,7 @@ export class Picture {
     const { capture, view } = this.changes.shown;
     const tones = `${capture} ${view}`;
     const white = this.isHeld && this.facts && this.tones === tones ? this.facts.white : null;
-    const body = { set: this.changes.list(), capture, view, white, place: this.changes.place() };
-    const bytes = await (await ask("/api/picture", body)).arrayBuffer();
-    const length = new DataView(bytes).getUint32(0, true);
-    const facts = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
-    const image = await createImageBitmap(new Blob([new Uint8Array(bytes, 4 + length)], { type: "image/png" }));
-    if (this.canvas.width !== image.width || this.canvas.height !== image.height) {
-      [this.canvas.width, this.canvas.height] = [image.width, image.height];
-    }
-    this.canvas.getContext("2d").drawImage(image, 0, 0);
-    image.close();
+    const facts = await draw({ set: this.changes.list(), capture, view, white, place: this.changes.place() }, this.canvas);
     this.changes.fit({ px: facts.frame_px, mm: facts.sensor_mm });
     [this.facts, this.tones] = [facts, tones];
     this.canvas.dataset.serial = String(++this.serial);
@@ -111,7 +114,7 @@ export class Picture {
     this.drawLegend(facts.legend);
   }
 
-  /** @param {{label: string, top_percent: number, colors: number[][]} | undefined} legend */
+  /** @param {{label: string, ends: string[], note: string, colors: number[][]} | undefined} legend */
   drawLegend(legend) {
     const place = byId("legend");
     place.hidden = !legend;
@@ -122,8 +125,8 @@ export class Picture {
       return step;
     }));
     strip.setAttribute("aria-hidden", "true");
-    place.replaceChildren(make("span", { textContent: `${legend.label}: 0 %` }), strip,
-      make("span", { textContent: `${legend.top_percent.toFixed(1)} % and more; gray: outside the region, clipped, dark or other light` }));
+    place.replaceChildren(make("span", { textContent: `${legend.label}: ${legend.ends[0]}` }), strip,
+      make("span", { textContent: `${legend.ends[1]}; ${legend.note}` }));
   }
 
   /** Gives the picture its size on the page. */
@@ -136,7 +139,7 @@ export class Picture {
     const room = Math.max(window.innerHeight - OTHER_HEIGHT, LEAST_HEIGHT);
     const fit = Math.min(viewport.clientWidth / width, room / height);
     const scale = this.zoom.value === "fit" ? fit : Number(this.zoom.value) / ratio;
-    for (const layer of [this.canvas, byId("drawing")]) {
+    for (const layer of [this.canvas, byId("kept"), byId("drawing")]) {
       layer.style.width = `${width * scale}px`;
       layer.style.height = `${height * scale}px`;
     }

@@ -86,7 +86,7 @@ export class Region {
     byId("answer").textContent = none === null ? verdict : "";
     byId("truth").textContent = [truth && `The simulation knows: ${truth}.`, told.frame && `From frame "${told.frame}".`].filter(Boolean).join(" ");
     const lines = [...rest, ...told.warnings.map((/** @type {string} */ text) => `Note: ${text}`)];
-    byId("findings").replaceChildren(...lines.map((line) => make("li", { textContent: line })));
+    byId("lines").replaceChildren(...lines.map((line) => make("li", { textContent: line })));
     byId("details").hidden = lines.length === 0;
     this.tellSpectra(told);
   }

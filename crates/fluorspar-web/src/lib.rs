@@ -7,11 +7,13 @@
 //! | tell the page what can be changed, with unit, range and path | `controls.rs` |
 //! | draw a frame: developed, raw, where it clips, porphyrin | `picture.rs` |
 //! | say what the pixels of a region say | `region.rs` |
+//! | say what a report says, and make it | `findings.rs` |
 //! | answer requests | `server.rs` |
 //! | refuse those of others | `guard.rs` |
 //! | the pages | `pages/` |
 
 mod controls;
+mod findings;
 mod guard;
 mod picture;
 mod region;

@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
-    AnalyzedFrame, CapturedFrame, ColorRendering, PipelineError, Preview, bright_level_dn, preview_white,
-    preview_with_white,
+    AnalyzedFrame, CapturedFrame, ColorRendering, PipelineError, Preview, bright_level_dn, noise_of,
+    on_sensor, preview_white, preview_with_white, radiance_preview,
 };
 use fluorspar::spectral::encode_srgb;
 use fluorspar_report::ColorMap;
@@ -35,6 +35,8 @@ enum View {
     Developed,
     Raw,
     Clip,
+    Noise,
+    Eye,
     Porphyrin,
 }
 
@@ -62,11 +64,22 @@ pub(crate) struct PictureFacts {
     milliseconds: f64,
 }
 
+/// The colors of a map.
 #[derive(Serialize)]
 struct Legend {
     label: String,
-    top_percent: f64,
+    /// What the first and the last color stand for.
+    ends: [String; 2],
+    /// What is in gray.
+    note: &'static str,
     colors: Vec<[u8; 3]>,
+}
+
+impl Legend {
+    fn new(label: String, ends: [String; 2], note: &'static str) -> Self {
+        let colors = (0..LEGEND_STEPS).map(|i| MAP.color(i as f64 / (LEGEND_STEPS - 1) as f64));
+        Self { label, ends, note, colors: colors.collect() }
+    }
 }
 
 /// Widest picture that is sent, px: of wider frames means over blocks are.
@@ -75,6 +88,8 @@ const WIDEST: usize = 1600;
 const STRIPE: usize = 4;
 /// Their two colors, told apart by brightness.
 const STRIPES: [[u8; 3]; 2] = [[255, 70, 200], [20, 0, 20]];
+/// Colors of maps: told apart with any color vision, and in gray.
+const MAP: ColorMap = ColorMap::Viridis;
 /// Colors of a legend.
 const LEGEND_STEPS: usize = 24;
 
@@ -95,6 +110,11 @@ pub(crate) fn picture(live: &LiveRender, request: &PictureRequest) -> Result<(Pi
             let (shown, legend) = porphyrin(&analyzed, &frame)?;
             (shown, 0.0, Some(legend))
         }
+        View::Noise => {
+            let (shown, legend) = signal_to_noise(&study, &frame)?;
+            (shown, 0.0, Some(legend))
+        }
+        View::Eye => (seen_by_eye(&study, live, &frame)?, 0.0, None),
         View::Raw => {
             let white = request.white.unwrap_or_else(|| bright_raw(&frame.raw));
             (raw(&frame.raw, white), white, None)
@@ -216,13 +236,44 @@ fn porphyrin(analyzed: &AnalyzedFrame, frame: &CapturedFrame) -> Result<(Preview
     let channels = developed.channels.len().max(1);
     let color = |(share, pixel): (&f32, &[f32])| match share.is_nan() {
         true => [encode_srgb(f64::from(pixel.iter().copied().fold(0.0, f32::max)) / bright * 0.5); 3],
-        false => ColorMap::Viridis.color(f64::from(*share) / top),
+        false => MAP.color(f64::from(*share) / top),
     };
     let rgb = share.iter().zip(developed.data.chunks_exact(channels)).flat_map(color).collect();
-    let steps = (0..LEGEND_STEPS).map(|i| ColorMap::Viridis.color(i as f64 / (LEGEND_STEPS - 1) as f64));
     let label = format!("{} share on the mixture line", analyzed.analysis.analyte.capitalized());
-    let legend = Legend { label, top_percent: 100.0 * top, colors: steps.collect() };
+    let ends = ["0 %".into(), format!("{:.1} % and more", 100.0 * top)];
+    let legend = Legend::new(label, ends, "gray: outside the region, clipped, dark or other light");
     Ok((Preview { width: map.width, height: map.height, rgb }, legend))
+}
+
+/// Signal over noise of the brightest channel of each pixel, logarithmic from 1 on.
+fn signal_to_noise(study: &LiveStudy<'_>, frame: &CapturedFrame) -> Result<(Preview, Legend)> {
+    let image = &frame.developed;
+    let sensor = study.study().camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
+    let noise = noise_of(image, frame.raw.dn_per_electron, sensor);
+    let channels = image.channels.len();
+    let of_channel = |channel: usize, pixel: usize| {
+        let [variance] = noise.of_pixel(image, [channel], pixel);
+        f64::from(image.data[pixel * channels + channel]) / variance.sqrt().max(f64::MIN_POSITIVE)
+    };
+    let of_pixel = |pixel| (0..channels).map(|channel| of_channel(channel, pixel)).fold(0.0, f64::max);
+    let ratios: Vec<f64> = (0..image.width * image.height).map(of_pixel).collect();
+    let top = ratios.iter().copied().fold(10.0, f64::max);
+    let rgb = ratios.iter().flat_map(|ratio| MAP.color(ratio.max(1.0).ln() / top.ln())).collect();
+    let label = "Signal to noise of the brightest channel".into();
+    let legend = Legend::new(label, ["1 and less".into(), format!("{top:.0}")], "logarithmic between them");
+    Ok((Preview { width: image.width, height: image.height, rgb }, legend))
+}
+
+/// The radiance before filter and lens as an eye would see it, laid out as the frame is.
+fn seen_by_eye(study: &LiveStudy<'_>, live: &LiveRender, frame: &CapturedFrame) -> Result<Preview> {
+    let seen = radiance_preview(&study.radiance_image(&frame.raw.label)?);
+    let scene = on_sensor(study.study(), live.render().labels()).ok_or(PipelineError::Missing("sensor"))?;
+    let [width, height] = [frame.developed.width, frame.developed.height];
+    let color = |place: usize| match scene.scene_pixel(place / width, place % width, width, height) {
+        Some(pixel) => [0, 1, 2].map(|channel| seen.rgb[3 * pixel + channel]),
+        None => [0; 3],
+    };
+    Ok(Preview { width, height, rgb: (0..width * height).flat_map(color).collect() })
 }
 
 /// A picture that is not wider than what a page shows.

@@ -1,13 +1,13 @@
 //! Requests and answers. Whatever takes time is done in a thread that answers nobody else.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::body::Bytes;
 use axum::extract::rejection::JsonRejection;
 use axum::extract::{DefaultBodyLimit, State};
 use axum::http::StatusCode;
-use axum::http::header::CONTENT_TYPE;
+use axum::http::header::{CONTENT_SECURITY_POLICY, CONTENT_TYPE};
 use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
@@ -19,6 +19,7 @@ use serde_json::{Value, json};
 use tokio::sync::Semaphore;
 
 use crate::controls::controls;
+use crate::findings::{FindingsRequest, ReportRequest, findings, report};
 use crate::guard::{Guard, guarded};
 use crate::picture::{PictureRequest, picture};
 use crate::region::{Place, RegionRequest, region};
@@ -32,6 +33,8 @@ pub(crate) struct Server {
     pub(crate) guard: Guard,
     pub(crate) subject: Arc<Subject>,
     is_read_ahead: AtomicBool,
+    /// The page of the last report.
+    report: Mutex<Option<Bytes>>,
     /// How many answers are made at once: a picture and an estimate.
     workers: Semaphore,
 }
@@ -42,6 +45,7 @@ impl Server {
             guard,
             subject: Arc::new(subject),
             is_read_ahead: AtomicBool::new(false),
+            report: Mutex::default(),
             workers: Semaphore::new(2),
         }
     }
@@ -53,14 +57,19 @@ type Asked<T> = std::result::Result<Json<T>, JsonRejection>;
 /// A page: path, kind and content.
 type Page = (&'static str, &'static str, &'static str);
 
+/// Reports run no scripts and load nothing; their styles and pictures are within them.
+const REPORT_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; \
+                             frame-ancestors 'none'";
 const HTML: &str = "text/html; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
-const PAGES: [Page; 9] = [
+const PAGES: [Page; 11] = [
     ("/", HTML, include_str!("../pages/index.html")),
     ("/style.css", "text/css; charset=utf-8", include_str!("../pages/style.css")),
     ("/icon.svg", "image/svg+xml", include_str!("../pages/icon.svg")),
     ("/main.js", SCRIPT, include_str!("../pages/main.js")),
     ("/changes.js", SCRIPT, include_str!("../pages/changes.js")),
+    ("/compare.js", SCRIPT, include_str!("../pages/compare.js")),
+    ("/findings.js", SCRIPT, include_str!("../pages/findings.js")),
     ("/controls.js", SCRIPT, include_str!("../pages/controls.js")),
     ("/picture.js", SCRIPT, include_str!("../pages/picture.js")),
     ("/region.js", SCRIPT, include_str!("../pages/region.js")),
@@ -73,6 +82,9 @@ pub(crate) fn router(server: Arc<Server>) -> Router {
         .route("/api/picture", post(picture_of))
         .route("/api/region", post(region_of))
         .route("/api/toml", post(toml_of))
+        .route("/api/findings", post(findings_of))
+        .route("/api/report", post(report_of))
+        .route("/report.html", get(last_report))
         .route("/api/render", post(render))
         .route("/api/stop", post(stop));
     for (path, kind, content) in PAGES {
@@ -188,6 +200,32 @@ async fn picture_of(State(server): Shared, asked: Asked<PictureRequest>) -> Resp
 async fn region_of(State(server): Shared, asked: Asked<RegionRequest>) -> Response {
     let work = |live: &Arc<LiveRender>, asked: &RegionRequest| Ok(Json(region(live, asked)?).into_response());
     answer(server, asked, work).await
+}
+
+async fn findings_of(State(server): Shared, asked: Asked<FindingsRequest>) -> Response {
+    let work =
+        |live: &Arc<LiveRender>, asked: &FindingsRequest| Ok(Json(findings(live, asked)?).into_response());
+    answer(server, asked, work).await
+}
+
+/// Makes the report that [`last_report`] shows.
+async fn report_of(State(server): Shared, asked: Asked<ReportRequest>) -> Response {
+    let shared = Arc::clone(&server);
+    let work = move |live: &Arc<LiveRender>, asked: &ReportRequest| {
+        let page = Bytes::from(report(live, asked)?);
+        *shared.report.lock().unwrap_or_else(PoisonError::into_inner) = Some(page);
+        Ok(StatusCode::NO_CONTENT.into_response())
+    };
+    answer(server, asked, work).await
+}
+
+async fn last_report(State(server): Shared) -> Response {
+    match server.report.lock().unwrap_or_else(PoisonError::into_inner).clone() {
+        Some(page) => {
+            ([(CONTENT_TYPE, HTML), (CONTENT_SECURITY_POLICY, REPORT_POLICY)], page).into_response()
+        }
+        None => refusal(StatusCode::NOT_FOUND, "no report was made yet"),
+    }
 }
 
 /// Which changes are to be written into the experiment.

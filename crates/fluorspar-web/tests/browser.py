@@ -17,8 +17,8 @@ from pathlib import Path
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, sync_playwright
 
-#: Longest wait for what takes the server some work, ms.
-WAIT = 40_000
+#: Longest wait for what takes the server some work, ms: a first estimate solves tissues.
+WAIT = 90_000
 #: A small mouth: few pixels, few samples, all of its parts.
 SMALL = ["--set", "render.width_px=96", "--set", "render.height_px=72", "--spp", "2"]
 #: Kinds of findings of axe that stand in nobody's way.
@@ -155,6 +155,51 @@ def test_a_region_is_drawn_and_stays_in_the_address(bench: Bench) -> None:
     assert bench.pixels() == shown and len(bench.changes()) == 1
     page.wait_for_function("() => document.querySelector('#place').textContent.startsWith('A rectangle')", timeout=WAIT)
     assert before and drawn
+
+
+def test_two_states_are_compared_and_saved(bench: Bench) -> None:
+    page = bench.page
+    bench.picture(after=0)
+    first = bench.pixels()
+    page.locator("#keep").click()
+    bench.picture(lambda: bench.control("view_filter.filters").locator("select").select_option("[]"))
+    kept = "() => document.querySelector('#kept').toDataURL()"
+    page.wait_for_function(f"first => !document.querySelector('#kept').hidden && ({kept})() !== 'data:,'", arg=first, timeout=WAIT)
+    page.locator("#wipe").press("Home")
+    assert "inset(0px 100%" in page.locator("#kept").evaluate("element => element.style.clipPath")
+    bench.picture(lambda: page.locator("#swap").click())
+    assert bench.pixels() == first and "view_filter" in page.locator("#kept-list").inner_text()
+    assert "kept=" in page.url
+    bench.picture(lambda: page.locator("#swap").click())
+    page.locator("#forget").click()
+    assert not page.locator("#compare").is_visible()
+    with page.expect_download() as saved:
+        page.locator("#save").click()
+    text = Path(saved.value.path()).read_text()
+    assert saved.value.suggested_filename == "experiment.toml" and "filters = []" in text
+    page.locator("#report").click()
+    page.locator("#made-open").wait_for(timeout=WAIT)
+    with page.context.expect_page() as opened:
+        page.locator("#made-open").click()
+    opened.value.wait_for_load_state()
+    assert opened.value.url.endswith("/report.html") and opened.value.locator("figure svg").count() > 5
+    assert opened.value.evaluate("() => getComputedStyle(document.querySelector('.overview')).display") == "grid"
+
+
+def test_a_report_is_told_in_tabs(bench: Bench) -> None:
+    page = bench.page
+    bench.picture(after=0)
+    page.locator("#findings-fold summary").click()
+    tab = page.get_by_role("tab", name="Safety of eyes and skin")
+    tab.wait_for(timeout=WAIT)
+    page.get_by_role("tab", name="How much excitation light").wait_for(timeout=WAIT)
+    page.get_by_role("tab", name="In short").click()
+    assert page.locator("#findings-panel table").count() > 0
+    page.keyboard.press("ArrowRight")
+    assert page.get_by_role("tab", name="Frames").get_attribute("aria-selected") == "true"
+    assert page.locator("#findings-panel svg").count() > 0
+    found = [one for one in Axe().run(page).response["violations"] if one["impact"] not in BEARABLE]
+    assert not found, found
 
 
 def test_what_needs_a_render_is_offered(bench: Bench) -> None:
