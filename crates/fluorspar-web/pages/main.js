@@ -5,6 +5,7 @@ import { Compare } from "./compare.js";
 import { drawControls, make } from "./controls.js";
 import { Findings } from "./findings.js";
 import { Drawing, Picture, ask } from "./picture.js";
+import { Photographs } from "./photographs.js";
 import { Region } from "./region.js";
 
 const byId = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
@@ -39,10 +40,9 @@ async function wait() {
   for (;;) {
     const subject = await (await fetch("/api/subject")).json();
     byId("subject").textContent = subject.title || subject.name || "";
-    if (subject.stage === "ready") return subject;
+    if (subject.stage === "ready" || subject.stage === "photographs") return subject;
     if (subject.error) throw new Error(subject.error);
-    byId("waiting").hidden = false;
-    byId("bench").hidden = byId("changes").hidden = true;
+    turnTo("waiting");
     byId("said").textContent = subject.said;
     byId("share").value = subject.share;
     await new Promise((resolve) => setTimeout(resolve, LOOK));
@@ -63,10 +63,30 @@ async function renderAgain(changes) {
   }
 }
 
+/** What of the page is shown: the simulation, the wait for it, or photographs. @param {"bench" | "waiting" | "photographs"} place */
+function turnTo(place) {
+  for (const other of ["bench", "waiting", "photographs"]) byId(other).hidden = other !== place;
+  byId("changes").hidden = place !== "bench";
+  byId("go-simulation").setAttribute("aria-pressed", String(place !== "photographs"));
+  byId("go-photographs").setAttribute("aria-pressed", String(place === "photographs"));
+}
+
+const photographs = new Photographs(say, () => turnTo("photographs"));
+byId("go-photographs").addEventListener("click", () => {
+  turnTo("photographs");
+  if (!photographs.about) photographs.load();
+});
+
 /** @param {any} subject */
 function begin(subject) {
-  byId("waiting").hidden = true;
-  byId("bench").hidden = byId("changes").hidden = false;
+  if (subject.stage === "photographs") {
+    byId("go-simulation").hidden = true;
+    turnTo("photographs");
+    photographs.load();
+    return;
+  }
+  byId("go-simulation").addEventListener("click", () => turnTo("bench"));
+  turnTo("bench");
   byId("subject").textContent = `${subject.title || subject.name} · ${subject.render_px.join(" × ")} px, ${subject.samples_per_pixel} samples per pixel`;
   const changes = new Changes();
   changes.read(location.hash);

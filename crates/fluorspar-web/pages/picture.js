@@ -18,9 +18,10 @@ export async function ask(path, body) {
   throw Object.assign(new Error(told.error), { needsRender: told.needs_render });
 }
 
-/** Asks for a picture and draws it on a canvas; returns what is told beside it. @param {object} body @param {HTMLCanvasElement} canvas */
-export async function draw(body, canvas) {
-  const bytes = await (await ask("/api/picture", body)).arrayBuffer();
+/** Asks for a picture and draws it on a canvas; returns what is told beside it.
+ * @param {object} body @param {HTMLCanvasElement} canvas @param {string} [path] */
+export async function draw(body, canvas, path = "/api/picture") {
+  const bytes = await (await ask(path, body)).arrayBuffer();
   const length = new DataView(bytes).getUint32(0, true);
   const facts = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
   const image = await createImageBitmap(new Blob([new Uint8Array(bytes, 4 + length)], { type: "image/png" }));
@@ -153,11 +154,12 @@ export class Picture {
 
 /** Regions by hand: a rectangle is dragged, corners of a polygon are clicked. */
 export class Drawing {
-  /** @param {Picture} picture @param {Changes} changes */
-  constructor(picture, changes) {
+  /** @param {any} picture @param {any} changes what is drawn goes to its `draw`; `now.place` is the region that is there
+   * @param {any} [canvas] */
+  constructor(picture, changes, canvas = byId("drawing")) {
     this.picture = picture;
     this.changes = changes;
-    this.canvas = byId("drawing");
+    this.canvas = canvas;
     this.tool = "off";
     /** @type {number[] | null} */
     this.start = null;
@@ -171,6 +173,8 @@ export class Drawing {
     this.canvas.addEventListener("dblclick", () => this.close());
     document.addEventListener("keydown", (event) => {
       if (!this.corners.length && !this.start) return;
+      // A button that has the focus must not be pressed by it
+      if (event.key === "Enter" || event.key === "Escape") event.preventDefault();
       if (event.key === "Enter") this.close();
       if (event.key === "Escape") this.cancel();
     });

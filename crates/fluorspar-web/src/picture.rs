@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use fluorspar::image::SensorImage;
+use fluorspar::image::{ChannelImage, SensorImage};
 use fluorspar::pipeline::{
     AnalyzedFrame, CapturedFrame, ColorRendering, PipelineError, Preview, bright_level_dn, noise_of,
     on_sensor, preview_white, preview_with_white, radiance_preview,
@@ -11,6 +11,7 @@ use fluorspar::spectral::encode_srgb;
 use fluorspar_report::ColorMap;
 use fluorspar_session::{Changes, Error, LiveRender, LiveStudy, Result};
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 use crate::region::Place;
 use crate::subject::check_no_files;
@@ -31,7 +32,7 @@ pub(crate) struct PictureRequest {
 
 #[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-enum View {
+pub(crate) enum View {
     Developed,
     Raw,
     Clip,
@@ -107,7 +108,7 @@ pub(crate) fn picture(live: &LiveRender, request: &PictureRequest) -> Result<(Pi
         View::Porphyrin => {
             let analyzed = study.analyzed(request.place.as_ref().map(Place::text).as_deref())?;
             let analyzed = analyzed.ok_or(PipelineError::Missing("analysis"))?;
-            let (shown, legend) = porphyrin(&analyzed, &frame)?;
+            let (shown, legend) = porphyrin(&analyzed, &frame.developed)?;
             (shown, 0.0, Some(legend))
         }
         View::Noise => {
@@ -130,18 +131,59 @@ pub(crate) fn picture(live: &LiveRender, request: &PictureRequest) -> Result<(Pi
     Ok((facts, png))
 }
 
+/// A photograph as a picture, with what is told of it; its map where a region of it was analyzed.
+///
+/// # Errors
+/// A map without an analysis; a view that only a simulation has.
+pub(crate) fn of_photograph(
+    frame: &CapturedFrame,
+    rendering: &ColorRendering,
+    view: View,
+    analyzed: Option<&AnalyzedFrame>,
+) -> Result<(Value, Preview)> {
+    let CapturedFrame { raw: mosaic, developed, .. } = frame;
+    let white = preview_white(developed, rendering);
+    let (shown, legend) = match view {
+        View::Developed => (preview_with_white(developed, rendering, white), None),
+        View::Clip => (striped(preview_with_white(developed, rendering, white), frame), None),
+        View::Raw => (raw(mosaic, bright_raw(mosaic)), None),
+        View::Porphyrin => {
+            let no_region = || Error::Input("a map needs a region that was analyzed; draw one".into());
+            let (shown, legend) = porphyrin(analyzed.ok_or_else(no_region)?, developed)?;
+            (shown, Some(legend))
+        }
+        View::Noise | View::Eye => {
+            return Err(Error::Input("this view is one of simulations; choose another".into()));
+        }
+    };
+    let facts = json!({
+        "frame_px": [developed.width, developed.height],
+        "exposure_ms": 1e3 * mosaic.exposure_s,
+        "gain": mosaic.gain,
+        "clipped_percent": clipped_percent(developed),
+        "bright_dn": bright_level_dn(developed),
+        "white_level_dn": mosaic.white_level,
+        "legend": legend,
+    });
+    Ok((facts, shrunk(shown)))
+}
+
+fn clipped_percent(developed: &ChannelImage) -> f64 {
+    let clipped = developed.saturated.iter().filter(|is_saturated| **is_saturated).count();
+    100.0 * clipped as f64 / developed.saturated.len().max(1) as f64
+}
+
 /// What is told beside a picture, but for legend and time.
 fn facts(study: &LiveStudy<'_>, frame: &CapturedFrame, white: f64) -> Result<PictureFacts> {
     let CapturedFrame { raw, developed, .. } = frame;
     let sensor = study.study().camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?.film_extent();
-    let clipped = developed.saturated.iter().filter(|is_saturated| **is_saturated).count();
     Ok(PictureFacts {
         frame_px: [developed.width, developed.height],
         sensor_mm: [sensor.width_mm, sensor.height_mm],
         white,
         exposure_ms: 1e3 * raw.exposure_s,
         gain: raw.gain,
-        clipped_percent: 100.0 * clipped as f64 / developed.saturated.len().max(1) as f64,
+        clipped_percent: clipped_percent(developed),
         bright_dn: bright_level_dn(developed),
         noise_dn: developed.noise_floor_dn,
         white_level_dn: raw.white_level,
@@ -216,13 +258,12 @@ fn striped(mut shown: Preview, frame: &CapturedFrame) -> Preview {
 }
 
 /// The share of each pixel of the region on the mixture line, over the frame in gray.
-fn porphyrin(analyzed: &AnalyzedFrame, frame: &CapturedFrame) -> Result<(Preview, Legend)> {
+fn porphyrin(analyzed: &AnalyzedFrame, developed: &ChannelImage) -> Result<(Preview, Legend)> {
     let Some(map) = &analyzed.porphyrin else {
         let why =
             "this analysis has no mixture line, and so no map; give analysis.porphyrin and analysis.bulk";
         return Err(Error::Input(why.into()));
     };
-    let developed = &frame.developed;
     if [map.width, map.height] != [developed.width, developed.height] {
         return Err(Error::Input(
             "the map is of frames of another size; show the capture that is analyzed".into(),
@@ -283,7 +324,7 @@ fn shrunk(shown: Preview) -> Preview {
 }
 
 /// The picture as PNG: the fastest way to pack it, since it goes nowhere.
-fn png_of(shown: &Preview) -> Result<Vec<u8>> {
+pub(crate) fn png_of(shown: &Preview) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, shown.width as u32, shown.height as u32);
     encoder.set_color(png::ColorType::Rgb);

@@ -33,6 +33,8 @@ pub(crate) struct Place {
     rectangle_px: Option<[u32; 4]>,
     /// Corners.
     polygon_px: Option<Vec<[f64; 2]>>,
+    /// Painted pixels of a photograph: runs of pixels outside and inside, in turn, row by row.
+    pub(crate) mask_runs: Option<Vec<u32>>,
     /// The part of the scene whose pixels count; empty for all of them. Where it is `None` it is yet to be found.
     part: Option<String>,
 }
@@ -43,14 +45,21 @@ const MAIN_SHARE: f64 = 0.5;
 impl Place {
     /// The region as `analyze --named-region` takes it behind the name.
     pub(crate) fn text(&self) -> String {
-        let shape = match (&self.rectangle_px, &self.polygon_px) {
-            (Some(place), _) => format!("rectangle_px = {place:?}"),
-            (None, corners) => format!("polygon_px = {:?}", corners.clone().unwrap_or_default()),
+        let fields: Vec<String> =
+            self.fields("").iter().map(|(field, value)| format!("{field} = {value}")).collect();
+        format!("{{ {} }}", fields.join(", "))
+    }
+
+    /// The region as fields of `[analysis]` with values of TOML; what is painted is in the file of a mask.
+    pub(crate) fn fields(&self, mask: &str) -> Vec<(&'static str, String)> {
+        let shape = match (&self.rectangle_px, &self.polygon_px, &self.mask_runs) {
+            (Some(place), ..) => ("rectangle_px", format!("{place:?}")),
+            (_, Some(corners), _) => ("polygon_px", format!("{corners:?}")),
+            (_, _, Some(_)) => ("mask", quoted(mask)),
+            _ => ("polygon_px", "[]".into()),
         };
-        match self.part.as_deref() {
-            None | Some("") => format!("{{ {shape} }}"),
-            Some(part) => format!("{{ parts = [{}], {shape} }}", quoted(part)),
-        }
+        let part = self.part.as_ref().filter(|part| !part.is_empty());
+        part.map(|part| ("parts", format!("[{}]", quoted(part)))).into_iter().chain([shape]).collect()
     }
 
     fn region(&self) -> RegionOfInterest {

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::body::Bytes;
 use axum::extract::rejection::JsonRejection;
-use axum::extract::{DefaultBodyLimit, State};
+use axum::extract::{DefaultBodyLimit, Path as UrlPath, State};
 use axum::http::StatusCode;
 use axum::http::header::{CONTENT_SECURITY_POLICY, CONTENT_TYPE};
 use axum::middleware::from_fn_with_state;
@@ -14,25 +14,31 @@ use axum::routing::{get, post};
 use axum::{Json, Router};
 use fluorspar::pipeline::PipelineError;
 use fluorspar_session::{Changes, Error, ErrorKind, LiveRender, Result};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use tokio::sync::Semaphore;
 
 use crate::controls::controls;
 use crate::findings::{FindingsRequest, ReportRequest, findings, report};
 use crate::guard::{Guard, guarded};
-use crate::picture::{PictureRequest, picture};
+use crate::photograph::{EstimateRequest, PhotographRequest, Photographs, SaveRequest};
+use crate::picture::{PictureRequest, picture, png_of};
 use crate::region::{Place, RegionRequest, region};
 use crate::subject::{Stage, Subject, check_no_files, read_ahead, said};
 
 /// Largest request, bytes: changes and a polygon.
 const MOST_BYTES: usize = 64 << 10;
 
+/// Largest frame of a camera, and largest masks of all photographs, bytes.
+const MOST_FRAME_BYTES: usize = 256 << 20;
+const MOST_MASK_BYTES: usize = 32 << 20;
+
 /// What all requests share.
 pub(crate) struct Server {
     pub(crate) guard: Guard,
     pub(crate) subject: Arc<Subject>,
     is_read_ahead: AtomicBool,
+    pub(crate) photographs: Arc<Photographs>,
     /// The page of the last report.
     report: Mutex<Option<Bytes>>,
     /// How many answers are made at once: a picture and an estimate.
@@ -40,11 +46,12 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    pub(crate) fn new(guard: Guard, subject: Subject) -> Self {
+    pub(crate) fn new(guard: Guard, subject: Subject, photographs: Photographs) -> Self {
         Self {
             guard,
             subject: Arc::new(subject),
             is_read_ahead: AtomicBool::new(false),
+            photographs: Arc::new(photographs),
             report: Mutex::default(),
             workers: Semaphore::new(2),
         }
@@ -62,7 +69,7 @@ const REPORT_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-
                              frame-ancestors 'none'";
 const HTML: &str = "text/html; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
-const PAGES: [Page; 11] = [
+const PAGES: [Page; 12] = [
     ("/", HTML, include_str!("../pages/index.html")),
     ("/style.css", "text/css; charset=utf-8", include_str!("../pages/style.css")),
     ("/icon.svg", "image/svg+xml", include_str!("../pages/icon.svg")),
@@ -70,6 +77,7 @@ const PAGES: [Page; 11] = [
     ("/changes.js", SCRIPT, include_str!("../pages/changes.js")),
     ("/compare.js", SCRIPT, include_str!("../pages/compare.js")),
     ("/findings.js", SCRIPT, include_str!("../pages/findings.js")),
+    ("/photographs.js", SCRIPT, include_str!("../pages/photographs.js")),
     ("/controls.js", SCRIPT, include_str!("../pages/controls.js")),
     ("/picture.js", SCRIPT, include_str!("../pages/picture.js")),
     ("/region.js", SCRIPT, include_str!("../pages/region.js")),
@@ -86,7 +94,18 @@ pub(crate) fn router(server: Arc<Server>) -> Router {
         .route("/api/report", post(report_of))
         .route("/report.html", get(last_report))
         .route("/api/render", post(render))
-        .route("/api/stop", post(stop));
+        .route("/api/stop", post(stop))
+        .route("/api/photographs", post(photographs))
+        .route(
+            "/api/photographs/file/{name}",
+            post(photograph).layer(DefaultBodyLimit::max(MOST_FRAME_BYTES)),
+        )
+        .route("/api/photographs/picture", post(photograph_picture))
+        .route(
+            "/api/photographs/estimate",
+            post(photograph_estimate).layer(DefaultBodyLimit::max(MOST_MASK_BYTES)),
+        )
+        .route("/api/photographs/save", post(photographs_save).layer(DefaultBodyLimit::max(MOST_MASK_BYTES)));
     for (path, kind, content) in PAGES {
         router = router.route(path, get(move || async move { ([(CONTENT_TYPE, kind)], content) }));
     }
@@ -133,10 +152,30 @@ async fn answer<Q: Send + 'static>(
         Stage::Ready(live, _) => live,
         Stage::Rendering => return refusal(StatusCode::SERVICE_UNAVAILABLE, "the render is not there yet"),
         Stage::Failed(why) => return refusal(StatusCode::SERVICE_UNAVAILABLE, &why),
+        Stage::Photographs => return refusal(StatusCode::SERVICE_UNAVAILABLE, "there are photographs alone"),
     };
+    in_turn(&server, move || work(&live, &asked)).await
+}
+
+/// What work on photographs gives, done in a thread of its own.
+async fn answer_photographs<Q: Send + 'static>(
+    server: Arc<Server>,
+    asked: Asked<Q>,
+    work: impl FnOnce(&Photographs, &Q) -> Result<Response> + Send + 'static,
+) -> Response {
+    match asked {
+        Ok(Json(asked)) => {
+            let photographs = Arc::clone(&server.photographs);
+            in_turn(&server, move || work(&photographs, &asked)).await
+        }
+        Err(error) => refusal(error.status(), &error.body_text()),
+    }
+}
+
+/// Does work when its turn comes, in a thread of its own.
+async fn in_turn(server: &Server, work: impl FnOnce() -> Result<Response> + Send + 'static) -> Response {
     let _turn = server.workers.acquire().await;
-    let done =
-        tokio::task::spawn_blocking(move || work(&live, &asked).unwrap_or_else(|error| failure(&error)));
+    let done = tokio::task::spawn_blocking(move || work().unwrap_or_else(|error| failure(&error)));
     let defect = "this is a defect of Fluorspar: please report the last lines of the terminal";
     done.await.unwrap_or_else(|_| refusal(StatusCode::INTERNAL_SERVER_ERROR, defect))
 }
@@ -157,6 +196,7 @@ fn about(subject: &Subject, stage: &Stage) -> Result<Value> {
     let (live, remark) = match stage {
         Stage::Ready(live, remark) => (live, remark),
         Stage::Failed(why) => return Ok(json!({ "stage": "failed", "name": name, "error": why })),
+        Stage::Photographs => return Ok(json!({ "stage": "photographs", "name": name })),
         Stage::Rendering => {
             let (share, said) = subject.progress();
             return Ok(json!({ "stage": "rendering", "name": name, "share": share, "said": said }));
@@ -189,12 +229,56 @@ async fn picture_of(State(server): Shared, asked: Asked<PictureRequest>) -> Resp
         if !shared.is_read_ahead.swap(true, Ordering::Relaxed) {
             read_ahead(live);
         }
-        let facts = serde_json::to_vec(&facts)?;
-        let length = (facts.len() as u32).to_le_bytes();
-        let body = Bytes::from([length.as_slice(), &facts, &png].concat());
-        Ok(([(CONTENT_TYPE, "application/octet-stream")], body).into_response())
+        told_picture(&facts, &png)
     };
     answer(server, asked, work).await
+}
+
+fn told_picture(facts: &impl Serialize, png: &[u8]) -> Result<Response> {
+    let facts = serde_json::to_vec(facts)?;
+    let length = (facts.len() as u32).to_le_bytes();
+    let body = Bytes::from([length.as_slice(), &facts, png].concat());
+    Ok(([(CONTENT_TYPE, "application/octet-stream")], body).into_response())
+}
+
+/// Which experiment photographs belong to.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PhotographsRequest {
+    experiment: Option<String>,
+}
+
+async fn photographs(State(server): Shared, asked: Asked<PhotographsRequest>) -> Response {
+    let work = |photographs: &Photographs, asked: &PhotographsRequest| {
+        Ok(Json(photographs.told(asked.experiment.as_deref())?).into_response())
+    };
+    answer_photographs(server, asked, work).await
+}
+
+async fn photograph(State(server): Shared, UrlPath(name): UrlPath<String>, bytes: Bytes) -> Response {
+    let photographs = Arc::clone(&server.photographs);
+    in_turn(&server, move || Ok(Json(photographs.take(&name, &bytes)?).into_response())).await
+}
+
+async fn photograph_picture(State(server): Shared, asked: Asked<PhotographRequest>) -> Response {
+    let work = |photographs: &Photographs, asked: &PhotographRequest| {
+        let (facts, shown) = photographs.picture(asked)?;
+        told_picture(&facts, &png_of(&shown)?)
+    };
+    answer_photographs(server, asked, work).await
+}
+
+async fn photograph_estimate(State(server): Shared, asked: Asked<EstimateRequest>) -> Response {
+    let work = |photographs: &Photographs, asked: &EstimateRequest| {
+        Ok(Json(photographs.estimate(asked)?).into_response())
+    };
+    answer_photographs(server, asked, work).await
+}
+
+async fn photographs_save(State(server): Shared, asked: Asked<SaveRequest>) -> Response {
+    let work =
+        |photographs: &Photographs, asked: &SaveRequest| Ok(Json(photographs.save(asked)?).into_response());
+    answer_photographs(server, asked, work).await
 }
 
 async fn region_of(State(server): Shared, asked: Asked<RegionRequest>) -> Response {

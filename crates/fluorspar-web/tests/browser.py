@@ -3,9 +3,8 @@
 Usage: browser.py PROGRAM [TESTS]. Each test is a function of this file whose name begins with `test_`; it gets a page on a small run.
 """
 
+import base64
 import contextlib
-import json
-import re
 import shutil
 import subprocess
 import sys
@@ -30,6 +29,7 @@ class Bench:
 
     def __init__(self, program: str, page: Page, subject: list[str]) -> None:
         self.page = page
+        self.subject = Path(subject[0])
         self.requests: list[str] = []
         self.errors: list[str] = []
         self.process = subprocess.Popen([program, "workbench", "-q", *subject], stdout=subprocess.PIPE, text=True)
@@ -200,6 +200,48 @@ def test_a_report_is_told_in_tabs(bench: Bench) -> None:
     assert page.locator("#findings-panel svg").count() > 0
     found = [one for one in Axe().run(page).response["violations"] if one["impact"] not in BEARABLE]
     assert not found, found
+
+
+def test_a_photograph_is_dropped_drawn_upon_and_saved(bench: Bench) -> None:
+    page = bench.page
+    run = bench.subject
+    bench.picture(after=0)
+    files = [{"name": name, "base64": base64.b64encode((run / name).read_bytes()).decode()}
+             for capture in ("blue", "ambient") for name in (f"raw_{capture}.tiff", f"raw_{capture}.tiff.json")]
+    files.append({"name": "photo.jpg", "base64": base64.b64encode(b"\xff\xd8\xff\xe0 no raw frame").decode()})
+    page.evaluate("""files => {
+        const data = new DataTransfer();
+        for (const { name, base64 } of files) data.items.add(new File([Uint8Array.from(atob(base64), c => c.charCodeAt(0))], name));
+        document.body.dispatchEvent(new DragEvent('drop', { dataTransfer: data, bubbles: true, cancelable: true }));
+    }""", files)
+    page.wait_for_function("() => document.querySelectorAll('#photo-list tr').length === 2", timeout=WAIT)
+    page.wait_for_function("() => document.querySelector('#photo-viewport').ariaBusy === 'false'", timeout=WAIT)
+    assert "tone curve" in page.locator("#photo-message").inner_text()
+    bench.errors.clear()
+    page.get_by_role("button", name="Add tongue").click()
+    box = page.locator("#photo-drawing").bounding_box()
+    for x, y in ((0.4, 0.6), (0.6, 0.6), (0.5, 0.75)):
+        page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
+    page.keyboard.press("Enter")
+    verdict = page.locator("#photo-regions .verdict")
+    page.wait_for_function("() => document.querySelector('#photo-regions .verdict').textContent.includes('%')", timeout=WAIT)
+    assert verdict.count() == 1
+    page.get_by_role("button", name="Add lesion").click()
+    page.locator("#photo-tool").select_option("brush")
+    page.mouse.move(box["x"] + 0.45 * box["width"], box["y"] + 0.65 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.66 * box["height"], steps=4)
+    page.mouse.up()
+    page.get_by_label("verdict on lesion").select_option("wrong")
+    found = [one for one in Axe().run(page).response["violations"] if one["impact"] not in BEARABLE]
+    assert not found, found
+    with tempfile.TemporaryDirectory() as folder:
+        page.locator("#photo-folder").fill(folder)
+        page.get_by_role("button", name="Save table and masks").click()
+        page.wait_for_function("() => document.querySelector('#photo-message').textContent.startsWith('Saved')", timeout=WAIT)
+        table = (Path(folder) / "photographs.csv").read_text().splitlines()
+        assert table[0] == "patient,visit,capture,frame,region,where,verdict" and len(table) == 4, table
+        assert (Path(folder) / "mask_raw_blue_lesion.png").exists() and table[2].endswith(",wrong"), table
 
 
 def test_what_needs_a_render_is_offered(bench: Bench) -> None:
