@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use fluorspar::analysis::PixelSelection;
 use fluorspar::image::{LightPath, SpectralImage};
+use fluorspar::interruption::end_if_interrupted;
 use fluorspar::pipeline::{
     AnalyzedFrame, CapturedFrame, PipelineError, RegionRadiance, analyze_regions, analyze_seen,
     capture_from_planes, check_captures, frame_radiance, on_sensor,
@@ -318,7 +319,9 @@ impl LiveStudy<'_> {
     pub fn frame(&self, capture: &str) -> Result<CapturedFrame> {
         let study = Study { captures: self.needed(capture)?, ..self.study().clone() };
         let view = self.view(&study.captures)?;
+        end_if_interrupted();
         let frames = capture_from_planes(&study, &view.components(&self.live.render))?;
+        end_if_interrupted();
         let frame = frames.into_iter().find(|frame| frame.raw.label == capture);
         frame.ok_or_else(|| self.no_capture(capture))
     }
@@ -374,6 +377,7 @@ impl LiveStudy<'_> {
         let view = self.view(&study.captures)?;
         let seen = view.components(&self.live.render);
         let frames = capture_from_planes(&study, &seen)?;
+        end_if_interrupted();
         match analyze_regions(&study, Some(&seen), &frames)?.pop() {
             None => Ok(analyze_seen(&study, Some(&seen), &frames)?),
             Some(region) => Ok(Some(region.analyzed.map_err(|why| {

@@ -13,6 +13,7 @@ export class Findings {
     this.changes = changes;
     this.picture = picture;
     this.serial = 0;
+    this.taken = new AbortController();
     /** What is told, as it was asked for. */
     this.told = "";
     this.chosen = "";
@@ -28,6 +29,7 @@ export class Findings {
 
   refresh() {
     if (JSON.stringify(this.body()) === this.told) return;
+    this.taken.abort();
     byId("findings-body").classList.add("stale");
     clearTimeout(this.timer);
     if (byId("findings-fold").open) this.timer = window.setTimeout(() => this.fetch(), REST);
@@ -37,10 +39,11 @@ export class Findings {
     if (this.picture.isHeld || this.picture.isBusy || !this.picture.facts) return this.refresh();
     const serial = ++this.serial;
     const body = this.body();
+    this.taken = new AbortController();
     try {
       for (const with_spectra of [false, true]) {
         byId("findings-state").textContent = with_spectra ? "Splitting the light by origin …" : "Reading the frames …";
-        const told = await (await ask("/api/findings", { ...body, with_spectra })).json();
+        const told = await (await ask("/api/findings", { ...body, with_spectra }, this.taken.signal)).json();
         if (serial !== this.serial) return;
         byId("findings-body").classList.remove("stale");
         this.tell(told.sections);
@@ -48,7 +51,7 @@ export class Findings {
       this.told = JSON.stringify(body);
       byId("findings-state").textContent = "";
     } catch (error) {
-      if (serial === this.serial) byId("findings-state").textContent = /** @type {Error} */ (error).message;
+      if (serial === this.serial && !this.taken.signal.aborted) byId("findings-state").textContent = /** @type {Error} */ (error).message;
     }
   }
 

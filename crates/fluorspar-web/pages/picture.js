@@ -6,9 +6,9 @@ import { make } from "./controls.js";
 /** @typedef {import("./changes.js").Changes} Changes */
 /** @typedef {import("./changes.js").Place} Place */
 
-/** @param {string} path @param {object} body */
-export async function ask(path, body) {
-  const response = await fetch(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+/** @param {string} path @param {object} body @param {AbortSignal} [signal] takes the question back, and the server ends its work */
+export async function ask(path, body, signal) {
+  const response = await fetch(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body), signal });
   if (response.ok) return response;
   const text = await response.text();
   let told = { error: text.trim(), needs_render: false };
@@ -19,9 +19,9 @@ export async function ask(path, body) {
 }
 
 /** Asks for a picture and draws it on a canvas; returns what is told beside it.
- * @param {object} body @param {HTMLCanvasElement} canvas @param {string} [path] */
-export async function draw(body, canvas, path = "/api/picture") {
-  const bytes = await (await ask(path, body)).arrayBuffer();
+ * @param {object} body @param {HTMLCanvasElement} canvas @param {string} [path] @param {AbortSignal} [signal] */
+export async function draw(body, canvas, path = "/api/picture", signal) {
+  const bytes = await (await ask(path, body, signal)).arrayBuffer();
   const length = new DataView(bytes).getUint32(0, true);
   const facts = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
   const image = await createImageBitmap(new Blob([new Uint8Array(bytes, 4 + length)], { type: "image/png" }));
@@ -31,6 +31,8 @@ export async function draw(body, canvas, path = "/api/picture") {
   return facts;
 }
 
+/** Time from which a picture that nobody wants any more is taken back, ms. */
+const SLOW = 250;
 /** Height of a page beside the frame, and the least of a frame, px. */
 const OTHER_HEIGHT = 300;
 const LEAST_HEIGHT = 300;
@@ -51,6 +53,9 @@ export class Picture {
     this.facts = null;
     this.tones = "";
     this.serial = 0;
+    /** When the picture in the making was asked for, and what takes it back. */
+    this.asked = 0;
+    this.taken = new AbortController();
     /** @type {() => void} */
     this.onshown = () => {};
     this.zoom = byId("zoom");
@@ -63,6 +68,8 @@ export class Picture {
   /** Asks for a new picture; while one is in the making, for the newest after it. */
   async refresh() {
     this.isWanted = true;
+    // A quick picture is awaited, so that a drag shows some; a slow one would only be late
+    if (this.isBusy && performance.now() - this.asked > SLOW) this.taken.abort();
     if (this.isBusy) return;
     this.isBusy = true;
     byId("viewport").setAttribute("aria-busy", "true");
@@ -73,7 +80,7 @@ export class Picture {
         this.say("");
       } catch (error) {
         const { message, needsRender } = /** @type {Error & {needsRender?: boolean}} */ (error);
-        if (!this.isWanted) this.say(message, needsRender);
+        if (!this.isWanted && !this.taken.signal.aborted) this.say(message, needsRender);
         byId("viewport").classList.add("stale");
       }
     }
@@ -86,7 +93,9 @@ export class Picture {
     const { capture, view } = this.changes.shown;
     const tones = `${capture} ${view}`;
     const white = this.isHeld && this.facts && this.tones === tones ? this.facts.white : null;
-    const facts = await draw({ set: this.changes.list(), capture, view, white, place: this.changes.place() }, this.canvas);
+    [this.asked, this.taken] = [performance.now(), new AbortController()];
+    const body = { set: this.changes.list(), capture, view, white, place: this.changes.place() };
+    const facts = await draw(body, this.canvas, "/api/picture", this.taken.signal);
     this.changes.fit({ px: facts.frame_px, mm: facts.sensor_mm });
     [this.facts, this.tones] = [facts, tones];
     this.canvas.dataset.serial = String(++this.serial);

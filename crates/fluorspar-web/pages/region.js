@@ -17,6 +17,7 @@ export class Region {
     this.picture = picture;
     this.subject = subject;
     this.serial = 0;
+    this.taken = new AbortController();
     /** @type {number | undefined} */
     this.timer = undefined;
     byId("corners").addEventListener("submit", (/** @type {Event} */ event) => {
@@ -35,6 +36,7 @@ export class Region {
 
   /** Marks what is told as of an earlier state, and asks anew after a rest. */
   refresh() {
+    this.taken.abort();
     byId("region").classList.add("stale");
     byId("answer").classList.add("stale");
     // The first estimate of a scene solves its tissues
@@ -49,10 +51,11 @@ export class Region {
     this.tellPlace();
     try {
       const body = { set: this.changes.list(), capture: this.changes.shown.capture, frame_px: this.picture.facts.frame_px, place: this.changes.place() };
-      const told = await (await ask("/api/region", body)).json();
+      this.taken = new AbortController();
+      const told = await (await ask("/api/region", body, this.taken.signal)).json();
       if (serial === this.serial) this.tell(told);
     } catch (error) {
-      if (serial === this.serial) this.tell({ lines: [], warnings: [], no_estimate: /** @type {Error} */ (error).message });
+      if (serial === this.serial && !this.taken.signal.aborted) this.tell({ lines: [], warnings: [], no_estimate: /** @type {Error} */ (error).message });
     }
   }
 

@@ -10,12 +10,14 @@
 //! | say what a report says, and make it | `findings.rs` |
 //! | take photographs in, and save what was drawn on them | `photograph.rs` |
 //! | answer requests | `server.rs` |
+//! | end what nobody waits for any more | `lane.rs` |
 //! | refuse those of others | `guard.rs` |
 //! | the pages | `pages/` |
 
 mod controls;
 mod findings;
 mod guard;
+mod lane;
 mod photograph;
 mod picture;
 mod region;
@@ -99,7 +101,7 @@ impl Workbench {
         let port = found.map_err(|error| Error::Failed(format!("can't listen: {error}")))?.port();
         let guard = Guard::new(port);
         let address = format!("http://127.0.0.1:{port}/?token={}", guard.token());
-        Ok(Self { listener, server: Arc::new(Server::new(guard, subject, photographs)), address })
+        Ok(Self { listener, server: Arc::new(Server::new(guard, subject, photographs)?), address })
     }
 
     /// The address with the token that opens the workbench.

@@ -16,11 +16,11 @@ use fluorspar::pipeline::PipelineError;
 use fluorspar_session::{Changes, Error, ErrorKind, LiveRender, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use tokio::sync::Semaphore;
 
 use crate::controls::controls;
 use crate::findings::{FindingsRequest, ReportRequest, findings, report};
 use crate::guard::{Guard, guarded};
+use crate::lane::Lane;
 use crate::photograph::{EstimateRequest, PhotographRequest, Photographs, SaveRequest};
 use crate::picture::{PictureRequest, picture, png_of};
 use crate::region::{Place, RegionRequest, region};
@@ -41,20 +41,20 @@ pub(crate) struct Server {
     pub(crate) photographs: Arc<Photographs>,
     /// The page of the last report.
     report: Mutex<Option<Bytes>>,
-    /// How many answers are made at once: a picture and an estimate.
-    workers: Semaphore,
+    /// Pictures, estimates, and what takes longer: one of each is made at once.
+    lanes: [Lane; 3],
 }
 
 impl Server {
-    pub(crate) fn new(guard: Guard, subject: Subject, photographs: Photographs) -> Self {
-        Self {
+    pub(crate) fn new(guard: Guard, subject: Subject, photographs: Photographs) -> Result<Self> {
+        Ok(Self {
             guard,
             subject: Arc::new(subject),
             is_read_ahead: AtomicBool::new(false),
             photographs: Arc::new(photographs),
             report: Mutex::default(),
-            workers: Semaphore::new(2),
-        }
+            lanes: [Lane::new()?, Lane::new()?, Lane::new()?],
+        })
     }
 }
 
@@ -141,6 +141,7 @@ fn failure(error: &Error) -> Response {
 /// What work on the finished render gives, done in a thread of its own.
 async fn answer<Q: Send + 'static>(
     server: Arc<Server>,
+    kind: Kind,
     asked: Asked<Q>,
     work: impl FnOnce(&Arc<LiveRender>, &Q) -> Result<Response> + Send + 'static,
 ) -> Response {
@@ -154,28 +155,40 @@ async fn answer<Q: Send + 'static>(
         Stage::Failed(why) => return refusal(StatusCode::SERVICE_UNAVAILABLE, &why),
         Stage::Photographs => return refusal(StatusCode::SERVICE_UNAVAILABLE, "there are photographs alone"),
     };
-    in_turn(&server, move || work(&live, &asked)).await
+    in_turn(&server, kind, move || work(&live, &asked)).await
 }
 
 /// What work on photographs gives, done in a thread of its own.
 async fn answer_photographs<Q: Send + 'static>(
     server: Arc<Server>,
+    kind: Kind,
     asked: Asked<Q>,
     work: impl FnOnce(&Photographs, &Q) -> Result<Response> + Send + 'static,
 ) -> Response {
     match asked {
         Ok(Json(asked)) => {
             let photographs = Arc::clone(&server.photographs);
-            in_turn(&server, move || work(&photographs, &asked)).await
+            in_turn(&server, kind, move || work(&photographs, &asked)).await
         }
         Err(error) => refusal(error.status(), &error.body_text()),
     }
 }
 
-/// Does work when its turn comes, in a thread of its own.
-async fn in_turn(server: &Server, work: impl FnOnce() -> Result<Response> + Send + 'static) -> Response {
-    let _turn = server.workers.acquire().await;
-    let done = tokio::task::spawn_blocking(move || work().unwrap_or_else(|error| failure(&error)));
+/// Kinds of work.
+#[derive(Clone, Copy)]
+enum Kind {
+    Picture,
+    Estimate,
+    Report,
+}
+
+/// Does work when its turn comes, in threads of its own; ends it where the browser takes its request back.
+async fn in_turn(
+    server: &Server,
+    kind: Kind,
+    work: impl FnOnce() -> Result<Response> + Send + 'static,
+) -> Response {
+    let done = server.lanes[kind as usize].run(move || work().unwrap_or_else(|error| failure(&error)));
     let defect = "this is a defect of Fluorspar: please report the last lines of the terminal";
     done.await.unwrap_or_else(|_| refusal(StatusCode::INTERNAL_SERVER_ERROR, defect))
 }
@@ -231,7 +244,7 @@ async fn picture_of(State(server): Shared, asked: Asked<PictureRequest>) -> Resp
         }
         told_picture(&facts, &png)
     };
-    answer(server, asked, work).await
+    answer(server, Kind::Picture, asked, work).await
 }
 
 fn told_picture(facts: &impl Serialize, png: &[u8]) -> Result<Response> {
@@ -252,12 +265,12 @@ async fn photographs(State(server): Shared, asked: Asked<PhotographsRequest>) ->
     let work = |photographs: &Photographs, asked: &PhotographsRequest| {
         Ok(Json(photographs.told(asked.experiment.as_deref())?).into_response())
     };
-    answer_photographs(server, asked, work).await
+    answer_photographs(server, Kind::Picture, asked, work).await
 }
 
 async fn photograph(State(server): Shared, UrlPath(name): UrlPath<String>, bytes: Bytes) -> Response {
     let photographs = Arc::clone(&server.photographs);
-    in_turn(&server, move || Ok(Json(photographs.take(&name, &bytes)?).into_response())).await
+    in_turn(&server, Kind::Picture, move || Ok(Json(photographs.take(&name, &bytes)?).into_response())).await
 }
 
 async fn photograph_picture(State(server): Shared, asked: Asked<PhotographRequest>) -> Response {
@@ -265,31 +278,31 @@ async fn photograph_picture(State(server): Shared, asked: Asked<PhotographReques
         let (facts, shown) = photographs.picture(asked)?;
         told_picture(&facts, &png_of(&shown)?)
     };
-    answer_photographs(server, asked, work).await
+    answer_photographs(server, Kind::Picture, asked, work).await
 }
 
 async fn photograph_estimate(State(server): Shared, asked: Asked<EstimateRequest>) -> Response {
     let work = |photographs: &Photographs, asked: &EstimateRequest| {
         Ok(Json(photographs.estimate(asked)?).into_response())
     };
-    answer_photographs(server, asked, work).await
+    answer_photographs(server, Kind::Estimate, asked, work).await
 }
 
 async fn photographs_save(State(server): Shared, asked: Asked<SaveRequest>) -> Response {
     let work =
         |photographs: &Photographs, asked: &SaveRequest| Ok(Json(photographs.save(asked)?).into_response());
-    answer_photographs(server, asked, work).await
+    answer_photographs(server, Kind::Picture, asked, work).await
 }
 
 async fn region_of(State(server): Shared, asked: Asked<RegionRequest>) -> Response {
     let work = |live: &Arc<LiveRender>, asked: &RegionRequest| Ok(Json(region(live, asked)?).into_response());
-    answer(server, asked, work).await
+    answer(server, Kind::Estimate, asked, work).await
 }
 
 async fn findings_of(State(server): Shared, asked: Asked<FindingsRequest>) -> Response {
     let work =
         |live: &Arc<LiveRender>, asked: &FindingsRequest| Ok(Json(findings(live, asked)?).into_response());
-    answer(server, asked, work).await
+    answer(server, Kind::Report, asked, work).await
 }
 
 /// Makes the report that [`last_report`] shows.
@@ -300,7 +313,7 @@ async fn report_of(State(server): Shared, asked: Asked<ReportRequest>) -> Respon
         *shared.report.lock().unwrap_or_else(PoisonError::into_inner) = Some(page);
         Ok(StatusCode::NO_CONTENT.into_response())
     };
-    answer(server, asked, work).await
+    answer(server, Kind::Report, asked, work).await
 }
 
 async fn last_report(State(server): Shared) -> Response {
@@ -328,7 +341,7 @@ async fn toml_of(State(server): Shared, asked: Asked<TomlRequest>) -> Response {
         let place = asked.place.as_ref().map(Place::text);
         Ok(Json(json!({ "toml": live.text_with(&changes, place.as_deref())? })).into_response())
     };
-    answer(server, asked, work).await
+    answer(server, Kind::Picture, asked, work).await
 }
 
 /// Which changes are rendered.
@@ -347,7 +360,7 @@ async fn render(State(server): Shared, asked: Asked<RenderRequest>) -> Response 
         subject.render_again(live, &changes)?;
         Ok(StatusCode::ACCEPTED.into_response())
     };
-    answer(server, asked, work).await
+    answer(server, Kind::Picture, asked, work).await
 }
 
 /// Ends the render in work.

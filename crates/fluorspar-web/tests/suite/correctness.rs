@@ -356,3 +356,23 @@ fn subjects_that_are_none_are_told() {
     let error = Workbench::open(&options).err().unwrap().to_string();
     assert!(error.contains("gain") && error.contains("-3"), "{error}");
 }
+
+#[test]
+fn a_run_that_is_written_anew_is_not_mixed_with_the_one_that_was_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["components.exr", "experiment.toml"] {
+        std::fs::copy(run_folder().join(name), folder.path().join(name)).unwrap();
+    }
+    let served = Served::on(folder.path());
+    let other = any_led_folder().join("components.exr");
+    let (new, image) = (folder.path().join("new.exr"), folder.path().join("components.exr"));
+    std::fs::copy(other, &new).unwrap();
+    std::fs::rename(&new, &image).unwrap();
+    let asked = json!({ "set": ["view_filter.filters=[]"], "capture": "blue", "view": "developed" });
+    let refused = served.post("/api/picture", &asked);
+    assert!(
+        refused.status == 422 && refused.text().contains("written anew since it was opened"),
+        "{}",
+        refused.text()
+    );
+}
