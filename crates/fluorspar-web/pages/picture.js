@@ -68,8 +68,8 @@ export class Picture {
   /** Asks for a new picture; while one is in the making, for the newest after it. */
   async refresh() {
     this.isWanted = true;
-    // A quick picture is awaited, so that a drag shows some; a slow one would only be late
-    if (this.isBusy && performance.now() - this.asked > SLOW) this.taken.abort();
+    // A drag shows what there was time for; otherwise a slow picture would only be late
+    if (this.isBusy && !this.isHeld && performance.now() - this.asked > SLOW) this.taken.abort();
     if (this.isBusy) return;
     this.isBusy = true;
     byId("viewport").setAttribute("aria-busy", "true");
