@@ -25,6 +25,8 @@ export class Changes {
     this.last = { what: "", time: 0 };
     /** @type {(what: "set" | "place") => void} */
     this.onchange = () => {};
+    /** Makes the part that a pixel shows the region. @type {(place: number[]) => void} */
+    this.pick = () => {};
   }
 
   /** Changes as `--set` has them. */
@@ -128,7 +130,8 @@ export class Changes {
     const text = new URLSearchParams();
     for (const change of this.list()) text.append("set", change);
     const { place } = this.now;
-    if (place) text.append("region", JSON.stringify(place.polygon_px ?? place.rectangle_px));
+    const shape = place?.polygon_px ?? place?.rectangle_px;
+    if (shape) text.append("region", JSON.stringify(shape));
     if (place?.part !== undefined) text.append("part", place.part);
     if (this.shown.capture) text.append("capture", this.shown.capture);
     if (this.shown.view !== "developed") text.append("view", this.shown.view);
@@ -173,7 +176,7 @@ function listOf(text) {
 /** @param {string | null} text @param {string | null} part @returns {Place} */
 function placeOf(text, part) {
   const numbers = listOf(text);
-  if (!numbers) return null;
+  if (!numbers) return part ? { part } : null;
   const shape = Array.isArray(numbers[0]) ? { polygon_px: numbers } : { rectangle_px: numbers };
   return part === null ? shape : { ...shape, part };
 }

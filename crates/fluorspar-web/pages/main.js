@@ -9,8 +9,8 @@ import { Photographs } from "./photographs.js";
 import { Region } from "./region.js";
 
 const byId = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
-const VIEWS = [["developed", "Developed"], ["raw", "Raw mosaic"], ["clip", "Clipping"], ["noise", "Signal to noise"], ["eye", "Eye"], ["porphyrin", "Porphyrin map"]];
-const TOOLS = [["off", "Off"], ["rectangle", "Rectangle"], ["polygon", "Polygon"]];
+const VIEWS = [["developed", "Developed"], ["raw", "Raw mosaic"], ["clip", "Clipping"], ["noise", "Signal to noise"], ["eye", "Eye"], ["clay", "Clay"], ["part", "Parts"], ["depth", "Depth"], ["porphyrin", "Porphyrin map"]];
+const TOOLS = [["off", "Off"], ["rectangle", "Rectangle"], ["polygon", "Polygon"], ["part", "Part"]];
 /** How often the page looks how far a render is, ms. */
 const LOOK = 400;
 

@@ -217,6 +217,8 @@ export class Drawing {
     if (this.tool === "rectangle") {
       this.canvas.setPointerCapture(event.pointerId);
       this.start = place;
+    } else if (this.tool === "part") {
+      this.changes.pick(place.map(Math.floor));
     } else {
       const first = this.corners[0];
       const near = first && Math.hypot(first[0] - place[0], first[1] - place[1]) < 0.015 * this.picture.facts.frame_px[0];
@@ -284,6 +286,7 @@ function rectangleOf(a, b) {
 function cornersOf(place) {
   if (!place) return [];
   if (place.polygon_px) return place.polygon_px;
-  const [column, row, width, height] = place.rectangle_px ?? [0, 0, 0, 0];
+  if (!place.rectangle_px) return [];
+  const [column, row, width, height] = place.rectangle_px;
   return [[column, row], [column + width, row], [column + width, row + height], [column, row + height]];
 }

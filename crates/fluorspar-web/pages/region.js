@@ -31,6 +31,12 @@ export class Region {
       width = entry.contentRect.width;
     }).observe(byId("spectra"));
     byId("clear").addEventListener("click", () => changes.draw(null));
+    changes.pick = async ([column, row]) => {
+      const frame_px = this.picture.facts.frame_px;
+      const at_px = [Math.min(column, frame_px[0] - 1), Math.min(row, frame_px[1] - 1)];
+      const { part } = await (await ask("/api/part", { set: changes.list(), frame_px, at_px })).json();
+      if (part) changes.draw({ part });
+    };
     byId("part").addEventListener("change", () => changes.draw({ ...changes.now.place, part: byId("part").value }));
   }
 
@@ -65,6 +71,7 @@ export class Region {
     const own = parts?.length ? parts.join(", ").replaceAll("_", " ") : "the whole analysis";
     const { polygon_px: corners, rectangle_px: rectangle } = place ?? {};
     byId("place").textContent = corners ? `A polygon of ${corners.length} corners`
+      : place?.part && !rectangle ? `The part ${place.part.replaceAll("_", " ")}.`
       : rectangle ? `A rectangle of ${rectangle[2]} × ${rectangle[3]} pixels`
       : analyzed ? `Of the analysis: ${own}. Draw another one on the frame.` : "Draw a region on the frame.";
     byId("clear").hidden = !place || !analyzed;

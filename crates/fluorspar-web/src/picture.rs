@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use fluorspar::image::{ChannelImage, SensorImage};
 use fluorspar::pipeline::{
-    AnalyzedFrame, CapturedFrame, ColorRendering, PipelineError, Preview, bright_level_dn, noise_of,
-    on_sensor, preview_white, preview_with_white, radiance_preview,
+    AnalyzedFrame, CapturedFrame, ColorRendering, PipelineError, Preview, SurfaceView, bright_level_dn,
+    depth_range_m, noise_of, on_sensor, preview_white, preview_with_white, radiance_preview, surface_view,
 };
 use fluorspar::spectral::encode_srgb;
 use fluorspar_report::ColorMap;
@@ -38,6 +38,9 @@ pub(crate) enum View {
     Clip,
     Noise,
     Eye,
+    Clay,
+    Part,
+    Depth,
     Porphyrin,
 }
 
@@ -115,7 +118,20 @@ pub(crate) fn picture(live: &LiveRender, request: &PictureRequest) -> Result<(Pi
             let (shown, legend) = signal_to_noise(&study, &frame)?;
             (shown, 0.0, Some(legend))
         }
-        View::Eye => (seen_by_eye(&study, live, &frame)?, 0.0, None),
+        View::Eye => {
+            let seen = radiance_preview(&study.radiance_image(&request.capture)?);
+            (laid_out(&seen, &study, live, &frame)?, 0.0, None)
+        }
+        View::Clay => (of_surfaces(SurfaceView::Clay, &study, live, &frame)?, 0.0, None),
+        View::Part => (of_surfaces(SurfaceView::Part, &study, live, &frame)?, 0.0, None),
+        View::Depth => {
+            let range_m = depth_range_m(&live.render().labels().features).unwrap_or_default();
+            let [near, far] = range_m.map(|distance| format!("{:.1} mm", 1e3 * distance));
+            let colors = vec![[255; 3], [38; 3]];
+            let label = "Distance from the camera".into();
+            let legend = Legend { label, ends: [near, far], note: "nearest to farthest", colors };
+            (of_surfaces(SurfaceView::Depth, &study, live, &frame)?, 0.0, Some(legend))
+        }
         View::Raw => {
             let white = request.white.unwrap_or_else(|| bright_raw(&frame.raw));
             (raw(&frame.raw, white), white, None)
@@ -152,7 +168,7 @@ pub(crate) fn of_photograph(
             let (shown, legend) = porphyrin(analyzed.ok_or_else(no_region)?, developed)?;
             (shown, Some(legend))
         }
-        View::Noise | View::Eye => {
+        View::Noise | View::Eye | View::Clay | View::Part | View::Depth => {
             return Err(Error::Input("this view is one of simulations; choose another".into()));
         }
     };
@@ -305,9 +321,24 @@ fn signal_to_noise(study: &LiveStudy<'_>, frame: &CapturedFrame) -> Result<(Prev
     Ok((Preview { width: image.width, height: image.height, rgb }, legend))
 }
 
-/// The radiance before filter and lens as an eye would see it, laid out as the frame is.
-fn seen_by_eye(study: &LiveStudy<'_>, live: &LiveRender, frame: &CapturedFrame) -> Result<Preview> {
-    let seen = radiance_preview(&study.radiance_image(&frame.raw.label)?);
+/// The surfaces without light, laid out as the frame is.
+fn of_surfaces(
+    view: SurfaceView,
+    study: &LiveStudy<'_>,
+    live: &LiveRender,
+    frame: &CapturedFrame,
+) -> Result<Preview> {
+    let labels = live.render().labels();
+    laid_out(&surface_view(&labels.features, labels.width, view), study, live, frame)
+}
+
+/// A picture of the render, laid out as the frame is.
+fn laid_out(
+    seen: &Preview,
+    study: &LiveStudy<'_>,
+    live: &LiveRender,
+    frame: &CapturedFrame,
+) -> Result<Preview> {
     let scene = on_sensor(study.study(), live.render().labels()).ok_or(PipelineError::Missing("sensor"))?;
     let [width, height] = [frame.developed.width, frame.developed.height];
     let color = |place: usize| match scene.scene_pixel(place / width, place % width, width, height) {

@@ -52,14 +52,16 @@ impl Place {
 
     /// The region as fields of `[analysis]` with values of TOML; what is painted is in the file of a mask.
     pub(crate) fn fields(&self, mask: &str) -> Vec<(&'static str, String)> {
-        let shape = match (&self.rectangle_px, &self.polygon_px, &self.mask_runs) {
-            (Some(place), ..) => ("rectangle_px", format!("{place:?}")),
-            (_, Some(corners), _) => ("polygon_px", format!("{corners:?}")),
-            (_, _, Some(_)) => ("mask", quoted(mask)),
-            _ => ("polygon_px", "[]".into()),
-        };
         let part = self.part.as_ref().filter(|part| !part.is_empty());
-        part.map(|part| ("parts", format!("[{}]", quoted(part)))).into_iter().chain([shape]).collect()
+        let shape = match (&self.rectangle_px, &self.polygon_px, &self.mask_runs) {
+            (Some(place), ..) => Some(("rectangle_px", format!("{place:?}"))),
+            (_, Some(corners), _) => Some(("polygon_px", format!("{corners:?}"))),
+            (_, _, Some(_)) => Some(("mask", quoted(mask))),
+            // A whole part; of nothing at all the analysis tells what is wrong
+            _ if part.is_some() => None,
+            _ => Some(("polygon_px", "[]".into())),
+        };
+        part.map(|part| ("parts", format!("[{}]", quoted(part)))).into_iter().chain(shape).collect()
     }
 
     fn region(&self) -> RegionOfInterest {
@@ -169,6 +171,32 @@ pub(crate) fn region(live: &LiveRender, request: &RegionRequest) -> Result<Regio
         Err(error) => answer.no_spectra = Some(said(&error)),
     }
     Ok(answer)
+}
+
+/// Which pixel is asked about.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PartRequest {
+    #[serde(default)]
+    set: Vec<String>,
+    frame_px: [usize; 2],
+    /// Column and row.
+    at_px: [u32; 2],
+}
+
+/// The part that a pixel shows; `None` where it shows none.
+///
+/// # Errors
+/// A change that can't be shown; a pixel that is not on the frame.
+pub(crate) fn part_at(live: &LiveRender, request: &PartRequest) -> Result<Option<String>> {
+    let changes = Changes { set: request.set.clone(), unset: Vec::new() };
+    check_no_files(&changes)?;
+    let study = live.show(&changes)?;
+    let [column, row] = request.at_px;
+    let pixel =
+        Place { rectangle_px: Some([column, row, 1, 1]), polygon_px: None, mask_runs: None, part: None };
+    let shape = selected(&study, live, request.frame_px, &pixel)?;
+    Ok(parts_within(&study, live, &shape).into_iter().next().map(|(part, _)| part))
 }
 
 /// The pixels of a region that was drawn, whether or not an estimate can use them.

@@ -23,7 +23,7 @@ use crate::guard::{Guard, guarded};
 use crate::lane::Lane;
 use crate::photograph::{EstimateRequest, PhotographRequest, Photographs, SaveRequest};
 use crate::picture::{PictureRequest, picture, png_of};
-use crate::region::{Place, RegionRequest, region};
+use crate::region::{PartRequest, Place, RegionRequest, part_at, region};
 use crate::subject::{Stage, Subject, check_no_files, read_ahead, said};
 
 /// Largest request, bytes: changes and a polygon.
@@ -89,6 +89,7 @@ pub(crate) fn router(server: Arc<Server>) -> Router {
         .route("/api/subject", get(subject))
         .route("/api/picture", post(picture_of))
         .route("/api/region", post(region_of))
+        .route("/api/part", post(part_of))
         .route("/api/toml", post(toml_of))
         .route("/api/findings", post(findings_of))
         .route("/api/report", post(report_of))
@@ -323,6 +324,13 @@ async fn last_report(State(server): Shared) -> Response {
         }
         None => refusal(StatusCode::NOT_FOUND, "no report was made yet"),
     }
+}
+
+async fn part_of(State(server): Shared, asked: Asked<PartRequest>) -> Response {
+    let work = |live: &Arc<LiveRender>, asked: &PartRequest| {
+        Ok(Json(json!({ "part": part_at(live, asked)? })).into_response())
+    };
+    answer(server, Kind::Picture, asked, work).await
 }
 
 /// Which changes are to be written into the experiment.

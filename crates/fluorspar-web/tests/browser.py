@@ -99,8 +99,12 @@ def test_a_run_is_shown(bench: Bench) -> None:
     assert page.locator("#picture").get_attribute("aria-label").startswith("Frame ")
     assert bench.estimate()
     shown = bench.pixels()
-    for view in ("Raw mosaic", "Clipping", "Porphyrin map", "Developed"):
+    seen = [shown]
+    for view in ("Raw mosaic", "Clipping", "Signal to noise", "Eye", "Clay", "Parts", "Depth", "Porphyrin map"):
         bench.picture(lambda: page.get_by_role("radio", name=view).check(force=True))
+        seen.append(bench.pixels())
+    assert len(set(seen)) == len(seen), "two views are the same"
+    bench.picture(lambda: page.get_by_role("radio", name="Developed").check(force=True))
     assert bench.pixels() == shown
 
 
@@ -125,6 +129,21 @@ def test_each_kind_of_control_changes_the_frame(bench: Bench) -> None:
     assert any(text.endswith("exposure_ms=3.0") for text in bench.changes()), bench.changes()
     act("automatic exposure", lambda: exposure.locator("input[type=checkbox]").check())
     act("drive", lambda: page.locator(".control:visible", has_text="light_groups.blue").locator("input[type=range]").press("PageUp"))
+    # A drag shows pictures while it lasts, however slow the machine is
+    drive = page.locator(".control:visible", has_text="light_groups.blue").locator("input[type=range]")
+    before = bench.serial()
+    drive.evaluate("""async slider => {
+        const shown = () => Number(document.querySelector('#picture').dataset.serial);
+        const before = shown();
+        slider.dispatchEvent(new PointerEvent('pointerdown'));
+        for (let at = 0; shown() < before + 2 && at < 2000; at++) {
+            slider.value = String(300 + at % 400);
+            slider.dispatchEvent(new Event('input'));
+            await new Promise(requestAnimationFrame);
+        }
+    }""")
+    assert bench.serial() >= before + 2, "a drag showed no pictures"
+    act("the end of a drag", lambda: drive.evaluate("slider => { slider.value = '345'; slider.dispatchEvent(new Event('input')); slider.dispatchEvent(new Event('change')); }"))
     act("filter", lambda: bench.control("view_filter.filters").locator("select").select_option("[]"))
     act("concentration", lambda: page.locator(".control", has_text="concentration.").locator("input[type=range]").first.press("End"))
     act("sensor", lambda: bench.control("sensor.preset").locator("select").select_option("\"rgb_nir_3um\""))
@@ -146,6 +165,13 @@ def test_a_region_is_drawn_and_stays_in_the_address(bench: Bench) -> None:
     page.wait_for_function("() => document.querySelector('#place').textContent.startsWith('A rectangle')")
     drawn = bench.estimate()
     assert page.locator("#spectra svg.chart").count() == 1
+    page.locator("#tools input[value=part]").check(force=True)
+    box = page.locator("#drawing").bounding_box()
+    page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.66 * box["height"])
+    page.wait_for_function("() => document.querySelector('#place').textContent.startsWith('The part tongue')", timeout=WAIT)
+    page.wait_for_function("() => location.hash.includes('part=tongue')")
+    page.locator("#undo").click()
+    page.wait_for_function("() => document.querySelector('#place').textContent.startsWith('A rectangle')", timeout=WAIT)
     bench.picture(lambda: bench.control("view_filter.filters").locator("select").select_option("[]"))
     page.wait_for_function("() => location.hash.includes('view_filter')")
     shown, address = bench.pixels(), page.url

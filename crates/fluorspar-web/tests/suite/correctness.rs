@@ -259,6 +259,19 @@ fn findings_are_told_by_section() {
 }
 
 #[test]
+fn a_picked_part_is_a_region() {
+    let served = Served::on_run();
+    let asked = json!({ "frame_px": [64, 48], "at_px": [32, 24] });
+    let part = served.post("/api/part", &asked).json()["part"].as_str().unwrap().to_owned();
+    let body = json!({ "capture": "blue", "frame_px": [64, 48], "place": { "part": part } });
+    let told = served.post("/api/region", &body).json();
+    assert_eq!(told["part"], json!(part), "{told}");
+    assert!(told["lines"].as_array().unwrap().len() > 2, "{told}");
+    let outside = served.post("/api/part", &json!({ "frame_px": [64, 48], "at_px": [64, 0] }));
+    assert_eq!(outside.status, 422, "{}", outside.text());
+}
+
+#[test]
 fn what_needs_a_render_is_refused_in_words() {
     let served = Served::on_run();
     for (set, word) in [
