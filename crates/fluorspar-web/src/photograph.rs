@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::Write;
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -9,7 +10,9 @@ use fluorspar::findings::region_findings;
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview};
 use fluorspar_experiment::DEFAULT_EXPERIMENT;
 use fluorspar_experiment::preset::{self, PresetKind};
-use fluorspar_format::{csv_cell, description_path, read_described_frame, write_atomically, write_label_png};
+use fluorspar_format::{
+    csv_cell, description_path, read_bounded, read_described_frame, write_atomically, write_label_png,
+};
 use fluorspar_report::finding_lines;
 use fluorspar_session::{Error, Job, PhotographCamera, Result};
 use serde::{Deserialize, Serialize};
@@ -26,6 +29,8 @@ const TABLE: &str = "photographs.csv";
 const COLUMNS: &str = "patient,visit,capture,frame,region,where,verdict";
 /// Most pixels of a mask.
 const MOST_PIXELS: usize = 1 << 28;
+/// Largest file that is copied, bytes.
+const MOST_BYTES: u64 = 1 << 30;
 /// Value of a pixel inside a mask.
 const INSIDE: u8 = 255;
 
@@ -187,7 +192,7 @@ impl Photographs {
             return Err(Error::Input(format!("{name:?} is no name of a file; rename it")));
         }
         let path = self.folder.path().join(name);
-        write_atomically(&path, |file| std::io::Write::write_all(file, bytes))?;
+        write_atomically(&path, |file| file.write_all(bytes))?;
         if name.ends_with(".json") {
             return Ok(json!({ "description": name }));
         }
@@ -362,8 +367,8 @@ impl Photographs {
     fn check_free(&self, files: &[(PathBuf, Content)]) -> Result<()> {
         let written = lock(&self.written).clone();
         for (path, content) in files {
-            let is_same =
-                |source: &PathBuf| fs::read(source).ok().is_some_and(|own| fs::read(path).ok() == Some(own));
+            let of = |path: &Path| read_bounded(path, MOST_BYTES).ok();
+            let is_same = |source: &PathBuf| of(source).is_some_and(|own| of(path) == Some(own));
             let is_own =
                 written.contains(path) || matches!(content, Content::Copy(source) if is_same(source));
             if path.exists() && !is_own {
@@ -387,14 +392,11 @@ enum Content {
 impl Content {
     fn write(&self, path: &Path) -> Result<()> {
         match self {
-            Self::Text(text) => {
-                write_atomically(path, |file| std::io::Write::write_all(file, text.as_bytes()))?
-            }
+            Self::Text(text) => write_atomically(path, |file| file.write_all(text.as_bytes()))?,
             Self::Mask(size, runs) => write_mask(path, *size, runs)?,
             Self::Copy(source) => {
-                let failed = |error| Error::Failed(format!("{}: {error}", source.display()));
-                let mut own = fs::File::open(source).map_err(failed)?;
-                write_atomically(path, |file| std::io::copy(&mut own, file).map(|_| ()))?;
+                let bytes = read_bounded(source, MOST_BYTES)?;
+                write_atomically(path, |file| file.write_all(&bytes))?;
             }
         }
         Ok(())
