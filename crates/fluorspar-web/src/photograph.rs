@@ -197,10 +197,8 @@ impl Photographs {
             return Ok(json!({ "description": name }));
         }
         // Messages name the file, not where it was put
-        let told = read_described_frame(&path).map_err(|error| {
-            let _ = fs::remove_file(&path);
-            Error::Input(error.to_string().replace(&path.display().to_string(), name))
-        })?;
+        let told = read_described_frame(&path)
+            .map_err(|error| Error::Input(error.to_string().replace(&path.display().to_string(), name)))?;
         let mut files = lock(&self.files);
         let known = files.iter().position(|given| given.path == path);
         let id = known.unwrap_or(files.len());
