@@ -604,7 +604,7 @@ fn write_layers(out: &OutputFolder, porphyrin: &PorphyrinMap) -> Result<()> {
 
 /// The raw frame in a file under the name of a capture. What a real camera does not tell of its conversion gain and noise, the
 /// sensor of the experiment does.
-fn read_raw(study: &Study, path: &Path, label: Option<&str>) -> Result<DescribedFrame> {
+pub(crate) fn read_raw(study: &Study, path: &Path, label: Option<&str>) -> Result<DescribedFrame> {
     let mut told = read_described_frame(path)?;
     let raw = &mut told.image;
     if let Some(label) = label {

@@ -16,7 +16,7 @@ use fluorspar_format::{
     DngColor, FileFormat, FormatError, OutputFolder, Provenance, RawPacking, write_atomically,
     write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff,
 };
-use fluorspar_report::{FrameOrigin, evaluation_json};
+use fluorspar_report::evaluation_json;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -193,15 +193,11 @@ pub fn capture(options: &CaptureOptions, job: &Job) -> Result<CapturedFolder> {
         let analysis = analyze_seen(study, Some(&seen), &frames)?;
         let regions = analyze_regions(study, Some(&seen), &frames)?;
         let report = FrameReport {
-            experiment: &experiment,
-            experiment_text: &text,
-            frames,
             analysis,
             regions,
             components: spectra.as_ref(),
-            frames_from: FrameOrigin::Simulated,
-            described_frames: Vec::new(),
             raw_ending: Some(options.format.ending()),
+            ..FrameReport::simulated(&experiment, &text, frames)
         };
         let found = report.write(folder.path()).map_err(|error| error.at_its_place(&folder))?;
         results.extend(evaluation_json(&found)?);

@@ -8,6 +8,7 @@ use fluorspar::image::{
     ChannelPlanes, ComponentFactors, ComponentImage, ComponentRows, ExcitationImage, PreparedRows, RelitRows,
     SpectralBasis, StoredBands,
 };
+use fluorspar::interruption::end_if_interrupted;
 use fluorspar::light::Light;
 use fluorspar::pipeline::{
     CapturePlanes, CaptureResponses, FilmResponse, MultipleUncertainty, PipelineError, SeenComponents,
@@ -92,10 +93,11 @@ impl FinishedRender {
     /// # Errors
     /// A file that can't be read any more.
     pub fn read_spectra(&self) -> Result<()> {
-        if let Spectra::File(_, read) = &self.spectra
+        if let Spectra::File(file, read) = &self.spectra
             && read.get().is_none()
         {
             let image = read_component_image(Path::new(&self.name))?.image;
+            file.check_unchanged()?;
             read.get_or_init(|| Box::new(image));
         }
         Ok(())
@@ -449,6 +451,14 @@ impl FinishedRender {
         }
     }
 
+    /// Whether what lies at the place of the file is what was opened: the cache on the disk knows files by name and time.
+    fn is_as_opened(&self) -> bool {
+        match &self.spectra {
+            Spectra::File(file, _) => file.check_unchanged().is_ok(),
+            Spectra::Memory(_) => true,
+        }
+    }
+
     /// Channel planes that the file or a cache holds, none of them wanted where there are none.
     fn formed_before(
         &self,
@@ -460,7 +470,7 @@ impl FinishedRender {
             return Ok(formed);
         }
         let found = match (self.stored_planes(response, &is_wanted)?, self.planes.on_disk()) {
-            (None, Some(cached)) => cached.get(response, &is_wanted),
+            (None, Some(cached)) if self.is_as_opened() => cached.get(response, &is_wanted),
             (stored, _) => stored,
         };
         let Some(planes) = found else { return Ok(FormedPlanes::none(response)) };
@@ -496,7 +506,9 @@ impl FinishedRender {
         let formed = FilmResponse::planes(&cameras, |component| new[component], &rows)?;
         for (number, planes) in missing.into_iter().zip(formed) {
             // What stays in memory is tried and left by the dozen: it would drive all else out of the cache on the disk
-            if let PlaneCache::Disk(cached) = &self.planes {
+            if let PlaneCache::Disk(cached) = &self.planes
+                && self.is_as_opened()
+            {
                 cached.put(&responses[number], &planes, |component| new[component]);
             }
             all[number].add(planes, &new);
@@ -523,6 +535,10 @@ impl ComponentRows for Spectra {
         wanted: impl Fn(usize) -> bool + Sync,
         visit: impl Fn(usize, usize, &[f32]) -> T + Sync,
     ) -> Result<Vec<(usize, usize, T)>, FormatError> {
+        let visit = |component: usize, row: usize, lines: &[f32]| {
+            end_if_interrupted();
+            visit(component, row, lines)
+        };
         let image = match self {
             Self::Memory(image) => image.as_ref(),
             Self::File(file, read) => match read.get() {

@@ -10,7 +10,7 @@ use fluorspar::pipeline::{
 use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
 use fluorspar_format::FrameFact;
-use fluorspar_report::{FrameOrigin, RunResults, dark_frames, write_frame_report};
+use fluorspar_report::{FrameOrigin, RunReport, RunResults, dark_frames, run_report, write_frame_report};
 
 use crate::{Job, Result};
 
@@ -31,28 +31,59 @@ pub(crate) struct FrameReport<'a> {
     pub(crate) raw_ending: Option<&'a str>,
 }
 
-impl FrameReport<'_> {
+impl<'a> FrameReport<'a> {
+    /// A report on simulated frames alone, without analysis and files.
+    pub(crate) fn simulated(
+        experiment: &'a ResolvedExperiment,
+        experiment_text: &'a str,
+        frames: Vec<CapturedFrame>,
+    ) -> Self {
+        Self {
+            experiment,
+            experiment_text,
+            frames,
+            analysis: None,
+            regions: Vec::new(),
+            components: None,
+            frames_from: FrameOrigin::Simulated,
+            described_frames: Vec::new(),
+            raw_ending: None,
+        }
+    }
+
     /// Writes `report.html`, previews and figures into a folder. Returns what they are made from.
-    pub(crate) fn write(self, folder: &Path) -> Result<Evaluation> {
+    pub(crate) fn write(mut self, folder: &Path) -> Result<Evaluation> {
+        let evaluation = self.evaluated()?;
+        write_frame_report(folder, &self.results(&evaluation))?;
+        Ok(evaluation)
+    }
+
+    /// The page and its figures, without files.
+    pub(crate) fn page(mut self) -> Result<RunReport> {
+        let evaluation = self.evaluated()?;
+        Ok(run_report(&self.results(&evaluation)))
+    }
+
+    fn evaluated(&mut self) -> Result<Evaluation> {
         let study = &self.experiment.study;
-        let evaluation = match self.components {
-            Some(components) => evaluate_frames(study, components, self.frames, self.analysis, self.regions)?,
-            None => Evaluation {
-                regions: self.regions,
-                ..without_spectra(study, self.frames, self.analysis, self.frames_from)
-            },
-        };
-        let run = RunResults {
+        let (frames, analysis) = (std::mem::take(&mut self.frames), self.analysis.take());
+        let regions = std::mem::take(&mut self.regions);
+        Ok(match self.components {
+            Some(components) => evaluate_frames(study, components, frames, analysis, regions)?,
+            None => Evaluation { regions, ..without_spectra(study, frames, analysis, self.frames_from) },
+        })
+    }
+
+    fn results<'r>(&'r self, evaluation: &'r Evaluation) -> RunResults<'r> {
+        RunResults {
             experiment: self.experiment,
             experiment_text: self.experiment_text,
             components: None,
-            evaluation: &evaluation,
+            evaluation,
             frames_from: self.frames_from,
             described_frames: &self.described_frames,
             raw_ending: self.raw_ending,
-        };
-        write_frame_report(folder, &run)?;
-        Ok(evaluation)
+        }
     }
 }
 

@@ -18,6 +18,7 @@
 //! | see it with the lights, filters, sensor and concentrations of an experiment | [`FinishedRender::shown`] |
 //! | form its electrons in the captures | [`FinishedRender::seen_by`] |
 //! | show a render while its experiment changes again and again | [`LiveRender`] |
+//! | look at photographs and draw upon them | [`PhotographCamera`] |
 //! | learn what is odd about an experiment before it is rendered | [`warnings_before_run`] |
 
 #![allow(
@@ -43,6 +44,7 @@ mod job;
 mod live_render;
 pub mod named_spectra;
 mod options;
+mod photograph;
 mod plane_cache;
 mod predict;
 mod region_option;
@@ -71,6 +73,7 @@ pub use finished_render::{CaptureView, FinishedRender, ShownExperiment};
 pub use job::{Job, Left, Listener};
 pub use live_render::{LiveRender, LiveStudy};
 pub use options::{TaskOption, TaskOptions};
+pub use photograph::PhotographCamera;
 pub use plane_cache::Wanted;
 pub use predict::{Compatibility, PredictOptions, PredictedSample, filter_list, predict};
 pub use render::{Keep, fill_film, render_scene, render_with_excitation_basis};

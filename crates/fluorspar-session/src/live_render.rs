@@ -4,19 +4,23 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use fluorspar::analysis::PixelSelection;
-use fluorspar::image::LightPath;
+use fluorspar::image::{LightPath, SpectralImage};
+use fluorspar::interruption::end_if_interrupted;
 use fluorspar::pipeline::{
     AnalyzedFrame, CapturedFrame, PipelineError, RegionRadiance, analyze_regions, analyze_seen,
-    capture_from_planes, check_captures, on_sensor,
+    capture_from_planes, check_captures, frame_radiance, on_sensor,
 };
+use fluorspar::spectral::Radiance;
 use fluorspar::study::{AnalysisPlan, Capture, Study};
 use fluorspar_experiment::schema::{ExperimentFile, ExposureTime};
 use fluorspar_experiment::{
     Experiment, ResolvedExperiment, SceneChange, cached_analysis, edit_experiment, parse, resolve,
     resolve_captures, resolve_rendered,
 };
+use fluorspar_report::ReportData;
 
 use crate::analyze::looked_at;
+use crate::frame_report::FrameReport;
 use crate::region_option::{RegionOption, region_options};
 use crate::values::{Override, as_typed, sets};
 use crate::{
@@ -139,6 +143,29 @@ impl LiveRender {
         let ShownExperiment { experiment, changes } = shown;
         check_captures(&experiment.study, self.render.labels())?;
         Ok(LiveStudy { live: self, parsed, overrides, experiment, changes })
+    }
+
+    /// What `capture --report` writes of the experiment that [`Self::text_with`] gives, without links to files beside it.
+    ///
+    /// # Errors
+    /// A change that can't be made; one that only a new render can show; frames that can't be analyzed.
+    pub fn report(&self, changes: &Changes, region: Option<&str>) -> Result<ReportData> {
+        let text = self.text_with(changes, region)?;
+        let parsed = parse(&text, &self.name, &self.base_dir, &[])?;
+        let shown = self.render.shown_whole(&parsed)?;
+        let study = &shown.experiment.study;
+        check_captures(study, self.render.labels())?;
+        let spectra = self.render.spectra(study, &shown.changes)?;
+        let view = self.render.seen_by(study, &study.captures, shown.changes, Wanted::Lit)?;
+        let seen = view.components(&self.render);
+        let frames = capture_from_planes(study, &seen)?;
+        let report = FrameReport {
+            analysis: analyze_seen(study, Some(&seen), &frames)?,
+            regions: analyze_regions(study, Some(&seen), &frames)?,
+            components: spectra.as_ref(),
+            ..FrameReport::simulated(&shown.experiment, &text, frames)
+        };
+        Ok(report.page()?.page)
     }
 
     /// [`FinishedRender::shown`], which meshes and solves surfaces once for all changes of lights.
@@ -292,7 +319,9 @@ impl LiveStudy<'_> {
     pub fn frame(&self, capture: &str) -> Result<CapturedFrame> {
         let study = Study { captures: self.needed(capture)?, ..self.study().clone() };
         let view = self.view(&study.captures)?;
+        end_if_interrupted();
         let frames = capture_from_planes(&study, &view.components(&self.live.render))?;
+        end_if_interrupted();
         let frame = frames.into_iter().find(|frame| frame.raw.label == capture);
         frame.ok_or_else(|| self.no_capture(capture))
     }
@@ -348,12 +377,52 @@ impl LiveStudy<'_> {
         let view = self.view(&study.captures)?;
         let seen = view.components(&self.live.render);
         let frames = capture_from_planes(&study, &seen)?;
+        end_if_interrupted();
         match analyze_regions(&study, Some(&seen), &frames)?.pop() {
             None => Ok(analyze_seen(&study, Some(&seen), &frames)?),
             Some(region) => Ok(Some(region.analyzed.map_err(|why| {
                 Error::Input(format!("the region is not in view: {why}; draw it elsewhere"))
             })?)),
         }
+    }
+
+    /// Spectral radiance of the frame of a capture, before filter and lens, W/(sr m² nm), `[row][col][band]` of the render.
+    ///
+    /// # Errors
+    /// A capture that is not there; spectra that can't be read, or are larger than the memory that the experiment allows.
+    pub fn radiance_image(&self, capture: &str) -> Result<SpectralImage<Radiance>> {
+        let own = self.study().capture(capture).ok_or_else(|| self.no_capture(capture))?;
+        let mut lit = self.study().clone();
+        lit.captures.retain(|other| other.frame.label == capture);
+        let mut changes = self.changes.clone();
+        changes.factors.even.copy_from_slice(self.view(&lit.captures)?.even_factors());
+        let why = "the spectra do not fit into render.memory_limit_gib; raise it";
+        let spectra = self.live.render.spectra(&lit, &changes)?;
+        Ok(frame_radiance(&own.frame, &spectra.ok_or_else(|| Error::Input(why.into()))?))
+    }
+
+    /// The page of a report on the frames and a region, as [`Self::analyzed`] takes it. Only `with_spectra` it tells light by origin, leak and
+    /// depth: these read all spectra.
+    ///
+    /// # Errors
+    /// Frames that can't be taken or analyzed; spectra that can't be read.
+    pub fn findings(&self, region: Option<&str>, with_spectra: bool) -> Result<ReportData> {
+        let LiveRender { render, text, .. } = self.live;
+        let kept = self.live.on_kept_surfaces(&self.parsed)?;
+        let shown = match kept {
+            Some(resolved) => render.shown_by(&self.parsed, resolved)?,
+            None => render.shown_whole(&self.parsed)?,
+        };
+        let study = &shown.experiment.study;
+        let spectra = if with_spectra { render.spectra(study, &shown.changes)? } else { None };
+        let view = self.view(&study.captures)?;
+        let frames = capture_from_planes(study, &view.components(render))?;
+        let report = FrameReport {
+            analysis: self.analyzed(region)?.map(|analyzed| (*analyzed).clone()),
+            components: spectra.as_ref(),
+            ..FrameReport::simulated(&shown.experiment, text, frames)
+        };
+        Ok(report.page()?.page)
     }
 
     /// Mean radiance of a region of the frame of a capture, before filter and lens, split by what happened to the light.

@@ -20,9 +20,13 @@ export class Changes {
     this.future = [];
     /** What is shown: capture and view; no difference to the experiment, but part of the address. */
     this.shown = { capture: "", view: "developed" };
+    /** Changes of the picture that is kept to compare with; `null` where none is. @type {string[] | null} */
+    this.kept = null;
     this.last = { what: "", time: 0 };
     /** @type {(what: "set" | "place") => void} */
     this.onchange = () => {};
+    /** Makes the part that a pixel shows the region. @type {(place: number[]) => void} */
+    this.pick = () => {};
   }
 
   /** Changes as `--set` has them. */
@@ -126,10 +130,12 @@ export class Changes {
     const text = new URLSearchParams();
     for (const change of this.list()) text.append("set", change);
     const { place } = this.now;
-    if (place) text.append("region", JSON.stringify(place.polygon_px ?? place.rectangle_px));
+    const shape = place?.polygon_px ?? place?.rectangle_px;
+    if (shape) text.append("region", JSON.stringify(shape));
     if (place?.part !== undefined) text.append("part", place.part);
     if (this.shown.capture) text.append("capture", this.shown.capture);
     if (this.shown.view !== "developed") text.append("view", this.shown.view);
+    if (this.kept) text.append("kept", JSON.stringify(this.kept));
     return text.toString();
   }
 
@@ -144,6 +150,7 @@ export class Changes {
     }
     this.now = { set, place: placeOf(text.get("region"), text.get("part")) };
     this.shown = { capture: text.get("capture") ?? "", view: text.get("view") ?? "developed" };
+    this.kept = listOf(text.get("kept"));
   }
 }
 
@@ -156,14 +163,20 @@ function rectangleOf(rectangle, move, px) {
   return [...starts, ...ends.map(([, end], axis) => Math.max(end - starts[axis], 1))];
 }
 
-/** @param {string | null} text @param {string | null} part @returns {Place} */
-function placeOf(text, part) {
+/** @param {string | null} text @returns {any[] | null} */
+function listOf(text) {
   try {
-    const numbers = JSON.parse(text ?? "null");
-    if (!Array.isArray(numbers)) return null;
-    const shape = Array.isArray(numbers[0]) ? { polygon_px: numbers } : { rectangle_px: numbers };
-    return part === null ? shape : { ...shape, part };
+    const list = JSON.parse(text ?? "null");
+    return Array.isArray(list) ? list : null;
   } catch {
     return null;
   }
+}
+
+/** @param {string | null} text @param {string | null} part @returns {Place} */
+function placeOf(text, part) {
+  const numbers = listOf(text);
+  if (!numbers) return part ? { part } : null;
+  const shape = Array.isArray(numbers[0]) ? { polygon_px: numbers } : { rectangle_px: numbers };
+  return part === null ? shape : { ...shape, part };
 }

@@ -1,13 +1,16 @@
 // The page: waits for the render, then lets controls, picture and region follow one tree of changes.
 // @ts-check
 import { Changes } from "./changes.js";
+import { Compare } from "./compare.js";
 import { drawControls, make } from "./controls.js";
+import { Findings } from "./findings.js";
 import { Drawing, Picture, ask } from "./picture.js";
+import { Photographs } from "./photographs.js";
 import { Region } from "./region.js";
 
 const byId = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
-const VIEWS = [["developed", "Developed"], ["raw", "Raw mosaic"], ["clip", "Clipping"], ["porphyrin", "Porphyrin map"]];
-const TOOLS = [["off", "Off"], ["rectangle", "Rectangle"], ["polygon", "Polygon"]];
+const VIEWS = [["developed", "Developed"], ["raw", "Raw mosaic"], ["clip", "Clipping"], ["noise", "Signal to noise"], ["eye", "Eye"], ["clay", "Clay"], ["part", "Parts"], ["depth", "Depth"], ["porphyrin", "Porphyrin map"]];
+const TOOLS = [["off", "Off"], ["rectangle", "Rectangle"], ["polygon", "Polygon"], ["part", "Part"]];
 /** How often the page looks how far a render is, ms. */
 const LOOK = 400;
 
@@ -37,10 +40,9 @@ async function wait() {
   for (;;) {
     const subject = await (await fetch("/api/subject")).json();
     byId("subject").textContent = subject.title || subject.name || "";
-    if (subject.stage === "ready") return subject;
+    if (subject.stage === "ready" || subject.stage === "photographs") return subject;
     if (subject.error) throw new Error(subject.error);
-    byId("waiting").hidden = false;
-    byId("bench").hidden = byId("changes").hidden = true;
+    turnTo("waiting");
     byId("said").textContent = subject.said;
     byId("share").value = subject.share;
     await new Promise((resolve) => setTimeout(resolve, LOOK));
@@ -61,10 +63,30 @@ async function renderAgain(changes) {
   }
 }
 
+/** What of the page is shown: the simulation, the wait for it, or photographs. @param {"bench" | "waiting" | "photographs"} place */
+function turnTo(place) {
+  for (const other of ["bench", "waiting", "photographs"]) byId(other).hidden = other !== place;
+  byId("changes").hidden = place !== "bench";
+  byId("go-simulation").setAttribute("aria-pressed", String(place !== "photographs"));
+  byId("go-photographs").setAttribute("aria-pressed", String(place === "photographs"));
+}
+
+const photographs = new Photographs(say, () => turnTo("photographs"));
+byId("go-photographs").addEventListener("click", () => {
+  turnTo("photographs");
+  if (!photographs.about) photographs.load();
+});
+
 /** @param {any} subject */
 function begin(subject) {
-  byId("waiting").hidden = true;
-  byId("bench").hidden = byId("changes").hidden = false;
+  if (subject.stage === "photographs") {
+    byId("go-simulation").hidden = true;
+    turnTo("photographs");
+    photographs.load();
+    return;
+  }
+  byId("go-simulation").addEventListener("click", () => turnTo("bench"));
+  turnTo("bench");
   byId("subject").textContent = `${subject.title || subject.name} · ${subject.render_px.join(" × ")} px, ${subject.samples_per_pixel} samples per pixel`;
   const changes = new Changes();
   changes.read(location.hash);
@@ -78,6 +100,8 @@ function begin(subject) {
   const drawing = new Drawing(picture, changes);
   picture.drawing = drawing;
   const region = new Region(changes, picture, subject);
+  const compare = new Compare(changes, picture, say);
+  const findings = new Findings(changes, picture);
   const drag = {
     /** @type {number | null} */
     lastExposure: null,
@@ -91,14 +115,17 @@ function begin(subject) {
     },
   };
   const updateControls = drawControls(byId("groups"), subject.groups, changes, drag);
-  picture.onshown = () => (drag.lastExposure = Number(picture.facts?.exposure_ms?.toPrecision(3)) || null);
+  picture.onshown = () => {
+    drag.lastExposure = Number(picture.facts?.exposure_ms?.toPrecision(3)) || null;
+    compare.refresh();
+  };
 
   const show = (/** @type {"capture" | "view"} */ what) => (/** @type {string} */ value) => {
     changes.shown[what] = value;
     changed("set");
   };
   const markCapture = radios("captures", subject.captures.map((/** @type {string} */ name) => [name, name]), show("capture"));
-  const markView = radios("views", subject.analyzed ? VIEWS : VIEWS.slice(0, 3), show("view"));
+  const markView = radios("views", subject.analyzed ? VIEWS : VIEWS.slice(0, -1), show("view"));
   const markTool = radios("tools", TOOLS, (tool) => drawing.use(tool));
   const tool = matchMedia("(pointer: coarse)").matches ? "off" : "rectangle";
   markTool(tool);
@@ -120,6 +147,7 @@ function begin(subject) {
     if (what === "set" || changes.shown.view === "porphyrin") picture.refresh();
     drawing.redraw();
     region.refresh();
+    findings.refresh();
   }
   changes.onchange = changed;
   window.addEventListener("hashchange", () => {
@@ -148,6 +176,21 @@ function listChanges(changes) {
   byId("changed").replaceChildren(...(entries.length ? entries : [make("li", { className: "note", textContent: "None: the experiment as it was rendered." })]));
 }
 
+/** Has the report of what is shown made, and offers it. @param {Changes} changes */
+async function makeReport(changes) {
+  const links = ["made-open", "made-save"].map(byId);
+  for (const link of links) link.hidden = true;
+  byId("made-state").textContent = "Making the report of all captures …";
+  byId("made").showModal();
+  try {
+    await ask("/api/report", { set: changes.list(), place: changes.place() });
+    byId("made-state").textContent = "One page, with the experiment and all changes in it.";
+    for (const link of links) link.hidden = false;
+  } catch (error) {
+    byId("made-state").textContent = /** @type {Error} */ (error).message;
+  }
+}
+
 /** @param {Changes} changes */
 function buttons(changes) {
   byId("undo").addEventListener("click", () => changes.undo());
@@ -168,17 +211,22 @@ function buttons(changes) {
     changes.set(path.value.trim(), value.value.trim());
   });
   const dialog = byId("toml");
-  byId("copy").addEventListener("click", async () => {
-    try {
-      const told = await (await ask("/api/toml", { set: changes.list(), place: changes.place() })).json();
-      byId("toml-text").value = told.toml;
-      dialog.showModal();
-      byId("toml-text").select();
-      byId("toml-text").scrollTop = 0;
-    } catch (error) {
-      say(/** @type {Error} */ (error).message);
-    }
+  const text = async () => (await (await ask("/api/toml", { set: changes.list(), place: changes.place() })).json()).toml;
+  const pressed = (/** @type {string} */ id, /** @type {() => Promise<void>} */ act) =>
+    byId(id).addEventListener("click", () => act().catch((/** @type {Error} */ error) => say(error.message)));
+  pressed("copy", async () => {
+    byId("toml-text").value = await text();
+    dialog.showModal();
+    byId("toml-text").select();
+    byId("toml-text").scrollTop = 0;
   });
+  pressed("save", async () => {
+    const href = URL.createObjectURL(new Blob([await text()], { type: "application/toml" }));
+    make("a", { href, download: "experiment.toml" }).click();
+    setTimeout(() => URL.revokeObjectURL(href), 60_000);
+  });
+  pressed("report", () => makeReport(changes));
+  byId("made-close").addEventListener("click", () => byId("made").close());
   byId("toml-copy").addEventListener("click", async () => {
     byId("toml-text").select();
     await navigator.clipboard.writeText(byId("toml-text").value).catch(() => document.execCommand("copy"));

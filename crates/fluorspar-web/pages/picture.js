@@ -6,9 +6,9 @@ import { make } from "./controls.js";
 /** @typedef {import("./changes.js").Changes} Changes */
 /** @typedef {import("./changes.js").Place} Place */
 
-/** @param {string} path @param {object} body */
-export async function ask(path, body) {
-  const response = await fetch(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+/** @param {string} path @param {object} body @param {AbortSignal} [signal] takes the question back, and the server ends its work */
+export async function ask(path, body, signal) {
+  const response = await fetch(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body), signal });
   if (response.ok) return response;
   const text = await response.text();
   let told = { error: text.trim(), needs_render: false };
@@ -18,6 +18,21 @@ export async function ask(path, body) {
   throw Object.assign(new Error(told.error), { needsRender: told.needs_render });
 }
 
+/** Asks for a picture and draws it on a canvas; returns what is told beside it.
+ * @param {object} body @param {HTMLCanvasElement} canvas @param {string} [path] @param {AbortSignal} [signal] */
+export async function draw(body, canvas, path = "/api/picture", signal) {
+  const bytes = await (await ask(path, body, signal)).arrayBuffer();
+  const length = new DataView(bytes).getUint32(0, true);
+  const facts = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
+  const image = await createImageBitmap(new Blob([new Uint8Array(bytes, 4 + length)], { type: "image/png" }));
+  if (canvas.width !== image.width || canvas.height !== image.height) [canvas.width, canvas.height] = [image.width, image.height];
+  canvas.getContext("2d")?.drawImage(image, 0, 0);
+  image.close();
+  return facts;
+}
+
+/** Time from which a picture that nobody wants any more is taken back, ms. */
+const SLOW = 250;
 /** Height of a page beside the frame, and the least of a frame, px. */
 const OTHER_HEIGHT = 300;
 const LEAST_HEIGHT = 300;
@@ -38,6 +53,9 @@ export class Picture {
     this.facts = null;
     this.tones = "";
     this.serial = 0;
+    /** When the picture in the making was asked for, and what takes it back. */
+    this.asked = 0;
+    this.taken = new AbortController();
     /** @type {() => void} */
     this.onshown = () => {};
     this.zoom = byId("zoom");
@@ -50,8 +68,11 @@ export class Picture {
   /** Asks for a new picture; while one is in the making, for the newest after it. */
   async refresh() {
     this.isWanted = true;
+    // A drag shows what there was time for; otherwise a slow picture would only be late
+    if (this.isBusy && !this.isHeld && performance.now() - this.asked > SLOW) this.taken.abort();
     if (this.isBusy) return;
     this.isBusy = true;
+    byId("viewport").setAttribute("aria-busy", "true");
     while (this.isWanted) {
       this.isWanted = false;
       try {
@@ -59,11 +80,12 @@ export class Picture {
         this.say("");
       } catch (error) {
         const { message, needsRender } = /** @type {Error & {needsRender?: boolean}} */ (error);
-        if (!this.isWanted) this.say(message, needsRender);
+        if (!this.isWanted && !this.taken.signal.aborted) this.say(message, needsRender);
         byId("viewport").classList.add("stale");
       }
     }
     this.isBusy = false;
+    byId("viewport").setAttribute("aria-busy", "false");
     this.onshown();
   }
 
@@ -71,16 +93,9 @@ export class Picture {
     const { capture, view } = this.changes.shown;
     const tones = `${capture} ${view}`;
     const white = this.isHeld && this.facts && this.tones === tones ? this.facts.white : null;
+    [this.asked, this.taken] = [performance.now(), new AbortController()];
     const body = { set: this.changes.list(), capture, view, white, place: this.changes.place() };
-    const bytes = await (await ask("/api/picture", body)).arrayBuffer();
-    const length = new DataView(bytes).getUint32(0, true);
-    const facts = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
-    const image = await createImageBitmap(new Blob([new Uint8Array(bytes, 4 + length)], { type: "image/png" }));
-    if (this.canvas.width !== image.width || this.canvas.height !== image.height) {
-      [this.canvas.width, this.canvas.height] = [image.width, image.height];
-    }
-    this.canvas.getContext("2d").drawImage(image, 0, 0);
-    image.close();
+    const facts = await draw(body, this.canvas, "/api/picture", this.taken.signal);
     this.changes.fit({ px: facts.frame_px, mm: facts.sensor_mm });
     [this.facts, this.tones] = [facts, tones];
     this.canvas.dataset.serial = String(++this.serial);
@@ -109,7 +124,7 @@ export class Picture {
     this.drawLegend(facts.legend);
   }
 
-  /** @param {{label: string, top_percent: number, colors: number[][]} | undefined} legend */
+  /** @param {{label: string, ends: string[], note: string, colors: number[][]} | undefined} legend */
   drawLegend(legend) {
     const place = byId("legend");
     place.hidden = !legend;
@@ -120,8 +135,8 @@ export class Picture {
       return step;
     }));
     strip.setAttribute("aria-hidden", "true");
-    place.replaceChildren(make("span", { textContent: `${legend.label}: 0 %` }), strip,
-      make("span", { textContent: `${legend.top_percent.toFixed(1)} % and more; gray: outside the region, clipped, dark or other light` }));
+    place.replaceChildren(make("span", { textContent: `${legend.label}: ${legend.ends[0]}` }), strip,
+      make("span", { textContent: `${legend.ends[1]}; ${legend.note}` }));
   }
 
   /** Gives the picture its size on the page. */
@@ -134,7 +149,7 @@ export class Picture {
     const room = Math.max(window.innerHeight - OTHER_HEIGHT, LEAST_HEIGHT);
     const fit = Math.min(viewport.clientWidth / width, room / height);
     const scale = this.zoom.value === "fit" ? fit : Number(this.zoom.value) / ratio;
-    for (const layer of [this.canvas, byId("drawing")]) {
+    for (const layer of [this.canvas, byId("kept"), byId("drawing")]) {
       layer.style.width = `${width * scale}px`;
       layer.style.height = `${height * scale}px`;
     }
@@ -148,11 +163,12 @@ export class Picture {
 
 /** Regions by hand: a rectangle is dragged, corners of a polygon are clicked. */
 export class Drawing {
-  /** @param {Picture} picture @param {Changes} changes */
-  constructor(picture, changes) {
+  /** @param {any} picture @param {any} changes what is drawn goes to its `draw`; `now.place` is the region that is there
+   * @param {any} [canvas] */
+  constructor(picture, changes, canvas = byId("drawing")) {
     this.picture = picture;
     this.changes = changes;
-    this.canvas = byId("drawing");
+    this.canvas = canvas;
     this.tool = "off";
     /** @type {number[] | null} */
     this.start = null;
@@ -166,6 +182,8 @@ export class Drawing {
     this.canvas.addEventListener("dblclick", () => this.close());
     document.addEventListener("keydown", (event) => {
       if (!this.corners.length && !this.start) return;
+      // A button that has the focus must not be pressed by it
+      if (event.key === "Enter" || event.key === "Escape") event.preventDefault();
       if (event.key === "Enter") this.close();
       if (event.key === "Escape") this.cancel();
     });
@@ -199,6 +217,8 @@ export class Drawing {
     if (this.tool === "rectangle") {
       this.canvas.setPointerCapture(event.pointerId);
       this.start = place;
+    } else if (this.tool === "part") {
+      this.changes.pick(place.map(Math.floor));
     } else {
       const first = this.corners[0];
       const near = first && Math.hypot(first[0] - place[0], first[1] - place[1]) < 0.015 * this.picture.facts.frame_px[0];
@@ -266,6 +286,7 @@ function rectangleOf(a, b) {
 function cornersOf(place) {
   if (!place) return [];
   if (place.polygon_px) return place.polygon_px;
-  const [column, row, width, height] = place.rectangle_px ?? [0, 0, 0, 0];
+  if (!place.rectangle_px) return [];
+  const [column, row, width, height] = place.rectangle_px;
   return [[column, row], [column + width, row], [column + width, row + height], [column, row + height]];
 }

@@ -17,6 +17,7 @@ export class Region {
     this.picture = picture;
     this.subject = subject;
     this.serial = 0;
+    this.taken = new AbortController();
     /** @type {number | undefined} */
     this.timer = undefined;
     byId("corners").addEventListener("submit", (/** @type {Event} */ event) => {
@@ -30,11 +31,18 @@ export class Region {
       width = entry.contentRect.width;
     }).observe(byId("spectra"));
     byId("clear").addEventListener("click", () => changes.draw(null));
+    changes.pick = async ([column, row]) => {
+      const frame_px = this.picture.facts.frame_px;
+      const at_px = [Math.min(column, frame_px[0] - 1), Math.min(row, frame_px[1] - 1)];
+      const { part } = await (await ask("/api/part", { set: changes.list(), frame_px, at_px })).json();
+      if (part) changes.draw({ part });
+    };
     byId("part").addEventListener("change", () => changes.draw({ ...changes.now.place, part: byId("part").value }));
   }
 
   /** Marks what is told as of an earlier state, and asks anew after a rest. */
   refresh() {
+    this.taken.abort();
     byId("region").classList.add("stale");
     byId("answer").classList.add("stale");
     // The first estimate of a scene solves its tissues
@@ -49,10 +57,11 @@ export class Region {
     this.tellPlace();
     try {
       const body = { set: this.changes.list(), capture: this.changes.shown.capture, frame_px: this.picture.facts.frame_px, place: this.changes.place() };
-      const told = await (await ask("/api/region", body)).json();
+      this.taken = new AbortController();
+      const told = await (await ask("/api/region", body, this.taken.signal)).json();
       if (serial === this.serial) this.tell(told);
     } catch (error) {
-      if (serial === this.serial) this.tell({ lines: [], warnings: [], no_estimate: /** @type {Error} */ (error).message });
+      if (serial === this.serial && !this.taken.signal.aborted) this.tell({ lines: [], warnings: [], no_estimate: /** @type {Error} */ (error).message });
     }
   }
 
@@ -62,6 +71,7 @@ export class Region {
     const own = parts?.length ? parts.join(", ").replaceAll("_", " ") : "the whole analysis";
     const { polygon_px: corners, rectangle_px: rectangle } = place ?? {};
     byId("place").textContent = corners ? `A polygon of ${corners.length} corners`
+      : place?.part && !rectangle ? `The part ${place.part.replaceAll("_", " ")}.`
       : rectangle ? `A rectangle of ${rectangle[2]} × ${rectangle[3]} pixels`
       : analyzed ? `Of the analysis: ${own}. Draw another one on the frame.` : "Draw a region on the frame.";
     byId("clear").hidden = !place || !analyzed;
@@ -86,7 +96,7 @@ export class Region {
     byId("answer").textContent = none === null ? verdict : "";
     byId("truth").textContent = [truth && `The simulation knows: ${truth}.`, told.frame && `From frame "${told.frame}".`].filter(Boolean).join(" ");
     const lines = [...rest, ...told.warnings.map((/** @type {string} */ text) => `Note: ${text}`)];
-    byId("findings").replaceChildren(...lines.map((line) => make("li", { textContent: line })));
+    byId("lines").replaceChildren(...lines.map((line) => make("li", { textContent: line })));
     byId("details").hidden = lines.length === 0;
     this.tellSpectra(told);
   }

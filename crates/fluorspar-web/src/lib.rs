@@ -7,36 +7,51 @@
 //! | tell the page what can be changed, with unit, range and path | `controls.rs` |
 //! | draw a frame: developed, raw, where it clips, porphyrin | `picture.rs` |
 //! | say what the pixels of a region say | `region.rs` |
+//! | say what a report says, and make it | `findings.rs` |
+//! | take photographs in, and save what was drawn on them | `photograph.rs` |
 //! | answer requests | `server.rs` |
+//! | end what nobody waits for any more | `lane.rs` |
 //! | refuse those of others | `guard.rs` |
 //! | the pages | `pages/` |
 
 mod controls;
+mod findings;
 mod guard;
+mod lane;
+mod photograph;
 mod picture;
 mod region;
 mod server;
 mod subject;
 
 use std::net::{Ipv4Addr, TcpListener};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::ValueHint;
+use fluorspar_format::read_described_frame;
 use fluorspar_session::{Changes, Error, Result, values};
 
 use crate::guard::Guard;
+use crate::photograph::Photographs;
 use crate::server::Server;
-use crate::subject::Subject;
+use crate::subject::{Subject, frames_of};
 
 /// What the workbench shows, and where.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct WorkbenchOptions {
-    /// Folder of a run, component image (.exr, .npy), or experiment (file or built-in name), which is rendered first
-    /// [default: the built-in experiment].
-    #[arg(value_name = "EXPERIMENT|FOLDER|COMPONENTS", value_hint = ValueHint::AnyPath)]
+    /// Folder of a run, component image (.exr, .npy), experiment (file or built-in name), which is rendered first, or raw frame of a
+    /// camera (DNG, or TIFF or PNG with its description) [default: the built-in experiment].
+    #[arg(value_name = "EXPERIMENT|FOLDER|COMPONENTS|FRAME", value_hint = ValueHint::AnyPath)]
     pub subject: Option<String>,
+    /// Further raw frames.
+    #[arg(value_name = "FRAMES", value_hint = ValueHint::FilePath)]
+    pub frames: Vec<PathBuf>,
+    /// Experiment that tells camera and lights of raw frames; the page can choose built-in ones.
+    #[arg(long, value_name = "EXPERIMENT")]
+    pub experiment: Option<String>,
     /// Changes on which the workbench begins.
     #[command(flatten)]
     pub changes: Changes,
@@ -68,6 +83,14 @@ impl Workbench {
     /// A run, image or experiment that can't be read, a change that can't be made, a port that is taken.
     pub fn open(options: &WorkbenchOptions) -> Result<Self> {
         let subject = Subject::find(options)?;
+        let frames = frames_of(options);
+        for frame in &frames {
+            read_described_frame(frame)?;
+        }
+        let photographs = Photographs::new(&frames, options.experiment.clone())?;
+        if !frames.is_empty() || options.experiment.is_some() {
+            photographs.told(None)?;
+        }
         let port = options.port.unwrap_or(0);
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(|error| {
             Error::Input(format!(
@@ -78,7 +101,7 @@ impl Workbench {
         let port = found.map_err(|error| Error::Failed(format!("can't listen: {error}")))?.port();
         let guard = Guard::new(port);
         let address = format!("http://127.0.0.1:{port}/?token={}", guard.token());
-        Ok(Self { listener, server: Arc::new(Server::new(guard, subject)), address })
+        Ok(Self { listener, server: Arc::new(Server::new(guard, subject, photographs)?), address })
     }
 
     /// The address with the token that opens the workbench.

@@ -2,15 +2,16 @@
 
 use std::time::Instant;
 
-use fluorspar::image::SensorImage;
+use fluorspar::image::{ChannelImage, SensorImage};
 use fluorspar::pipeline::{
-    AnalyzedFrame, CapturedFrame, ColorRendering, PipelineError, Preview, bright_level_dn, preview_white,
-    preview_with_white,
+    AnalyzedFrame, CapturedFrame, ColorRendering, PipelineError, Preview, SurfaceView, bright_level_dn,
+    depth_range_m, noise_of, on_sensor, preview_white, preview_with_white, radiance_preview, surface_view,
 };
 use fluorspar::spectral::encode_srgb;
 use fluorspar_report::ColorMap;
 use fluorspar_session::{Changes, Error, LiveRender, LiveStudy, Result};
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 use crate::region::Place;
 use crate::subject::check_no_files;
@@ -31,10 +32,15 @@ pub(crate) struct PictureRequest {
 
 #[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-enum View {
+pub(crate) enum View {
     Developed,
     Raw,
     Clip,
+    Noise,
+    Eye,
+    Clay,
+    Part,
+    Depth,
     Porphyrin,
 }
 
@@ -62,11 +68,22 @@ pub(crate) struct PictureFacts {
     milliseconds: f64,
 }
 
+/// The colors of a map.
 #[derive(Serialize)]
 struct Legend {
     label: String,
-    top_percent: f64,
+    /// What the first and the last color stand for.
+    ends: [String; 2],
+    /// What is in gray.
+    note: &'static str,
     colors: Vec<[u8; 3]>,
+}
+
+impl Legend {
+    fn new(label: String, ends: [String; 2], note: &'static str) -> Self {
+        let colors = (0..LEGEND_STEPS).map(|i| MAP.color(i as f64 / (LEGEND_STEPS - 1) as f64));
+        Self { label, ends, note, colors: colors.collect() }
+    }
 }
 
 /// Widest picture that is sent, px: of wider frames means over blocks are.
@@ -75,6 +92,8 @@ const WIDEST: usize = 1600;
 const STRIPE: usize = 4;
 /// Their two colors, told apart by brightness.
 const STRIPES: [[u8; 3]; 2] = [[255, 70, 200], [20, 0, 20]];
+/// Colors of maps: told apart with any color vision, and in gray.
+const MAP: ColorMap = ColorMap::Viridis;
 /// Colors of a legend.
 const LEGEND_STEPS: usize = 24;
 
@@ -92,8 +111,26 @@ pub(crate) fn picture(live: &LiveRender, request: &PictureRequest) -> Result<(Pi
         View::Porphyrin => {
             let analyzed = study.analyzed(request.place.as_ref().map(Place::text).as_deref())?;
             let analyzed = analyzed.ok_or(PipelineError::Missing("analysis"))?;
-            let (shown, legend) = porphyrin(&analyzed, &frame)?;
+            let (shown, legend) = porphyrin(&analyzed, &frame.developed)?;
             (shown, 0.0, Some(legend))
+        }
+        View::Noise => {
+            let (shown, legend) = signal_to_noise(&study, &frame)?;
+            (shown, 0.0, Some(legend))
+        }
+        View::Eye => {
+            let seen = radiance_preview(&study.radiance_image(&request.capture)?);
+            (laid_out(&seen, &study, live, &frame)?, 0.0, None)
+        }
+        View::Clay => (of_surfaces(SurfaceView::Clay, &study, live, &frame)?, 0.0, None),
+        View::Part => (of_surfaces(SurfaceView::Part, &study, live, &frame)?, 0.0, None),
+        View::Depth => {
+            let range_m = depth_range_m(&live.render().labels().features).unwrap_or_default();
+            let [near, far] = range_m.map(|distance| format!("{:.1} mm", 1e3 * distance));
+            let colors = vec![[255; 3], [38; 3]];
+            let label = "Distance from the camera".into();
+            let legend = Legend { label, ends: [near, far], note: "nearest to farthest", colors };
+            (of_surfaces(SurfaceView::Depth, &study, live, &frame)?, 0.0, Some(legend))
         }
         View::Raw => {
             let white = request.white.unwrap_or_else(|| bright_raw(&frame.raw));
@@ -110,18 +147,59 @@ pub(crate) fn picture(live: &LiveRender, request: &PictureRequest) -> Result<(Pi
     Ok((facts, png))
 }
 
+/// A photograph as a picture, with what is told of it; its map where a region of it was analyzed.
+///
+/// # Errors
+/// A map without an analysis; a view that only a simulation has.
+pub(crate) fn of_photograph(
+    frame: &CapturedFrame,
+    rendering: &ColorRendering,
+    view: View,
+    analyzed: Option<&AnalyzedFrame>,
+) -> Result<(Value, Preview)> {
+    let CapturedFrame { raw: mosaic, developed, .. } = frame;
+    let white = preview_white(developed, rendering);
+    let (shown, legend) = match view {
+        View::Developed => (preview_with_white(developed, rendering, white), None),
+        View::Clip => (striped(preview_with_white(developed, rendering, white), frame), None),
+        View::Raw => (raw(mosaic, bright_raw(mosaic)), None),
+        View::Porphyrin => {
+            let no_region = || Error::Input("a map needs a region that was analyzed; draw one".into());
+            let (shown, legend) = porphyrin(analyzed.ok_or_else(no_region)?, developed)?;
+            (shown, Some(legend))
+        }
+        View::Noise | View::Eye | View::Clay | View::Part | View::Depth => {
+            return Err(Error::Input("this view is one of simulations; choose another".into()));
+        }
+    };
+    let facts = json!({
+        "frame_px": [developed.width, developed.height],
+        "exposure_ms": 1e3 * mosaic.exposure_s,
+        "gain": mosaic.gain,
+        "clipped_percent": clipped_percent(developed),
+        "bright_dn": bright_level_dn(developed),
+        "white_level_dn": mosaic.white_level,
+        "legend": legend,
+    });
+    Ok((facts, shrunk(shown)))
+}
+
+fn clipped_percent(developed: &ChannelImage) -> f64 {
+    let clipped = developed.saturated.iter().filter(|is_saturated| **is_saturated).count();
+    100.0 * clipped as f64 / developed.saturated.len().max(1) as f64
+}
+
 /// What is told beside a picture, but for legend and time.
 fn facts(study: &LiveStudy<'_>, frame: &CapturedFrame, white: f64) -> Result<PictureFacts> {
     let CapturedFrame { raw, developed, .. } = frame;
     let sensor = study.study().camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?.film_extent();
-    let clipped = developed.saturated.iter().filter(|is_saturated| **is_saturated).count();
     Ok(PictureFacts {
         frame_px: [developed.width, developed.height],
         sensor_mm: [sensor.width_mm, sensor.height_mm],
         white,
         exposure_ms: 1e3 * raw.exposure_s,
         gain: raw.gain,
-        clipped_percent: 100.0 * clipped as f64 / developed.saturated.len().max(1) as f64,
+        clipped_percent: clipped_percent(developed),
         bright_dn: bright_level_dn(developed),
         noise_dn: developed.noise_floor_dn,
         white_level_dn: raw.white_level,
@@ -196,13 +274,12 @@ fn striped(mut shown: Preview, frame: &CapturedFrame) -> Preview {
 }
 
 /// The share of each pixel of the region on the mixture line, over the frame in gray.
-fn porphyrin(analyzed: &AnalyzedFrame, frame: &CapturedFrame) -> Result<(Preview, Legend)> {
+fn porphyrin(analyzed: &AnalyzedFrame, developed: &ChannelImage) -> Result<(Preview, Legend)> {
     let Some(map) = &analyzed.porphyrin else {
         let why =
             "this analysis has no mixture line, and so no map; give analysis.porphyrin and analysis.bulk";
         return Err(Error::Input(why.into()));
     };
-    let developed = &frame.developed;
     if [map.width, map.height] != [developed.width, developed.height] {
         return Err(Error::Input(
             "the map is of frames of another size; show the capture that is analyzed".into(),
@@ -216,13 +293,59 @@ fn porphyrin(analyzed: &AnalyzedFrame, frame: &CapturedFrame) -> Result<(Preview
     let channels = developed.channels.len().max(1);
     let color = |(share, pixel): (&f32, &[f32])| match share.is_nan() {
         true => [encode_srgb(f64::from(pixel.iter().copied().fold(0.0, f32::max)) / bright * 0.5); 3],
-        false => ColorMap::Viridis.color(f64::from(*share) / top),
+        false => MAP.color(f64::from(*share) / top),
     };
     let rgb = share.iter().zip(developed.data.chunks_exact(channels)).flat_map(color).collect();
-    let steps = (0..LEGEND_STEPS).map(|i| ColorMap::Viridis.color(i as f64 / (LEGEND_STEPS - 1) as f64));
     let label = format!("{} share on the mixture line", analyzed.analysis.analyte.capitalized());
-    let legend = Legend { label, top_percent: 100.0 * top, colors: steps.collect() };
+    let ends = ["0 %".into(), format!("{:.1} % and more", 100.0 * top)];
+    let legend = Legend::new(label, ends, "gray: outside the region, clipped, dark or other light");
     Ok((Preview { width: map.width, height: map.height, rgb }, legend))
+}
+
+/// Signal over noise of the brightest channel of each pixel, logarithmic from 1 on.
+fn signal_to_noise(study: &LiveStudy<'_>, frame: &CapturedFrame) -> Result<(Preview, Legend)> {
+    let image = &frame.developed;
+    let sensor = study.study().camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
+    let noise = noise_of(image, frame.raw.dn_per_electron, sensor);
+    let channels = image.channels.len();
+    let of_channel = |channel: usize, pixel: usize| {
+        let [variance] = noise.of_pixel(image, [channel], pixel);
+        f64::from(image.data[pixel * channels + channel]) / variance.sqrt().max(f64::MIN_POSITIVE)
+    };
+    let of_pixel = |pixel| (0..channels).map(|channel| of_channel(channel, pixel)).fold(0.0, f64::max);
+    let ratios: Vec<f64> = (0..image.width * image.height).map(of_pixel).collect();
+    let top = ratios.iter().copied().fold(10.0, f64::max);
+    let rgb = ratios.iter().flat_map(|ratio| MAP.color(ratio.max(1.0).ln() / top.ln())).collect();
+    let label = "Signal to noise of the brightest channel".into();
+    let legend = Legend::new(label, ["1 and less".into(), format!("{top:.0}")], "logarithmic between them");
+    Ok((Preview { width: image.width, height: image.height, rgb }, legend))
+}
+
+/// The surfaces without light, laid out as the frame is.
+fn of_surfaces(
+    view: SurfaceView,
+    study: &LiveStudy<'_>,
+    live: &LiveRender,
+    frame: &CapturedFrame,
+) -> Result<Preview> {
+    let labels = live.render().labels();
+    laid_out(&surface_view(&labels.features, labels.width, view), study, live, frame)
+}
+
+/// A picture of the render, laid out as the frame is.
+fn laid_out(
+    seen: &Preview,
+    study: &LiveStudy<'_>,
+    live: &LiveRender,
+    frame: &CapturedFrame,
+) -> Result<Preview> {
+    let scene = on_sensor(study.study(), live.render().labels()).ok_or(PipelineError::Missing("sensor"))?;
+    let [width, height] = [frame.developed.width, frame.developed.height];
+    let color = |place: usize| match scene.scene_pixel(place / width, place % width, width, height) {
+        Some(pixel) => [0, 1, 2].map(|channel| seen.rgb[3 * pixel + channel]),
+        None => [0; 3],
+    };
+    Ok(Preview { width, height, rgb: (0..width * height).flat_map(color).collect() })
 }
 
 /// A picture that is not wider than what a page shows.
@@ -232,7 +355,7 @@ fn shrunk(shown: Preview) -> Preview {
 }
 
 /// The picture as PNG: the fastest way to pack it, since it goes nowhere.
-fn png_of(shown: &Preview) -> Result<Vec<u8>> {
+pub(crate) fn png_of(shown: &Preview) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, shown.width as u32, shown.height as u32);
     encoder.set_color(png::ColorType::Rgb);

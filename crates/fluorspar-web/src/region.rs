@@ -33,6 +33,8 @@ pub(crate) struct Place {
     rectangle_px: Option<[u32; 4]>,
     /// Corners.
     polygon_px: Option<Vec<[f64; 2]>>,
+    /// Painted pixels of a photograph: runs of pixels outside and inside, in turn, row by row.
+    pub(crate) mask_runs: Option<Vec<u32>>,
     /// The part of the scene whose pixels count; empty for all of them. Where it is `None` it is yet to be found.
     part: Option<String>,
 }
@@ -43,14 +45,23 @@ const MAIN_SHARE: f64 = 0.5;
 impl Place {
     /// The region as `analyze --named-region` takes it behind the name.
     pub(crate) fn text(&self) -> String {
-        let shape = match (&self.rectangle_px, &self.polygon_px) {
-            (Some(place), _) => format!("rectangle_px = {place:?}"),
-            (None, corners) => format!("polygon_px = {:?}", corners.clone().unwrap_or_default()),
+        let fields: Vec<String> =
+            self.fields("").iter().map(|(field, value)| format!("{field} = {value}")).collect();
+        format!("{{ {} }}", fields.join(", "))
+    }
+
+    /// The region as fields of `[analysis]` with values of TOML; what is painted is in the file of a mask.
+    pub(crate) fn fields(&self, mask: &str) -> Vec<(&'static str, String)> {
+        let part = self.part.as_ref().filter(|part| !part.is_empty());
+        let shape = match (&self.rectangle_px, &self.polygon_px, &self.mask_runs) {
+            (Some(place), ..) => Some(("rectangle_px", format!("{place:?}"))),
+            (_, Some(corners), _) => Some(("polygon_px", format!("{corners:?}"))),
+            (_, _, Some(_)) => Some(("mask", quoted(mask))),
+            // A whole part; of nothing at all the analysis tells what is wrong
+            _ if part.is_some() => None,
+            _ => Some(("polygon_px", "[]".into())),
         };
-        match self.part.as_deref() {
-            None | Some("") => format!("{{ {shape} }}"),
-            Some(part) => format!("{{ parts = [{}], {shape} }}", quoted(part)),
-        }
+        part.map(|part| ("parts", format!("[{}]", quoted(part)))).into_iter().chain(shape).collect()
     }
 
     fn region(&self) -> RegionOfInterest {
@@ -160,6 +171,32 @@ pub(crate) fn region(live: &LiveRender, request: &RegionRequest) -> Result<Regio
         Err(error) => answer.no_spectra = Some(said(&error)),
     }
     Ok(answer)
+}
+
+/// Which pixel is asked about.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PartRequest {
+    #[serde(default)]
+    set: Vec<String>,
+    frame_px: [usize; 2],
+    /// Column and row.
+    at_px: [u32; 2],
+}
+
+/// The part that a pixel shows; `None` where it shows none.
+///
+/// # Errors
+/// A change that can't be shown; a pixel that is not on the frame.
+pub(crate) fn part_at(live: &LiveRender, request: &PartRequest) -> Result<Option<String>> {
+    let changes = Changes { set: request.set.clone(), unset: Vec::new() };
+    check_no_files(&changes)?;
+    let study = live.show(&changes)?;
+    let [column, row] = request.at_px;
+    let pixel =
+        Place { rectangle_px: Some([column, row, 1, 1]), polygon_px: None, mask_runs: None, part: None };
+    let shape = selected(&study, live, request.frame_px, &pixel)?;
+    Ok(parts_within(&study, live, &shape).into_iter().next().map(|(part, _)| part))
 }
 
 /// The pixels of a region that was drawn, whether or not an estimate can use them.

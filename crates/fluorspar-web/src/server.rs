@@ -1,49 +1,60 @@
 //! Requests and answers. Whatever takes time is done in a thread that answers nobody else.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::body::Bytes;
 use axum::extract::rejection::JsonRejection;
-use axum::extract::{DefaultBodyLimit, State};
+use axum::extract::{DefaultBodyLimit, Path as UrlPath, State};
 use axum::http::StatusCode;
-use axum::http::header::CONTENT_TYPE;
+use axum::http::header::{CONTENT_SECURITY_POLICY, CONTENT_TYPE};
 use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use fluorspar::pipeline::PipelineError;
 use fluorspar_session::{Changes, Error, ErrorKind, LiveRender, Result};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use tokio::sync::Semaphore;
 
 use crate::controls::controls;
+use crate::findings::{FindingsRequest, ReportRequest, findings, report};
 use crate::guard::{Guard, guarded};
-use crate::picture::{PictureRequest, picture};
-use crate::region::{Place, RegionRequest, region};
+use crate::lane::Lane;
+use crate::photograph::{EstimateRequest, PhotographRequest, Photographs, SaveRequest};
+use crate::picture::{PictureRequest, picture, png_of};
+use crate::region::{PartRequest, Place, RegionRequest, part_at, region};
 use crate::subject::{Stage, Subject, check_no_files, read_ahead, said};
 
 /// Largest request, bytes: changes and a polygon.
 const MOST_BYTES: usize = 64 << 10;
+
+/// Largest frame of a camera, and largest masks of all photographs, bytes.
+const MOST_FRAME_BYTES: usize = 256 << 20;
+const MOST_MASK_BYTES: usize = 32 << 20;
 
 /// What all requests share.
 pub(crate) struct Server {
     pub(crate) guard: Guard,
     pub(crate) subject: Arc<Subject>,
     is_read_ahead: AtomicBool,
-    /// How many answers are made at once: a picture and an estimate.
-    workers: Semaphore,
+    pub(crate) photographs: Arc<Photographs>,
+    /// The page of the last report.
+    report: Mutex<Option<Bytes>>,
+    /// Pictures, estimates, and what takes longer: one of each is made at once.
+    lanes: [Lane; 3],
 }
 
 impl Server {
-    pub(crate) fn new(guard: Guard, subject: Subject) -> Self {
-        Self {
+    pub(crate) fn new(guard: Guard, subject: Subject, photographs: Photographs) -> Result<Self> {
+        Ok(Self {
             guard,
             subject: Arc::new(subject),
             is_read_ahead: AtomicBool::new(false),
-            workers: Semaphore::new(2),
-        }
+            photographs: Arc::new(photographs),
+            report: Mutex::default(),
+            lanes: [Lane::new()?, Lane::new()?, Lane::new()?],
+        })
     }
 }
 
@@ -53,14 +64,20 @@ type Asked<T> = std::result::Result<Json<T>, JsonRejection>;
 /// A page: path, kind and content.
 type Page = (&'static str, &'static str, &'static str);
 
+/// Reports run no scripts and load nothing; their styles and pictures are within them.
+const REPORT_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; \
+                             frame-ancestors 'none'";
 const HTML: &str = "text/html; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
-const PAGES: [Page; 9] = [
+const PAGES: [Page; 12] = [
     ("/", HTML, include_str!("../pages/index.html")),
     ("/style.css", "text/css; charset=utf-8", include_str!("../pages/style.css")),
     ("/icon.svg", "image/svg+xml", include_str!("../pages/icon.svg")),
     ("/main.js", SCRIPT, include_str!("../pages/main.js")),
     ("/changes.js", SCRIPT, include_str!("../pages/changes.js")),
+    ("/compare.js", SCRIPT, include_str!("../pages/compare.js")),
+    ("/findings.js", SCRIPT, include_str!("../pages/findings.js")),
+    ("/photographs.js", SCRIPT, include_str!("../pages/photographs.js")),
     ("/controls.js", SCRIPT, include_str!("../pages/controls.js")),
     ("/picture.js", SCRIPT, include_str!("../pages/picture.js")),
     ("/region.js", SCRIPT, include_str!("../pages/region.js")),
@@ -72,9 +89,24 @@ pub(crate) fn router(server: Arc<Server>) -> Router {
         .route("/api/subject", get(subject))
         .route("/api/picture", post(picture_of))
         .route("/api/region", post(region_of))
+        .route("/api/part", post(part_of))
         .route("/api/toml", post(toml_of))
+        .route("/api/findings", post(findings_of))
+        .route("/api/report", post(report_of))
+        .route("/report.html", get(last_report))
         .route("/api/render", post(render))
-        .route("/api/stop", post(stop));
+        .route("/api/stop", post(stop))
+        .route("/api/photographs", post(photographs))
+        .route(
+            "/api/photographs/file/{name}",
+            post(photograph).layer(DefaultBodyLimit::max(MOST_FRAME_BYTES)),
+        )
+        .route("/api/photographs/picture", post(photograph_picture))
+        .route(
+            "/api/photographs/estimate",
+            post(photograph_estimate).layer(DefaultBodyLimit::max(MOST_MASK_BYTES)),
+        )
+        .route("/api/photographs/save", post(photographs_save).layer(DefaultBodyLimit::max(MOST_MASK_BYTES)));
     for (path, kind, content) in PAGES {
         router = router.route(path, get(move || async move { ([(CONTENT_TYPE, kind)], content) }));
     }
@@ -110,6 +142,7 @@ fn failure(error: &Error) -> Response {
 /// What work on the finished render gives, done in a thread of its own.
 async fn answer<Q: Send + 'static>(
     server: Arc<Server>,
+    kind: Kind,
     asked: Asked<Q>,
     work: impl FnOnce(&Arc<LiveRender>, &Q) -> Result<Response> + Send + 'static,
 ) -> Response {
@@ -121,10 +154,42 @@ async fn answer<Q: Send + 'static>(
         Stage::Ready(live, _) => live,
         Stage::Rendering => return refusal(StatusCode::SERVICE_UNAVAILABLE, "the render is not there yet"),
         Stage::Failed(why) => return refusal(StatusCode::SERVICE_UNAVAILABLE, &why),
+        Stage::Photographs => return refusal(StatusCode::SERVICE_UNAVAILABLE, "there are photographs alone"),
     };
-    let _turn = server.workers.acquire().await;
-    let done =
-        tokio::task::spawn_blocking(move || work(&live, &asked).unwrap_or_else(|error| failure(&error)));
+    in_turn(&server, kind, move || work(&live, &asked)).await
+}
+
+/// What work on photographs gives, done in a thread of its own.
+async fn answer_photographs<Q: Send + 'static>(
+    server: Arc<Server>,
+    kind: Kind,
+    asked: Asked<Q>,
+    work: impl FnOnce(&Photographs, &Q) -> Result<Response> + Send + 'static,
+) -> Response {
+    match asked {
+        Ok(Json(asked)) => {
+            let photographs = Arc::clone(&server.photographs);
+            in_turn(&server, kind, move || work(&photographs, &asked)).await
+        }
+        Err(error) => refusal(error.status(), &error.body_text()),
+    }
+}
+
+/// Kinds of work.
+#[derive(Clone, Copy)]
+enum Kind {
+    Picture,
+    Estimate,
+    Report,
+}
+
+/// Does work when its turn comes, in threads of its own; ends it where the browser takes its request back.
+async fn in_turn(
+    server: &Server,
+    kind: Kind,
+    work: impl FnOnce() -> Result<Response> + Send + 'static,
+) -> Response {
+    let done = server.lanes[kind as usize].run(move || work().unwrap_or_else(|error| failure(&error)));
     let defect = "this is a defect of Fluorspar: please report the last lines of the terminal";
     done.await.unwrap_or_else(|_| refusal(StatusCode::INTERNAL_SERVER_ERROR, defect))
 }
@@ -145,6 +210,7 @@ fn about(subject: &Subject, stage: &Stage) -> Result<Value> {
     let (live, remark) = match stage {
         Stage::Ready(live, remark) => (live, remark),
         Stage::Failed(why) => return Ok(json!({ "stage": "failed", "name": name, "error": why })),
+        Stage::Photographs => return Ok(json!({ "stage": "photographs", "name": name })),
         Stage::Rendering => {
             let (share, said) = subject.progress();
             return Ok(json!({ "stage": "rendering", "name": name, "share": share, "said": said }));
@@ -177,17 +243,94 @@ async fn picture_of(State(server): Shared, asked: Asked<PictureRequest>) -> Resp
         if !shared.is_read_ahead.swap(true, Ordering::Relaxed) {
             read_ahead(live);
         }
-        let facts = serde_json::to_vec(&facts)?;
-        let length = (facts.len() as u32).to_le_bytes();
-        let body = Bytes::from([length.as_slice(), &facts, &png].concat());
-        Ok(([(CONTENT_TYPE, "application/octet-stream")], body).into_response())
+        told_picture(&facts, &png)
     };
-    answer(server, asked, work).await
+    answer(server, Kind::Picture, asked, work).await
+}
+
+fn told_picture(facts: &impl Serialize, png: &[u8]) -> Result<Response> {
+    let facts = serde_json::to_vec(facts)?;
+    let length = (facts.len() as u32).to_le_bytes();
+    let body = Bytes::from([length.as_slice(), &facts, png].concat());
+    Ok(([(CONTENT_TYPE, "application/octet-stream")], body).into_response())
+}
+
+/// Which experiment photographs belong to.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PhotographsRequest {
+    experiment: Option<String>,
+}
+
+async fn photographs(State(server): Shared, asked: Asked<PhotographsRequest>) -> Response {
+    let work = |photographs: &Photographs, asked: &PhotographsRequest| {
+        Ok(Json(photographs.told(asked.experiment.as_deref())?).into_response())
+    };
+    answer_photographs(server, Kind::Picture, asked, work).await
+}
+
+async fn photograph(State(server): Shared, UrlPath(name): UrlPath<String>, bytes: Bytes) -> Response {
+    let photographs = Arc::clone(&server.photographs);
+    in_turn(&server, Kind::Picture, move || Ok(Json(photographs.take(&name, &bytes)?).into_response())).await
+}
+
+async fn photograph_picture(State(server): Shared, asked: Asked<PhotographRequest>) -> Response {
+    let work = |photographs: &Photographs, asked: &PhotographRequest| {
+        let (facts, shown) = photographs.picture(asked)?;
+        told_picture(&facts, &png_of(&shown)?)
+    };
+    answer_photographs(server, Kind::Picture, asked, work).await
+}
+
+async fn photograph_estimate(State(server): Shared, asked: Asked<EstimateRequest>) -> Response {
+    let work = |photographs: &Photographs, asked: &EstimateRequest| {
+        Ok(Json(photographs.estimate(asked)?).into_response())
+    };
+    answer_photographs(server, Kind::Estimate, asked, work).await
+}
+
+async fn photographs_save(State(server): Shared, asked: Asked<SaveRequest>) -> Response {
+    let work =
+        |photographs: &Photographs, asked: &SaveRequest| Ok(Json(photographs.save(asked)?).into_response());
+    answer_photographs(server, Kind::Picture, asked, work).await
 }
 
 async fn region_of(State(server): Shared, asked: Asked<RegionRequest>) -> Response {
     let work = |live: &Arc<LiveRender>, asked: &RegionRequest| Ok(Json(region(live, asked)?).into_response());
-    answer(server, asked, work).await
+    answer(server, Kind::Estimate, asked, work).await
+}
+
+async fn findings_of(State(server): Shared, asked: Asked<FindingsRequest>) -> Response {
+    let work =
+        |live: &Arc<LiveRender>, asked: &FindingsRequest| Ok(Json(findings(live, asked)?).into_response());
+    answer(server, Kind::Report, asked, work).await
+}
+
+/// Makes the report that [`last_report`] shows.
+async fn report_of(State(server): Shared, asked: Asked<ReportRequest>) -> Response {
+    let shared = Arc::clone(&server);
+    let work = move |live: &Arc<LiveRender>, asked: &ReportRequest| {
+        let page = Bytes::from(report(live, asked)?);
+        *shared.report.lock().unwrap_or_else(PoisonError::into_inner) = Some(page);
+        Ok(StatusCode::NO_CONTENT.into_response())
+    };
+    answer(server, Kind::Report, asked, work).await
+}
+
+async fn last_report(State(server): Shared) -> Response {
+    match server.report.lock().unwrap_or_else(PoisonError::into_inner).clone() {
+        Some(page) => {
+            ([(CONTENT_TYPE, HTML), (CONTENT_SECURITY_POLICY, REPORT_POLICY)], page).into_response()
+        }
+        None => refusal(StatusCode::NOT_FOUND, "no report was made yet"),
+    }
+}
+
+async fn part_of(State(server): Shared, asked: Asked<PartRequest>) -> Response {
+    let work = |live: &Arc<LiveRender>, asked: &PartRequest| {
+        Ok(Json(json!({ "part": part_at(live, asked)? })).into_response())
+    };
+    answer(server, Kind::Picture, asked, work).await
 }
 
 /// Which changes are to be written into the experiment.
@@ -206,7 +349,7 @@ async fn toml_of(State(server): Shared, asked: Asked<TomlRequest>) -> Response {
         let place = asked.place.as_ref().map(Place::text);
         Ok(Json(json!({ "toml": live.text_with(&changes, place.as_deref())? })).into_response())
     };
-    answer(server, asked, work).await
+    answer(server, Kind::Picture, asked, work).await
 }
 
 /// Which changes are rendered.
@@ -225,7 +368,7 @@ async fn render(State(server): Shared, asked: Asked<RenderRequest>) -> Response 
         subject.render_again(live, &changes)?;
         Ok(StatusCode::ACCEPTED.into_response())
     };
-    answer(server, asked, work).await
+    answer(server, Kind::Picture, asked, work).await
 }
 
 /// Ends the render in work.

@@ -41,6 +41,8 @@ pub(crate) enum Stage {
     /// The render, and why a later one gave nothing.
     Ready(Arc<LiveRender>, Option<String>),
     Failed(String),
+    /// There is nothing but photographs.
+    Photographs,
 }
 
 /// Largest spectra that are read into memory, bytes.
@@ -66,6 +68,9 @@ impl Subject {
             name: name.clone(),
             changes: Mutex::new(changes),
         };
+        if !frames_of(options).is_empty() {
+            return Ok(subject(Stage::Photographs, None, Vec::new()));
+        }
         if let Some(path) = image_of(options.subject.as_deref())? {
             let Changes { set, unset } = &options.changes;
             if let Some(path) = unset.first() {
@@ -161,6 +166,21 @@ pub(crate) fn read_ahead(live: &Arc<LiveRender>) {
         thread::spawn(move || live.render().read_spectra());
     }
 }
+
+/// The photographs that were given: where the first thing is a frame, all are.
+pub(crate) fn frames_of(options: &WorkbenchOptions) -> Vec<PathBuf> {
+    let first = options.subject.as_ref().map(PathBuf::from);
+    let ending =
+        |path: &PathBuf| path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+    let is_frame = |path: &PathBuf| {
+        ending(path).is_some_and(|ending| FRAME_ENDINGS.contains(&ending.as_str()))
+            || !options.frames.is_empty()
+    };
+    first.filter(is_frame).into_iter().chain(options.frames.iter().cloned()).collect()
+}
+
+/// Endings of frames of cameras; a JPEG is refused with its reason.
+const FRAME_ENDINGS: [&str; 7] = ["dng", "tif", "tiff", "png", "raw", "jpg", "jpeg"];
 
 /// The component image that a subject names; `None` of an experiment.
 fn image_of(subject: Option<&str>) -> Result<Option<PathBuf>> {
@@ -272,6 +292,28 @@ pub(crate) fn check_no_files(changes: &Changes) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Hears the warnings of a task.
+#[derive(Default)]
+pub(crate) struct Heard(Mutex<Vec<String>>);
+
+impl Heard {
+    pub(crate) fn warnings(&self) -> Vec<String> {
+        lock(&self.0).clone()
+    }
+}
+
+impl Listener for Heard {
+    fn status(&self, _: &str) {}
+
+    fn warnings(&self, warnings: &[Warning]) {
+        lock(&self.0).extend(warnings.iter().map(|warning| warning.text().to_owned()));
+    }
+
+    fn begin(&self, _: &'static str, _: &'static str, _: Left) -> Box<dyn Fn(f64) + Sync> {
+        Box::new(|_| {})
+    }
 }
 
 /// Hears how far a render is.

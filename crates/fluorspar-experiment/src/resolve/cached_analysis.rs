@@ -14,10 +14,11 @@ use serde::{Deserialize, Serialize};
 
 use super::analyzed_region::as_analysis;
 use super::capture::{OfSurfaces, plan, teeth_around};
+use super::region::lies_on_sensor;
 use crate::cache::{cache, cache_of_surfaces, cached_solutions};
 use crate::preset::{self, has_user_catalogue};
 use crate::read::Experiment;
-use crate::schema::{AnalysisSection, ExperimentFile, RenderSection};
+use crate::schema::{AnalysisSection, ExperimentFile, RenderSection, SensorRegionSection};
 
 /// Kind of the entries of the cache.
 const KIND: &str = "analysis";
@@ -74,7 +75,7 @@ fn key(file: &ExperimentFile) -> Option<String> {
         height_px: file.render.height_px,
         ..RenderSection::default()
     };
-    let looked_at = ExperimentFile {
+    let mut looked_at = ExperimentFile {
         title: String::new(),
         description: String::new(),
         base: None,
@@ -89,7 +90,19 @@ fn key(file: &ExperimentFile) -> Option<String> {
         output: Default::default(),
         ..file.clone()
     };
-    Some(format!("analysis 3 {captures:?} {}", serde_json::to_string(&looked_at).ok()?))
+    // Where a region lies matters to its pixels alone
+    for place in places(&mut looked_at) {
+        place.rectangle_px = place.rectangle_px.map(|_| [0; 4]);
+        place.polygon_px = place.polygon_px.take().map(|_| Vec::new());
+    }
+    Some(format!("analysis 4 {captures:?} {}", serde_json::to_string(&looked_at).ok()?))
+}
+
+/// Where the analysis and its regions lie.
+fn places(file: &mut ExperimentFile) -> impl Iterator<Item = &mut SensorRegionSection> {
+    file.analysis.iter_mut().flat_map(|section| {
+        std::iter::once(&mut section.place).chain(section.region.iter_mut().map(|region| &mut region.place))
+    })
 }
 
 fn bits((name, value): (&str, f64)) -> (String, u64) {
@@ -187,7 +200,8 @@ pub(crate) fn keep_analysis(file: &ExperimentFile, all: &[OfSurfaces], scene: &S
 pub fn cached_analysis(experiment: &Experiment) -> Option<CachedAnalysis> {
     let file = &experiment.file;
     let section = file.analysis.as_ref()?;
-    if has_user_catalogue() {
+    let all = std::iter::once(&section.place).chain(section.region.iter().map(|region| &region.place));
+    if has_user_catalogue() || !all.into_iter().all(|place| lies_on_sensor(file, place)) {
         return None;
     }
     let bytes = cache()?.get(KIND, key(file)?.as_bytes())?;

@@ -19,7 +19,7 @@ use crate::schema::{
     AnalysisSection, BulkReference, CaptureSection, ConcentrationFactor, DEFAULT_PORPHYRIN, ExperimentFile,
     ExposureTime, FluorophoreSection, SensorRegionSection, TextureReference,
 };
-use fluorspar::analysis::Analyte;
+use fluorspar::analysis::{Analyte, Polygon};
 use fluorspar::light::LightGroup;
 use fluorspar::material::{FluorophoreAmount, ScalarTexture};
 use fluorspar::names::did_you_mean;
@@ -230,8 +230,8 @@ fn filter(
 pub(super) struct Analyses {
     pub(super) analysis: Option<AnalysisPlan>,
     pub(super) regions: Vec<RegionPlan>,
-    /// What of the analysis and of each region depends on surfaces, which hold no factors on concentrations yet; none where shapes, spots
-    /// or targets ask for more.
+    /// What of the analysis and of each region depends on surfaces, which hold no factors on concentrations yet; none where a mask,
+    /// spots or targets ask for more.
     pub(super) of_surfaces: Vec<OfSurfaces>,
 }
 
@@ -264,9 +264,7 @@ pub(super) fn analyses(
     context.within(&steps!["analysis", "wanted_d_prime"], given.wanted_d_prime, [0.1, 100.0], "")?;
     let (regions, of_regions) = regions(context, file, &labels, seen)?;
     let mut plans = std::iter::once(&plain).chain(regions.iter().map(|region| &region.analysis));
-    let is_plain = plans.all(|plan| plan.polygon.is_none() && plan.mask.is_none())
-        && compared.is_none()
-        && targets.is_empty();
+    let is_plain = plans.all(|plan| plan.mask.is_none()) && compared.is_none() && targets.is_empty();
     let of_surfaces = std::iter::once(of_surfaces).chain(of_regions).filter(|_| is_plain).collect();
     let analysis = Some(AnalysisPlan { compared, targets, ..plain });
     Ok(Analyses { analysis, regions, of_surfaces })
@@ -335,10 +333,9 @@ pub(super) fn analyzed(
     if let Some(rectangle) = section.place.rectangle_px {
         region::rectangle(context, file, &at(context, "rectangle_px"), rectangle)?;
     }
-    let polygon = match &section.place.polygon_px {
-        Some(corners) => Some(region::polygon(context, file, &at(context, "polygon_px"), corners)?),
-        None => None,
-    };
+    if let Some(corners) = &section.place.polygon_px {
+        region::polygon(context, file, &at(context, "polygon_px"), corners)?;
+    }
     let mask = match &section.place.mask {
         Some(path) => Some(region::mask(context, file, &at(context, "mask"), path)?),
         None => None,
@@ -377,7 +374,7 @@ pub(super) fn analyzed(
         porphyrin: wanted_share(section).cloned(),
     };
     let plain = plan(file, section, of_surfaces.clone());
-    Ok((AnalysisPlan { polygon, mask, ..plain }, of_surfaces))
+    Ok((AnalysisPlan { mask, ..plain }, of_surfaces))
 }
 
 /// What of an analysis depends on the surfaces of the scene.
@@ -392,14 +389,14 @@ pub(crate) struct OfSurfaces {
     pub(crate) porphyrin: Option<String>,
 }
 
-/// The analysis of a section that was checked, without shapes and targets.
+/// The analysis of a section that was checked, without mask and targets.
 pub(crate) fn plan(file: &ExperimentFile, section: &AnalysisSection, of: OfSurfaces) -> AnalysisPlan {
     AnalysisPlan {
         frame: section.frame.clone(),
         parts: section.place.parts.clone(),
         inset_px: section.inset_px,
         rectangle_px: section.place.rectangle_px,
-        polygon: None,
+        polygon: section.place.polygon_px.clone().map(Polygon),
         mask: None,
         compared: None,
         targets: Vec::new(),

@@ -17,6 +17,18 @@ fn raw_size(file: &ExperimentFile) -> Option<[usize; 2]> {
     Some(model.image_size().unwrap_or([model.columns, model.rows]))
 }
 
+/// Whether the rectangle and the polygon of a section lie on the sensor.
+pub(super) fn lies_on_sensor(file: &ExperimentFile, place: &SensorRegionSection) -> bool {
+    let [columns, rows] = raw_size(file).unwrap_or([usize::MAX; 2]);
+    let is_within = |[column, row, width, height]: [u32; 4]| {
+        let ends = [u64::from(column) + u64::from(width), u64::from(row) + u64::from(height)];
+        ends[0] <= columns as u64 && ends[1] <= rows as u64 && width > 0 && height > 0
+    };
+    let polygon = place.polygon_px.clone().map(Polygon);
+    place.rectangle_px.is_none_or(is_within)
+        && polygon.is_none_or(|polygon| polygon.check(columns, rows).is_ok())
+}
+
 /// Checks that a rectangle lies on the sensor.
 pub(super) fn rectangle(
     context: &Context<'_>,

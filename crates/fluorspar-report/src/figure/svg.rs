@@ -121,7 +121,7 @@ fn write_mark(svg: &mut String, mark: &Mark) {
             let data = raster.to_png().map(|png| STANDARD.encode(png)).unwrap_or_default();
             writeln!(
                 svg,
-                "<image {} preserveAspectRatio=\"none\" style=\"image-rendering:pixelated\" \
+                "<image {} preserveAspectRatio=\"none\" image-rendering=\"pixelated\" \
                  href=\"data:image/png;base64,{data}\"/>",
                 frame_attributes(frame)
             )

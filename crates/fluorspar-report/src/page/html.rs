@@ -201,10 +201,35 @@ fn write_section(html: &mut String, section: &Section, figures: &mut usize) {
     } else {
         writeln!(html, "<h2>{title}</h2>")
     };
-    for item in &section.items {
-        write_item(html, item, figures);
-    }
+    html.push_str(&section.to_html(figures));
     html.push_str(if folded { "</details>\n</section>\n" } else { "</section>\n" });
+}
+
+impl Section {
+    /// What is below its heading, as part of a page of one's own. Figures are numbered from `figures` on, which counts them.
+    pub fn to_html(&self, figures: &mut usize) -> String {
+        let mut html = String::new();
+        for item in &self.items {
+            write_item(&mut html, item, figures);
+        }
+        html
+    }
+}
+
+impl ReportData {
+    /// The report without links to the files of its figures.
+    #[must_use]
+    pub fn alone(mut self) -> Self {
+        for item in self.sections.iter_mut().flat_map(|section| &mut section.items) {
+            if let ReportItem::Figure { stem, .. } = item {
+                stem.clear();
+            }
+        }
+        for view in self.overview.iter_mut().flat_map(|overview| &mut overview.views) {
+            view.links.clear();
+        }
+        self
+    }
 }
 
 fn write_item(html: &mut String, item: &ReportItem, figures: &mut usize) {

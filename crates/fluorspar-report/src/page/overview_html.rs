@@ -119,6 +119,9 @@ fn write_view(html: &mut String, view: &FrameView, tabs: &str, map_tabs: &str) {
         let _ = write!(html, "<span class=\"map {map_tabs}\">{} </span>", escape(&map.caption));
     }
     html.push_str(&escape(&view.caption));
+    if !view.links.is_empty() {
+        html.push_str(" As recorded:");
+    }
     for (name, path) in &view.links {
         let _ = write!(html, " <a href=\"{}\">{}</a>", escape(path), escape(name));
     }

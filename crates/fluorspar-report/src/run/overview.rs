@@ -88,7 +88,7 @@ fn view(
     if !shown.done.is_empty() {
         caption += &format!(". {}", capital(&shown.done));
     }
-    caption += ". As recorded:";
+    caption.push('.');
     let mut links = vec![("image".into(), format!("preview_{label}.png"))];
     links.extend(run.raw_ending.map(|ending| ("raw".into(), format!("raw_{label}.{ending}"))));
     Some(FrameView {

@@ -6,7 +6,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use fluorspar::findings::region_findings;
-use fluorspar::pipeline::frame_radiance;
+use fluorspar::pipeline::{frame_radiance, radiance_preview};
 use fluorspar_experiment::{parse, resolve};
 use fluorspar_format::read_component_image;
 use fluorspar_report::finding_lines;
@@ -125,7 +125,25 @@ fn raw_and_clipped_pixels_are_shown() {
     assert!(told > 1.0 && (share - told).abs() < 1e-9, "{share} {told}");
     let (_, (width, height, raw)) = picture(&served, &json!({ "capture": "blue", "view": "raw" }));
     assert_eq!([width, height], [64, 48]);
+    let (facts, (_, _, noise)) = picture(&served, &json!({ "capture": "blue", "view": "noise" }));
+    assert!(facts["legend"]["ends"][1].as_str().unwrap().parse::<f64>().unwrap() > 3.0, "{facts}");
+    assert!(noise.chunks(3).any(|rgb| rgb != &noise[..3]));
     assert!(raw.chunks(3).all(|rgb| rgb[0] == rgb[1] && rgb[1] == rgb[2]));
+}
+
+#[test]
+fn an_eye_sees_the_radiance_before_the_filter() {
+    let served = Served::on_run();
+    let image = read_component_image(&run_folder().join("components.exr")).unwrap().image;
+    let text = std::fs::read_to_string(run_folder().join("experiment.toml")).unwrap();
+    let study = resolve(&parse(&text, "run", &run_folder(), &[]).unwrap()).unwrap().study;
+    let seen = radiance_preview(&frame_radiance(&study.capture("blue").unwrap().frame, &image));
+    let (_, (width, _, pixels)) = picture(&served, &json!({ "capture": "blue", "view": "eye" }));
+    for (place, rgb) in pixels.chunks(3).enumerate() {
+        let (row, column) = (place / width as usize / 2, place % width as usize / 2);
+        let pixel = row * seen.width + column;
+        assert_eq!(rgb, &seen.rgb[3 * pixel..3 * pixel + 3], "{row} {column}");
+    }
 }
 
 #[test]
@@ -185,6 +203,72 @@ fn estimates_are_those_of_analyze() {
         assert_eq!(told["lines"], json!(lines), "{place}: {told}");
         assert!(lines.len() > 2, "{lines:?}");
     }
+}
+
+#[test]
+fn a_report_is_that_of_capture() {
+    let served = Served::on_run();
+    assert_eq!(served.get("/report.html").status, 404);
+    let place = json!({ "rectangle_px": [8, 8, 40, 30], "part": "" });
+    let set = ["capture.blue.exposure_ms=21"];
+    let folder = tempfile::tempdir().unwrap();
+    let toml = served.post("/api/toml", &json!({ "set": set, "place": place })).json();
+    let file = folder.path().join("saved.toml");
+    std::fs::write(&file, toml["toml"].as_str().unwrap()).unwrap();
+    let mut options =
+        options::<CaptureOptions>(json!({ "image": run_folder().join("components.exr"), "report": true }));
+    (options.experiment, options.out) = (Some(file.display().to_string()), folder.path().join("out"));
+    capture(&options, &job()).unwrap();
+    let written = std::fs::read_to_string(options.out.join("report.html")).unwrap();
+    let made = served.post("/api/report", &json!({ "set": set, "place": place }));
+    assert_eq!(made.status, 204, "{}", made.text());
+    let page = served.get("/report.html");
+    let policy = page.header("content-security-policy").unwrap();
+    assert!(policy.contains("default-src 'none'") && !policy.contains("script-src"), "{policy}");
+    // But for links to files beside it, and the name of the experiment
+    let without_links = |page: &str| -> Vec<String> {
+        let mut rest = page.replace(" As recorded:", "");
+        for [begin, end] in [[" <span class=\"files\">Files:", "</span>"], [" <a href=\"", "</a>"]] {
+            while let Some(start) = rest.find(begin) {
+                let length = rest[start..].find(end).unwrap() + end.len();
+                rest.replace_range(start..start + length, "");
+            }
+        }
+        rest.lines().filter(|line| !line.contains("saved.toml")).map(String::from).collect()
+    };
+    let (shown, written) = (without_links(&page.text()), without_links(&written));
+    for (shown, written) in shown.iter().zip(&written) {
+        assert_eq!(shown, written);
+    }
+    assert!(shown.len() == written.len() && shown.len() > 100, "{} {}", shown.len(), written.len());
+}
+
+#[test]
+fn findings_are_told_by_section() {
+    let served = Served::on_run();
+    let titles = |with_spectra: bool| -> Vec<String> {
+        let told = served.post("/api/findings", &json!({ "with_spectra": with_spectra })).json();
+        let sections = told["sections"].as_array().unwrap();
+        assert!(sections.iter().all(|section| !section["html"].as_str().unwrap().is_empty()));
+        sections.iter().map(|section| section["title"].as_str().unwrap().to_owned()).collect()
+    };
+    let (quick, whole) = (titles(false), titles(true));
+    let has = |titles: &[String], word: &str| titles.iter().any(|title| title.contains(word));
+    assert!(has(&quick, "In short") && has(&quick, "Safety") && has(&quick, "says"), "{quick:?}");
+    assert!(!has(&quick, "by origin") && has(&whole, "by origin"), "{whole:?}");
+}
+
+#[test]
+fn a_picked_part_is_a_region() {
+    let served = Served::on_run();
+    let asked = json!({ "frame_px": [64, 48], "at_px": [32, 24] });
+    let part = served.post("/api/part", &asked).json()["part"].as_str().unwrap().to_owned();
+    let body = json!({ "capture": "blue", "frame_px": [64, 48], "place": { "part": part } });
+    let told = served.post("/api/region", &body).json();
+    assert_eq!(told["part"], json!(part), "{told}");
+    assert!(told["lines"].as_array().unwrap().len() > 2, "{told}");
+    let outside = served.post("/api/part", &json!({ "frame_px": [64, 48], "at_px": [64, 0] }));
+    assert_eq!(outside.status, 422, "{}", outside.text());
 }
 
 #[test]
@@ -284,4 +368,24 @@ fn subjects_that_are_none_are_told() {
     options.changes.set = vec!["capture.blue.gain=-3".into()];
     let error = Workbench::open(&options).err().unwrap().to_string();
     assert!(error.contains("gain") && error.contains("-3"), "{error}");
+}
+
+#[test]
+fn a_run_that_is_written_anew_is_not_mixed_with_the_one_that_was_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["components.exr", "experiment.toml"] {
+        std::fs::copy(run_folder().join(name), folder.path().join(name)).unwrap();
+    }
+    let served = Served::on(folder.path());
+    let other = any_led_folder().join("components.exr");
+    let (new, image) = (folder.path().join("new.exr"), folder.path().join("components.exr"));
+    std::fs::copy(other, &new).unwrap();
+    std::fs::rename(&new, &image).unwrap();
+    let asked = json!({ "set": ["view_filter.filters=[]"], "capture": "blue", "view": "developed" });
+    let refused = served.post("/api/picture", &asked);
+    assert!(
+        refused.status == 422 && refused.text().contains("written anew since it was opened"),
+        "{}",
+        refused.text()
+    );
 }

@@ -2,5 +2,6 @@
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
 mod correctness;
+mod photographs;
 mod security;
 mod support;

@@ -112,6 +112,24 @@ fn paths_lead_to_nothing_but_the_pages() {
 }
 
 #[test]
+fn nothing_is_taken_in_or_written_without_the_cookie() {
+    let served = Served::on_run();
+    let host = format!("Host: 127.0.0.1:{}\r\nContent-Type: application/json\r\n", served.port);
+    for path in ["file/a.dng", "picture", "estimate", "save"] {
+        let target = format!("POST /api/photographs/{path} HTTP/1.1\r\n{host}");
+        assert_eq!(served.send(&target, b"{}").status, 403, "{path}");
+        let foreign = format!(
+            "{}Origin: http://evil.example\r\n",
+            served.head(&format!("POST /api/photographs/{path}"))
+        );
+        assert_eq!(served.send(&foreign, b"{}").status, 403, "{path}");
+    }
+    for path in ["/report.html", "/api/report", "/api/findings"] {
+        assert_eq!(served.send(&format!("GET {path} HTTP/1.1\r\n{host}"), b"").status, 403, "{path}");
+    }
+}
+
+#[test]
 fn bodies_are_small_and_json() {
     let served = Served::on_run();
     let json = |body: &[u8]| {

@@ -58,7 +58,7 @@ pub use estimate::{
     DepthOfLight, DesignEstimate, FamilyFrame, FilterLeak, FrameLeak, LayerShare, LeakAtAngle,
     LeakBehindFilters, MixtureSpectra, PorphyrinEstimate, PredictError, PredictedPorphyrin, Prediction,
     RadianceSplit, RegionRadiance, TISSUE_BLOOD, TargetLabels, TissueView, analyze, analyze_regions,
-    analyze_seen, depths_of_light, design_estimate, estimate_porphyrin, filter_leak, frame_leak,
+    analyze_seen, depths_of_light, design_estimate, estimate_porphyrin, filter_leak, frame_leak, noise_of,
     other_tissue_families, predict, rendered_regions, target_labels, tissue_family, tissue_mixture,
 };
 pub use evaluate::{Evaluation, evaluate, evaluate_frames, evaluate_from_planes};

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 use exr::block::UncompressedBlock;
 use exr::meta::attribute::SampleType;
@@ -31,9 +32,24 @@ use fluorspar::spectral::{ExcitationNodes, Radiance};
 #[derive(Debug)]
 pub struct ComponentFile {
     path: PathBuf,
+    state: FileState,
     labels: ComponentImage,
     provenance: Option<Provenance>,
     spectra: Spectra,
+}
+
+/// What tells a file from another one that took its place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct FileState {
+    bytes: u64,
+    modified: Option<SystemTime>,
+}
+
+impl FileState {
+    fn of(path: &Path) -> Result<Self, FormatError> {
+        let metadata = std::fs::metadata(path).map_err(|source| FormatError::io(path, "read", source))?;
+        Ok(Self { bytes: metadata.len(), modified: metadata.modified().ok() })
+    }
 }
 
 #[derive(Debug)]
@@ -78,14 +94,33 @@ impl ComponentFile {
     }
 
     fn open_with(path: &Path, with_maps: bool) -> Result<Self, FormatError> {
+        let state = FileState::of(path)?;
         if is_npy(path)? {
             let Loaded { image, provenance } = read_component_npy(path)?;
-            return Ok(Self { path: path.into(), labels: image, provenance, spectra: Spectra::Memory });
+            return Ok(Self {
+                path: path.into(),
+                state,
+                labels: image,
+                provenance,
+                spectra: Spectra::Memory,
+            });
         }
-        guarded(path, "OpenEXR", || Self::open_parts(path, with_maps))
+        guarded(path, "OpenEXR", || Self::open_parts(path, state, with_maps))
     }
 
-    fn open_parts(path: &Path, with_maps: bool) -> Result<Self, FormatError> {
+    /// When the file was written and how long it is, as it was opened: what is read later must be of the same.
+    ///
+    /// # Errors
+    /// A file that was written anew, or is gone.
+    pub fn check_unchanged(&self) -> Result<(), FormatError> {
+        if FileState::of(&self.path)? == self.state {
+            return Ok(());
+        }
+        let what = "the file was written anew since it was opened";
+        Err(FormatError::unsupported(&self.path, what, "Open it again, to see what is in it now"))
+    }
+
+    fn open_parts(path: &Path, state: FileState, with_maps: bool) -> Result<Self, FormatError> {
         let headers = headers(path)?;
         let parts = component_parts(path, &headers)?;
         let (width, height) = (parts.size.width(), parts.size.height());
@@ -123,6 +158,7 @@ impl ComponentFile {
         };
         Ok(Self {
             path: path.into(),
+            state,
             labels: ComponentImage { components: parts.components, bases: parts.bases, ..labels },
             provenance: provenance(path, &headers)?,
             spectra: Spectra::Parts { headers, components, planes, excitation },
@@ -168,6 +204,7 @@ impl ComponentFile {
             }
             let mut buffers = [vec![0.0; label.components * label.channels * pixels]];
             decode(&self.path, headers, &targets, &mut buffers)?;
+            self.check_unchanged()?;
             let [values] = buffers;
             Ok(Some(ChannelPlanes {
                 width: size[0],
@@ -224,6 +261,7 @@ impl ComponentFile {
                 buffers.push(vec![0.0; label.rank * pixels]);
             }
             decode(&self.path, headers, &targets, &mut buffers)?;
+            self.check_unchanged()?;
             Ok(buffers)
         })
     }
@@ -250,7 +288,11 @@ impl ComponentFile {
     pub fn read(self) -> Result<Loaded<ComponentImage>, FormatError> {
         match self.spectra {
             Spectra::Memory => Ok(Loaded { image: self.labels, provenance: self.provenance }),
-            Spectra::Parts { .. } => read_component_exr(&self.path),
+            Spectra::Parts { .. } => {
+                let read = read_component_exr(&self.path)?;
+                self.check_unchanged()?;
+                Ok(read)
+            }
         }
     }
 }
@@ -295,6 +337,7 @@ impl ComponentRows for ComponentFile {
             components.iter().position(|found| found.part == part).filter(|found| wanted(*found))
         };
         let is_wanted = |part: usize| of_part(part).is_some();
+        self.check_unchanged()?;
         let found = for_each_block(&self.path, headers.len(), is_wanted, |block| {
             let part = block.part();
             let Some(component) = of_part(part) else { return Ok(Vec::new()) };
@@ -309,6 +352,7 @@ impl ComponentRows for ComponentFile {
             }
             Ok(rows)
         })?;
+        self.check_unchanged()?;
         let found: Vec<(usize, usize, T)> = found.into_iter().flatten().collect();
         self.check_rows(&found, wanted)?;
         Ok(found)

@@ -29,6 +29,6 @@ pub use predict::{
 pub use region_radiance::RegionRadiance;
 pub use region_signal::{CameraResponse, MixtureSpectra, PorphyrinEstimate, estimate_porphyrin};
 pub use rendered_regions::{BasisRender, rendered_regions};
-pub use targets::{TargetLabels, target_labels};
+pub use targets::{TargetLabels, noise_of, target_labels};
 pub use tissue_family::{FamilyFrame, other_tissue_families, tissue_family};
 pub use tissue_mixture::{TISSUE_BLOOD, TissueView, tissue_mixture};

@@ -37,7 +37,7 @@ const WIDEST_RING_PX: usize = 400;
 const HALF: f32 = 0.5;
 
 /// Noise of the channels of a developed frame.
-pub(super) fn noise_of(image: &ChannelImage, dn_per_electron: f64, sensor: &Sensor) -> ChannelNoise {
+pub fn noise_of(image: &ChannelImage, dn_per_electron: f64, sensor: &Sensor) -> ChannelNoise {
     let model = sensor.model();
     // A flat field takes the spread of the pixels' response out, dark frames that of their dark signal.
     let is_calibrated = |by: fn(&CalibrationNoise) -> bool| image.calibration.as_ref().is_some_and(by);

@@ -1,0 +1,90 @@
+//! What a report says of what is shown, by section; and the report itself.
+
+use std::time::Instant;
+
+use fluorspar_report::{NumberMatrix, NumberTable, ReportItem, Section};
+use fluorspar_session::{Changes, LiveRender, Result};
+use serde::{Deserialize, Serialize};
+
+use crate::region::Place;
+use crate::subject::check_no_files;
+
+/// What findings are wanted of.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FindingsRequest {
+    #[serde(default)]
+    set: Vec<String>,
+    place: Option<Place>,
+    /// Light by origin, leak and depth, too, which take longer.
+    #[serde(default)]
+    with_spectra: bool,
+}
+
+#[derive(Serialize)]
+pub(crate) struct FindingsAnswer {
+    sections: Vec<ToldSection>,
+    milliseconds: f64,
+}
+
+#[derive(Serialize)]
+struct ToldSection {
+    title: String,
+    /// What it says, in a line.
+    note: String,
+    html: String,
+}
+
+/// The sections of a report on the frames and the region, the numbers of its first screen before them.
+///
+/// # Errors
+/// A change that can't be made or shown; frames that can't be analyzed.
+pub(crate) fn findings(live: &LiveRender, request: &FindingsRequest) -> Result<FindingsAnswer> {
+    let begun = Instant::now();
+    let changes = Changes { set: request.set.clone(), unset: Vec::new() };
+    check_no_files(&changes)?;
+    let place = request.place.as_ref().map(Place::text);
+    let page = live.show(&changes)?.findings(place.as_deref(), request.with_spectra)?.alone();
+    let mut figures = 0;
+    let overview = page.overview.map(|overview| {
+        let budgets = overview.answer.into_iter().flat_map(|answer| answer.budgets);
+        let budgets = budgets.filter(|budget| !budget.rows.is_empty()).map(|budget| {
+            let rows = budget.rows.into_iter().map(|row| vec![row.name, row.text]).collect();
+            let columns = vec![budget.title, String::new()];
+            ReportItem::Matrix(NumberMatrix { columns, rows, ..NumberMatrix::default() })
+        });
+        let cards = NumberTable { caption: String::new(), rows: overview.cards };
+        let whole = budgets.fold(Section::new("In short").with(ReportItem::Table(cards)), Section::with);
+        whole.say(overview.assumed.join(" "))
+    });
+    let warnings =
+        page.warnings.iter().fold(Section::new("Doubts"), |section, warning| section.say(warning.text()));
+    let warnings = Some(warnings).filter(|section| !section.items.is_empty());
+    let told = |section: Section| ToldSection {
+        html: section.to_html(&mut figures),
+        title: section.title,
+        note: section.note,
+    };
+    let sections = overview.into_iter().chain(page.sections).chain(warnings).map(told).collect();
+    Ok(FindingsAnswer { sections, milliseconds: 1e3 * begun.elapsed().as_secs_f64() })
+}
+
+/// Of what a report is wanted.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ReportRequest {
+    #[serde(default)]
+    set: Vec<String>,
+    place: Option<Place>,
+}
+
+/// The report that `capture --report` writes of the saved experiment, as one page.
+///
+/// # Errors
+/// Those of [`findings`].
+pub(crate) fn report(live: &LiveRender, request: &ReportRequest) -> Result<String> {
+    let changes = Changes { set: request.set.clone(), unset: Vec::new() };
+    check_no_files(&changes)?;
+    let place = request.place.as_ref().map(Place::text);
+    Ok(live.report(&changes, place.as_deref())?.alone().to_html())
+}

@@ -1,0 +1,341 @@
+"""The workbench in a real Chromium: what a person does on the page, and what the page then says. `.ci/browser` runs it.
+
+Usage: browser.py PROGRAM [TESTS]. Each test is a function of this file whose name begins with `test_`; it gets a page on a small run.
+"""
+
+import base64
+import contextlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.parse
+from pathlib import Path
+
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Page, sync_playwright
+
+#: Longest wait for what takes the server some work, ms: a first estimate solves tissues.
+WAIT = 90_000
+#: A small mouth: few pixels, few samples, all of its parts.
+SMALL = ["--set", "render.width_px=96", "--set", "render.height_px=72", "--spp", "2"]
+#: Kinds of findings of axe that stand in nobody's way.
+BEARABLE = {"minor", "moderate"}
+
+
+class Bench:
+    """A workbench of its own and a page on it, which notes what goes wrong."""
+
+    def __init__(self, program: str, page: Page, subject: list[str]) -> None:
+        self.page = page
+        self.subject = Path(subject[0])
+        self.requests: list[str] = []
+        self.errors: list[str] = []
+        self.process = subprocess.Popen([program, "workbench", "-q", *subject], stdout=subprocess.PIPE, text=True)
+        assert self.process.stdout
+        self.address = self.process.stdout.readline().strip()
+        page.on("request", lambda request: self.requests.append(request.url))
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("console", lambda message: self.errors.append(message.text) if message.type == "error" else None)
+        page.goto(self.address)
+
+    def close(self) -> None:
+        self.process.terminate()
+        assert self.process.wait(10) == 0, "the workbench did not end well"
+        foreign = [url for url in self.requests if urllib.parse.urlsplit(url).hostname not in ("127.0.0.1", None)]
+        assert not foreign, f"requests left the machine: {foreign}"
+        assert not self.errors, f"errors on the page: {self.errors}"
+
+    def serial(self) -> int:
+        """How many pictures were shown."""
+        return int(self.page.locator("#picture").get_attribute("data-serial") or 0)
+
+    def picture(self, act=lambda: None, after: int | None = None) -> None:
+        """Acts, and waits until a picture came after that and no further one is in the making."""
+        if after is None:
+            self.rest(-1)
+            after = self.serial()
+        act()
+        self.rest(after)
+
+    def rest(self, after: int) -> None:
+        self.page.wait_for_function(
+            "after => Number(document.querySelector('#picture').dataset.serial ?? 0) > after"
+            " && document.querySelector('#viewport').matches('[aria-busy=false]:not(.stale)')", arg=after, timeout=WAIT)
+
+    def estimate(self) -> str:
+        """The verdict, once it is of the state that is shown."""
+        self.page.wait_for_function(
+            "() => !document.querySelector('#region').classList.contains('stale')"
+            " && document.querySelector('#verdict').textContent !== 'Estimating …'", timeout=WAIT)
+        return self.page.locator("#verdict").inner_text()
+
+    def pixels(self) -> str:
+        return self.page.evaluate("() => document.querySelector('#picture').toDataURL()")
+
+    def control(self, path: str):
+        """The element of a control, by its path."""
+        return self.page.locator(".control", has=self.page.get_by_text(path, exact=True))
+
+    def changes(self) -> list[str]:
+        return self.page.locator("#changed code").all_inner_texts()
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """Draws from one place of the frame to another, as shares of its width and height."""
+        box = self.page.locator("#drawing").bounding_box()
+        assert box
+        at = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in (start, end)]
+        self.page.mouse.move(*at[0])
+        self.page.mouse.down()
+        self.page.mouse.move(*at[1], steps=4)
+        self.page.mouse.up()
+
+
+def test_a_run_is_shown(bench: Bench) -> None:
+    page = bench.page
+    bench.picture(after=0)
+    assert "token" not in page.url and "OralEye" in page.locator("#subject").inner_text()
+    assert page.locator("#picture").get_attribute("aria-label").startswith("Frame ")
+    assert bench.estimate()
+    shown = bench.pixels()
+    seen = [shown]
+    for view in ("Raw mosaic", "Clipping", "Signal to noise", "Eye", "Clay", "Parts", "Depth", "Porphyrin map"):
+        bench.picture(lambda: page.get_by_role("radio", name=view).check(force=True))
+        seen.append(bench.pixels())
+    assert len(set(seen)) == len(seen), "two views are the same"
+    bench.picture(lambda: page.get_by_role("radio", name="Developed").check(force=True))
+    assert bench.pixels() == shown
+
+
+def test_each_kind_of_control_changes_the_frame(bench: Bench) -> None:
+    page = bench.page
+    bench.picture(after=0)
+    seen = [bench.pixels()]
+
+    def act(what: str, action) -> None:
+        bench.picture(action)
+        shown = bench.pixels()
+        assert shown not in seen, f"{what} changed nothing"
+        seen.append(shown)
+
+    def typed(control, value: str) -> None:
+        control.locator("input[type=number]").fill(value)
+        control.locator("input[type=number]").press("Enter")
+
+    assert page.locator("#captures input").count() > 1
+    exposure = page.locator(".control:visible", has_text="exposure_ms")
+    act("exposure", lambda: typed(exposure, "3"))
+    assert any(text.endswith("exposure_ms=3.0") for text in bench.changes()), bench.changes()
+    act("automatic exposure", lambda: exposure.locator("input[type=checkbox]").check())
+    act("drive", lambda: page.locator(".control:visible", has_text="light_groups.blue").locator("input[type=range]").press("PageUp"))
+    # A drag shows pictures while it lasts, however slow the machine is
+    drive = page.locator(".control:visible", has_text="light_groups.blue").locator("input[type=range]")
+    before = bench.serial()
+    drive.evaluate("""async slider => {
+        const shown = () => Number(document.querySelector('#picture').dataset.serial);
+        const before = shown();
+        slider.dispatchEvent(new PointerEvent('pointerdown'));
+        for (let at = 0; shown() < before + 2 && at < 2000; at++) {
+            slider.value = String(300 + at % 400);
+            slider.dispatchEvent(new Event('input'));
+            await new Promise(requestAnimationFrame);
+        }
+    }""")
+    assert bench.serial() >= before + 2, "a drag showed no pictures"
+    act("the end of a drag", lambda: drive.evaluate("slider => { slider.value = '345'; slider.dispatchEvent(new Event('input')); slider.dispatchEvent(new Event('change')); }"))
+    act("filter", lambda: bench.control("view_filter.filters").locator("select").select_option("[]"))
+    act("concentration", lambda: page.locator(".control", has_text="concentration.").locator("input[type=range]").first.press("End"))
+    act("sensor", lambda: bench.control("sensor.preset").locator("select").select_option("\"rgb_nir_3um\""))
+    changes = bench.changes()
+    bench.picture(lambda: page.locator("#undo").click())
+    assert bench.pixels() == seen[-2] and len(bench.changes()) == len(changes) - 1
+    bench.picture(lambda: page.locator("#redo").click())
+    assert bench.pixels() == seen[-1] and bench.changes() == changes
+    bench.picture(lambda: page.locator("#reset").click())
+    assert bench.pixels() == seen[0]
+
+
+def test_a_region_is_drawn_and_stays_in_the_address(bench: Bench) -> None:
+    page = bench.page
+    bench.picture(after=0)
+    before = bench.estimate()
+    page.get_by_role("radio", name="Rectangle").check(force=True)
+    bench.drag((0.35, 0.45), (0.6, 0.7))
+    page.wait_for_function("() => document.querySelector('#place').textContent.startsWith('A rectangle')")
+    drawn = bench.estimate()
+    assert page.locator("#spectra svg.chart").count() == 1
+    page.locator("#tools input[value=part]").check(force=True)
+    box = page.locator("#drawing").bounding_box()
+    page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.66 * box["height"])
+    page.wait_for_function("() => document.querySelector('#place').textContent.startsWith('The part tongue')", timeout=WAIT)
+    page.wait_for_function("() => location.hash.includes('part=tongue')")
+    page.locator("#undo").click()
+    page.wait_for_function("() => document.querySelector('#place').textContent.startsWith('A rectangle')", timeout=WAIT)
+    bench.picture(lambda: bench.control("view_filter.filters").locator("select").select_option("[]"))
+    page.wait_for_function("() => location.hash.includes('view_filter')")
+    shown, address = bench.pixels(), page.url
+    page.goto("about:blank")
+    page.goto(address)
+    bench.picture(after=0)
+    assert bench.pixels() == shown and len(bench.changes()) == 1
+    page.wait_for_function("() => document.querySelector('#place').textContent.startsWith('A rectangle')", timeout=WAIT)
+    assert before and drawn
+
+
+def test_two_states_are_compared_and_saved(bench: Bench) -> None:
+    page = bench.page
+    bench.picture(after=0)
+    first = bench.pixels()
+    page.locator("#keep").click()
+    bench.picture(lambda: bench.control("view_filter.filters").locator("select").select_option("[]"))
+    kept = "() => document.querySelector('#kept').toDataURL()"
+    page.wait_for_function(f"first => !document.querySelector('#kept').hidden && ({kept})() !== 'data:,'", arg=first, timeout=WAIT)
+    page.locator("#wipe").press("Home")
+    assert "inset(0px 100%" in page.locator("#kept").evaluate("element => element.style.clipPath")
+    bench.picture(lambda: page.locator("#swap").click())
+    assert bench.pixels() == first and "view_filter" in page.locator("#kept-list").inner_text()
+    assert "kept=" in page.url
+    bench.picture(lambda: page.locator("#swap").click())
+    page.locator("#forget").click()
+    assert not page.locator("#compare").is_visible()
+    with page.expect_download() as saved:
+        page.locator("#save").click()
+    text = Path(saved.value.path()).read_text()
+    assert saved.value.suggested_filename == "experiment.toml" and "filters = []" in text
+    page.locator("#report").click()
+    page.locator("#made-open").wait_for(timeout=WAIT)
+    with page.context.expect_page() as opened:
+        page.locator("#made-open").click()
+    opened.value.wait_for_load_state()
+    assert opened.value.url.endswith("/report.html") and opened.value.locator("figure svg").count() > 5
+    assert opened.value.evaluate("() => getComputedStyle(document.querySelector('.overview')).display") == "grid"
+
+
+def test_a_report_is_told_in_tabs(bench: Bench) -> None:
+    page = bench.page
+    bench.picture(after=0)
+    page.locator("#findings-fold summary").click()
+    tab = page.get_by_role("tab", name="Safety of eyes and skin")
+    tab.wait_for(timeout=WAIT)
+    page.get_by_role("tab", name="How much excitation light").wait_for(timeout=WAIT)
+    page.get_by_role("tab", name="In short").click()
+    assert page.locator("#findings-panel table").count() > 0
+    page.keyboard.press("ArrowRight")
+    assert page.get_by_role("tab", name="Frames").get_attribute("aria-selected") == "true"
+    assert page.locator("#findings-panel svg").count() > 0
+    found = [one for one in Axe().run(page).response["violations"] if one["impact"] not in BEARABLE]
+    assert not found, found
+
+
+def test_a_photograph_is_dropped_drawn_upon_and_saved(bench: Bench) -> None:
+    page = bench.page
+    run = bench.subject
+    bench.picture(after=0)
+    files = [{"name": name, "base64": base64.b64encode((run / name).read_bytes()).decode()}
+             for capture in ("blue", "ambient") for name in (f"raw_{capture}.tiff", f"raw_{capture}.tiff.json")]
+    files.append({"name": "photo.jpg", "base64": base64.b64encode(b"\xff\xd8\xff\xe0 no raw frame").decode()})
+    page.evaluate("""files => {
+        const data = new DataTransfer();
+        for (const { name, base64 } of files) data.items.add(new File([Uint8Array.from(atob(base64), c => c.charCodeAt(0))], name));
+        document.body.dispatchEvent(new DragEvent('drop', { dataTransfer: data, bubbles: true, cancelable: true }));
+    }""", files)
+    page.wait_for_function("() => document.querySelectorAll('#photo-list tr').length === 2", timeout=WAIT)
+    page.wait_for_function("() => document.querySelector('#photo-viewport').ariaBusy === 'false'", timeout=WAIT)
+    assert "tone curve" in page.locator("#photo-message").inner_text()
+    bench.errors.clear()
+    page.get_by_role("button", name="Add tongue").click()
+    box = page.locator("#photo-drawing").bounding_box()
+    for x, y in ((0.4, 0.6), (0.6, 0.6), (0.5, 0.75)):
+        page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
+    page.keyboard.press("Enter")
+    verdict = page.locator("#photo-regions .verdict")
+    page.wait_for_function("() => document.querySelector('#photo-regions .verdict').textContent.includes('%')", timeout=WAIT)
+    assert verdict.count() == 1
+    page.get_by_role("button", name="Add lesion").click()
+    page.locator("#photo-tool").select_option("brush")
+    page.mouse.move(box["x"] + 0.45 * box["width"], box["y"] + 0.65 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.66 * box["height"], steps=4)
+    page.mouse.up()
+    page.get_by_label("verdict on lesion").select_option("wrong")
+    found = [one for one in Axe().run(page).response["violations"] if one["impact"] not in BEARABLE]
+    assert not found, found
+    with tempfile.TemporaryDirectory() as folder:
+        page.locator("#photo-folder").fill(folder)
+        page.get_by_role("button", name="Save table and masks").click()
+        page.wait_for_function("() => document.querySelector('#photo-message').textContent.startsWith('Saved')", timeout=WAIT)
+        table = (Path(folder) / "photographs.csv").read_text().splitlines()
+        assert table[0] == "patient,visit,capture,frame,region,where,verdict" and len(table) == 4, table
+        assert (Path(folder) / "mask_raw_blue_lesion.png").exists() and table[2].endswith(",wrong"), table
+
+
+def test_what_needs_a_render_is_offered(bench: Bench) -> None:
+    page = bench.page
+    bench.picture(after=0)
+    page.locator("#any input[name=path]").fill("render.width_px")
+    page.locator("#any input[name=value]").fill("64")
+    page.locator("#any button").click()
+    page.locator("#render").wait_for(timeout=WAIT)
+    page.locator("#back").click()
+    page.wait_for_function("() => document.querySelector('#message').hidden", timeout=WAIT)
+    # The console tells of the refusal
+    bench.errors.clear()
+
+
+def test_nothing_stands_in_anybodys_way(bench: Bench) -> None:
+    page = bench.page
+    bench.picture(after=0)
+    bench.estimate()
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        for width in (390, 1280, 2560):
+            page.set_viewport_size({"width": width, "height": 900})
+            wide = page.evaluate("() => document.documentElement.scrollWidth - window.innerWidth")
+            assert wide <= 0, f"{wide} px too wide at {width}"
+            # The content policy forbids axe to be loaded as a script: it is evaluated
+            found = Axe().run(page).response["violations"]
+            serious = [f"{one['id']}: {one['help']} {[node['target'] for node in one['nodes']][:3]}"
+                       for one in found if one["impact"] not in BEARABLE]
+            assert not serious, f"{scheme} {width}: {serious}"
+
+
+def run_of(program: str, folder: Path) -> Path:
+    """A small run, made once."""
+    out = folder / "run"
+    subprocess.run([program, "run", "-q", "oraleye-2021", *SMALL, "--out", str(out)], check=True, stdout=subprocess.DEVNULL)
+    return out
+
+
+def chromium() -> str:
+    found = [shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome")]
+    return next(path for path in found if path)
+
+
+def main() -> None:
+    program, *wanted = sys.argv[1:]
+    tests = {name: test for name, test in globals().items() if name.startswith("test_")}
+    unknown = [name for name in wanted if name not in tests]
+    assert not unknown, f"no such test: {unknown}; there are {', '.join(tests)}"
+    with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
+        folder = Path(name)
+        run = run_of(program, folder)
+        browser = playwright.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        for test_name in wanted or tests:
+            begun = time.monotonic()
+            with contextlib.closing(browser.new_context(viewport={"width": 1280, "height": 900})) as context:
+                bench = Bench(program, context.new_page(), [str(run)])
+                try:
+                    tests[test_name](bench)
+                except BaseException:
+                    bench.page.screenshot(path="/tmp/fluorspar-browser.png", full_page=True)
+                    print(f"{test_name} failed; /tmp/fluorspar-browser.png shows the page; errors there: {bench.errors}")
+                    bench.process.terminate()
+                    raise
+                bench.close()
+            print(f"{test_name} ok, {time.monotonic() - begun:.1f} s")
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()
