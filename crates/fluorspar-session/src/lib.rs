@@ -3,7 +3,7 @@
 //!
 //! | to | call |
 //! |---|---|
-//! | analyze frames | [`analyze`] |
+//! | analyze frames, or many photographs | [`analyze`] |
 //! | capture a component image | [`capture`] |
 //! | run an experiment from scene to report | [`run`] |
 //! | check an experiment or a flat sample | [`check`] |
@@ -43,6 +43,7 @@ mod job;
 mod live_render;
 pub mod named_spectra;
 mod options;
+mod photographs;
 mod plane_cache;
 mod predict;
 mod region_option;
@@ -57,7 +58,7 @@ mod surroundings;
 pub mod tissue;
 pub mod values;
 
-pub use analyze::{AnalyzeOptions, AnalyzedFrames, analyze};
+pub use analyze::{AnalyzeOptions, Analyzed, AnalyzedFrames, analyze};
 pub use capture::{CaptureOptions, CapturedFolder, RawForm, capture};
 pub use changes::{Changes, ExperimentArgs, RenderOptions, Seed, StatisticsOption};
 pub use check::{CameraView, CheckOptions, CheckedExperiment, CheckedFile, CheckedSample, check};
@@ -71,6 +72,10 @@ pub use finished_render::{CaptureView, FinishedRender, ShownExperiment};
 pub use job::{Job, Left, Listener};
 pub use live_render::{LiveRender, LiveStudy};
 pub use options::{TaskOption, TaskOptions};
+pub use photographs::{
+    AnalyzedPhotographs, FailedPhotograph, IntervalKind, PatientEstimate, PhotographRow, photographs_csv,
+    read_photographs,
+};
 pub use plane_cache::Wanted;
 pub use predict::{Compatibility, PredictOptions, PredictedSample, filter_list, predict};
 pub use render::{Keep, fill_film, render_scene, render_with_excitation_basis};

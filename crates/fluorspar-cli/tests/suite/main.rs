@@ -23,6 +23,7 @@ mod old_calls;
 mod out_folder;
 mod outputs;
 mod pbrt;
+mod photographs;
 mod predict;
 mod report_pages;
 mod scene;

@@ -19,7 +19,8 @@ pub enum ValueRange {
 
 impl ValueRange {
     /// The number that is normal, `None` outside the range or at its ends.
-    fn straightened(self, value: f64) -> Option<f64> {
+    #[must_use]
+    pub fn straightened(self, value: f64) -> Option<f64> {
         let straight = match self {
             Self::Real => value,
             Self::Positive => value.ln(),
@@ -28,7 +29,9 @@ impl ValueRange {
         straight.is_finite().then_some(straight)
     }
 
-    fn bent(self, straight: f64) -> f64 {
+    /// The number whose [`Self::straightened`] is given.
+    #[must_use]
+    pub fn bent(self, straight: f64) -> f64 {
         match self {
             Self::Real => straight,
             Self::Positive => straight.exp(),
