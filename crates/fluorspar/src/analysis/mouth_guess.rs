@@ -199,10 +199,16 @@ fn teeth(blocks: &Blocks) -> Option<Vec<bool>> {
         Split::of(&lights).filter(|again| again.explained > 0.75 && again.means[1] - again.means[0] > 0.6);
     let threshold = again.map_or(split.threshold, |again| again.threshold);
     let bright = |block: &usize| blocks.light[*block] > threshold;
-    let reds: Vec<f64> = all.clone().filter(bright).map(|block| blocks.r[block]).collect();
-    let red = Split::of(&reds).filter(|red| red.means[1] - red.means[0] > 0.04);
-    let is_tooth =
-        |block: usize| bright(&block) && red.as_ref().is_none_or(|red| blocks.r[block] <= red.threshold);
+    let mut reds: Vec<f64> = all.clone().filter(bright).map(|block| blocks.r[block]).collect();
+    let mut most_red = f64::INFINITY;
+    // Lips and tongue are redder than skin, and skin than teeth
+    while let Some(red) =
+        Split::of(&reds).filter(|red| red.explained > 0.7 && red.means[1] - red.means[0] > 0.04)
+    {
+        most_red = red.threshold;
+        reds.retain(|r| *r <= most_red);
+    }
+    let is_tooth = |block: usize| bright(&block) && blocks.r[block] <= most_red;
     let found: Vec<bool> = all.map(is_tooth).collect();
     let mut teeth = vec![false; found.len()];
     for part in blocks.parts(&found).into_iter().filter(|part| part.len() * 1000 > found.len()) {
@@ -258,6 +264,9 @@ fn lips(blocks: &Blocks, teeth: &[bool]) -> Option<Vec<bool>> {
     };
     let ring: Vec<usize> =
         (0..teeth.len()).filter(|block| (1.1..1.7).contains(&distance(*block)) && !teeth[*block]).collect();
+    // The cavity is darker than lips and skin
+    let middle = median(ring.iter().map(|block| blocks.light[*block]))?;
+    let ring: Vec<usize> = ring.into_iter().filter(|block| blocks.light[*block] > middle - 0.7).collect();
     let of_ring = |values: &[f64]| ring.iter().map(|block| values[*block]).collect::<Vec<f64>>();
     let best =
         [&blocks.r, &blocks.g].into_iter().filter_map(|values| Some((values, Split::of(&of_ring(values))?)));
@@ -325,7 +334,7 @@ mod tests {
                 ("skin", [160.0, 120.0, 90.0])
             } else if x.hypot(y / 1.2) > 0.38 {
                 ("lips", [150.0, 70.0, 50.0])
-            } else if (0.27..0.36).contains(&y.abs()) && x.abs() < 0.25 {
+            } else if x.hypot(y / 1.2) > 0.3 && y.abs() > 0.1 {
                 ("teeth", [300.0, 290.0, 260.0])
             } else if (x / 0.22).hypot((y - 0.1) / 0.14) < 1.0 {
                 ("tongue", [90.0, 52.0, 40.0])
@@ -373,7 +382,7 @@ mod tests {
                 guess.selection.pixels.len()
             );
             assert!(
-                2 * right > all && guess.sureness > 0.8,
+                2 * right > all && guess.sureness > 0.7,
                 "{} {right} of {all}: {}",
                 guess.name,
                 guess.sureness
