@@ -19,6 +19,7 @@
 //! | [`d_prime_of_rates`], [`d_prime_of_scores`], [`RocArea::of`] | how well scores tell two groups apart |
 //! | [`ToleranceInterval::of`] | the range that holds 95 % of people |
 //! | [`guess_mouth`], [`other_tissue_share`] | where tongue, lips and teeth may lie, and whether a region holds two tissues |
+//! | [`NormSums::of`], [`Norm::place`] | the same by age and site, pooled over sites, and where a person stands in it |
 //! | [`lie_apart`] | values apart from the others |
 //! | [`Agreement::of`] | estimates against their truth |
 //! | [`ChannelSignal`], [`SignalRatio`], [`Unmixing`] | levels of any channels of any frames, their ratios, and the fluorophores that they are made of |
@@ -41,6 +42,7 @@ mod family_average;
 mod light_family;
 mod mixture_line;
 mod mouth_guess;
+mod norm;
 mod outlier;
 mod pixel_mean;
 mod red_pattern;
@@ -81,6 +83,7 @@ pub use mixture_line::{
     PorphyrinMap, channel_response,
 };
 pub use mouth_guess::{GuessedRegion, guess_mouth, other_tissue_share};
+pub use norm::{Norm, NormError, NormPerson, NormPlace, NormSums, SiteSums, Standing};
 pub use outlier::lie_apart;
 pub use pixel_mean::{PixelMean, mean_of_pixels};
 pub use region_blocks::{BlockShare, BlockShares, LEAST_BLOCKS, RegionBlock, block_side_px};
