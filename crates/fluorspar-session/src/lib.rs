@@ -73,8 +73,8 @@ pub use job::{Job, Left, Listener};
 pub use live_render::{LiveRender, LiveStudy};
 pub use options::{TaskOption, TaskOptions};
 pub use photographs::{
-    AnalyzedPhotographs, FailedPhotograph, IntervalKind, PatientEstimate, PhotographRow, photographs_csv,
-    read_photographs,
+    AnalyzedPhotographs, FailedPhotograph, IntervalKind, PatientEstimate, Photograph, PhotographRow,
+    estimate_photograph, find_photographs, photographs_csv, read_photographs,
 };
 pub use plane_cache::Wanted;
 pub use predict::{Compatibility, PredictOptions, PredictedSample, filter_list, predict};

@@ -21,7 +21,7 @@ pub(crate) fn run(options: &Answering<AnalyzeOptions>) -> Result<(), CliError> {
         Analyzed::Photographs(photographs) => describe_photographs(photographs),
     })?;
     match &analyzed {
-        Analyzed::Photographs(photographs) => told_failures(photographs),
+        Analyzed::Photographs(photographs) => no_answer(&photographs.failures),
         Analyzed::Frames(_) if options.task.out.is_none() => {
             Messages::default().status("Next: the same with --out FOLDER writes a report and maps");
             Ok(())
@@ -45,9 +45,9 @@ fn describe_photographs(found: &AnalyzedPhotographs) -> String {
     )
 }
 
-/// An error that names the photographs without an answer.
-fn told_failures(found: &AnalyzedPhotographs) -> Result<(), CliError> {
-    if found.failures.is_empty() {
+/// An error that names photographs without an answer, where there are some.
+pub(crate) fn no_answer(failures: &[FailedPhotograph]) -> Result<(), CliError> {
+    if failures.is_empty() {
         return Ok(());
     }
     // Many messages begin with the file that they are about
@@ -55,7 +55,7 @@ fn told_failures(found: &AnalyzedPhotographs) -> Result<(), CliError> {
         let frame = failed.frame.display().to_string();
         if failed.why.starts_with(&frame) { failed.why.clone() } else { format!("{frame}: {}", failed.why) }
     };
-    let lines: Vec<String> = found.failures.iter().map(line).collect();
+    let lines: Vec<String> = failures.iter().map(line).collect();
     Err(CliError::Input(format!(
         "{} photographs have no answer, the others do:\n  {}",
         lines.len(),

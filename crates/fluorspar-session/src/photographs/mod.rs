@@ -7,6 +7,7 @@ mod proposal;
 mod table;
 
 pub use estimate::{IntervalKind, PatientEstimate};
+pub use pairing::Photograph;
 pub use table::{PhotographRow, photographs_csv, read_photographs};
 
 use std::collections::BTreeMap;
@@ -21,11 +22,9 @@ use serde_json::json;
 
 use self::estimate::{EstimatedPhotograph, estimate, key_of, regions_of};
 use self::outcome::{mark_apart, write_estimates, write_proposal};
-use self::pairing::{
-    KnownCapture, LeftOut, Photograph, completed, holds_photographs, photographs_of, rows_of_folder,
-};
+use self::pairing::{KnownCapture, LeftOut, completed, holds_photographs, photographs_of, rows_of_folder};
 use self::proposal::propose;
-use crate::region_option::RegionOption;
+use crate::region_option::{RegionOption, region_options};
 use crate::shard::journal_beside;
 use crate::{AnalyzeOptions, Error, ErrorKind, ExperimentSource, Job, Left, Result};
 
@@ -112,6 +111,50 @@ pub(crate) fn analyze_photographs(
         let (proposed, failures) = propose(&work, &folder, job)?;
         write_proposal(&work, folder, proposed, failures, job)
     }
+}
+
+/// The photographs of a folder or a table, with paths as the working folder has them, and the files that are none. Masks of regions lie
+/// below the folder of the table.
+///
+/// # Errors
+/// As the analysis of photographs.
+pub fn find_photographs(
+    options: &AnalyzeOptions,
+    path: &Path,
+) -> Result<(Vec<Photograph>, Vec<FailedPhotograph>)> {
+    let work = PhotographWork::prepare(options, path)?;
+    let failures = work.failures();
+    let folder = work.table.as_deref().and_then(Path::parent).unwrap_or(Path::new("")).to_path_buf();
+    let mut photographs = work.photographs;
+    for region in photographs.iter_mut().flat_map(|photograph| &mut photograph.regions) {
+        region[1] = place_below(&folder, region)?;
+    }
+    Ok((photographs, failures))
+}
+
+/// The place of a region, where it is a mask below a folder.
+fn place_below(folder: &Path, [name, place, _]: &[String; 3]) -> Result<String> {
+    let region = region_options(&[format!("{name}={place}")])?.remove(0);
+    let is_file = !place.starts_with('{') && region.masks().next().is_some();
+    Ok(if is_file { folder.join(place).to_string_lossy().into_owned() } else { place.clone() })
+}
+
+/// The estimates of one photograph, whose regions have masks as the working folder has them.
+///
+/// # Errors
+/// No region, frames that can't be read or analyzed.
+pub fn estimate_photograph(
+    options: &AnalyzeOptions,
+    photograph: &Photograph,
+    job: &Job,
+) -> Result<Vec<PatientEstimate>> {
+    let source = ExperimentSource::find(options.experiment.as_deref())?;
+    let experiment = source.parse(&options.changes.overrides())?;
+    let regions = regions_of(photograph, options, None, &experiment)?;
+    if regions.is_empty() {
+        return Err(Error::Input("it has no region".into()));
+    }
+    Ok(estimate(photograph, options, &regions, String::new(), job)?.estimates)
 }
 
 impl<'a> PhotographWork<'a> {

@@ -30,16 +30,20 @@ pub(super) struct KnownCapture {
 pub(super) type LeftOut = (PathBuf, String);
 
 /// All frames of one photograph.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Photograph {
-    pub(super) patient: String,
-    pub(super) visit: String,
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Photograph {
+    /// Pseudonym of the person.
+    pub patient: String,
+    /// Visit of the person.
+    pub visit: String,
     /// Capture and file, the analyzed one first.
-    pub(super) frames: Vec<(String, PathBuf)>,
-    pub(super) dark: Vec<PathBuf>,
-    pub(super) flat: Vec<PathBuf>,
+    pub frames: Vec<(String, PathBuf)>,
+    /// Dark frames of the camera.
+    pub dark: Vec<PathBuf>,
+    /// Frames of even light of the camera.
+    pub flat: Vec<PathBuf>,
     /// Name, place and verdict of its regions.
-    pub(super) regions: Vec<[String; 3]>,
+    pub regions: Vec<[String; 3]>,
 }
 
 /// Whether a folder holds frames, itself or below.

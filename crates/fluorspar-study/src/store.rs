@@ -1,0 +1,179 @@
+//! A study on the disk: its folder, its log and its index.
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::ValueHint;
+use fluorspar_format::write_atomically;
+use fluorspar_session::{Error, ExperimentSource, Job, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use crate::event::{Event, StoredFile};
+use crate::index::Index;
+use crate::log::{LOG, Log};
+
+/// The experiment that describes the camera of a study.
+pub(crate) const CAMERA: &str = "camera.toml";
+/// Largest file that is taken into a study.
+pub(crate) const LARGEST_BYTES: u64 = 4 << 30;
+
+/// Which study.
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct StudyArgs {
+    /// Folder of the study.
+    #[arg(value_name = "STUDY", value_hint = ValueHint::DirPath)]
+    pub study: PathBuf,
+}
+
+/// What a study begins with.
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct InitOptions {
+    /// The study.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub args: StudyArgs,
+    /// Experiment of the camera, its lights and filters, and of the analysis; it is copied into the study.
+    #[arg(long, value_name = "EXPERIMENT")]
+    pub experiment: String,
+    /// Name of the study [default: that of its folder].
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
+    /// Where its people are examined, for norms that several sites pool.
+    #[arg(long, value_name = "NAME", default_value = "")]
+    pub site: String,
+}
+
+/// A study that began.
+#[derive(Clone, Debug, Serialize)]
+pub struct BegunStudy {
+    /// Its name.
+    pub name: String,
+    /// Its folder.
+    pub folder: PathBuf,
+}
+
+/// Begins a study in an empty folder, or goes on where the beginning was killed.
+///
+/// # Errors
+/// A folder that holds something else, an experiment that can't be read from within the study.
+pub fn init(options: &InitOptions, job: &Job) -> Result<BegunStudy> {
+    let folder = &options.args.study;
+    let shown = folder.display();
+    let failed = |error: std::io::Error| Error::Failed(format!("{shown}: {error}"));
+    if folder.join(LOG).exists() && !Study::open(folder)?.log.entries.is_empty() {
+        return Err(Error::Input(format!(
+            "{shown}: this is a study already; import into it: fluorspar study import {shown} PHOTOS"
+        )));
+    }
+    let source = ExperimentSource::find(Some(&options.experiment))?;
+    if source.parse(&[])?.file.analysis.is_none() {
+        return Err(Error::Input(format!(
+            "{}: the experiment has no [analysis] section; add one",
+            options.experiment
+        )));
+    }
+    let ours = [LOG, CAMERA, ".bidsignore", "dataset_description.json"];
+    let other = fs::read_dir(folder).into_iter().flatten().flatten().find(|entry| {
+        !entry.file_name().to_string_lossy().starts_with(".fluorspar")
+            && !ours.iter().any(|name| entry.file_name() == *name)
+    });
+    if let Some(other) = other {
+        return Err(Error::Input(format!(
+            "{shown}: this folder holds {}; give a new or empty one",
+            other.file_name().display()
+        )));
+    }
+    fs::create_dir_all(folder).map_err(failed)?;
+    let of_file = |text: &str| text.to_owned();
+    let camera = match &source.file {
+        Some(_) => of_file(&source.text),
+        None => format!("format = 1\nbase = \"{}\"\n", source.stem),
+    };
+    let own_name = || {
+        std::path::absolute(folder)
+            .ok()
+            .and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned()))
+    };
+    let name = options.name.clone().or_else(own_name).unwrap_or_default();
+    let description = json!({ "Name": name, "BIDSVersion": "1.10.0", "DatasetType": "raw" });
+    write(&folder.join(CAMERA), camera.as_bytes())?;
+    // A file that it names must lie beside it here, too
+    if let Err(error) = ExperimentSource::find(Some(&folder.join(CAMERA).to_string_lossy()))
+        .and_then(|source| source.parse(&[]))
+    {
+        let _ = fs::remove_file(folder.join(CAMERA));
+        return Err(Error::Input(format!(
+            "{error}\nA study holds a copy of its experiment: copy what that names into {shown} as well"
+        )));
+    }
+    write(&folder.join(".bidsignore"), b"camera.toml\nlog.jsonl\n**/photo/\n")?;
+    write(&folder.join("dataset_description.json"), serde_json::to_string_pretty(&description)?.as_bytes())?;
+    let mut study = Study::open(folder)?;
+    study.commit("init", vec![Event::Study { name: name.clone(), site: options.site.clone() }])?;
+    job.status(format!("Next: fluorspar study import {shown} PHOTOS"));
+    Ok(BegunStudy { name, folder: folder.clone() })
+}
+
+/// A study, locked for this process.
+pub(crate) struct Study {
+    pub(crate) folder: PathBuf,
+    pub(crate) log: Log,
+    pub(crate) index: Index,
+}
+
+impl Study {
+    /// Opens a study, and brings its index up to its log.
+    pub(crate) fn open(folder: &Path) -> Result<Self> {
+        if !folder.join(CAMERA).is_file() {
+            let shown = folder.display();
+            return Err(Error::Input(format!(
+                "{shown}: this is no study; begin one with `fluorspar study init {shown} --experiment CAMERA.toml`"
+            )));
+        }
+        let log = Log::open(folder)?;
+        let index = Index::open(folder, &log.entries)?;
+        Ok(Self { folder: folder.into(), log, index })
+    }
+
+    /// Writes what happened: on the disk when it returns.
+    pub(crate) fn commit(&mut self, command: &str, events: Vec<Event>) -> Result<()> {
+        let known = self.log.entries.len();
+        self.log.append(command, events)?;
+        self.index.apply(&self.log.entries[known..])
+    }
+
+    /// The path of a file of the study as the working folder has it.
+    pub(crate) fn path(&self, file: &Path) -> PathBuf {
+        self.folder.join(file)
+    }
+
+    /// Copies a file into the study, on the disk when it returns; one that is there with these bytes stays.
+    pub(crate) fn take(&self, from: &Path, to: &Path, role: &str, sha256: &str) -> Result<StoredFile> {
+        let place = self.path(to);
+        let stored = StoredFile { role: role.into(), path: to.into(), sha256: sha256.into() };
+        if place.is_file() && fluorspar_format::digest_bounded(&place, LARGEST_BYTES)? == sha256 {
+            return Ok(stored);
+        }
+        let failed = |error: std::io::Error| Error::Failed(format!("{}: {error}", place.display()));
+        fs::create_dir_all(place.parent().unwrap_or(&self.folder)).map_err(failed)?;
+        let mut source =
+            File::open(from).map_err(|error| Error::Input(format!("{}: {error}", from.display())))?;
+        write_atomically(&place, |file| std::io::copy(&mut source, file).map(|_| ()))?;
+        if fluorspar_format::digest_bounded(&place, LARGEST_BYTES)? != sha256 {
+            return Err(Error::Failed(format!(
+                "{}: it changed while it was copied; import it again",
+                from.display()
+            )));
+        }
+        Ok(stored)
+    }
+}
+
+/// Writes a file, on the disk when it returns.
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    Ok(write_atomically(path, |file| file.write_all(bytes))?)
+}
