@@ -138,7 +138,8 @@ fn known_until(connection: &Connection, entries: &[Entry]) -> Option<usize> {
     let last = "SELECT seq, sha256 FROM audit ORDER BY seq DESC LIMIT 1";
     let (seq, sha256): (i64, String) =
         connection.query_row(last, [], |row| Ok((row.get(0)?, row.get(1)?))).ok()?;
-    let same = entries.get(usize::try_from(seq).ok()?.checked_sub(1)?).is_some_and(|entry| entry.sha256 == sha256);
+    let same =
+        entries.get(usize::try_from(seq).ok()?.checked_sub(1)?).is_some_and(|entry| entry.sha256 == sha256);
     (version == VERSION && same).then_some(seq as usize)
 }
 

@@ -103,7 +103,7 @@ pub fn init(options: &InitOptions, job: &Job) -> Result<BegunStudy> {
     write(&folder.join(CAMERA), camera.as_bytes())?;
     // A file that it names must lie beside it here, too
     if let Err(error) = ExperimentSource::find(Some(&folder.join(CAMERA).to_string_lossy()))
-        .and_then(|source| source.parse(&[]))
+        .and_then(|source| source.resolve(&[]))
     {
         let _ = fs::remove_file(folder.join(CAMERA));
         return Err(Error::Input(format!(

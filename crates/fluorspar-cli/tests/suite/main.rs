@@ -30,6 +30,8 @@ mod scene;
 mod sensor;
 mod stages;
 mod streams;
+mod study;
+mod study_kills;
 mod support;
 mod surroundings;
 mod survival;
