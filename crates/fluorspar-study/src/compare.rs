@@ -25,7 +25,7 @@ pub struct CompareOptions {
     /// Norm that `fluorspar study norm` wrote. May be repeated, for instance with one of simulated people.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, required = true)]
     pub norm: Vec<PathBuf>,
-    /// This person alone.
+    /// Person whose numbers alone are taken.
     #[arg(long, value_name = "NAME")]
     pub subject: Option<String>,
 }
@@ -153,7 +153,7 @@ fn separation(study: &Study, norm: &NormFile) -> Result<Option<Separation>> {
     let of = NormOptions {
         region: norm.region.clone(),
         quantity: norm.quantity.clone(),
-        channel: norm.channel.clone(),
+        channel: Some(norm.channel.clone()),
         ..NormOptions::default()
     };
     let scores = |has_lesion: bool, sign: f64| -> Result<Vec<f64>> {

@@ -13,7 +13,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::event::{Event, Region, StoredFile, Subject};
-use crate::store::{CAMERA, LARGEST_BYTES, Study, StudyArgs, write};
+use crate::store::{CAMERA, LARGEST_BYTES, Study, StudyArgs};
 
 /// Largest table that is read.
 const LARGEST_TABLE_BYTES: u64 = 64 << 20;
@@ -84,7 +84,6 @@ pub fn import(options: &ImportOptions, job: &Job) -> Result<ImportedStudy> {
     if let Some(path) = &options.outcomes {
         imported.outcomes = import_outcomes(&mut study, path)?;
     }
-    write(&study.path(Path::new("participants.tsv")), participants(&study)?.as_bytes())?;
     Ok(imported)
 }
 
@@ -322,20 +321,4 @@ fn new_regions(
         }
     }
     Ok(regions)
-}
-
-/// The people as BIDS lists them.
-fn participants(study: &Study) -> Result<String> {
-    let sql =
-        "SELECT subject, site, sex, age, skin, smoker FROM subject WHERE withdrawn = 0 ORDER BY subject";
-    let rows = study.index.rows(sql, [], |row| {
-        let text = |column: usize| -> rusqlite::Result<String> {
-            let text: String = row.get(column)?;
-            Ok(if text.is_empty() { "n/a".into() } else { text })
-        };
-        let age: Option<f64> = row.get(3)?;
-        let age = age.map_or_else(|| "n/a".into(), |age| age.to_string());
-        Ok(format!("sub-{}\t{}\t{}\t{age}\t{}\t{}\n", text(0)?, text(1)?, text(2)?, text(4)?, text(5)?))
-    })?;
-    Ok(format!("participant_id\tsite\tsex\tage\tskin\tsmoker\n{}", rows.concat()))
 }

@@ -9,6 +9,7 @@ use fluorspar::analysis::{
     Norm, NormError, NormPerson, NormSums, ToleranceInterval, ToleranceMethod, ValueRange,
 };
 use fluorspar::findings::FindingId;
+use fluorspar_format::{Output, Outputs};
 use fluorspar_session::{Error, Job, Result, read_text};
 use serde::{Deserialize, Serialize};
 
@@ -22,15 +23,15 @@ pub struct NormOptions {
     /// Folder of the study whose people without a lesion are taken.
     #[arg(value_name = "STUDY", value_hint = ValueHint::DirPath)]
     pub study: Option<PathBuf>,
-    /// Name of the region.
-    #[arg(long, value_name = "NAME", default_value = "tongue")]
+    /// Name of the regions whose numbers are taken.
+    #[arg(long = "region-name", value_name = "NAME", default_value = "tongue")]
     pub region: String,
-    /// The number, as patients.csv calls it.
+    /// Number that is taken, as patients.csv calls it: red_share, chromaticity_r, ...
     #[arg(long, value_name = "NAME", default_value = "red_share")]
     pub quantity: String,
     /// The channel of a signal.
-    #[arg(long, value_name = "NAME", default_value = "")]
-    pub channel: String,
+    #[arg(long, value_name = "NAME")]
+    pub channel: Option<String>,
     /// Adjust for age; people without an age are left out.
     #[arg(long)]
     pub by_age: bool,
@@ -49,6 +50,8 @@ pub struct NormOptions {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NormFile {
+    /// What wrote the file: it may be replaced where this program did.
+    pub program: String,
     /// Version of the format.
     pub format: u32,
     /// `measured` or `simulated`.
@@ -94,6 +97,12 @@ pub struct NormRange {
     pub age: Option<f64>,
     /// Ends that hold 95 % of people with 95 % confidence.
     pub range: [f64; 2],
+}
+
+impl NormOptions {
+    pub(crate) fn channel(&self) -> &str {
+        self.channel.as_deref().unwrap_or_default()
+    }
 }
 
 impl NormFile {
@@ -143,6 +152,12 @@ pub(crate) fn read_norm(path: &Path) -> Result<NormFile> {
 /// # Errors
 /// Fewer than ten people, numbers of several analyses, norms of other numbers.
 pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
+    let read: Vec<PathBuf> = options.cohort.iter().chain(&options.pool).cloned().collect();
+    let set = options
+        .out
+        .as_deref()
+        .map(|out| Outputs::new().and(Output::file("--out", out)).reading(&read).declare())
+        .transpose()?;
     let (norm, without_value, guesses) = match (&options.study, &options.cohort, &options.pool[..]) {
         (Some(study), ..) => of_study(options, study)?,
         (None, Some(cohort), _) => (of_cohort(options, cohort)?, 0, 0),
@@ -166,8 +181,9 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
     if guesses > 0 {
         job.warn(&[format!("{guesses} regions are guesses that nobody confirmed").into()]);
     }
-    if let Some(out) = &options.out {
+    if let (Some(out), Some(set)) = (&options.out, set) {
         write(out, serde_json::to_string_pretty(&norm)?.as_bytes())?;
+        set.finish()?;
         job.status(format!("Wrote {}", out.display()));
     }
     Ok(NormReport { norm, ranges, without_value, guesses })
@@ -195,7 +211,7 @@ pub(crate) fn people_of(
     let lesion = "SELECT DISTINCT subject FROM outcome WHERE lower(outcome) NOT IN ('healthy', 'none')";
     let ill: Vec<String> = study.index.rows(lesion, [], |row| row.get(0))?;
     let all = rows(study, &query)?.into_iter().filter(|row| {
-        row.channel == options.channel
+        row.channel == options.channel()
             && !row.withdrawn
             && row.consent != "no"
             && ill.contains(&row.subject) == has_lesion
@@ -254,11 +270,12 @@ fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, usize, us
     let guesses = study.index.rows(guess, [&options.region], |row| row.get::<_, i64>(0))?;
     let people: Vec<NormPerson> = people.into_values().collect();
     let norm = NormFile {
+        program: "fluorspar".into(),
         format: NormFile::FORMAT,
         origin: "measured".into(),
         region: options.region.clone(),
         quantity: options.quantity.clone(),
-        channel: options.channel.clone(),
+        channel: options.channel().to_owned(),
         analysis,
         logs: vec![study.log.head().1],
         ranks: ranks(&people, range, options.by_age),
@@ -296,7 +313,7 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<NormFile> {
             row.map_err(|error| Error::Input(format!("{}: this is no cohort.csv: {error}", path.display())))?;
         let is_wanted = row.part == options.region
             && row.quantity == options.quantity
-            && row.channel == options.channel
+            && row.channel == options.channel()
             && row.name.is_empty()
             && row.has_lesion_here == 0;
         if let Some(value) = row.value.filter(|_| is_wanted) {
@@ -305,11 +322,12 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<NormFile> {
     }
     let people: Vec<NormPerson> = people.into_values().collect();
     Ok(NormFile {
+        program: "fluorspar".into(),
         format: NormFile::FORMAT,
         origin: "simulated".into(),
         region: options.region.clone(),
         quantity: options.quantity.clone(),
-        channel: options.channel.clone(),
+        channel: options.channel().to_owned(),
         analysis: [env!("CARGO_PKG_VERSION").into(), fluorspar::digest::sha256_hex([text])],
         logs: Vec::new(),
         ranks: ranks(&people, range, false),

@@ -13,13 +13,13 @@ pub struct QueryOptions {
     #[command(flatten)]
     #[serde(flatten)]
     pub args: StudyArgs,
-    /// Of this person alone.
+    /// Person whose numbers alone are taken.
     #[arg(long, value_name = "NAME")]
     pub subject: Option<String>,
-    /// Of regions of this name alone.
-    #[arg(long, value_name = "NAME")]
+    /// Name of the regions whose numbers are taken.
+    #[arg(long = "region-name", value_name = "NAME")]
     pub region: Option<String>,
-    /// This number alone, as patients.csv calls it: red_share, chromaticity_r, ...
+    /// Number that is taken, as patients.csv calls it: red_share, chromaticity_r, ...
     #[arg(long, value_name = "NAME")]
     pub quantity: Option<String>,
 }

@@ -43,8 +43,8 @@ pub struct InitOptions {
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
     /// Where its people are examined, for norms that several sites pool.
-    #[arg(long, value_name = "NAME", default_value = "")]
-    pub site: String,
+    #[arg(long, value_name = "NAME")]
+    pub site: Option<String>,
 }
 
 /// A study that began.
@@ -113,7 +113,10 @@ pub fn init(options: &InitOptions, job: &Job) -> Result<BegunStudy> {
     write(&folder.join(".bidsignore"), b"camera.toml\nlog.jsonl\n**/photo/\n")?;
     write(&folder.join("dataset_description.json"), serde_json::to_string_pretty(&description)?.as_bytes())?;
     let mut study = Study::open(folder)?;
-    study.commit("init", vec![Event::Study { name: name.clone(), site: options.site.clone() }])?;
+    study.commit(
+        "init",
+        vec![Event::Study { name: name.clone(), site: options.site.clone().unwrap_or_default() }],
+    )?;
     job.status(format!("Next: fluorspar study import {shown} PHOTOS"));
     Ok(BegunStudy { name, folder: folder.clone() })
 }

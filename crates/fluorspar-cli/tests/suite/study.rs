@@ -167,7 +167,7 @@ fn tiff([width, height]: [u16; 2], tags: &[(u16, String)], exif: &[(u16, String)
     let mut bytes = b"II*\0\0\0\0\0".to_vec();
     let pixels = bytes.len() as u32;
     bytes.extend((0..u32::from(width) * u32::from(height)).flat_map(|k| (64 + k as u16 % 700).to_le_bytes()));
-    let mut directory = |entries: Vec<(u16, u16, u32, Vec<u8>)>, bytes: &mut Vec<u8>| -> u32 {
+    let directory = |entries: Vec<(u16, u16, u32, Vec<u8>)>, bytes: &mut Vec<u8>| -> u32 {
         let mut rows = Vec::new();
         for (tag, kind, count, data) in entries {
             let mut cell = data.clone();
@@ -302,4 +302,62 @@ fn nothing_that_was_planted_leaves() {
     study(folder, &["withdraw", "Zqplant08"]).well();
     let none = study(folder, &["export", "--out", "none"]);
     assert!(none.stderr.contains("nobody consented") && !folder.join("none").exists(), "{}", none.stderr);
+}
+
+/// The command lines of the page, in its order. What a person does in between is done here: a region is drawn, people are listed, another
+/// site sends its norm.
+#[test]
+fn the_page_of_studies_is_a_story_that_runs() {
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/study.md")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    photographs(folder, 12);
+    fs::rename(folder.join("violet.toml"), folder.join("camera.toml")).unwrap();
+    fs::remove_file(folder.join("photos/photographs.csv")).unwrap();
+    let people: String = (1..=12).map(|k| format!("P{k:02},{},yes\n", 30 + 7 * k % 12)).collect();
+    fs::write(folder.join("people.csv"), format!("subject,age,consent\n{people}")).unwrap();
+    let cohort: String =
+        (1..=12).map(|k| format!("{k},tongue_dorsum,,,chromaticity_r,0,0.{k:02}1\n")).collect();
+    fs::write(
+        folder.join("cohort.csv"),
+        format!("person,part,channel,name,quantity,has_lesion_here,value\n{cohort}"),
+    )
+    .unwrap();
+    let lines: Vec<&str> = page.lines().filter_map(|line| line.strip_prefix("    fluorspar ")).collect();
+    for line in &lines {
+        if line.contains("--pool") {
+            // Another site has other people, and another log
+            let norm = fs::read_to_string(folder.join("norm.json")).unwrap();
+            let mut norm: Value = serde_json::from_str(&norm).unwrap();
+            norm["logs"] = serde_json::json!(["another"]);
+            norm["sums"]["sites"][0]["site"] = "south".into();
+            fs::write(folder.join("south.json"), norm.to_string()).unwrap();
+        }
+        fluorspar(folder, line.split_whitespace()).well();
+        if line.contains("--out look") {
+            let table = fs::read_to_string(folder.join("look/photographs.csv")).unwrap();
+            let drawn = |(number, row): (usize, &str)| match number {
+                0 => format!("{row}\n"),
+                _ => {
+                    row.replacen(",,,,,", &format!(",,,tongue,\"{},12,12,12\",", 9 + 5 * number % 13), 1)
+                        + "\n"
+                }
+            };
+            let table: String = table.lines().enumerate().map(drawn).collect();
+            assert_eq!(table.matches(",tongue,").count(), 12, "{table}");
+            fs::write(folder.join("look/photographs.csv"), table).unwrap();
+        }
+    }
+    assert!(lines.len() >= 10, "{lines:?}");
+    let both: Value = serde_json::from_slice(&fs::read(folder.join("both.json")).unwrap()).unwrap();
+    assert_eq!(both["sums"]["sites"].as_array().unwrap().len(), 2);
+    // A file of the user stays
+    fs::write(folder.join("mine.json"), "{}").unwrap();
+    let kept =
+        fluorspar(folder, ["study", "norm", "gums", "--quantity", "chromaticity_r", "--out", "mine.json"]);
+    assert_eq!(kept.code, Some(2), "{kept:?}");
+    assert!(
+        folder.join("share/deid.json").is_file()
+            && fs::read_to_string(folder.join("mine.json")).unwrap() == "{}"
+    );
 }

@@ -97,6 +97,11 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
         ],
         &["fluorspar_experiment", "fluorspar_format", "fluorspar_report"],
     ),
+    (
+        "fluorspar-study/src/",
+        &["digest", "image", "analysis", "findings"],
+        &["fluorspar_format", "fluorspar_session"],
+    ),
 ];
 
 /// Each crate and the crates of this workspace that its manifest may name; tests included, but for `fluorspar-testkit`.
@@ -110,6 +115,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("fluorspar-pbrt", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     ("fluorspar-report", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     ("fluorspar-session", &["fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"]),
+    ("fluorspar-study", &["fluorspar", "fluorspar-format", "fluorspar-session"]),
     ("fluorspar-validation", &["fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"]),
     (
         "fluorspar-web",
@@ -126,6 +132,7 @@ const CRATES: &[(&str, &[&str])] = &[
             "fluorspar-pbrt",
             "fluorspar-report",
             "fluorspar-session",
+            "fluorspar-study",
             "fluorspar-validation",
             "fluorspar-web",
         ],
