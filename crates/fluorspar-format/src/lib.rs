@@ -83,8 +83,8 @@ pub use store::file_format::{FileFormat, OtherFormat};
 pub use store::film::{read_film, read_film_layout, read_film_rows, write_film};
 pub use store::input::{digest_bounded, read_bounded, read_start, read_text_bounded};
 pub use store::output::{
-    Claim, Journal, Output, OutputFolder, OutputSet, Outputs, WRITTEN_BY, check_room, free_bytes,
-    remove_unfinished_files, unfinished_files, write_atomically, written_share,
+    AppendedLines, Claim, Journal, Output, OutputFolder, OutputSet, Outputs, WRITTEN_BY, check_room,
+    free_bytes, remove_unfinished_files, unfinished_files, write_atomically, written_share,
 };
 pub use store::provenance::{Loaded, Provenance};
 pub use store::spooled_image::SpooledImage;

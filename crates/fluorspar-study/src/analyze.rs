@@ -10,7 +10,7 @@ use fluorspar_session::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::event::{Estimate, Event};
+use crate::event::{Event, LoggedEstimate};
 use crate::store::{CAMERA, Study, StudyArgs};
 
 /// What is estimated.
@@ -152,7 +152,7 @@ fn estimate_one(
     let digests: BTreeMap<&str, &str> =
         wanted.regions.iter().map(|[sha256, name, ..]| (name.as_str(), sha256.as_str())).collect();
     let event = |of: PatientEstimate| {
-        Event::Estimate(Estimate {
+        Event::Estimate(LoggedEstimate {
             photograph: wanted.photograph.clone(),
             region_sha256: digests.get(of.region.as_str()).copied().unwrap_or_default().to_owned(),
             region: of.region,

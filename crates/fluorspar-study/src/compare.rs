@@ -17,7 +17,7 @@ const WANTED_HALF_WIDTH: f64 = 0.05;
 /// Who is held against what.
 #[derive(Clone, Debug, Default, Deserialize, clap::Args)]
 #[serde(default)]
-pub struct CompareOptions {
+pub struct AgainstNormOptions {
     /// The study.
     #[command(flatten)]
     #[serde(flatten)]
@@ -83,7 +83,7 @@ pub struct Separation {
 ///
 /// # Errors
 /// A study or a norm that can't be read.
-pub fn compare(options: &CompareOptions, _: &Job) -> Result<ComparedPeople> {
+pub fn compare(options: &AgainstNormOptions, _: &Job) -> Result<ComparedPeople> {
     let study = Study::open(&options.args.study)?;
     let mut compared = ComparedPeople { people: Vec::new(), left_out: Vec::new(), separations: Vec::new() };
     for path in &options.norm {

@@ -50,7 +50,7 @@ pub enum Event {
     /// Where a region lies; a later one of the same name takes its place.
     Region(Region),
     /// A number of a region.
-    Estimate(Estimate),
+    Estimate(LoggedEstimate),
     /// What became of a person.
     Outcome {
         /// The pseudonym.
@@ -108,7 +108,7 @@ impl Region {
 
 /// A number of a region of a photograph, by an analysis of a version of the program.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Estimate {
+pub struct LoggedEstimate {
     /// The photograph.
     pub photograph: String,
     /// Digest of the region.

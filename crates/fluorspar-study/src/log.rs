@@ -1,10 +1,9 @@
 //! The log of a study: lines that are only appended, each with the digest of the one before.
 
-use std::fs::{File, OpenOptions};
-use std::io::{Read, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use fluorspar::digest::sha256_hex;
+use fluorspar_format::AppendedLines;
 use fluorspar_session::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -46,8 +45,7 @@ impl Entry {
 /// The log, locked for this process.
 #[derive(Debug)]
 pub(crate) struct Log {
-    path: PathBuf,
-    file: File,
+    lines: AppendedLines,
     pub(crate) entries: Vec<Entry>,
 }
 
@@ -58,23 +56,10 @@ impl Log {
     /// A log that another process holds, lines that were changed, and what the system reports.
     pub(crate) fn open(folder: &Path) -> Result<Self> {
         let path = folder.join(LOG);
-        let failed = |error: std::io::Error| Error::Failed(format!("{}: {error}", path.display()));
-        let mut file = OpenOptions::new().create(true).append(true).read(true).open(&path).map_err(failed)?;
-        if file.try_lock().is_err() {
-            return Err(Error::Input(format!(
-                "{}: another process works on this study; wait for it",
-                path.display()
-            )));
-        }
-        let mut bytes = Vec::new();
-        file.read_to_end(&mut bytes).map_err(failed)?;
-        let complete = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
-        if complete < bytes.len() {
-            file.set_len(complete as u64).and_then(|()| file.sync_all()).map_err(failed)?;
-        }
-        let entries = read_entries(&path, &bytes[..complete])?;
-        file.seek(SeekFrom::End(0)).map_err(failed)?;
-        Ok(Self { path, file, entries })
+        let (lines, bytes) = AppendedLines::open(&path)?;
+        let entries = read_entries(&path, &bytes)?;
+        lines.cut()?;
+        Ok(Self { lines, entries })
     }
 
     /// Appends events; when it returns they are on the disk.
@@ -94,8 +79,8 @@ impl Log {
             text += &format!("{}\n", serde_json::to_string(&entry)?);
             entries.push(entry);
         }
-        let failed = |error: std::io::Error| Error::Failed(format!("{}: {error}", self.path.display()));
-        self.file.write_all(text.as_bytes()).and_then(|()| self.file.sync_data()).map_err(failed)?;
+        self.lines.append(&text)?;
+        self.lines.sync()?;
         self.entries.extend(entries);
         Ok(())
     }

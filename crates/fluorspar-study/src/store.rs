@@ -1,11 +1,11 @@
 //! A study on the disk: its folder, its log and its index.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
-use fluorspar_format::write_atomically;
+use fluorspar_format::{digest_bounded, read_bounded, write_atomically};
 use fluorspar_session::{Error, ExperimentSource, Job, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -100,16 +100,14 @@ pub fn init(options: &InitOptions, job: &Job) -> Result<BegunStudy> {
     };
     let name = options.name.clone().or_else(own_name).unwrap_or_default();
     let description = json!({ "Name": name, "BIDSVersion": "1.10.0", "DatasetType": "raw" });
-    write(&folder.join(CAMERA), camera.as_bytes())?;
     // A file that it names must lie beside it here, too
-    if let Err(error) = ExperimentSource::find(Some(&folder.join(CAMERA).to_string_lossy()))
-        .and_then(|source| source.resolve(&[]))
-    {
-        let _ = fs::remove_file(folder.join(CAMERA));
+    let copy = ExperimentSource { text: camera.clone(), base_dir: folder.clone(), ..source };
+    if let Err(error) = copy.resolve(&[]) {
         return Err(Error::Input(format!(
             "{error}\nA study holds a copy of its experiment: copy what that names into {shown} as well"
         )));
     }
+    write(&folder.join(CAMERA), camera.as_bytes())?;
     write(&folder.join(".bidsignore"), b"camera.toml\nlog.jsonl\n**/photo/\n")?;
     write(&folder.join("dataset_description.json"), serde_json::to_string_pretty(&description)?.as_bytes())?;
     let mut study = Study::open(folder)?;
@@ -158,15 +156,14 @@ impl Study {
     pub(crate) fn take(&self, from: &Path, to: &Path, role: &str, sha256: &str) -> Result<StoredFile> {
         let place = self.path(to);
         let stored = StoredFile { role: role.into(), path: to.into(), sha256: sha256.into() };
-        if place.is_file() && fluorspar_format::digest_bounded(&place, LARGEST_BYTES)? == sha256 {
+        if place.is_file() && digest_bounded(&place, LARGEST_BYTES)? == sha256 {
             return Ok(stored);
         }
         let failed = |error: std::io::Error| Error::Failed(format!("{}: {error}", place.display()));
         fs::create_dir_all(place.parent().unwrap_or(&self.folder)).map_err(failed)?;
-        let mut source =
-            File::open(from).map_err(|error| Error::Input(format!("{}: {error}", from.display())))?;
-        write_atomically(&place, |file| std::io::copy(&mut source, file).map(|_| ()))?;
-        if fluorspar_format::digest_bounded(&place, LARGEST_BYTES)? != sha256 {
+        let bytes = read_bounded(from, LARGEST_BYTES)?;
+        write_atomically(&place, |file| file.write_all(&bytes))?;
+        if digest_bounded(&place, LARGEST_BYTES)? != sha256 {
             return Err(Error::Failed(format!(
                 "{}: it changed while it was copied; import it again",
                 from.display()

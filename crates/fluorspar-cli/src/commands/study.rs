@@ -6,9 +6,9 @@ use fluorspar::analysis::Standing;
 use fluorspar_session::FailedPhotograph;
 use fluorspar_session::values::short;
 use fluorspar_study::{
-    AnalyzeStudyOptions, AnalyzedStudy, CompareOptions, ComparedPeople, Drift, DriftOptions, ExportOptions,
-    ExportedStudy, ImportOptions, ImportedStudy, InitOptions, NormOptions, NormReport, QueriedRow,
-    QueryOptions, StudyArgs, VerifiedStudy, WithdrawOptions,
+    AgainstNormOptions, AnalyzeStudyOptions, AnalyzedStudy, ComparedPeople, Drift, DriftOptions,
+    ExportOptions, ExportedStudy, ImportOptions, ImportedStudy, InitOptions, NormOptions, NormReport,
+    QueriedRow, QueryOptions, StudyArgs, VerifiedStudy, WithdrawOptions,
 };
 
 use super::Answering;
@@ -34,7 +34,7 @@ actions! {
     /// Say what is normal: of a study, of simulated people, or of several sites from their norms alone.
     Norm(Answering<NormOptions>) => |options: &Answering<NormOptions>| options.answer(fluorspar_study::norm, describe_norm),
     /// Hold people against norms: inside, outside, or can't tell.
-    Compare(Answering<CompareOptions>) => |options: &Answering<CompareOptions>| {
+    Compare(Answering<AgainstNormOptions>) => |options: &Answering<AgainstNormOptions>| {
         options.answer(fluorspar_study::compare, describe_compared)
     },
     /// Write what may leave the clinic: people by codes, frames anew from their pixels, numbers.

@@ -181,12 +181,12 @@ fn share(set: &[bool]) -> f64 {
 #[must_use]
 pub fn guess_mouth(image: &ChannelImage) -> Vec<GuessedRegion> {
     let Some(blocks) = Blocks::of(image) else { return Vec::new() };
-    let Some(teeth) = teeth(&blocks) else { return Vec::new() };
     let of_size = |set: &Vec<bool>, sizes: std::ops::Range<f64>| sizes.contains(&share(set));
+    // Without teeth it may be anything
+    let Some(teeth) = teeth(&blocks).filter(|set| of_size(set, 0.005..0.25)) else { return Vec::new() };
     let tongue = tongue(&blocks, &teeth).filter(|set| of_size(set, 0.03..0.4));
     let lips = lips(&blocks, &teeth).filter(|set| of_size(set, 0.02..0.3));
-    let teeth = Some(teeth).filter(|set| of_size(set, 0.005..0.25));
-    let all = [("teeth", teeth), ("tongue", tongue), ("lips", lips)];
+    let all = [("teeth", Some(teeth)), ("tongue", tongue), ("lips", lips)];
     all.into_iter().filter_map(|(name, set)| blocks.guess(image, name, &set?)).collect()
 }
 
