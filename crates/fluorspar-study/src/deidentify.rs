@@ -68,13 +68,36 @@ pub(crate) fn age_band(age: Option<f64>) -> String {
     }
 }
 
+/// A frame whose levels that differ by place or channel, and whose gain map, are in its numbers, to the nearest: a description has one
+/// level for all.
+fn evened(mut image: SensorImage) -> SensorImage {
+    let is_even = image.black_offsets.is_empty() && image.white_levels.is_empty() && image.factors.is_empty();
+    if is_even {
+        return image;
+    }
+    let most = f64::from(image.white_level) - 1.0;
+    let even = |value: usize| {
+        let factor = image.factors.get(value).map_or(1.0, |factor| f64::from(*factor));
+        let light = (f64::from(image.data[value]) - image.black_of(value)) * factor;
+        if image.is_saturated(value) {
+            image.white_level
+        } else {
+            (image.black_level + light).round().clamp(0.0, most) as u16
+        }
+    };
+    image.data = (0..image.data.len()).map(even).collect();
+    (image.black_offsets, image.white_levels, image.factors) = Default::default();
+    image
+}
+
 /// Writes a raw frame anew from its pixels and the numbers that an analysis needs.
 ///
 /// # Errors
 /// A frame that can't be read, or whose levels a description can't hold.
 pub(crate) fn write_frame(from: &Path, to: &Path, capture: &str) -> Result<Vec<Deidentified>> {
     let image = read_sensor_image(from)?.image;
-    let plain = SensorImage { label: capture.into(), seed: 0, orientation: Orientation::default(), ..image };
+    let plain =
+        SensorImage { label: capture.into(), seed: 0, orientation: Orientation::default(), ..evened(image) };
     write_sensor_tiff(to, &plain, None)?;
     let mut actions: Vec<Deidentified> = left_tags(from)?.into_iter().map(of_tag).collect();
     actions.extend(KEPT.iter().map(|what| Deidentified {
@@ -128,6 +151,36 @@ fn of_tag(tag: LeftTags) -> Deidentified {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fluorspar::image::Mosaic;
+
+    /// By hand: black 10 and 12, factors 1 and 2, white 100 and 80.
+    #[test]
+    fn levels_of_places_and_channels_are_put_into_the_numbers() {
+        let mosaic = Mosaic { rows: 1, cols: 2, pattern: vec![0, 1], channels: vec!["R".into(), "G".into()] };
+        let frame = SensorImage {
+            width: 2,
+            height: 2,
+            data: vec![30, 30, 100, 80],
+            mosaic,
+            black_level: 10.0,
+            black_offsets: vec![0.0, 2.0, 0.0, 2.0],
+            white_level: 100,
+            white_levels: vec![100, 80],
+            factors: vec![1.0, 2.0, 1.0, 2.0],
+            orientation: Orientation::default(),
+            bit_depth: 8,
+            exposure_s: 0.01,
+            gain: 1.0,
+            dn_per_electron: 0.1,
+            gain_is_assumed: false,
+            read_noise_dn: 1.0,
+            seed: 0,
+            label: "blue".into(),
+        };
+        let even = evened(frame);
+        assert_eq!(even.data, [30, 46, 100, 100]);
+        assert!(even.factors.is_empty() && even.is_saturated(3) && !even.is_saturated(1));
+    }
 
     #[test]
     fn what_is_not_listed_stays() {

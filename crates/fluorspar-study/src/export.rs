@@ -268,7 +268,7 @@ fn write_files(
                 actions,
             }),
             Err(error @ Error::Failed(_)) => return Err(error),
-            Err(error) => failures.push(error.to_string()),
+            Err(error) => failures.push(format!("{}: {}", from.display(), error.at_its_place(folder))),
         }
         share_done((done + 1) as f64 / all.len() as f64);
     }

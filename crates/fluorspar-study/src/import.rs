@@ -290,6 +290,14 @@ fn take_files(
     Ok(files)
 }
 
+/// Copies a mask to a place that its bytes tell.
+fn take_mask(study: &Study, from: &Path, stem: &Path) -> Result<StoredFile> {
+    let digest = digest_bounded(from, LARGEST_BYTES)?;
+    let ending = from.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let to = PathBuf::from(format!("{}_mask-{}.{ending}", stem.display(), &digest[..12]));
+    study.take(from, &to, "mask", &digest)
+}
+
 /// Regions that the study does not have as they are.
 fn new_regions(
     study: &Study,
@@ -300,16 +308,8 @@ fn new_regions(
     let mut regions = Vec::new();
     for [name, place, verdict] in &photograph.regions {
         let is_mask = Path::new(place).is_file();
-        let mask = is_mask
-            .then(|| {
-                let digest = digest_bounded(Path::new(place), LARGEST_BYTES)?;
-                let ending =
-                    Path::new(place).extension().unwrap_or_default().to_string_lossy().to_lowercase();
-                let stem = stem(subject, session, sha256);
-                let to = PathBuf::from(format!("{}_mask-{}.{ending}", stem.display(), &digest[..12]));
-                study.take(Path::new(place), &to, "mask", &digest)
-            })
-            .transpose()?;
+        let stem = stem(subject, session, sha256);
+        let mask = is_mask.then(|| take_mask(study, Path::new(place), &stem)).transpose()?;
         let place =
             mask.as_ref().map_or_else(|| place.clone(), |mask| mask.path.to_string_lossy().into_owned());
         let region =

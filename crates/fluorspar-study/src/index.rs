@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use fluorspar_session::{Error, Result};
 use rusqlite::{Connection, Row, Transaction, params};
 
-use crate::event::{Event, quantity_name};
+use crate::event::{Event, LoggedEstimate, quantity_name};
 use crate::log::Entry;
 
 /// Folder of what is made from the truth.
@@ -182,29 +182,32 @@ fn apply_one(to: &Transaction<'_>, entry: &Entry) -> rusqlite::Result<()> {
             ])?;
             of.mask.iter().try_for_each(|mask| add_file(to, &of.photograph, mask))
         }
-        Event::Estimate(of) => to
-            .prepare_cached("INSERT OR IGNORE INTO estimate VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?
-            .execute(params![
-                of.photograph,
-                of.region_sha256,
-                of.region,
-                quantity_name(of.quantity),
-                of.channel.clone().unwrap_or_default(),
-                of.value,
-                of.interval.map(|ends| ends[0]),
-                of.interval.map(|ends| ends[1]),
-                serde_json::to_value(of.interval_kind).ok().and_then(|kind| kind.as_str().map(str::to_owned)),
-                of.pixels as i64,
-                of.warnings.join("\n"),
-                of.analysis,
-                of.version,
-                entry.seq
-            ])
-            .map(|_| ()),
+        Event::Estimate(of) => add_estimate(to, of, entry.seq),
         Event::Outcome { subject, method, outcome } => {
             to.execute("INSERT INTO outcome VALUES (?, ?, ?, ?)", params![subject, method, outcome, entry.seq]).map(|_| ())
         }
     }
+}
+
+fn add_estimate(to: &Transaction<'_>, of: &LoggedEstimate, seq: i64) -> rusqlite::Result<()> {
+    to.prepare_cached("INSERT OR IGNORE INTO estimate VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?
+        .execute(params![
+            of.photograph,
+            of.region_sha256,
+            of.region,
+            quantity_name(of.quantity),
+            of.channel.clone().unwrap_or_default(),
+            of.value,
+            of.interval.map(|ends| ends[0]),
+            of.interval.map(|ends| ends[1]),
+            serde_json::to_value(of.interval_kind).ok().and_then(|kind| kind.as_str().map(str::to_owned)),
+            of.pixels as i64,
+            of.warnings.join("\n"),
+            of.analysis,
+            of.version,
+            seq
+        ])
+        .map(|_| ())
 }
 
 fn add_file(to: &Transaction<'_>, photograph: &str, file: &crate::StoredFile) -> rusqlite::Result<()> {

@@ -32,7 +32,7 @@ mod store;
 mod verify;
 
 pub use analyze::{AnalyzeStudyOptions, AnalyzedStudy, analyze};
-pub use compare::{AgainstNormOptions, ComparedPeople, PersonAgainstNorm, compare};
+pub use compare::{AgainstNormOptions, ComparedPeople, PersonAgainstNorm, Separation, compare};
 pub use drift::{Drift, DriftOptions, QuantityDrift, drift};
 pub use event::{Event, StoredFile};
 pub use export::{ExportOptions, ExportedStudy, export};

@@ -175,12 +175,7 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
             ranges.push(NormRange { site: site.site.clone(), people: site.people, age, range });
         }
     }
-    if without_value > 0 {
-        job.warn(&[format!("{without_value} people have an upper limit and no number; they are left out, which moves the norm up").into()]);
-    }
-    if guesses > 0 {
-        job.warn(&[format!("{guesses} regions are guesses that nobody confirmed").into()]);
-    }
+    warn(without_value, guesses, job);
     if let (Some(out), Some(set)) = (&options.out, set) {
         write(out, serde_json::to_string_pretty(&norm)?.as_bytes())?;
         set.finish()?;
@@ -189,12 +184,27 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
     Ok(NormReport { norm, ranges, without_value, guesses })
 }
 
+/// Warns of people who are left out, and of regions that nobody looked at.
+fn warn(without_value: usize, guesses: usize, job: &Job) {
+    if without_value > 0 {
+        job.warn(&[format!("{without_value} people have an upper limit and no number; they are left out, which moves the norm up").into()]);
+    }
+    if guesses > 0 {
+        job.warn(&[format!("{guesses} regions are guesses that nobody confirmed").into()]);
+    }
+}
+
 /// Which values a quantity can take.
 fn range_of(quantity: &str) -> Result<ValueRange> {
     let id: Option<FindingId> = serde_json::from_value(quantity.into()).ok();
     id.and_then(FindingId::value_range).ok_or_else(|| {
         Error::Input(format!("\"{quantity}\" has no norm; take red_share, chromaticity_r, chromaticity_g, line_share or median_signal"))
     })
+}
+
+fn people_with_lesions(study: &Study) -> Result<Vec<String>> {
+    let sql = "SELECT DISTINCT subject FROM outcome WHERE lower(outcome) NOT IN ('healthy', 'none')";
+    study.index.rows(sql, [], |row| row.get(0))
 }
 
 /// People of a study without lesions, who did not withdraw or refuse, and how many of them have no number.
@@ -208,8 +218,7 @@ pub(crate) fn people_of(
         quantity: Some(options.quantity.clone()),
         ..QueryOptions::default()
     };
-    let lesion = "SELECT DISTINCT subject FROM outcome WHERE lower(outcome) NOT IN ('healthy', 'none')";
-    let ill: Vec<String> = study.index.rows(lesion, [], |row| row.get(0))?;
+    let ill = people_with_lesions(study)?;
     let all = rows(study, &query)?.into_iter().filter(|row| {
         row.channel == options.channel()
             && !row.withdrawn
@@ -219,12 +228,8 @@ pub(crate) fn people_of(
     let all: Vec<QueriedRow> = all.collect();
     let mut people: BTreeMap<String, NormPerson> = BTreeMap::new();
     for row in &all {
-        let person = people.entry(row.subject.clone()).or_insert_with(|| NormPerson {
-            site: row.site.clone(),
-            age: row.age,
-            values: Vec::new(),
-        });
-        person.values.extend(row.value);
+        let new = || NormPerson { site: row.site.clone(), age: row.age, values: Vec::new() };
+        people.entry(row.subject.clone()).or_insert_with(new).values.extend(row.value);
     }
     let before = people.len();
     people.retain(|_, person| !person.values.is_empty());
@@ -232,16 +237,14 @@ pub(crate) fn people_of(
     Ok((people, without_value, all))
 }
 
-fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, usize, usize)> {
-    let study = Study::open(folder)?;
-    let range = range_of(&options.quantity)?;
-    let (people, without_value, rows) = people_of(&study, options, false)?;
+/// Version and experiment of all numbers.
+fn one_analysis(study: &Study, options: &NormOptions, rows: &[QueriedRow]) -> Result<[String; 2]> {
     let mut analyses: Vec<[String; 2]> =
         rows.iter().map(|row| [row.version.clone(), row.analysis.clone()]).collect();
     analyses.sort();
     analyses.dedup();
-    let analysis = match &analyses[..] {
-        [one] => one.clone(),
+    match &analyses[..] {
+        [one] => Ok(one.clone()),
         [] => {
             let known = study.index.rows(
                 "SELECT DISTINCT region || ' ' || quantity FROM estimate ORDER BY 1",
@@ -249,23 +252,26 @@ fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, usize, us
                 |row| row.get::<_, String>(0),
             )?;
             let (quantity, region) = (&options.quantity, &options.region);
-            return Err(Error::Input(format!(
+            Err(Error::Input(format!(
                 "the study has no {quantity} of a region \"{region}\"; it has {}",
-                if known.is_empty() {
-                    "no estimate yet: fluorspar study analyze".into()
-                } else {
-                    known.join(", ")
-                }
-            )));
+                if known.is_empty() { "no estimate yet".into() } else { known.join(", ") }
+            )))
         }
         _ => {
-            return Err(Error::Input(
+            Err(Error::Input(
                 "the numbers are of several versions of the program or of camera.toml, which must not be mixed: `fluorspar study analyze STUDY \
                  --missing` first"
                     .into(),
-            ));
+            ))
         }
-    };
+    }
+}
+
+fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, usize, usize)> {
+    let study = Study::open(folder)?;
+    let range = range_of(&options.quantity)?;
+    let (people, without_value, rows) = people_of(&study, options, false)?;
+    let analysis = one_analysis(&study, options, &rows)?;
     let guess = "SELECT count(*) FROM region WHERE verdict = 'guess' AND current = 1 AND region = ?";
     let guesses = study.index.rows(guess, [&options.region], |row| row.get::<_, i64>(0))?;
     let people: Vec<NormPerson> = people.into_values().collect();
@@ -335,6 +341,30 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<NormFile> {
     })
 }
 
+/// Refuses norms that are not of one kind, or of the same people.
+fn check_alike(all: &NormFile, other: &NormFile, path: &Path) -> Result<()> {
+    let shown = path.display();
+    let key = |norm: &NormFile| {
+        [norm.origin.clone(), norm.region.clone(), norm.quantity.clone(), norm.channel.clone()]
+    };
+    if key(all) != key(other) {
+        return Err(Error::Input(format!(
+            "{shown}: this norm is of {}, the others of {}",
+            key(other).join(" "),
+            key(all).join(" ")
+        )));
+    }
+    if all.analysis != other.analysis {
+        return Err(Error::Input(format!(
+            "{shown}: its numbers are of another version of the program or another camera.toml; numbers of unlike cameras have no common norm"
+        )));
+    }
+    if other.logs.iter().any(|log| all.logs.contains(log)) {
+        return Err(Error::Input(format!("{shown}: its people are in the others already")));
+    }
+    Ok(())
+}
+
 fn pooled(first: &Path, rest: &[PathBuf]) -> Result<NormFile> {
     let mut all = read_norm(first)?;
     if rest.is_empty() {
@@ -343,24 +373,7 @@ fn pooled(first: &Path, rest: &[PathBuf]) -> Result<NormFile> {
     for path in rest {
         let other = read_norm(path)?;
         let shown = path.display();
-        let key = |norm: &NormFile| {
-            [norm.origin.clone(), norm.region.clone(), norm.quantity.clone(), norm.channel.clone()]
-        };
-        if key(&all) != key(&other) {
-            return Err(Error::Input(format!(
-                "{shown}: this norm is of {}, the others of {}",
-                key(&other).join(" "),
-                key(&all).join(" ")
-            )));
-        }
-        if all.analysis != other.analysis {
-            return Err(Error::Input(format!(
-                "{shown}: its numbers are of another version of the program or another camera.toml; numbers of unlike cameras have no common norm"
-            )));
-        }
-        if other.logs.iter().any(|log| all.logs.contains(log)) {
-            return Err(Error::Input(format!("{shown}: its people are in the others already")));
-        }
+        check_alike(&all, &other, path)?;
         all.sums = all.sums.pooled(&other.sums).map_err(|error| Error::Input(format!("{shown}: {error}")))?;
         all.logs.extend(other.logs);
         all.ranks = None;

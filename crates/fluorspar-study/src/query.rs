@@ -67,19 +67,21 @@ pub fn query(options: &QueryOptions, _: &fluorspar_session::Job) -> Result<Vec<Q
     rows(&Study::open(&options.args.study)?, options)
 }
 
+/// The last numbers of regions that are not wrong, by person, region and quantity.
+const LAST: &str = "SELECT p.subject, p.session, e.region, e.quantity, e.channel, e.value, e.low, e.high, e.interval_kind, s.withdrawn,
+           CASE WHEN s.site = '' THEN (SELECT site FROM study LIMIT 1) ELSE s.site END, s.age, s.consent, e.analysis, e.version,
+           e.photograph
+    FROM estimate e
+    JOIN photograph p ON p.photograph = e.photograph
+    JOIN subject s ON s.subject = p.subject
+    JOIN region r ON r.region_sha256 = e.region_sha256 AND r.current = 1
+    WHERE (?1 IS NULL OR p.subject = ?1) AND (?2 IS NULL OR e.region = ?2) AND (?3 IS NULL OR e.quantity = ?3)
+      AND e.seq = (SELECT max(o.seq) FROM estimate o WHERE o.region_sha256 = e.region_sha256 AND o.quantity = e.quantity AND o.channel = e.channel)
+    ORDER BY p.subject, p.session, e.photograph, e.region, e.seq";
+
 /// The last numbers of a study that options ask for.
 pub(crate) fn rows(study: &Study, options: &QueryOptions) -> Result<Vec<QueriedRow>> {
-    let sql = "SELECT p.subject, p.session, e.region, e.quantity, e.channel, e.value, e.low, e.high, e.interval_kind, s.withdrawn,
-                      CASE WHEN s.site = '' THEN (SELECT site FROM study LIMIT 1) ELSE s.site END, s.age, s.consent, e.analysis, e.version,
-                      e.photograph
-               FROM estimate e
-               JOIN photograph p ON p.photograph = e.photograph
-               JOIN subject s ON s.subject = p.subject
-               JOIN region r ON r.region_sha256 = e.region_sha256 AND r.current = 1
-               WHERE (?1 IS NULL OR p.subject = ?1) AND (?2 IS NULL OR e.region = ?2) AND (?3 IS NULL OR e.quantity = ?3)
-                 AND e.seq = (SELECT max(o.seq) FROM estimate o WHERE o.region_sha256 = e.region_sha256 AND o.quantity = e.quantity AND o.channel = e.channel)
-               ORDER BY p.subject, p.session, e.photograph, e.region, e.seq";
-    study.index.rows(sql, [&options.subject, &options.region, &options.quantity], |row| {
+    study.index.rows(LAST, [&options.subject, &options.region, &options.quantity], |row| {
         let ends: [Option<f64>; 2] = [row.get(6)?, row.get(7)?];
         Ok(QueriedRow {
             subject: row.get(0)?,

@@ -63,60 +63,56 @@ pub struct BegunStudy {
 pub fn init(options: &InitOptions, job: &Job) -> Result<BegunStudy> {
     let folder = &options.args.study;
     let shown = folder.display();
-    let failed = |error: std::io::Error| Error::Failed(format!("{shown}: {error}"));
     if folder.join(LOG).exists() && !Study::open(folder)?.log.entries.is_empty() {
         return Err(Error::Input(format!(
             "{shown}: this is a study already; import into it: fluorspar study import {shown} PHOTOS"
         )));
     }
-    let source = ExperimentSource::find(Some(&options.experiment))?;
-    if source.parse(&[])?.file.analysis.is_none() {
-        return Err(Error::Input(format!(
-            "{}: the experiment has no [analysis] section; add one",
-            options.experiment
-        )));
-    }
-    let ours = [LOG, CAMERA, ".bidsignore", "dataset_description.json"];
-    let other = fs::read_dir(folder).into_iter().flatten().flatten().find(|entry| {
-        !entry.file_name().to_string_lossy().starts_with(".fluorspar")
-            && !ours.iter().any(|name| entry.file_name() == *name)
-    });
-    if let Some(other) = other {
-        return Err(Error::Input(format!(
-            "{shown}: this folder holds {}; give a new or empty one",
-            other.file_name().display()
-        )));
-    }
-    fs::create_dir_all(folder).map_err(failed)?;
-    let of_file = |text: &str| text.to_owned();
-    let camera = match &source.file {
-        Some(_) => of_file(&source.text),
-        None => format!("format = 1\nbase = \"{}\"\n", source.stem),
-    };
-    let own_name = || {
-        std::path::absolute(folder)
-            .ok()
-            .and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned()))
-    };
-    let name = options.name.clone().or_else(own_name).unwrap_or_default();
+    let camera = camera_of(options)?;
+    let own_name = std::path::absolute(folder).ok();
+    let own_name = own_name.and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned()));
+    let name = options.name.clone().or(own_name).unwrap_or_default();
     let description = json!({ "Name": name, "BIDSVersion": "1.10.0", "DatasetType": "raw" });
-    // A file that it names must lie beside it here, too
-    let copy = ExperimentSource { text: camera.clone(), base_dir: folder.clone(), ..source };
-    if let Err(error) = copy.resolve(&[]) {
-        return Err(Error::Input(format!(
-            "{error}\nA study holds a copy of its experiment: copy what that names into {shown} as well"
-        )));
-    }
-    write(&folder.join(CAMERA), camera.as_bytes())?;
-    write(&folder.join(".bidsignore"), b"camera.toml\nlog.jsonl\n**/photo/\n")?;
-    write(&folder.join("dataset_description.json"), serde_json::to_string_pretty(&description)?.as_bytes())?;
-    let mut study = Study::open(folder)?;
-    study.commit(
-        "init",
-        vec![Event::Study { name: name.clone(), site: options.site.clone().unwrap_or_default() }],
-    )?;
+    fs::create_dir_all(folder).map_err(|error| Error::Failed(format!("{shown}: {error}")))?;
+    write_new(&folder.join(CAMERA), camera.as_bytes())?;
+    write_new(&folder.join(".bidsignore"), b"camera.toml\nlog.jsonl\n**/photo/\n")?;
+    let description = serde_json::to_string_pretty(&description)?;
+    write_new(&folder.join("dataset_description.json"), description.as_bytes())?;
+    let site = options.site.clone().unwrap_or_default();
+    Study::open(folder)?.commit("init", vec![Event::Study { name: name.clone(), site }])?;
     job.status(format!("Next: fluorspar study import {shown} PHOTOS"));
     Ok(BegunStudy { name, folder: folder.clone() })
+}
+
+/// The experiment of a study, as it is read from within its folder: a file that it names must lie there, too.
+fn camera_of(options: &InitOptions) -> Result<String> {
+    let source = ExperimentSource::find(Some(&options.experiment))?;
+    if source.parse(&[])?.file.analysis.is_none() {
+        let name = &options.experiment;
+        return Err(Error::Input(format!("{name}: the experiment has no [analysis] section; add one")));
+    }
+    let text = match &source.file {
+        Some(_) => source.text.clone(),
+        None => format!("format = 1\nbase = \"{}\"\n", source.stem),
+    };
+    let folder = &options.args.study;
+    let copy = ExperimentSource { text: text.clone(), base_dir: folder.clone(), ..source };
+    copy.resolve(&[]).map_err(|error| {
+        let shown = folder.display();
+        Error::Input(format!(
+            "{error}\nA study holds a copy of its experiment: copy what that names into {shown} first"
+        ))
+    })?;
+    Ok(text)
+}
+
+/// Writes a file that is not there yet, or with these bytes.
+fn write_new(path: &Path, bytes: &[u8]) -> Result<()> {
+    if path.exists() && read_bounded(path, LARGEST_BYTES)? != bytes {
+        let shown = path.display();
+        return Err(Error::Input(format!("{shown}: this file is there and of no study; give a new folder")));
+    }
+    write(path, bytes)
 }
 
 /// A study, locked for this process.

@@ -8,7 +8,7 @@ use fluorspar_session::values::short;
 use fluorspar_study::{
     AgainstNormOptions, AnalyzeStudyOptions, AnalyzedStudy, ComparedPeople, Drift, DriftOptions,
     ExportOptions, ExportedStudy, ImportOptions, ImportedStudy, InitOptions, NormOptions, NormReport,
-    QueriedRow, QueryOptions, StudyArgs, VerifiedStudy, WithdrawOptions,
+    QueriedRow, QueryOptions, Separation, StudyArgs, VerifiedStudy, WithdrawOptions,
 };
 
 use super::Answering;
@@ -208,23 +208,23 @@ fn describe_compared(compared: &ComparedPeople) -> String {
     for left in &compared.left_out {
         text += &format!("left out: {left}\n");
     }
-    for of in &compared.separations {
-        let [low, high] = of.area.interval;
-        let size = of
-            .group_size
-            .map_or_else(String::new, |size| format!("; {size} people in each group give it to 0.05"));
-        text += &format!(
-            "{} of the {} is {} with a lesion: area under the ROC curve {:.3} (95 %: {low:.3} to {high:.3}; DeLong error {:.3}; {} and {} people){size}\n",
-            of.of[1],
-            of.of[0],
-            if of.is_lower { "lower" } else { "higher" },
-            of.area.area,
-            of.area.standard_error,
-            of.area.n[0],
-            of.area.n[1]
-        );
-    }
+    text.extend(compared.separations.iter().map(describe_separation));
     text
+}
+
+/// How well a number tells people with a lesion.
+fn describe_separation(of: &Separation) -> String {
+    let [low, high] = of.area.interval;
+    let size = of
+        .group_size
+        .map_or_else(String::new, |size| format!("; {size} people in each group give it to 0.05"));
+    let way = if of.is_lower { "lower" } else { "higher" };
+    let [with, without] = of.area.n;
+    format!(
+        "{} of the {} is {way} with a lesion: area under the ROC curve {:.3} (95 %: {low:.3} to {high:.3}; DeLong error {:.3}; {with} and {without} \
+         people){size}\n",
+        of.of[1], of.of[0], of.area.area, of.area.standard_error
+    )
 }
 
 fn describe_drift(drift: &Drift) -> String {

@@ -206,8 +206,7 @@ pub(super) fn estimate(
     for estimate in &mut estimates {
         estimate.warnings.extend(warnings.iter().cloned());
     }
-    let picture = STANDARD.encode(picture.unwrap_or_default());
-    Ok(EstimatedPhotograph { key, estimates, picture })
+    Ok(EstimatedPhotograph { key, estimates, picture: STANDARD.encode(picture.unwrap_or_default()) })
 }
 
 /// How a frame looks.

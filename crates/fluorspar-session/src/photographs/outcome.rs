@@ -53,11 +53,10 @@ pub(super) fn write_estimates(
     let mut shown: Vec<_> = done.iter().collect();
     shown.sort_by_key(|(_, found)| first(found));
     let picture = |(photograph, found): &&(&Photograph, EstimatedPhotograph)| {
-        let regions: Vec<&str> = regions_of(found);
         Ok(ReportPicture {
             png: picture_of(found)?,
             title: format!("{}, visit {}", photograph.patient, photograph.visit),
-            caption: regions.join(", "),
+            caption: regions_of(found).join(", "),
         })
     };
     let pictures = shown.iter().take(PICTURES).map(picture).collect::<Result<Vec<_>>>()?;

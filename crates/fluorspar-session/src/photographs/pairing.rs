@@ -257,48 +257,12 @@ pub(super) fn photographs_of(rows: &[PhotographRow], analyzed: &str) -> (Vec<Pho
             }
         }
         for main in &mains {
-            let rest = rest_of_name(main, analyzed);
-            let mut frames = vec![(analyzed.to_owned(), main.to_path_buf())];
-            for capture in captures_beside(&rows, analyzed) {
-                let mut files: Vec<&Path> =
-                    rows.iter().filter(|row| row.capture == capture).map(|row| row.frame.as_path()).collect();
-                files.dedup();
-                let of_name = files.iter().find(|file| rest_of_name(file, capture) == rest);
-                // One that stands alone serves the whole visit
-                let only = files.first().filter(|_| files.len() == 1);
-                match of_name.or(only) {
-                    Some(file) => frames.push((capture.to_owned(), file.to_path_buf())),
-                    None => left_out.push((
-                        main.to_path_buf(),
-                        format!(
-                            "of patient {patient}, visit {visit}, there are {} frames of \"{capture}\", and none has the rest of this name; name \
-                             them alike, or give each photograph a visit of its own in photographs.csv",
-                            files.len()
-                        ),
-                    )),
+            match frames_of(main, &rows, analyzed) {
+                Ok(frames) => found.push(photograph_of([patient, visit], frames, &rows)),
+                Err(why) => {
+                    left_out.push((main.to_path_buf(), format!("of patient {patient}, visit {visit}, {why}")))
                 }
             }
-            let own: Vec<&&PhotographRow> = rows.iter().filter(|row| row.frame == **main).collect();
-            let files = |file: fn(&PhotographRow) -> &PathBuf| {
-                let mut all: Vec<PathBuf> = own
-                    .iter()
-                    .map(|row| file(row).clone())
-                    .filter(|path| !path.as_os_str().is_empty())
-                    .collect();
-                all.dedup();
-                all
-            };
-            let regions = own.iter().filter(|row| !row.region.is_empty());
-            found.push(Photograph {
-                patient: patient.to_owned(),
-                visit: visit.to_owned(),
-                frames,
-                dark: files(|row| &row.dark),
-                flat: files(|row| &row.flat),
-                regions: regions
-                    .map(|row| [row.region.clone(), row.place.clone(), row.verdict.clone()])
-                    .collect(),
-            });
         }
         if mains.is_empty() {
             let why = format!(
@@ -307,9 +271,53 @@ pub(super) fn photographs_of(rows: &[PhotographRow], analyzed: &str) -> (Vec<Pho
             left_out.extend(rows.iter().map(|row| (row.frame.clone(), why.clone())));
         }
     }
-    found.retain(|photograph| !left_out.iter().any(|(file, _)| *file == photograph.frames[0].1));
-    left_out.dedup();
     (found, left_out)
+}
+
+/// The frames of a photograph: its analyzed one, and of each other capture that with the rest of its name, or the only one of the visit.
+fn frames_of(main: &Path, rows: &[&PhotographRow], analyzed: &str) -> Result<Vec<(String, PathBuf)>, String> {
+    let rest = rest_of_name(main, analyzed);
+    let mut frames = vec![(analyzed.to_owned(), main.to_path_buf())];
+    for capture in captures_beside(rows, analyzed) {
+        let of_capture = rows.iter().filter(|row| row.capture == capture);
+        let mut files: Vec<&Path> = of_capture.map(|row| row.frame.as_path()).collect();
+        files.dedup();
+        let of_name = files.iter().find(|file| rest_of_name(file, capture) == rest);
+        let only = files.first().filter(|_| files.len() == 1);
+        let file = of_name.or(only).ok_or_else(|| {
+            format!(
+                "there are {} frames of \"{capture}\", and none has the rest of this name; name them alike, or give each photograph a visit of its \
+                 own in photographs.csv",
+                files.len()
+            )
+        })?;
+        frames.push((capture.to_owned(), file.to_path_buf()));
+    }
+    Ok(frames)
+}
+
+/// A photograph with what the lines of its analyzed frame say.
+fn photograph_of(
+    [patient, visit]: [&str; 2],
+    frames: Vec<(String, PathBuf)>,
+    rows: &[&PhotographRow],
+) -> Photograph {
+    let own: Vec<&&PhotographRow> = rows.iter().filter(|row| row.frame == frames[0].1).collect();
+    let files = |file: fn(&PhotographRow) -> &PathBuf| {
+        let named = own.iter().map(|row| file(row).clone()).filter(|path| !path.as_os_str().is_empty());
+        let mut all: Vec<PathBuf> = named.collect();
+        all.dedup();
+        all
+    };
+    let regions = own.iter().filter(|row| !row.region.is_empty());
+    Photograph {
+        patient: patient.to_owned(),
+        visit: visit.to_owned(),
+        dark: files(|row| &row.dark),
+        flat: files(|row| &row.flat),
+        regions: regions.map(|row| [row.region.clone(), row.place.clone(), row.verdict.clone()]).collect(),
+        frames,
+    }
 }
 
 /// The other captures of some lines, each once.

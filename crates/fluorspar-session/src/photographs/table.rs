@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use csv::{ReaderBuilder, Trim, Writer};
+use csv::{ReaderBuilder, StringRecord, Trim, Writer};
 use fluorspar::names::nearest_name;
 use fluorspar_format::read_bounded;
 use serde::{Deserialize, Serialize};
@@ -55,15 +55,7 @@ pub fn read_photographs(path: &Path) -> Result<Vec<PhotographRow>> {
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
     let mut reader = ReaderBuilder::new().trim(Trim::All).delimiter(delimiter).from_reader(text);
     let heads = reader.headers().map_err(|error| wrong(error.to_string()))?.clone();
-    if let Some(other) = heads.iter().find(|head| !PhotographRow::COLUMNS.contains(head)) {
-        let near = nearest_name(other, PhotographRow::COLUMNS)
-            .map_or_else(String::new, |near| format!(" Did you mean \"{near}\"?"));
-        let columns = PhotographRow::COLUMNS.join(", ");
-        return Err(wrong(format!("there is no column \"{other}\".{near} The columns are {columns}")));
-    }
-    if !heads.iter().any(|head| head == "frame") {
-        return Err(wrong("the column \"frame\", the file of each photograph, is missing".into()));
-    }
+    check_columns(&heads).map_err(wrong)?;
     let mut rows = Vec::new();
     for (number, row) in reader.deserialize::<PhotographRow>().enumerate() {
         let at = |why: &str| wrong(format!("line {}: {why}", number + 2));
@@ -79,6 +71,20 @@ pub fn read_photographs(path: &Path) -> Result<Vec<PhotographRow>> {
         }
     }
     Ok(rows)
+}
+
+/// Refuses columns that do not exist, and a table without files.
+fn check_columns(heads: &StringRecord) -> Result<(), String> {
+    if let Some(other) = heads.iter().find(|head| !PhotographRow::COLUMNS.contains(head)) {
+        let near = nearest_name(other, PhotographRow::COLUMNS)
+            .map_or_else(String::new, |near| format!(" Did you mean \"{near}\"?"));
+        let columns = PhotographRow::COLUMNS.join(", ");
+        return Err(format!("there is no column \"{other}\".{near} The columns are {columns}"));
+    }
+    if !heads.iter().any(|head| head == "frame") {
+        return Err("the column \"frame\", the file of each photograph, is missing".into());
+    }
+    Ok(())
 }
 
 /// The lines as a table.
