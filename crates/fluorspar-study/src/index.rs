@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use fluorspar_session::{Error, Result};
-use rusqlite::{Connection, Row, Transaction, params};
+use rusqlite::{Connection, Row, params};
 
 use crate::event::{Event, LoggedEstimate, quantity_name};
 use crate::log::Entry;
@@ -31,7 +31,19 @@ CREATE TABLE outcome (subject TEXT NOT NULL, method TEXT, outcome TEXT NOT NULL,
 
 /// The index of a study.
 pub(crate) struct Index {
-    pub(crate) connection: Connection,
+    connection: Connection,
+    /// Lines that are not on the disk yet.
+    waiting: usize,
+}
+
+/// Lines that wait for the disk at most.
+const MOST_WAITING: usize = 2000;
+
+impl Drop for Index {
+    fn drop(&mut self) {
+        // What can't be written is taken from the log by the next process
+        let _ = self.flush();
+    }
 }
 
 fn failed(error: rusqlite::Error) -> Error {
@@ -45,7 +57,7 @@ impl Index {
         if let Ok(connection) = Connection::open(&path)
             && let Some(seq) = known_until(&connection, entries)
         {
-            let mut index = Self { connection };
+            let mut index = Self { connection, waiting: 0 };
             index.apply(&entries[seq..])?;
             return Ok(index);
         }
@@ -60,34 +72,50 @@ impl Index {
         fs::create_dir_all(&place).map_err(io)?;
         let partial = place.join(format!("study.{}.partial", std::process::id()));
         remove(&partial)?;
-        let mut index = Self { connection: Connection::open(&partial).map_err(failed)? };
+        let mut index = Self { connection: Connection::open(&partial).map_err(failed)?, waiting: 0 };
         index.connection.execute_batch(TABLES).map_err(failed)?;
         index.connection.pragma_update(None, "user_version", VERSION).map_err(failed)?;
         index.apply(entries)?;
+        index.flush()?;
         drop(index);
         for ending in ["-journal", "-wal", "-shm"] {
             remove(&PathBuf::from(format!("{}{ending}", path.display())))?;
         }
         fs::rename(&partial, &path).map_err(io)?;
-        Ok(Self { connection: Connection::open(&path).map_err(failed)? })
+        Ok(Self { connection: Connection::open(&path).map_err(failed)?, waiting: 0 })
     }
 
     /// An index in memory, to compare with.
     pub(crate) fn in_memory(entries: &[Entry]) -> Result<Self> {
         let connection = Connection::open_in_memory().map_err(failed)?;
         connection.execute_batch(TABLES).map_err(failed)?;
-        let mut index = Self { connection };
+        let mut index = Self { connection, waiting: 0 };
         index.apply(entries)?;
         Ok(index)
     }
 
-    /// Takes lines of the log in, all or none.
+    /// Takes lines of the log in. They are on the disk with the next many, or when the index is dropped: what a killed process leaves behind
+    /// is taken from the log again.
     pub(crate) fn apply(&mut self, entries: &[Entry]) -> Result<()> {
-        let transaction = self.connection.transaction().map_err(failed)?;
-        for entry in entries {
-            apply_one(&transaction, entry).map_err(failed)?;
+        if self.connection.is_autocommit() {
+            self.connection.execute_batch("BEGIN").map_err(failed)?;
         }
-        transaction.commit().map_err(failed)
+        let applied = entries.iter().try_for_each(|entry| apply_one(&self.connection, entry));
+        if let Err(error) = applied {
+            let _ = self.connection.execute_batch("ROLLBACK");
+            return Err(failed(error));
+        }
+        self.waiting += entries.len();
+        if self.waiting >= MOST_WAITING { self.flush() } else { Ok(()) }
+    }
+
+    /// Writes the lines that were taken in.
+    fn flush(&mut self) -> Result<()> {
+        self.waiting = 0;
+        if self.connection.is_autocommit() {
+            return Ok(());
+        }
+        self.connection.execute_batch("COMMIT").map_err(failed)
     }
 
     /// Rows of a query.
@@ -143,7 +171,7 @@ fn known_until(connection: &Connection, entries: &[Entry]) -> Option<usize> {
     (version == VERSION && same).then_some(seq as usize)
 }
 
-fn apply_one(to: &Transaction<'_>, entry: &Entry) -> rusqlite::Result<()> {
+fn apply_one(to: &Connection, entry: &Entry) -> rusqlite::Result<()> {
     to.prepare_cached("INSERT INTO audit VALUES (?, ?, ?, ?, ?, ?)")?.execute(params![
         entry.seq,
         entry.before,
@@ -189,7 +217,7 @@ fn apply_one(to: &Transaction<'_>, entry: &Entry) -> rusqlite::Result<()> {
     }
 }
 
-fn add_estimate(to: &Transaction<'_>, of: &LoggedEstimate, seq: i64) -> rusqlite::Result<()> {
+fn add_estimate(to: &Connection, of: &LoggedEstimate, seq: i64) -> rusqlite::Result<()> {
     to.prepare_cached("INSERT OR IGNORE INTO estimate VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?
         .execute(params![
             of.photograph,
@@ -210,7 +238,7 @@ fn add_estimate(to: &Transaction<'_>, of: &LoggedEstimate, seq: i64) -> rusqlite
         .map(|_| ())
 }
 
-fn add_file(to: &Transaction<'_>, photograph: &str, file: &crate::StoredFile) -> rusqlite::Result<()> {
+fn add_file(to: &Connection, photograph: &str, file: &crate::StoredFile) -> rusqlite::Result<()> {
     let path = file.path.to_string_lossy();
     to.prepare_cached("INSERT OR REPLACE INTO file VALUES (?, ?, ?, ?)")?
         .execute(params![path, photograph, file.role, file.sha256])
