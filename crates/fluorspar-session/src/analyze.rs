@@ -49,11 +49,11 @@ pub struct AnalyzeOptions {
     /// repeated: one for the frame that is analyzed and one for each that is subtracted.
     #[arg(long, value_name = "CAPTURE=FILE", requires = "experiment")]
     pub frame: Vec<String>,
-    /// Raw dark frame of the real camera; frames of one exposure are averaged. May be repeated.
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, requires = "frame")]
+    /// Raw dark frame of the real camera; frames of one exposure are averaged. Of photographs it serves those without one. May be repeated.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, requires = "experiment")]
     pub dark: Vec<PathBuf>,
     /// Raw frame of even light of the real camera. May be repeated.
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, requires = "frame")]
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, requires = "experiment")]
     pub flat: Vec<PathBuf>,
     /// Experiment to use instead of the folder's experiment.toml.
     #[arg(long, value_name = "EXPERIMENT")]
@@ -110,6 +110,11 @@ const OUT_BYTES: u64 = 1 << 30;
 
 /// Refuses what is not a folder of frames with their experiment.
 fn check_folder(options: &AnalyzeOptions) -> Result<()> {
+    if options.frame.is_empty() && !(options.dark.is_empty() && options.flat.is_empty()) {
+        return Err(Error::Input(
+            "⟨dark⟩ and ⟨flat⟩ belong to frames of a camera; name these with ⟨frame⟩, or give a folder of photographs".into(),
+        ));
+    }
     if let Some(folder) = options.folder.as_ref().filter(|folder| !folder.is_dir()) {
         return Err(Error::Input(format!(
             "{}: not a folder; give one that `run` or `capture` wrote, or name frames with ⟨frame⟩",
