@@ -22,7 +22,9 @@ use serde_json::json;
 
 use self::estimate::{EstimatedPhotograph, estimate, key_of, regions_of};
 use self::outcome::{mark_apart, write_estimates, write_proposal};
-use self::pairing::{KnownCapture, LeftOut, completed, holds_photographs, photographs_of, rows_of_folder};
+use self::pairing::{
+    KnownCapture, LeftOut, completed, holds_captures, holds_photographs, photographs_of, rows_of_folder,
+};
 use self::proposal::propose;
 use crate::region_option::{RegionOption, region_options};
 use crate::shard::journal_beside;
@@ -81,7 +83,8 @@ pub(crate) fn is_of_photographs(path: &Path) -> bool {
     if !path.is_dir() {
         return path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
     }
-    let of_run = ["experiment.toml", "results.json"].iter().any(|name| path.join(name).exists());
+    let of_run = ["experiment.toml", "results.json"].iter().any(|name| path.join(name).exists())
+        || holds_captures(path);
     !of_run && (path.join(TABLE).is_file() || holds_photographs(path))
 }
 

@@ -51,6 +51,15 @@ pub(super) fn holds_photographs(folder: &Path) -> bool {
     !files_below(folder).is_empty()
 }
 
+/// Whether a folder holds frames by the names that `run` and `capture` give.
+pub(super) fn holds_captures(folder: &Path) -> bool {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).any(|path| {
+        let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        stem(&path).starts_with("raw_") && FRAMES.contains(&ending.as_str())
+    })
+}
+
 /// Files that may be photographs, in the order of their paths. Pictures and raw files beside a frame of the same name are left to it.
 fn files_below(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
