@@ -184,6 +184,7 @@ fn cornell_box(options: &SceneOptions) -> Scene {
         name: "ceiling_light".into(),
         group: 0,
         spectrum: light_spectrum(10.0),
+        crossed_polarizers: false,
         emitter: RectangleEmitter {
             corner: Vec3::new(-0.25, 1.99, -0.2),
             edge_u: Vec3::X * 0.5,
@@ -251,6 +252,7 @@ fn closed_cavity(options: &SceneOptions, gloss: bool) -> Scene {
             name: name.into(),
             group: 0,
             spectrum: light_spectrum(0.05),
+            crossed_polarizers: false,
             emitter: DiscEmitter { center, normal: Vec3::NEG_Z, radius_m: 0.0025, exponent: 1.0 }.into(),
         });
     }
@@ -299,6 +301,7 @@ fn mouth(options: &SceneOptions) -> Scene {
             name: name.into(),
             group: 0,
             spectrum: light_spectrum(0.2),
+            crossed_polarizers: false,
             emitter: DiscEmitter { center, normal: (-center).normalize(), radius_m: 0.0025, exponent: 1.0 }
                 .into(),
         });

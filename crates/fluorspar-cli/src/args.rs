@@ -13,7 +13,7 @@ use fluorspar_web::WorkbenchOptions;
 use crate::commands::Answering;
 use crate::commands::{
     catalog, denoise, describe, design, filter, fluorophore, lens, merge, mouth, new, plot, render, safety,
-    scene, schema, sensor, sheet, spectroradiometer, tissue, validate,
+    scene, schema, sensor, sheet, spectroradiometer, study, tissue, validate,
 };
 use crate::values;
 
@@ -73,7 +73,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
             "denoise",
         ],
     ),
-    ("Frames of a camera", &["describe"]),
+    ("Frames of a camera", &["describe", "study"]),
     ("Design", &["design", "predict", "filter", "plot", "safety"]),
     ("Parts", &["catalog", "fluorophore", "sensor", "lens", "tissue", "spectroradiometer"]),
     ("Scenes", &["scene", "mouth"]),
@@ -156,6 +156,8 @@ pub(crate) enum Command {
     Dataset(Answering<DatasetOptions>),
     /// Write the description that a camera's frame needs beside it: from its tags, and from what you know.
     Describe(describe::Options),
+    /// Keep photographs of people over time: estimates, norms, who is outside, what may leave the clinic.
+    Study(study::Options),
     /// List, show and plot parts of the catalogue: lights, filters, dyes, sensors, lenses, tissues.
     Catalog(catalog::Options),
     /// Import measured fluorophores, or fit spectra with them.

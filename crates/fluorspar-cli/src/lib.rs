@@ -122,6 +122,7 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Dataset(options) => Ended::of(commands::dataset::run, &options),
         Command::Compare(options) => options.answer(compare, commands::compare::describe).map(Into::into),
         Command::Describe(options) => Ended::of(commands::describe::run, &options),
+        Command::Study(options) => Ended::of(commands::study::run, &options),
         Command::Catalog(options) => Ended::of(commands::catalog::run, &options),
         Command::Fluorophore(options) => Ended::of(commands::fluorophore::run, &options),
         Command::Sensor(options) => Ended::of(commands::sensor::run, &options),

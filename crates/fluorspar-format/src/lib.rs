@@ -11,6 +11,7 @@
 //! | component image, part by part | [`ComponentFile`] | |
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
+//! | names of tags and chunks of a picture | [`left_tags`] | |
 //! | mask, PNG, TIFF or NumPy | [`read_mask`] | [`write_indexed_png`], [`CocoMask`] |
 //! | description of a camera's frame | [`describe_frame`] | [`FrameDescription::write`] |
 //! | texture, image: PNG, JPEG, TGA, QOI, OpenEXR, Radiance or PFM | [`read_texture`], [`read_texture_png`] | [`write_gray_png, write_rgb_png`] |
@@ -47,6 +48,7 @@ pub use frame::frame_description::{
     DescribedFrame, FactSource, FrameDescription, FrameFact, FrameFacts, black_level_doubt, describe_frame,
     description_path, read_described_frame,
 };
+pub use frame::left_tags::{LeftTags, left_tags};
 pub use frame::packed_raw::write_packed_raw;
 pub use frame::raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
 pub use frame::row_packing::RawPacking;
@@ -81,8 +83,8 @@ pub use store::file_format::{FileFormat, OtherFormat};
 pub use store::film::{read_film, read_film_layout, read_film_rows, write_film};
 pub use store::input::{digest_bounded, read_bounded, read_start, read_text_bounded};
 pub use store::output::{
-    Claim, Journal, Output, OutputFolder, OutputSet, Outputs, WRITTEN_BY, check_room, free_bytes,
-    remove_unfinished_files, unfinished_files, write_atomically, written_share,
+    AppendedLines, Claim, Journal, Output, OutputFolder, OutputSet, Outputs, WRITTEN_BY, check_room,
+    free_bytes, remove_unfinished_files, unfinished_files, write_atomically, written_share,
 };
 pub use store::provenance::{Loaded, Provenance};
 pub use store::spooled_image::SpooledImage;

@@ -8,6 +8,7 @@
 //! | two finished runs side by side | [`compared_numbers`], [`comparison_report`] | numbers with intervals, and whether these tell them apart |
 //! | a design search as a page | [`design_report`] | what is best, what it costs, what it rests on |
 //! | a cohort as a page | [`cohort_report`] | what is normal, how good estimates are, how well lesions are told |
+//! | many photographs as a page | [`photographs_report`] | a line each region, what lies apart, pictures |
 //! | what a data set holds and assumes | [`dataset_sheet`] | Markdown |
 //! | read back | [`extract_experiment`] | the TOML that a report was made from |
 //!
@@ -23,7 +24,9 @@ mod design_report;
 mod figure;
 pub mod figures;
 mod findings;
+mod outlined_preview;
 mod page;
+mod photographs_report;
 mod run;
 
 pub use cohort_report::{CohortResults, cohort_figures, cohort_report};
@@ -42,11 +45,13 @@ pub use figure::{
     Series, SeriesShape,
 };
 pub use findings::{ASSUMED_GAIN, finding_lines};
+pub use outlined_preview::outlined_preview;
 pub use page::{
     Answer, Contribution, Contributions, FrameView, MapOverlay, Number, NumberMatrix, NumberTable, Origin,
     Overview, ReportData, ReportItem, ReportPicture, Section, analysis_section, close_page, escape,
     extract_experiment, open_page, write_figure,
 };
+pub use photographs_report::{PhotographResults, PlacedNumber, photographs_report};
 pub use run::{
     FrameOrigin, NamedFigure, RunFolderError, RunReport, RunResults, analysis_json, dark_frames,
     evaluation_json, exceeded_limits, region_warnings, regions_matrix, run_report, write_frame_report,

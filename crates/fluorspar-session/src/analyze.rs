@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
-use fluorspar::analysis::{Analysis, PorphyrinLayers, PorphyrinMap};
+use fluorspar::analysis::{Analysis, PorphyrinLayers, PorphyrinMap, other_tissue_share};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, AnalyzedRegion, BitFit, Calibration, CapturedFrame, IncompleteRaw, PipelineError,
@@ -29,7 +29,8 @@ use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
 
 use crate::frame_report::{FrameReport, warn_of_darkness};
-use crate::region_option::{region_options, with_regions};
+use crate::photographs::{AnalyzedPhotographs, analyze_photographs, is_of_photographs};
+use crate::region_option::{RegionOption, region_options, with_regions};
 use crate::values::{Override, as_typed, quoted};
 use crate::{
     CaptureView, Changes, Error, ExperimentSource, FinishedRender, Job, Result, ShownExperiment, Wanted,
@@ -40,18 +41,19 @@ use crate::{
 #[derive(Clone, Debug, Default, Deserialize, clap::Args)]
 #[serde(default)]
 pub struct AnalyzeOptions {
-    /// Folder with raw_NAME.tiff (or .png, .dng, .raw) and experiment.toml, as `run` and `capture` write it.
-    #[arg(value_name = "FOLDER", value_hint = ValueHint::DirPath, required_unless_present = "frame")]
+    /// Folder with raw_NAME.tiff (or .png, .dng, .raw) and experiment.toml, as `run` and `capture` write it; or, with --experiment, a
+    /// folder of photographs, or a table of them (photographs.csv).
+    #[arg(value_name = "FOLDER", value_hint = ValueHint::AnyPath, required_unless_present = "frame")]
     pub folder: Option<PathBuf>,
     /// Raw frame of a capture, of a simulated or a real camera (DNG, or TIFF or PNG with its description); needs --experiment. May be
     /// repeated: one for the frame that is analyzed and one for each that is subtracted.
     #[arg(long, value_name = "CAPTURE=FILE", requires = "experiment")]
     pub frame: Vec<String>,
-    /// Raw dark frame of the real camera; frames of one exposure are averaged. May be repeated.
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, requires = "frame")]
+    /// Raw dark frame of the real camera; frames of one exposure are averaged. Of photographs it serves those without one. May be repeated.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, requires = "experiment")]
     pub dark: Vec<PathBuf>,
     /// Raw frame of even light of the real camera. May be repeated.
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, requires = "frame")]
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, requires = "experiment")]
     pub flat: Vec<PathBuf>,
     /// Experiment to use instead of the folder's experiment.toml.
     #[arg(long, value_name = "EXPERIMENT")]
@@ -66,13 +68,23 @@ pub struct AnalyzeOptions {
     #[arg(long, value_name = "NAME=WHERE")]
     pub named_region: Vec<String>,
     /// Folder for report.html, maps of the porphyrin share of each pixel on the mixture line, its interval and its detection limit (NumPy and PNG) and
-    /// results.json.
+    /// results.json; of photographs for report.html and patients.csv [default: fluorspar-out/analyze-FOLDER].
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: Option<PathBuf>,
     /// Changes by path.
     #[command(flatten)]
     #[serde(flatten)]
     pub changes: Changes,
+}
+
+/// What was analyzed.
+#[derive(Serialize)]
+#[serde(untagged)]
+pub enum Analyzed {
+    /// The frames of one photograph or one run.
+    Frames(Box<AnalyzedFrames>),
+    /// Many photographs.
+    Photographs(AnalyzedPhotographs),
 }
 
 /// Frames and their analysis.
@@ -98,6 +110,11 @@ const OUT_BYTES: u64 = 1 << 30;
 
 /// Refuses what is not a folder of frames with their experiment.
 fn check_folder(options: &AnalyzeOptions) -> Result<()> {
+    if options.frame.is_empty() && !(options.dark.is_empty() && options.flat.is_empty()) {
+        return Err(Error::Input(
+            "⟨dark⟩ and ⟨flat⟩ belong to frames of a camera; name these with ⟨frame⟩, or give a folder of photographs".into(),
+        ));
+    }
     if let Some(folder) = options.folder.as_ref().filter(|folder| !folder.is_dir()) {
         return Err(Error::Input(format!(
             "{}: not a folder; give one that `run` or `capture` wrote, or name frames with ⟨frame⟩",
@@ -121,15 +138,39 @@ fn check_folder(options: &AnalyzeOptions) -> Result<()> {
 ///
 /// # Errors
 /// An option without a meaning, frames or an experiment that can't be read, an analysis that can't be done, a folder that can't be written.
-pub fn analyze(options: &AnalyzeOptions, job: &Job) -> Result<AnalyzedFrames> {
+pub fn analyze(options: &AnalyzeOptions, job: &Job) -> Result<Analyzed> {
+    if let Some(folder) = options.folder.as_deref().filter(|folder| is_of_photographs(folder)) {
+        return Ok(Analyzed::Photographs(analyze_photographs(options, folder, job)?));
+    }
     check_folder(options)?;
     let regions = region_options(&options.named_region)?;
+    let see = |_: &Study, _: &[CapturedFrame], _: &[(&str, &AnalyzedFrame)]| Ok(());
+    let frames = analyze_frames(options, &Regions { main: None, beside: &regions }, job, see)?;
+    warn_of_unused_frames(options, &frames.experiment.study, &frames.analysis, job);
+    Ok(Analyzed::Frames(Box::new(frames)))
+}
+
+/// Where the regions of frames lie.
+pub(crate) struct Regions<'a> {
+    /// In place of the region of `[analysis]`.
+    pub(crate) main: Option<&'a RegionOption>,
+    /// Beside it.
+    pub(crate) beside: &'a [RegionOption],
+}
+
+/// Analyzes frames of one photograph or one run; `see` has the frames and the regions in view before they are dropped.
+pub(crate) fn analyze_frames(
+    options: &AnalyzeOptions,
+    regions: &Regions<'_>,
+    job: &Job,
+    see: impl FnOnce(&Study, &[CapturedFrame], &[(&str, &AnalyzedFrame)]) -> Result<()>,
+) -> Result<AnalyzedFrames> {
     let beside = |name: &str| options.folder.as_ref().map(|folder| folder.join(name));
     let default = beside("experiment.toml").map(|path| path.display().to_string());
     let name = options.experiment.clone().or(default).unwrap_or_default();
     let source = ExperimentSource::find(Some(&name))?;
     let (plain, overrides) = parsed_for_frames(options, &source)?;
-    let (parsed, overrides) = with_regions(&source, (&plain, &overrides), &regions)?;
+    let (parsed, overrides) = with_regions(&source, (&plain, &overrides), regions)?;
     let image = options
         .component_image
         .clone()
@@ -195,13 +236,14 @@ pub fn analyze(options: &AnalyzeOptions, job: &Job) -> Result<AnalyzedFrames> {
     let Some(analyzed) = main else {
         return Err(Error::Failed("the analysis gave nothing".into()));
     };
-    let analyzed = without_render(options, analyzed);
+    let analyzed = without_render(options, analyzed, &frames);
     let of_frames = |region: AnalyzedRegion| AnalyzedRegion {
-        analyzed: region.analyzed.map(|analyzed| without_render(options, analyzed)),
+        analyzed: region.analyzed.map(|analyzed| without_render(options, analyzed, &frames)),
         ..region
     };
     let others: Vec<AnalyzedRegion> = others.into_iter().map(of_frames).collect();
-    warn_of_unused_frames(options, study, &analyzed.analysis, job);
+    let in_view = others.iter().filter_map(|other| Some((other.name.as_str(), other.in_view()?)));
+    see(study, &frames, &std::iter::once(("", &analyzed)).chain(in_view).collect::<Vec<_>>())?;
     warn_of_darkness(&experiment, &frames, job);
     let found = |experiment, analyzed: AnalyzedFrame, regions| AnalyzedFrames {
         experiment,
@@ -246,7 +288,7 @@ fn check_pixels_known(name: &str, study: &Study) -> Result<()> {
 }
 
 /// The experiment with all changes: those that real frames make of its sensor, and those of the command line.
-fn parsed_for_frames(
+pub(crate) fn parsed_for_frames(
     options: &AnalyzeOptions,
     source: &ExperimentSource,
 ) -> Result<(Experiment, Vec<Override>)> {
@@ -383,7 +425,7 @@ fn check_subtracted(study: &Study, file: &str, raw: &SensorImage, job: &Job) -> 
 }
 
 /// Makes an experiment that of the frames that were given, or of frames whose component image is gone.
-fn as_recorded(
+pub(crate) fn as_recorded(
     options: &AnalyzeOptions,
     is_without_image: bool,
     experiment: &mut ResolvedExperiment,
@@ -433,10 +475,24 @@ fn leave_parts_to_shapes(study: &mut Study) {
     }
 }
 
-/// Frames of another origin may show another mouth than the component image, whose truth is none of theirs.
-fn without_render(options: &AnalyzeOptions, mut analyzed: AnalyzedFrame) -> AnalyzedFrame {
-    if !options.frame.is_empty() {
-        (analyzed.analysis.truth, analyzed.analysis.budget) = (None, None);
+/// Frames of another origin may show another mouth than the component image, whose truth is none of theirs, and what their regions hold
+/// is known from their colors alone.
+fn without_render(
+    options: &AnalyzeOptions,
+    mut analyzed: AnalyzedFrame,
+    frames: &[CapturedFrame],
+) -> AnalyzedFrame {
+    if options.frame.is_empty() {
+        return analyzed;
+    }
+    let analysis = &mut analyzed.analysis;
+    (analysis.truth, analysis.budget) = (None, None);
+    let frame = frames.iter().find(|frame| frame.raw.label == analysis.frame);
+    if let Some(share) = frame.and_then(|frame| other_tissue_share(&frame.developed, &analyzed.region)) {
+        analysis.warnings.push(Warning::explained(
+            format!("{:.0} % of the region looks like another tissue than the rest", 100.0 * share),
+            "An estimate is of one tissue: draw the region within it, tongue without throat, lip without skin",
+        ));
     }
     analyzed
 }
@@ -524,13 +580,18 @@ fn analyzed_without_surfaces(
 type DescribedFiles = Vec<(String, Vec<FrameFact>)>;
 
 /// Frames, and what those are that were given.
-struct Developed {
-    frames: Vec<CapturedFrame>,
+pub(crate) struct Developed {
+    pub(crate) frames: Vec<CapturedFrame>,
     told: DescribedFiles,
 }
 
 /// The frames that are analyzed, developed with what calibrates them.
-fn developed(options: &AnalyzeOptions, study: &Study, wanted: &str, job: &Job) -> Result<Developed> {
+pub(crate) fn developed(
+    options: &AnalyzeOptions,
+    study: &Study,
+    wanted: &str,
+    job: &Job,
+) -> Result<Developed> {
     if options.frame.is_empty() {
         let Some(folder) = &options.folder else {
             return Err(Error::Input("give a folder, or frames with ⟨frame=CAPTURE=FILE⟩".into()));

@@ -42,12 +42,12 @@ impl Job {
     }
 
     /// Says what is being done or was done.
-    pub(crate) fn status(&self, text: impl AsRef<str>) {
+    pub fn status(&self, text: impl AsRef<str>) {
         self.listener.status(text.as_ref());
     }
 
     /// Warns of what makes a result doubtful.
-    pub(crate) fn warn(&self, warnings: &[Warning]) {
+    pub fn warn(&self, warnings: &[Warning]) {
         self.listener.warnings(warnings);
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! | to | call |
 //! |---|---|
-//! | analyze frames | [`analyze`] |
+//! | analyze frames, or many photographs | [`analyze`] |
 //! | capture a component image | [`capture`] |
 //! | run an experiment from scene to report | [`run`] |
 //! | check an experiment or a flat sample | [`check`] |
@@ -44,7 +44,7 @@ mod job;
 mod live_render;
 pub mod named_spectra;
 mod options;
-mod photograph;
+mod photographs;
 mod plane_cache;
 mod predict;
 mod region_option;
@@ -59,7 +59,7 @@ mod surroundings;
 pub mod tissue;
 pub mod values;
 
-pub use analyze::{AnalyzeOptions, AnalyzedFrames, analyze};
+pub use analyze::{AnalyzeOptions, Analyzed, AnalyzedFrames, analyze};
 pub use capture::{CaptureOptions, CapturedFolder, RawForm, capture};
 pub use changes::{Changes, ExperimentArgs, RenderOptions, Seed, StatisticsOption};
 pub use check::{CameraView, CheckOptions, CheckedExperiment, CheckedFile, CheckedSample, check};
@@ -73,7 +73,10 @@ pub use finished_render::{CaptureView, FinishedRender, ShownExperiment};
 pub use job::{Job, Left, Listener};
 pub use live_render::{LiveRender, LiveStudy};
 pub use options::{TaskOption, TaskOptions};
-pub use photograph::PhotographCamera;
+pub use photographs::{
+    AnalyzedPhotographs, FailedPhotograph, IntervalKind, PatientEstimate, Photograph, PhotographCamera,
+    PhotographRow, estimate_photograph, find_photographs, photographs_csv, read_photographs,
+};
 pub use plane_cache::Wanted;
 pub use predict::{Compatibility, PredictOptions, PredictedSample, filter_list, predict};
 pub use render::{Keep, fill_film, render_scene, render_with_excitation_basis};

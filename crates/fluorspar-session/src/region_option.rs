@@ -5,6 +5,7 @@ use std::path::Path;
 use fluorspar_experiment::Experiment;
 use fluorspar_format::read_toml;
 
+use crate::analyze::Regions;
 use crate::values::{Override, quoted};
 use crate::{Error, ExperimentSource, Result};
 
@@ -84,6 +85,56 @@ fn fields_of_table(text: &str) -> Option<Vec<(String, String)>> {
 }
 
 impl RegionOption {
+    /// The region with its mask, where it is one, below a folder.
+    #[must_use]
+    pub(crate) fn below(mut self, folder: &Path) -> Self {
+        let masks: Vec<String> = self.masks().collect();
+        let fields = self.fields.iter_mut().filter(|(field, _)| field == "mask");
+        for ((_, value), mask) in fields.zip(masks) {
+            *value = quoted(&folder.join(mask).to_string_lossy());
+        }
+        self
+    }
+
+    /// Its mask, where it has one.
+    pub(crate) fn masks(&self) -> impl Iterator<Item = String> {
+        let of_mask = self.fields.iter().filter(|(field, _)| field == "mask");
+        of_mask.filter_map(|(_, value)| {
+            let table: toml::Table = read_toml(&format!("mask = {value}")).ok()?;
+            Some(table.get("mask")?.as_str()?.to_owned())
+        })
+    }
+
+    /// The region as tissue of a site, where it names none.
+    #[must_use]
+    pub(crate) fn of_site(mut self, site: Option<&str>) -> Self {
+        let is_given = |field: &str| self.fields.iter().any(|(name, _)| name == field);
+        if let Some(site) = site.filter(|_| !is_given("tissue") && !is_given("parts")) {
+            self.fields.push(("tissue".into(), quoted(site)));
+        }
+        self
+    }
+
+    /// The changes that make this the region of `[analysis]`.
+    fn as_main(&self, experiment: &Experiment) -> Vec<Override> {
+        let Some(analysis) = &experiment.file.analysis else { return Vec::new() };
+        let place = &analysis.place;
+        let shapes = [
+            ("rectangle_px", place.rectangle_px.is_some()),
+            ("polygon_px", place.polygon_px.is_some()),
+            ("mask", place.mask.is_some()),
+        ];
+        let unset = shapes
+            .iter()
+            .filter(|(_, is_set)| *is_set)
+            .map(|(field, _)| Override::unset(&format!("analysis.{field}")));
+        let of_shape = self.fields.iter().filter(|(field, _)| shapes.iter().any(|(shape, _)| shape == field));
+        let set = of_shape.map(|(field, value)| {
+            Override::of_option(&format!("analysis.{field}"), value, self.typed.clone())
+        });
+        unset.chain(set).collect()
+    }
+
     /// The changes that add this region to an experiment, in place of one of its name. None where nothing is analyzed.
     pub(crate) fn overrides(&self, experiment: &Experiment) -> Vec<Override> {
         let Some(analysis) = &experiment.file.analysis else { return Vec::new() };
@@ -101,9 +152,10 @@ impl RegionOption {
 pub(crate) fn with_regions(
     source: &ExperimentSource,
     (experiment, overrides): (&Experiment, &[Override]),
-    regions: &[RegionOption],
+    regions: &Regions<'_>,
 ) -> Result<(Experiment, Vec<Override>)> {
-    let added = regions.iter().flat_map(|region| region.overrides(experiment));
+    let main = regions.main.iter().flat_map(|region| region.as_main(experiment));
+    let added = main.chain(regions.beside.iter().flat_map(|region| region.overrides(experiment)));
     let all: Vec<Override> = overrides.iter().cloned().chain(added).collect();
     let mut with_all = source.parse(&all)?;
     with_all.file.title.clone_from(&experiment.file.title);

@@ -11,10 +11,10 @@ use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview}
 use fluorspar_experiment::DEFAULT_EXPERIMENT;
 use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_format::{
-    csv_cell, description_path, read_bounded, read_described_frame, write_atomically, write_label_png,
+    description_path, read_bounded, read_described_frame, write_atomically, write_label_png,
 };
 use fluorspar_report::finding_lines;
-use fluorspar_session::{Error, Job, PhotographCamera, Result};
+use fluorspar_session::{Error, Job, PhotographCamera, PhotographRow, Result, photographs_csv};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -25,8 +25,6 @@ use crate::subject::{Heard, said};
 
 /// Name of the table that `analyze` takes.
 const TABLE: &str = "photographs.csv";
-/// Its columns.
-const COLUMNS: &str = "patient,visit,capture,frame,region,where,verdict";
 /// Most pixels of a mask.
 const MOST_PIXELS: usize = 1 << 28;
 /// Largest file that is copied, bytes.
@@ -267,9 +265,7 @@ impl Photographs {
         let heard = Arc::new(Heard::default());
         let job = Job::new(Arc::default(), heard.clone());
         let place = asked.place.fields(&mask.display().to_string());
-        let found = self.camera(&asked.experiment)?.estimate(&frames, &place, &job)?;
-        let analyzed =
-            found.analyzed.map_err(|why| Error::Input(format!("{why}; draw the region elsewhere")))?;
+        let analyzed = self.camera(&asked.experiment)?.estimate(&frames, &place, &job)?;
         let analysis = &analyzed.analysis;
         let own = analysis.warnings.iter().map(|warning| warning.text().to_owned());
         let mut warnings: Vec<String> = heard.warnings().into_iter().chain(own).collect();
@@ -295,11 +291,11 @@ impl Photographs {
             Error::Input(format!("{:?} is no folder; give the whole path of one that is there", asked.folder))
         })?;
         let mut files: Vec<(PathBuf, Content)> = Vec::new();
-        let mut table = format!("{COLUMNS}\n");
+        let mut rows = Vec::new();
         for frame in &asked.frames {
-            self.save_frame(&folder, frame, &mut files, &mut table)?;
+            self.save_frame(&folder, frame, &mut files, &mut rows)?;
         }
-        files.push((folder.join(TABLE), Content::Text(table)));
+        files.push((folder.join(TABLE), Content::Bytes(photographs_csv(&rows)?)));
         self.check_free(&files)?;
         for (path, content) in &files {
             content.write(path)?;
@@ -315,7 +311,7 @@ impl Photographs {
         folder: &Path,
         frame: &SavedFrame,
         files: &mut Vec<(PathBuf, Content)>,
-        table: &mut String,
+        rows: &mut Vec<PhotographRow>,
     ) -> Result<()> {
         let given = self.given(frame.id)?;
         let name = match given.is_in_place {
@@ -328,10 +324,11 @@ impl Photographs {
                 given.name.clone()
             }
         };
-        let start = [&frame.patient, &frame.visit, &frame.capture, &name].map(|text| csv_cell(text.trim()));
-        let start = start.join(",");
+        let [patient, visit, capture] =
+            [&frame.patient, &frame.visit, &frame.capture].map(|text| text.trim().to_owned());
+        let row = PhotographRow { patient, visit, capture, frame: name.into(), ..PhotographRow::default() };
         if frame.regions.is_empty() {
-            table.push_str(&format!("{start},,,\n"));
+            rows.push(row.clone());
         }
         for region in &frame.regions {
             let is_name = !region.name.trim().is_empty() && !region.name.contains(['"', '=', '\n', '\r']);
@@ -354,9 +351,12 @@ impl Photographs {
                 .iter()
                 .map(|(field, value)| format!("{field} = {value}"))
                 .collect();
-            let place = format!("{{ {} }}", fields.join(", "));
-            let cells = [region.name.trim(), &place, &region.verdict].map(csv_cell);
-            table.push_str(&format!("{start},{}\n", cells.join(",")));
+            rows.push(PhotographRow {
+                region: region.name.trim().into(),
+                place: format!("{{ {} }}", fields.join(", ")),
+                verdict: region.verdict.clone(),
+                ..row.clone()
+            });
         }
         Ok(())
     }
@@ -382,7 +382,7 @@ impl Photographs {
 
 /// What is written.
 enum Content {
-    Text(String),
+    Bytes(Vec<u8>),
     Mask([usize; 2], Vec<u32>),
     Copy(PathBuf),
 }
@@ -390,7 +390,7 @@ enum Content {
 impl Content {
     fn write(&self, path: &Path) -> Result<()> {
         match self {
-            Self::Text(text) => write_atomically(path, |file| file.write_all(text.as_bytes()))?,
+            Self::Bytes(bytes) => write_atomically(path, |file| file.write_all(bytes))?,
             Self::Mask(size, runs) => write_mask(path, *size, runs)?,
             Self::Copy(source) => {
                 let bytes = read_bounded(source, MOST_BYTES)?;

@@ -266,7 +266,7 @@ def test_a_photograph_is_dropped_drawn_upon_and_saved(bench: Bench) -> None:
         page.get_by_role("button", name="Save table and masks").click()
         page.wait_for_function("() => document.querySelector('#photo-message').textContent.startsWith('Saved')", timeout=WAIT)
         table = (Path(folder) / "photographs.csv").read_text().splitlines()
-        assert table[0] == "patient,visit,capture,frame,region,where,verdict" and len(table) == 4, table
+        assert table[0] == "patient,visit,capture,frame,dark,flat,region,where,verdict" and len(table) == 4, table
         assert (Path(folder) / "mask_raw_blue_lesion.png").exists() and table[2].endswith(",wrong"), table
 
 

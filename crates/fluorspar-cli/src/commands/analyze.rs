@@ -1,11 +1,13 @@
-//! `fluorspar analyze`: the analysis of frames in words.
+//! `fluorspar analyze`: the analysis of frames, or of many photographs, in words.
 
 use fluorspar::analysis::Analysis;
 use fluorspar::findings::region_findings;
 use fluorspar::pipeline::AnalyzedRegion;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_report::{ASSUMED_GAIN, NumberMatrix, finding_lines, regions_matrix};
-use fluorspar_session::{AnalyzeOptions, AnalyzedFrames, analyze};
+use fluorspar_session::{
+    AnalyzeOptions, Analyzed, AnalyzedFrames, AnalyzedPhotographs, FailedPhotograph, analyze,
+};
 
 use super::Answering;
 use super::table::align;
@@ -13,11 +15,52 @@ use crate::error::CliError;
 use crate::message::Messages;
 
 pub(crate) fn run(options: &Answering<AnalyzeOptions>) -> Result<(), CliError> {
-    options.answer(analyze, describe)?;
-    if options.task.out.is_none() {
-        Messages::default().status("Next: the same with --out FOLDER writes a report and maps");
+    let analyzed = analyze(&options.task, &Messages::default().job())?;
+    options.print(&analyzed, |analyzed| match analyzed {
+        Analyzed::Frames(frames) => describe(frames),
+        Analyzed::Photographs(photographs) => describe_photographs(photographs),
+    })?;
+    match &analyzed {
+        Analyzed::Photographs(photographs) => no_answer(&photographs.failures),
+        Analyzed::Frames(_) if options.task.out.is_none() => {
+            Messages::default().status("Next: the same with --out FOLDER writes a report and maps");
+            Ok(())
+        }
+        Analyzed::Frames(_) => Ok(()),
     }
-    Ok(())
+}
+
+/// How many photographs have how many numbers, and where these are.
+fn describe_photographs(found: &AnalyzedPhotographs) -> String {
+    let AnalyzedPhotographs { folder, photographs, estimates, .. } = found;
+    if estimates.is_empty() {
+        return format!("{photographs} photographs, no region placed");
+    }
+    let apart = estimates.iter().filter(|estimate| estimate.lies_apart).count();
+    let table = folder.join("patients.csv");
+    format!(
+        "{photographs} photographs, {} numbers, {apart} of them apart from the others: {}",
+        estimates.len(),
+        table.display()
+    )
+}
+
+/// An error that names photographs without an answer, where there are some.
+pub(crate) fn no_answer(failures: &[FailedPhotograph]) -> Result<(), CliError> {
+    if failures.is_empty() {
+        return Ok(());
+    }
+    // Many messages begin with the file that they are about
+    let line = |failed: &FailedPhotograph| {
+        let frame = failed.frame.display().to_string();
+        if failed.why.starts_with(&frame) { failed.why.clone() } else { format!("{frame}: {}", failed.why) }
+    };
+    let lines: Vec<String> = failures.iter().map(line).collect();
+    Err(CliError::Input(format!(
+        "{} photographs have no answer, the others do:\n  {}",
+        lines.len(),
+        lines.join("\n  ")
+    )))
 }
 
 fn describe(AnalyzedFrames { experiment, analysis, regions }: &AnalyzedFrames) -> String {

@@ -34,6 +34,7 @@ pub(crate) mod sensor;
 pub(crate) mod sheet;
 pub(crate) mod spectra;
 pub(crate) mod spectroradiometer;
+pub(crate) mod study;
 pub(crate) mod table;
 pub(crate) mod tissue;
 pub(crate) mod validate;

@@ -155,9 +155,11 @@ fn the_task_index_and_the_examples_run() {
 }
 
 /// Examples of `--help` that take long, wait for other processes or need frames of a camera: that they can be read another test holds.
-const ONLY_READ: [&str; 10] = [
+const ONLY_READ: [&str; 12] = [
     "run velscope-like",
     "analyze --experiment",
+    "analyze photos",
+    "study",
     "design sweep tongue-camera",
     "design compare devices",
     "design scenes",

@@ -9,14 +9,14 @@ use crate::support::fluorspar;
 use fluorspar::image::{Mosaic, SensorImage};
 
 /// A fixture of `fluorspar-format`, copied into a folder.
-fn copy(name: &str, folder: &Path) {
+pub(crate) fn copy(name: &str, folder: &Path) {
     let from =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../fluorspar-format/tests/fixtures/camera").join(name);
     fs::copy(from, folder.join(name)).unwrap();
 }
 
 /// One frame under the light of the flat patch, none subtracted.
-const VIOLET: &str = r#"
+pub(crate) const VIOLET: &str = r#"
 format = 1
 base = "flat-patch"
 title = "A frame of a camera"

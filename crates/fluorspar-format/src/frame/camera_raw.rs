@@ -61,7 +61,10 @@ pub(crate) fn no_frame(path: &Path, start: &[u8]) -> FormatError {
     }
     let (what, hint): (&str, String) = if start.starts_with(b"\xff\xd8\xff") {
         let what = "this is a JPEG, whose numbers lie on a tone curve and are not kept exactly";
-        (what, "Give the raw frame of the camera as a DNG, TIFF or PNG".into())
+        (
+            what,
+            "Give the raw frame of the camera: a DNG, or its NEF, CR3, ARW made one (dnglab convert)".into(),
+        )
     } else if start.starts_with(NPY_MAGIC) {
         ("this is a NumPy array", python_tiff(path, ["numpy", ", numpy"], "numpy.load(sys.argv[1])"))
     } else if start.starts_with(b"P5") || start.starts_with(b"P6") {

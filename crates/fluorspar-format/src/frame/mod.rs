@@ -6,6 +6,7 @@ pub(crate) mod dng;
 pub(crate) mod dng_pixels;
 pub(crate) mod frame_description;
 pub(crate) mod frame_judgement;
+pub(crate) mod left_tags;
 pub(crate) mod lossless_jpeg;
 pub(crate) mod opcodes;
 pub(crate) mod packed_raw;

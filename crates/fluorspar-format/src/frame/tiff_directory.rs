@@ -155,6 +155,11 @@ impl<'a> TiffBytes<'a> {
 }
 
 impl<'a> Directory<'a> {
+    /// The tags of all entries.
+    pub(crate) fn tags(&self) -> impl Iterator<Item = u16> {
+        self.entries.iter().map(|entry| entry.tag)
+    }
+
     fn entry(&self, tag: u16) -> Option<&Entry<'a>> {
         self.entries.iter().find(|entry| entry.tag == tag)
     }

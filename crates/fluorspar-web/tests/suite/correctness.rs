@@ -10,7 +10,7 @@ use fluorspar::pipeline::{frame_radiance, radiance_preview};
 use fluorspar_experiment::{parse, resolve};
 use fluorspar_format::read_component_image;
 use fluorspar_report::finding_lines;
-use fluorspar_session::{AnalyzeOptions, CaptureOptions, TaskOptions, analyze, capture};
+use fluorspar_session::{AnalyzeOptions, Analyzed, CaptureOptions, TaskOptions, analyze, capture};
 use fluorspar_web::{Workbench, WorkbenchOptions};
 use serde_json::{Value, json};
 
@@ -194,7 +194,9 @@ fn estimates_are_those_of_analyze() {
         let told = served.post("/api/region", &asked).json();
         let mut options = AnalyzeOptions { folder: Some(frames.clone()), ..Default::default() };
         options.named_region = named.into_iter().collect();
-        let analyzed = analyze(&options, &job()).unwrap();
+        let Analyzed::Frames(analyzed) = analyze(&options, &job()).unwrap() else {
+            panic!("many photographs")
+        };
         let analysis = match analyzed.regions.first() {
             Some(region) => &region.analyzed.as_ref().unwrap().analysis,
             None => &analyzed.analysis,

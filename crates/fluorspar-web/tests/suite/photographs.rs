@@ -5,7 +5,7 @@ use std::path::Path;
 
 use fluorspar::findings::region_findings;
 use fluorspar_report::finding_lines;
-use fluorspar_session::{AnalyzeOptions, analyze};
+use fluorspar_session::{AnalyzeOptions, Analyzed, analyze};
 use fluorspar_web::{Workbench, WorkbenchOptions};
 use serde_json::{Value, json};
 
@@ -72,7 +72,9 @@ fn estimates_of_photographs_are_those_of_analyze() {
             ..Default::default()
         };
         options.changes.set = vec![format!("analysis.{shape}={value}")];
-        let analyzed = analyze(&options, &job()).unwrap();
+        let Analyzed::Frames(analyzed) = analyze(&options, &job()).unwrap() else {
+            panic!("frames of one photograph")
+        };
         let analysis = &analyzed.regions[0].analyzed.as_ref().unwrap().analysis;
         let lines = finding_lines(&region_findings(analysis), &analysis.analyte, false);
         assert!(lines.len() > 2 && told["lines"] == json!(lines), "{shape}: {told}");
@@ -145,10 +147,10 @@ fn what_was_drawn_is_saved_and_nothing_is_overwritten() {
     assert_eq!(
         lines,
         [
-            "patient,visit,capture,frame,region,where,verdict",
-            "P1,2,blue,raw_blue.tiff,tongue,\"{ parts = [\"\"patch\"\"], rectangle_px = [1, 2, 30, 40] }\",right",
-            "P1,2,blue,raw_blue.tiff,\"le, sion\",\"{ mask = \"\"mask_raw_blue_le__sion.png\"\" }\",wrong",
-            "P1,2,ambient,raw_ambient.tiff,,,",
+            "patient,visit,capture,frame,dark,flat,region,where,verdict",
+            "P1,2,blue,raw_blue.tiff,,,tongue,\"{ parts = [\"\"patch\"\"], rectangle_px = [1, 2, 30, 40] }\",right",
+            "P1,2,blue,raw_blue.tiff,,,\"le, sion\",\"{ mask = \"\"mask_raw_blue_le__sion.png\"\" }\",wrong",
+            "P1,2,ambient,raw_ambient.tiff,,,,,",
         ]
     );
     let mask = fluorspar_format::read_mask(&folder.path().join("mask_raw_blue_le__sion.png")).unwrap();

@@ -18,6 +18,9 @@
 //! | [`SpotSeparation::new`] | how well the pixels of two spots are told apart |
 //! | [`d_prime_of_rates`], [`d_prime_of_scores`], [`RocArea::of`] | how well scores tell two groups apart |
 //! | [`ToleranceInterval::of`] | the range that holds 95 % of people |
+//! | [`guess_mouth`], [`other_tissue_share`] | where tongue, lips and teeth may lie, and whether a region holds two tissues |
+//! | [`NormSums::of`], [`Norm::place`] | the same by age and site, pooled over sites, and where a person stands in it |
+//! | [`lie_apart`] | values apart from the others |
 //! | [`Agreement::of`] | estimates against their truth |
 //! | [`ChannelSignal`], [`SignalRatio`], [`Unmixing`] | levels of any channels of any frames, their ratios, and the fluorophores that they are made of |
 //! | [`TargetDetection::new`] | how well a target is told from what lies around it: contrast, d', smallest diameter, frames |
@@ -38,6 +41,9 @@ mod error_budget;
 mod family_average;
 mod light_family;
 mod mixture_line;
+mod mouth_guess;
+mod norm;
+mod outlier;
 mod pixel_mean;
 mod red_pattern;
 mod region_blocks;
@@ -76,6 +82,9 @@ pub use mixture_line::{
     DETECTION_Z, FluorophoreResponse, LineEstimate, MixtureEnd, MixtureError, MixtureLine, PorphyrinLayers,
     PorphyrinMap, channel_response,
 };
+pub use mouth_guess::{GuessedRegion, guess_mouth, other_tissue_share};
+pub use norm::{Norm, NormError, NormPerson, NormPlace, NormSums, SiteSums, Standing};
+pub use outlier::lie_apart;
 pub use pixel_mean::{PixelMean, mean_of_pixels};
 pub use region_blocks::{BlockShare, BlockShares, LEAST_BLOCKS, RegionBlock, block_side_px};
 pub use region_light::{PorphyrinTruth, RegionLight};

@@ -1,13 +1,12 @@
 //! Intervals that hold a wanted part of a population, made from a sample of it.
 
 use serde::{Deserialize, Serialize};
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::distribution::{ChiSquared, Continuous, ContinuousCDF, Normal};
 use statrs::function::beta::beta_reg;
 
-use crate::sampling::Z_95;
-
 /// Which values a quantity can take: its sample is taken as normal after this is undone.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum ValueRange {
     /// Any: normal.
     Real,
@@ -19,7 +18,8 @@ pub enum ValueRange {
 
 impl ValueRange {
     /// The number that is normal, `None` outside the range or at its ends.
-    fn straightened(self, value: f64) -> Option<f64> {
+    #[must_use]
+    pub fn straightened(self, value: f64) -> Option<f64> {
         let straight = match self {
             Self::Real => value,
             Self::Positive => value.ln(),
@@ -28,7 +28,9 @@ impl ValueRange {
         straight.is_finite().then_some(straight)
     }
 
-    fn bent(self, straight: f64) -> f64 {
+    /// The number whose [`Self::straightened`] is given.
+    #[must_use]
+    pub fn bent(self, straight: f64) -> f64 {
         match self {
             Self::Real => straight,
             Self::Positive => straight.exp(),
@@ -41,7 +43,7 @@ impl ValueRange {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ToleranceMethod {
-    /// Mean and standard deviation, the number, its logarithm or its log odds being normal (Howe 1969).
+    /// Mean and standard deviation, the number, its logarithm or its log odds being normal, by the exact factor.
     Normal,
     /// Values of the sample, whatever the distribution (Wilks 1941).
     OrderStatistics,
@@ -62,7 +64,7 @@ pub struct ToleranceInterval {
 }
 
 /// Part of the population, and confidence.
-const CONTENT: f64 = 0.95;
+pub(super) const CONTENT: f64 = 0.95;
 
 impl ToleranceInterval {
     /// Fewest values: below, the factor on the standard deviation is above 3.4 and itself hardly known.
@@ -88,18 +90,46 @@ impl ToleranceInterval {
             values.iter().map(|value| range.straightened(*value)).collect::<Option<_>>()?;
         let mean = straight.iter().sum::<f64>() / n as f64;
         let squares: f64 = straight.iter().map(|value| (value - mean).powi(2)).sum();
-        let reach = howe_factor(n)? * (squares / (n - 1) as f64).sqrt();
+        let reach = normal_factor(1.0 / n as f64, (n - 1) as f64) * (squares / (n - 1) as f64).sqrt();
         let [low, high] = [mean - reach, mean + reach].map(|end| range.bent(end));
         Some(Self { low, high, n, method: ToleranceMethod::Normal })
     }
 }
 
-/// Howe's factor on the standard deviation of a normal sample: `z sqrt((n - 1)(1 + 1/n) / chi²)` with the lower 5 % quantile of
-/// chi-square of `n - 1` degrees (J. Am. Stat. Assoc. 64, 610, 1969).
-fn howe_factor(n: usize) -> Option<f64> {
-    let degrees = (n - 1) as f64;
-    let quantile = ChiSquared::new(degrees).ok()?.inverse_cdf(1.0 - CONTENT);
-    Some(Z_95 * (degrees * (1.0 + 1.0 / n as f64) / quantile).sqrt())
+/// Half of the nodes by which the error of a mean is integrated, and how many of its standard deviations they reach.
+const NODES: usize = 24;
+const REACH: f64 = 6.0;
+
+/// Exact factor on a standard deviation of so many degrees of freedom: to both sides of a mean whose variance is `leverage` times that of a
+/// value it holds [`CONTENT`] of all values with a confidence of [`CONTENT`] (Krishnamoorthy and Mathew, Statistical Tolerance Regions, 2009,
+/// section 2.3): over all errors of the mean, the chance that the standard deviation is large enough for this one.
+pub(super) fn normal_factor(leverage: f64, degrees: f64) -> f64 {
+    let normal = Normal::standard();
+    let reach_of = |shift: f64| {
+        let content = |reach: f64| normal.cdf(reach - shift) - normal.cdf(-reach - shift);
+        bisected([0.0, 10.0 + shift], |reach| content(reach) >= CONTENT)
+    };
+    let step = REACH / NODES as f64;
+    let node = |k: usize| {
+        let z = k as f64 * step;
+        let weight = normal.pdf(z) * step * if k == 0 { 1.0 } else { 2.0 };
+        (weight, reach_of(z * leverage.sqrt()).powi(2))
+    };
+    let nodes: Vec<(f64, f64)> = (0..=NODES).map(node).collect();
+    let Ok(chi) = ChiSquared::new(degrees) else { return f64::NAN };
+    let confidence = |factor: f64| -> f64 {
+        nodes.iter().map(|(weight, reach)| weight * chi.sf(degrees * reach / (factor * factor))).sum()
+    };
+    bisected([1.0, 1e3], |factor| confidence(factor) >= CONTENT)
+}
+
+/// Where a condition that holds from some number on begins to.
+fn bisected([mut low, mut high]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 {
+    for _ in 0..44 {
+        let middle = 0.5 * (low + high);
+        if holds(middle) { high = middle } else { low = middle }
+    }
+    high
 }
 
 /// The largest rank from either end of `n` sorted values between which 95 % of the population lie with 95 % confidence. Between these
@@ -114,12 +144,12 @@ mod tests {
     use super::*;
     use crate::sampling::random::Key;
 
-    /// Published factors for 95 % of the population with 95 % confidence, two decimals; least samples of extremes (Wilks).
+    /// Published factors for 95 % of the population with 95 % confidence (ISO 16269-6); least samples of extremes (Wilks).
     #[test]
     fn factors_and_ranks_are_the_published_ones() {
-        for (n, factor) in [(10, 3.38), (20, 2.75), (40, 2.44), (60, 2.33), (120, 2.20), (240, 2.12)] {
-            let found = howe_factor(n).unwrap();
-            assert!((found - factor).abs() < 0.0051, "{n}: {found}");
+        for (n, factor) in [(10, 3.393), (20, 2.760), (40, 2.448), (60, 2.335), (120, 2.206)] {
+            let found = normal_factor(1.0 / f64::from(n), f64::from(n - 1));
+            assert!((found - factor).abs() < 0.0035, "{n}: {found}");
         }
         // One from either end from 93 on, two from 153 on
         let ranks = [92, 93, 152, 153].map(rank_from_end);
@@ -137,8 +167,7 @@ mod tests {
         assert_eq!((found.low, found.method), (0.0, ToleranceMethod::OrderStatistics));
     }
 
-    /// Of 2000 samples of 30 and of 100 log-normal people at least 95 % hold 95 % of them, but for four standard errors (0.0195) and
-    /// the 0.2 % by which Howe's factor is small.
+    /// Of 2000 samples of 30 and of 100 log-normal people at least 95 % hold 95 % of them, but for four standard errors (0.0195).
     #[test]
     fn intervals_hold_the_population_as_often_as_they_say() {
         for n in [30u64, 100] {
@@ -150,7 +179,7 @@ mod tests {
                 below(found.high) - below(found.low) >= CONTENT
             };
             let share = (0..2000).filter(holds).count() as f64 / 2000.0;
-            assert!(share > 0.95 - 0.0195 - 0.002, "{n}: {share}");
+            assert!(share > 0.95 - 0.0195, "{n}: {share}");
         }
     }
 }

@@ -126,21 +126,26 @@ pub struct CohortFindings {
     pub separations: Vec<LesionSeparation>,
 }
 
-/// Which values a number can take; `None` of those that have no normal range.
-fn range_of(id: FindingId) -> Option<ValueRange> {
-    use FindingId as Id;
+impl FindingId {
+    /// Which values the number can take; `None` of those that have no normal range.
+    #[must_use]
+    pub fn value_range(self) -> Option<ValueRange> {
+        use FindingId as Id;
 
-    match id {
-        Id::ChromaticityR
-        | Id::ChromaticityG
-        | Id::Share
-        | Id::RedShare
-        | Id::TrueShare
-        | Id::VisibleInPatches => Some(ValueRange::Share),
-        Id::MedianSignal | Id::SignalRatio | Id::FamilyDistance => Some(ValueRange::Positive),
-        // These may lie beyond their ends
-        Id::LineShare | Id::UnmixedShare | Id::UnmixedAmount | Id::TargetContrast => Some(ValueRange::Real),
-        _ => None,
+        match self {
+            Id::ChromaticityR
+            | Id::ChromaticityG
+            | Id::Share
+            | Id::RedShare
+            | Id::TrueShare
+            | Id::VisibleInPatches => Some(ValueRange::Share),
+            Id::MedianSignal | Id::SignalRatio | Id::FamilyDistance => Some(ValueRange::Positive),
+            // These may lie beyond their ends
+            Id::LineShare | Id::UnmixedShare | Id::UnmixedAmount | Id::TargetContrast => {
+                Some(ValueRange::Real)
+            }
+            _ => None,
+        }
     }
 }
 
@@ -168,7 +173,7 @@ pub fn cohort_findings(all: &[PersonFinding]) -> CohortFindings {
 }
 
 fn normal_range(quantity: &CohortQuantity, people: &[&PersonFinding]) -> Option<NormalRange> {
-    let range = range_of(quantity.id)?;
+    let range = quantity.id.value_range()?;
     let healthy = people.iter().filter(|person| !person.has_lesion);
     let values: Vec<f64> = healthy.filter_map(|person| person.value).collect();
     let statistics = Statistics::of(values.iter().copied())?;

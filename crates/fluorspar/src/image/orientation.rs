@@ -37,6 +37,12 @@ impl Orientation {
         self == Self::default()
     }
 
+    /// Whether left and right are exchanged: no turn alone makes it upright.
+    #[must_use]
+    pub fn is_mirrored(self) -> bool {
+        self.is_transposed ^ self.rows_reversed ^ self.columns_reversed
+    }
+
     /// What is done to the stored image, in words; empty where nothing is.
     #[must_use]
     pub fn words(self) -> &'static str {

@@ -111,6 +111,11 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
         ],
         &["fluorspar_experiment", "fluorspar_format", "fluorspar_report"],
     ),
+    (
+        "fluorspar-study/src/",
+        &["digest", "image", "analysis", "findings"],
+        &["fluorspar_format", "fluorspar_session"],
+    ),
 ];
 
 /// Each crate and the crates of this workspace that its manifest may name; tests included, but for `fluorspar-testkit`.
@@ -124,6 +129,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("fluorspar-pbrt", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     ("fluorspar-report", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     ("fluorspar-session", &["fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"]),
+    ("fluorspar-study", &["fluorspar", "fluorspar-format", "fluorspar-session"]),
     ("fluorspar-validation", &["fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"]),
     (
         "fluorspar-web",
@@ -140,6 +146,7 @@ const CRATES: &[(&str, &[&str])] = &[
             "fluorspar-pbrt",
             "fluorspar-report",
             "fluorspar-session",
+            "fluorspar-study",
             "fluorspar-validation",
             "fluorspar-web",
         ],
@@ -469,10 +476,12 @@ const MAY_WRITE: &[&str] = &[
     "fluorspar-format/src/store/output/claim.rs",
     "fluorspar-format/src/store/output/file.rs",
     "fluorspar-format/src/store/output/folder.rs",
-    "fluorspar-format/src/store/output/journal.rs",
+    "fluorspar-format/src/store/output/lines.rs",
     "fluorspar-format/src/store/output/set.rs",
     "fluorspar-format/src/store/cache.rs",
     "fluorspar-format/src/store/spooled_image.rs",
+    // SQLite opens its own files
+    "fluorspar-study/src/index.rs",
 ];
 
 #[test]

@@ -1,22 +1,18 @@
 //! Journals of long work, line by line: what a killed process has finished is there for the next.
 
-use std::fs::{File, OpenOptions};
-use std::io::{ErrorKind, Write};
-use std::path::{Path, PathBuf};
+use std::io::ErrorKind;
+use std::path::Path;
 
 use serde_json::Value;
 
-use crate::{FileFormat, FormatError, read_bounded};
-
-/// Largest journal, bytes.
-const LARGEST_BYTES: u64 = 4 << 30;
+use super::lines::AppendedLines;
+use crate::{FileFormat, FormatError};
 
 /// A file of JSON lines that grows with the work: a head that says what work it is, then a line for each finished part. It is locked
 /// while it is open, so that no two processes do the same work.
 #[derive(Debug)]
 pub struct Journal {
-    path: PathBuf,
-    file: File,
+    lines: AppendedLines,
 }
 
 impl Journal {
@@ -26,17 +22,10 @@ impl Journal {
     /// # Errors
     /// A file that is no journal or that of other work, one that another process holds, and what the system reports.
     pub fn open(path: &Path, work: &Value) -> Result<(Self, Vec<Value>), FormatError> {
-        let failed = |action| move |source| FormatError::io(path, action, source);
-        let file = OpenOptions::new().create(true).append(true).open(path).map_err(failed("open"))?;
-        if file.try_lock().is_err() {
-            let hint = "wait for it, or give this one another --out or --shard";
-            return Err(FormatError::unsupported(path, "another process is writing this journal", hint));
-        }
-        let bytes = read_bounded(path, LARGEST_BYTES)?;
-        let complete = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
-        let (entries, head) = read_lines(path, &bytes[..complete], work)?;
-        file.set_len(complete as u64).map_err(failed("write"))?;
-        let mut journal = Self { path: path.into(), file };
+        let (lines, bytes) = AppendedLines::open(path)?;
+        let (entries, head) = read_lines(path, &bytes, work)?;
+        lines.cut()?;
+        let mut journal = Self { lines };
         if !head {
             let version = FileFormat::JOURNAL.version();
             journal.append(&serde_json::json!({ "format": version, "work": work }))?;
@@ -49,12 +38,10 @@ impl Journal {
     /// # Errors
     /// As [`Journal::open`], but for the lock.
     pub fn read(path: &Path, work: &Value) -> Result<Option<Vec<Value>>, FormatError> {
-        let bytes = match read_bounded(path, LARGEST_BYTES) {
-            Err(FormatError::Io { source, .. }) if source.kind() == ErrorKind::NotFound => return Ok(None),
-            other => other?,
-        };
-        let complete = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
-        Ok(Some(read_lines(path, &bytes[..complete], work)?.0))
+        match AppendedLines::read(path) {
+            Err(FormatError::Io { source, .. }) if source.kind() == ErrorKind::NotFound => Ok(None),
+            bytes => Ok(Some(read_lines(path, &bytes?, work)?.0)),
+        }
     }
 
     /// Adds a finished part.
@@ -62,8 +49,7 @@ impl Journal {
     /// # Errors
     /// What the system reports.
     pub fn append(&mut self, entry: &Value) -> Result<(), FormatError> {
-        let line = format!("{entry}\n");
-        self.file.write_all(line.as_bytes()).map_err(|source| FormatError::io(&self.path, "write", source))
+        self.lines.append(&format!("{entry}\n"))
     }
 }
 

@@ -3,15 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use fluorspar::pipeline::{
-    AnalyzedRegion, Calibration, CapturedFrame, ColorRendering, RawExposures, develop_frames,
+    AnalyzedFrame, Calibration, CapturedFrame, ColorRendering, RawExposures, develop_frames,
     subtract_what_is_given,
 };
 use fluorspar::study::Study;
 use fluorspar_experiment::{Experiment, resolve_captures};
 
-use crate::analyze::read_raw;
+use crate::analyze::{Regions, analyze_frames, read_raw};
+use crate::region_option::region_options;
 use crate::values::quoted;
-use crate::{AnalyzeOptions, Changes, Error, ExperimentSource, Job, Result, analyze};
+use crate::{AnalyzeOptions, Error, ExperimentSource, Job, Result};
 
 /// The camera and the lights that photographs are taken for: an experiment without its surfaces.
 pub struct PhotographCamera {
@@ -104,30 +105,20 @@ impl PhotographCamera {
         frames: &[(String, PathBuf)],
         place: &[(&str, String)],
         job: &Job,
-    ) -> Result<AnalyzedRegion> {
+    ) -> Result<AnalyzedFrame> {
         let fields: Vec<String> = place.iter().map(|(field, value)| format!("{field} = {value}")).collect();
-        // The region of the experiment itself is known from a render alone: it gives way, and others leave
-        let analysis = self.parsed.file.analysis.as_ref();
-        let given = |field: &str| place.iter().any(|(name, _)| *name == field);
-        let shape = analysis.map(|section| &section.place);
-        let shapes = [
-            ("rectangle_px", shape.is_some_and(|place| place.rectangle_px.is_some())),
-            ("polygon_px", shape.is_some_and(|place| place.polygon_px.is_some())),
-            ("mask", shape.is_some_and(|place| place.mask.is_some())),
-            ("region", analysis.is_some_and(|section| !section.region.is_empty())),
-        ];
-        let unset = shapes.iter().filter(|(field, is_there)| *is_there && !given(field));
+        let regions = region_options(&[format!("{DRAWN}={{ {} }}", fields.join(", "))])?;
         let options = AnalyzeOptions {
             frame: frames.iter().map(|(capture, file)| format!("{capture}={}", file.display())).collect(),
             experiment: Some(self.name.clone()),
-            named_region: vec![format!("{DRAWN}={{ {} }}", fields.join(", "))],
-            changes: Changes {
-                set: place.iter().map(|(field, value)| format!("analysis.{field}={value}")).collect(),
-                unset: unset.map(|(field, _)| format!("analysis.{field}")).collect(),
-            },
             ..AnalyzeOptions::default()
         };
-        let found = analyze(&options, job)?.regions.into_iter().find(|region| region.name == DRAWN);
+        let mut found = None;
+        let see = |_: &Study, _: &[CapturedFrame], seen: &[(&str, &AnalyzedFrame)]| {
+            found = seen.first().map(|(_, analyzed)| (*analyzed).clone());
+            Ok(())
+        };
+        analyze_frames(&options, &Regions { main: regions.first(), beside: &[] }, job, see)?;
         found
             .ok_or_else(|| Error::Input(format!("{} has no [analysis] section; add one", quoted(&self.name))))
     }

@@ -1,0 +1,117 @@
+//! Many photographs at once: found, paired, analyzed, told.
+
+#![allow(clippy::unwrap_used, reason = "these are tests")]
+
+use std::fs;
+use std::path::Path;
+
+use crate::frames::{VIOLET, copy};
+use crate::support::fluorspar;
+
+/// Two people under violet light, and an experiment of the camera.
+pub(crate) fn clinic(folder: &Path) {
+    fs::write(folder.join("violet.toml"), VIOLET).unwrap();
+    fs::create_dir_all(folder.join("photos")).unwrap();
+    copy("bggr_jpeg.dng", folder);
+    copy("disc.png", folder);
+    for person in ["P1", "P2"] {
+        fs::copy(folder.join("bggr_jpeg.dng"), folder.join(format!("photos/{person}_violet.dng"))).unwrap();
+    }
+}
+
+fn analyze(folder: &Path, more: &[&str]) -> crate::support::Said {
+    fluorspar(folder, [&["analyze", "photos", "--experiment", "violet.toml"], more].concat())
+}
+
+#[test]
+fn a_folder_without_regions_gives_pictures_and_a_table_to_complete() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    clinic(folder);
+    let unknown = fluorspar(folder, ["analyze", "photos"]);
+    assert_eq!(unknown.code, Some(2));
+    assert!(unknown.stderr.contains("name the experiment with --experiment"), "{}", unknown.stderr);
+    let said = analyze(folder, &[]).well();
+    assert_eq!(said.stdout.trim(), "2 photographs, no region placed");
+    let out = folder.join("fluorspar-out/analyze-photos");
+    let table = fs::read_to_string(out.join("photographs.csv")).unwrap();
+    assert!(table.contains("\nP2,1,violet,../../photos/P2_violet.dng,"), "{table}");
+    assert!(out.join("previews/001_P1_violet.png").is_file() && out.join("report.html").is_file());
+    // The table leads back to the files, wherever it lies
+    let region = "--named-region=spot=22,12,17,17";
+    let given =
+        ["analyze", "fluorspar-out/analyze-photos/photographs.csv", "--experiment", "violet.toml", region];
+    let said = fluorspar(folder, given.iter().chain(&["--out", "seen"])).well();
+    assert!(said.stdout.starts_with("2 photographs, "), "{}", said.stdout);
+}
+
+/// A frame that fails is named at the end, the others are answered; the same command again takes them from the journal.
+#[test]
+fn what_fails_is_told_and_the_rest_is_analyzed_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    clinic(folder);
+    fs::write(folder.join("photos/P3_violet.jpg"), b"\xff\xd8\xff\xe0 a picture").unwrap();
+    fs::write(folder.join("photos/P4_violet.nef"), b"II*\0\x08\0\0\0\0\0\0\0\0\0").unwrap();
+    // A picture beside a frame is left to it
+    fs::write(folder.join("photos/P1_violet.jpg"), b"\xff\xd8\xff\xe0 a picture").unwrap();
+    let region = ["--named-region", "spot=disc.png", "--out", "out"];
+    let said = analyze(folder, &region);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    for part in
+        ["2 photographs have no answer", "P3_violet.jpg: this is a JPEG", "dnglab convert", "P4_violet.nef"]
+    {
+        assert!(said.stderr.contains(part), "{part}: {}", said.stderr);
+    }
+    let table = fs::read_to_string(folder.join("out/patients.csv")).unwrap();
+    let rows: Vec<&str> = table.lines().skip(1).collect();
+    assert!(
+        rows.iter().any(|row| row.starts_with("P1,1,violet,photos/P1_violet.dng,spot,chromaticity_r,,,0.")),
+        "{table}"
+    );
+    assert!(rows.iter().any(|row| row.starts_with("P2,1,")) && !table.contains("P3"));
+    let journal = || {
+        let mut all = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        fs::read_to_string(all.find(|path| path.extension().is_some_and(|e| e == "journal")).unwrap())
+            .unwrap()
+    };
+    let lines = journal();
+    assert_eq!(lines.lines().count(), 3);
+    assert_eq!(analyze(folder, &region).code, Some(2));
+    assert_eq!((journal(), fs::read_to_string(folder.join("out/patients.csv")).unwrap()), (lines, table));
+    // A frame that changed is another photograph
+    fs::copy(folder.join("disc.png"), folder.join("photos/P1_violet.dng")).unwrap();
+    let said = analyze(folder, &region);
+    assert!(said.stderr.contains("3 photographs have no answer"), "{}", said.stderr);
+}
+
+#[test]
+fn a_table_says_whose_regions_lie_where_and_which_are_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    clinic(folder);
+    fs::copy(folder.join("disc.png"), folder.join("photos/disc.png")).unwrap();
+    let table = "patient,visit,capture,frame,region,where,verdict\n\
+                 anna,2,violet,P1_violet.dng,spot,disc.png,right\n\
+                 anna,2,violet,P1_violet.dng,rest,\"[[22,12],[39,12],[39,29]]\",guess\n\
+                 bert,1,,P2_violet.dng,spot,\"22,12,17,17\",wrong\n";
+    fs::write(folder.join("photos/photographs.csv"), table).unwrap();
+    let found = analyze(folder, &["--json"]).json();
+    assert_eq!(found["photographs"], 1);
+    let of = |region: &str| {
+        let all = found["estimates"].as_array().unwrap().iter();
+        all.filter(|e| e["region"] == region && e["patient"] == "anna" && e["visit"] == "2")
+            .cloned()
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(of("spot")[0]["pixels"], 193);
+    let warnings = of("rest")[0]["warnings"].to_string();
+    assert!(
+        warnings.contains("a guess that nobody confirmed")
+            && !of("spot")[0]["warnings"].to_string().contains("a guess")
+    );
+    fs::write(folder.join("photos/photographs.csv"), "frame,capture\nP1_violet.dng,green\n").unwrap();
+    let said = analyze(folder, &["--named-region=spot=22,12,17,17"]);
+    assert_eq!(said.code, Some(2));
+    assert!(said.stderr.contains("no capture \"green\"; its captures are "), "{}", said.stderr);
+}

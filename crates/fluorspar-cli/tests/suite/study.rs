@@ -1,0 +1,363 @@
+//! A study from photographs to who is outside the norm, and what leaves it.
+
+#![allow(clippy::unwrap_used, reason = "these are tests")]
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::frames::{VIOLET, copy};
+use crate::support::{Said, fluorspar};
+
+/// So many photographs of people under violet light, each with bytes of its own, their table with a region each, and an experiment of the
+/// camera.
+pub(crate) fn photographs(folder: &Path, people: usize) {
+    fs::write(folder.join("violet.toml"), VIOLET).unwrap();
+    fs::create_dir_all(folder.join("photos")).unwrap();
+    copy("bggr_jpeg.dng", folder);
+    let frame = fs::read(folder.join("bggr_jpeg.dng")).unwrap();
+    let mut table = String::from("patient,capture,frame,region,where,verdict\n");
+    for person in 1..=people {
+        let name = format!("P{person:02}_violet.dng");
+        fs::write(folder.join("photos").join(&name), [&frame[..], &person.to_le_bytes()].concat()).unwrap();
+        table += &format!("P{person:02},violet,{name},tongue,\"{},12,12,12\",right\n", 10 + person % 9);
+    }
+    fs::write(folder.join("photos/photographs.csv"), table).unwrap();
+}
+
+pub(crate) fn study(folder: &Path, args: &[&str]) -> Said {
+    fluorspar(folder, ["study", args[0], "st"].iter().chain(&args[1..]))
+}
+
+/// A study of so many people, analyzed.
+fn analyzed(folder: &Path, people: usize) {
+    photographs(folder, people);
+    study(folder, &["init", "--experiment", "violet.toml", "--site", "north"]).well();
+    study(folder, &["import", "photos"]).well();
+    study(folder, &["analyze"]).well();
+}
+
+#[test]
+fn people_become_a_norm_and_stand_in_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    analyzed(folder, 12);
+    let rows = study(folder, &["query", "--quantity", "chromaticity_r", "--json"]).json();
+    assert_eq!(rows.as_array().unwrap().len(), 12);
+    let norm = ["norm", "--quantity", "chromaticity_r", "--out", "norm.json"];
+    let said = study(folder, &norm).well();
+    assert!(said.stdout.contains("95 % of people at north lie within 0."), "{}", said.stdout);
+    let compared = study(folder, &["compare", "--norm", "norm.json", "--json"]).json();
+    let people = compared["people"].as_array().unwrap();
+    assert_eq!(people.len(), 12);
+    assert!(people.iter().all(|person| person["standing"] == "inside" && person["has_error"] == false));
+    // Two withdraw, one refuses: nine are no norm
+    for subject in ["P01", "P02"] {
+        study(folder, &["withdraw", subject]).well();
+    }
+    fs::write(folder.join("people.csv"), "subject,age,consent\nP03,44,no\nP04,40,yes\n").unwrap();
+    study(folder, &["import", "--subjects", "people.csv"]).well();
+    let few = study(folder, &norm);
+    assert_eq!(few.code, Some(2));
+    assert!(few.stderr.contains("9 people of the site \"north\" are too few"), "{}", few.stderr);
+    // Outcomes give a curve
+    fs::write(
+        folder.join("outcomes.csv"),
+        "subject,method,outcome\nP05,biopsy,dysplasia\nP06,biopsy,dysplasia\n",
+    )
+    .unwrap();
+    study(folder, &["import", "--outcomes", "outcomes.csv"]).well();
+    let compared = study(folder, &["compare", "--norm", "norm.json", "--json"]).json();
+    assert_eq!(compared["separations"][0]["area"]["n"], serde_json::json!([2, 7]));
+    assert_eq!(compared["people"].as_array().unwrap().len(), 10);
+}
+
+/// After a change of the experiment old numbers stay, new ones stand beside them, and the change is told.
+#[test]
+fn numbers_of_another_analysis_stand_beside_the_old_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    analyzed(folder, 3);
+    let again = study(folder, &["analyze", "--json"]).json();
+    assert_eq!((&again["regions"], &again["known"]), (&Value::from(0), &Value::from(3)));
+    let camera = fs::read_to_string(folder.join("st/camera.toml")).unwrap();
+    fs::write(folder.join("st/camera.toml"), camera + "noise_threshold = 20.0\n").unwrap();
+    assert_eq!(study(folder, &["analyze", "--json"]).json()["regions"], 0);
+    assert_eq!(study(folder, &["analyze", "--missing", "--json"]).json()["regions"], 3);
+    let drift = study(folder, &["drift", "--json"]).json();
+    let r =
+        drift["quantities"].as_array().unwrap().iter().find(|of| of["quantity"] == "chromaticity_r").unwrap();
+    assert_eq!(r["n"], 3);
+    assert!(r["largest"].as_f64().unwrap() >= r["median"].as_f64().unwrap().abs());
+    let log = fs::read_to_string(folder.join("st/log.jsonl")).unwrap();
+    assert_eq!(log.matches("\"quantity\":\"chromaticity_r\"").count(), 6);
+}
+
+#[test]
+fn every_changed_byte_is_found_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    analyzed(folder, 2);
+    study(folder, &["verify"]).well();
+    let photo = fs::read_dir(folder.join("st/sub-P01/ses-1/photo")).unwrap().next().unwrap().unwrap().path();
+    let mut bytes = fs::read(&photo).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&photo, bytes).unwrap();
+    let said = study(folder, &["verify"]);
+    assert_eq!(said.code, Some(2));
+    assert!(
+        said.stdout.contains("its bytes were changed") && said.stdout.contains("sub-P01"),
+        "{}",
+        said.stdout
+    );
+    // An index that is gone or damaged is made anew
+    fs::write(folder.join("st/.fluorspar/study.sqlite"), b"no index").unwrap();
+    assert_eq!(
+        study(folder, &["query", "--quantity", "chromaticity_r", "--json"]).json().as_array().unwrap().len(),
+        2
+    );
+    let log = fs::read_to_string(folder.join("st/log.jsonl")).unwrap();
+    fs::write(folder.join("st/log.jsonl"), log.replacen("tongue", "cheeks", 1)).unwrap();
+    let said = study(folder, &["verify"]);
+    assert!(said.stderr.contains("it was changed after it was written"), "{}", said.stderr);
+}
+
+/// What a camera, a card and a hand get wrong.
+#[test]
+fn traps_of_names_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    analyzed(folder, 2);
+    let frame = folder.join("photos/P01_violet.dng");
+    let told = |table: &str| {
+        fs::write(folder.join("photos/photographs.csv"), table).unwrap();
+        let said = study(folder, &["import", "photos"]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        said.stderr
+    };
+    // The photograph of another person, a name, people whose files would be one
+    let other = told("patient,frame\nP09,P01_violet.dng\n");
+    assert!(other.contains("this very photograph as that of P01, visit 1"), "{other}");
+    let name = told("patient,frame\nAnna Müller,P01_violet.dng\n");
+    assert!(name.contains("is no pseudonym"), "{name}");
+    fs::write(folder.join("photos/second_violet.dng"), [fs::read(&frame).unwrap(), vec![9]].concat())
+        .unwrap();
+    let alike = told("patient,frame\nP-1,P01_violet.dng\nP_1,second_violet.dng\n");
+    assert!(alike.contains("rename one"), "{alike}");
+    // The same name on two cards is two photographs
+    fs::create_dir_all(folder.join("cards/a")).unwrap();
+    fs::create_dir_all(folder.join("cards/b")).unwrap();
+    for (card, byte) in [("a", 1), ("b", 2)] {
+        let bytes = [fs::read(&frame).unwrap(), vec![byte, byte]].concat();
+        fs::write(folder.join(format!("cards/{card}/IMG_0001_violet.dng")), bytes).unwrap();
+    }
+    let said = study(folder, &["import", "cards", "--json"]).json();
+    assert_eq!((&said["photographs"], &said["known"]), (&Value::from(2), &Value::from(0)));
+    assert_eq!(study(folder, &["import", "cards", "--json"]).json()["known"], 2);
+    let begun = study(folder, &["init", "--experiment", "violet.toml"]);
+    assert!(begun.stderr.contains("this is a study already"), "{}", begun.stderr);
+    let none = fluorspar(folder, ["study", "query", "photos"]);
+    assert!(none.stderr.contains("this is no study"), "{}", none.stderr);
+}
+
+/// A TIFF of 16-bit gray with any further tags in its directory and in one of EXIF.
+fn tiff([width, height]: [u16; 2], tags: &[(u16, String)], exif: &[(u16, String)]) -> Vec<u8> {
+    let mut bytes = b"II*\0\0\0\0\0".to_vec();
+    let pixels = bytes.len() as u32;
+    bytes.extend((0..u32::from(width) * u32::from(height)).flat_map(|k| (64 + k as u16 % 700).to_le_bytes()));
+    let directory = |entries: Vec<(u16, u16, u32, Vec<u8>)>, bytes: &mut Vec<u8>| -> u32 {
+        let mut rows = Vec::new();
+        for (tag, kind, count, data) in entries {
+            let mut cell = data.clone();
+            if data.len() > 4 {
+                cell = (bytes.len() as u32).to_le_bytes().to_vec();
+                bytes.extend(&data);
+                bytes.extend(vec![0; data.len() % 2]);
+            }
+            cell.resize(4, 0);
+            rows.extend(
+                [tag.to_le_bytes().to_vec(), kind.to_le_bytes().to_vec(), count.to_le_bytes().to_vec(), cell]
+                    .concat(),
+            );
+        }
+        let at = bytes.len() as u32;
+        bytes.extend((rows.len() as u16 / 12).to_le_bytes());
+        bytes.extend(rows);
+        bytes.extend([0; 4]);
+        at
+    };
+    let text = |(tag, value): &(u16, String)| {
+        (*tag, 2u16, value.len() as u32 + 1, format!("{value}\0").into_bytes())
+    };
+    let exif_at = directory(exif.iter().map(text).collect(), &mut bytes);
+    let short = |tag: u16, value: u16| (tag, 3u16, 1, value.to_le_bytes().to_vec());
+    let long = |tag: u16, value: u32| (tag, 4u16, 1, value.to_le_bytes().to_vec());
+    let mut all = vec![
+        short(256, width),
+        short(257, height),
+        short(258, 16),
+        short(259, 1),
+        short(262, 1),
+        long(273, pixels),
+        short(277, 1),
+        short(278, height),
+        long(279, 2 * u32::from(width) * u32::from(height)),
+        long(34_665, exif_at),
+        long(34_853, exif_at),
+    ];
+    all.extend(tags.iter().map(text));
+    all.sort_by_key(|entry| entry.0);
+    let first = directory(all, &mut bytes);
+    bytes[4..8].copy_from_slice(&first.to_le_bytes());
+    bytes
+}
+
+/// A PNG with chunks of text after its first.
+fn png_with_text(png: &[u8], words: &[&str]) -> Vec<u8> {
+    let crc = |bytes: &[u8]| {
+        !bytes.iter().fold(u32::MAX, |crc, byte| {
+            (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
+                if crc & 1 == 1 { (crc >> 1) ^ 0xedb8_8320 } else { crc >> 1 }
+            })
+        })
+    };
+    let mut out = png[..33].to_vec();
+    for (kind, word) in ["tEXt", "eXIf", "iTXt"].iter().zip(words) {
+        let data = if *kind == "tEXt" { format!("Author\0{word}") } else { (*word).to_owned() };
+        let body = [kind.as_bytes(), data.as_bytes()].concat();
+        out.extend((data.len() as u32).to_be_bytes());
+        out.extend(&body);
+        out.extend(crc(&body).to_be_bytes());
+    }
+    [out, png[33..].to_vec()].concat()
+}
+
+/// Words planted wherever a file or a table has room for one are in no byte and no name of an export.
+#[test]
+fn nothing_that_was_planted_leaves() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let violet = VIOLET.replace("A frame of a camera", "Zqplant00");
+    fs::write(folder.join("violet.toml"), format!("# Zqplant01\n{violet}")).unwrap();
+    fs::create_dir_all(folder.join("photos")).unwrap();
+    copy("disc.png", folder);
+    let tags =
+        [270, 271, 272, 305, 306, 315, 316, 700, 33_432, 33_723, 34_377, 50_708, 50_735, 50_740, 65_000];
+    let exif = [29, 36_867, 36_868, 37_500, 37_510, 42_032, 42_033, 42_037];
+    let planted = |tags: &[u16]| tags.iter().map(|tag| (*tag, format!("Zqplant{tag}"))).collect::<Vec<_>>();
+    let (tags, exif) = (planted(&tags), planted(&exif));
+    let mut frame = tiff([48, 40], &tags, &exif);
+    frame.extend(b"Zqplant02 after the end");
+    fs::write(folder.join("photos/Zqplant03_violet.tiff"), frame).unwrap();
+    let describe = [
+        "--capture=violet",
+        "--mosaic=bggr",
+        "--bit-depth=12",
+        "--black-level=64",
+        "--exposure-ms=40",
+        "--gain=1",
+    ];
+    fluorspar(folder, ["describe", "photos/Zqplant03_violet.tiff"].iter().chain(&describe)).well();
+    let mask = png_with_text(
+        &fs::read(folder.join("disc.png")).unwrap(),
+        &["Zqplant04", "Zqplant05", "en\0\0\0\0Zqplant06"],
+    );
+    fs::write(folder.join("photos/Zqplant07.png"), mask).unwrap();
+    let table = "patient,visit,capture,frame,region,where\nZqplant08,Zqplant09,violet,Zqplant03_violet.tiff,Zqplant10,Zqplant07.png\n";
+    fs::write(folder.join("photos/photographs.csv"), table).unwrap();
+    let people = "subject,site,sex,age,skin,smoker,consent\nZqplant08,Zqplant11,Zqplant12,47,Zqplant13,Zqplant14,yes\n";
+    fs::write(folder.join("people.csv"), people).unwrap();
+    fs::write(folder.join("outcomes.csv"), "subject,method,outcome\nZqplant08,Zqplant15,Zqplant16\n")
+        .unwrap();
+    study(folder, &["init", "--experiment", "violet.toml", "--name", "Zqplant17", "--site", "Zqplant18"])
+        .well();
+    study(folder, &["import", "photos", "--subjects", "people.csv"]).well();
+    study(folder, &["import", "--outcomes", "outcomes.csv"]).well();
+    study(folder, &["analyze"]).well();
+    let said = study(folder, &["export", "--out", "out", "--json"]).json();
+    assert_eq!((&said["subjects"], &said["files"]), (&Value::from(1), &Value::from(2)));
+    // What is looked for is there before
+    let holds = |root: &str| -> Vec<String> {
+        let files = crate::support::listing(&folder.join(root));
+        let is_in = |bytes: &[u8]| String::from_utf8_lossy(bytes).to_lowercase().contains("zqplant");
+        let found = files.keys().filter(|path| {
+            is_in(path.strip_prefix(folder).unwrap().to_string_lossy().as_bytes())
+                || fs::read(path).is_ok_and(|bytes| is_in(&bytes))
+        });
+        found.map(|path| path.display().to_string()).collect()
+    };
+    assert!(holds("st").len() >= 4, "{:?}", holds("st"));
+    assert_eq!(holds("out"), Vec::<String>::new());
+    let manifest: Value = serde_json::from_slice(&fs::read(folder.join("out/deid.json")).unwrap()).unwrap();
+    let actions = manifest["files"].to_string();
+    for part in ["\"what\":\"tag 37500\"", "Operators' Name (0008,1070)", "PNG tEXt"] {
+        assert!(actions.contains(part), "{part}: {actions}");
+    }
+    // The pixels are the same
+    let table = fs::read_to_string(folder.join("out/estimates.csv")).unwrap();
+    assert!(table.contains(",region-1,chromaticity_r,,"), "{table}");
+    // Who withdraws is in no export
+    study(folder, &["withdraw", "Zqplant08"]).well();
+    let none = study(folder, &["export", "--out", "none"]);
+    assert!(none.stderr.contains("nobody consented") && !folder.join("none").exists(), "{}", none.stderr);
+}
+
+/// The command lines of the page, in its order. What a person does in between is done here: a region is drawn, people are listed, another
+/// site sends its norm.
+#[test]
+fn the_page_of_studies_is_a_story_that_runs() {
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/study.md")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    photographs(folder, 12);
+    fs::rename(folder.join("violet.toml"), folder.join("camera.toml")).unwrap();
+    fs::remove_file(folder.join("photos/photographs.csv")).unwrap();
+    let people: String = (1..=12).map(|k| format!("P{k:02},{},yes\n", 30 + 7 * k % 12)).collect();
+    fs::write(folder.join("people.csv"), format!("subject,age,consent\n{people}")).unwrap();
+    let cohort: String =
+        (1..=12).map(|k| format!("{k},tongue_dorsum,,,chromaticity_r,0,0.{k:02}1\n")).collect();
+    fs::write(
+        folder.join("cohort.csv"),
+        format!("person,part,channel,name,quantity,has_lesion_here,value\n{cohort}"),
+    )
+    .unwrap();
+    let lines: Vec<&str> = page.lines().filter_map(|line| line.strip_prefix("    fluorspar ")).collect();
+    for line in &lines {
+        if line.contains("--pool") {
+            // Another site has other people, and another log
+            let norm = fs::read_to_string(folder.join("norm.json")).unwrap();
+            let mut norm: Value = serde_json::from_str(&norm).unwrap();
+            norm["logs"] = serde_json::json!(["another"]);
+            norm["sums"]["sites"][0]["site"] = "south".into();
+            fs::write(folder.join("south.json"), norm.to_string()).unwrap();
+        }
+        fluorspar(folder, line.split_whitespace()).well();
+        if line.contains("--out look") {
+            let table = fs::read_to_string(folder.join("look/photographs.csv")).unwrap();
+            let drawn = |(number, row): (usize, &str)| match number {
+                0 => format!("{row}\n"),
+                _ => {
+                    row.replacen(",,,,,", &format!(",,,tongue,\"{},12,12,12\",", 9 + 5 * number % 13), 1)
+                        + "\n"
+                }
+            };
+            let table: String = table.lines().enumerate().map(drawn).collect();
+            assert_eq!(table.matches(",tongue,").count(), 12, "{table}");
+            fs::write(folder.join("look/photographs.csv"), table).unwrap();
+        }
+    }
+    assert!(lines.len() >= 10, "{lines:?}");
+    let both: Value = serde_json::from_slice(&fs::read(folder.join("both.json")).unwrap()).unwrap();
+    assert_eq!(both["sums"]["sites"].as_array().unwrap().len(), 2);
+    // A file of the user stays
+    fs::write(folder.join("mine.json"), "{}").unwrap();
+    let kept =
+        fluorspar(folder, ["study", "norm", "gums", "--quantity", "chromaticity_r", "--out", "mine.json"]);
+    assert_eq!(kept.code, Some(2), "{kept:?}");
+    assert!(
+        folder.join("share/deid.json").is_file()
+            && fs::read_to_string(folder.join("mine.json")).unwrap() == "{}"
+    );
+}

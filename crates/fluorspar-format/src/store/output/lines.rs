@@ -1,0 +1,72 @@
+//! Files that grow line by line, held by one process.
+
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use crate::{FormatError, read_bounded};
+
+/// Largest file, bytes.
+const LARGEST_BYTES: u64 = 4 << 30;
+
+/// A file to whose end lines are added. It is locked while it is open, so that no two processes add to it.
+#[derive(Debug)]
+pub struct AppendedLines {
+    path: PathBuf,
+    file: File,
+    /// Bytes of lines that were written to their end.
+    complete: u64,
+}
+
+impl AppendedLines {
+    /// Opens a file, or begins it, and returns its complete lines. Nothing is changed yet: see [`Self::cut`].
+    ///
+    /// # Errors
+    /// A file that another process holds, and what the system reports.
+    pub fn open(path: &Path) -> Result<(Self, Vec<u8>), FormatError> {
+        let failed = |source| FormatError::io(path, "open", source);
+        let file = OpenOptions::new().create(true).append(true).open(path).map_err(failed)?;
+        if file.try_lock().is_err() {
+            let hint = "wait for it, or work on another place";
+            return Err(FormatError::unsupported(path, "another process is writing this file", hint));
+        }
+        let bytes = Self::read(path)?;
+        let complete = bytes.len() as u64;
+        Ok((Self { path: path.into(), file, complete }, bytes))
+    }
+
+    /// The complete lines of a file.
+    ///
+    /// # Errors
+    /// What the system reports.
+    pub fn read(path: &Path) -> Result<Vec<u8>, FormatError> {
+        let mut bytes = read_bounded(path, LARGEST_BYTES)?;
+        let complete = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
+        bytes.truncate(complete);
+        Ok(bytes)
+    }
+
+    /// Cuts a last line off that was not written to its end.
+    ///
+    /// # Errors
+    /// What the system reports.
+    pub fn cut(&self) -> Result<(), FormatError> {
+        self.file.set_len(self.complete).map_err(|source| FormatError::io(&self.path, "write", source))
+    }
+
+    /// Adds lines, each with its end.
+    ///
+    /// # Errors
+    /// What the system reports.
+    pub fn append(&mut self, lines: &str) -> Result<(), FormatError> {
+        self.file.write_all(lines.as_bytes()).map_err(|source| FormatError::io(&self.path, "write", source))
+    }
+
+    /// Waits until all lines are on the disk.
+    ///
+    /// # Errors
+    /// What the system reports.
+    pub fn sync(&self) -> Result<(), FormatError> {
+        self.file.sync_data().map_err(|source| FormatError::io(&self.path, "write", source))
+    }
+}

@@ -1,0 +1,200 @@
+//! What many photographs say: tables and a page.
+
+use std::collections::BTreeMap;
+
+use fluorspar::analysis::lie_apart;
+use fluorspar::findings::FindingId;
+use fluorspar_experiment::Warning;
+use fluorspar_format::{OutputFolder, csv_cell};
+use fluorspar_report::{PhotographResults, PlacedNumber, ReportPicture, photographs_report};
+
+use super::estimate::{EstimatedPhotograph, IntervalKind, PatientEstimate, picture_of};
+use super::pairing::Photograph;
+use super::proposal::Proposed;
+use super::table::photographs_csv;
+use super::{AnalyzedPhotographs, FailedPhotograph, PhotographWork, TABLE};
+use crate::values::csv;
+use crate::{Job, Result};
+
+/// Pictures on a page at most.
+const PICTURES: usize = 200;
+
+/// Marks numbers that lie apart from the same ones of the other photographs.
+pub(super) fn mark_apart(done: &mut [(&Photograph, EstimatedPhotograph)]) {
+    let mut groups: BTreeMap<(String, FindingId, Option<String>), Vec<&mut PatientEstimate>> =
+        BTreeMap::new();
+    for estimate in done.iter_mut().flat_map(|(_, found)| &mut found.estimates) {
+        let key = (estimate.region.clone(), estimate.quantity, estimate.channel.clone());
+        groups.entry(key).or_default().push(estimate);
+    }
+    for ((_, quantity, _), mut group) in groups {
+        let straight =
+            |estimate: &&mut PatientEstimate| quantity.value_range()?.straightened(estimate.value?);
+        let values: Vec<Option<f64>> = group.iter().map(straight).collect();
+        let known: Vec<f64> = values.iter().copied().flatten().collect();
+        let mut apart = lie_apart(&known).into_iter();
+        for (estimate, value) in group.iter_mut().zip(values) {
+            estimate.lies_apart = value.is_some() && apart.next().unwrap_or(false);
+        }
+    }
+}
+
+/// Writes the table of estimates and the page.
+pub(super) fn write_estimates(
+    work: &PhotographWork<'_>,
+    folder: OutputFolder,
+    done: &[(&Photograph, EstimatedPhotograph)],
+    failures: Vec<FailedPhotograph>,
+    job: &Job,
+) -> Result<AnalyzedPhotographs> {
+    let estimates: Vec<PatientEstimate> =
+        done.iter().flat_map(|(_, found)| found.estimates.clone()).collect();
+    let first = |found: &EstimatedPhotograph| !found.estimates.iter().any(|estimate| estimate.lies_apart);
+    let mut shown: Vec<_> = done.iter().collect();
+    shown.sort_by_key(|(_, found)| first(found));
+    let picture = |(photograph, found): &&(&Photograph, EstimatedPhotograph)| {
+        Ok(ReportPicture {
+            png: picture_of(found)?,
+            title: format!("{}, visit {}", photograph.patient, photograph.visit),
+            caption: regions_of(found).join(", "),
+        })
+    };
+    let pictures = shown.iter().take(PICTURES).map(picture).collect::<Result<Vec<_>>>()?;
+    let page = page(work, &estimates, pictures, &failures);
+    let files = [
+        ("patients.csv".to_owned(), patients_csv(&estimates).into_bytes()),
+        ("results.json".into(), serde_json::to_vec_pretty(&estimates)?),
+        ("report.html".into(), page.into_bytes()),
+    ];
+    let folder = folder.finish_with(files)?;
+    job.status(format!("Open {}", folder.join("report.html").display()));
+    Ok(AnalyzedPhotographs { folder, photographs: done.len(), estimates, failures })
+}
+
+fn regions_of(found: &EstimatedPhotograph) -> Vec<&str> {
+    let mut regions: Vec<&str> = found.estimates.iter().map(|estimate| estimate.region.as_str()).collect();
+    regions.dedup();
+    regions
+}
+
+fn page(
+    work: &PhotographWork<'_>,
+    estimates: &[PatientEstimate],
+    pictures: Vec<ReportPicture>,
+    failures: &[FailedPhotograph],
+) -> String {
+    let number = |estimate: &PatientEstimate| PlacedNumber {
+        place: [estimate.patient.clone(), estimate.visit.clone(), estimate.region.clone()],
+        frame: estimate.capture.clone(),
+        id: estimate.quantity,
+        channel: estimate.channel.clone(),
+        value: estimate.value,
+        interval: estimate.interval,
+        is_of_pixels: estimate.interval_kind == IntervalKind::Pixels,
+        lies_apart: estimate.lies_apart,
+    };
+    let results = PhotographResults {
+        title: format!("{} photographs", pictures.len()),
+        experiment: &work.source.name,
+        numbers: estimates.iter().map(number).collect(),
+        pictures,
+        warnings: counted(estimates),
+        failures: failures
+            .iter()
+            .map(|failed| (failed.frame.display().to_string(), failed.why.clone()))
+            .collect(),
+        is_proposal: false,
+    };
+    photographs_report(&results).to_html()
+}
+
+/// Warnings of all regions, those that differ in numbers alone as one.
+fn counted(estimates: &[PatientEstimate]) -> Vec<Warning> {
+    let mut counts: BTreeMap<String, (usize, &str)> = BTreeMap::new();
+    let mut last = None;
+    for estimate in estimates {
+        let place = Some((&estimate.frame, &estimate.region));
+        for warning in estimate.warnings.iter().filter(|_| place != last) {
+            let kind = warning.chars().filter(|letter| !letter.is_ascii_digit()).collect();
+            counts.entry(kind).or_insert((0, warning)).0 += 1;
+        }
+        last = place;
+    }
+    let text = |(count, text): (usize, &str)| match count {
+        1 => Warning::from(format!("One region: {text}")),
+        _ => Warning::from(format!("{count} regions, for instance: {text}")),
+    };
+    counts.into_values().map(text).collect()
+}
+
+/// A line each estimate.
+fn patients_csv(estimates: &[PatientEstimate]) -> String {
+    let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    let row = |estimate: &PatientEstimate| {
+        let word = |value: serde_json::Result<serde_json::Value>| {
+            value.ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+        };
+        let [low, high] = estimate.interval.map_or([None; 2], |ends| ends.map(Some));
+        let cells = [
+            estimate.patient.clone(),
+            estimate.visit.clone(),
+            estimate.capture.clone(),
+            estimate.frame.display().to_string(),
+            estimate.region.clone(),
+            word(serde_json::to_value(estimate.quantity)),
+            estimate.channel.clone().unwrap_or_default(),
+            estimate.quantity.unit().to_owned(),
+            number(estimate.value),
+            number(low),
+            number(high),
+            word(serde_json::to_value(estimate.interval_kind)),
+            estimate.pixels.to_string(),
+            u8::from(estimate.lies_apart).to_string(),
+            estimate.warnings.join(" | "),
+        ];
+        cells.map(|cell| csv_cell(&cell).into_owned()).join(",")
+    };
+    let heads = "patient,visit,capture,frame,region,quantity,channel,unit,value,low,high,interval,pixels,lies_apart,warnings";
+    csv(heads, estimates.iter().map(row))
+}
+
+/// Writes the table to complete, and the page with the guesses.
+pub(super) fn write_proposal(
+    work: &PhotographWork<'_>,
+    folder: OutputFolder,
+    proposed: Vec<Proposed>,
+    failures: Vec<FailedPhotograph>,
+    job: &Job,
+) -> Result<AnalyzedPhotographs> {
+    let failures: Vec<FailedPhotograph> = work.failures().into_iter().chain(failures).collect();
+    let rows: Vec<_> = proposed.iter().flat_map(|photograph| photograph.rows.clone()).collect();
+    let photographs = proposed.len();
+    let results = PhotographResults {
+        title: format!("{photographs} photographs, regions to place"),
+        experiment: &work.source.name,
+        numbers: Vec::new(),
+        pictures: proposed.into_iter().map(|photograph| photograph.picture).take(PICTURES).collect(),
+        warnings: Vec::new(),
+        failures: failures
+            .iter()
+            .map(|failed| (failed.frame.display().to_string(), failed.why.clone()))
+            .collect(),
+        is_proposal: true,
+    };
+    let page = photographs_report(&results).to_html();
+    let folder = folder.finish_with([
+        (TABLE.to_owned(), photographs_csv(&rows)?),
+        ("report.html".to_owned(), page.into_bytes()),
+    ])?;
+    let table = folder.join(TABLE);
+    job.status(format!(
+        "No region is placed. Look at the guesses: {}\nIn {} strike wrong lines, or write \"wrong\" as their verdict; draw others on the pictures in \
+         {}. Then: fluorspar analyze {} --experiment {}",
+        folder.join("report.html").display(),
+        table.display(),
+        folder.join("previews").display(),
+        table.display(),
+        work.options.experiment.as_deref().unwrap_or_default()
+    ));
+    Ok(AnalyzedPhotographs { folder, photographs, estimates: Vec::new(), failures })
+}

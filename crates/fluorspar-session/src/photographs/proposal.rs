@@ -1,0 +1,163 @@
+//! Photographs whose regions nobody placed yet: pictures to place them on, and guesses to confirm.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fluorspar::analysis::{GuessedRegion, PixelSelection, guess_mouth};
+use fluorspar::pipeline::Preview;
+use fluorspar_experiment::resolve;
+use fluorspar_format::{OutputFolder, write_label_png, write_rgb_png};
+use fluorspar_report::{ReportPicture, outlined_preview};
+
+use super::estimate::{GUESS, PICTURE_COLUMNS, options_of, shown};
+use super::pairing::Photograph;
+use super::table::PhotographRow;
+use super::{FailedPhotograph, PhotographWork};
+use crate::analyze::{as_recorded, developed, parsed_for_frames};
+use crate::values::as_typed;
+use crate::{ExperimentSource, Job, Result};
+
+/// What a photograph shows before regions are placed.
+pub(super) struct Proposed {
+    pub(super) rows: Vec<PhotographRow>,
+    pub(super) picture: ReportPicture,
+}
+
+/// Writes pictures and guesses of all photographs; those that fail are told.
+pub(super) fn propose(
+    work: &PhotographWork<'_>,
+    folder: &OutputFolder,
+    job: &Job,
+) -> Result<(Vec<Proposed>, Vec<FailedPhotograph>)> {
+    let share_done = job.listener.begin("Developing photographs", "the photographs", crate::Left::Nothing);
+    let (mut proposed, mut failures) = (Vec::new(), Vec::new());
+    let count = work.photographs.len();
+    for (number, photograph) in work.photographs.iter().enumerate() {
+        if job.is_stopped() {
+            return Err(crate::Error::Stopped(format!(
+                "stopped after {number} of {count} photographs; nothing was written"
+            )));
+        }
+        match propose_one(work, photograph, number, folder) {
+            Ok(found) => proposed.push(found),
+            Err(error) if error.kind() == crate::ErrorKind::Input => {
+                failures.push(FailedPhotograph::of(photograph, &error))
+            }
+            Err(error) => return Err(error),
+        }
+        share_done((number + 1) as f64 / count.max(1) as f64);
+    }
+    Ok((proposed, failures))
+}
+
+fn propose_one(
+    work: &PhotographWork<'_>,
+    photograph: &Photograph,
+    number: usize,
+    folder: &OutputFolder,
+) -> Result<Proposed> {
+    let options = options_of(photograph, work.options);
+    let quiet = Job::new(Arc::default(), Arc::new(super::estimate::Heard::default()));
+    let source = ExperimentSource::find(options.experiment.as_deref())?;
+    let (parsed, overrides) = parsed_for_frames(&options, &source)?;
+    let mut experiment = resolve(&parsed).map_err(|error| as_typed(error, &overrides))?;
+    as_recorded(&options, true, &mut experiment, &quiet);
+    let (capture, frame) = &photograph.frames[0];
+    let frames = developed(&options, &experiment.study, capture, &quiet)?.frames;
+    let image = shown(&experiment.study, &frames, capture)
+        .ok_or_else(|| crate::Error::Failed(format!("{}: the frame has no picture", frame.display())))?;
+    let stem = format!("{:03}_{}", number + 1, frame.file_stem().unwrap_or_default().to_string_lossy());
+    write_rgb_png(
+        &made(folder, "previews")?.join(format!("{stem}.png")),
+        image.width,
+        image.height,
+        &image.rgb,
+    )?;
+    let own = frames.iter().find(|of| of.raw.label == *capture);
+    let guesses = own.map_or_else(Vec::new, |of| guess_mouth(&of.developed));
+    let mut rows = Vec::new();
+    for guess in &guesses {
+        let mask = format!("masks/{stem}_{}.png", guess.name);
+        write_mask(&made(folder, "masks")?.join(format!("{stem}_{}.png", guess.name)), &guess.selection)?;
+        let row = row_of(work, photograph, capture, frame);
+        rows.push(PhotographRow { region: guess.name.into(), place: mask, verdict: GUESS.into(), ..row });
+    }
+    if guesses.is_empty() {
+        rows.push(row_of(work, photograph, capture, frame));
+    }
+    for (other, file) in &photograph.frames[1..] {
+        rows.push(row_of(work, photograph, other, file));
+    }
+    Ok(Proposed { rows, picture: picture(photograph, &image, &guesses) })
+}
+
+/// A folder below that of the results, made where it is not there.
+fn made(folder: &OutputFolder, name: &str) -> Result<PathBuf> {
+    let path = folder.path().join(name);
+    std::fs::create_dir_all(&path).map_err(|error| {
+        crate::Error::Failed(format!("{}: can't make this folder: {error}", path.display()))
+    })?;
+    Ok(path)
+}
+
+fn write_mask(path: &Path, selection: &PixelSelection) -> Result<()> {
+    let mut labels = vec![0; selection.width * selection.height];
+    selection.pixels.iter().for_each(|pixel| labels[*pixel] = u8::MAX);
+    Ok(write_label_png(path, selection.width, selection.height, &labels)?)
+}
+
+fn row_of(work: &PhotographWork<'_>, photograph: &Photograph, capture: &str, frame: &Path) -> PhotographRow {
+    let seen_from = |path: &Path| path_from(&work.folder, path);
+    let first = |own: &[PathBuf]| own.first().map_or_else(PathBuf::new, |path| seen_from(path));
+    PhotographRow {
+        patient: photograph.patient.clone(),
+        visit: photograph.visit.clone(),
+        capture: capture.into(),
+        frame: seen_from(frame),
+        dark: first(&photograph.dark),
+        flat: first(&photograph.flat),
+        ..PhotographRow::default()
+    }
+}
+
+/// A path as a folder has it, which may not be there yet.
+fn path_from(folder: &Path, path: &Path) -> PathBuf {
+    let (folder, path) = (without_links(folder), without_links(path));
+    let shared = folder.components().zip(path.components()).take_while(|(a, b)| a == b).count();
+    let up = folder.components().skip(shared).map(|_| std::path::Component::ParentDir);
+    up.chain(path.components().skip(shared)).collect()
+}
+
+/// An absolute path, without links as far as it is there.
+fn without_links(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.into());
+    let there = absolute.ancestors().find_map(|part| Some((part, part.canonicalize().ok()?)));
+    let Some((part, real)) = there else { return absolute };
+    absolute.strip_prefix(part).map_or_else(|_| absolute.clone(), |rest| real.join(rest))
+}
+
+fn picture(photograph: &Photograph, image: &Preview, guesses: &[GuessedRegion]) -> ReportPicture {
+    let selections: Vec<&PixelSelection> = guesses.iter().map(|guess| &guess.selection).collect();
+    let told: Vec<String> =
+        guesses.iter().map(|guess| format!("{} {:.0} %", guess.name, 100.0 * guess.sureness)).collect();
+    ReportPicture {
+        png: outlined_preview(image, &selections, PICTURE_COLUMNS).unwrap_or_default(),
+        title: format!("{}, visit {}", photograph.patient, photograph.visit),
+        caption: if told.is_empty() {
+            "nothing was guessed".into()
+        } else {
+            format!("guessed, and how sure: {}", told.join(", "))
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_lead_from_one_folder_to_another() {
+        assert_eq!(path_from(Path::new("out/a"), Path::new("photos/x.dng")), Path::new("../../photos/x.dng"));
+        assert_eq!(path_from(Path::new("photos"), Path::new("photos/x.dng")), Path::new("x.dng"));
+    }
+}

@@ -1,0 +1,180 @@
+//! People against norms.
+
+use std::path::PathBuf;
+
+use clap::ValueHint;
+use fluorspar::analysis::{NormPlace, RocArea, Standing, group_size_for_area};
+use fluorspar_session::{Error, Job, Result};
+use serde::{Deserialize, Serialize};
+
+use crate::norm::{NormFile, NormOptions, people_of, read_norm, wrong};
+use crate::query::{QueriedRow, QueryOptions, rows};
+use crate::store::{Study, StudyArgs};
+
+/// Half width of the interval of an area that a study should reach.
+const WANTED_HALF_WIDTH: f64 = 0.05;
+
+/// Who is held against what.
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct AgainstNormOptions {
+    /// The study.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub args: StudyArgs,
+    /// Norm that `fluorspar study norm` wrote. May be repeated, for instance with one of simulated people.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, required = true)]
+    pub norm: Vec<PathBuf>,
+    /// Person whose numbers alone are taken.
+    #[arg(long, value_name = "NAME")]
+    pub subject: Option<String>,
+}
+
+/// A number of a person against a norm.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PersonAgainstNorm {
+    /// The pseudonym.
+    pub subject: String,
+    /// The visit.
+    pub session: String,
+    /// Name of the region.
+    pub region: String,
+    /// The number.
+    pub quantity: String,
+    /// The value; `None` where there is an upper limit only.
+    pub value: Option<f64>,
+    /// Its interval; of a number without one the value twice.
+    pub interval: [f64; 2],
+    /// Whether the error of the number itself is in the interval.
+    pub has_error: bool,
+    /// `measured` or `simulated`, of the norm.
+    pub norm: String,
+    /// Where the person stands.
+    #[serde(flatten)]
+    pub place: NormPlace,
+}
+
+/// People against norms.
+#[derive(Clone, Debug, Serialize)]
+pub struct ComparedPeople {
+    /// Every number.
+    pub people: Vec<PersonAgainstNorm>,
+    /// Numbers that can't be held against a norm, and why.
+    pub left_out: Vec<String>,
+    /// How well each number tells people with a lesion from those without, where outcomes are known of two of each: the area under the ROC
+    /// curve with its error after DeLong.
+    pub separations: Vec<Separation>,
+}
+
+/// How well a number tells people with a lesion.
+#[derive(Clone, Debug, Serialize)]
+pub struct Separation {
+    /// Name of the region, and the number.
+    pub of: [String; 2],
+    /// Whether smaller numbers mean the lesion.
+    pub is_lower: bool,
+    /// The area.
+    pub area: RocArea,
+    /// People in each of two groups who give it to 0.05.
+    pub group_size: Option<u64>,
+}
+
+/// Holds people against norms.
+///
+/// # Errors
+/// A study or a norm that can't be read.
+pub fn compare(options: &AgainstNormOptions, _: &Job) -> Result<ComparedPeople> {
+    let study = Study::open(&options.args.study)?;
+    let mut compared = ComparedPeople { people: Vec::new(), left_out: Vec::new(), separations: Vec::new() };
+    for path in &options.norm {
+        let norm = read_norm(path)?;
+        let fitted = norm.fit()?;
+        let query = QueryOptions {
+            subject: options.subject.clone(),
+            region: (norm.origin == "measured").then(|| norm.region.clone()),
+            quantity: Some(norm.quantity.clone()),
+            ..QueryOptions::default()
+        };
+        let own =
+            rows(&study, &query)?.into_iter().filter(|row| !row.withdrawn && row.channel == norm.channel);
+        for row in own.filter(|row| region_of(&norm, row)) {
+            match person(&norm, &fitted, &row) {
+                Ok(person) => compared.people.push(person),
+                Err(why) => compared.left_out.push(format!("{}, visit {}: {why}", row.subject, row.session)),
+            }
+        }
+        compared.separations.extend(separation(&study, &norm)?);
+    }
+    Ok(compared)
+}
+
+/// Whether a region is that of a norm: a simulated mouth has parts, of which the tongue is `tongue_dorsum` and the lips `lower_lip`.
+fn region_of(norm: &NormFile, row: &QueriedRow) -> bool {
+    let part = match row.region.as_str() {
+        "tongue" => "tongue_dorsum",
+        "lips" | "lip" => "lower_lip",
+        other => other,
+    };
+    row.region == norm.region || (norm.origin == "simulated" && part == norm.region)
+}
+
+fn person(
+    norm: &NormFile,
+    fitted: &fluorspar::analysis::Norm,
+    row: &QueriedRow,
+) -> Result<PersonAgainstNorm> {
+    if norm.origin == "measured" && norm.analysis != [row.version.clone(), row.analysis.clone()] {
+        return Err(Error::Input(
+            "the number is of another version of the program or another camera.toml than the norm".into(),
+        ));
+    }
+    // The spread of the pixels is no error of their middle
+    let own = row.interval.filter(|_| ["estimate", "sensor_noise"].contains(&row.interval_kind.as_str()));
+    let has_error = own.is_some() && row.interval_kind == "estimate";
+    let interval = own
+        .or_else(|| row.value.map(|value| [value; 2]))
+        .ok_or_else(|| Error::Input("there is neither a value nor an interval".into()))?;
+    let place = fitted.place(interval, row.age, &row.site).map_err(|error| wrong(&error))?;
+    Ok(PersonAgainstNorm {
+        subject: row.subject.clone(),
+        session: row.session.clone(),
+        region: row.region.clone(),
+        quantity: row.quantity.clone(),
+        value: row.value,
+        interval,
+        has_error,
+        norm: norm.origin.clone(),
+        place,
+    })
+}
+
+/// How well the number of a norm tells people with a lesion, where two or more of each are known.
+fn separation(study: &Study, norm: &NormFile) -> Result<Option<Separation>> {
+    let of = NormOptions {
+        region: norm.region.clone(),
+        quantity: norm.quantity.clone(),
+        channel: Some(norm.channel.clone()),
+        ..NormOptions::default()
+    };
+    let scores = |has_lesion: bool, sign: f64| -> Result<Vec<f64>> {
+        let (people, ..) = people_of(study, &of, has_lesion)?;
+        Ok(people
+            .values()
+            .map(|person| sign * person.values.iter().sum::<f64>() / person.values.len() as f64)
+            .collect())
+    };
+    let Some(upward) = RocArea::of(&scores(true, 1.0)?, &scores(false, 1.0)?) else { return Ok(None) };
+    let is_lower = upward.area < 0.5;
+    let sign = if is_lower { -1.0 } else { 1.0 };
+    let Some(area) = RocArea::of(&scores(true, sign)?, &scores(false, sign)?) else { return Ok(None) };
+    let group_size = group_size_for_area(area.area, WANTED_HALF_WIDTH);
+    Ok(Some(Separation { of: [norm.region.clone(), norm.quantity.clone()], is_lower, area, group_size }))
+}
+
+impl PersonAgainstNorm {
+    /// Whether the person stands outside.
+    #[must_use]
+    pub fn is_outside(&self) -> bool {
+        self.place.standing == Standing::Outside
+    }
+}

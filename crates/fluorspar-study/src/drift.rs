@@ -1,0 +1,156 @@
+//! What a change of the program or of its experiment changed.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use clap::ValueHint;
+use fluorspar_session::{Error, Job, Result};
+use serde::{Deserialize, Serialize};
+
+use crate::norm::read_norm;
+use crate::store::{Study, StudyArgs};
+
+/// Which analyses are compared.
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct DriftOptions {
+    /// The study.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub args: StudyArgs,
+    /// Earlier version of the program, or the beginning of the digest of its experiment [default: the one before the last].
+    #[arg(long, value_name = "VERSION")]
+    pub from: Option<String>,
+    /// Later one [default: the last].
+    #[arg(long, value_name = "VERSION")]
+    pub to: Option<String>,
+    /// Norm whose limits are watched.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub norm: Option<PathBuf>,
+}
+
+/// What changed.
+#[derive(Clone, Debug, Serialize)]
+pub struct Drift {
+    /// Experiment and version of the earlier numbers.
+    pub from: [String; 2],
+    /// Experiment and version of the later ones.
+    pub to: [String; 2],
+    /// Each number.
+    pub quantities: Vec<QuantityDrift>,
+    /// People who cross a limit of the norm.
+    pub crossing: Vec<String>,
+}
+
+/// What changed of a number.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct QuantityDrift {
+    /// Name of the region.
+    pub region: String,
+    /// The number, with its channel.
+    pub quantity: String,
+    /// Regions that both estimated.
+    pub n: usize,
+    /// Median of later less earlier.
+    pub median: f64,
+    /// 95 % of the changes are no larger, either way.
+    pub largest: f64,
+}
+
+/// A number by region digest, region name, quantity, channel and person.
+type Key = (String, String, String, String, String);
+
+/// Compares the numbers of two analyses of the same regions.
+///
+/// # Errors
+/// Fewer than two analyses, or names that fit none or several.
+pub fn drift(options: &DriftOptions, _: &Job) -> Result<Drift> {
+    let study = Study::open(&options.args.study)?;
+    let known: Vec<[String; 2]> = study.index.rows(
+        "SELECT analysis, version FROM estimate GROUP BY analysis, version ORDER BY max(seq)",
+        [],
+        |row| Ok([row.get(0)?, row.get(1)?]),
+    )?;
+    let [.., before, last] = &known[..] else {
+        return Err(Error::Input(
+            "all numbers are of one analysis: after an upgrade, or a change of camera.toml, `fluorspar study analyze STUDY --missing` adds those of \
+             the new one"
+                .into(),
+        ));
+    };
+    let from = named(&known, options.from.as_deref(), before)?;
+    let to = named(&known, options.to.as_deref(), last)?;
+    let (earlier, later) = (values(&study, &from)?, values(&study, &to)?);
+    let mut changes: BTreeMap<(String, String), Vec<f64>> = BTreeMap::new();
+    let norm = options.norm.as_deref().map(read_norm).transpose()?;
+    let mut crossing = Vec::new();
+    for (key, after) in &later {
+        let Some(value) = earlier.get(key) else { continue };
+        let (_, region, quantity, channel, subject) = key;
+        let name = format!("{quantity} {channel}").trim_end().to_owned();
+        changes.entry((region.clone(), name.clone())).or_default().push(after - value);
+        let is_of_norm = |norm: &&crate::norm::NormFile| {
+            norm.region == *region && norm.quantity == *quantity && norm.channel == *channel
+        };
+        if let Some(norm) = norm.as_ref().filter(is_of_norm) {
+            let inside = [*value, *after].map(|value| norm.holds(value));
+            if inside[0] != inside[1] {
+                let way = if inside[1] { "into" } else { "out of" };
+                crossing.push(format!(
+                    "{subject}: {name} of {region} goes {way} the norm, from {value} to {after}"
+                ));
+            }
+        }
+    }
+    let quantities = changes
+        .into_iter()
+        .map(|((region, quantity), changes)| drift_of(region, quantity, changes))
+        .collect();
+    Ok(Drift { from, to, quantities, crossing })
+}
+
+fn named(known: &[[String; 2]], wanted: Option<&str>, default: &[String; 2]) -> Result<[String; 2]> {
+    let Some(wanted) = wanted else { return Ok(default.clone()) };
+    let fits = |[analysis, version]: &&[String; 2]| version == wanted || analysis.starts_with(wanted);
+    let mut found = known.iter().filter(fits);
+    match (found.next(), found.next()) {
+        (Some(one), None) => Ok(one.clone()),
+        (one, _) => {
+            let all: Vec<String> =
+                known.iter().map(|[analysis, version]| format!("{version} ({})", &analysis[..8])).collect();
+            let why = if one.is_some() { "several analyses are" } else { "no analysis is" };
+            Err(Error::Input(format!("{why} called \"{wanted}\"; the study has {}", all.join(", "))))
+        }
+    }
+}
+
+fn values(study: &Study, [analysis, version]: &[String; 2]) -> Result<BTreeMap<Key, f64>> {
+    let sql = "SELECT e.region_sha256, e.region, e.quantity, e.channel, p.subject, e.value FROM estimate e
+               JOIN photograph p ON p.photograph = e.photograph JOIN subject s ON s.subject = p.subject
+               WHERE e.analysis = ? AND e.version = ? AND e.value IS NOT NULL AND s.withdrawn = 0";
+    let rows = study.index.rows(sql, [analysis, version], |row| {
+        Ok(((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?, row.get(4)?), row.get(5)?))
+    })?;
+    Ok(rows.into_iter().collect())
+}
+
+fn drift_of(region: String, quantity: String, mut changes: Vec<f64>) -> QuantityDrift {
+    let n = changes.len();
+    changes.sort_by(f64::total_cmp);
+    let median = 0.5 * (changes[(n - 1) / 2] + changes[n / 2]);
+    let mut sizes: Vec<f64> = changes.iter().map(|change| change.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let largest = sizes[((0.95 * n as f64).ceil() as usize).clamp(1, n) - 1];
+    QuantityDrift { region, quantity, n, median, largest }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shift_is_what_was_added() {
+        let found = drift_of("tongue".into(), "red_share".into(), vec![0.02, 0.01, -0.05, 0.01]);
+        assert_eq!((found.n, found.median, found.largest), (4, 0.01, 0.05));
+    }
+}

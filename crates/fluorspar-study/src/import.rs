@@ -1,0 +1,324 @@
+//! Takes photographs, people and outcomes into a study.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::ValueHint;
+use csv::{ReaderBuilder, Trim};
+use fluorspar_format::{description_path, digest_bounded, read_bounded, read_sensor_image};
+use fluorspar_session::{
+    AnalyzeOptions, Error, FailedPhotograph, Job, Left, Photograph, Result, find_photographs,
+};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use crate::event::{Event, Region, StoredFile, Subject};
+use crate::store::{CAMERA, LARGEST_BYTES, Study, StudyArgs};
+
+/// Largest table that is read.
+const LARGEST_TABLE_BYTES: u64 = 64 << 20;
+
+/// What is taken in.
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct ImportOptions {
+    /// The study.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub args: StudyArgs,
+    /// Folder of photographs, or their table (photographs.csv), as `fluorspar analyze` takes them.
+    #[arg(value_name = "PHOTOS", value_hint = ValueHint::AnyPath)]
+    pub photographs: Option<PathBuf>,
+    /// Table of people: subject, site, sex, age, skin, smoker, consent; all but subject optional.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub subjects: Option<PathBuf>,
+    /// Table of what became of people: subject, method, outcome; "healthy" and "none" are no lesion.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub outcomes: Option<PathBuf>,
+}
+
+/// What was taken in.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct ImportedStudy {
+    /// New photographs.
+    pub photographs: usize,
+    /// Photographs that were there.
+    pub known: usize,
+    /// New regions, and regions that moved.
+    pub regions: usize,
+    /// People with new data.
+    pub subjects: usize,
+    /// New outcomes.
+    pub outcomes: usize,
+    /// Photographs that were not taken in.
+    pub failures: Vec<FailedPhotograph>,
+}
+
+/// A line of the table of outcomes.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OutcomeRow {
+    subject: String,
+    #[serde(default)]
+    method: String,
+    outcome: String,
+}
+
+/// Takes photographs, people and outcomes in. Each photograph is on the disk before the next begins: the same command goes on where it was
+/// stopped or killed, and takes nothing in twice.
+///
+/// # Errors
+/// Nothing to take in, tables that can't be read, people who are not pseudonyms, a job that is stopped.
+pub fn import(options: &ImportOptions, job: &Job) -> Result<ImportedStudy> {
+    if options.photographs.is_none() && options.subjects.is_none() && options.outcomes.is_none() {
+        return Err(Error::Input("give photographs, a table with ⟨subjects⟩, or one with ⟨outcomes⟩".into()));
+    }
+    let mut study = Study::open(&options.args.study)?;
+    let mut imported = ImportedStudy::default();
+    if let Some(path) = &options.subjects {
+        imported.subjects = import_subjects(&mut study, path)?;
+    }
+    if let Some(path) = &options.photographs {
+        import_photographs(&mut study, path, &mut imported, job)?;
+    }
+    if let Some(path) = &options.outcomes {
+        imported.outcomes = import_outcomes(&mut study, path)?;
+    }
+    Ok(imported)
+}
+
+/// Reads a table of comma-, semicolon- or tab-separated lines.
+fn table<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
+    let bytes = read_bounded(path, LARGEST_TABLE_BYTES)?;
+    let first = bytes.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let delimiter = [b'\t', b';'].into_iter().find(|byte| first.contains(byte)).unwrap_or(b',');
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
+    let mut reader = ReaderBuilder::new().trim(Trim::All).delimiter(delimiter).from_reader(text);
+    let rows = reader.deserialize().enumerate().map(|(number, row)| {
+        row.map_err(|error| Error::Input(format!("{}: line {}: {error}", path.display(), number + 2)))
+    });
+    rows.collect()
+}
+
+/// The pseudonym of a person as BIDS has it: letters and digits.
+fn pseudonym(text: &str) -> Result<String> {
+    let is_between = |c: char| ['_', '-', '.'].contains(&c);
+    let label: String = text.chars().filter(|c| !is_between(*c)).collect();
+    let is_label = |c: char| c.is_ascii_alphanumeric();
+    if label.is_empty() || !label.chars().all(is_label) {
+        return Err(Error::Input(format!(
+            "\"{text}\" is no pseudonym: a study holds no names, and files are called by letters and digits; write P01 or the like as patient"
+        )));
+    }
+    Ok(label)
+}
+
+fn import_subjects(study: &mut Study, path: &Path) -> Result<usize> {
+    let mut events = Vec::new();
+    for mut subject in table::<Subject>(path)? {
+        subject.subject = pseudonym(&subject.subject)?;
+        if let Some(age) = subject.age.filter(|age| !(0.0..=120.0).contains(age)) {
+            return Err(Error::Input(format!(
+                "{}: {}: an age of {age} years; give years at the first visit",
+                path.display(),
+                subject.subject
+            )));
+        }
+        if !["yes", "no", ""].contains(&subject.consent.as_str()) {
+            return Err(Error::Input(format!(
+                "{}: {}: consent is \"{}\"; write yes, no or nothing",
+                path.display(),
+                subject.subject,
+                subject.consent
+            )));
+        }
+        let event = Event::Subject(subject);
+        let is_known = study.log.entries.iter().rev().find(|entry| same_subject(&entry.event, &event));
+        if is_known.is_none_or(|entry| entry.event != event) {
+            events.push(event);
+        }
+    }
+    let count = events.len();
+    study.commit("import", events)?;
+    Ok(count)
+}
+
+fn same_subject(a: &Event, b: &Event) -> bool {
+    matches!((a, b), (Event::Subject(a), Event::Subject(b)) if a.subject == b.subject)
+}
+
+fn import_outcomes(study: &mut Study, path: &Path) -> Result<usize> {
+    let known: Vec<String> = study.index.rows("SELECT subject FROM subject", [], |row| row.get(0))?;
+    let mut events = Vec::new();
+    for OutcomeRow { subject, method, outcome } in table(path)? {
+        let subject = pseudonym(&subject)?;
+        if !known.contains(&subject) {
+            return Err(Error::Input(format!("{}: the study has no person {subject}", path.display())));
+        }
+        let event = Event::Outcome { subject, method, outcome };
+        if !study.log.entries.iter().any(|entry| entry.event == event) {
+            events.push(event);
+        }
+    }
+    let count = events.len();
+    study.commit("import", events)?;
+    Ok(count)
+}
+
+fn import_photographs(study: &mut Study, path: &Path, imported: &mut ImportedStudy, job: &Job) -> Result<()> {
+    let camera = study.path(Path::new(CAMERA)).to_string_lossy().into_owned();
+    let options = AnalyzeOptions { experiment: Some(camera), ..AnalyzeOptions::default() };
+    let (photographs, failures) = find_photographs(&options, path)?;
+    imported.failures = failures;
+    check_labels(&photographs)?;
+    let share_done = job.listener.begin("Importing photographs", "the import", Left::Results);
+    let count = photographs.len();
+    for (number, photograph) in photographs.iter().enumerate() {
+        if job.is_stopped() {
+            let text =
+                format!("stopped after {number} of {count} photographs; the same command goes on from there");
+            return Err(Error::Stopped(text));
+        }
+        match import_one(study, photograph, imported) {
+            Err(error @ Error::Failed(_)) => return Err(error),
+            Err(error) => imported
+                .failures
+                .push(FailedPhotograph { frame: photograph.frames[0].1.clone(), why: error.to_string() }),
+            Ok(()) => {}
+        }
+        share_done((number + 1) as f64 / count as f64);
+    }
+    Ok(())
+}
+
+/// Refuses people who would have one label.
+fn check_labels(photographs: &[Photograph]) -> Result<()> {
+    let mut by_label: BTreeMap<String, &str> = BTreeMap::new();
+    for photograph in photographs {
+        let label = pseudonym(&photograph.patient)?;
+        let other = by_label.entry(label).or_insert(&photograph.patient);
+        if *other != photograph.patient {
+            return Err(Error::Input(format!(
+                "the patients \"{other}\" and \"{}\" differ in signs alone that names of files leave out; rename one",
+                photograph.patient
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Copies the frames of a photograph, and writes down what is new of it.
+fn import_one(study: &mut Study, photograph: &Photograph, imported: &mut ImportedStudy) -> Result<()> {
+    let (subject, session) = (pseudonym(&photograph.patient)?, pseudonym(&photograph.visit)?);
+    let main = &photograph.frames[0].1;
+    // What can't be read is not taken in; a mirrored picture has left and right exchanged
+    let frame = read_sensor_image(main)?.image;
+    if frame.orientation.is_mirrored() {
+        return Err(Error::Input(format!(
+            "{}: its tags say that it is mirrored, so left and right are exchanged; turn mirroring off in the camera, or write the frame anew \
+             without the tag",
+            main.display()
+        )));
+    }
+    let sha256 = digest_bounded(main, LARGEST_BYTES)?;
+    let of_other = "SELECT subject, session FROM photograph WHERE photograph = ?";
+    let known: Vec<[String; 2]> =
+        study.index.rows(of_other, [&sha256], |row| Ok([row.get(0)?, row.get(1)?]))?;
+    if let Some([other, visit]) = known.first().filter(|known| **known != [subject.clone(), session.clone()])
+    {
+        return Err(Error::Input(format!(
+            "{}: the study has this very photograph as that of {other}, visit {visit}; cameras and cards give names twice: see whose it is",
+            main.display()
+        )));
+    }
+    let mut events = Vec::new();
+    if known.is_empty() {
+        let of_subject = "SELECT subject FROM subject WHERE subject = ?";
+        if study.index.rows(of_subject, [&subject], |row| row.get::<_, String>(0))?.is_empty() {
+            events.push(Event::Subject(Subject { subject: subject.clone(), ..Subject::default() }));
+        }
+        let files = take_files(study, photograph, &subject, &session, &sha256)?;
+        events.push(Event::Photograph {
+            photograph: sha256.clone(),
+            subject: subject.clone(),
+            session: session.clone(),
+            files,
+        });
+        imported.photographs += 1;
+    } else {
+        imported.known += 1;
+    }
+    let regions = new_regions(study, photograph, [&subject, &session], &sha256)?;
+    imported.regions += regions.len();
+    events.extend(regions.into_iter().map(Event::Region));
+    study.commit("import", events)
+}
+
+/// Folder and beginning of the names of a photograph's files, which no other photograph has.
+fn stem(subject: &str, session: &str, sha256: &str) -> PathBuf {
+    PathBuf::from(format!(
+        "sub-{subject}/ses-{session}/photo/sub-{subject}_ses-{session}_desc-{}",
+        &sha256[..12]
+    ))
+}
+
+fn take_files(
+    study: &Study,
+    photograph: &Photograph,
+    subject: &str,
+    session: &str,
+    sha256: &str,
+) -> Result<Vec<StoredFile>> {
+    let stem = stem(subject, session, sha256).to_string_lossy().into_owned();
+    let mut files = Vec::new();
+    let frames = photograph.frames.iter().map(|(capture, file)| (capture.as_str(), file));
+    let dark = photograph.dark.iter().map(|file| ("dark", file));
+    let flat = photograph.flat.iter().map(|file| ("flat", file));
+    for (number, (role, from)) in frames.chain(dark).chain(flat).enumerate() {
+        let ending = from.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        let label: String = role.chars().filter(char::is_ascii_alphanumeric).collect();
+        let to = PathBuf::from(format!("{stem}_acq-{label}_run-{}_raw.{ending}", number + 1));
+        // The description comes before its frame, which is no frame without it
+        let description = description_path(from);
+        if description.is_file() {
+            let digest = digest_bounded(&description, LARGEST_BYTES)?;
+            files.push(study.take(&description, &description_path(&to), "description", &digest)?);
+        }
+        files.push(study.take(from, &to, role, &digest_bounded(from, LARGEST_BYTES)?)?);
+    }
+    files.sort_by_key(|file| file.role == "description");
+    Ok(files)
+}
+
+/// Copies a mask to a place that its bytes tell.
+fn take_mask(study: &Study, from: &Path, stem: &Path) -> Result<StoredFile> {
+    let digest = digest_bounded(from, LARGEST_BYTES)?;
+    let ending = from.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let to = PathBuf::from(format!("{}_mask-{}.{ending}", stem.display(), &digest[..12]));
+    study.take(from, &to, "mask", &digest)
+}
+
+/// Regions that the study does not have as they are.
+fn new_regions(
+    study: &Study,
+    photograph: &Photograph,
+    [subject, session]: [&str; 2],
+    sha256: &str,
+) -> Result<Vec<Region>> {
+    let mut regions = Vec::new();
+    for [name, place, verdict] in &photograph.regions {
+        let is_mask = Path::new(place).is_file();
+        let stem = stem(subject, session, sha256);
+        let mask = is_mask.then(|| take_mask(study, Path::new(place), &stem)).transpose()?;
+        let place =
+            mask.as_ref().map_or_else(|| place.clone(), |mask| mask.path.to_string_lossy().into_owned());
+        let region =
+            Region { photograph: sha256.into(), region: name.clone(), place, mask, verdict: verdict.clone() };
+        let same = "SELECT verdict FROM region WHERE region_sha256 = ? AND current = 1";
+        let known: Vec<String> = study.index.rows(same, [region.sha256()], |row| row.get(0))?;
+        if known.first() != Some(verdict) {
+            regions.push(region);
+        }
+    }
+    Ok(regions)
+}

@@ -1,0 +1,246 @@
+//! The index: SQLite tables made from the log alone.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use fluorspar_session::{Error, Result};
+use rusqlite::{Connection, Row, params};
+
+use crate::event::{Event, LoggedEstimate, quantity_name};
+use crate::log::Entry;
+
+/// Folder of what is made from the truth.
+pub(crate) const FOLDER: &str = ".fluorspar";
+const FILE: &str = "study.sqlite";
+/// Version of the tables: an index of another is made anew.
+const VERSION: i64 = 1;
+
+const TABLES: &str = "
+CREATE TABLE audit (seq INTEGER PRIMARY KEY, before TEXT, at TEXT, who TEXT, command TEXT, sha256 TEXT);
+CREATE TABLE study (name TEXT, site TEXT);
+CREATE TABLE subject (subject TEXT PRIMARY KEY, site TEXT, sex TEXT, age REAL, skin TEXT, smoker TEXT, consent TEXT, withdrawn INTEGER NOT NULL DEFAULT 0);
+CREATE TABLE photograph (photograph TEXT PRIMARY KEY, subject TEXT NOT NULL, session TEXT NOT NULL);
+CREATE TABLE file (path TEXT PRIMARY KEY, photograph TEXT NOT NULL, role TEXT NOT NULL, sha256 TEXT NOT NULL);
+CREATE TABLE region (region_sha256 TEXT PRIMARY KEY, photograph TEXT NOT NULL, region TEXT NOT NULL, place TEXT NOT NULL, verdict TEXT, current INTEGER NOT NULL);
+CREATE TABLE estimate (photograph TEXT NOT NULL, region_sha256 TEXT NOT NULL, region TEXT NOT NULL, quantity TEXT NOT NULL, channel TEXT NOT NULL,
+    value REAL, low REAL, high REAL, interval_kind TEXT, pixels INTEGER, warnings TEXT, analysis TEXT NOT NULL, version TEXT NOT NULL, seq INTEGER NOT NULL,
+    PRIMARY KEY (region_sha256, analysis, version, quantity, channel));
+CREATE INDEX estimate_of ON estimate (quantity, region, channel);
+CREATE TABLE outcome (subject TEXT NOT NULL, method TEXT, outcome TEXT NOT NULL, seq INTEGER PRIMARY KEY);
+";
+
+/// The index of a study.
+pub(crate) struct Index {
+    connection: Connection,
+    /// Lines that are not on the disk yet.
+    waiting: usize,
+}
+
+/// Lines that wait for the disk at most.
+const MOST_WAITING: usize = 2000;
+
+impl Drop for Index {
+    fn drop(&mut self) {
+        // What can't be written is taken from the log by the next process
+        let _ = self.flush();
+    }
+}
+
+fn failed(error: rusqlite::Error) -> Error {
+    Error::Failed(format!("the index of the study: {error}; `fluorspar study reindex` makes it anew"))
+}
+
+impl Index {
+    /// The index of a folder, with all that the log says: made anew where there is none, or one of other lines.
+    pub(crate) fn open(folder: &Path, entries: &[Entry]) -> Result<Self> {
+        let path = folder.join(FOLDER).join(FILE);
+        if let Ok(connection) = Connection::open(&path)
+            && let Some(seq) = known_until(&connection, entries)
+        {
+            let mut index = Self { connection, waiting: 0 };
+            index.apply(&entries[seq..])?;
+            return Ok(index);
+        }
+        Self::anew(folder, entries)
+    }
+
+    /// Makes the index anew, and puts it in the place of the one before when it is complete.
+    pub(crate) fn anew(folder: &Path, entries: &[Entry]) -> Result<Self> {
+        let place = folder.join(FOLDER);
+        let path = place.join(FILE);
+        let io = |error: std::io::Error| Error::Failed(format!("{}: {error}", place.display()));
+        fs::create_dir_all(&place).map_err(io)?;
+        let partial = place.join(format!("study.{}.partial", std::process::id()));
+        remove(&partial)?;
+        let mut index = Self { connection: Connection::open(&partial).map_err(failed)?, waiting: 0 };
+        index.connection.execute_batch(TABLES).map_err(failed)?;
+        index.connection.pragma_update(None, "user_version", VERSION).map_err(failed)?;
+        index.apply(entries)?;
+        index.flush()?;
+        drop(index);
+        for ending in ["-journal", "-wal", "-shm"] {
+            remove(&PathBuf::from(format!("{}{ending}", path.display())))?;
+        }
+        fs::rename(&partial, &path).map_err(io)?;
+        Ok(Self { connection: Connection::open(&path).map_err(failed)?, waiting: 0 })
+    }
+
+    /// An index in memory, to compare with.
+    pub(crate) fn in_memory(entries: &[Entry]) -> Result<Self> {
+        let connection = Connection::open_in_memory().map_err(failed)?;
+        connection.execute_batch(TABLES).map_err(failed)?;
+        let mut index = Self { connection, waiting: 0 };
+        index.apply(entries)?;
+        Ok(index)
+    }
+
+    /// Takes lines of the log in. They are on the disk with the next many, or when the index is dropped: what a killed process leaves behind
+    /// is taken from the log again.
+    pub(crate) fn apply(&mut self, entries: &[Entry]) -> Result<()> {
+        if self.connection.is_autocommit() {
+            self.connection.execute_batch("BEGIN").map_err(failed)?;
+        }
+        let applied = entries.iter().try_for_each(|entry| apply_one(&self.connection, entry));
+        if let Err(error) = applied {
+            let _ = self.connection.execute_batch("ROLLBACK");
+            return Err(failed(error));
+        }
+        self.waiting += entries.len();
+        if self.waiting >= MOST_WAITING { self.flush() } else { Ok(()) }
+    }
+
+    /// Writes the lines that were taken in.
+    fn flush(&mut self) -> Result<()> {
+        self.waiting = 0;
+        if self.connection.is_autocommit() {
+            return Ok(());
+        }
+        self.connection.execute_batch("COMMIT").map_err(failed)
+    }
+
+    /// Rows of a query.
+    pub(crate) fn rows<T>(
+        &self,
+        sql: &str,
+        values: impl rusqlite::Params,
+        read: impl FnMut(&Row<'_>) -> rusqlite::Result<T>,
+    ) -> Result<Vec<T>> {
+        let mut statement = self.connection.prepare_cached(sql).map_err(failed)?;
+        let rows = statement.query_map(values, read).map_err(failed)?;
+        rows.collect::<rusqlite::Result<_>>().map_err(failed)
+    }
+
+    /// Every row of every table as text, in order.
+    pub(crate) fn dump(&self) -> Result<Vec<String>> {
+        let names =
+            self.rows("SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name", [], |row| {
+                row.get::<_, String>(0)
+            })?;
+        let mut all = Vec::new();
+        for name in names {
+            let read = |row: &Row<'_>| {
+                let cells =
+                    (0..row.as_ref().column_count()).map(|column| Ok(format!("{:?}", row.get_ref(column)?)));
+                Ok(format!("{name} {}", cells.collect::<rusqlite::Result<Vec<_>>>()?.join("|")))
+            };
+            let mut rows = self.rows(&format!("SELECT * FROM {name}"), [], read)?;
+            rows.sort();
+            all.extend(rows);
+        }
+        Ok(all)
+    }
+}
+
+fn remove(path: &Path) -> Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(Error::Failed(format!("{}: {error}", path.display())))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// How many lines an index holds, where it is one of these.
+fn known_until(connection: &Connection, entries: &[Entry]) -> Option<usize> {
+    let version: i64 = connection.pragma_query_value(None, "user_version", |row| row.get(0)).ok()?;
+    let last = "SELECT seq, sha256 FROM audit ORDER BY seq DESC LIMIT 1";
+    let (seq, sha256): (i64, String) =
+        connection.query_row(last, [], |row| Ok((row.get(0)?, row.get(1)?))).ok()?;
+    let same =
+        entries.get(usize::try_from(seq).ok()?.checked_sub(1)?).is_some_and(|entry| entry.sha256 == sha256);
+    (version == VERSION && same).then_some(seq as usize)
+}
+
+fn apply_one(to: &Connection, entry: &Entry) -> rusqlite::Result<()> {
+    to.prepare_cached("INSERT INTO audit VALUES (?, ?, ?, ?, ?, ?)")?.execute(params![
+        entry.seq,
+        entry.before,
+        entry.when,
+        entry.who,
+        entry.command,
+        entry.sha256
+    ])?;
+    match &entry.event {
+        Event::Study { name, site } => to.execute("INSERT INTO study VALUES (?, ?)", params![name, site]).map(|_| ()),
+        Event::Subject(of) => to
+            .prepare_cached(
+                "INSERT INTO subject (subject, site, sex, age, skin, smoker, consent) VALUES (?, ?, ?, ?, ?, ?, ?)
+                 ON CONFLICT (subject) DO UPDATE SET site = excluded.site, sex = excluded.sex, age = excluded.age, skin = excluded.skin,
+                 smoker = excluded.smoker, consent = excluded.consent",
+            )?
+            .execute(params![of.subject, of.site, of.sex, of.age, of.skin, of.smoker, of.consent])
+            .map(|_| ()),
+        Event::Withdrawal { subject } => {
+            to.execute("UPDATE subject SET withdrawn = 1 WHERE subject = ?", params![subject]).map(|_| ())
+        }
+        Event::Photograph { photograph, subject, session, files } => {
+            to.prepare_cached("INSERT OR REPLACE INTO photograph VALUES (?, ?, ?)")?.execute(params![photograph, subject, session])?;
+            files.iter().try_for_each(|file| add_file(to, photograph, file))
+        }
+        Event::Region(of) => {
+            to.prepare_cached("UPDATE region SET current = 0 WHERE photograph = ? AND region = ?")?.execute(params![of.photograph, of.region])?;
+            let current = of.verdict != "wrong";
+            to.prepare_cached("INSERT OR REPLACE INTO region VALUES (?, ?, ?, ?, ?, ?)")?.execute(params![
+                of.sha256(),
+                of.photograph,
+                of.region,
+                of.place,
+                of.verdict,
+                current
+            ])?;
+            of.mask.iter().try_for_each(|mask| add_file(to, &of.photograph, mask))
+        }
+        Event::Estimate(of) => add_estimate(to, of, entry.seq),
+        Event::Outcome { subject, method, outcome } => {
+            to.execute("INSERT INTO outcome VALUES (?, ?, ?, ?)", params![subject, method, outcome, entry.seq]).map(|_| ())
+        }
+    }
+}
+
+fn add_estimate(to: &Connection, of: &LoggedEstimate, seq: i64) -> rusqlite::Result<()> {
+    to.prepare_cached("INSERT OR IGNORE INTO estimate VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?
+        .execute(params![
+            of.photograph,
+            of.region_sha256,
+            of.region,
+            quantity_name(of.quantity),
+            of.channel.clone().unwrap_or_default(),
+            of.value,
+            of.interval.map(|ends| ends[0]),
+            of.interval.map(|ends| ends[1]),
+            serde_json::to_value(of.interval_kind).ok().and_then(|kind| kind.as_str().map(str::to_owned)),
+            of.pixels as i64,
+            of.warnings.join("\n"),
+            of.analysis,
+            of.version,
+            seq
+        ])
+        .map(|_| ())
+}
+
+fn add_file(to: &Connection, photograph: &str, file: &crate::StoredFile) -> rusqlite::Result<()> {
+    let path = file.path.to_string_lossy();
+    to.prepare_cached("INSERT OR REPLACE INTO file VALUES (?, ?, ?, ?)")?
+        .execute(params![path, photograph, file.role, file.sha256])
+        .map(|_| ())
+}

@@ -1,0 +1,152 @@
+//! The log of a study: lines that are only appended, each with the digest of the one before.
+
+use std::path::Path;
+
+use fluorspar::digest::sha256_hex;
+use fluorspar_format::AppendedLines;
+use fluorspar_session::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+use crate::clock::now;
+use crate::event::Event;
+
+/// Name of the log.
+pub(crate) const LOG: &str = "log.jsonl";
+/// Digest before the first line.
+const NOTHING: &str = "";
+
+/// A line of the log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Entry {
+    /// Its number, from 1.
+    pub(crate) seq: i64,
+    /// Digest of the line before.
+    pub(crate) before: String,
+    /// When, UTC.
+    pub(crate) when: String,
+    /// Who, by the name of the account.
+    pub(crate) who: String,
+    /// By which command.
+    pub(crate) command: String,
+    /// What happened.
+    pub(crate) event: Event,
+    /// Digest of all of this.
+    #[serde(default)]
+    pub(crate) sha256: String,
+}
+
+impl Entry {
+    /// Digest of the line without its own.
+    fn digest(&self) -> Result<String> {
+        Ok(sha256_hex([serde_json::to_string(&Self { sha256: String::new(), ..self.clone() })?]))
+    }
+}
+
+/// The log, locked for this process.
+#[derive(Debug)]
+pub(crate) struct Log {
+    lines: AppendedLines,
+    pub(crate) entries: Vec<Entry>,
+}
+
+impl Log {
+    /// Opens the log of a folder, or begins it. A last line that was not written to its end is cut off.
+    ///
+    /// # Errors
+    /// A log that another process holds, lines that were changed, and what the system reports.
+    pub(crate) fn open(folder: &Path) -> Result<Self> {
+        let path = folder.join(LOG);
+        let (lines, bytes) = AppendedLines::open(&path)?;
+        let entries = read_entries(&path, &bytes)?;
+        lines.cut()?;
+        Ok(Self { lines, entries })
+    }
+
+    /// Appends events; when it returns they are on the disk.
+    ///
+    /// # Errors
+    /// What the system reports.
+    pub(crate) fn append(&mut self, command: &str, events: Vec<Event>) -> Result<()> {
+        let who = ["USER", "USERNAME"].iter().find_map(|name| std::env::var(name).ok()).unwrap_or_default();
+        let (mut entries, mut text) = (Vec::with_capacity(events.len()), String::new());
+        let (mut seq, mut before) = self.head();
+        for event in events {
+            seq += 1;
+            let (who, command) = (who.clone(), command.to_owned());
+            let mut entry = Entry { seq, before, when: now(), who, command, event, sha256: String::new() };
+            entry.sha256 = entry.digest()?;
+            before = entry.sha256.clone();
+            text += &format!("{}\n", serde_json::to_string(&entry)?);
+            entries.push(entry);
+        }
+        self.lines.append(&text)?;
+        self.lines.sync()?;
+        self.entries.extend(entries);
+        Ok(())
+    }
+
+    /// Number and digest of the last line.
+    pub(crate) fn head(&self) -> (i64, String) {
+        self.entries.last().map_or((0, NOTHING.into()), |last| (last.seq, last.sha256.clone()))
+    }
+}
+
+/// Lines whose chain holds.
+fn read_entries(path: &Path, bytes: &[u8]) -> Result<Vec<Entry>> {
+    let mut entries: Vec<Entry> = Vec::new();
+    for (number, line) in bytes.split(|byte| *byte == b'\n').filter(|line| !line.is_empty()).enumerate() {
+        let wrong = |why: &str| {
+            Error::Input(format!(
+                "{}, line {}: {why}; what follows can't be trusted. Take the log from a copy of the study",
+                path.display(),
+                number + 1
+            ))
+        };
+        let entry: Entry = serde_json::from_slice(line).map_err(|error| wrong(&error.to_string()))?;
+        let before = entries.last().map_or(NOTHING, |last| &last.sha256);
+        if entry.before != before || entry.seq != number as i64 + 1 {
+            return Err(wrong("a line before it was changed or is missing"));
+        }
+        if entry.digest()? != entry.sha256 {
+            return Err(wrong("it was changed after it was written"));
+        }
+        entries.push(entry);
+    }
+    Ok(entries)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn person(name: &str) -> Event {
+        Event::Withdrawal { subject: name.into() }
+    }
+
+    #[test]
+    fn lines_come_back_and_changed_ones_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let mut log = Log::open(folder).unwrap();
+        log.append("test", vec![person("P1"), person("P2")]).unwrap();
+        log.append("test", vec![person("P3")]).unwrap();
+        assert!(Log::open(folder).unwrap_err().to_string().contains("another process"));
+        let entries = log.entries.clone();
+        drop(log);
+        assert_eq!(Log::open(folder).unwrap().entries, entries);
+        let whole = std::fs::read(folder.join(LOG)).unwrap();
+        // Torn lines are cut, whatever was written of them
+        for cut in 1..20 {
+            std::fs::write(folder.join(LOG), &whole[..whole.len() - cut]).unwrap();
+            assert_eq!(Log::open(folder).unwrap().entries, entries[..2]);
+        }
+        let changed = String::from_utf8(whole.clone()).unwrap().replacen("P2", "P9", 1);
+        std::fs::write(folder.join(LOG), changed).unwrap();
+        let error = Log::open(folder).unwrap_err().to_string();
+        assert!(error.contains("line 2: it was changed"), "{error}");
+        let lines: Vec<&[u8]> = whole.split_inclusive(|byte| *byte == b'\n').collect();
+        std::fs::write(folder.join(LOG), [lines[0], lines[2]].concat()).unwrap();
+        let error = Log::open(folder).unwrap_err().to_string();
+        assert!(error.contains("line 2: a line before it"), "{error}");
+    }
+}

@@ -1,0 +1,382 @@
+//! What is normal: a file of sums over people, which holds none of them.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::ValueHint;
+use csv::Reader;
+use fluorspar::analysis::{
+    Norm, NormError, NormPerson, NormSums, ToleranceInterval, ToleranceMethod, ValueRange,
+};
+use fluorspar::findings::FindingId;
+use fluorspar_format::{Output, Outputs};
+use fluorspar_session::{Error, Job, Result, read_text};
+use serde::{Deserialize, Serialize};
+
+use crate::query::{QueriedRow, QueryOptions, rows};
+use crate::store::{Study, write};
+
+/// What becomes a norm.
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct NormOptions {
+    /// Folder of the study whose people without a lesion are taken.
+    #[arg(value_name = "STUDY", value_hint = ValueHint::DirPath)]
+    pub study: Option<PathBuf>,
+    /// Name of the regions whose numbers are taken.
+    #[arg(long = "region-name", value_name = "NAME", default_value = "tongue")]
+    pub region: String,
+    /// Number that is taken, as patients.csv calls it: red_share, chromaticity_r, ...
+    #[arg(long, value_name = "NAME", default_value = "red_share")]
+    pub quantity: String,
+    /// The channel of a signal.
+    #[arg(long, value_name = "NAME")]
+    pub channel: Option<String>,
+    /// Adjust for age; people without an age are left out.
+    #[arg(long)]
+    pub by_age: bool,
+    /// cohort.csv that `fluorspar cohort` wrote: a norm of simulated people, its parts as regions.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "study")]
+    pub cohort: Option<PathBuf>,
+    /// Norms of several sites, to be made one. May be repeated.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with_all = ["study", "cohort"])]
+    pub pool: Vec<PathBuf>,
+    /// File for the norm (.json).
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub out: Option<PathBuf>,
+}
+
+/// A norm as it travels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NormFile {
+    /// What wrote the file: it may be replaced where this program did.
+    pub program: String,
+    /// Version of the format.
+    pub format: u32,
+    /// `measured` or `simulated`.
+    pub origin: String,
+    /// Name of the region.
+    pub region: String,
+    /// The number.
+    pub quantity: String,
+    /// Its channel; may be empty.
+    pub channel: String,
+    /// Version of the program and digest of the experiment of the numbers.
+    pub analysis: [String; 2],
+    /// Digests of the last lines of the logs that it was made of: by them it is found which norms still hold a person who withdrew.
+    pub logs: Vec<String>,
+    /// Sums over people.
+    pub sums: NormSums,
+    /// The range by order statistics, of 93 people or more of one site without regard to age; it can't be pooled.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ranks: Option<ToleranceInterval>,
+}
+
+/// A norm and what it says.
+#[derive(Clone, Debug, Serialize)]
+pub struct NormReport {
+    /// The norm.
+    pub norm: NormFile,
+    /// Range of each site, at 20, 50 and 80 years where it is adjusted for age.
+    pub ranges: Vec<NormRange>,
+    /// People without a number, who are left out.
+    pub without_value: usize,
+    /// Regions that are guesses.
+    pub guesses: usize,
+}
+
+/// A range of normal values.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NormRange {
+    /// The site.
+    pub site: String,
+    /// People there.
+    pub people: u64,
+    /// Years.
+    pub age: Option<f64>,
+    /// Ends that hold 95 % of people with 95 % confidence.
+    pub range: [f64; 2],
+}
+
+impl NormOptions {
+    pub(crate) fn channel(&self) -> &str {
+        self.channel.as_deref().unwrap_or_default()
+    }
+}
+
+impl NormFile {
+    const FORMAT: u32 = 1;
+
+    /// The fitted norm.
+    ///
+    /// # Errors
+    /// Too few people.
+    pub fn fit(&self) -> Result<Norm> {
+        self.sums.fit().map_err(|error| wrong(&error))
+    }
+
+    /// Whether a number of a person of the first site, 50 years old, lies within the norm.
+    pub(crate) fn holds(&self, value: f64) -> bool {
+        let site = self.sums.sites.first().map_or("", |site| &site.site);
+        let range = self.fit().ok().and_then(|norm| norm.range(Some(50.0), site).ok());
+        range.is_some_and(|[low, high]| (low..=high).contains(&value))
+    }
+}
+
+pub(crate) fn wrong(error: &NormError) -> Error {
+    Error::Input(format!("there is no norm: {error}"))
+}
+
+/// Reads a norm.
+///
+/// # Errors
+/// A file that is none.
+pub(crate) fn read_norm(path: &Path) -> Result<NormFile> {
+    let shown = path.display();
+    let norm: NormFile = serde_json::from_str(&read_text(path)?).map_err(|error| {
+        Error::Input(format!("{shown}: this is no norm of `fluorspar study norm`: {error}"))
+    })?;
+    if norm.format != NormFile::FORMAT {
+        return Err(Error::Input(format!(
+            "{shown}: its format is {}, this program reads {}",
+            norm.format,
+            NormFile::FORMAT
+        )));
+    }
+    Ok(norm)
+}
+
+/// Makes a norm of a study, of a cohort, or of norms, and says what is normal.
+///
+/// # Errors
+/// Fewer than ten people, numbers of several analyses, norms of other numbers.
+pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
+    let read: Vec<PathBuf> = options.cohort.iter().chain(&options.pool).cloned().collect();
+    let set = options
+        .out
+        .as_deref()
+        .map(|out| Outputs::new().and(Output::file("--out", out)).reading(&read).declare())
+        .transpose()?;
+    let (norm, without_value, guesses) = match (&options.study, &options.cohort, &options.pool[..]) {
+        (Some(study), ..) => of_study(options, study)?,
+        (None, Some(cohort), _) => (of_cohort(options, cohort)?, 0, 0),
+        (None, None, [first, rest @ ..]) => (pooled(first, rest)?, 0, 0),
+        (None, None, []) => {
+            return Err(Error::Input("give a study, ⟨cohort=FILE⟩ or norms with ⟨pool=FILE⟩".into()));
+        }
+    };
+    let fitted = norm.fit()?;
+    let mut ranges = Vec::new();
+    for site in &norm.sums.sites {
+        let ages = if norm.sums.by_age { vec![Some(20.0), Some(50.0), Some(80.0)] } else { vec![None] };
+        for age in ages {
+            let range = fitted.range(age, &site.site).map_err(|error| wrong(&error))?;
+            ranges.push(NormRange { site: site.site.clone(), people: site.people, age, range });
+        }
+    }
+    warn(without_value, guesses, job);
+    if let (Some(out), Some(set)) = (&options.out, set) {
+        write(out, serde_json::to_string_pretty(&norm)?.as_bytes())?;
+        set.finish()?;
+        job.status(format!("Wrote {}", out.display()));
+    }
+    Ok(NormReport { norm, ranges, without_value, guesses })
+}
+
+/// Warns of people who are left out, and of regions that nobody looked at.
+fn warn(without_value: usize, guesses: usize, job: &Job) {
+    if without_value > 0 {
+        job.warn(&[format!("{without_value} people have an upper limit and no number; they are left out, which moves the norm up").into()]);
+    }
+    if guesses > 0 {
+        job.warn(&[format!("{guesses} regions are guesses that nobody confirmed").into()]);
+    }
+}
+
+/// Which values a quantity can take.
+fn range_of(quantity: &str) -> Result<ValueRange> {
+    let id: Option<FindingId> = serde_json::from_value(quantity.into()).ok();
+    id.and_then(FindingId::value_range).ok_or_else(|| {
+        Error::Input(format!("\"{quantity}\" has no norm; take red_share, chromaticity_r, chromaticity_g, line_share or median_signal"))
+    })
+}
+
+fn people_with_lesions(study: &Study) -> Result<Vec<String>> {
+    let sql = "SELECT DISTINCT subject FROM outcome WHERE lower(outcome) NOT IN ('healthy', 'none')";
+    study.index.rows(sql, [], |row| row.get(0))
+}
+
+/// People of a study without lesions, who did not withdraw or refuse, and how many of them have no number.
+pub(crate) fn people_of(
+    study: &Study,
+    options: &NormOptions,
+    has_lesion: bool,
+) -> Result<(BTreeMap<String, NormPerson>, usize, Vec<QueriedRow>)> {
+    let query = QueryOptions {
+        region: Some(options.region.clone()),
+        quantity: Some(options.quantity.clone()),
+        ..QueryOptions::default()
+    };
+    let ill = people_with_lesions(study)?;
+    let all = rows(study, &query)?.into_iter().filter(|row| {
+        row.channel == options.channel()
+            && !row.withdrawn
+            && row.consent != "no"
+            && ill.contains(&row.subject) == has_lesion
+    });
+    let all: Vec<QueriedRow> = all.collect();
+    let mut people: BTreeMap<String, NormPerson> = BTreeMap::new();
+    for row in &all {
+        let new = || NormPerson { site: row.site.clone(), age: row.age, values: Vec::new() };
+        people.entry(row.subject.clone()).or_insert_with(new).values.extend(row.value);
+    }
+    let before = people.len();
+    people.retain(|_, person| !person.values.is_empty());
+    let without_value = before - people.len();
+    Ok((people, without_value, all))
+}
+
+/// Version and experiment of all numbers.
+fn one_analysis(study: &Study, options: &NormOptions, rows: &[QueriedRow]) -> Result<[String; 2]> {
+    let mut analyses: Vec<[String; 2]> =
+        rows.iter().map(|row| [row.version.clone(), row.analysis.clone()]).collect();
+    analyses.sort();
+    analyses.dedup();
+    match &analyses[..] {
+        [one] => Ok(one.clone()),
+        [] => {
+            let known = study.index.rows(
+                "SELECT DISTINCT region || ' ' || quantity FROM estimate ORDER BY 1",
+                [],
+                |row| row.get::<_, String>(0),
+            )?;
+            let (quantity, region) = (&options.quantity, &options.region);
+            Err(Error::Input(format!(
+                "the study has no {quantity} of a region \"{region}\"; it has {}",
+                if known.is_empty() { "no estimate yet".into() } else { known.join(", ") }
+            )))
+        }
+        _ => {
+            Err(Error::Input(
+                "the numbers are of several versions of the program or of camera.toml, which must not be mixed: `fluorspar study analyze STUDY \
+                 --missing` first"
+                    .into(),
+            ))
+        }
+    }
+}
+
+fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, usize, usize)> {
+    let study = Study::open(folder)?;
+    let range = range_of(&options.quantity)?;
+    let (people, without_value, rows) = people_of(&study, options, false)?;
+    let analysis = one_analysis(&study, options, &rows)?;
+    let guess = "SELECT count(*) FROM region WHERE verdict = 'guess' AND current = 1 AND region = ?";
+    let guesses = study.index.rows(guess, [&options.region], |row| row.get::<_, i64>(0))?;
+    let people: Vec<NormPerson> = people.into_values().collect();
+    let norm = NormFile {
+        program: "fluorspar".into(),
+        format: NormFile::FORMAT,
+        origin: "measured".into(),
+        region: options.region.clone(),
+        quantity: options.quantity.clone(),
+        channel: options.channel().to_owned(),
+        analysis,
+        logs: vec![study.log.head().1],
+        ranks: ranks(&people, range, options.by_age),
+        sums: NormSums::of(&people, range, options.by_age),
+    };
+    Ok((norm, without_value, guesses.first().map_or(0, |count| *count as usize)))
+}
+
+/// The range by order statistics of people of one site.
+fn ranks(people: &[NormPerson], range: ValueRange, by_age: bool) -> Option<ToleranceInterval> {
+    let one_site = people.windows(2).all(|pair| pair[0].site == pair[1].site);
+    let values: Vec<f64> = people.iter().filter_map(|person| person.values.first().copied()).collect();
+    let found = ToleranceInterval::of(&values, range).filter(|_| one_site && !by_age);
+    found.filter(|found| found.method == ToleranceMethod::OrderStatistics)
+}
+
+/// A line of cohort.csv.
+#[derive(Deserialize)]
+struct CohortRow {
+    person: u32,
+    part: String,
+    channel: String,
+    name: String,
+    quantity: String,
+    has_lesion_here: u8,
+    value: Option<f64>,
+}
+
+fn of_cohort(options: &NormOptions, path: &Path) -> Result<NormFile> {
+    let range = range_of(&options.quantity)?;
+    let text = read_text(path)?;
+    let mut people: BTreeMap<u32, NormPerson> = BTreeMap::new();
+    for row in Reader::from_reader(text.as_bytes()).deserialize::<CohortRow>() {
+        let row =
+            row.map_err(|error| Error::Input(format!("{}: this is no cohort.csv: {error}", path.display())))?;
+        let is_wanted = row.part == options.region
+            && row.quantity == options.quantity
+            && row.channel == options.channel()
+            && row.name.is_empty()
+            && row.has_lesion_here == 0;
+        if let Some(value) = row.value.filter(|_| is_wanted) {
+            people.entry(row.person).or_default().values.push(value);
+        }
+    }
+    let people: Vec<NormPerson> = people.into_values().collect();
+    Ok(NormFile {
+        program: "fluorspar".into(),
+        format: NormFile::FORMAT,
+        origin: "simulated".into(),
+        region: options.region.clone(),
+        quantity: options.quantity.clone(),
+        channel: options.channel().to_owned(),
+        analysis: [env!("CARGO_PKG_VERSION").into(), fluorspar::digest::sha256_hex([text])],
+        logs: Vec::new(),
+        ranks: ranks(&people, range, false),
+        sums: NormSums::of(&people, range, false),
+    })
+}
+
+/// Refuses norms that are not of one kind, or of the same people.
+fn check_alike(all: &NormFile, other: &NormFile, path: &Path) -> Result<()> {
+    let shown = path.display();
+    let key = |norm: &NormFile| {
+        [norm.origin.clone(), norm.region.clone(), norm.quantity.clone(), norm.channel.clone()]
+    };
+    if key(all) != key(other) {
+        return Err(Error::Input(format!(
+            "{shown}: this norm is of {}, the others of {}",
+            key(other).join(" "),
+            key(all).join(" ")
+        )));
+    }
+    if all.analysis != other.analysis {
+        return Err(Error::Input(format!(
+            "{shown}: its numbers are of another version of the program or another camera.toml; numbers of unlike cameras have no common norm"
+        )));
+    }
+    if other.logs.iter().any(|log| all.logs.contains(log)) {
+        return Err(Error::Input(format!("{shown}: its people are in the others already")));
+    }
+    Ok(())
+}
+
+fn pooled(first: &Path, rest: &[PathBuf]) -> Result<NormFile> {
+    let mut all = read_norm(first)?;
+    if rest.is_empty() {
+        return Err(Error::Input("one norm is not pooled; give ⟨pool⟩ twice or more".into()));
+    }
+    for path in rest {
+        let other = read_norm(path)?;
+        let shown = path.display();
+        check_alike(&all, &other, path)?;
+        all.sums = all.sums.pooled(&other.sums).map_err(|error| Error::Input(format!("{shown}: {error}")))?;
+        all.logs.extend(other.logs);
+        all.ranks = None;
+    }
+    Ok(all)
+}

@@ -1,0 +1,175 @@
+//! A study on the disk: its folder, its log and its index.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::ValueHint;
+use fluorspar_format::{digest_bounded, read_bounded, write_atomically};
+use fluorspar_session::{Error, ExperimentSource, Job, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use crate::event::{Event, StoredFile};
+use crate::index::Index;
+use crate::log::{LOG, Log};
+
+/// The experiment that describes the camera of a study.
+pub(crate) const CAMERA: &str = "camera.toml";
+/// Largest file that is taken into a study.
+pub(crate) const LARGEST_BYTES: u64 = 4 << 30;
+
+/// Which study.
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct StudyArgs {
+    /// Folder of the study.
+    #[arg(value_name = "STUDY", value_hint = ValueHint::DirPath)]
+    pub study: PathBuf,
+}
+
+/// What a study begins with.
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct InitOptions {
+    /// The study.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub args: StudyArgs,
+    /// Experiment of the camera, its lights and filters, and of the analysis; it is copied into the study.
+    #[arg(long, value_name = "EXPERIMENT")]
+    pub experiment: String,
+    /// Name of the study [default: that of its folder].
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
+    /// Where its people are examined, for norms that several sites pool.
+    #[arg(long, value_name = "NAME")]
+    pub site: Option<String>,
+}
+
+/// A study that began.
+#[derive(Clone, Debug, Serialize)]
+pub struct BegunStudy {
+    /// Its name.
+    pub name: String,
+    /// Its folder.
+    pub folder: PathBuf,
+}
+
+/// Begins a study in an empty folder, or goes on where the beginning was killed.
+///
+/// # Errors
+/// A folder that holds something else, an experiment that can't be read from within the study.
+pub fn init(options: &InitOptions, job: &Job) -> Result<BegunStudy> {
+    let folder = &options.args.study;
+    let shown = folder.display();
+    if folder.join(LOG).exists() && !Study::open(folder)?.log.entries.is_empty() {
+        return Err(Error::Input(format!(
+            "{shown}: this is a study already; import into it: fluorspar study import {shown} PHOTOS"
+        )));
+    }
+    let camera = camera_of(options)?;
+    let own_name = std::path::absolute(folder).ok();
+    let own_name = own_name.and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned()));
+    let name = options.name.clone().or(own_name).unwrap_or_default();
+    let description = json!({ "Name": name, "BIDSVersion": "1.10.0", "DatasetType": "raw" });
+    fs::create_dir_all(folder).map_err(|error| Error::Failed(format!("{shown}: {error}")))?;
+    write_new(&folder.join(CAMERA), camera.as_bytes())?;
+    write_new(&folder.join(".bidsignore"), b"camera.toml\nlog.jsonl\n**/photo/\n")?;
+    let description = serde_json::to_string_pretty(&description)?;
+    write_new(&folder.join("dataset_description.json"), description.as_bytes())?;
+    let site = options.site.clone().unwrap_or_default();
+    Study::open(folder)?.commit("init", vec![Event::Study { name: name.clone(), site }])?;
+    job.status(format!("Next: fluorspar study import {shown} PHOTOS"));
+    Ok(BegunStudy { name, folder: folder.clone() })
+}
+
+/// The experiment of a study, as it is read from within its folder: a file that it names must lie there, too.
+fn camera_of(options: &InitOptions) -> Result<String> {
+    let source = ExperimentSource::find(Some(&options.experiment))?;
+    if source.parse(&[])?.file.analysis.is_none() {
+        let name = &options.experiment;
+        return Err(Error::Input(format!("{name}: the experiment has no [analysis] section; add one")));
+    }
+    let text = match &source.file {
+        Some(_) => source.text.clone(),
+        None => format!("format = 1\nbase = \"{}\"\n", source.stem),
+    };
+    let folder = &options.args.study;
+    let copy = ExperimentSource { text: text.clone(), base_dir: folder.clone(), ..source };
+    copy.resolve(&[]).map_err(|error| {
+        let shown = folder.display();
+        Error::Input(format!(
+            "{error}\nA study holds a copy of its experiment: copy what that names into {shown} first"
+        ))
+    })?;
+    Ok(text)
+}
+
+/// Writes a file that is not there yet, or with these bytes.
+fn write_new(path: &Path, bytes: &[u8]) -> Result<()> {
+    if path.exists() && read_bounded(path, LARGEST_BYTES)? != bytes {
+        let shown = path.display();
+        return Err(Error::Input(format!("{shown}: this file is there and of no study; give a new folder")));
+    }
+    write(path, bytes)
+}
+
+/// A study, locked for this process.
+pub(crate) struct Study {
+    pub(crate) folder: PathBuf,
+    pub(crate) log: Log,
+    pub(crate) index: Index,
+}
+
+impl Study {
+    /// Opens a study, and brings its index up to its log.
+    pub(crate) fn open(folder: &Path) -> Result<Self> {
+        if !folder.join(CAMERA).is_file() {
+            let shown = folder.display();
+            return Err(Error::Input(format!(
+                "{shown}: this is no study; begin one with `fluorspar study init {shown} --experiment CAMERA.toml`"
+            )));
+        }
+        let log = Log::open(folder)?;
+        let index = Index::open(folder, &log.entries)?;
+        Ok(Self { folder: folder.into(), log, index })
+    }
+
+    /// Writes what happened: on the disk when it returns.
+    pub(crate) fn commit(&mut self, command: &str, events: Vec<Event>) -> Result<()> {
+        let known = self.log.entries.len();
+        self.log.append(command, events)?;
+        self.index.apply(&self.log.entries[known..])
+    }
+
+    /// The path of a file of the study as the working folder has it.
+    pub(crate) fn path(&self, file: &Path) -> PathBuf {
+        self.folder.join(file)
+    }
+
+    /// Copies a file into the study, on the disk when it returns; one that is there with these bytes stays.
+    pub(crate) fn take(&self, from: &Path, to: &Path, role: &str, sha256: &str) -> Result<StoredFile> {
+        let place = self.path(to);
+        let stored = StoredFile { role: role.into(), path: to.into(), sha256: sha256.into() };
+        if place.is_file() && digest_bounded(&place, LARGEST_BYTES)? == sha256 {
+            return Ok(stored);
+        }
+        let failed = |error: std::io::Error| Error::Failed(format!("{}: {error}", place.display()));
+        fs::create_dir_all(place.parent().unwrap_or(&self.folder)).map_err(failed)?;
+        let bytes = read_bounded(from, LARGEST_BYTES)?;
+        write_atomically(&place, |file| file.write_all(&bytes))?;
+        if digest_bounded(&place, LARGEST_BYTES)? != sha256 {
+            return Err(Error::Failed(format!(
+                "{}: it changed while it was copied; import it again",
+                from.display()
+            )));
+        }
+        Ok(stored)
+    }
+}
+
+/// Writes a file, on the disk when it returns.
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    Ok(write_atomically(path, |file| file.write_all(bytes))?)
+}

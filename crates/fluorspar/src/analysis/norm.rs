@@ -1,0 +1,441 @@
+//! Ranges of normal values from sums over people: adjusted for age and site, with repeated visits, pooled without the people.
+
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use super::ValueRange;
+use super::tolerance::normal_factor;
+use crate::sampling::Z_95;
+
+/// Ages are counted from here, in decades.
+const AGE_ZERO: f64 = 40.0;
+const AGE_UNIT: f64 = 10.0;
+
+/// What is measured of a person.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NormPerson {
+    /// Where the person is examined.
+    pub site: String,
+    /// Years; `None` where no age is asked for.
+    pub age: Option<f64>,
+    /// One value a visit.
+    pub values: Vec<f64>,
+}
+
+/// Sums over the people of a site: of their means over visits, straightened, and ages. Sums of joint people are the sums of theirs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SiteSums {
+    /// The site.
+    pub site: String,
+    /// People.
+    pub people: u64,
+    /// Sum of ages, decades from 40 years; 0 without ages.
+    pub age: f64,
+    /// Of their squares.
+    pub age_age: f64,
+    /// Of ages times means.
+    pub age_value: f64,
+    /// Of means.
+    pub value: f64,
+    /// Of their squares.
+    pub value_value: f64,
+    /// Of squares of values less the mean of their person.
+    pub within: f64,
+    /// Visits beyond the first.
+    pub within_degrees: u64,
+    /// Of one over the visits of each person.
+    pub inverse_visits: f64,
+}
+
+impl SiteSums {
+    fn add(&mut self, other: &Self) {
+        self.people += other.people;
+        self.age += other.age;
+        self.age_age += other.age_age;
+        self.age_value += other.age_value;
+        self.value += other.value;
+        self.value_value += other.value_value;
+        self.within += other.within;
+        self.within_degrees += other.within_degrees;
+        self.inverse_visits += other.inverse_visits;
+    }
+
+    /// `None` of a person without a value that `range` allows, or without the age that is asked for.
+    fn of(person: &NormPerson, range: ValueRange, by_age: bool) -> Option<Self> {
+        let values: Vec<f64> = person.values.iter().filter_map(|value| range.straightened(*value)).collect();
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let age = if by_age { (person.age? - AGE_ZERO) / AGE_UNIT } else { 0.0 };
+        (!values.is_empty()).then(|| Self {
+            site: person.site.clone(),
+            people: 1,
+            age,
+            age_age: age * age,
+            age_value: age * mean,
+            value: mean,
+            value_value: mean * mean,
+            within: values.iter().map(|value| (value - mean).powi(2)).sum(),
+            within_degrees: values.len() as u64 - 1,
+            inverse_visits: 1.0 / n,
+        })
+    }
+
+    fn means(&self) -> [f64; 2] {
+        [self.age / self.people as f64, self.value / self.people as f64]
+    }
+}
+
+/// What is normal: sums over people, by site.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NormSums {
+    /// Which values the number can take.
+    pub range: ValueRange,
+    /// Whether the number is adjusted for age.
+    pub by_age: bool,
+    /// Sums of each site, by name.
+    pub sites: Vec<SiteSums>,
+}
+
+/// Why there is no norm.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum NormError {
+    /// Too few people, in all or at a site.
+    #[error("{found} people{} are too few for a norm, which takes {least}", of_site(.site))]
+    FewPeople {
+        /// The site; empty for all.
+        site: String,
+        /// People.
+        found: u64,
+        /// Fewest.
+        least: u64,
+    },
+    /// All people are alike, or all of one age.
+    #[error("all people have the same {0}")]
+    NoSpread(&'static str),
+    /// Norms of other kinds of numbers.
+    #[error("one norm is adjusted for age and the other not, or their numbers are of different kinds")]
+    Unlike,
+    /// A site whose people the norm does not hold.
+    #[error("the norm has no people of the site \"{0}\", and sites differ")]
+    OtherSite(String),
+    /// An age is needed.
+    #[error("the norm is adjusted for age; give that of the person")]
+    NoAge,
+}
+
+fn of_site(site: &str) -> String {
+    if site.is_empty() { String::new() } else { format!(" of the site \"{site}\"") }
+}
+
+impl NormSums {
+    /// Fewest people of a site.
+    pub const LEAST: u64 = 10;
+
+    /// The sums of people; those without a value or without the age that is asked for are left out.
+    #[must_use]
+    pub fn of(people: &[NormPerson], range: ValueRange, by_age: bool) -> Self {
+        let mut sums = Self { range, by_age, sites: Vec::new() };
+        for of in people.iter().filter_map(|person| SiteSums::of(person, range, by_age)) {
+            sums.add_site(&of);
+        }
+        sums
+    }
+
+    fn add_site(&mut self, of: &SiteSums) {
+        match self.sites.binary_search_by(|site| site.site.cmp(&of.site)) {
+            Ok(at) => self.sites[at].add(of),
+            Err(at) => self.sites.insert(at, of.clone()),
+        }
+    }
+
+    /// The sums of the people of both.
+    ///
+    /// # Errors
+    /// [`NormError::Unlike`].
+    pub fn pooled(&self, other: &Self) -> Result<Self, NormError> {
+        if (self.range, self.by_age) != (other.range, other.by_age) {
+            return Err(NormError::Unlike);
+        }
+        let mut pooled = self.clone();
+        other.sites.iter().for_each(|site| pooled.add_site(site));
+        Ok(pooled)
+    }
+
+    /// People of all sites.
+    #[must_use]
+    pub fn people(&self) -> u64 {
+        self.sites.iter().map(|site| site.people).sum()
+    }
+
+    /// The norm: each site has a mean of its own; slope over age and spread are those of all.
+    ///
+    /// # Errors
+    /// Too few people, or people who are all alike.
+    pub fn fit(&self) -> Result<Norm, NormError> {
+        let few =
+            |site: &str, found: u64| NormError::FewPeople { site: site.into(), found, least: Self::LEAST };
+        if self.sites.is_empty() {
+            return Err(few("", 0));
+        }
+        if let Some(site) = self.sites.iter().find(|site| site.people < Self::LEAST) {
+            return Err(few(&site.site, site.people));
+        }
+        let total = |of: &dyn Fn(&SiteSums) -> f64| self.sites.iter().map(of).sum::<f64>();
+        let age_age = total(&|of| of.age_age - of.age * of.means()[0]);
+        let age_value = total(&|of| of.age_value - of.value * of.means()[0]);
+        let value_value = total(&|of| of.value_value - of.value * of.means()[1]);
+        if self.by_age && age_age <= 1e-9 {
+            return Err(NormError::NoSpread("age"));
+        }
+        let slope = if self.by_age { age_value / age_age } else { 0.0 };
+        let people = self.people() as f64;
+        let between_degrees = people - self.sites.len() as f64 - f64::from(u8::from(self.by_age));
+        let between = (value_value - slope * age_value).max(0.0) / between_degrees;
+        let within_degrees = self.sites.iter().map(|site| site.within_degrees).sum::<u64>() as f64;
+        let within = (within_degrees > 0.0).then(|| total(&|of| of.within) / within_degrees);
+        // One visit of a person varies by more than the mean of several does
+        let added = within.unwrap_or(0.0) * (1.0 - total(&|of| of.inverse_visits) / people);
+        let variance = between + added;
+        if variance <= 1e-24 {
+            return Err(NormError::NoSpread("value"));
+        }
+        let of_parts = between * between / between_degrees
+            + if added > 0.0 { added * added / within_degrees } else { 0.0 };
+        Ok(Norm {
+            sums: self.clone(),
+            slope,
+            age_age,
+            sd: variance.sqrt(),
+            degrees: variance * variance / of_parts,
+            sd_within: within.map(f64::sqrt),
+        })
+    }
+}
+
+/// What is normal, fitted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Norm {
+    sums: NormSums,
+    /// Of the straightened number over a decade of age.
+    slope: f64,
+    age_age: f64,
+    /// Standard deviation of the straightened number of one visit among people of one age and site.
+    pub sd: f64,
+    /// Its degrees of freedom (Satterthwaite, Biometrics Bulletin 2, 110, 1946).
+    pub degrees: f64,
+    /// That of visits of one person, where people came again.
+    pub sd_within: Option<f64>,
+}
+
+/// Where a person stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Standing {
+    /// The whole interval of the number lies within the range.
+    Inside,
+    /// The whole interval lies outside.
+    Outside,
+    /// The interval reaches over an end.
+    CannotTell,
+}
+
+/// A number against a norm.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NormPlace {
+    /// The range that holds 95 % of people of this age and site with 95 % confidence.
+    pub range: [f64; 2],
+    /// Where 95 % of what is known puts the percentile, 0 to 100.
+    pub percentile: [f64; 2],
+    /// Where the person stands.
+    pub standing: Standing,
+}
+
+impl Norm {
+    /// Mean of the straightened number for an age and a site, and the leverage: its variance over that of a person.
+    fn center(&self, age: Option<f64>, site: &str) -> Result<[f64; 2], NormError> {
+        let own = self.sums.sites.iter().find(|of| of.site == site);
+        let only = self.sums.sites.first().filter(|_| self.sums.sites.len() == 1);
+        let of = own.or(only).ok_or_else(|| NormError::OtherSite(site.into()))?;
+        let [mean_age, mean] = of.means();
+        let by_age = if self.sums.by_age {
+            (age.ok_or(NormError::NoAge)? - AGE_ZERO) / AGE_UNIT - mean_age
+        } else {
+            0.0
+        };
+        let leverage =
+            1.0 / of.people as f64 + if self.sums.by_age { by_age * by_age / self.age_age } else { 0.0 };
+        Ok([mean + self.slope * by_age, leverage])
+    }
+
+    /// The range that holds 95 % of people of an age and a site with 95 % confidence; a norm of one site serves all.
+    ///
+    /// # Errors
+    /// A site that the norm does not hold, an age that is missing.
+    pub fn range(&self, age: Option<f64>, site: &str) -> Result<[f64; 2], NormError> {
+        let [center, leverage] = self.center(age, site)?;
+        let reach = normal_factor(leverage, self.degrees) * self.sd;
+        Ok([center - reach, center + reach].map(|end| self.sums.range.bent(end)))
+    }
+
+    /// A number with its 95 % interval against the norm. Ends at an end of what is possible count as beyond everybody.
+    ///
+    /// # Errors
+    /// As [`Self::range`].
+    pub fn place(&self, interval: [f64; 2], age: Option<f64>, site: &str) -> Result<NormPlace, NormError> {
+        let range = self.range(age, site)?;
+        let [center, leverage] = self.center(age, site)?;
+        let percentile = |end: f64, sign: f64| {
+            let straight = self.sums.range.straightened(end).unwrap_or(sign * f64::INFINITY);
+            let distance = (straight - center) / self.sd;
+            if distance.is_infinite() {
+                return if distance > 0.0 { 100.0 } else { 0.0 };
+            }
+            let error = (leverage + distance * distance / (2.0 * self.degrees)).sqrt();
+            100.0 * Normal::standard().cdf(distance + sign * Z_95 * error)
+        };
+        let [low, high] = interval;
+        let standing = if low >= range[0] && high <= range[1] {
+            Standing::Inside
+        } else if high < range[0] || low > range[1] {
+            Standing::Outside
+        } else {
+            Standing::CannotTell
+        };
+        Ok(NormPlace { range, percentile: [percentile(low, -1.0), percentile(high, 1.0)], standing })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::tolerance::CONTENT;
+    use crate::sampling::random::Key;
+
+    fn person(value: f64) -> NormPerson {
+        NormPerson { values: vec![value], ..NormPerson::default() }
+    }
+
+    /// 20 to 80 years.
+    fn age_of(key: Key) -> f64 {
+        20.0 + 60.0 * (key.value() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// People of a study: normal, log-normal or growing with age.
+    fn study(kind: usize, n: u64, seed: u64) -> (NormSums, Vec<f64>) {
+        let key = Key::new(7).with(kind as u64).with(n).with(seed);
+        let people: Vec<NormPerson> = (0..n)
+            .map(|k| {
+                let of = key.with(k);
+                let (age, z) = (age_of(of.with(1)), of.with(2).normal());
+                let value = match kind {
+                    0 => 10.0 + 2.0 * z,
+                    1 => (0.8 * z).exp(),
+                    _ => 5.0 + 0.05 * age + 0.7 * z,
+                };
+                NormPerson { age: Some(age), ..person(value) }
+            })
+            .collect();
+        let range = if kind == 1 { ValueRange::Positive } else { ValueRange::Real };
+        (NormSums::of(&people, range, kind == 2), vec![25.0, 50.0, 75.0])
+    }
+
+    /// Of 1000 studies each at least 93 % have a range that holds 95 % of all people.
+    #[test]
+    fn ranges_hold_people_in_as_many_studies_as_they_say() {
+        let normal = Normal::standard();
+        for kind in 0..3 {
+            for n in [10, 20, 40, 120] {
+                let holds = |seed: &u64| {
+                    let (sums, ages) = study(kind, n, *seed);
+                    let norm = sums.fit().unwrap();
+                    // One age a study, of all
+                    let age = ages[*seed as usize % 3];
+                    let below = |end: f64| match kind {
+                        0 => normal.cdf((end - 10.0) / 2.0),
+                        1 => normal.cdf(end.ln() / 0.8),
+                        _ => normal.cdf((end - 5.0 - 0.05 * age) / 0.7),
+                    };
+                    let [low, high] = norm.range(Some(age), "").unwrap();
+                    below(high) - below(low) >= CONTENT
+                };
+                let share = (0..1000).filter(holds).count() as f64 / 1000.0;
+                assert!(share >= 0.93, "{kind}, {n}: {share}");
+                assert!(share <= 0.975, "needlessly wide: {kind}, {n}: {share}");
+            }
+        }
+    }
+
+    /// Ten people whose two visits differ by less than they do: the range is that of one visit of a new person.
+    #[test]
+    fn ranges_of_people_who_came_again_hold_single_visits() {
+        let normal = Normal::standard();
+        let holds = |seed: &u64| {
+            let key = Key::new(9).with(*seed);
+            let people: Vec<NormPerson> = (0..20u64)
+                .map(|k| {
+                    let of = key.with(k);
+                    let own = 3.0 * of.with(1).normal();
+                    let visits = 1 + k % 4;
+                    let values = (0..visits).map(|visit| own + 2.0 * of.with(2).with(visit).normal());
+                    NormPerson { values: values.collect(), ..NormPerson::default() }
+                })
+                .collect();
+            let norm = NormSums::of(&people, ValueRange::Real, false).fit().unwrap();
+            let [low, high] = norm.range(None, "").unwrap();
+            let sd = 13f64.sqrt();
+            normal.cdf(high / sd) - normal.cdf(low / sd) >= CONTENT
+        };
+        let share = (0..1000).filter(holds).count() as f64 / 1000.0;
+        assert!(share >= 0.93, "{share}");
+    }
+
+    /// The sums of two sites are those of their people together.
+    #[test]
+    fn norms_of_sites_pool_without_their_people() {
+        let of_site = |site: &str, n: u64, shift: f64| -> Vec<NormPerson> {
+            let key = Key::new(11).with(n);
+            let one = |k| {
+                let age = Some(age_of(key.with(k).with(1)));
+                let values = (0..1 + k % 2).map(|v| (0.3 * key.with(k).with(2 + v).normal() + shift).exp());
+                NormPerson { site: site.into(), age, values: values.collect() }
+            };
+            (0..n).map(one).collect()
+        };
+        let (a, b) = (of_site("A", 31, 0.0), of_site("B", 17, 0.5));
+        let of = |people: &[NormPerson]| NormSums::of(people, ValueRange::Positive, true);
+        let joint = of(&[b.clone(), a.clone()].concat()).fit().unwrap();
+        let text = serde_json::to_string(&of(&b)).unwrap();
+        let pooled = of(&a).pooled(&serde_json::from_str(&text).unwrap()).unwrap().fit().unwrap();
+        for site in ["A", "B"] {
+            for (x, y) in
+                joint.range(Some(33.0), site).unwrap().iter().zip(pooled.range(Some(33.0), site).unwrap())
+            {
+                assert!((x / y - 1.0).abs() < 1e-12, "{x} {y}");
+            }
+        }
+        assert_eq!(joint.range(Some(33.0), "C"), Err(NormError::OtherSite("C".into())));
+        assert_eq!(joint.range(None, "A"), Err(NormError::NoAge));
+        assert_eq!(of(&a).pooled(&NormSums::of(&b, ValueRange::Positive, false)), Err(NormError::Unlike));
+    }
+
+    #[test]
+    fn few_and_equal_people_have_no_norm_and_intervals_decide() {
+        let people: Vec<NormPerson> = (0..10).map(|k| person(f64::from(k))).collect();
+        let few = NormSums::of(&people[..9], ValueRange::Real, false).fit().unwrap_err();
+        assert_eq!(few.to_string(), "9 people are too few for a norm, which takes 10");
+        let equal = vec![person(1.0); 12];
+        assert_eq!(NormSums::of(&equal, ValueRange::Real, false).fit(), Err(NormError::NoSpread("value")));
+        let norm = NormSums::of(&people, ValueRange::Real, false).fit().unwrap();
+        // Mean 4.5, standard deviation 3.0277, factor 3.38
+        let [low, high] = norm.range(None, "").unwrap();
+        assert!((low + 5.75).abs() < 0.05 && (high - 14.75).abs() < 0.05, "{low} {high}");
+        let standing = |a, b| norm.place([a, b], None, "").unwrap().standing;
+        assert_eq!(standing(4.0, 14.0), Standing::Inside);
+        assert_eq!(standing(14.0, 16.0), Standing::CannotTell);
+        assert_eq!(standing(15.0, 16.0), Standing::Outside);
+        let place = norm.place([4.5, 4.5], None, "").unwrap();
+        assert!(place.percentile[0] < 30.0 && place.percentile[1] > 70.0, "{place:?}");
+    }
+}
