@@ -27,13 +27,16 @@ struct Running {
 
 impl Running {
     fn begin(&self, serial: u64) {
-        *self.serial.lock().unwrap_or_else(PoisonError::into_inner) = serial;
+        let mut running = self.serial.lock().unwrap_or_else(PoisonError::into_inner);
+        *running = serial;
         self.stop.store(false, Ordering::SeqCst);
     }
 
     /// Ends a piece of work, if it is the one that runs.
     fn end(&self, serial: u64) {
-        if *self.serial.lock().unwrap_or_else(PoisonError::into_inner) == serial {
+        // Held until the flag is set: the next piece of work may begin meanwhile
+        let running = self.serial.lock().unwrap_or_else(PoisonError::into_inner);
+        if *running == serial {
             self.stop.store(true, Ordering::SeqCst);
         }
     }

@@ -11,7 +11,7 @@ use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, ColorRendering, Preview}
 use fluorspar_experiment::DEFAULT_EXPERIMENT;
 use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_format::{
-    description_path, read_bounded, read_described_frame, write_atomically, write_label_png,
+    description_path, digest_bounded, read_bounded, read_described_frame, write_atomically, write_label_png,
 };
 use fluorspar_report::finding_lines;
 use fluorspar_session::{Error, Job, PhotographCamera, PhotographRow, Result, photographs_csv};
@@ -25,6 +25,8 @@ use crate::subject::{Heard, said};
 
 /// Name of the table that `analyze` takes.
 const TABLE: &str = "photographs.csv";
+/// Mask of a region that is asked about: no dropped file has such a name.
+const SCRATCH_MASK: &str = ".mask.png";
 /// Most pixels of a mask.
 const MOST_PIXELS: usize = 1 << 28;
 /// Largest file that is copied, bytes.
@@ -45,8 +47,8 @@ pub(crate) struct Photographs {
     developed: Mutex<Option<(Key, Arc<Developed>)>>,
     /// The last region that was asked about, with its photograph.
     analyzed: Mutex<Option<(usize, Arc<AnalyzedFrame>)>>,
-    /// Files that were written here, which may be written anew.
-    written: Mutex<Vec<PathBuf>>,
+    /// Files that were written here, with their digests: as long as they are as they were, they may be written anew.
+    written: Mutex<BTreeMap<PathBuf, String>>,
 }
 
 type Key = (String, usize, String);
@@ -190,6 +192,12 @@ impl Photographs {
             return Err(Error::Input(format!("{name:?} is no name of a file; rename it")));
         }
         let path = self.folder.path().join(name);
+        let is_taken = lock(&self.files).iter().any(|given| given.path == path);
+        if is_taken && read_bounded(&path, MOST_BYTES).is_ok_and(|known| known != bytes) {
+            return Err(Error::Input(format!(
+                "another {name} is here already; rename one of them, and drop it again"
+            )));
+        }
         write_atomically(&path, |file| file.write_all(bytes))?;
         if name.ends_with(".json") {
             return Ok(json!({ "description": name }));
@@ -258,7 +266,7 @@ impl Photographs {
     pub(crate) fn estimate(&self, asked: &EstimateRequest) -> Result<EstimateAnswer> {
         let files = |(capture, id): &(String, usize)| Ok((capture.clone(), self.given(*id)?.path));
         let frames: Vec<(String, PathBuf)> = asked.frames.iter().map(files).collect::<Result<_>>()?;
-        let mask = self.folder.path().join("mask.png");
+        let mask = self.folder.path().join(SCRATCH_MASK);
         if let Some(runs) = &asked.place.mask_runs {
             write_mask(&mask, asked.size, runs)?;
         }
@@ -299,7 +307,7 @@ impl Photographs {
         self.check_free(&files)?;
         for (path, content) in &files {
             content.write(path)?;
-            lock(&self.written).push(path.clone());
+            lock(&self.written).insert(path.clone(), digest_bounded(path, MOST_BYTES)?);
         }
         let names: Vec<String> = files.iter().map(|(path, _)| file_name(path)).collect();
         Ok(json!({ "folder": folder, "files": names }))
@@ -367,8 +375,10 @@ impl Photographs {
         for (path, content) in files {
             let of = |path: &Path| read_bounded(path, MOST_BYTES).ok();
             let is_same = |source: &PathBuf| of(source).is_some_and(|own| of(path) == Some(own));
-            let is_own =
-                written.contains(path) || matches!(content, Content::Copy(source) if is_same(source));
+            let is_as_written = written
+                .get(path)
+                .is_some_and(|written| digest_bounded(path, MOST_BYTES).is_ok_and(|now| now == *written));
+            let is_own = is_as_written || matches!(content, Content::Copy(source) if is_same(source));
             if path.exists() && !is_own {
                 return Err(Error::Input(format!(
                     "{} is there already, and nothing of yours is overwritten; give another folder, or move it away",

@@ -93,6 +93,10 @@ fn estimates_of_photographs_are_those_of_analyze() {
 #[test]
 fn what_is_no_raw_frame_is_refused_with_the_reason() {
     let served = with_frames();
+    // Cards of two cameras have files of one name
+    let other = fs::read(run_folder().join("raw_ambient.tiff")).unwrap();
+    let refused = dropped(&served, "raw_blue.tiff", &other);
+    assert!(refused.status == 422 && refused.text().contains("another raw_blue.tiff"), "{}", refused.text());
     let jpeg = dropped(&served, "photo.jpg", b"\xff\xd8\xff\xe0\0\x10JFIF\0 and more");
     let text = jpeg.text();
     assert!(
@@ -162,6 +166,9 @@ fn what_was_drawn_is_saved_and_nothing_is_overwritten() {
     assert!(same("raw_blue.tiff") && same("raw_blue.tiff.json") && names.len() == 6, "{names:?}");
     // Its own files are written anew, those of others stay
     assert_eq!(saved(&served, folder.path()).status, 200);
+    // But for what somebody has edited since
+    fs::write(folder.path().join("photographs.csv"), format!("{table}P2,,,,,,,,\n")).unwrap();
+    assert_eq!(saved(&served, folder.path()).status, 422);
     let other = tempfile::tempdir().unwrap();
     fs::write(other.path().join("photographs.csv"), "mine").unwrap();
     let refused = saved(&served, other.path());

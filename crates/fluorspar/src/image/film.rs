@@ -347,8 +347,20 @@ impl FilmScale {
 fn real(sum: u64, per_unit: f64) -> f64 {
     match sum as i64 {
         i64::MAX => f64::INFINITY,
+        i64::MIN => f64::NEG_INFINITY,
         sum => sum as f64 / per_unit,
     }
+}
+
+/// Sum of two sums. One that has left the range stays at its end.
+fn joined(a: u64, b: u64) -> u64 {
+    let is_at_end = |sum: i64| sum == i64::MAX || sum == i64::MIN;
+    let sum = match (a as i64, b as i64) {
+        (a, _) if is_at_end(a) => a,
+        (_, b) if is_at_end(b) => b,
+        (a, b) => a.saturating_add(b),
+    };
+    sum as u64
 }
 
 fn add(sums: &mut [u64], values: impl Iterator<Item = f64>, per_unit: &[f64], sign: BlockSign) {
@@ -356,10 +368,10 @@ fn add(sums: &mut [u64], values: impl Iterator<Item = f64>, per_unit: &[f64], si
         // The conversion saturates: what is too large (or infinite) stays at the end of the range.
         let units = (value * per_unit + 0.5).floor() as i64;
         *sum = match (sign, *sum as i64) {
-            (BlockSign::Add, sum) => sum.saturating_add(units),
-            (BlockSign::Remove, i64::MAX) => i64::MAX,
-            (BlockSign::Remove, sum) => sum.wrapping_sub(units),
-        } as u64;
+            (BlockSign::Add, _) => joined(*sum, units as u64),
+            (BlockSign::Remove, i64::MAX | i64::MIN) => *sum,
+            (BlockSign::Remove, sum) => sum.wrapping_sub(units) as u64,
+        };
     }
 }
 
@@ -570,7 +582,7 @@ impl Film {
                 continue;
             }
             for (a, b) in mine.sums.iter_mut().zip(sums) {
-                *a = a.saturating_add(*b);
+                *a = joined(*a, *b);
             }
             theirs.samples.iter().for_each(|range| mine.tile.add_samples(range.clone()));
         }
@@ -750,6 +762,11 @@ mod tests {
         }
         scale.mean(&sums, 0, 1, &mut mean);
         assert_eq!(mean, vec![-2.75; layout.grid.len()]);
+        // Also in films that are merged, and what is too large stays so
+        let of = |value: i64| value as u64;
+        assert_eq!(joined(of(-5), of(10)), of(5));
+        assert_eq!(joined(of(-5), of(-3)), of(-8));
+        assert_eq!(joined(of(i64::MAX), of(-3)), of(i64::MAX));
     }
 
     /// A sample that any run gives again.

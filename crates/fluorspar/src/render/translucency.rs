@@ -96,7 +96,7 @@ impl CompiledScene {
         sum / BINS as f32
     }
 
-    /// Whether two materials meet at a boundary inside of which light stays.
+    /// Whether two materials meet at a boundary: what light has passed is then taken for the body that it leaves.
     fn are_apart(&self, a: usize, b: usize) -> bool {
         let index = |material: usize| self.materials[material].coat_index();
         index(a).zip(index(b)).is_some_and(|(a, b)| (a - b).abs() > 0.1)
