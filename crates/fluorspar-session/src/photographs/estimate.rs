@@ -95,15 +95,20 @@ pub(super) struct EstimatedPhotograph {
     pub(super) picture: String,
 }
 
-/// Digest of what decides the estimates of a photograph: its files, regions and masks.
+/// Digest of what decides the estimates of a photograph: its files, frames of the camera, regions and masks.
 ///
 /// # Errors
 /// A file that can't be read.
-pub(super) fn key_of(photograph: &Photograph, regions: &[RegionOption]) -> Result<String> {
+pub(super) fn key_of(
+    photograph: &Photograph,
+    options: &AnalyzeOptions,
+    regions: &[RegionOption],
+) -> Result<String> {
+    let options = options_of(photograph, options);
     let mut parts = vec![photograph.patient.clone(), photograph.visit.clone()];
     let frames = photograph.frames.iter().map(|(capture, file)| (capture.as_str(), file.as_path()));
-    let dark = photograph.dark.iter().map(|file| ("dark", file.as_path()));
-    let flat = photograph.flat.iter().map(|file| ("flat", file.as_path()));
+    let dark = options.dark.iter().map(|file| ("dark", file.as_path()));
+    let flat = options.flat.iter().map(|file| ("flat", file.as_path()));
     for (role, file) in frames.chain(dark).chain(flat) {
         parts.extend([role.to_owned(), file.display().to_string(), digest_bounded(file, LARGEST_BYTES)?]);
         let description = fluorspar_format::description_path(file);

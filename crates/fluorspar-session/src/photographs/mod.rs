@@ -289,7 +289,7 @@ impl<'a> PhotographWork<'a> {
                 photograph.frames[0].1.display()
             )));
         }
-        let key = key_of(photograph, regions)?;
+        let key = key_of(photograph, self.options, regions)?;
         match known.remove(&key) {
             Some(known) => Ok((known, false)),
             None => Ok((estimate(photograph, self.options, regions, key, job)?, true)),
