@@ -28,6 +28,7 @@ use self::pairing::{
     KnownCapture, LeftOut, completed, holds_captures, holds_photographs, photographs_of, rows_of_folder,
 };
 use self::proposal::propose;
+use self::table::WRONG;
 use crate::region_option::{RegionOption, region_options};
 use crate::shard::journal_beside;
 use crate::{AnalyzeOptions, Error, ErrorKind, ExperimentSource, Job, Left, Result};
@@ -101,7 +102,8 @@ pub(crate) fn analyze_photographs(
     path: &Path,
     job: &Job,
 ) -> Result<AnalyzedPhotographs> {
-    let work = PhotographWork::prepare(options, path)?;
+    let mut work = PhotographWork::prepare(options, path)?;
+    work.leave_wrong_out(path)?;
     let regions: Vec<Vec<RegionOption>> =
         work.photographs.iter().map(|photograph| work.regions(photograph)).collect::<Result<_>>()?;
     let is_placed = |regions: &Vec<RegionOption>| !regions.is_empty();
@@ -224,6 +226,22 @@ impl<'a> PhotographWork<'a> {
         let frames =
             self.photographs.iter().flat_map(|photograph| photograph.frames.iter().map(|(_, file)| file));
         self.table.iter().chain(&self.source.file).chain(frames).cloned().collect()
+    /// Leaves regions of the verdict `wrong` out, and photographs that have no others.
+    fn leave_wrong_out(&mut self, path: &Path) -> Result<()> {
+        self.photographs.retain_mut(|photograph| {
+            let had_none = photograph.regions.is_empty();
+            photograph.regions.retain(|[_, _, verdict]| verdict != WRONG);
+            had_none || !photograph.regions.is_empty()
+        });
+        if self.photographs.is_empty() {
+            let shown = path.display();
+            return Err(Error::Input(format!(
+                "{shown}: the verdict of every region is \"wrong\"; place one"
+            )));
+        }
+        Ok(())
+    }
+
     }
 
     fn failures(&self) -> Vec<FailedPhotograph> {
