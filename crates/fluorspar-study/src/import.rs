@@ -7,7 +7,8 @@ use clap::ValueHint;
 use csv::{ReaderBuilder, Trim};
 use fluorspar_format::{description_path, digest_bounded, read_bounded, read_sensor_image};
 use fluorspar_session::{
-    AnalyzeOptions, Error, FailedPhotograph, Job, Left, Photograph, Result, find_photographs,
+    AnalyzeOptions, Error, ErrorKind, FailedPhotograph, Job, Left, Photograph, Result, find_photographs,
+    region_mask, region_with_mask,
 };
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,11 @@ use serde::{Deserialize, Serialize};
 use crate::event::{Event, Region, StoredFile, Subject};
 use crate::store::{CAMERA, LARGEST_BYTES, Study, StudyArgs};
 
+/// What a label is of.
+const PATIENT: &str = "patient";
+const VISIT: &str = "visit";
+/// Verdict of a region that does not count.
+const WRONG: &str = "wrong";
 /// Largest table that is read.
 const LARGEST_TABLE_BYTES: u64 = 64 << 20;
 
@@ -248,7 +254,6 @@ fn import_one(study: &mut Study, photograph: &Photograph, imported: &mut Importe
     } else {
         imported.known += 1;
     }
-    let regions = new_regions(study, photograph, [&subject, &session], &sha256)?;
     imported.regions += regions.len();
     events.extend(regions.into_iter().map(Event::Region));
     study.commit("import", events)
@@ -290,15 +295,22 @@ fn take_files(
     Ok(files)
 }
 
-/// Copies a mask to a place that its bytes tell.
-fn take_mask(study: &Study, from: &Path, stem: &Path) -> Result<StoredFile> {
+/// A mask at a place that its bytes tell.
+fn stored_mask(from: &Path, stem: &Path) -> Result<StoredFile> {
+    if !from.is_file() {
+        return Err(Error::Input(format!(
+            "{}: this mask of a region is not there; put it there, or write another place into the table",
+            from.display()
+        )));
+    }
     let digest = digest_bounded(from, LARGEST_BYTES)?;
     let ending = from.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let to = PathBuf::from(format!("{}_mask-{}.{ending}", stem.display(), &digest[..12]));
-    study.take(from, &to, "mask", &digest)
+    Ok(StoredFile { role: "mask".into(), path: to, sha256: digest })
 }
 
-/// Regions that the study does not have as they are.
+/// Regions that the study does not have as they are. A wrong one is told of where the study takes it for right, and no other of its name
+/// takes its place.
 fn new_regions(
     study: &Study,
     photograph: &Photograph,
@@ -306,18 +318,29 @@ fn new_regions(
     sha256: &str,
 ) -> Result<Vec<Region>> {
     let mut regions = Vec::new();
-    for [name, place, verdict] in &photograph.regions {
-        let is_mask = Path::new(place).is_file();
+    let has_other =
+        |name: &str| photograph.regions.iter().any(|[of, _, verdict]| of == name && verdict != WRONG);
+    for of in &photograph.regions {
+        let [name, place, verdict] = of;
+    let regions = new_regions(study, photograph, [&subject, &session], &sha256)?;
+        if verdict == WRONG && has_other(name) {
+            continue;
+        }
+        let from = region_mask(of)?;
         let stem = stem(subject, session, sha256);
-        let mask = is_mask.then(|| take_mask(study, Path::new(place), &stem)).transpose()?;
+        let mask = from.as_deref().map(|from| stored_mask(from, &stem)).transpose()?;
         let place =
-            mask.as_ref().map_or_else(|| place.clone(), |mask| mask.path.to_string_lossy().into_owned());
+            mask.as_ref().map_or_else(|| Ok(place.clone()), |mask| region_with_mask(of, &mask.path))?;
         let region =
             Region { photograph: sha256.into(), region: name.clone(), place, mask, verdict: verdict.clone() };
         let same = "SELECT verdict FROM region WHERE region_sha256 = ? AND current = 1";
         let known: Vec<String> = study.index.rows(same, [region.sha256()], |row| row.get(0))?;
-        if known.first() != Some(verdict) {
-            regions.push(region);
+        let is_new = if verdict == WRONG { !known.is_empty() } else { known.first() != Some(verdict) };
+        if !is_new {
+            continue;
+        }
+        if let (Some(from), Some(mask)) = (&from, &region.mask) {
+            study.take(from, &mask.path, &mask.role, &mask.sha256)?;
         }
     }
     Ok(regions)

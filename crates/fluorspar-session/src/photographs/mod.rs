@@ -134,16 +134,33 @@ pub fn find_photographs(
     let folder = work.table.as_deref().and_then(Path::parent).unwrap_or(Path::new("")).to_path_buf();
     let mut photographs = work.photographs;
     for region in photographs.iter_mut().flat_map(|photograph| &mut photograph.regions) {
-        region[1] = place_below(&folder, region)?;
+        if let Some(mask) = region_mask(region)? {
+            region[1] = region_with_mask(region, &folder.join(mask))?;
+        }
     }
     Ok((photographs, failures))
 }
 
-/// The place of a region, where it is a mask below a folder.
-fn place_below(folder: &Path, [name, place, _]: &[String; 3]) -> Result<String> {
+/// The mask of a region (name, place and verdict), in whatever form its place is written.
+///
+/// # Errors
+/// A region that can't be read.
+pub fn region_mask([name, place, _]: &[String; 3]) -> Result<Option<PathBuf>> {
+    Ok(region_options(&[format!("{name}={place}")])?.remove(0).masks().next().map(PathBuf::from))
+}
+
+/// The place of a region (name, place and verdict) with its mask, where it has one, at another path.
+///
+/// # Errors
+/// A region that can't be read.
+pub fn region_with_mask([name, place, _]: &[String; 3], mask: &Path) -> Result<String> {
     let region = region_options(&[format!("{name}={place}")])?.remove(0);
-    let is_file = !place.starts_with('{') && region.masks().next().is_some();
-    Ok(if is_file { folder.join(place).to_string_lossy().into_owned() } else { place.clone() })
+    let has_mask = region.masks().next().is_some();
+    Ok(match place.trim_start().starts_with('{') {
+        _ if !has_mask => place.clone(),
+        true => region.masked(mask).table(),
+        false => mask.to_string_lossy().into_owned(),
+    })
 }
 
 /// The estimates of one photograph, whose regions have masks as the working folder has them.
@@ -209,6 +226,22 @@ impl<'a> PhotographWork<'a> {
         Ok(Self { options, source, experiment, table, photographs, left_out, folder })
     }
 
+    /// Leaves regions of the verdict `wrong` out, and photographs that have no others.
+    fn leave_wrong_out(&mut self, path: &Path) -> Result<()> {
+        self.photographs.retain_mut(|photograph| {
+            let had_none = photograph.regions.is_empty();
+            photograph.regions.retain(|[_, _, verdict]| verdict != WRONG);
+            had_none || !photograph.regions.is_empty()
+        });
+        if self.photographs.is_empty() {
+            let shown = path.display();
+            return Err(Error::Input(format!(
+                "{shown}: the verdict of every region is \"wrong\"; place one"
+            )));
+        }
+        Ok(())
+    }
+
     fn regions(&self, photograph: &Photograph) -> Result<Vec<RegionOption>> {
         regions_of(photograph, self.options, self.table.as_deref(), &self.experiment)
     }
@@ -226,22 +259,6 @@ impl<'a> PhotographWork<'a> {
         let frames =
             self.photographs.iter().flat_map(|photograph| photograph.frames.iter().map(|(_, file)| file));
         self.table.iter().chain(&self.source.file).chain(frames).cloned().collect()
-    /// Leaves regions of the verdict `wrong` out, and photographs that have no others.
-    fn leave_wrong_out(&mut self, path: &Path) -> Result<()> {
-        self.photographs.retain_mut(|photograph| {
-            let had_none = photograph.regions.is_empty();
-            photograph.regions.retain(|[_, _, verdict]| verdict != WRONG);
-            had_none || !photograph.regions.is_empty()
-        });
-        if self.photographs.is_empty() {
-            let shown = path.display();
-            return Err(Error::Input(format!(
-                "{shown}: the verdict of every region is \"wrong\"; place one"
-            )));
-        }
-        Ok(())
-    }
-
     }
 
     fn failures(&self) -> Vec<FailedPhotograph> {
