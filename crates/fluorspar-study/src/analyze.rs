@@ -142,7 +142,7 @@ fn estimate_one(
     let options = AnalyzeOptions { experiment: Some(camera), ..AnalyzeOptions::default() };
     let found = match estimate_photograph(&options, &photograph, job) {
         Ok(found) => found,
-        Err(error @ (Error::Failed(_) | Error::Stopped(_))) => return Err(error),
+        Err(error) if error.kind() != ErrorKind::Input => return Err(error),
         Err(error) => {
             let failed = FailedPhotograph { frame: photograph.frames[0].1.clone(), why: error.to_string() };
             done.failures.push(failed);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use fluorspar_format::{OutputFolder, csv_cell};
-use fluorspar_session::{Error, Job, Left, Result};
+use fluorspar_session::{Error, ErrorKind, Job, Left, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::deidentify::{Deidentified, DeidentifiedFile, age_band, code, listed, write_frame, write_mask};
@@ -267,7 +267,7 @@ fn write_files(
                 from: fluorspar::digest::sha256_hex([sha256.clone()]),
                 actions,
             }),
-            Err(error @ Error::Failed(_)) => return Err(error),
+            Err(error) if error.kind() != ErrorKind::Input => return Err(error.at_its_place(folder)),
             Err(error) => failures.push(format!("{}: {}", from.display(), error.at_its_place(folder))),
         }
         share_done((done + 1) as f64 / all.len() as f64);

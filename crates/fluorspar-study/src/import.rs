@@ -186,7 +186,7 @@ fn import_photographs(study: &mut Study, path: &Path, imported: &mut ImportedStu
             return Err(Error::Stopped(text));
         }
         match import_one(study, photograph, imported) {
-            Err(error @ Error::Failed(_)) => return Err(error),
+            Err(error) if error.kind() != ErrorKind::Input => return Err(error),
             Err(error) => imported
                 .failures
                 .push(FailedPhotograph { frame: photograph.frames[0].1.clone(), why: error.to_string() }),
