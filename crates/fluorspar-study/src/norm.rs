@@ -115,13 +115,6 @@ impl NormFile {
     pub fn fit(&self) -> Result<Norm> {
         self.sums.fit().map_err(|error| wrong(&error))
     }
-
-    /// Whether a number of a person of the first site, 50 years old, lies within the norm.
-    pub(crate) fn holds(&self, value: f64) -> bool {
-        let site = self.sums.sites.first().map_or("", |site| &site.site);
-        let range = self.fit().ok().and_then(|norm| norm.range(Some(50.0), site).ok());
-        range.is_some_and(|[low, high]| (low..=high).contains(&value))
-    }
 }
 
 pub(crate) fn wrong(error: &NormError) -> Error {
