@@ -28,6 +28,9 @@ pub enum Event {
         name: String,
         /// Where its people are examined.
         site: String,
+        /// Of random bytes: codes of exports are made with it. It never leaves.
+        #[serde(default, skip_serializing_if = "String::is_empty")]
+        secret: String,
     },
     /// A person, or what is newly known of one.
     Subject(Subject),

@@ -181,7 +181,7 @@ fn apply_one(to: &Connection, entry: &Entry) -> rusqlite::Result<()> {
         entry.sha256
     ])?;
     match &entry.event {
-        Event::Study { name, site } => to.execute("INSERT INTO study VALUES (?, ?)", params![name, site]).map(|_| ()),
+        Event::Study { name, site, .. } => to.execute("INSERT INTO study VALUES (?, ?)", params![name, site]).map(|_| ()),
         Event::Subject(of) => to
             .prepare_cached(
                 "INSERT INTO subject (subject, site, sex, age, skin, smoker, consent) VALUES (?, ?, ?, ?, ?, ?, ?)
