@@ -7,7 +7,7 @@ use fluorspar_session::{Error, Result};
 use rusqlite::{Connection, Row, params};
 
 use crate::event::{Event, LoggedEstimate, quantity_name};
-use crate::log::Entry;
+use crate::log::{Entry, LOG};
 
 /// Folder of what is made from the truth.
 pub(crate) const FOLDER: &str = ".fluorspar";
@@ -51,11 +51,14 @@ fn failed(error: rusqlite::Error) -> Error {
 }
 
 impl Index {
-    /// The index of a folder, with all that the log says: made anew where there is none, or one of other lines.
+    /// The index of a folder, with all that the log says: made anew where there is none, or one of another version.
+    ///
+    /// # Errors
+    /// An index of lines that the log does not have.
     pub(crate) fn open(folder: &Path, entries: &[Entry]) -> Result<Self> {
         let path = folder.join(FOLDER).join(FILE);
         if let Ok(connection) = Connection::open(&path)
-            && let Some(seq) = known_until(&connection, entries)
+            && let Some(seq) = known_until(&connection, entries)?
         {
             let mut index = Self { connection, waiting: 0 };
             index.apply(&entries[seq..])?;
@@ -160,15 +163,24 @@ fn remove(path: &Path) -> Result<()> {
     }
 }
 
-/// How many lines an index holds, where it is one of these.
-fn known_until(connection: &Connection, entries: &[Entry]) -> Option<usize> {
-    let version: i64 = connection.pragma_query_value(None, "user_version", |row| row.get(0)).ok()?;
+/// How many lines an index holds, where it can be read and is of this version.
+///
+/// # Errors
+/// Lines that the log does not have.
+fn known_until(connection: &Connection, entries: &[Entry]) -> Result<Option<usize>> {
     let last = "SELECT seq, sha256 FROM audit ORDER BY seq DESC LIMIT 1";
-    let (seq, sha256): (i64, String) =
-        connection.query_row(last, [], |row| Ok((row.get(0)?, row.get(1)?))).ok()?;
-    let same =
-        entries.get(usize::try_from(seq).ok()?.checked_sub(1)?).is_some_and(|entry| entry.sha256 == sha256);
-    (version == VERSION && same).then_some(seq as usize)
+    let read = |row: &Row<'_>| Ok((row.get::<_, i64>(0)?, row.get::<_, String>(1)?));
+    let Ok((seq, sha256)) = connection.query_row(last, [], read) else { return Ok(None) };
+    let of_log = usize::try_from(seq - 1).ok().and_then(|at| entries.get(at));
+    if of_log.is_none_or(|entry| entry.sha256 != sha256) {
+        return Err(Error::Input(format!(
+            "the index of the study knows {seq} lines of the log, which has {} and not these: {LOG} was shortened or replaced. Take it from a copy of the \
+             study. Only if there is none, and what is missing may be lost, `fluorspar study reindex` makes the index of what is left",
+            entries.len()
+        )));
+    }
+    let version: i64 = connection.pragma_query_value(None, "user_version", |row| row.get(0)).unwrap_or(0);
+    Ok((version == VERSION).then_some(seq as usize))
 }
 
 fn apply_one(to: &Connection, entry: &Entry) -> rusqlite::Result<()> {
