@@ -47,6 +47,9 @@ pub enum Event {
         subject: String,
         /// The visit.
         session: String,
+        /// The visit as the table has it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        visit: Option<String>,
         /// Its frames, the analyzed one first, and frames of the camera.
         files: Vec<StoredFile>,
     },
@@ -71,6 +74,9 @@ pub enum Event {
 pub struct Subject {
     /// The pseudonym: letters and digits.
     pub subject: String,
+    /// The pseudonym as the table has it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub written: Option<String>,
     /// Where the person is examined; that of the study where empty.
     pub site: String,
     /// As the study has it.

@@ -296,3 +296,15 @@ fn captures_of(study: &Study) -> Result<Vec<String>> {
     let sql = "SELECT DISTINCT role FROM file WHERE role NOT IN ('mask', 'description', 'dark', 'flat') ORDER BY role";
     study.index.rows(sql, [], |row| row.get(0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn visits_are_in_the_order_of_their_numbers() {
+        let mut visits = ["10", "1.10", "v2", "2", "1.2", "1", "v10"];
+        visits.sort_by_key(|visit| natural(visit));
+        assert_eq!(visits, ["1", "1.2", "1.10", "2", "10", "v2", "v10"]);
+    }
+}

@@ -13,13 +13,13 @@ use crate::log::{Entry, LOG};
 pub(crate) const FOLDER: &str = ".fluorspar";
 const FILE: &str = "study.sqlite";
 /// Version of the tables: an index of another is made anew.
-const VERSION: i64 = 1;
+const VERSION: i64 = 2;
 
 const TABLES: &str = "
 CREATE TABLE audit (seq INTEGER PRIMARY KEY, before TEXT, at TEXT, who TEXT, command TEXT, sha256 TEXT);
 CREATE TABLE study (name TEXT, site TEXT);
 CREATE TABLE subject (subject TEXT PRIMARY KEY, site TEXT, sex TEXT, age REAL, skin TEXT, smoker TEXT, consent TEXT, withdrawn INTEGER NOT NULL DEFAULT 0);
-CREATE TABLE photograph (photograph TEXT PRIMARY KEY, subject TEXT NOT NULL, session TEXT NOT NULL);
+CREATE TABLE photograph (photograph TEXT PRIMARY KEY, subject TEXT NOT NULL, session TEXT NOT NULL, visit TEXT NOT NULL);
 CREATE TABLE file (path TEXT PRIMARY KEY, photograph TEXT NOT NULL, role TEXT NOT NULL, sha256 TEXT NOT NULL);
 CREATE TABLE region (region_sha256 TEXT PRIMARY KEY, photograph TEXT NOT NULL, region TEXT NOT NULL, place TEXT NOT NULL, verdict TEXT, current INTEGER NOT NULL);
 CREATE TABLE estimate (photograph TEXT NOT NULL, region_sha256 TEXT NOT NULL, region TEXT NOT NULL, quantity TEXT NOT NULL, channel TEXT NOT NULL,
@@ -205,8 +205,9 @@ fn apply_one(to: &Connection, entry: &Entry) -> rusqlite::Result<()> {
         Event::Withdrawal { subject } => {
             to.execute("UPDATE subject SET withdrawn = 1 WHERE subject = ?", params![subject]).map(|_| ())
         }
-        Event::Photograph { photograph, subject, session, files } => {
-            to.prepare_cached("INSERT OR REPLACE INTO photograph VALUES (?, ?, ?)")?.execute(params![photograph, subject, session])?;
+        Event::Photograph { photograph, subject, session, visit, files } => {
+            let visit = visit.as_ref().unwrap_or(session);
+            to.prepare_cached("INSERT OR REPLACE INTO photograph VALUES (?, ?, ?, ?)")?.execute(params![photograph, subject, session, visit])?;
             files.iter().try_for_each(|file| add_file(to, photograph, file))
         }
         Event::Region(of) => {
