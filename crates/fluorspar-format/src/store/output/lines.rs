@@ -83,3 +83,20 @@ impl AppendedLines {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_failed_append_left_is_cut() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lines");
+        let (mut lines, _) = AppendedLines::open(&path).unwrap();
+        lines.append("one\n").unwrap();
+        lines.file.write_all(b"tw").unwrap();
+        lines.finish("two\n", Err(io::ErrorKind::StorageFull.into())).unwrap_err();
+        lines.append_synced("three\n").unwrap();
+        assert_eq!(AppendedLines::read(&path).unwrap(), b"one\nthree\n");
+    }
+}
