@@ -299,3 +299,27 @@ pub(super) fn picture_of(photograph: &EstimatedPhotograph) -> Result<Vec<u8>> {
         .decode(&photograph.picture)
         .map_err(|error| Error::Failed(format!("the journal is damaged: {error}")))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_holds_the_frames_of_the_command_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let [frame, dark] = ["P1_blue.dng", "dark.dng"].map(|name| folder.path().join(name));
+        std::fs::write(&frame, b"frame").unwrap();
+        std::fs::write(&dark, b"dark").unwrap();
+        let photograph = Photograph { frames: vec![("blue".into(), frame)], ..Photograph::default() };
+        let key = |dark: &[PathBuf], flat: &[PathBuf]| {
+            let options =
+                AnalyzeOptions { dark: dark.into(), flat: flat.into(), ..AnalyzeOptions::default() };
+            key_of(&photograph, &options, &[]).unwrap()
+        };
+        let dark = std::slice::from_ref(&dark);
+        let keys = [key(&[], &[]), key(dark, &[]), key(&[], dark)];
+        assert!(keys[0] != keys[1] && keys[1] != keys[2] && keys[0] != keys[2]);
+        std::fs::write(&dark[0], b"another").unwrap();
+        assert_ne!(key(dark, &[]), keys[1]);
+    }
+}
