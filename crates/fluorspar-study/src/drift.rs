@@ -170,10 +170,34 @@ fn drift_of(region: String, quantity: String, mut changes: Vec<f64>) -> Quantity
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fluorspar::analysis::{NormPerson, NormSums};
+    use fluorspar::findings::FindingId;
 
     #[test]
     fn a_shift_is_what_was_added() {
         let found = drift_of("tongue".into(), "red_share".into(), vec![0.02, 0.01, -0.05, 0.01]);
         assert_eq!((found.n, found.median, found.largest), (4, 0.01, 0.05));
+    }
+
+    /// A number that falls with the years is that of an old person, not of a young one.
+    #[test]
+    fn people_cross_the_limits_of_their_age_and_site() {
+        let of_age = |age: f64, k: u32| 0.6 - 0.005 * age + 0.004 * f64::from(k % 3);
+        let person = |k: u32| {
+            let age = 20.0 + 5.0 * f64::from(k);
+            NormPerson { site: "north".into(), age: Some(age), values: vec![of_age(age, k)] }
+        };
+        let people: Vec<NormPerson> = (0..13).map(person).collect();
+        let other = people.iter().map(|person| NormPerson { site: "south".into(), ..person.clone() });
+        let all: Vec<NormPerson> = people.iter().cloned().chain(other).collect();
+        let range = FindingId::ChromaticityR.value_range().unwrap();
+        let norm = NormSums::of(&all, range, true).fit().unwrap();
+        let crosses = |age: Option<f64>, site: &str| {
+            way(&norm, of_age(20.0, 1), &Number { value: of_age(80.0, 1), age, site: site.into() })
+        };
+        assert_eq!(crosses(Some(20.0), "north"), Ok(Some("out of")));
+        assert_eq!(crosses(Some(80.0), "south"), Ok(Some("into")));
+        assert_eq!(crosses(None, "north"), Err(NormError::NoAge));
+        assert_eq!(crosses(Some(20.0), "west"), Err(NormError::OtherSite("west".into())));
     }
 }
