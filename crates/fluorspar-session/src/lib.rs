@@ -75,7 +75,8 @@ pub use live_render::{LiveRender, LiveStudy};
 pub use options::{TaskOption, TaskOptions};
 pub use photographs::{
     AnalyzedPhotographs, FailedPhotograph, IntervalKind, PatientEstimate, Photograph, PhotographCamera,
-    PhotographRow, estimate_photograph, find_photographs, photographs_csv, read_photographs,
+    PhotographRow, estimate_photograph, find_photographs, photographs_csv, read_photographs, region_mask,
+    region_with_mask,
 };
 pub use plane_cache::Wanted;
 pub use predict::{Compatibility, PredictOptions, PredictedSample, filter_list, predict};

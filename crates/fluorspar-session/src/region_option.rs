@@ -87,13 +87,28 @@ fn fields_of_table(text: &str) -> Option<Vec<(String, String)>> {
 impl RegionOption {
     /// The region with its mask, where it is one, below a folder.
     #[must_use]
-    pub(crate) fn below(mut self, folder: &Path) -> Self {
-        let masks: Vec<String> = self.masks().collect();
-        let fields = self.fields.iter_mut().filter(|(field, _)| field == "mask");
-        for ((_, value), mask) in fields.zip(masks) {
-            *value = quoted(&folder.join(mask).to_string_lossy());
+    pub(crate) fn below(self, folder: &Path) -> Self {
+        let mask = self.masks().next();
+        match mask {
+            Some(mask) => self.masked(&folder.join(mask)),
+            None => self,
+        }
+    }
+
+    /// The region with its mask, where it is one, at another path.
+    #[must_use]
+    pub(crate) fn masked(mut self, mask: &Path) -> Self {
+        for (_, value) in self.fields.iter_mut().filter(|(field, _)| field == "mask") {
+            *value = quoted(&mask.to_string_lossy());
         }
         self
+    }
+
+    /// Its fields as an inline table.
+    pub(crate) fn table(&self) -> String {
+        let fields: Vec<String> =
+            self.fields.iter().map(|(field, value)| format!("{field} = {value}")).collect();
+        format!("{{ {} }}", fields.join(", "))
     }
 
     /// Its mask, where it has one.
@@ -140,11 +155,8 @@ impl RegionOption {
         let Some(analysis) = &experiment.file.analysis else { return Vec::new() };
         let path = format!("analysis.region.{}", quoted(&self.name));
         let replaced = analysis.region.iter().any(|region| region.name == self.name);
-        let fields: Vec<String> =
-            self.fields.iter().map(|(field, value)| format!("{field} = {value}")).collect();
-        let table = format!("{{ {} }}", fields.join(", "));
         let unset = replaced.then(|| Override::unset(&path));
-        unset.into_iter().chain([Override::insert(&path, table, self.typed.clone())]).collect()
+        unset.into_iter().chain([Override::insert(&path, self.table(), self.typed.clone())]).collect()
     }
 }
 

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use fluorspar::digest::sha256_hex;
 use fluorspar_session::{
-    AnalyzeOptions, Error, FailedPhotograph, Job, Left, PatientEstimate, Photograph, Result,
-    estimate_photograph, read_text,
+    AnalyzeOptions, Error, ErrorKind, FailedPhotograph, Job, Left, PatientEstimate, Photograph, Result,
+    estimate_photograph, read_text, region_mask, region_with_mask,
 };
 use serde::{Deserialize, Serialize};
 
@@ -142,7 +142,7 @@ fn estimate_one(
     let options = AnalyzeOptions { experiment: Some(camera), ..AnalyzeOptions::default() };
     let found = match estimate_photograph(&options, &photograph, job) {
         Ok(found) => found,
-        Err(error @ (Error::Failed(_) | Error::Stopped(_))) => return Err(error),
+        Err(error) if error.kind() != ErrorKind::Input => return Err(error),
         Err(error) => {
             let failed = FailedPhotograph { frame: photograph.frames[0].1.clone(), why: error.to_string() };
             done.failures.push(failed);
@@ -183,9 +183,12 @@ fn photograph_of(study: &Study, wanted: &Wanted) -> Result<Photograph> {
     let is_frame = |role: &str| !["dark", "flat", "mask", "description"].contains(&role);
     let mut frames: Vec<&[String; 3]> = files.iter().filter(|[role, ..]| is_frame(role)).collect();
     frames.sort_by_key(|[_, _, sha256]| *sha256 != wanted.photograph);
-    let place = |place: &String| {
-        let is_mask = files.iter().any(|[role, path, _]| role == "mask" && path == place);
-        if is_mask { study.path(Path::new(place)).to_string_lossy().into_owned() } else { place.clone() }
+    let region = |[_, name, at, verdict]: &[String; 4]| {
+        let mut region = [name.clone(), at.clone(), verdict.clone()];
+        if let Some(mask) = region_mask(&region)? {
+            region[1] = region_with_mask(&region, &study.path(&mask))?;
+        }
+        Ok(region)
     };
     Ok(Photograph {
         patient: wanted.subject.clone(),
@@ -193,10 +196,6 @@ fn photograph_of(study: &Study, wanted: &Wanted) -> Result<Photograph> {
         frames: frames.iter().map(|[role, path, _]| (role.clone(), study.path(Path::new(path)))).collect(),
         dark: of_role("dark"),
         flat: of_role("flat"),
-        regions: wanted
-            .regions
-            .iter()
-            .map(|[_, name, at, verdict]| [name.clone(), place(at), verdict.clone()])
-            .collect(),
+        regions: wanted.regions.iter().map(region).collect::<Result<_>>()?,
     })
 }

@@ -97,7 +97,7 @@ pub fn compare(options: &AgainstNormOptions, _: &Job) -> Result<ComparedPeople> 
         };
         let own =
             rows(&study, &query)?.into_iter().filter(|row| !row.withdrawn && row.channel == norm.channel);
-        for row in own.filter(|row| region_of(&norm, row)) {
+        for row in own.filter(|row| region_of(&norm, &row.region)) {
             match person(&norm, &fitted, &row) {
                 Ok(person) => compared.people.push(person),
                 Err(why) => compared.left_out.push(format!("{}, visit {}: {why}", row.subject, row.session)),
@@ -109,13 +109,13 @@ pub fn compare(options: &AgainstNormOptions, _: &Job) -> Result<ComparedPeople> 
 }
 
 /// Whether a region is that of a norm: a simulated mouth has parts, of which the tongue is `tongue_dorsum` and the lips `lower_lip`.
-fn region_of(norm: &NormFile, row: &QueriedRow) -> bool {
-    let part = match row.region.as_str() {
+pub(crate) fn region_of(norm: &NormFile, region: &str) -> bool {
+    let part = match region {
         "tongue" => "tongue_dorsum",
         "lips" | "lip" => "lower_lip",
         other => other,
     };
-    row.region == norm.region || (norm.origin == "simulated" && part == norm.region)
+    region == norm.region || (norm.origin == "simulated" && part == norm.region)
 }
 
 fn person(

@@ -28,6 +28,9 @@ pub enum Event {
         name: String,
         /// Where its people are examined.
         site: String,
+        /// Of random bytes: codes of exports are made with it. It never leaves.
+        #[serde(default, skip_serializing_if = "String::is_empty")]
+        secret: String,
     },
     /// A person, or what is newly known of one.
     Subject(Subject),
@@ -44,6 +47,9 @@ pub enum Event {
         subject: String,
         /// The visit.
         session: String,
+        /// The visit as the table has it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        visit: Option<String>,
         /// Its frames, the analyzed one first, and frames of the camera.
         files: Vec<StoredFile>,
     },
@@ -68,6 +74,9 @@ pub enum Event {
 pub struct Subject {
     /// The pseudonym: letters and digits.
     pub subject: String,
+    /// The pseudonym as the table has it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub written: Option<String>,
     /// Where the person is examined; that of the study where empty.
     pub site: String,
     /// As the study has it.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use fluorspar_format::{OutputFolder, csv_cell};
-use fluorspar_session::{Error, Job, Left, Result};
+use fluorspar_session::{Error, ErrorKind, Job, Left, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::deidentify::{Deidentified, DeidentifiedFile, age_band, code, listed, write_frame, write_mask};
@@ -87,8 +87,8 @@ struct Outside {
 /// # Errors
 /// A study that can't be opened, a folder that can't be written, nobody with consent.
 pub fn export(options: &ExportOptions, job: &Job) -> Result<ExportedStudy> {
-    let study = Study::open(&options.args.study)?;
-    let secret = study.log.entries.first().map(|first| first.sha256.clone()).unwrap_or_default();
+    let mut study = Study::open(&options.args.study)?;
+    let secret = study.secret()?;
     let (people, left_out) = people(&study, &secret)?;
     if people.is_empty() {
         return Err(Error::Input(
@@ -173,12 +173,28 @@ fn people(study: &Study, secret: &str) -> Result<(BTreeMap<String, Outside>, usi
         all.into_iter().filter(|(_, _, may_leave)| *may_leave).map(|(subject, person, _)| (subject, person)),
     );
     for (subject, person) in &mut people {
-        let sql = "SELECT DISTINCT session FROM photograph WHERE subject = ? ORDER BY session";
-        let visits: Vec<String> = study.index.rows(sql, [subject], |row| row.get(0))?;
-        person.visits = visits.into_iter().zip(1..).collect();
+        let sql = "SELECT session, min(visit) FROM photograph WHERE subject = ? GROUP BY session";
+        let mut visits: Vec<[String; 2]> =
+            study.index.rows(sql, [subject], |row| Ok([row.get(0)?, row.get(1)?]))?;
+        visits.sort_by_cached_key(|[session, visit]| (natural(visit), session.clone()));
+        person.visits = visits.into_iter().map(|[session, _]| session).zip(1..).collect();
     }
     let left_out = count - people.len();
     Ok((people, left_out))
+}
+
+/// A key by which words are in the order of the numbers in them: 2 before 10.
+fn natural(word: &str) -> Vec<(u64, String)> {
+    let mut parts: Vec<String> = Vec::new();
+    for c in word.chars() {
+        match parts.last_mut() {
+            Some(last) if last.ends_with(|of: char| of.is_ascii_digit()) == c.is_ascii_digit() => {
+                last.push(c)
+            }
+            _ => parts.push(c.into()),
+        }
+    }
+    parts.into_iter().map(|part| (part.parse().unwrap_or(u64::MAX), part)).collect()
 }
 
 /// The numbers of people who may leave.
@@ -267,7 +283,7 @@ fn write_files(
                 from: fluorspar::digest::sha256_hex([sha256.clone()]),
                 actions,
             }),
-            Err(error @ Error::Failed(_)) => return Err(error),
+            Err(error) if error.kind() != ErrorKind::Input => return Err(error.at_its_place(folder)),
             Err(error) => failures.push(format!("{}: {}", from.display(), error.at_its_place(folder))),
         }
         share_done((done + 1) as f64 / all.len() as f64);
@@ -279,4 +295,16 @@ fn write_files(
 fn captures_of(study: &Study) -> Result<Vec<String>> {
     let sql = "SELECT DISTINCT role FROM file WHERE role NOT IN ('mask', 'description', 'dark', 'flat') ORDER BY role";
     study.index.rows(sql, [], |row| row.get(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn visits_are_in_the_order_of_their_numbers() {
+        let mut visits = ["10", "1.10", "v2", "2", "1.2", "1", "v10"];
+        visits.sort_by_key(|visit| natural(visit));
+        assert_eq!(visits, ["1", "1.2", "1.10", "2", "10", "v2", "v10"]);
+    }
 }

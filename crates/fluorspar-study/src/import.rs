@@ -7,14 +7,20 @@ use clap::ValueHint;
 use csv::{ReaderBuilder, Trim};
 use fluorspar_format::{description_path, digest_bounded, read_bounded, read_sensor_image};
 use fluorspar_session::{
-    AnalyzeOptions, Error, FailedPhotograph, Job, Left, Photograph, Result, find_photographs,
+    AnalyzeOptions, Error, ErrorKind, FailedPhotograph, Job, Left, Photograph, Result, find_photographs,
+    region_mask, region_with_mask,
 };
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::event::{Event, Region, StoredFile, Subject};
 use crate::store::{CAMERA, LARGEST_BYTES, Study, StudyArgs};
 
+/// What a label is of.
+const PATIENT: &str = "patient";
+const VISIT: &str = "visit";
+/// Verdict of a region that does not count.
+const WRONG: &str = "wrong";
 /// Largest table that is read.
 const LARGEST_TABLE_BYTES: u64 = 64 << 20;
 
@@ -52,6 +58,45 @@ pub struct ImportedStudy {
     pub outcomes: usize,
     /// Photographs that were not taken in.
     pub failures: Vec<FailedPhotograph>,
+}
+
+/// A line of the table of people; what it has no column for is `None`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SubjectRow {
+    subject: String,
+    #[serde(default, deserialize_with = "given")]
+    site: Option<String>,
+    #[serde(default, deserialize_with = "given")]
+    sex: Option<String>,
+    #[serde(default, deserialize_with = "given")]
+    age: Option<Option<f64>>,
+    #[serde(default, deserialize_with = "given")]
+    skin: Option<String>,
+    #[serde(default, deserialize_with = "given")]
+    smoker: Option<String>,
+    #[serde(default, deserialize_with = "given")]
+    consent: Option<String>,
+}
+
+/// A cell of a column that is there, be it empty.
+fn given<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Option<T>, D::Error> {
+    T::deserialize(from).map(Some)
+}
+
+impl SubjectRow {
+    /// What is known of the person with this line: columns that the table does not have stay.
+    fn over(self, known: Subject) -> Subject {
+        Subject {
+            site: self.site.unwrap_or(known.site),
+            sex: self.sex.unwrap_or(known.sex),
+            age: self.age.unwrap_or(known.age),
+            skin: self.skin.unwrap_or(known.skin),
+            smoker: self.smoker.unwrap_or(known.smoker),
+            consent: self.consent.unwrap_or(known.consent),
+            ..known
+        }
+    }
 }
 
 /// A line of the table of outcomes.
@@ -100,23 +145,86 @@ fn table<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
     rows.collect()
 }
 
-/// The pseudonym of a person as BIDS has it: letters and digits.
-fn pseudonym(text: &str) -> Result<String> {
+/// A person (`patient`) or a visit as BIDS has it: letters and digits.
+fn label_of(what: &str, text: &str) -> Result<String> {
     let is_between = |c: char| ['_', '-', '.'].contains(&c);
     let label: String = text.chars().filter(|c| !is_between(*c)).collect();
     let is_label = |c: char| c.is_ascii_alphanumeric();
     if label.is_empty() || !label.chars().all(is_label) {
-        return Err(Error::Input(format!(
-            "\"{text}\" is no pseudonym: a study holds no names, and files are called by letters and digits; write P01 or the like as patient"
-        )));
+        let why = match what {
+            VISIT => {
+                "no label of a visit: files are called by letters and digits; write 1 or the like as visit"
+            }
+            _ => {
+                "no pseudonym: a study holds no names, and files are called by letters and digits; write P01 or the like as patient"
+            }
+        };
+        return Err(Error::Input(format!("\"{text}\" is {why}")));
     }
     Ok(label)
 }
 
+/// Labels of people and of their visits, and how tables write them: no two may have one label.
+struct Labels(BTreeMap<[String; 2], String>);
+
+impl Labels {
+    /// Those of a study.
+    fn of(study: &Study) -> Self {
+        let mut labels = BTreeMap::new();
+        for entry in &study.log.entries {
+            match &entry.event {
+                Event::Subject(Subject { subject, written: Some(written), .. }) => {
+                    labels.insert([subject.clone(), String::new()], written.clone());
+                }
+                Event::Photograph { subject, session, visit: Some(visit), .. } => {
+                    labels.insert([subject.clone(), session.clone()], visit.clone());
+                }
+                _ => {}
+            }
+        }
+        Self(labels)
+    }
+
+    /// The label of a person.
+    fn person(&mut self, written: &str) -> Result<String> {
+        let label = label_of(PATIENT, written)?;
+        self.take([label.clone(), String::new()], PATIENT, written)?;
+        Ok(label)
+    }
+
+    /// The label of a visit of a person.
+    fn visit(&mut self, person: &str, written: &str) -> Result<String> {
+        let label = label_of(VISIT, written)?;
+        self.take([person.to_owned(), label.clone()], &format!("{VISIT} of {person}"), written)?;
+        Ok(label)
+    }
+
+    fn take(&mut self, label: [String; 2], what: &str, written: &str) -> Result<()> {
+        let known = self.0.entry(label).or_insert_with(|| written.to_owned());
+        if known == written {
+            return Ok(());
+        }
+        Err(Error::Input(format!(
+            "{what}: \"{known}\" and \"{written}\" differ in signs alone that names of files leave out; write the same one as \"{known}\", rename \
+             another"
+        )))
+    }
+}
+
 fn import_subjects(study: &mut Study, path: &Path) -> Result<usize> {
     let mut events = Vec::new();
-    for mut subject in table::<Subject>(path)? {
-        subject.subject = pseudonym(&subject.subject)?;
+    let mut labels = Labels::of(study);
+    let of_log = study.log.entries.iter().filter_map(|entry| match &entry.event {
+        Event::Subject(subject) => Some((subject.subject.clone(), subject.clone())),
+        _ => None,
+    });
+    let mut known: BTreeMap<String, Subject> = of_log.collect();
+    for row in table::<SubjectRow>(path)? {
+        let label = labels.person(&row.subject)?;
+        let before = known.get(&label);
+        let written = Some(row.subject.clone());
+        let new = || Subject { subject: label.clone(), written, ..Subject::default() };
+        let subject = row.over(before.cloned().unwrap_or_else(new));
         if let Some(age) = subject.age.filter(|age| !(0.0..=120.0).contains(age)) {
             return Err(Error::Input(format!(
                 "{}: {}: an age of {age} years; give years at the first visit",
@@ -132,10 +240,9 @@ fn import_subjects(study: &mut Study, path: &Path) -> Result<usize> {
                 subject.consent
             )));
         }
-        let event = Event::Subject(subject);
-        let is_known = study.log.entries.iter().rev().find(|entry| same_subject(&entry.event, &event));
-        if is_known.is_none_or(|entry| entry.event != event) {
-            events.push(event);
+        if before != Some(&subject) {
+            known.insert(label, subject.clone());
+            events.push(Event::Subject(subject));
         }
     }
     let count = events.len();
@@ -143,15 +250,12 @@ fn import_subjects(study: &mut Study, path: &Path) -> Result<usize> {
     Ok(count)
 }
 
-fn same_subject(a: &Event, b: &Event) -> bool {
-    matches!((a, b), (Event::Subject(a), Event::Subject(b)) if a.subject == b.subject)
-}
-
 fn import_outcomes(study: &mut Study, path: &Path) -> Result<usize> {
     let known: Vec<String> = study.index.rows("SELECT subject FROM subject", [], |row| row.get(0))?;
     let mut events = Vec::new();
+    let mut labels = Labels::of(study);
     for OutcomeRow { subject, method, outcome } in table(path)? {
-        let subject = pseudonym(&subject)?;
+        let subject = labels.person(&subject)?;
         if !known.contains(&subject) {
             return Err(Error::Input(format!("{}: the study has no person {subject}", path.display())));
         }
@@ -170,7 +274,11 @@ fn import_photographs(study: &mut Study, path: &Path, imported: &mut ImportedStu
     let options = AnalyzeOptions { experiment: Some(camera), ..AnalyzeOptions::default() };
     let (photographs, failures) = find_photographs(&options, path)?;
     imported.failures = failures;
-    check_labels(&photographs)?;
+    let mut labels = Labels::of(study);
+    for photograph in &photographs {
+        let person = labels.person(&photograph.patient)?;
+        labels.visit(&person, &photograph.visit)?;
+    }
     let share_done = job.listener.begin("Importing photographs", "the import", Left::Results);
     let count = photographs.len();
     for (number, photograph) in photographs.iter().enumerate() {
@@ -180,7 +288,7 @@ fn import_photographs(study: &mut Study, path: &Path, imported: &mut ImportedStu
             return Err(Error::Stopped(text));
         }
         match import_one(study, photograph, imported) {
-            Err(error @ Error::Failed(_)) => return Err(error),
+            Err(error) if error.kind() != ErrorKind::Input => return Err(error),
             Err(error) => imported
                 .failures
                 .push(FailedPhotograph { frame: photograph.frames[0].1.clone(), why: error.to_string() }),
@@ -191,25 +299,9 @@ fn import_photographs(study: &mut Study, path: &Path, imported: &mut ImportedStu
     Ok(())
 }
 
-/// Refuses people who would have one label.
-fn check_labels(photographs: &[Photograph]) -> Result<()> {
-    let mut by_label: BTreeMap<String, &str> = BTreeMap::new();
-    for photograph in photographs {
-        let label = pseudonym(&photograph.patient)?;
-        let other = by_label.entry(label).or_insert(&photograph.patient);
-        if *other != photograph.patient {
-            return Err(Error::Input(format!(
-                "the patients \"{other}\" and \"{}\" differ in signs alone that names of files leave out; rename one",
-                photograph.patient
-            )));
-        }
-    }
-    Ok(())
-}
-
 /// Copies the frames of a photograph, and writes down what is new of it.
 fn import_one(study: &mut Study, photograph: &Photograph, imported: &mut ImportedStudy) -> Result<()> {
-    let (subject, session) = (pseudonym(&photograph.patient)?, pseudonym(&photograph.visit)?);
+    let (subject, session) = (label_of(PATIENT, &photograph.patient)?, label_of(VISIT, &photograph.visit)?);
     let main = &photograph.frames[0].1;
     // What can't be read is not taken in; a mirrored picture has left and right exchanged
     let frame = read_sensor_image(main)?.image;
@@ -231,24 +323,26 @@ fn import_one(study: &mut Study, photograph: &Photograph, imported: &mut Importe
             main.display()
         )));
     }
+    let regions = new_regions(study, photograph, [&subject, &session], &sha256)?;
     let mut events = Vec::new();
     if known.is_empty() {
         let of_subject = "SELECT subject FROM subject WHERE subject = ?";
         if study.index.rows(of_subject, [&subject], |row| row.get::<_, String>(0))?.is_empty() {
-            events.push(Event::Subject(Subject { subject: subject.clone(), ..Subject::default() }));
+            let written = Some(photograph.patient.clone());
+            events.push(Event::Subject(Subject { subject: subject.clone(), written, ..Subject::default() }));
         }
         let files = take_files(study, photograph, &subject, &session, &sha256)?;
         events.push(Event::Photograph {
             photograph: sha256.clone(),
             subject: subject.clone(),
             session: session.clone(),
+            visit: Some(photograph.visit.clone()),
             files,
         });
         imported.photographs += 1;
     } else {
         imported.known += 1;
     }
-    let regions = new_regions(study, photograph, [&subject, &session], &sha256)?;
     imported.regions += regions.len();
     events.extend(regions.into_iter().map(Event::Region));
     study.commit("import", events)
@@ -290,15 +384,22 @@ fn take_files(
     Ok(files)
 }
 
-/// Copies a mask to a place that its bytes tell.
-fn take_mask(study: &Study, from: &Path, stem: &Path) -> Result<StoredFile> {
+/// A mask at a place that its bytes tell.
+fn stored_mask(from: &Path, stem: &Path) -> Result<StoredFile> {
+    if !from.is_file() {
+        return Err(Error::Input(format!(
+            "{}: this mask of a region is not there; put it there, or write another place into the table",
+            from.display()
+        )));
+    }
     let digest = digest_bounded(from, LARGEST_BYTES)?;
     let ending = from.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let to = PathBuf::from(format!("{}_mask-{}.{ending}", stem.display(), &digest[..12]));
-    study.take(from, &to, "mask", &digest)
+    Ok(StoredFile { role: "mask".into(), path: to, sha256: digest })
 }
 
-/// Regions that the study does not have as they are.
+/// Regions that the study does not have as they are. A wrong one is told of where the study takes it for right, and no other of its name
+/// takes its place.
 fn new_regions(
     study: &Study,
     photograph: &Photograph,
@@ -306,19 +407,30 @@ fn new_regions(
     sha256: &str,
 ) -> Result<Vec<Region>> {
     let mut regions = Vec::new();
-    for [name, place, verdict] in &photograph.regions {
-        let is_mask = Path::new(place).is_file();
+    let has_other =
+        |name: &str| photograph.regions.iter().any(|[of, _, verdict]| of == name && verdict != WRONG);
+    for of in &photograph.regions {
+        let [name, place, verdict] = of;
+        if verdict == WRONG && has_other(name) {
+            continue;
+        }
+        let from = region_mask(of)?;
         let stem = stem(subject, session, sha256);
-        let mask = is_mask.then(|| take_mask(study, Path::new(place), &stem)).transpose()?;
+        let mask = from.as_deref().map(|from| stored_mask(from, &stem)).transpose()?;
         let place =
-            mask.as_ref().map_or_else(|| place.clone(), |mask| mask.path.to_string_lossy().into_owned());
+            mask.as_ref().map_or_else(|| Ok(place.clone()), |mask| region_with_mask(of, &mask.path))?;
         let region =
             Region { photograph: sha256.into(), region: name.clone(), place, mask, verdict: verdict.clone() };
         let same = "SELECT verdict FROM region WHERE region_sha256 = ? AND current = 1";
         let known: Vec<String> = study.index.rows(same, [region.sha256()], |row| row.get(0))?;
-        if known.first() != Some(verdict) {
-            regions.push(region);
+        let is_new = if verdict == WRONG { !known.is_empty() } else { known.first() != Some(verdict) };
+        if !is_new {
+            continue;
         }
+        if let (Some(from), Some(mask)) = (&from, &region.mask) {
+            study.take(from, &mask.path, &mask.role, &mask.sha256)?;
+        }
+        regions.push(region);
     }
     Ok(regions)
 }

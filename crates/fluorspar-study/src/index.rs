@@ -7,19 +7,19 @@ use fluorspar_session::{Error, Result};
 use rusqlite::{Connection, Row, params};
 
 use crate::event::{Event, LoggedEstimate, quantity_name};
-use crate::log::Entry;
+use crate::log::{Entry, LOG};
 
 /// Folder of what is made from the truth.
 pub(crate) const FOLDER: &str = ".fluorspar";
 const FILE: &str = "study.sqlite";
 /// Version of the tables: an index of another is made anew.
-const VERSION: i64 = 1;
+const VERSION: i64 = 2;
 
 const TABLES: &str = "
 CREATE TABLE audit (seq INTEGER PRIMARY KEY, before TEXT, at TEXT, who TEXT, command TEXT, sha256 TEXT);
 CREATE TABLE study (name TEXT, site TEXT);
 CREATE TABLE subject (subject TEXT PRIMARY KEY, site TEXT, sex TEXT, age REAL, skin TEXT, smoker TEXT, consent TEXT, withdrawn INTEGER NOT NULL DEFAULT 0);
-CREATE TABLE photograph (photograph TEXT PRIMARY KEY, subject TEXT NOT NULL, session TEXT NOT NULL);
+CREATE TABLE photograph (photograph TEXT PRIMARY KEY, subject TEXT NOT NULL, session TEXT NOT NULL, visit TEXT NOT NULL);
 CREATE TABLE file (path TEXT PRIMARY KEY, photograph TEXT NOT NULL, role TEXT NOT NULL, sha256 TEXT NOT NULL);
 CREATE TABLE region (region_sha256 TEXT PRIMARY KEY, photograph TEXT NOT NULL, region TEXT NOT NULL, place TEXT NOT NULL, verdict TEXT, current INTEGER NOT NULL);
 CREATE TABLE estimate (photograph TEXT NOT NULL, region_sha256 TEXT NOT NULL, region TEXT NOT NULL, quantity TEXT NOT NULL, channel TEXT NOT NULL,
@@ -51,11 +51,14 @@ fn failed(error: rusqlite::Error) -> Error {
 }
 
 impl Index {
-    /// The index of a folder, with all that the log says: made anew where there is none, or one of other lines.
+    /// The index of a folder, with all that the log says: made anew where there is none, or one of another version.
+    ///
+    /// # Errors
+    /// An index of lines that the log does not have.
     pub(crate) fn open(folder: &Path, entries: &[Entry]) -> Result<Self> {
         let path = folder.join(FOLDER).join(FILE);
         if let Ok(connection) = Connection::open(&path)
-            && let Some(seq) = known_until(&connection, entries)
+            && let Some(seq) = known_until(&connection, entries)?
         {
             let mut index = Self { connection, waiting: 0 };
             index.apply(&entries[seq..])?;
@@ -160,15 +163,24 @@ fn remove(path: &Path) -> Result<()> {
     }
 }
 
-/// How many lines an index holds, where it is one of these.
-fn known_until(connection: &Connection, entries: &[Entry]) -> Option<usize> {
-    let version: i64 = connection.pragma_query_value(None, "user_version", |row| row.get(0)).ok()?;
+/// How many lines an index holds, where it can be read and is of this version.
+///
+/// # Errors
+/// Lines that the log does not have.
+fn known_until(connection: &Connection, entries: &[Entry]) -> Result<Option<usize>> {
     let last = "SELECT seq, sha256 FROM audit ORDER BY seq DESC LIMIT 1";
-    let (seq, sha256): (i64, String) =
-        connection.query_row(last, [], |row| Ok((row.get(0)?, row.get(1)?))).ok()?;
-    let same =
-        entries.get(usize::try_from(seq).ok()?.checked_sub(1)?).is_some_and(|entry| entry.sha256 == sha256);
-    (version == VERSION && same).then_some(seq as usize)
+    let read = |row: &Row<'_>| Ok((row.get::<_, i64>(0)?, row.get::<_, String>(1)?));
+    let Ok((seq, sha256)) = connection.query_row(last, [], read) else { return Ok(None) };
+    let of_log = usize::try_from(seq - 1).ok().and_then(|at| entries.get(at));
+    if of_log.is_none_or(|entry| entry.sha256 != sha256) {
+        return Err(Error::Input(format!(
+            "the index of the study knows {seq} lines of the log, which has {} and not these: {LOG} was shortened or replaced. Take it from a copy of the \
+             study. Only if there is none, and what is missing may be lost, `fluorspar study reindex` makes the index of what is left",
+            entries.len()
+        )));
+    }
+    let version: i64 = connection.pragma_query_value(None, "user_version", |row| row.get(0)).unwrap_or(0);
+    Ok((version == VERSION).then_some(seq as usize))
 }
 
 fn apply_one(to: &Connection, entry: &Entry) -> rusqlite::Result<()> {
@@ -181,7 +193,7 @@ fn apply_one(to: &Connection, entry: &Entry) -> rusqlite::Result<()> {
         entry.sha256
     ])?;
     match &entry.event {
-        Event::Study { name, site } => to.execute("INSERT INTO study VALUES (?, ?)", params![name, site]).map(|_| ()),
+        Event::Study { name, site, .. } => to.execute("INSERT INTO study VALUES (?, ?)", params![name, site]).map(|_| ()),
         Event::Subject(of) => to
             .prepare_cached(
                 "INSERT INTO subject (subject, site, sex, age, skin, smoker, consent) VALUES (?, ?, ?, ?, ?, ?, ?)
@@ -193,8 +205,9 @@ fn apply_one(to: &Connection, entry: &Entry) -> rusqlite::Result<()> {
         Event::Withdrawal { subject } => {
             to.execute("UPDATE subject SET withdrawn = 1 WHERE subject = ?", params![subject]).map(|_| ())
         }
-        Event::Photograph { photograph, subject, session, files } => {
-            to.prepare_cached("INSERT OR REPLACE INTO photograph VALUES (?, ?, ?)")?.execute(params![photograph, subject, session])?;
+        Event::Photograph { photograph, subject, session, visit, files } => {
+            let visit = visit.as_ref().unwrap_or(session);
+            to.prepare_cached("INSERT OR REPLACE INTO photograph VALUES (?, ?, ?, ?)")?.execute(params![photograph, subject, session, visit])?;
             files.iter().try_for_each(|file| add_file(to, photograph, file))
         }
         Event::Region(of) => {

@@ -28,6 +28,7 @@ mod index;
 mod log;
 mod norm;
 mod query;
+mod secret;
 mod store;
 mod verify;
 

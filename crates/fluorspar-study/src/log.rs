@@ -79,8 +79,7 @@ impl Log {
             text += &format!("{}\n", serde_json::to_string(&entry)?);
             entries.push(entry);
         }
-        self.lines.append(&text)?;
-        self.lines.sync()?;
+        self.lines.append_synced(&text)?;
         self.entries.extend(entries);
         Ok(())
     }

@@ -66,6 +66,9 @@ pub struct NormFile {
     pub analysis: [String; 2],
     /// Digests of the last lines of the logs that it was made of: by them it is found which norms still hold a person who withdrew.
     pub logs: Vec<String>,
+    /// By what its studies and cohorts are told apart: each is in a norm once.
+    #[serde(default)]
+    pub studies: Vec<String>,
     /// Sums over people.
     pub sums: NormSums,
     /// The range by order statistics, of 93 people or more of one site without regard to age; it can't be pooled.
@@ -114,13 +117,6 @@ impl NormFile {
     /// Too few people.
     pub fn fit(&self) -> Result<Norm> {
         self.sums.fit().map_err(|error| wrong(&error))
-    }
-
-    /// Whether a number of a person of the first site, 50 years old, lies within the norm.
-    pub(crate) fn holds(&self, value: f64) -> bool {
-        let site = self.sums.sites.first().map_or("", |site| &site.site);
-        let range = self.fit().ok().and_then(|norm| norm.range(Some(50.0), site).ok());
-        range.is_some_and(|[low, high]| (low..=high).contains(&value))
     }
 }
 
@@ -268,7 +264,7 @@ fn one_analysis(study: &Study, options: &NormOptions, rows: &[QueriedRow]) -> Re
 }
 
 fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, usize, usize)> {
-    let study = Study::open(folder)?;
+    let mut study = Study::open(folder)?;
     let range = range_of(&options.quantity)?;
     let (people, without_value, rows) = people_of(&study, options, false)?;
     let analysis = one_analysis(&study, options, &rows)?;
@@ -283,6 +279,7 @@ fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, usize, us
         quantity: options.quantity.clone(),
         channel: options.channel().to_owned(),
         analysis,
+        studies: vec![study.public_id()?],
         logs: vec![study.log.head().1],
         ranks: ranks(&people, range, options.by_age),
         sums: NormSums::of(&people, range, options.by_age),
@@ -327,6 +324,7 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<NormFile> {
         }
     }
     let people: Vec<NormPerson> = people.into_values().collect();
+    let sha256 = fluorspar::digest::sha256_hex([text]);
     Ok(NormFile {
         program: "fluorspar".into(),
         format: NormFile::FORMAT,
@@ -334,8 +332,9 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<NormFile> {
         region: options.region.clone(),
         quantity: options.quantity.clone(),
         channel: options.channel().to_owned(),
-        analysis: [env!("CARGO_PKG_VERSION").into(), fluorspar::digest::sha256_hex([text])],
+        analysis: [env!("CARGO_PKG_VERSION").into(), sha256.clone()],
         logs: Vec::new(),
+        studies: vec![sha256],
         ranks: ranks(&people, range, false),
         sums: NormSums::of(&people, range, false),
     })
@@ -359,8 +358,11 @@ fn check_alike(all: &NormFile, other: &NormFile, path: &Path) -> Result<()> {
             "{shown}: its numbers are of another version of the program or another camera.toml; numbers of unlike cameras have no common norm"
         )));
     }
-    if other.logs.iter().any(|log| all.logs.contains(log)) {
-        return Err(Error::Input(format!("{shown}: its people are in the others already")));
+    let shares = |all: &[String], other: &[String]| other.iter().any(|of| all.contains(of));
+    if shares(&all.logs, &other.logs) || shares(&all.studies, &other.studies) {
+        return Err(Error::Input(format!(
+            "{shown}: its study or cohort is in the others already, and people must not count twice; of a study take its last norm alone"
+        )));
     }
     Ok(())
 }
@@ -376,6 +378,7 @@ fn pooled(first: &Path, rest: &[PathBuf]) -> Result<NormFile> {
         check_alike(&all, &other, path)?;
         all.sums = all.sums.pooled(&other.sums).map_err(|error| Error::Input(format!("{shown}: {error}")))?;
         all.logs.extend(other.logs);
+        all.studies.extend(other.studies);
         all.ranks = None;
     }
     Ok(all)

@@ -13,6 +13,7 @@ use serde_json::json;
 use crate::event::{Event, StoredFile};
 use crate::index::Index;
 use crate::log::{LOG, Log};
+use crate::secret::new_secret;
 
 /// The experiment that describes the camera of a study.
 pub(crate) const CAMERA: &str = "camera.toml";
@@ -63,7 +64,7 @@ pub struct BegunStudy {
 pub fn init(options: &InitOptions, job: &Job) -> Result<BegunStudy> {
     let folder = &options.args.study;
     let shown = folder.display();
-    if folder.join(LOG).exists() && !Study::open(folder)?.log.entries.is_empty() {
+    if folder.join(LOG).exists() && !Log::open(folder)?.entries.is_empty() {
         return Err(Error::Input(format!(
             "{shown}: this is a study already; import into it: fluorspar study import {shown} PHOTOS"
         )));
@@ -79,7 +80,8 @@ pub fn init(options: &InitOptions, job: &Job) -> Result<BegunStudy> {
     let description = serde_json::to_string_pretty(&description)?;
     write_new(&folder.join("dataset_description.json"), description.as_bytes())?;
     let site = options.site.clone().unwrap_or_default();
-    Study::open(folder)?.commit("init", vec![Event::Study { name: name.clone(), site }])?;
+    let event = Event::Study { name: name.clone(), site, secret: new_secret() };
+    Study::with(folder, Log::open(folder)?)?.commit("init", vec![event])?;
     job.status(format!("Next: fluorspar study import {shown} PHOTOS"));
     Ok(BegunStudy { name, folder: folder.clone() })
 }
@@ -125,15 +127,34 @@ pub(crate) struct Study {
 impl Study {
     /// Opens a study, and brings its index up to its log.
     pub(crate) fn open(folder: &Path) -> Result<Self> {
+        Self::with(folder, Self::log_of(folder)?)
+    }
+
+    fn with(folder: &Path, log: Log) -> Result<Self> {
+        let index = Index::open(folder, &log.entries)?;
+        Ok(Self { folder: folder.into(), log, index })
+    }
+
+    /// The log of a study.
+    ///
+    /// # Errors
+    /// A folder that is no study, a log that is gone.
+    pub(crate) fn log_of(folder: &Path) -> Result<Log> {
         if !folder.join(CAMERA).is_file() {
             let shown = folder.display();
             return Err(Error::Input(format!(
                 "{shown}: this is no study; begin one with `fluorspar study init {shown} --experiment CAMERA.toml`"
             )));
         }
-        let log = Log::open(folder)?;
-        let index = Index::open(folder, &log.entries)?;
-        Ok(Self { folder: folder.into(), log, index })
+        let path = folder.join(LOG);
+        let log = path.is_file().then(|| Log::open(folder)).transpose()?;
+        log.filter(|log| !log.entries.is_empty()).ok_or_else(|| {
+            Error::Input(format!(
+                "{}: the log of the study is gone or empty; take it from a copy of the study. If the beginning of a new study was stopped, begin it \
+                 again with the same `fluorspar study init`",
+                path.display()
+            ))
+        })
     }
 
     /// Writes what happened: on the disk when it returns.

@@ -27,19 +27,23 @@ pub struct VerifiedStudy {
 /// A log that was changed, named with its line.
 pub fn verify(options: &StudyArgs, job: &Job) -> Result<VerifiedStudy> {
     let study = Study::open(&options.study)?;
-    let files: Vec<(PathBuf, String)> =
-        study.index.rows("SELECT path, sha256 FROM file ORDER BY path", [], |row| {
-            Ok((PathBuf::from(row.get::<_, String>(0)?), row.get(1)?))
-        })?;
-    let mut defects = Vec::new();
+    let sql =
+        "SELECT f.path, f.sha256, s.withdrawn FROM file f JOIN photograph p ON p.photograph = f.photograph
+               JOIN subject s ON s.subject = p.subject ORDER BY f.path";
+    let files: Vec<(PathBuf, String, bool)> = study
+        .index
+        .rows(sql, [], |row| Ok((PathBuf::from(row.get::<_, String>(0)?), row.get(1)?, row.get(2)?)))?;
+    let (mut defects, mut whole) = (Vec::new(), 0);
     let share_done = job.listener.begin("Checking files", "the check", Left::Nothing);
-    for (number, (path, sha256)) in files.iter().enumerate() {
+    for (number, (path, sha256, may_be_gone)) in files.iter().enumerate() {
         if job.is_stopped() {
             return Err(Error::Stopped("the check was stopped".into()));
         }
         match digest_bounded(&study.path(path), LARGEST_BYTES) {
-            Ok(found) if found == *sha256 => {}
+            Ok(found) if found == *sha256 => whole += 1,
             Ok(_) => defects.push(format!("{}: its bytes were changed", path.display())),
+            // What people who withdrew left may be removed
+            Err(_) if *may_be_gone && !study.path(path).exists() => {}
             Err(error) => defects.push(error.to_string()),
         }
         share_done((number + 1) as f64 / files.len() as f64);
@@ -49,11 +53,7 @@ pub fn verify(options: &StudyArgs, job: &Job) -> Result<VerifiedStudy> {
             "the index says something else than the log; make it anew with `fluorspar study reindex`".into(),
         );
     }
-    Ok(VerifiedStudy {
-        lines: study.log.entries.len(),
-        files: files.len() - defects.len().min(files.len()),
-        defects,
-    })
+    Ok(VerifiedStudy { lines: study.log.entries.len(), files: whole, defects })
 }
 
 /// Makes the index anew from the log, row for row.
@@ -61,10 +61,10 @@ pub fn verify(options: &StudyArgs, job: &Job) -> Result<VerifiedStudy> {
 /// # Errors
 /// A log that was changed.
 pub fn reindex(options: &StudyArgs, _: &Job) -> Result<VerifiedStudy> {
-    let study = Study::open(&options.study)?;
-    let index = Index::anew(&study.folder, &study.log.entries)?;
+    let log = Study::log_of(&options.study)?;
+    let index = Index::anew(&options.study, &log.entries)?;
     let files = index.rows("SELECT 1 FROM file", [], |row| row.get::<_, i64>(0))?.len();
-    Ok(VerifiedStudy { lines: study.log.entries.len(), files, defects: Vec::new() })
+    Ok(VerifiedStudy { lines: log.entries.len(), files, defects: Vec::new() })
 }
 
 /// Who withdraws.

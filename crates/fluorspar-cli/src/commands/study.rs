@@ -242,6 +242,7 @@ fn describe_drift(drift: &Drift) -> String {
             short(of.largest),
         ]);
     }
-    let crossing: String = drift.crossing.iter().map(|line| format!("{line}\n")).collect();
+    let mut crossing: String = drift.crossing.iter().map(|line| format!("{line}\n")).collect();
+    crossing.extend(drift.left_out.iter().map(|left| format!("left out: {left}\n")));
     format!("From {} to {}\n{}{crossing}", name(&drift.from), name(&drift.to), align(&cells, &[0, 1]))
 }

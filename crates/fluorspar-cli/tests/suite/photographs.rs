@@ -45,6 +45,22 @@ fn a_folder_without_regions_gives_pictures_and_a_table_to_complete() {
     assert!(said.stdout.starts_with("2 photographs, "), "{}", said.stdout);
 }
 
+#[test]
+fn a_proposed_table_has_all_frames_of_the_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    clinic(folder);
+    for name in ["dark_1", "dark_2", "dark_3"] {
+        fs::copy(folder.join("bggr_jpeg.dng"), folder.join(format!("photos/{name}.dng"))).unwrap();
+    }
+    analyze(folder, &[]).well();
+    let table = fs::read_to_string(folder.join("fluorspar-out/analyze-photos/photographs.csv")).unwrap();
+    for name in ["dark_1", "dark_2", "dark_3"] {
+        let of_one = |row: &&str| row.starts_with("P1,") && row.contains(&format!("photos/{name}.dng"));
+        assert!(table.lines().any(|row| of_one(&row)), "{name}: {table}");
+    }
+}
+
 /// A frame that fails is named at the end, the others are answered; the same command again takes them from the journal.
 #[test]
 fn what_fails_is_told_and_the_rest_is_analyzed_once() {

@@ -53,11 +53,17 @@ fn people_become_a_norm_and_stand_in_it() {
     assert_eq!(people.len(), 12);
     assert!(people.iter().all(|person| person["standing"] == "inside" && person["has_error"] == false));
     // Two withdraw, one refuses: nine are no norm
-    for subject in ["P01", "P02"] {
-        study(folder, &["withdraw", subject]).well();
+    study(folder, &["withdraw", "P01"]).well();
+    let later = ["norm", "--quantity", "chromaticity_r", "--out", "later.json"];
+    study(folder, &later).well();
+    let pooled = fluorspar(folder, ["study", "norm", "--pool", "norm.json", "--pool", "later.json"]);
+    assert!(pooled.stderr.contains("people must not count twice"), "{}", pooled.stderr);
+    study(folder, &["withdraw", "P02"]).well();
+    // A table without a column says nothing of it
+    for people in ["subject,age,consent\nP03,44,no\nP04,40,yes\n", "subject,sex\nP03,female\n"] {
+        fs::write(folder.join("people.csv"), people).unwrap();
+        study(folder, &["import", "--subjects", "people.csv"]).well();
     }
-    fs::write(folder.join("people.csv"), "subject,age,consent\nP03,44,no\nP04,40,yes\n").unwrap();
-    study(folder, &["import", "--subjects", "people.csv"]).well();
     let few = study(folder, &norm);
     assert_eq!(few.code, Some(2));
     assert!(few.stderr.contains("9 people of the site \"north\" are too few"), "{}", few.stderr);
@@ -124,6 +130,60 @@ fn every_changed_byte_is_found_and_named() {
     assert!(said.stderr.contains("it was changed after it was written"), "{}", said.stderr);
 }
 
+#[test]
+fn a_log_that_is_shorter_or_gone_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    analyzed(folder, 2);
+    let path = folder.join("st/log.jsonl");
+    let log = fs::read_to_string(&path).unwrap();
+    fs::write(&path, &log[..=log.trim_end().rfind('\n').unwrap()]).unwrap();
+    for command in ["verify", "query"] {
+        let said = study(folder, &[command]);
+        assert!(said.code == Some(2) && said.stderr.contains("was shortened or replaced"), "{said:?}");
+    }
+    fs::remove_file(&path).unwrap();
+    for command in ["verify", "reindex"] {
+        let said = study(folder, &[command]);
+        assert!(said.code == Some(2) && said.stderr.contains("is gone or empty"), "{said:?}");
+    }
+    assert!(!path.exists());
+    fs::write(&path, log).unwrap();
+    study(folder, &["verify"]).well();
+    // What a person who withdrew left may be removed
+    study(folder, &["withdraw", "P01"]).well();
+    fs::remove_dir_all(folder.join("st/sub-P01")).unwrap();
+    study(folder, &["verify"]).well();
+}
+
+/// Verdicts reach a study later, and masks in whatever form a table names them.
+#[test]
+fn regions_are_taken_back_and_masks_are_taken_in() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    analyzed(folder, 2);
+    let table = folder.join("photos/photographs.csv");
+    let rows = || study(folder, &["query", "--quantity", "chromaticity_r", "--json"]).json();
+    let wrong = fs::read_to_string(&table).unwrap().replacen("right", "wrong", 1);
+    fs::write(&table, &wrong).unwrap();
+    assert_eq!(study(folder, &["import", "photos", "--json"]).json()["regions"], 1);
+    assert_eq!(study(folder, &["import", "photos", "--json"]).json()["regions"], 0);
+    assert_eq!(rows().as_array().unwrap().len(), 1);
+    // The workbench names masks so
+    let drawn = wrong + "P01,violet,P01_violet.dng,tongue,\"{ mask = \"\"disc.png\"\" }\",right\n";
+    fs::write(&table, drawn).unwrap();
+    let said = study(folder, &["import", "photos"]);
+    assert!(said.code == Some(2) && said.stderr.contains("this mask of a region is not there"), "{said:?}");
+    copy("disc.png", &folder.join("photos"));
+    study(folder, &["import", "photos"]).well();
+    fs::remove_dir_all(folder.join("photos")).unwrap();
+    study(folder, &["analyze"]).well();
+    study(folder, &["verify"]).well();
+    assert_eq!(rows().as_array().unwrap().len(), 2);
+    let log = fs::read_to_string(folder.join("st/log.jsonl")).unwrap();
+    assert!(log.contains("\"pixels\":193"), "{log}");
+}
+
 /// What a camera, a card and a hand get wrong.
 #[test]
 fn traps_of_names_are_told() {
@@ -145,7 +205,13 @@ fn traps_of_names_are_told() {
     fs::write(folder.join("photos/second_violet.dng"), [fs::read(&frame).unwrap(), vec![9]].concat())
         .unwrap();
     let alike = told("patient,frame\nP-1,P01_violet.dng\nP_1,second_violet.dng\n");
-    assert!(alike.contains("rename one"), "{alike}");
+    assert!(alike.contains("rename another"), "{alike}");
+    let later = told("patient,frame\nP-02,second_violet.dng\n");
+    assert!(later.contains("patient: \"P02\" and \"P-02\" differ in signs alone"), "{later}");
+    let visits = told("patient,visit,frame\nP01,1.2,P01_violet.dng\nP01,12,second_violet.dng\n");
+    assert!(visits.contains("visit of P01: \"1.2\" and \"12\" differ"), "{visits}");
+    let visit = told("patient,visit,frame\nP01,März,second_violet.dng\n");
+    assert!(visit.contains("is no label of a visit"), "{visit}");
     // The same name on two cards is two photographs
     fs::create_dir_all(folder.join("cards/a")).unwrap();
     fs::create_dir_all(folder.join("cards/b")).unwrap();
@@ -290,6 +356,11 @@ fn nothing_that_was_planted_leaves() {
     };
     assert!(holds("st").len() >= 4, "{:?}", holds("st"));
     assert_eq!(holds("out"), Vec::<String>::new());
+    let log = fs::read_to_string(folder.join("st/log.jsonl")).unwrap();
+    let secret = log.split("\"secret\":\"").nth(1).and_then(|rest| rest.get(..64)).unwrap().to_owned();
+    for path in crate::support::listing(&folder.join("out")).keys().filter(|path| path.is_file()) {
+        assert!(!String::from_utf8_lossy(&fs::read(path).unwrap()).contains(&secret), "{path:?}");
+    }
     let manifest: Value = serde_json::from_slice(&fs::read(folder.join("out/deid.json")).unwrap()).unwrap();
     let actions = manifest["files"].to_string();
     for part in ["\"what\":\"tag 37500\"", "Operators' Name (0008,1070)", "PNG tEXt"] {
@@ -329,7 +400,8 @@ fn the_page_of_studies_is_a_story_that_runs() {
             // Another site has other people, and another log
             let norm = fs::read_to_string(folder.join("norm.json")).unwrap();
             let mut norm: Value = serde_json::from_str(&norm).unwrap();
-            norm["logs"] = serde_json::json!(["another"]);
+            (norm["logs"], norm["studies"]) =
+                (serde_json::json!(["another"]), serde_json::json!(["another"]));
             norm["sums"]["sites"][0]["site"] = "south".into();
             fs::write(folder.join("south.json"), norm.to_string()).unwrap();
         }

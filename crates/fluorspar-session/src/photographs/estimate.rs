@@ -95,15 +95,20 @@ pub(super) struct EstimatedPhotograph {
     pub(super) picture: String,
 }
 
-/// Digest of what decides the estimates of a photograph: its files, regions and masks.
+/// Digest of what decides the estimates of a photograph: its files, frames of the camera, regions and masks.
 ///
 /// # Errors
 /// A file that can't be read.
-pub(super) fn key_of(photograph: &Photograph, regions: &[RegionOption]) -> Result<String> {
+pub(super) fn key_of(
+    photograph: &Photograph,
+    options: &AnalyzeOptions,
+    regions: &[RegionOption],
+) -> Result<String> {
+    let options = options_of(photograph, options);
     let mut parts = vec![photograph.patient.clone(), photograph.visit.clone()];
     let frames = photograph.frames.iter().map(|(capture, file)| (capture.as_str(), file.as_path()));
-    let dark = photograph.dark.iter().map(|file| ("dark", file.as_path()));
-    let flat = photograph.flat.iter().map(|file| ("flat", file.as_path()));
+    let dark = options.dark.iter().map(|file| ("dark", file.as_path()));
+    let flat = options.flat.iter().map(|file| ("flat", file.as_path()));
     for (role, file) in frames.chain(dark).chain(flat) {
         parts.extend([role.to_owned(), file.display().to_string(), digest_bounded(file, LARGEST_BYTES)?]);
         let description = fluorspar_format::description_path(file);
@@ -293,4 +298,28 @@ pub(super) fn picture_of(photograph: &EstimatedPhotograph) -> Result<Vec<u8>> {
     STANDARD
         .decode(&photograph.picture)
         .map_err(|error| Error::Failed(format!("the journal is damaged: {error}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_holds_the_frames_of_the_command_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let [frame, dark] = ["P1_blue.dng", "dark.dng"].map(|name| folder.path().join(name));
+        std::fs::write(&frame, b"frame").unwrap();
+        std::fs::write(&dark, b"dark").unwrap();
+        let photograph = Photograph { frames: vec![("blue".into(), frame)], ..Photograph::default() };
+        let key = |dark: &[PathBuf], flat: &[PathBuf]| {
+            let options =
+                AnalyzeOptions { dark: dark.into(), flat: flat.into(), ..AnalyzeOptions::default() };
+            key_of(&photograph, &options, &[]).unwrap()
+        };
+        let dark = std::slice::from_ref(&dark);
+        let keys = [key(&[], &[]), key(dark, &[]), key(&[], dark)];
+        assert!(keys[0] != keys[1] && keys[1] != keys[2] && keys[0] != keys[2]);
+        std::fs::write(&dark[0], b"another").unwrap();
+        assert_ne!(key(dark, &[]), keys[1]);
+    }
 }

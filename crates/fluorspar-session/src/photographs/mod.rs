@@ -28,6 +28,7 @@ use self::pairing::{
     KnownCapture, LeftOut, completed, holds_captures, holds_photographs, photographs_of, rows_of_folder,
 };
 use self::proposal::propose;
+use self::table::WRONG;
 use crate::region_option::{RegionOption, region_options};
 use crate::shard::journal_beside;
 use crate::{AnalyzeOptions, Error, ErrorKind, ExperimentSource, Job, Left, Result};
@@ -101,7 +102,8 @@ pub(crate) fn analyze_photographs(
     path: &Path,
     job: &Job,
 ) -> Result<AnalyzedPhotographs> {
-    let work = PhotographWork::prepare(options, path)?;
+    let mut work = PhotographWork::prepare(options, path)?;
+    work.leave_wrong_out(path)?;
     let regions: Vec<Vec<RegionOption>> =
         work.photographs.iter().map(|photograph| work.regions(photograph)).collect::<Result<_>>()?;
     let is_placed = |regions: &Vec<RegionOption>| !regions.is_empty();
@@ -132,16 +134,33 @@ pub fn find_photographs(
     let folder = work.table.as_deref().and_then(Path::parent).unwrap_or(Path::new("")).to_path_buf();
     let mut photographs = work.photographs;
     for region in photographs.iter_mut().flat_map(|photograph| &mut photograph.regions) {
-        region[1] = place_below(&folder, region)?;
+        if let Some(mask) = region_mask(region)? {
+            region[1] = region_with_mask(region, &folder.join(mask))?;
+        }
     }
     Ok((photographs, failures))
 }
 
-/// The place of a region, where it is a mask below a folder.
-fn place_below(folder: &Path, [name, place, _]: &[String; 3]) -> Result<String> {
+/// The mask of a region (name, place and verdict), in whatever form its place is written.
+///
+/// # Errors
+/// A region that can't be read.
+pub fn region_mask([name, place, _]: &[String; 3]) -> Result<Option<PathBuf>> {
+    Ok(region_options(&[format!("{name}={place}")])?.remove(0).masks().next().map(PathBuf::from))
+}
+
+/// The place of a region (name, place and verdict) with its mask, where it has one, at another path.
+///
+/// # Errors
+/// A region that can't be read.
+pub fn region_with_mask([name, place, _]: &[String; 3], mask: &Path) -> Result<String> {
     let region = region_options(&[format!("{name}={place}")])?.remove(0);
-    let is_file = !place.starts_with('{') && region.masks().next().is_some();
-    Ok(if is_file { folder.join(place).to_string_lossy().into_owned() } else { place.clone() })
+    let has_mask = region.masks().next().is_some();
+    Ok(match place.trim_start().starts_with('{') {
+        _ if !has_mask => place.clone(),
+        true => region.masked(mask).table(),
+        false => mask.to_string_lossy().into_owned(),
+    })
 }
 
 /// The estimates of one photograph, whose regions have masks as the working folder has them.
@@ -205,6 +224,22 @@ impl<'a> PhotographWork<'a> {
             .clone()
             .unwrap_or_else(|| format!("fluorspar-out/analyze-{}", stem.unwrap_or_default()).into());
         Ok(Self { options, source, experiment, table, photographs, left_out, folder })
+    }
+
+    /// Leaves regions of the verdict `wrong` out, and photographs that have no others.
+    fn leave_wrong_out(&mut self, path: &Path) -> Result<()> {
+        self.photographs.retain_mut(|photograph| {
+            let had_none = photograph.regions.is_empty();
+            photograph.regions.retain(|[_, _, verdict]| verdict != WRONG);
+            had_none || !photograph.regions.is_empty()
+        });
+        if self.photographs.is_empty() {
+            let shown = path.display();
+            return Err(Error::Input(format!(
+                "{shown}: the verdict of every region is \"wrong\"; place one"
+            )));
+        }
+        Ok(())
     }
 
     fn regions(&self, photograph: &Photograph) -> Result<Vec<RegionOption>> {
@@ -289,7 +324,7 @@ impl<'a> PhotographWork<'a> {
                 photograph.frames[0].1.display()
             )));
         }
-        let key = key_of(photograph, regions)?;
+        let key = key_of(photograph, self.options, regions)?;
         match known.remove(&key) {
             Some(known) => Ok((known, false)),
             None => Ok((estimate(photograph, self.options, regions, key, job)?, true)),

@@ -313,9 +313,13 @@ fn photograph_of(
 ) -> Photograph {
     let own: Vec<&&PhotographRow> = rows.iter().filter(|row| row.frame == frames[0].1).collect();
     let files = |file: fn(&PhotographRow) -> &PathBuf| {
-        let named = own.iter().map(|row| file(row).clone()).filter(|path| !path.as_os_str().is_empty());
-        let mut all: Vec<PathBuf> = named.collect();
-        all.dedup();
+        let named = own.iter().map(|row| file(row)).filter(|path| !path.as_os_str().is_empty());
+        let mut all: Vec<PathBuf> = Vec::new();
+        for path in named {
+            if !all.contains(path) {
+                all.push(path.clone());
+            }
+        }
         all
     };
     let regions = own.iter().filter(|row| !row.region.is_empty());

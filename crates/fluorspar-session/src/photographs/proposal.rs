@@ -76,17 +76,19 @@ fn propose_one(
     let own = frames.iter().find(|of| of.raw.label == *capture);
     let guesses = own.map_or_else(Vec::new, |of| guess_mouth(&of.developed));
     let mut rows = Vec::new();
-    for guess in &guesses {
-        let mask = format!("masks/{stem}_{}.png", guess.name);
-        write_mask(&made(folder, "masks")?.join(format!("{stem}_{}.png", guess.name)), &guess.selection)?;
-        let row = row_of(work, photograph, capture, frame);
-        rows.push(PhotographRow { region: guess.name.into(), place: mask, verdict: GUESS.into(), ..row });
-    }
-    if guesses.is_empty() {
-        rows.push(row_of(work, photograph, capture, frame));
+    // A line names one dark and one flat frame: there are as many lines as it takes to name all
+    let lines = guesses.len().max(photograph.dark.len()).max(photograph.flat.len()).max(1);
+    for line in 0..lines {
+        let mut row = row_of(work, photograph, (capture, frame), line);
+        if let Some(guess) = guesses.get(line) {
+            row.place = format!("masks/{stem}_{}.png", guess.name);
+            write_mask(&made(folder, "masks")?.join(format!("{stem}_{}.png", guess.name)), &guess.selection)?;
+            (row.region, row.verdict) = (guess.name.into(), GUESS.into());
+        }
+        rows.push(row);
     }
     for (other, file) in &photograph.frames[1..] {
-        rows.push(row_of(work, photograph, other, file));
+        rows.push(row_of(work, photograph, (other, file), 0));
     }
     Ok(Proposed { rows, picture: picture(photograph, &image, &guesses) })
 }
@@ -106,16 +108,23 @@ fn write_mask(path: &Path, selection: &PixelSelection) -> Result<()> {
     Ok(write_label_png(path, selection.width, selection.height, &labels)?)
 }
 
-fn row_of(work: &PhotographWork<'_>, photograph: &Photograph, capture: &str, frame: &Path) -> PhotographRow {
+/// A line of a frame, with one of the frames of the camera in turn.
+fn row_of(
+    work: &PhotographWork<'_>,
+    photograph: &Photograph,
+    (capture, frame): (&str, &Path),
+    line: usize,
+) -> PhotographRow {
     let seen_from = |path: &Path| path_from(&work.folder, path);
-    let first = |own: &[PathBuf]| own.first().map_or_else(PathBuf::new, |path| seen_from(path));
+    let in_turn =
+        |own: &[PathBuf]| own.iter().cycle().nth(line).map_or_else(PathBuf::new, |path| seen_from(path));
     PhotographRow {
         patient: photograph.patient.clone(),
         visit: photograph.visit.clone(),
         capture: capture.into(),
         frame: seen_from(frame),
-        dark: first(&photograph.dark),
-        flat: first(&photograph.flat),
+        dark: in_turn(&photograph.dark),
+        flat: in_turn(&photograph.flat),
         ..PhotographRow::default()
     }
 }

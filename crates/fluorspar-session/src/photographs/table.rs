@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Error, Result};
 
+/// Verdict of a line that does not count.
+pub(super) const WRONG: &str = "wrong";
 /// Largest table that is read.
 const LARGEST_BYTES: u64 = 64 << 20;
 
@@ -33,7 +35,7 @@ pub struct PhotographRow {
     /// Where it lies, as `--named-region NAME=WHERE` has it.
     #[serde(rename = "where")]
     pub place: String,
-    /// What somebody who looked at it says: `wrong` leaves the line out, `guess` is what nobody looked at.
+    /// What somebody who looked at it says: of `wrong` nothing is estimated, `guess` is what nobody looked at.
     pub verdict: String,
 }
 
@@ -43,7 +45,7 @@ impl PhotographRow {
         ["patient", "visit", "capture", "frame", "dark", "flat", "region", "where", "verdict"];
 }
 
-/// Reads a table, without lines of the verdict `wrong`; files are as the table has them.
+/// Reads a table, without frames of the verdict `wrong`, but with such regions: a study is told of them. Files are as the table has them.
 ///
 /// # Errors
 /// Another column, no column `frame`, a line without a frame, a region without a place or the other way round.
@@ -66,7 +68,7 @@ pub fn read_photographs(path: &Path) -> Result<Vec<PhotographRow>> {
         if row.region.is_empty() != row.place.is_empty() {
             return Err(at("\"region\" and \"where\" belong together: write both, or neither"));
         }
-        if row.verdict != "wrong" {
+        if row.verdict != WRONG || !row.region.is_empty() {
             rows.push(row);
         }
     }
@@ -112,8 +114,8 @@ mod tests {
             std::fs::write(&path, text).unwrap();
             read_photographs(&path)
         };
-        let rows = told("\u{feff}patient,visit,capture,frame,region,where,verdict\nP1,1,blue,a.dng,tongue,\"1,2,30,40\",ok\nP1,1,blue,a.dng,lip,m.png,wrong\n").unwrap();
-        assert_eq!(rows.len(), 1);
+        let rows = told("\u{feff}patient,visit,capture,frame,region,where,verdict\nP1,1,blue,a.dng,tongue,\"1,2,30,40\",ok\nP1,1,blue,a.dng,lip,m.png,wrong\nP1,1,blue,b.dng,,,wrong\n").unwrap();
+        assert_eq!(rows.len(), 2);
         assert_eq!((rows[0].place.as_str(), rows[0].frame.as_path()), ("1,2,30,40", Path::new("a.dng")));
         std::fs::write(&path, photographs_csv(&rows).unwrap()).unwrap();
         assert_eq!(read_photographs(&path).unwrap(), rows);

@@ -1,7 +1,7 @@
 //! Files that grow line by line, held by one process.
 
 use std::fs::{File, OpenOptions};
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use crate::{FormatError, read_bounded};
@@ -54,19 +54,49 @@ impl AppendedLines {
         self.file.set_len(self.complete).map_err(|source| FormatError::io(&self.path, "write", source))
     }
 
-    /// Adds lines, each with its end.
+    /// Adds lines, each with its end; all, or none.
     ///
     /// # Errors
     /// What the system reports.
     pub fn append(&mut self, lines: &str) -> Result<(), FormatError> {
-        self.file.write_all(lines.as_bytes()).map_err(|source| FormatError::io(&self.path, "write", source))
+        let written = self.file.write_all(lines.as_bytes());
+        self.finish(lines, written)
     }
 
-    /// Waits until all lines are on the disk.
+    /// Adds lines, each with its end, which are on the disk when it returns; all, or none.
     ///
     /// # Errors
     /// What the system reports.
-    pub fn sync(&self) -> Result<(), FormatError> {
-        self.file.sync_data().map_err(|source| FormatError::io(&self.path, "write", source))
+    pub fn append_synced(&mut self, lines: &str) -> Result<(), FormatError> {
+        let written = self.file.write_all(lines.as_bytes()).and_then(|()| self.file.sync_data());
+        self.finish(lines, written)
+    }
+
+    /// Counts lines that were written; cuts what was written of lines that failed, whose next would follow a torn one.
+    fn finish(&mut self, lines: &str, written: io::Result<()>) -> Result<(), FormatError> {
+        if let Err(source) = written {
+            // A file that can't be cut either is cut by the next that opens it
+            let _ = self.cut();
+            return Err(FormatError::io(&self.path, "write", source));
+        }
+        self.complete += lines.len() as u64;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_failed_append_left_is_cut() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lines");
+        let (mut lines, _) = AppendedLines::open(&path).unwrap();
+        lines.append("one\n").unwrap();
+        lines.file.write_all(b"tw").unwrap();
+        lines.finish("two\n", Err(io::ErrorKind::StorageFull.into())).unwrap_err();
+        lines.append_synced("three\n").unwrap();
+        assert_eq!(AppendedLines::read(&path).unwrap(), b"one\nthree\n");
     }
 }
