@@ -312,6 +312,11 @@ fn import_one(study: &mut Study, photograph: &Photograph, imported: &mut Importe
             main.display()
         )));
     }
+    // A photograph that shows nothing right is left out
+    let is_wrong = |[_, _, verdict]: &[String; 3]| verdict == WRONG;
+    if known.is_empty() && !photograph.regions.is_empty() && photograph.regions.iter().all(is_wrong) {
+        return Ok(());
+    }
     let sha256 = digest_bounded(main, LARGEST_BYTES)?;
     let of_other = "SELECT subject, session FROM photograph WHERE photograph = ?";
     let known: Vec<[String; 2]> =
