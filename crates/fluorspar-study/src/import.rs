@@ -11,7 +11,7 @@ use fluorspar_session::{
     region_mask, region_with_mask,
 };
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 use crate::event::{Event, Region, StoredFile, Subject};
 use crate::store::{CAMERA, LARGEST_BYTES, Study, StudyArgs};
@@ -60,37 +60,26 @@ pub struct ImportedStudy {
     pub failures: Vec<FailedPhotograph>,
 }
 
-/// A line of the table of people; what it has no column for is `None`.
+/// A line of the table of people; an empty cell, or one of a column that is missing, says nothing.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SubjectRow {
     subject: String,
-    #[serde(default, deserialize_with = "given")]
     site: Option<String>,
-    #[serde(default, deserialize_with = "given")]
     sex: Option<String>,
-    #[serde(default, deserialize_with = "given")]
-    age: Option<Option<f64>>,
-    #[serde(default, deserialize_with = "given")]
+    age: Option<f64>,
     skin: Option<String>,
-    #[serde(default, deserialize_with = "given")]
     smoker: Option<String>,
-    #[serde(default, deserialize_with = "given")]
     consent: Option<String>,
 }
 
-/// A cell of a column that is there, be it empty.
-fn given<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Option<T>, D::Error> {
-    T::deserialize(from).map(Some)
-}
-
 impl SubjectRow {
-    /// What is known of the person with this line: columns that the table does not have stay.
+    /// What is known of the person with this line.
     fn over(self, known: Subject) -> Subject {
         Subject {
             site: self.site.unwrap_or(known.site),
             sex: self.sex.unwrap_or(known.sex),
-            age: self.age.unwrap_or(known.age),
+            age: self.age.or(known.age),
             skin: self.skin.unwrap_or(known.skin),
             smoker: self.smoker.unwrap_or(known.smoker),
             consent: self.consent.unwrap_or(known.consent),
@@ -322,6 +311,11 @@ fn import_one(study: &mut Study, photograph: &Photograph, imported: &mut Importe
             "{}: the study has this very photograph as that of {other}, visit {visit}; cameras and cards give names twice: see whose it is",
             main.display()
         )));
+    }
+    // A photograph that shows nothing right is left out
+    let is_wrong = |[_, _, verdict]: &[String; 3]| verdict == WRONG;
+    if known.is_empty() && !photograph.regions.is_empty() && photograph.regions.iter().all(is_wrong) {
+        return Ok(());
     }
     let regions = new_regions(study, photograph, [&subject, &session], &sha256)?;
     let mut events = Vec::new();

@@ -59,8 +59,13 @@ fn people_become_a_norm_and_stand_in_it() {
     let pooled = fluorspar(folder, ["study", "norm", "--pool", "norm.json", "--pool", "later.json"]);
     assert!(pooled.stderr.contains("people must not count twice"), "{}", pooled.stderr);
     study(folder, &["withdraw", "P02"]).well();
-    // A table without a column says nothing of it
-    for people in ["subject,age,consent\nP03,44,no\nP04,40,yes\n", "subject,sex\nP03,female\n"] {
+    // An empty cell says nothing, and neither does a column that is missing
+    let people = [
+        "subject,age,consent\nP03,44,no\nP04,40,yes\n",
+        "subject,sex\nP03,female\n",
+        "subject,consent\nP03,\n",
+    ];
+    for people in people {
         fs::write(folder.join("people.csv"), people).unwrap();
         study(folder, &["import", "--subjects", "people.csv"]).well();
     }
@@ -165,8 +170,13 @@ fn regions_are_taken_back_and_masks_are_taken_in() {
     let table = folder.join("photos/photographs.csv");
     let rows = || study(folder, &["query", "--quantity", "chromaticity_r", "--json"]).json();
     let wrong = fs::read_to_string(&table).unwrap().replacen("right", "wrong", 1);
-    fs::write(&table, &wrong).unwrap();
-    assert_eq!(study(folder, &["import", "photos", "--json"]).json()["regions"], 1);
+    let frame = fs::read(folder.join("photos/P01_violet.dng")).unwrap();
+    fs::write(folder.join("photos/P09_violet.dng"), [frame, vec![9]].concat()).unwrap();
+    let blurred =
+        "P09,violet,P09_violet.dng,tongue,\"9,12,12,12\",wrong\nP10,,gone.dng,tongue,\"9,12,12,12\",wrong\n";
+    fs::write(&table, format!("{wrong}{blurred}")).unwrap();
+    let said = study(folder, &["import", "photos", "--json"]).json();
+    assert_eq!((&said["photographs"], &said["regions"]), (&Value::from(0), &Value::from(1)));
     assert_eq!(study(folder, &["import", "photos", "--json"]).json()["regions"], 0);
     assert_eq!(rows().as_array().unwrap().len(), 1);
     // The workbench names masks so

@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 
 use fluorspar_format::{description_path, read_described_frame};
 
-use super::table::PhotographRow;
+use super::table::{PhotographRow, WRONG};
 use crate::{Error, Result};
 
 /// Endings of files that may be raw frames.
@@ -209,6 +209,7 @@ pub(super) fn completed(
             });
             match of_file {
                 Ok(capture) => row.capture.clone_from(capture),
+                Err(_) if row.verdict == WRONG => continue,
                 Err(why) => {
                     left_out.push((row.frame, why.clone()));
                     continue;

@@ -76,17 +76,16 @@ fn propose_one(
     let own = frames.iter().find(|of| of.raw.label == *capture);
     let guesses = own.map_or_else(Vec::new, |of| guess_mouth(&of.developed));
     let mut rows = Vec::new();
-    // A line names one dark and one flat frame: there are as many lines as it takes to name all
-    let lines = guesses.len().max(photograph.dark.len()).max(photograph.flat.len()).max(1);
-    for line in 0..lines {
-        let mut row = row_of(work, photograph, (capture, frame), line);
-        if let Some(guess) = guesses.get(line) {
-            row.place = format!("masks/{stem}_{}.png", guess.name);
-            write_mask(&made(folder, "masks")?.join(format!("{stem}_{}.png", guess.name)), &guess.selection)?;
-            (row.region, row.verdict) = (guess.name.into(), GUESS.into());
-        }
-        rows.push(row);
+    for guess in &guesses {
+        let mask = format!("masks/{stem}_{}.png", guess.name);
+        write_mask(&made(folder, "masks")?.join(format!("{stem}_{}.png", guess.name)), &guess.selection)?;
+        let row = row_of(work, photograph, (capture, frame), 0);
+        rows.push(PhotographRow { region: guess.name.into(), place: mask, verdict: GUESS.into(), ..row });
     }
+    // A line names one dark and one flat frame: further ones have lines of their own, which stay when a region is struck
+    let first = usize::from(!guesses.is_empty());
+    let lines = photograph.dark.len().max(photograph.flat.len()).max(1);
+    rows.extend((first..lines).map(|line| row_of(work, photograph, (capture, frame), line)));
     for (other, file) in &photograph.frames[1..] {
         rows.push(row_of(work, photograph, (other, file), 0));
     }
@@ -108,23 +107,22 @@ fn write_mask(path: &Path, selection: &PixelSelection) -> Result<()> {
     Ok(write_label_png(path, selection.width, selection.height, &labels)?)
 }
 
-/// A line of a frame, with one of the frames of the camera in turn.
+/// A line of a frame, with the dark and the flat frame of a number.
 fn row_of(
     work: &PhotographWork<'_>,
     photograph: &Photograph,
     (capture, frame): (&str, &Path),
-    line: usize,
+    number: usize,
 ) -> PhotographRow {
     let seen_from = |path: &Path| path_from(&work.folder, path);
-    let in_turn =
-        |own: &[PathBuf]| own.iter().cycle().nth(line).map_or_else(PathBuf::new, |path| seen_from(path));
+    let of_number = |own: &[PathBuf]| own.get(number).map_or_else(PathBuf::new, |path| seen_from(path));
     PhotographRow {
         patient: photograph.patient.clone(),
         visit: photograph.visit.clone(),
         capture: capture.into(),
         frame: seen_from(frame),
-        dark: in_turn(&photograph.dark),
-        flat: in_turn(&photograph.flat),
+        dark: of_number(&photograph.dark),
+        flat: of_number(&photograph.flat),
         ..PhotographRow::default()
     }
 }
