@@ -147,6 +147,7 @@ const GRAY: [f64; 3] = [0.5; 3];
 
 /// Mean color of every tissue of the default experiment under even light, without gloss: linear sRGB. Numbers, because solving the
 /// tissues takes longer than making the meshes.
+#[allow(clippy::approx_constant, reason = "colors, not logarithms")]
 const COLORS: [(&str, [f64; 3]); 11] = [
     ("cheek", [0.3606, 0.1605, 0.1454]),
     ("floor_of_mouth", [0.3370, 0.1438, 0.1344]),
