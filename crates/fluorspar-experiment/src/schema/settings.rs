@@ -116,7 +116,7 @@ pub struct RenderSection {
     /// groups whose light lies there are kept apart by excitation wavelength, so that `capture` and `analyze` follow a change
     /// of their spectrum, filters and power. Default: none.
     pub excitation_basis_nm: Option<[f64; 2]>,
-    /// Bands in which each component is kept: `basis`, those from which all others follow to about 0.1 %, in a seventh of the values,
+    /// Bands in which each component is kept: `basis`, those from which all others follow to some tenths of a percent, in a seventh of the values,
     /// or `all`. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default `basis`.
     #[serde(skip_serializing_if = "is_basis")]
     pub component_bands: BandsChoice,

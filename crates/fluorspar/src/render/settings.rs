@@ -25,7 +25,7 @@ pub enum ComponentBands {
     /// All bands.
     #[default]
     All,
-    /// The bands from which all others follow to about 0.1 % ([`SpectralBasis`](crate::image::SpectralBasis)): a seventh of the values in a mouth. All
+    /// The bands from which all others follow to some tenths of a percent ([`SpectralBasis`](crate::image::SpectralBasis)): a seventh of the values in a mouth. All
     /// bands where the render keeps statistics of the samples or an excitation basis.
     Basis,
 }
