@@ -75,7 +75,7 @@ fn estimates_of_photographs_are_those_of_analyze() {
         let Analyzed::Frames(analyzed) = analyze(&options, &job()).unwrap() else {
             panic!("frames of one photograph")
         };
-        let analysis = &analyzed.regions[0].analyzed.as_ref().unwrap().analysis;
+        let analysis = &analyzed.analysis;
         let lines = finding_lines(&region_findings(analysis), &analysis.analyte, false);
         assert!(lines.len() > 2 && told["lines"] == json!(lines), "{shape}: {told}");
     }
