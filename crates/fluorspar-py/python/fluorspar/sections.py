@@ -467,8 +467,9 @@ class RenderSection(TypedDict, total=False):
     light groups whose light lies there are kept apart by excitation wavelength, so that `capture` and `analyze` follow a
     change of their spectrum, filters and power. Default: none."""
     component_bands: BandsChoice
-    """Bands in which each component is kept: `basis`, those from which all others follow to about 0.1 %, in a seventh of the
-    values, or `all`. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default `basis`."""
+    """Bands in which each component is kept: `basis`, those from which all others follow to some tenths of a percent, in a
+    seventh of the values, or `all`. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default
+    `basis`."""
     regularize: bool
     """Mirror light that was scattered before no sharper than a roughness of 0.2 would, as pbrt's integrator does by the same
     name: few specks from wet surfaces, whose caustics are blurred. Default false: without bias."""
