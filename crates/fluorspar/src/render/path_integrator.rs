@@ -27,7 +27,7 @@ const LEAST_SURVIVAL: f32 = 0.05;
 
 /// Roughness of coats after light was scattered, where the render regularizes: a lobe that directions of the diffuse surface before it
 /// find without specks (path space regularization, Kaplanyan and Dachsbacher, Comput. Graph. Forum 32, 63, 2013). Where it
-/// mirrors light to is blurred; under even light it returns 1 % less of what it mirrors, at grazing angles more.
+/// mirrors light to is blurred, and it mirrors less, most at grazing angles, where facets hide each other: the base below gets that light.
 const REGULARIZED_ALPHA: f32 = 0.2;
 
 /// Vertices of a path that weigh lights by what their surface mirrors: later ones add too little.
