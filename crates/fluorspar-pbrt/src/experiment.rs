@@ -15,12 +15,12 @@ use fluorspar::study::Study;
 use fluorspar_experiment::schema::{
     Aim, CheckerMap, ConductorSection, DielectricSection, DiffuseSection, DiscShape, DistantLight,
     DistantStrength, EdgeBins, EmissionSection, EmissionSides, EmitterSection, EmptyCellsChoice,
-    EnvironmentLight, EnvironmentMapReference, EnvironmentStrength, ExperimentFile, FieldOfView, FilePath,
-    FluorophoreSection, FluorophoreSource, GlossSection, ImageMap, LightFrame, LightSection, MaterialSection,
-    MatrixSource, MeshShape, MetalIndex, MetalReference, MixSection, NoiseMap, ObjectSection, PlacesSection,
-    PointLight, ReflectanceReference, ReflectanceTermSection, ScatteringSection, ShapeSection,
-    SourceStrength, SpectralSection, SpectrumReference, SpectrumTable, SphereShape, SpotEdge, SpotLight,
-    TextureReference, TextureTable, TwoSidedSection,
+    EnvironmentLight, EnvironmentMapReference, EnvironmentStrength, ExperimentFile, FilePath,
+    FluorophoreSection, FluorophoreSource, GlossSection, ImageMap, LensOrNumber, LightFrame, LightSection,
+    MaterialSection, MatrixSource, MeshShape, MetalIndex, MetalReference, MixSection, NoiseMap,
+    ObjectSection, PlacesSection, PointLight, ReflectanceReference, ReflectanceTermSection,
+    ScatteringSection, ShapeSection, SourceStrength, SpectralSection, SpectrumReference, SpectrumTable,
+    SphereShape, SpotEdge, SpotLight, TextureReference, TextureTable, TwoSidedSection,
 };
 use fluorspar_format::{FormatError, eem_csv, write_atomically, write_gray_png, write_ply};
 use glam::{Vec2, Vec3};
@@ -144,7 +144,11 @@ impl<'a> SceneWriter<'a> {
         file.render.max_depth = study.render.max_depth;
         file.render.seed = study.render.seed;
         file.camera.position_mm = mm(camera.position);
-        file.camera.look_at_mm = mm(camera.position + 0.1 * camera.forward);
+        let focus = camera.aperture.as_ref().map_or(0.1, |aperture| aperture.focus());
+        file.camera.look_at_mm = mm(camera.position + focus * camera.forward);
+        if let Some(aperture) = &camera.aperture {
+            file.camera.aperture_mm = LensOrNumber::Number(2e3 * f64::from(aperture.radius()));
+        }
         file.camera.up = numbers(camera.up);
         match camera.parallel_half_width_m {
             Some(half) => {
@@ -152,7 +156,7 @@ impl<'a> SceneWriter<'a> {
             }
             None => {
                 let degrees = 2.0 * f64::from(camera.tan_half_width).atan().to_degrees();
-                file.camera.horizontal_field_deg = FieldOfView::Degrees(degrees);
+                file.camera.horizontal_field_deg = LensOrNumber::Number(degrees);
             }
         }
         if camera.lens.is_some() {

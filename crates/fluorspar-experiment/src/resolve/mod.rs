@@ -38,7 +38,7 @@ use self::capture::Analyses;
 use self::context::{Context, Resolved};
 use super::error::steps;
 use super::schema::{
-    AnalysisSection, DiffuseSection, ExperimentFile, FieldOfView, LensSection, ReflectanceReference,
+    AnalysisSection, DiffuseSection, ExperimentFile, LensOrNumber, LensSection, ReflectanceReference,
     ScatteringSection, SpectrumReference,
 };
 use super::{Experiment, ExperimentError};
@@ -488,7 +488,11 @@ fn differ_in_the_camera(rendered: &Experiment, now: &Experiment) -> bool {
 /// and the sensor of both must give where they differ in it, as [`check_same_scene`](fluorspar::pipeline::check_same_scene) demands.
 fn shows_to(rendered: (&Camera, &PerspectiveCamera), now: (&Camera, &PerspectiveCamera)) -> bool {
     let ((old, old_view), (new, new_view)) = (rendered, now);
-    let seen_as = PerspectiveCamera { tan_half_width: new_view.tan_half_width, ..old_view.clone() };
+    let seen_as = PerspectiveCamera {
+        tan_half_width: new_view.tan_half_width,
+        aperture: new_view.aperture.clone(),
+        ..old_view.clone()
+    };
     let has_field =
         old_view.tan_half_width == new_view.tan_half_width || (old.field_from_lens && new.field_from_lens);
     has_field && seen_as == *new_view
@@ -532,7 +536,7 @@ fn camera(
         lens,
         view_filter,
         sensor,
-        field_from_lens: file.camera.horizontal_field_deg == FieldOfView::FromLens,
+        field_from_lens: file.camera.horizontal_field_deg == LensOrNumber::FromLens,
         training_reflectances: preset::reflectance_curves(),
     };
     Ok((camera, view))

@@ -39,8 +39,8 @@ pub use capture::{
 pub use concentration::{ConcentrationFactor, PaintedMask};
 pub use develop::{DevelopSection, FlatFieldSection, MotionSection};
 pub use device::{
-    AutofluorescenceSection, CameraSection, FieldOfView, FilterAngles, FilterPosition, IdealLensSection,
-    ImageFormation, LensSection, SensorSection, TracedLensSection, ViewFilterSection,
+    AutofluorescenceSection, CameraSection, FilterAngles, FilterPosition, IdealLensSection, ImageFormation,
+    LensOrNumber, LensSection, SensorSection, TracedLensSection, ViewFilterSection,
 };
 pub use instrument::{SafetySection, SpectroradiometerSection};
 pub use light::{
