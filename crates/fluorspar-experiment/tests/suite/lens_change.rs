@@ -85,7 +85,8 @@ fn parts_stay_where_they_are_seen() {
         assert!((seen - share).abs() < 0.01, "{seen} of the sensor");
         let green = analyzed.analysis.channels.iter().find(|c| c.name == "G").unwrap();
         let s = green.statistics.as_ref().unwrap();
-        assert!(s.p05 > 0.9 * s.p95, "the region holds bright pixels only: {s:?}");
+        // Samples are larger than pixels: those on the border have some of what lies beyond it
+        assert!(s.p25 > 0.98 * s.p95 && s.min > 0.5 * s.p95, "the region holds bright pixels only: {s:?}");
     }
 }
 
