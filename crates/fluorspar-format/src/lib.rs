@@ -23,6 +23,7 @@
 //! | meshes at many places, glTF | [`read_gltf_instances`] | |
 //! | places, CSV or NumPy | [`read_placements`] | |
 //! | named meshes, OBJ, glTF, PBRT | | [`write_obj`], [`write_gltf`], [`write_pbrt`] |
+//! | a scene with camera and lights, glTF | | [`write_gltf_scene`] |
 //!
 //! Readers open files by [`read_bounded`] and its like: no more than a limit is read, whatever the system says of a file.
 //! Every reader says what is wrong with a file, where, and how to fix it ([`FormatError`]), and survives any bytes.
@@ -73,7 +74,9 @@ pub use image::png::{
 };
 pub use image::texture::read_texture;
 pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
-pub use mesh::gltf::{read_gltf, read_gltf_instances, write_gltf};
+pub use mesh::gltf::{
+    GltfCamera, GltfLight, GltfLightKind, read_gltf, read_gltf_instances, write_gltf, write_gltf_scene,
+};
 pub use mesh::mesh_set::{NamedMesh, write_obj, write_pbrt};
 pub use mesh::obj::read_obj;
 pub use mesh::placements::read_placements;
