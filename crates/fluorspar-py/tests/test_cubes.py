@@ -1,13 +1,18 @@
-"""Cubes that `fs.cube` writes, as independent programs read them."""
+"""Cubes and scenes for other programs, as these read them."""
 
 from __future__ import annotations
 
+import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fluorspar as fs
+
+# Sums of components in another order
+ROUNDING = 3e-6
 
 
 @pytest.fixture(scope="session")
@@ -35,16 +40,16 @@ def test_xarray_opens_a_zarr_by_wavelength(rendered, components, blue) -> None:
     data = xarray.open_zarr(written(rendered, "blue.zarr"))
     assert data.radiance.dims == ("y", "x", "wavelength")
     assert data.radiance.attrs["units"] == "W m-2 sr-1 nm-1" and data.wavelength.attrs["units"] == "nm"
-    np.testing.assert_array_equal(data.radiance.values, blue)
+    np.testing.assert_allclose(data.radiance.values, blue, rtol=ROUNDING)
     band = int(np.flatnonzero(components.wavelengths_nm == 525.0)[0])
-    np.testing.assert_array_equal(data.radiance.sel(wavelength=525).values, blue[:, :, band])
+    np.testing.assert_allclose(data.radiance.sel(wavelength=525).values, blue[:, :, band], rtol=ROUNDING)
     np.testing.assert_array_equal(data.depth.values, components.depth_m)
     np.testing.assert_array_equal(data.part.values, components.part)
     assert data.part.attrs["names"] == components.part_names and data.attrs["capture"] == "blue"
     # A pixel of the middle is as large as the camera matrix says at the median distance
     focal = data.attrs["camera_matrix_px"][0][0]
     assert data.attrs["mm_per_pixel"] == pytest.approx(1e3 * data.attrs["distance_m"] / focal)
-    assert fs.experiment(data.attrs["toml"]).get("render.width_px") == blue.shape[1]
+    assert tomllib.loads(data.attrs["toml"])["render"]["width_px"] == blue.shape[1]
     # White light alone is another cube
     white = xarray.open_zarr(written(rendered, "white.zarr", capture="white"))
     assert not np.allclose(white.radiance.values, blue)
@@ -66,7 +71,7 @@ def test_spy_opens_envi_with_wavelengths(rendered, components, blue) -> None:
     spectral = pytest.importorskip("spectral")
     path = written(rendered, "blue.hdr")
     image = spectral.open_image(str(path))
-    np.testing.assert_array_equal(np.asarray(image.load(dtype=np.float32)), blue)
+    np.testing.assert_allclose(np.asarray(image.load(dtype=np.float32)), blue, rtol=ROUNDING)
     np.testing.assert_allclose(image.bands.centers, components.wavelengths_nm)
     assert image.bands.band_unit == "Nanometers" and set(image.bands.bandwidths) == {5.0}
     assert image.metadata["data units"] == "W/(sr m^2 nm)"
@@ -78,7 +83,7 @@ def test_spy_opens_envi_with_wavelengths(rendered, components, blue) -> None:
     metadata = {"wavelength": list(components.wavelengths_nm), "data units": "uW/(cm^2 sr nm)"}
     spectral.envi.save_image(str(scaled), 100 * blue, interleave="bsq", metadata=metadata, ext=".img")
     fs.cube(scaled, out=path.with_name("back.npy"))
-    np.testing.assert_allclose(np.load(path.with_name("back.npy")), blue, rtol=1e-6)
+    np.testing.assert_allclose(np.load(path.with_name("back.npy")), blue, rtol=ROUNDING)
 
 
 def test_scipy_opens_a_scene_of_isetcam(rendered, components, blue) -> None:
@@ -120,8 +125,7 @@ def test_tifffile_opens_frames_with_names_and_wavelengths(rendered, mouth, compo
     assert emission == sorted(emission, reverse=True) and all(450 < nm < 700 for nm in emission)
     assert 380 < description["Channel"][0]["ExcitationWavelength"] < 390
     assert 0.05 < description["PhysicalSizeX"] < 1 and description["PhysicalSizeXUnit"] == "mm"
-    frame = next(frame for frame in fs.capture(mouth, components) if frame.label == "blue")
-    assert pixels.shape[1:] == frame.raw.shape[:2]
+    assert pixels.shape[1:] == fs.capture(mouth, components)["blue"].raw.shape[:2]
     types = pytest.importorskip("ome_types")
     assert types.from_tiff(folder / "frame_blue.ome.tiff").images[0].pixels.size_c == 3
 
@@ -133,3 +137,20 @@ def test_what_a_cube_can_t_be_is_told(rendered) -> None:
         fs.cube(rendered, capture="green", out=rendered.parent / "a.zarr")
     with pytest.raises(fs.FluorsparError, match="holds one light"):
         fs.cube(written(rendered, "one.hdr"), capture="blue", out=rendered.parent / "a.zarr")
+
+
+def test_trimesh_opens_a_mouth_with_its_camera(tmp_path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    path = tmp_path / "mouth.glb"
+    fs.text_of("scene", "convert", "oraleye-2021-surface", "--capture", "blue", "--out", path)
+    scene = trimesh.load(path)
+    assert "tongue_dorsum" in scene.geometry and len(scene.geometry) > 40
+    low, high = scene.bounds
+    # Meters: a head is some 20 cm high
+    assert 0.1 < high[1] - low[1] < 0.4
+    field = fs.experiment("oraleye-2021-surface").get("camera.horizontal_field_deg")
+    assert field == "from_lens" and scene.camera.fov[0] == pytest.approx(42.4, abs=2)
+    length = int.from_bytes(path.read_bytes()[12:16], "little")
+    document = json.loads(path.read_bytes()[20 : 20 + length])
+    lights = document["extensions"]["KHR_lights_punctual"]["lights"]
+    assert lights and all(light["intensity"] == pytest.approx(683 * light["extras"]["radiant_intensity_w_per_sr"]) for light in lights)

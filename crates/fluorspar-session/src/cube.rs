@@ -82,6 +82,7 @@ pub fn cube(options: &CubeOptions, job: &Job) -> Result<WrittenCube> {
     };
     let options = CubeOptions { image, ..options.clone() };
     if options.components {
+        let _writing = job.listener.begin_writing(&options.out);
         return write_components(&options, form, &overrides);
     }
     let cube = match FinishedRender::open(&options.image) {
@@ -96,6 +97,7 @@ pub fn cube(options: &CubeOptions, job: &Job) -> Result<WrittenCube> {
             cube
         }
     };
+    let _writing = job.listener.begin_writing(&options.out);
     write(&options, form, &cube)
 }
 
