@@ -48,28 +48,10 @@ pub fn to_gltf(scene: &Scene, drive: &dyn Fn(&str) -> f64) -> DrawnScene {
     let mut lost =
         vec!["what materials do but for their color: gloss, spectra, fluorescence, maps".to_owned()];
     let colors = Colors::new(&scene.grid);
-    let names = |all: Vec<&str>| -> Vec<String> {
-        let plain: Vec<String> = all.into_iter().map(|name| file_name(name).replace('.', "_")).collect();
-        unique_names(plain.iter().map(String::as_str))
-    };
-    let materials = names(scene.materials.iter().map(|material| material.name.as_str()).collect());
-    let objects = names(scene.objects.iter().map(|object| object.name.as_str()).collect());
-    let mut known: HashMap<usize, [f64; 3]> = HashMap::new();
-    let parts = scene.objects.iter().zip(objects).map(|(object, name)| DrawnPart {
-        name,
-        material: materials[object.material].clone(),
-        color: *known
-            .entry(object.material)
-            .or_insert_with(|| colors.of(&scene.materials[object.material], scene)),
-        mesh: mesh_in_place(&object.shape),
-    });
-    let parts: Vec<DrawnPart> = parts.collect();
+    let parts = drawn_parts(scene, &colors);
+    let emitting = scene.objects.iter().filter(|object| object.emission.is_some());
     lost.extend(
-        scene
-            .objects
-            .iter()
-            .filter(|object| object.emission.is_some())
-            .map(|object| format!("what \"{}\" emits: surfaces are no lights there", object.name)),
+        emitting.map(|object| format!("what \"{}\" emits: surfaces are no lights there", object.name)),
     );
     let camera = &scene.camera;
     let view = camera.view().map(|view| {
@@ -98,6 +80,25 @@ pub fn to_gltf(scene: &Scene, drive: &dyn Fn(&str) -> f64) -> DrawnScene {
         }
     }
     DrawnScene { parts, camera: view, lights, lost }
+}
+
+fn drawn_parts(scene: &Scene, colors: &Colors) -> Vec<DrawnPart> {
+    let names = |all: Vec<&str>| -> Vec<String> {
+        let plain: Vec<String> = all.into_iter().map(|name| file_name(name).replace('.', "_")).collect();
+        unique_names(plain.iter().map(String::as_str))
+    };
+    let materials = names(scene.materials.iter().map(|material| material.name.as_str()).collect());
+    let objects = names(scene.objects.iter().map(|object| object.name.as_str()).collect());
+    let mut known: HashMap<usize, [f64; 3]> = HashMap::new();
+    let mut color =
+        |number: usize| *known.entry(number).or_insert_with(|| colors.of(&scene.materials[number], scene));
+    let parts = scene.objects.iter().zip(objects).map(|(object, name)| DrawnPart {
+        name,
+        material: materials[object.material].clone(),
+        color: color(object.material),
+        mesh: mesh_in_place(&object.shape),
+    });
+    parts.collect()
 }
 
 /// A light as a point: its intensity ahead is that of the surface that shines. `None` of dark ones and of environments.

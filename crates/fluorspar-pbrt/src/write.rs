@@ -5,9 +5,9 @@ use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use fluorspar::geometry::TriangleMesh;
+use fluorspar::geometry::{MeshInstances, TriangleMesh};
 use fluorspar::light::{ConeEdge, Emitter, Light, PointEmitter, PointPattern, SpotCone};
-use fluorspar::material::{Coated, Lambertian, Material, ScalarTexture, Scattering};
+use fluorspar::material::{Coated, Lambertian, Material, Mixture, ScalarTexture, Scattering};
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::render::RenderSettings;
 use fluorspar::scene::{Object, Scene, Shape};
@@ -39,7 +39,7 @@ pub fn to_pbrt(
         drive,
         folder,
         is_v4: scene.materials.iter().all(|material| material.fluorophores.is_empty()),
-        names: unique_names(scene.materials.iter().map(|material| material.name.as_str())),
+        names: quotable(scene.materials.iter().map(|material| material.name.as_str())),
         text: String::new(),
         lost: BTreeMap::new(),
         files: Vec::new(),
@@ -48,7 +48,7 @@ pub fn to_pbrt(
     writer.view(&scene.camera, render);
     writer.materials();
     scene.lights.iter().for_each(|light| writer.light(light));
-    let names = unique_names(scene.objects.iter().map(|object| object.name.as_str()));
+    let names = quotable(scene.objects.iter().map(|object| object.name.as_str()));
     scene.objects.iter().zip(names).for_each(|(object, name)| writer.object(object, &name));
     let PbrtWriter { text: body, lost, files, is_v4, .. } = writer;
     let line =
@@ -96,6 +96,8 @@ impl PbrtWriter<'_> {
     }
 
     fn add(&mut self, name: String, companion: Companion) -> String {
+        let is_taken = self.files.iter().any(|(other, _)| *other == name);
+        let name = if is_taken { format!("{}_{name}", self.files.len()) } else { name };
         let path = format!("{}/{name}", self.folder);
         self.files.push((name, companion));
         path
@@ -221,25 +223,27 @@ impl PbrtWriter<'_> {
                     .map(|(name, curve)| self.spectrum(name, curve, true));
                 format!("\"{}\" {n} {k} {rough}", if self.is_v4 { "conductor" } else { "metal" })
             }
-            Scattering::Mixture(mixture) => {
-                let amount = self.mean(&mixture.amount, name, "the map of the share of");
-                let [first, second] = [mixture.first, mixture.second].map(|part| self.names[part].clone());
-                match self.is_v4 {
-                    true => format!(
-                        "\"mix\" \"string materials\" [ \"{first}\" \"{second}\" ] \"float amount\" {amount}"
-                    ),
-                    // The amount is that of the first there
-                    false => format!(
-                        "\"mix\" \"string namedmaterial1\" \"{second}\" \"string namedmaterial2\" \"{first}\" \"spectrum amount\" \
-                         [ 200 {amount}  1200 {amount} ]"
-                    ),
-                }
-            }
+            Scattering::Mixture(mixture) => self.mixture(mixture, name),
             Scattering::TwoSided(sides) => {
                 self.lost("the back of", name, "it is as its front");
                 let front = &self.scene.materials[sides.front];
                 self.scattering(&front.scattering, &front.name)
             }
+        }
+    }
+
+    fn mixture(&mut self, mixture: &Mixture, name: &str) -> String {
+        let amount = self.mean(&mixture.amount, name, "the map of the share of");
+        let [first, second] = [mixture.first, mixture.second].map(|part| self.names[part].clone());
+        match self.is_v4 {
+            true => {
+                format!("\"mix\" \"string materials\" [ \"{first}\" \"{second}\" ] \"float amount\" {amount}")
+            }
+            // The amount is that of the first there
+            false => format!(
+                "\"mix\" \"string namedmaterial1\" \"{second}\" \"string namedmaterial2\" \"{first}\" \"spectrum amount\" \
+                 [ 200 {amount}  1200 {amount} ]"
+            ),
         }
     }
 
@@ -335,7 +339,7 @@ impl PbrtWriter<'_> {
                 format!("\"float alpha\" {}", self.mean(opacity, &material.name, "the map of the opacity of"))
             }
         };
-        self.line(format!("AttributeBegin # {}", name.replace(char::is_control, " ")));
+        self.line(format!("AttributeBegin # {name}"));
         if let Some(emission) = &object.emission {
             let drive = (self.drive)(&self.scene.light_groups[emission.group].name);
             if drive > 0.0 {
@@ -353,24 +357,26 @@ impl PbrtWriter<'_> {
                 ));
             }
             Shape::Disc { center, normal, radius_m } => self.disc(*center, *normal, [0.0, *radius_m], &alpha),
-            Shape::Instances(instances) => {
-                for (number, mesh) in instances.meshes.iter().enumerate() {
-                    self.line(format!("ObjectBegin \"{name} {number}\""));
-                    self.mesh(&format!("{stem}_{number}"), mesh, &alpha);
-                    self.line("ObjectEnd");
-                }
-                for instance in &instances.instances {
-                    let (m, t) = (instance.to_world.matrix3, instance.to_world.translation);
-                    let axes = [m.x_axis, m.y_axis, m.z_axis].map(|axis| axis.extend(0.0));
-                    let place = concat(Mat4::from_cols(axes[0], axes[1], axes[2], t.extend(1.0)));
-                    self.line(format!(
-                        "AttributeBegin {place} ObjectInstance \"{name} {}\" AttributeEnd",
-                        instance.mesh
-                    ));
-                }
-            }
+            Shape::Instances(instances) => self.instances(instances, name, &alpha),
         }
         self.line("AttributeEnd");
+    }
+
+    fn instances(&mut self, instances: &MeshInstances, name: &str, alpha: &str) {
+        for (number, mesh) in instances.meshes.iter().enumerate() {
+            self.line(format!("ObjectBegin \"{name} {number}\""));
+            self.mesh(&format!("{}_{number}", file_name(name)), mesh, alpha);
+            self.line("ObjectEnd");
+        }
+        for instance in &instances.instances {
+            let (m, t) = (instance.to_world.matrix3, instance.to_world.translation);
+            let axes = [m.x_axis, m.y_axis, m.z_axis].map(|axis| axis.extend(0.0));
+            let place = concat(Mat4::from_cols(axes[0], axes[1], axes[2], t.extend(1.0)));
+            self.line(format!(
+                "AttributeBegin {place} ObjectInstance \"{name} {}\" AttributeEnd",
+                instance.mesh
+            ));
+        }
     }
 
     fn mesh(&mut self, stem: &str, mesh: &Arc<TriangleMesh>, alpha: &str) {
@@ -511,6 +517,13 @@ impl PbrtWriter<'_> {
             _ => {}
         }
     }
+}
+
+/// Names that differ and can stand in quotes.
+fn quotable<'n>(names: impl Iterator<Item = &'n str>) -> Vec<String> {
+    let plain = |name: &str| name.replace(|letter: char| letter.is_control() || "\"\\".contains(letter), "_");
+    let plain: Vec<String> = names.map(plain).collect();
+    unique_names(plain.iter().map(String::as_str))
 }
 
 /// Mean weights of the terms of a reflectance over the unit square, and whether they vary there.

@@ -19,7 +19,9 @@ use fluorspar_experiment::{
     parse_sensor, parse_tissue, preset, resolve,
 };
 use fluorspar_format as format;
-use fluorspar_format::{CsvEemOptions, ExrCompression, ExrOptions, RawPacking, SpectrumOptions, Transfer};
+use fluorspar_format::{
+    CsvEemOptions, ExrCompression, ExrOptions, RawPacking, SpectrumOptions, SpectrumQuantity, Transfer,
+};
 use glam::{Vec2, Vec3};
 
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -369,11 +371,12 @@ fn journals(subjects: &mut Subjects) -> Outcome<()> {
     Ok(())
 }
 
-/// Texts of instruments, by form.
-const INSTRUMENTS: [(&str, &str, &[&str]); 4] = [
+/// Texts of instruments, by form, and what they are read for.
+const INSTRUMENTS: [(&str, &str, SpectrumQuantity, &[&str]); 5] = [
     (
         "spectra JCAMP-DX",
         "s.jdx",
+        SpectrumQuantity::Fraction,
         &[
             "##TITLE= a\n##XUNITS= NANOMETERS\n##YUNITS= TRANSMITTANCE\n##XFACTOR= 1.0\n##YFACTOR= 0.5\n##XYPOINTS= (XY..XY)\n\
              400.0, 1.0\n410.0, 0.5\n##END=\n",
@@ -384,6 +387,7 @@ const INSTRUMENTS: [(&str, &str, &[&str]); 4] = [
     (
         "spectra TM-27",
         "s.spdx",
+        SpectrumQuantity::SpectralPower,
         &[
             "<?xml version=\"1.0\"?>\n<IESTM2714 xmlns=\"iestm2714\" version=\"1.0\"><SpectralDistribution><SpectralQuantity>irradiance\
            </SpectralQuantity><SpectralData wavelength=\"400\">0.25</SpectralData><SpectralData wavelength=\"500\">0.5</SpectralData>\
@@ -393,6 +397,7 @@ const INSTRUMENTS: [(&str, &str, &[&str]); 4] = [
     (
         "spectra CGATS",
         "s.ti3",
+        SpectrumQuantity::Fraction,
         &[
             "CTI3   \n\nORIGINATOR \"a\"\nNUMBER_OF_FIELDS 4\nBEGIN_DATA_FORMAT\nSAMPLE_ID SAMPLE_NAME SPEC_400 SPEC_410\nEND_DATA_FORMAT\n\n\
            NUMBER_OF_SETS 2\nBEGIN_DATA\n1 \"light blue\" 50.0\n25.0\n2 red 1.0 2.5\nEND_DATA\n",
@@ -401,12 +406,18 @@ const INSTRUMENTS: [(&str, &str, &[&str]); 4] = [
     (
         "spectra of instruments",
         "s.txt",
+        SpectrumQuantity::Fraction,
         &[
             "No.,Wavelength (nm),Bandwidth (nm),T\n200,400,5,0.5\n201,410,5,0.25\n",
             "Wavelength (nm),T (dB)\n400,-20\n500,-10\n600,0\n",
-            "start_nm,end_nm,irradiance\n400,410,2\n410,430,4\n430,440,2\n",
             "Wellenl\u{e4}nge (nm);Transmission\n400;0,5\n410;0,25\n",
         ],
+    ),
+    (
+        "spectra of bands",
+        "s.csv",
+        SpectrumQuantity::SpectralPower,
+        &["start_nm,end_nm,irradiance\n400,410,2\n410,430,4\n430,440,2\n"],
     ),
 ];
 
@@ -418,10 +429,10 @@ fn tables(subjects: &mut Subjects) {
         table("# c\nwavelength_nm,a,\"b\"\n400,1,2\n410,1.5e-3,2\n420,3,4\n"),
         |path| format::read_spectra(path, &SpectrumOptions::default()).is_ok(),
     );
-    for (name, file, texts) in INSTRUMENTS {
+    for (name, file, quantity, texts) in INSTRUMENTS {
         let seeds = texts.iter().map(|text| text.as_bytes().to_vec()).collect();
-        subjects
-            .add(name, file, seeds, |path| format::read_spectra(path, &SpectrumOptions::default()).is_ok());
+        let options = SpectrumOptions { quantity, ..SpectrumOptions::default() };
+        subjects.add(name, file, seeds, move |path| format::read_spectra(path, &options).is_ok());
     }
     subjects.add(
         "matrix CSV",

@@ -33,42 +33,46 @@ fn map_path(path: &Path, name: &str) -> PathBuf {
 
 /// Writes the cube by pixels (`bip`), and `NAME_depth`, `NAME_part` where it has these maps.
 pub(super) fn write_envi(path: &Path, cube: &Cube) -> Result<(), FormatError> {
-    let (facts, grid, size) = (&cube.facts, cube.light.grid(), cube.light.size());
-    let centers = grid.centers_nm();
-    let nearest = |wanted: &f64| {
-        let distances = centers.iter().map(|nm| (nm - wanted).abs()).enumerate();
-        distances.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(1, |(band, _)| band + 1).to_string()
-    };
-    let mut fields = vec![
-        ("data units", cube.light.unit().to_owned()),
-        ("wavelength units", "Nanometers".into()),
-        ("wavelength", list(centers.iter().map(|nm| number_text(*nm)))),
-        ("fwhm", list(grid.widths_nm().iter().map(|nm| number_text(*nm)))),
-        ("wavelength edges", list(grid.edges_nm().iter().map(|nm| number_text(*nm)))),
-        ("default bands", list(SHOWN_NM.iter().map(nearest))),
-    ];
-    fields.extend(facts.capture.iter().map(|capture| ("capture", one_line(capture))));
-    if let Some(matrix) = facts.camera_matrix_px {
-        fields
-            .push(("camera matrix px", list(matrix.as_flattened().iter().map(|value| number_text(*value)))));
-    }
-    fields.extend(facts.distance_m.map(|distance| ("distance m", number_text(distance))));
+    let (facts, maps, size, bands) =
+        (&cube.facts, &cube.facts.maps, cube.light.size(), cube.light.grid().len());
     let values = cube.light.values().iter().flat_map(|value| value.to_le_bytes());
-    write_pair(path, facts, (size, grid.len()), ("ENVI Standard", 4), &fields, values)?;
-    let maps = &facts.maps;
+    write_pair(path, facts, (size, bands), ("ENVI Standard", 4), &fields_of(cube), values)?;
     if !maps.depth_m.is_empty() {
         let values = maps.depth_m.iter().flat_map(|value| value.to_le_bytes());
         let fields = [("data units", "m".to_owned())];
         write_pair(&map_path(path, "depth"), facts, (size, 1), ("ENVI Standard", 4), &fields, values)?;
     }
     if !maps.part.is_empty() {
-        let names: Vec<String> = maps.part_names.iter().map(|name| one_line(name)).collect();
-        let names = std::iter::once("nothing".to_owned()).chain(names);
-        let fields = [("classes", (maps.part_names.len() + 1).to_string()), ("class names", list(names))];
+        let names = maps.part_names.iter().map(|name| one_line(name));
+        let names = list(std::iter::once("nothing".to_owned()).chain(names));
+        let fields = [("classes", (maps.part_names.len() + 1).to_string()), ("class names", names)];
         let values = maps.part.iter().flat_map(|value| value.to_le_bytes());
         write_pair(&map_path(path, "part"), facts, (size, 1), ("ENVI Classification", 12), &fields, values)?;
     }
     Ok(())
+}
+
+/// What the header of a cube says of its bands and of the camera.
+fn fields_of(cube: &Cube) -> Vec<(&'static str, String)> {
+    let (facts, grid) = (&cube.facts, cube.light.grid());
+    let centers = grid.centers_nm();
+    let nearest = |wanted: &f64| {
+        let distances = centers.iter().map(|nm| (nm - wanted).abs()).enumerate();
+        distances.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(1, |(band, _)| band + 1).to_string()
+    };
+    let numbers = |values: &[f64]| list(values.iter().map(|value| number_text(*value)));
+    let mut fields = vec![
+        ("data units", cube.light.unit().to_owned()),
+        ("wavelength units", "Nanometers".into()),
+        ("wavelength", numbers(&centers)),
+        ("fwhm", numbers(&grid.widths_nm())),
+        ("wavelength edges", numbers(grid.edges_nm())),
+        ("default bands", list(SHOWN_NM.iter().map(nearest))),
+    ];
+    fields.extend(facts.capture.iter().map(|capture| ("capture", one_line(capture))));
+    fields.extend(facts.camera_matrix_px.map(|matrix| ("camera matrix px", numbers(matrix.as_flattened()))));
+    fields.extend(facts.distance_m.map(|distance| ("distance m", number_text(distance))));
+    fields
 }
 
 /// Values in braces.
@@ -127,12 +131,13 @@ impl<'a> Header<'a> {
             return Err(FormatError::malformed(path, "this is no header of ENVI", hint));
         }
         let mut fields = Vec::new();
-        let mut lines = text.lines().skip(1);
+        let mut lines = text.lines().skip(1).peekable();
         while let Some(line) = lines.next() {
             let Some((name, value)) = line.split_once('=') else { continue };
             let mut value = value.trim().to_owned();
-            while value.starts_with('{') && !value.contains('}') {
-                let Some(more) = lines.next() else { break };
+            let mut is_open = value.starts_with('{') && !value.contains('}');
+            while let Some(more) = lines.next_if(|_| is_open) {
+                is_open = !more.contains('}');
                 value.push(' ');
                 value.push_str(more.trim());
             }
@@ -272,28 +277,9 @@ pub(super) fn read_envi(path: &Path) -> Result<Cube, FormatError> {
     let is_big = header.get("byte order") == Some("1");
     let place = interleaved(&header, [width, height, bands])?;
 
-    let file = header.values()?;
-    let needed = width * height * bands * size;
-    let content = read_bounded(&file, offset.saturating_add(needed as u64).saturating_add(1 << 20))?;
-    let content = usize::try_from(offset).ok().and_then(|offset| content.get(offset..)?.get(..needed));
-    let Some(content) = content else {
-        let what = format!("it is shorter than the {needed} bytes that its header tells");
-        return Err(FormatError::malformed(&file, what, "Copy both files again"));
-    };
-    let mut values = vec![0.0; width * height * bands];
-    let mut turned = vec![0; size];
-    for (number, bytes) in content.chunks_exact(size).enumerate() {
-        turned.copy_from_slice(bytes);
-        if is_big {
-            turned.reverse();
-        }
-        let value = factor as f32 * decode(&turned);
-        if !value.is_finite() {
-            let what = format!("value number {} is {value}", number + 1);
-            return Err(FormatError::malformed(&file, what, "Put 0 in its place"));
-        }
-        values[place(number)] = value;
-    }
+    let stored = read_stored(&header.values()?, offset, width * height * bands * size)?;
+    let values = decoded(&stored, (size, is_big), |bytes| factor as f32 * decode(bytes), place)
+        .map_err(|what| FormatError::malformed(path, what, "Put 0 in its place"))?;
     let size = [width, height];
     let light = match is_radiance {
         true => CubeLight::Radiance(image_of(path, &grid, size, values)?),
@@ -305,6 +291,43 @@ pub(super) fn read_envi(path: &Path) -> Result<Cube, FormatError> {
         ..CubeFacts::default()
     };
     Ok(Cube { light, facts })
+}
+
+/// So many bytes of the file with the values, behind others.
+fn read_stored(file: &Path, offset: u64, needed: usize) -> Result<Vec<u8>, FormatError> {
+    let most = offset.saturating_add(needed as u64).saturating_add(1 << 20);
+    let mut content = read_bounded(file, most)?;
+    let start = usize::try_from(offset).unwrap_or(usize::MAX).min(content.len());
+    content.drain(..start);
+    if content.len() < needed {
+        let what = format!("it is shorter than the {needed} bytes that its header tells");
+        return Err(FormatError::malformed(file, what, "Copy both files again"));
+    }
+    content.truncate(needed);
+    Ok(content)
+}
+
+/// Numbers of a size and order of bytes, each at its place.
+fn decoded(
+    stored: &[u8],
+    (size, is_big): (usize, bool),
+    decode: impl Fn(&[u8]) -> f32,
+    place: impl Fn(usize) -> usize,
+) -> Result<Vec<f32>, String> {
+    let mut values = vec![0.0; stored.len() / size];
+    let mut turned = vec![0; size];
+    for (number, bytes) in stored.chunks_exact(size).enumerate() {
+        turned.copy_from_slice(bytes);
+        if is_big {
+            turned.reverse();
+        }
+        let value = decode(&turned);
+        if !value.is_finite() {
+            return Err(format!("value number {} is {value}", number + 1));
+        }
+        values[place(number)] = value;
+    }
+    Ok(values)
 }
 
 /// Where a stored number belongs in `[row, col, band]`.

@@ -113,6 +113,13 @@ fn description([width, height]: [usize; 2], channels: &[OmeChannel], facts: &Ome
         }
     }
     text.push('>');
+    add_channels(&mut text, channels, facts.exposure_s);
+    text.push_str("</Pixels></Image></OME>");
+    text
+}
+
+/// Channels, their pages, and how long these were exposed.
+fn add_channels(text: &mut String, channels: &[OmeChannel], exposure_s: Option<f64>) {
     for (number, channel) in channels.iter().enumerate() {
         let name = escaped(&channel.name);
         let _ = write!(text, "<Channel ID=\"Channel:0:{number}\" Name=\"{name}\" SamplesPerPixel=\"1\"");
@@ -126,7 +133,7 @@ fn description([width, height]: [usize; 2], channels: &[OmeChannel], facts: &Ome
     for number in 0..channels.len() {
         let _ = write!(text, "<TiffData FirstC=\"{number}\" IFD=\"{number}\" PlaneCount=\"1\"/>");
     }
-    if let Some(seconds) = facts.exposure_s {
+    if let Some(seconds) = exposure_s {
         for number in 0..channels.len() {
             let _ = write!(
                 text,
@@ -134,8 +141,6 @@ fn description([width, height]: [usize; 2], channels: &[OmeChannel], facts: &Ome
             );
         }
     }
-    text.push_str("</Pixels></Image></OME>");
-    text
 }
 
 /// Text within XML, in ASCII.
