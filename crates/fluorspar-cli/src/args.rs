@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use fluorspar_session::{
-    AnalyzeOptions, CaptureOptions, CheckOptions, CohortOptions, CompareOptions, DatasetOptions,
+    AnalyzeOptions, CaptureOptions, CheckOptions, CohortOptions, CompareOptions, CubeOptions, DatasetOptions,
     PredictOptions, RunOptions,
 };
 use fluorspar_web::WorkbenchOptions;
@@ -64,6 +64,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
             "new",
             "render",
             "capture",
+            "cube",
             "analyze",
             "sheet",
             "compare",
@@ -144,6 +145,8 @@ pub(crate) enum Command {
     Denoise(denoise::Options),
     /// Capture raw frames from a component image made by `run` or `render`.
     Capture(Answering<CaptureOptions>),
+    /// Write the light of one capture as a spectral cube: Zarr, ENVI, ISETCam, OME-TIFF; or read such a cube.
+    Cube(Answering<CubeOptions>),
     /// Draw frames of one render side by side: each fluorophore alone, or with changes.
     Sheet(sheet::Options),
     /// Analyze raw frames, simulated or of a camera: colors, porphyrin share, report.

@@ -116,6 +116,7 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Merge(options) => Ended::of(commands::merge::run, &options),
         Command::Denoise(options) => Ended::of(commands::denoise::run, &options),
         Command::Capture(options) => Ended::of(commands::capture::run, &options),
+        Command::Cube(options) => Ended::of(commands::cube::run, &options),
         Command::Sheet(options) => Ended::of(commands::sheet::run, &options),
         Command::Analyze(options) => Ended::of(commands::analyze::run, &options),
         Command::Cohort(options) => Ended::of(commands::cohort::run, &options),

@@ -9,6 +9,8 @@
 //! | spectral image, OpenEXR or NumPy | [`read_spectral_exr`], [`read_spectral_npy`] | [`write_spectral_exr`], [`write_spectral_npy`] |
 //! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
 //! | component image, part by part | [`ComponentFile`] | |
+//! | spectral cube: ENVI, ISETCam; Zarr, OME-TIFF | [`read_cube`] | [`CubeForm::write`], [`write_component_zarr`] |
+//! | channels of a frame, OME-TIFF | | [`write_ome_tiff`] |
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
 //! | names of tags and chunks of a picture | [`left_tags`] | |
@@ -21,16 +23,18 @@
 //! | meshes at many places, glTF | [`read_gltf_instances`] | |
 //! | places, CSV or NumPy | [`read_placements`] | |
 //! | named meshes, OBJ, glTF, PBRT | | [`write_obj`], [`write_gltf`], [`write_pbrt`] |
+//! | a scene with camera and lights, glTF | | [`write_gltf_scene`] |
 //!
 //! Readers open files by [`read_bounded`] and its like: no more than a limit is read, whatever the system says of a file.
 //! Every reader says what is wrong with a file, where, and how to fix it ([`FormatError`]), and survives any bytes.
 //! Every writer leaves a complete file or none ([`write_atomically`]). Equal results give equal bytes. A command declares all that
 //! it will write before it begins ([`Outputs`], [`OutputFolder`]). What takes long to make is kept in a [`Cache`].
 //!
-//! Rooms: `table`, `frame`, `image`, `mesh`, `lens`, `pbrt`, and `store`, where files are opened and written.
+//! Rooms: `table`, `cube`, `frame`, `image`, `mesh`, `lens`, `pbrt`, and `store`, where files are opened and written.
 //!
 //! Out of scope: what the numbers mean. Readers do not normalize, and convert nothing but units that a file names.
 
+mod cube;
 mod error;
 mod frame;
 mod image;
@@ -42,6 +46,8 @@ mod store;
 mod table;
 mod toml_text;
 
+pub use cube::ome_tiff::{OmeChannel, OmeFacts, write_ome_tiff};
+pub use cube::{Cube, CubeFacts, CubeForm, CubeLight, read_cube, write_component_zarr};
 pub use error::{FormatError, Problem};
 pub use frame::dng::{DngColor, write_sensor_dng};
 pub use frame::frame_description::{
@@ -68,7 +74,9 @@ pub use image::png::{
 };
 pub use image::texture::read_texture;
 pub use lens::{AbbeGlass, LensFile, LensFileError, LensFileSurface, PublishedLens, read_lens};
-pub use mesh::gltf::{read_gltf, read_gltf_instances, write_gltf};
+pub use mesh::gltf::{
+    GltfCamera, GltfLight, GltfLightKind, read_gltf, read_gltf_instances, write_gltf, write_gltf_scene,
+};
 pub use mesh::mesh_set::{NamedMesh, write_obj, write_pbrt};
 pub use mesh::obj::read_obj;
 pub use mesh::placements::read_placements;

@@ -30,10 +30,10 @@ use crate::convert::PbrtStudy;
 /// Most entries of a list of an experiment file.
 const MOST_ENTRIES: usize = 10_000;
 
-/// An experiment file that says what a scene of pbrt says, and the files beside it.
+/// A scene in the form of another program, and the files beside it: an experiment that says what a scene of pbrt says, or the reverse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConvertedScene {
-    /// The experiment file.
+    /// The scene.
     pub text: String,
     /// What of the scene it does not hold.
     pub lost: Vec<String>,
@@ -43,13 +43,17 @@ pub struct ConvertedScene {
 
 /// A file beside an experiment.
 #[derive(Clone, Debug, PartialEq)]
-enum Companion {
+pub(crate) enum Companion {
     Mesh(Arc<TriangleMesh>),
     Image { width: usize, height: usize, values: Vec<f32> },
     Text(String),
 }
 
 impl ConvertedScene {
+    pub(crate) fn new(text: String, lost: Vec<String>, files: Vec<(String, Companion)>) -> Self {
+        Self { text, lost, files }
+    }
+
     /// Names of the files in the folder that the text names.
     pub fn files(&self) -> impl Iterator<Item = &str> {
         self.files.iter().map(|(name, _)| name.as_str())
@@ -594,7 +598,7 @@ fn places_text(instances: &MeshInstances) -> String {
 }
 
 /// Names that are not empty and differ.
-fn unique_names<'n>(names: impl Iterator<Item = &'n str>) -> Vec<String> {
+pub(crate) fn unique_names<'n>(names: impl Iterator<Item = &'n str>) -> Vec<String> {
     let mut taken = std::collections::BTreeSet::new();
     let unique = |name: &str| {
         let base = if name.trim().is_empty() { "unnamed" } else { name };
@@ -608,7 +612,7 @@ fn unique_names<'n>(names: impl Iterator<Item = &'n str>) -> Vec<String> {
 }
 
 /// A name that every disk takes.
-fn file_name(name: &str) -> String {
+pub(crate) fn file_name(name: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     name.chars().map(plain).take(100).collect::<String>().trim_start_matches('.').to_string()
 }

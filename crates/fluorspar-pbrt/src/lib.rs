@@ -13,6 +13,8 @@
 //! | `light` | lights and what shapes emit |
 //! | `experiment` | the scene as an experiment file, with its meshes |
 //! | `camera` | camera, film, sampler, integrator |
+//! | `write` | a scene as one of pbrt |
+//! | `gltf` | what of a scene glTF holds |
 //!
 //! What has no counterpart is named with file and line in [`PbrtStudy::remarks`]. `docs/pbrt.md` has the whole table.
 
@@ -20,6 +22,7 @@ mod camera;
 mod convert;
 mod experiment;
 mod given;
+mod gltf;
 mod light;
 mod material;
 mod photolumi;
@@ -27,7 +30,10 @@ mod rgb;
 mod shape;
 mod spectrum;
 mod texture;
+mod write;
 
 pub use convert::{Emission, PbrtOptions, PbrtStudy, Remark, check_light, load};
 pub use experiment::{ConvertedScene, to_experiment};
+pub use gltf::{DrawnPart, DrawnScene, to_gltf};
 pub use rgb::{color_spectrum, primaries};
+pub use write::to_pbrt;

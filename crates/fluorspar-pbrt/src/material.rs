@@ -613,7 +613,7 @@ fn thin_reflectance(index: f64) -> f64 {
 }
 
 /// Diffuse reflectance of a dielectric from inside: `1 - (1 - F) / n²`, F that from outside.
-fn internal_reflectance(index: f64) -> f64 {
+pub(crate) fn internal_reflectance(index: f64) -> f64 {
     const COSINES: usize = 1000;
     let fresnel = |i: usize| {
         let cos = (i as f64 + 0.5) / COSINES as f64;

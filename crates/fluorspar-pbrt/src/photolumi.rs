@@ -12,6 +12,9 @@ use crate::convert::Convert;
 /// Most bands of a matrix.
 const MOST_BANDS: usize = 1000;
 
+/// Points along each side of a pair of bands at which a yield is averaged.
+const WITHIN: usize = 4;
+
 /// Width of the flanks of a band, nm.
 const FLANK_NM: f64 = 1e-3;
 
@@ -81,6 +84,49 @@ impl Convert<'_> {
         });
         Ok(self.fluorophores.len() - 1)
     }
+}
+
+/// Bands of one width.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bands {
+    /// Middle of the first one.
+    pub(crate) first_nm: f64,
+    pub(crate) step_nm: f64,
+    pub(crate) count: usize,
+}
+
+impl Bands {
+    /// The bins of a grid where they are even, else bands of the narrowest bin between its ends, as far as a matrix may have so many.
+    pub(crate) fn of(grid: &WavelengthGrid) -> Self {
+        let span = grid.end_nm() - grid.start_nm();
+        let narrowest = grid.widths_nm().into_iter().fold(f64::INFINITY, f64::min);
+        let count = ((span / narrowest).round() as usize).clamp(2, MOST_BANDS);
+        let step_nm = span / count as f64;
+        Self { first_nm: grid.start_nm() + 0.5 * step_nm, step_nm, count }
+    }
+
+    pub(crate) fn last_nm(self) -> f64 {
+        self.first_nm + (self.count - 1) as f64 * self.step_nm
+    }
+}
+
+/// A sum of fluorophores as the matrix of a `photolumi`: means of the energy yield density over each pair of bands, times the step.
+pub(crate) fn band_matrix(parts: &[(f64, &PhotonEem)], bands: Bands) -> Vec<f64> {
+    let Bands { first_nm, step_nm, count } = bands;
+    let fine: Vec<f64> =
+        (0..count * WITHIN).map(|n| first_nm + step_nm * ((n as f64 + 0.5) / WITHIN as f64 - 0.5)).collect();
+    let mut matrix = vec![0.0; count * count];
+    for (amount, eem) in parts {
+        for (row, emission) in fine.chunks_exact(WITHIN).enumerate() {
+            for (number, density) in eem.densities(emission, &fine).into_iter().enumerate() {
+                let (out_nm, in_nm) = (emission[number / fine.len()], fine[number % fine.len()]);
+                let mean = step_nm / (WITHIN * WITHIN) as f64;
+                matrix[row * count + number % fine.len() / WITHIN] +=
+                    amount * density * in_nm / out_nm * mean;
+            }
+        }
+    }
+    matrix
 }
 
 /// The matrix as a density that is constant within each pair of bands.

@@ -452,6 +452,47 @@ fn mesh(made: Made) -> TriangleMesh {
     }
 }
 
+/// A shape of a scene as a mesh in its place; copies of instances one after the other.
+pub(crate) fn mesh_in_place(shape: &Shape) -> TriangleMesh {
+    let placed = |mut mesh: TriangleMesh, place: Affine3| {
+        let turn = place.matrix3.inverse().transpose();
+        mesh.positions.iter_mut().for_each(|point| *point = place.transform_point3(*point));
+        mesh.normals.iter_mut().for_each(|normal| *normal = (turn * *normal).normalize_or(Vec3::Z));
+        if place.matrix3.determinant() < 0.0 {
+            mesh.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+        }
+        mesh
+    };
+    match shape {
+        Shape::Mesh(whole) => whole.as_ref().clone(),
+        Shape::Sphere { center, radius_m } => {
+            placed(mesh(Made::Sphere((*radius_m).into())), Affine3::from_translation(*center))
+        }
+        Shape::Disc { center, normal, radius_m } => {
+            let turn = glam::Quat::from_rotation_arc(Vec3::Z, *normal);
+            let disc = mesh(Made::Disc { height: 0.0, radius: (*radius_m).into() });
+            placed(disc, Affine3::from_rotation_translation(turn, *center))
+        }
+        Shape::Instances(instances) => {
+            let mut all = TriangleMesh::default();
+            for instance in &instances.instances {
+                let copy =
+                    placed(instances.meshes[instance.mesh as usize].as_ref().clone(), instance.to_world);
+                let first = all.positions.len() as u32;
+                all.triangles
+                    .extend(copy.triangles.iter().map(|corners| corners.map(|corner| corner + first)));
+                all.positions.extend(copy.positions);
+                all.normals.extend(copy.normals);
+                all.uvs.extend(copy.uvs);
+            }
+            // Of meshes with and without them together there are none
+            all.normals.truncate(if all.normals.len() == all.positions.len() { usize::MAX } else { 0 });
+            all.uvs.truncate(if all.uvs.len() == all.positions.len() { usize::MAX } else { 0 });
+            all
+        }
+    }
+}
+
 /// Points of a curve at even steps of its parameter from 0 to 1.
 fn curve(steps: usize, point: impl Fn(f64) -> [f64; 2]) -> Vec<[f64; 2]> {
     (0..=steps).map(|i| point(i as f64 / steps as f64)).collect()

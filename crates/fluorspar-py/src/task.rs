@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fluorspar_experiment::Warning;
 use fluorspar_session::{
-    CohortOptions, CompareOptions, DatasetOptions, Error, Job, Left, Listener, PredictOptions, RunOptions,
-    TaskOption, TaskOptions, design, fluorophore, tissue,
+    CohortOptions, CompareOptions, CubeOptions, DatasetOptions, Error, Job, Left, Listener, PredictOptions,
+    RunOptions, TaskOption, TaskOptions, design, fluorophore, tissue,
 };
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -49,6 +49,8 @@ tasks! {
     compare(CompareOptions) => fluorspar_session::compare,
     /// Examines many people.
     cohort(CohortOptions) => fluorspar_session::cohort,
+    /// Writes the light of a capture as a spectral cube.
+    cube(CubeOptions) => fluorspar_session::cube,
     /// Writes images of many people with their truth.
     dataset(DatasetOptions) => fluorspar_session::dataset,
     /// Evaluates the designs that a file names.

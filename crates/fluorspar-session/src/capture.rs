@@ -5,16 +5,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{ValueEnum, ValueHint};
-use fluorspar::image::SensorImage;
+use fluorspar::image::{ComponentImage, SensorImage};
 use fluorspar::pipeline::{
     CameraColor, CapturedFrame, ColorRendering, analyze_regions, analyze_seen, capture_from_planes,
-    check_captures, preview,
+    channel_light, check_captures, columns_per_render_column, preview,
 };
 use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::{ResolvedExperiment, resolve};
 use fluorspar_format::{
-    DngColor, FileFormat, FormatError, OutputFolder, Provenance, RawPacking, write_atomically,
-    write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_png, write_sensor_tiff,
+    CubeFacts, DngColor, FileFormat, FormatError, OmeChannel, OmeFacts, OutputFolder, Provenance, RawPacking,
+    write_atomically, write_ome_tiff, write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_png,
+    write_sensor_tiff,
 };
 use fluorspar_report::evaluation_json;
 use rayon::prelude::*;
@@ -59,7 +60,7 @@ pub struct CaptureOptions {
 }
 
 /// Formats of raw frames.
-#[derive(Clone, Copy, Debug, Default, Deserialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum RawForm {
     /// 16-bit TIFF and JSON.
@@ -73,6 +74,9 @@ pub enum RawForm {
     Raw10,
     /// MIPI RAW12 and JSON; for sensors of up to 12 bits.
     Raw12,
+    /// OME-TIFF for Fiji, napari and QuPath: no raw frame but its linear channels, digital numbers above black, a page each.
+    #[serde(rename = "ome-tiff")]
+    OmeTiff,
 }
 
 impl RawForm {
@@ -82,7 +86,13 @@ impl RawForm {
             Self::Png => "png",
             Self::Dng => "dng",
             Self::Raw10 | Self::Raw12 => "raw",
+            Self::OmeTiff => "ome.tiff",
         }
+    }
+
+    /// Whether its files are raw frames.
+    pub fn is_raw(self) -> bool {
+        self != Self::OmeTiff
     }
 
     fn write(
@@ -104,6 +114,8 @@ impl RawForm {
             }
             Self::Raw10 => write_packed_raw(path, raw, RawPacking::Raw10, Some(provenance)),
             Self::Raw12 => write_packed_raw(path, raw, RawPacking::Raw12, Some(provenance)),
+            // Not of raw values
+            Self::OmeTiff => Ok(()),
         }
     }
 }
@@ -123,8 +135,8 @@ pub struct CapturedFolder {
 /// An option without a meaning, an image or an experiment that can't be read, captures that can't be taken of the image, a folder that can't be
 /// written.
 pub fn capture(options: &CaptureOptions, job: &Job) -> Result<CapturedFolder> {
-    // A report analyzes the frames, for which it asks maps and surfaces
-    let image = match options.report {
+    // A report analyzes the frames, for which it asks maps and surfaces; a scale follows from depths
+    let image = match options.report || !options.format.is_raw() {
         true => FinishedRender::open(&options.image)?,
         false => FinishedRender::open_for_captures(&options.image)?,
     };
@@ -179,7 +191,7 @@ pub fn capture(options: &CaptureOptions, job: &Job) -> Result<CapturedFolder> {
         study.render.seed,
         image.labels().samples_per_pixel,
     );
-    let list = write_frames(options.format, study, &frames, &folder, &provenance)
+    let list = write_frames(options.format, (study, image.labels()), &frames, &folder, &provenance)
         .and_then(|list| {
             write_atomically(&folder.path().join("experiment.toml"), |file| {
                 file.write_all(record.resolved_toml.as_bytes())
@@ -196,7 +208,7 @@ pub fn capture(options: &CaptureOptions, job: &Job) -> Result<CapturedFolder> {
             analysis,
             regions,
             components: spectra.as_ref(),
-            raw_ending: Some(options.format.ending()),
+            raw_ending: options.format.is_raw().then(|| options.format.ending()),
             ..FrameReport::simulated(&experiment, &text, frames)
         };
         let found = report.write(folder.path()).map_err(|error| error.at_its_place(&folder))?;
@@ -227,16 +239,21 @@ fn results_json(image: &Path, [width, height]: [usize; 2], frames: &[Value]) -> 
 /// Writes raw frames and their previews; returns a description of each.
 fn write_frames(
     format: RawForm,
-    study: &Study,
+    (study, labels): (&Study, &ComponentImage),
     frames: &[CapturedFrame],
     folder: &OutputFolder,
     provenance: &Provenance,
 ) -> Result<Vec<Value>, FormatError> {
     let write = |(frame, settings): (&CapturedFrame, &Capture)| -> Result<Value, FormatError> {
-        let name_of = |raw: &SensorImage| format!("raw_{}.{}", raw.label, format.ending());
-        for raw in std::iter::once(&frame.raw).chain(&frame.bracket) {
+        let kind = if format.is_raw() { "raw" } else { "frame" };
+        let name_of = |raw: &SensorImage| format!("{kind}_{}.{}", raw.label, format.ending());
+        let bracket = if format.is_raw() { frame.bracket.as_slice() } else { &[] };
+        for raw in std::iter::once(&frame.raw).chain(bracket) {
             let color = || CameraColor::of_frame(study, settings);
             format.write(&folder.path().join(name_of(raw)), raw, color, provenance)?;
+        }
+        if !format.is_raw() {
+            write_channels(&folder.path().join(name_of(&frame.raw)), (study, labels), frame, settings)?;
         }
         let file = name_of(&frame.raw);
         let picture = preview(&frame.developed, &ColorRendering::of_frame(study, settings));
@@ -246,11 +263,36 @@ fn write_frames(
         Ok(json!({
             "name": frame.raw.label,
             "file": file,
-            "bracket_files": frame.bracket.iter().map(name_of).collect::<Vec<_>>(),
+            "bracket_files": bracket.iter().map(name_of).collect::<Vec<_>>(),
             "exposure_s": frame.raw.exposure_s,
             "gain": frame.raw.gain,
             "saturated_fraction": saturated as f64 / frame.developed.saturated.len().max(1) as f64,
         }))
     };
     frames.par_iter().zip(&study.captures).map(write).collect()
+}
+
+/// Writes the channels of a frame as OME-TIFF.
+fn write_channels(
+    path: &Path,
+    (study, labels): (&Study, &ComponentImage),
+    frame: &CapturedFrame,
+    settings: &Capture,
+) -> Result<(), FormatError> {
+    let (developed, light) = (&frame.developed, channel_light(study, settings));
+    let facts = CubeFacts::of_maps(labels.features.clone(), [labels.width, labels.height]);
+    let scale = facts.mm_per_pixel.zip(columns_per_render_column(study, labels));
+    let channel = |(number, name): (usize, &String)| OmeChannel {
+        name: format!("{} {name}", frame.raw.label),
+        emission_nm: light.emission_nm.get(number).copied().flatten(),
+        excitation_nm: light.excitation_nm,
+    };
+    let channels: Vec<OmeChannel> = developed.channels.iter().enumerate().map(channel).collect();
+    let facts = OmeFacts {
+        title: frame.raw.label.clone(),
+        mm_per_pixel: scale.map(|(mm, columns)| mm / columns),
+        exposure_s: Some(frame.raw.exposure_s),
+        unit: "digital numbers above black, linear".into(),
+    };
+    write_ome_tiff(path, [developed.width, developed.height], &developed.data, &channels, &facts)
 }

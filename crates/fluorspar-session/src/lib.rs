@@ -5,6 +5,7 @@
 //! |---|---|
 //! | analyze frames, or many photographs | [`analyze`] |
 //! | capture a component image | [`capture`] |
+//! | write spectral cubes for other programs | [`cube`] |
 //! | run an experiment from scene to report | [`run`] |
 //! | check an experiment or a flat sample | [`check`] |
 //! | compare two finished runs | [`compare`] |
@@ -33,6 +34,7 @@ mod check;
 mod coarse_render;
 mod cohort;
 mod compare;
+mod cube;
 mod dataset;
 pub mod design;
 mod error;
@@ -66,6 +68,7 @@ pub use check::{CameraView, CheckOptions, CheckedExperiment, CheckedFile, Checke
 pub use coarse_render::{coarse_image, warnings_before_run};
 pub use cohort::{CohortArgs, CohortOptions, CohortOutcome, ExaminedCohort, FinishedShard, cohort};
 pub use compare::{CompareOptions, ComparedRun, ComparedRuns, Comparison, compare};
+pub use cube::{CubeOptions, WrittenCube, cube};
 pub use dataset::{DatasetOptions, WrittenDataset, dataset};
 pub use error::{Error, ErrorKind, Result, worded};
 pub use figure_file::FigureFormat;

@@ -15,6 +15,7 @@ pub(crate) fn run(options: &Answering<CaptureOptions>) -> Result<(), CliError> {
     let (count, place) = (captured.frames.len(), captured.folder.display());
     let next = match options.task.report {
         true => format!("Open {}", captured.folder.join("report.html").display()),
+        false if !options.task.format.is_raw() => "Next: open them in Fiji, napari or QuPath".into(),
         false => {
             format!("Next: fluorspar analyze {place} --out FOLDER, or capture again with --report for a page")
         }

@@ -13,11 +13,14 @@ use serde_json::{Value, json};
 use crate::error::CliError;
 use crate::message::Messages;
 
+/// How an image has all lights.
+pub(crate) const APART: &str = ", all lights apart: --components";
+
 /// The capture whose light an image has.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct CaptureOption {
-    /// Capture whose light groups are on, at its drives, in an image without --components and in the preview [default: the
-    /// experiment's first capture with light; without captures all light groups, at the stated power].
+    /// Capture whose light groups are on, at its drives, in an image without --components, in the preview, or in a scene of another program
+    /// [default: the experiment's first capture with light; without captures all light groups, at the stated power].
     #[arg(long, value_name = "NAME")]
     capture: Option<String>,
 }
@@ -28,6 +31,14 @@ impl CaptureOption {
         let frames: Vec<&CaptureFrame> = study.captures.iter().map(|capture| &capture.frame).collect();
         let lights = frames.iter().map(|frame| (frame.label.as_str(), frame.lights.iter().collect()));
         self.of(&lights.collect::<Vec<_>>())
+    }
+
+    /// Refuses the option where all lights are kept. `why` says so.
+    pub(crate) fn check_none(&self, why: &str) -> Result<(), CliError> {
+        match &self.capture {
+            None => Ok(()),
+            Some(name) => Err(CliError::Input(format!("--capture {name}: {why}; leave the option out"))),
+        }
     }
 
     /// The light of the experiment that a film was rendered from.
@@ -86,8 +97,13 @@ pub(crate) struct CaptureLight {
 impl CaptureLight {
     /// What a component counts in the sum.
     pub(crate) fn weight(&self, component: &Component) -> f64 {
+        self.drive(&component.light_group)
+    }
+
+    /// Drive of a light group.
+    pub(crate) fn drive(&self, light_group: &str) -> f64 {
         let Some((_, lights)) = &self.on else { return 1.0 };
-        lights.iter().find(|(group, _)| *group == component.light_group).map_or(0.0, |(_, drive)| *drive)
+        lights.iter().find(|(group, _)| group == light_group).map_or(0.0, |(_, drive)| *drive)
     }
 
     /// Refuses the choice of a light for files that hold every light apart.
@@ -101,8 +117,8 @@ impl CaptureLight {
         Ok(())
     }
 
-    /// Says which lights are on.
-    pub(crate) fn say(&self, messages: Messages) {
+    /// Says which lights are on. `apart` is how all of them are had.
+    pub(crate) fn say(&self, messages: Messages, apart: &str) {
         let Some((name, lights)) = &self.on else { return };
         let one = |(group, drive): &(String, f64)| match *drive {
             1.0 => format!("\"{group}\""),
@@ -117,7 +133,7 @@ impl CaptureLight {
         let others: Vec<&str> = self.known.iter().map(String::as_str).filter(|other| other != name).collect();
         let others = match others.is_empty() {
             true => String::new(),
-            false => format!("; others: --capture {}, all lights apart: --components", others.join(" or ")),
+            false => format!("; others: --capture {}{apart}", others.join(" or ")),
         };
         messages.status(format!("Light of the capture \"{name}\": {lights}{others}"));
     }

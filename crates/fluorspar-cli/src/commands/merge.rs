@@ -7,7 +7,7 @@ use fluorspar_experiment::parse;
 use fluorspar_format::{Output, Provenance, check_room, read_film, write_film};
 use std::path::{Path, PathBuf};
 
-use super::capture_light::CaptureOption;
+use super::capture_light::{APART, CaptureOption};
 use super::image_output::ImageOutput;
 use super::row_bands;
 use crate::args::Answer;
@@ -70,7 +70,7 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         write_film(path, &film, Some(&provenance))?;
     }
     if options.output.sums() {
-        light.say(Messages::default());
+        light.say(Messages::default(), APART);
     }
     let (image, basis) = image_and_basis(film).map_err(|error| CliError::Input(error.to_string()))?;
     provenance.samples_per_pixel = image.samples_per_pixel;

@@ -9,6 +9,7 @@ pub(crate) mod check;
 pub(crate) mod cohort;
 pub(crate) mod compare;
 pub(crate) mod completions;
+pub(crate) mod cube;
 pub(crate) mod dataset;
 pub(crate) mod denoise;
 pub(crate) mod describe;

@@ -19,7 +19,7 @@ use fluorspar_session::{
 };
 use serde_json::json;
 
-use super::capture_light::{CaptureLight, CaptureOption};
+use super::capture_light::{APART, CaptureLight, CaptureOption};
 use super::image_output::ImageOutput;
 use super::pbrt_scene::PbrtArgs;
 use super::row_bands;
@@ -120,7 +120,7 @@ impl Options {
     pub(super) fn say_plan(&self, study: &Study, light: &CaptureLight, messages: Messages) {
         messages.status(format!("Needs {}", self.budget(study).text()));
         if self.sums() {
-            light.say(messages);
+            light.say(messages, APART);
         }
     }
 

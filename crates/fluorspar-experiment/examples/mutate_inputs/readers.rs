@@ -2,6 +2,7 @@
 
 use std::error::Error;
 use std::fs;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -14,11 +15,13 @@ use fluorspar::image::{
 use fluorspar::render::{Checkpoint, FilmRenderer, RenderControl, RenderSettings, Share};
 use fluorspar::spectral::{ExcitationNodes, Radiance, WavelengthGrid};
 use fluorspar_experiment::{
-    edit_experiment, parse, parse_design, parse_layers, parse_sample, parse_script, parse_sensor,
-    parse_tissue, preset, resolve,
+    edit_experiment, parse, parse_cohort, parse_design, parse_layers, parse_sample, parse_script,
+    parse_sensor, parse_tissue, preset, resolve,
 };
 use fluorspar_format as format;
-use fluorspar_format::{CsvEemOptions, ExrCompression, ExrOptions, RawPacking, SpectrumOptions, Transfer};
+use fluorspar_format::{
+    CsvEemOptions, ExrCompression, ExrOptions, RawPacking, SpectrumOptions, SpectrumQuantity, Transfer,
+};
 use glam::{Vec2, Vec3};
 
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -51,6 +54,7 @@ impl Subjects {
     pub(crate) fn all(folder: &Path) -> Outcome<Self> {
         let mut subjects = Self { folder: folder.to_path_buf(), list: Vec::new() };
         images(&mut subjects)?;
+        cubes(&mut subjects)?;
         component_files(&mut subjects)?;
         textures_and_masks(&mut subjects)?;
         frames(&mut subjects)?;
@@ -182,6 +186,31 @@ fn images(subjects: &mut Subjects) -> Outcome<()> {
     )
 }
 
+/// Cubes of other programs. The scene of ISETCam is also damaged below its compression.
+fn cubes(subjects: &mut Subjects) -> Outcome<()> {
+    let data = (0..160).map(|i| i as f32).collect();
+    let image = SpectralImage::<Radiance>::from_data(grid()?, 4, 20, data)?;
+    let cube =
+        format::Cube { light: format::CubeLight::Radiance(image), facts: format::CubeFacts::default() };
+    let is_cube = |path: &Path| format::read_cube(path).is_ok();
+    let names = ["cube, ENVI header", "cube, ENVI values"];
+    subjects.described(
+        names,
+        ["c.hdr", "c.dat"],
+        |path| format::CubeForm::Envi.write(path, &cube),
+        is_cube,
+    )?;
+    let both = subjects.list.len();
+    subjects.list[both - 1].opened = "c.hdr";
+    let path = subjects.folder.join("c.mat");
+    format::CubeForm::Iset.write(&path, &cube)?;
+    let packed = fs::read(&path)?;
+    let mut plain = packed[..128].to_vec();
+    flate2::read::ZlibDecoder::new(&packed[136..]).read_to_end(&mut plain)?;
+    subjects.add("cube, ISETCam", "c.mat", vec![plain, packed], is_cube);
+    Ok(())
+}
+
 /// Component images as captures read them: part by part, in the form of a run and in that of `--storage half`, with the channel planes
 /// of a camera and an excitation basis.
 fn component_files(subjects: &mut Subjects) -> Outcome<()> {
@@ -237,6 +266,25 @@ fn textures_and_masks(subjects: &mut Subjects) -> Outcome<()> {
     let color = [b"PF\n2 2\n-1.0\n".to_vec(), floats(&[0.1; 12])].concat();
     let gray = [b"Pf\n2 2\n-1.0\n".to_vec(), floats(&[0.1; 4])].concat();
     subjects.add("PFM texture", "t.pfm", vec![color, gray], is_texture);
+    let jpeg = vec![camera_fixture("tiny.jpg")?, camera_fixture("tiny_progressive.jpg")?];
+    subjects.add("JPEG texture", "t.jpg", jpeg, is_texture);
+    // A run of two, and two as they are; then a difference, a repeat and a place of QOI
+    let tga = [
+        &[0, 0, 10, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 2, 0, 24, 0x20][..],
+        &[0x81, 9, 8, 7, 1, 1, 2, 3, 4, 5, 6],
+    ]
+    .concat();
+    let flat = [&[0, 0, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 2, 0, 8, 0][..], &[1, 2, 3, 4]].concat();
+    subjects.add("TGA texture", "t.tga", vec![tga, flat], is_texture);
+    let qoi = [
+        &b"qoif\0\0\0\x04\0\0\0\x02\x04\0"[..],
+        &[254, 10, 20, 30, 0x79, 0xac, 0xc0, 0xc2, 9, 255, 1, 2, 3, 0],
+    ]
+    .concat();
+    subjects.add("QOI texture", "t.qoi", vec![qoi], is_texture);
+    let head = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n-Y 1 +X 8\n";
+    let packed = [&[2, 2, 0, 8][..], &[0x88, 7, 0x88, 6, 0x88, 5, 4, 1, 2, 3, 4, 0x84, 129]].concat();
+    subjects.add("Radiance texture", "t.hdr", vec![[head.as_bytes(), &packed].concat()], is_texture);
     let is_mask = |path: &Path| format::read_mask(path).is_ok();
     for (name, file) in [("mask, PNG", "disc.png"), ("mask, TIFF", "disc.tiff"), ("mask, NPY", "disc.npy")] {
         let seed = camera_fixture(file)?;
@@ -277,6 +325,15 @@ fn frames(subjects: &mut Subjects) -> Outcome<()> {
     let jpeg = vec![camera_fixture("bggr_jpeg.dng")?, camera_fixture("gbrg_predictors.dng")?];
     subjects.add("DNG, lossless JPEG", "f.dng", jpeg, read);
     subjects.add("DNG, deflate", "f.dng", vec![camera_fixture("grbg_deflate.dng")?], read);
+    let facts = format::FrameFacts { exposure_s: Some(0.03), ..format::FrameFacts::default() };
+    let is_described = move |path: &Path| {
+        let tags = format::left_tags(path).is_ok();
+        format::describe_frame(path, &facts).is_ok() && tags
+    };
+    let plain =
+        vec![camera_fixture("gray8.tiff")?, camera_fixture("linear_rgb.tiff")?, camera_fixture("disc.png")?];
+    subjects.add("frame to describe", "f.tiff", plain, is_described.clone());
+    subjects.add("DNG to describe", "f.dng", vec![camera_fixture("bggr_jpeg.dng")?], is_described);
     Ok(())
 }
 
@@ -314,6 +371,56 @@ fn journals(subjects: &mut Subjects) -> Outcome<()> {
     Ok(())
 }
 
+/// Texts of instruments, by form, and what they are read for.
+const INSTRUMENTS: [(&str, &str, SpectrumQuantity, &[&str]); 5] = [
+    (
+        "spectra JCAMP-DX",
+        "s.jdx",
+        SpectrumQuantity::Fraction,
+        &[
+            "##TITLE= a\n##XUNITS= NANOMETERS\n##YUNITS= TRANSMITTANCE\n##XFACTOR= 1.0\n##YFACTOR= 0.5\n##XYPOINTS= (XY..XY)\n\
+             400.0, 1.0\n410.0, 0.5\n##END=\n",
+            "##TITLE= a\n##XUNITS= MICROMETERS\n##YUNITS= REFLECTANCE\n##FIRSTX= 0.4\n##LASTX= 0.43\n##NPOINTS= 4\n##XFACTOR= 1\n\
+             ##YFACTOR= 1\n##XYDATA= (X++(Y..Y))\n0.4 0.1 0.2\n0.42 0.3 0.4\n##END=\n",
+        ],
+    ),
+    (
+        "spectra TM-27",
+        "s.spdx",
+        SpectrumQuantity::SpectralPower,
+        &[
+            "<?xml version=\"1.0\"?>\n<IESTM2714 xmlns=\"iestm2714\" version=\"1.0\"><SpectralDistribution><SpectralQuantity>irradiance\
+           </SpectralQuantity><SpectralData wavelength=\"400\">0.25</SpectralData><SpectralData wavelength=\"500\">0.5</SpectralData>\
+           </SpectralDistribution></IESTM2714>\n",
+        ],
+    ),
+    (
+        "spectra CGATS",
+        "s.ti3",
+        SpectrumQuantity::Fraction,
+        &[
+            "CTI3   \n\nORIGINATOR \"a\"\nNUMBER_OF_FIELDS 4\nBEGIN_DATA_FORMAT\nSAMPLE_ID SAMPLE_NAME SPEC_400 SPEC_410\nEND_DATA_FORMAT\n\n\
+           NUMBER_OF_SETS 2\nBEGIN_DATA\n1 \"light blue\" 50.0\n25.0\n2 red 1.0 2.5\nEND_DATA\n",
+        ],
+    ),
+    (
+        "spectra of instruments",
+        "s.txt",
+        SpectrumQuantity::Fraction,
+        &[
+            "No.,Wavelength (nm),Bandwidth (nm),T\n200,400,5,0.5\n201,410,5,0.25\n",
+            "Wavelength (nm),T (dB)\n400,-20\n500,-10\n600,0\n",
+            "Wellenl\u{e4}nge (nm);Transmission\n400;0,5\n410;0,25\n",
+        ],
+    ),
+    (
+        "spectra of bands",
+        "s.csv",
+        SpectrumQuantity::SpectralPower,
+        &["start_nm,end_nm,irradiance\n400,410,2\n410,430,4\n430,440,2\n"],
+    ),
+];
+
 fn tables(subjects: &mut Subjects) {
     let table = |text: &str| vec![text.as_bytes().to_vec()];
     subjects.add(
@@ -322,6 +429,11 @@ fn tables(subjects: &mut Subjects) {
         table("# c\nwavelength_nm,a,\"b\"\n400,1,2\n410,1.5e-3,2\n420,3,4\n"),
         |path| format::read_spectra(path, &SpectrumOptions::default()).is_ok(),
     );
+    for (name, file, quantity, texts) in INSTRUMENTS {
+        let seeds = texts.iter().map(|text| text.as_bytes().to_vec()).collect();
+        let options = SpectrumOptions { quantity, ..SpectrumOptions::default() };
+        subjects.add(name, file, seeds, move |path| format::read_spectra(path, &options).is_ok());
+    }
     subjects.add(
         "matrix CSV",
         "m.csv",
@@ -492,9 +604,14 @@ fn experiments(subjects: &mut Subjects) -> Outcome<()> {
     subjects.add("design TOML", "d.toml", seeds, move |path| {
         text(path).is_some_and(|text| parse_design(&text, "d", base, &[]).is_ok())
     });
+    let cohort = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/17-cohort.toml");
+    let seeds = vec![fs::read(&cohort).map_err(|error| format!("{}: {error}", cohort.display()))?];
+    subjects.add("cohort TOML", "p.toml", seeds, move |path| {
+        text(path).is_some_and(|text| parse_cohort(&text, "p", base, &[]).is_ok())
+    });
     // These resolve spectra, and are read a hundred times slower than the others.
     let count = subjects.list.len();
-    subjects.list[count - 5..].iter_mut().for_each(|subject| subject.weight = 0.1);
+    subjects.list[count - 6..].iter_mut().for_each(|subject| subject.weight = 0.1);
     subjects.add("tissue TOML", "t.toml", vec![TISSUE.into()], move |path| {
         text(path).is_some_and(|text| parse_tissue(&text, "t", base).is_ok())
     });

@@ -17,6 +17,7 @@ use crate::store::file::{MAX_MESH_BYTES, guarded, read_file};
 use crate::store::output::write_atomically;
 use fluorspar::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 use fluorspar::quote::excerpt;
+use fluorspar::units::LUMINOUS_EFFICACY_LM_PER_W;
 
 const MAGIC: &[u8; 4] = b"glTF";
 const JSON_CHUNK: u32 = 0x4E4F_534A;
@@ -498,12 +499,69 @@ impl BufferWriter {
     }
 }
 
+/// A light of a glTF file (`KHR_lights_punctual`).
+#[derive(Clone, Debug, PartialEq)]
+pub struct GltfLight {
+    /// Its name.
+    pub name: String,
+    /// Where it is, m.
+    pub position: Vec3,
+    /// Where it shines to; unit vector.
+    pub direction: Vec3,
+    /// Linear sRGB, 1 at most.
+    pub color: [f64; 3],
+    /// How it shines.
+    pub kind: GltfLightKind,
+    /// Radiant intensity, W/sr; of distant light irradiance, W/m².
+    pub radiant: f64,
+}
+
+/// How a light of a glTF file shines.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum GltfLightKind {
+    /// To all sides.
+    Point,
+    /// Within a cone, even up to an angle from its axis and dark from another one on, rad.
+    Spot([f64; 2]),
+    /// In parallel.
+    Directional,
+}
+
+/// A perspective camera of a glTF file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GltfCamera {
+    /// Where it is, m.
+    pub position: Vec3,
+    /// Where it looks to; unit vector.
+    pub forward: Vec3,
+    /// Up in its image; unit vector.
+    pub up: Vec3,
+    /// Vertical field of view, rad.
+    pub vertical_field: f64,
+    /// Width over height.
+    pub aspect: f64,
+}
+
 /// Writes the meshes as a binary glTF file (.glb) in meters: one node for every mesh, with normals and texture
 /// coordinates where there are some, and one material in its color for every name.
 ///
 /// # Errors
 /// When a mesh is not valid or the file can't be written.
 pub fn write_gltf(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatError> {
+    write_gltf_scene(path, meshes, None, &[])
+}
+
+/// [`write_gltf`] with a camera and lights. Their intensities are in candela, of distant light in lux, as the format has it, made from
+/// watts by 683 lm/W whatever the spectrum: what programs divide by to get watts back. `extras` hold the watts.
+///
+/// # Errors
+/// As [`write_gltf`].
+pub fn write_gltf_scene(
+    path: &Path,
+    meshes: &[NamedMesh<'_>],
+    camera: Option<&GltfCamera>,
+    lights: &[GltfLight],
+) -> Result<(), FormatError> {
     check(path, meshes)?;
     let mut buffer = BufferWriter::default();
     let (mut list, mut nodes) = (Vec::new(), Vec::new());
@@ -515,7 +573,15 @@ pub fn write_gltf(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatErr
             { "attributes": attributes, "indices": indices, "material": material }] }));
         nodes.push(json!({ "name": part.name, "mesh": list.len() - 1 }));
     }
-    let document = json!({
+    if let Some(camera) = camera {
+        nodes.push(json!({ "name": "camera", "camera": 0, "matrix": looking(camera.position, camera.forward, camera.up) }));
+    }
+    for (number, light) in lights.iter().enumerate() {
+        let matrix = looking(light.position, light.direction, light.direction.any_orthonormal_vector());
+        let own = json!({ "KHR_lights_punctual": { "light": number } });
+        nodes.push(json!({ "name": light.name, "matrix": matrix, "extensions": own }));
+    }
+    let mut document = json!({
         "asset": { "version": "2.0", "generator": "fluorspar" },
         "scene": 0,
         "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
@@ -527,7 +593,42 @@ pub fn write_gltf(path: &Path, meshes: &[NamedMesh<'_>]) -> Result<(), FormatErr
         "bufferViews": buffer.views,
         "buffers": [{ "byteLength": buffer.bytes.len() }],
     });
+    if let Some(camera) = camera {
+        document["cameras"] = json!([{ "type": "perspective", "perspective": {
+            "yfov": camera.vertical_field, "aspectRatio": camera.aspect, "znear": 1e-3 } }]);
+    }
+    if !lights.is_empty() {
+        document["extensionsUsed"] = json!(["KHR_lights_punctual"]);
+        let lights: Vec<Value> = lights.iter().map(light_json).collect();
+        document["extensions"] = json!({ "KHR_lights_punctual": { "lights": lights } });
+    }
     write_chunks(path, document.to_string().into_bytes(), buffer.bytes)
+}
+
+fn light_json(light: &GltfLight) -> Value {
+    let (kind, quantity) = match light.kind {
+        GltfLightKind::Point => ("point", "radiant_intensity_w_per_sr"),
+        GltfLightKind::Spot(_) => ("spot", "radiant_intensity_w_per_sr"),
+        GltfLightKind::Directional => ("directional", "irradiance_w_per_m2"),
+    };
+    let mut described = json!({
+        "name": light.name,
+        "type": kind,
+        "color": light.color,
+        "intensity": LUMINOUS_EFFICACY_LM_PER_W * light.radiant,
+        "extras": { quantity: light.radiant },
+    });
+    if let GltfLightKind::Spot([inner, outer]) = light.kind {
+        described["spot"] = json!({ "innerConeAngle": inner, "outerConeAngle": outer });
+    }
+    described
+}
+
+/// Transform of a node that looks along a direction: against its z axis.
+fn looking(position: Vec3, forward: Vec3, up: Vec3) -> [f32; 16] {
+    let right = forward.cross(up).normalize_or_zero();
+    let axes = [right, right.cross(forward), -forward].map(|axis| axis.extend(0.0));
+    Mat4::from_cols(axes[0], axes[1], axes[2], position.extend(1.0)).to_cols_array()
 }
 
 /// Writes the JSON and the binary chunk of a .glb file.

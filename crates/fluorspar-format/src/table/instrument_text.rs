@@ -105,8 +105,8 @@ impl Form {
 
     fn number(self, cell: &str) -> Option<f64> {
         let cell = cell.strip_suffix("nm").map_or(cell, str::trim_end);
-        let value =
-            if self.has_decimal_commas { cell.replace(',', ".").parse::<f64>() } else { cell.parse() };
+        let has_comma = self.has_decimal_commas && cell.contains(',');
+        let value = if has_comma { cell.replace(',', ".").parse::<f64>() } else { cell.parse() };
         value.ok().filter(|value| value.is_finite())
     }
 
@@ -131,10 +131,9 @@ impl Form {
 
 /// Whether a cell says that there is no value.
 pub(crate) fn is_missing(cell: &str) -> bool {
-    matches!(
-        cell.to_lowercase().as_str(),
-        "" | "-" | "--" | "---" | "na" | "n/a" | "#n/a" | "nan" | "null" | "none"
-    )
+    ["", "-", "--", "---", "na", "n/a", "#n/a", "nan", "null", "none"]
+        .iter()
+        .any(|word| cell.eq_ignore_ascii_case(word))
 }
 
 /// A table of numbers among lines of text.
@@ -189,18 +188,12 @@ pub(crate) fn find_table(text: &str) -> Option<TextTable> {
     let lines = text.lines().enumerate().map(|(index, line)| (index as u64 + 1, line.trim()));
     let all: Vec<(u64, &str)> = lines.filter(|(_, line)| !line.is_empty()).collect();
     let held: Vec<(u64, &str)> = all.iter().copied().filter(|(_, line)| !line.starts_with('#')).collect();
-    let (form, cells, run) = FORMS
-        .into_iter()
-        .map(|form| {
-            let cells: Vec<Vec<&str>> = held.iter().map(|(_, line)| form.cells(line)).collect();
-            let run = longest_run(form, &cells);
-            (form, cells, run)
-        })
-        .rev()
-        .max_by_key(|(_, _, run)| run.len())?;
+    let cells_of = |form: Form| held.iter().map(|(_, line)| form.cells(line)).collect::<Vec<_>>();
+    let (form, run) = longest_runs(text, cells_of).into_iter().rev().max_by_key(|(_, run)| run.len())?;
     if run.len() < 2 {
         return None;
     }
+    let cells = cells_of(form);
     let first_line = held[run.start].0;
     let above_run: Vec<(u64, &str)> =
         all.iter().copied().filter(|(number, _)| *number < first_line).collect();
@@ -236,6 +229,26 @@ pub(crate) fn find_table(text: &str) -> Option<TextTable> {
         preamble: above.into_iter().map(|(_, line)| line.to_string()).collect(),
         read_as: read_as.into_iter().flatten().collect(),
     })
+}
+
+/// The longest run of rows in each form, in their order. Lines are divided once for each mark, and not at all by one that the text
+/// does not have: a line of one cell is no row.
+fn longest_runs<'t>(
+    text: &str,
+    cells_of: impl Fn(Form) -> Vec<Vec<&'t str>>,
+) -> Vec<(Form, std::ops::Range<usize>)> {
+    let mut runs: Vec<(Form, std::ops::Range<usize>)> = Vec::new();
+    for form in FORMS {
+        let is_known = runs.iter().any(|(known, _)| known.mark == form.mark);
+        if is_known || form.mark.is_some_and(|mark| !text.contains(mark)) {
+            continue;
+        }
+        let cells = cells_of(form);
+        let alike = FORMS.into_iter().filter(|other| other.mark == form.mark);
+        runs.extend(alike.map(|form| (form, longest_run(form, &cells))));
+    }
+    runs.sort_by_key(|(form, _)| FORMS.iter().position(|known| known == form));
+    runs
 }
 
 /// Wrong lines in sequence among the rows of a table; more separate two tables.

@@ -1,6 +1,7 @@
 //! Tests of files from outside, in one program.
 
 mod camera_frames;
+mod cubes;
 mod fixtures;
 mod foreign_spectra;
 mod format_damage;

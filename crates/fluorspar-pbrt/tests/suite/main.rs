@@ -8,3 +8,4 @@ mod light;
 mod mistakes;
 mod support;
 mod table;
+mod write;

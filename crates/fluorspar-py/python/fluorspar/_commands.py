@@ -320,6 +320,15 @@ def dataset(source: str | os.PathLike[str] | None = None, **options: Any) -> Rec
     return _done(_fluorspar.dataset, cohort=source, **options)
 
 
+def cube(image: str | os.PathLike[str], **options: Any) -> Record:
+    """The light of one capture of a finished render as a spectral cube for other programs, or a cube of theirs as ``.exr`` or ``.npy``.
+
+    ``cube("fluorspar-out/oraleye-2021", capture="blue", out="blue.zarr")``, then ``xarray.open_zarr("blue.zarr").radiance``; options are
+    those of ``fluorspar cube``.
+    """
+    return _done(_fluorspar.cube, image=_given.path(image, "image"), **options)
+
+
 def fit_spectra(spectra: str | os.PathLike[str], **options: Any) -> Record:
     """Measured spectra (CSV) as sums of fluorophores: weights with intervals, and which sets describe them as well.
 

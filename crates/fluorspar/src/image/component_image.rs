@@ -113,6 +113,16 @@ pub struct View {
     pub tan_half_width: f32,
 }
 
+impl View {
+    /// Camera matrix of an image of this size: `[u, v, 1]` is its product with `[right, down, forward]` over `forward`, with `u` and `v`
+    /// in pixels from the middle of the upper left one.
+    pub fn matrix_px(&self, width: usize, height: usize) -> [[f64; 3]; 3] {
+        let focal = 0.5 * width as f64 / f64::from(self.tan_half_width);
+        let middle = |pixels: usize| 0.5 * (pixels as f64 - 1.0);
+        [[focal, 0.0, middle(width)], [0.0, focal, middle(height)], [0.0, 0.0, 1.0]]
+    }
+}
+
 /// Geometry seen by each pixel's center, `[row, col]`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FeatureMaps {
@@ -130,6 +140,23 @@ pub struct FeatureMaps {
     pub material_names: Vec<String>,
     /// The camera; none where it is not known.
     pub view: Option<View>,
+}
+
+impl FeatureMaps {
+    /// Distance along the optical axis of what an image `width` pixels wide sees, m: its median over the pixels that see something.
+    pub fn median_distance_m(&self, width: usize) -> Option<f64> {
+        let view = self.view?;
+        let height = self.depth_m.len() / width.max(1);
+        let [[focal, _, u], [_, _, v], _] = view.matrix_px(width, height);
+        let along = |(pixel, depth): (usize, &f32)| {
+            let [x, y] = [(pixel % width) as f64 - u, (pixel / width) as f64 - v];
+            f64::from(*depth) / (1.0 + (x * x + y * y) / (focal * focal)).sqrt()
+        };
+        let mut seen: Vec<f64> =
+            self.depth_m.iter().enumerate().map(along).filter(|distance| distance.is_finite()).collect();
+        let middle = seen.len().checked_sub(1)? / 2;
+        Some(*seen.select_nth_unstable_by(middle, f64::total_cmp).1)
+    }
 }
 
 /// Of which bands each component is stored: a basis, from which all others follow, or all bands.

@@ -23,7 +23,7 @@ actions! {
     Delete(edit::DeleteOptions) => edit::delete,
     /// Check a scene without rendering it, and name what of a scene of pbrt has no counterpart.
     Check(check::Options) => check::run,
-    /// Write a scene of pbrt as an experiment file, with its meshes.
+    /// Write a scene in the form of another program: as an experiment one of pbrt, for pbrt or glTF any.
     Convert(convert::Options) => convert::run,
     /// Draw a scene without its lights: as clay, by part, by depth, or with the lines of its texture coordinates.
     View(view::Options) => view::run,

@@ -32,7 +32,10 @@ pub(super) fn foreign(path: &Path) -> Option<&'static str> {
     if !metadata.is_file() {
         return Some("this is a device or a pipe");
     }
-    if metadata.len() == 0 || is_marked(path) || is_marked(&sidecar_path(path)) {
+    // Values of ENVI have their mark in the header
+    let header = path.extension().filter(|ending| *ending == "dat").map(|_| path.with_extension("hdr"));
+    let beside = header.unwrap_or_else(|| sidecar_path(path));
+    if metadata.len() == 0 || is_marked(path) || is_marked(&beside) {
         return None;
     }
     Some("this file was not written by fluorspar, and stays")

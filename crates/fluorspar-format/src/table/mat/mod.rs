@@ -4,6 +4,7 @@ mod v5;
 #[cfg(test)]
 mod v5_tests;
 mod v73;
+pub(crate) mod write;
 
 use std::path::Path;
 
@@ -14,14 +15,30 @@ use crate::table::axis::check_axis;
 use crate::table::csv_fluorophore::is_constant;
 use fluorspar::spectral::Curve;
 
-/// Largest MATLAB file read, bytes: fluorophores and spectra take kilobytes.
-const MAX_MAT_BYTES: u64 = 16 << 20;
-/// Most numbers in all variables of a file: a matrix of 4096 x 4096.
-const MAX_VALUES: u64 = 1 << 24;
+/// How much a file may hold.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MatLimits {
+    /// Bytes of the file.
+    bytes: u64,
+    /// Numbers in all variables.
+    values: u64,
+}
+
+impl MatLimits {
+    /// Fluorophores and spectra, which take kilobytes: a matrix of 4096 x 4096.
+    const SPECTRA: Self = Self { bytes: 16 << 20, values: 1 << 24 };
+    /// Spectral images.
+    pub(crate) const IMAGES: Self = Self { bytes: 1 << 30, values: 1 << 27 };
+
+    /// Bytes that all compressed variables may take together.
+    fn inflated(self) -> usize {
+        4 * self.values as usize
+    }
+}
 
 /// A variable or field, as far as it matters here.
 #[derive(Debug)]
-enum MatValue {
+pub(crate) enum MatValue {
     /// Real numbers, first dimension fastest.
     Numbers {
         dims: Vec<usize>,
@@ -34,7 +51,7 @@ enum MatValue {
 }
 
 impl MatValue {
-    fn in_words(&self) -> &'static str {
+    pub(crate) fn in_words(&self) -> &'static str {
         match self {
             Self::Numbers { .. } => "an array of numbers",
             Self::Text(_) => "a text",
@@ -45,7 +62,7 @@ impl MatValue {
 }
 
 /// Variables or fields by name, in file order.
-type Fields = Vec<(String, MatValue)>;
+pub(crate) type Fields = Vec<(String, MatValue)>;
 
 /// A fluorophore of the ISET toolboxes, as stored: neither normalized nor converted. Their convention is quanta.
 #[derive(Clone, Debug, PartialEq)]
@@ -83,7 +100,7 @@ pub(crate) struct MatSpectra {
 /// # Errors
 /// Not a MATLAB file, a version 4 file, damage, missing or ill-shaped fields, more than 16 MiB or 2^24 numbers.
 pub fn read_iset_fluorophore(path: &Path) -> Result<IsetFluorophore, FormatError> {
-    let variables = read_variables(path)?;
+    let variables = read_variables(path, MatLimits::SPECTRA)?;
     let fields = holder(path, variables, &["emission", "excitation", "eem", "donaldsonMatrix"])?;
     let wave_nm = wavelengths(path, &fields)?;
     let excitation = spectrum(path, &fields, "excitation", wave_nm.len())?;
@@ -122,7 +139,7 @@ pub fn read_iset_fluorophore(path: &Path) -> Result<IsetFluorophore, FormatError
 /// # Errors
 /// As [`read_iset_fluorophore`].
 pub(crate) fn read_mat_spectra(path: &Path) -> Result<MatSpectra, FormatError> {
-    let fields = holder(path, read_variables(path)?, &["data"])?;
+    let fields = holder(path, read_variables(path, MatLimits::SPECTRA)?, &["data"])?;
     let wave_nm = wavelengths(path, &fields)?;
     let (dims, values) = match find(&fields, "data") {
         Some(MatValue::Numbers { dims, values }) => (dims, values),
@@ -157,12 +174,13 @@ pub(crate) fn read_mat_spectra(path: &Path) -> Result<MatSpectra, FormatError> {
     Ok(MatSpectra { curves })
 }
 
-fn read_variables(path: &Path) -> Result<Fields, FormatError> {
-    let bytes = read_file(path, MAX_MAT_BYTES)?;
+/// All variables of a file.
+pub(crate) fn read_variables(path: &Path, limits: MatLimits) -> Result<Fields, FormatError> {
+    let bytes = read_file(path, limits.bytes)?;
     if bytes.starts_with(b"MATLAB 5.0 MAT-file") {
-        v5::read(path, &bytes)
+        v5::read(path, &bytes, limits)
     } else if bytes.starts_with(b"MATLAB 7.3 MAT-file") || bytes.starts_with(b"\x89HDF\r\n\x1a\n") {
-        guarded(path, "MATLAB 7.3", || v73::read(path, bytes))
+        guarded(path, "MATLAB 7.3", || v73::read(path, bytes, limits))
     } else if is_version_4(&bytes) {
         Err(FormatError::unsupported(
             path,
@@ -193,12 +211,12 @@ fn is_version_4(bytes: &[u8]) -> bool {
     .any(|&(kind, imaginary)| kind < 5000 && kind / 10 % 10 <= 5 && kind % 10 <= 2 && imaginary <= 1)
 }
 
-fn find<'a>(fields: &'a Fields, name: &str) -> Option<&'a MatValue> {
+pub(crate) fn find<'a>(fields: &'a Fields, name: &str) -> Option<&'a MatValue> {
     fields.iter().find(|(field, _)| field == name).map(|(_, value)| value)
 }
 
 /// The variables themselves where one of them has a wanted name, else the fields of a struct that has one.
-fn holder(path: &Path, variables: Fields, wanted: &[&str]) -> Result<Fields, FormatError> {
+pub(crate) fn holder(path: &Path, variables: Fields, wanted: &[&str]) -> Result<Fields, FormatError> {
     let has = |fields: &Fields| wanted.iter().any(|name| find(fields, name).is_some());
     if has(&variables) {
         return Ok(variables);
@@ -221,14 +239,14 @@ fn holder(path: &Path, variables: Fields, wanted: &[&str]) -> Result<Fields, For
     ))
 }
 
-fn text(fields: &Fields, name: &str) -> String {
+pub(crate) fn text(fields: &Fields, name: &str) -> String {
     match find(fields, name) {
         Some(MatValue::Text(text)) => text.trim().to_string(),
         _ => String::new(),
     }
 }
 
-fn wavelengths(path: &Path, fields: &Fields) -> Result<Vec<f64>, FormatError> {
+pub(crate) fn wavelengths(path: &Path, fields: &Fields) -> Result<Vec<f64>, FormatError> {
     let in_spectrum = match find(fields, "spectrum") {
         Some(MatValue::Struct(spectrum)) => find(spectrum, "wave"),
         _ => None,
@@ -315,6 +333,6 @@ fn ill_shaped(path: &Path, name: &str, dims: &[usize], samples: usize) -> Format
     )
 }
 
-fn size(dims: &[usize]) -> String {
+pub(crate) fn size(dims: &[usize]) -> String {
     dims.iter().map(usize::to_string).collect::<Vec<_>>().join(" x ")
 }

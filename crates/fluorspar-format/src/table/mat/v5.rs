@@ -1,6 +1,6 @@
 //! MATLAB format 5 (also called 6 and 7), after "MAT-File Format", The MathWorks, level 5.
 //!
-//! Nothing is allocated before its size is known to lie within the file, or within [`MAX_INFLATED`] for compressed
+//! Nothing is allocated before its size is known to lie within the file, or within [`MatLimits`] for compressed
 //! variables; structs are followed to a fixed depth. Cells, objects, sparse and complex arrays are named, not read.
 
 use std::io::Read;
@@ -8,45 +8,43 @@ use std::path::Path;
 
 use flate2::read::ZlibDecoder;
 
-use super::{Fields, FormatError, MAX_VALUES, MatValue};
+use super::{Fields, FormatError, MatLimits, MatValue};
 use fluorspar::quote::excerpt;
 
 const HEADER_BYTES: usize = 128;
-/// Most bytes that all compressed variables of a file may take together: the readable ones take kilobytes.
-const MAX_INFLATED: usize = 64 << 20;
 /// Most variables and fields in a file.
 const MAX_ENTRIES: usize = 100_000;
 /// Structs inside structs.
 const MAX_DEPTH: usize = 32;
 
 /// Types of elements: "MAT-File Format", table 1-1.
-mod kind {
-    pub(super) const INT8: u32 = 1;
-    pub(super) const UINT8: u32 = 2;
-    pub(super) const INT16: u32 = 3;
-    pub(super) const UINT16: u32 = 4;
-    pub(super) const INT32: u32 = 5;
-    pub(super) const UINT32: u32 = 6;
-    pub(super) const SINGLE: u32 = 7;
-    pub(super) const DOUBLE: u32 = 9;
-    pub(super) const INT64: u32 = 12;
-    pub(super) const UINT64: u32 = 13;
-    pub(super) const MATRIX: u32 = 14;
-    pub(super) const COMPRESSED: u32 = 15;
-    pub(super) const UTF8: u32 = 16;
-    pub(super) const UTF16: u32 = 17;
-    pub(super) const UTF32: u32 = 18;
+pub(super) mod kind {
+    pub(in super::super) const INT8: u32 = 1;
+    pub(in super::super) const UINT8: u32 = 2;
+    pub(in super::super) const INT16: u32 = 3;
+    pub(in super::super) const UINT16: u32 = 4;
+    pub(in super::super) const INT32: u32 = 5;
+    pub(in super::super) const UINT32: u32 = 6;
+    pub(in super::super) const SINGLE: u32 = 7;
+    pub(in super::super) const DOUBLE: u32 = 9;
+    pub(in super::super) const INT64: u32 = 12;
+    pub(in super::super) const UINT64: u32 = 13;
+    pub(in super::super) const MATRIX: u32 = 14;
+    pub(in super::super) const COMPRESSED: u32 = 15;
+    pub(in super::super) const UTF8: u32 = 16;
+    pub(in super::super) const UTF16: u32 = 17;
+    pub(in super::super) const UTF32: u32 = 18;
 }
 
 /// Classes of arrays: "MAT-File Format", table 1-3, and what later versions added.
-mod class {
-    pub(super) const CELL: u32 = 1;
-    pub(super) const STRUCT: u32 = 2;
-    pub(super) const CHAR: u32 = 4;
-    pub(super) const SPARSE: u32 = 5;
-    pub(super) const FIRST_NUMERIC: u32 = 6;
-    pub(super) const LAST_NUMERIC: u32 = 15;
-    pub(super) const OPAQUE: u32 = 17;
+pub(super) mod class {
+    pub(in super::super) const CELL: u32 = 1;
+    pub(in super::super) const STRUCT: u32 = 2;
+    pub(in super::super) const CHAR: u32 = 4;
+    pub(in super::super) const SPARSE: u32 = 5;
+    pub(in super::super) const FIRST_NUMERIC: u32 = 6;
+    pub(in super::super) const LAST_NUMERIC: u32 = 15;
+    pub(in super::super) const OPAQUE: u32 = 17;
 }
 
 /// Flag of an array with imaginary parts.
@@ -56,7 +54,7 @@ const COMPLEX: u32 = 0x0800;
 ///
 /// # Errors
 /// A file that ends too early, sizes that don't fit, damaged compression, more than the limits above.
-pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Fields, FormatError> {
+pub(super) fn read(path: &Path, bytes: &[u8], limits: MatLimits) -> Result<Fields, FormatError> {
     let damaged = |what: String| FormatError::malformed(path, what, "Copy the file again");
     if bytes.len() < HEADER_BYTES {
         return Err(damaged(format!("the header has {} of {HEADER_BYTES} bytes", bytes.len())));
@@ -66,7 +64,8 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Fields, FormatError> {
         b"MI" => Order::Big,
         _ => return Err(damaged("the header names no byte order".into())),
     };
-    let mut left = Left { values: MAX_VALUES as usize, entries: MAX_ENTRIES, inflated: MAX_INFLATED };
+    let mut left =
+        Left { values: limits.values as usize, entries: MAX_ENTRIES, inflated: limits.inflated(), limits };
     let mut fields = Fields::new();
     let mut at = HEADER_BYTES;
     while at < bytes.len() {
@@ -113,14 +112,14 @@ struct Left {
     values: usize,
     entries: usize,
     inflated: usize,
+    limits: MatLimits,
 }
 
 impl Left {
     fn take_values(&mut self, count: usize) -> Result<(), Fault> {
-        let limit = || format!("{MAX_VALUES} values");
-        self.values = self
-            .values
-            .checked_sub(count)
+        let limit = || format!("{} values", self.limits.values);
+        let left = self.values.checked_sub(count);
+        self.values = left
             .ok_or_else(|| Fault::TooLarge { what: "the variables hold too many numbers", limit: limit() })?;
         Ok(())
     }
@@ -219,10 +218,10 @@ fn inflated(content: &[u8], order: Order, left: &mut Left) -> Result<(String, Ma
     if let Err(error) = ZlibDecoder::new(content).take(most).read_to_end(&mut bytes) {
         return damaged(format!("it can't be unpacked: {error}"));
     }
-    let limit = || format!("{MAX_INFLATED} bytes");
-    left.inflated = left.inflated.checked_sub(bytes.len()).ok_or_else(|| Fault::TooLarge {
+    let rest = left.inflated.checked_sub(bytes.len());
+    left.inflated = rest.ok_or_else(|| Fault::TooLarge {
         what: "the variables are too large when decompressed",
-        limit: limit(),
+        limit: format!("{} bytes", left.limits.inflated()),
     })?;
     let mut elements = Elements { bytes: &bytes, order };
     matrix(elements.expect(kind::MATRIX, "the array is")?, order, 0, left)

@@ -81,7 +81,7 @@ const BOTH: [Maker; 2] = [LITTLE, Maker { big: true }];
 const DOUBLE: u32 = 6;
 
 fn read(bytes: &[u8]) -> Result<Vec<(String, MatValue)>, String> {
-    v5::read(Path::new("f.mat"), bytes).map_err(|error| error.to_string())
+    v5::read(Path::new("f.mat"), bytes, super::MatLimits::SPECTRA).map_err(|error| error.to_string())
 }
 
 fn numbers(value: &MatValue) -> (&[usize], &[f64]) {

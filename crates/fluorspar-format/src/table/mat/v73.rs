@@ -4,7 +4,7 @@ use std::path::Path;
 
 use hdf5_pure::{AttrValue, DType, Dataset, Error, File, Group};
 
-use super::{Fields, FormatError, MAX_VALUES, MatValue};
+use super::{Fields, FormatError, MatLimits, MatValue};
 use crate::store::file::check_packing;
 use fluorspar::quote::excerpt;
 
@@ -13,8 +13,8 @@ const MAX_DEPTH: usize = 8;
 /// Most variables and fields.
 const MAX_ENTRIES: usize = 10_000;
 
-pub(super) fn read(path: &Path, bytes: Vec<u8>) -> Result<Fields, FormatError> {
-    let mut left = Left { length: bytes.len() as u64, values: MAX_VALUES, entries: MAX_ENTRIES };
+pub(super) fn read(path: &Path, bytes: Vec<u8>, limits: MatLimits) -> Result<Fields, FormatError> {
+    let mut left = Left { length: bytes.len() as u64, values: limits.values, entries: MAX_ENTRIES, limits };
     let file = File::from_bytes(bytes).map_err(|error| damaged(path, &error))?;
     read_group(path, &file.root(), 0, &mut left)
 }
@@ -25,6 +25,7 @@ struct Left {
     length: u64,
     values: u64,
     entries: usize,
+    limits: MatLimits,
 }
 
 fn damaged(path: &Path, error: &Error) -> FormatError {
@@ -62,7 +63,7 @@ fn read_dataset(
     let count = shape.iter().try_fold(1_u64, |product, &n| product.checked_mul(n)).unwrap_or(u64::MAX);
     left.values = left.values.checked_sub(count).ok_or_else(|| {
         let what = format!("\"{}\" claims the size {shape:?}", excerpt(name));
-        FormatError::too_large(path, what, format!("{MAX_VALUES} values in all"))
+        FormatError::too_large(path, what, format!("{} values in all", left.limits.values))
     })?;
     left.entries = left.entries.checked_sub(1).ok_or_else(|| {
         FormatError::too_large(path, "the file holds too many variables and fields", format!("{MAX_ENTRIES}"))

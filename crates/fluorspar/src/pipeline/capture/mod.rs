@@ -3,6 +3,7 @@
 mod calibration;
 mod capture_planes;
 mod captured_frame;
+mod channel_light;
 mod concentration;
 pub(super) mod direct_light;
 mod excitation_basis;
@@ -20,6 +21,7 @@ pub use captured_frame::{
     BitFit, CapturedFrame, IncompleteRaw, RawExposures, bracket_label, capture, capture_from_planes,
     check_captures, complete_raw, develop_frames, frame_radiance, subtract_what_is_given, turned_alike,
 };
+pub use channel_light::{ChannelLight, channel_light};
 pub use concentration::{MultipleUncertainty, concentration_factors, scale_multiple};
 pub use excitation_basis::{RelitImage, image_and_basis, relight_with_basis, render_with_basis};
 pub use film_irradiance::{
