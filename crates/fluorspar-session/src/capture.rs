@@ -7,7 +7,7 @@ use std::sync::Arc;
 use clap::{ValueEnum, ValueHint};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
-    CameraColor, CapturedFrame, ColorRendering, analyze_regions, analyze_seen, capture_from_planes,
+    CameraColor, CapturedFrame, ColorRendering, LiveView, analyze_regions, analyze_seen, capture_from_planes,
     check_captures, preview,
 };
 use fluorspar::study::{Capture, Study};
@@ -195,6 +195,7 @@ pub fn capture(options: &CaptureOptions, job: &Job) -> Result<CapturedFolder> {
         let report = FrameReport {
             analysis,
             regions,
+            live: LiveView::new(study, &seen, &frames)?,
             components: spectra.as_ref(),
             raw_ending: Some(options.format.ending()),
             ..FrameReport::simulated(&experiment, &text, frames)
