@@ -60,6 +60,7 @@ from ._record import Record
 from ._render import Components, RenderStopped, read, render
 from ._sweep import sweep
 from ._warning import FluorsparWarning
+from ._workbench import Workbench, workbench
 
 __all__ = [
     "Analysis",
@@ -84,6 +85,7 @@ __all__ = [
     "Sensor",
     "Tissue",
     "UnknownName",
+    "Workbench",
     "__version__",
     "analyze",
     "capture",
@@ -118,4 +120,5 @@ __all__ = [
     "text_of",
     "tissue",
     "validate",
+    "workbench",
 ]
