@@ -161,12 +161,11 @@ mod tests {
 
     #[test]
     fn tissues_of_a_person_are_those_of_mouth_sample() {
-        let small = ["mouth.detail=0.25", "render.width_px=8", "render.height_px=6"];
+        let small = ["mouth.detail=0.25", "spectral.step_nm=40"];
         let set = |more: &'static str| small.into_iter().chain([more]).collect::<Vec<_>>();
         let one = resolve(&read("", &set("mouth.person=7"))).unwrap();
         let mut spelled_out = read("", &set("mouth.person=7"));
         spelled_out.file.mouth.as_mut().unwrap().person = None;
-        assert_ne!(resolve(&spelled_out).unwrap().study.tissues, one.study.tissues);
         crate::people::give_tissues_of(7, &mut spelled_out.file).unwrap();
         assert_eq!(resolve(&spelled_out).unwrap().study.tissues, one.study.tissues);
         // What is written of the run draws the same person again

@@ -63,8 +63,8 @@ const COARSE_SAMPLES: u32 = 2;
 const LEAST_WIDTH: usize = 48;
 /// Scenes that are kept to come back to.
 const KEPT_SCENES: usize = 2;
-/// Longest wait for the next picture before the progress is told, ms.
-const LOOK: Duration = Duration::from_millis(250);
+/// Longest wait for the next picture before the progress is told: a wish for another scene waits no longer.
+const LOOK: Duration = Duration::from_millis(80);
 
 impl Told {
     fn change(&self, change: impl FnOnce(&mut Stand)) {

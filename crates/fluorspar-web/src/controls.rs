@@ -275,6 +275,9 @@ const POSE: [(&str, &str, &str, [f64; 2]); 6] = [
     ("lip_retraction_mm", "Lips drawn back", "mm", [-3.0, 11.0]),
 ];
 
+/// Where it is told what the values of a mouth rest on.
+const SOURCES: &str = "sources: docs/mouth.md";
+
 /// Person, view and pose of a mouth.
 fn of_mouth(experiment: &Experiment) -> Result<Vec<Control>> {
     let Some(mouth) = &experiment.file.mouth else { return Ok(Vec::new()) };
@@ -290,7 +293,7 @@ fn of_mouth(experiment: &Experiment) -> Result<Vec<Control>> {
         path: "mouth.person".into(),
         label: "Person".into(),
         unit: "",
-        note: "shape, teeth and tissues, as `mouth sample` draws them; any number".into(),
+        note: format!("shape, teeth and tissues, as mouth sample draws them; any number; {SOURCES}"),
         kind,
     };
     let views = EXAMINATION_VIEWS.iter().chain(&POSES);
@@ -301,7 +304,8 @@ fn of_mouth(experiment: &Experiment) -> Result<Vec<Control>> {
     let values = serde_json::to_value(&mouth.parameters)?;
     let pose = POSE.into_iter().filter_map(|(field, label, unit, range)| {
         let path = format!("mouth.{field}");
-        Some(number(path, label, unit, values.get(field)?.as_f64()?, range, false))
+        let control = number(path, label, unit, values.get(field)?.as_f64()?, range, false);
+        Some(Control { note: SOURCES.into(), ..control })
     });
     Ok([person, view].into_iter().chain(pose).collect())
 }
@@ -344,7 +348,7 @@ fn of_lesion(live: &LiveRender, experiment: &Experiment) -> Result<Vec<Control>>
     };
     let path = format!("{path}mouth.lesion.{LESION}");
     let value = known.map(|_| filled(&template, &fields));
-    let note = "coordinates of parts: docs/mouth.md".into();
+    let note = "coordinates of parts: docs/mouth.md; states: docs/tissue.md".into();
     let kind = Kind::Record { value, template, fields };
     Ok(vec![Control { path, label: "A lesion".into(), unit: "", note, kind }])
 }

@@ -6,6 +6,7 @@ import html
 import os
 import subprocess
 import sys
+import tempfile
 from contextlib import ExitStack
 from types import TracebackType
 
@@ -23,12 +24,16 @@ class Workbench:
             file = kept.enter_context(_file_of(source))
             words = [sys.executable, "-m", "fluorspar", "workbench", "-q", "--spp", str(spp), *file]
             words += [] if port is None else ["--port", str(port)]
-            process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-            assert process.stdout and process.stderr
+            errors = kept.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8"))
+            process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=errors, text=True)
+            assert process.stdout
             self.address = process.stdout.readline().strip()
             if not self.address:
-                error = FluorsparError(process.stderr.read().strip().removeprefix("error: "))
-                error.code = process.wait()
+                process.stdout.close()
+                code = process.wait()
+                errors.seek(0)
+                error = FluorsparError(errors.read().strip().removeprefix("error: "))
+                error.code = code
                 raise error
             self._process, self._kept = process, kept.pop_all()
 
@@ -36,9 +41,8 @@ class Workbench:
         """Ends it."""
         self._process.terminate()
         self._process.wait()
-        for pipe in (self._process.stdout, self._process.stderr):
-            if pipe:
-                pipe.close()
+        if self._process.stdout:
+            self._process.stdout.close()
         self._kept.close()
 
     def __enter__(self) -> Workbench:
