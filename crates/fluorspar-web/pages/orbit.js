@@ -32,8 +32,8 @@ export class Orbit {
     this.held = null;
     this.moved = 0;
     this.serial = 0;
-    /** @type {number | undefined} */
-    this.timer = undefined;
+    /** Until when a sharp picture waits; 0 where none does. */
+    this.timer = 0;
     this.canvas.addEventListener("pointerdown", (event) => this.press(event));
     this.canvas.addEventListener("pointermove", (event) => this.move(event));
     this.canvas.addEventListener("pointerup", (event) => this.release(event));
@@ -76,7 +76,10 @@ export class Orbit {
     };
     this.want({ isSharp: false });
     clearTimeout(this.timer);
-    this.timer = window.setTimeout(() => this.want({ isSharp: true }), REST);
+    this.timer = window.setTimeout(() => {
+      this.timer = 0;
+      this.want({ isSharp: true });
+    }, REST);
   }
 
   /** @param {{isSharp: boolean, at?: number[]}} wanted */
@@ -84,12 +87,14 @@ export class Orbit {
     this.next = { ...wanted, at: wanted.at ?? this.next?.at };
     if (this.isBusy) return;
     this.isBusy = true;
+    byId("orbited").setAttribute("aria-busy", "true");
     while (this.isOn && this.next) {
       const now = this.next;
       this.next = null;
       await this.show(now);
     }
     [this.isBusy, this.next] = [false, null];
+    byId("orbited").setAttribute("aria-busy", String(this.timer !== 0));
   }
 
   /** @param {{isSharp: boolean, at?: number[]}} now */

@@ -22,7 +22,7 @@ WAIT = 90_000
 SMALL = ["--set", "render.width_px=96", "--set", "render.height_px=72", "--spp", "2"]
 #: A camera without noise and colors, with a pixel for each of the render.
 QUIET = ["sensor.mode={ type = \"noise_free\" }", "sensor.bit_depth=16", "sensor.columns=96", "sensor.rows=72", "sensor.pixel_size_um=25.0",
-         'sensor.mosaic=[["G"]]']
+         'sensor.mosaic=[["G"]]', "capture.blue.exposure_ms=0.2"]
 #: Kinds of findings of axe that stand in nobody's way.
 BEARABLE = {"minor", "moderate"}
 
@@ -317,6 +317,7 @@ def test_person_view_and_lesion_are_rendered(bench: Bench) -> None:
     assert "stopped" in page.locator("#message-text").inner_text()
     page.locator("#back").click()
     page.wait_for_function("() => document.querySelector('#message').hidden", timeout=WAIT)
+    bench.estimate()
     found = [one for one in Axe().run(page).response["violations"] if one["impact"] not in BEARABLE]
     assert not found, found
     # The console tells of what was refused until it was rendered
@@ -333,7 +334,7 @@ def test_shapes_are_turned_and_named(bench: Bench) -> None:
     def shown(act) -> str:
         before = page.evaluate(serial)
         act()
-        page.wait_for_function(f"before => ({serial})() > before", arg=before, timeout=WAIT)
+        page.wait_for_function(f"before => ({serial})() > before && document.querySelector('#orbited').ariaBusy === 'false'", arg=before, timeout=WAIT)
         return page.evaluate("() => document.querySelector('#orbit').toDataURL()")
 
     front = shown(lambda: canvas.focus() or page.keyboard.press("Home"))
@@ -353,8 +354,7 @@ def test_shapes_are_turned_and_named(bench: Bench) -> None:
     seen.append(shown(drag))
     seen.append(shown(lambda: page.mouse.wheel(0, -300)))
     assert len(set(seen)) == len(seen), "something turned nothing"
-    page.keyboard.press("Home")
-    page.wait_for_timeout(1000)
+    shown(lambda: page.keyboard.press("Home"))
     page.keyboard.press("Enter")
     page.wait_for_function("() => / mm away$/.test(document.querySelector('#picked').textContent)", timeout=WAIT)
     canvas.click(position={"x": 0.5 * box["width"], "y": 0.66 * box["height"]})
@@ -408,10 +408,10 @@ def test_a_report_follows_its_sliders_as_captures_do(bench: Bench) -> None:
     white = next(one["white"] for one in data["captures"] if one["name"] == "blue")
 
     # Steps of a thousand: a drive up to 2, exposures of 0.1 to 1000 ms, gains of 1 to 32
-    for label, step in (("Drive of blue", 700), ("Exposure", 650), ("Gain", 100), ("collagen", 500)):
+    for label, step in (("Drive of blue", 700), ("Exposure", 100), ("Gain", 100), ("collagen", 500)):
         slider = report.get_by_label(label).first
         slider.evaluate("(slider, step) => { slider.value = step; slider.dispatchEvent(new Event('input')); }", step)
-    changes = [*QUIET, "capture.blue.light_groups.blue=1.4", f"capture.blue.exposure_ms={0.1 * 1e4 ** 0.65}",
+    changes = [*QUIET, "capture.blue.light_groups.blue=1.4", f"capture.blue.exposure_ms={0.1 * 1e4 ** 0.1}",
                f"capture.blue.gain={32 ** 0.1}", "concentration.collagen=2.0"]
     differences = page.evaluate("""async ([set, white, live]) => {
         const answer = await fetch('/api/picture', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ set, capture: 'blue', view: 'developed', white }) });

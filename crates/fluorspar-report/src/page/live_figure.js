@@ -1,7 +1,8 @@
 // Sums planes of light, each times its sliders, and shows them as the report shows its frames. Arithmetic only: the planes are made beforehand.
 const data = JSON.parse(document.getElementById("live-data").textContent);
 const [place, canvas, told] = ["live-controls", "live-picture", "live-told"].map((id) => document.getElementById(id));
-const half = (bits) => (bits >> 10 ? (1 + (bits & 1023) / 1024) * 2 ** ((bits >> 10) - 15) : (bits & 1023) * 2 ** -24);
+const positive = (bits) => (bits >> 10 ? (1 + (bits & 1023) / 1024) * 2 ** ((bits >> 10) - 15) : bits * 2 ** -24);
+const half = (bits) => (bits >> 15 ? -positive(bits & 32767) : positive(bits));
 for (const plane of data.planes) {
   const bytes = Uint8Array.from(atob(plane.values), (letter) => letter.charCodeAt(0));
   plane.rates = Float32Array.from(new Uint16Array(bytes.buffer), (bits) => half(bits) * plane.scale);
@@ -32,7 +33,7 @@ function draw() {
     let isFull = false;
     const dn = [0, 1, 2].map((channel) => {
       const at = (channel % data.channels) * pixels + pixel;
-      const value = Math.min(Math.min(rates[at] * time, well_e) * scale, white_dn);
+      const value = Math.min(Math.min(Math.max(rates[at], 0) * time, well_e) * scale, white_dn);
       isFull ||= value >= Math.min(white_dn, well_e * scale);
       return value - (ambient ? ambient[at] * time * scale : 0);
     });

@@ -60,9 +60,9 @@ fn data_of(view: &LiveView, first: Option<&str>) -> Value {
 }
 
 fn plane(plane: &LivePlane) -> Value {
-    // Halves reach from 6e-8 to 65504
-    let scale = plane.rates.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
-    let halves = plane.rates.iter().flat_map(|rate| f16::from_f32(rate.max(0.0) / scale).to_le_bytes());
+    // Halves reach from 6e-8 to 65504; noisy spectra of few samples may be below zero
+    let scale = plane.rates.iter().map(|rate| rate.abs()).fold(f32::MIN_POSITIVE, f32::max);
+    let halves = plane.rates.iter().flat_map(|rate| f16::from_f32(rate / scale).to_le_bytes());
     json!({
         "response": plane.response,
         "group": plane.group,
