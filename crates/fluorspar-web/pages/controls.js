@@ -93,7 +93,10 @@ function numberControl(control, changes, drag) {
         slider.value = String(toSlider(control, value));
       field.value = control.is_whole ? String(value) : String(Number(value.toPrecision(4)));
       slider.setAttribute("aria-valuetext", `${shortNumber(value)} ${control.unit}`);
-    } else field.value = "";
+    } else {
+      field.value = "";
+      if (!auto) [slider.value, field.placeholder] = ["0", "none"];
+    }
     back.hidden = changes.value(control.path) === undefined;
   };
   return { element: make("div", { className: "control" }, [head, row, noteOf(control, control.range)]), update };
