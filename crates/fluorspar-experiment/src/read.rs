@@ -18,7 +18,7 @@ use crate::document::format_version::check_format;
 use crate::document::merge::merge;
 use crate::document::shape::Schema;
 use crate::document::tree::{Content, Document, MAX_TEXT_BYTES, Node, TextSource, read_tree};
-use crate::mouth_view::{change_view, spell_out_view, view_of};
+use crate::mouth_view::{change_person, change_view, person_of, spell_out_view, view_of};
 use crate::preset;
 use fluorspar_format::{FileFormat, read_text_bounded};
 
@@ -172,8 +172,11 @@ pub(super) fn change_document(
     base_dir: &Path,
 ) -> Result<(), ExperimentError> {
     for (number, change) in changes.iter().enumerate() {
-        let before = view_of(&document.root);
+        let (before, person) = (view_of(&document.root), person_of(&document.root));
         apply_change(document, schema, number, change, base_dir)?;
+        if person_of(&document.root) != person {
+            change_person(&mut document.root);
+        }
         if view_of(&document.root) != before {
             change_view(&mut document.root, before);
         }

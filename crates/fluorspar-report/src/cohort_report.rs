@@ -94,6 +94,7 @@ pub fn cohort_report(found: &CohortResults<'_>) -> ReportData {
     ReportData {
         title: found.title.into(),
         overview: None,
+        live: None,
         lead: verdict(found),
         headline: headline(found),
         warnings: Vec::new(),

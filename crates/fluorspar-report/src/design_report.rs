@@ -98,6 +98,7 @@ pub fn design_report(found: &DesignFindings<'_>) -> ReportData {
     ReportData {
         title: found.title.into(),
         overview: None,
+        live: None,
         lead: lead(found),
         headline: headline(found),
         warnings: Vec::new(),

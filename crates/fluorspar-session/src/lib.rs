@@ -74,7 +74,7 @@ pub use error::{Error, ErrorKind, Result, worded};
 pub use figure_file::FigureFormat;
 pub use finished_render::{CaptureView, FinishedRender, ShownExperiment};
 pub use job::{Job, Left, Listener};
-pub use live_render::{LiveRender, LiveStudy};
+pub use live_render::{LiveRender, LiveStudy, Shapes};
 pub use options::{TaskOption, TaskOptions};
 pub use photographs::{
     AnalyzedPhotographs, FailedPhotograph, IntervalKind, PatientEstimate, Photograph, PhotographCamera,

@@ -353,7 +353,7 @@ pub struct MaterialSection {
 
 impl MaterialSection {
     /// Name of the tissue that it is made of.
-    pub(crate) fn tissue(&self) -> Option<&str> {
+    pub fn tissue(&self) -> Option<&str> {
         match &self.scattering {
             ScatteringSection::Tissue(section) => Some(&section.tissue),
             _ => None,

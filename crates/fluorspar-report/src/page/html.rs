@@ -1,4 +1,4 @@
-//! The report as one HTML file: no scripts, nothing fetched from elsewhere.
+//! The report as one HTML file: no script but that of its live figure, nothing fetched from elsewhere.
 
 use std::fmt::Write;
 
@@ -7,6 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 
 use super::escape;
 use super::experiment::embed_experiment;
+use super::live_figure::{page_policy, write_live_figure};
 use super::report_data::{
     Number, NumberMatrix, NumberTable, Origin, ReportData, ReportItem, ReportPicture, Section,
 };
@@ -37,6 +38,10 @@ impl ReportData {
         html.push_str("</header>\n<main>\n");
         if let Some(overview) = &self.overview {
             overview.write(&mut html);
+        }
+        if let Some(live) = &self.live {
+            let analyzed = self.overview.as_ref().and_then(|overview| overview.views.first());
+            write_live_figure(&mut html, live, analyzed.map(|view| view.name.as_str()));
         }
         self.write_headline(&mut html);
         self.write_warnings(&mut html);
@@ -169,7 +174,8 @@ pub fn open_page(html: &mut String, title: &str) {
         html,
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"generator\" content=\"Fluorspar {}\">\n<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n",
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n<meta name=\"generator\" content=\"Fluorspar {}\">\n<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n",
+        page_policy(),
         env!("CARGO_PKG_VERSION"),
         escape(title)
     );

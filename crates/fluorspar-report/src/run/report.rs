@@ -94,6 +94,7 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     let mut page = ReportData {
         title: record.title.clone(),
         overview: Some(overview(run, words)),
+        live: run.live.cloned(),
         lead: words.lead(run),
         headline: Vec::new(),
         warnings,

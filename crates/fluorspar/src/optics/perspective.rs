@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::{Quat, Vec2, Vec3};
 
 use super::airy::Airy;
 use super::camera_lens::CameraLens;
@@ -114,6 +114,18 @@ impl PerspectiveCamera {
             parallel_half_width_m: None,
             center: Vec2::ZERO,
         })
+    }
+
+    /// The camera turned about a point on its axis that is `distance_m` away: `yaw` to its right and `pitch` above, radians, and `zoom` times
+    /// as near. A lens becomes the pinhole in its pupil.
+    #[must_use]
+    pub fn orbited(&self, distance_m: f32, yaw: f32, pitch: f32, zoom: f32) -> Self {
+        let turn = Quat::from_axis_angle(self.up, yaw) * Quat::from_axis_angle(self.right, -pitch);
+        let middle = self.position + self.forward * distance_m;
+        let [forward, right, up] = [self.forward, self.right, self.up].map(|axis| turn * axis);
+        let position = middle - forward * (distance_m / zoom);
+        let parallel_half_width_m = self.parallel_half_width_m.map(|half| half / zoom);
+        Self { position, forward, right, up, lens: None, parallel_half_width_m, ..self.clone() }
     }
 
     /// The view that image files store; none of parallel rays, which have no field of view, or of a window off the axis.
@@ -272,6 +284,22 @@ mod tests {
                 assert!(a.abs_diff_eq(b, 1e-6) && along.abs_diff_eq(wanted, 1e-6));
             }
             assert_eq!(window.view(), None);
+        }
+    }
+
+    #[test]
+    fn a_camera_that_goes_around_keeps_its_middle() {
+        let eye = Vec3::new(0.0, 0.02, 0.1);
+        let camera = PerspectiveCamera::look_at(eye, Vec3::ZERO, Vec3::Y, 40.0, 64, 48).unwrap();
+        let middle = camera.position + 0.1 * camera.forward;
+        for (yaw, pitch, zoom) in [(0.0, 0.0, 1.0), (0.7, 0.0, 1.0), (0.0, 1.2, 1.0), (-2.0, -0.4, 4.0)] {
+            let turned = camera.orbited(0.1, yaw, pitch, zoom);
+            assert!((turned.position + 0.1 / zoom * turned.forward - middle).length() < 1e-6);
+            assert!(turned.right.dot(turned.up).abs() + turned.right.dot(turned.forward).abs() < 1e-6);
+            let away = turned.position - camera.position;
+            let right_and_up = (away.dot(camera.right), away.dot(camera.up));
+            assert!(yaw <= 0.0 || right_and_up.0 > 0.01, "{right_and_up:?}");
+            assert!(pitch <= 0.0 || right_and_up.1 > 0.01, "{right_and_up:?}");
         }
     }
 

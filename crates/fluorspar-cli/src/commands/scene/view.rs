@@ -56,7 +56,7 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         let height = (width * camera.height).div_ceil(camera.width).clamp(1, 16_384);
         (camera.width, camera.height) = (width, height);
     }
-    let maps = visible_surfaces(&shapes);
+    let maps = visible_surfaces(&shapes, &shapes.camera);
     let view = match show {
         Show::Clay => SurfaceView::Clay,
         Show::Part => SurfaceView::Part,
