@@ -42,7 +42,7 @@ mod store;
 mod table;
 mod toml_text;
 
-pub use error::{FormatError, Problem};
+pub use error::{Defect, FormatError};
 pub use frame::dng::{DngColor, write_sensor_dng};
 pub use frame::frame_description::{
     DescribedFrame, FactSource, FrameDescription, FrameFact, FrameFacts, black_level_doubt, describe_frame,

@@ -12,7 +12,7 @@ use fluorspar::spectral::{
     YieldUnit,
 };
 use fluorspar_format::{
-    AntiStokes, CsvEemOptions, EemUnit, FormatError, Negative, SpectrumColumns, SpectrumOptions,
+    AntiStokes, CsvEemOptions, Defect, EemUnit, FormatError, Negative, SpectrumColumns, SpectrumOptions,
     read_eem_csv, read_fluorophore_csv, read_iset_fluorophore, refuse_scattered_light,
 };
 
@@ -305,23 +305,16 @@ fn negative(section: &FluorophoreSection) -> Negative {
 
 /// The error of a file with the field that lets it pass.
 fn reader_error(context: &Context<'_>, at: &Place, error: &FormatError) -> crate::ExperimentError {
-    let field = match error.first() {
-        FormatError::Negative { .. } => {
+    let field = match error.defect() {
+        Defect::Negative { .. } => {
             "; allow_negative = true in this [[fluorophore]] takes negative values as zero"
         }
-        FormatError::AntiStokes { .. } | FormatError::ScatteredLight { .. } => ALLOW_ANTI_STOKES,
-        FormatError::EmptyCell { .. } => EMPTY_CELLS,
-        FormatError::Samples { .. } => " with sample = \"NAME\" beside the file",
-        _ => "",
+        Defect::AntiStokes { .. } | Defect::ScatteredLight { .. } => ALLOW_ANTI_STOKES,
+        Defect::EmptyCell { .. } => EMPTY_CELLS,
+        Defect::Samples(_) => " with sample = \"NAME\" beside the file",
+        _ => return context.file_error(at, error),
     };
-    match field {
-        "" => context.file_error(at, error),
-        field => {
-            // The cure beside the first, and then where else it is needed
-            let also = error.also().map(|also| format!(". {also}")).unwrap_or_default();
-            context.error(at, format!("{}{field}{also}", error.first())).without_value()
-        }
-    }
+    context.error(at, error.message_with(field)).without_value()
 }
 
 /// Refuses a square matrix, rows emission, with light below its excitation.
@@ -372,8 +365,8 @@ fn matrix_from_csv(
         cut: None,
         sample: sample.clone(),
     };
-    let read = read_eem_csv(file.as_ref(), &options).map_err(|error| match (&error, unit) {
-        (FormatError::Unit { .. }, None) => context
+    let read = read_eem_csv(file.as_ref(), &options).map_err(|error| match (error.defect(), unit) {
+        (Defect::Unit { .. }, None) => context
             .error(at, format!("{error} (unit = \"photons\" or \"energy\" beside eem_csv)"))
             .without_value(),
         _ => reader_error(context, at, &error),

@@ -10,8 +10,8 @@ use super::csv_table::{Negative, Table, comments_of};
 use super::eem_layout::{EemLayout, no_samples};
 use super::eem_scatter::{ScatterCut, refuse_scattered_light};
 use super::instrument_text::is_missing;
-use crate::FormatError;
 use crate::store::file::{MAX_TEXT_BYTES, as_text, read_file};
+use crate::{Defect, FormatError};
 
 /// Unit of the values of an excitation-emission matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,7 +129,7 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
     let layout = EemLayout::of(path, text, options.sample.as_deref()).map_err(|wrong| {
         // The unit first, whose option a front adds
         match unit(path, &comments_of(text), options.unit) {
-            Err(unit) if !matches!(wrong, FormatError::Samples { .. }) => together(unit, vec![wrong]),
+            Err(unit) if !matches!(wrong.defect(), Defect::Samples(_)) => together(unit, vec![wrong]),
             _ => wrong,
         }
     })?;
@@ -162,10 +162,7 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
                     empty.push(values.len());
                     Ok(0.0)
                 }
-                Ok(None) => {
-                    let excitation_nm = *excitation_nm;
-                    Err(FormatError::EmptyCell { path: path.into(), line: row.line, excitation_nm })
-                }
+                Ok(None) => Err(Defect::EmptyCell { excitation_nm: *excitation_nm }.at(path, row.line)),
                 Err(error) => Err(error),
             };
             let place = Cell { line: row.line, emission_nm: *emission_nm, excitation_nm: *excitation_nm };
@@ -258,15 +255,9 @@ fn axes(path: &Path, table: &Table, given: Option<EemUnit>) -> Result<Axes, Form
 fn together(first: FormatError, next: Vec<FormatError>) -> FormatError {
     let words = |error: FormatError| match error.line() {
         Some(line) => format!("line {line}: {}", error.problem()),
-        None => error.problem().to_string(),
+        None => error.problem(),
     };
-    match next.is_empty() {
-        true => first,
-        false => {
-            let next = next.into_iter().map(words).collect();
-            FormatError::Cells { first: Box::new(first), next, more: 0 }
-        }
-    }
+    first.and(&next.into_iter().map(words).collect::<Vec<_>>(), 0)
 }
 
 impl MeasuredEem {
@@ -432,13 +423,7 @@ impl WrongCells {
     }
 
     fn refused(self) -> Result<(), FormatError> {
-        match self.first {
-            None => Ok(()),
-            Some(first) if self.next.is_empty() => Err(first),
-            Some(first) => {
-                Err(FormatError::Cells { first: Box::new(first), next: self.next, more: self.more })
-            }
-        }
+        self.first.map_or(Ok(()), |first| Err(first.and(&self.next, self.more)))
     }
 }
 
@@ -540,7 +525,7 @@ pub(crate) fn check_stokes(
         }
     }
     if rule != AntiStokes::Keep && below > 0.5 * total {
-        return Err(FormatError::Transposed { path: path.into(), percent: 100.0 * below / total });
+        return Err(Defect::Transposed { percent: 100.0 * below / total }.of(path));
     }
     if rule != AntiStokes::Keep {
         refuse_scattered_light(path, &eem.emission_nm, &eem.excitation_nm, &eem.values)?;
@@ -557,15 +542,13 @@ pub(crate) fn check_stokes(
             let value = eem.values[row * columns + column];
             if emission_nm < excitation_nm && value.abs() > tolerance * peak {
                 let line = line_of(row);
-                let error = FormatError::AntiStokes {
-                    path: path.into(),
-                    line: Some(line),
-                    emission_nm,
-                    excitation_nm,
-                    value,
-                    percent_of_peak: 100.0 * value / peak,
-                };
-                wrong.add(error, Cell { line, emission_nm, excitation_nm }, &value.to_string());
+                let percent_of_peak = 100.0 * value / peak;
+                let error = Defect::AntiStokes { emission_nm, excitation_nm, value, percent_of_peak };
+                wrong.add(
+                    error.at(path, line),
+                    Cell { line, emission_nm, excitation_nm },
+                    &value.to_string(),
+                );
             }
         }
     }

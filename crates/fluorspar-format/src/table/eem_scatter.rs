@@ -5,7 +5,7 @@ use std::path::Path;
 use fluorspar::units::counted;
 
 use super::csv_eem::{AntiStokes, MeasuredEem, check_stokes, on_the_line};
-use crate::FormatError;
+use crate::{Defect, FormatError};
 
 /// A line of a matrix along which excitation light is scattered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +46,17 @@ impl ScatterLine {
     /// Share of the peak below which the line is let be: a little Raman scatter is in most measured matrices.
     fn least_share(self) -> f64 {
         if self == Self::WaterRaman { LEAST_WATER } else { LEAST_SCATTER }
+    }
+
+    /// What the light was scattered by.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::First => "first-order scatter (Rayleigh and Tyndall)",
+            Self::Second => "second-order scatter",
+            Self::Third => "third-order scatter",
+            Self::WaterRaman => "Raman scatter of water",
+        }
     }
 
     /// The line as an equation.
@@ -382,7 +393,7 @@ const LEAST_WATER: f64 = 0.5;
 /// emission was measured along less of the line, in all columns that hold it, and not at the same emission under the excitations beside.
 ///
 /// # Errors
-/// [`FormatError::ScatteredLight`].
+/// [`Defect::ScatteredLight`].
 pub fn refuse_scattered_light(
     path: &Path,
     emission_nm: &[f64],
@@ -394,8 +405,8 @@ pub fn refuse_scattered_light(
     };
     match ScatterLine::ALL.into_iter().find_map(seen) {
         None => Ok(()),
-        Some((line, excitation_nm, percent_of_peak)) => {
-            Err(FormatError::ScatteredLight { path: path.into(), line, excitation_nm, percent_of_peak })
+        Some((along, excitation_nm, percent_of_peak)) => {
+            Err(Defect::ScatteredLight { along, excitation_nm, percent_of_peak }.of(path))
         }
     }
 }

@@ -5,9 +5,9 @@ use std::path::Path;
 use fluorspar::quote::shell_word;
 use fluorspar_experiment::schema::EmptyCellsChoice;
 use fluorspar_format::{
-    AntiStokes, CsvEemOptions, CutTo, EemUnit, FormatError, LeastCuts, MOST_CUT_NM, MeasuredEem, Negative,
-    ScatterCut, names_excitation_and_emission, read_eem_csv, read_fluorophore_csv, read_iset_fluorophore,
-    read_start, refuse_scattered_light,
+    AntiStokes, CsvEemOptions, CutTo, Defect, EemUnit, FormatError, LeastCuts, MOST_CUT_NM, MeasuredEem,
+    Negative, ScatterCut, names_excitation_and_emission, read_eem_csv, read_fluorophore_csv,
+    read_iset_fluorophore, read_start, refuse_scattered_light,
 };
 
 use super::file_options::{Empty, FileOptions, StokesChoice, Unit};
@@ -110,21 +110,19 @@ fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError)
         if cure.is_none() && fixes == 0 {
             return error.into();
         }
-        let first = error.first();
-        text += &match (fixes, error.line()) {
-            (0, _) => first.to_string(),
-            (_, Some(line)) => format!(". Then, on line {line}, {}", first.problem()),
-            (_, None) => format!(". Then {}", first.problem()),
-        };
         // The option beside what it cures
-        text += &cure.as_ref().map(|cure| format!(" ({})", cure.words)).unwrap_or_default();
-        text += &error.also().map(|also| format!(". {also}")).unwrap_or_default();
+        let option = cure.as_ref().map(|cure| format!(" ({})", cure.words)).unwrap_or_default();
+        text += &match (fixes, error.line()) {
+            (0, _) => error.message_with(&option),
+            (_, Some(line)) => format!(". Then, on line {line}, {}", error.problem_with(&option)),
+            (_, None) => format!(". Then {}", error.problem_with(&option)),
+        };
         if !cure.is_some_and(|cure| cure.passes) {
             break;
         }
         fixes += 1;
         // What else is wrong with the form is told with the unit
-        if matches!(&error, FormatError::Cells { first, .. } if matches!(**first, FormatError::Unit { .. })) {
+        if error.has_more() && matches!(error.defect(), Defect::Unit { .. }) {
             break;
         }
         match read_kind(kind, path, &tried) {
@@ -159,29 +157,27 @@ impl Cure {
 
 /// The option that lets a file pass, which `tried` then has; `None` where none does.
 fn cured(kind: Kind, path: &Path, error: &FormatError, tried: &mut FileOptions) -> Option<Cure> {
-    match error.first() {
-        FormatError::Unit { .. } if tried.yield_unit.is_none() => {
+    match error.defect() {
+        Defect::Unit { .. } if tried.yield_unit.is_none() => {
             tried.yield_unit = Some(Unit::Photons);
             Cure::option("⟨yield_unit=photons⟩ or ⟨yield_unit=energy⟩")
         }
-        FormatError::AntiStokes { .. } | FormatError::ScatteredLight { .. } if !tried.allow_anti_stokes => {
-            match kind {
-                Kind::MatrixCsv => scatter_cured(path, tried),
-                _ => {
-                    tried.allow_anti_stokes = true;
-                    Cure::option("⟨allow_anti_stokes⟩")
-                }
+        Defect::AntiStokes { .. } | Defect::ScatteredLight { .. } if !tried.allow_anti_stokes => match kind {
+            Kind::MatrixCsv => scatter_cured(path, tried),
+            _ => {
+                tried.allow_anti_stokes = true;
+                Cure::option("⟨allow_anti_stokes⟩")
             }
-        }
-        FormatError::Samples { names, .. } if tried.sample.is_none() => {
+        },
+        Defect::Samples(names) if tried.sample.is_none() => {
             tried.sample = names.first().cloned();
             Cure::option(format!("⟨sample={}⟩", shell_word(tried.sample.as_deref().unwrap_or_default())))
         }
-        FormatError::Negative { .. } if !tried.allow_negative => {
+        Defect::Negative { .. } if !tried.allow_negative => {
             tried.allow_negative = true;
             Cure::option("⟨allow_negative⟩")
         }
-        FormatError::EmptyCell { .. } if tried.empty_cells == Empty::Refuse => {
+        Defect::EmptyCell { .. } if tried.empty_cells == Empty::Refuse => {
             tried.empty_cells = Empty::Interpolate;
             Cure::option(
                 "⟨empty_cells=interpolate⟩ fills them along the emission, ⟨empty_cells=zero⟩ says that nothing fluoresces there",
@@ -448,7 +444,7 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured> {
         let matrix = Matrix { emission_nm: read.wave_nm.clone(), excitation_nm: read.wave_nm, values };
         let percent = 100.0 * anti_stokes_share(&matrix);
         if percent > 50.0 && !options.allow_anti_stokes {
-            return Err(FormatError::Transposed { path: path.into(), percent }.into());
+            return Err(Defect::Transposed { percent }.of(path).into());
         }
         if !options.allow_anti_stokes {
             refuse_scattered_light(path, &matrix.emission_nm, &matrix.excitation_nm, &matrix.values)?;
@@ -529,14 +525,8 @@ fn refuse_anti_stokes(path: &Path, matrix: &Matrix) -> Result<(), FormatError> {
         let (emission_nm, excitation_nm) =
             (matrix.emission_nm[index / columns], matrix.excitation_nm[index % columns]);
         if emission_nm < excitation_nm && value > ANTI_STOKES_TOLERANCE * peak {
-            return Err(FormatError::AntiStokes {
-                path: path.into(),
-                line: None,
-                emission_nm,
-                excitation_nm,
-                value,
-                percent_of_peak: 100.0 * value / peak,
-            });
+            let percent_of_peak = 100.0 * value / peak;
+            return Err(Defect::AntiStokes { emission_nm, excitation_nm, value, percent_of_peak }.of(path));
         }
     }
     Ok(())
