@@ -2,8 +2,12 @@
 
 use std::fmt::Display;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use fluorspar::units::number_text;
 use fluorspar_experiment::{ExperimentError, PathsFrom};
+use serde::Serialize;
+use serde::de::value::Error as NoValue;
+use serde::de::{DeserializeOwned, IntoDeserializer};
 
 use crate::{Error, Result};
 
@@ -31,6 +35,19 @@ pub fn seed(text: &str) -> Result<u64, String> {
 
 /// More threads only cost memory: no machine has as many cores.
 pub const MOST_THREADS: u64 = 1024;
+
+/// One of some values by the name that files have for it.
+pub fn choice<T: DeserializeOwned + Clone + Send + Sync + 'static>(
+    names: &'static [&'static str],
+) -> impl TypedValueParser<Value = T> {
+    let value = |name: String| T::deserialize(name.into_deserializer()).map_err(|error: NoValue| error);
+    PossibleValuesParser::new(names).try_map(value)
+}
+
+/// The name that files have for a value.
+pub(crate) fn name_of(value: &impl Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|name| Some(name.as_str()?.to_owned())).unwrap_or_default()
+}
 
 /// A number of threads.
 pub fn threads(text: &str) -> Result<usize, String> {

@@ -352,16 +352,13 @@ fn matrix_from_csv(
     let unit = *unit;
     context.note_input(at, file)?;
     let options = CsvEemOptions {
-        unit: unit.map(|unit| match unit {
-            YieldUnit::Photons => EemUnit::Photons,
-            YieldUnit::Energy => EemUnit::Energy,
-        }),
+        unit: unit.map(EemUnit::from),
         anti_stokes: match section.allow_anti_stokes || stokes == Stokes::Off {
             true => AntiStokes::Keep,
             false => AntiStokes::Refuse(ANTI_STOKES_TOLERANCE),
         },
         negative: negative(section),
-        empty_cells: section.empty_cells.into(),
+        empty_cells: section.empty_cells,
         cut: None,
         sample: sample.clone(),
     };

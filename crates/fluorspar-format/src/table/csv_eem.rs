@@ -4,6 +4,9 @@ use std::fmt::Write;
 use std::path::Path;
 
 use fluorspar::quote::excerpt;
+use fluorspar::spectral::YieldUnit;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::axis::check_axis;
 use super::csv_table::{Negative, Table, comments_of};
@@ -22,6 +25,15 @@ pub enum EemUnit {
     Energy,
     /// The source does not say. Whoever uses the matrix has to decide.
     Unknown,
+}
+
+impl From<YieldUnit> for EemUnit {
+    fn from(unit: YieldUnit) -> Self {
+        match unit {
+            YieldUnit::Photons => Self::Photons,
+            YieldUnit::Energy => Self::Energy,
+        }
+    }
 }
 
 /// An excitation-emission matrix as stored in a file: neither normalized nor converted.
@@ -57,7 +69,8 @@ pub enum AntiStokes {
 }
 
 /// Treatment of empty cells.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum EmptyCells {
     /// An error.
     #[default]

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use fluorspar::units::counted;
+use serde::Deserialize;
 
 use super::csv_eem::{AntiStokes, MeasuredEem, check_stokes, on_the_line};
 use crate::{Defect, FormatError};
@@ -96,7 +97,8 @@ impl ScatterCut {
 }
 
 /// What cells of a band that is cut out become.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum CutTo {
     /// On a straight line along the emission between the nearest cells beside the band, under the same excitation; where it reaches the end of
     /// the column, the value of the nearest cell. Cells below their excitation become zero.

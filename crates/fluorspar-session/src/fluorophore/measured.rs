@@ -3,14 +3,14 @@
 use std::path::Path;
 
 use fluorspar::quote::shell_word;
-use fluorspar_experiment::schema::EmptyCellsChoice;
+use fluorspar::spectral::{Stokes, YieldUnit};
 use fluorspar_format::{
-    AntiStokes, CsvEemOptions, CutTo, Defect, EemUnit, FormatError, LeastCuts, MOST_CUT_NM, MeasuredEem,
-    Negative, ScatterCut, names_excitation_and_emission, read_eem_csv, read_fluorophore_csv,
+    AntiStokes, CsvEemOptions, CutTo, Defect, EemUnit, EmptyCells, FormatError, LeastCuts, MOST_CUT_NM,
+    MeasuredEem, Negative, ScatterCut, names_excitation_and_emission, read_eem_csv, read_fluorophore_csv,
     read_iset_fluorophore, read_start, refuse_scattered_light,
 };
 
-use super::file_options::{Empty, FileOptions, StokesChoice, Unit};
+use super::file_options::FileOptions;
 use crate::{Error, Result};
 
 /// Largest share of the peak that a value below its excitation may have, as the reader of matrices has it.
@@ -43,7 +43,7 @@ pub struct Measured {
     /// Name that the file gives itself.
     pub name: Option<String>,
     /// What its values count.
-    pub unit: Unit,
+    pub unit: YieldUnit,
     /// Pairs of what and how much, for people.
     pub findings: Vec<(String, String)>,
     /// What was made of its cells, a line each; empty where they are as measured.
@@ -56,17 +56,8 @@ pub struct Measured {
 
 impl Measured {
     /// Without warnings, as it is.
-    fn as_it_is(kind: Kind, name: Option<String>, unit: Unit, findings: Vec<(String, String)>) -> Self {
+    fn as_it_is(kind: Kind, name: Option<String>, unit: YieldUnit, findings: Vec<(String, String)>) -> Self {
         Self { kind, name, unit, findings, changed: Vec::new(), warnings: Vec::new(), without_scatter: None }
-    }
-}
-
-impl From<Unit> for EemUnit {
-    fn from(unit: Unit) -> Self {
-        match unit {
-            Unit::Photons => Self::Photons,
-            Unit::Energy => Self::Energy,
-        }
     }
 }
 
@@ -159,7 +150,7 @@ impl Cure {
 fn cured(kind: Kind, path: &Path, error: &FormatError, tried: &mut FileOptions) -> Option<Cure> {
     match error.defect() {
         Defect::Unit { .. } if tried.yield_unit.is_none() => {
-            tried.yield_unit = Some(Unit::Photons);
+            tried.yield_unit = Some(YieldUnit::Photons);
             Cure::option("⟨yield_unit=photons⟩ or ⟨yield_unit=energy⟩")
         }
         Defect::AntiStokes { .. } | Defect::ScatteredLight { .. } if !tried.allow_anti_stokes => match kind {
@@ -177,8 +168,8 @@ fn cured(kind: Kind, path: &Path, error: &FormatError, tried: &mut FileOptions) 
             tried.allow_negative = true;
             Cure::option("⟨allow_negative⟩")
         }
-        Defect::EmptyCell { .. } if tried.empty_cells == Empty::Refuse => {
-            tried.empty_cells = Empty::Interpolate;
+        Defect::EmptyCell { .. } if tried.empty_cells == EmptyCells::Refuse => {
+            tried.empty_cells = EmptyCells::Interpolate;
             Cure::option(
                 "⟨empty_cells=interpolate⟩ fills them along the emission, ⟨empty_cells=zero⟩ says that nothing fluoresces there",
             )
@@ -229,18 +220,18 @@ fn import_command(path: &Path, options: &FileOptions) -> String {
         command += &format!(" --sample {}", shell_word(sample));
     }
     match options.yield_unit {
-        Some(Unit::Photons) => command += " --yield-unit photons",
-        Some(Unit::Energy) => command += " --yield-unit energy",
+        Some(YieldUnit::Photons) => command += " --yield-unit photons",
+        Some(YieldUnit::Energy) => command += " --yield-unit energy",
         None => {}
     }
     if let Some(photon_yield) = options.photon_yield {
         command += &format!(" --photon-yield {photon_yield}");
     }
     for (is_given, option) in [
-        (options.stokes == StokesChoice::Off, " --stokes off"),
+        (options.stokes == Stokes::Off, " --stokes off"),
         (options.allow_negative, " --allow-negative"),
-        (options.empty_cells == Empty::Zero, " --empty-cells zero"),
-        (options.empty_cells == Empty::Interpolate, " --empty-cells interpolate"),
+        (options.empty_cells == EmptyCells::Zero, " --empty-cells zero"),
+        (options.empty_cells == EmptyCells::Interpolate, " --empty-cells interpolate"),
         (options.allow_anti_stokes, " --allow-anti-stokes"),
     ] {
         command += if is_given { option } else { "" };
@@ -277,10 +268,10 @@ fn negative(options: &FileOptions) -> Negative {
 }
 
 /// The unit of a matrix, which must be known.
-fn stated_unit(path: &Path, unit: EemUnit) -> Result<Unit> {
+fn stated_unit(path: &Path, unit: EemUnit) -> Result<YieldUnit> {
     match unit {
-        EemUnit::Photons => Ok(Unit::Photons),
-        EemUnit::Energy => Ok(Unit::Energy),
+        EemUnit::Photons => Ok(YieldUnit::Photons),
+        EemUnit::Energy => Ok(YieldUnit::Energy),
         EemUnit::Unknown => Err(Error::Input(format!(
             "{}: the file says that the unit of its values is unknown. Decide with ⟨yield_unit=photons⟩ or ⟨yield_unit=energy⟩",
             path.display()
@@ -298,7 +289,7 @@ fn csv_options(options: &FileOptions) -> CsvEemOptions {
             AntiStokes::Refuse(ANTI_STOKES_TOLERANCE)
         },
         negative: negative(options),
-        empty_cells: EmptyCellsChoice::from(options.empty_cells).into(),
+        empty_cells: options.empty_cells,
         cut: options.cut,
         sample: options.sample.clone(),
     }
@@ -359,7 +350,7 @@ fn accepted_scatter(path: &Path, matrix: &Matrix, options: &FileOptions) -> Vec<
 const NO_CELL: &str = "none";
 
 /// What was made of empty cells.
-fn empty_cells(matrix: &Matrix, places: &[usize], choice: Empty) -> String {
+fn empty_cells(matrix: &Matrix, places: &[usize], choice: EmptyCells) -> String {
     const TOLD: usize = 3;
     let columns = matrix.excitation_nm.len();
     let filled = |place: &&usize| matrix.values[**place] != 0.0;
@@ -372,7 +363,7 @@ fn empty_cells(matrix: &Matrix, places: &[usize], choice: Empty) -> String {
     let filled = places.iter().filter(filled).count();
     match (places.len(), choice) {
         (0, _) => NO_CELL.into(),
-        (count, Empty::Interpolate) => {
+        (count, EmptyCells::Interpolate) => {
             let more = if filled > told.len() { ", and others" } else { "" };
             let values = if told.is_empty() { String::new() } else { format!(": {}{more}", told.join("; ")) };
             let zero = count - filled;
@@ -400,7 +391,7 @@ fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured> {
     if read.emission_only {
         return Err(emission_only(path));
     }
-    let unit = options.yield_unit.unwrap_or(Unit::Photons);
+    let unit = options.yield_unit.unwrap_or(YieldUnit::Photons);
     let mut findings = vec![("content".into(), "excitation and emission spectra".to_string())];
     let range = |(first, last): (f64, f64)| format!("{first} to {last} nm");
     for (name, curve) in [("excitation", &read.excitation), ("emission", &read.emission)] {
@@ -434,7 +425,7 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured> {
         ))),
         _ => Ok(()),
     };
-    let unit = options.yield_unit.unwrap_or(Unit::Photons);
+    let unit = options.yield_unit.unwrap_or(YieldUnit::Photons);
     let name = Some(read.name).filter(|name| !name.is_empty());
     let (mut findings, mut warnings) = (Vec::new(), Vec::new());
     if let Some(values) = read.eem {
@@ -477,14 +468,14 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured> {
     Ok(Measured { warnings, ..Measured::as_it_is(Kind::Mat, name, unit, findings) })
 }
 
-fn word(unit: Unit) -> &'static str {
+fn word(unit: YieldUnit) -> &'static str {
     match unit {
-        Unit::Photons => "photons",
-        Unit::Energy => "energy",
+        YieldUnit::Photons => "photons",
+        YieldUnit::Energy => "energy",
     }
 }
 
-fn taken_as(unit: Unit, given: bool) -> String {
+fn taken_as(unit: YieldUnit, given: bool) -> String {
     format!("{} ({})", word(unit), if given { "as given" } else { "assumed; --yield-unit energy changes it" })
 }
 

@@ -1,5 +1,6 @@
 //! Settings of a render.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::adaptive::ErrorTarget;
@@ -19,7 +20,7 @@ pub enum Estimator {
 }
 
 /// Which bands of each component a render keeps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ComponentBands {
     /// All bands.
