@@ -95,7 +95,8 @@ pub use table::csv_eem::{
 pub use table::csv_fluorophore::{CsvFluorophore, names_excitation_and_emission, read_fluorophore_csv};
 pub use table::csv_table::Negative;
 pub use table::eem_scatter::{
-    CutTo, LeastCuts, MOST_CUT_NM, Overflow, ScatterCut, ScatterLine, refuse_scattered_light,
+    ANTI_STOKES_TOLERANCE, CutTo, LeastCuts, MOST_CUT_NM, Overflow, ScatterCut, ScatterLine,
+    refuse_anti_stokes, refuse_scattered_light,
 };
 pub use table::mat::{IsetFluorophore, read_iset_fluorophore};
 pub use table::spectra::{MeasuredSpectra, NamedCurve, SpectrumColumns, SpectrumOptions, read_spectra};

@@ -107,6 +107,9 @@ pub enum CutTo {
     Zero,
 }
 
+/// Largest share of the peak that a value below its excitation may have: what stray light of good instruments leaves.
+pub const ANTI_STOKES_TOLERANCE: f64 = 1e-3;
+
 /// The widest band that [`MeasuredEem::least_cuts`] tries, nm.
 pub const MOST_CUT_NM: u32 = 100;
 
@@ -411,6 +414,28 @@ pub fn refuse_scattered_light(
             Err(Defect::ScatteredLight { along, excitation_nm, percent_of_peak }.of(path))
         }
     }
+}
+
+/// Refuses a matrix, `[emission][excitation]`, with a value below its excitation of more than [`ANTI_STOKES_TOLERANCE`] of the largest.
+///
+/// # Errors
+/// [`Defect::AntiStokes`].
+pub fn refuse_anti_stokes(
+    path: &Path,
+    emission_nm: &[f64],
+    excitation_nm: &[f64],
+    values: &[f64],
+) -> Result<(), FormatError> {
+    let columns = excitation_nm.len().max(1);
+    let peak = values.iter().copied().fold(0.0, f64::max);
+    for (index, &value) in values.iter().enumerate() {
+        let (emission_nm, excitation_nm) = (emission_nm[index / columns], excitation_nm[index % columns]);
+        if emission_nm < excitation_nm && value > ANTI_STOKES_TOLERANCE * peak {
+            let percent_of_peak = 100.0 * value / peak;
+            return Err(Defect::AntiStokes { emission_nm, excitation_nm, value, percent_of_peak }.of(path));
+        }
+    }
+    Ok(())
 }
 
 /// Values about a line of scattered light.

@@ -5,16 +5,14 @@ use std::path::Path;
 use fluorspar::quote::shell_word;
 use fluorspar::spectral::{Stokes, YieldUnit};
 use fluorspar_format::{
-    AntiStokes, CsvEemOptions, CutTo, Defect, EemUnit, EmptyCells, FormatError, LeastCuts, MOST_CUT_NM,
-    MeasuredEem, Negative, ScatterCut, names_excitation_and_emission, read_eem_csv, read_fluorophore_csv,
-    read_iset_fluorophore, read_start, refuse_scattered_light,
+    ANTI_STOKES_TOLERANCE, AntiStokes, CsvEemOptions, CutTo, Defect, EemUnit, EmptyCells, FormatError,
+    LeastCuts, MOST_CUT_NM, MeasuredEem, Negative, ScatterCut, names_excitation_and_emission, read_eem_csv,
+    read_fluorophore_csv, read_iset_fluorophore, read_start, refuse_anti_stokes, refuse_scattered_light,
 };
 
 use super::file_options::FileOptions;
 use crate::{Error, Result};
 
-/// Largest share of the peak that a value below its excitation may have, as the reader of matrices has it.
-const ANTI_STOKES_TOLERANCE: f64 = 1e-3;
 /// Bytes of a file among which its header is looked for.
 const HEADER_BYTES: u64 = 1 << 20;
 
@@ -439,7 +437,7 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured> {
         }
         if !options.allow_anti_stokes {
             refuse_scattered_light(path, &matrix.emission_nm, &matrix.excitation_nm, &matrix.values)?;
-            refuse_anti_stokes(path, &matrix)?;
+            refuse_anti_stokes(path, &matrix.emission_nm, &matrix.excitation_nm, &matrix.values)?;
         }
         warnings = accepted_scatter(path, &matrix, options);
         describe(path, &matrix, &mut findings)?;
@@ -507,20 +505,6 @@ fn anti_stokes_share(matrix: &Matrix) -> f64 {
         }
     }
     if total > 0.0 { below / total } else { 0.0 }
-}
-
-fn refuse_anti_stokes(path: &Path, matrix: &Matrix) -> Result<(), FormatError> {
-    let columns = matrix.excitation_nm.len();
-    let peak = matrix.values.iter().copied().fold(0.0, f64::max);
-    for (index, &value) in matrix.values.iter().enumerate() {
-        let (emission_nm, excitation_nm) =
-            (matrix.emission_nm[index / columns], matrix.excitation_nm[index % columns]);
-        if emission_nm < excitation_nm && value > ANTI_STOKES_TOLERANCE * peak {
-            let percent_of_peak = 100.0 * value / peak;
-            return Err(Defect::AntiStokes { emission_nm, excitation_nm, value, percent_of_peak }.of(path));
-        }
-    }
-    Ok(())
 }
 
 /// Grid, peak and anti-Stokes share of a matrix.
