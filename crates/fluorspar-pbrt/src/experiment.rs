@@ -14,13 +14,13 @@ use fluorspar::spectral::{Curve, Fluorophore, Stokes, YieldDensity, YieldUnit};
 use fluorspar::study::Study;
 use fluorspar_experiment::schema::{
     Aim, CheckerMap, ConductorSection, DielectricSection, DiffuseSection, DiscShape, DistantLight,
-    DistantStrength, EdgeBins, EmissionSection, EmissionSides, EmitterSection, EmptyCellsChoice,
-    EnvironmentLight, EnvironmentMapReference, EnvironmentStrength, ExperimentFile, FilePath,
-    FluorophoreSection, FluorophoreSource, GlossSection, ImageMap, LensOrNumber, LightFrame, LightSection,
-    MaterialSection, MatrixSource, MeshShape, MetalIndex, MetalReference, MixSection, NoiseMap,
-    ObjectSection, PlacesSection, PointLight, ReflectanceReference, ReflectanceTermSection,
-    ScatteringSection, ShapeSection, SourceStrength, SpectralSection, SpectrumReference, SpectrumTable,
-    SphereShape, SpotEdge, SpotLight, TextureReference, TextureTable, TwoSidedSection,
+    DistantStrength, EdgeBins, EmissionSection, EmissionSides, EmitterSection, EnvironmentLight,
+    EnvironmentMapReference, EnvironmentStrength, ExperimentFile, FilePath, FluorophoreSection,
+    FluorophoreSource, GlossSection, ImageMap, LensOrNumber, LightFrame, LightSection, MaterialSection,
+    MatrixSource, MeshShape, MetalIndex, MetalReference, MixSection, NoiseMap, ObjectSection, PlacesSection,
+    PointLight, ReflectanceReference, ReflectanceTermSection, ScatteringSection, ShapeSection,
+    SourceStrength, SpectralSection, SpectrumReference, SpectrumTable, SphereShape, SpotLight,
+    TextureReference, TextureTable, TwoSidedSection,
 };
 use fluorspar_format::{FormatError, eem_csv, write_atomically, write_gray_png, write_ply};
 use glam::{Vec2, Vec3};
@@ -337,7 +337,7 @@ impl<'a> SceneWriter<'a> {
             allow_negative: false,
             // What the mask leaves out is in the table, too.
             allow_anti_stokes: true,
-            empty_cells: EmptyCellsChoice::Refuse,
+            empty_cells: Default::default(),
         }
     }
 
@@ -482,10 +482,7 @@ impl<'a> SceneWriter<'a> {
                 }),
                 PointPattern::Cone(cone) => EmitterSection::Spot(SpotLight {
                     cone_deg: Some(cone.angles_deg()),
-                    edge: match cone.edge() {
-                        ConeEdge::SmoothStep => None,
-                        ConeEdge::FourthPower => Some(SpotEdge::FourthPower),
-                    },
+                    edge: Some(cone.edge()).filter(|edge| *edge != ConeEdge::SmoothStep),
                     ..spot(point.position, cone.axis(), power)
                 }),
             },

@@ -4,21 +4,20 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::context::{Context, LENGTH_MM, Resolved};
-use super::error_target;
 use super::spectrum::Role;
 use crate::error::{Place, steps};
 use crate::preset;
 use crate::schema::{
-    BandsChoice, CameraSection, EdgeBins, EfficiencyReference, ExperimentFile, FilterAngles, FilterPosition,
+    CameraSection, EdgeBins, EfficiencyReference, ExperimentFile, FilterAngles, FilterPosition,
     ImageFormation, LensOrNumber, LensSection, NameOrFile, NameOrTable, RenderSection, SensorSection,
-    SpectralSection, SpectrumReference, StatisticsChoice, TracedLensSection, UniformBins, ViewFilterSection,
-    is_file_name,
+    SpectralSection, SpectrumReference, TracedLensSection, UniformBins, ViewFilterSection, is_file_name,
 };
+use fluorspar::image::StatisticsKind;
 use fluorspar::optics::{
     Aperture, CameraLens, FilterAutofluorescence, FilterStack, IdealLens, LensSetting, LensState, Paraxial,
     PerspectiveCamera, Vignetting,
 };
-use fluorspar::render::{BasisSettings, ComponentBands, Estimator, RenderSettings, choose_basis};
+use fluorspar::render::{BasisSettings, Estimator, RenderSettings, choose_basis};
 use fluorspar::scene::Scene;
 use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, GridError, WavelengthGrid};
@@ -70,13 +69,10 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         seed: section.seed,
         estimator: Estimator::default(),
         memory_limit_bytes: (gib * GIB) as u64,
-        statistics: error_target::statistics(section),
+        statistics: section.statistics,
         error_target: None,
         excitation_basis: None,
-        component_bands: match section.component_bands {
-            BandsChoice::Basis => ComponentBands::Basis,
-            BandsChoice::All => ComponentBands::All,
-        },
+        component_bands: section.component_bands,
         regularize: section.regularize,
     })
 }
@@ -94,7 +90,7 @@ pub(super) fn excitation_basis(
         return context.fail(&path, "must be two wavelengths between 250 and 700 nm, the smaller one first");
     }
     let excluded = [
-        ("statistics", section.statistics != StatisticsChoice::None),
+        ("statistics", section.statistics != StatisticsKind::None),
         ("relative_error", section.relative_error.is_some()),
     ];
     if let Some((field, _)) = excluded.into_iter().find(|(_, is_set)| *is_set) {
