@@ -3,17 +3,16 @@
 use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use fluorspar::geometry::TriangleMesh;
 use fluorspar::light::{Emitter, Light, PointPattern};
 use fluorspar::material::{Material, Scattering};
 use fluorspar::scene::Scene;
 use fluorspar::spectral::{Curve, Reflectance, StandardObserver, WavelengthGrid, linear_srgb};
-use fluorspar::tissue::diffuse_reflectance;
 use fluorspar_format::{GltfCamera, GltfLight, GltfLightKind};
 use glam::Vec3;
 
-use fluorspar::geometry::TriangleMesh;
-
 use crate::experiment::{file_name, unique_names};
+use crate::material::internal_reflectance;
 use crate::shape::mesh_in_place;
 use crate::write::{mean_weights, sum_of_terms};
 
@@ -167,7 +166,9 @@ impl Colors {
         match &material.scattering {
             Scattering::Lambertian(base) => of_curve(&sum_of_terms(base, &mean_weights(base).0), 1.0),
             Scattering::Coated(coated) => {
-                let passed = 1.0 - diffuse_reflectance(1.0, coated.coat.refractive_index.into());
+                // What a coat lets in of even light: it lets out 1 / n² as much
+                let index = f64::from(coated.coat.refractive_index);
+                let passed = index * index * (1.0 - internal_reflectance(index));
                 of_curve(&sum_of_terms(&coated.base, &mean_weights(&coated.base).0), passed)
             }
             Scattering::Conductor(metal) => {

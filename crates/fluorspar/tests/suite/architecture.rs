@@ -86,7 +86,10 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
     ),
     (
         "fluorspar-pbrt/src/",
-        &["quote", "spectral", "geometry", "material", "light", "optics", "scene", "render", "study"],
+        &[
+            "units", "quote", "spectral", "geometry", "material", "light", "optics", "scene", "render",
+            "study",
+        ],
         &["fluorspar_experiment", "fluorspar_format"],
     ),
     (
@@ -332,6 +335,9 @@ const CLOSED_ENUMS: &[(&str, &[&str])] = &[
             "crates/fluorspar-experiment/src/resolve/material.rs",
             "crates/fluorspar-pbrt/src/experiment.rs",
             "crates/fluorspar-pbrt/src/material.rs",
+            // Write scenes for other programs.
+            "crates/fluorspar-pbrt/src/write.rs",
+            "crates/fluorspar-pbrt/src/gltf.rs",
         ],
     ),
     (
@@ -341,7 +347,9 @@ const CLOSED_ENUMS: &[(&str, &[&str])] = &[
             "crates/fluorspar-experiment/src/resolve/light.rs",
             "crates/fluorspar-pbrt/src/experiment.rs",
             "crates/fluorspar-pbrt/src/light.rs",
-            // Writes scenes for other renderers.
+            // Write scenes for other programs.
+            "crates/fluorspar-pbrt/src/write.rs",
+            "crates/fluorspar-pbrt/src/gltf.rs",
             "benchmarks/src/export.rs",
         ],
     ),
