@@ -26,8 +26,8 @@ pub enum ComponentBands {
     /// All bands.
     #[default]
     All,
-    /// The bands from which all others follow to some tenths of a percent ([`SpectralBasis`](crate::image::SpectralBasis)): a seventh of the values in a mouth. All
-    /// bands where the render keeps statistics of the samples or an excitation basis.
+    /// The bands from which all others follow to some tenths of a percent, as `SpectralBasis` holds them: a seventh of the values in a mouth.
+    /// All bands where the render keeps statistics of the samples or an excitation basis.
     Basis,
 }
 
