@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use fluorspar::units::number_text;
+use fluorspar::units::{digits_text, number_text};
 use fluorspar_experiment::{ExperimentError, PathsFrom};
 use serde::Serialize;
 use serde::de::value::Error as NoValue;
@@ -100,15 +100,7 @@ pub fn quoted(text: &str) -> String {
 
 /// Four digits, whatever the size.
 pub fn short(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 {
-        "0".into()
-    } else if !(1e-3..1e6).contains(&size) {
-        format!("{value:.3e}")
-    } else {
-        let digits = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
-        format!("{value:.digits$}")
-    }
+    digits_text(value, 4)
 }
 
 /// Seconds as people say them.
