@@ -89,9 +89,7 @@ pub use store::output::{
 pub use store::provenance::{Loaded, Provenance};
 pub use store::spooled_image::SpooledImage;
 pub use table::csv_cell::{csv_cell, quoted_csv_cell};
-pub use table::csv_eem::{
-    AntiStokes, CsvEemOptions, EemUnit, EmptyCells, MeasuredEem, eem_csv, read_eem_csv,
-};
+pub use table::csv_eem::{AntiStokes, CsvEemOptions, EmptyCells, MeasuredEem, eem_csv, read_eem_csv};
 pub use table::csv_fluorophore::{CsvFluorophore, names_excitation_and_emission, read_fluorophore_csv};
 pub use table::csv_table::Negative;
 pub use table::eem_scatter::{

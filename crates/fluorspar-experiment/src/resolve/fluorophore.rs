@@ -12,9 +12,9 @@ use fluorspar::spectral::{
     YieldUnit,
 };
 use fluorspar_format::{
-    ANTI_STOKES_TOLERANCE, AntiStokes, CsvEemOptions, Defect, EemUnit, FormatError, Negative,
-    SpectrumColumns, SpectrumOptions, read_eem_csv, read_fluorophore_csv, read_iset_fluorophore,
-    refuse_anti_stokes, refuse_scattered_light,
+    ANTI_STOKES_TOLERANCE, AntiStokes, CsvEemOptions, Defect, FormatError, Negative, SpectrumColumns,
+    SpectrumOptions, read_eem_csv, read_fluorophore_csv, read_iset_fluorophore, refuse_anti_stokes,
+    refuse_scattered_light,
 };
 
 /// Largest concentration that is accepted.
@@ -329,7 +329,7 @@ fn matrix_from_csv(
     let unit = *unit;
     context.note_input(at, file)?;
     let options = CsvEemOptions {
-        unit: unit.map(EemUnit::from),
+        unit,
         anti_stokes: match section.allow_anti_stokes || stokes == Stokes::Off {
             true => AntiStokes::Keep,
             false => AntiStokes::Refuse(ANTI_STOKES_TOLERANCE),
@@ -345,11 +345,7 @@ fn matrix_from_csv(
             .without_value(),
         _ => reader_error(context, at, &error),
     })?;
-    let unit = match read.unit {
-        EemUnit::Photons => YieldUnit::Photons,
-        EemUnit::Energy => YieldUnit::Energy,
-        EemUnit::Unknown => return context.fail(at, UNKNOWN_UNIT),
-    };
+    let Some(unit) = read.unit else { return context.fail(at, UNKNOWN_UNIT) };
     if section.allow_anti_stokes
         && let Err(error) =
             refuse_scattered_light(file.as_ref(), &read.emission_nm, &read.excitation_nm, &read.values)

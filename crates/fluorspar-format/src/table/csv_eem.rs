@@ -16,26 +16,6 @@ use super::instrument_text::is_missing;
 use crate::store::file::{MAX_TEXT_BYTES, as_text, read_file};
 use crate::{Defect, FormatError};
 
-/// Unit of the values of an excitation-emission matrix.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EemUnit {
-    /// Photons out per photon in.
-    Photons,
-    /// Energy out per energy in.
-    Energy,
-    /// The source does not say. Whoever uses the matrix has to decide.
-    Unknown,
-}
-
-impl From<YieldUnit> for EemUnit {
-    fn from(unit: YieldUnit) -> Self {
-        match unit {
-            YieldUnit::Photons => Self::Photons,
-            YieldUnit::Energy => Self::Energy,
-        }
-    }
-}
-
 /// An excitation-emission matrix as stored in a file: neither normalized nor converted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeasuredEem {
@@ -45,8 +25,8 @@ pub struct MeasuredEem {
     pub excitation_nm: Vec<f64>,
     /// Values, `[emission][excitation]`.
     pub values: Vec<f64>,
-    /// Unit of the values.
-    pub unit: EemUnit,
+    /// Unit of the values; `None` where the file says that it is not known, and whoever uses the matrix has to decide.
+    pub unit: Option<YieldUnit>,
     /// Places of empty cells among the values, filled as [`CsvEemOptions::empty_cells`] says.
     pub empty_cells: Vec<usize>,
     /// Negative values that were taken as zero: how many, and the lowest. Those that are cut out do not count.
@@ -87,7 +67,7 @@ pub enum EmptyCells {
 #[derive(Clone, Debug, PartialEq)]
 pub struct CsvEemOptions {
     /// Unit of the values of a file that does not state it.
-    pub unit: Option<EemUnit>,
+    pub unit: Option<YieldUnit>,
     /// Treatment of values at emission wavelengths below the excitation.
     pub anti_stokes: AntiStokes,
     /// Treatment of negative values.
@@ -213,16 +193,16 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
 
 /// What the header, the first column and the comments of a table say.
 struct Axes {
-    unit: EemUnit,
+    unit: Option<YieldUnit>,
     emission_nm: Vec<f64>,
     excitation_nm: Vec<f64>,
 }
 
-fn axes(path: &Path, table: &Table, given: Option<EemUnit>) -> Result<Axes, FormatError> {
+fn axes(path: &Path, table: &Table, given: Option<YieldUnit>) -> Result<Axes, FormatError> {
     let mut wrong_form: Vec<FormatError> = Vec::new();
     let unit = unit(path, &table.comments, given).unwrap_or_else(|error| {
         wrong_form.push(error);
-        EemUnit::Unknown
+        None
     });
     wrong_form.extend(check_corner(path, &table.header.cells[0], table.header.line).err());
     let header_line = table.header.line;
@@ -378,10 +358,7 @@ impl MeasuredEem {
     #[must_use]
     pub fn to_csv(&self, comments: &[String]) -> String {
         let mut text: String = comments.iter().map(|line| format!("# {line}\n")).collect();
-        text += &format!(
-            "# unit: {}\n{CORNER}",
-            if self.unit == EemUnit::Unknown { "unknown" } else { name(self.unit) }
-        );
+        text += &format!("# unit: {}\n{CORNER}", self.unit.map_or("unknown", YieldUnit::name));
         text.extend(self.excitation_nm.iter().map(|nm| format!(",{nm}")));
         for (row, emission_nm) in self.values.chunks(self.excitation_nm.len().max(1)).zip(&self.emission_nm) {
             text += &format!("\n{emission_nm}");
@@ -464,7 +441,11 @@ fn check_corner(path: &Path, corner: &str, line: u64) -> Result<(), FormatError>
     Err(FormatError::at_line(path, line, what, hint))
 }
 
-fn unit(path: &Path, comments: &[(u64, String)], given: Option<EemUnit>) -> Result<EemUnit, FormatError> {
+fn unit(
+    path: &Path,
+    comments: &[(u64, String)],
+    given: Option<YieldUnit>,
+) -> Result<Option<YieldUnit>, FormatError> {
     let mut stated = None;
     for (line, comment) in comments {
         let lower = comment.to_lowercase();
@@ -472,9 +453,9 @@ fn unit(path: &Path, comments: &[(u64, String)], given: Option<EemUnit>) -> Resu
             continue;
         };
         stated = Some(match text.trim() {
-            "photon" | "photons" | "quanta" => EemUnit::Photons,
-            "energy" => EemUnit::Energy,
-            "unknown" => EemUnit::Unknown,
+            "photon" | "photons" | "quanta" => Some(YieldUnit::Photons),
+            "energy" => Some(YieldUnit::Energy),
+            "unknown" => None,
             other => {
                 return Err(FormatError::at_line(
                     path,
@@ -486,30 +467,22 @@ fn unit(path: &Path, comments: &[(u64, String)], given: Option<EemUnit>) -> Resu
         });
     }
     match (stated, given) {
-        (Some(EemUnit::Unknown), Some(given)) => Ok(given),
-        (Some(stated), Some(given)) if stated != given => Err(FormatError::unit(
+        (Some(Some(stated)), Some(given)) if stated != given => Err(FormatError::unit(
             path,
             format!(
                 "the file states that its values count {}, but {} was requested",
-                name(stated),
-                name(given)
+                stated.name(),
+                given.name()
             ),
             "Leave the choice to the file, or correct its comment",
         )),
-        (Some(unit), _) | (None, Some(unit)) => Ok(unit),
+        (_, Some(given)) => Ok(Some(given)),
+        (Some(stated), None) => Ok(stated),
         (None, None) => Err(FormatError::unit(
             path,
             "the file does not say whether its values count photons or energy (the two differ by the ratio of emission to excitation wavelength)",
             "Add a line \"# unit: photons\" or \"# unit: energy\", or give the unit when reading",
         )),
-    }
-}
-
-fn name(unit: EemUnit) -> &'static str {
-    match unit {
-        EemUnit::Photons => "photons",
-        EemUnit::Energy => "energy",
-        EemUnit::Unknown => "something unknown",
     }
 }
 

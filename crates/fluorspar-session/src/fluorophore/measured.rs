@@ -5,8 +5,8 @@ use std::path::Path;
 use fluorspar::quote::shell_word;
 use fluorspar::spectral::{Stokes, YieldUnit};
 use fluorspar_format::{
-    ANTI_STOKES_TOLERANCE, AntiStokes, CsvEemOptions, CutTo, Defect, EemUnit, EmptyCells, FormatError,
-    LeastCuts, MOST_CUT_NM, MeasuredEem, Negative, ScatterCut, names_excitation_and_emission, read_eem_csv,
+    ANTI_STOKES_TOLERANCE, AntiStokes, CsvEemOptions, CutTo, Defect, EmptyCells, FormatError, LeastCuts,
+    MOST_CUT_NM, MeasuredEem, Negative, ScatterCut, names_excitation_and_emission, read_eem_csv,
     read_fluorophore_csv, read_iset_fluorophore, read_start, refuse_anti_stokes, refuse_scattered_light,
 };
 
@@ -266,21 +266,19 @@ fn negative(options: &FileOptions) -> Negative {
 }
 
 /// The unit of a matrix, which must be known.
-fn stated_unit(path: &Path, unit: EemUnit) -> Result<YieldUnit> {
-    match unit {
-        EemUnit::Photons => Ok(YieldUnit::Photons),
-        EemUnit::Energy => Ok(YieldUnit::Energy),
-        EemUnit::Unknown => Err(Error::Input(format!(
+fn stated_unit(path: &Path, unit: Option<YieldUnit>) -> Result<YieldUnit> {
+    unit.ok_or_else(|| {
+        Error::Input(format!(
             "{}: the file says that the unit of its values is unknown. Decide with ⟨yield_unit=photons⟩ or ⟨yield_unit=energy⟩",
             path.display()
-        ))),
-    }
+        ))
+    })
 }
 
 /// How a matrix is read.
 fn csv_options(options: &FileOptions) -> CsvEemOptions {
     CsvEemOptions {
-        unit: options.yield_unit.map(EemUnit::from),
+        unit: options.yield_unit,
         anti_stokes: if options.allow_anti_stokes {
             AntiStokes::Keep
         } else {
@@ -296,12 +294,12 @@ fn csv_options(options: &FileOptions) -> CsvEemOptions {
 fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured> {
     let read = read_eem_csv(path, &csv_options(options))?;
     let unit = stated_unit(path, read.unit)?;
-    let without_scatter = options.cut.map(|_| MeasuredEem { unit: unit.into(), ..read.clone() });
+    let without_scatter = options.cut.map(|_| MeasuredEem { unit: Some(unit), ..read.clone() });
     let of_peak = options.cut.and_then(|cut| peak_beside_cut(&read, cut));
     let of_peak = read.overflow().map(|overflow| overflow.to_string()).or(of_peak);
     let matrix =
         Matrix { emission_nm: read.emission_nm, excitation_nm: read.excitation_nm, values: read.values };
-    let mut findings = vec![("content".into(), format!("excitation-emission matrix of {}", word(unit)))];
+    let mut findings = vec![("content".into(), format!("excitation-emission matrix of {}", unit.name()))];
     if !read.read_as.is_empty() {
         findings.push(("form of the file".into(), read.read_as.join("; ")));
     }
@@ -428,7 +426,7 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured> {
     let (mut findings, mut warnings) = (Vec::new(), Vec::new());
     if let Some(values) = read.eem {
         refuse_negative("eem", &values)?;
-        findings.push(("content".into(), format!("ISET fluorophore, matrix of {}", word(unit))));
+        findings.push(("content".into(), format!("ISET fluorophore, matrix of {}", unit.name())));
         let values = values.into_iter().map(|value| value.max(0.0)).collect();
         let matrix = Matrix { emission_nm: read.wave_nm.clone(), excitation_nm: read.wave_nm, values };
         let percent = 100.0 * anti_stokes_share(&matrix);
@@ -462,19 +460,16 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured> {
     } else {
         "the convention of those files; --yield-unit changes it"
     };
-    findings.push(("unit".into(), format!("{} ({by_convention})", word(unit))));
+    findings.push(("unit".into(), format!("{} ({by_convention})", unit.name())));
     Ok(Measured { warnings, ..Measured::as_it_is(Kind::Mat, name, unit, findings) })
 }
 
-fn word(unit: YieldUnit) -> &'static str {
-    match unit {
-        YieldUnit::Photons => "photons",
-        YieldUnit::Energy => "energy",
-    }
-}
-
 fn taken_as(unit: YieldUnit, given: bool) -> String {
-    format!("{} ({})", word(unit), if given { "as given" } else { "assumed; --yield-unit energy changes it" })
+    format!(
+        "{} ({})",
+        unit.name(),
+        if given { "as given" } else { "assumed; --yield-unit energy changes it" }
+    )
 }
 
 fn emission_only(path: &Path) -> Error {
