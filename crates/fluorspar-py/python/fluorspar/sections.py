@@ -295,8 +295,8 @@ StatisticsKind: TypeAlias = "Literal['none', 'light_groups', 'components']"
 ComponentBands: TypeAlias = "Literal['all', 'basis']"
 """Which bands of each component a render keeps."""
 
-FieldOfView: TypeAlias = "float | Literal['from_lens']"
-"""A number of degrees, or "from_lens"."""
+LensOrNumber: TypeAlias = "float | Literal['from_lens']"
+"""A number, or "from_lens"."""
 
 LensSection: TypeAlias = "LensSectionIdeal | LensSectionTraced"
 """The types of lenses, each with its fields."""
@@ -484,9 +484,14 @@ class CameraSection(TypedDict, total=False):
     """Point in the middle of the image, mm. Default [0, 0, 0]."""
     up: list[float]
     """Direction that is up in the image. Default [0, 1, 0]."""
-    horizontal_field_deg: FieldOfView
+    horizontal_field_deg: LensOrNumber
     """Horizontal field of view, degrees, at least 1e-6 and below 179, or "from_lens": what `lens` and `sensor` see. Default
     "from_lens"."""
+    aperture_mm: LensOrNumber
+    """Diameter of the aperture, mm, or "from_lens": focal length over f-number of an ideal lens. What lies off the plane in
+    focus blurs, and so does everything by diffraction (Airy pattern at 550 nm). The plane in focus is that of the lens, or
+    else goes through `look_at_mm`. With "from_lens" another f-number or focus of the lens can be tried on a finished render,
+    which keeps its blur. Default 0: a pinhole, all is sharp."""
     parallel_width_mm: float
     """Width of the image in the scene, mm, where all rays are parallel (an orthographic camera, for a scene without lens and
     sensor); takes the place of the field of view. Default: none."""
