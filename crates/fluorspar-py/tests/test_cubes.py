@@ -105,7 +105,7 @@ def test_scipy_opens_a_scene_of_isetcam(rendered, components, blue) -> None:
 
 
 def test_irradiance_on_the_film_is_less_than_radiance(rendered, blue) -> None:
-    written(rendered, "film.npy", film=True)
+    written(rendered, "film.npy", on_film=True)
     film = np.load(rendered.parent / "film.npy")
     # pi over 1 + 4 N^2, times what lens and filter pass
     assert film.shape == blue.shape and 0 < film.sum() < blue.sum()

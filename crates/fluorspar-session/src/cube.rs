@@ -34,8 +34,8 @@ pub struct CubeOptions {
     pub capture: Option<String>,
     /// Irradiance on the film, behind the lens and the filters of the capture, instead of radiance.
     #[arg(long)]
-    pub film: bool,
-    /// Every component apart, in a .zarr.
+    pub on_film: bool,
+    /// Write every component apart, in a .zarr.
     #[arg(long)]
     pub components: bool,
     /// Changes by path.
@@ -110,7 +110,7 @@ fn form_holds_components(options: &CubeOptions) -> bool {
 fn check_plain(options: &CubeOptions, overrides: &[Override]) -> Result<()> {
     let given = [
         (options.capture.as_ref().map(|name| format!("⟨capture={name}⟩"))),
-        options.film.then(|| "⟨film⟩".to_owned()),
+        options.on_film.then(|| "⟨on_film⟩".to_owned()),
         overrides.first().map(Override::typed),
     ];
     match given.into_iter().flatten().next() {
@@ -135,7 +135,7 @@ fn cube_of(
         samples_per_pixel: Some(labels.samples_per_pixel),
         ..CubeFacts::of_maps(labels.features.clone(), [labels.width, labels.height])
     };
-    let is_asked = options.capture.is_some() || options.film || !overrides.is_empty();
+    let is_asked = options.capture.is_some() || options.on_film || !overrides.is_empty();
     // Renders of scenes of pbrt carry no experiment
     if !is_asked && !matches!(render.experiment(), Ok(Some(_))) {
         return Ok(Cube { light: all_light(options)?, facts });
@@ -178,7 +178,7 @@ fn light_of(
             options.image.display()
         ))
     })?;
-    if !options.film {
+    if !options.on_film {
         return Ok((CubeLight::Radiance(frame_radiance(&capture.frame, &spectra)), None));
     }
     let (irradiance, film) = capture_irradiance(study, capture, &spectra)?;
@@ -200,8 +200,8 @@ fn keep_capture(study: &mut Study, options: &CubeOptions) -> Result<()> {
         }
         None => captures.iter().position(is_lit),
     };
-    if let (true, None) = (options.film, chosen) {
-        return Err(Error::Input("⟨film⟩: the experiment has no capture with light".into()));
+    if let (true, None) = (options.on_film, chosen) {
+        return Err(Error::Input("⟨on_film⟩: the experiment has no capture with light".into()));
     }
     study.captures = chosen.map(|index| captures[index].clone()).into_iter().collect();
     Ok(())

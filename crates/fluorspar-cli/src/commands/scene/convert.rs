@@ -21,7 +21,7 @@ pub(crate) struct Options {
     scene: SceneArgs,
     /// File, whose name tells the form: .toml, the experiment of a scene of pbrt; .pbrt, version 4, or pbrt-v3-spectral where something
     /// fluoresces; .glb (glTF). Meshes, maps and spectra of the first two go to a folder beside it, NAME_files.
-    #[arg(long, value_name = "NAME.toml|NAME.pbrt|NAME.glb", value_hint = ValueHint::FilePath)]
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     out: PathBuf,
     #[command(flatten)]
     light: CaptureOption,
