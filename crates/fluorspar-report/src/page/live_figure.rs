@@ -42,7 +42,7 @@ pub(super) fn write_live_figure(html: &mut String, view: &LiveView, first: Optio
          id=\"live-controls\"></div>\n</div>\n</div>\n<script type=\"application/json\" id=\"live-data\">{}</script>\n\
          <script>{SCRIPT}</script>\n</section>",
         // No text within ends the element
-        data_of(view, first).to_string().replace('<', "\\u003c")
+        data_of(view, first).to_string().replace('<', "\\u003c").replace('>', "\\u003e")
     );
 }
 
