@@ -15,7 +15,7 @@ pub struct FormatError {
     path: PathBuf,
     /// Of a text file, from 1.
     line: Option<u64>,
-    defect: Defect,
+    defect: Box<Defect>,
     /// Where else it is wrong, as the end of the message.
     also: String,
 }
@@ -163,7 +163,7 @@ pub enum Defect {
 impl Defect {
     /// The error of a file.
     pub fn of(self, path: &Path) -> FormatError {
-        FormatError { path: path.into(), line: None, defect: self, also: String::new() }
+        FormatError { path: path.into(), line: None, defect: Box::new(self), also: String::new() }
     }
 
     /// The error of a line of a file, from 1.
@@ -195,7 +195,7 @@ impl FormatError {
 
     /// Whether there is no such file.
     pub fn is_not_found(&self) -> bool {
-        matches!(&self.defect, Defect::Io { source, .. } if source.kind() == io::ErrorKind::NotFound)
+        matches!(&*self.defect, Defect::Io { source, .. } if source.kind() == io::ErrorKind::NotFound)
     }
 
     /// What is wrong and what to do, for messages that name the file themselves.

@@ -42,7 +42,7 @@ fn of_analyzed_frame(quantity: &CohortQuantity, id: FindingId, frame: &str) -> b
 }
 
 /// The parts of a cohort with their views, in the order of the examination.
-pub(crate) fn places<'a>(found: &'a CohortResults) -> Vec<(&'a str, &'static str)> {
+pub(crate) fn places(found: &CohortResults) -> Vec<(&str, &'static str)> {
     let views = found.cohort.views.iter();
     views.flat_map(|view| view.parts.iter().map(|part| (view.name, *part))).collect()
 }

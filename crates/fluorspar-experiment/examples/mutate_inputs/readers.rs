@@ -583,7 +583,7 @@ fn experiments(subjects: &mut Subjects) -> Outcome<()> {
     }
     let base = Path::new(".");
     let names = ["flat-patch", "fluorescent-sphere"];
-    let seeds = names.map(|name| preset::text(PresetKind::Experiment, name).map(String::from));
+    let seeds = names.map(|name| preset::text(PresetKind::Experiment, name).map(|text| text.into()));
     let seeds = seeds.into_iter().collect::<Result<_, _>>()?;
     subjects.add("experiment TOML", "e.toml", seeds, move |path| {
         text(path).is_some_and(|text| parse(&text, "e", base, &[]).and_then(|e| resolve(&e)).is_ok())
