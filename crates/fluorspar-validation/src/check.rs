@@ -2,7 +2,6 @@
 
 use serde_json::{Value, json};
 
-use fluorspar::units::digits_text;
 use fluorspar_report::NamedFigure;
 
 /// How a figure or table of the paper stands.
@@ -154,11 +153,16 @@ impl Check {
 
 /// A number with at most four digits that mean something.
 pub(super) fn number(value: f64) -> String {
-    let text = digits_text(value, 4);
-    match text.contains('.') && !text.contains('e') {
-        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        false => text,
+    let size = value.abs();
+    if value == 0.0 {
+        return "0".into();
     }
+    if !(1e-3..1e5).contains(&size) {
+        return format!("{value:.2e}");
+    }
+    let digits = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
+    let text = format!("{value:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 /// What one case found before it is judged.
