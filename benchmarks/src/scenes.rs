@@ -12,7 +12,8 @@ use fluorspar::optics::{CameraLens, LensSetting, LensState, PerspectiveCamera};
 use fluorspar::scene::{Object, Scene, Shape};
 use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid};
 use fluorspar_anatomy::{MouthParameters, Tissue, generate_mouth};
-use fluorspar_experiment::{DEFAULT_EXPERIMENT, parse, preset, resolve};
+use fluorspar_experiment::preset::{self, PresetKind};
+use fluorspar_experiment::{DEFAULT_EXPERIMENT, parse, resolve};
 use glam::Vec3;
 
 use crate::meshes::{block, bumps, closed_surface, parallelogram};
@@ -319,8 +320,9 @@ fn tissue_mouth(options: &SceneOptions) -> Scene {
     ];
     #[allow(clippy::expect_used, reason = "the experiment ships with the library")]
     let study = {
-        let preset = preset::experiment(DEFAULT_EXPERIMENT).expect("the experiment is in the catalogue");
-        let experiment = parse(preset.text, "built in", Path::new("."), &sets).expect("it can be read");
+        let preset = preset::text(PresetKind::Experiment, DEFAULT_EXPERIMENT)
+            .expect("the experiment is in the catalogue");
+        let experiment = parse(preset, "built in", Path::new("."), &sets).expect("it can be read");
         resolve(&experiment).expect("it is valid").study
     };
     study.scene

@@ -13,7 +13,8 @@ use std::time::Instant;
 
 use fluorspar::design::{DesignSpace, exchange, score_all};
 use fluorspar_accel::Allocator;
-use fluorspar_experiment::{parse_design, preset};
+use fluorspar_experiment::parse_design;
+use fluorspar_experiment::preset::{self, PresetKind};
 use serde_json::json;
 
 #[global_allocator]
@@ -44,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let changes: Vec<String> =
             if name.starts_with("two-lights") { CHANGES.map(String::from).into() } else { Vec::new() };
         let started = Instant::now();
-        let resolved = parse_design(preset::design(name)?.text, name, Path::new("."), &changes)?;
+        let resolved = parse_design(preset::text(PresetKind::Design, name)?, name, Path::new("."), &changes)?;
         let read_s = started.elapsed().as_secs_f64();
         if !resolved.rendered.renders.is_empty() {
             // What takes time there is rendering

@@ -17,7 +17,8 @@ use fluorspar::pipeline::{CapturePlanes, SeenComponents};
 use fluorspar::sensor::Exposure;
 use fluorspar::study::Study;
 use fluorspar_accel::Allocator;
-use fluorspar_experiment::{parse, preset, resolve};
+use fluorspar_experiment::preset::{self, PresetKind};
+use fluorspar_experiment::{parse, resolve};
 use serde_json::json;
 
 #[global_allocator]
@@ -55,7 +56,7 @@ fn study(width: usize, height: usize) -> Result<Study, Box<dyn Error>> {
         format!("sensor.rows={height}"),
         "mouth.detail=0.25".into(),
     ];
-    let text = preset::experiment("oraleye-2021")?.text;
+    let text = preset::text(PresetKind::Experiment, "oraleye-2021")?;
     Ok(resolve(&parse(text, "oraleye-2021", Path::new("."), &changes)?)?.study)
 }
 

@@ -152,7 +152,7 @@ fn flag((name, _): &Item) -> &str {
     name.split(' ').next().unwrap()
 }
 
-/// What several commands have word for word.
+/// What several commands have word for word and stand for in their lines by one word.
 fn shared_options(shared: &BTreeSet<Item>) -> String {
     let mut list = String::new();
     let line = |(name, text): &Item| format!("- `{name}`: {text}\n");
@@ -164,8 +164,6 @@ fn shared_options(shared: &BTreeSet<Item>) -> String {
         }
         list += "\n";
     }
-    list += "Others\n\n";
-    list.extend(shared.iter().filter(|item| !BUNDLES.iter().any(|(_, names)| is_of(item, names))).map(line));
     list
 }
 

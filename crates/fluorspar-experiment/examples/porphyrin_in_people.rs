@@ -23,7 +23,8 @@ use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, WavelengthGrid};
 use fluorspar::study::TissuePrior;
 use fluorspar::tissue::CachedSolutions;
-use fluorspar_experiment::{DEFAULT_SAMPLE, parse_sample, preset};
+use fluorspar_experiment::preset::{self, PresetKind};
+use fluorspar_experiment::{DEFAULT_SAMPLE, parse_sample};
 
 type Fallible<T> = Result<T, Box<dyn Error>>;
 
@@ -113,7 +114,7 @@ fn sensor(name: &str) -> Fallible<Sensor> {
         let qe = SpectralQe::from_curves(preset::quantum_efficiency("consumer_rgb_cmos")?.channels()?)?;
         return Ok(Sensor::new(SensorModel::default(), qe)?);
     }
-    let sample = preset::sample(DEFAULT_SAMPLE)?.text;
+    let sample = preset::text(PresetKind::Sample, DEFAULT_SAMPLE)?;
     let text: Vec<&str> = sample.lines().filter(|line| !line.starts_with("quantum_efficiency")).collect();
     let change = format!("sensor.preset=\"{name}\"");
     let sample = parse_sample(&text.join("\n"), DEFAULT_SAMPLE, Path::new("."), &[change])?.sample;

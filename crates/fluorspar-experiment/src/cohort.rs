@@ -208,6 +208,8 @@ impl CohortStudy {
         (camera.position_mm, camera.look_at_mm) = ([0, 1, 2].map(along), view.look_at_mm);
 
         if let Some(mouth) = &mut file.mouth {
+            // Their tissues are drawn above
+            mouth.person = None;
             let detail = mouth.parameters.detail;
             mouth.parameters = MouthParameters { detail, ..view.pose(&sample_person(person)) };
             for lesion in &mut mouth.lesion {

@@ -52,7 +52,7 @@ pub use design::{
 pub use error::{BlamedOverride, ErrorDetails, ExperimentError, PathsFrom};
 pub use file_text::file_text;
 pub use fluorspar::warning::Warning;
-pub use fluorspar_anatomy::ExaminationView;
+pub use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, POSES};
 use fluorspar_format::FileFormat;
 pub use part_file::layers::{
     LayerEmissionSection, LayerSection, LayersFile, ResolvedEmission, ResolvedLayers, parse_layers,
@@ -69,7 +69,8 @@ pub use resolve::cached_analysis::{CachedAnalysis, cached_analysis};
 pub use resolve::named_tissue::NamedTissue;
 pub use resolve::{
     CapturesOfRender, FileRecord, InputFile, ResolvedExperiment, check_settings, resolve, resolve_captures,
-    resolve_rendered, resolve_shapes, resolve_unlit, show_the_same_scene, with_sampling_of,
+    resolve_rendered, resolve_shapes, resolve_unlit, section_of_other_surfaces, show_the_same_scene,
+    with_sampling_of,
 };
 pub use scene::edit::edit_experiment;
 pub use scene::script::{parse_script, script_text};

@@ -18,8 +18,8 @@ use crate::document::format_version::check_format;
 use crate::document::merge::merge;
 use crate::document::shape::Schema;
 use crate::document::tree::{Content, Document, MAX_TEXT_BYTES, Node, TextSource, read_tree};
-use crate::mouth_view::{change_view, spell_out_view, view_of};
-use crate::preset;
+use crate::mouth_view::{change_person, change_view, person_of, spell_out_view, view_of};
+use crate::preset::{self, PresetKind};
 use fluorspar_format::{FileFormat, read_text_bounded};
 
 /// Longest chain of base experiments.
@@ -172,8 +172,11 @@ pub(super) fn change_document(
     base_dir: &Path,
 ) -> Result<(), ExperimentError> {
     for (number, change) in changes.iter().enumerate() {
-        let before = view_of(&document.root);
+        let (before, person) = (view_of(&document.root), person_of(&document.root));
         apply_change(document, schema, number, change, base_dir)?;
+        if person_of(&document.root) != person {
+            change_person(&mut document.root);
+        }
         if view_of(&document.root) != before {
             change_view(&mut document.root, before);
         }
@@ -300,9 +303,10 @@ fn load_bases(
             folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
             (text, file.display().to_string())
         } else {
-            let preset = preset::experiment(&name).map_err(|error| document.error(&steps!["base"], error))?;
+            let preset = preset::text(PresetKind::Experiment, &name)
+                .map_err(|error| document.error(&steps!["base"], error))?;
             seen.push(PathBuf::from(&name));
-            (preset.text.to_string(), format!("experiment \"{name}\""))
+            (preset.to_string(), format!("experiment \"{name}\""))
         };
         let index = document.sources.len();
         let source =
@@ -327,8 +331,8 @@ fn put_on_sensor_preset(document: &mut Document, schema: &Schema) -> Result<(), 
     let Some(name) = name.as_str().map(String::from) else {
         return Err(document.error(&steps!["sensor", "preset"], "give the name of a sensor of the catalogue"));
     };
-    let text =
-        preset::sensor_text(&name).map_err(|error| document.error(&steps!["sensor", "preset"], error))?;
+    let text = preset::text(PresetKind::Sensor, &name)
+        .map_err(|error| document.error(&steps!["sensor", "preset"], error))?;
     let source = TextSource { name: format!("sensor \"{name}\""), overriding: None, folder: None };
     let mut root = read_tree(text, &source, document.sources.len())?;
     document.sources.push(source);

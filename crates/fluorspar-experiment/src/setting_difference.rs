@@ -108,7 +108,7 @@ fn sensor_name(experiment: &Experiment) -> Option<String> {
     };
     let wanted = fields(experiment.file.sensor.as_ref()?)?;
     let is_it = |name: &&str| {
-        let text = preset::sensor_text(name).ok();
+        let text = preset::text(PresetKind::Sensor, name).ok();
         let read = text.and_then(|text| parse_sensor(text, name, Path::new("."), &[]).ok());
         let file = read.and_then(|read| read_toml::<SensorFile>(&read.resolved_toml).ok());
         file.and_then(|file| fields(&file.sensor)).is_some_and(|found| found == wanted)

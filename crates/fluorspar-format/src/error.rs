@@ -5,125 +5,103 @@ use fluorspar::units::memory_text;
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
+use thiserror::Error;
 
 use super::{OtherFormat, ScatterLine};
 
 /// Why a file can't be read or written. Every message names the file, the place where known, and what to do.
 #[derive(Debug)]
+pub struct FormatError {
+    path: PathBuf,
+    /// Of a text file, from 1.
+    line: Option<u64>,
+    defect: Box<Defect>,
+    /// Where else it is wrong, as the end of the message.
+    also: String,
+}
+
+/// What is wrong with a file, and what to do.
+#[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum FormatError {
+pub enum Defect {
     /// The operating system refused.
+    #[error("can't {action} it: {source}.{}", io_advice(source))]
     Io {
-        /// The file.
-        path: PathBuf,
         /// "read", "create", "write" or "rename".
         action: &'static str,
         /// Error of the operating system.
         source: io::Error,
     },
-    /// The path leads to something that can't be read as a file.
-    NotAFile {
-        /// The path.
-        path: PathBuf,
-        /// What is there, in words.
-        what: &'static str,
-        /// What to do about it.
-        hint: &'static str,
-    },
     /// The content breaks the rules of its format or of this program.
+    #[error("{what}. {hint}")]
     Malformed {
-        /// The file.
-        path: PathBuf,
-        /// Line of a text file, from 1.
-        line: Option<u64>,
         /// What is wrong.
         what: String,
         /// How to fix it.
         hint: String,
     },
     /// The content is well-formed but of a kind that is not read here.
+    #[error("{what}. {hint}")]
     Unsupported {
-        /// The file.
-        path: PathBuf,
         /// What was found.
         what: String,
         /// How to fix it.
         hint: String,
     },
     /// A value of a table is below zero.
+    #[error(
+        "column {column} holds {value}, below zero. Subtract the background correctly, or set the value to 0"
+    )]
     Negative {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: u64,
         /// Name of the column.
         column: String,
         /// The value.
         value: f64,
     },
     /// A cell of an excitation-emission matrix is empty.
+    #[error("the cell at excitation {excitation_nm} nm is empty. Fill it from its neighbors or with 0")]
     EmptyCell {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: u64,
         /// Excitation wavelength of its column, nm.
         excitation_nm: f64,
     },
-    /// Several cells of a table are wrong.
-    Cells {
-        /// The first of them.
-        first: Box<FormatError>,
-        /// The next ones in words, with their places.
-        next: Vec<String>,
-        /// How many there are besides.
-        more: usize,
-    },
     /// A file of this program's own, of a version that is not read here.
-    OtherFormat {
-        /// The file.
-        path: PathBuf,
-        /// The version it states, and the one that is read.
-        other: OtherFormat,
-    },
+    #[error("{0}")]
+    OtherFormat(#[source] OtherFormat),
     /// A description is not JSON, or lacks a field or has one of another type.
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, with line and column.
-        source: serde_json::Error,
-    },
+    #[error("{}. Restore the file as it was written", bounded(&.0.to_string()))]
+    Json(#[source] serde_json::Error),
     /// The file requires more memory than any sensible file.
+    #[error("{what}; the limit is {limit}. Check that this is the right file and that it is complete")]
     TooLarge {
-        /// The file.
-        path: PathBuf,
         /// The object that is too large, with its size.
         what: String,
         /// The limit, with its unit.
         limit: String,
     },
     /// The unit of the values is missing or not the wanted one.
+    #[error("{what}. {hint}")]
     Unit {
-        /// The file.
-        path: PathBuf,
         /// Found and expected value.
         what: String,
         /// How to fix it.
         hint: String,
     },
     /// Most of an excitation-emission matrix lies at emission wavelengths below its excitation.
+    #[error(
+        "{percent:.0} % of the signal lies at emission wavelengths shorter than the excitation. Transpose the table: \
+         rows must be emission and columns excitation"
+    )]
     Transposed {
-        /// The file.
-        path: PathBuf,
         /// Share of the sum of all values, %.
         percent: f64,
     },
     /// One value of an excitation-emission matrix lies below its excitation.
+    #[error(
+        "emission at {emission_nm} nm is below its excitation at {excitation_nm} nm but holds {value} \
+         ({percent_of_peak:.2} % of the peak). Remove scattered light, also that at and just above the excitation, set such cells \
+         to 0 or allow anti-Stokes values"
+    )]
     AntiStokes {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: Option<u64>,
         /// Emission wavelength, nm.
         emission_nm: f64,
         /// Excitation wavelength, nm.
@@ -134,54 +112,47 @@ pub enum FormatError {
         percent_of_peak: f64,
     },
     /// Values of an excitation-emission matrix follow the excitation: excitation light that was scattered into the instrument.
+    #[error(
+        "{} lies along {} for excitations from {} to {} nm, up to {percent_of_peak:.0} % of the largest value off that line. \
+         Subtract a blank, or replace the cells within one bandwidth of that line by interpolation or by 0",
+        .along.name(), .along.equation(), .excitation_nm[0], .excitation_nm[1]
+    )]
     ScatteredLight {
-        /// The file.
-        path: PathBuf,
         /// The line that they follow.
-        line: ScatterLine,
+        along: ScatterLine,
         /// First and last excitation wavelength at which it is seen, nm.
         excitation_nm: [f64; 2],
         /// Largest of the values over the largest one beyond the line, %.
         percent_of_peak: f64,
     },
     /// The columns of a table are of several samples, of which one must be chosen.
-    Samples {
-        /// The file.
-        path: PathBuf,
-        /// Line of the header, from 1.
-        line: u64,
-        /// Names of the samples.
-        names: Vec<String>,
-    },
-    /// The place must not be written; nothing was.
+    #[error("the columns are of {} samples: {}. Choose one of them", .0.len(), shortened_list(.0))]
+    Samples(Vec<String>),
+    /// The place must not be read or written; nothing was written.
+    #[error("{why}; {hint}")]
     Refused {
-        /// The place.
-        path: PathBuf,
         /// What is wrong with it.
         why: String,
         /// What to do.
         hint: String,
     },
     /// The disk has less room than what will be written may take; nothing was written.
+    #[error(
+        "the disk has {} left, and up to {} will be written. Free some, name a place on another disk, or ask for less",
+        memory_text(*.free_bytes), memory_text(*.needed_bytes)
+    )]
     NoRoom {
-        /// The place.
-        path: PathBuf,
         /// Bytes that the results take at most.
         needed_bytes: u64,
         /// Bytes that are left on the disk.
         free_bytes: u64,
     },
     /// The results are written, but not as they should be.
-    Failed {
-        /// The place.
-        path: PathBuf,
-        /// What is where.
-        what: String,
-    },
+    #[error("{0}")]
+    Failed(String),
     /// The data can't be written; no file was created.
+    #[error("nothing was written: {what}. {hint}")]
     Unwritable {
-        /// The file.
-        path: PathBuf,
         /// Defect of the data.
         what: String,
         /// How to fix it.
@@ -189,243 +160,139 @@ pub enum FormatError {
     },
 }
 
+impl Defect {
+    /// The error of a file.
+    pub fn of(self, path: &Path) -> FormatError {
+        FormatError { path: path.into(), line: None, defect: Box::new(self), also: String::new() }
+    }
+
+    /// The error of a line of a file, from 1.
+    pub(super) fn at(self, path: &Path, line: u64) -> FormatError {
+        FormatError { line: Some(line), ..self.of(path) }
+    }
+}
+
 impl FormatError {
     /// The file that the error is about.
     pub fn path(&self) -> &Path {
-        match self {
-            Self::Io { path, .. }
-            | Self::NotAFile { path, .. }
-            | Self::Malformed { path, .. }
-            | Self::Unsupported { path, .. }
-            | Self::Negative { path, .. }
-            | Self::EmptyCell { path, .. }
-            | Self::OtherFormat { path, .. }
-            | Self::Json { path, .. }
-            | Self::TooLarge { path, .. }
-            | Self::Unit { path, .. }
-            | Self::Transposed { path, .. }
-            | Self::AntiStokes { path, .. }
-            | Self::ScatteredLight { path, .. }
-            | Self::Samples { path, .. }
-            | Self::Refused { path, .. }
-            | Self::NoRoom { path, .. }
-            | Self::Failed { path, .. }
-            | Self::Unwritable { path, .. } => path,
-            Self::Cells { first, .. } => first.path(),
-        }
-    }
-
-    /// The error itself, of several cells that of the first.
-    pub fn first(&self) -> &Self {
-        match self {
-            Self::Cells { first, .. } => first,
-            one => one,
-        }
-    }
-
-    /// What else is wrong with cells of the file, in words.
-    pub fn also(&self) -> Option<String> {
-        let Self::Cells { next, more, .. } = self else { return None };
-        let more = if *more > 0 { format!("; and {more} more cells") } else { String::new() };
-        Some(format!("Also {}{more}", next.join("; ")))
+        &self.path
     }
 
     /// Line of a text file, from 1, where one is to blame.
     pub fn line(&self) -> Option<u64> {
-        match self {
-            Self::Malformed { line, .. } | Self::AntiStokes { line, .. } => *line,
-            Self::Negative { line, .. } | Self::EmptyCell { line, .. } | Self::Samples { line, .. } => {
-                Some(*line)
-            }
-            Self::Cells { first, .. } => first.line(),
-            _ => None,
-        }
+        self.line
+    }
+
+    /// What is wrong; of several cells with the first.
+    pub fn defect(&self) -> &Defect {
+        &self.defect
+    }
+
+    /// Whether more is wrong than [`Self::defect`].
+    pub fn has_more(&self) -> bool {
+        !self.also.is_empty()
+    }
+
+    /// Whether there is no such file.
+    pub fn is_not_found(&self) -> bool {
+        matches!(&*self.defect, Defect::Io { source, .. } if source.kind() == io::ErrorKind::NotFound)
     }
 
     /// What is wrong and what to do, for messages that name the file themselves.
-    pub fn problem(&self) -> Problem<'_> {
-        Problem(self)
+    pub fn problem(&self) -> String {
+        self.problem_with("")
     }
 
-    fn path_mut(&mut self) -> &mut PathBuf {
-        match self {
-            Self::Io { path, .. }
-            | Self::NotAFile { path, .. }
-            | Self::Malformed { path, .. }
-            | Self::Unsupported { path, .. }
-            | Self::Negative { path, .. }
-            | Self::EmptyCell { path, .. }
-            | Self::OtherFormat { path, .. }
-            | Self::Json { path, .. }
-            | Self::TooLarge { path, .. }
-            | Self::Unit { path, .. }
-            | Self::Transposed { path, .. }
-            | Self::AntiStokes { path, .. }
-            | Self::ScatteredLight { path, .. }
-            | Self::Samples { path, .. }
-            | Self::Refused { path, .. }
-            | Self::NoRoom { path, .. }
-            | Self::Failed { path, .. }
-            | Self::Unwritable { path, .. } => path,
-            Self::Cells { first, .. } => first.path_mut(),
+    /// The same, with a remedy behind what is wrong first.
+    pub fn problem_with(&self, remedy: &str) -> String {
+        format!("{}{remedy}{}", self.defect, self.also)
+    }
+
+    /// The message, with a remedy behind what is wrong first.
+    pub fn message_with(&self, remedy: &str) -> String {
+        let line = self.line.map_or_else(String::new, |line| format!(":{line}"));
+        format!("{}{line}: {}", self.path.display(), self.problem_with(remedy))
+    }
+
+    /// The same error where more is wrong: in words with their places, and how much besides.
+    #[must_use]
+    pub(super) fn and(mut self, next: &[String], more: usize) -> Self {
+        if !next.is_empty() {
+            let more = if more > 0 { format!("; and {more} more cells") } else { String::new() };
+            self.also = format!(". Also {}{more}", next.join("; "));
         }
+        self
     }
 
     /// The same error about a file that lies below another folder than the one it was made in.
     #[must_use]
     pub(super) fn moved(mut self, from: &Path, to: &Path) -> Self {
-        let path = self.path_mut();
-        if let Ok(below) = path.strip_prefix(from) {
-            *path = if below.as_os_str().is_empty() { to.to_path_buf() } else { to.join(below) };
+        if let Ok(below) = self.path.strip_prefix(from) {
+            self.path = if below.as_os_str().is_empty() { to.to_path_buf() } else { to.join(below) };
         }
         self
     }
 
-    /// A place that must not be written, and the option with which another is named.
-    pub(super) fn refused(path: &Path, why: impl Into<String>, hint: &str, option: &str) -> Self {
-        Self::Refused { path: path.into(), why: why.into(), hint: format!("{hint} {option}") }
+    /// A place that must not be read or written.
+    pub(super) fn refused(path: &Path, why: impl Into<String>, hint: impl Into<String>) -> Self {
+        Defect::Refused { why: why.into(), hint: hint.into() }.of(path)
+    }
+
+    pub(super) fn failed(path: &Path, what: impl Into<String>) -> Self {
+        Defect::Failed(what.into()).of(path)
     }
 
     pub(super) fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
-        Self::Io { path: path.into(), action, source }
+        Defect::Io { action, source }.of(path)
     }
 
     pub(super) fn malformed(path: &Path, what: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self::Malformed { path: path.into(), line: None, what: bounded(&what.into()), hint: hint.into() }
+        Defect::Malformed { what: bounded(&what.into()), hint: hint.into() }.of(path)
     }
 
-    pub(super) fn at_line(path: &Path, line: u64, what: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self::Malformed {
-            path: path.into(),
-            line: Some(line),
-            what: bounded(&what.into()),
-            hint: hint.into(),
-        }
+    pub(super) fn at_line(
+        path: &Path,
+        line: impl Into<Option<u64>>,
+        what: impl Into<String>,
+        hint: impl Into<String>,
+    ) -> Self {
+        Self { line: line.into(), ..Self::malformed(path, what, hint) }
     }
 
     pub(super) fn unsupported(path: &Path, what: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self::Unsupported { path: path.into(), what: bounded(&what.into()), hint: hint.into() }
+        Defect::Unsupported { what: bounded(&what.into()), hint: hint.into() }.of(path)
     }
 
     pub(super) fn unit(path: &Path, what: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self::Unit { path: path.into(), what: bounded(&what.into()), hint: hint.into() }
+        Defect::Unit { what: bounded(&what.into()), hint: hint.into() }.of(path)
     }
 
     pub(super) fn other_format(path: &Path, other: OtherFormat) -> Self {
-        Self::OtherFormat { path: path.into(), other }
+        Defect::OtherFormat(other).of(path)
     }
 
     pub(super) fn json(path: &Path, source: serde_json::Error) -> Self {
-        Self::Json { path: path.into(), source }
+        Defect::Json(source).of(path)
     }
 
     pub(super) fn too_large(path: &Path, what: impl Into<String>, limit: impl Into<String>) -> Self {
-        Self::TooLarge { path: path.into(), what: bounded(&what.into()), limit: limit.into() }
+        Defect::TooLarge { what: bounded(&what.into()), limit: limit.into() }.of(path)
     }
 
     pub(super) fn unwritable(path: &Path, what: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self::Unwritable { path: path.into(), what: bounded(&what.into()), hint: hint.into() }
+        Defect::Unwritable { what: bounded(&what.into()), hint: hint.into() }.of(path)
     }
 }
 
 impl fmt::Display for FormatError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.path().display())?;
-        if let Some(line) = self.line() {
-            write!(f, ":{line}")?;
-        }
-        write!(f, ": {}", self.problem())
+        f.write_str(&self.message_with(""))
     }
 }
 
 impl std::error::Error for FormatError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        match self {
-            Self::Io { source, .. } => Some(source),
-            Self::Json { source, .. } => Some(source),
-            Self::OtherFormat { other, .. } => Some(other),
-            _ => None,
-        }
-    }
-}
-
-/// A [`FormatError`] without its file.
-#[derive(Debug)]
-pub struct Problem<'a>(&'a FormatError);
-
-impl fmt::Display for Problem<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            FormatError::Io { action, source, .. } => {
-                write!(f, "can't {action} it: {source}.{}", io_advice(source))
-            }
-            FormatError::NotAFile { what, hint, .. } => write!(f, "this is {what}; {hint}"),
-            FormatError::Malformed { what, hint, .. }
-            | FormatError::Unsupported { what, hint, .. }
-            | FormatError::Unit { what, hint, .. } => write!(f, "{what}. {hint}"),
-            FormatError::Negative { column, value, .. } => write!(
-                f,
-                "column {column} holds {value}, below zero. Subtract the background correctly, or set the \
-                 value to 0"
-            ),
-            FormatError::EmptyCell { excitation_nm, .. } => write!(
-                f,
-                "the cell at excitation {excitation_nm} nm is empty. Fill it from its neighbors or with 0"
-            ),
-            FormatError::Cells { first, .. } => {
-                write!(f, "{}. {}", first.problem(), self.0.also().unwrap_or_default())
-            }
-            FormatError::OtherFormat { other, .. } => write!(f, "{other}"),
-            FormatError::Json { source, .. } => {
-                write!(f, "{}. Restore the file as it was written", bounded(&source.to_string()))
-            }
-            FormatError::TooLarge { what, limit, .. } => {
-                write!(
-                    f,
-                    "{what}; the limit is {limit}. Check that this is the right file and that it is complete"
-                )
-            }
-            FormatError::Transposed { percent, .. } => write!(
-                f,
-                "{percent:.0} % of the signal lies at emission wavelengths shorter than the excitation. Transpose the table: \
-                 rows must be emission and columns excitation"
-            ),
-            FormatError::AntiStokes { emission_nm, excitation_nm, value, percent_of_peak, .. } => write!(
-                f,
-                "emission at {emission_nm} nm is below its excitation at {excitation_nm} nm but holds {value} \
-                 ({percent_of_peak:.2} % of the peak). Remove scattered light, also that at and just above the excitation, set such cells \
-                 to 0 or allow anti-Stokes values"
-            ),
-            FormatError::ScatteredLight { line, excitation_nm: [first, last], percent_of_peak, .. } => {
-                let what = match line {
-                    ScatterLine::First => "first-order scatter (Rayleigh and Tyndall)",
-                    ScatterLine::Second => "second-order scatter",
-                    ScatterLine::Third => "third-order scatter",
-                    ScatterLine::WaterRaman => "Raman scatter of water",
-                };
-                write!(
-                    f,
-                    "{what} lies along {} for excitations from {first} to {last} nm, up to {percent_of_peak:.0} % of the largest value off that line. \
-                     Subtract a blank, or replace the cells within one bandwidth of that line by interpolation or by 0",
-                    line.equation()
-                )
-            }
-            FormatError::Samples { names, .. } => write!(
-                f,
-                "the columns are of {} samples: {}. Choose one of them",
-                names.len(),
-                shortened_list(names)
-            ),
-            FormatError::Refused { why, hint, .. } => write!(f, "{why}; {hint}"),
-            FormatError::NoRoom { needed_bytes, free_bytes, .. } => write!(
-                f,
-                "the disk has {} left, and up to {} will be written. Free some, name a place on another disk, or ask for less",
-                memory_text(*free_bytes),
-                memory_text(*needed_bytes)
-            ),
-            FormatError::Failed { what, .. } => write!(f, "{what}"),
-            FormatError::Unwritable { what, hint, .. } => write!(f, "nothing was written: {what}. {hint}"),
-        }
+        self.defect.source()
     }
 }
 

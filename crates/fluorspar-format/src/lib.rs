@@ -48,7 +48,7 @@ mod toml_text;
 
 pub use cube::ome_tiff::{OmeChannel, OmeFacts, write_ome_tiff};
 pub use cube::{Cube, CubeFacts, CubeForm, CubeLight, read_cube, write_component_zarr};
-pub use error::{FormatError, Problem};
+pub use error::{Defect, FormatError};
 pub use frame::dng::{DngColor, write_sensor_dng};
 pub use frame::frame_description::{
     DescribedFrame, FactSource, FrameDescription, FrameFact, FrameFacts, black_level_doubt, describe_frame,
@@ -97,13 +97,12 @@ pub use store::output::{
 pub use store::provenance::{Loaded, Provenance};
 pub use store::spooled_image::SpooledImage;
 pub use table::csv_cell::{csv_cell, quoted_csv_cell};
-pub use table::csv_eem::{
-    AntiStokes, CsvEemOptions, EemUnit, EmptyCells, MeasuredEem, eem_csv, read_eem_csv,
-};
+pub use table::csv_eem::{AntiStokes, CsvEemOptions, EmptyCells, MeasuredEem, eem_csv, read_eem_csv};
 pub use table::csv_fluorophore::{CsvFluorophore, names_excitation_and_emission, read_fluorophore_csv};
 pub use table::csv_table::Negative;
 pub use table::eem_scatter::{
-    CutTo, LeastCuts, MOST_CUT_NM, Overflow, ScatterCut, ScatterLine, refuse_scattered_light,
+    ANTI_STOKES_TOLERANCE, CutTo, LeastCuts, MOST_CUT_NM, Overflow, ScatterCut, ScatterLine,
+    refuse_anti_stokes, refuse_scattered_light,
 };
 pub use table::mat::{IsetFluorophore, read_iset_fluorophore};
 pub use table::spectra::{MeasuredSpectra, NamedCurve, SpectrumColumns, SpectrumOptions, read_spectra};

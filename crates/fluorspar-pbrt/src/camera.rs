@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fluorspar::optics::{CameraLens, LensSetting, LensState, PerspectiveCamera};
+use fluorspar::optics::{Aperture, CameraLens, LensSetting, LensState, PerspectiveCamera};
 use fluorspar::quote::excerpt;
 use fluorspar::render::RenderSettings;
 use fluorspar_format::{PbrtEntity, PbrtError, PbrtPlaced, read_lens};
@@ -154,6 +154,7 @@ impl Convert<'_> {
             height: window.size[1],
             center: window.center.as_vec2(),
             lens: None,
+            aperture: self.aperture(&given, map.transform_vector3(DVec3::Z).length()),
             parallel_half_width_m: half_window
                 .map(|half| (half * map.transform_vector3(DVec3::X).length()) as f32),
         };
@@ -180,13 +181,24 @@ impl Convert<'_> {
         Ok((0.5 * degrees.to_radians()).tan())
     }
 
+    /// The aperture of a perspective camera, with meters per unit of the camera.
+    fn aperture(&mut self, given: &Given<'_>, scale: f64) -> Option<Arc<Aperture>> {
+        let radius = given.number("lensradius").unwrap_or(0.0);
+        let focus = given.number("focaldistance").unwrap_or(1e6);
+        if given.entity.class == "orthographic" && radius > 0.0 {
+            self.remark(
+                given.entity.at,
+                "\"lensradius\": parallel rays have no lens, everything is in focus",
+            );
+            return None;
+        }
+        let [radius, focus] = [radius, focus].map(|length| (scale * length) as f32);
+        (radius > 0.0 && focus > 0.0).then(|| Arc::new(Aperture::new(radius, focus)))
+    }
+
     /// The window of the whole image.
     fn window(&mut self, given: &Given<'_>, width: usize, height: usize) -> Result<Window, PbrtError> {
         let at = given.entity.at;
-        if given.number("lensradius").is_some_and(|radius| radius > 0.0) {
-            self.remark(at, "\"lensradius\": there is no lens, everything is in focus");
-        }
-        given.used(&["focaldistance"]);
         let pixels = width as f64 / height as f64;
         let aspect = given.number("frameaspectratio").unwrap_or(pixels);
         let mut window = Window { half: aspect.max(1.0), center: DVec2::ZERO, size: [width, height] };

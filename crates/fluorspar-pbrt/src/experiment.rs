@@ -14,12 +14,12 @@ use fluorspar::spectral::{Curve, Fluorophore, Stokes, YieldDensity, YieldUnit};
 use fluorspar::study::Study;
 use fluorspar_experiment::schema::{
     Aim, CheckerMap, ConductorSection, DielectricSection, DiffuseSection, DiscShape, DistantLight,
-    DistantStrength, EdgeBins, EmissionSection, EmissionSides, EmitterSection, EmptyCellsChoice,
-    EnvironmentLight, EnvironmentMapReference, EnvironmentStrength, ExperimentFile, FieldOfView, FilePath,
-    FluorophoreSection, FluorophoreSource, GlossSection, ImageMap, LightFrame, LightSection, MaterialSection,
+    DistantStrength, EdgeBins, EmissionSection, EmissionSides, EmitterSection, EnvironmentLight,
+    EnvironmentMapReference, EnvironmentStrength, ExperimentFile, FilePath, FluorophoreSection,
+    FluorophoreSource, GlossSection, ImageMap, LensOrNumber, LightFrame, LightSection, MaterialSection,
     MatrixSource, MeshShape, MetalIndex, MetalReference, MixSection, NoiseMap, ObjectSection, PlacesSection,
     PointLight, ReflectanceReference, ReflectanceTermSection, ScatteringSection, ShapeSection,
-    SourceStrength, SpectralSection, SpectrumReference, SpectrumTable, SphereShape, SpotEdge, SpotLight,
+    SourceStrength, SpectralSection, SpectrumReference, SpectrumTable, SphereShape, SpotLight,
     TextureReference, TextureTable, TwoSidedSection,
 };
 use fluorspar_format::{FormatError, eem_csv, write_atomically, write_gray_png, write_ply};
@@ -148,7 +148,11 @@ impl<'a> SceneWriter<'a> {
         file.render.max_depth = study.render.max_depth;
         file.render.seed = study.render.seed;
         file.camera.position_mm = mm(camera.position);
-        file.camera.look_at_mm = mm(camera.position + 0.1 * camera.forward);
+        let focus = camera.aperture.as_ref().map_or(0.1, |aperture| aperture.focus());
+        file.camera.look_at_mm = mm(camera.position + focus * camera.forward);
+        if let Some(aperture) = &camera.aperture {
+            file.camera.aperture_mm = LensOrNumber::Number(2e3 * f64::from(aperture.radius()));
+        }
         file.camera.up = numbers(camera.up);
         match camera.parallel_half_width_m {
             Some(half) => {
@@ -156,7 +160,7 @@ impl<'a> SceneWriter<'a> {
             }
             None => {
                 let degrees = 2.0 * f64::from(camera.tan_half_width).atan().to_degrees();
-                file.camera.horizontal_field_deg = FieldOfView::Degrees(degrees);
+                file.camera.horizontal_field_deg = LensOrNumber::Number(degrees);
             }
         }
         if camera.lens.is_some() {
@@ -333,7 +337,7 @@ impl<'a> SceneWriter<'a> {
             allow_negative: false,
             // What the mask leaves out is in the table, too.
             allow_anti_stokes: true,
-            empty_cells: EmptyCellsChoice::Refuse,
+            empty_cells: Default::default(),
         }
     }
 
@@ -478,10 +482,7 @@ impl<'a> SceneWriter<'a> {
                 }),
                 PointPattern::Cone(cone) => EmitterSection::Spot(SpotLight {
                     cone_deg: Some(cone.angles_deg()),
-                    edge: match cone.edge() {
-                        ConeEdge::SmoothStep => None,
-                        ConeEdge::FourthPower => Some(SpotEdge::FourthPower),
-                    },
+                    edge: Some(cone.edge()).filter(|edge| *edge != ConeEdge::SmoothStep),
                     ..spot(point.position, cone.axis(), power)
                 }),
             },

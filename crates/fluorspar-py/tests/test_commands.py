@@ -9,6 +9,8 @@ import shutil
 import subprocess
 import sys
 import threading
+import urllib.error
+import urllib.request
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -141,6 +143,19 @@ def test_another_build_finds_nothing_of_this_one_in_the_cache(tmp_path) -> None:
     # Copied with its time, it would be the same build
     os.utime(next(package.glob("_fluorspar*.so")))
     assert kept(package.parent) == 2 * first
+
+
+def test_a_workbench_opens_on_an_experiment_and_ends() -> None:
+    e = fs.experiment("flat-patch").with_(render={"width_px": 16, "height_px": 12})
+    with fs.workbench(e, spp=1) as bench:
+        with urllib.request.build_opener(urllib.request.HTTPCookieProcessor()).open(bench.address) as page:
+            assert "Workbench" in page.read().decode()
+        assert bench.address in bench._repr_html_()
+    with pytest.raises(urllib.error.URLError):
+        urllib.request.urlopen(bench.address)
+    with pytest.raises(fs.FluorsparError, match="no-such-experiment") as refused:
+        fs.workbench("no-such-experiment")
+    assert refused.value.code == 2
 
 
 def test_a_task_that_is_interrupted_stops_no_other() -> None:

@@ -216,6 +216,7 @@ fn report(
     let fraction = region.map_or_else(String::new, |region| format!("{:.3}", region.estimate.fraction));
     ReportData {
         title: "Sample report: a tongue under 385 nm".into(),
+        live: None,
         overview: None,
         lead: vec![
             "This page shows what a fluorescence camera would record of a tongue lit by a 385 nm LED, and what the recorded colors \

@@ -27,7 +27,7 @@ const MEASURED: [Measured; 8] = [
 ];
 
 /// The measured people, where the camera of a cohort has the quantum efficiency that their colors are of.
-pub(crate) fn measured_people(found: &CohortResults<'_>) -> &'static [Measured] {
+pub(crate) fn measured_people(found: &CohortResults) -> &'static [Measured] {
     let sensor = found.cohort.experiment.file.sensor.as_ref();
     let is_same = sensor.is_some_and(|sensor| sensor.quantum_efficiency == EfficiencyReference::default());
     if is_same { &MEASURED } else { &[] }
@@ -42,17 +42,17 @@ fn of_analyzed_frame(quantity: &CohortQuantity, id: FindingId, frame: &str) -> b
 }
 
 /// The parts of a cohort with their views, in the order of the examination.
-pub(crate) fn places<'a>(found: &CohortResults<'a>) -> Vec<(&'a str, &'static str)> {
+pub(crate) fn places(found: &CohortResults) -> Vec<(&str, &'static str)> {
     let views = found.cohort.views.iter();
     views.flat_map(|view| view.parts.iter().map(|part| (view.name, *part))).collect()
 }
 
 /// `(r, g)` of each person for a part in a view, people with a lesion there apart.
-fn colors(found: &CohortResults<'_>, (view, part): (&str, &str), has_lesion: bool) -> Vec<[f64; 2]> {
+fn colors(found: &CohortResults, (view, part): (&str, &str), has_lesion: bool) -> Vec<[f64; 2]> {
     let of = |id: FindingId| {
         let wanted = move |(_, finding): &&(u32, PersonFinding)| {
             let quantity = &finding.quantity;
-            of_analyzed_frame(quantity, id, found.frame)
+            of_analyzed_frame(quantity, id, &found.frame)
                 && (quantity.view.as_str(), quantity.part.as_str()) == (view, part)
                 && finding.has_lesion == has_lesion
         };
@@ -63,7 +63,7 @@ fn colors(found: &CohortResults<'_>, (view, part): (&str, &str), has_lesion: boo
 }
 
 /// All people in the plane of chromaticities, by part, with the measured ones as names.
-pub(crate) fn chromaticity_figure(found: &CohortResults<'_>) -> Figure {
+pub(crate) fn chromaticity_figure(found: &CohortResults) -> Figure {
     let clouds: Vec<(String, Vec<[f64; 2]>, bool)> = places(found)
         .into_iter()
         .flat_map(|place| [false, true].map(|has_lesion| (place, has_lesion)))
@@ -120,16 +120,16 @@ pub(crate) const RANGES: [RangeAxis; 2] = [
 ];
 
 /// Ranges by part: all people as dots, median and tolerance interval.
-pub(crate) fn ranges_figure(found: &CohortResults<'_>) -> Option<Figure> {
+pub(crate) fn ranges_figure(found: &CohortResults) -> Option<Figure> {
     let panels: Vec<Panel> = RANGES.iter().filter_map(|axis| ranges_panel(found, axis)).collect();
     (!panels.is_empty()).then(|| Figure::grid("People without lesions", panels, 1))
 }
 
-fn ranges_panel(found: &CohortResults<'_>, axis: &RangeAxis) -> Option<Panel> {
+fn ranges_panel(found: &CohortResults, axis: &RangeAxis) -> Option<Panel> {
     let places = places(found);
     let of_place = |(view, part): &(&str, &str)| {
         let is_it = |range: &&NormalRange| {
-            of_analyzed_frame(&range.quantity, axis.id, found.frame)
+            of_analyzed_frame(&range.quantity, axis.id, &found.frame)
                 && (range.quantity.view.as_str(), range.quantity.part.as_str()) == (*view, *part)
         };
         found.said.ranges.iter().find(is_it)
@@ -157,7 +157,7 @@ fn ranges_panel(found: &CohortResults<'_>, axis: &RangeAxis) -> Option<Panel> {
         bars.extend(range.tolerance.map(|t| vec![[t.low * scale, at], [t.high * scale, at]]));
         medians.push([range.statistics.median * scale, at]);
         let values = found.findings.iter().filter(|(_, finding)| {
-            of_analyzed_frame(&finding.quantity, axis.id, found.frame)
+            of_analyzed_frame(&finding.quantity, axis.id, &found.frame)
                 && (finding.quantity.view.as_str(), finding.quantity.part.as_str()) == (*view, *part)
                 && !finding.has_lesion
         });
@@ -184,7 +184,7 @@ fn ranges_panel(found: &CohortResults<'_>, axis: &RangeAxis) -> Option<Panel> {
 }
 
 /// Estimates against truth, and their differences with the limits of agreement, of all parts together by color.
-pub(crate) fn agreement_figure(found: &CohortResults<'_>, id: FindingId, all: &Agreement) -> Option<Figure> {
+pub(crate) fn agreement_figure(found: &CohortResults, id: FindingId, all: &Agreement) -> Option<Figure> {
     let of_parts: Vec<&CohortAgreement> =
         found.said.agreements.iter().filter(|agreement| agreement.quantity.id == id).collect();
     let points = || of_parts.iter().flat_map(|of| &of.points).flatten().copied();

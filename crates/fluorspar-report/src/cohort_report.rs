@@ -14,26 +14,26 @@ use crate::findings::{FindingWords, number, shown, value};
 use crate::{Figure, Number, NumberMatrix, ReportData, ReportItem, Section};
 
 /// What was found in a cohort.
-#[derive(Clone, Copy, Debug)]
-pub struct CohortResults<'a> {
+#[derive(Clone, Debug)]
+pub struct CohortResults {
     /// Title.
-    pub title: &'a str,
+    pub title: String,
     /// The cohort.
-    pub cohort: &'a CohortStudy,
+    pub cohort: CohortStudy,
     /// Every number by the person.
-    pub findings: &'a [(u32, PersonFinding)],
+    pub findings: Vec<(u32, PersonFinding)>,
     /// What they say together.
-    pub said: &'a CohortFindings,
+    pub said: CohortFindings,
     /// Name of the analyzed frame.
-    pub frame: &'a str,
+    pub frame: String,
     /// What texts call the fluorophore whose share is estimated.
-    pub analyte: &'a Analyte,
+    pub analyte: Analyte,
     /// The file with everything that it rests on.
-    pub toml: &'a str,
+    pub toml: String,
     /// Files that it names.
-    pub inputs: &'a [String],
+    pub inputs: Vec<String>,
     /// Its digest.
-    pub sha256: &'a str,
+    pub sha256: String,
 }
 
 /// A part as people say it.
@@ -59,7 +59,7 @@ const ESTIMATES: [FindingId; 4] =
     [FindingId::RedShare, FindingId::Share, FindingId::LineShare, FindingId::UnmixedShare];
 
 /// The agreement of an estimate in all parts and people together.
-fn overall(found: &CohortResults<'_>, id: FindingId) -> Option<Agreement> {
+fn overall(found: &CohortResults, id: FindingId) -> Option<Agreement> {
     let cases =
         found.findings.iter().filter(|(_, finding)| finding.quantity.id == id).filter_map(|(_, finding)| {
             let interval = finding.interval.and_then(|[low, high]| Some([low?, high?]));
@@ -69,7 +69,7 @@ fn overall(found: &CohortResults<'_>, id: FindingId) -> Option<Agreement> {
 }
 
 /// The figures of the page by the stems of their files.
-pub fn cohort_figures(found: &CohortResults<'_>) -> Vec<(&'static str, Figure)> {
+pub fn cohort_figures(found: &CohortResults) -> Vec<(&'static str, Figure)> {
     let main = ESTIMATES.into_iter().find_map(|id| Some((id, overall(found, id)?)));
     let colors = found.said.ranges.iter().any(|range| range.quantity.id == FindingId::ChromaticityR);
     let figures = [
@@ -82,7 +82,7 @@ pub fn cohort_figures(found: &CohortResults<'_>) -> Vec<(&'static str, Figure)> 
 }
 
 /// The page of a cohort.
-pub fn cohort_report(found: &CohortResults<'_>) -> ReportData {
+pub fn cohort_report(found: &CohortResults) -> ReportData {
     let figures = cohort_figures(found);
     let figure = |stem: &str| figures.iter().find(|(of, _)| *of == stem).map(|(_, figure)| figure.clone());
     let sections = [
@@ -92,24 +92,25 @@ pub fn cohort_report(found: &CohortResults<'_>) -> ReportData {
         lesions_section(found, figure("roc")),
     ];
     ReportData {
-        title: found.title.into(),
+        title: found.title.clone(),
         overview: None,
+        live: None,
         lead: verdict(found),
         headline: headline(found),
         warnings: Vec::new(),
         sections: sections.into_iter().flatten().collect(),
         provenance: vec![
             ("people".into(), people(found)),
-            ("sha256".into(), found.sha256.into()),
+            ("sha256".into(), found.sha256.clone()),
             ("version".into(), env!("CARGO_PKG_VERSION").into()),
         ],
-        experiment_toml: found.toml.into(),
-        input_files: found.inputs.to_vec(),
+        experiment_toml: found.toml.clone(),
+        input_files: found.inputs.clone(),
         rerun_command: "fluorspar cohort report.html".into(),
     }
 }
 
-fn people(found: &CohortResults<'_>) -> String {
+fn people(found: &CohortResults) -> String {
     let people = &found.cohort.people;
     let last = people.first.saturating_add(people.count - 1);
     format!(
@@ -122,19 +123,19 @@ fn people(found: &CohortResults<'_>) -> String {
 
 /// The range of a number of a part in the analyzed frame.
 fn range_of<'a>(
-    found: &CohortResults<'a>,
+    found: &'a CohortResults,
     id: FindingId,
     (view, part): (&str, &str),
 ) -> Option<&'a NormalRange> {
     found.said.ranges.iter().find(|range| {
         let of = &range.quantity;
         (of.id, of.view.as_str(), of.part.as_str()) == (id, view, part)
-            && of.frame.as_deref() == Some(found.frame)
+            && of.frame.as_deref() == Some(found.frame.as_str())
             && of.name.is_none()
     })
 }
 
-fn verdict(found: &CohortResults<'_>) -> Vec<String> {
+fn verdict(found: &CohortResults) -> Vec<String> {
     let mut lead = vec![format!("{}, drawn from assumed populations and rendered.", people(found))];
     let description = &found.cohort.experiment.file.description;
     if !description.is_empty() {
@@ -170,8 +171,8 @@ fn verdict(found: &CohortResults<'_>) -> Vec<String> {
     lead
 }
 
-fn agreement_sentence(found: &CohortResults<'_>, id: FindingId, all: &Agreement) -> String {
-    let name = FindingWords::of(found.analyte).name(&Finding::new(id, None));
+fn agreement_sentence(found: &CohortResults, id: FindingId, all: &Agreement) -> String {
+    let name = FindingWords::of(&found.analyte).name(&Finding::new(id, None));
     let percent = |share: f64| format!("{:+.1}", 100.0 * share);
     // Views of one person are alike: few people say little of the ends
     let people = found.cohort.people.count;
@@ -204,7 +205,7 @@ fn separation_sentence(best: &LesionSeparation, tried: usize) -> String {
     )
 }
 
-fn headline(found: &CohortResults<'_>) -> Vec<Number> {
+fn headline(found: &CohortResults) -> Vec<Number> {
     let mut numbers = Vec::new();
     if let Some((part, range)) = places(found)
         .into_iter()
@@ -226,7 +227,7 @@ fn headline(found: &CohortResults<'_>) -> Vec<Number> {
     numbers
 }
 
-fn colors_section(found: &CohortResults<'_>, figure: Option<Figure>) -> Option<Section> {
+fn colors_section(found: &CohortResults, figure: Option<Figure>) -> Option<Section> {
     let measured = match measured_people(found) {
         [] => "Measured people are drawn for the sensor \"consumer_rgb_cmos\" alone.",
         _ => {
@@ -238,10 +239,10 @@ fn colors_section(found: &CohortResults<'_>, figure: Option<Figure>) -> Option<S
     Some(Section::new("Colors").show(figure?, caption))
 }
 
-fn ranges_section(found: &CohortResults<'_>, figure: Option<Figure>) -> Option<Section> {
+fn ranges_section(found: &CohortResults, figure: Option<Figure>) -> Option<Section> {
     use FindingId as Id;
 
-    let words = FindingWords::of(found.analyte);
+    let words = FindingWords::of(&found.analyte);
     let told =
         [Id::ChromaticityR, Id::ChromaticityG, Id::RedShare, Id::Share, Id::LineShare, Id::MedianSignal];
     let mut rows = Vec::new();
@@ -296,8 +297,8 @@ fn ranges_section(found: &CohortResults<'_>, figure: Option<Figure>) -> Option<S
     Some(section.with(ReportItem::Matrix(matrix)))
 }
 
-fn agreement_section(found: &CohortResults<'_>, figure: Option<Figure>) -> Option<Section> {
-    let words = FindingWords::of(found.analyte);
+fn agreement_section(found: &CohortResults, figure: Option<Figure>) -> Option<Section> {
+    let words = FindingWords::of(&found.analyte);
     let mut rows = Vec::new();
     for of in &found.said.agreements {
         let percent = |value: f64| format!("{:+.2}", 100.0 * value);
@@ -334,7 +335,7 @@ fn agreement_section(found: &CohortResults<'_>, figure: Option<Figure>) -> Optio
 }
 
 /// Lesions of which too few people have any, or all but a few.
-fn too_few(found: &CohortResults<'_>) -> Option<Section> {
+fn too_few(found: &CohortResults) -> Option<Section> {
     let people = &found.cohort.people;
     let numbers = (0..people.count).map(|person| people.first.saturating_add(person));
     let counts = |lesion| {
@@ -348,7 +349,7 @@ fn too_few(found: &CohortResults<'_>) -> Option<Section> {
     (!lesions.is_empty()).then(|| section.with(ReportItem::Paragraph(why.into())))
 }
 
-fn lesions_section(found: &CohortResults<'_>, figure: Option<Figure>) -> Option<Section> {
+fn lesions_section(found: &CohortResults, figure: Option<Figure>) -> Option<Section> {
     let Some(figure) = figure else { return too_few(found) };
     let row = |of: &LesionSeparation| {
         let [low, high] = of.area.interval;

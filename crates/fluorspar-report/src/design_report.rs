@@ -5,6 +5,7 @@ use fluorspar::design::{
     Criterion, Design, DesignSpace, FilteredFluorescence, FineBands, Merits, Score, Sensitivity, WorstCase,
 };
 use fluorspar::pipeline::DesignEstimate;
+use fluorspar::units::digits_text;
 
 use crate::design_recommendation::{analyte_share, limit_in_words, recommendation, recommended};
 use crate::design_remarks::{best_case, ideal_edges};
@@ -98,6 +99,7 @@ pub fn design_report(found: &DesignFindings<'_>) -> ReportData {
     ReportData {
         title: found.title.into(),
         overview: None,
+        live: None,
         lead: lead(found),
         headline: headline(found),
         warnings: Vec::new(),
@@ -138,16 +140,7 @@ fn lead(found: &DesignFindings<'_>) -> Vec<String> {
 
 /// Four digits.
 pub(crate) fn digits(value: f64) -> String {
-    if !value.is_finite() {
-        "not seen".into()
-    } else if value == 0.0 {
-        "0".into()
-    } else if (1e-3..1e5).contains(&value.abs()) {
-        let places = (3.0 - value.abs().log10().floor()).clamp(0.0, 6.0) as usize;
-        format!("{value:.places$}")
-    } else {
-        format!("{value:.3e}")
-    }
+    if value.is_finite() { digits_text(value, 4) } else { "not seen".into() }
 }
 
 fn headline(found: &DesignFindings<'_>) -> Vec<Number> {

@@ -49,7 +49,7 @@ pub use outlined_preview::outlined_preview;
 pub use page::{
     Answer, Contribution, Contributions, FrameView, MapOverlay, Number, NumberMatrix, NumberTable, Origin,
     Overview, ReportData, ReportItem, ReportPicture, Section, analysis_section, close_page, escape,
-    extract_experiment, open_page, write_figure,
+    extract_experiment, open_page, page_policy, write_figure,
 };
 pub use photographs_report::{PhotographResults, PlacedNumber, photographs_report};
 pub use run::{

@@ -252,6 +252,7 @@ pub(crate) fn analyze_frames(
     };
     let Some(out) = out else { return Ok(found(experiment, analyzed, others)) };
     let report = FrameReport {
+        live: None,
         experiment: &experiment,
         experiment_text: &source.text,
         frames,

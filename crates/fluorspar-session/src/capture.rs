@@ -7,7 +7,7 @@ use std::sync::Arc;
 use clap::{ValueEnum, ValueHint};
 use fluorspar::image::{ComponentImage, SensorImage};
 use fluorspar::pipeline::{
-    CameraColor, CapturedFrame, ColorRendering, analyze_regions, analyze_seen, capture_from_planes,
+    CameraColor, CapturedFrame, ColorRendering, LiveView, analyze_regions, analyze_seen, capture_from_planes,
     channel_light, check_captures, columns_per_render_column, preview,
 };
 use fluorspar::study::{Capture, Study};
@@ -207,6 +207,7 @@ pub fn capture(options: &CaptureOptions, job: &Job) -> Result<CapturedFolder> {
         let report = FrameReport {
             analysis,
             regions,
+            live: LiveView::new(study, &seen, &frames)?,
             components: spectra.as_ref(),
             raw_ending: options.format.is_raw().then(|| options.format.ending()),
             ..FrameReport::simulated(&experiment, &text, frames)

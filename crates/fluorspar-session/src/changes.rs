@@ -1,6 +1,7 @@
 //! Changes on top of an experiment, as options of tasks.
 
-use clap::{ValueEnum, ValueHint};
+use clap::ValueHint;
+use fluorspar::image::StatisticsKind;
 use serde::Deserialize;
 
 use crate::values::{self, Override};
@@ -41,21 +42,8 @@ pub struct RenderOptions {
     #[arg(long, value_name = "E", value_parser = values::number, allow_negative_numbers = true)]
     pub error: Option<f64>,
     /// Keep half-buffers and variance in component images.
-    #[arg(long, value_enum, value_name = "WHAT")]
-    pub statistics: Option<StatisticsOption>,
-}
-
-/// Sums whose half-buffers and variance are kept.
-#[derive(Clone, Copy, Debug, Deserialize, ValueEnum)]
-#[serde(rename_all = "snake_case")]
-#[value(rename_all = "snake_case")]
-pub enum StatisticsOption {
-    /// Nothing.
-    None,
-    /// Every light group.
-    LightGroups,
-    /// Every component.
-    Components,
+    #[arg(long, value_parser = values::choice::<StatisticsKind>(&["none", "light_groups", "components"]), value_name = "WHAT")]
+    pub statistics: Option<StatisticsKind>,
 }
 
 impl ExperimentArgs {
@@ -71,15 +59,14 @@ impl RenderOptions {
         let whole = |path, value: Option<u32>, option: &str| {
             value.map(|n| Override::of_option(path, n, format!("⟨{option}={n}⟩")))
         };
-        let statistics = self.statistics.as_ref().and_then(ValueEnum::to_possible_value);
         let mut list = Vec::new();
         list.extend(whole("render.samples_per_pixel", self.spp, "spp"));
         list.extend(self.seed.overrides());
         list.extend(whole("render.max_depth", self.depth, "depth"));
         list.extend(self.error.map(|value| Override::number("render.relative_error", value, "error")));
-        list.extend(statistics.map(|value| {
-            let name = value.get_name();
-            Override::of_option("render.statistics", name, format!("⟨statistics={name}⟩"))
+        list.extend(self.statistics.map(|kind| {
+            let name = values::name_of(&kind);
+            Override::of_option("render.statistics", name.clone(), format!("⟨statistics={name}⟩"))
         }));
         list
     }

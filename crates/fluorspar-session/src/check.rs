@@ -200,7 +200,7 @@ impl CameraView {
         let shape = height as f64 / width.max(1) as f64;
         camera.width = VIEW_COLUMNS;
         camera.height = ((VIEW_COLUMNS as f64 * shape).round() as usize).max(1);
-        let maps = visible_surfaces(&study.scene);
+        let maps = visible_surfaces(&study.scene, &study.scene.camera);
         (study.scene.camera.width, study.scene.camera.height) = (width, height);
         let pixels = maps.part.len().max(1) as f64;
         let share = |number: usize| {

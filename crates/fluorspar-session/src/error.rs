@@ -10,7 +10,7 @@ use fluorspar::tissue::TissueError;
 use fluorspar::tissue::fit::TissueFitError;
 use fluorspar_experiment::preset::{LensError, PresetError};
 use fluorspar_experiment::{DEFAULT_EXPERIMENT, ExperimentError};
-use fluorspar_format::{FormatError, OutputFolder, PbrtError};
+use fluorspar_format::{Defect, FormatError, OutputFolder, PbrtError};
 use fluorspar_report::{FigureError, RunFolderError};
 
 /// Why a task gives no answer. Messages name options as `⟨name⟩` or `⟨name=value⟩`; [`worded`] has them as a front writes them.
@@ -116,8 +116,10 @@ impl Error {
             Self::Failed(_)
             | Self::Figure(_)
             | Self::Json(_)
-            | Self::Format(FormatError::NoRoom { .. } | FormatError::Failed { .. })
             | Self::Render(RenderError::NoMemory { .. }) => ErrorKind::Failed,
+            Self::Format(error) if matches!(error.defect(), Defect::NoRoom { .. } | Defect::Failed(_)) => {
+                ErrorKind::Failed
+            }
             Self::Stopped(_) | Self::Tissue(TissueError::Interrupted) => ErrorKind::Stopped,
             _ if self.is_for_want_of_room() => ErrorKind::Failed,
             _ => ErrorKind::Input,

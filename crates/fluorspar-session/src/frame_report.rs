@@ -4,8 +4,8 @@ use std::path::Path;
 
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{
-    AnalyzedFrame, AnalyzedRegion, CapturedFrame, ColorRendering, Evaluation, assess_safety, evaluate_frames,
-    preview,
+    AnalyzedFrame, AnalyzedRegion, CapturedFrame, ColorRendering, Evaluation, LiveView, assess_safety,
+    evaluate_frames, preview,
 };
 use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
@@ -20,6 +20,8 @@ pub(crate) struct FrameReport<'a> {
     pub(crate) experiment_text: &'a str,
     pub(crate) frames: Vec<CapturedFrame>,
     pub(crate) analysis: Option<AnalyzedFrame>,
+    /// Frames that follow sliders.
+    pub(crate) live: Option<LiveView>,
     /// Regions beside that of the analysis.
     pub(crate) regions: Vec<AnalyzedRegion>,
     /// What the frames show, with its spectra; `None` where it is not known.
@@ -43,6 +45,7 @@ impl<'a> FrameReport<'a> {
             experiment_text,
             frames,
             analysis: None,
+            live: None,
             regions: Vec::new(),
             components: None,
             frames_from: FrameOrigin::Simulated,
@@ -79,6 +82,7 @@ impl<'a> FrameReport<'a> {
             experiment: self.experiment,
             experiment_text: self.experiment_text,
             components: None,
+            live: self.live.as_ref(),
             evaluation,
             frames_from: self.frames_from,
             described_frames: &self.described_frames,

@@ -63,7 +63,7 @@ pub mod values;
 
 pub use analyze::{AnalyzeOptions, Analyzed, AnalyzedFrames, analyze};
 pub use capture::{CaptureOptions, CapturedFolder, RawForm, capture};
-pub use changes::{Changes, ExperimentArgs, RenderOptions, Seed, StatisticsOption};
+pub use changes::{Changes, ExperimentArgs, RenderOptions, Seed};
 pub use check::{CameraView, CheckOptions, CheckedExperiment, CheckedFile, CheckedSample, check};
 pub use coarse_render::{coarse_image, warnings_before_run};
 pub use cohort::{CohortArgs, CohortOptions, CohortOutcome, ExaminedCohort, FinishedShard, cohort};
@@ -74,7 +74,7 @@ pub use error::{Error, ErrorKind, Result, worded};
 pub use figure_file::FigureFormat;
 pub use finished_render::{CaptureView, FinishedRender, ShownExperiment};
 pub use job::{Job, Left, Listener};
-pub use live_render::{LiveRender, LiveStudy};
+pub use live_render::{LiveRender, LiveStudy, Shapes};
 pub use options::{TaskOption, TaskOptions};
 pub use photographs::{
     AnalyzedPhotographs, FailedPhotograph, IntervalKind, PatientEstimate, Photograph, PhotographCamera,
@@ -82,7 +82,7 @@ pub use photographs::{
     region_with_mask,
 };
 pub use plane_cache::Wanted;
-pub use predict::{Compatibility, PredictOptions, PredictedSample, filter_list, predict};
+pub use predict::{PredictOptions, PredictedSample, filter_list, predict};
 pub use render::{Keep, fill_film, render_scene, render_with_excitation_basis};
 pub use render_remarks::{as_typed_in_session, experiment_of, say_uncertainty, warn_of_denoised};
 pub use rendered_scene::SceneChanges;

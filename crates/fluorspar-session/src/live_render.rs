@@ -7,15 +7,17 @@ use fluorspar::analysis::PixelSelection;
 use fluorspar::image::{LightPath, SpectralImage};
 use fluorspar::interruption::end_if_interrupted;
 use fluorspar::pipeline::{
-    AnalyzedFrame, CapturedFrame, PipelineError, RegionRadiance, analyze_regions, analyze_seen,
-    capture_from_planes, check_captures, frame_radiance, on_sensor,
+    AnalyzedFrame, CapturedFrame, LiveView, PipelineError, RegionRadiance, analyze_regions, analyze_seen,
+    capture_from_planes, check_captures, depth_range_m, frame_radiance, on_sensor,
 };
+use fluorspar::render::visible_surfaces;
+use fluorspar::scene::Scene;
 use fluorspar::spectral::Radiance;
 use fluorspar::study::{AnalysisPlan, Capture, Study};
 use fluorspar_experiment::schema::{ExperimentFile, ExposureTime};
 use fluorspar_experiment::{
     Experiment, ResolvedExperiment, SceneChange, cached_analysis, edit_experiment, parse, resolve,
-    resolve_captures, resolve_rendered,
+    resolve_captures, resolve_rendered, resolve_shapes, section_of_other_surfaces, show_the_same_scene,
 };
 use fluorspar_report::ReportData;
 
@@ -34,12 +36,27 @@ pub struct LiveRender {
     name: String,
     text: String,
     base_dir: PathBuf,
+    /// The size of a coarse render, as changes after all others; none of one as large as its experiment says.
+    coarse: Vec<String>,
     /// What captures saw of late, the last first.
     seen: Mutex<Vec<KeptView>>,
     /// The rendered experiment with its surfaces, once a change of the lights asked for them.
     surfaces: OnceLock<(Experiment, ResolvedExperiment)>,
+    /// The shapes that were asked for last.
+    shapes: Mutex<Option<Arc<Shapes>>>,
     /// The last analysis, with the changes and the region that it is of.
     analyzed: Mutex<Option<(Vec<String>, Arc<AnalyzedFrame>)>>,
+}
+
+/// The shapes of an experiment, gray and without light, before its camera.
+pub struct Shapes {
+    /// What they were asked for with, and what that is.
+    changes: Changes,
+    experiment: Experiment,
+    /// The shapes and the camera.
+    pub scene: Scene,
+    /// How far the middle of what the camera sees is away, m.
+    pub distance_m: f32,
 }
 
 /// What captures saw.
@@ -84,8 +101,71 @@ impl LiveRender {
     }
 
     fn new(render: FinishedRender, name: String, text: String, base_dir: PathBuf) -> Self {
-        let (seen, surfaces, analyzed) = (Mutex::default(), OnceLock::new(), Mutex::default());
-        Self { render, name, text, base_dir, seen, surfaces, analyzed }
+        let (seen, surfaces, shapes) = (Mutex::default(), OnceLock::new(), Mutex::default());
+        let (coarse, analyzed) = (Vec::new(), Mutex::default());
+        Self { render, name, text, base_dir, coarse, seen, surfaces, shapes, analyzed }
+    }
+
+    /// Another render, of the same experiment with changes: these still come on top of the same text. `coarse` is the size of one that is
+    /// smaller than these say, as changes.
+    #[must_use]
+    pub fn with_render(&self, render: FinishedRender, coarse: Vec<String>) -> Self {
+        Self { coarse, ..Self::new(render, self.name.clone(), self.text.clone(), self.base_dir.clone()) }
+    }
+
+    /// Names of the fluorophores whose light the render holds, each once.
+    pub fn fluorophores(&self) -> Vec<&str> {
+        fluorophores(&self.render)
+    }
+
+    /// Whether it is smaller than its experiment says.
+    pub fn is_coarse(&self) -> bool {
+        !self.coarse.is_empty()
+    }
+
+    /// Whether its scene is that of the experiment with changes, by another camera at most. Tells that in milliseconds.
+    ///
+    /// # Errors
+    /// A change that can't be made.
+    pub fn is_of(&self, changes: &Changes) -> Result<bool> {
+        Ok(self.render.shown_without_surfaces(&self.sized(changes)?)?.is_some())
+    }
+
+    /// Whether its surfaces are those of the experiment with changes.
+    ///
+    /// # Errors
+    /// A change that can't be made.
+    pub fn has_surfaces_of(&self, changes: &Changes) -> Result<bool> {
+        let now = self.sized(changes)?;
+        Ok(self.render.experiment()?.is_some_and(|own| section_of_other_surfaces(own, &now).is_none()))
+    }
+
+    /// The shapes of the experiment with changes, rendered or not; the last ones are kept.
+    ///
+    /// # Errors
+    /// A change that can't be made; shapes that can't be.
+    pub fn shapes(&self, changes: &Changes) -> Result<Arc<Shapes>> {
+        let lock = || self.shapes.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = lock().clone();
+        if let Some(kept) = kept.as_ref().filter(|kept| kept.changes.set == changes.set) {
+            return Ok(Arc::clone(kept));
+        }
+        let now = self.experiment(changes)?;
+        if let Some(kept) = kept.filter(|kept| show_the_same_scene(&kept.experiment, &now)) {
+            return Ok(kept);
+        }
+        let scene = resolve_shapes(&now).map_err(|error| as_typed(error, &changes.overrides()))?;
+        let [near, far] = depth_range_m(&visible_surfaces(&scene, &scene.camera)).unwrap_or([1.0; 2]);
+        let changes = changes.clone();
+        let shapes = Arc::new(Shapes { changes, experiment: now, scene, distance_m: 0.5 * (near + far) });
+        *lock() = Some(Arc::clone(&shapes));
+        Ok(shapes)
+    }
+
+    /// The experiment with changes, of the size of the render.
+    fn sized(&self, changes: &Changes) -> Result<Experiment> {
+        let set = changes.set.iter().chain(&self.coarse).cloned().collect();
+        self.experiment(&Changes { set, unset: changes.unset.clone() })
     }
 
     /// The render.
@@ -138,7 +218,7 @@ impl LiveRender {
     /// # Errors
     /// A change that can't be made; one that only a new render can show.
     pub fn show(&self, changes: &Changes) -> Result<LiveStudy<'_>> {
-        let (parsed, overrides) = (self.experiment(changes)?, changes.overrides());
+        let (parsed, overrides) = (self.sized(changes)?, changes.overrides());
         let shown = self.shown(&parsed).map_err(|error| as_typed_in_session(error, &overrides))?;
         let ShownExperiment { experiment, changes } = shown;
         check_captures(&experiment.study, self.render.labels())?;
@@ -162,6 +242,7 @@ impl LiveRender {
         let report = FrameReport {
             analysis: analyze_seen(study, Some(&seen), &frames)?,
             regions: analyze_regions(study, Some(&seen), &frames)?,
+            live: LiveView::new(study, &seen, &frames)?,
             components: spectra.as_ref(),
             ..FrameReport::simulated(&shown.experiment, &text, frames)
         };
@@ -172,6 +253,12 @@ impl LiveRender {
     fn shown(&self, now: &Experiment) -> Result<ShownExperiment<'_>> {
         if let Some(shown) = self.render.shown_without_surfaces(now)? {
             return Ok(shown);
+        }
+        // Another mouth takes seconds to make, and is another scene whatever else changes
+        if let Some(own) = self.render.experiment()?
+            && section_of_other_surfaces(own, now) == Some("mouth")
+        {
+            return Err(PipelineError::OtherScene("the mouth".into()).into());
         }
         match self.on_kept_surfaces(now)? {
             Some(resolved) => self.render.shown_by(now, resolved),
@@ -185,7 +272,10 @@ impl LiveRender {
         let (rendered, resolved) = match self.surfaces.get() {
             Some(kept) => kept,
             None => {
-                let rendered = self.experiment(&Changes::default())?;
+                let rendered = match self.render.experiment()? {
+                    Some(own) => Experiment::clone(own),
+                    None => self.experiment(&Changes::default())?,
+                };
                 let resolved = resolve(&rendered)?;
                 self.surfaces.get_or_init(|| (rendered, resolved))
             }
@@ -446,10 +536,5 @@ impl LiveStudy<'_> {
         let spectra = render.spectra_at(&lit, &changes, &pixels)?;
         let all: Vec<usize> = (0..pixels.len()).collect();
         Ok(RegionRadiance::new(&spectra, &own.frame, &all))
-    }
-
-    /// Names of the fluorophores whose light the render holds, each once.
-    pub fn fluorophores(&self) -> Vec<&str> {
-        fluorophores(&self.live.render)
     }
 }

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use clap::{ValueEnum, ValueHint};
+use clap::ValueHint;
 use fluorspar::pipeline::{Prediction, predict as predict_sample};
 use fluorspar::units::number_text;
-use fluorspar_experiment::ResolvedSample;
+use fluorspar_experiment::{ResolvedSample, SampleCompatibility};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -49,21 +49,8 @@ pub struct PredictOptions {
     #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     pub step_nm: Option<f64>,
     /// Equations to use: Fluorspar's, ISETCam's sensor, or the normalized matrices of the authors' toolbox as well.
-    #[arg(long, value_enum, value_name = "WHOSE")]
-    pub compatibility: Option<Compatibility>,
-}
-
-/// Whose equations are used.
-#[derive(Clone, Copy, Debug, Deserialize, ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Compatibility {
-    /// Those of Fluorspar.
-    None,
-    /// The sensor of ISETCam.
-    Isetcam,
-    /// That, and the normalized matrices of the authors' toolbox.
-    #[serde(alias = "toolbox-eem")]
-    ToolboxEem,
+    #[arg(long, value_parser = values::choice::<SampleCompatibility>(&["none", "isetcam", "toolbox-eem"]), value_name = "WHOSE")]
+    pub compatibility: Option<SampleCompatibility>,
 }
 
 /// Spectra and mean sensor values of a flat sample.
@@ -157,12 +144,12 @@ impl PredictOptions {
         let exposure = |text: &str| number_or(text, quoted);
         all.extend(named("exposure.exposure_ms", "exposure_ms", &self.exposure_ms, &exposure));
         all.extend(numeric("spectral.step_nm", "step_nm", self.step_nm));
-        all.extend(self.compatibility.and_then(|whose| whose.to_possible_value()).map(|whose| {
-            let name = whose.get_name();
+        all.extend(self.compatibility.map(|whose| {
+            let name = values::name_of(&whose);
             Override::of_option(
                 "compatibility",
-                quoted(&name.replace('-', "_")),
-                given("compatibility", name),
+                quoted(&name),
+                given("compatibility", &name.replace('_', "-")),
             )
         }));
         all.extend(self.changes.overrides());

@@ -5,9 +5,10 @@ use std::time::Instant;
 
 use clap::ValueHint;
 use fluorspar::analysis::Analysis;
-use fluorspar::image::ComponentImage;
+use fluorspar::image::{ComponentFactors, ComponentImage};
 use fluorspar::pipeline::{
-    AnalyzedFrame, AnalyzedRegion, CapturePlanes, Evaluation, check_captures, evaluate, evaluate_from_planes,
+    AnalyzedFrame, AnalyzedRegion, CapturePlanes, CapturedFrame, Evaluation, LiveView, SeenComponents,
+    check_captures, evaluate, evaluate_from_planes,
 };
 use fluorspar::render::memory_bytes;
 use fluorspar::study::Study;
@@ -153,7 +154,8 @@ pub fn run(options: &RunOptions, job: &Job) -> Result<FinishedExperiment> {
     });
     written.map_err(|error| Error::from(error).at_its_place(&folder))?;
     let results = evaluated.map_err(Error::from).and_then(|evaluation| {
-        write_results(&experiment, &source.text, &components, evaluation, folder.path(), job)
+        let live = live_view(&experiment.study, &components, planes.as_ref(), &evaluation.frames)?;
+        write_results(&experiment, &source.text, (&components, live), evaluation, folder.path(), job)
     });
     let analyzed = match results {
         Ok(analyzed) => analyzed,
@@ -222,6 +224,19 @@ fn planes(study: &Study, components: &ComponentImage) -> Option<CapturePlanes> {
     CapturePlanes::new(study, components).ok()
 }
 
+/// The frames of the page that follow sliders.
+fn live_view(
+    study: &Study,
+    image: &ComponentImage,
+    planes: Option<&CapturePlanes>,
+    frames: &[CapturedFrame],
+) -> Result<Option<LiveView>> {
+    let Some(planes) = planes else { return Ok(None) };
+    let factors = &ComponentFactors::ones(image.components.len());
+    let seen = SeenComponents { image, planes, captures: &study.captures, factors };
+    Ok(LiveView::new(study, &seen, frames)?)
+}
+
 /// What a run says at its end.
 struct Evaluated {
     analysis: Option<AnalyzedFrame>,
@@ -232,7 +247,7 @@ struct Evaluated {
 fn write_results(
     experiment: &ResolvedExperiment,
     experiment_text: &str,
-    components: &ComponentImage,
+    (components, live): (&ComponentImage, Option<LiveView>),
     evaluation: Evaluation,
     folder: &Path,
     job: &Job,
@@ -241,6 +256,7 @@ fn write_results(
         experiment,
         experiment_text,
         components: Some(components),
+        live: live.as_ref(),
         evaluation: &evaluation,
         frames_from: FrameOrigin::Simulated,
         described_frames: &[],

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fluorspar_experiment::preset::{self, ExperimentPreset, PresetError, PresetKind};
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::{
     DEFAULT_DESIGN, DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, Experiment, FileRecord, ResolvedExperiment,
     ResolvedSample, is_experiment, is_sample, parse, parse_sample, resolve,
@@ -61,17 +61,17 @@ fn other_kind(path: &Path) -> Option<&'static str> {
 impl ExperimentSource {
     /// Finds an experiment by file name or built-in name; the default one if none is given.
     pub fn find(experiment: Option<&str>) -> Result<Self> {
-        Self::find_as(experiment, DEFAULT_EXPERIMENT, preset::experiment)
+        Self::find_as(experiment, DEFAULT_EXPERIMENT, PresetKind::Experiment)
     }
 
     /// Finds a flat sample by file name or built-in name; the default one if none is given.
     pub fn find_sample(sample: Option<&str>) -> Result<Self> {
-        Self::find_as(sample, DEFAULT_SAMPLE, preset::sample)
+        Self::find_as(sample, DEFAULT_SAMPLE, PresetKind::Sample)
     }
 
     /// Finds a design problem by file name or built-in name; the default one if none is given.
     pub fn find_design(design: Option<&str>) -> Result<Self> {
-        Self::find_as(design, DEFAULT_DESIGN, preset::design)
+        Self::find_as(design, DEFAULT_DESIGN, PresetKind::Design)
     }
 
     /// Finds an experiment or a flat sample.
@@ -84,11 +84,7 @@ impl ExperimentSource {
         }
     }
 
-    fn find_as(
-        given: Option<&str>,
-        default: &str,
-        preset: impl Fn(&str) -> Result<ExperimentPreset, PresetError>,
-    ) -> Result<Self> {
+    fn find_as(given: Option<&str>, default: &str, kind: PresetKind) -> Result<Self> {
         let name = given.unwrap_or(default);
         let path = Path::new(name);
         let looks_like_file = path.extension().is_some() || name.contains(['/', '\\']);
@@ -96,7 +92,7 @@ impl ExperimentSource {
             return Ok(Self {
                 name: format!("built-in {name}"),
                 stem: name.into(),
-                text: preset(name)?.text.into(),
+                text: preset::text(kind, name)?.into(),
                 base_dir: PathBuf::from("."),
                 file: None,
             });

@@ -2,8 +2,12 @@
 
 use std::fmt::Display;
 
-use fluorspar::units::number_text;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use fluorspar::units::{digits_text, number_text};
 use fluorspar_experiment::{ExperimentError, PathsFrom};
+use serde::Serialize;
+use serde::de::value::Error as NoValue;
+use serde::de::{DeserializeOwned, IntoDeserializer};
 
 use crate::{Error, Result};
 
@@ -31,6 +35,19 @@ pub fn seed(text: &str) -> Result<u64, String> {
 
 /// More threads only cost memory: no machine has as many cores.
 pub const MOST_THREADS: u64 = 1024;
+
+/// One of some values by the name that files have for it.
+pub fn choice<T: DeserializeOwned + Clone + Send + Sync + 'static>(
+    names: &'static [&'static str],
+) -> impl TypedValueParser<Value = T> {
+    let value = |name: String| T::deserialize(name.into_deserializer()).map_err(|error: NoValue| error);
+    PossibleValuesParser::new(names).try_map(value)
+}
+
+/// The name that files have for a value.
+pub(crate) fn name_of(value: &impl Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|name| Some(name.as_str()?.to_owned())).unwrap_or_default()
+}
 
 /// A number of threads.
 pub fn threads(text: &str) -> Result<usize, String> {
@@ -83,15 +100,7 @@ pub fn quoted(text: &str) -> String {
 
 /// Four digits, whatever the size.
 pub fn short(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 {
-        "0".into()
-    } else if !(1e-3..1e6).contains(&size) {
-        format!("{value:.3e}")
-    } else {
-        let digits = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
-        format!("{value:.digits$}")
-    }
+    digits_text(value, 4)
 }
 
 /// Seconds as people say them.

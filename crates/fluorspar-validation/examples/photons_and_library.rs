@@ -8,7 +8,8 @@ use std::error::Error;
 use std::path::Path;
 
 use fluorspar::design::DesignSpace;
-use fluorspar_experiment::{parse_design, preset};
+use fluorspar_experiment::parse_design;
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_report::{Axis, Dash, Figure, Ink, Panel, Series};
 
 /// The problem, with LEDs at eight peaks and two exposures.
@@ -41,7 +42,8 @@ const WANTED: [&str; 4] = ["nadh", "fad", "collagen", "elastin"];
 
 /// The best pair of lights and its worst relative standard deviation of a wanted weight.
 fn best(changes: &[String]) -> Result<(f64, String), Box<dyn Error>> {
-    let resolved = parse_design(preset::design(PROBLEM)?.text, PROBLEM, Path::new("."), changes)?;
+    let resolved =
+        parse_design(preset::text(PresetKind::Design, PROBLEM)?, PROBLEM, Path::new("."), changes)?;
     let space = DesignSpace::new(resolved.problem)?;
     let mut found = (f64::INFINITY, String::new());
     for number in 0..space.len() {

@@ -9,7 +9,7 @@ use fluorspar::render::{RenderControl, RenderError, render};
 use fluorspar::sensor::{Sensor, SensorProblem};
 use fluorspar::spectral::{Curve, Fluorophore};
 use fluorspar::study::{FlatSample, Study};
-use fluorspar_experiment::preset::{self, PresetError};
+use fluorspar_experiment::preset::{self, PresetError, PresetKind};
 use fluorspar_experiment::{DEFAULT_SAMPLE, ExperimentError, parse, parse_sample, resolve};
 use fluorspar_format::{FormatError, NamedCurve, Negative, SpectrumOptions, read_spectra};
 use thiserror::Error;
@@ -75,7 +75,7 @@ impl Setup<'_> {
         }
         let all: Vec<String> =
             self.changes.iter().cloned().chain(changes.iter().map(|change| (*change).to_owned())).collect();
-        let text = preset::sample(DEFAULT_SAMPLE)?.text;
+        let text = preset::text(PresetKind::Sample, DEFAULT_SAMPLE)?;
         Ok(parse_sample(text, DEFAULT_SAMPLE, Path::new("."), &all)?.sample)
     }
 
@@ -92,7 +92,7 @@ impl Setup<'_> {
 
     /// The mouth with some changes, `path=value`.
     pub(super) fn mouth(&self, changes: &[String]) -> Result<Study, ValidationError> {
-        let text = preset::experiment(MOUTH)?.text;
+        let text = preset::text(PresetKind::Experiment, MOUTH)?;
         Ok(resolve(&parse(text, MOUTH, Path::new("."), changes)?)?.study)
     }
 

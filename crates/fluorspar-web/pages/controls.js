@@ -3,11 +3,14 @@
 import { shortNumber } from "./chart.js";
 
 /** @typedef {import("./changes.js").Changes} Changes */
-/** @typedef {{path: string, label: string, unit: string, note: string, kind: "number" | "choice", value: any, range: [number, number],
- *   is_log: boolean, auto?: boolean, template?: string, options: {value: string, title: string}[]}} Control */
+/** @typedef {{path: string, label: string, unit: string, note: string, kind: "number" | "choice" | "record", value: any,
+ *   range: [number, number], is_log: boolean, is_whole: boolean, auto?: boolean, template?: string,
+ *   options: {value: string, title: string}[], fields: Control[]}} Control */
 /** @typedef {{title: string, capture: string | null, controls: Control[]}} ControlGroup */
 
 const STEPS = 1000;
+/** Largest number of a person. */
+const MOST_WHOLE = 4e9;
 let serial = 0;
 
 /** @param {string} name @param {Record<string, any>} [properties] @param {(Node | string)[]} [children] */
@@ -17,21 +20,27 @@ export function make(name, properties = {}, children = []) {
   return element;
 }
 
-/** A number as TOML wants it: with a point. @param {number} value */
-function toml(value) {
+/** A number as TOML wants it: with a point, unless it is whole. @param {Control} control @param {number} value */
+function toml(control, value) {
+  if (control.is_whole) return String(Math.round(value));
   const text = String(Number(value.toPrecision(4)));
   return /[.e]/.test(text) ? text : `${text}.0`;
 }
 
+/** Steps of a slider. @param {Control} control */
+const stepsOf = ({ range: [low, high], is_whole }) => (is_whole ? high - low : STEPS);
+
 /** Where a value stands on a slider. @param {Control} control @param {number} value */
-function toSlider({ range: [low, high], is_log }, value) {
+function toSlider(control, value) {
+  const { range: [low, high], is_log } = control;
   const share = is_log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
-  return Math.round(STEPS * Math.min(Math.max(share, 0), 1));
+  return Math.round(stepsOf(control) * Math.min(Math.max(share, 0), 1));
 }
 
 /** @param {Control} control @param {number} place */
-function fromSlider({ range: [low, high], is_log }, place) {
-  const share = place / STEPS;
+function fromSlider(control, place) {
+  const { range: [low, high], is_log } = control;
+  const share = place / stepsOf(control);
   return Number((is_log ? low * (high / low) ** share : low + (high - low) * share).toPrecision(3));
 }
 
@@ -49,13 +58,13 @@ function numberOf(control, changes) {
 function numberControl(control, changes, drag) {
   const id = `control-${serial++}`;
   const [low, high] = control.range;
-  const slider = make("input", { type: "range", id, min: 0, max: STEPS, step: 1 });
-  const field = make("input", { type: "number", step: "any", min: low, max: high, className: "value" });
+  const slider = make("input", { type: "range", id, min: 0, max: stepsOf(control), step: 1 });
+  const field = make("input", { type: "number", step: control.is_whole ? 1 : "any", min: low, max: control.is_whole ? MOST_WHOLE : high, className: "value" });
   field.setAttribute("aria-label", `${control.label}, ${control.unit}`);
   const back = backButton(control, changes);
   const write = (/** @type {number} */ value) => {
     if (!Number.isFinite(value)) return;
-    changes.set(control.path, control.template ? control.template.replace("$", toml(value)) : toml(value));
+    changes.set(control.path, control.template ? control.template.replace("$", toml(control, value)) : toml(control, value));
   };
   slider.addEventListener("pointerdown", () => drag.begin());
   slider.addEventListener("keydown", () => changes.remember(control.path));
@@ -63,7 +72,7 @@ function numberControl(control, changes, drag) {
   slider.addEventListener("change", () => drag.end());
   field.addEventListener("change", () => {
     changes.remember();
-    write(Math.min(Math.max(Number(field.value), control.is_log ? Number.MIN_VALUE : low), 1e6));
+    write(Math.min(Math.max(Number(field.value), control.is_log ? Number.MIN_VALUE : low), control.is_whole ? MOST_WHOLE : 1e6));
   });
   const label = make("label", { htmlFor: id, textContent: control.label });
   const row = make("div", { className: "row" }, [slider, field, make("span", { className: "unit", textContent: control.unit }), back]);
@@ -82,9 +91,12 @@ function numberControl(control, changes, drag) {
     if (value !== null) {
       if (document.activeElement !== slider || Math.abs(fromSlider(control, Number(slider.value)) - value) > 1e-3 * Math.abs(value))
         slider.value = String(toSlider(control, value));
-      field.value = String(Number(value.toPrecision(4)));
+      field.value = control.is_whole ? String(value) : String(Number(value.toPrecision(4)));
       slider.setAttribute("aria-valuetext", `${shortNumber(value)} ${control.unit}`);
-    } else field.value = "";
+    } else {
+      field.value = "";
+      if (!auto) [slider.value, field.placeholder] = ["0", "none"];
+    }
     back.hidden = changes.value(control.path) === undefined;
   };
   return { element: make("div", { className: "control" }, [head, row, noteOf(control, control.range)]), update };
@@ -108,6 +120,46 @@ function choiceControl(control, changes) {
   };
   const head = make("div", { className: "head" }, [make("label", { htmlFor: id, textContent: control.label })]);
   return { element: make("div", { className: "control" }, [head, make("div", { className: "row" }, [list, back]), noteOf(control)]), update };
+}
+
+/** Several values within one: a switch, and controls of each. @param {Control} control @param {Changes} changes @param {Drag} drag */
+function recordControl(control, changes, drag) {
+  const template = control.template ?? "";
+  const pattern = new RegExp(`^${template.replace(/[[\]{}.]/g, "\\$&").replace(/\$\w+/g, "(.+?)")}$`);
+  const order = [...template.matchAll(/\$(\w+)/g)].map((found) => found[1]);
+  const text = () => changes.value(control.path) ?? control.value;
+  /** @returns {Record<string, string>} */
+  const values = () => Object.fromEntries((pattern.exec(text() ?? "") ?? []).slice(1).map((value, i) => [order[i], value]));
+  const usual = Object.fromEntries(control.fields.map((field) => [field.path, field.kind === "number" ? toml(field, field.value) : field.value]));
+  const write = (/** @type {Record<string, string>} */ now) =>
+    changes.set(control.path, template.replace(/\$(\w+)/g, (_, name) => now[name] ?? usual[name]));
+  const within = /** @type {any} */ ({
+    remember: (/** @type {string} */ what) => changes.remember(what && control.path + what),
+    value: (/** @type {string} */ name) => values()[name] === usual[name] ? undefined : values()[name],
+    set: (/** @type {string} */ name, /** @type {string} */ value) => write({ ...values(), [name]: value ?? usual[name] }),
+  });
+  const own = control.fields.map((field) => drawControl(field, within, drag));
+  const box = make("div", { className: "record" }, own.map((field) => field.element));
+  const isOn = make("input", { type: "checkbox" });
+  isOn.addEventListener("change", () => {
+    changes.remember();
+    if (isOn.checked) write({});
+    else changes.set(control.path, undefined);
+  });
+  const update = () => {
+    isOn.checked = typeof text() === "string";
+    isOn.disabled = control.value !== null;
+    box.hidden = !isOn.checked;
+    if (isOn.checked) for (const field of own) field.update();
+  };
+  const head = make("label", { className: "auto" }, [isOn, control.label]);
+  return { element: make("div", { className: "control" }, [head, noteOf(control), box]), update };
+}
+
+/** @param {Control} control @param {Changes} changes @param {Drag} drag @returns {{element: HTMLElement, update: () => void}} */
+function drawControl(control, changes, drag) {
+  if (control.kind === "record") return recordControl(control, changes, drag);
+  return control.kind === "number" ? numberControl(control, changes, drag) : choiceControl(control, changes);
 }
 
 /** @param {Control} control @param {Changes} changes */
@@ -134,8 +186,7 @@ function noteOf(control, range) {
  * @param {HTMLElement} place @param {ControlGroup[]} groups @param {Changes} changes @param {Drag} drag */
 export function drawControls(place, groups, changes, drag) {
   const drawn = groups.map((group) => {
-    const own = group.controls.map((control) =>
-      control.kind === "number" ? numberControl(control, changes, drag) : choiceControl(control, changes));
+    const own = group.controls.map((control) => drawControl(control, changes, drag));
     const element = make("details", { className: "group", open: true },
       [make("summary", { textContent: group.title }), ...own.map((control) => control.element)]);
     return { group, own, element };

@@ -36,7 +36,7 @@ export class Findings {
   }
 
   async fetch() {
-    if (this.picture.isHeld || this.picture.isBusy || !this.picture.facts) return this.refresh();
+    if (this.picture.isHeld || this.picture.isBusy || this.picture.isUnfinished || !this.picture.facts) return this.refresh();
     const serial = ++this.serial;
     const body = this.body();
     this.taken = new AbortController();

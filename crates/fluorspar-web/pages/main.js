@@ -1,16 +1,19 @@
 // The page: waits for the render, then lets controls, picture and region follow one tree of changes.
 // @ts-check
+import { Anew } from "./anew.js";
 import { Changes } from "./changes.js";
 import { Compare } from "./compare.js";
 import { drawControls, make } from "./controls.js";
 import { Findings } from "./findings.js";
 import { Drawing, Picture, ask } from "./picture.js";
+import { Orbit, TURNED } from "./orbit.js";
 import { Photographs } from "./photographs.js";
 import { Region } from "./region.js";
+import { Tour } from "./tour.js";
 
 const byId = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 const VIEWS = [["developed", "Developed"], ["raw", "Raw mosaic"], ["clip", "Clipping"], ["noise", "Signal to noise"], ["eye", "Eye"], ["clay", "Clay"], ["part", "Parts"], ["depth", "Depth"], ["porphyrin", "Porphyrin map"]];
-const TOOLS = [["off", "Off"], ["rectangle", "Rectangle"], ["polygon", "Polygon"], ["part", "Part"]];
+const TOOLS = [["off", "Off"], ["rectangle", "Rectangle"], ["polygon", "Polygon"], ["part", "Part"], ["orbit", "Turn in 3-D"]];
 /** How often the page looks how far a render is, ms. */
 const LOOK = 400;
 
@@ -49,20 +52,6 @@ async function wait() {
   }
 }
 
-/** Renders the experiment with all changes, which then are part of it. @param {Changes} changes */
-async function renderAgain(changes) {
-  try {
-    await ask("/api/render", { set: changes.list() });
-    say("");
-    const subject = await wait();
-    if (!subject.remark) changes.now = { ...changes.now, set: {} };
-    history.replaceState(null, "", `#${changes.fragment()}`);
-    location.reload();
-  } catch (error) {
-    say(/** @type {Error} */ (error).message);
-  }
-}
-
 /** What of the page is shown: the simulation, the wait for it, or photographs. @param {"bench" | "waiting" | "photographs"} place */
 function turnTo(place) {
   for (const other of ["bench", "waiting", "photographs"]) byId(other).hidden = other !== place;
@@ -87,7 +76,6 @@ function begin(subject) {
   }
   byId("go-simulation").addEventListener("click", () => turnTo("bench"));
   turnTo("bench");
-  byId("subject").textContent = `${subject.title || subject.name} · ${subject.render_px.join(" × ")} px, ${subject.samples_per_pixel} samples per pixel`;
   const changes = new Changes();
   changes.read(location.hash);
   if (!location.hash) {
@@ -114,7 +102,15 @@ function begin(subject) {
       changed("set");
     },
   };
-  const updateControls = drawControls(byId("groups"), subject.groups, changes, drag);
+  let updateControls = drawControls(byId("groups"), subject.groups, changes, drag);
+  // Another render may have other lights and fluorophores to change
+  new Anew(changes, picture, say, async () => {
+    const groups = await (await ask("/api/controls", { set: changes.list() })).json();
+    if (JSON.stringify(groups) === JSON.stringify(subject.groups)) return;
+    subject.groups = groups;
+    updateControls = drawControls(byId("groups"), groups, changes, drag);
+    updateControls();
+  });
   picture.onshown = () => {
     drag.lastExposure = Number(picture.facts?.exposure_ms?.toPrecision(3)) || null;
     compare.refresh();
@@ -122,14 +118,22 @@ function begin(subject) {
 
   const show = (/** @type {"capture" | "view"} */ what) => (/** @type {string} */ value) => {
     changes.shown[what] = value;
+    if (orbit.isOn && what === "view" && !TURNED.includes(value)) useTool("off");
     changed("set");
   };
   const markCapture = radios("captures", subject.captures.map((/** @type {string} */ name) => [name, name]), show("capture"));
   const markView = radios("views", subject.analyzed ? VIEWS : VIEWS.slice(0, -1), show("view"));
-  const markTool = radios("tools", TOOLS, (tool) => drawing.use(tool));
+  const markTool = radios("tools", TOOLS, (tool) => useTool(tool));
+  const orbit = new Orbit(changes, picture, say);
+  /** @param {string} tool */
+  function useTool(tool) {
+    drawing.use(tool);
+    markTool(tool);
+    if (tool === "orbit" && !TURNED.includes(changes.shown.view)) show("view")("clay");
+    orbit.use(tool === "orbit");
+  }
   const tool = matchMedia("(pointer: coarse)").matches ? "off" : "rectangle";
-  markTool(tool);
-  drawing.use(tool);
+  useTool(tool);
 
   /** @param {"set" | "place"} what */
   function changed(what) {
@@ -146,6 +150,7 @@ function begin(subject) {
     if (!picture.isHeld) history.replaceState(null, "", `#${changes.fragment()}`);
     if (what === "set" || changes.shown.view === "porphyrin") picture.refresh();
     drawing.redraw();
+    if (orbit.isOn) orbit.refresh();
     region.refresh();
     findings.refresh();
   }
@@ -157,8 +162,8 @@ function begin(subject) {
     changed("set");
   });
   buttons(changes);
-  byId("render").addEventListener("click", () => renderAgain(changes));
   changed("set");
+  new Tour().begin();
 }
 
 /** @param {Changes} changes */

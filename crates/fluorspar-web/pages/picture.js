@@ -58,6 +58,10 @@ export class Picture {
     this.taken = new AbortController();
     /** @type {() => void} */
     this.onshown = () => {};
+    /** Whether what is wanted is not rendered, or only coarsely. */
+    this.isUnfinished = false;
+    /** Hears after each picture whether a render is needed. @type {(isNeeded: boolean) => void} */
+    this.onrender = () => {};
     this.zoom = byId("zoom");
     this.zoom.addEventListener("change", () => this.layOut());
     new ResizeObserver(() => this.layOut()).observe(byId("viewport"));
@@ -78,10 +82,15 @@ export class Picture {
       try {
         await this.fetch();
         this.say("");
+        this.isUnfinished = this.facts.is_coarse;
+        this.onrender(this.isUnfinished);
       } catch (error) {
         const { message, needsRender } = /** @type {Error & {needsRender?: boolean}} */ (error);
-        if (!this.isWanted && !this.taken.signal.aborted) this.say(message, needsRender);
         byId("viewport").classList.add("stale");
+        if (this.isWanted || this.taken.signal.aborted) continue;
+        this.isUnfinished = true;
+        if (needsRender) this.onrender(true);
+        else this.say(message);
       }
     }
     this.isBusy = false;
@@ -120,6 +129,7 @@ export class Picture {
     ];
     byId("facts").replaceChildren(...entries.map(([name, value], i) =>
       make("div", { className: i < 3 ? "" : "more" }, [make("dt", { textContent: name }), make("dd", { textContent: value })])));
+    byId("size").textContent = ` · ${facts.render_px.join(" × ")} px, ${facts.samples_per_pixel} samples per pixel`;
     byId("remarks").replaceChildren(...facts.remarks.map((/** @type {string} */ text) => make("li", { textContent: text })));
     this.drawLegend(facts.legend);
   }
@@ -139,15 +149,18 @@ export class Picture {
       make("span", { textContent: `${legend.ends[1]}; ${legend.note}` }));
   }
 
+  /** Height of the place of the frame, px: all of it and its numbers are in sight, as far as the window allows. */
+  roomHeight() {
+    return Math.max(window.innerHeight - OTHER_HEIGHT, LEAST_HEIGHT);
+  }
+
   /** Gives the picture its size on the page. */
   layOut() {
     if (!this.facts) return;
     const [width, height] = this.facts.frame_px;
     const viewport = byId("viewport");
     const ratio = window.devicePixelRatio || 1;
-    // The whole frame and its numbers are in sight, as far as the window allows
-    const room = Math.max(window.innerHeight - OTHER_HEIGHT, LEAST_HEIGHT);
-    const fit = Math.min(viewport.clientWidth / width, room / height);
+    const fit = Math.min(viewport.clientWidth / width, this.roomHeight() / height);
     const scale = this.zoom.value === "fit" ? fit : Number(this.zoom.value) / ratio;
     for (const layer of [this.canvas, byId("kept"), byId("drawing")]) {
       layer.style.width = `${width * scale}px`;

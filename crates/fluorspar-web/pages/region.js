@@ -52,7 +52,7 @@ export class Region {
   }
 
   async fetch() {
-    if (this.picture.isHeld || this.picture.isBusy || !this.picture.facts) return this.refresh();
+    if (this.picture.isHeld || this.picture.isBusy || this.picture.isUnfinished || !this.picture.facts) return this.refresh();
     const serial = ++this.serial;
     this.tellPlace();
     try {

@@ -1,13 +1,13 @@
-//! What of an experiment can be changed without a new render: each with its path, unit and range.
+//! What of an experiment can be changed, each with its path, unit and range; what needs a new render is rendered then.
 
 use fluorspar::spectral::CurveModel;
 use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::schema::{
     CaptureSection, ConcentrationFactor, ExposureTime, LightSection, SpectrumReference,
 };
-use fluorspar_experiment::{Experiment, scene_values};
+use fluorspar_experiment::{EXAMINATION_VIEWS, Experiment, POSES, scene_values};
 use fluorspar_session::values::quoted;
-use fluorspar_session::{Changes, LiveRender, LiveStudy, Result};
+use fluorspar_session::{Changes, LiveRender, Result};
 use serde::Serialize;
 
 /// Controls that belong together.
@@ -41,14 +41,17 @@ enum Kind {
         value: Option<f64>,
         range: [f64; 2],
         is_log: bool,
+        is_whole: bool,
         #[serde(skip_serializing_if = "Option::is_none")]
         auto: Option<bool>,
         /// The value around the number, which stands for `$`.
         #[serde(skip_serializing_if = "Option::is_none")]
         template: Option<String>,
     },
-    /// One of a list.
+    /// One of a list; an empty value where the experiment says nothing.
     Choice { value: String, options: Vec<Choice> },
+    /// Several values within one, where their paths stand behind `$`; nothing at first unless there is a value.
+    Record { value: Option<String>, template: String, fields: Vec<Control> },
 }
 
 #[derive(Serialize)]
@@ -67,13 +70,12 @@ const MOST_CONCENTRATION: f64 = 4.0;
 /// Width of an LED that the catalogue does not have, nm.
 const LED_WIDTH_NM: f64 = 12.0;
 
-/// All controls of a render.
+/// All controls of a render. What they say is that of the experiment without changes.
 ///
 /// # Errors
 /// A render whose experiment can't be read any more.
-pub(crate) fn controls(live: &LiveRender, changes: &Changes) -> Result<Vec<ControlGroup>> {
-    let study = live.show(changes)?;
-    let experiment = study.experiment();
+pub(crate) fn controls(live: &LiveRender) -> Result<Vec<ControlGroup>> {
+    let experiment = &live.experiment(&Changes::default())?;
     let groups = live.render().labels().light_groups();
     let captures = experiment.file.capture.iter().map(|capture| ControlGroup {
         title: format!("Capture \"{}\"", capture.name),
@@ -83,7 +85,9 @@ pub(crate) fn controls(live: &LiveRender, changes: &Changes) -> Result<Vec<Contr
     let shared = [
         ("Camera", of_camera(experiment)?),
         ("Light spectra", of_lights(live, experiment)?),
-        ("Fluorophores", of_fluorophores(&study)),
+        ("Fluorophores", of_fluorophores(live, experiment)),
+        ("Mouth", of_mouth(experiment)?),
+        ("Lesion", of_lesion(live, experiment)?),
     ];
     let shared = shared.into_iter().filter(|(_, controls)| !controls.is_empty());
     let shared =
@@ -106,7 +110,8 @@ fn number(
     is_log: bool,
 ) -> Control {
     let range = [range[0].min(value), range[1].max(value)];
-    let kind = Kind::Number { value: Some(value), range, is_log, auto: None, template: None };
+    let kind =
+        Kind::Number { value: Some(value), range, is_log, is_whole: false, auto: None, template: None };
     Control { path, label: label.into(), unit, note: String::new(), kind }
 }
 
@@ -128,6 +133,7 @@ fn of_capture(capture: &CaptureSection, groups: &[String], experiment: &Experime
         value: time_ms,
         range: [time_ms.map_or(least, |t| t.min(least)), time_ms.map_or(most, |t| t.max(most))],
         is_log: true,
+        is_whole: false,
         auto: Some(is_auto),
         template: None,
     };
@@ -166,7 +172,7 @@ fn value_at(experiment: &Experiment, path: &str) -> Option<String> {
 
 fn choice(path: &str, label: &str, note: &str, current: String, mut options: Vec<Choice>) -> Control {
     if !options.iter().any(|option| option.value == current) {
-        let title = format!("as in the experiment {current}");
+        let title = format!("as in the experiment {current}").trim_end().to_owned();
         options.insert(0, Choice { value: current.clone(), title });
     }
     let kind = Kind::Choice { value: current, options };
@@ -197,8 +203,8 @@ fn of_camera(experiment: &Experiment) -> Result<Vec<Control>> {
     Ok(all)
 }
 
-fn of_fluorophores(study: &LiveStudy<'_>) -> Vec<Control> {
-    let factors = &study.experiment().file.concentration;
+fn of_fluorophores(live: &LiveRender, experiment: &Experiment) -> Vec<Control> {
+    let factors = &experiment.file.concentration;
     let control = |name: &str| {
         let value = match factors.get(name) {
             None => 1.0,
@@ -208,7 +214,7 @@ fn of_fluorophores(study: &LiveStudy<'_>) -> Vec<Control> {
         let path = format!("concentration.{}", step(name));
         Some(number(path, &name.replace('_', " "), "×", value, [0.0, MOST_CONCENTRATION], false))
     };
-    study.fluorophores().into_iter().filter_map(control).collect()
+    live.fluorophores().into_iter().filter_map(control).collect()
 }
 
 /// Peaks of lights whose excitation is kept apart by wavelength.
@@ -223,6 +229,7 @@ fn of_lights(live: &LiveRender, experiment: &Experiment) -> Result<Vec<Control>>
             value: peak_nm,
             range: experiment.file.render.excitation_basis_nm.unwrap_or(*span),
             is_log: false,
+            is_whole: false,
             auto: None,
             template: Some(format!("{{ type = \"led\", peak_nm = $, {shape} }}")),
         };
@@ -254,4 +261,105 @@ fn led(spectrum: &SpectrumReference) -> (Option<f64>, String) {
         ),
         _ => (None, format!("fwhm_short_nm = {LED_WIDTH_NM:?}, fwhm_long_nm = {LED_WIDTH_NM:?}")),
     }
+}
+
+/// Numbers of people on a slider, of the four thousand million that there are.
+const PEOPLE: [f64; 2] = [1.0, 200.0];
+/// Pose of a mouth: field, what it is called, unit and range (`docs/mouth.md`).
+const POSE: [(&str, &str, &str, [f64; 2]); 6] = [
+    ("jaw_opening_mm", "Opening of the jaw", "mm", [14.0, 60.0]),
+    ("tongue_protrusion_mm", "Tongue put out", "mm", [-10.0, 25.0]),
+    ("tongue_elevation_mm", "Tongue raised", "mm", [-5.0, 12.0]),
+    ("tongue_shift_mm", "Tongue to the left", "mm", [-20.0, 20.0]),
+    ("tongue_curl", "Tip of the tongue curled up", "", [0.0, 1.0]),
+    ("lip_retraction_mm", "Lips drawn back", "mm", [-3.0, 11.0]),
+];
+
+/// Where it is told what the values of a mouth rest on.
+const SOURCES: &str = "sources: docs/mouth.md";
+
+/// Person, view and pose of a mouth.
+fn of_mouth(experiment: &Experiment) -> Result<Vec<Control>> {
+    let Some(mouth) = &experiment.file.mouth else { return Ok(Vec::new()) };
+    let kind = Kind::Number {
+        value: mouth.person.map(f64::from),
+        range: PEOPLE,
+        is_log: false,
+        is_whole: true,
+        auto: None,
+        template: None,
+    };
+    let person = Control {
+        path: "mouth.person".into(),
+        label: "Person".into(),
+        unit: "",
+        note: format!("shape, teeth and tissues, as mouth sample draws them; any number; {SOURCES}"),
+        kind,
+    };
+    let views = EXAMINATION_VIEWS.iter().chain(&POSES);
+    let views = views.map(|view| Choice { value: quoted(view.name), title: view.title.into() });
+    let current = mouth.view.as_deref().map(quoted).unwrap_or_default();
+    let note = "pose of jaw, tongue and lips, and place of the camera";
+    let view = choice("mouth.view", "View", note, current, views.collect());
+    let values = serde_json::to_value(&mouth.parameters)?;
+    let pose = POSE.into_iter().filter_map(|(field, label, unit, range)| {
+        let path = format!("mouth.{field}");
+        let control = number(path, label, unit, values.get(field)?.as_f64()?, range, false);
+        Some(Control { note: SOURCES.into(), ..control })
+    });
+    Ok([person, view].into_iter().chain(pose).collect())
+}
+
+/// Name of the lesion that the page adds.
+const LESION: &str = "drawn";
+/// Its fields, where the values of controls stand behind `$`.
+const LESION_TEMPLATE: &str =
+    "{ part = $part, states = [$state], center = [$u, $v], size_mm = [$length, $width], edge_mm = $edge }";
+
+/// A lesion on a part that is seen: one more, or that which the page added to a saved experiment.
+fn of_lesion(live: &LiveRender, experiment: &Experiment) -> Result<Vec<Control>> {
+    let Some(mouth) = &experiment.file.mouth else { return Ok(Vec::new()) };
+    if !experiment.file.material.iter().any(|material| material.tissue().is_some()) {
+        return Ok(Vec::new());
+    }
+    let seen = live.render().labels().features.part_names.iter();
+    let is_soft = |part: &&String| !part.starts_with("tooth_") && *part != "face";
+    let parts =
+        seen.filter(is_soft).map(|part| Choice { value: quoted(part), title: part.replace('_', " ") });
+    let states = entries(PresetKind::State, quoted)?;
+    let known = mouth.lesion.iter().find(|lesion| lesion.name == LESION);
+    let part = known.map_or("tongue_dorsum", |lesion| &lesion.part);
+    let state = known.and_then(|lesion| lesion.states.first()).map_or("dysplasia_moderate", String::as_str);
+    let [u, v] = known.map_or([0.5; 2], |lesion| lesion.center);
+    let [length, width] = known.map_or([8.0, 6.0], |lesion| lesion.size_mm);
+    let edge_mm = known.map_or(1.0, |lesion| lesion.edge_mm);
+    let fields = vec![
+        choice("part", "On", "", quoted(part), parts.collect()),
+        choice("state", "Kind", "a state of the catalogue", quoted(state), states),
+        number("u".into(), "Place along u", "", u, [0.0, 1.0], false),
+        number("v".into(), "Place along v", "", v, [0.0, 1.0], false),
+        number("length".into(), "Length", "mm", length, [1.0, 40.0], false),
+        number("width".into(), "Width", "mm", width, [1.0, 40.0], false),
+        number("edge".into(), "Edge", "mm", edge_mm, [0.0, 5.0], false),
+    ];
+    let (path, template) = match known {
+        Some(_) => ("", LESION_TEMPLATE.replacen('{', &format!("{{ name = {},", quoted(LESION)), 1)),
+        None => ("insert ", LESION_TEMPLATE.to_owned()),
+    };
+    let path = format!("{path}mouth.lesion.{LESION}");
+    let value = known.map(|_| filled(&template, &fields));
+    let note = "coordinates of parts: docs/mouth.md; states: docs/tissue.md".into();
+    let kind = Kind::Record { value, template, fields };
+    Ok(vec![Control { path, label: "A lesion".into(), unit: "", note, kind }])
+}
+
+/// A template with the values of its fields.
+fn filled(template: &str, fields: &[Control]) -> String {
+    fields.iter().fold(template.to_owned(), |text, field| match &field.kind {
+        Kind::Number { value, .. } => {
+            text.replace(&format!("${}", field.path), &format!("{:?}", value.unwrap_or_default()))
+        }
+        Kind::Choice { value, .. } => text.replace(&format!("${}", field.path), value),
+        Kind::Record { .. } => text,
+    })
 }

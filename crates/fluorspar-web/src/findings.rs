@@ -3,18 +3,18 @@
 use std::time::Instant;
 
 use fluorspar_report::{NumberMatrix, NumberTable, ReportItem, Section};
-use fluorspar_session::{Changes, LiveRender, Result};
+use fluorspar_session::Result;
 use serde::{Deserialize, Serialize};
 
 use crate::region::Place;
-use crate::subject::check_no_files;
+use crate::server::Shown;
 
 /// What findings are wanted of.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct FindingsRequest {
     #[serde(default)]
-    set: Vec<String>,
+    pub(crate) set: Vec<String>,
     place: Option<Place>,
     /// Light by origin, leak and depth, too, which take longer.
     #[serde(default)]
@@ -39,12 +39,10 @@ struct ToldSection {
 ///
 /// # Errors
 /// A change that can't be made or shown; frames that can't be analyzed.
-pub(crate) fn findings(live: &LiveRender, request: &FindingsRequest) -> Result<FindingsAnswer> {
+pub(crate) fn findings(shown: &Shown, request: &FindingsRequest) -> Result<FindingsAnswer> {
     let begun = Instant::now();
-    let changes = Changes { set: request.set.clone(), unset: Vec::new() };
-    check_no_files(&changes)?;
     let place = request.place.as_ref().map(Place::text);
-    let page = live.show(&changes)?.findings(place.as_deref(), request.with_spectra)?.alone();
+    let page = shown.live.show(&shown.changes)?.findings(place.as_deref(), request.with_spectra)?.alone();
     let mut figures = 0;
     let overview = page.overview.map(|overview| {
         let budgets = overview.answer.into_iter().flat_map(|answer| answer.budgets);
@@ -74,7 +72,7 @@ pub(crate) fn findings(live: &LiveRender, request: &FindingsRequest) -> Result<F
 #[serde(deny_unknown_fields)]
 pub(crate) struct ReportRequest {
     #[serde(default)]
-    set: Vec<String>,
+    pub(crate) set: Vec<String>,
     place: Option<Place>,
 }
 
@@ -82,9 +80,7 @@ pub(crate) struct ReportRequest {
 ///
 /// # Errors
 /// Those of [`findings`].
-pub(crate) fn report(live: &LiveRender, request: &ReportRequest) -> Result<String> {
-    let changes = Changes { set: request.set.clone(), unset: Vec::new() };
-    check_no_files(&changes)?;
+pub(crate) fn report(shown: &Shown, request: &ReportRequest) -> Result<String> {
     let place = request.place.as_ref().map(Place::text);
-    Ok(live.report(&changes, place.as_deref())?.alone().to_html())
+    Ok(shown.live.report(&shown.changes, place.as_deref())?.alone().to_html())
 }

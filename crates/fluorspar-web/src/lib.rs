@@ -4,8 +4,10 @@
 //! | to | file |
 //! |---|---|
 //! | find what is shown: a run, a component image, an experiment that is rendered first | `subject.rs` |
+//! | render what only a new render can show | `anew.rs` |
 //! | tell the page what can be changed, with unit, range and path | `controls.rs` |
 //! | draw a frame: developed, raw, where it clips, porphyrin | `picture.rs` |
+//! | draw the shapes from any side | `orbit.rs` |
 //! | say what the pixels of a region say | `region.rs` |
 //! | say what a report says, and make it | `findings.rs` |
 //! | take photographs in, and save what was drawn on them | `photograph.rs` |
@@ -14,10 +16,12 @@
 //! | refuse those of others | `guard.rs` |
 //! | the pages | `pages/` |
 
+mod anew;
 mod controls;
 mod findings;
 mod guard;
 mod lane;
+mod orbit;
 mod photograph;
 mod picture;
 mod region;

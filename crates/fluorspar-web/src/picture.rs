@@ -9,19 +9,19 @@ use fluorspar::pipeline::{
 };
 use fluorspar::spectral::encode_srgb;
 use fluorspar_report::ColorMap;
-use fluorspar_session::{Changes, Error, LiveRender, LiveStudy, Result};
+use fluorspar_session::{Error, LiveRender, LiveStudy, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::region::Place;
-use crate::subject::check_no_files;
+use crate::server::Shown;
 
 /// Which picture is wanted.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PictureRequest {
     #[serde(default)]
-    set: Vec<String>,
+    pub(crate) set: Vec<String>,
     capture: String,
     view: View,
     /// Level that is shown as white, as an earlier picture had it: its tones are held. A new one where there is none.
@@ -59,6 +59,10 @@ pub(crate) struct PictureFacts {
     bright_dn: f64,
     noise_dn: f64,
     white_level_dn: u16,
+    /// Columns, rows and samples per pixel of the render, and whether a finer one is in the making.
+    render_px: [usize; 2],
+    samples_per_pixel: u32,
+    is_coarse: bool,
     /// Share at the upper end of the colors of a map, and the colors from 0 on.
     #[serde(skip_serializing_if = "Option::is_none")]
     legend: Option<Legend>,
@@ -70,7 +74,7 @@ pub(crate) struct PictureFacts {
 
 /// The colors of a map.
 #[derive(Serialize)]
-struct Legend {
+pub(crate) struct Legend {
     label: String,
     /// What the first and the last color stand for.
     ends: [String; 2],
@@ -83,6 +87,13 @@ impl Legend {
     fn new(label: String, ends: [String; 2], note: &'static str) -> Self {
         let colors = (0..LEGEND_STEPS).map(|i| MAP.color(i as f64 / (LEGEND_STEPS - 1) as f64));
         Self { label, ends, note, colors: colors.collect() }
+    }
+
+    /// Of distances from the camera, m.
+    pub(crate) fn of_depth(range_m: Option<[f32; 2]>) -> Self {
+        let ends = range_m.unwrap_or_default().map(|distance| format!("{:.1} mm", 1e3 * distance));
+        let (label, colors) = ("Distance from the camera".into(), vec![[255; 3], [38; 3]]);
+        Self { label, ends, note: "nearest to farthest", colors }
     }
 }
 
@@ -101,13 +112,12 @@ const LEGEND_STEPS: usize = 24;
 ///
 /// # Errors
 /// A change that can't be made or shown, a capture that is not there, a map without an analysis.
-pub(crate) fn picture(live: &LiveRender, request: &PictureRequest) -> Result<(PictureFacts, Vec<u8>)> {
+pub(crate) fn picture(shown: &Shown, request: &PictureRequest) -> Result<(PictureFacts, Vec<u8>)> {
     let begun = Instant::now();
-    let changes = Changes { set: request.set.clone(), unset: Vec::new() };
-    check_no_files(&changes)?;
-    let study = live.show(&changes)?;
+    let live = &shown.live;
+    let study = live.show(&shown.changes)?;
     let frame = study.frame(&request.capture)?;
-    let (shown, white, legend) = match request.view {
+    let (picture, white, legend) = match request.view {
         View::Porphyrin => {
             let analyzed = study.analyzed(request.place.as_ref().map(Place::text).as_deref())?;
             let analyzed = analyzed.ok_or(PipelineError::Missing("analysis"))?;
@@ -125,11 +135,7 @@ pub(crate) fn picture(live: &LiveRender, request: &PictureRequest) -> Result<(Pi
         View::Clay => (of_surfaces(SurfaceView::Clay, &study, live, &frame)?, 0.0, None),
         View::Part => (of_surfaces(SurfaceView::Part, &study, live, &frame)?, 0.0, None),
         View::Depth => {
-            let range_m = depth_range_m(&live.render().labels().features).unwrap_or_default();
-            let [near, far] = range_m.map(|distance| format!("{:.1} mm", 1e3 * distance));
-            let colors = vec![[255; 3], [38; 3]];
-            let label = "Distance from the camera".into();
-            let legend = Legend { label, ends: [near, far], note: "nearest to farthest", colors };
+            let legend = Legend::of_depth(depth_range_m(&live.render().labels().features));
             (of_surfaces(SurfaceView::Depth, &study, live, &frame)?, 0.0, Some(legend))
         }
         View::Raw => {
@@ -141,8 +147,8 @@ pub(crate) fn picture(live: &LiveRender, request: &PictureRequest) -> Result<(Pi
             (if request.view == View::Clip { striped(developed, &frame) } else { developed }, white, None)
         }
     };
-    let png = png_of(&shrunk(shown))?;
-    let mut facts = facts(&study, &frame, white)?;
+    let png = png_of(&shrunk(picture))?;
+    let mut facts = facts(live, &study, &frame, white)?;
     (facts.legend, facts.milliseconds) = (legend, 1e3 * begun.elapsed().as_secs_f64());
     Ok((facts, png))
 }
@@ -190,9 +196,15 @@ fn clipped_percent(developed: &ChannelImage) -> f64 {
 }
 
 /// What is told beside a picture, but for legend and time.
-fn facts(study: &LiveStudy<'_>, frame: &CapturedFrame, white: f64) -> Result<PictureFacts> {
+fn facts(
+    live: &LiveRender,
+    study: &LiveStudy<'_>,
+    frame: &CapturedFrame,
+    white: f64,
+) -> Result<PictureFacts> {
     let CapturedFrame { raw, developed, .. } = frame;
     let sensor = study.study().camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?.film_extent();
+    let labels = live.render().labels();
     Ok(PictureFacts {
         frame_px: [developed.width, developed.height],
         sensor_mm: [sensor.width_mm, sensor.height_mm],
@@ -203,6 +215,9 @@ fn facts(study: &LiveStudy<'_>, frame: &CapturedFrame, white: f64) -> Result<Pic
         bright_dn: bright_level_dn(developed),
         noise_dn: developed.noise_floor_dn,
         white_level_dn: raw.white_level,
+        render_px: [labels.width, labels.height],
+        samples_per_pixel: labels.samples_per_pixel,
+        is_coarse: live.is_coarse(),
         legend: None,
         remarks: remarks(study, &raw.label)?,
         milliseconds: 0.0,

@@ -6,17 +6,18 @@ use fluorspar::findings::region_findings;
 use fluorspar::pipeline::on_sensor;
 use fluorspar_report::finding_lines;
 use fluorspar_session::values::quoted;
-use fluorspar_session::{Changes, Error, LiveRender, LiveStudy, Result};
+use fluorspar_session::{Error, LiveRender, LiveStudy, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::subject::{check_no_files, said};
+use crate::server::Shown;
+use crate::subject::said;
 
 /// Which region is asked about.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RegionRequest {
     #[serde(default)]
-    set: Vec<String>,
+    pub(crate) set: Vec<String>,
     /// The capture whose light is split.
     capture: String,
     /// Columns and rows of its frame.
@@ -133,10 +134,9 @@ struct Spectra {
 ///
 /// # Errors
 /// A change that can't be made or shown. That an estimate or spectra can't be had is told in the answer.
-pub(crate) fn region(live: &LiveRender, request: &RegionRequest) -> Result<RegionAnswer> {
-    let changes = Changes { set: request.set.clone(), unset: Vec::new() };
-    check_no_files(&changes)?;
-    let study = live.show(&changes)?;
+pub(crate) fn region(shown: &Shown, request: &RegionRequest) -> Result<RegionAnswer> {
+    let live = &shown.live;
+    let study = live.show(&shown.changes)?;
     let mut answer = RegionAnswer::default();
     let mut place = request.place.clone();
     if let Some(place) = &mut place {
@@ -178,7 +178,7 @@ pub(crate) fn region(live: &LiveRender, request: &RegionRequest) -> Result<Regio
 #[serde(deny_unknown_fields)]
 pub(crate) struct PartRequest {
     #[serde(default)]
-    set: Vec<String>,
+    pub(crate) set: Vec<String>,
     frame_px: [usize; 2],
     /// Column and row.
     at_px: [u32; 2],
@@ -188,10 +188,9 @@ pub(crate) struct PartRequest {
 ///
 /// # Errors
 /// A change that can't be shown; a pixel that is not on the frame.
-pub(crate) fn part_at(live: &LiveRender, request: &PartRequest) -> Result<Option<String>> {
-    let changes = Changes { set: request.set.clone(), unset: Vec::new() };
-    check_no_files(&changes)?;
-    let study = live.show(&changes)?;
+pub(crate) fn part_at(shown: &Shown, request: &PartRequest) -> Result<Option<String>> {
+    let live = &shown.live;
+    let study = live.show(&shown.changes)?;
     let [column, row] = request.at_px;
     let pixel =
         Place { rectangle_px: Some([column, row, 1, 1]), polygon_px: None, mask_runs: None, part: None };

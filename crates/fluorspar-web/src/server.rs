@@ -13,6 +13,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use fluorspar::pipeline::PipelineError;
+use fluorspar_report::page_policy;
 use fluorspar_session::{Changes, Error, ErrorKind, LiveRender, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -21,6 +22,7 @@ use crate::controls::controls;
 use crate::findings::{FindingsRequest, ReportRequest, findings, report};
 use crate::guard::{Guard, guarded};
 use crate::lane::Lane;
+use crate::orbit::{OrbitRequest, orbit};
 use crate::photograph::{EstimateRequest, PhotographRequest, Photographs, SaveRequest};
 use crate::picture::{PictureRequest, picture, png_of};
 use crate::region::{PartRequest, Place, RegionRequest, part_at, region};
@@ -41,8 +43,8 @@ pub(crate) struct Server {
     pub(crate) photographs: Arc<Photographs>,
     /// The page of the last report.
     report: Mutex<Option<Bytes>>,
-    /// Pictures, estimates, and what takes longer: one of each is made at once.
-    lanes: [Lane; 3],
+    /// Pictures, estimates, what takes longer, and looks at renders: one of each is made at once.
+    lanes: [Lane; 4],
 }
 
 impl Server {
@@ -53,7 +55,7 @@ impl Server {
             is_read_ahead: AtomicBool::new(false),
             photographs: Arc::new(photographs),
             report: Mutex::default(),
-            lanes: [Lane::new()?, Lane::new()?, Lane::new()?],
+            lanes: [Lane::new()?, Lane::new()?, Lane::new()?, Lane::new()?],
         })
     }
 }
@@ -64,22 +66,22 @@ type Asked<T> = std::result::Result<Json<T>, JsonRejection>;
 /// A page: path, kind and content.
 type Page = (&'static str, &'static str, &'static str);
 
-/// Reports run no scripts and load nothing; their styles and pictures are within them.
-const REPORT_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; \
-                             frame-ancestors 'none'";
 const HTML: &str = "text/html; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
-const PAGES: [Page; 12] = [
+const PAGES: [Page; 15] = [
     ("/", HTML, include_str!("../pages/index.html")),
     ("/style.css", "text/css; charset=utf-8", include_str!("../pages/style.css")),
     ("/icon.svg", "image/svg+xml", include_str!("../pages/icon.svg")),
     ("/main.js", SCRIPT, include_str!("../pages/main.js")),
+    ("/anew.js", SCRIPT, include_str!("../pages/anew.js")),
     ("/changes.js", SCRIPT, include_str!("../pages/changes.js")),
     ("/compare.js", SCRIPT, include_str!("../pages/compare.js")),
     ("/findings.js", SCRIPT, include_str!("../pages/findings.js")),
     ("/photographs.js", SCRIPT, include_str!("../pages/photographs.js")),
     ("/controls.js", SCRIPT, include_str!("../pages/controls.js")),
+    ("/orbit.js", SCRIPT, include_str!("../pages/orbit.js")),
     ("/picture.js", SCRIPT, include_str!("../pages/picture.js")),
+    ("/tour.js", SCRIPT, include_str!("../pages/tour.js")),
     ("/region.js", SCRIPT, include_str!("../pages/region.js")),
     ("/chart.js", SCRIPT, include_str!("../pages/chart.js")),
 ];
@@ -88,12 +90,14 @@ pub(crate) fn router(server: Arc<Server>) -> Router {
     let mut router = Router::new()
         .route("/api/subject", get(subject))
         .route("/api/picture", post(picture_of))
+        .route("/api/orbit", post(orbit_of))
         .route("/api/region", post(region_of))
         .route("/api/part", post(part_of))
         .route("/api/toml", post(toml_of))
         .route("/api/findings", post(findings_of))
         .route("/api/report", post(report_of))
         .route("/report.html", get(last_report))
+        .route("/api/controls", post(controls_of))
         .route("/api/render", post(render))
         .route("/api/stop", post(stop))
         .route("/api/photographs", post(photographs))
@@ -139,24 +143,64 @@ fn failure(error: &Error) -> Response {
     (status, Json(json!({ "error": said(error), "needs_render": needs_render }))).into_response()
 }
 
-/// What work on the finished render gives, done in a thread of its own.
-async fn answer<Q: Send + 'static>(
+/// The experiment with the changes that a request has, and the render that shows it.
+pub(crate) struct Shown {
+    pub(crate) first: Arc<LiveRender>,
+    pub(crate) live: Arc<LiveRender>,
+    pub(crate) changes: Changes,
+}
+
+/// A request on the experiment with changes, in the form of `--set`.
+trait OfChanges: Send + 'static {
+    fn set(&self) -> &[String];
+}
+
+macro_rules! of_changes {
+    ($($request:ty),*) => {$(
+        impl OfChanges for $request {
+            fn set(&self) -> &[String] {
+                &self.set
+            }
+        }
+    )*};
+}
+of_changes!(
+    PictureRequest,
+    RegionRequest,
+    PartRequest,
+    FindingsRequest,
+    ReportRequest,
+    TomlRequest,
+    OrbitRequest,
+    ControlsRequest,
+    RenderRequest
+);
+
+/// What work on a render gives, done in a thread of its own.
+async fn answer<Q: OfChanges>(
     server: Arc<Server>,
     kind: Kind,
     asked: Asked<Q>,
-    work: impl FnOnce(&Arc<LiveRender>, &Q) -> Result<Response> + Send + 'static,
+    work: impl FnOnce(&Shown, &Q) -> Result<Response> + Send + 'static,
 ) -> Response {
     let Json(asked) = match asked {
         Ok(asked) => asked,
         Err(error) => return refusal(error.status(), &error.body_text()),
     };
-    let live = match server.subject.stage() {
-        Stage::Ready(live, _) => live,
+    let first = match server.subject.stage() {
+        Stage::Ready(live) => live,
         Stage::Rendering => return refusal(StatusCode::SERVICE_UNAVAILABLE, "the render is not there yet"),
         Stage::Failed(why) => return refusal(StatusCode::SERVICE_UNAVAILABLE, &why),
         Stage::Photographs => return refusal(StatusCode::SERVICE_UNAVAILABLE, "there are photographs alone"),
     };
-    in_turn(&server, kind, move || work(&live, &asked)).await
+    let anew = Arc::clone(&server.subject.anew);
+    in_turn(&server, kind, move || {
+        let changes = Changes { set: asked.set().to_vec(), unset: Vec::new() };
+        check_no_files(&changes)?;
+        let live = anew.shown(&first, &changes);
+        work(&Shown { first, live, changes }, &asked)
+    })
+    .await
 }
 
 /// What work on photographs gives, done in a thread of its own.
@@ -181,6 +225,7 @@ enum Kind {
     Picture,
     Estimate,
     Report,
+    Render,
 }
 
 /// Does work when its turn comes, in threads of its own; ends it where the browser takes its request back.
@@ -207,8 +252,8 @@ async fn subject(State(server): Shared) -> Response {
 
 fn about(subject: &Subject, stage: &Stage) -> Result<Value> {
     let name = &subject.name;
-    let (live, remark) = match stage {
-        Stage::Ready(live, remark) => (live, remark),
+    let live = match stage {
+        Stage::Ready(live) => live,
         Stage::Failed(why) => return Ok(json!({ "stage": "failed", "name": name, "error": why })),
         Stage::Photographs => return Ok(json!({ "stage": "photographs", "name": name })),
         Stage::Rendering => {
@@ -224,24 +269,23 @@ fn about(subject: &Subject, stage: &Stage) -> Result<Value> {
         "stage": "ready",
         "name": name,
         "title": file.title,
-        "remark": remark,
         "set": subject.changes(),
         "captures": captures,
         "analyzed": file.analysis.as_ref().map(|analysis| &analysis.frame),
         "parts": file.analysis.as_ref().map(|analysis| &analysis.place.parts),
         "render_px": [labels.width, labels.height],
         "samples_per_pixel": labels.samples_per_pixel,
-        "groups": controls(live, &Changes::default())?,
+        "groups": controls(live)?,
     }))
 }
 
 /// A picture: the length of what is told beside it as four bytes, least first, that as JSON, and the PNG.
 async fn picture_of(State(server): Shared, asked: Asked<PictureRequest>) -> Response {
     let shared = Arc::clone(&server);
-    let work = move |live: &Arc<LiveRender>, asked: &PictureRequest| {
-        let (facts, png) = picture(live, asked)?;
+    let work = move |shown: &Shown, asked: &PictureRequest| {
+        let (facts, png) = picture(shown, asked)?;
         if !shared.is_read_ahead.swap(true, Ordering::Relaxed) {
-            read_ahead(live);
+            read_ahead(&shown.first);
         }
         told_picture(&facts, &png)
     };
@@ -295,22 +339,30 @@ async fn photographs_save(State(server): Shared, asked: Asked<SaveRequest>) -> R
     answer_photographs(server, Kind::Picture, asked, work).await
 }
 
+/// The shapes from any side, as [`picture_of`] sends pictures.
+async fn orbit_of(State(server): Shared, asked: Asked<OrbitRequest>) -> Response {
+    let work = |shown: &Shown, asked: &OrbitRequest| {
+        let (facts, png) = orbit(shown, asked)?;
+        told_picture(&facts, &png)
+    };
+    answer(server, Kind::Picture, asked, work).await
+}
+
 async fn region_of(State(server): Shared, asked: Asked<RegionRequest>) -> Response {
-    let work = |live: &Arc<LiveRender>, asked: &RegionRequest| Ok(Json(region(live, asked)?).into_response());
+    let work = |shown: &Shown, asked: &RegionRequest| Ok(Json(region(shown, asked)?).into_response());
     answer(server, Kind::Estimate, asked, work).await
 }
 
 async fn findings_of(State(server): Shared, asked: Asked<FindingsRequest>) -> Response {
-    let work =
-        |live: &Arc<LiveRender>, asked: &FindingsRequest| Ok(Json(findings(live, asked)?).into_response());
+    let work = |shown: &Shown, asked: &FindingsRequest| Ok(Json(findings(shown, asked)?).into_response());
     answer(server, Kind::Report, asked, work).await
 }
 
 /// Makes the report that [`last_report`] shows.
 async fn report_of(State(server): Shared, asked: Asked<ReportRequest>) -> Response {
     let shared = Arc::clone(&server);
-    let work = move |live: &Arc<LiveRender>, asked: &ReportRequest| {
-        let page = Bytes::from(report(live, asked)?);
+    let work = move |shown: &Shown, asked: &ReportRequest| {
+        let page = Bytes::from(report(shown, asked)?);
         *shared.report.lock().unwrap_or_else(PoisonError::into_inner) = Some(page);
         Ok(StatusCode::NO_CONTENT.into_response())
     };
@@ -320,15 +372,16 @@ async fn report_of(State(server): Shared, asked: Asked<ReportRequest>) -> Respon
 async fn last_report(State(server): Shared) -> Response {
     match server.report.lock().unwrap_or_else(PoisonError::into_inner).clone() {
         Some(page) => {
-            ([(CONTENT_TYPE, HTML), (CONTENT_SECURITY_POLICY, REPORT_POLICY)], page).into_response()
+            let policy = format!("{}; frame-ancestors 'none'", page_policy());
+            ([(CONTENT_TYPE, HTML.to_owned()), (CONTENT_SECURITY_POLICY, policy)], page).into_response()
         }
         None => refusal(StatusCode::NOT_FOUND, "no report was made yet"),
     }
 }
 
 async fn part_of(State(server): Shared, asked: Asked<PartRequest>) -> Response {
-    let work = |live: &Arc<LiveRender>, asked: &PartRequest| {
-        Ok(Json(json!({ "part": part_at(live, asked)? })).into_response())
+    let work = |shown: &Shown, asked: &PartRequest| {
+        Ok(Json(json!({ "part": part_at(shown, asked)? })).into_response())
     };
     answer(server, Kind::Picture, asked, work).await
 }
@@ -343,32 +396,41 @@ struct TomlRequest {
 }
 
 async fn toml_of(State(server): Shared, asked: Asked<TomlRequest>) -> Response {
-    let work = |live: &Arc<LiveRender>, asked: &TomlRequest| {
-        let changes = Changes { set: asked.set.clone(), unset: Vec::new() };
-        check_no_files(&changes)?;
+    let work = |shown: &Shown, asked: &TomlRequest| {
         let place = asked.place.as_ref().map(Place::text);
-        Ok(Json(json!({ "toml": live.text_with(&changes, place.as_deref())? })).into_response())
+        Ok(Json(json!({ "toml": shown.first.text_with(&shown.changes, place.as_deref())? })).into_response())
     };
     answer(server, Kind::Picture, asked, work).await
 }
 
-/// Which changes are rendered.
+/// Of which changes the controls are wanted.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ControlsRequest {
+    set: Vec<String>,
+}
+
+/// What can be changed of the render that shows the experiment with changes.
+async fn controls_of(State(server): Shared, asked: Asked<ControlsRequest>) -> Response {
+    let work = |shown: &Shown, _: &ControlsRequest| Ok(Json(controls(&shown.live)?).into_response());
+    answer(server, Kind::Picture, asked, work).await
+}
+
+/// Which changes are rendered, and how many pictures of them were seen; none where the render is to begin.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RenderRequest {
     set: Vec<String>,
+    seen: Option<usize>,
 }
 
-/// Begins to render the experiment with changes; `/api/subject` tells how far that is.
+/// Begins to render the experiment with changes, in place of what is in work; tells how far that is.
 async fn render(State(server): Shared, asked: Asked<RenderRequest>) -> Response {
-    let subject = Arc::clone(&server.subject);
-    let work = move |live: &Arc<LiveRender>, asked: &RenderRequest| {
-        let changes = Changes { set: asked.set.clone(), unset: Vec::new() };
-        check_no_files(&changes)?;
-        subject.render_again(live, &changes)?;
-        Ok(StatusCode::ACCEPTED.into_response())
+    let anew = Arc::clone(&server.subject.anew);
+    let work = move |shown: &Shown, asked: &RenderRequest| {
+        Ok(Json(anew.render(&shown.first, &shown.changes, asked.seen)?).into_response())
     };
-    answer(server, Kind::Picture, asked, work).await
+    answer(server, Kind::Render, asked, work).await
 }
 
 /// Ends the render in work.

@@ -12,11 +12,12 @@ use fluorspar_experiment::{SceneChange, Warning, check_settings, edit_experiment
 use fluorspar_format::read_toml;
 use fluorspar_session::values::{Override, as_typed, sets};
 use fluorspar_session::{
-    Changes, Error, ExperimentSource, FinishedRender, Job, Left, Listener, LiveRender, Result, check_memory,
-    check_nothing_painted, render_scene, render_with_excitation_basis, worded,
+    Changes, Error, ExperimentSource, Job, Left, Listener, LiveRender, Result, check_memory,
+    check_nothing_painted, worded,
 };
 
 use crate::WorkbenchOptions;
+use crate::anew::{Anew, rendered};
 
 /// What is shown.
 pub(crate) struct Subject {
@@ -26,20 +27,19 @@ pub(crate) struct Subject {
     waiting: Mutex<Option<ExperimentSource>>,
     /// Ends the render in work.
     stop: Mutex<Arc<AtomicBool>>,
-    /// Samples per pixel of renders.
-    spp: u32,
+    /// Renders of what the page changes.
+    pub(crate) anew: Arc<Anew>,
     /// Its file or name.
     pub(crate) name: String,
     /// Changes on which the workbench begins, in the form of `--set`.
-    changes: Mutex<Vec<String>>,
+    changes: Vec<String>,
 }
 
 /// How far it is.
 #[derive(Clone)]
 pub(crate) enum Stage {
     Rendering,
-    /// The render, and why a later one gave nothing.
-    Ready(Arc<LiveRender>, Option<String>),
+    Ready(Arc<LiveRender>),
     Failed(String),
     /// There is nothing but photographs.
     Photographs,
@@ -51,7 +51,7 @@ const MOST_SPECTRA: usize = 2 << 30;
 /// Share of the width and height of an experiment that is rendered.
 const QUICK: [u32; 2] = [2, 3];
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -64,9 +64,9 @@ impl Subject {
             progress: Arc::default(),
             waiting: Mutex::new(waiting),
             stop: Mutex::default(),
-            spp: options.spp,
+            anew: Arc::new(Anew::new(options.spp)),
             name: name.clone(),
-            changes: Mutex::new(changes),
+            changes,
         };
         if !frames_of(options).is_empty() {
             return Ok(subject(Stage::Photographs, None, Vec::new()));
@@ -80,7 +80,7 @@ impl Subject {
             }
             let live = LiveRender::open(&path)?;
             live.show(&options.changes)?;
-            return Ok(subject(Stage::Ready(Arc::new(live), None), None, set.clone()));
+            return Ok(subject(Stage::Ready(Arc::new(live)), None, set.clone()));
         }
         let source = ExperimentSource::find(options.subject.as_deref())?;
         let text = first_text(&source, options)?;
@@ -94,64 +94,37 @@ impl Subject {
     }
 
     /// Changes on which the page begins, in the form of `--set`.
-    pub(crate) fn changes(&self) -> Vec<String> {
-        lock(&self.changes).clone()
+    pub(crate) fn changes(&self) -> &[String] {
+        &self.changes
     }
 
     /// Share of the render that is done, 0 to 1, and what is done or was said last.
     pub(crate) fn progress(&self) -> (f64, String) {
-        (
-            f64::from(self.progress.permille.load(Ordering::Relaxed)) / 1000.0,
-            lock(&self.progress.said).clone(),
-        )
+        self.progress.told()
     }
 
     /// Begins to render in a thread of its own, where that is to be done.
     pub(crate) fn begin(self: &Arc<Self>) {
         if let Some(source) = lock(&self.waiting).take() {
-            self.render(source, None);
+            self.render(source);
         }
-    }
-
-    /// Renders the experiment with changes anew, with few samples. What was there comes back if that fails or is stopped.
-    ///
-    /// # Errors
-    /// A change that can't be made; a render that is already in work.
-    pub(crate) fn render_again(self: &Arc<Self>, live: &Arc<LiveRender>, changes: &Changes) -> Result<()> {
-        let mut all = changes.clone();
-        if !all.set.iter().any(|set| set.starts_with("render.samples_per_pixel")) {
-            all.set.push(format!("render.samples_per_pixel={}", self.spp));
-        }
-        let source = live.source_with(&all)?;
-        let before = std::mem::replace(&mut *lock(&self.stage), Stage::Rendering);
-        if matches!(before, Stage::Rendering) {
-            return Err(Error::Input("a render is in work; wait for it, or stop it".into()));
-        }
-        self.render(source, Some(Arc::clone(live)));
-        Ok(())
     }
 
     /// Ends the render in work.
     pub(crate) fn stop(&self) {
         lock(&self.stop).store(true, Ordering::SeqCst);
+        self.anew.stop();
     }
 
-    fn render(self: &Arc<Self>, source: ExperimentSource, before: Option<Arc<LiveRender>>) {
-        let stop: Arc<AtomicBool> = Arc::default();
-        *lock(&self.stop) = Arc::clone(&stop);
-        self.progress.permille.store(0, Ordering::Relaxed);
-        let (subject, job) = (Arc::clone(self), Job::new(stop, self.progress.clone()));
+    fn render(self: &Arc<Self>, source: ExperimentSource) {
+        let (subject, job) = (Arc::clone(self), Job::new(lock(&self.stop).clone(), self.progress.clone()));
         thread::spawn(move || {
             // A defect of the program ends this render, not the workbench
-            let outcome = catch_unwind(AssertUnwindSafe(|| rendered(source, &job)))
+            let outcome = catch_unwind(AssertUnwindSafe(|| of_source(source, &job)))
                 .unwrap_or_else(|_| Err(Error::Input("the render ended by a defect of the program".into())));
-            let stage = match (outcome, before) {
-                (Ok(live), _) => {
-                    lock(&subject.changes).clear();
-                    Stage::Ready(Arc::new(live), None)
-                }
-                (Err(error), Some(before)) => Stage::Ready(before, Some(said(&error))),
-                (Err(error), None) => Stage::Failed(said(&error)),
+            let stage = match outcome {
+                Ok(live) => Stage::Ready(Arc::new(live)),
+                Err(error) => Stage::Failed(said(&error)),
             };
             *lock(&subject.stage) = stage;
         });
@@ -228,30 +201,13 @@ fn first_text(source: &ExperimentSource, options: &WorkbenchOptions) -> Result<S
     Ok(edited.map_err(|error| as_typed(error, &all))?)
 }
 
-fn rendered(source: ExperimentSource, job: &Job) -> Result<LiveRender> {
+fn of_source(source: ExperimentSource, job: &Job) -> Result<LiveRender> {
     job.listener.status("Preparing the scene");
     let parsed = source.parse(&[])?;
-    let experiment = source.resolve(&[])?;
-    let study = &experiment.study;
-    check_nothing_painted(study)?;
-    check_memory(study, "or give the folder of a finished run")?;
-    let (mut image, basis) = match &study.render.excitation_basis {
-        None => (render_scene(&study.scene, &study.render, study.time_limit_s, job)?, None),
-        Some(basis) => {
-            let (image, basis) = render_with_excitation_basis(study, basis, job)?;
-            (image, Some(basis))
-        }
-    };
-    if job.is_interrupted() {
-        return Err(Error::Stopped("the render was stopped".into()));
-    }
-    image.round_to_24_bits();
-    let render = FinishedRender::of_image(Arc::new(image), Some(Arc::new(parsed)));
-    let render = match basis {
-        Some(basis) => render.with_basis(basis),
-        None => render,
-    };
-    Ok(LiveRender::of_render(render, source))
+    let study = source.resolve(&[])?.study;
+    check_nothing_painted(&study)?;
+    check_memory(&study, "or give the folder of a finished run")?;
+    Ok(LiveRender::of_render(rendered(&study, parsed, job)?, source))
 }
 
 /// An error as the page says it: options are changes there.
@@ -318,9 +274,16 @@ impl Listener for Heard {
 
 /// Hears how far a render is.
 #[derive(Default)]
-struct Progress {
+pub(crate) struct Progress {
     permille: Arc<AtomicU32>,
     said: Mutex<String>,
+}
+
+impl Progress {
+    /// Share that is done, 0 to 1, and what is done or was said last.
+    pub(crate) fn told(&self) -> (f64, String) {
+        (f64::from(self.permille.load(Ordering::Relaxed)) / 1000.0, lock(&self.said).clone())
+    }
 }
 
 impl Listener for Progress {

@@ -20,6 +20,9 @@ from playwright.sync_api import Page, sync_playwright
 WAIT = 90_000
 #: A small mouth: few pixels, few samples, all of its parts.
 SMALL = ["--set", "render.width_px=96", "--set", "render.height_px=72", "--spp", "2"]
+#: A camera without noise and colors, with a pixel for each of the render.
+QUIET = ["sensor.mode={ type = \"noise_free\" }", "sensor.bit_depth=16", "sensor.columns=96", "sensor.rows=72", "sensor.pixel_size_um=25.0",
+         'sensor.mosaic=[["G"]]', "capture.blue.exposure_ms=0.2"]
 #: Kinds of findings of axe that stand in nobody's way.
 BEARABLE = {"minor", "moderate"}
 
@@ -27,7 +30,7 @@ BEARABLE = {"minor", "moderate"}
 class Bench:
     """A workbench of its own and a page on it, which notes what goes wrong."""
 
-    def __init__(self, program: str, page: Page, subject: list[str]) -> None:
+    def __init__(self, program: str, page: Page, subject: list[str], has_tour: bool = False) -> None:
         self.page = page
         self.subject = Path(subject[0])
         self.requests: list[str] = []
@@ -38,6 +41,8 @@ class Bench:
         page.on("request", lambda request: self.requests.append(request.url))
         page.on("pageerror", lambda error: self.errors.append(str(error)))
         page.on("console", lambda message: self.errors.append(message.text) if message.type == "error" else None)
+        if not has_tour:
+            page.context.add_cookies([{"name": "fluorspar_tour", "value": "seen", "domain": "127.0.0.1", "path": "/"}])
         page.goto(self.address)
 
     def close(self) -> None:
@@ -270,17 +275,160 @@ def test_a_photograph_is_dropped_drawn_upon_and_saved(bench: Bench) -> None:
         assert (Path(folder) / "mask_raw_blue_lesion.png").exists() and table[2].endswith(",wrong"), table
 
 
-def test_what_needs_a_render_is_offered(bench: Bench) -> None:
+def test_person_view_and_lesion_are_rendered(bench: Bench) -> None:
     page = bench.page
     bench.picture(after=0)
-    page.locator("#any input[name=path]").fill("render.width_px")
-    page.locator("#any input[name=value]").fill("64")
-    page.locator("#any button").click()
+    seen = [bench.pixels()]
+
+    def act(action) -> None:
+        """Acts, and waits for the finished picture."""
+        before = bench.serial()
+        action()
+        page.locator("#veil").wait_for(state="visible", timeout=WAIT)
+        bench.rest(before)
+        page.locator("#veil").wait_for(state="hidden", timeout=WAIT)
+        assert "96 × 72 px, 4 samples" in page.locator("#size").inner_text()
+        assert bench.pixels() not in seen
+        seen.append(bench.pixels())
+
+    def typed(path: str, value: str) -> None:
+        field = bench.control(path).locator("input[type=number]")
+        field.fill(value)
+        field.press("Enter")
+
+    act(lambda: typed("mouth.person", "7"))
+    assert bench.changes() == ["mouth.person=7"]
+    act(lambda: bench.control("mouth.view").locator("select").select_option('"lips"'))
+    # A lesion is one value, of which each field is a control
+    lesion = page.locator(".control", has=page.get_by_text("insert mouth.lesion.drawn", exact=True)).first
+    act(lambda: lesion.get_by_label("A lesion").check())
+    # What is taken back ends, and the scene before is still there
+    before = bench.serial()
+    lesion.get_by_label("On", exact=True).select_option('"lower_lip"')
+    assert 'insert mouth.lesion.drawn={ part = "lower_lip"' in bench.changes()[-1], bench.changes()
+    page.locator("#veil").wait_for(state="visible", timeout=WAIT)
+    page.locator("#undo").click()
+    page.locator("#veil").wait_for(state="hidden", timeout=WAIT)
+    bench.rest(before)
+    assert bench.pixels() == seen[-1], "the scene before is not there any more"
+    # What is stopped can begin again
+    typed("mouth.jaw_opening_mm", "28")
+    page.locator("#veil-stop").click()
     page.locator("#render").wait_for(timeout=WAIT)
+    assert "stopped" in page.locator("#message-text").inner_text()
     page.locator("#back").click()
     page.wait_for_function("() => document.querySelector('#message').hidden", timeout=WAIT)
-    # The console tells of the refusal
+    bench.estimate()
+    found = [one for one in Axe().run(page).response["violations"] if one["impact"] not in BEARABLE]
+    assert not found, found
+    # The console tells of what was refused until it was rendered
     bench.errors.clear()
+
+
+def test_shapes_are_turned_and_named(bench: Bench) -> None:
+    page = bench.page
+    bench.picture(after=0)
+    page.get_by_role("radio", name="Turn in 3-D").check(force=True)
+    canvas = page.locator("#orbit")
+    serial = "() => Number(document.querySelector('#orbit').dataset.serial ?? 0)"
+
+    def shown(act) -> str:
+        before = page.evaluate(serial)
+        act()
+        page.wait_for_function(f"before => ({serial})() > before && document.querySelector('#orbited').ariaBusy === 'false'", arg=before, timeout=WAIT)
+        return page.evaluate("() => document.querySelector('#orbit').toDataURL()")
+
+    front = shown(lambda: canvas.focus() or page.keyboard.press("Home"))
+    assert page.get_by_role("radio", name="Clay").is_checked()
+    seen = [front]
+    for key in ("ArrowRight", "ArrowUp", "+"):
+        seen.append(shown(lambda: page.keyboard.press(key)))
+    box = canvas.bounding_box()
+    middle = (box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+
+    def drag() -> None:
+        page.mouse.move(*middle)
+        page.mouse.down()
+        page.mouse.move(middle[0] + 60, middle[1], steps=5)
+        page.mouse.up()
+
+    seen.append(shown(drag))
+    seen.append(shown(lambda: page.mouse.wheel(0, -300)))
+    assert len(set(seen)) == len(seen), "something turned nothing"
+    shown(lambda: page.keyboard.press("Home"))
+    page.keyboard.press("Enter")
+    page.wait_for_function("() => / mm away$/.test(document.querySelector('#picked').textContent)", timeout=WAIT)
+    canvas.click(position={"x": 0.5 * box["width"], "y": 0.66 * box["height"]})
+    page.wait_for_function("() => document.querySelector('#picked').textContent.startsWith('tongue dorsum')", timeout=WAIT)
+    assert "layered tissue dorsal_tongue" in page.locator("#picked").inner_text()
+    found = [one for one in Axe().run(page).response["violations"] if one["impact"] not in BEARABLE]
+    assert not found, found
+    page.get_by_role("radio", name="Developed").check(force=True)
+    assert page.locator("#picture").is_visible() and not canvas.is_visible()
+
+
+def test_a_tour_leads_through_the_page_once(bench: Bench) -> None:
+    page = bench.page
+    bench.picture(after=0)
+    page.locator("#tour[open]").wait_for(timeout=WAIT)
+    titles = []
+    for step in range(5):
+        titles.append(page.locator("#tour-title").inner_text())
+        assert page.locator("#tour-count").inner_text() == f"{step + 1} of 5" and page.locator(".toured").count() == 1
+        page.keyboard.press("Enter")
+    assert len(set(titles)) == 5 and not page.locator("#tour").is_visible()
+    page.reload()
+    bench.picture(after=0)
+    assert not page.locator("#tour").is_visible()
+    page.locator("#tour-begin").click()
+    page.keyboard.press("Escape")
+    assert not page.locator("#tour").is_visible()
+
+
+def test_a_report_follows_its_sliders_as_captures_do(bench: Bench) -> None:
+    """The live figure of a report against `/api/picture`, of a camera without noise whose pixels are those of the figure."""
+    page = bench.page
+    bench.picture(after=0)
+    page.goto("about:blank")
+    page.goto(bench.address.split("?")[0] + "#" + urllib.parse.urlencode([("set", one) for one in QUIET] + [("capture", "blue")]))
+    bench.picture(after=0)
+    page.locator("#report").click()
+    page.locator("#made-open").wait_for(timeout=WAIT)
+    with page.context.expect_page() as opened:
+        page.locator("#made-open").click()
+    report = opened.value
+    report.wait_for_load_state()
+    report.locator("#live canvas").wait_for(timeout=WAIT)
+    data = report.evaluate("""() => {
+        const { captures, size } = JSON.parse(document.querySelector('#live-data').textContent);
+        return { captures, size };
+    }""")
+    assert data["size"] == [96, 72], data["size"]
+    assert len(report.locator("#live-data").text_content()) < 3_000_000
+    report.locator("#live-capture").select_option(label="blue")
+    white = next(one["white"] for one in data["captures"] if one["name"] == "blue")
+
+    # Steps of a thousand: a drive up to 2, exposures of 0.1 to 1000 ms, gains of 1 to 32
+    for label, step in (("Drive of blue", 700), ("Exposure", 100), ("Gain", 100), ("collagen", 500)):
+        slider = report.get_by_label(label).first
+        slider.evaluate("(slider, step) => { slider.value = step; slider.dispatchEvent(new Event('input')); }", step)
+    changes = [*QUIET, "capture.blue.light_groups.blue=1.4", f"capture.blue.exposure_ms={0.1 * 1e4 ** 0.1}",
+               f"capture.blue.gain={32 ** 0.1}", "concentration.collagen=2.0"]
+    differences = page.evaluate("""async ([set, white, live]) => {
+        const answer = await fetch('/api/picture', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ set, capture: 'blue', view: 'developed', white }) });
+        const bytes = await answer.arrayBuffer();
+        const length = new DataView(bytes).getUint32(0, true);
+        const image = await createImageBitmap(new Blob([new Uint8Array(bytes, 4 + length)], { type: 'image/png' }));
+        const canvas = new OffscreenCanvas(image.width, image.height);
+        const pen = canvas.getContext('2d');
+        pen.drawImage(image, 0, 0);
+        const pixels = pen.getImageData(0, 0, image.width, image.height).data;
+        return [Math.max(...pixels.map((value, i) => Math.abs(value - live[i]))), new Set(pixels).size];
+    }""", [changes, white, report.evaluate("() => { const c = document.querySelector('#live-picture'); return [...c.getContext('2d').getImageData(0, 0, c.width, c.height).data]; }")])
+    assert differences[0] <= 1 and differences[1] > 50, differences
+    assert report.evaluate("() => document.querySelectorAll('#live-controls label').length") > 6
+    found = [one for one in Axe().run(report).response["violations"] if one["impact"] not in BEARABLE]
+    assert not found, found
 
 
 def test_nothing_stands_in_anybodys_way(bench: Bench) -> None:
@@ -324,7 +472,7 @@ def main() -> None:
         for test_name in wanted or tests:
             begun = time.monotonic()
             with contextlib.closing(browser.new_context(viewport={"width": 1280, "height": 900})) as context:
-                bench = Bench(program, context.new_page(), [str(run)])
+                bench = Bench(program, context.new_page(), [str(run)], has_tour="tour" in test_name)
                 try:
                     tests[test_name](bench)
                 except BaseException:

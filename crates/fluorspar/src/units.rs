@@ -71,6 +71,20 @@ pub fn memory_gib(bytes: u64) -> f64 {
     (gib * scale).ceil() / scale
 }
 
+/// A number with so many digits that mean something, whatever its size: `0.0512`, `123.4`, `5.12e-7`.
+pub fn digits_text(value: f64, digits: usize) -> String {
+    let size = value.abs();
+    let decimals = digits.saturating_sub(1);
+    if value == 0.0 {
+        "0".into()
+    } else if !(1e-3..1e6).contains(&size) {
+        format!("{value:.decimals$e}")
+    } else {
+        let decimals = (decimals as f64 - size.log10().floor()).clamp(0.0, 6.0) as usize;
+        format!("{value:.decimals$}")
+    }
+}
+
 const MEMORY_UNITS: [&str; 4] = ["bytes", "KiB", "MiB", "GiB"];
 
 /// The largest unit of which there is one.
@@ -90,6 +104,12 @@ fn memory_with(bytes: u64, unit: usize, digits: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_have_the_digits_that_are_asked_for() {
+        let shown = [0.0, 0.051_234, -123.456, 99_999.6, 5.1234e-7, 2e6].map(|value| digits_text(value, 3));
+        assert_eq!(shown, ["0", "0.0512", "-123", "100000", "5.12e-7", "2.00e6"]);
+    }
 
     #[test]
     fn numbers_are_shown_as_they_would_be_typed() {

@@ -10,11 +10,11 @@ trap 'rm -rf "$work"' EXIT
 
 # Frames of an experiment as NAME_white.png and NAME_blue.png in the folder of work: EXPERIMENT NAME SAMPLES
 frames() {
-    "$fluorspar" run "$1" --out "$work/$2" --spp "$3" --quiet \
-        --set render.width_px=480 --set render.height_px=360 \
-        --set 'sensor.binning={type="digital_average",columns=2,rows=2}'
-    cp "$work/$2/preview_white.png" "$work/$2_white.png"
-    cp "$work/$2/preview_blue.png" "$work/$2_blue.png"
+    "$fluorspar" run "$1" --out "$work/$2" --spp "$3" --quiet
+    for frame in white blue; do
+        cp "$work/$2/preview_$frame.png" "$work/$2_$frame.png"
+        python3 "$here/shrink_png.py" "$work/$2_$frame.png" 64 --half
+    done
 }
 
 # Frames of an experiment as gallery_NAME_FRAME.png in the folder of work: EXPERIMENT NAME OPTIONS

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Makes a noisy PNG smaller: rounds its 8-bit colors to STEPS levels per channel and compresses it again.
+"""Makes a noisy PNG smaller: means of two by two pixels with --half, 8-bit colors rounded to STEPS levels per channel.
 
-    shrink_png.py FILE.png STEPS
+    shrink_png.py FILE.png STEPS [--half]
 
 The noise of the image hides the steps. Reads 8-bit RGB as Fluorspar writes it. Needs Python only.
 """
@@ -49,9 +49,21 @@ def read_rgb(path):
     return width, height, rows
 
 
+def half(width, height, rows):
+    def means(above, below):
+        sums = [a + b for a, b in zip(above, below)]
+        return bytearray(
+            (sums[6 * x + c] + sums[6 * x + 3 + c] + 2) // 4 for x in range(width // 2) for c in range(3)
+        )
+
+    return width // 2, height // 2, [means(rows[2 * y], rows[2 * y + 1]) for y in range(height // 2)]
+
+
 def main():
     path, steps = sys.argv[1], int(sys.argv[2])
     width, height, rows = read_rgb(path)
+    if "--half" in sys.argv:
+        width, height, rows = half(width, height, rows)
     level = [round(round(value * (steps - 1) / 255) * 255 / (steps - 1)) for value in range(256)]
     raw = b"".join(b"\0" + bytes(level[value] for value in row) for row in rows)
 

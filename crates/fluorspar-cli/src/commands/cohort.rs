@@ -11,7 +11,7 @@ pub(crate) fn run(options: &Answering<CohortOptions>) -> Result<(), CliError> {
     let examined = cohort(&options.task, &Messages::default().job())?;
     match &examined {
         _ if options.form.json => print_json(&examined),
-        ExaminedCohort::All(outcome) => print_text(&cohort_report(&outcome.results()).lead.join("\n")),
+        ExaminedCohort::All(outcome) => print_text(&cohort_report(&outcome.0).lead.join("\n")),
         // Its status says it
         ExaminedCohort::Shard(_) => Ok(()),
     }

@@ -5,12 +5,11 @@ use std::str::FromStr;
 
 use clap::ValueEnum;
 use fluorspar::digest::sha256_hex;
-use fluorspar::image::StatisticsKind;
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar::study::Study;
 use fluorspar_experiment::{FileRecord, InputFile, ResolvedExperiment, Warning, parse, resolve};
 use fluorspar_pbrt::{Emission, PbrtOptions, PbrtStudy, check_light, load, to_experiment};
-use fluorspar_session::{ExperimentArgs, ExperimentSource, ResourceLimits, StatisticsOption};
+use fluorspar_session::{ExperimentArgs, ExperimentSource, ResourceLimits};
 
 use crate::error::CliError;
 use crate::values::{Override, as_typed, sets};
@@ -163,11 +162,7 @@ impl PbrtArgs {
         render.samples_per_pixel = args.render.spp.unwrap_or(render.samples_per_pixel);
         render.seed = args.render.seed.seed.unwrap_or(render.seed);
         render.max_depth = args.render.depth.unwrap_or(render.max_depth);
-        render.statistics = match args.render.statistics {
-            None | Some(StatisticsOption::None) => StatisticsKind::None,
-            Some(StatisticsOption::LightGroups) => StatisticsKind::LightGroups,
-            Some(StatisticsOption::Components) => StatisticsKind::Components,
-        };
+        render.statistics = args.render.statistics.unwrap_or_default();
         let mut resolved = resolved_text(&files, &self.options());
         for change in &args.changes.set {
             resolved.push_str(&format!("# --set {change:?}\n"));

@@ -16,13 +16,7 @@ pub(crate) struct FileOptions {
 
 /// Prints the file of an experiment, a flat sample or a design problem.
 pub(crate) fn show(options: &FileOptions, kind: PresetKind) -> Result<(), CliError> {
-    let name = &options.name;
-    let file = match kind {
-        PresetKind::Experiment => preset::experiment(name)?,
-        PresetKind::Sample => preset::sample(name)?,
-        _ => preset::design(name)?,
-    };
-    super::print_text(file.text)
+    super::print_text(preset::text(kind, &options.name)?)
 }
 
 /// Lists kinds of parts by name.

@@ -74,6 +74,13 @@ fn damage(files: &[PathBuf]) {
     }
 }
 
+/// Writes a mouth of one layered tissue among colored surfaces: it is solved in a quarter of the time of all of them.
+fn one_tissue(folder: &Path) {
+    let text = "format = 1\nbase = \"oraleye-2021-surface\"\nunset = [\"material.tongue_dorsum.concentrations\"]\n\
+                [[material]]\nname = \"tongue_dorsum\"\ntype = \"tissue\"\ntissue = \"dorsal_tongue\"\n";
+    fs::write(folder.join("one-tissue.toml"), text).unwrap();
+}
+
 /// How many of the kept files are meshes of mouths.
 fn mouths(files: &[PathBuf]) -> usize {
     let is_mouth = |file: &&PathBuf| file.file_name().unwrap().to_string_lossy().starts_with("mouth-");
@@ -85,9 +92,10 @@ fn two_runs_at_once_share_a_cache_and_a_damaged_one_is_made_anew() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let cache = folder.join("cache");
+    one_tissue(folder);
     let start = |out: &'static str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_fluorspar"));
-        command.args(tiny(&["render", "oraleye-2021", "--out", out, "-q"]));
+        command.args(tiny(&["render", "one-tissue.toml", "--out", out, "-q"]));
         command.env("XDG_CACHE_HOME", &cache).current_dir(folder).spawn().unwrap()
     };
     let finish = |mut child: Child| assert!(child.wait().unwrap().success());
@@ -132,7 +140,8 @@ fn no_command_after_a_render_makes_its_mouth_again() {
         assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
         output.stdout
     };
-    fluorspar(&tiny(&["run", "oraleye-2021", "--out", "run", "-q"]));
+    one_tissue(folder);
+    fluorspar(&tiny(&["run", "one-tissue.toml", "--out", "run", "-q"]));
     let first = made(&cache);
     assert!(mouths(&kept(&cache)) == 1 && first.len() > 5, "{first:?}");
     let filter = "view_filter.filters=[\"view_425_700\"]";

@@ -387,8 +387,9 @@ fn a_sweep_of_single_lights_names_them() {
 fn a_map_of_pairs_of_lights_names_them_at_its_sides() {
     let folder = tempfile::tempdir().unwrap();
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/03-four-leds.toml");
-    let args = ["design", "sweep", example.to_str().unwrap(), "--set=exposure.counts=[1,2]", "--out=a", "-q"];
-    fluorspar(folder.path(), args).well();
+    // What an analysis would say is asked for the best alone
+    let changes = ["--set=exposure.counts=[1,2]", "--set=search.keep=1", "--out=a", "-q"];
+    fluorspar(folder.path(), [&["design", "sweep", example.to_str().unwrap()], &changes[..]].concat()).well();
     let read = |name: &str| fs::read_to_string(folder.path().join("a").join(name)).unwrap();
     let lights = read("lights.svg");
     for name in ["365 nm", "385 nm", "405 nm", "450 nm"] {
@@ -480,7 +481,7 @@ fn what_is_not_seen_is_told_with_its_cure() {
     assert!(said.contains("4 of 4 designs are left out: 4 do not see") && said.contains(&cure), "{said}");
     let page = fs::read_to_string(folder.path().join("a/report.html")).unwrap();
     assert!(page.contains("No design tells more than 3 of the 7 fluorophores of tongue apart"));
-    let cured = sweep(&[&format!("--set=region.tongue.{apart}").replace(" = ", "=")]);
+    let cured = sweep(&[&format!("--set=region.tongue.{apart}").replace(" = ", "="), "--set=search.keep=1"]);
     assert!(cured.contains("4 feasible"), "{cured}");
     let limited = sweep(&["--set=exposure.total.ms=100000"]);
     assert!(limited.contains("Relax limit.saturation."), "{limited}");
@@ -501,7 +502,7 @@ fn a_saturated_design_is_left_out_or_told() {
     assert!(said.contains("No design keeps to all limits"), "{said}");
     let page = fs::read_to_string(folder.path().join("a/report.html")).unwrap();
     assert!(page.contains("4 break the limit of saturation"));
-    let said = sweep(&[bright, "--set=limit.saturation=1e6"]).stdout;
+    let said = sweep(&[bright, "--set=limit.saturation=1e6", "--set=search.keep=1"]).stdout;
     assert!(said.contains("But it saturates: its brightest pixel collects"), "{said}");
     let page = fs::read_to_string(folder.path().join("a/report.html")).unwrap();
     assert!(page.contains("But it saturates: its brightest pixel collects"));

@@ -14,9 +14,10 @@ use fluorspar::image::{
 };
 use fluorspar::render::{Checkpoint, FilmRenderer, RenderControl, RenderSettings, Share};
 use fluorspar::spectral::{ExcitationNodes, Radiance, WavelengthGrid};
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::{
     edit_experiment, parse, parse_cohort, parse_design, parse_layers, parse_sample, parse_script,
-    parse_sensor, parse_tissue, preset, resolve,
+    parse_sensor, parse_tissue, resolve,
 };
 use fluorspar_format as format;
 use fluorspar_format::{
@@ -582,12 +583,12 @@ fn experiments(subjects: &mut Subjects) -> Outcome<()> {
     }
     let base = Path::new(".");
     let names = ["flat-patch", "fluorescent-sphere"];
-    let seeds = names.map(|name| preset::experiment(name).map(|preset| preset.text.into()));
+    let seeds = names.map(|name| preset::text(PresetKind::Experiment, name).map(|text| text.into()));
     let seeds = seeds.into_iter().collect::<Result<_, _>>()?;
     subjects.add("experiment TOML", "e.toml", seeds, move |path| {
         text(path).is_some_and(|text| parse(&text, "e", base, &[]).and_then(|e| resolve(&e)).is_ok())
     });
-    let seeds = vec![preset::sample("tongue-385nm")?.text.into()];
+    let seeds = vec![preset::text(PresetKind::Sample, "tongue-385nm")?.into()];
     subjects.add("sample TOML", "s.toml", seeds, move |path| {
         text(path).is_some_and(|text| parse_sample(&text, "s", base, &[]).is_ok())
     });
@@ -600,7 +601,7 @@ fn experiments(subjects: &mut Subjects) -> Outcome<()> {
     subjects.add("targets and polygons", "e.toml", vec![TARGETS.into()], move |path| {
         text(path).is_some_and(|text| parse(&text, "e", base, &[]).and_then(|e| resolve(&e)).is_ok())
     });
-    let seeds = vec![preset::design("two-lights")?.text.into()];
+    let seeds = vec![preset::text(PresetKind::Design, "two-lights")?.into()];
     subjects.add("design TOML", "d.toml", seeds, move |path| {
         text(path).is_some_and(|text| parse_design(&text, "d", base, &[]).is_ok())
     });
@@ -619,7 +620,7 @@ fn experiments(subjects: &mut Subjects) -> Outcome<()> {
         text(path).is_some_and(|text| parse_layers(&text, "l", base, &[]).is_ok())
     });
     // A damaged script that can be read is replayed on a scene.
-    let scene = preset::experiment("flat-patch")?.text;
+    let scene = preset::text(PresetKind::Experiment, "flat-patch")?;
     subjects.add("script of changes", "c.toml", vec![SCRIPT.into()], move |path| {
         let changes = text(path).and_then(|text| parse_script(&text, "c").ok());
         changes.is_some_and(|changes| edit_experiment(scene, "e", base, &changes).is_ok())

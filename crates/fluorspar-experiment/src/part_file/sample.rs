@@ -136,6 +136,7 @@ pub enum SampleCompatibility {
     /// Energy matrices of peak 1 on 365:5:705 nm without a wavelength step, as the authors' toolbox gives them to
     /// their renderer: the normalization under which the paper's weights hold. These are then the wavelengths, too; the
     /// sensor is that of "isetcam".
+    #[serde(alias = "toolbox-eem")]
     ToolboxEem,
 }
 

@@ -64,8 +64,11 @@ pub fn list(kind: PresetKind) -> Result<Vec<PresetSummary>, PresetError> {
         .collect()
 }
 
-/// Text of the file of an entry.
-pub(super) fn text(kind: PresetKind, name: &str) -> Result<&'static str, PresetError> {
+/// Text of the file of an entry, comments included.
+///
+/// # Errors
+/// When there is no such entry.
+pub fn text(kind: PresetKind, name: &str) -> Result<&'static str, PresetError> {
     if let Some(entry) = user_entry(kind, name) {
         return Ok(&entry.text);
     }

@@ -15,9 +15,7 @@
 //! | lenses | [`list`]`(PresetKind::Lens)` | [`lens`], [`lens_or_file`] |
 //! | tissue sites | [`list`]`(PresetKind::Site)` | [`site`], [`site_or_file`] |
 //! | states of tissue | [`list`]`(PresetKind::State)` | [`state`] |
-//! | experiments | [`list`]`(PresetKind::Experiment)` | [`experiment`] |
-//! | flat samples | [`list`]`(PresetKind::Sample)` | [`sample`] |
-//! | design problems | [`list`]`(PresetKind::Design)` | [`design`] |
+//! | experiments, flat samples, design problems | [`list`]`(PresetKind::Experiment)`, ... | [`text`]`(PresetKind::Experiment, ...)` |
 
 mod catalogue;
 mod curve_preset;
@@ -27,13 +25,13 @@ mod fluorophore_preset;
 mod kind;
 mod lens_preset;
 mod metal_preset;
+mod sensor_preset;
 mod site_preset;
 mod state_preset;
-mod text_preset;
 mod user_catalogue;
 mod user_entries;
 
-pub use catalogue::{PresetSummary, list, names};
+pub use catalogue::{PresetSummary, list, names, text};
 pub use curve_preset::{
     CurveFit, CurvePreset, CurveQuantity, QuantumEfficiencyPreset, SpectraPreset, filter, light_spectrum,
     quantum_efficiency, reflectance, reflectance_curves,
@@ -42,9 +40,8 @@ pub use fluorophore_preset::{FluorophoreFit, FluorophoreMask, FluorophorePreset,
 pub use kind::{PresetError, PresetKind};
 pub use lens_preset::{LensError, LoadedLens, glass, lens, lens_or_file};
 pub use metal_preset::{MetalPreset, metal};
+pub use sensor_preset::{SensorPreset, sensor};
 pub use site_preset::{compared_sites, site, site_of_text, site_or_file};
 pub use state_preset::state;
-pub(crate) use text_preset::sensor_text;
-pub use text_preset::{ExperimentPreset, SensorPreset, design, experiment, sample, sensor};
 pub use user_catalogue::use_catalogue;
 pub(crate) use user_entries::has_user_catalogue;

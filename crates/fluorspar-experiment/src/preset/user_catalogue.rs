@@ -11,9 +11,9 @@ use super::curve_preset::{
     CurveQuantity, SpectraPreset, filter, light_spectrum, quantum_efficiency, reflectance,
 };
 use super::kind::{PresetError, PresetKind};
+use super::sensor_preset::sensor;
 use super::site_preset::site;
 use super::state_preset::state;
-use super::text_preset::sensor;
 use super::user_entries::{Entries, MOST_BYTES, UserEntry, keep_entries};
 
 /// Kinds of entries that the folder may hold.

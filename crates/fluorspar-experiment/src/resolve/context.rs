@@ -1,7 +1,6 @@
 //! Context of all steps of resolving: sources of values, warnings, files that were read.
 
 use std::collections::BTreeMap;
-use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -20,7 +19,7 @@ use fluorspar::tissue::{Site, TissueState};
 use fluorspar::units::{counted, number_text};
 use fluorspar::warning::Warning;
 use fluorspar_anatomy::{MouthParameters, Tissue};
-use fluorspar_format::{FormatError, digest_bounded};
+use fluorspar_format::digest_bounded;
 
 /// Lengths and distances, mm: from a nanometer to the largest coordinate.
 pub(crate) const LENGTH_MM: [f64; 2] = [1e-6, LARGEST_MM];
@@ -261,7 +260,7 @@ impl<'a> Context<'a> {
         }
         let sha256 = match digest_bounded(file, MAX_INPUT_BYTES) {
             Ok(sha256) => sha256,
-            Err(FormatError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
+            Err(error) if error.is_not_found() => {
                 let mut error = self.error(at, "there is no such file");
                 if error.details().value.is_none() {
                     // A table that names it

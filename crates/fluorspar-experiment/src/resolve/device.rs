@@ -4,21 +4,20 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::context::{Context, LENGTH_MM, Resolved};
-use super::error_target;
 use super::spectrum::Role;
 use crate::error::{Place, steps};
 use crate::preset;
 use crate::schema::{
-    BandsChoice, CameraSection, EdgeBins, EfficiencyReference, ExperimentFile, FieldOfView, FilterAngles,
-    FilterPosition, ImageFormation, LensSection, NameOrFile, NameOrTable, RenderSection, SensorSection,
-    SpectralSection, SpectrumReference, StatisticsChoice, TracedLensSection, UniformBins, ViewFilterSection,
-    is_file_name,
+    CameraSection, EdgeBins, EfficiencyReference, ExperimentFile, FilterAngles, FilterPosition,
+    ImageFormation, LensOrNumber, LensSection, NameOrFile, NameOrTable, RenderSection, SensorSection,
+    SpectralSection, SpectrumReference, TracedLensSection, UniformBins, ViewFilterSection, is_file_name,
 };
+use fluorspar::image::StatisticsKind;
 use fluorspar::optics::{
-    CameraLens, FilterAutofluorescence, FilterStack, IdealLens, LensSetting, LensState, Paraxial,
+    Aperture, CameraLens, FilterAutofluorescence, FilterStack, IdealLens, LensSetting, LensState, Paraxial,
     PerspectiveCamera, Vignetting,
 };
-use fluorspar::render::{BasisSettings, ComponentBands, Estimator, RenderSettings, choose_basis};
+use fluorspar::render::{BasisSettings, Estimator, RenderSettings, choose_basis};
 use fluorspar::scene::Scene;
 use fluorspar::sensor::{Sensor, SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, GridError, WavelengthGrid};
@@ -70,13 +69,10 @@ pub(super) fn render_settings(context: &Context<'_>, section: &RenderSection) ->
         seed: section.seed,
         estimator: Estimator::default(),
         memory_limit_bytes: (gib * GIB) as u64,
-        statistics: error_target::statistics(section),
+        statistics: section.statistics,
         error_target: None,
         excitation_basis: None,
-        component_bands: match section.component_bands {
-            BandsChoice::Basis => ComponentBands::Basis,
-            BandsChoice::All => ComponentBands::All,
-        },
+        component_bands: section.component_bands,
         regularize: section.regularize,
     })
 }
@@ -94,7 +90,7 @@ pub(super) fn excitation_basis(
         return context.fail(&path, "must be two wavelengths between 250 and 700 nm, the smaller one first");
     }
     let excluded = [
-        ("statistics", section.statistics != StatisticsChoice::None),
+        ("statistics", section.statistics != StatisticsKind::None),
         ("relative_error", section.relative_error.is_some()),
     ];
     if let Some((field, _)) = excluded.into_iter().find(|(_, is_set)| *is_set) {
@@ -174,13 +170,13 @@ pub(super) fn camera(
                 return context.fail(&steps!["lens", "prescription"], message);
             };
             match given {
-                FieldOfView::FromLens => field_deg,
-                FieldOfView::Degrees(wider)
+                LensOrNumber::FromLens => field_deg,
+                LensOrNumber::Number(wider)
                     if formation == ImageFormation::PointSpread && wider >= field_deg && wider < 179.0 =>
                 {
                     wider
                 }
-                FieldOfView::Degrees(_) => {
+                LensOrNumber::Number(_) => {
                     let message = if formation == ImageFormation::PointSpread {
                         // Rounded up: what the message says is enough
                         format!(
@@ -194,18 +190,18 @@ pub(super) fn camera(
                 }
             }
         }
-        (FieldOfView::Degrees(value), _, _) => {
+        (LensOrNumber::Number(value), _, _) => {
             if !(1e-6..179.0).contains(&value) {
                 return context
                     .fail(&at("horizontal_field_deg"), "must be at least 1e-6 and below 179 degrees");
             }
             value
         }
-        (FieldOfView::FromLens, Some(lens), Some(sensor)) => {
+        (LensOrNumber::FromLens, Some(lens), Some(sensor)) => {
             let half = 0.5 * sensor.model().width_mm() / lens.equation.image_distance_mm();
             2.0 * half.atan().to_degrees()
         }
-        (FieldOfView::FromLens, _, _) => {
+        (LensOrNumber::FromLens, _, _) => {
             let message = "the field of view is unknown without a [lens] and a [sensor]; give degrees";
             return context.fail(&at("horizontal_field_deg"), message);
         }
@@ -215,10 +211,45 @@ pub(super) fn camera(
         Some(mut camera) => {
             camera.lens = traced.filter(|_| formation == ImageFormation::Rendered).cloned();
             camera.parallel_half_width_m = parallel_width_mm.map(|width| (0.5e-3 * width) as f32);
+            camera.aperture = aperture(context, section, lens, parallel_width_mm)?.map(Arc::new);
             Ok(camera)
         }
         None => context.fail(&steps!["camera"], "position, direction and field of view make no camera"),
     }
+}
+
+/// The aperture of a camera without a traced lens.
+fn aperture(
+    context: &Context<'_>,
+    section: &CameraSection,
+    lens: Option<&Lens>,
+    parallel_width_mm: Option<f64>,
+) -> Resolved<Option<Aperture>> {
+    let at = steps!["camera", "aperture_mm"];
+    let is_traced = lens.is_some_and(|lens| lens.traced.is_some());
+    let (diameter_mm, focus_mm) = match (section.aperture_mm, lens) {
+        (LensOrNumber::Number(0.0), _) => return Ok(None),
+        _ if is_traced => return context.fail(&at, "a traced lens has its own aperture; remove this line"),
+        _ if parallel_width_mm.is_some() => {
+            return context.fail(&at, "parallel rays have no aperture; remove this line");
+        }
+        (LensOrNumber::FromLens, Some(Lens { equation, .. })) => {
+            (equation.focal_length_mm / equation.f_number, equation.object_distance_mm)
+        }
+        (LensOrNumber::FromLens, None) => {
+            return context.fail(&at, "there is no [lens]; give a diameter in mm, or 0 for a pinhole");
+        }
+        (LensOrNumber::Number(_), Some(_)) => {
+            return context.fail(&at, "a [lens] has its own diameter; set this to \"from_lens\"");
+        }
+        (LensOrNumber::Number(diameter_mm), None) => {
+            context.within(&at, diameter_mm, [1e-3, 1e4], "millimeters")?;
+            (diameter_mm, Some(section.distance_mm()))
+        }
+    };
+    // Infinity is far beyond every scene
+    let focus_mm = focus_mm.unwrap_or(1e9);
+    Ok(Some(Aperture::new((0.5e-3 * diameter_mm) as f32, (1e-3 * focus_mm) as f32)))
 }
 
 /// Warns of an image that is wider or higher than the sensor.
@@ -245,7 +276,7 @@ fn parallel_width_mm(context: &Context<'_>, file: &ExperimentFile) -> Resolved<O
         let message = "parallel rays make no image behind a lens; remove [lens] and [sensor], or this line";
         return context.fail(&at, message);
     }
-    if file.camera.horizontal_field_deg != FieldOfView::FromLens {
+    if file.camera.horizontal_field_deg != LensOrNumber::FromLens {
         return context
             .fail(&at, "parallel rays have no field of view; remove horizontal_field_deg, or this line");
     }

@@ -2,22 +2,13 @@
 
 use super::context::{Context, Resolved};
 use crate::error::steps;
-use crate::schema::{RenderSection, StatisticsChoice};
-use fluorspar::image::StatisticsKind;
+use crate::schema::RenderSection;
 use fluorspar::light::LightGroup;
 use fluorspar::optics::IdealLens;
 use fluorspar::render::{ErrorChannel, ErrorTarget};
 use fluorspar::scene::Scene;
 use fluorspar::sensor::Sensor;
 use fluorspar::study::{Camera, Capture};
-
-pub(super) fn statistics(section: &RenderSection) -> StatisticsKind {
-    match section.statistics {
-        StatisticsChoice::None => StatisticsKind::None,
-        StatisticsChoice::LightGroups => StatisticsKind::LightGroups,
-        StatisticsChoice::Components => StatisticsKind::Components,
-    }
-}
 
 pub(super) fn error_target(
     context: &Context<'_>,

@@ -12,8 +12,9 @@ use fluorspar::spectral::{
     YieldUnit,
 };
 use fluorspar_format::{
-    AntiStokes, CsvEemOptions, EemUnit, FormatError, Negative, SpectrumColumns, SpectrumOptions,
-    read_eem_csv, read_fluorophore_csv, read_iset_fluorophore, refuse_scattered_light,
+    ANTI_STOKES_TOLERANCE, AntiStokes, CsvEemOptions, Defect, FormatError, Negative, SpectrumColumns,
+    SpectrumOptions, read_eem_csv, read_fluorophore_csv, read_iset_fluorophore, refuse_anti_stokes,
+    refuse_scattered_light,
 };
 
 /// Largest concentration that is accepted.
@@ -291,8 +292,6 @@ fn matrix(
     .map_err(|error| context.error(at, error.to_string()))
 }
 
-/// Largest share of the peak that a value below its excitation may have: what stray light of good instruments leaves.
-const ANTI_STOKES_TOLERANCE: f64 = 1e-3;
 /// What lets files pass that are refused.
 const ALLOW_NEGATIVE: &str = "Subtract the background correctly, or take negative values as zero with allow_negative = true in this [[fluorophore]]";
 const ALLOW_ANTI_STOKES: &str = "; allow_anti_stokes = true in this [[fluorophore]] accepts such values, and `fluorspar fluorophore import --cut-scatter NM` cuts \
@@ -305,45 +304,16 @@ fn negative(section: &FluorophoreSection) -> Negative {
 
 /// The error of a file with the field that lets it pass.
 fn reader_error(context: &Context<'_>, at: &Place, error: &FormatError) -> crate::ExperimentError {
-    let field = match error.first() {
-        FormatError::Negative { .. } => {
+    let field = match error.defect() {
+        Defect::Negative { .. } => {
             "; allow_negative = true in this [[fluorophore]] takes negative values as zero"
         }
-        FormatError::AntiStokes { .. } | FormatError::ScatteredLight { .. } => ALLOW_ANTI_STOKES,
-        FormatError::EmptyCell { .. } => EMPTY_CELLS,
-        FormatError::Samples { .. } => " with sample = \"NAME\" beside the file",
-        _ => "",
+        Defect::AntiStokes { .. } | Defect::ScatteredLight { .. } => ALLOW_ANTI_STOKES,
+        Defect::EmptyCell { .. } => EMPTY_CELLS,
+        Defect::Samples(_) => " with sample = \"NAME\" beside the file",
+        _ => return context.file_error(at, error),
     };
-    match field {
-        "" => context.file_error(at, error),
-        field => {
-            // The cure beside the first, and then where else it is needed
-            let also = error.also().map(|also| format!(". {also}")).unwrap_or_default();
-            context.error(at, format!("{}{field}{also}", error.first())).without_value()
-        }
-    }
-}
-
-/// Refuses a square matrix, rows emission, with light below its excitation.
-fn check_stokes(context: &Context<'_>, at: &Place, wave_nm: &[f64], values: &[f64]) -> Resolved<()> {
-    let n = wave_nm.len().max(1);
-    let peak = values.iter().copied().fold(0.0, f64::max);
-    let below = values.iter().enumerate().filter(|(index, _)| wave_nm[index / n] < wave_nm[index % n]);
-    let worst = below.max_by(|a, b| a.1.total_cmp(b.1));
-    match worst {
-        Some((index, &value)) if value > ANTI_STOKES_TOLERANCE * peak => context.fail(
-            at,
-            format!(
-                "emission at {} nm under excitation at {} nm is {:.1} % of the peak, but fluorescence does not appear below its excitation \
-                 wavelength. If the matrix is transposed, transpose it (rows emission, columns excitation); if it holds scattered light, \
-                 remove that{ALLOW_ANTI_STOKES}",
-                wave_nm[index / n],
-                wave_nm[index % n],
-                100.0 * value / peak
-            ),
-        ),
-        _ => Ok(()),
-    }
+    context.error(at, error.message_with(field)).without_value()
 }
 
 /// What to do about a matrix whose values may count photons or energy.
@@ -359,30 +329,23 @@ fn matrix_from_csv(
     let unit = *unit;
     context.note_input(at, file)?;
     let options = CsvEemOptions {
-        unit: unit.map(|unit| match unit {
-            YieldUnit::Photons => EemUnit::Photons,
-            YieldUnit::Energy => EemUnit::Energy,
-        }),
+        unit,
         anti_stokes: match section.allow_anti_stokes || stokes == Stokes::Off {
             true => AntiStokes::Keep,
             false => AntiStokes::Refuse(ANTI_STOKES_TOLERANCE),
         },
         negative: negative(section),
-        empty_cells: section.empty_cells.into(),
+        empty_cells: section.empty_cells,
         cut: None,
         sample: sample.clone(),
     };
-    let read = read_eem_csv(file.as_ref(), &options).map_err(|error| match (&error, unit) {
-        (FormatError::Unit { .. }, None) => context
+    let read = read_eem_csv(file.as_ref(), &options).map_err(|error| match (error.defect(), unit) {
+        (Defect::Unit { .. }, None) => context
             .error(at, format!("{error} (unit = \"photons\" or \"energy\" beside eem_csv)"))
             .without_value(),
         _ => reader_error(context, at, &error),
     })?;
-    let unit = match read.unit {
-        EemUnit::Photons => YieldUnit::Photons,
-        EemUnit::Energy => YieldUnit::Energy,
-        EemUnit::Unknown => return context.fail(at, UNKNOWN_UNIT),
-    };
+    let Some(unit) = read.unit else { return context.fail(at, UNKNOWN_UNIT) };
     if section.allow_anti_stokes
         && let Err(error) =
             refuse_scattered_light(file.as_ref(), &read.emission_nm, &read.excitation_nm, &read.values)
@@ -419,9 +382,10 @@ fn from_mat(
     }
     if let Some(values) = read.eem {
         if !section.allow_anti_stokes && stokes != Stokes::Off {
-            refuse_scattered_light(file.as_ref(), &read.wave_nm, &read.wave_nm, &values)
+            let (path, nm) = (file.as_ref(), &read.wave_nm);
+            refuse_scattered_light(path, nm, nm, &values)
+                .and_then(|()| refuse_anti_stokes(path, nm, nm, &values))
                 .map_err(|error| reader_error(context, at, &error))?;
-            check_stokes(context, at, &read.wave_nm, &values)?;
         }
         let values = values.into_iter().map(|value| value.max(0.0)).collect();
         let table = EemTable { emission_nm: read.wave_nm.clone(), excitation_nm: read.wave_nm, values };

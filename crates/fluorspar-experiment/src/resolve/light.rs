@@ -10,11 +10,11 @@ use super::spectrum::{Role, gray};
 use crate::error::{Place, steps};
 use crate::schema::{
     Aim, AnnulusLight, DistantStrength, EmitterSection, EnvironmentMapReference, EnvironmentStrength,
-    FilePath, LightFrame, LightSection, RectangleLight, RingLight, SourceStrength, SpotEdge, SpotLight,
+    FilePath, LightFrame, LightSection, RectangleLight, RingLight, SourceStrength, SpotLight,
 };
 use fluorspar::geometry::OrientedPoint;
 use fluorspar::light::{
-    AnnulusEmitter, ConeEdge, DiscEmitter, DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light,
+    AnnulusEmitter, DiscEmitter, DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light,
     LightGroup, LightName, PointEmitter, PointPattern, RectangleEmitter, SphereEmitter, SpotCone,
 };
 use fluorspar::optics::PerspectiveCamera;
@@ -403,11 +403,7 @@ fn spot_pattern(context: &Context<'_>, at: &Place, spot: &SpotLight, axis: Vec3)
             let field = at.field("cone_deg");
             context.within(&field.index(1), outer, [LEAST_CONE_DEG, 180.0], "degrees")?;
             context.within(&field.index(0), inner, [0.0, outer], "degrees")?;
-            let edge = match spot.edge {
-                None | Some(SpotEdge::SmoothStep) => ConeEdge::SmoothStep,
-                Some(SpotEdge::FourthPower) => ConeEdge::FourthPower,
-            };
-            Ok(PointPattern::Cone(SpotCone::new(axis, [inner, outer], edge)))
+            Ok(PointPattern::Cone(SpotCone::new(axis, [inner, outer], spot.edge.unwrap_or_default())))
         }
         (Some(_), Some(_)) => context
             .fail(&at.field("cone_deg"), "and `half_angle_deg` exclude each other; remove one of the two"),

@@ -45,7 +45,7 @@ pub(super) fn materials(
     let mut materials = Vec::with_capacity(file.material.len());
     let mut recipes = BTreeMap::new();
     if let Some(mouth) = &file.mouth {
-        mouth::check_parameters(context, &mouth.parameters)?;
+        mouth::check_person(context, mouth)?;
         context.mouth = Some(mouth.parameters.clone());
     }
     for (index, section) in file.material.iter().enumerate() {

@@ -27,6 +27,7 @@ pub(super) mod tissue;
 
 pub use self::record::{FileRecord, InputFile};
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -38,11 +39,12 @@ use self::capture::Analyses;
 use self::context::{Context, Resolved};
 use super::error::steps;
 use super::schema::{
-    AnalysisSection, DiffuseSection, ExperimentFile, FieldOfView, LensSection, ReflectanceReference,
+    AnalysisSection, DiffuseSection, ExperimentFile, LensOrNumber, LensSection, ReflectanceReference,
     ScatteringSection, SpectrumReference,
 };
 use super::{Experiment, ExperimentError};
 use crate::cache::fetch_mouth;
+use crate::people::give_tissues_of;
 use crate::preset;
 use fluorspar::light::{Light, LightGroup};
 use fluorspar::optics::PerspectiveCamera;
@@ -93,7 +95,8 @@ fn resolve_scene(experiment: &Experiment, needs_light: bool) -> Result<ResolvedE
     fluorophore::check_sections(context, &file.fluorophore)?;
     tissue::check_sections(context, &file.tissue, &file.fluorophore, &grid)?;
     let mut fluorophores = fluorophore::Fluorophores::default();
-    let mut materials = material::materials(context, file, &grid, &mut fluorophores)?;
+    let of_person = with_person(context, file)?;
+    let mut materials = material::materials(context, of_person.as_ref(), &grid, &mut fluorophores)?;
     // What it could not read is made below.
     let _ = mouth.map(JoinHandle::join);
     let (objects, lesions) =
@@ -176,6 +179,16 @@ fn resolve_scene(experiment: &Experiment, needs_light: bool) -> Result<ResolvedE
         sha256,
     };
     Ok(ResolvedExperiment { study, record })
+}
+
+/// The file with the tissues of the person of its mouth; estimates know the file alone.
+fn with_person<'a>(context: &Context<'_>, file: &'a ExperimentFile) -> Resolved<Cow<'a, ExperimentFile>> {
+    let Some(person) = file.mouth.as_ref().and_then(|mouth| mouth.person) else {
+        return Ok(Cow::Borrowed(file));
+    };
+    let mut drawn = file.clone();
+    give_tissues_of(person, &mut drawn).map_err(|error| context.error(&steps!["tissue"], error))?;
+    Ok(Cow::Owned(drawn))
 }
 
 /// Share of the emission beyond its data that changes no result by more than other errors do, percent.
@@ -277,12 +290,25 @@ pub fn resolve_rendered(
 }
 
 fn have_same_surfaces(file: &ExperimentFile, other: &ExperimentFile) -> bool {
-    file.spectral == other.spectral
-        && file.fluorophore == other.fluorophore
-        && file.tissue == other.tissue
-        && file.material == other.material
-        && file.mouth == other.mouth
-        && file.object == other.object
+    other_surfaces(file, other).is_none()
+}
+
+/// The first section that gives two files other surfaces.
+fn other_surfaces(file: &ExperimentFile, other: &ExperimentFile) -> Option<&'static str> {
+    let is_same = [
+        ("mouth", file.mouth == other.mouth),
+        ("spectral", file.spectral == other.spectral),
+        ("fluorophore", file.fluorophore == other.fluorophore),
+        ("tissue", file.tissue == other.tissue),
+        ("material", file.material == other.material),
+        ("object", file.object == other.object),
+    ];
+    is_same.into_iter().find(|(_, is_same)| !is_same).map(|(section, _)| section)
+}
+
+/// The first section that gives an experiment other surfaces than one that was rendered; `None` where they have the same.
+pub fn section_of_other_surfaces(rendered: &Experiment, now: &Experiment) -> Option<&'static str> {
+    other_surfaces(&complete(&rendered.file), &complete(&now.file))
 }
 
 /// Whether two experiments show the same scene in the same view: they differ in viewing filters, captures, concentrations,
@@ -334,7 +360,7 @@ pub fn check_settings(experiment: &Experiment) -> Result<(), ExperimentError> {
     let Setup { grid, camera, light_groups, .. } = setup(context, file)?;
     fluorophore::check_sections(context, &file.fluorophore)?;
     if let Some(section) = &file.mouth {
-        mouth::check_parameters(context, &section.parameters)?;
+        mouth::check_person(context, section)?;
     }
     // Surfaces that emit have light groups of their own
     if file.object.iter().all(|object| object.emission.is_none()) {
@@ -488,7 +514,11 @@ fn differ_in_the_camera(rendered: &Experiment, now: &Experiment) -> bool {
 /// and the sensor of both must give where they differ in it, as [`check_same_scene`](fluorspar::pipeline::check_same_scene) demands.
 fn shows_to(rendered: (&Camera, &PerspectiveCamera), now: (&Camera, &PerspectiveCamera)) -> bool {
     let ((old, old_view), (new, new_view)) = (rendered, now);
-    let seen_as = PerspectiveCamera { tan_half_width: new_view.tan_half_width, ..old_view.clone() };
+    let seen_as = PerspectiveCamera {
+        tan_half_width: new_view.tan_half_width,
+        aperture: new_view.aperture.clone(),
+        ..old_view.clone()
+    };
     let has_field =
         old_view.tan_half_width == new_view.tan_half_width || (old.field_from_lens && new.field_from_lens);
     has_field && seen_as == *new_view
@@ -532,7 +562,7 @@ fn camera(
         lens,
         view_filter,
         sensor,
-        field_from_lens: file.camera.horizontal_field_deg == FieldOfView::FromLens,
+        field_from_lens: file.camera.horizontal_field_deg == LensOrNumber::FromLens,
         training_reflectances: preset::reflectance_curves(),
     };
     Ok((camera, view))

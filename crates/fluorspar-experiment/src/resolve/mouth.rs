@@ -2,10 +2,10 @@
 
 use super::context::{Context, Resolved};
 use crate::error::steps;
-use crate::schema::ExperimentFile;
+use crate::schema::{ExperimentFile, MouthSection};
 use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
-use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, MouthParameters, POSES, TOOTH_KINDS, Tissue};
+use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, POSES, TOOTH_KINDS, Tissue};
 
 /// The tissue that uses a material, if it is the only one.
 pub(super) fn only_tissue(file: &ExperimentFile, material: &str) -> Option<Tissue> {
@@ -23,9 +23,16 @@ pub(super) fn only_tissue(file: &ExperimentFile, material: &str) -> Option<Tissu
     users.next().is_none().then_some(first)
 }
 
-/// Refuses invalid parameters of a mouth.
-pub(super) fn check_parameters(context: &Context<'_>, parameters: &MouthParameters) -> Resolved<()> {
-    parameters.validate().map_err(|error| context.error(&steps!["mouth", error.field], error.message))
+/// Numbers of people that can be drawn.
+const PEOPLE: [u64; 2] = [1, 4_000_000_000];
+
+/// Refuses people that there are not, and invalid parameters of a mouth.
+pub(super) fn check_person(context: &Context<'_>, section: &MouthSection) -> Resolved<()> {
+    if let Some(person) = section.person {
+        context.whole_within(&steps!["mouth", "person"], person.into(), PEOPLE)?;
+    }
+    let valid = section.parameters.validate();
+    valid.map_err(|error| context.error(&steps!["mouth", error.field], error.message))
 }
 
 /// Refuses the name of a view that there is not.

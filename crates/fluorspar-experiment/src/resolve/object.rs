@@ -501,7 +501,7 @@ fn surface_emission(
 
 fn mouth(context: &mut Context<'_>, section: &MouthSection, materials: &[Material]) -> Resolved<Vec<Object>> {
     mouth::check_view(context, section.view.as_deref())?;
-    mouth::check_parameters(context, &section.parameters)?;
+    mouth::check_person(context, section)?;
     let transform = match &section.transform {
         Some(transform) => affine(context, &steps!["mouth", "transform"], transform)?.0,
         None => Affine3A::IDENTITY,

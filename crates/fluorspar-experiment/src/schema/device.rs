@@ -10,44 +10,44 @@ use super::{EfficiencyReference, NameOrFile, SpectrumReference};
 use fluorspar::optics::Vignetting;
 use fluorspar::sensor::SensorModel;
 
-/// Horizontal field of view: degrees, or what lens and sensor see.
+/// A number, or what the lens gives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "NumberOrWord", into = "NumberOrWord")]
-pub enum FieldOfView {
-    /// The field of view of the sensor behind the lens.
+pub enum LensOrNumber {
+    /// What the lens gives.
     #[default]
     FromLens,
-    /// Degrees.
-    Degrees(f64),
+    /// The number.
+    Number(f64),
 }
 
-impl TryFrom<NumberOrWord> for FieldOfView {
+impl TryFrom<NumberOrWord> for LensOrNumber {
     type Error = String;
 
     fn try_from(value: NumberOrWord) -> Result<Self, String> {
-        Ok(value.number("from_lens")?.map_or(Self::FromLens, Self::Degrees))
+        Ok(value.number("from_lens")?.map_or(Self::FromLens, Self::Number))
     }
 }
 
-impl From<FieldOfView> for NumberOrWord {
-    fn from(field: FieldOfView) -> Self {
-        match field {
-            FieldOfView::Degrees(value) => Self::Number(value),
-            FieldOfView::FromLens => Self::Word("from_lens".into()),
+impl From<LensOrNumber> for NumberOrWord {
+    fn from(value: LensOrNumber) -> Self {
+        match value {
+            LensOrNumber::Number(value) => Self::Number(value),
+            LensOrNumber::FromLens => Self::Word("from_lens".into()),
         }
     }
 }
 
-impl JsonSchema for FieldOfView {
+impl JsonSchema for LensOrNumber {
     fn schema_name() -> Cow<'static, str> {
-        "FieldOfView".into()
+        "LensOrNumber".into()
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "description": "A number of degrees, or \"from_lens\".",
+            "description": "A number, or \"from_lens\".",
             "anyOf": [
-                { "type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 179 },
+                { "type": "number", "minimum": 0 },
                 { "const": "from_lens" }
             ]
         })
@@ -66,7 +66,12 @@ pub struct CameraSection {
     pub up: [f64; 3],
     /// Horizontal field of view, degrees, at least 1e-6 and below 179, or "from_lens": what `lens` and `sensor` see.
     /// Default "from_lens".
-    pub horizontal_field_deg: FieldOfView,
+    pub horizontal_field_deg: LensOrNumber,
+    /// Diameter of the aperture, mm, or "from_lens": focal length over f-number of an ideal lens. What lies off the plane in focus
+    /// blurs, and so does everything by diffraction (Airy pattern at 550 nm). The plane in focus is that of the lens, or else goes through
+    /// `look_at_mm`. With "from_lens" another f-number or focus of the lens can be tried on a finished render, which keeps its blur.
+    /// Default 0: a pinhole, all is sharp.
+    pub aperture_mm: LensOrNumber,
     /// Width of the image in the scene, mm, where all rays are parallel (an orthographic camera, for a scene without lens and
     /// sensor); takes the place of the field of view. Default: none.
     pub parallel_width_mm: Option<f64>,
@@ -78,7 +83,8 @@ impl Default for CameraSection {
             position_mm: [0.0, 0.0, 100.0],
             look_at_mm: [0.0; 3],
             up: [0.0, 1.0, 0.0],
-            horizontal_field_deg: FieldOfView::FromLens,
+            horizontal_field_deg: LensOrNumber::FromLens,
+            aperture_mm: LensOrNumber::Number(0.0),
             parallel_width_mm: None,
         }
     }

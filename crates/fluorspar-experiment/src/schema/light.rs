@@ -1,5 +1,6 @@
 //! Light sources.
 
+use fluorspar::light::ConeEdge;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -251,19 +252,9 @@ pub struct SpotLight {
     /// none, degrees, 0 to 180.
     pub cone_deg: Option<[f64; 2]>,
     /// How the intensity falls between the angles of the cone. Default "smooth_step".
-    pub edge: Option<SpotEdge>,
+    pub edge: Option<ConeEdge>,
     /// Power or irradiance.
     pub strength: SourceStrength,
-}
-
-/// How the intensity of a spot falls at the edge of its cone, over t, which falls from 1 to 0 evenly in the cosine.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum SpotEdge {
-    /// t² (3 - 2 t).
-    SmoothStep,
-    /// t⁴.
-    FourthPower,
 }
 
 /// Parallel light.

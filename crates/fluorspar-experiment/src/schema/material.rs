@@ -46,38 +46,12 @@ pub struct FluorophoreSection {
     #[serde(default, skip_serializing_if = "Not::not")]
     pub allow_anti_stokes: bool,
     /// What becomes of empty cells of a matrix. Default "refuse".
-    #[serde(default, skip_serializing_if = "EmptyCellsChoice::is_default")]
-    pub empty_cells: EmptyCellsChoice,
+    #[serde(default, skip_serializing_if = "is_refused")]
+    pub empty_cells: EmptyCells,
 }
 
-/// Treatment of empty cells of a matrix.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum EmptyCellsChoice {
-    /// The matrix is refused.
-    #[default]
-    Refuse,
-    /// They are zero: nothing fluoresces there.
-    Zero,
-    /// They are interpolated along the emission between the nearest values under the same excitation; zero below the excitation and beyond
-    /// the values.
-    Interpolate,
-}
-
-impl EmptyCellsChoice {
-    fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
-}
-
-impl From<EmptyCellsChoice> for EmptyCells {
-    fn from(choice: EmptyCellsChoice) -> Self {
-        match choice {
-            EmptyCellsChoice::Refuse => Self::Refuse,
-            EmptyCellsChoice::Zero => Self::Zero,
-            EmptyCellsChoice::Interpolate => Self::Interpolate,
-        }
-    }
+fn is_refused(cells: &EmptyCells) -> bool {
+    *cells == EmptyCells::Refuse
 }
 
 /// A name of the catalogue, or a table with `eem_csv`, `csv`, `mat`, or `excitation_csv` and `emission_csv`.
@@ -353,7 +327,7 @@ pub struct MaterialSection {
 
 impl MaterialSection {
     /// Name of the tissue that it is made of.
-    pub(crate) fn tissue(&self) -> Option<&str> {
+    pub fn tissue(&self) -> Option<&str> {
         match &self.scattering {
             ScatteringSection::Tissue(section) => Some(&section.tissue),
             _ => None,

@@ -39,20 +39,20 @@ pub use capture::{
 pub use concentration::{ConcentrationFactor, PaintedMask};
 pub use develop::{DevelopSection, FlatFieldSection, MotionSection};
 pub use device::{
-    AutofluorescenceSection, CameraSection, FieldOfView, FilterAngles, FilterPosition, IdealLensSection,
-    ImageFormation, LensSection, SensorSection, TracedLensSection, ViewFilterSection,
+    AutofluorescenceSection, CameraSection, FilterAngles, FilterPosition, IdealLensSection, ImageFormation,
+    LensOrNumber, LensSection, SensorSection, TracedLensSection, ViewFilterSection,
 };
 pub use instrument::{SafetySection, SpectroradiometerSection};
 pub use light::{
     Aim, AnnulusLight, DiscLight, DistantLight, DistantStrength, EmitterSection, EnvironmentLight,
     EnvironmentMapReference, EnvironmentStrength, LightFrame, LightSection, PointLight, RectangleLight,
-    RingLight, SourceStrength, SpectralEnvironmentLight, SphereLight, SpotEdge, SpotLight, TurnedMap,
+    RingLight, SourceStrength, SpectralEnvironmentLight, SphereLight, SpotLight, TurnedMap,
 };
 pub use material::{
-    ASSUMED_PHOTON_YIELD, ConductorSection, DielectricSection, DiffuseSection, EmptyCellsChoice,
-    FluorophoreSection, FluorophoreSource, GlossSection, MatSource, MaterialSection, MatrixSource,
-    MetalIndex, MetalReference, MixSection, NormalMapSection, ScatteringSection, SpectraSource, TableSource,
-    TissueMaterialSection, TwoSidedSection,
+    ASSUMED_PHOTON_YIELD, ConductorSection, DielectricSection, DiffuseSection, FluorophoreSection,
+    FluorophoreSource, GlossSection, MatSource, MaterialSection, MatrixSource, MetalIndex, MetalReference,
+    MixSection, NormalMapSection, ScatteringSection, SpectraSource, TableSource, TissueMaterialSection,
+    TwoSidedSection,
 };
 pub use object::{
     BoxShape, DiscShape, DisplacementSection, EmissionSection, EmissionSides, InstanceSection, LesionSection,
@@ -67,7 +67,7 @@ pub use reference::{
     TextureReference, TextureTable, TongueMap,
 };
 pub use region::{RegionReference, SensorRegionSection, TargetSection};
-pub use settings::{BandsChoice, EdgeBins, RenderSection, SpectralSection, StatisticsChoice, UniformBins};
+pub use settings::{EdgeBins, RenderSection, SpectralSection, UniformBins};
 pub use tissue::{
     BackgroundSection, BloodSection, CaroteneSection, LayerAbsorptionSection, LayerFluorophoreSection,
     LayerScatteringSection, TissueLayerSection, TissueSection, VolumeSection,

@@ -335,6 +335,9 @@ pub struct MouthSection {
     /// Name of a view of `fluorspar mouth view --list`, such as "tongue-out": pose of jaw, tongue and lips (drawn apart as by
     /// retractors) and place of the camera, as far as this file does not give them. Default: none.
     pub view: Option<String>,
+    /// Number of a person of `fluorspar mouth sample`, 1 to 4 000 000 000: shape of mouth and teeth, as far as this file does not give
+    /// it, and tissues, which vary around those of this file. Default: none.
+    pub person: Option<u32>,
     /// Shape and pose.
     #[serde(flatten)]
     pub parameters: MouthParameters,

@@ -1,5 +1,7 @@
 //! Wavelengths and effort of a render.
 
+use fluorspar::image::StatisticsKind;
+use fluorspar::render::ComponentBands;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -45,36 +47,12 @@ impl Default for SpectralSection {
     }
 }
 
-/// Statistics of the samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum StatisticsChoice {
-    /// Nothing.
-    #[default]
-    None,
-    /// Half-buffers and variance of the sum of each light group.
-    LightGroups,
-    /// Half-buffers and variance of every component.
-    Components,
+fn is_none(kind: &StatisticsKind) -> bool {
+    *kind == StatisticsKind::None
 }
 
-fn is_none(choice: &StatisticsChoice) -> bool {
-    *choice == StatisticsChoice::None
-}
-
-/// Bands in which components are kept.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum BandsChoice {
-    /// Those from which all others follow.
-    #[default]
-    Basis,
-    /// All.
-    All,
-}
-
-fn is_basis(choice: &BandsChoice) -> bool {
-    *choice == BandsChoice::Basis
+fn is_basis(bands: &ComponentBands) -> bool {
+    *bands == ComponentBands::Basis
 }
 
 /// Image size, samples and limits of the render.
@@ -103,7 +81,7 @@ pub struct RenderSection {
     /// Statistics of the samples: `none`, `light_groups` or `components`. Two half-buffers and the
     /// variance of each; memory grows by 16 bytes per pixel and band for each. Default `none`.
     #[serde(skip_serializing_if = "is_none")]
-    pub statistics: StatisticsChoice,
+    pub statistics: StatisticsKind,
     /// Relative error, 1e-4 to 0.5, at which a tile of 16 x 16 pixels gets no more samples; `samples_per_pixel` is the
     /// most that it gets. Default: none, all pixels get the same.
     pub relative_error: Option<f64>,
@@ -119,7 +97,7 @@ pub struct RenderSection {
     /// Bands in which each component is kept: `basis`, those from which all others follow to some tenths of a percent, in a seventh of the values,
     /// or `all`. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default `basis`.
     #[serde(skip_serializing_if = "is_basis")]
-    pub component_bands: BandsChoice,
+    pub component_bands: ComponentBands,
     /// Mirror light that was scattered before no sharper than a roughness of 0.2 would, as pbrt's integrator does by the same name: few
     /// specks from wet surfaces, whose caustics are blurred. Default false: without bias.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
@@ -136,12 +114,12 @@ impl Default for RenderSection {
             seed: 1,
             time_limit_s: None,
             memory_limit_gib: 8.0,
-            statistics: StatisticsChoice::None,
+            statistics: StatisticsKind::None,
             relative_error: None,
             error_captures: None,
             error_range_nm: None,
             excitation_basis_nm: None,
-            component_bands: BandsChoice::Basis,
+            component_bands: ComponentBands::Basis,
             regularize: false,
         }
     }

@@ -193,10 +193,12 @@ fn resolved(text: &str) -> Result<String, String> {
 
 #[test]
 fn absurd_numbers_are_refused_in_words_that_can_be_read() {
-    let samples =
-        preset::names(PresetKind::Sample).into_iter().map(|name| preset::sample(name).unwrap().text);
-    let experiments =
-        preset::names(PresetKind::Experiment).into_iter().map(|name| preset::experiment(name).unwrap().text);
+    let samples = preset::names(PresetKind::Sample)
+        .into_iter()
+        .map(|name| preset::text(PresetKind::Sample, name).unwrap());
+    let experiments = preset::names(PresetKind::Experiment)
+        .into_iter()
+        .map(|name| preset::text(PresetKind::Experiment, name).unwrap());
     let mut seen = BTreeSet::new();
     let mut wrong = String::new();
     for text in [RARE_FIELDS, DATA_SHEET].into_iter().chain(samples).chain(experiments) {

@@ -13,7 +13,8 @@ use fluorspar::pipeline::{
 };
 use fluorspar::sensor::Sensor;
 use fluorspar::study::{Motion, PaintedFactor, Study};
-use fluorspar_experiment::{parse, preset, resolve};
+use fluorspar_experiment::preset::{self, PresetKind};
+use fluorspar_experiment::{parse, resolve};
 
 const IDEAL: &str = "focal_length_mm = 3.0\nf_number = 4.0\n";
 const TRACED: &str = "type = \"traced\"\nprescription = \"wide_3_5mm\"\n";
@@ -22,7 +23,7 @@ const SPREAD: &str =
 
 /// The spheres of the catalogue behind a lens, with two captures of which one has a filter of its own.
 fn study(lens: &str, changes: &[&str]) -> Study {
-    let text = preset::experiment("fluorescent-sphere").unwrap().text;
+    let text = preset::text(PresetKind::Experiment, "fluorescent-sphere").unwrap();
     let text = text.replace("horizontal_field_deg = 40.0\n", "horizontal_field_deg = \"from_lens\"\n");
     let text = format!(
         "{text}\n[lens]\n{lens}\n[view_filter]\nfilters = [\"long_pass_475\"]\n\n[sensor]\npreset = \"lyu_2021_table_1\"\n\
@@ -285,7 +286,7 @@ fn concentrations_that_no_light_shows_and_masks_of_other_shapes_are_refused() {
 #[test]
 fn a_painted_mask_shows_what_a_new_render_of_a_plane_does() {
     let study = |changes: &[&str]| {
-        let text = preset::experiment("flat-patch").unwrap().text;
+        let text = preset::text(PresetKind::Experiment, "flat-patch").unwrap();
         let mut all: Vec<String> = [
             "render.width_px=16",
             "render.height_px=12",

@@ -5,13 +5,14 @@
 use std::path::Path;
 
 use fluorspar::design::{Design, DesignSpace, Merits, exchange, score_all};
-use fluorspar_experiment::{ResolvedDesign, parse_design, preset};
+use fluorspar_experiment::preset::{self, PresetKind};
+use fluorspar_experiment::{ResolvedDesign, parse_design};
 
 use crate::tissue_sites::reference_folder;
 
 /// A problem of the catalogue without the designs to compare with, whose lights the changes may take away.
 fn text_of(name: &str) -> &'static str {
-    preset::design(name).unwrap().text.split("[[compare]]").next().unwrap()
+    preset::text(PresetKind::Design, name).unwrap().split("[[compare]]").next().unwrap()
 }
 
 fn resolved(name: &str, changes: &[String]) -> ResolvedDesign {
@@ -59,7 +60,7 @@ fn leds(shortest: f64) -> String {
 #[test]
 fn one_light_with_rgb_leaves_the_fisher_matrix_singular() {
     let space = space("two-lights", &[]);
-    let text = preset::design("two-lights").unwrap().text;
+    let text = preset::text(PresetKind::Design, "two-lights").unwrap();
     let one = parse_design(text, "two-lights", Path::new("."), &[]).unwrap().compared.swap_remove(0);
     assert_eq!(one.name, "385 nm alone");
     let merits = space.evaluate(&one.design);

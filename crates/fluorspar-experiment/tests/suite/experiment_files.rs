@@ -6,7 +6,7 @@ use std::path::Path;
 use fluorspar::light::{DiscEmitter, Emitter, Light};
 use fluorspar::scene::Shape;
 use fluorspar::sensor::SensorMode;
-use fluorspar_experiment::preset;
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::schema::{EfficiencyReference, FilePath, NameOrTable};
 use fluorspar_experiment::{
     LayersFile, ResolvedExperiment, SampleFile, SensorFile, Warning, json_schema, json_schema_of, parse,
@@ -771,7 +771,7 @@ fn check(schema: &Value, root: &Value, value: &Value, at: &str) -> Result<(), St
 fn experiments_fit_the_schema() {
     let schema = json_schema();
     for name in preset::names(preset::PresetKind::Experiment) {
-        let text = preset::experiment(name).unwrap().text;
+        let text = preset::text(PresetKind::Experiment, name).unwrap();
         let experiment = parse(text, name, Path::new("."), &[]).unwrap();
         for value in [serde_json::to_value(&experiment.file).unwrap(), toml::from_str(text).unwrap()] {
             // A file on a base need not be complete by itself.

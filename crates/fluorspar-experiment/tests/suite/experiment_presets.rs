@@ -10,9 +10,9 @@ use fluorspar_experiment::{DEFAULT_SAMPLE, is_sample, parse, parse_sample, resol
 #[test]
 fn every_experiment_of_the_catalogue_resolves_and_comes_back_from_its_resolved_file() {
     for name in preset::names(PresetKind::Experiment) {
-        let preset = preset::experiment(name).unwrap();
+        let preset = preset::text(PresetKind::Experiment, name).unwrap();
         let start = Instant::now();
-        let experiment = parse(preset.text, name, Path::new("."), &[]).unwrap_or_else(|e| panic!("{e}"));
+        let experiment = parse(preset, name, Path::new("."), &[]).unwrap_or_else(|e| panic!("{e}"));
         let resolved = resolve(&experiment).unwrap_or_else(|e| panic!("{e}"));
         println!("{name}: {} objects, {:?}", resolved.study.scene.objects.len(), start.elapsed());
         for warning in &resolved.record.warnings {
@@ -32,9 +32,9 @@ fn every_flat_sample_of_the_catalogue_can_be_predicted_and_comes_back_from_its_r
     let names = preset::names(PresetKind::Sample);
     assert!(names.contains(&DEFAULT_SAMPLE));
     for name in names {
-        let preset = preset::sample(name).unwrap();
-        assert!(is_sample(preset.text), "{name}");
-        let sample = parse_sample(preset.text, name, Path::new("."), &[]).unwrap_or_else(|e| panic!("{e}"));
+        let preset = preset::text(PresetKind::Sample, name).unwrap();
+        assert!(is_sample(preset), "{name}");
+        let sample = parse_sample(preset, name, Path::new("."), &[]).unwrap_or_else(|e| panic!("{e}"));
         assert!(sample.record.warnings.is_empty(), "{name}: {:?}", sample.record.warnings);
         let prediction = predict(&sample.sample).unwrap();
         assert!(prediction.channels.values().all(|c| !c.saturated && c.electrons > 100.0), "{prediction:?}");
@@ -46,6 +46,6 @@ fn every_flat_sample_of_the_catalogue_can_be_predicted_and_comes_back_from_its_r
             "{name}"
         );
     }
-    assert!(!is_sample(preset::experiment("oraleye-2021").unwrap().text));
+    assert!(!is_sample(preset::text(PresetKind::Experiment, "oraleye-2021").unwrap()));
     assert!(!is_sample("sample = 1") && !is_sample("[sample"));
 }

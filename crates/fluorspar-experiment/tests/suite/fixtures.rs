@@ -8,9 +8,10 @@
 use std::fs;
 use std::path::Path;
 
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::{
     ExperimentError, LayersFile, TissueFile, parse, parse_design, parse_layers, parse_sample, parse_script,
-    parse_sensor, parse_tissue, preset, resolve, script_text,
+    parse_sensor, parse_tissue, resolve, script_text,
 };
 use fluorspar_format::{FileFormat, read_toml};
 use serde::Serialize;
@@ -64,10 +65,10 @@ const SCRIPT: &str = "format = 1\n[[change]]\nset = \"capture.blue.exposure_ms\"
 fn files_of_every_format_are_read() {
     let (one, two) = (FileFormat::EXPERIMENT.version(), FileFormat::DESIGN.version());
     let forms: [(&str, u32, Complete, &str); 7] = [
-        ("experiment", one, experiment, preset::experiment("flat-patch").unwrap().text),
-        ("sample", one, sample, preset::sample("tongue-385nm").unwrap().text),
+        ("experiment", one, experiment, preset::text(PresetKind::Experiment, "flat-patch").unwrap()),
+        ("sample", one, sample, preset::text(PresetKind::Sample, "tongue-385nm").unwrap()),
         ("sensor", one, sensor, "format = 1\nname = \"stored\"\nsensor.preset = \"lyu_2021_table_1\"\n"),
-        ("design", two, design, preset::design("two-lights").unwrap().text),
+        ("design", two, design, preset::text(PresetKind::Design, "two-lights").unwrap()),
         ("tissue", one, tissue, TISSUE),
         ("layers", one, layers, LAYERS),
         ("script", one, script, SCRIPT),

@@ -6,7 +6,7 @@ use std::path::Path;
 use fluorspar::image::{Component, ComponentImage, FeatureMaps, LightPath};
 use fluorspar::pipeline::{analyze, capture};
 use fluorspar::study::Study;
-use fluorspar_experiment::preset;
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::{parse, resolve};
 
 const RENDER: (usize, usize) = (64, 48);
@@ -16,7 +16,7 @@ fn experiment(changes: &[&str]) -> Study {
     let mut overrides: Vec<String> =
         ["sensor.mode.type=\"noise_free\"", "capture.blue.exposure_ms=1"].map(String::from).to_vec();
     overrides.extend(changes.iter().map(|c| (*c).to_owned()));
-    let text = preset::experiment("flat-patch").unwrap().text;
+    let text = preset::text(PresetKind::Experiment, "flat-patch").unwrap();
     resolve(&parse(text, "flat-patch", Path::new("."), &overrides).unwrap()).unwrap().study
 }
 
@@ -85,7 +85,8 @@ fn parts_stay_where_they_are_seen() {
         assert!((seen - share).abs() < 0.01, "{seen} of the sensor");
         let green = analyzed.analysis.channels.iter().find(|c| c.name == "G").unwrap();
         let s = green.statistics.as_ref().unwrap();
-        assert!(s.p05 > 0.9 * s.p95, "the region holds bright pixels only: {s:?}");
+        // Samples are larger than pixels: those on the border have some of what lies beyond it
+        assert!(s.p25 > 0.98 * s.p95 && s.min > 0.5 * s.p95, "the region holds bright pixels only: {s:?}");
     }
 }
 

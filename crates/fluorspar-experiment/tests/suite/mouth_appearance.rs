@@ -8,7 +8,8 @@ use std::sync::Arc;
 use fluorspar::spectral::PhotonEem;
 use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, LayerFluorophore, Level};
 use fluorspar_anatomy::{MouthParameters, SurfaceMap, Tissue, surface_map};
-use fluorspar_experiment::{parse, preset};
+use fluorspar_experiment::parse;
+use fluorspar_experiment::preset::{self, PresetKind};
 
 fn person(seed: u32) -> MouthParameters {
     MouthParameters { seed, ..MouthParameters::default() }
@@ -131,7 +132,7 @@ fn eem(name: &str) -> PhotonEem {
 
 /// Concentrations of a material of an experiment of the catalogue: constant ones, and the height of a map.
 fn concentrations(experiment: &str, material: &str) -> Vec<(String, f64)> {
-    let text = preset::experiment(experiment).unwrap().text;
+    let text = preset::text(PresetKind::Experiment, experiment).unwrap();
     let file = parse(text, experiment, Path::new("."), &[]).unwrap().file;
     let file = toml::Table::try_from(&file).unwrap();
     let materials = file["material"].as_array().unwrap();

@@ -5,10 +5,11 @@
 use std::fs;
 use std::path::Path;
 
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::schema::ScatteringSection;
 use fluorspar_experiment::{
-    Experiment, SceneChange, edit_experiment, parse, parse_changed, parse_script, preset, resolve,
-    resolve_shapes, scene_nodes, scene_values, script_text,
+    Experiment, SceneChange, edit_experiment, parse, parse_changed, parse_script, resolve, resolve_shapes,
+    scene_nodes, scene_values, script_text,
 };
 
 /// A file with comments, an order of its own, and every way to write a table.
@@ -271,7 +272,7 @@ fn scripts_replay_on_every_built_in_experiment() {
     ]);
     let changes = parse_script(&script, "changes.toml").unwrap();
     for entry in preset::list(preset::PresetKind::Experiment).unwrap() {
-        let text = preset::experiment(&entry.name).unwrap().text;
+        let text = preset::text(PresetKind::Experiment, &entry.name).unwrap();
         let new = edited(text, &changes);
         // A second time nothing changes.
         assert_eq!(edited(&new, &changes), new, "{}", entry.name);

@@ -63,7 +63,8 @@ fn the_sensor_of_an_experiment_is_read_alone() {
 #[test]
 fn a_filter_wheel_turns_between_captures() {
     // Colors are analyzed, a monochrome sensor has none.
-    let patch = preset::experiment("flat-patch").unwrap().text.split("[analysis]").next().unwrap();
+    let patch =
+        preset::text(PresetKind::Experiment, "flat-patch").unwrap().split("[analysis]").next().unwrap();
     let captures = "[[capture]]\nname = \"open\"\nlight_groups = { blue = 1.0 }\nexposure_ms = 200\n\
         [[capture]]\nname = \"half\"\nlight_groups = { blue = 1.0 }\nexposure_ms = 200\nfilters = [0.5]\n\
         [[capture]]\nname = \"red\"\nlight_groups = { blue = 1.0 }\nexposure_ms = 200\n\

@@ -12,7 +12,7 @@ use crate::support::{LIGHTS, MATERIALS, lit_box, run, settings};
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{capture, frame_radiance};
 use fluorspar::study::Study;
-use fluorspar_experiment::preset;
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::{parse, resolve};
 use sha2::{Digest, Sha256};
 
@@ -105,7 +105,7 @@ fn measured() -> BTreeMap<String, String> {
 
     let small = ["render.width_px=24", "render.height_px=18", "render.samples_per_pixel=3"];
     let few_pixels = ["sensor.columns=48", "sensor.rows=36"];
-    let catalogue = |name: &str| preset::experiment(name).unwrap().text.to_owned();
+    let catalogue = |name: &str| preset::text(PresetKind::Experiment, name).unwrap().to_owned();
     let experiment = |name: &str, more: &[&str]| {
         let changes: Vec<&str> = small.iter().chain(more).copied().collect();
         with_changes(&catalogue(name), &changes)

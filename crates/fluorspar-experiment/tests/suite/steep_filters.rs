@@ -10,7 +10,7 @@ use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{RegionRadiance, capture, frame_leak, predict, read_spectroradiometers};
 use fluorspar::render::{RenderControl, render};
 use fluorspar::study::Study;
-use fluorspar_experiment::preset;
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::{parse, parse_sample, resolve};
 
 /// Reflectance and emission differ a little over 10 nm; products of bin averages were off by factors of 1.3 and 2.2.
@@ -41,7 +41,7 @@ fn patch(step_nm: f64, changes: &[&str]) -> (Study, ComponentImage) {
     .to_vec();
     overrides.extend(changes.iter().map(|change| (*change).to_string()));
     overrides.push(format!("spectral.step_nm={step_nm}"));
-    let text = preset::experiment("flat-patch").unwrap().text;
+    let text = preset::text(PresetKind::Experiment, "flat-patch").unwrap();
     let study = resolve(&parse(text, "flat-patch", Path::new("."), &overrides).unwrap()).unwrap().study;
     let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
     let image = render(&study.scene, &study.render, &control).unwrap();
@@ -56,7 +56,7 @@ fn the_leak_of_a_sample_does_not_depend_on_the_bands() {
             "light.filters=[\"short_pass_475\"]".to_string(),
             format!("spectral.step_nm={step_nm}"),
         ];
-        let text = preset::sample("tongue-385nm").unwrap().text;
+        let text = preset::text(PresetKind::Sample, "tongue-385nm").unwrap();
         let sample = parse_sample(text, "test", Path::new("."), &overrides).unwrap();
         predict(&sample.sample).unwrap().leak_ratio.unwrap()
     });

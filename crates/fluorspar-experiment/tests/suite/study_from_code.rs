@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use fluorspar::pipeline::evaluate;
 use fluorspar::render::{RenderControl, render};
-use fluorspar_experiment::preset;
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::{parse, resolve};
 
 #[allow(dead_code, reason = "the main function of the example")]
@@ -15,7 +15,7 @@ mod example;
 
 #[test]
 fn a_flat_patch_is_the_same_from_file_and_from_code() {
-    let text = preset::experiment("flat-patch").unwrap().text;
+    let text = preset::text(PresetKind::Experiment, "flat-patch").unwrap();
     let from_file = resolve(&parse(text, "flat-patch", Path::new("."), &[]).unwrap()).unwrap().study;
     let from_code = example::study().unwrap();
     assert_eq!(from_code.scene.fluorophores, from_file.scene.fluorophores);

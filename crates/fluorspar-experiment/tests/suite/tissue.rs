@@ -15,7 +15,8 @@ use fluorspar::tissue::{
     Blood, Chromophore, EffectiveTissue, LayerFluorophore, LayeredTissue, Level, ScatteringCoefficient,
     TissueFluorophore, TissueLayer,
 };
-use fluorspar_experiment::{parse, parse_sample, preset, resolve};
+use fluorspar_experiment::preset::{self, PresetKind};
+use fluorspar_experiment::{parse, parse_sample, resolve};
 
 /// A patch of lip under even light from everywhere, seen head-on.
 const PATCH: &str = r#"
@@ -271,7 +272,7 @@ fn a_flat_sample_of_tissue_is_that_of_the_solver() {
 /// shows only what lies above the blood.
 #[test]
 fn each_channel_sees_its_depth() {
-    let text = preset::experiment("oraleye-2021").unwrap().text;
+    let text = preset::text(PresetKind::Experiment, "oraleye-2021").unwrap();
     let changes = ["mouth.detail=0.25".to_owned(), "spectral.step_nm=10".to_owned()];
     let mut study = resolve(&parse(text, "mouth", Path::new("."), &changes).unwrap()).unwrap().study;
     assert!(study.tissues.iter().any(|tissue| tissue.parts.contains(&"tongue_tip".to_owned())));

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use fluorspar::pipeline::capture;
 use fluorspar::render::{RenderControl, render};
 use fluorspar::study::Study;
-use fluorspar_experiment::preset;
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::{parse, resolve};
 
 /// The flat patch, small and without noise, with another lens section.
@@ -24,7 +24,7 @@ fn experiment(lens: &str, changes: &[&str]) -> Study {
     .map(String::from)
     .to_vec();
     overrides.extend(changes.iter().map(|c| (*c).to_owned()));
-    let text = preset::experiment("flat-patch").unwrap().text;
+    let text = preset::text(PresetKind::Experiment, "flat-patch").unwrap();
     let ideal = "focal_length_mm = 3.0\nf_number = 4.0\nvignetting = \"none\"\n";
     assert!(text.contains(ideal));
     let text = text.replace(ideal, lens);

@@ -1,7 +1,7 @@
 //! glTF 2.0 meshes, as text (.gltf) and binary (.glb).
 
 use std::cell::Cell;
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -135,11 +135,9 @@ fn drop_partial_normals(mesh: &mut TriangleMesh) {
 fn read_content(path: &Path) -> Result<FileContent, FormatError> {
     let bytes = read_file(path, MAX_MESH_BYTES)?;
     let (text, blob) = if bytes.starts_with(MAGIC) { chunks(path, &bytes)? } else { (&bytes[..], None) };
-    let document: Value = serde_json::from_slice(text).map_err(|error| FormatError::Malformed {
-        path: path.into(),
-        line: Some(error.line() as u64),
-        what: format!("not a valid glTF file: {error}"),
-        hint: "Export the mesh again".into(),
+    let document: Value = serde_json::from_slice(text).map_err(|error| {
+        let what = format!("not a valid glTF file: {error}");
+        FormatError::at_line(path, error.line() as u64, what, "Export the mesh again")
     })?;
     let buffers = buffers(path, &document, blob)?;
     guarded(path, "glTF", || {
@@ -234,13 +232,13 @@ fn buffer(
         let shown = excerpt(uri);
         return Err(broken(path, format!("the file \"{shown}\" of buffer {number} is not next to the file")));
     }
-    read_file(&path.with_file_name(uri), MAX_MESH_BYTES).map_err(|error| match error {
-        FormatError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => FormatError::malformed(
+    read_file(&path.with_file_name(uri), MAX_MESH_BYTES).map_err(|error| match error.is_not_found() {
+        true => FormatError::malformed(
             path,
             format!("the file \"{}\" of buffer {number} is missing", excerpt(uri)),
             "Put it next to this file, or export the mesh as .glb",
         ),
-        other => other,
+        false => error,
     })
 }
 

@@ -32,12 +32,10 @@ pub fn read_obj(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
         let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
         match tobj::load_obj_buf(&mut bytes.as_slice(), &options, no_materials) {
             Ok((models, _)) => Ok(models),
-            Err(error) => Err(FormatError::Malformed {
-                path: path.into(),
-                line: suspicious_line(&bytes),
-                what: format!("not a valid OBJ file: {error}"),
-                hint: "Export the mesh again".into(),
-            }),
+            Err(error) => {
+                let what = format!("not a valid OBJ file: {error}");
+                Err(FormatError::at_line(path, suspicious_line(&bytes), what, "Export the mesh again"))
+            }
         }
     })?;
     let mut mesh = TriangleMesh::default();

@@ -122,11 +122,10 @@ fn with_full_numbers(bytes: &[u8]) -> Cow<'_, [u8]> {
 }
 
 fn parse(path: &Path, bytes: &[u8]) -> Result<PlyMesh, FormatError> {
-    let damaged = |error: ParseError| FormatError::Malformed {
-        path: path.into(),
-        line: error.line().map(|line| line as u64),
-        what: format!("not a valid PLY file: {}", first_sentence(&error)),
-        hint: "Copy the file again, or export the mesh again".into(),
+    let damaged = |error: ParseError| {
+        let what = format!("not a valid PLY file: {}", first_sentence(&error));
+        let line = error.line().map(|line| line as u64);
+        FormatError::at_line(path, line, what, "Copy the file again, or export the mesh again")
     };
     let mut reader = Reader::new(BufReader::new(bytes));
     let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(damaged)?;

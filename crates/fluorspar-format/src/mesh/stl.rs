@@ -73,12 +73,9 @@ fn text_corners(path: &Path, bytes: &[u8]) -> Result<Vec<Vec3>, FormatError> {
         let Some(rest) = line.trim_start().strip_prefix("vertex") else { continue };
         let numbers: Vec<f32> = rest.split_whitespace().map_while(|word| word.parse().ok()).collect();
         let [x, y, z] = numbers[..] else {
-            return Err(FormatError::Malformed {
-                path: path.into(),
-                line: Some(index as u64 + 1),
-                what: format!("\"{}\" is not a vertex", excerpt(line.trim())),
-                hint: "A vertex has three numbers: export the mesh again".into(),
-            });
+            let what = format!("\"{}\" is not a vertex", excerpt(line.trim()));
+            let hint = "A vertex has three numbers: export the mesh again";
+            return Err(FormatError::at_line(path, index as u64 + 1, what, hint));
         };
         corners.push(Vec3::new(x, y, z));
     }

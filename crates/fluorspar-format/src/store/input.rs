@@ -131,7 +131,7 @@ fn is_device(_: FileType) -> bool {
 }
 
 fn not_a_file(path: &Path, what: &'static str, hint: &'static str) -> FormatError {
-    FormatError::NotAFile { path: path.into(), what, hint }
+    FormatError::refused(path, format!("this is {what}"), hint)
 }
 
 #[cfg(test)]

@@ -11,9 +11,8 @@ pub(crate) fn check_axis(
     wavelength_nm: &[f64],
     line: impl Fn(usize) -> Option<u64>,
 ) -> Result<(), FormatError> {
-    let refuse = |index: usize, what: String, hint: &str| {
-        Err(FormatError::Malformed { path: path.into(), line: line(index), what, hint: hint.into() })
-    };
+    let refuse =
+        |index: usize, what: String, hint: &str| Err(FormatError::at_line(path, line(index), what, hint));
     if let Some(index) = wavelength_nm.iter().position(|nm| !nm.is_finite()) {
         let what = format!("{what} wavelength number {} is {}", index + 1, wavelength_nm[index]);
         return refuse(index, what, "Give every wavelength in nm");

@@ -4,25 +4,17 @@ use std::fmt::Write;
 use std::path::Path;
 
 use fluorspar::quote::excerpt;
+use fluorspar::spectral::YieldUnit;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::axis::check_axis;
 use super::csv_table::{Negative, Table, comments_of};
 use super::eem_layout::{EemLayout, no_samples};
 use super::eem_scatter::{ScatterCut, refuse_scattered_light};
 use super::instrument_text::is_missing;
-use crate::FormatError;
 use crate::store::file::{MAX_TEXT_BYTES, as_text, read_file};
-
-/// Unit of the values of an excitation-emission matrix.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EemUnit {
-    /// Photons out per photon in.
-    Photons,
-    /// Energy out per energy in.
-    Energy,
-    /// The source does not say. Whoever uses the matrix has to decide.
-    Unknown,
-}
+use crate::{Defect, FormatError};
 
 /// An excitation-emission matrix as stored in a file: neither normalized nor converted.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,8 +25,8 @@ pub struct MeasuredEem {
     pub excitation_nm: Vec<f64>,
     /// Values, `[emission][excitation]`.
     pub values: Vec<f64>,
-    /// Unit of the values.
-    pub unit: EemUnit,
+    /// Unit of the values; `None` where the file says that it is not known, and whoever uses the matrix has to decide.
+    pub unit: Option<YieldUnit>,
     /// Places of empty cells among the values, filled as [`CsvEemOptions::empty_cells`] says.
     pub empty_cells: Vec<usize>,
     /// Negative values that were taken as zero: how many, and the lowest. Those that are cut out do not count.
@@ -57,7 +49,8 @@ pub enum AntiStokes {
 }
 
 /// Treatment of empty cells.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum EmptyCells {
     /// An error.
     #[default]
@@ -74,7 +67,7 @@ pub enum EmptyCells {
 #[derive(Clone, Debug, PartialEq)]
 pub struct CsvEemOptions {
     /// Unit of the values of a file that does not state it.
-    pub unit: Option<EemUnit>,
+    pub unit: Option<YieldUnit>,
     /// Treatment of values at emission wavelengths below the excitation.
     pub anti_stokes: AntiStokes,
     /// Treatment of negative values.
@@ -129,7 +122,7 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
     let layout = EemLayout::of(path, text, options.sample.as_deref()).map_err(|wrong| {
         // The unit first, whose option a front adds
         match unit(path, &comments_of(text), options.unit) {
-            Err(unit) if !matches!(wrong, FormatError::Samples { .. }) => together(unit, vec![wrong]),
+            Err(unit) if !matches!(wrong.defect(), Defect::Samples(_)) => together(unit, vec![wrong]),
             _ => wrong,
         }
     })?;
@@ -162,10 +155,7 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
                     empty.push(values.len());
                     Ok(0.0)
                 }
-                Ok(None) => {
-                    let excitation_nm = *excitation_nm;
-                    Err(FormatError::EmptyCell { path: path.into(), line: row.line, excitation_nm })
-                }
+                Ok(None) => Err(Defect::EmptyCell { excitation_nm: *excitation_nm }.at(path, row.line)),
                 Err(error) => Err(error),
             };
             let place = Cell { line: row.line, emission_nm: *emission_nm, excitation_nm: *excitation_nm };
@@ -203,16 +193,16 @@ pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem,
 
 /// What the header, the first column and the comments of a table say.
 struct Axes {
-    unit: EemUnit,
+    unit: Option<YieldUnit>,
     emission_nm: Vec<f64>,
     excitation_nm: Vec<f64>,
 }
 
-fn axes(path: &Path, table: &Table, given: Option<EemUnit>) -> Result<Axes, FormatError> {
+fn axes(path: &Path, table: &Table, given: Option<YieldUnit>) -> Result<Axes, FormatError> {
     let mut wrong_form: Vec<FormatError> = Vec::new();
     let unit = unit(path, &table.comments, given).unwrap_or_else(|error| {
         wrong_form.push(error);
-        EemUnit::Unknown
+        None
     });
     wrong_form.extend(check_corner(path, &table.header.cells[0], table.header.line).err());
     let header_line = table.header.line;
@@ -258,15 +248,9 @@ fn axes(path: &Path, table: &Table, given: Option<EemUnit>) -> Result<Axes, Form
 fn together(first: FormatError, next: Vec<FormatError>) -> FormatError {
     let words = |error: FormatError| match error.line() {
         Some(line) => format!("line {line}: {}", error.problem()),
-        None => error.problem().to_string(),
+        None => error.problem(),
     };
-    match next.is_empty() {
-        true => first,
-        false => {
-            let next = next.into_iter().map(words).collect();
-            FormatError::Cells { first: Box::new(first), next, more: 0 }
-        }
-    }
+    first.and(&next.into_iter().map(words).collect::<Vec<_>>(), 0)
 }
 
 impl MeasuredEem {
@@ -374,10 +358,7 @@ impl MeasuredEem {
     #[must_use]
     pub fn to_csv(&self, comments: &[String]) -> String {
         let mut text: String = comments.iter().map(|line| format!("# {line}\n")).collect();
-        text += &format!(
-            "# unit: {}\n{CORNER}",
-            if self.unit == EemUnit::Unknown { "unknown" } else { name(self.unit) }
-        );
+        text += &format!("# unit: {}\n{CORNER}", self.unit.map_or("unknown", YieldUnit::name));
         text.extend(self.excitation_nm.iter().map(|nm| format!(",{nm}")));
         for (row, emission_nm) in self.values.chunks(self.excitation_nm.len().max(1)).zip(&self.emission_nm) {
             text += &format!("\n{emission_nm}");
@@ -432,13 +413,7 @@ impl WrongCells {
     }
 
     fn refused(self) -> Result<(), FormatError> {
-        match self.first {
-            None => Ok(()),
-            Some(first) if self.next.is_empty() => Err(first),
-            Some(first) => {
-                Err(FormatError::Cells { first: Box::new(first), next: self.next, more: self.more })
-            }
-        }
+        self.first.map_or(Ok(()), |first| Err(first.and(&self.next, self.more)))
     }
 }
 
@@ -466,7 +441,11 @@ fn check_corner(path: &Path, corner: &str, line: u64) -> Result<(), FormatError>
     Err(FormatError::at_line(path, line, what, hint))
 }
 
-fn unit(path: &Path, comments: &[(u64, String)], given: Option<EemUnit>) -> Result<EemUnit, FormatError> {
+fn unit(
+    path: &Path,
+    comments: &[(u64, String)],
+    given: Option<YieldUnit>,
+) -> Result<Option<YieldUnit>, FormatError> {
     let mut stated = None;
     for (line, comment) in comments {
         let lower = comment.to_lowercase();
@@ -474,9 +453,9 @@ fn unit(path: &Path, comments: &[(u64, String)], given: Option<EemUnit>) -> Resu
             continue;
         };
         stated = Some(match text.trim() {
-            "photon" | "photons" | "quanta" => EemUnit::Photons,
-            "energy" => EemUnit::Energy,
-            "unknown" => EemUnit::Unknown,
+            "photon" | "photons" | "quanta" => Some(YieldUnit::Photons),
+            "energy" => Some(YieldUnit::Energy),
+            "unknown" => None,
             other => {
                 return Err(FormatError::at_line(
                     path,
@@ -488,30 +467,22 @@ fn unit(path: &Path, comments: &[(u64, String)], given: Option<EemUnit>) -> Resu
         });
     }
     match (stated, given) {
-        (Some(EemUnit::Unknown), Some(given)) => Ok(given),
-        (Some(stated), Some(given)) if stated != given => Err(FormatError::unit(
+        (Some(Some(stated)), Some(given)) if stated != given => Err(FormatError::unit(
             path,
             format!(
                 "the file states that its values count {}, but {} was requested",
-                name(stated),
-                name(given)
+                stated.name(),
+                given.name()
             ),
             "Leave the choice to the file, or correct its comment",
         )),
-        (Some(unit), _) | (None, Some(unit)) => Ok(unit),
+        (_, Some(given)) => Ok(Some(given)),
+        (Some(stated), None) => Ok(stated),
         (None, None) => Err(FormatError::unit(
             path,
             "the file does not say whether its values count photons or energy (the two differ by the ratio of emission to excitation wavelength)",
             "Add a line \"# unit: photons\" or \"# unit: energy\", or give the unit when reading",
         )),
-    }
-}
-
-fn name(unit: EemUnit) -> &'static str {
-    match unit {
-        EemUnit::Photons => "photons",
-        EemUnit::Energy => "energy",
-        EemUnit::Unknown => "something unknown",
     }
 }
 
@@ -540,7 +511,7 @@ pub(crate) fn check_stokes(
         }
     }
     if rule != AntiStokes::Keep && below > 0.5 * total {
-        return Err(FormatError::Transposed { path: path.into(), percent: 100.0 * below / total });
+        return Err(Defect::Transposed { percent: 100.0 * below / total }.of(path));
     }
     if rule != AntiStokes::Keep {
         refuse_scattered_light(path, &eem.emission_nm, &eem.excitation_nm, &eem.values)?;
@@ -557,15 +528,13 @@ pub(crate) fn check_stokes(
             let value = eem.values[row * columns + column];
             if emission_nm < excitation_nm && value.abs() > tolerance * peak {
                 let line = line_of(row);
-                let error = FormatError::AntiStokes {
-                    path: path.into(),
-                    line: Some(line),
-                    emission_nm,
-                    excitation_nm,
-                    value,
-                    percent_of_peak: 100.0 * value / peak,
-                };
-                wrong.add(error, Cell { line, emission_nm, excitation_nm }, &value.to_string());
+                let percent_of_peak = 100.0 * value / peak;
+                let error = Defect::AntiStokes { emission_nm, excitation_nm, value, percent_of_peak };
+                wrong.add(
+                    error.at(path, line),
+                    Cell { line, emission_nm, excitation_nm },
+                    &value.to_string(),
+                );
             }
         }
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::csv_table::Negative;
 use super::eem_layout::{Axis, names_spectrum, no_samples, no_such_sample, sample_of};
 use super::spectra::{SpectrumColumns, SpectrumOptions, headers_of, read_spectra};
-use crate::FormatError;
+use crate::{Defect, FormatError};
 use fluorspar::spectral::Curve;
 
 /// Excitation and emission spectra of a fluorophore, as stored: neither normalized nor converted.
@@ -24,7 +24,7 @@ pub struct CsvFluorophore {
 /// ranges.
 ///
 /// # Errors
-/// As [`read_spectra`]; [`FormatError::Samples`] of several dyes of which none is named.
+/// As [`read_spectra`]; [`Defect::Samples`] of several dyes of which none is named.
 pub fn read_fluorophore_csv(
     path: &Path,
     negative: Negative,
@@ -81,11 +81,7 @@ fn columns(
         (Some(_), [] | [""]) => Err(no_samples(path, line)),
         (Some(name), _) => both(name).ok_or_else(|| no_such_sample(path, line, name, &names)),
         (None, [only]) => Ok(both(only).unwrap_or_default()),
-        (None, _) => Err(FormatError::Samples {
-            path: path.into(),
-            line,
-            names: names.into_iter().map(String::from).collect(),
-        }),
+        (None, _) => Err(Defect::Samples(names.into_iter().map(String::from).collect()).at(path, line)),
     }
 }
 

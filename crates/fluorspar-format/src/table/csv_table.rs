@@ -3,7 +3,7 @@
 use fluorspar::quote::excerpt;
 use std::path::Path;
 
-use crate::FormatError;
+use crate::{Defect, FormatError};
 
 /// Most columns of a table.
 const MAX_COLUMNS: usize = 10_000;
@@ -234,12 +234,9 @@ impl Table {
         match rule {
             Negative::Keep => Ok(value),
             Negative::ClipToZero => Ok(0.0),
-            Negative::Refuse => Err(FormatError::Negative {
-                path: path.into(),
-                line: row.line,
-                column: self.column_name(column),
-                value,
-            }),
+            Negative::Refuse => {
+                Err(Defect::Negative { column: self.column_name(column), value }.at(path, row.line))
+            }
         }
     }
 }

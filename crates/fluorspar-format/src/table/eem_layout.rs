@@ -5,8 +5,8 @@ use std::path::Path;
 use fluorspar::quote::excerpt;
 
 use super::csv_eem::CORNER;
-use crate::FormatError;
 use crate::error::shortened_list;
+use crate::{Defect, FormatError};
 
 /// Wavelengths of fluorometers, nm: what a cell holds that names a row or a column.
 const WAVELENGTHS_NM: std::ops::RangeInclusive<f64> = 100.0..=2000.0;
@@ -348,11 +348,9 @@ fn chosen(
         Some(_) if names.is_empty() => Err(no_samples(path, line)),
         Some(name) if !names.contains(&name) => Err(no_such_sample(path, line, name, &names)),
         Some(name) => Ok(Some(places(name))),
-        None if names.len() > 1 && !are_wavelengths(nm) => Err(FormatError::Samples {
-            path: path.into(),
-            line,
-            names: names.into_iter().map(String::from).collect(),
-        }),
+        None if names.len() > 1 && !are_wavelengths(nm) => {
+            Err(Defect::Samples(names.into_iter().map(String::from).collect()).at(path, line))
+        }
         None => Ok(None),
     }
 }

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use fluorspar::units::counted;
+use serde::Deserialize;
 
 use super::csv_eem::{AntiStokes, MeasuredEem, check_stokes, on_the_line};
-use crate::FormatError;
+use crate::{Defect, FormatError};
 
 /// A line of a matrix along which excitation light is scattered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +49,17 @@ impl ScatterLine {
         if self == Self::WaterRaman { LEAST_WATER } else { LEAST_SCATTER }
     }
 
+    /// What the light was scattered by.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::First => "first-order scatter (Rayleigh and Tyndall)",
+            Self::Second => "second-order scatter",
+            Self::Third => "third-order scatter",
+            Self::WaterRaman => "Raman scatter of water",
+        }
+    }
+
     /// The line as an equation.
     #[must_use]
     pub fn equation(self) -> &'static str {
@@ -85,7 +97,8 @@ impl ScatterCut {
 }
 
 /// What cells of a band that is cut out become.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum CutTo {
     /// On a straight line along the emission between the nearest cells beside the band, under the same excitation; where it reaches the end of
     /// the column, the value of the nearest cell. Cells below their excitation become zero.
@@ -93,6 +106,9 @@ pub enum CutTo {
     /// Zero.
     Zero,
 }
+
+/// Largest share of the peak that a value below its excitation may have: what stray light of good instruments leaves.
+pub const ANTI_STOKES_TOLERANCE: f64 = 1e-3;
 
 /// The widest band that [`MeasuredEem::least_cuts`] tries, nm.
 pub const MOST_CUT_NM: u32 = 100;
@@ -382,7 +398,7 @@ const LEAST_WATER: f64 = 0.5;
 /// emission was measured along less of the line, in all columns that hold it, and not at the same emission under the excitations beside.
 ///
 /// # Errors
-/// [`FormatError::ScatteredLight`].
+/// [`Defect::ScatteredLight`].
 pub fn refuse_scattered_light(
     path: &Path,
     emission_nm: &[f64],
@@ -394,10 +410,32 @@ pub fn refuse_scattered_light(
     };
     match ScatterLine::ALL.into_iter().find_map(seen) {
         None => Ok(()),
-        Some((line, excitation_nm, percent_of_peak)) => {
-            Err(FormatError::ScatteredLight { path: path.into(), line, excitation_nm, percent_of_peak })
+        Some((along, excitation_nm, percent_of_peak)) => {
+            Err(Defect::ScatteredLight { along, excitation_nm, percent_of_peak }.of(path))
         }
     }
+}
+
+/// Refuses a matrix, `[emission][excitation]`, with a value below its excitation of more than [`ANTI_STOKES_TOLERANCE`] of the largest.
+///
+/// # Errors
+/// [`Defect::AntiStokes`].
+pub fn refuse_anti_stokes(
+    path: &Path,
+    emission_nm: &[f64],
+    excitation_nm: &[f64],
+    values: &[f64],
+) -> Result<(), FormatError> {
+    let columns = excitation_nm.len().max(1);
+    let peak = values.iter().copied().fold(0.0, f64::max);
+    for (index, &value) in values.iter().enumerate() {
+        let (emission_nm, excitation_nm) = (emission_nm[index / columns], excitation_nm[index % columns]);
+        if emission_nm < excitation_nm && value > ANTI_STOKES_TOLERANCE * peak {
+            let percent_of_peak = 100.0 * value / peak;
+            return Err(Defect::AntiStokes { emission_nm, excitation_nm, value, percent_of_peak }.of(path));
+        }
+    }
+    Ok(())
 }
 
 /// Values about a line of scattered light.

@@ -6,7 +6,7 @@ use std::fs;
 
 use fluorspar::image::{Mosaic, SensorImage};
 use fluorspar_format::{
-    DngColor, FormatError, Provenance, RawPacking, read_sensor_image, write_packed_raw, write_sensor_dng,
+    Defect, DngColor, Provenance, RawPacking, read_sensor_image, write_packed_raw, write_sensor_dng,
 };
 use tiff::decoder::{Decoder, ifd::Value};
 use tiff::tags::Tag;
@@ -262,7 +262,7 @@ fn a_foreign_dng_is_read_by_its_tags() {
     let compressed = changed(row(3), &[0, 7, 0, 0]);
     assert!(compressed.to_string().contains("does not begin as a JPEG"), "{compressed}");
     let compressed = changed(row(3), &[0, 5, 0, 0]);
-    assert!(matches!(compressed, FormatError::Unsupported { .. }), "{compressed}");
+    assert!(matches!(compressed.defect(), Defect::Unsupported { .. }), "{compressed}");
     assert!(compressed.to_string().contains("compression 5"), "{compressed}");
     assert!(changed(row(5), &[0, 0, 8, 0]).to_string().contains("not in the file"));
     assert!(changed(row(0), &[0xff, 0xff, 0, 0]).to_string().contains("not in the file"));

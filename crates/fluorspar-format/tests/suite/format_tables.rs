@@ -5,9 +5,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use fluorspar::spectral::YieldUnit;
 use fluorspar_format::{
-    AntiStokes, CsvEemOptions, CutTo, EemUnit, EmptyCells, Negative, ScatterCut, SpectrumColumns,
-    SpectrumOptions, read_eem_csv, read_fluorophore_csv, read_spectra,
+    AntiStokes, CsvEemOptions, CutTo, EmptyCells, Negative, ScatterCut, SpectrumColumns, SpectrumOptions,
+    read_eem_csv, read_fluorophore_csv, read_spectra,
 };
 
 /// What a reader says about a file with this content, its folder left out.
@@ -172,7 +173,7 @@ fn matrices_keep_rows_as_emission() {
     let text = "# unit: photons\nem_nm\\ex_nm,350,400\n380,1,0\n450,2,3\n";
     let eem = loaded(text, |path| read_eem_csv(path, &CsvEemOptions::default()));
     assert_eq!((eem.emission_nm, eem.excitation_nm), (vec![380.0, 450.0], vec![350.0, 400.0]));
-    assert_eq!((eem.values, eem.unit), (vec![1.0, 0.0, 2.0, 3.0], EemUnit::Photons));
+    assert_eq!((eem.values, eem.unit), (vec![1.0, 0.0, 2.0, 3.0], Some(YieldUnit::Photons)));
 }
 
 #[test]
@@ -180,7 +181,7 @@ fn anti_stokes_cells_follow_the_options() {
     let text = "em_nm\\ex_nm,350,400\n380,1,0.5\n450,-2,3\n470,,3\n";
     let read = |anti_stokes, negative| {
         let options = CsvEemOptions {
-            unit: Some(EemUnit::Energy),
+            unit: Some(YieldUnit::Energy),
             anti_stokes,
             negative,
             empty_cells: EmptyCells::Zero,
@@ -312,7 +313,7 @@ fn scattered_light_is_cut_out_along_the_emission() {
     let again = loaded(&found.to_csv(&["cut".into()]), |path| {
         read_eem_csv(path, &CsvEemOptions { anti_stokes: AntiStokes::Keep, ..CsvEemOptions::default() })
     });
-    assert_eq!((again.values, again.unit), (found.values, EemUnit::Energy));
+    assert_eq!((again.values, again.unit), (found.values, Some(YieldUnit::Energy)));
 }
 
 /// The same matrix as programs of fluorometers export it: every form is read to the same numbers, and says what it has otherwise.
@@ -382,7 +383,7 @@ fn matrices_are_read_as_instruments_export_them() {
             "{name}"
         );
         let expected: Vec<f64> = (0..12).map(|place| value(place / 3, place % 3)).collect();
-        assert_eq!((read.values, read.unit), (expected, EemUnit::Energy), "{name}");
+        assert_eq!((read.values, read.unit), (expected, Some(YieldUnit::Energy)), "{name}");
         let said = read.read_as.join("; ");
         assert!(words.iter().all(|words| said.contains(words)), "{name}: {said}");
         assert_eq!(read.read_as.len(), words.len(), "{name}: {said}");
@@ -398,7 +399,7 @@ fn samples_of_a_matrix_are_told_apart_by_their_names() {
         format!("{header}\n{}\n400,1,400,2,400,3,400,4,\n410,1,410,2,410,3,410,4,\n", "nm,a.u.,".repeat(4))
     };
     let options = |sample: Option<&str>| CsvEemOptions {
-        unit: Some(EemUnit::Photons),
+        unit: Some(YieldUnit::Photons),
         sample: sample.map(String::from),
         ..CsvEemOptions::default()
     };
@@ -607,7 +608,7 @@ fn bad_matrices_are_explained() {
         let said = complaint(content.as_bytes(), |path| read_eem_csv(path, &CsvEemOptions::default()));
         assert_eq!(said, *expected, "for {content:?}");
     }
-    let energy = CsvEemOptions { unit: Some(EemUnit::Energy), ..Default::default() };
+    let energy = CsvEemOptions { unit: Some(YieldUnit::Energy), ..Default::default() };
     assert_eq!(
         complaint(b"# unit: photons\nem_nm\\ex_nm,350\n380,1\n390,1\n", |path| read_eem_csv(path, &energy)),
         "t.csv: the file states that its values count photons, but energy was requested. \
@@ -642,7 +643,7 @@ fn a_unit_that_the_file_does_not_know_is_decided_by_the_reader() {
     let path = folder.path().join("t.csv");
     fs::write(&path, "# unit: unknown\nem_nm\\ex_nm,380,390\n500,1,2\n510,3,4\n").unwrap();
     let unit = |unit| read_eem_csv(&path, &CsvEemOptions { unit, ..Default::default() }).unwrap().unit;
-    assert_eq!([unit(None), unit(Some(EemUnit::Energy))], [EemUnit::Unknown, EemUnit::Energy]);
+    assert_eq!([unit(None), unit(Some(YieldUnit::Energy))], [None, Some(YieldUnit::Energy)]);
 }
 
 fn reference() -> Option<PathBuf> {
@@ -664,7 +665,7 @@ fn csv_files(folder: &Path) -> Vec<PathBuf> {
 #[test]
 fn measured_spectra_and_matrices_load() {
     let Some(reference) = reference() else { return };
-    let options = CsvEemOptions { unit: Some(EemUnit::Unknown), ..Default::default() };
+    let options = CsvEemOptions { unit: Some(YieldUnit::Photons), ..Default::default() };
     let mut matrices = 0;
     for path in csv_files(&reference.join("eem")) {
         if path.file_name().unwrap().to_string_lossy().starts_with("webfluor_") {

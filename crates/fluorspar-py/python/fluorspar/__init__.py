@@ -61,6 +61,7 @@ from ._record import Record
 from ._render import Components, RenderStopped, read, render
 from ._sweep import sweep
 from ._warning import FluorsparWarning
+from ._workbench import Workbench, workbench
 
 __all__ = [
     "Analysis",
@@ -85,6 +86,7 @@ __all__ = [
     "Sensor",
     "Tissue",
     "UnknownName",
+    "Workbench",
     "__version__",
     "analyze",
     "capture",
@@ -120,4 +122,5 @@ __all__ = [
     "text_of",
     "tissue",
     "validate",
+    "workbench",
 ]

@@ -289,14 +289,14 @@ TissueName: TypeAlias = Literal[
 SpectralSection: TypeAlias = "EdgeBins | UniformBins"
 """Wavelength bins: `first_nm`, `last_nm` and `step_nm`, or `edges_nm`."""
 
-StatisticsChoice: TypeAlias = "Literal['none', 'light_groups', 'components']"
-"""Statistics of the samples."""
+StatisticsKind: TypeAlias = "Literal['none', 'light_groups', 'components']"
+"""Sums whose statistics a render keeps besides the components."""
 
-BandsChoice: TypeAlias = "Literal['basis', 'all']"
-"""Bands in which components are kept."""
+ComponentBands: TypeAlias = "Literal['all', 'basis']"
+"""Which bands of each component a render keeps."""
 
-FieldOfView: TypeAlias = "float | Literal['from_lens']"
-"""A number of degrees, or "from_lens"."""
+LensOrNumber: TypeAlias = "float | Literal['from_lens']"
+"""A number, or "from_lens"."""
 
 LensSection: TypeAlias = "LensSectionIdeal | LensSectionTraced"
 """The types of lenses, each with its fields."""
@@ -357,8 +357,8 @@ Aim: TypeAlias = "AimDirection | AimLookAtMm"
 SourceStrength: TypeAlias = "SourceStrengthPowerMw | SourceStrengthIrradianceWPerM2AtDistanceMm"
 """Strength of a light: `power_mw`, or `irradiance_w_per_m2` with `at_distance_mm`."""
 
-SpotEdge: TypeAlias = "Literal['smooth_step', 'fourth_power']"
-"""How the intensity of a spot falls at the edge of its cone, over t, which falls from 1 to 0 evenly in the cosine."""
+ConeEdge: TypeAlias = "Literal['smooth_step', 'fourth_power']"
+"""How the intensity falls between the angles of a cone, over `t`, which falls from 1 to 0 evenly in the cosine."""
 
 EnvironmentMapReference: TypeAlias = "FilePath | TurnedMap"
 """The path of an equirectangular map, or a table of `file` and `rotation_deg`. Rows from the top (+y); the middle lies toward
@@ -374,8 +374,8 @@ Stokes: TypeAlias = "Literal['mask', 'off']"
 """Whether light may be emitted at wavelengths shorter than those that excite it. Stokes' observation is a mask, not a law:
 warm molecules have real anti-Stokes tails. It is on by default, as in the paper (section 3.2)."""
 
-EmptyCellsChoice: TypeAlias = "Literal['refuse', 'zero', 'interpolate']"
-"""Treatment of empty cells of a matrix."""
+EmptyCells: TypeAlias = "Literal['refuse', 'zero', 'interpolate']"
+"""Treatment of empty cells."""
 
 TextureReference: TypeAlias = "float | TextureTable"
 """A number, or a map such as { image = "x.png" }, { checker = [8, 8] } or { noise = [5, 5] }."""
@@ -451,7 +451,7 @@ class RenderSection(TypedDict, total=False):
     """Seconds after which rendering stops with the samples it has. Default: no limit."""
     memory_limit_gib: float
     """Most memory that the images of the render may take, GiB, 0.001 to 1024. Default 8."""
-    statistics: StatisticsChoice
+    statistics: StatisticsKind
     """Statistics of the samples: `none`, `light_groups` or `components`. Two half-buffers and the variance of each; memory
     grows by 16 bytes per pixel and band for each. Default `none`."""
     relative_error: float
@@ -466,7 +466,7 @@ class RenderSection(TypedDict, total=False):
     """First and last peak wavelength, nm, of light sources that shall be exchangeable after the render, such as [340, 500]:
     light groups whose light lies there are kept apart by excitation wavelength, so that `capture` and `analyze` follow a
     change of their spectrum, filters and power. Default: none."""
-    component_bands: BandsChoice
+    component_bands: ComponentBands
     """Bands in which each component is kept: `basis`, those from which all others follow to some tenths of a percent, in a
     seventh of the values, or `all`. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default
     `basis`."""
@@ -484,9 +484,14 @@ class CameraSection(TypedDict, total=False):
     """Point in the middle of the image, mm. Default [0, 0, 0]."""
     up: list[float]
     """Direction that is up in the image. Default [0, 1, 0]."""
-    horizontal_field_deg: FieldOfView
+    horizontal_field_deg: LensOrNumber
     """Horizontal field of view, degrees, at least 1e-6 and below 179, or "from_lens": what `lens` and `sensor` see. Default
     "from_lens"."""
+    aperture_mm: LensOrNumber
+    """Diameter of the aperture, mm, or "from_lens": focal length over f-number of an ideal lens. What lies off the plane in
+    focus blurs, and so does everything by diffraction (Airy pattern at 550 nm). The plane in focus is that of the lens, or
+    else goes through `look_at_mm`. With "from_lens" another f-number or focus of the lens can be tried on a finished render,
+    which keeps its blur. Default 0: a pinhole, all is sharp."""
     parallel_width_mm: float
     """Width of the image in the scene, mm, where all rays are parallel (an orthographic camera, for a scene without lens and
     sensor); takes the place of the field of view. Default: none."""
@@ -1031,7 +1036,7 @@ class LightSection(TypedDict, total=False):
     cone_deg: list[float]
     """A cone in place of a power of the cosine: angles from the axis up to which the radiant intensity is even, and from which
     on there is none, degrees, 0 to 180."""
-    edge: SpotEdge
+    edge: ConeEdge
     """How the intensity falls between the angles of the cone. Default "smooth_step"."""
     map: EnvironmentMapReference
     """Gray map of the radiance. Default: the same everywhere."""
@@ -1109,7 +1114,7 @@ class FluorophoreSection(TypedDict, total=False):
     allow_anti_stokes: bool
     """Accept values of a matrix below their excitation, scattered light for instance, which the Stokes mask then leaves out,
     instead of refusing them. Default false; with stokes = "off" they are part of the matrix."""
-    empty_cells: EmptyCellsChoice
+    empty_cells: EmptyCells
     """What becomes of empty cells of a matrix. Default "refuse"."""
 
 
@@ -1465,6 +1470,9 @@ class MouthSection(TypedDict, total=False):
     view: str
     """Name of a view of `fluorspar mouth view --list`, such as "tongue-out": pose of jaw, tongue and lips (drawn apart as by
     retractors) and place of the camera, as far as this file does not give them. Default: none."""
+    person: int
+    """Number of a person of `fluorspar mouth sample`, 1 to 4 000 000 000: shape of mouth and teeth, as far as this file does
+    not give it, and tissues, which vary around those of this file. Default: none."""
     jaw_opening_mm: float
     """Distance between the edges of the upper and lower central incisors, mm (default 45, 14 to 60). Adults open to 45-57 mm
     at most; below 35 mm is a restricted opening."""

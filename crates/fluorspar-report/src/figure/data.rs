@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use fluorspar::units::digits_text;
 use fluorspar_format::csv_cell;
 
 use super::{Axis, Figure, Scale, SeriesShape};
@@ -41,7 +42,7 @@ impl Figure {
                 if points.len() < 3 || high == low {
                     continue;
                 }
-                let place = format!("{} {}", short(x), panel.x.unit);
+                let place = format!("{} {}", digits_text(x, 3), panel.x.unit);
                 let sentence = format!("{name}: highest at {}, {}", place.trim_end(), value(&panel.y, high));
                 if !words.contains(&sentence) {
                     words.push(sentence);
@@ -71,19 +72,9 @@ fn is_inside(axis: &Axis, value: f64) -> bool {
 fn value(axis: &Axis, value: f64) -> String {
     let value = match axis.scale {
         Scale::Log10 => format!("{value:.1e}"),
-        Scale::Linear => short(value),
+        Scale::Linear => digits_text(value, 3),
     };
     format!("{value} {}", axis.unit).trim_end().to_owned()
-}
-
-/// Three digits.
-fn short(value: f64) -> String {
-    if value == 0.0 || (1e-3..1e5).contains(&value.abs()) {
-        let decimals = (2.0 - value.abs().max(1e-3).log10().floor()).clamp(0.0, 5.0) as usize;
-        format!("{value:.decimals$}")
-    } else {
-        format!("{value:.1e}")
-    }
 }
 
 #[cfg(test)]

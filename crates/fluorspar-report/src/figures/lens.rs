@@ -1,6 +1,7 @@
 //! A lens: its section with rays, spots, MTF, and what happens along the radius of the field.
 
 use fluorspar::optics::{FieldMtf, LensReport};
+use fluorspar::units::digits_text;
 
 use crate::{Axis, Dash, Figure, Ink, Label, Panel, Series, SeriesShape};
 
@@ -11,16 +12,11 @@ const TALLEST_PX: f64 = 620.0;
 
 /// Name of a field in legends.
 fn field_name(height_mm: f64) -> String {
-    if height_mm == 0.0 { "on the axis".into() } else { format!("{} mm off the axis", digits(height_mm)) }
-}
-
-/// Three digits.
-fn digits(value: f64) -> String {
-    if value == 0.0 {
-        return "0".into();
+    if height_mm == 0.0 {
+        "on the axis".into()
+    } else {
+        format!("{} mm off the axis", digits_text(height_mm, 3))
     }
-    let places = (2.0 - value.abs().log10().floor()).clamp(0.0, 6.0) as usize;
-    format!("{value:.places$}")
 }
 
 /// The lens cut along its axis, with the rays of three film points. One scale along both axes.
@@ -79,12 +75,12 @@ pub fn lens_drawing(report: &LensReport) -> Figure {
                 Label { at: [film_mm, film_height_mm], text: "film".into() },
             ]),
         ));
-    Figure::new(format!("{}: {} mm f/{}", report.name, digits(report.paraxial.focal_length_mm), digits(report.f_number)), panel)
+    Figure::new(format!("{}: {} mm f/{}", report.name, digits_text(report.paraxial.focal_length_mm, 3), digits_text(report.f_number, 3)), panel)
         .explained(format!(
             "The lens cut along its axis, drawn to scale: glass shaded, the stop as thick bars, the film on the right. Rays \
              at {} nm come from the object on the left and meet the film at three heights; the image is upside down. \
              Rays that the rims or the stop block are left out.",
-            digits(report.wavelength_nm)
+            digits_text(report.wavelength_nm, 3)
         ))
 }
 
@@ -131,7 +127,7 @@ pub fn lens_spots(report: &LensReport) -> Figure {
             let dots = SeriesShape::Dots { points, radius: 1.1, opacity: 0.6 };
             let rms = spot
                 .rms_radius_mm
-                .map_or_else(|| "no light".into(), |rms| format!("rms {} um", digits(1e3 * rms)));
+                .map_or_else(|| "no light".into(), |rms| format!("rms {} um", digits_text(1e3 * rms, 3)));
             let disc = SeriesShape::Line { points: airy.clone(), width: 1.5, dash: Dash::Solid };
             let name = (index == 0).then(|| "first dark ring of diffraction on the axis".into());
             Panel::new(
@@ -147,7 +143,7 @@ pub fn lens_spots(report: &LensReport) -> Figure {
     Figure::grid(format!("{}: spots", report.name), panels, 3).explained(format!(
         "Where the rays of one object point land on the film, about their centroid, at {} nm and without diffraction; the \
          circle is the first dark ring of the diffraction of a perfect lens.",
-        digits(report.wavelength_nm)
+        digits_text(report.wavelength_nm, 3)
     ))
 }
 
@@ -163,7 +159,7 @@ pub fn lens_mtf(report: &LensReport) -> Figure {
     let nu = mtf.through_focus_frequency_per_mm;
     let mut focus = Panel::new(Axis::linear("film moved away from the lens", "mm", ends), contrast())
         .sized(420.0, 320.0)
-        .titled(format!("through focus, {} cycles per mm", digits(nu)));
+        .titled(format!("through focus, {} cycles per mm", digits_text(nu, 3)));
     let limit = zip(&mtf.frequency_per_mm, &mtf.diffraction_limit);
     frequency = frequency.titled("at the film").with(Series::dashed(
         "diffraction limit",

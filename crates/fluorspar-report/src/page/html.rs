@@ -1,4 +1,4 @@
-//! The report as one HTML file: no scripts, nothing fetched from elsewhere.
+//! The report as one HTML file: no script but that of its live figure, nothing fetched from elsewhere.
 
 use std::fmt::Write;
 
@@ -7,6 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 
 use super::escape;
 use super::experiment::embed_experiment;
+use super::live_figure::{page_policy, write_live_figure};
 use super::report_data::{
     Number, NumberMatrix, NumberTable, Origin, ReportData, ReportItem, ReportPicture, Section,
 };
@@ -37,6 +38,10 @@ impl ReportData {
         html.push_str("</header>\n<main>\n");
         if let Some(overview) = &self.overview {
             overview.write(&mut html);
+        }
+        if let Some(live) = &self.live {
+            let analyzed = self.overview.as_ref().and_then(|overview| overview.views.first());
+            write_live_figure(&mut html, live, analyzed.map(|view| view.name.as_str()));
         }
         self.write_headline(&mut html);
         self.write_warnings(&mut html);
@@ -169,7 +174,8 @@ pub fn open_page(html: &mut String, title: &str) {
         html,
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"generator\" content=\"Fluorspar {}\">\n<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n",
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n<meta name=\"generator\" content=\"Fluorspar {}\">\n<title>{}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n",
+        page_policy(),
         env!("CARGO_PKG_VERSION"),
         escape(title)
     );
@@ -377,6 +383,8 @@ fn write_matrix(html: &mut String, matrix: &NumberMatrix) {
 mod tests {
     use fluorspar_experiment::Warning;
 
+    use fluorspar::pipeline::{ColorRendering, LiveCapture, LivePlane, LiveView};
+
     use super::*;
     use crate::{
         Answer, Axis, Contribution, Contributions, FrameView, Ink, MapOverlay, NumberMatrix, Origin,
@@ -434,6 +442,7 @@ mod tests {
         ReportData {
             title: evil.into(),
             overview: Some(overview),
+            live: Some(live_of(evil)),
             lead: vec![evil.into()],
             headline: vec![number.clone()],
             warnings: vec![Warning::summarized(format!("{evil} {}", "x".repeat(LONGEST_WARNING)), evil)],
@@ -454,13 +463,39 @@ mod tests {
         }
     }
 
+    /// Frames that follow sliders, with a name everywhere.
+    fn live_of(name: &str) -> LiveView {
+        let rendering = ColorRendering { matrix: [[1.0; 3]; 3], lift: 1.0 };
+        let capture = LiveCapture {
+            name: name.into(),
+            response: 0,
+            drives: vec![1.0],
+            subtracted: vec![0.0],
+            exposure_s: 0.01,
+            gain: 1.0,
+            dn_per_electron: 1.0,
+            white_dn: 4095.0,
+            well_e: 9000.0,
+            rendering,
+            white: 1000.0,
+        };
+        let plane = LivePlane {
+            response: 0,
+            group: 0,
+            fluorophore: Some(name.into()),
+            rates: vec![-1.0, 2.0, 3.0, 65504.0],
+        };
+        LiveView { size: [2, 2], groups: vec![name.into()], planes: vec![plane], captures: vec![capture] }
+    }
+
     #[test]
     fn no_text_becomes_markup() {
         let report = hostile();
         let html = report.to_html();
         assert!(!html.contains("<img src=x") && !html.contains("onerror=alert(1)>"));
-        assert_eq!(html.matches("<script").count(), 1);
-        assert_eq!(html.matches("</script").count(), 1);
+        // The experiment, the values of the live figure, and its script
+        assert_eq!(html.matches("<script").count(), 3);
+        assert_eq!(html.matches("</script").count(), 3);
         assert_eq!(extract_experiment(&html).as_deref(), Some(report.experiment_toml.as_str()));
     }
 

@@ -1,5 +1,6 @@
 //! Contents of a report, before layout.
 
+use fluorspar::pipeline::LiveView;
 use fluorspar_experiment::Warning;
 
 use crate::Figure;
@@ -11,6 +12,8 @@ pub struct ReportData {
     pub title: String,
     /// The first screen: images and the answer; `None` for a page that begins with its headline.
     pub overview: Option<Overview>,
+    /// Frames that follow sliders.
+    pub live: Option<LiveView>,
     /// Opening paragraphs: what was simulated and what came out, in plain words.
     pub lead: Vec<String>,
     /// The few numbers that matter most.

@@ -24,7 +24,7 @@ pub use report::{NamedFigure, RunReport, run_report};
 pub use safety_section::exceeded_limits;
 
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::Evaluation;
+use fluorspar::pipeline::{Evaluation, LiveView};
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::FrameFact;
 
@@ -37,6 +37,8 @@ pub struct RunResults<'a> {
     pub experiment_text: &'a str,
     /// The render; `None` for frames of another origin, and where its spectra were not read.
     pub components: Option<&'a ComponentImage>,
+    /// Frames that follow sliders, where the page shall have them.
+    pub live: Option<&'a LiveView>,
     /// Everything that was computed from it.
     pub evaluation: &'a Evaluation,
     /// Where the frames come from.

@@ -94,6 +94,7 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     let mut page = ReportData {
         title: record.title.clone(),
         overview: Some(overview(run, words)),
+        live: run.live.cloned(),
         lead: words.lead(run),
         headline: Vec::new(),
         warnings,
@@ -679,20 +680,14 @@ fn camera_rows(run: &RunResults<'_>) -> Vec<Number> {
     let camera = &run.experiment.study.camera;
     let mut rows = Vec::new();
     if let Some(Lens { equation: lens, .. }) = &camera.lens {
-        rows.push(
-            Number::computed("Focal length", format!("{}", lens.focal_length_mm), "mm", "of the ideal lens")
+        let size = "size of the image over that of the object";
+        rows.extend([
+            Number::computed("Focal length", lens.focal_length_mm.to_string(), "mm", "of the ideal lens")
                 .from(stated()),
-        );
-        rows.push(
-            Number::computed("f-number", format!("{}", lens.f_number), "", "focal length over aperture")
+            Number::computed("f-number", lens.f_number.to_string(), "", "focal length over aperture")
                 .from(stated()),
-        );
-        rows.push(Number::computed(
-            "Magnification",
-            format!("{:.4}", lens.magnification().abs()),
-            "",
-            "size of the image over that of the object",
-        ));
+            Number::computed("Magnification", format!("{:.4}", lens.magnification().abs()), "", size),
+        ]);
     }
     if let Some(sensor) = &camera.sensor {
         rows.extend(sensor_rows(sensor.model(), run.frames_from));
@@ -708,66 +703,39 @@ fn stated() -> Origin {
 /// Rows of the sensor: published where a value is that of Table 1 of the paper, else as the experiment states it. A recorded frame comes
 /// from another sensor than the paper's, whatever the numbers are.
 fn sensor_rows(m: &SensorModel, from: FrameOrigin) -> Vec<Number> {
-    let mut rows = Vec::new();
     let published = SensorModel::default();
     let table = |is_published: bool| match (is_published, from) {
         (true, FrameOrigin::Simulated) => Origin::Published("Table 1 of Lyu et al. 2021".into()),
         (false, FrameOrigin::Simulated) => stated(),
         (_, FrameOrigin::Given) => Origin::Assumed("by the experiment; a frame does not tell it".into()),
     };
-    rows.push(
-        Number::computed(
-            "Pixels",
-            format!("{} x {}", m.columns, m.rows),
-            "pixels",
-            "columns and rows of the sensor",
-        )
-        .from(match from {
-            FrameOrigin::Simulated => stated(),
-            FrameOrigin::Given => Origin::Computed,
-        }),
-    );
-    rows.push(
-        Number::computed("Pixel pitch", format!("{}", m.pixel_size_um), "µm", "side of one pixel")
-            .from(table(m.pixel_size_um == published.pixel_size_um)),
-    );
-    rows.push(
-        Number::computed(
-            "Full well",
-            format!("{:.0}", m.well_capacity_e),
-            "e-",
-            "electrons that a pixel holds",
-        )
-        .from(table(m.well_capacity_e == published.well_capacity_e)),
-    );
-    rows.push(
-        Number::computed(
-            "Read noise",
-            format!("{:.1}", m.read_noise_electrons()),
-            "e-",
-            match m.read_noise_mv {
-                Some(mv) => format!("noise of a dark pixel, rms: {mv} mV over the conversion gain"),
-                None => "noise of a dark pixel, rms".into(),
-            },
-        )
-        .from(
-            match (m.read_noise_mv, table(m.read_noise_electrons() == published.read_noise_electrons())) {
-                // Millivolts are stated; electrons follow from them and the conversion gain
-                (Some(_), Origin::Stated(_)) => Origin::Computed,
-                (_, origin) => origin,
-            },
-        ),
-    );
-    rows.push(
-        Number::computed(
-            "PRNU",
-            format!("{}", m.prnu_percent),
-            "%",
-            "spread of sensitivity from pixel to pixel",
-        )
-        .from(table(m.prnu_percent == published.prnu_percent)),
-    );
-    rows
+    let of_size = match from {
+        FrameOrigin::Simulated => stated(),
+        FrameOrigin::Given => Origin::Computed,
+    };
+    let noise = match m.read_noise_mv {
+        Some(mv) => format!("noise of a dark pixel, rms: {mv} mV over the conversion gain"),
+        None => "noise of a dark pixel, rms".into(),
+    };
+    let of_noise = match table(m.read_noise_electrons() == published.read_noise_electrons()) {
+        // Millivolts are stated; electrons follow from them and the conversion gain
+        Origin::Stated(_) if m.read_noise_mv.is_some() => Origin::Computed,
+        origin => origin,
+    };
+    let of_pitch = table(m.pixel_size_um == published.pixel_size_um);
+    let of_well = table(m.well_capacity_e == published.well_capacity_e);
+    let of_prnu = table(m.prnu_percent == published.prnu_percent);
+    let size = format!("{} x {}", m.columns, m.rows);
+    let row = |name, value: String, unit, meaning: &str, origin| {
+        Number::computed(name, value, unit, meaning).from(origin)
+    };
+    vec![
+        row("Pixels", size, "pixels", "columns and rows of the sensor", of_size),
+        row("Pixel pitch", m.pixel_size_um.to_string(), "µm", "side of one pixel", of_pitch),
+        row("Full well", format!("{:.0}", m.well_capacity_e), "e-", "electrons that a pixel holds", of_well),
+        row("Read noise", format!("{:.1}", m.read_noise_electrons()), "e-", &noise, of_noise),
+        row("PRNU", m.prnu_percent.to_string(), "%", "spread of sensitivity from pixel to pixel", of_prnu),
+    ]
 }
 
 fn assumptions_section(run: &RunResults<'_>) -> Section {

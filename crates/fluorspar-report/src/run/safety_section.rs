@@ -2,6 +2,7 @@
 
 use fluorspar::pipeline::{CaptureSafety, SafetyReport, Viewer, ViewerSafety};
 use fluorspar::safety::{Assessment, DAY_S, Hazard, RiskGroup, RiskQuantity};
+use fluorspar::units::digits_text;
 
 use super::words::capital;
 use crate::{Number, NumberTable, ReportItem, Section};
@@ -389,16 +390,9 @@ fn explain(hazard: Hazard, is_mouth: bool) -> &'static str {
     }
 }
 
-/// Three digits of any size.
+/// Three digits.
 fn number(value: f64) -> String {
-    if value == 0.0 {
-        return "0".into();
-    }
-    if !(1e-2..1e5).contains(&value.abs()) {
-        return format!("{value:.2e}");
-    }
-    let digits = (2.0 - value.abs().log10().floor()).clamp(0.0, 4.0) as usize;
-    format!("{value:.digits$}")
+    digits_text(value, 3)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! What a cohort says: tables, JSON and a page.
 
 use fluorspar::analysis::Analyte;
-use fluorspar::findings::{CohortFindings, CohortQuantity, PersonFinding, cohort_findings};
+use fluorspar::findings::{CohortQuantity, PersonFinding, cohort_findings};
 use fluorspar_experiment::{CohortStudy, people_csv};
 use fluorspar_format::{FileFormat, OutputFolder, csv_cell};
 use fluorspar_report::{CohortResults, cohort_figures, cohort_report};
@@ -15,20 +15,7 @@ use crate::{Job, Result};
 
 /// What is found in all people of a cohort.
 #[derive(Clone, Debug)]
-pub struct CohortOutcome {
-    /// Title.
-    pub title: String,
-    /// The cohort.
-    pub cohort: CohortStudy,
-    /// Every number of every person.
-    pub findings: Vec<(u32, PersonFinding)>,
-    /// What they say together.
-    pub said: CohortFindings,
-    analyte: Analyte,
-    toml: String,
-    inputs: Vec<String>,
-    sha256: String,
-}
+pub struct CohortOutcome(pub CohortResults);
 
 /// Room for the tables and the page: a view has some hundred lines, the table of people a line of 2 kB.
 pub(super) fn room_bytes(cohort: &CohortStudy) -> u64 {
@@ -44,9 +31,10 @@ impl CohortOutcome {
         let porphyrin = analysis.and_then(|analysis| analysis.porphyrin.as_deref());
         let analyte =
             porphyrin.map_or_else(Analyte::default, |name| Analyte::new(name, &name.replace('_', " ")));
+        let frame = analysis.map_or_else(String::new, |analysis| analysis.frame.clone());
         let (title, sha256) = (work.title().to_owned(), work.sha256.clone());
         let (said, toml, inputs) = (cohort_findings(&all), work.toml()?, work.inputs.clone());
-        Ok(Self { title, said, cohort, findings, analyte, toml, inputs, sha256 })
+        Ok(Self(CohortResults { title, said, cohort, findings, frame, analyte, toml, inputs, sha256 }))
     }
 
     /// Writes the folder.
@@ -57,9 +45,9 @@ impl CohortOutcome {
             ("people.csv".into(), people_csv(&people)?.into_bytes()),
             ("cohort.csv".into(), self.table().into_bytes()),
             ("ranges.csv".into(), self.ranges().into_bytes()),
-            ("report.html".into(), cohort_report(&self.results()).to_html().into_bytes()),
+            ("report.html".into(), cohort_report(&self.0).to_html().into_bytes()),
         ];
-        for (stem, figure) in cohort_figures(&self.results()) {
+        for (stem, figure) in cohort_figures(&self.0) {
             files.extend(figure_files(stem, &figure)?);
         }
         let place = folder.finish_with(files)?;
@@ -67,28 +55,11 @@ impl CohortOutcome {
         Ok(self)
     }
 
-    /// What the page and its words are made of.
-    #[must_use]
-    pub fn results(&self) -> CohortResults<'_> {
-        let analysis = self.cohort.experiment.file.analysis.as_ref();
-        CohortResults {
-            title: &self.title,
-            cohort: &self.cohort,
-            findings: &self.findings,
-            said: &self.said,
-            frame: analysis.map_or("", |analysis| &analysis.frame),
-            analyte: &self.analyte,
-            toml: &self.toml,
-            inputs: &self.inputs,
-            sha256: &self.sha256,
-        }
-    }
-
     /// Every number of every person, a line each.
     fn table(&self) -> String {
-        let lesions = self.cohort.lesions();
+        let lesions = self.0.cohort.lesions();
         let with = |person: u32| -> String {
-            let held = lesions.iter().filter(|lesion| self.cohort.has_lesion(person, lesion));
+            let held = lesions.iter().filter(|lesion| self.0.cohort.has_lesion(person, lesion));
             held.map(|lesion| lesion.name.as_str()).collect::<Vec<_>>().join(" ")
         };
         let row = |(person, finding): &(u32, PersonFinding)| {
@@ -103,7 +74,7 @@ impl CohortOutcome {
             )
         };
         let heads = format!("person,{NAMES},has_lesion_here,value,low,high,reference,lesions");
-        csv(&heads, self.findings.iter().map(row))
+        csv(&heads, self.0.findings.iter().map(row))
     }
 
     /// The ranges of people without lesions, a line each.
@@ -115,7 +86,7 @@ impl CohortOutcome {
             format!("{},{},{}", names(&range.quantity), of.n, numbers.join(","))
         };
         let heads = format!("{NAMES},people,median,p05,p95,tolerance_low,tolerance_high");
-        csv(&heads, self.said.ranges.iter().map(row))
+        csv(&heads, self.0.said.ranges.iter().map(row))
     }
 }
 
@@ -142,14 +113,14 @@ impl Serialize for CohortOutcome {
             "provenance": {
                 "program": "fluorspar",
                 "version": env!("CARGO_PKG_VERSION"),
-                "sha256": self.sha256,
-                "cohort_toml": self.toml,
+                "sha256": self.0.sha256,
+                "cohort_toml": self.0.toml,
             },
-            "people": self.cohort.people,
-            "findings": self.findings.len(),
-            "ranges": self.said.ranges,
-            "agreements": self.said.agreements,
-            "separations": self.said.separations,
+            "people": self.0.cohort.people,
+            "findings": self.0.findings.len(),
+            "ranges": self.0.said.ranges,
+            "agreements": self.0.said.agreements,
+            "separations": self.0.said.separations,
         });
         all.serialize(serializer)
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fluorspar::spectral::{Fluorophore, Stokes, YieldDensity, YieldUnit};
+use fluorspar::spectral::{Fluorophore, YieldDensity};
 use fluorspar::units::number_text;
 use fluorspar_experiment::preset::{self, FluorophorePreset};
 use fluorspar_experiment::schema::ASSUMED_PHOTON_YIELD;
@@ -14,7 +14,7 @@ use fluorspar_format::read_toml;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::file_options::{FileOptions, StokesChoice, Unit};
+use super::file_options::FileOptions;
 use super::measured::{Kind, Measured, read};
 use crate::source::read_text;
 use crate::values::quoted;
@@ -133,10 +133,7 @@ pub fn from_file(
     }
     let file = std::path::absolute(path).unwrap_or_else(|_| path.into());
     let file = FilePath::from(file.to_string_lossy().into_owned());
-    let unit = Some(match measured.unit {
-        Unit::Photons => YieldUnit::Photons,
-        Unit::Energy => YieldUnit::Energy,
-    });
+    let unit = Some(measured.unit);
     let sample = options.sample.clone();
     let section = FluorophoreSection {
         name,
@@ -147,13 +144,10 @@ pub fn from_file(
             Kind::Mat => FluorophoreSource::Mat(MatSource { mat: file, unit }),
         },
         photon_yield: Some(photon_yield),
-        stokes: Some(match options.stokes {
-            StokesChoice::Mask => Stokes::Mask,
-            StokesChoice::Off => Stokes::Off,
-        }),
+        stokes: Some(options.stokes),
         allow_negative: options.allow_negative,
         allow_anti_stokes: options.allow_anti_stokes,
-        empty_cells: options.empty_cells.into(),
+        empty_cells: options.empty_cells,
     };
     Ok((section, measured))
 }

@@ -3,18 +3,16 @@
 use std::path::Path;
 
 use fluorspar::quote::shell_word;
-use fluorspar_experiment::schema::EmptyCellsChoice;
+use fluorspar::spectral::{Stokes, YieldUnit};
 use fluorspar_format::{
-    AntiStokes, CsvEemOptions, CutTo, EemUnit, FormatError, LeastCuts, MOST_CUT_NM, MeasuredEem, Negative,
-    ScatterCut, names_excitation_and_emission, read_eem_csv, read_fluorophore_csv, read_iset_fluorophore,
-    read_start, refuse_scattered_light,
+    ANTI_STOKES_TOLERANCE, AntiStokes, CsvEemOptions, CutTo, Defect, EmptyCells, FormatError, LeastCuts,
+    MOST_CUT_NM, MeasuredEem, Negative, ScatterCut, names_excitation_and_emission, read_eem_csv,
+    read_fluorophore_csv, read_iset_fluorophore, read_start, refuse_anti_stokes, refuse_scattered_light,
 };
 
-use super::file_options::{Empty, FileOptions, StokesChoice, Unit};
+use super::file_options::FileOptions;
 use crate::{Error, Result};
 
-/// Largest share of the peak that a value below its excitation may have, as the reader of matrices has it.
-const ANTI_STOKES_TOLERANCE: f64 = 1e-3;
 /// Bytes of a file among which its header is looked for.
 const HEADER_BYTES: u64 = 1 << 20;
 
@@ -43,7 +41,7 @@ pub struct Measured {
     /// Name that the file gives itself.
     pub name: Option<String>,
     /// What its values count.
-    pub unit: Unit,
+    pub unit: YieldUnit,
     /// Pairs of what and how much, for people.
     pub findings: Vec<(String, String)>,
     /// What was made of its cells, a line each; empty where they are as measured.
@@ -56,17 +54,8 @@ pub struct Measured {
 
 impl Measured {
     /// Without warnings, as it is.
-    fn as_it_is(kind: Kind, name: Option<String>, unit: Unit, findings: Vec<(String, String)>) -> Self {
+    fn as_it_is(kind: Kind, name: Option<String>, unit: YieldUnit, findings: Vec<(String, String)>) -> Self {
         Self { kind, name, unit, findings, changed: Vec::new(), warnings: Vec::new(), without_scatter: None }
-    }
-}
-
-impl From<Unit> for EemUnit {
-    fn from(unit: Unit) -> Self {
-        match unit {
-            Unit::Photons => Self::Photons,
-            Unit::Energy => Self::Energy,
-        }
     }
 }
 
@@ -110,21 +99,19 @@ fn explained(kind: Kind, path: &Path, options: &FileOptions, error: FormatError)
         if cure.is_none() && fixes == 0 {
             return error.into();
         }
-        let first = error.first();
-        text += &match (fixes, error.line()) {
-            (0, _) => first.to_string(),
-            (_, Some(line)) => format!(". Then, on line {line}, {}", first.problem()),
-            (_, None) => format!(". Then {}", first.problem()),
-        };
         // The option beside what it cures
-        text += &cure.as_ref().map(|cure| format!(" ({})", cure.words)).unwrap_or_default();
-        text += &error.also().map(|also| format!(". {also}")).unwrap_or_default();
+        let option = cure.as_ref().map(|cure| format!(" ({})", cure.words)).unwrap_or_default();
+        text += &match (fixes, error.line()) {
+            (0, _) => error.message_with(&option),
+            (_, Some(line)) => format!(". Then, on line {line}, {}", error.problem_with(&option)),
+            (_, None) => format!(". Then {}", error.problem_with(&option)),
+        };
         if !cure.is_some_and(|cure| cure.passes) {
             break;
         }
         fixes += 1;
         // What else is wrong with the form is told with the unit
-        if matches!(&error, FormatError::Cells { first, .. } if matches!(**first, FormatError::Unit { .. })) {
+        if error.has_more() && matches!(error.defect(), Defect::Unit { .. }) {
             break;
         }
         match read_kind(kind, path, &tried) {
@@ -159,30 +146,28 @@ impl Cure {
 
 /// The option that lets a file pass, which `tried` then has; `None` where none does.
 fn cured(kind: Kind, path: &Path, error: &FormatError, tried: &mut FileOptions) -> Option<Cure> {
-    match error.first() {
-        FormatError::Unit { .. } if tried.yield_unit.is_none() => {
-            tried.yield_unit = Some(Unit::Photons);
+    match error.defect() {
+        Defect::Unit { .. } if tried.yield_unit.is_none() => {
+            tried.yield_unit = Some(YieldUnit::Photons);
             Cure::option("⟨yield_unit=photons⟩ or ⟨yield_unit=energy⟩")
         }
-        FormatError::AntiStokes { .. } | FormatError::ScatteredLight { .. } if !tried.allow_anti_stokes => {
-            match kind {
-                Kind::MatrixCsv => scatter_cured(path, tried),
-                _ => {
-                    tried.allow_anti_stokes = true;
-                    Cure::option("⟨allow_anti_stokes⟩")
-                }
+        Defect::AntiStokes { .. } | Defect::ScatteredLight { .. } if !tried.allow_anti_stokes => match kind {
+            Kind::MatrixCsv => scatter_cured(path, tried),
+            _ => {
+                tried.allow_anti_stokes = true;
+                Cure::option("⟨allow_anti_stokes⟩")
             }
-        }
-        FormatError::Samples { names, .. } if tried.sample.is_none() => {
+        },
+        Defect::Samples(names) if tried.sample.is_none() => {
             tried.sample = names.first().cloned();
             Cure::option(format!("⟨sample={}⟩", shell_word(tried.sample.as_deref().unwrap_or_default())))
         }
-        FormatError::Negative { .. } if !tried.allow_negative => {
+        Defect::Negative { .. } if !tried.allow_negative => {
             tried.allow_negative = true;
             Cure::option("⟨allow_negative⟩")
         }
-        FormatError::EmptyCell { .. } if tried.empty_cells == Empty::Refuse => {
-            tried.empty_cells = Empty::Interpolate;
+        Defect::EmptyCell { .. } if tried.empty_cells == EmptyCells::Refuse => {
+            tried.empty_cells = EmptyCells::Interpolate;
             Cure::option(
                 "⟨empty_cells=interpolate⟩ fills them along the emission, ⟨empty_cells=zero⟩ says that nothing fluoresces there",
             )
@@ -233,18 +218,18 @@ fn import_command(path: &Path, options: &FileOptions) -> String {
         command += &format!(" --sample {}", shell_word(sample));
     }
     match options.yield_unit {
-        Some(Unit::Photons) => command += " --yield-unit photons",
-        Some(Unit::Energy) => command += " --yield-unit energy",
+        Some(YieldUnit::Photons) => command += " --yield-unit photons",
+        Some(YieldUnit::Energy) => command += " --yield-unit energy",
         None => {}
     }
     if let Some(photon_yield) = options.photon_yield {
         command += &format!(" --photon-yield {photon_yield}");
     }
     for (is_given, option) in [
-        (options.stokes == StokesChoice::Off, " --stokes off"),
+        (options.stokes == Stokes::Off, " --stokes off"),
         (options.allow_negative, " --allow-negative"),
-        (options.empty_cells == Empty::Zero, " --empty-cells zero"),
-        (options.empty_cells == Empty::Interpolate, " --empty-cells interpolate"),
+        (options.empty_cells == EmptyCells::Zero, " --empty-cells zero"),
+        (options.empty_cells == EmptyCells::Interpolate, " --empty-cells interpolate"),
         (options.allow_anti_stokes, " --allow-anti-stokes"),
     ] {
         command += if is_given { option } else { "" };
@@ -281,28 +266,26 @@ fn negative(options: &FileOptions) -> Negative {
 }
 
 /// The unit of a matrix, which must be known.
-fn stated_unit(path: &Path, unit: EemUnit) -> Result<Unit> {
-    match unit {
-        EemUnit::Photons => Ok(Unit::Photons),
-        EemUnit::Energy => Ok(Unit::Energy),
-        EemUnit::Unknown => Err(Error::Input(format!(
+fn stated_unit(path: &Path, unit: Option<YieldUnit>) -> Result<YieldUnit> {
+    unit.ok_or_else(|| {
+        Error::Input(format!(
             "{}: the file says that the unit of its values is unknown. Decide with ⟨yield_unit=photons⟩ or ⟨yield_unit=energy⟩",
             path.display()
-        ))),
-    }
+        ))
+    })
 }
 
 /// How a matrix is read.
 fn csv_options(options: &FileOptions) -> CsvEemOptions {
     CsvEemOptions {
-        unit: options.yield_unit.map(EemUnit::from),
+        unit: options.yield_unit,
         anti_stokes: if options.allow_anti_stokes {
             AntiStokes::Keep
         } else {
             AntiStokes::Refuse(ANTI_STOKES_TOLERANCE)
         },
         negative: negative(options),
-        empty_cells: EmptyCellsChoice::from(options.empty_cells).into(),
+        empty_cells: options.empty_cells,
         cut: options.cut,
         sample: options.sample.clone(),
     }
@@ -311,12 +294,12 @@ fn csv_options(options: &FileOptions) -> CsvEemOptions {
 fn matrix_csv(path: &Path, options: &FileOptions) -> Result<Measured> {
     let read = read_eem_csv(path, &csv_options(options))?;
     let unit = stated_unit(path, read.unit)?;
-    let without_scatter = options.cut.map(|_| MeasuredEem { unit: unit.into(), ..read.clone() });
+    let without_scatter = options.cut.map(|_| MeasuredEem { unit: Some(unit), ..read.clone() });
     let of_peak = options.cut.and_then(|cut| peak_beside_cut(&read, cut));
     let of_peak = read.overflow().map(|overflow| overflow.to_string()).or(of_peak);
     let matrix =
         Matrix { emission_nm: read.emission_nm, excitation_nm: read.excitation_nm, values: read.values };
-    let mut findings = vec![("content".into(), format!("excitation-emission matrix of {}", word(unit)))];
+    let mut findings = vec![("content".into(), format!("excitation-emission matrix of {}", unit.name()))];
     if !read.read_as.is_empty() {
         findings.push(("form of the file".into(), read.read_as.join("; ")));
     }
@@ -363,7 +346,7 @@ fn accepted_scatter(path: &Path, matrix: &Matrix, options: &FileOptions) -> Vec<
 const NO_CELL: &str = "none";
 
 /// What was made of empty cells.
-fn empty_cells(matrix: &Matrix, places: &[usize], choice: Empty) -> String {
+fn empty_cells(matrix: &Matrix, places: &[usize], choice: EmptyCells) -> String {
     const TOLD: usize = 3;
     let columns = matrix.excitation_nm.len();
     let filled = |place: &&usize| matrix.values[**place] != 0.0;
@@ -376,7 +359,7 @@ fn empty_cells(matrix: &Matrix, places: &[usize], choice: Empty) -> String {
     let filled = places.iter().filter(filled).count();
     match (places.len(), choice) {
         (0, _) => NO_CELL.into(),
-        (count, Empty::Interpolate) => {
+        (count, EmptyCells::Interpolate) => {
             let more = if filled > told.len() { ", and others" } else { "" };
             let values = if told.is_empty() { String::new() } else { format!(": {}{more}", told.join("; ")) };
             let zero = count - filled;
@@ -404,7 +387,7 @@ fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured> {
     if read.emission_only {
         return Err(emission_only(path));
     }
-    let unit = options.yield_unit.unwrap_or(Unit::Photons);
+    let unit = options.yield_unit.unwrap_or(YieldUnit::Photons);
     let mut findings = vec![("content".into(), "excitation and emission spectra".to_string())];
     let range = |(first, last): (f64, f64)| format!("{first} to {last} nm");
     for (name, curve) in [("excitation", &read.excitation), ("emission", &read.emission)] {
@@ -438,21 +421,21 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured> {
         ))),
         _ => Ok(()),
     };
-    let unit = options.yield_unit.unwrap_or(Unit::Photons);
+    let unit = options.yield_unit.unwrap_or(YieldUnit::Photons);
     let name = Some(read.name).filter(|name| !name.is_empty());
     let (mut findings, mut warnings) = (Vec::new(), Vec::new());
     if let Some(values) = read.eem {
         refuse_negative("eem", &values)?;
-        findings.push(("content".into(), format!("ISET fluorophore, matrix of {}", word(unit))));
+        findings.push(("content".into(), format!("ISET fluorophore, matrix of {}", unit.name())));
         let values = values.into_iter().map(|value| value.max(0.0)).collect();
         let matrix = Matrix { emission_nm: read.wave_nm.clone(), excitation_nm: read.wave_nm, values };
         let percent = 100.0 * anti_stokes_share(&matrix);
         if percent > 50.0 && !options.allow_anti_stokes {
-            return Err(FormatError::Transposed { path: path.into(), percent }.into());
+            return Err(Defect::Transposed { percent }.of(path).into());
         }
         if !options.allow_anti_stokes {
             refuse_scattered_light(path, &matrix.emission_nm, &matrix.excitation_nm, &matrix.values)?;
-            refuse_anti_stokes(path, &matrix)?;
+            refuse_anti_stokes(path, &matrix.emission_nm, &matrix.excitation_nm, &matrix.values)?;
         }
         warnings = accepted_scatter(path, &matrix, options);
         describe(path, &matrix, &mut findings)?;
@@ -477,19 +460,16 @@ fn mat(path: &Path, options: &FileOptions) -> Result<Measured> {
     } else {
         "the convention of those files; --yield-unit changes it"
     };
-    findings.push(("unit".into(), format!("{} ({by_convention})", word(unit))));
+    findings.push(("unit".into(), format!("{} ({by_convention})", unit.name())));
     Ok(Measured { warnings, ..Measured::as_it_is(Kind::Mat, name, unit, findings) })
 }
 
-fn word(unit: Unit) -> &'static str {
-    match unit {
-        Unit::Photons => "photons",
-        Unit::Energy => "energy",
-    }
-}
-
-fn taken_as(unit: Unit, given: bool) -> String {
-    format!("{} ({})", word(unit), if given { "as given" } else { "assumed; --yield-unit energy changes it" })
+fn taken_as(unit: YieldUnit, given: bool) -> String {
+    format!(
+        "{} ({})",
+        unit.name(),
+        if given { "as given" } else { "assumed; --yield-unit energy changes it" }
+    )
 }
 
 fn emission_only(path: &Path) -> Error {
@@ -520,26 +500,6 @@ fn anti_stokes_share(matrix: &Matrix) -> f64 {
         }
     }
     if total > 0.0 { below / total } else { 0.0 }
-}
-
-fn refuse_anti_stokes(path: &Path, matrix: &Matrix) -> Result<(), FormatError> {
-    let columns = matrix.excitation_nm.len();
-    let peak = matrix.values.iter().copied().fold(0.0, f64::max);
-    for (index, &value) in matrix.values.iter().enumerate() {
-        let (emission_nm, excitation_nm) =
-            (matrix.emission_nm[index / columns], matrix.excitation_nm[index % columns]);
-        if emission_nm < excitation_nm && value > ANTI_STOKES_TOLERANCE * peak {
-            return Err(FormatError::AntiStokes {
-                path: path.into(),
-                line: None,
-                emission_nm,
-                excitation_nm,
-                value,
-                percent_of_peak: 100.0 * value / peak,
-            });
-        }
-    }
-    Ok(())
 }
 
 /// Grid, peak and anti-Stokes share of a matrix.

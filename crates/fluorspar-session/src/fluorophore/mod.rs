@@ -7,7 +7,7 @@ mod fit_files;
 mod loading;
 mod measured;
 
-pub use file_options::{Empty, FileOptions, StokesChoice, Unit};
+pub use file_options::FileOptions;
 pub use fit::{FitOptions, FittedMixture, fit};
 pub use fit_files::FittedSpectra;
 pub use loading::{

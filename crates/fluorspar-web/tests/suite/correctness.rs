@@ -3,14 +3,16 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::thread::sleep;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fluorspar::findings::region_findings;
 use fluorspar::pipeline::{frame_radiance, radiance_preview};
 use fluorspar_experiment::{parse, resolve};
 use fluorspar_format::read_component_image;
 use fluorspar_report::finding_lines;
-use fluorspar_session::{AnalyzeOptions, Analyzed, CaptureOptions, TaskOptions, analyze, capture};
+use fluorspar_session::{
+    AnalyzeOptions, Analyzed, CaptureOptions, ExperimentArgs, RunOptions, TaskOptions, analyze, capture, run,
+};
 use fluorspar_web::{Workbench, WorkbenchOptions};
 use serde_json::{Value, json};
 
@@ -226,7 +228,7 @@ fn a_report_is_that_of_capture() {
     assert_eq!(made.status, 204, "{}", made.text());
     let page = served.get("/report.html");
     let policy = page.header("content-security-policy").unwrap();
-    assert!(policy.contains("default-src 'none'") && !policy.contains("script-src"), "{policy}");
+    assert!(policy.contains("default-src 'none'") && policy.contains("script-src 'sha256-"), "{policy}");
     // But for links to files beside it, and the name of the experiment
     let without_links = |page: &str| -> Vec<String> {
         let mut rest = page.replace(" As recorded:", "");
@@ -271,6 +273,32 @@ fn a_picked_part_is_a_region() {
     assert!(told["lines"].as_array().unwrap().len() > 2, "{told}");
     let outside = served.post("/api/part", &json!({ "frame_px": [64, 48], "at_px": [64, 0] }));
     assert_eq!(outside.status, 422, "{}", outside.text());
+}
+
+#[test]
+fn shapes_are_seen_from_any_side_and_named() {
+    let served = Served::on_run();
+    let asked = |view: &str, yaw_deg: f64| json!({ "view": view, "yaw_deg": yaw_deg, "pitch_deg": 0.0, "zoom": 1.0, "width_px": 64, "at": [0.5, 0.5] });
+    let seen = |view: &str, yaw_deg: f64| {
+        let bytes = served.post("/api/orbit", &asked(view, yaw_deg)).body;
+        let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
+        let facts: Value = serde_json::from_slice(&bytes[4..4 + length]).unwrap();
+        (facts, decoded(&bytes[4 + length..]))
+    };
+    let (facts, front) = seen("clay", 0.0);
+    assert_eq!((front.0, front.1), (64, 48));
+    let part = served.post("/api/part", &json!({ "frame_px": [64, 48], "at_px": [32, 24] })).json();
+    assert_eq!(facts["picked"]["part"], part["part"]);
+    assert!(facts["picked"]["distance_mm"].as_f64().unwrap() > 1.0, "{facts}");
+    assert!(seen("clay", 40.0).1 != front && seen("part", 0.0).1 != front && seen("depth", 0.0).1 != front);
+    assert!(seen("depth", 0.0).0["legend"]["ends"][0].as_str().unwrap().ends_with(" mm"));
+    for (field, value) in
+        [("view", json!("raw")), ("pitch_deg", json!(91)), ("zoom", json!(0)), ("width_px", json!(9999))]
+    {
+        let mut bad = asked("clay", 0.0);
+        bad[field] = value;
+        assert_eq!(served.post("/api/orbit", &bad).status, 422, "{field}");
+    }
 }
 
 #[test]
@@ -340,17 +368,64 @@ fn ready(served: &Served) -> Value {
     panic!("the render did not end");
 }
 
+/// How far a render of changes is, once there are more pictures than `seen` or a moment later.
+fn rendering(served: &Served, set: &[&str], seen: Option<u64>) -> Value {
+    served.post("/api/render", &json!({ "set": set, "seen": seen })).json()
+}
+
 #[test]
-fn what_needs_a_render_is_rendered_on_demand() {
+fn what_needs_a_render_is_rendered_coarse_first_and_ends_as_that_of_run() {
     let served = Served::on_run();
     let bad = served.post("/api/render", &json!({ "set": ["object.none.material=x"] }));
     assert_eq!(bad.status, 422, "{}", bad.text());
-    let set = json!(["render.samples_per_pixel=2", "render.width_px=16", "render.height_px=12"]);
-    assert_eq!(served.post("/api/render", &json!({ "set": set })).status, 202);
-    let subject = ready(&served);
-    assert_eq!((&subject["render_px"], &subject["samples_per_pixel"]), (&json!([16, 12]), &json!(2)));
-    assert_eq!(subject["remark"], Value::Null);
-    picture(&served, &json!({ "capture": "blue", "view": "developed" }));
+    let set = ["render.width_px=200", "render.height_px=150", "capture.blue.exposure_ms=7"];
+    let asked = |set: &[&str]| json!({ "set": set, "capture": "blue", "view": "developed" });
+    let refused = served.post("/api/picture", &asked(&set));
+    assert!(refused.status == 422 && refused.text().contains("\"needs_render\":true"), "{}", refused.text());
+    let (first, mut sizes, mut seen) = (picture(&served, &asked(&[])), Vec::new(), 0);
+    loop {
+        let told = rendering(&served, &set, Some(seen));
+        assert_eq!(told["error"], Value::Null, "{told}");
+        if told["level"].as_u64().unwrap() > seen {
+            seen = told["level"].as_u64().unwrap();
+            sizes.push(picture(&served, &asked(&set)).0);
+        }
+        if told["is_over"] == true {
+            break;
+        }
+    }
+    assert!(sizes[0]["is_coarse"] == true && sizes[0]["render_px"][0].as_u64().unwrap() < 200, "{sizes:?}");
+    let last = sizes.last().unwrap();
+    assert_eq!((&last["is_coarse"], &last["render_px"]), (&json!(false), &json!([200, 150])));
+
+    // With another drive on top it is what `run` and `capture` make of the saved experiment
+    let set = [set[0], set[1], "capture.blue.exposure_ms=5"];
+    let folder = tempfile::tempdir().unwrap();
+    let toml = served.post("/api/toml", &json!({ "set": set })).json();
+    let file = folder.path().join("saved.toml");
+    std::fs::write(&file, toml["toml"].as_str().unwrap()).unwrap();
+    let experiment = ExperimentArgs { experiment: Some(file.display().to_string()), ..Default::default() };
+    let mut options = RunOptions { experiment, out: Some(folder.path().join("run")), ..Default::default() };
+    options.experiment.render.spp = Some(1);
+    run(&options, &job()).unwrap();
+    let written = std::fs::read(folder.path().join("run/preview_blue.png")).unwrap();
+    assert!(picture(&served, &asked(&set)).1 == decoded(&written));
+    assert!(picture(&served, &asked(&[])).1 == first.1, "the first render is not there any more");
+}
+
+#[test]
+fn a_render_ends_when_another_scene_is_wanted_and_when_it_is_stopped() {
+    let served = Served::on_run();
+    let long = |samples: &'static str| ["render.width_px=96", samples];
+    let [one, other] = ["render.samples_per_pixel=90000", "render.samples_per_pixel=80000"].map(long);
+    let coarse = |set: &[&str]| while rendering(&served, set, None)["level"] == 0 {};
+    coarse(&one);
+    let begun = Instant::now();
+    coarse(&other);
+    assert!(begun.elapsed() < Duration::from_secs(5), "{:?}", begun.elapsed());
+    assert_eq!(served.post("/api/stop", &json!({})).status, 202);
+    let told = rendering(&served, &other, Some(9));
+    assert!(told["error"].as_str().is_some_and(|why| why.contains("stopped")), "{told}");
 }
 
 #[test]

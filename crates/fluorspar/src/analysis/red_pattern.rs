@@ -466,17 +466,19 @@ fn bell(x: f64) -> f64 {
 impl Pattern {
     /// Mean share of a block, mean of its square, and probability that it is above [`SHARE_OF_MARK`].
     fn moments(&self, likelihood: &[f64], shares: &[f64]) -> [f64; 3] {
-        let mut sums = [0.0; 4];
+        let (mut total, mut first, mut second, mut marked) = (0.0, 0.0, 0.0, 0.0);
         let here = likelihood[self.first..].iter().zip(&shares[self.first..]);
         for (probability, (likelihood, share)) in self.probabilities.iter().zip(here) {
             let weight = probability * likelihood;
-            let marked = f64::from(u8::from(*share > SHARE_OF_MARK));
-            for (sum, value) in sums.iter_mut().zip([1.0, *share, share * share, marked]) {
-                *sum += weight * value;
+            total += weight;
+            first += weight * share;
+            second += weight * (share * share);
+            if *share > SHARE_OF_MARK {
+                marked += weight;
             }
         }
-        let total = sums[0].max(f64::MIN_POSITIVE);
-        [sums[1] / total, sums[2] / total, sums[3] / total]
+        let total = f64::max(total, f64::MIN_POSITIVE);
+        [first / total, second / total, marked / total]
     }
 }
 

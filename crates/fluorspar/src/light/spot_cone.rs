@@ -3,6 +3,8 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::EmitterError;
 use super::emitter_error::MAX_EXPONENT;
@@ -23,7 +25,8 @@ pub struct SpotCone {
 }
 
 /// How the intensity falls between the angles of a cone, over `t`, which falls from 1 to 0 evenly in the cosine.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum ConeEdge {
     /// `t² (3 - 2 t)`, as in pbrt-v4.
     #[default]

@@ -7,6 +7,7 @@ use std::ops::Range;
 use glam::DVec2;
 use rayon::prelude::*;
 
+use super::airy::Airy;
 use super::camera_lens::CameraLens;
 use super::sequential_trace::LensRay;
 use super::traced_lens::TracedLens;
@@ -76,58 +77,15 @@ impl PointSpread {
 
     /// Moves every ray by a random vector from the diffraction pattern of a round pupil (Airy): the convolution of both.
     #[must_use]
-    fn with_airy(mut self, airy: &Airy) -> Self {
+    fn with_airy(mut self, airy: &Airy, scale_mm: f64) -> Self {
         for (index, ray) in self.rays.iter_mut().enumerate() {
             let [u, v, _, _] = SampleStream::new(7, 3, index as u32).next_4d();
-            let (radius, angle) = (airy.radius_mm(f64::from(u)), 2.0 * PI * f64::from(v));
-            ray[0] += radius * angle.cos();
-            ray[1] += radius * angle.sin();
+            let [x, y] = airy.sample([u, v]);
+            ray[0] += scale_mm * x;
+            ray[1] += scale_mm * y;
         }
         self
     }
-}
-
-/// Encircled energy of the Airy pattern, `1 - J0² - J1²` at `v = pi r / (lambda N)`.
-struct Airy {
-    scale_mm: f64,
-    energy: Vec<f64>,
-}
-
-/// Largest `v` of the table: 97.9 % of the energy lie inside; the rest is left out and the pattern normalized.
-const AIRY_REACH: f64 = 30.0;
-const AIRY_STEPS: usize = 600;
-
-impl Airy {
-    fn new(wavelength_nm: f64, working_f_number: f64) -> Self {
-        let energy = |step: usize| {
-            let v = AIRY_REACH * step as f64 / AIRY_STEPS as f64;
-            1.0 - bessel(0, v).powi(2) - bessel(1, v).powi(2)
-        };
-        let last = energy(AIRY_STEPS);
-        let energy = (0..=AIRY_STEPS).map(|step| energy(step) / last).collect();
-        Self { scale_mm: wavelength_nm * 1e-6 * working_f_number / PI, energy }
-    }
-
-    fn radius_mm(&self, share: f64) -> f64 {
-        let right = self.energy.partition_point(|e| *e < share).clamp(1, AIRY_STEPS);
-        let (low, high) = (self.energy[right - 1], self.energy[right]);
-        let part = if high > low { (share - low) / (high - low) } else { 0.0 };
-        let step = (right - 1) as f64 + part.clamp(0.0, 1.0);
-        self.scale_mm * AIRY_REACH * step / AIRY_STEPS as f64
-    }
-}
-
-/// Bessel function of the first kind by its integral, `(1/pi) integral cos(n t - x sin t)`; the trapezoidal rule is exact
-/// to rounding for `x` below the number of its nodes.
-fn bessel(order: i32, x: f64) -> f64 {
-    const NODES: usize = 96;
-    let sum: f64 = (0..NODES)
-        .map(|i| {
-            let t = 2.0 * PI * (i as f64 + 0.5) / NODES as f64;
-            (f64::from(order) * t - x * t.sin()).cos()
-        })
-        .sum();
-    sum / NODES as f64
 }
 
 /// A function of the height on the film, linear between even nodes.
@@ -224,12 +182,13 @@ impl CameraLens {
         });
         let ideal = self.undistorted(pinhole, tan_half_width, &tangent);
         // Convolve traced point spreads with the Airy pattern
-        let airy = Airy::new(lens.wavelength_nm(), self.working_f_number());
+        let airy = Airy::new();
+        let scale_mm = lens.wavelength_nm() * 1e-6 * self.working_f_number();
         let spreads: Vec<PointSpread> = (0..FIELD_NODES)
             .into_par_iter()
             .map(|node| {
                 let height_mm = radius_mm * node as f64 / (FIELD_NODES - 1) as f64;
-                PointSpread::new(lens, self.state().object_mm(), height_mm, RAYS).with_airy(&airy)
+                PointSpread::new(lens, self.state().object_mm(), height_mm, RAYS).with_airy(&airy, scale_mm)
             })
             .collect();
         // Blur and darken
@@ -410,30 +369,6 @@ impl Kernel {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_airy_pattern_holds_84_percent_in_its_first_dark_ring() {
-        // First zero of J1 at 3.8317; Lord Rayleigh: 83.8 % inside. The table leaves the outermost 2 % out.
-        let inside = |v: f64| 1.0 - bessel(0, v).powi(2) - bessel(1, v).powi(2);
-        assert!((inside(3.831_706) - 0.8378).abs() < 1e-4);
-        let airy = Airy::new(550.0, 4.0);
-        // Radii come back from their shares: v = pi r / (lambda N). Not at a dark ring itself, where the share stands still.
-        for v in [0.5, 1.0, 2.0, 3.0, 4.5, 12.0] {
-            let radius_mm = v * 550e-6 * 4.0 / PI;
-            let ours = airy.radius_mm(inside(v) / inside(AIRY_REACH));
-            assert!((ours / radius_mm - 1.0).abs() < 5e-3, "{v}: {ours} {radius_mm}");
-        }
-        assert!(airy.radius_mm(0.0) < 1e-30);
-    }
-
-    #[test]
-    fn bessel_functions_have_their_table_values() {
-        for (order, x, value) in
-            [(0, 1.0, 0.765_197_686_6), (1, 1.0, 0.440_050_585_7), (0, 25.0, 0.096_266_783_3)]
-        {
-            assert!((bessel(order, x) - value).abs() < 1e-9);
-        }
-    }
 
     #[test]
     fn a_kernel_keeps_its_weight_and_place() {

@@ -2,7 +2,8 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `perspective` | the camera of a scene: a pinhole, or film behind a traced lens |
+//! | `perspective` | the camera of a scene: a pinhole, a round aperture, or film behind a traced lens |
+//! | `airy` | the diffraction pattern of a round aperture |
 //! | `ideal_lens` | the camera equation: irradiance from radiance without aberrations |
 //! | `field_aberrations` | the image of a traced lens from a pinhole's radiance and point spreads |
 //! | `filter` | transmittance averaged over the angles of the rays, autofluorescence |
@@ -13,6 +14,7 @@
 //! | `camera_lens` | film behind a traced lens, in the frame of a camera |
 //! | `exit_pupil`, `traced_lens` | aperture, focus, rays from the film into the scene with weights |
 
+mod airy;
 mod camera_lens;
 mod exit_pupil;
 mod field_aberrations;
@@ -38,7 +40,7 @@ pub use lens_report::{
     diffraction_mtf,
 };
 pub use paraxial::Paraxial;
-pub use perspective::{CameraRay, PerspectiveCamera};
+pub use perspective::{Aperture, CameraRay, PerspectiveCamera};
 pub use prescription::{
     FocusGap, FocusMechanism, LensPrescription, LensSurface, MOST_ASPHERIC_TERMS, MOST_SURFACES, Medium,
     PrescriptionError,

@@ -48,9 +48,10 @@ pub use capture::{
     render_with_basis, row_bands, scale_multiple, subtract_what_is_given, tile_rows_at_once, turned_alike,
 };
 pub use display::{
-    CameraColor, ColorRendering, DenoiseError, DenoiseSettings, DisplayImage, Preview, SurfaceView,
-    bright_level_dn, denoise, depth_range_m, for_display, light_group_preview, part_color, preview,
-    preview_white, preview_with_white, radiance_preview, reduce_to_preview, surface_view,
+    CameraColor, ColorRendering, DenoiseError, DenoiseSettings, DisplayImage, LiveCapture, LivePlane,
+    LiveView, Preview, SurfaceView, bright_level_dn, denoise, depth_range_m, for_display,
+    light_group_preview, part_color, preview, preview_white, preview_with_white, radiance_preview,
+    reduce_to_preview, surface_view,
 };
 pub use error::{LightOutsideBasis, PipelineError};
 pub use estimate::{

@@ -71,7 +71,8 @@ impl PixelSampler {
                 let mut stream = SampleStream::new(settings.seed, (row * camera.width + col) as u64, sample);
                 let [x, y, u, v] = stream.next_4d();
                 for group in 0..camera.band_groups() {
-                    let ray = camera.sample(group, col as f32 + x, row as f32 + y, [u, v]);
+                    let (x, y) = (col as f32 + x, row as f32 + y);
+                    let ray = camera.sample(group, x, y, [u, v], || stream.next_4d());
                     if ray.weight == 0.0 {
                         continue;
                     }

@@ -1,5 +1,6 @@
 //! Settings of a render.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::adaptive::ErrorTarget;
@@ -19,14 +20,14 @@ pub enum Estimator {
 }
 
 /// Which bands of each component a render keeps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ComponentBands {
     /// All bands.
     #[default]
     All,
-    /// The bands from which all others follow to some tenths of a percent ([`SpectralBasis`](crate::image::SpectralBasis)): a seventh of the values in a mouth. All
-    /// bands where the render keeps statistics of the samples or an excitation basis.
+    /// The bands from which all others follow to some tenths of a percent, as `SpectralBasis` holds them: a seventh of the values in a mouth.
+    /// All bands where the render keeps statistics of the samples or an excitation basis.
     Basis,
 }
 

@@ -16,9 +16,8 @@ const TRIANGLES: usize = 4096;
 const NEAR_M: f64 = 1e-6;
 
 /// Depth, normals, parts and texture coordinates behind the middle of each pixel. Holes of materials are closed, and a lens
-/// counts as the pinhole in its pupil. Normals point to the camera.
-pub fn visible_surfaces(scene: &Scene) -> FeatureMaps {
-    let camera = &scene.camera;
+/// counts as the pinhole in its pupil. Normals point to the camera, which need not be that of the scene.
+pub fn visible_surfaces(scene: &Scene, camera: &PerspectiveCamera) -> FeatureMaps {
     let pixels = camera.width * camera.height;
     let blocks = blocks(scene);
     let buffer: Vec<AtomicU64> = (0..pixels).map(|_| AtomicU64::new(u64::MAX)).collect();

@@ -631,11 +631,19 @@ mod tests {
     fn resampling_keeps_pixels_and_light() {
         let (fine, coarse) = (Sensor::new(small(12, 8), rgb()).unwrap(), pattern(6, 4));
         let rate = fine.electron_rate(&coarse);
-        // Each coarse sample lies over two by two pixels, the whole mosaic cell.
-        for (row, col) in [(0, 0), (3, 5), (7, 11)] {
+        // Between the middles of coarse samples light is linear: a quarter of the way from one to the next; beyond them it is even.
+        for (row, col, samples) in [
+            (0, 0, vec![(0, 0, 1.0)]),
+            (3, 5, vec![(1, 2, 0.5625), (1, 3, 0.1875), (2, 2, 0.1875), (2, 3, 0.0625)]),
+            (7, 11, vec![(3, 5, 1.0)]),
+        ] {
             let mut one = SpectralImage::zeros(WavelengthGrid::default(), 12, 8);
-            one.pixel_mut(row, col).copy_from_slice(coarse.pixel(row / 2, col / 2));
-            assert_eq!(fine.electron_rate(&one).data[row * 12 + col], rate.data[row * 12 + col]);
+            for (r, c, weight) in samples {
+                let values = one.pixel_mut(row, col).iter_mut().zip(coarse.pixel(r, c));
+                values.for_each(|(sum, value)| *sum += weight * value);
+            }
+            let (even, linear) = (fine.electron_rate(&one).data[row * 12 + col], rate.data[row * 12 + col]);
+            assert!((even / linear - 1.0).abs() < 1e-6, "{even} {linear}");
         }
         // A film twice as wide as the sensor: only its middle is seen.
         let film = FilmExtent::of_width(2.0 * fine.film_extent().width_mm, 24, 16);

@@ -57,6 +57,16 @@ pub enum YieldUnit {
     Energy,
 }
 
+impl YieldUnit {
+    /// What is counted.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Photons => "photons",
+            Self::Energy => "energy",
+        }
+    }
+}
+
 /// One separable term of a modeled fluorophore: sums of bands for excitation and emission.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

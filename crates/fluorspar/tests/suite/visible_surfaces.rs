@@ -84,7 +84,7 @@ fn pixels_show_what_traced_rays_meet() {
     let parallel = PerspectiveCamera { parallel_half_width_m: Some(0.6), ..camera.clone() };
     for camera in [camera, parallel] {
         let scene = scene(camera);
-        let drawn = visible_surfaces(&scene);
+        let drawn = visible_surfaces(&scene, &scene.camera);
         let settings = RenderSettings { samples_per_pixel: 1, max_depth: 1, ..RenderSettings::default() };
         let traced = run(&scene, &settings).features;
         let pixels = drawn.part.len();

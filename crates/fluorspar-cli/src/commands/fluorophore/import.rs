@@ -3,12 +3,15 @@
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
 
-use clap::{ValueEnum, ValueHint};
+use clap::ValueHint;
+use fluorspar::spectral::Stokes;
 use fluorspar_experiment::Warning;
-use fluorspar_experiment::schema::{EmptyCellsChoice, FilePath, FluorophoreSection, FluorophoreSource};
-use fluorspar_format::{CutTo, Output, OutputSet, Outputs, ScatterCut, read_start, write_atomically};
+use fluorspar_experiment::schema::{FilePath, FluorophoreSection, FluorophoreSource};
+use fluorspar_format::{
+    CutTo, EmptyCells, Output, OutputSet, Outputs, ScatterCut, read_start, write_atomically,
+};
 use fluorspar_session::fluorophore::{
-    FileOptions, StokesChoice, checked, everywhere_nm, from_file, peaks_nm, section_toml,
+    FileOptions, checked, everywhere_nm, from_file, peaks_nm, section_toml,
 };
 
 use crate::commands::print_text;
@@ -39,15 +42,9 @@ pub(super) struct Options {
     #[arg(long, value_name = "NM", value_parser = values::number, allow_negative_numbers = true)]
     cut_scatter: Option<f64>,
     /// What cut cells become: what a straight line along the emission between the cells beside the band has, or 0.
-    #[arg(long, value_enum, default_value = "neighbors", requires = "cut_scatter")]
-    cut_to: Filling,
-}
-
-/// What cells that are cut out become.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Filling {
-    Neighbors,
-    Zero,
+    #[arg(long, value_parser = values::choice::<CutTo>(&["neighbors", "zero"]), default_value = "neighbors",
+        requires = "cut_scatter")]
+    cut_to: CutTo,
 }
 
 /// Distances from the lines of scattered light that may be cut, nm.
@@ -64,11 +61,7 @@ fn cut(options: &Options) -> Result<Option<ScatterCut>, CliError> {
             "--cut-scatter: the matrix without scattered light is a file beside the section; name the section with --out FILE.toml".into(),
         ));
     }
-    let to = match options.cut_to {
-        Filling::Neighbors => CutTo::Neighbors,
-        Filling::Zero => CutTo::Zero,
-    };
-    Ok(Some(ScatterCut { within_nm, to }))
+    Ok(Some(ScatterCut { within_nm, to: options.cut_to }))
 }
 
 /// What was cut, in words.
@@ -109,7 +102,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
             matrix.sample = None;
         }
         section.allow_negative = false;
-        section.empty_cells = EmptyCellsChoice::Refuse;
+        section.empty_cells = EmptyCells::Refuse;
         remark = format!("# Scattered excitation light is cut out: {words}.\n");
         measured.findings.push(("scattered light".into(), format!("cut out: {words}")));
     }
@@ -134,7 +127,7 @@ pub(super) fn run(options: &Options) -> Result<(), CliError> {
     let [excitation_nm, emission_nm] = peaks_nm(&fluorophore);
     let (from_nm, to_nm) = everywhere_nm(&fluorophore);
     let total = fluorophore.photon_yield(excitation_nm, from_nm, to_nm);
-    let masked = if options.file.stokes == StokesChoice::Mask { ", emission below it masked" } else { "" };
+    let masked = if options.file.stokes == Stokes::Mask { ", emission below it masked" } else { "" };
     messages.status(format!(
         "  {:<16} {total:.3e} photons out per photon in at {excitation_nm:.0} nm, most of them near {emission_nm:.0} nm{masked}",
         "total yield"

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{ValueEnum, ValueHint};
+use clap::ValueHint;
 use fluorspar::pipeline::{SurfaceView, depth_range_m, part_color, surface_view};
 use fluorspar::render::visible_surfaces;
 use fluorspar_format::{Output, Outputs, write_rgb_png};
@@ -20,28 +20,16 @@ pub(crate) struct Options {
     scene: SceneArgs,
     #[command(flatten)]
     changes: Changes,
-    /// What the picture shows.
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Show::Clay)]
-    show: Show,
+    /// What the picture shows: gray clay, a color for each part, the distance from the camera, or texture coordinates.
+    #[arg(long, value_parser = values::choice::<SurfaceView>(&["clay", "part", "depth", "uv"]), value_name = "WHAT",
+        default_value = "clay")]
+    show: SurfaceView,
     /// Width of the picture, pixels [default: that of the render].
     #[arg(long, value_name = "PX", value_parser = values::whole::<usize, 16, 8192>, allow_negative_numbers = true)]
     width: Option<usize>,
     /// File of the picture, .png.
     #[arg(long, value_name = "FILE.png", default_value = "scene.png", value_hint = ValueHint::FilePath)]
     out: PathBuf,
-}
-
-/// What a picture shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Show {
-    /// Gray clay.
-    Clay,
-    /// A color for each part.
-    Part,
-    /// Distance from the camera.
-    Depth,
-    /// Texture coordinates.
-    Uv,
 }
 
 pub(crate) fn run(options: &Options) -> Result<(), CliError> {
@@ -56,25 +44,19 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         let height = (width * camera.height).div_ceil(camera.width).clamp(1, 16_384);
         (camera.width, camera.height) = (width, height);
     }
-    let maps = visible_surfaces(&shapes);
-    let view = match show {
-        Show::Clay => SurfaceView::Clay,
-        Show::Part => SurfaceView::Part,
-        Show::Depth => SurfaceView::Depth,
-        Show::Uv => SurfaceView::Uv,
-    };
-    let picture = surface_view(&maps, shapes.camera.width, view);
+    let maps = visible_surfaces(&shapes, &shapes.camera);
+    let picture = surface_view(&maps, shapes.camera.width, *show);
     write_rgb_png(out, picture.width, picture.height, &picture.rgb)?;
     set.finish()?;
     Messages::default().status(format!("Wrote {}", out.display()));
     match (show, depth_range_m(&maps)) {
         (_, None) => Messages::default().status("Nothing is in the field of view of the camera"),
-        (Show::Depth, Some([nearest, farthest])) => crate::commands::print_text(&format!(
+        (SurfaceView::Depth, Some([nearest, farthest])) => crate::commands::print_text(&format!(
             "bright {:.2} mm, dark {:.2} mm from the camera",
             1e3 * nearest,
             1e3 * farthest
         ))?,
-        (Show::Part, _) => {
+        (SurfaceView::Part, _) => {
             let is_seen = |part: &usize| maps.part.contains(&((part + 1).min(usize::from(u16::MAX)) as u16));
             let line = |part: usize| {
                 let [r, g, b] = part_color(part);

@@ -5,7 +5,7 @@ use std::io::{self, ErrorKind};
 use std::path::Path;
 
 use super::paths::existing_folder;
-use crate::FormatError;
+use crate::{Defect, FormatError};
 
 /// Room that is left on the disk of a path, bytes, which need not exist; `None` where the system does not tell.
 pub fn free_bytes(path: &Path) -> Option<u64> {
@@ -27,11 +27,11 @@ fn free_in(_: &Path) -> Option<u64> {
 /// Refuses what does not fit on the disk of a path.
 ///
 /// # Errors
-/// [`FormatError::NoRoom`], with both numbers. Where the system does not tell how much room there is, nothing is refused.
+/// [`Defect::NoRoom`], with both numbers. Where the system does not tell how much room there is, nothing is refused.
 pub fn check_room(path: &Path, needed_bytes: u64) -> Result<(), FormatError> {
     match free_bytes(path) {
         Some(free_bytes) if free_bytes < needed_bytes => {
-            Err(FormatError::NoRoom { path: path.into(), needed_bytes, free_bytes })
+            Err(Defect::NoRoom { needed_bytes, free_bytes }.of(path))
         }
         _ => Ok(()),
     }

@@ -63,7 +63,7 @@ impl OutputFolder {
     /// # Errors
     /// A place that holds what this program did not write, that is read, or that can't be written; a disk without room.
     pub fn prepare(shown: &Path, inputs: &[PathBuf], bytes: u64) -> Result<Self, FormatError> {
-        let refuse = |why: String| Err(FormatError::refused(shown, why, "choose another with", "--out"));
+        let refuse = |why: String| Err(FormatError::refused(shown, why, "choose another with --out"));
         let target = match without_links(shown) {
             Ok(target) => target,
             Err(error) => return refuse(format!("cannot access this path ({error})")),
@@ -161,10 +161,8 @@ impl OutputFolder {
         if let Some(foreign) = foreign_file(&self.target) {
             // Someone wrote there while the work was going on.
             let kept = self.keep()?;
-            return Err(FormatError::Failed {
-                path: shown,
-                what: format!("{foreign}; the results are in {}", kept.display()),
-            });
+            let what = format!("{foreign}; the results are in {}", kept.display());
+            return Err(FormatError::failed(&shown, what));
         }
         let (parent, name) = self.parent_and_name();
         let old = beside(&parent, &name, REPLACED);
@@ -175,12 +173,9 @@ impl OutputFolder {
                 let _ = remove_replaced(&left);
             }
         }
-        removed.map_err(|error| FormatError::Failed {
-            path: shown.clone(),
-            what: format!(
-                "the results are here, but the earlier ones can't be removed and are now {}: {error}",
-                old.display()
-            ),
+        removed.map_err(|error| {
+            let what = "the results are here, but the earlier ones can't be removed and are now";
+            FormatError::failed(&shown, format!("{what} {}: {error}", old.display()))
         })?;
         Ok(shown)
     }

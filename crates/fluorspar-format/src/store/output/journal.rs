@@ -1,6 +1,5 @@
 //! Journals of long work, line by line: what a killed process has finished is there for the next.
 
-use std::io::ErrorKind;
 use std::path::Path;
 
 use serde_json::Value;
@@ -39,7 +38,7 @@ impl Journal {
     /// As [`Journal::open`], but for the lock.
     pub fn read(path: &Path, work: &Value) -> Result<Option<Vec<Value>>, FormatError> {
         match AppendedLines::read(path) {
-            Err(FormatError::Io { source, .. }) if source.kind() == ErrorKind::NotFound => Ok(None),
+            Err(error) if error.is_not_found() => Ok(None),
             bytes => Ok(Some(read_lines(path, &bytes?, work)?.0)),
         }
     }

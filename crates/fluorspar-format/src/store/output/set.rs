@@ -127,7 +127,8 @@ impl Outputs {
     /// Refuses an output that is an input, or one file with an earlier output.
     fn check_alone(&self, number: usize) -> Result<(), FormatError> {
         let Output { option, path, kind, .. } = &self.outputs[number];
-        let refuse = |why: String| Err(FormatError::refused(path, why, "name another with", option));
+        let refuse =
+            |why: String| Err(FormatError::refused(path, why, format!("name another with {option}")));
         // A folder looks into itself for what is read.
         if *kind != Kind::Folder
             && let Some(input) = self.inputs.iter().find(|input| are_one(path, input))
@@ -182,24 +183,18 @@ impl Output {
         if *kind == Kind::Folder {
             return Ok(());
         }
-        let refuse = |why: String| Err(FormatError::refused(path, why, "name another with", option));
+        let refuse =
+            |why: String| Err(FormatError::refused(path, why, format!("name another with {option}")));
         if path.file_name().is_none() {
             return refuse("this names no file".into());
         }
         if path.is_dir() {
-            return Err(FormatError::Refused {
-                path: path.clone(),
-                why: "this is a folder".into(),
-                hint: "give the name of a file in it".into(),
-            });
+            return Err(FormatError::refused(path, "this is a folder", "give the name of a file in it"));
         }
         let folder = parent_of(path);
         if !folder.is_dir() {
-            return Err(FormatError::Refused {
-                path: path.clone(),
-                why: format!("the folder {} does not exist", folder.display()),
-                hint: "create it first".into(),
-            });
+            let why = format!("the folder {} does not exist", folder.display());
+            return Err(FormatError::refused(path, why, "create it first"));
         }
         match foreign(path) {
             Some(why) if *kind != Kind::Continued || !path.is_file() => return refuse(why.into()),
@@ -249,10 +244,8 @@ impl OutputSet {
         for ((place, _), (_, used, _)) in files.iter().zip(&moved) {
             if place != used && outcome.is_ok() {
                 let what = "someone else has written this file in the meantime";
-                outcome = Err(FormatError::Failed {
-                    path: place.clone(),
-                    what: format!("{what}; the result is {}", used.display()),
-                });
+                outcome =
+                    Err(FormatError::failed(place, format!("{what}; the result is {}", used.display())));
             }
         }
         drop(unfinished);

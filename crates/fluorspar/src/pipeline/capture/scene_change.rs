@@ -102,6 +102,11 @@ fn difference(rendered: &Study, wanted: &Study) -> Option<String> {
     {
         return Some("place or direction of the camera".into());
     }
+    // Another f-number or focus of a lens keeps the blur of the render
+    let has_lens = rendered.camera.lens.is_some() && wanted.camera.lens.is_some();
+    if a.aperture.is_some() != b.aperture.is_some() || !has_lens && a.aperture != b.aperture {
+        return Some("the aperture of the camera (camera.aperture_mm)".into());
+    }
     if (a.lens.is_some() || b.lens.is_some()) && a.lens != b.lens {
         return Some(
             "the lens through which the image was rendered ([lens], or the size of the [sensor])".into(),

@@ -170,6 +170,11 @@ impl ColorRendering {
         Some(Self { matrix, lift: LIFT_REFLECTED })
     }
 
+    /// Whether colors are the sensor's own channels.
+    pub fn is_of_own_channels(&self) -> bool {
+        self.matrix == OWN_CHANNELS
+    }
+
     /// Colors of pixels before the exposure scale. Without R, G and B the first channel counts as each of them.
     fn colors<'a>(&'a self, image: &'a ChannelImage) -> impl Fn(usize) -> [f64; 3] + Sync + 'a {
         let find = |name: &str| image.channels.iter().position(|c| c == name);

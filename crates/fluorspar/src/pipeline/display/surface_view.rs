@@ -3,11 +3,14 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use serde::Deserialize;
+
 use super::preview::Preview;
 use crate::image::FeatureMaps;
 
 /// What a picture of surfaces shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum SurfaceView {
     /// Gray clay, lit from beside the camera.
     Clay,
