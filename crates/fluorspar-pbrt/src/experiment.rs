@@ -148,7 +148,8 @@ impl<'a> SceneWriter<'a> {
         file.render.max_depth = study.render.max_depth;
         file.render.seed = study.render.seed;
         file.camera.position_mm = mm(camera.position);
-        let focus = camera.aperture.as_ref().map_or(0.1, |aperture| aperture.focus());
+        // What is in focus at a kilometer is so beyond
+        let focus = camera.aperture.as_ref().map_or(0.1, |aperture| aperture.focus().min(1e3));
         file.camera.look_at_mm = mm(camera.position + focus * camera.forward);
         if let Some(aperture) = &camera.aperture {
             file.camera.aperture_mm = LensOrNumber::Number(2e3 * f64::from(aperture.radius()));

@@ -64,6 +64,9 @@ pub fn to_gltf(scene: &Scene, drive: &dyn Fn(&str) -> f64) -> DrawnScene {
             aspect,
         }
     });
+    if camera.lens.is_some() || camera.aperture.is_some() {
+        lost.push("the lens or aperture of the camera: all is in focus there".into());
+    }
     if view.is_none() {
         lost.push("the camera: its rays are parallel, or its window is off its axis".into());
     }
@@ -121,7 +124,9 @@ fn drawn(light: &Light, drive: f64, colors: &Colors) -> Option<GltfLight> {
             PointPattern::Even => (point.position, Vec3::NEG_Z, (GltfLightKind::Point, 0.25 * total / PI)),
             PointPattern::Lobe { axis, exponent } => (point.position, *axis, lobe(*exponent)),
             PointPattern::Cone(cone) => {
-                let angles = cone.angles_deg().map(|deg| deg.to_radians().min(FRAC_PI_2));
+                // The inner one must lie below the outer one there
+                let [inner, outer] = cone.angles_deg().map(|deg| deg.to_radians().min(FRAC_PI_2));
+                let angles = [inner.min(0.999 * outer), outer];
                 (point.position, cone.axis(), (GltfLightKind::Spot(angles), total / cone.solid_angle_sr()))
             }
         },

@@ -126,7 +126,11 @@ impl PbrtWriter<'_> {
             None => {
                 let fov = 2.0 * narrow.atan().to_degrees();
                 let window = if camera.center == Vec2::ZERO { String::new() } else { window };
-                self.line(format!("Camera \"perspective\" \"float fov\" {fov} {window}"));
+                let aperture = camera.aperture.as_ref().map_or_else(String::new, |aperture| {
+                    let [radius, focus] = [aperture.radius(), aperture.focus()];
+                    format!("\"float lensradius\" {radius} \"float focaldistance\" {focus} ")
+                });
+                self.line(format!("Camera \"perspective\" \"float fov\" {fov} {aperture}{window}"));
             }
         }
         let (film, sampler) = if self.is_v4 { ("rgb", "zsobol") } else { ("image", "sobol") };
@@ -179,7 +183,7 @@ impl PbrtWriter<'_> {
         for number in plain.into_iter().chain(mixed) {
             let material = &scene.materials[number];
             let scattering = self.scattering(&material.scattering, &material.name);
-            let fluorescence = self.fluorescence(material);
+            let fluorescence = self.fluorescence(front_of(scene, material));
             if material.normal_map.is_some() {
                 self.lost("the normal map of", &material.name, "the surface is smooth");
             }
@@ -332,7 +336,7 @@ impl PbrtWriter<'_> {
     }
 
     fn object(&mut self, object: &Object, name: &str) {
-        let material = &self.scene.materials[object.material];
+        let material = front_of(self.scene, &self.scene.materials[object.material]);
         let alpha = match &material.opacity {
             None => String::new(),
             Some(opacity) => {
@@ -342,7 +346,9 @@ impl PbrtWriter<'_> {
         self.line(format!("AttributeBegin # {name}"));
         if let Some(emission) = &object.emission {
             let drive = (self.drive)(&self.scene.light_groups[emission.group].name);
-            if drive > 0.0 {
+            if drive > 0.0 && matches!(object.shape, Shape::Instances(_)) {
+                self.lost("the light of", name, "copies of a surface are no lights there");
+            } else if drive > 0.0 {
                 self.area_light(&emission.radiance.scaled(drive), emission.is_one_sided);
             }
         }
@@ -555,6 +561,14 @@ pub(crate) fn sum_of_terms(base: &Lambertian, weights: &[f64]) -> Curve {
             let values = nm.iter().map(sum).collect();
             Curve::new(nm, values).unwrap_or_else(|_| Curve::constant(0.0))
         }
+    }
+}
+
+/// What reflects, fluoresces and lets through in a material: of two sides the front.
+fn front_of<'a>(scene: &'a Scene, material: &'a Material) -> &'a Material {
+    match &material.scattering {
+        Scattering::TwoSided(sides) => &scene.materials[sides.front],
+        _ => material,
     }
 }
 

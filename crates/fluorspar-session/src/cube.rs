@@ -145,7 +145,14 @@ fn cube_of(
     let ShownExperiment { experiment: ResolvedExperiment { mut study, record }, changes } = shown;
     keep_capture(&mut study, options)?;
     let (light, film_mm) = match study.captures.first() {
-        None => (all_light(options)?, None),
+        None if overrides.is_empty() => (all_light(options)?, None),
+        None => {
+            return Err(Error::Input(format!(
+                "{}: no capture has light, so the cube is all light as it was rendered and changes have no effect; leave them out, or add a \
+                 [[capture]]",
+                options.image.display()
+            )));
+        }
         Some(capture) => light_of(capture, &study, options, render.spectra(&study, &changes)?)?,
     };
     let seed = study.render.seed;

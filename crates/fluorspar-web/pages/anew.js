@@ -16,18 +16,21 @@ export class Anew {
     this.over = over;
     /** The changes that are rendered, as text; empty where none are. */
     this.wanted = "";
+    /** Changes whose render was stopped or failed, as text: only a wish renders them again. */
+    this.given = "";
     this.taken = new AbortController();
     /** @type {number | undefined} */
     this.timer = undefined;
     picture.onrender = (/** @type {boolean} */ isNeeded) => (isNeeded ? this.want() : this.leave());
     byId("veil-stop").addEventListener("click", () => {
       ask("/api/stop", {});
+      this.given = this.wanted;
       this.end();
-      say("The render was stopped; the frame is that of the state before.", true);
+      say("The render was stopped; the frame is that of the state before, or coarse.", true);
     });
     byId("render").addEventListener("click", () => {
       say("");
-      this.wanted = "";
+      this.wanted = this.given = "";
       this.want();
     });
   }
@@ -35,7 +38,8 @@ export class Anew {
   /** Has what is shown rendered, unless it is. */
   want() {
     const wanted = JSON.stringify(this.changes.list());
-    if (wanted === this.wanted) return;
+    if (wanted === this.wanted || wanted === this.given) return;
+    this.given = "";
     this.wanted = wanted;
     byId("veil").hidden = false;
     clearTimeout(this.timer);
@@ -77,6 +81,7 @@ export class Anew {
       }
     } catch (error) {
       if (signal.aborted) return;
+      this.given = this.wanted;
       this.end();
       this.say(/** @type {Error} */ (error).message, true);
     }

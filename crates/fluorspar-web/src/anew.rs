@@ -115,7 +115,7 @@ impl Anew {
         let experiment = self.experiment_of(first, changes, &[])?;
         let mut work = lock(&self.work);
         let is_same = |work: &Work| {
-            (seen.is_some() || lock(&work.told.0).error.is_none())
+            (seen.is_some() || lock(&work.told.0).error.is_none() && !work.stop.load(Ordering::SeqCst))
                 && show_the_same_scene(&work.experiment, &experiment)
         };
         if !work.as_ref().is_some_and(is_same) {

@@ -78,7 +78,10 @@ pub(crate) fn orbit(shown: &Shown, request: &OrbitRequest) -> Result<(OrbitFacts
     let shapes = shown.first.shapes(&shown.changes)?;
     let own = &shapes.scene.camera;
     let mut camera = own.orbited(shapes.distance_m, yaw_deg.to_radians(), pitch_deg.to_radians(), zoom);
-    (camera.width, camera.height) = (width_px, (width_px * own.height / own.width).max(1));
+    // Of a high image the height is bounded
+    let height_px = (width_px * own.height / own.width).clamp(1, *WIDTHS.end());
+    let width_px = (height_px * own.width / own.height.max(1)).clamp(1, width_px);
+    (camera.width, camera.height) = (width_px, height_px);
     let maps = visible_surfaces(&shapes.scene, &camera);
     let legend = (view == SurfaceView::Depth).then(|| Legend::of_depth(depth_range_m(&maps)));
     let picked = request.at.and_then(|[x, y]| {

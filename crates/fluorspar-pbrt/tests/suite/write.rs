@@ -91,6 +91,19 @@ fn ball(name: &str, material: &str, x_mm: f64) -> String {
 }
 
 #[test]
+fn an_aperture_stays() {
+    let text = "format = 1\n[camera]\nlook_at_mm = [0, 0, -20]\nhorizontal_field_deg = 30\naperture_mm = 4\n[[light]]\nname = \"sky\"\n\
+                type = \"environment\"\nspectrum = 1\nstrength.radiance_w_per_sr_m2 = 1\n";
+    let study = study_of(text);
+    let (lost, back, text) = there_and_back(&study);
+    assert!(lost.is_empty(), "{lost:?}");
+    let [here, there] = [&study, &back.study]
+        .map(|study| study.scene.camera.aperture.as_ref().map(|a| [a.radius(), a.focus()]));
+    assert_eq!(here, Some([2e-3, 0.12]));
+    assert_eq!(there, here, "{text}");
+}
+
+#[test]
 fn materials_and_lights_come_back_from_version_4() {
     let materials = "[[material]]\nname = \"paint\"\nreflectance = \"enamel\"\n\
         [[material]]\nname = \"lacquer\"\nreflectance = 0.4\ngloss = { refractive_index = 1.5, roughness = 0.2 }\n\

@@ -323,8 +323,7 @@ def dataset(source: str | os.PathLike[str] | None = None, **options: Any) -> Rec
 def cube(image: str | os.PathLike[str], **options: Any) -> Record:
     """The light of one capture of a finished render as a spectral cube for other programs, or a cube of theirs as ``.exr`` or ``.npy``.
 
-    ``cube("fluorspar-out/oraleye-2021", capture="blue", out="blue.zarr")``, then ``xarray.open_zarr("blue.zarr").radiance``; options are
-    those of ``fluorspar cube``.
+    ``cube("fluorspar-out/a", out="a.zarr")`` writes what ``xarray.open_zarr`` opens; options are those of ``fluorspar cube``.
     """
     return _done(_fluorspar.cube, image=_given.path(image, "image"), **options)
 

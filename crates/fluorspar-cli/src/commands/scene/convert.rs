@@ -71,7 +71,8 @@ fn say_lost(lost: &[String], form: &str) {
 fn to_scene_of_pbrt(Options { scene, out, light }: &Options) -> Result<(), CliError> {
     let read = [PathBuf::from(scene.name())];
     let set = Outputs::new().and(Output::file("--out", out)).reading(&read).declare()?;
-    let folder = format!("{}_files", out.file_stem().unwrap_or_default().to_string_lossy());
+    // Apart from the files that an experiment of the same name reads
+    let folder = format!("{}_pbrt", out.file_stem().unwrap_or_default().to_string_lossy());
     let files = OutputFolder::prepare(&out.parent().unwrap_or(Path::new("")).join(&folder), &read, 0)?;
     let (study, light) = lit_study(scene, light)?;
     let drive = |group: &str| light.drive(group);

@@ -76,7 +76,8 @@ struct Part {
 
 impl LiveView {
     /// The frames of a study from what its captures see. `None` without captures, and where frames are no
-    /// sums: exposures that are merged, a well that bends, hands that move, painted concentrations.
+    /// sums of pixels: exposures that are merged, a well that bends, hands that move, painted concentrations, pixels that are joined or left
+    /// out, light in flashes, calibration frames, and frames subtracted behind another filter.
     ///
     /// # Errors
     /// A study without sensor; a sensor that the planes do not fit.
@@ -87,12 +88,7 @@ impl LiveView {
     ) -> Result<Option<Self>, PipelineError> {
         let sensor = study.camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
         let is_merged = frames.iter().any(|frame| !frame.bracket.is_empty());
-        let is_linear = sensor.model().well_knee == 1.0 && study.motion.is_none();
-        if seen.captures.is_empty()
-            || is_merged
-            || !is_linear
-            || !seen.factors.maps.iter().all(Option::is_none)
-        {
+        if seen.captures.is_empty() || is_merged || !has_plain_frames(study, sensor) || !is_plain(seen) {
             return Ok(None);
         }
         let mut groups: Vec<String> = Vec::new();
@@ -120,6 +116,25 @@ impl LiveView {
         let captures = captures.collect();
         Ok(Some(Self { size, groups, planes, captures }))
     }
+}
+
+/// Whether each pixel of a frame is that of the sensor, and its signal a sum.
+fn has_plain_frames(study: &Study, sensor: &Sensor) -> bool {
+    let (model, develop) = (sensor.model(), &study.develop);
+    let is_calibrated = develop.dark_frames > 0 || develop.flat_field.is_some();
+    let is_cut = model.binning.is_some() || model.region_px.is_some();
+    model.well_knee == 1.0 && model.strobe.is_none() && study.motion.is_none() && !is_calibrated && !is_cut
+}
+
+/// Whether concentrations are even, and what is subtracted was seen behind the same filters.
+fn is_plain(seen: &SeenComponents<'_>) -> bool {
+    let response = |label: &str| {
+        seen.captures.iter().position(|c| c.frame.label == label).map(|number| seen.planes.of_capture[number])
+    };
+    seen.factors.maps.iter().all(Option::is_none)
+        && seen.captures.iter().zip(&seen.planes.of_capture).all(|(capture, own)| {
+            capture.subtract.as_deref().and_then(response).is_none_or(|other| other == *own)
+        })
 }
 
 /// Reflected light and that of weak fluorophores of each group, and that of each other fluorophore.
