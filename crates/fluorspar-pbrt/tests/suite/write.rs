@@ -93,8 +93,8 @@ fn ball(name: &str, material: &str, x_mm: f64) -> String {
 #[test]
 fn an_aperture_stays() {
     let text = "format = 1\n[camera]\nlook_at_mm = [0, 0, -20]\nhorizontal_field_deg = 30\naperture_mm = 4\n[[light]]\nname = \"sky\"\n\
-                type = \"environment\"\nspectrum = 1\nstrength.radiance_w_per_sr_m2 = 1\n";
-    let study = study_of(text);
+                type = \"environment\"\nspectrum = 1\nstrength.radiance_w_per_sr_m2 = 1\n[[material]]\nname = \"paint\"\nreflectance = 0.5\n";
+    let study = study_of(&format!("{text}{TABLE}"));
     let (lost, back, text) = there_and_back(&study);
     assert!(lost.is_empty(), "{lost:?}");
     let [here, there] = [&study, &back.study]
