@@ -27,7 +27,7 @@ class Workbench:
             errors = kept.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8"))
             process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=errors, text=True)
             assert process.stdout
-            self.address = process.stdout.readline().strip()
+            self.address: str = process.stdout.readline().strip()
             if not self.address:
                 process.stdout.close()
                 code = process.wait()
@@ -35,7 +35,8 @@ class Workbench:
                 error = FluorsparError(errors.read().strip().removeprefix("error: "))
                 error.code = code
                 raise error
-            self._process, self._kept = process, kept.pop_all()
+            self._process: subprocess.Popen[str] = process
+            self._kept: ExitStack = kept.pop_all()
 
     def close(self) -> None:
         """Ends it."""
@@ -66,7 +67,7 @@ class Workbench:
 def workbench(
     source: Experiment | str | os.PathLike[str] | None = None, *, spp: int = 4, port: int | None = None
 ) -> Workbench:
-    """Opens the workbench on an experiment, the folder of a run or a component image: ``fs.workbench(e).address`` is its address.
+    """Opens the workbench on an experiment, the folder of a run or a component image: ``workbench(e).address`` is its address.
 
     ``spp`` are the samples per pixel of what is rendered for the page; ``port`` is one of this machine, free by default.
     """
