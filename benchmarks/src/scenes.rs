@@ -210,7 +210,7 @@ fn checkered(name: &str, a: Curve, b: &Curve, [columns, rows]: [u32; 2], coat: O
 
 /// A film of saliva.
 fn wet(roughness: f32) -> Coat {
-    Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(roughness) }
+    Coat::new(1.4, ScalarTexture::Constant(roughness))
 }
 
 fn closed_cavity(options: &SceneOptions, gloss: bool) -> Scene {

@@ -14,6 +14,9 @@ const BEHIND_MM: f64 = 2.0;
 /// Height of the papillae in crowns: they fill the spaces below the contacts (42 % in front, Chu and others 2009).
 const PAPILLA_SHARE: f64 = 0.45;
 
+/// Exponent of the sections of crowns at the margin, of their outer halves.
+const FACE_SQUARENESS: f64 = 3.0;
+
 /// How far the frenulum of a lip stands out of the vestibule's floor, mm (assumed).
 const FRENULUM_MM: f64 = 2.0;
 
@@ -46,10 +49,10 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     // A gap is healed over by a rounded ridge.
     let margin = lerp(length + 1.9, margin, toothed);
     let inner_margin = lerp(length + 1.9, inner_margin, toothed);
-    // Between the teeth the gum lies behind their outer faces.
-    let between = smoothstep(0.6, 1.0, across);
-    let groove = between * between;
-    let outer_margin = outer * (1.0 - 0.27 * groove * toothed - 0.2 * (1.0 - toothed));
+    // Between the teeth the gum follows their outer faces, which round off toward the contact: superellipses (assumed).
+    let round = pow(1.0 - pow((across / 0.96).min(1.0), FACE_SQUARENESS), 1.0 / FACE_SQUARENESS);
+    let groove = 1.0 - round;
+    let outer_margin = outer * (1.0 - 0.5 * groove * toothed - 0.2 * (1.0 - toothed));
     let inner_edge = inner * (1.0 - 0.3 * pow(across, 2.0) * toothed - 0.2 * (1.0 - toothed));
     // Roots bulge under the gum, with soft grooves between them.
     let root = 0.27 * (1.0 + sin_cos(PI * across).1) * toothed;

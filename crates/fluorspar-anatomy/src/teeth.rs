@@ -151,9 +151,9 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
         _ => {
             // Soft maximum of round cusps, the marginal ridges and the floor of the fossa. A weak ridge leads from each cusp
             // to the middle of the crown, and weaker ones along the rim.
-            const SHARPNESS: f64 = 3.0;
+            const SHARPNESS: f64 = 2.4;
             /// How round the tip of a cusp is, mm.
-            const TIP_MM: f64 = 0.6;
+            const TIP_MM: f64 = 1.1;
             let (half_width, half_depth) = (0.5 * tooth.width, 0.5 * tooth.depth);
             let mut sum = 0.0;
             let (mut first, mut second) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
@@ -163,7 +163,7 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
                 let (along, across) = (from.dot(to_middle), from.perp_dot(to_middle));
                 let corner = (along * along * across * across + 0.09).sqrt() - 0.3;
                 // Steeper to the outside than to the fossa.
-                let slope = lerp(1.15, 0.78, smoothstep(-1.0, 1.0, along));
+                let slope = lerp(1.15, 0.7, smoothstep(-1.0, 1.0, along));
                 let distance =
                     (along * along + across * across + 0.3 * corner + TIP_MM * TIP_MM).sqrt() - TIP_MM;
                 let height = -below - slope * distance;
@@ -177,7 +177,7 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
             let proximal = m.abs();
             sum += exp(SHARPNESS * (-form.fossa + 1.0 * smoothstep(0.4, 0.75, proximal)));
             // Fissures run where the slopes of two cusps meet, and end at the marginal ridges.
-            let fissure = 0.55 * bell((first - second) / 0.3) * (1.0 - smoothstep(0.46, 0.7, proximal));
+            let fissure = 0.45 * bell((first - second) / 0.24) * (1.0 - smoothstep(0.46, 0.7, proximal));
             fissure - ln(sum) / SHARPNESS
         }
     }

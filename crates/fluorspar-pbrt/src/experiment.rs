@@ -365,6 +365,7 @@ impl<'a> SceneWriter<'a> {
                 gloss: Some(GlossSection {
                     refractive_index: f64::from(coat.refractive_index),
                     roughness: self.texture(&coat.roughness, 1.0),
+                    smoothing_mm: 1e3 * f64::from(coat.smoothing_m),
                 }),
                 concentrations,
             }),

@@ -246,7 +246,7 @@ impl Convert<'_> {
             self.remark(at, text);
         }
         let base = Lambertian { reflectance, states: None };
-        Ok(Scattering::Coated(Coated { base, coat: Coat { refractive_index: index as f32, roughness } }))
+        Ok(Scattering::Coated(Coated { base, coat: Coat::new(index as f32, roughness) }))
     }
 
     /// Version 4: the base is given below the coat, where light goes back and forth.

@@ -5,6 +5,9 @@ use crate::error::Place;
 use crate::schema::GlossSection;
 use fluorspar::material::Coat;
 
+/// Longest length over which a film evens out relief, mm: several times what surface tension does in water.
+const MOST_SMOOTHING_MM: f64 = 20.0;
+
 /// The clear layer on a diffuse surface.
 pub(super) fn gloss(
     context: &mut Context<'_>,
@@ -18,5 +21,7 @@ pub(super) fn gloss(
     if roughness.max() <= 0.0 {
         return context.fail(&roughness_at, "must be above 0 and at most 1; 0.01 is mirror-like");
     }
-    Ok(Some(Coat { refractive_index: index as f32, roughness }))
+    let smoothing_mm =
+        context.within(&at.field("smoothing_mm"), gloss.smoothing_mm, [0.0, MOST_SMOOTHING_MM], "mm")?;
+    Ok(Some(Coat { refractive_index: index as f32, roughness, smoothing_m: 1e-3 * smoothing_mm as f32 }))
 }

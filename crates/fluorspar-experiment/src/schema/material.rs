@@ -140,11 +140,15 @@ pub struct GlossSection {
     /// GGX roughness, 0.01 (mirror-like) to 1. Default 0.2 (assumed).
     #[serde(default = "mucosa_roughness")]
     pub roughness: TextureReference,
+    /// Length over which a liquid film evens out the relief of a mesh, mm, 0 to 20: it mirrors by a normal of its own, while the
+    /// surface below keeps its bumps. Default 0: it follows them.
+    #[serde(default)]
+    pub smoothing_mm: f64,
 }
 
 impl Default for GlossSection {
     fn default() -> Self {
-        Self { refractive_index: mucosa_index(), roughness: mucosa_roughness() }
+        Self { refractive_index: mucosa_index(), roughness: mucosa_roughness(), smoothing_mm: 0.0 }
     }
 }
 

@@ -4,7 +4,7 @@ use fluorspar_testkit::{MeanEstimate, chi_square_over_sphere, sidak};
 use glam::{Vec2, Vec3};
 
 use super::prepared::{Bsdf, PreparedMaterials};
-use super::{FluorophoreAmount, Material, ScalarTexture, Scattering};
+use super::{FilmFrame, FluorophoreAmount, Material, ScalarTexture, Scattering};
 use crate::sampling::hash_u64;
 use crate::spectral::WavelengthGrid;
 
@@ -43,7 +43,7 @@ pub(super) fn with_bsdf<T>(
     let materials = PreparedMaterials::new(std::slice::from_ref(material), &grid());
     let prepared = &materials[0];
     let uv = Vec2::new(0.3, 0.7);
-    let bsdf = prepared.bsdf(uv, front, direction(cos, 0.4), 0.0);
+    let bsdf = prepared.bsdf(uv, front, direction(cos, 0.4), FilmFrame::default(), 0.0);
     let mut spectrum = 0.0;
     prepared.term_weights(uv, &bsdf, |index, weight| {
         spectrum += f64::from(weight) * f64::from(prepared.terms[index].bands[0]);

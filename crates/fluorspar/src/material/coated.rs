@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 
 use super::bsdf::{BsdfSample, BsdfValue, Lobe, SpectralTerm, choose_lobe, cosine_lobe};
 use super::fresnel::dielectric_fresnel;
@@ -22,9 +22,44 @@ pub struct Coat {
     pub refractive_index: f32,
     /// GGX roughness alpha, 0.01 (mirror-like) to 1.
     pub roughness: ScalarTexture,
+    /// Length over which a liquid layer evens out the relief of a mesh below it, m ([`film_normals`](crate::geometry::film_normals)):
+    /// it mirrors by its own normal. 0 where it follows the relief.
+    pub smoothing_m: f32,
+}
+
+/// The frame of a film of its own normal in the local frame of the surface below it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct FilmFrame(Option<Mat3>);
+
+impl FilmFrame {
+    /// Of a film with a local unit normal.
+    #[inline]
+    pub(crate) fn new(normal: Vec3) -> Self {
+        let (along, across) = warp::tangents(normal);
+        Self(Some(Mat3::from_cols(along, across, normal)))
+    }
+
+    /// A local direction in the frame whose +z is the film's normal.
+    #[inline]
+    pub(crate) fn to_film(self, local: Vec3) -> Vec3 {
+        self.0.map_or(local, |frame| {
+            Vec3::new(frame.x_axis.dot(local), frame.y_axis.dot(local), frame.z_axis.dot(local))
+        })
+    }
+
+    /// The other way round.
+    #[inline]
+    pub(crate) fn to_local(self, film: Vec3) -> Vec3 {
+        self.0.map_or(film, |frame| frame * film)
+    }
 }
 
 impl Coat {
+    /// A coat that follows the relief below it.
+    pub fn new(refractive_index: f32, roughness: ScalarTexture) -> Self {
+        Self { refractive_index, roughness, smoothing_m: 0.0 }
+    }
+
     /// Checks the index; roughnesses are clamped.
     pub(super) fn check(&self) -> Result<(), MaterialError> {
         let value = self.refractive_index;
@@ -49,7 +84,8 @@ pub struct Coated {
 /// The base below receives `1 - E(cos)` of the light and sends it out with the same factor, normalized so that a
 /// white base below any coat reflects everything (Kelemen and Szirmay-Kalos 2001):
 /// `f_base = R (1 - E(i)) (1 - E(o)) / (pi (1 - E_mean))`. Fluorescence passes the coat alike, with the matrix in place
-/// of `R`. Reflectance and matrix are those of all light that the coat lets in: what it throws back inside is part of them.
+/// of `R`. Reflectance and matrix are those of all light that the coat lets in: what it throws back inside is part of them. Where
+/// a film has a normal of its own, its angles are measured from that, those of the base from the normal below.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CoatAlbedo {
     refractive_index: f32,
@@ -122,21 +158,24 @@ impl PreparedCoated {
 
     /// The material at a point, seen from `outgoing`, with a coat at least as rough as `least_alpha`.
     #[inline]
-    pub(super) fn bsdf(&self, uv: Vec2, outgoing: Vec3, least_alpha: f32) -> CoatedBsdf<'_> {
+    pub(super) fn bsdf(&self, uv: Vec2, outgoing: Vec3, film: FilmFrame, least_alpha: f32) -> CoatedBsdf<'_> {
+        let outgoing = film.to_film(outgoing);
         let alpha = self.roughness.at(uv).max(least_alpha).clamp(MIN_ROUGHNESS, 1.0);
         let table = &*self.table;
         let (albedo, mean) = table.at(outgoing.z, alpha);
         let pass_out = 1.0 - albedo;
         let base = pass_out * self.base_albedo;
         let coat = if base <= 0.0 { 1.0 } else { (albedo / (albedo + base)).clamp(0.1, 0.9) };
-        CoatedBsdf { table, outgoing, alpha, pass_out, mean, cosine_probability: 1.0 - coat }
+        CoatedBsdf { table, outgoing, film, alpha, pass_out, mean, cosine_probability: 1.0 - coat }
     }
 }
 
 /// A coated material at a point.
 pub(crate) struct CoatedBsdf<'a> {
     table: &'a CoatAlbedo,
+    /// In the frame of the film.
     outgoing: Vec3,
+    film: FilmFrame,
     alpha: f32,
     /// Share of light that passes the coat on the way out, and the mean share that it reflects.
     pass_out: f32,
@@ -153,9 +192,10 @@ impl CoatedBsdf<'_> {
             return BsdfValue::default();
         }
         let lambert = cosine_lobe(incident);
-        let pass_in = 1.0 - self.table.at(incident.z, self.alpha).0;
+        let on_film = self.film.to_film(incident);
+        let pass_in = 1.0 - self.table.at(on_film.z.max(0.0), self.alpha).0;
         let passed = lambert * pass_in * self.pass_out / (1.0 - self.mean);
-        let (gloss, pdf) = lobe(self.outgoing, incident, self.alpha, self.table.refractive_index());
+        let (gloss, pdf) = lobe(self.outgoing, on_film, self.alpha, self.table.refractive_index());
         BsdfValue {
             diffuse: passed,
             fluorescent: passed,
@@ -167,9 +207,12 @@ impl CoatedBsdf<'_> {
     /// About [`Self::evaluate`] over a base of some reflectance: without shadows among facets, and with a coat that passes all light.
     #[inline]
     pub(super) fn estimate(&self, incident: Vec3, reflectance: f32) -> f32 {
-        let half = (self.outgoing + incident).normalize_or_zero();
-        if incident.z <= 0.0 || half.z <= 0.0 {
+        if incident.z <= 0.0 {
             return 0.0;
+        }
+        let half = (self.outgoing + self.film.to_film(incident)).normalize_or_zero();
+        if half.z <= 0.0 {
+            return reflectance * cosine_lobe(incident);
         }
         let mirrored = dielectric_fresnel(self.outgoing.dot(half), self.table.refractive_index())
             * distribution(half, self.alpha);
@@ -183,7 +226,9 @@ impl CoatedBsdf<'_> {
     pub(super) fn sample(&self, choice: f32, u: [f32; 2]) -> Option<BsdfSample> {
         let incident = match choose_lobe(choice, self.cosine_probability) {
             Lobe::Cosine(_) => warp::cosine_hemisphere(u),
-            Lobe::Specular(_) => microfacet::sample_mirrored(self.outgoing, self.alpha, u)?,
+            Lobe::Specular(_) => {
+                self.film.to_local(microfacet::sample_mirrored(self.outgoing, self.alpha, u)?)
+            }
         };
         BsdfSample::of_density(incident, self.evaluate(incident))
     }
@@ -260,7 +305,7 @@ mod tests {
     }
 
     fn coated(reflectance: f64, roughness: f32) -> Scattering {
-        let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(roughness) };
+        let coat = Coat::new(1.4, ScalarTexture::Constant(roughness));
         Scattering::Coated(Coated { base: Lambertian::uniform(Curve::constant(reflectance)), coat })
     }
 
@@ -319,6 +364,38 @@ mod tests {
             let shape = value * PI / (1.0 - dielectric_fresnel(1.0, 1.4));
             let expected = (1.0 - dielectric_fresnel(cos, 1.4)) / (1.0 - 0.07681);
             assert!((shape - expected).abs() < 5e-3, "{cos}: {shape}, expected {expected}");
+        }
+    }
+
+    /// A film that leans against a white base loses what it mirrors into the base, at most 1 % here; it sends none more out.
+    #[test]
+    fn a_film_with_a_normal_of_its_own_keeps_light_and_follows_its_density() {
+        use super::super::bsdf_tests::{direction, grid, numbers};
+        use super::super::prepared::PreparedMaterials;
+        use fluorspar_testkit::{chi_square_over_sphere, sidak};
+        let material = Material::new("wet", coated(1.0, 0.1));
+        let materials = PreparedMaterials::new(std::slice::from_ref(&material), &grid());
+        let cases = [(1.0, 0.0), (0.8, 2.0), (0.5, 4.0)];
+        for (cos, azimuth) in cases {
+            let film = FilmFrame::new(direction(15.0_f32.to_radians().cos(), azimuth));
+            let bsdf = materials[0].bsdf(Vec2::ZERO, true, direction(cos, 0.4), film, 0.0);
+            let drawn = |index: usize| {
+                let (choice, u) = numbers(index);
+                bsdf.sample(choice, u)
+            };
+            const DRAWN: usize = 100_000;
+            let sums = (0..DRAWN).filter_map(drawn).map(|s| (s.value.diffuse + s.value.gloss) / s.value.pdf);
+            let albedo = sums.map(f64::from).sum::<f64>() / DRAWN as f64;
+            assert!((0.985..1.005).contains(&albedo), "{cos}: {albedo}");
+            chi_square_over_sphere(
+                DRAWN,
+                40,
+                20,
+                20,
+                |index| drawn(index).map(|sample| sample.incident.normalize().as_dvec3().to_array()),
+                |to| f64::from(bsdf.evaluate(Vec3::from_array(to.map(|c| c as f32))).pdf),
+            )
+            .assert_accepted(sidak(0.01, cases.len()));
         }
     }
 

@@ -14,6 +14,7 @@
 //! | `prepared`, `bsdf` | materials on the bands of a render; their values and samples at points |
 //! | `check`, `material_error` | ranges of parameters, conservation of photons |
 
+use std::cell::Cell;
 use std::sync::Arc;
 
 mod bsdf;
@@ -40,6 +41,7 @@ mod tissue_tables;
 
 pub(crate) use bsdf::{BsdfSample, BsdfValue};
 pub use check::PhotonExcess;
+pub(crate) use coated::FilmFrame;
 pub use coated::{Coat, CoatAlbedo, Coated};
 pub use conductor::{Conductor, ConductorReflectance};
 pub use dielectric::{Dielectric, DielectricAlbedo, MAX_DIELECTRIC_INDEX};
@@ -153,7 +155,7 @@ impl Material {
     /// use fluorspar::material::{Coat, Material, ScalarTexture};
     /// use fluorspar::spectral::Curve;
     ///
-    /// let saliva = Coat { refractive_index: 1.33, roughness: ScalarTexture::Constant(0.1) };
+    /// let saliva = Coat::new(1.33, ScalarTexture::Constant(0.1));
     /// let tongue = Material::coated("tongue", Curve::constant(0.3), saliva);
     /// assert!(tongue.coat().is_some());
     /// ```
@@ -231,6 +233,16 @@ impl Material {
             }
         }
         false
+    }
+
+    /// Longest length over which a film on the material, or on any that it is made of, evens out what is below it, m.
+    pub(crate) fn smoothing_m(&self, materials: &[Self]) -> f32 {
+        let longest = Cell::new(0.0_f32);
+        self.any(materials, |part| {
+            longest.set(part.coat().map_or(0.0, |coat| coat.smoothing_m).max(longest.get()));
+            false
+        });
+        longest.get()
     }
 
     /// All textures of the material itself.

@@ -5,7 +5,7 @@ use std::ops::Index;
 use glam::{Vec2, Vec3};
 
 use super::bsdf::{BsdfSample, BsdfValue, SpectralTerm};
-use super::coated::{CoatedBsdf, PreparedCoated};
+use super::coated::{CoatedBsdf, FilmFrame, PreparedCoated};
 use super::conductor::{ConductorBsdf, PreparedConductor};
 use super::dielectric::{DielectricBsdf, PreparedDielectric};
 use super::lambertian::LambertianBsdf;
@@ -246,11 +246,18 @@ impl PreparedMaterial {
         }
     }
 
-    /// The BSDF of a material that is not a mixture at a point, seen from `outgoing` on the front or on the back.
+    /// The BSDF of a material that is not a mixture at a point, seen from `outgoing` on the front or on the back, below a film.
     #[inline]
-    pub(crate) fn bsdf(&self, uv: Vec2, front: bool, outgoing: Vec3, least_alpha: f32) -> Bsdf<'_> {
+    pub(crate) fn bsdf(
+        &self,
+        uv: Vec2,
+        front: bool,
+        outgoing: Vec3,
+        film: FilmFrame,
+        least_alpha: f32,
+    ) -> Bsdf<'_> {
         match &self.scattering {
-            PreparedScattering::Coated(coated) => Bsdf::Coated(coated.bsdf(uv, outgoing, least_alpha)),
+            PreparedScattering::Coated(coated) => Bsdf::Coated(coated.bsdf(uv, outgoing, film, least_alpha)),
             PreparedScattering::Dielectric(dielectric) => {
                 Bsdf::Dielectric(dielectric.bsdf(uv, front, outgoing))
             }

@@ -62,7 +62,7 @@ fn solved(absorption_per_mm: f64) -> EffectiveTissue {
 
 /// A fluorescent coated material of one reflectance; what [`super::bsdf::BsdfValue`] says of it is the same for all.
 fn coated(roughness: f32) -> Material {
-    let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(roughness) };
+    let coat = Coat::new(1.4, ScalarTexture::Constant(roughness));
     let amount = FluorophoreAmount::new(0, ScalarTexture::Constant(1.0));
     let material = Material::with_base("tissue", Lambertian::uniform(Curve::constant(0.5)), Some(coat));
     Material { fluorophores: vec![amount], ..material }

@@ -169,6 +169,8 @@ pub(super) struct CompiledScene {
     /// Whether any path chooses among lobes or lights.
     pub(super) has_discrete_choices: bool,
     pub(super) vertices: Vec<MeshVertex>,
+    /// Normals of films that even out what is below them, one for each vertex, zero where there is none; empty without any.
+    pub(super) film_normals: Vec<Vec3>,
     pub(super) triangles: Vec<MeshTriangle>,
     /// Meshes at many places; `None` where there are none.
     pub(super) instances: Option<CompiledInstances>,
@@ -225,6 +227,7 @@ impl CompiledScene {
     /// Memory of the surfaces with their trees, bytes.
     pub(super) fn surface_bytes(&self) -> u64 {
         let arrays = self.vertices.capacity() * size_of::<MeshVertex>()
+            + self.film_normals.capacity() * size_of::<Vec3>()
             + self.triangles.capacity() * size_of::<MeshTriangle>();
         let instances = self.instances.as_ref().map_or(0, CompiledInstances::memory_bytes);
         (arrays + self.bvh.memory_bytes() + instances) as u64
@@ -242,6 +245,16 @@ impl CompiledScene {
         let [a, b, c] = self.vertices_of(triangle);
         let w = 1.0 - u - v;
         (a.normal * w + b.normal * u + c.normal * v, a.uv * w + b.uv * u + c.uv * v)
+    }
+
+    /// Normal of the film on a triangle; zero without one.
+    #[inline]
+    pub(super) fn film_normal(&self, triangle: usize, u: f32, v: f32) -> Vec3 {
+        if self.film_normals.is_empty() {
+            return Vec3::ZERO;
+        }
+        let [a, b, c] = self.triangles[triangle].vertices.map(|vertex| self.film_normals[vertex as usize]);
+        (a * (1.0 - u - v) + b * u + c * v).normalize_or_zero()
     }
 
     /// Texture coordinates of the corners of a triangle.

@@ -17,7 +17,7 @@ use super::settings::Estimator;
 use super::surface::{Intersection, SurfacePoint};
 use super::survival_probability::{BINS, CoarseThroughput};
 use super::translucency::{Entry, Probe, Spread};
-use crate::material::{Bsdf, BsdfSample, BsdfValue};
+use crate::material::{Bsdf, BsdfSample, BsdfValue, FilmFrame};
 use crate::sampling::SampleStream;
 
 /// Vertices before this one never end a path by Russian roulette.
@@ -213,6 +213,7 @@ struct ShadingPoint<'a> {
     point: SurfacePoint,
     /// Direction of the viewer, local.
     outgoing: Vec3,
+    film: FilmFrame,
     spectra: &'a MaterialSpectra,
     bsdf: Bsdf<'a>,
     /// Random number for the lobe, rescaled after the choice of a mixture's material.
@@ -364,8 +365,11 @@ impl CompiledScene {
     /// The point where direct light entered that leaves a vertex elsewhere.
     fn entry<'a>(&'a self, vertex: &ShadingPoint<'a>, spread: &Spread) -> Option<ShadingPoint<'a>> {
         let Entry::Elsewhere { point, material } = spread.entry else { return None };
-        let bsdf = self.materials[material].bsdf(point.uv, point.front, vertex.outgoing, 0.0);
-        Some(ShadingPoint { point, bsdf, light_normal: point.shading, ..*vertex })
+        // Light leaves where it leaves, through the film there
+        let film = point.film_frame();
+        let outgoing = film.to_local(vertex.film.to_film(vertex.outgoing));
+        let bsdf = self.materials[material].bsdf(point.uv, point.front, outgoing, film, 0.0);
+        Some(ShadingPoint { point, outgoing, film, bsdf, light_normal: point.shading, ..*vertex })
     }
 
     /// Prepares shading at a hit and appends the vertex to the path, with the weights of its reflectance terms and its
@@ -391,7 +395,8 @@ impl CompiledScene {
             point.apply_normal_map(map.at(point.uv), along, -view);
         }
         let outgoing = point.to_local(-view);
-        let bsdf = material.bsdf(point.uv, point.front, outgoing, *least_alpha);
+        let film = point.film_frame();
+        let bsdf = material.bsdf(point.uv, point.front, outgoing, film, *least_alpha);
         let light_normal = if bsdf.transmits() { Vec3::ZERO } else { point.shading };
 
         // Weight the reflectance terms and the fluorophores: of translucent tissue those on the way of the light
@@ -415,7 +420,7 @@ impl CompiledScene {
                 |number, concentration| emitters.push((spectra.emitters[number], concentration)),
             );
         });
-        ShadingPoint { point, outgoing, spectra, bsdf, lobe, coarse_spectrum, light_normal }
+        ShadingPoint { point, outgoing, film, spectra, bsdf, lobe, coarse_spectrum, light_normal }
     }
 
     /// Next-event estimation: samples one light of every group and queues its shadow ray.
@@ -597,7 +602,7 @@ mod tests {
             let below = corner + RINGS + 1;
             mesh.triangles.extend([[corner, below + 1, below], [corner, corner + 1, below + 1]]);
         }
-        let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.3) };
+        let coat = Coat::new(1.4, ScalarTexture::Constant(0.3));
         let wall = Material::coated("wall", Curve::constant(0.7), coat);
         let light = |x: f32| Light {
             name: format!("light at {x}").into(),

@@ -3,7 +3,11 @@
 use glam::{Vec2, Vec3};
 
 use super::compiled_scene::{AnalyticShape, CompiledScene};
+use crate::material::FilmFrame;
 use crate::sampling::warp;
+
+/// Least cosine at which a film is seen: where it would be seen from behind, it follows the surface.
+const LEAST_COSINE: f32 = 0.02;
 
 /// Where a ray ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +38,8 @@ pub(super) struct SurfacePoint {
     /// Shading normal on the side that is seen.
     pub(super) shading: Vec3,
     tangents: (Vec3, Vec3),
+    /// Normal of a film that does not follow the surface; zero without one.
+    film: Vec3,
     pub(super) uv: Vec2,
     pub(super) object: usize,
     /// Seen from the side of the object's geometric normal.
@@ -49,6 +55,12 @@ impl SurfacePoint {
     /// Direction from the local frame to world.
     pub(super) fn to_world(self, direction: Vec3) -> Vec3 {
         self.tangents.0 * direction.x + self.tangents.1 * direction.y + self.shading * direction.z
+    }
+
+    /// The frame of a film in the local frame.
+    #[inline]
+    pub(super) fn film_frame(&self) -> FilmFrame {
+        if self.film == Vec3::ZERO { FilmFrame::default() } else { FilmFrame::new(self.to_local(self.film)) }
     }
 
     /// Start of a ray that leaves along a direction, lifted off the surface by `clearance` so that rounding does not
@@ -127,8 +139,14 @@ impl CompiledScene {
         let geometric = if front { geometric } else { -geometric };
         let shading = if shading.dot(geometric) < 0.0 { -shading } else { shading };
         let shading = if shading.dot(direction) >= -1e-4 { geometric } else { shading };
+        let film = match hit.target {
+            Target::Triangle { triangle, u, v } => self.film_normal(triangle as usize, u, v),
+            _ => Vec3::ZERO,
+        };
+        let film = if film.dot(geometric) < 0.0 { -film } else { film };
+        let film = if film.dot(direction) > -LEAST_COSINE { Vec3::ZERO } else { film };
         let tangents = warp::tangents(shading);
-        Some(SurfacePoint { position, geometric, shading, tangents, uv, object, front })
+        Some(SurfacePoint { position, geometric, shading, tangents, film, uv, object, front })
     }
 
     /// Directions in which the texture coordinates u and v grow at an intersection, not normalized.

@@ -21,6 +21,7 @@ use super::material_spread::node_at;
 use super::path::VertexSpread;
 use super::surface::{Intersection, SurfacePoint, Target};
 use super::survival_probability::BINS;
+use crate::material::FilmFrame;
 
 /// How far above and below the plane a probe looks, by the distance along it and for bumps, m: what lies farther off is another surface
 /// across a gap.
@@ -88,7 +89,7 @@ impl CompiledScene {
     /// Mean diffuse reflectance of a surface, 0 to 1.
     fn mean_reflectance(&self, material: usize, point: &SurfacePoint) -> f32 {
         let prepared = &self.materials[material];
-        let bsdf = prepared.bsdf(point.uv, point.front, Vec3::Z, 0.0);
+        let bsdf = prepared.bsdf(point.uv, point.front, Vec3::Z, FilmFrame::default(), 0.0);
         let mut sum = 0.0;
         prepared.term_weights(point.uv, &bsdf, |term, weight| {
             sum += weight * self.material_spectra[material].coarse_terms[term].iter().sum::<f32>();

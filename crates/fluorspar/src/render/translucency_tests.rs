@@ -178,7 +178,7 @@ fn edges_on_the_tongue_are_millimeters_wide() {
 /// The piece below a wet coat in light from all sides, which is sampled both ways.
 fn in_even_light(translucent: bool) -> Scene {
     let mut scene = piece(translucent);
-    let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.2) };
+    let coat = Coat::new(1.4, ScalarTexture::Constant(0.2));
     let base = scene.materials[0].diffuse().unwrap().clone();
     scene.materials[0].scattering = Scattering::Coated(Coated { base, coat });
     scene.lights[0].emitter = Emitter::Environment;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::support::{camera, dye, flat, gaussian, lit_box, object, quad, run, scene, settings, with_dyes};
+use fluorspar::geometry::TriangleMesh;
 use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar::light::{DiscEmitter, DistantEmitter, Emitter, Light, RectangleEmitter};
 use fluorspar::material::{
@@ -34,7 +35,7 @@ fn white_furnace() {
             WavelengthGrid::uniform(400.0, 700.0, 100.0).unwrap(),
             camera(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 30.0, 16),
         );
-        let coat = |r| Coat { refractive_index: 1.5, roughness: ScalarTexture::Constant(r) };
+        let coat = |r| Coat::new(1.5, ScalarTexture::Constant(r));
         scene.materials.push(Material::with_base(
             "white",
             Lambertian::uniform(flat(1.0)),
@@ -65,7 +66,7 @@ fn mirrored_disc(reflectance: f64, crossed_polarizers: bool) -> ComponentImage {
         WavelengthGrid::uniform(500.0, 510.0, 10.0).unwrap(),
         camera(Vec3::new(0.3, 0.0, 1.0), Vec3::ZERO, 20.0, 16),
     );
-    let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.05) };
+    let coat = Coat::new(1.4, ScalarTexture::Constant(0.05));
     scene.materials.push(Material::with_base("wet", Lambertian::uniform(flat(reflectance)), Some(coat)));
     scene.objects.push(object("plane", quad(Vec3::new(-1.0, -1.0, 0.0), 2.0 * Vec3::X, 2.0 * Vec3::Y), 0));
     let (center, normal) = (Vec3::new(-0.3, 0.0, 1.0), Vec3::new(0.3, 0.0, -1.0).normalize());
@@ -90,13 +91,58 @@ fn crossed_polarizers_hold_back_mirrored_light() {
     assert!((ratio - 1.0).abs() < 0.01, "{ratio}");
 }
 
+/// A film over waves that are shorter than it evens out mirrors as one over a plane; one that follows them does not.
+#[test]
+fn a_film_mirrors_by_its_own_normal() {
+    let mirrored = |height_mm: f32, smoothing_m: f32| {
+        let mut scene = scene(
+            WavelengthGrid::uniform(500.0, 510.0, 10.0).unwrap(),
+            camera(Vec3::new(0.0, 0.0, 0.1), Vec3::ZERO, 8.0, 16),
+        );
+        let coat = Coat { smoothing_m, ..Coat::new(1.4, ScalarTexture::Constant(0.03)) };
+        scene.materials.push(Material::with_base("wet", Lambertian::uniform(flat(0.0)), Some(coat)));
+        scene.objects.push(object("waves", Shape::Mesh(Arc::new(waves(height_mm))), 0));
+        let (center, normal) = (Vec3::new(0.01, 0.0, 0.1), Vec3::NEG_Z);
+        scene.lights.push(Light {
+            name: "lamp".into(),
+            group: 0,
+            spectrum: flat(1.0),
+            crossed_polarizers: false,
+            emitter: Emitter::Disc(DiscEmitter { center, normal, radius_m: 2e-3, exponent: 1.0 }),
+        });
+        run(&scene, &settings(256, 1)).stored(0).to_vec()
+    };
+    let (plane, film, relief) = (mirrored(0.0, 0.0), mirrored(0.05, 1.5e-3), mirrored(0.05, 0.0));
+    let total: f32 = plane.iter().sum();
+    let off = |other: &[f32]| plane.iter().zip(other).map(|(a, b)| (a - b).abs()).sum::<f32>() / total;
+    assert!(off(&film) < 0.1, "{}", off(&film));
+    assert!(off(&relief) > 0.5, "{}", off(&relief));
+}
+
+/// A sheet of 20 mm in the middle of the scene with waves of 1 mm along x.
+fn waves(height_mm: f32) -> TriangleMesh {
+    const SIDE: u32 = 200;
+    let mut mesh = TriangleMesh::default();
+    for (row, column) in (0..=SIDE).flat_map(|row| (0..=SIDE).map(move |column| (row, column))) {
+        let (x, y) = (0.1 * column as f32 - 10.0, 0.1 * row as f32 - 10.0);
+        mesh.positions.push(1e-3 * Vec3::new(x, y, height_mm * (std::f32::consts::TAU * x).sin()));
+        if row < SIDE && column < SIDE {
+            let corner = row * (SIDE + 1) + column;
+            let above = corner + SIDE + 1;
+            mesh.triangles.extend([[corner, corner + 1, above + 1], [corner, above + 1, above]]);
+        }
+    }
+    mesh.compute_smooth_normals();
+    mesh
+}
+
 /// Where light is even, a coat that mirrors scattered light less sharply returns as much of it but for what facets
 /// hide from each other; what the camera sees first is as sharp.
 #[test]
 fn regularized_coats_keep_their_light() {
     let mut scene =
         scene(WavelengthGrid::uniform(500.0, 510.0, 10.0).unwrap(), camera(Vec3::ZERO, Vec3::X, 60.0, 16));
-    let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.05) };
+    let coat = Coat::new(1.4, ScalarTexture::Constant(0.05));
     scene.materials.push(Material::with_base("wall", Lambertian::uniform(flat(0.5)), Some(coat)));
     let mut wall = object("room", Shape::Sphere { center: Vec3::ZERO, radius_m: 1.0 }, 0);
     wall.emission = Some(SurfaceEmission { radiance: flat(1.0), group: 0, is_one_sided: false });
@@ -298,7 +344,7 @@ fn cornell(power: f64, concentration: f32) -> Scene {
     let grid = WavelengthGrid::uniform(360.0, 700.0, 20.0).unwrap();
     let mut scene = scene(grid, camera(Vec3::new(0.0, 0.0, 3.4), Vec3::ZERO, 40.0, 12));
     scene.fluorophores = vec![dye("a", 380.0, 450.0, 0.4), dye("b", 440.0, 560.0, 0.4)];
-    let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.3) };
+    let coat = Coat::new(1.4, ScalarTexture::Constant(0.3));
     let dyes = [(0, concentration), (1, concentration)];
     let floor = with_dyes(Material::coated("floor", flat(0.4), coat), &dyes);
     scene.materials = vec![Material::lambertian("wall", flat(0.6)), floor];
@@ -414,7 +460,7 @@ fn box_of_tissue(as_states: bool, coat: Option<Coat>) -> Scene {
 
 #[test]
 fn tissue_between_states_has_their_mean() {
-    let gloss = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(0.3) };
+    let gloss = Coat::new(1.4, ScalarTexture::Constant(0.3));
     for coat in [None, Some(gloss)] {
         // Below the vertex from which paths end at random: there the largest reflectance of the states counts.
         let [states, mean] =

@@ -99,7 +99,7 @@ pub(crate) fn with_dyes(mut material: Material, amounts: &[(usize, f32)]) -> Mat
 }
 
 pub(crate) fn coated(reflectance: f64, roughness: f32) -> Material {
-    let coat = Coat { refractive_index: 1.4, roughness: ScalarTexture::Constant(roughness) };
+    let coat = Coat::new(1.4, ScalarTexture::Constant(roughness));
     Material::coated("coated", flat(reflectance), coat)
 }
 

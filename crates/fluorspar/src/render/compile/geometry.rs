@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use fluorspar_accel::{BuildError, TriangleBvh};
 use glam::{Vec2, Vec3};
 
-use crate::geometry::TriangleMesh;
+use crate::geometry::{TriangleMesh, WetMesh, film_normals};
 use crate::light::PreparedEmitter;
 use crate::render::compiled_scene::{AnalyticShape, CompiledShape, MeshTriangle, MeshVertex};
 use crate::render::instances::{CompiledInstances, InstanceList};
@@ -17,6 +17,8 @@ pub(super) struct Geometry {
     /// Over the triangles of meshes.
     pub(super) bvh: TriangleBvh,
     pub(super) vertices: Vec<MeshVertex>,
+    /// Of each vertex, zero where there is none; empty without any.
+    pub(super) film_normals: Vec<Vec3>,
     pub(super) triangles: Vec<MeshTriangle>,
     /// Meshes at many places; `None` where there are none.
     pub(super) instances: Option<CompiledInstances>,
@@ -33,8 +35,8 @@ pub(super) struct EmissiveSurface {
 /// Triangles and shapes as they are gathered, object by object.
 #[derive(Default)]
 struct Surfaces<'a> {
-    /// Meshes, whose vertices follow each other.
-    meshes: Vec<Cow<'a, TriangleMesh>>,
+    /// Meshes, whose vertices follow each other, with their objects.
+    meshes: Vec<(usize, Cow<'a, TriangleMesh>)>,
     positions: Vec<Vec3>,
     corners: Vec<[u32; 3]>,
     triangle_object: Vec<u32>,
@@ -100,14 +102,38 @@ pub(super) fn compile(scene: &Scene) -> Result<(Geometry, Vec<EmissiveSurface>),
     drop(positions);
     let instances = instances.build()?;
     // Not before: while a tree is built, memory is scarcest.
-    let vertices = meshes.iter().flat_map(|mesh| vertices_of(mesh)).collect();
+    let vertices = meshes.iter().flat_map(|(_, mesh)| vertices_of(mesh)).collect();
+    let film_normals = films(scene, &meshes);
 
     let triangles = corners
         .into_iter()
         .zip(triangle_object)
         .map(|(vertices, object)| MeshTriangle { vertices, object })
         .collect();
-    Ok((Geometry { bvh, vertices, triangles, instances, shapes }, emissive))
+    Ok((Geometry { bvh, vertices, film_normals, triangles, instances, shapes }, emissive))
+}
+
+/// Normals of the films on meshes, of each vertex; none where no material has one that evens out what is below it.
+fn films(scene: &Scene, meshes: &[(usize, Cow<'_, TriangleMesh>)]) -> Vec<Vec3> {
+    let smoothing = |(object, _): &(usize, Cow<'_, TriangleMesh>)| {
+        scene.materials[scene.objects[*object].material].smoothing_m(&scene.materials)
+    };
+    let lengths: Vec<f32> = meshes.iter().map(smoothing).collect();
+    if lengths.iter().all(|length| *length == 0.0) {
+        return Vec::new();
+    }
+    let wet: Vec<WetMesh<'_>> = meshes
+        .iter()
+        .zip(&lengths)
+        .filter(|(_, length)| **length > 0.0)
+        .map(|((_, mesh), length)| WetMesh { mesh, smoothing_m: *length })
+        .collect();
+    let mut found = film_normals(&wet).into_iter();
+    let of_mesh = |((_, mesh), length): (&(usize, Cow<'_, TriangleMesh>), &f32)| {
+        let dry = || vec![Vec3::ZERO; mesh.positions.len()];
+        if *length > 0.0 { found.next().unwrap_or_else(dry) } else { dry() }
+    };
+    meshes.iter().zip(&lengths).flat_map(of_mesh).collect()
 }
 
 /// The vertices of a mesh with what they lack as zeros.
@@ -127,7 +153,7 @@ impl<'a> Surfaces<'a> {
         self.positions.extend_from_slice(&mesh.positions);
         self.corners.extend(mesh.triangles.iter().map(|t| t.map(|v| v + offset)));
         self.triangle_object.extend(std::iter::repeat_n(object as u32, mesh.triangles.len()));
-        self.meshes.push(mesh);
+        self.meshes.push((object, mesh));
         first_triangle
     }
 }

@@ -70,6 +70,7 @@ impl CompiledScene {
             clearance: (1e-6 * geometry.largest_coordinate_m()).max(1e-9),
             bvh: geometry.bvh,
             vertices: geometry.vertices,
+            film_normals: geometry.film_normals,
             triangles: geometry.triangles,
             instances: geometry.instances,
             shapes: geometry.shapes,
