@@ -5,8 +5,8 @@ use crate::error::Place;
 use crate::schema::GlossSection;
 use fluorspar::material::Coat;
 
-/// Longest length over which a film evens out relief, mm: several times what surface tension does in water.
-const MOST_SMOOTHING_MM: f64 = 20.0;
+/// Longest length over which a film evens out relief, mm: about twice the capillary length of water.
+const MOST_SMOOTHING_MM: f64 = 5.0;
 
 /// The clear layer on a diffuse surface.
 pub(super) fn gloss(

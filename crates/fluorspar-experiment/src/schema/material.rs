@@ -140,7 +140,7 @@ pub struct GlossSection {
     /// GGX roughness, 0.01 (mirror-like) to 1. Default 0.2 (assumed).
     #[serde(default = "mucosa_roughness")]
     pub roughness: TextureReference,
-    /// Length over which a liquid film evens out the relief of a mesh, mm, 0 to 20: it mirrors by a normal of its own, while the
+    /// Length over which a liquid film evens out the relief of a mesh, mm, 0 to 5: it mirrors by a normal of its own, while the
     /// surface below keeps its bumps. Default 0: it follows them.
     #[serde(default)]
     pub smoothing_mm: f64,

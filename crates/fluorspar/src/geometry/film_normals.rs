@@ -7,6 +7,7 @@ use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
 use super::TriangleMesh;
+use crate::interruption::end_if_interrupted;
 
 /// Least cosine between the normals of places that one film covers.
 const LEAST_COSINE: f32 = 0.5;
@@ -45,8 +46,11 @@ pub fn film_normals(meshes: &[WetMesh<'_>]) -> Vec<Vec<Vec3>> {
         .iter()
         .zip(&areas)
         .map(|(WetMesh { mesh, smoothing_m }, areas)| {
-            let vertices = mesh.positions.par_iter().zip(areas);
-            vertices.map(|(position, area)| wet.normal(*position, *area, *smoothing_m)).collect()
+            let normal = |(position, area): (&Vec3, &Vec3)| {
+                end_if_interrupted();
+                wet.normal(*position, *area, *smoothing_m)
+            };
+            mesh.positions.par_iter().zip(areas).map(normal).collect()
         })
         .collect()
 }

@@ -60,8 +60,11 @@ impl Coat {
         Self { refractive_index, roughness, smoothing_m: 0.0 }
     }
 
-    /// Checks the index; roughnesses are clamped.
+    /// Checks index and smoothing; roughnesses are clamped.
     pub(super) fn check(&self) -> Result<(), MaterialError> {
+        if !(0.0..f32::INFINITY).contains(&self.smoothing_m) {
+            return Err(MaterialError::FilmSmoothing(self.smoothing_m));
+        }
         let value = self.refractive_index;
         if (1.0..=3.0).contains(&value) {
             return Ok(());

@@ -254,6 +254,12 @@ impl Scene {
                     if let Err(error) = many.validate() {
                         return refuse(error.to_string());
                     }
+                    if self.materials[object.material].smoothing_m(&self.materials) > 0.0 {
+                        return refuse(
+                            "the film on instances of a mesh follows their relief: smooth it over 0, or use a mesh of its own"
+                                .into(),
+                        );
+                    }
                     let triangles = many.triangle_count();
                     if object.emission.is_some() && triangles > MOST_EMISSIVE_TRIANGLES {
                         return refuse(format!(

@@ -7,18 +7,18 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use fluorspar::geometry::TriangleMesh;
+use fluorspar::geometry::{MeshInstance, MeshInstances, TriangleMesh};
 use fluorspar::light::{
     DiscEmitter, DistantEmitter, Emitter, EnvironmentLayer, EnvironmentMap, Light, LightGroup, PointEmitter,
     PointPattern, RectangleEmitter, SphereEmitter,
 };
 use fluorspar::material::fresnel::conductor_fresnel;
-use fluorspar::material::{Material, ScalarTexture};
+use fluorspar::material::{Coat, Lambertian, Material, ScalarTexture};
 use fluorspar::render::RenderSettings;
 use fluorspar::scene::{Object, Scene, SceneError, Shape, SurfaceEmission};
 use fluorspar::spectral::{Curve, Fluorophore, PhotonEem, SeparableTerm, Stokes, WavelengthGrid};
 use fluorspar_testkit::{MeanEstimate, sidak, z_limit, z_score};
-use glam::Vec3;
+use glam::{Affine3, Vec3};
 
 use crate::support::*;
 
@@ -730,6 +730,12 @@ fn a_displaced_white_surface_is_invisible() {
     assert!((mean.mean - 1.0).abs() < 1e-2 + 4.0 * mean.standard_error, "{mean:?}");
 }
 
+/// A matte surface below a film that evens out relief over a length.
+fn filmed(smoothing_m: f32) -> Material {
+    let coat = Coat { smoothing_m, ..Coat::new(1.4, ScalarTexture::Constant(0.1)) };
+    Material::with_base("wet", Lambertian::uniform(flat(0.5)), Some(coat))
+}
+
 #[test]
 fn scenes_that_make_no_sense_are_refused() {
     let broken = |change: &dyn Fn(&mut Scene)| {
@@ -758,6 +764,17 @@ fn scenes_that_make_no_sense_are_refused() {
             }),
         ),
         ("refractive index 0.8", broken(&|s| s.materials[last] = glass(0.8, 0.1, 1.0))),
+        ("evens out relief over -1 m", broken(&|s| s.materials[last] = filmed(-1.0))),
+        (
+            "the film on instances",
+            broken(&|s| {
+                s.materials[last] = filmed(1e-3);
+                let meshes = vec![Arc::new(TriangleMesh::quad(Vec3::ZERO, Vec3::X, Vec3::Y))];
+                let instances = vec![MeshInstance { mesh: 0, to_world: Affine3::IDENTITY }];
+                let many = Shape::Instances(Arc::new(MeshInstances { meshes, instances }));
+                s.objects.push(object("many", many, last));
+            }),
+        ),
         ("transmittance 1.2", broken(&|s| s.materials[last] = glass(1.5, 0.1, 1.2))),
         ("k of the metal is -1", broken(&|s| s.materials[last] = metal(flat(1.0), flat(-1.0), 0.1))),
         (
