@@ -8,6 +8,7 @@
 //! the render) within its rim.
 //! The tongue is seen without porphyrin and with three true shares, lip and palate (porphyrin spread evenly, 2e-4 to
 //! 5e-3/mm) with and without.
+//! The interval is set against that which `design` foretells of such a share.
 //! Every region is a line of CSV on standard output; tables follow. FOLDER keeps the renders, which takes 110 MB a mouth.
 
 #![allow(clippy::print_stdout, reason = "printing is what the example is for")]
@@ -17,9 +18,12 @@ use std::fs;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use fluorspar::analysis::SharePosterior;
+use fluorspar::analysis::{LightFamily, PorphyrinSpread, SharePosterior, SignalLevel};
 use fluorspar::image::{ComponentFactors, ComponentImage, LightPath};
-use fluorspar::pipeline::{CapturePlanes, SeenComponents, analyze_seen, capture_from_planes};
+use fluorspar::pipeline::{
+    AnalyzedFrame, CameraResponse, CapturePlanes, CapturedFrame, FamilyFrame, SeenComponents, analyze_seen,
+    capture_from_planes, tissue_family,
+};
 use fluorspar::render::{RenderControl, render};
 use fluorspar::sampling::random::Key;
 use fluorspar::study::Study;
@@ -166,12 +170,61 @@ struct Case {
     led: &'static str,
     truth: f64,
     found: SharePosterior,
+    /// Width of the interval over that which the typical tissue would have.
+    of_foretold: Option<f64>,
 }
 
 impl Case {
     fn holds(&self) -> bool {
         self.found.interval[0] <= self.truth && self.truth <= self.found.interval[1]
     }
+}
+
+/// What the camera sees of the typical tissue.
+fn family(study: &Study, drawn: &Drawn, site: &str) -> Fallible<LightFamily> {
+    let (Some(prior), Some(lens), Some(sensor)) = (
+        study.analysis.as_ref().and_then(|plan| plan.tissue.as_ref()),
+        study.camera.lens_behind_filters(),
+        &study.camera.sensor,
+    ) else {
+        return Err(site.into());
+    };
+    let filter = LEDS.iter().find(|[led, _]| *led == drawn.led).map_or("", |[_, filter]| filter);
+    let irradiance = preset::light_spectrum(drawn.led)?.curve().times(&preset::filter(filter)?.curve());
+    let grid = &study.scene.grid;
+    let camera = CameraResponse::new(&lens, sensor, grid, None);
+    let frame = FamilyFrame {
+        label: "blue".into(),
+        channels: camera.seeing_channels(),
+        camera_of_reflected: CameraResponse::new(&lens, sensor, grid, Some(&irradiance)),
+        camera,
+        irradiance,
+        time_s: 1e-3 * drawn.exposure_ms,
+    };
+    Ok(tissue_family(prior, &[frame], grid)?)
+}
+
+/// The width of an interval over that which the design of the camera foretells of the share, with as much light.
+fn of_foretold(
+    family: &LightFamily,
+    frame: &CapturedFrame,
+    analyzed: &AnalyzedFrame,
+    share: f64,
+) -> Option<f64> {
+    let (found, image) = (analyzed.analysis.posterior.as_ref()?, &frame.developed);
+    let (pixels, channels) = (&analyzed.region.pixels, image.channels.len());
+    let mean = |name: &String| -> Option<f64> {
+        let channel = image.channels.iter().position(|channel| channel == name)?;
+        let dn: f64 = pixels.iter().map(|pixel| f64::from(image.data[pixel * channels + channel])).sum();
+        Some(dn / frame.raw.dn_per_electron / pixels.len() as f64)
+    };
+    let electrons = family.channel_of.iter().map(mean).collect::<Option<Vec<f64>>>()?;
+    // Photon noise; a channel of a mosaic has about a fourth of the pixels
+    let variance = electrons.iter().map(|e| 4.0 * e.max(1.0) / pixels.len() as f64).collect();
+    let blocks = found.blocks.as_ref()?.blocks.len();
+    let level = SignalLevel { electrons, variance, blocks };
+    let [low, high] = family.expected_interval(&level, share, PorphyrinSpread::Usual)?;
+    Some((found.interval[1] - found.interval[0]) / (high - low))
 }
 
 /// All regions of a mouth.
@@ -189,6 +242,7 @@ fn of_mouth(number: u64, folder: Option<&Path>) -> Fallible<Vec<Case>> {
         if let Some(prior) = &mut plan.tissue {
             prior.site = preset::site(site)?;
         }
+        let family = family(&study, &drawn, site)?;
         // The odds of the porphyrin at the amounts of the render give the amounts of all shares
         let mut odds = None;
         let key = Key::new(43).with(number).with(part.len() as u64);
@@ -224,7 +278,7 @@ fn of_mouth(number: u64, folder: Option<&Path>) -> Fallible<Vec<Case>> {
             if analyzed.region.pixels.len() < 200 {
                 break;
             }
-            let Some(truth) = analyzed.analysis.truth else { break };
+            let Some(truth) = &analyzed.analysis.truth else { break };
             let (of_porphyrin, of_bulk) =
                 (truth.electrons.porphyrin.iter().sum::<f64>(), truth.electrons.bulk.iter().sum::<f64>());
             if odds.is_none() {
@@ -233,10 +287,12 @@ fn of_mouth(number: u64, folder: Option<&Path>) -> Fallible<Vec<Case>> {
             }
             let red_truth = truth.red;
             let truth = of_porphyrin / (of_porphyrin + of_bulk);
+            let of_foretold =
+                if truth >= 0.05 { of_foretold(&family, &frames[0], &analyzed, truth) } else { None };
             let Some(found) = analyzed.analysis.posterior else { continue };
             let blocks = found.blocks.as_ref();
             println!(
-                "{number},{},{},{:.1},{:.2},{},{part},{},{},{truth:.4},{:.4},{:.4},{:.4},{:.4},{},{:.3},{:.3},{:.2},{:.3},{:.1},{},{:.4},{:.4},{},{:.4},{:.4},{:.4}",
+                "{number},{},{},{:.1},{:.2},{},{part},{},{},{truth:.4},{:.4},{:.4},{:.4},{:.4},{},{:.3},{:.3},{:.2},{:.3},{:.1},{},{:.4},{:.4},{},{:.4},{:.4},{:.4},{:.3}",
                 drawn.sensor,
                 drawn.led,
                 drawn.exposure_ms,
@@ -261,8 +317,9 @@ fn of_mouth(number: u64, folder: Option<&Path>) -> Fallible<Vec<Case>> {
                 red_truth,
                 found.red.map_or(f64::NAN, |red| red.interval[0]),
                 found.red.map_or(f64::NAN, |red| red.interval[1]),
+                of_foretold.unwrap_or(f64::NAN),
             );
-            cases.push(Case { part, sensor: drawn.sensor, led: drawn.led, truth, found });
+            cases.push(Case { part, sensor: drawn.sensor, led: drawn.led, truth, found, of_foretold });
         }
     }
     Ok(cases)
@@ -275,15 +332,18 @@ fn tabulate(what: &str, cases: &[&Case]) {
     let mut errors: Vec<f64> = cases.iter().map(|c| c.found.median - c.truth).collect();
     widths.sort_by(f64::total_cmp);
     errors.sort_by(f64::total_cmp);
+    let mut foretold: Vec<f64> = cases.iter().filter_map(|case| case.of_foretold).collect();
+    foretold.sort_by(f64::total_cmp);
     let middle = |sorted: &[f64]| sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN);
     println!(
-        "| {what} | {} | {:.2} | {:.2} | {:.2} | {:.3} | {:+.3} |",
+        "| {what} | {} | {:.2} | {:.2} | {:.2} | {:.3} | {:+.3} | {:.2} |",
         cases.len(),
         share(&|c| c.found.excludes_none()),
         share(&|c| c.holds()),
         share(&|c| c.truth < c.found.interval[0]),
         middle(&widths),
         middle(&errors),
+        middle(&foretold),
     );
 }
 
@@ -297,7 +357,7 @@ fn main() -> Fallible<()> {
     }
     println!(
         "mouth,sensor,led,exposure_ms,power,even,part,pixels,blocks,truth,median,low,high,none,mean,even,patchy,places,chlorophyll,misfit,\
-         warned,visible_in_patches,visible_evenly,limit,red_truth,red_low,red_high"
+         warned,visible_in_patches,visible_evenly,limit,red_truth,red_low,red_high,of_foretold"
     );
     let mut cases = Vec::new();
     for mouth in first..first + mouths {
@@ -307,7 +367,7 @@ fn main() -> Fallible<()> {
         }
     }
     println!(
-        "| cases | number | excludes none | holds | above the truth | width | error of the median |\n|---|---|---|---|---|---|---|"
+        "| cases | number | excludes none | holds | above the truth | width | error of the median | width over foretold |\n|---|---|---|---|---|---|---|---|"
     );
     for sensor in SENSORS {
         for (name, parts) in [("tongue", &REGIONS[..1]), ("lip, palate", &REGIONS[1..])] {

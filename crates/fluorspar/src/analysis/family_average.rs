@@ -5,15 +5,18 @@
 //! probability `w_m` beforehand. After the measurement it is `w_m Z_m / sum_k w_k Z_k`, and the posterior of the share is the mixture of
 //! those of the families by these numbers. So the share of a tissue that was named wrongly is as uncertain as the tissue.
 
+use std::sync::OnceLock;
+
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::light_family::{LightFamily, NuisanceGroup};
-use super::region_blocks::{BlockShares, LEAST_BLOCKS, RegionBlock};
+use super::red_pattern::RedPattern;
+use super::region_blocks::{BlockFamily, BlockShares, DrawnTissues, LEAST_BLOCKS, RegionBlock};
 use super::share_posterior::{
     FamilyFit, IntervalWithout, Mixture, RedShare, ShareInterval, ShareOfMean, SharePosterior, largest_misfit,
 };
-use super::visible_share::SignalLevel;
+use super::visible_share::{SignalLevel, VisibleShare, visible_share};
 use crate::warning::Warning;
 
 /// Bayes factor from which on other tissue is told: "strong" by Kass and Raftery, J. Am. Stat. Assoc. 90, 773, 1995. The factor of the
@@ -87,28 +90,115 @@ impl TissueDoubt {
 }
 
 /// Share of the sensor's variance that stands for none: the numbers must have some weight.
-const QUIET: f64 = 1e-6;
+pub(super) const QUIET: f64 = 1e-6;
+/// What is taken away with it.
+pub(super) const SENSOR_NOISE: &str = "sensor noise";
 
-/// What is changed of all families to see what it makes of the interval.
-#[derive(Clone, Copy, PartialEq)]
-enum Change {
-    Known(NuisanceGroup),
-    WithoutNoise,
-    TwiceAsWide,
+/// A family with its probability before the measurement, and what is made of it once.
+pub(super) struct Candidate<'a> {
+    weight: f64,
+    pub(super) family: &'a LightFamily,
+    /// The one that it was changed from.
+    from: Option<&'a Candidate<'a>>,
+    drawn: OnceLock<DrawnTissues>,
+    of_blocks: OnceLock<Option<BlockFamily>>,
 }
 
-impl Change {
-    fn of(self, family: &LightFamily) -> LightFamily {
-        match self {
-            Self::Known(group) => family.with_known(group),
-            Self::WithoutNoise => family.clone(),
-            Self::TwiceAsWide => family.widened(2.0),
+impl<'a> Candidate<'a> {
+    pub(super) fn new(weight: f64, family: &'a LightFamily) -> Self {
+        Self { weight, family, from: None, drawn: OnceLock::new(), of_blocks: OnceLock::new() }
+    }
+
+    /// A family that was made of this one.
+    pub(super) fn changed(&'a self, family: &'a LightFamily) -> Self {
+        Self { from: Some(self), ..Self::new(self.weight, family) }
+    }
+
+    fn drawn(&self) -> &DrawnTissues {
+        match self.from.filter(|from| from.family.coordinates == self.family.coordinates) {
+            Some(from) => from.drawn(),
+            None => self.drawn.get_or_init(|| self.family.drawn()),
         }
+    }
+
+    /// Blocks of a region along the red direction; `None` where they say nothing.
+    pub(super) fn pattern(&self, blocks: &[RegionBlock]) -> Option<RedPattern> {
+        if blocks.len() < LEAST_BLOCKS {
+            return None;
+        }
+        let of_blocks = self.of_blocks.get_or_init(|| self.family.of_blocks(self.drawn()));
+        of_blocks.as_ref()?.pattern(self.family, blocks)
     }
 }
 
-/// A family with its probability before the measurement.
-pub(super) type Weighted<'a> = (f64, &'a LightFamily);
+/// What is measured of a region.
+#[derive(Clone, Copy)]
+struct Measured<'a> {
+    electrons: &'a [f64],
+    variance: &'a [f64],
+    blocks: &'a [RegionBlock],
+}
+
+/// What one change of all families makes of the interval, and what the named one sees.
+struct Changed {
+    without: Vec<IntervalWithout>,
+    twice_as_wide: [f64; 2],
+    visible: Option<VisibleShare>,
+}
+
+impl Measured<'_> {
+    /// The interval by some families; all where they say nothing.
+    fn interval(self, families: &[&Candidate<'_>]) -> [f64; 2] {
+        Compared::new(families, self.electrons, self.variance).map_or([0.0, 1.0], |compared| {
+            let by_blocks = compared.by_blocks(families, self.blocks, 0);
+            answer(&compared.average(), by_blocks.as_ref().map(|found| &found.all)).1
+        })
+    }
+
+    /// The interval without the sensor's noise.
+    fn quiet_interval(self, families: &[&Candidate<'_>]) -> [f64; 2] {
+        let quietened = |variance: &[f64]| -> Vec<f64> { variance.iter().map(|v| QUIET * v).collect() };
+        let quiet =
+            |block: &RegionBlock| RegionBlock { variance: quietened(&block.variance), ..block.clone() };
+        let (variance, blocks) =
+            (quietened(self.variance), self.blocks.iter().map(quiet).collect::<Vec<_>>());
+        Measured { electrons: self.electrons, variance: &variance, blocks: &blocks }.interval(families)
+    }
+
+    /// `parts` are the families that count, the named one first.
+    fn changed(self, parts: &[&Candidate<'_>]) -> Changed {
+        let named = parts[0];
+        let of_all = |change: &dyn Fn(&LightFamily) -> LightFamily| -> Vec<LightFamily> {
+            parts.iter().map(|part| change(part.family)).collect()
+        };
+        let groups: Vec<NuisanceGroup> = named.family.groups_that_may_be_known().collect();
+        let mut families: Vec<Vec<LightFamily>> =
+            groups.iter().map(|group| of_all(&|family| family.with_known(*group))).collect();
+        families.push(of_all(&|family| family.widened(2.0)));
+        let changed: Vec<Vec<Candidate<'_>>> = families
+            .iter()
+            .map(|families| parts.iter().zip(families).map(|(part, family)| part.changed(family)).collect())
+            .collect();
+
+        let known = groups.iter().zip(&changed).map(|(group, changed)| (group.name(), &changed[0]));
+        let known: Vec<(&str, &Candidate<'_>)> = known.collect();
+        let level = SignalLevel {
+            electrons: self.electrons.to_vec(),
+            variance: self.variance.to_vec(),
+            blocks: self.blocks.len(),
+        };
+        let interval = |changed: &Vec<Candidate<'_>>| self.interval(&changed.iter().collect::<Vec<_>>());
+        let (mut intervals, (quiet, visible)): (Vec<[f64; 2]>, _) = rayon::join(
+            || changed.par_iter().map(interval).collect(),
+            || rayon::join(|| self.quiet_interval(parts), || visible_share(named, &known, &level)),
+        );
+        let twice_as_wide = intervals.pop().unwrap_or([0.0, 1.0]);
+        let names = groups.iter().map(|group| group.name()).chain([SENSOR_NOISE]);
+        let without = names.zip(intervals.into_iter().chain([quiet]));
+        let without = without.map(|(source, interval)| IntervalWithout { source: source.into(), interval });
+        Changed { without: without.collect(), twice_as_wide, visible }
+    }
+}
 
 /// What the blocks of a region say.
 struct ByBlocks {
@@ -123,7 +213,7 @@ struct ByBlocks {
 }
 
 /// What a measurement says under each of several families.
-pub(super) struct Compared {
+struct Compared {
     fits: Vec<FamilyFit>,
     /// Number of the family of each fit.
     numbers: Vec<usize>,
@@ -133,17 +223,19 @@ pub(super) struct Compared {
 
 impl Compared {
     /// `None` where the first family, the named one, says nothing.
-    pub(super) fn new(families: &[Weighted<'_>], electrons: &[f64], variance: &[f64]) -> Option<Self> {
-        let fit =
-            |(number, (_, family)): (usize, &Weighted<'_>)| Some((number, family.fit(electrons, variance)?));
+    fn new(families: &[&Candidate<'_>], electrons: &[f64], variance: &[f64]) -> Option<Self> {
+        let fit = |(number, candidate): (usize, &&Candidate<'_>)| {
+            Some((number, candidate.family.fit(electrons, variance)?))
+        };
         let found: Vec<(usize, FamilyFit)> = families.par_iter().enumerate().filter_map(fit).collect();
         let (numbers, fits): (Vec<usize>, Vec<FamilyFit>) = found.into_iter().unzip();
         if numbers.first() != Some(&0) {
             return None;
         }
         let largest = fits.iter().map(|fit| fit.log_evidence).fold(f64::NEG_INFINITY, f64::max);
-        let weight =
-            |(number, fit): (&usize, &FamilyFit)| families[*number].0 * (fit.log_evidence - largest).exp();
+        let weight = |(number, fit): (&usize, &FamilyFit)| {
+            families[*number].weight * (fit.log_evidence - largest).exp()
+        };
         let weights: Vec<f64> = numbers.iter().zip(&fits).map(weight).collect();
         let total: f64 = weights.iter().sum();
         let probabilities = weights.into_iter().map(|weight| weight / total).collect();
@@ -151,7 +243,7 @@ impl Compared {
     }
 
     /// The posterior of the share.
-    pub(super) fn average(&self) -> Mixture {
+    fn average(&self) -> Mixture {
         self.averaged(|fit| &fit.mixture)
     }
 
@@ -171,19 +263,15 @@ impl Compared {
     /// whose blocks say nothing keeps what the mean says. `None` where the blocks of the most probable family say nothing.
     fn by_blocks(
         &self,
-        families: &[Weighted<'_>],
+        families: &[&Candidate<'_>],
         blocks: &[RegionBlock],
         side_px: usize,
     ) -> Option<ByBlocks> {
-        if blocks.len() < LEAST_BLOCKS {
-            return None;
-        }
         let mut found: Vec<_> = (0..self.fits.len())
             .into_par_iter()
             .map(|fit| {
                 let has_part = fit == 0 || self.probabilities[fit] > NEGLIGIBLE_IN_BLOCKS;
-                let family = families[self.numbers[fit]].1;
-                let pattern = if has_part { family.of_blocks()?.pattern(blocks) } else { None }?;
+                let pattern = if has_part { families[self.numbers[fit]].pattern(blocks) } else { None }?;
                 let posterior = pattern.posterior()?;
                 Some((pattern, posterior))
             })
@@ -237,10 +325,10 @@ impl<'a> FamilyAverage<'a> {
     }
 
     /// All families with their probabilities beforehand, the named one first.
-    fn families(&self) -> Vec<Weighted<'a>> {
+    fn families(&self) -> Vec<Candidate<'a>> {
         let of_other = (1.0 - self.probability_of_named) / self.others.len().max(1) as f64;
-        let others = self.others.iter().map(|family| (of_other, family));
-        std::iter::once((self.probability_of_named, self.named)).chain(others).collect()
+        let others = self.others.iter().map(|family| Candidate::new(of_other, family));
+        std::iter::once(Candidate::new(self.probability_of_named, self.named)).chain(others).collect()
     }
 
     /// The share of the porphyrin from measured electrons, one number for each channel of each frame, and their variances by the
@@ -262,62 +350,17 @@ impl<'a> FamilyAverage<'a> {
         side_px: usize,
     ) -> Option<SharePosterior> {
         let families = self.families();
+        let families: Vec<&Candidate<'_>> = families.iter().collect();
         let compared = Compared::new(&families, electrons, variance)?;
         let (of_mean, named) = (compared.average(), &compared.fits[0]);
         let by_blocks = compared.by_blocks(&families, blocks, side_px);
         let (mixture, interval) = answer(&of_mean, by_blocks.as_ref().map(|found| &found.all));
         let is_by_blocks = !std::ptr::eq(mixture, &raw const of_mean);
 
-        // What one change of all families that have a part makes of the interval
-        let has_part = |fit: usize| fit == 0 || compared.probabilities[fit] > NEGLIGIBLE;
-        let parts: Vec<Weighted<'_>> = (0..compared.fits.len())
-            .filter(|fit| has_part(*fit))
-            .map(|fit| families[compared.numbers[fit]])
-            .collect();
-        let quietened =
-            |variance: &[f64]| -> Vec<f64> { variance.iter().map(|variance| QUIET * variance).collect() };
-        let quiet = quietened(variance);
-        let quiet_blocks: Vec<RegionBlock> = blocks
-            .iter()
-            .map(|block| RegionBlock { variance: quietened(&block.variance), ..block.clone() })
-            .collect();
-        let interval_of = |change: &Change| {
-            let changed: Vec<LightFamily> = parts.iter().map(|(_, family)| change.of(family)).collect();
-            let weighted: Vec<Weighted<'_>> = parts.iter().map(|(weight, _)| *weight).zip(&changed).collect();
-            let (variance, blocks) = match change {
-                Change::WithoutNoise => (&quiet[..], &quiet_blocks[..]),
-                _ => (variance, blocks),
-            };
-            Compared::new(&weighted, electrons, variance).map_or([0.0, 1.0], |compared| {
-                let by_blocks = compared.by_blocks(&weighted, blocks, side_px);
-                answer(&compared.average(), by_blocks.as_ref().map(|found| &found.all)).1
-            })
-        };
-        let known = NuisanceGroup::ALL
-            .into_iter()
-            .filter(|group| *group != NuisanceGroup::Brightness)
-            .filter(|group| self.named.nuisances().iter().any(|(_, of)| of == group));
-        let changes: Vec<Change> =
-            known.map(Change::Known).chain([Change::WithoutNoise, Change::TwiceAsWide]).collect();
-        let level =
-            SignalLevel { electrons: electrons.to_vec(), variance: variance.to_vec(), blocks: blocks.len() };
-        let (intervals, visible): (Vec<[f64; 2]>, _) = rayon::join(
-            || changes.par_iter().map(interval_of).collect(),
-            || self.named.visible_share(&level),
-        );
-        let mut without = Vec::new();
-        let mut with_prior_twice_as_wide = interval;
-        for (change, interval) in changes.into_iter().zip(intervals) {
-            match change {
-                Change::Known(group) => {
-                    without.push(IntervalWithout { source: group.name().into(), interval })
-                }
-                Change::WithoutNoise => {
-                    without.push(IntervalWithout { source: "sensor noise".into(), interval })
-                }
-                Change::TwiceAsWide => with_prior_twice_as_wide = interval,
-            }
-        }
+        let has_part = |fit: &usize| *fit == 0 || compared.probabilities[*fit] > NEGLIGIBLE;
+        let parts = (0..compared.fits.len()).filter(has_part).map(|fit| families[compared.numbers[fit]]);
+        let measured = Measured { electrons, variance, blocks };
+        let Changed { mut without, twice_as_wide, visible } = measured.changed(&parts.collect::<Vec<_>>());
         let red = named.red.as_ref().map(|_| match by_blocks.as_ref().filter(|_| is_by_blocks) {
             // Blocks along a way that pigment does not go say nothing of it
             Some(found) if found.shares.looks_like_chlorophyll => RedShare::of(&found.red),
@@ -340,8 +383,8 @@ impl<'a> FamilyAverage<'a> {
             upper_limit: if interval[0] > 0.0 { mixture.quantile(0.95) } else { interval[1] },
             probability_of_none: mixture.none,
             prior_probability_of_none: self.named.probability_of_none,
-            blind_to: named.blind_to.clone(),
-            with_prior_twice_as_wide,
+            blind_to: self.named.blind_direction(named),
+            with_prior_twice_as_wide: twice_as_wide,
             without,
             misfit: named.misfit,
             data,
@@ -373,6 +416,7 @@ impl<'a> FamilyAverage<'a> {
         blocks: &[RegionBlock],
     ) -> Option<ShareInterval> {
         let families = self.families();
+        let families: Vec<&Candidate<'_>> = families.iter().collect();
         let compared = Compared::new(&families, electrons, variance)?;
         let of_mean = compared.average();
         let by_blocks = compared.by_blocks(&families, blocks, 0);

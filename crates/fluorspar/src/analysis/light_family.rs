@@ -10,6 +10,7 @@
 //! to solutions of light transport. Everything but `p` is a nuisance and a standard normal number in its own scale:
 //! `x = c tanh(s u / c)`, `a_k = median exp(sd u)`, and so on.
 
+use fluorspar_accel::{self as accel, Simd, Work};
 use nalgebra::{DMatrix, DVector};
 
 use super::Analyte;
@@ -18,13 +19,14 @@ use super::Analyte;
 const LARGEST_COORDINATE: f64 = 3.5;
 
 /// Numbers that are summed side by side.
-type Lanes = [f64; 4];
+type Lanes = [f64; LANES];
+const LANES: usize = 8;
 
 /// Terms of a polynomial of third degree in some coordinates, and their slopes.
 pub struct CubicTerms {
     /// Value of each term.
     pub values: Vec<f64>,
-    /// Value of each term and its slopes by the coordinates, four of these numbers at a time, `[group][term]`.
+    /// Value of each term and its slopes by the coordinates, eight of these numbers at a time, `[group][term]`.
     lanes: Vec<Vec<Lanes>>,
 }
 
@@ -45,7 +47,7 @@ impl CubicTerms {
     /// All products of up to three coordinates.
     #[must_use]
     pub fn new(x: &[f64]) -> Self {
-        let groups = (1 + x.len()).div_ceil(4);
+        let groups = (1 + x.len()).div_ceil(LANES);
         let mut terms = Self { values: Vec::new(), lanes: vec![Vec::new(); groups] };
         terms.push(x, &[]);
         for i in 0..x.len() {
@@ -76,24 +78,86 @@ impl CubicTerms {
             _ => 0.0,
         };
         for (group, lanes) in self.lanes.iter_mut().enumerate() {
-            lanes.push([0, 1, 2, 3].map(|lane| number(4 * group + lane)));
+            lanes.push(std::array::from_fn(|lane| number(LANES * group + lane)));
         }
     }
+}
 
-    /// Value of the polynomial with some coefficients, and its slopes by the coordinates, four of these numbers at a time.
-    fn sum(&self, coefficients: &[f64], sums: &mut [Lanes]) {
-        for (sum, terms) in sums.iter_mut().zip(&self.lanes) {
-            // In variables of their own, which are kept in registers; without calls, which little optimization leaves in
-            let [mut a, mut b, mut c, mut d] = [0.0; 4];
-            for (term, coefficient) in terms.iter().zip(coefficients) {
-                a += term[0] * coefficient;
-                b += term[1] * coefficient;
-                c += term[2] * coefficient;
-                d += term[3] * coefficient;
+/// Sums of pairs of polynomials with the same terms, eight numbers at a time, compiled for each instruction set.
+struct Polynomials<'a> {
+    terms: &'a [Vec<Lanes>],
+    /// Coefficients of each pair.
+    pairs: &'a [[&'a [f64]; 2]],
+}
+
+impl Work for Polynomials<'_> {
+    /// `[pair][group of terms]`.
+    type Output = Vec<[Lanes; 2]>;
+
+    #[inline(always)]
+    fn run<L: accel::Lanes>(self, _: L) -> Self::Output {
+        let mut sums = Vec::with_capacity(self.pairs.len() * self.terms.len());
+        for [first, second] in self.pairs {
+            for terms in self.terms {
+                // In variables of their own, which are kept in registers
+                let (mut a, mut b) = ([0.0; LANES], [0.0; LANES]);
+                for ((term, first), second) in terms.iter().zip(*first).zip(*second) {
+                    for lane in 0..LANES {
+                        a[lane] += term[lane] * first;
+                        b[lane] += term[lane] * second;
+                    }
+                }
+                sums.push([a, b]);
             }
-            *sum = [a, b, c, d];
+        }
+        sums
+    }
+}
+
+/// Exponentials of the polynomials of all sources for the same terms, compiled for each instruction set.
+struct Exponentials<'a> {
+    terms: &'a [Lanes],
+    family: &'a LightFamily,
+}
+
+impl Work for Exponentials<'_> {
+    /// As [`UnitLight::pairs`].
+    type Output = Vec<[f64; 2]>;
+
+    #[inline(always)]
+    fn run<L: accel::Lanes>(self, _: L) -> Self::Output {
+        let LightFamily { sources, porphyrin, frame_of, .. } = self.family;
+        let mut found = Vec::with_capacity((sources.len() + 1) * frame_of.len());
+        for source in sources.iter().chain([porphyrin]) {
+            for (direct, once_more) in source.direct.iter().zip(&source.once_more) {
+                found.push([direct, once_more].map(|coefficients| sum_of(self.terms, coefficients).exp()));
+            }
+        }
+        found
+    }
+}
+
+/// Sum of products, eight at a time.
+#[inline(always)]
+fn sum_of(terms: &[Lanes], coefficients: &[f64]) -> f64 {
+    let mut sums = [0.0; LANES];
+    let (whole, rest) = coefficients.as_chunks::<LANES>();
+    for (terms, coefficients) in terms.iter().zip(whole) {
+        for lane in 0..LANES {
+            sums[lane] += terms[lane] * coefficients[lane];
         }
     }
+    for ((sum, term), coefficient) in sums.iter_mut().zip(terms.iter().skip(whole.len()).flatten()).zip(rest)
+    {
+        *sum += term * coefficient;
+    }
+    sums.iter().sum()
+}
+
+/// Light of a unit amount of each source in each datum, `[source][datum]` with the porphyrin last.
+pub(super) struct UnitLight {
+    /// Electrons, and those after one more reflection by the tissue over them.
+    pairs: Vec<[f64; 2]>,
 }
 
 /// What kind of uncertainty a nuisance stands for.
@@ -155,6 +219,11 @@ impl FamilySource {
     /// Whether its light is that of plant pigment, which is red as that of porphyrin is.
     pub(super) fn is_pigment(&self) -> bool {
         self.fluorescent && Analyte::names_plant_pigment(&self.name)
+    }
+
+    /// Coefficients of what it emits and of what one more reflection makes of it, of each datum.
+    fn pairs(&self) -> impl Iterator<Item = [&[f64]; 2]> {
+        self.direct.iter().zip(&self.once_more).map(|(direct, once_more)| [&direct[..], &once_more[..]])
     }
 }
 
@@ -223,36 +292,24 @@ pub(super) struct FamilyPoint {
 
 /// Electrons of a unit amount of one source in one datum, without gain; slopes are of their logarithm.
 struct SourceValue<'a> {
-    terms: &'a CubicTerms,
-    /// Share of the light that is reflected once more.
-    indirect: Option<f64>,
     /// Logarithm of the electrons with its slopes by the coordinates, and the same of what one more reflection makes.
-    direct: Vec<Lanes>,
-    once_more: Vec<Lanes>,
+    sums: &'a [[Lanes; 2]],
     electrons: f64,
     by_log_indirect: f64,
 }
 
 impl<'a> SourceValue<'a> {
-    fn new(terms: &'a CubicTerms, indirect: Option<f64>) -> Self {
-        let none = vec![[0.0; 4]; terms.lanes.len()];
-        Self { terms, indirect, direct: none.clone(), once_more: none, electrons: 0.0, by_log_indirect: 0.0 }
-    }
-
-    fn evaluate(&mut self, source: &FamilySource, datum: usize) {
-        self.terms.sum(&source.direct[datum], &mut self.direct);
-        self.electrons = self.direct[0][0].exp();
-        if let Some(indirect) = self.indirect {
-            self.terms.sum(&source.once_more[datum], &mut self.once_more);
-            let again = indirect * self.once_more[0][0].exp();
-            self.by_log_indirect = again / (1.0 + again);
-            self.electrons *= 1.0 + again;
-        }
+    /// `indirect` is the share of the light that is reflected once more.
+    fn new(sums: &'a [[Lanes; 2]], indirect: Option<f64>) -> Self {
+        let [direct, once_more] = sums[0].map(|lanes| lanes[0].exp());
+        let again = indirect.map_or(0.0, |indirect| indirect * once_more);
+        Self { sums, electrons: direct * (1.0 + again), by_log_indirect: again / (1.0 + again) }
     }
 
     fn by_coordinate(&self, coordinate: usize) -> f64 {
-        let (group, lane) = ((1 + coordinate) / 4, (1 + coordinate) % 4);
-        self.direct[group][lane] + self.by_log_indirect * self.once_more[group][lane]
+        let (group, lane) = ((1 + coordinate) / LANES, (1 + coordinate) % LANES);
+        let [direct, once_more] = &self.sums[group];
+        direct[lane] + self.by_log_indirect * once_more[lane]
     }
 }
 
@@ -283,6 +340,13 @@ impl LightFamily {
             names.extend(self.frames.iter().map(lamp));
         }
         names
+    }
+
+    /// Groups that the family holds and whose knowledge would tell something of the share.
+    pub(super) fn groups_that_may_be_known(&self) -> impl Iterator<Item = NuisanceGroup> + use<> {
+        let held: Vec<NuisanceGroup> = self.nuisances().into_iter().map(|(_, group)| group).collect();
+        let may_be = move |group: &NuisanceGroup| *group != NuisanceGroup::Brightness && held.contains(group);
+        NuisanceGroup::ALL.into_iter().filter(may_be)
     }
 
     /// The same family with a group of nuisances known: held in the middle of the prior.
@@ -325,27 +389,62 @@ impl LightFamily {
     /// Electrons for nuisances, each in standard deviations of its prior, and an amount of porphyrin.
     #[must_use]
     pub fn electrons(&self, nuisances: &[f64], porphyrin: f64) -> Vec<f64> {
-        let places = self.places();
+        self.electrons_of(&self.unit_light(nuisances), nuisances, porphyrin)
+    }
+
+    /// Light of all sources, the porphyrin last, in tissue with the coordinates of nuisances.
+    pub(super) fn unit_light(&self, nuisances: &[f64]) -> UnitLight {
         let x: Vec<f64> = nuisances.iter().zip(&self.coordinates).map(|(u, c)| scaled(*u, c).0).collect();
-        let terms = cubic_values(&x);
-        let exponential = |coefficients: &[f64]| {
-            terms.iter().zip(coefficients).map(|(term, coefficient)| term * coefficient).sum::<f64>().exp()
-        };
-        let indirect = self.indirect.map(|[median, sd]| median * (sd * nuisances[places.indirect]).exp());
-        let (gains, errors) = (self.gains(nuisances, places.gain), self.library_factors(nuisances));
-        let amounts = self.sources.iter().enumerate().map(|(k, source)| {
-            (source, source.median * (source.log_sd * nuisances[places.sources + k]).exp())
+        let values = cubic_values(&x);
+        // Eight terms at a time, which are added up in the end
+        let terms: Vec<Lanes> = values
+            .chunks(LANES)
+            .map(|some| std::array::from_fn(|lane| some.get(lane).copied().unwrap_or_default()))
+            .collect();
+        UnitLight { pairs: Simd::detect().run(Exponentials { terms: &terms, family: self }) }
+    }
+
+    /// [`Self::electrons`] where the light of units is known.
+    pub(super) fn electrons_of(&self, light: &UnitLight, nuisances: &[f64], porphyrin: f64) -> Vec<f64> {
+        let mut electrons = vec![0.0; self.frame_of.len()];
+        self.each_source(light, nuisances, porphyrin, |_, datum, e| electrons[datum] += e);
+        electrons
+    }
+
+    /// [`Self::share`] where the light of units is known.
+    pub(super) fn share_of(&self, light: &UnitLight, nuisances: &[f64], porphyrin: f64) -> f64 {
+        let [mut of_porphyrin, mut all] = [0.0; 2];
+        self.each_source(light, nuisances, porphyrin, |source, datum, e| {
+            if self.counted[datum] && source.is_none_or(|source| source.fluorescent) {
+                all += e;
+                of_porphyrin += if source.is_none() { e } else { 0.0 };
+            }
         });
-        let all: Vec<(&FamilySource, f64)> =
-            amounts.chain([(&self.porphyrin, porphyrin)]).filter(|(_, amount)| *amount > 0.0).collect();
-        let of_datum = |datum: usize| {
-            let of_source = |(source, amount): &(&FamilySource, f64)| {
-                let again = indirect.map_or(0.0, |indirect| indirect * exponential(&source.once_more[datum]));
-                amount * exponential(&source.direct[datum]) * (1.0 + again)
-            };
-            gains[self.frame_of[datum]] * errors[datum] * all.iter().map(of_source).sum::<f64>()
+        if of_porphyrin < all { of_porphyrin / all } else { 0.0 }
+    }
+
+    /// Tells the electrons of each source in each datum; the porphyrin is no source by itself.
+    fn each_source(
+        &self,
+        light: &UnitLight,
+        nuisances: &[f64],
+        porphyrin: f64,
+        mut tell: impl FnMut(Option<&FamilySource>, usize, f64),
+    ) {
+        let (places, data) = (self.places(), self.frame_of.len());
+        let indirect =
+            self.indirect.map_or(0.0, |[median, sd]| median * (sd * nuisances[places.indirect]).exp());
+        let (gains, errors) = (self.gains(nuisances, places.gain), self.library_factors(nuisances));
+        let amount = |(k, source): (usize, &FamilySource)| {
+            source.median * (source.log_sd * nuisances[places.sources + k]).exp()
         };
-        (0..self.frame_of.len()).map(of_datum).collect()
+        let amounts = self.sources.iter().enumerate().map(amount).chain([porphyrin]);
+        for ((number, amount), pairs) in amounts.enumerate().zip(light.pairs.chunks(data)) {
+            for (datum, [direct, once_more]) in pairs.iter().enumerate().filter(|_| amount > 0.0) {
+                let value = amount * direct * (1.0 + indirect * once_more);
+                tell(self.sources.get(number), datum, gains[self.frame_of[datum]] * errors[datum] * value);
+            }
+        }
     }
 
     /// The largest share of the counted electrons that the sources of a group may send: all of them two standard deviations brighter than
@@ -416,8 +515,11 @@ impl LightFamily {
             let amount = source.median * (source.log_sd * nuisances[places.sources + k]).exp();
             (Some(places.sources + k), source, amount)
         });
-        let all = amounts.chain((porphyrin > 0.0).then_some((None, &self.porphyrin, porphyrin)));
-        let mut of_unit = SourceValue::new(&terms, indirect);
+        let all: Vec<_> =
+            amounts.chain((porphyrin > 0.0).then_some((None, &self.porphyrin, porphyrin))).collect();
+        let pairs: Vec<[&[f64]; 2]> = all.iter().flat_map(|(_, source, _)| source.pairs()).collect();
+        let polynomials = Simd::detect().run(Polynomials { terms: &terms.lanes, pairs: &pairs });
+        let mut of_unit = polynomials.chunks(terms.lanes.len());
         for (place, source, amount) in all {
             let kind = match place {
                 None => PORPHYRIN,
@@ -425,8 +527,8 @@ impl LightFamily {
                 Some(_) if source.fluorescent => BULK,
                 Some(_) => NOT_COUNTED,
             };
-            for datum in 0..n {
-                of_unit.evaluate(source, datum);
+            for (datum, of_unit) in of_unit.by_ref().take(n).enumerate() {
+                let of_unit = SourceValue::new(of_unit, indirect);
                 let value = amount * gains[self.frame_of[datum]] * errors[datum] * of_unit.electrons;
                 let sum = &mut sums[kind];
                 sum.electrons[datum] += value;

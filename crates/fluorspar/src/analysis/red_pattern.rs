@@ -11,6 +11,8 @@
 //! blocks that hold none. Neighbors are alike: the likelihood of the blocks is raised to the power of the number of independent ones
 //! over that of all (composite likelihood; Cooley, Davison and Ribatet, arXiv 0911.5357). All unknowns are summed over grids.
 
+use std::sync::LazyLock;
+
 use fluorspar_accel::bands::{self, BLOCK, BandBlock};
 use fluorspar_accel::{Lanes, Simd, Work};
 use rayon::prelude::*;
@@ -48,7 +50,7 @@ const FARTHEST: f64 = 36.0;
 /// Terms this far below the best, as logarithms of probability, are left out.
 const NEGLIGIBLE: f64 = 9.0;
 /// Blocks whose likelihoods are multiplied before their logarithm is taken, and the least likelihood that counts, so that no product is 0.
-const MULTIPLIED: usize = 4;
+const MULTIPLIED: usize = 8;
 const LEAST_LIKELIHOOD: f64 = 1e-30;
 /// Share from which on a block counts as one with porphyrin.
 pub(super) const SHARE_OF_MARK: f64 = 0.02;
@@ -101,9 +103,8 @@ pub(super) struct PatternPosterior {
     pub(super) chlorophyll: f64,
 }
 
-/// A pattern of shares: its probability beforehand, and that of each share of the grid as a run of them.
+/// Probabilities of the shares of the grid in a pattern, as a run of them.
 struct Pattern {
-    log_prior: f64,
     first: usize,
     probabilities: Vec<f64>,
 }
@@ -111,6 +112,8 @@ struct Pattern {
 /// Shares of blocks and the patterns in which they come.
 struct Patterns {
     shares: Vec<f64>,
+    /// Shares that the means of regions may have.
+    means: Vec<f64>,
     patterns: Vec<Pattern>,
     /// Probabilities of the patchy ones, sixteen by sixteen, `[sixteen patterns][share]`.
     patchy: Vec<BandBlock>,
@@ -121,8 +124,10 @@ const NONE: usize = 0;
 /// Number of the first patchy pattern.
 const FIRST_PATCHY: usize = 1 + MEANS;
 
+static PATTERNS: LazyLock<Patterns> = LazyLock::new(Patterns::new);
+
 impl Patterns {
-    fn new([typical, log_sd]: [f64; 2]) -> Self {
+    fn new() -> Self {
         let even_steps = |[low, high]: [f64; 2], count: usize| -> Vec<f64> {
             let ratio = f64::ln(high / low);
             (0..count).map(|i| low * (ratio * i as f64 / (count - 1) as f64).exp()).collect()
@@ -133,19 +138,13 @@ impl Patterns {
         shares.extend(&means);
         shares.sort_by(f64::total_cmp);
 
-        let priors: Vec<f64> =
-            means.iter().map(|mean| (-0.5 * ((mean / typical).ln() / log_sd).powi(2)).exp()).collect();
-        let total: f64 = priors.iter().sum();
-        let third = f64::ln(1.0 / 3.0);
-        let mut patterns = vec![Pattern { log_prior: third, first: 0, probabilities: vec![1.0] }];
-        for (mean, prior) in means.iter().zip(&priors) {
-            let place = shares.iter().position(|share| share == mean).unwrap_or_default();
-            let log_prior = third + (prior / total).ln();
-            patterns.push(Pattern { log_prior, first: place, probabilities: vec![1.0] });
-        }
+        let place = |mean: &f64| shares.iter().position(|share| share == mean).unwrap_or_default();
+        let even = std::iter::once(0).chain(means.iter().map(place));
+        let mut patterns: Vec<Pattern> =
+            even.map(|first| Pattern { first, probabilities: vec![1.0] }).collect();
         // Cells between the means of neighbors on the scale of logarithms; the outermost hold what lies beyond
         let logs: Vec<f64> = shares[1..].iter().map(|share| share.ln()).collect();
-        for (mean, prior) in means.iter().zip(&priors) {
+        for mean in &means {
             for [log_sd, empty] in PATCHES {
                 let center = (mean / (1.0 - empty)).ln() - 0.5 * log_sd * log_sd;
                 let below = |log: f64| 0.5 * erfc(-(log - center) / (log_sd * std::f64::consts::SQRT_2));
@@ -156,8 +155,7 @@ impl Patterns {
                     probabilities.push((1.0 - empty) * (edge - last));
                     last = edge;
                 }
-                let log_prior = third + (prior / total / PATCHES.len() as f64).ln();
-                patterns.push(Pattern { log_prior, first: 0, probabilities });
+                patterns.push(Pattern { first: 0, probabilities });
             }
         }
         let sixteen = |patterns: &[Pattern], share: usize| {
@@ -170,7 +168,21 @@ impl Patterns {
             .chunks(BLOCK)
             .flat_map(|patterns| (0..shares.len()).map(|share| sixteen(patterns, share)))
             .collect();
-        Self { shares, patterns, patchy }
+        Self { shares, means, patterns, patchy }
+    }
+
+    /// Logarithm of the probability of each pattern beforehand, around a typical share.
+    fn log_priors(&self, [typical, log_sd]: [f64; 2]) -> Vec<f64> {
+        let of_mean = |mean: &f64| (-0.5 * ((mean / typical).ln() / log_sd).powi(2)).exp();
+        let priors: Vec<f64> = self.means.iter().map(of_mean).collect();
+        let total: f64 = priors.iter().sum();
+        let third = f64::ln(1.0 / 3.0);
+        let even = priors.iter().map(|prior| third + (prior / total).ln());
+        let patchy = priors.iter().flat_map(|prior| {
+            let log_prior = third + (prior / total / PATCHES.len() as f64).ln();
+            [log_prior; PATCHES.len()]
+        });
+        std::iter::once(third).chain(even).chain(patchy).collect()
     }
 }
 
@@ -185,56 +197,81 @@ struct Cell {
     log_prior: f64,
     place_factor: f64,
     chlorophyll: f64,
+    /// Number of its [`RedPattern::precisions`].
+    spread: usize,
     /// Amplitude of the person's tissue without porphyrin and chlorophyll, and with chlorophyll.
     tissue: f64,
     bulk: f64,
 }
 
-/// A pattern in a cell that is not negligible.
-struct Term {
-    log_weight: f64,
-    pattern: usize,
-    /// Mean of the region's share and its variance.
-    share: [f64; 2],
-    /// Mean share of each block and the probability of a mark.
+/// Cells that count, with the probability of each pattern in them, 0 of those that are negligible.
+struct Weighed {
+    cells: Vec<(Cell, Vec<f64>)>,
+    /// One over the standard deviation of the amplitude of each block, `[spread][block]`.
+    precisions: Vec<Vec<f64>>,
+}
+
+/// What the patterns of a cell say.
+struct OfCell {
+    /// Number and probability of a pattern, and the region's mean share with its variance.
+    terms: Vec<(usize, f64, [f64; 2])>,
+    /// Mean share of each block and the probability of a mark, times the probability of the cell.
     blocks: Vec<[f64; 2]>,
 }
 
 impl RedPattern {
     /// The posterior; `None` without blocks.
     pub(super) fn posterior(&self) -> Option<PatternPosterior> {
+        let weighed = self.weighed()?;
+        let of_cell = |(cell, weights): &(Cell, Vec<f64>)| {
+            let precisions = &weighed.precisions[cell.spread];
+            (*cell, Simd::detect().run(Details { pattern: self, cell, precisions, weights }))
+        };
+        let cells: Vec<(Cell, OfCell)> = weighed.cells.par_iter().map(of_cell).collect();
+        Some(self.mix(&cells))
+    }
+
+    /// Probability that there is no porphyrin, at a part of the cost of all that the pattern says; `None` without blocks.
+    pub(super) fn probability_of_none(&self) -> Option<f64> {
+        Some(self.weighed()?.cells.iter().map(|(_, weights)| weights[NONE]).sum())
+    }
+
+    /// Weighs every pattern in every cell that no bound excludes.
+    fn weighed(&self) -> Option<Weighed> {
         if self.amplitudes.is_empty() {
             return None;
         }
-        let patterns = Patterns::new(self.typical_share);
-        let cells = self.cells();
-
-        // Weigh every pattern in every cell that no bound excludes, then look closer at what is not negligible
+        let log_priors = PATTERNS.log_priors(self.typical_share);
+        let (cells, precisions) = self.cells();
         let largest = |values: &[f64]| values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let bounds: Vec<f64> = cells.iter().map(|cell| self.bound(cell)).collect();
+        let bounds: Vec<f64> = cells.iter().map(|cell| self.bound(cell, &precisions[cell.spread])).collect();
+        let evidence = |cell: &Cell| {
+            let precisions = &precisions[cell.spread];
+            let mut logs = Simd::detect().run(Evidence { pattern: self, cell, precisions });
+            let independent = self.independent();
+            let prior = |(log, prior): (&mut f64, &f64)| *log = independent * *log + cell.log_prior + prior;
+            logs.iter_mut().zip(&log_priors).for_each(prior);
+            logs
+        };
         let promising = (0..cells.len()).max_by(|a, b| bounds[*a].total_cmp(&bounds[*b]))?;
-        let reached = largest(&self.evidence(&cells[promising], &patterns));
-        let cells: Vec<Cell> = cells
-            .iter()
-            .zip(&bounds)
-            .filter(|(_, bound)| **bound > reached - NEGLIGIBLE)
-            .map(|(c, _)| *c)
-            .collect();
-        let evidence: Vec<Vec<f64>> = cells.par_iter().map(|cell| self.evidence(cell, &patterns)).collect();
-        let best = evidence.iter().map(|weights| largest(weights)).fold(f64::NEG_INFINITY, f64::max);
+        let reached = largest(&evidence(&cells[promising]));
+        let is_left = |(_, bound): &(&Cell, &f64)| **bound > reached - NEGLIGIBLE;
+        let cells: Vec<Cell> = cells.iter().zip(&bounds).filter(is_left).map(|(cell, _)| *cell).collect();
+        let mut evidence: Vec<Vec<f64>> = cells.par_iter().map(evidence).collect();
+        let best = evidence.iter().map(|logs| largest(logs)).fold(f64::NEG_INFINITY, f64::max);
         if !best.is_finite() {
             return None;
         }
-        let terms: Vec<(Cell, Vec<Term>)> = cells
-            .par_iter()
-            .zip(&evidence)
-            .filter(|(_, weights)| weights.iter().any(|weight| *weight > best - NEGLIGIBLE))
-            .map(|(cell, weights)| (*cell, self.terms(cell, &patterns, weights, best - NEGLIGIBLE)))
-            .collect();
-        Some(self.mix(&terms, best))
+        let weight = |log: f64| if log > best - NEGLIGIBLE { (log - best).exp() } else { 0.0 };
+        evidence.iter_mut().flatten().for_each(|log| *log = weight(*log));
+        let total: f64 = evidence.iter().flatten().sum();
+        evidence.iter_mut().flatten().for_each(|weight| *weight /= total);
+        let counts = |(_, weights): &(Cell, Vec<f64>)| weights.iter().any(|weight| *weight > 0.0);
+        Some(Weighed { cells: cells.into_iter().zip(evidence).filter(counts).collect(), precisions })
     }
 
-    fn cells(&self) -> Vec<Cell> {
+    /// All cells, and one over the standard deviation of the amplitude of each block, `[spread][block]`.
+    fn cells(&self) -> (Vec<Cell>, Vec<Vec<f64>>) {
         let log_normal = |factor: f64, log_sd: f64| -0.5 * (factor.ln() / log_sd).powi(2);
         let normalized = |logs: Vec<f64>| -> Vec<f64> {
             let total: f64 = logs.iter().map(|log| log.exp()).sum();
@@ -256,9 +293,12 @@ impl RedPattern {
         let deviates: Vec<f64> =
             (0..BULK_NODES).map(|i| BULK_REACH * (2.0 * i as f64 / (BULK_NODES - 1) as f64 - 1.0)).collect();
         let of_deviates = normalized(deviates.iter().map(|z| -0.5 * z * z).collect());
-        let mut cells = Vec::new();
+        let (mut cells, mut precisions) = (Vec::new(), Vec::new());
         for ((place_factor, place), evidence) in PLACE_FACTORS.iter().zip(&places).zip(&self.place_evidence) {
             for (&chlorophyll, of_amount) in amounts.iter().zip(&of_amounts) {
+                let shared = place_factor.powi(2) * self.place_variance
+                    + (PLACES_OVER_PEOPLE * amplitude * chlorophyll).powi(2);
+                precisions.push(self.noise.iter().map(|noise| (shared + noise).sqrt().recip()).collect());
                 for (z, of_deviate) in deviates.iter().zip(&of_deviates) {
                     let mean = self.bulk_mean[0] + self.bulk_mean[1] * chlorophyll;
                     let own = mean + z * self.bulk_variance.sqrt();
@@ -266,13 +306,14 @@ impl RedPattern {
                         log_prior: place + evidence + of_amount + of_deviate,
                         place_factor: *place_factor,
                         chlorophyll,
+                        spread: precisions.len() - 1,
                         tissue: own,
                         bulk: own + amplitude * chlorophyll * (1.0 - own),
                     });
                 }
             }
         }
-        cells
+        (cells, precisions)
     }
 
     /// Amplitude of chlorophyll alone.
@@ -280,30 +321,25 @@ impl RedPattern {
         self.chlorophyll.map_or(0.0, |[_, amplitude]| amplitude)
     }
 
-    /// Standard deviation of the amplitude of a block in a cell.
-    fn deviation(&self, cell: &Cell, block: usize) -> f64 {
-        let variance = cell.place_factor.powi(2) * self.place_variance
-            + (PLACES_OVER_PEOPLE * self.amplitude_of_chlorophyll() * cell.chlorophyll).powi(2)
-            + self.noise[block];
-        variance.sqrt()
-    }
-
     /// Likelihood of each share in a block, up to a factor that all cells have.
-    fn likelihood(&self, cell: &Cell, block: usize, shares: &[f64], out: &mut [f64]) {
-        let per_sd = self.deviation(cell, block).recip();
-        for (out, share) in out.iter_mut().zip(shares) {
-            let x = (self.amplitudes[block] - cell.bulk - share * (1.0 - cell.bulk)) * per_sd;
-            *out = bell(x) * per_sd;
+    #[inline(always)]
+    fn likelihood(&self, cell: &Cell, precision: f64, block: usize, out: &mut [f64]) {
+        let (from, to) = (self.amplitudes[block] - cell.bulk, 1.0 - cell.bulk);
+        for (out, share) in out.iter_mut().zip(&PATTERNS.shares) {
+            *out = bell((from - share * to) * precision) * precision;
         }
     }
 
     /// A bound on the logarithm of the weight of all patterns in a cell: each block has its most probable share.
-    fn bound(&self, cell: &Cell) -> f64 {
-        let of_block = |block: usize| {
-            let sd = self.deviation(cell, block);
-            (bell(((self.amplitudes[block] - cell.bulk) / sd).min(0.0)) / sd).max(LEAST_LIKELIHOOD).ln()
+    fn bound(&self, cell: &Cell, precisions: &[f64]) -> f64 {
+        let of_block = |(amplitude, precision): (&f64, &f64)| {
+            (bell(((amplitude - cell.bulk) * precision).min(0.0)) * precision).max(LEAST_LIKELIHOOD)
         };
-        let sum: f64 = (0..self.amplitudes.len()).map(of_block).sum();
+        let of_some = |(amplitudes, precisions): (&[f64], &[f64])| -> f64 {
+            amplitudes.iter().zip(precisions).map(of_block).product::<f64>().ln()
+        };
+        let sum: f64 =
+            self.amplitudes.chunks(MULTIPLIED).zip(precisions.chunks(MULTIPLIED)).map(of_some).sum();
         self.independent() * sum + cell.log_prior
     }
 
@@ -312,48 +348,8 @@ impl RedPattern {
         (INDEPENDENT_BLOCKS / self.amplitudes.len() as f64).min(1.0)
     }
 
-    /// Logarithm of the weight of each pattern in a cell.
-    fn evidence(&self, cell: &Cell, patterns: &Patterns) -> Vec<f64> {
-        let sums = Simd::detect().run(Evidence { pattern: self, cell, patterns });
-        let weight =
-            |(sum, pattern): (f64, &Pattern)| self.independent() * sum + cell.log_prior + pattern.log_prior;
-        sums.into_iter().zip(&patterns.patterns).map(weight).collect()
-    }
-
-    /// What the patterns of a cell that weigh more than `least` say of the blocks.
-    fn terms(&self, cell: &Cell, patterns: &Patterns, weights: &[f64], least: f64) -> Vec<Term> {
-        let blocks = self.amplitudes.len();
-        let mut likelihoods = vec![0.0; blocks * patterns.shares.len()];
-        for (block, out) in likelihoods.chunks_mut(patterns.shares.len()).enumerate() {
-            self.likelihood(cell, block, &patterns.shares, out);
-        }
-        let term = |(number, log_weight): (usize, &f64)| {
-            let pattern = &patterns.patterns[number];
-            let (mut mean, mut variance) = (0.0, 0.0);
-            let mut found = Vec::with_capacity(blocks);
-            for (likelihood, weight) in likelihoods.chunks(patterns.shares.len()).zip(&self.weights) {
-                let [first, second, marked] = pattern.moments(likelihood, &patterns.shares);
-                mean += weight * first;
-                variance += weight * (second - first * first).max(0.0);
-                found.push([first, marked]);
-            }
-            let of_scale = self.scale_variance * mean * mean;
-            let independent = blocks as f64 * self.independent();
-            Term {
-                log_weight: *log_weight,
-                pattern: number,
-                share: [mean, variance / independent + of_scale],
-                blocks: found,
-            }
-        };
-        weights.iter().enumerate().filter(|(_, weight)| **weight > least).map(term).collect()
-    }
-
-    /// Adds up all terms.
-    fn mix(&self, terms: &[(Cell, Vec<Term>)], best: f64) -> PatternPosterior {
-        let all = || terms.iter().flat_map(|(cell, terms)| terms.iter().map(move |term| (cell, term)));
-        let weight = |term: &Term| (term.log_weight - best).exp();
-        let total: f64 = all().map(|(_, term)| weight(term)).sum();
+    /// Adds up all cells.
+    fn mix(&self, cells: &[(Cell, OfCell)]) -> PatternPosterior {
         let mut found = PatternPosterior {
             share: Mixture { none: 0.0, terms: Vec::new() },
             red: Mixture { none: 0.0, terms: Vec::new() },
@@ -363,25 +359,25 @@ impl RedPattern {
             place_factor: 0.0,
             chlorophyll: 0.0,
         };
-        for (cell, term) in all() {
-            let weight = weight(term) / total;
-            // Porphyrin is red light
+        for (cell, of_cell) in cells {
             let [red, variance] = self.red_share(cell);
-            let red = if red > term.share[0] { [red, variance] } else { term.share };
-            found.red.terms.push(self.log_odds(weight, red));
-            match term.pattern {
-                NONE => found.share.none += weight,
-                pattern => {
+            for &(pattern, weight, share) in &of_cell.terms {
+                // Porphyrin is red light
+                let red = if red > share[0] { [red, variance] } else { share };
+                found.red.terms.push(self.log_odds(weight, red));
+                if pattern == NONE {
+                    found.share.none += weight;
+                } else {
                     *(if pattern <= MEANS { &mut found.even } else { &mut found.patchy }) += weight;
-                    found.share.terms.push(self.log_odds(weight, term.share));
+                    found.share.terms.push(self.log_odds(weight, share));
                 }
+                found.place_factor += weight * cell.place_factor;
+                found.chlorophyll += weight * cell.chlorophyll;
             }
-            for (sum, block) in found.blocks.iter_mut().zip(&term.blocks) {
-                sum[0] += weight * (self.own_light * block[0]).min(1.0);
-                sum[1] += weight * block[1];
+            for (sum, block) in found.blocks.iter_mut().zip(&of_cell.blocks) {
+                sum[0] += block[0];
+                sum[1] += block[1];
             }
-            found.place_factor += weight * cell.place_factor;
-            found.chlorophyll += weight * cell.chlorophyll;
         }
         found
     }
@@ -413,7 +409,7 @@ impl RedPattern {
 struct Evidence<'a> {
     pattern: &'a RedPattern,
     cell: &'a Cell,
-    patterns: &'a Patterns,
+    precisions: &'a [f64],
 }
 
 impl Work for Evidence<'_> {
@@ -421,20 +417,21 @@ impl Work for Evidence<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> Vec<f64> {
-        let Self { pattern, cell, patterns } = self;
-        let count = patterns.patterns.len();
+        let Self { pattern, cell, precisions } = self;
+        let Patterns { patterns, patchy: of_shares, .. } = &*PATTERNS;
+        let count = patterns.len();
         let (mut sums, mut products) = (vec![0.0; count], vec![1.0; count]);
-        let mut likelihood = vec![0.0; patterns.shares.len()];
+        let mut likelihood = vec![0.0; PATTERNS.shares.len()];
+        let mut narrow = vec![0.0; likelihood.len()];
         let mut of_patchy = vec![BandBlock::ZERO; (count - FIRST_PATCHY).div_ceil(BLOCK)];
-        let blocks = pattern.amplitudes.len();
-        for block in 0..blocks {
+        for (block, precision) in precisions.iter().enumerate() {
             // Sum the likelihoods of the shares that each pattern has
-            pattern.likelihood(cell, block, &patterns.shares, &mut likelihood);
-            let narrow: Vec<f32> = likelihood.iter().map(|value| *value as f32).collect();
+            pattern.likelihood(cell, *precision, block, &mut likelihood);
+            narrow.iter_mut().zip(&likelihood).for_each(|(narrow, value)| *narrow = *value as f32);
             bands::clear(lanes, &mut of_patchy);
-            bands::add_combination(lanes, &narrow, &patterns.patchy, &mut of_patchy);
+            bands::add_combination(lanes, &narrow, of_shares, &mut of_patchy);
             let (alike, patchy) = products.split_at_mut(FIRST_PATCHY);
-            for (product, pattern) in alike.iter_mut().zip(&patterns.patterns) {
+            for (product, pattern) in alike.iter_mut().zip(patterns) {
                 *product *= likelihood[pattern.first].max(LEAST_LIKELIHOOD);
             }
             for (products, sums) in patchy.chunks_mut(BLOCK).zip(&of_patchy) {
@@ -442,44 +439,173 @@ impl Work for Evidence<'_> {
                     *product *= f64::from(*sum).max(LEAST_LIKELIHOOD);
                 }
             }
-            // Take the logarithm of several blocks at once
-            if (block + 1) % MULTIPLIED == 0 || block + 1 == blocks {
-                sums.iter_mut().zip(&products).for_each(|(sum, product)| *sum += product.ln());
-                products.fill(1.0);
+            if (block + 1) % MULTIPLIED == 0 {
+                sums.iter_mut().zip(&mut products).for_each(|(sum, product)| *sum += take_power(product));
             }
         }
-        sums
+        let ln = |(sum, product): (f64, f64)| sum * std::f64::consts::LN_2 + product.ln();
+        sums.into_iter().zip(products).map(ln).collect()
     }
+}
+
+/// What the patterns of a cell that count say, compiled for each instruction set.
+struct Details<'a> {
+    pattern: &'a RedPattern,
+    cell: &'a Cell,
+    precisions: &'a [f64],
+    weights: &'a [f64],
+}
+
+/// Sums over the shares of a block in sixteen patterns: of the likelihood, of it times share and share squared, and where marked.
+type Moments = [BandBlock; 4];
+
+impl Work for Details<'_> {
+    type Output = OfCell;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> OfCell {
+        let Self { pattern, cell, precisions, weights } = self;
+        let Patterns { shares, patterns, patchy, .. } = &*PATTERNS;
+        let independent = precisions.len() as f64 * pattern.independent();
+        let (mut terms, mut blocks) = (Vec::new(), vec![[0.0; 2]; precisions.len()]);
+        let mut push = |number: usize, [mean, variance]: [f64; 2]| {
+            let of_scale = pattern.scale_variance * mean * mean;
+            terms.push((number, weights[number], [mean, variance / independent + of_scale]));
+        };
+        // The same share everywhere
+        let mut of_all = [0.0; 2];
+        for number in (NONE..FIRST_PATCHY).filter(|number| weights[*number] > 0.0) {
+            let share = shares[patterns[number].first];
+            push(number, [share, 0.0]);
+            of_all[0] += weights[number] * (pattern.own_light * share).min(1.0);
+            of_all[1] += if share > SHARE_OF_MARK { weights[number] } else { 0.0 };
+        }
+        blocks.fill(of_all);
+        // Patchy, sixteen at a time
+        let sixteens = weights[FIRST_PATCHY..].chunks(BLOCK).zip(patchy.chunks(shares.len())).enumerate();
+        let mut sixteens: Vec<Sixteen<'_>> = sixteens
+            .filter(|(_, (weights, _))| weights.iter().any(|weight| *weight > 0.0))
+            .map(|(number, (weights, probabilities))| Sixteen {
+                first: FIRST_PATCHY + BLOCK * number,
+                weights,
+                probabilities,
+                of_region: [[0.0; 2]; BLOCK],
+            })
+            .collect();
+        let mut likelihood = vec![0.0; shares.len()];
+        let mut factors = vec![[0.0; 4]; shares.len()];
+        for (block, precision) in precisions.iter().enumerate() {
+            pattern.likelihood(cell, *precision, block, &mut likelihood);
+            for ((factors, likelihood), share) in factors.iter_mut().zip(&likelihood).zip(shares) {
+                *factors = factors_of(*likelihood, *share);
+            }
+            let light = [pattern.weights[block], pattern.own_light];
+            for sixteen in &mut sixteens {
+                sixteen.add(&moments(lanes, sixteen.probabilities, &factors), light, &mut blocks[block]);
+            }
+        }
+        for sixteen in &sixteens {
+            for (lane, of_region) in sixteen.of_region.iter().enumerate() {
+                if sixteen.weights.get(lane).is_some_and(|weight| *weight > 0.0) {
+                    push(sixteen.first + lane, *of_region);
+                }
+            }
+        }
+        OfCell { terms, blocks }
+    }
+}
+
+/// Sixteen patchy patterns of a cell.
+struct Sixteen<'a> {
+    /// Number of the first, and the probabilities of those that there are.
+    first: usize,
+    weights: &'a [f64],
+    /// Of each share.
+    probabilities: &'a [BandBlock],
+    /// Mean share of the region and its variance, added up over blocks.
+    of_region: [[f64; 2]; BLOCK],
+}
+
+impl Sixteen<'_> {
+    /// Adds a block with its share of the region's light and the factor for its own light.
+    #[inline(always)]
+    fn add(&mut self, moments: &Moments, [light, own_light]: [f64; 2], block: &mut [f64; 2]) {
+        for (lane, weight) in self.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
+            let [total, of_share, of_square, marked] = [0, 1, 2, 3].map(|i| f64::from(moments[i].0[lane]));
+            let per = total.max(f64::MIN_POSITIVE).recip();
+            let [share, square] = [of_share * per, of_square * per];
+            self.of_region[lane][0] += light * share;
+            self.of_region[lane][1] += light * (square - share * share).max(0.0);
+            block[0] += weight * (own_light * share).min(1.0);
+            block[1] += weight * marked * per;
+        }
+    }
+}
+
+/// Of sixteen patterns with these probabilities of the shares.
+#[inline(always)]
+fn moments<L: Lanes>(lanes: L, probabilities: &[BandBlock], factors: &[[f32; 4]]) -> Moments {
+    let mut sums = [lanes.splat(0.0); 4];
+    for (probabilities, factors) in probabilities.iter().zip(factors) {
+        let probabilities = lanes.load(probabilities);
+        for (sum, factor) in sums.iter_mut().zip(factors) {
+            *sum = lanes.add(*sum, lanes.mul(lanes.splat(*factor), probabilities));
+        }
+    }
+    let mut moments = [BandBlock::ZERO; 4];
+    moments.iter_mut().zip(sums).for_each(|(moments, sums)| lanes.store(sums, moments));
+    moments
+}
+
+/// What the likelihood of a share is summed with: 1, the share, its square, and whether it marks a block.
+#[inline(always)]
+fn factors_of(likelihood: f64, share: f64) -> [f32; 4] {
+    let marked = if share > SHARE_OF_MARK { likelihood } else { 0.0 };
+    [likelihood, likelihood * share, likelihood * share * share, marked].map(|factor| factor as f32)
+}
+
+/// Takes the power of two out of a number above 0, which is left between 1 and 2.
+#[inline(always)]
+fn take_power(number: &mut f64) -> f64 {
+    const OF_ONE: u64 = 1023 << 52;
+    let bits = number.to_bits();
+    *number = f64::from_bits((bits & ((1 << 52) - 1)) | OF_ONE);
+    f64::from((bits >> 52) as i32 - 1023)
 }
 
 /// Density of an error in its standard deviations up to a factor: normal, and wider for blocks that nobody foresaw.
+#[inline(always)]
 fn bell(x: f64) -> f64 {
-    if x.abs() > FARTHEST {
-        return 0.0;
-    }
     // The narrow one is the ninth power of the wide one
-    let wide = (-0.5 * (x / OUTLIER_WIDTH).powi(2)).exp();
+    let wide = exp_below_0(-0.5 * (x.abs().min(FARTHEST) / OUTLIER_WIDTH).powi(2));
     let third = wide * wide * wide;
-    (1.0 - OUTLIERS) * (third * third * third) + OUTLIERS / OUTLIER_WIDTH * wide
+    let density = (1.0 - OUTLIERS) * (third * third * third) + OUTLIERS / OUTLIER_WIDTH * wide;
+    if x.abs() > FARTHEST { 0.0 } else { density }
 }
 
-impl Pattern {
-    /// Mean share of a block, mean of its square, and probability that it is above [`SHARE_OF_MARK`].
-    fn moments(&self, likelihood: &[f64], shares: &[f64]) -> [f64; 3] {
-        let (mut total, mut first, mut second, mut marked) = (0.0, 0.0, 0.0, 0.0);
-        let here = likelihood[self.first..].iter().zip(&shares[self.first..]);
-        for (probability, (likelihood, share)) in self.probabilities.iter().zip(here) {
-            let weight = probability * likelihood;
-            total += weight;
-            first += weight * share;
-            second += weight * (share * share);
-            if *share > SHARE_OF_MARK {
-                marked += weight;
-            }
-        }
-        let total = f64::max(total, f64::MIN_POSITIVE);
-        [first / total, second / total, marked / total]
-    }
+/// `exp(x)` for -700 to 0 to 1e-14, without a call or a branch, so that several are computed at once.
+#[inline(always)]
+fn exp_below_0(x: f64) -> f64 {
+    /// Added to a number it leaves the nearest whole one in the last bits.
+    const ROUNDING: f64 = 6_755_399_441_055_744.0;
+    const TERMS: [f64; 12] = [
+        1.0 / 39_916_800.0,
+        1.0 / 3_628_800.0,
+        1.0 / 362_880.0,
+        1.0 / 40_320.0,
+        1.0 / 5040.0,
+        1.0 / 720.0,
+        1.0 / 120.0,
+        1.0 / 24.0,
+        1.0 / 6.0,
+        0.5,
+        1.0,
+        1.0,
+    ];
+    let powers = x * std::f64::consts::LOG2_E + ROUNDING;
+    let rest = x - (powers - ROUNDING) * std::f64::consts::LN_2;
+    let of_rest = TERMS.iter().fold(0.0, |sum, term| sum * rest + term);
+    of_rest * f64::from_bits((powers.to_bits().wrapping_add(1023)) << 52)
 }
 
 #[cfg(test)]

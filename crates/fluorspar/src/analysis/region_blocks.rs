@@ -6,10 +6,9 @@
 //! the red direction the bulk of the person lies.
 
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::light_family::{FamilySource, LightFamily, NuisanceGroup};
+use super::light_family::{FamilySource, LightFamily, NuisanceGroup, UnitLight};
 use super::red_pattern::{
     CHLOROPHYLL, INDEPENDENT_BLOCKS, PLACE_FACTORS, PLACES_OVER_PEOPLE, PatternPosterior, RedPattern,
     SHARE_OF_MARK, share_of_chlorophyll,
@@ -27,7 +26,7 @@ const PLACES_OF_LAMPS: f64 = 0.01;
 /// Share of a source at which its way from the bulk is taken: straight in the first frame, nearly so in others.
 const TOWARD: f64 = 0.1;
 /// People by whom amplitudes are scaled.
-const SCALED: u32 = 128;
+const SCALED: usize = 128;
 /// How alike places are: correlation at no distance of two blocks, that at any distance, and the length over which it falls, as a share
 /// of the side of a square of the region's size (8 mm of a tongue). \[assumed\]
 const ALIKE: [f64; 3] = [0.9, 0.1, 0.23];
@@ -202,11 +201,23 @@ impl LightFamily {
         Some(DVector::from_vec(color))
     }
 
-    /// Colors of tissues drawn from the family, without porphyrin.
-    fn drawn_colors(&self, count: u32, seed: u64) -> Vec<DVector<f64>> {
-        let nuisances = self.nuisances().len();
-        let draw = |number: u32| self.color(&self.electrons(&normal_deviates(nuisances, seed, number), 0.0));
-        (0..count).into_par_iter().filter_map(draw).collect()
+    /// Tissues drawn from the family: people, and places in one of them.
+    pub(super) fn drawn(&self) -> DrawnTissues {
+        let (places, nuisances) = (self.of_places(), self.nuisances().len());
+        let draw = |family: &Self, seed: u64, number: u32| {
+            let drawn = normal_deviates(nuisances, seed, number);
+            (family.unit_light(&drawn), drawn)
+        };
+        DrawnTissues {
+            people: (0..PEOPLE).map(|number| draw(self, 1, number)).collect(),
+            places: (0..PLACES).map(|number| draw(&places, 2, number)).collect(),
+        }
+    }
+
+    /// Colors of drawn tissues without porphyrin.
+    fn colors_of(&self, drawn: &[Drawn]) -> Vec<DVector<f64>> {
+        let color = |(light, nuisances): &Drawn| self.color(&self.electrons_of(light, nuisances, 0.0));
+        drawn.iter().filter_map(color).collect()
     }
 
     /// Electrons of some places in the typical person without porphyrin, each as bright in a frame as `typical`.
@@ -244,8 +255,9 @@ impl LightFamily {
         family
     }
 
-    /// What the family says of blocks; `None` where they hold nothing to tell, as those of a single channel.
-    pub(super) fn of_blocks(&self) -> Option<BlockFamily<'_>> {
+    /// What the family says of blocks; `None` where they hold nothing to tell, as those of a single channel. Tissues are those drawn from a
+    /// family with the same coordinates.
+    pub(super) fn of_blocks(&self, drawn: &DrawnTissues) -> Option<BlockFamily> {
         // The typical tissue, and what porphyrin and chlorophyll add to it
         let bulk_family = self.without(FamilySource::is_pigment);
         let middle = vec![0.0; self.nuisances().len()];
@@ -262,8 +274,8 @@ impl LightFamily {
         }
 
         // People, and places in one of them
-        let (mean, of_people) = moments(&bulk_family.drawn_colors(PEOPLE, 1));
-        let (_, mut of_places) = moments(&bulk_family.of_places().drawn_colors(PLACES, 2));
+        let (mean, of_people) = moments(&bulk_family.colors_of(&drawn.people));
+        let (_, mut of_places) = moments(&bulk_family.of_places().colors_of(&drawn.places));
         for (number, datum) in self.color_data().into_iter().enumerate() {
             if self.frame_of[datum] > 0 {
                 of_places[(number, number)] += (PLACES_OF_LAMPS * mean[number]).powi(2);
@@ -278,15 +290,13 @@ impl LightFamily {
         let toward = |source: &[f64]| Some(way(&bulk, &mixed(source))? + self.color(&bulk)? - &mean);
         // People with porphyrin, whose light scales the amplitudes
         let amount = self.porphyrin.median * TOWARD / (1.0 - TOWARD) * sum(&bulk) / sum(&porphyrin);
-        let scaled = |number: u32| {
-            let nuisances = normal_deviates(middle.len(), 1, number);
-            let color = |amount| self.color(&bulk_family.electrons(&nuisances, amount));
-            Some((color(0.0)?, color(amount)?, bulk_family.share(&nuisances, amount)))
+        let scaled = |(light, nuisances): &Drawn| {
+            let color = |amount| self.color(&bulk_family.electrons_of(light, nuisances, amount));
+            Some((color(0.0)?, color(amount)?, bulk_family.share_of(light, nuisances, amount)))
         };
         Some(BlockFamily {
-            family: self,
             red: toward(&porphyrin)?,
-            scaled: (0..SCALED).into_par_iter().filter_map(scaled).collect(),
+            scaled: drawn.people.iter().take(SCALED).filter_map(scaled).collect(),
             of_chlorophyll: if sum(&chlorophyll) > 0.0 { toward(&chlorophyll) } else { None },
             chlorophyll: sum(&chlorophyll) / (sum(&bulk) + sum(&porphyrin)),
             typical_share: sum(&porphyrin) / all,
@@ -300,18 +310,29 @@ impl LightFamily {
     fn noise_of(&self, block: &RegionBlock, color: &DVector<f64>) -> DMatrix<f64> {
         let data = self.color_data();
         let totals: Vec<f64> = data.iter().map(|of| self.divisor(&block.electrons, *of)).collect();
-        let slopes = DMatrix::from_fn(color.len(), self.counted.len(), |row, datum| {
+        let slope = |row: usize, datum: usize| {
             let by_divisor = if self.divides(datum, data[row]) { color[row] } else { 0.0 };
             (f64::from(u8::from(data[row] == datum)) - by_divisor) / totals[row]
-        });
-        let variance = DVector::from_column_slice(&block.variance);
-        &slopes * DMatrix::from_diagonal(&variance) * slopes.transpose()
+        };
+        DMatrix::from_fn(color.len(), color.len(), |row, col| {
+            let of_datum =
+                |(datum, variance): (usize, &f64)| variance * slope(row, datum) * slope(col, datum);
+            block.variance.iter().enumerate().map(of_datum).sum()
+        })
     }
 }
 
+/// Light of units in a drawn tissue, and its nuisances.
+type Drawn = (UnitLight, Vec<f64>);
+
+/// Tissues drawn from a family, for all that have its coordinates.
+pub(super) struct DrawnTissues {
+    people: Vec<Drawn>,
+    places: Vec<Drawn>,
+}
+
 /// What a family says of the colors of blocks.
-pub(super) struct BlockFamily<'a> {
-    family: &'a LightFamily,
+pub(super) struct BlockFamily {
     /// Mean color of people without porphyrin, and its covariance.
     mean: DVector<f64>,
     of_people: DMatrix<f64>,
@@ -328,17 +349,17 @@ pub(super) struct BlockFamily<'a> {
     typical_share: f64,
 }
 
-impl BlockFamily<'_> {
-    /// The blocks along the red direction; `None` where there are too few.
-    pub(super) fn pattern(&self, blocks: &[RegionBlock]) -> Option<RedPattern> {
+impl BlockFamily {
+    /// The blocks along the red direction, as the family says; `None` where there are too few.
+    pub(super) fn pattern(&self, family: &LightFamily, blocks: &[RegionBlock]) -> Option<RedPattern> {
         if blocks.len() < LEAST_BLOCKS {
             return None;
         }
         let count = self.mean.len();
         let colors: Vec<DVector<f64>> =
-            blocks.iter().map(|block| self.family.color(&block.electrons)).collect::<Option<_>>()?;
+            blocks.iter().map(|block| family.color(&block.electrons)).collect::<Option<_>>()?;
         let noise: Vec<DMatrix<f64>> =
-            blocks.iter().zip(&colors).map(|(block, z)| self.family.noise_of(block, z)).collect();
+            blocks.iter().zip(&colors).map(|(block, z)| family.noise_of(block, z)).collect();
         let mean_noise =
             noise.iter().fold(DMatrix::zeros(count, count), |sum, n| sum + n) / blocks.len() as f64;
 
@@ -354,7 +375,7 @@ impl BlockFamily<'_> {
         let remainder = DMatrix::identity(count, count) - &self.red * weights.transpose();
         let off: Vec<DVector<f64>> = colors.iter().map(|color| color - &self.mean).collect();
         let light: Vec<f64> =
-            blocks.iter().map(|b| b.pixels as f64 * self.family.counted_electrons(&b.electrons)).collect();
+            blocks.iter().map(|b| b.pixels as f64 * family.counted_electrons(&b.electrons)).collect();
         let whole: f64 = light.iter().sum();
         let light: Vec<f64> = light.iter().map(|light| light / whole).collect();
         let rests: Vec<DVector<f64>> = off.iter().map(|off| &remainder * off).collect();
@@ -397,7 +418,7 @@ impl BlockFamily<'_> {
 
         Some(RedPattern {
             amplitudes: off.iter().map(|off| weights.dot(off)).collect(),
-            noise: noise.iter().map(|n| (weights.transpose() * n * &weights)[(0, 0)]).collect(),
+            noise: noise.iter().map(|n| weights.dot(&(n * &weights))).collect(),
             weights: light,
             place_variance: (weights.transpose() * &self.of_places * &weights)[(0, 0)],
             place_evidence: place_evidence(blocks, &rests, &noise, &remainder, &self.of_places),
@@ -406,7 +427,7 @@ impl BlockFamily<'_> {
             scale_variance: scatter_of_scale / (scale * scale),
             bulk_variance: bulk_variance.max(1e-12),
             chlorophyll: self.of_chlorophyll.as_ref().map(|color| [self.chlorophyll, weights.dot(color)]),
-            typical_share: [self.typical_share, self.family.porphyrin.log_sd],
+            typical_share: [self.typical_share, family.porphyrin.log_sd],
             own_light: scale,
             looks_like_chlorophyll,
         })
@@ -439,13 +460,11 @@ fn place_evidence(
     for (number, value) in eigenvalues.iter().enumerate().filter(|(_, value)| **value > 1e-6 * largest) {
         let axis = eigenvectors.column(number);
         let values = DVector::from_iterator(count, rests.iter().map(|rest| axis.dot(rest)));
-        let of_noise: Vec<f64> = noise
-            .iter()
-            .map(|n| (axis.transpose() * remainder * n * remainder.transpose() * axis)[(0, 0)])
-            .collect();
+        let along = remainder.tr_mul(&axis);
+        let of_noise: Vec<f64> = noise.iter().map(|n| along.dot(&(n * &along))).collect();
         for (sum, factor) in evidence.iter_mut().zip(PLACE_FACTORS) {
             let covariance = &alike * (factor * factor * value)
-                + DMatrix::from_diagonal(&DVector::from_vec(of_noise.clone()));
+                + DMatrix::from_diagonal(&DVector::from_column_slice(&of_noise));
             if let Some(found) = Cholesky::new(covariance) {
                 let log_determinant: f64 = found.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum();
                 *sum -= 0.5 * (log_determinant + values.dot(&found.solve(&values)));

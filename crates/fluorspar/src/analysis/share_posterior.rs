@@ -23,6 +23,10 @@ const AMOUNTS: usize = 33;
 const REACH: f64 = 4.0;
 /// Most Gauss-Newton steps.
 const MOST_STEPS: usize = 40;
+/// Standard deviations beyond which a normal distribution holds nothing that counts.
+const FARTHEST: f64 = 9.0;
+/// Probability on either side of an interval.
+pub(super) const TAIL: f64 = 0.025;
 /// Probability with which the data of the family would be called foreign to it.
 const FOREIGN: f64 = 0.001;
 
@@ -174,6 +178,7 @@ struct Mode {
     point: FamilyPoint,
     /// `J J^T + 1` of the slopes in standard deviations of the data.
     factor: Cholesky<f64, Dyn>,
+    /// As [`in_sd`] has them.
     slopes: DMatrix<f64>,
     /// `chi² + |u|²`.
     misfit: f64,
@@ -197,7 +202,10 @@ pub(super) struct FamilyFit {
     pub(super) log_evidence: f64,
     /// How far the data are from the family.
     pub(super) misfit: f64,
-    pub(super) blind_to: Option<BlindDirection>,
+    /// The most probable amount.
+    best: Mode,
+    /// Standard deviations of the data.
+    sd: Vec<f64>,
 }
 
 /// Misfit of data of the family that is exceeded with the probability [`FOREIGN`].
@@ -230,32 +238,57 @@ impl Mixture {
         self.terms.extend(other.terms.iter().map(|[share, mean, sd]| [weight * share, *mean, *sd]));
     }
 
-    /// Probability of a share up to `share`.
-    fn cdf(&self, share: f64) -> f64 {
-        let log_odds = (share / (1.0 - share)).ln();
-        let below: f64 = self.terms.iter().map(|[w, mean, sd]| w * normal_cdf((log_odds - mean) / sd)).sum();
-        self.none + below
+    /// Probability of log odds up to some, and its density there.
+    fn below(&self, log_odds: f64) -> [f64; 2] {
+        let (mut probability, mut density) = (self.none, 0.0);
+        for [weight, mean, sd] in &self.terms {
+            let z = (log_odds - mean) / sd;
+            if z > FARTHEST {
+                probability += weight;
+            } else if z > -FARTHEST {
+                probability += weight * normal_cdf(z);
+                density += weight * (-0.5 * z * z).exp() / (sd * std::f64::consts::TAU.sqrt());
+            }
+        }
+        [probability, density]
     }
 
     pub(super) fn quantile(&self, probability: f64) -> f64 {
         if self.none >= probability {
             return 0.0;
         }
-        // Bisect in the log odds, which resolves small shares
+        // Newton's steps in the log odds, which resolve small shares, halved where they lead out of what is left
         let (mut low, mut high) = (-25.0_f64, 25.0_f64);
-        let share = |log_odds: f64| 1.0 / (1.0 + (-log_odds).exp());
+        let mut at = -3.0;
         for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if self.cdf(share(middle)) < probability { low = middle } else { high = middle }
+            let [below, density] = self.below(at);
+            if below < probability {
+                low = at
+            } else {
+                high = at
+            }
+            let next = at - (below - probability) / density;
+            let next = if low < next && next < high { next } else { 0.5 * (low + high) };
+            let moved = (next - at).abs();
+            at = next;
+            if moved < 1e-12 {
+                break;
+            }
         }
-        share(0.5 * (low + high))
+        1.0 / (1.0 + (-at).exp())
+    }
+
+    /// Whether [`Self::interval`] begins above 0.
+    pub(super) fn excludes_none(&self) -> bool {
+        self.none < TAIL
     }
 
     /// Holds 95 %: 2.5 % on either side, or all from none to the 95 % quantile where none can't be excluded.
     pub(super) fn interval(&self) -> [f64; 2] {
-        match self.quantile(0.025) {
-            0.0 => [0.0, self.quantile(0.95)],
-            low => [low, self.quantile(0.975)],
+        if self.excludes_none() {
+            [TAIL, 1.0 - TAIL].map(|probability| self.quantile(probability))
+        } else {
+            [0.0, self.quantile(1.0 - 2.0 * TAIL)]
         }
     }
 }
@@ -282,19 +315,20 @@ impl LightFamily {
         }
         let sd = self.data_sd(electrons, variance);
         let start = self.start(electrons);
-        let none = self.mode(&start, 0.0, electrons, &sd)?;
+        let none = self.mode(&[start], 0.0, electrons, &sd)?;
 
-        // Walk over the amounts, each from the mode of the one before
-        let mut modes = Vec::with_capacity(AMOUNTS);
-        let mut nuisances = none.nuisances.clone();
+        // Walk over the amounts, each from the mode of the one before or from where the two before it lead
+        let mut modes: Vec<(f64, Mode)> = Vec::with_capacity(AMOUNTS);
+        let mut starts = vec![none.nuisances.clone()];
         for node in 0..AMOUNTS {
             let [z, amount] = self.amount(node);
-            if let Some(mode) = self.mode(&nuisances, amount, electrons, &sd) {
-                nuisances.clone_from(&mode.nuisances);
-                modes.push((-0.5 * z * z, amount, mode));
+            if let Some(mode) = self.mode(&starts, amount, electrons, &sd) {
+                let before = modes.last().map_or(&none.nuisances, |(_, before)| &before.nuisances);
+                starts = vec![mode.nuisances.clone(), 2.0 * &mode.nuisances - before];
+                modes.push((-0.5 * z * z, mode));
             }
         }
-        self.mix(&none, &modes, &sd)
+        self.mix(none, modes, sd)
     }
 
     /// Standard deviations of the data: noise, and errors of the model in proportion to the signal.
@@ -314,11 +348,11 @@ impl LightFamily {
     }
 
     /// Weights of all amounts together.
-    fn mix(&self, none: &Mode, modes: &[(f64, f64, Mode)], sd: &[f64]) -> Option<FamilyFit> {
+    fn mix(&self, none: Mode, mut modes: Vec<(f64, Mode)>, sd: Vec<f64>) -> Option<FamilyFit> {
         let step = 2.0 * REACH / (AMOUNTS - 1) as f64;
         let slab = (1.0 - self.probability_of_none).ln() + (step / std::f64::consts::TAU.sqrt()).ln();
         let log_weights: Vec<f64> =
-            modes.iter().map(|(log_prior, _, mode)| slab + log_prior + mode.log_evidence).collect();
+            modes.iter().map(|(log_prior, mode)| slab + log_prior + mode.log_evidence).collect();
         let log_none = self.probability_of_none.ln() + none.log_evidence;
         let largest = log_weights.iter().copied().fold(log_none, f64::max);
         if !largest.is_finite() {
@@ -328,11 +362,11 @@ impl LightFamily {
             log_weights.iter().map(|w| (w - largest).exp()).sum::<f64>() + (log_none - largest).exp();
         let of_none = (log_none - largest).exp() / total;
         let weighted = |of: &dyn Fn(&Mode) -> [f64; 2]| -> Vec<[f64; 3]> {
-            let term = |(weight, (_, _, mode)): (&f64, &(f64, f64, Mode))| {
+            let term = |(weight, (_, mode)): (&f64, &(f64, Mode))| {
                 let [mean, sd] = of(mode);
                 [(weight - largest).exp() / total, mean, sd]
             };
-            log_weights.iter().zip(modes).map(term).collect()
+            log_weights.iter().zip(&modes).map(term).collect()
         };
         // Without porphyrin there is still the pigment
         let red = (!none.point.red_log_odds_slopes.is_empty()).then(|| {
@@ -342,17 +376,15 @@ impl LightFamily {
             Mixture { none: 0.0, terms }
         });
         let best = (0..modes.len()).max_by(|a, b| log_weights[*a].total_cmp(&log_weights[*b]))?;
-        let misfit = modes
-            .iter()
-            .map(|(log_prior, _, mode)| mode.misfit - 2.0 * log_prior)
-            .fold(none.misfit, f64::min);
-        let (_, _, mode) = &modes[best];
+        let misfit =
+            modes.iter().map(|(log_prior, mode)| mode.misfit - 2.0 * log_prior).fold(none.misfit, f64::min);
         Some(FamilyFit {
             mixture: Mixture { none: of_none, terms: weighted(&Mode::log_odds) },
             red,
             log_evidence: largest + total.ln() - sd.iter().map(|sd| sd.ln()).sum::<f64>(),
             misfit,
-            blind_to: self.blind_direction(mode, sd),
+            best: modes.swap_remove(best).1,
+            sd,
         })
     }
 
@@ -369,32 +401,31 @@ impl LightFamily {
         start
     }
 
-    /// The most probable nuisances for an amount of porphyrin, by Gauss-Newton steps in the space of the data.
-    fn mode(&self, start: &DVector<f64>, amount: f64, electrons: &[f64], sd: &[f64]) -> Option<Mode> {
+    /// The most probable nuisances for an amount of porphyrin, by Gauss-Newton steps in the space of the data from the best of some starts.
+    fn mode(&self, starts: &[DVector<f64>], amount: f64, electrons: &[f64], sd: &[f64]) -> Option<Mode> {
         let n = electrons.len();
         let residual = |point: &FamilyPoint| {
             DVector::from_iterator(n, (0..n).map(|i| (electrons[i] - point.electrons[i]) / sd[i]))
         };
-        let mut u = start.clone();
-        let mut point = self.point(u.as_slice(), amount);
-        let mut r = residual(&point);
-        let mut misfit = r.norm_squared() + u.norm_squared();
+        let at = |u: DVector<f64>| {
+            let point = self.point(u.as_slice(), amount);
+            let r = residual(&point);
+            let misfit = r.norm_squared() + u.norm_squared();
+            (u, point, r, misfit)
+        };
+        let tried = starts.iter().cloned().map(at);
+        let (mut u, mut point, mut r, mut misfit) = tried.min_by(|a, b| a.3.total_cmp(&b.3))?;
         for _ in 0..MOST_STEPS {
             let slopes = in_sd(&point.slopes, sd);
-            let matrix = &slopes * slopes.transpose() + DMatrix::identity(n, n);
-            let factor = Cholesky::new(matrix)?;
-            let target = slopes.transpose() * factor.solve(&(&r + &slopes * &u));
-            let step = target - &u;
+            let factor = Cholesky::new(products_and_one(&slopes))?;
+            let step = &slopes * factor.solve(&(&r + slopes.tr_mul(&u))) - &u;
             // Halve the step until the misfit falls
             let mut share = 1.0;
             let mut better = None;
             while share > 1e-4 {
-                let tried = &u + share * &step;
-                let there = self.point(tried.as_slice(), amount);
-                let r_there = residual(&there);
-                let value = r_there.norm_squared() + tried.norm_squared();
-                if value < misfit {
-                    better = Some((tried, there, r_there, value));
+                let there = at(&u + share * &step);
+                if there.3 < misfit {
+                    better = Some(there);
                     break;
                 }
                 share *= 0.5;
@@ -407,24 +438,20 @@ impl LightFamily {
             }
         }
         let slopes = in_sd(&point.slopes, sd);
-        let factor = Cholesky::new(&slopes * slopes.transpose() + DMatrix::identity(n, n))?;
+        let factor = Cholesky::new(products_and_one(&slopes))?;
         let log_determinant = 2.0 * factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
         let log_evidence = -0.5 * misfit - 0.5 * log_determinant;
         Some(Mode { nuisances: u, point, factor, slopes, misfit, log_evidence })
     }
 
     /// The nuisance that goes along with the share most, the amount of porphyrin being unknown.
-    fn blind_direction(&self, mode: &Mode, sd: &[f64]) -> Option<BlindDirection> {
-        let n = sd.len();
-        let names = self.nuisances();
+    pub(super) fn blind_direction(&self, fit: &FamilyFit) -> Option<BlindDirection> {
+        let (FamilyFit { best: mode, sd, .. }, names) = (fit, self.nuisances());
         // The logarithm of the amount joins as the last unknown
-        let mut slopes = mode.slopes.clone().insert_column(names.len(), 0.0);
-        for i in 0..n {
-            slopes[(i, names.len())] = self.porphyrin.log_sd * mode.point.porphyrin[i] / sd[i];
-        }
+        let slopes = self.with_amount(&mode.slopes, &mode.point, sd);
         let mut odds = mode.point.log_odds_slopes.clone().insert_row(names.len(), self.porphyrin.log_sd);
-        let factor = Cholesky::new(&slopes * slopes.transpose() + DMatrix::identity(n, n))?;
-        let spread = |g: &DVector<f64>| g - slopes.transpose() * factor.solve(&(&slopes * g));
+        let factor = Cholesky::new(products_and_one(&slopes))?;
+        let spread = |g: &DVector<f64>| g - &slopes * factor.solve(&slopes.tr_mul(g));
         let along = spread(&odds);
         let variance = odds.dot(&along);
         odds.fill(0.0);
@@ -451,7 +478,7 @@ impl LightFamily {
         }
         let sd = self.data_sd(electrons, variance);
         let wanted = (share / (1.0 - share)).ln();
-        let start = self.start(electrons);
+        let start = [self.start(electrons)];
         let modes = (0..AMOUNTS).filter_map(|node| {
             let [_, amount] = self.amount(node);
             Some((amount, self.mode(&start, amount, electrons, &sd)?))
@@ -466,7 +493,7 @@ impl LightFamily {
     #[must_use]
     pub fn bound_of_log_odds(&self, nuisances: &[f64], porphyrin: f64, variance: &[f64]) -> Option<f64> {
         let Bound { slopes, odds, factor, .. } = self.bound(nuisances, porphyrin, variance)?;
-        let seen = &slopes * &odds;
+        let seen = slopes.tr_mul(&odds);
         let variance = odds.norm_squared() - seen.dot(&factor.solve(&seen));
         Some(variance.max(0.0).sqrt())
     }
@@ -478,8 +505,8 @@ impl LightFamily {
     #[must_use]
     pub fn bound_of_repeats(&self, nuisances: &[f64], porphyrin: f64, variance: &[f64]) -> Option<f64> {
         let Bound { slopes, odds, factor, sd } = self.bound(nuisances, porphyrin, variance)?;
-        let moves = &odds - slopes.transpose() * factor.solve(&(&slopes * &odds));
-        let of_data = &slopes * moves;
+        let moves = &odds - &slopes * factor.solve(&slopes.tr_mul(&odds));
+        let of_data = slopes.tr_mul(&moves);
         let squares = of_data.iter().zip(variance).zip(&sd);
         Some(
             squares
@@ -495,19 +522,25 @@ impl LightFamily {
         let sd: Vec<f64> = (0..n)
             .map(|i| (variance[i] + (self.model_error[i] * point.electrons[i]).powi(2)).sqrt())
             .collect();
-        let mut slopes = in_sd(&point.slopes, &sd).insert_column(nuisances.len(), 0.0);
-        for i in 0..n {
-            slopes[(i, nuisances.len())] = self.porphyrin.log_sd * point.porphyrin[i] / sd[i];
-        }
+        let slopes = self.with_amount(&in_sd(&point.slopes, &sd), &point, &sd);
         let odds = point.log_odds_slopes.insert_row(nuisances.len(), self.porphyrin.log_sd);
-        let factor = Cholesky::new(&slopes * slopes.transpose() + DMatrix::identity(n, n))?;
+        let factor = Cholesky::new(products_and_one(&slopes))?;
         (porphyrin > 0.0).then_some(Bound { slopes, odds, factor, sd })
+    }
+
+    /// Slopes of the data in their standard deviations, with those by the logarithm of the amount as the last row.
+    fn with_amount(&self, slopes: &DMatrix<f64>, point: &FamilyPoint, sd: &[f64]) -> DMatrix<f64> {
+        let by_amount = |datum: usize| self.porphyrin.log_sd * point.porphyrin[datum] / sd[datum];
+        let last = slopes.nrows();
+        let mut slopes = slopes.clone().insert_row(last, 0.0);
+        (0..sd.len()).for_each(|datum| slopes[(last, datum)] = by_amount(datum));
+        slopes
     }
 }
 
 /// Slopes at a truth, the logarithm of the amount of porphyrin being the last unknown.
 struct Bound {
-    /// Of the data, in their standard deviations.
+    /// Of the data, in their standard deviations, `[unknown, datum]`.
     slopes: DMatrix<f64>,
     /// Of the log odds of the share.
     odds: DVector<f64>,
@@ -517,13 +550,22 @@ struct Bound {
     sd: Vec<f64>,
 }
 
-/// Slopes in standard deviations of the data.
+/// Slopes in standard deviations of the data, `[nuisance, datum]`: those of a datum lie side by side.
 fn in_sd(slopes: &DMatrix<f64>, sd: &[f64]) -> DMatrix<f64> {
-    let mut scaled = slopes.clone();
-    for (mut row, sd) in scaled.row_iter_mut().zip(sd) {
-        row /= *sd;
+    DMatrix::from_fn(slopes.ncols(), slopes.nrows(), |nuisance, datum| slopes[(datum, nuisance)] / sd[datum])
+}
+
+/// `J J^T + 1` from the columns of `J^T`.
+fn products_and_one(slopes: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = slopes.ncols();
+    let mut products = DMatrix::identity(n, n);
+    for i in 0..n {
+        for j in 0..=i {
+            products[(i, j)] += slopes.column(i).dot(&slopes.column(j));
+            products[(j, i)] = products[(i, j)];
+        }
     }
-    scaled
+    products
 }
 
 impl Mode {
@@ -539,7 +581,7 @@ impl Mode {
 
     /// Standard deviation of what has some slopes by the nuisances.
     fn deviation_of(&self, slopes: &DVector<f64>) -> f64 {
-        let seen = &self.slopes * slopes;
+        let seen = self.slopes.tr_mul(slopes);
         (slopes.norm_squared() - seen.dot(&self.factor.solve(&seen))).max(0.0).sqrt().max(1e-6)
     }
 }

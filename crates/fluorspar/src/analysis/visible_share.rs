@@ -8,14 +8,14 @@
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::family_average::{Compared, answer};
-use super::light_family::{LightFamily, NuisanceGroup};
-use super::region_blocks::{BlockFamily, LEAST_BLOCKS, RegionBlock, normal_deviates};
-use super::share_posterior::Mixture;
+use super::family_average::{Candidate, QUIET, SENSOR_NOISE, answer};
+use super::light_family::LightFamily;
+use super::region_blocks::{RegionBlock, normal_deviates};
+use super::share_posterior::TAIL;
 
-/// Shares between which the smallest is looked for, and how often their ratio is halved.
+/// Shares between which the smallest is looked for, and the even steps of their logarithm.
 const RANGE: [f64; 2] = [0.003, 0.5];
-const HALVINGS: usize = 6;
+const STEPS: usize = 64;
 /// One of so many blocks holds the porphyrin of patches.
 const PATCHES_OF: usize = 10;
 /// As people have it: the part of the blocks that hold none, and the standard deviation of the logarithm of the others. \[assumed\]
@@ -62,9 +62,10 @@ impl VisibleShare {
 }
 
 /// A typical region before a camera.
+#[derive(Clone)]
 struct TypicalRegion<'a> {
-    family: &'a LightFamily,
-    of_blocks: Option<BlockFamily<'a>>,
+    /// The family by which it is judged.
+    family: &'a Candidate<'a>,
     /// Electrons of each place without porphyrin, and those of all porphyrin where it is as much as all other fluorescence.
     places: Vec<Vec<f64>>,
     porphyrin: Vec<f64>,
@@ -97,7 +98,8 @@ impl PorphyrinSpread {
 
 impl<'a> TypicalRegion<'a> {
     /// `None` where the family sends no light, or the level is not of it.
-    fn new(family: &'a LightFamily, level: &SignalLevel) -> Option<Self> {
+    fn new(candidate: &'a Candidate<'a>, level: &SignalLevel) -> Option<Self> {
+        let family = candidate.family;
         let data = family.frame_of.len();
         if level.electrons.len() != data || level.variance.len() != data {
             return None;
@@ -120,8 +122,7 @@ impl<'a> TypicalRegion<'a> {
         let per_odds = (1.0 - share) / share;
         let places = family.drawn_places(level.blocks.max(1), &bulk);
         Some(Self {
-            family,
-            of_blocks: (level.blocks >= LEAST_BLOCKS).then(|| family.of_blocks()).flatten(),
+            family: candidate,
             porphyrin: (0..data).map(|i| of_datum(i) * per_odds * (typical[i] - bulk[i])).collect(),
             noise: (0..data).map(|i| level.variance[i] / level.electrons[i].max(f64::MIN_POSITIVE)).collect(),
             deviates: (0..level.blocks.max(1)).map(|place| normal_deviates(data, 4, place as u32)).collect(),
@@ -130,18 +131,6 @@ impl<'a> TypicalRegion<'a> {
                 .map(|place| place.iter().enumerate().map(|(i, e)| of_datum(i) * e).collect())
                 .collect(),
         })
-    }
-
-    /// The same region as another family has it.
-    fn judged_by<'b>(&self, family: &'b LightFamily) -> TypicalRegion<'b> {
-        TypicalRegion {
-            family,
-            of_blocks: self.of_blocks.as_ref().and_then(|_| family.of_blocks()),
-            places: self.places.clone(),
-            porphyrin: self.porphyrin.clone(),
-            noise: self.noise.clone(),
-            deviates: self.deviates.clone(),
-        }
     }
 
     /// The blocks of the region with a share of porphyrin, and their mean.
@@ -171,32 +160,59 @@ impl<'a> TypicalRegion<'a> {
         (blocks, means)
     }
 
-    /// What the estimate says of the region: the interval of the share and the probability of none.
-    fn estimate(&self, share: f64, spread: PorphyrinSpread) -> Option<([f64; 2], f64)> {
+    /// What the estimate says of the region: the interval of the share.
+    fn estimate(&self, share: f64, spread: PorphyrinSpread) -> Option<[f64; 2]> {
         let (blocks, [electrons, variance]) = self.blocks(share, spread);
-        let of_mean = Compared::new(&[(1.0, self.family)], &electrons, &variance)?.average();
-        let by_blocks = self
-            .of_blocks
-            .as_ref()
-            .filter(|_| of_mean.interval()[0] <= 0.0)
-            .and_then(|family| Some(family.pattern(&blocks)?.posterior()?.share));
-        let (mixture, interval): (&Mixture, _) = answer(&of_mean, by_blocks.as_ref());
-        Some((interval, mixture.none))
+        let of_mean = self.family.family.fit(&electrons, &variance)?.mixture;
+        let by_blocks = if of_mean.excludes_none() { None } else { self.family.pattern(&blocks) };
+        let by_blocks = by_blocks.and_then(|pattern| Some(pattern.posterior()?.share));
+        Some(answer(&of_mean, by_blocks.as_ref()).1)
+    }
+
+    /// Probability of none that the estimate gives.
+    fn probability_of_none(&self, share: f64, spread: PorphyrinSpread) -> Option<f64> {
+        let (blocks, [electrons, variance]) = self.blocks(share, spread);
+        let of_mean = self.family.family.fit(&electrons, &variance)?.mixture;
+        let by_blocks = if of_mean.excludes_none() { None } else { self.family.pattern(&blocks) };
+        Some(by_blocks.and_then(|pattern| pattern.probability_of_none()).unwrap_or(of_mean.none))
+    }
+
+    /// Whether the estimate excludes that there is none; what is likelier to do so is asked first.
+    fn is_seen(&self, share: f64, spread: PorphyrinSpread) -> bool {
+        let (blocks, [electrons, variance]) = self.blocks(share, spread);
+        let fit = || self.family.family.fit(&electrons, &variance);
+        let by_mean = || fit().is_some_and(|fit| fit.mixture.excludes_none());
+        let by_blocks = || {
+            let none = self.family.pattern(&blocks).and_then(|pattern| pattern.probability_of_none());
+            none.is_some_and(|none| none < TAIL)
+        };
+        match spread {
+            PorphyrinSpread::Even => by_mean() || by_blocks(),
+            PorphyrinSpread::Patches | PorphyrinSpread::Usual => by_blocks() || by_mean(),
+        }
     }
 
     /// The smallest share of which the estimate excludes that there is none.
     fn smallest(&self, spread: PorphyrinSpread) -> Option<f64> {
-        let is_seen =
-            |share: f64| self.estimate(share, spread).is_some_and(|(interval, _)| interval[0] > 0.0);
-        let [mut low, mut high] = RANGE;
-        if !is_seen(high) {
-            return None;
+        let [low, high] = RANGE;
+        let share = |step: usize| low * (high / low).powf(step as f64 / STEPS as f64);
+        // From a usual one on, in longer and longer strides until it lies between two
+        let [mut unseen, mut seen] = [0, STEPS + 1];
+        let (mut probe, mut stride) = (if spread == PorphyrinSpread::Even { 46 } else { 22 }, 4);
+        while seen - unseen > 1 {
+            if self.is_seen(share(probe), spread) {
+                seen = probe
+            } else {
+                unseen = probe
+            }
+            probe = match (unseen, seen) {
+                (0, seen) => seen.saturating_sub(stride).max(1),
+                (unseen, seen) if seen > STEPS => (unseen + stride).min(STEPS),
+                _ => (unseen + seen) / 2,
+            };
+            stride *= 2;
         }
-        for _ in 0..HALVINGS {
-            let middle = (low * high).sqrt();
-            if is_seen(middle) { high = middle } else { low = middle }
-        }
-        Some(high)
+        (seen <= STEPS).then(|| share(seen))
     }
 }
 
@@ -204,23 +220,12 @@ impl LightFamily {
     /// The smallest share of porphyrin that is told from none in the typical tissue of the family. `None` where it sends no light.
     #[must_use]
     pub fn visible_share(&self, level: &SignalLevel) -> Option<VisibleShare> {
-        let region = TypicalRegion::new(self, level)?;
-        let in_patches = region.smallest(PorphyrinSpread::Patches);
-        // Of what might be known, what leaves the least probability of none at the limit
-        let none_if = |region: &TypicalRegion<'_>| {
-            Some(region.estimate(in_patches.unwrap_or(RANGE[1]), PorphyrinSpread::Patches)?.1)
-        };
-        let groups = NuisanceGroup::ALL
-            .into_iter()
-            .filter(|group| *group != NuisanceGroup::Brightness)
-            .filter(|group| self.nuisances().iter().any(|(_, of)| of == group));
-        let mut quiet = region.judged_by(self);
-        quiet.noise.iter_mut().for_each(|noise| *noise *= 1e-6);
-        let limits = groups
-            .filter_map(|group| Some((group.name(), none_if(&region.judged_by(&self.with_known(group)))?)))
-            .chain(none_if(&quiet).map(|none| ("sensor noise", none)));
-        let limited_by = limits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(name, _)| name.to_owned());
-        Some(VisibleShare { evenly: region.smallest(PorphyrinSpread::Even), in_patches, limited_by })
+        let itself = Candidate::new(1.0, self);
+        let known = self.groups_that_may_be_known().map(|group| (group.name(), self.with_known(group)));
+        let known: Vec<(&str, Self)> = known.collect();
+        let known: Vec<(&str, Candidate<'_>)> =
+            known.iter().map(|(name, family)| (*name, itself.changed(family))).collect();
+        visible_share(&itself, &known.iter().map(|(name, known)| (*name, known)).collect::<Vec<_>>(), level)
     }
 
     /// The 95 % interval that the estimate would give of a share of porphyrin in the typical tissue of the family.
@@ -231,6 +236,29 @@ impl LightFamily {
         share: f64,
         spread: PorphyrinSpread,
     ) -> Option<[f64; 2]> {
-        Some(TypicalRegion::new(self, level)?.estimate(share, spread)?.0)
+        TypicalRegion::new(&Candidate::new(1.0, self), level)?.estimate(share, spread)
     }
+}
+
+/// [`LightFamily::visible_share`] where the family and those of which one thing is known have been prepared.
+pub(super) fn visible_share<'a>(
+    family: &'a Candidate<'a>,
+    known: &[(&str, &'a Candidate<'a>)],
+    level: &SignalLevel,
+) -> Option<VisibleShare> {
+    let region = TypicalRegion::new(family, level)?;
+    let in_patches = region.smallest(PorphyrinSpread::Patches);
+    // Of what might be known, what leaves the least probability of none at the limit
+    let none_if = |region: &TypicalRegion<'_>| {
+        region.probability_of_none(in_patches.unwrap_or(RANGE[1]), PorphyrinSpread::Patches)
+    };
+    let judged_by = |family| TypicalRegion { family, ..region.clone() };
+    let mut quiet = region.clone();
+    quiet.noise.iter_mut().for_each(|noise| *noise *= QUIET);
+    let limits = known
+        .iter()
+        .filter_map(|(name, known)| Some((*name, none_if(&judged_by(*known))?)))
+        .chain(none_if(&quiet).map(|none| (SENSOR_NOISE, none)));
+    let limited_by = limits.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(name, _)| name.to_owned());
+    Some(VisibleShare { evenly: region.smallest(PorphyrinSpread::Even), in_patches, limited_by })
 }
