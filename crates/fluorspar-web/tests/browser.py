@@ -431,6 +431,52 @@ def test_a_report_follows_its_sliders_as_captures_do(bench: Bench) -> None:
     assert not found, found
 
 
+def test_a_design_is_picked_and_told(bench: Bench) -> None:
+    page = bench.page
+    panel = page.locator("#design-panel")
+    panel.locator("table").first.wait_for(timeout=WAIT)
+    assert page.locator("#designs").is_visible() and not page.locator("#bench").is_visible()
+    first = page.locator("#design-name").inner_text()
+
+    def told(act) -> str:
+        before = panel.inner_html()
+        act()
+        page.wait_for_function("before => document.querySelector('#design-panel').innerHTML !== before"
+                               " && !document.querySelector('#design-body').classList.contains('stale')", arg=before, timeout=WAIT)
+        return page.locator("#design-name").inner_text()
+
+    plot = page.locator("#design-plot")
+    second = told(lambda: plot.focus() or page.keyboard.press("ArrowRight"))
+    assert second != first and page.locator("#design-list [aria-pressed=true]").inner_text() == second
+    place = page.evaluate("""() => {
+        const ring = document.querySelector('#design-plot .ring').getBoundingClientRect();
+        const front = document.querySelector('#design-plot .front').getAttribute('d').match(/M([0-9.]+) ([0-9.]+)/);
+        const [plot, view] = [document.querySelector('#design-plot').getBoundingClientRect(), document.querySelector('#design-plot').viewBox.baseVal];
+        return [plot.x + front[1] * plot.width / view.width, plot.y + front[2] * plot.height / view.height, ring.x];
+    }""")
+    assert told(lambda: page.mouse.click(place[0], place[1])) not in ("", second)
+    page.get_by_role("tab", name="Bounds and spectra").click()
+    assert panel.locator("svg").count() >= 1
+    picked = page.locator("#design-name").inner_text()
+    told(lambda: page.locator("#design-beside").select_option(label="385 nm alone"))
+    page.get_by_role("tab", name="What is least told apart").click()
+    assert "385 nm alone" in panel.inner_text() and "nothing bounds it" in panel.inner_text()
+    page.locator("#design-words").fill("405 nm")
+    assert not page.locator("#design-count").inner_text().startswith("351")
+    address = page.url
+    page.goto("about:blank")
+    page.goto(address)
+    panel.locator("table").first.wait_for(timeout=WAIT)
+    assert page.locator("#design-name").inner_text() == picked and page.locator("#design-beside").input_value() == "c0"
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        for width in (390, 1280, 2560):
+            page.set_viewport_size({"width": width, "height": 900})
+            assert page.evaluate("() => document.documentElement.scrollWidth - window.innerWidth") <= 0, width
+            found = [one for one in Axe().run(page).response["violations"] if one["impact"] not in BEARABLE]
+            assert not found, found
+
+
 def test_nothing_stands_in_anybodys_way(bench: Bench) -> None:
     page = bench.page
     bench.picture(after=0)
@@ -455,6 +501,13 @@ def run_of(program: str, folder: Path) -> Path:
     return out
 
 
+def designs_of(program: str, folder: Path) -> Path:
+    """A search of designs."""
+    out = folder / "designs"
+    subprocess.run([program, "design", "optimize", "two-lights", "-q", "--out", str(out)], check=True, stdout=subprocess.DEVNULL)
+    return out
+
+
 def chromium() -> str:
     found = [shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome")]
     return next(path for path in found if path)
@@ -467,12 +520,12 @@ def main() -> None:
     assert not unknown, f"no such test: {unknown}; there are {', '.join(tests)}"
     with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
         folder = Path(name)
-        run = run_of(program, folder)
+        run, designs = run_of(program, folder), designs_of(program, folder)
         browser = playwright.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
         for test_name in wanted or tests:
             begun = time.monotonic()
             with contextlib.closing(browser.new_context(viewport={"width": 1280, "height": 900})) as context:
-                bench = Bench(program, context.new_page(), [str(run)], has_tour="tour" in test_name)
+                bench = Bench(program, context.new_page(), [str(designs if "design" in test_name else run)], has_tour="tour" in test_name)
                 try:
                     tests[test_name](bench)
                 except BaseException:

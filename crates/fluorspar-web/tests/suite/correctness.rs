@@ -356,10 +356,10 @@ fn an_experiment_is_rendered_first() {
 }
 
 /// What a workbench tells of its subject once that is rendered.
-fn ready(served: &Served) -> Value {
+pub(crate) fn ready(served: &Served) -> Value {
     for _ in 0..600 {
         let subject = served.get("/api/subject").json();
-        if subject["stage"] == "ready" {
+        if subject["stage"] == "ready" || subject["stage"] == "designs" {
             return subject;
         }
         assert_eq!(subject["stage"], "rendering", "{subject}");
