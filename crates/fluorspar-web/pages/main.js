@@ -16,7 +16,7 @@ const byId = (/** @type {string} */ id) => /** @type {any} */ (document.getEleme
 const VIEWS = [["developed", "Developed"], ["raw", "Raw mosaic"], ["clip", "Clipping"], ["noise", "Signal to noise"], ["eye", "Eye"], ["clay", "Clay"], ["part", "Parts"], ["depth", "Depth"], ["porphyrin", "Porphyrin map"]];
 const TOOLS = [["off", "Off"], ["rectangle", "Rectangle"], ["polygon", "Polygon"], ["part", "Part"], ["orbit", "Turn in 3-D"]];
 /** How often the page looks how far a render is, ms. */
-const LOOK = 400;
+const LOOK = 150;
 
 /** @param {string} text @param {boolean} [needsRender] whether a new render would show what is wanted */
 function say(text, needsRender = false) {

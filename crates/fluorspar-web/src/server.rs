@@ -290,8 +290,8 @@ async fn picture_of(State(server): Shared, asked: Asked<PictureRequest>) -> Resp
     let shared = Arc::clone(&server);
     let work = move |shown: &Shown, asked: &PictureRequest| {
         let (facts, png) = picture(shown, asked)?;
-        if !shared.is_read_ahead.swap(true, Ordering::Relaxed) {
-            read_ahead(&shown.first);
+        if !shown.live.is_coarse() && !shared.is_read_ahead.swap(true, Ordering::Relaxed) {
+            read_ahead(&shown.live);
         }
         told_picture(&facts, &png)
     };

@@ -1,14 +1,13 @@
 //! What the workbench shows: a finished render, or an experiment that is rendered first.
 
 use std::any::Any;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
 use fluorspar::pipeline::PipelineError;
-use fluorspar_experiment::{SceneChange, Warning, check_settings, edit_experiment};
+use fluorspar_experiment::{SceneChange, Warning, check_settings, edit_experiment, resolve_rendered};
 use fluorspar_format::read_toml;
 use fluorspar_session::design::FoundDesigns;
 use fluorspar_session::values::{Override, as_typed, sets};
@@ -18,7 +17,7 @@ use fluorspar_session::{
 };
 
 use crate::WorkbenchOptions;
-use crate::anew::{Anew, rendered};
+use crate::anew::{Anew, in_own_threads, parts, rendered};
 
 /// What is shown.
 pub(crate) struct Subject {
@@ -136,10 +135,8 @@ impl Subject {
                 Waiting::Experiment(source) => Ok(Stage::Ready(Arc::new(of_source(source, &job)?))),
                 Waiting::Designs(folder) => Ok(Stage::Designs(Arc::new(FoundDesigns::open(&folder, &job)?))),
             };
-            // A defect of the program ends this work, not the workbench
-            let outcome = catch_unwind(AssertUnwindSafe(work))
-                .unwrap_or_else(|_| Err(Error::Input("the render ended by a defect of the program".into())));
-            *lock(&subject.stage) = outcome.unwrap_or_else(|error: Error| Stage::Failed(said(&error)));
+            let stage = in_own_threads(&job, work).unwrap_or_else(|error| Stage::Failed(said(&error)));
+            *lock(&subject.stage) = stage;
         });
     }
 
@@ -221,13 +218,25 @@ fn first_text(source: &ExperimentSource, options: &WorkbenchOptions) -> Result<S
     Ok(edited.map_err(|error| as_typed(error, &all))?)
 }
 
+/// The render of an experiment that is soon there: a coarse one of what would take longer.
 fn of_source(source: ExperimentSource, job: &Job) -> Result<LiveRender> {
     job.listener.status("Preparing the scene");
     let parsed = source.parse(&[])?;
-    let study = source.resolve(&[])?.study;
-    check_nothing_painted(&study)?;
-    check_memory(&study, "or give the folder of a finished run")?;
-    Ok(LiveRender::of_render(rendered(&study, parsed, job)?, source))
+    let resolved = source.resolve(&[])?;
+    check_nothing_painted(&resolved.study)?;
+    check_memory(&resolved.study, "or give the folder of a finished run")?;
+    let Some(part) = parts(&resolved.study.scene.camera).into_iter().next() else {
+        let render = rendered(&resolved.study, parsed.clone(), job)?;
+        return Ok(LiveRender::of_render(render, source, (parsed, resolved), Vec::new()));
+    };
+    let further = Changes { set: part.changes().collect(), unset: Vec::new() };
+    let coarse = source.parse(&further.overrides())?;
+    let study = match resolve_rendered(&coarse, &parsed, &resolved)? {
+        Some(study) => study,
+        None => source.resolve(&further.overrides())?.study,
+    };
+    let render = rendered(&study, coarse, job)?;
+    Ok(LiveRender::of_render(render, source, (parsed, resolved), part.size))
 }
 
 /// An error as the page says it: options are changes there.

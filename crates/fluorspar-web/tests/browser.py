@@ -5,6 +5,8 @@ Usage: browser.py PROGRAM [TESTS]. Each test is a function of this file whose na
 
 import base64
 import contextlib
+import os
+import random
 import shutil
 import subprocess
 import sys
@@ -325,6 +327,37 @@ def test_person_view_and_lesion_are_rendered(bench: Bench) -> None:
     bench.errors.clear()
 
 
+def test_a_render_is_stopped_and_then_seen_in_another_view(bench: Bench) -> None:
+    page = bench.page
+    bench.picture(after=0)
+    for path, value in (("render.samples_per_pixel", "20000"), ("mouth.jaw_opening_mm", "27")):
+        page.locator("#any input[name=path]").fill(path)
+        page.locator("#any input[name=value]").fill(value)
+        page.locator("#any button").click()
+    # The coarse picture is there, the fine one would take long
+    page.wait_for_function("() => document.querySelector('#size').textContent.includes('48 × 36')", timeout=WAIT)
+    page.locator("#veil-stop").click()
+    waited = page.evaluate("""async set => {
+        const begun = performance.now();
+        const asked = { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ set, seen: 9 }) };
+        while (!(await (await fetch('/api/render', asked)).json()).is_over);
+        return performance.now() - begun;
+    }""", bench.changes())
+    print(f"stopped after {waited:.0f} ms")
+    assert waited < 3000, waited
+    developed = bench.pixels()
+    before = bench.serial()
+    page.get_by_role("radio", name="Raw mosaic").check(force=True)
+    page.wait_for_function("before => Number(document.querySelector('#picture').dataset.serial) > before", arg=before, timeout=WAIT)
+    assert bench.pixels() != developed and page.locator("#render").is_visible() and not page.locator("#veil").is_visible()
+    page.locator("#render").click()
+    page.locator("#veil").wait_for(state="visible", timeout=WAIT)
+    page.locator("#veil-stop").click()
+    bench.picture(lambda: page.locator("#reset").click())
+    page.wait_for_function("() => document.querySelector('#message').hidden", timeout=WAIT)
+    bench.errors[:] = [error for error in bench.errors if "422" not in error]
+
+
 def test_shapes_are_turned_and_named(bench: Bench) -> None:
     page = bench.page
     bench.picture(after=0)
@@ -475,6 +508,95 @@ def test_a_design_is_picked_and_told(bench: Bench) -> None:
             assert page.evaluate("() => document.documentElement.scrollWidth - window.innerWidth") <= 0, width
             found = [one for one in Axe().run(page).response["violations"] if one["impact"] not in BEARABLE]
             assert not found, found
+
+
+def test_random_use_keeps_the_memory(bench: Bench) -> None:
+    """What a person may do, in an order that FLUORSPAR_RANDOM_SEED gives, for FLUORSPAR_RANDOM_SECONDS."""
+    page = bench.page
+    seconds, seed = (float(os.environ.get(f"FLUORSPAR_RANDOM_{name}", default)) for name, default in (("SECONDS", 20), ("SEED", 1)))
+    dice = random.Random(seed)
+    bench.picture(after=0)
+
+    def one_of(selector: str):
+        return page.locator(f"{selector}:visible").nth(dice.randrange(page.locator(f"{selector}:visible").count()))
+
+    def checked(group: str):
+        return lambda: one_of(f"#{group} label").click()
+
+    def slide() -> None:
+        slider = one_of(".control input[type=range]")
+        for _ in range(dice.randrange(1, 6)):
+            slider.evaluate("(slider, value) => { slider.value = value; slider.dispatchEvent(new Event('input')); }", str(dice.randrange(1001)))
+        slider.evaluate("slider => slider.dispatchEvent(new Event('change'))")
+
+    def choose() -> None:
+        choice = one_of(".control select")
+        choice.select_option(index=dice.randrange(choice.locator("option").count()))
+
+    def drawn() -> None:
+        page.locator("#tools input[value=rectangle]").check(force=True)
+        bench.drag(*sorted((dice.uniform(0.1, 0.9), dice.uniform(0.1, 0.9)) for _ in range(2)))
+
+    def turned() -> None:
+        page.locator("#tools input[value=orbit]").check(force=True)
+        for _ in range(dice.randrange(1, 8)):
+            page.locator("#orbit").press(dice.choice(["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "+", "-", "Home", "Enter"]))
+        page.locator("#views label").first.click()
+
+    def typed(path: str, value: str) -> None:
+        page.locator("#any input[name=path]").fill(path)
+        page.locator("#any input[name=value]").fill(value)
+        page.locator("#any button").click()
+
+    def rendered() -> None:
+        typed("mouth.person", str(dice.randrange(3)))
+        page.wait_for_timeout(dice.randrange(1500))
+        if page.locator("#veil-stop").is_visible():
+            page.locator("#veil-stop").click()
+
+    def compared() -> None:
+        for name in ("keep", "swap", "forget"):
+            if page.locator(f"#{name}").is_visible():
+                page.locator(f"#{name}").click()
+
+    def pressed(name: str):
+        return lambda: page.locator(f"#{name}").click() if page.locator(f"#{name}").is_enabled() else None
+
+    def told() -> None:
+        page.locator("#findings-fold summary").first.click()
+        page.wait_for_timeout(dice.randrange(2500))
+
+    def looked_at_photographs() -> None:
+        page.locator("#go-photographs").click()
+        page.locator("#go-simulation").click()
+
+    acts = [checked("captures"), checked("views"), slide, slide, slide, choose, drawn, turned, compared, told, looked_at_photographs, rendered,
+            pressed("undo"), pressed("redo"), pressed("reset"), lambda: typed("lens.f_number", dice.choice(["2.0", "no number", "-1", "8"]))]
+
+    def rest() -> int:
+        """Goes back to the beginning, and tells the memory of the server, bytes."""
+        page.locator("#findings-fold").evaluate("fold => (fold.open = false)")
+        page.locator("#tools input[value=off]").check(force=True)
+        page.locator("#reset").click() if page.locator("#reset").is_enabled() else None
+        bench.estimate()
+        page.wait_for_timeout(2000)
+        status = Path(f"/proc/{bench.process.pid}/status").read_text()
+        return 1024 * int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1])
+
+    # What is kept is kept after each kind of act, and some time
+    for act in acts * 2:
+        act()
+    begun, seen = time.monotonic(), [rest()]
+    for part in range(1, 9):
+        while time.monotonic() < begun + part * seconds / 8:
+            dice.choice(acts)()
+            page.wait_for_timeout(dice.randrange(300))
+        seen.append(rest())
+    print("memory, MB:", *(round(bytes / 1e6) for bytes in seen))
+    # Of few acts each may be the first of its kind
+    assert max(seen[-2:]) < max(seen[2:5]) * (1.05 if seconds > 500 else 1.3), seen
+    # The console tells of what was refused
+    bench.errors[:] = [error for error in bench.errors if "422" not in error]
 
 
 def test_nothing_stands_in_anybodys_way(bench: Bench) -> None:
