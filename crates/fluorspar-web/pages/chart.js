@@ -30,7 +30,7 @@ export function niceStep(length) {
 export function shortNumber(value) {
   if (value === 0) return "0";
   const size = Math.abs(value);
-  if (size >= 1e-2 && size < 1e6) return Number(value.toPrecision(3)).toString();
+  if (size >= 1e-3 && size < 1e6) return Number(value.toPrecision(3)).toString();
   const [digits, power] = value.toExponential(2).split("e");
   return `${Number(digits)}·10${[...String(Number(power))].map((c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]).join("")}`;
 }

@@ -14,6 +14,8 @@ const MARGIN = { left: 58, right: 14, top: 24, bottom: 42 };
 const NEAR = 24;
 /** Losses beyond this multiple of the least are not drawn. */
 const WORST = 1e4;
+/** Fewer dots are larger. */
+const MANY = 60;
 /** @type {Record<string, [string, (design: Design, place: number) => number]>} */
 const AXES = {
   time: ["time of all exposures, ms", (design) => design.time_ms],
@@ -121,7 +123,8 @@ export class Designs {
       const open = make("button", { type: "button", className: "plain", textContent: design.name });
       open.setAttribute("aria-pressed", String(textOf(design.key) === picked));
       open.addEventListener("click", () => this.pick(design));
-      const kind = [textOf(design.key) === this.recommended ? "recommended" : "", "compared" in design.key ? "compared" : design.is_front ? "front" : ""].filter(Boolean).join(", ");
+      const best = design === this.all[0] ? "recommended" : "recommended within tolerances";
+      const kind = [textOf(design.key) === this.recommended ? best : "", "compared" in design.key ? "compared" : design.is_front ? "front" : ""].filter(Boolean).join(", ");
       const cells = [...[design.loss, ...columns.map(([, value]) => value(design, 0))].map(shortNumber), kind];
       return make("tr", {}, [make("th", { scope: "row" }, [open]), ...cells.map((textContent) => make("td", { textContent }))]);
     };
@@ -172,7 +175,7 @@ export class Designs {
       svg("text", { x: MARGIN.left - 6, y: 12, class: "tick", "text-anchor": "end" }, "loss"));
     const marks = (/** @type {string} */ kind, /** @type {(design: Design) => boolean} */ is) => {
       const places = this.dots.filter(({ design }) => is(design)).map(({ x, y }) => `M${x.toFixed(1)} ${y.toFixed(1)}h0`);
-      parts.push(svg("path", { d: places.join(""), class: `dots ${kind}` }));
+      parts.push(svg("path", { d: places.join(""), class: `dots ${kind}${this.dots.length < MANY ? " large" : ""}` }));
     };
     const isPlain = (/** @type {Design} */ design) => !design.is_front && !("compared" in design.key);
     marks("faint", (design) => isPlain(design) && !this.isMeant(design));

@@ -71,6 +71,7 @@ byId("go-photographs").addEventListener("click", () => {
 function begin(subject) {
   if (subject.stage === "photographs") {
     byId("go-simulation").hidden = true;
+    byId("subject").textContent = "Raw frames of a camera";
     turnTo("photographs");
     photographs.load();
     return;
