@@ -576,6 +576,13 @@ def test_random_use_keeps_the_memory(bench: Bench) -> None:
         """Goes back to the beginning, and tells the memory of the server, bytes."""
         page.locator("#findings-fold").evaluate("fold => (fold.open = false)")
         page.locator("#tools input[value=off]").check(force=True)
+        # What is kept of scenes is that of the same ones each time
+        for person in ("1", "2"):
+            press("reset")
+            before = bench.serial()
+            typed("mouth.person", person)
+            bench.rest(before)
+            page.locator("#veil").wait_for(state="hidden", timeout=WAIT)
         press("reset")
         bench.rest(-1)
         bench.estimate()
