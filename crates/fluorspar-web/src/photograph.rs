@@ -297,19 +297,11 @@ impl Photographs {
     /// # Errors
     /// A folder that is not there, a file that somebody else wrote, regions without names.
     pub(crate) fn save(&self, asked: &SaveRequest) -> Result<Value> {
-        let is_new = Path::new(&asked.folder).parent().is_some_and(Path::is_dir);
-        if is_new && Path::new(&asked.folder).is_absolute() {
-            // One that is there stays
-            let _ = fs::create_dir(&asked.folder);
-        }
         let folder = fs::canonicalize(&asked.folder)
             .ok()
             .filter(|folder| folder.is_dir() && Path::new(&asked.folder).is_absolute());
         let folder = folder.ok_or_else(|| {
-            Error::Input(format!(
-                "{:?} is no folder; give the whole path of one, in a folder that is there",
-                asked.folder
-            ))
+            Error::Input(format!("{:?} is no folder; give the whole path of one that is there", asked.folder))
         })?;
         let mut files: Vec<(PathBuf, Content)> = Vec::new();
         let mut rows = Vec::new();
