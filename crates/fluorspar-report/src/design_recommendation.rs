@@ -31,7 +31,7 @@ fn best_within_tolerances(found: &DesignFindings<'_>) -> Option<usize> {
 }
 
 /// The design that is recommended and its place among the best: the one that is best as it will be made, else as it is meant.
-pub(crate) fn recommended<'a>(found: &DesignFindings<'a>) -> Option<(usize, &'a JudgedDesign)> {
+pub fn recommended<'a>(found: &DesignFindings<'a>) -> Option<(usize, &'a JudgedDesign)> {
     let place = best_within_tolerances(found).unwrap_or(0);
     found.best.get(place).map(|judged| (place, judged))
 }

@@ -80,7 +80,7 @@ pub fn design_figures(found: &DesignFindings<'_>) -> Vec<(&'static str, Figure)>
     let Some((_, recommended)) = recommended(found) else { return Vec::new() };
     vec![
         ("spectra", spectra_figure(found.space, recommended)),
-        ("captures", captures_figure(found, recommended)),
+        ("captures", captures_figure(found.space, &shown(found, recommended).take(2).collect::<Vec<_>>())),
         ("designs", front_figure(found)),
         ("lights", lights_figure(found)),
     ]
@@ -90,9 +90,13 @@ pub fn design_figures(found: &DesignFindings<'_>) -> Vec<(&'static str, Figure)>
 pub fn design_report(found: &DesignFindings<'_>) -> ReportData {
     let mut sections = Vec::new();
     if let Some((_, recommended)) = recommended(found) {
-        sections.push(recommended_section(found, recommended));
-        sections.push(captures_section(found, recommended));
-        sections.push(blind_section(found, recommended));
+        let all: Vec<&JudgedDesign> = shown(found, recommended).collect();
+        let pair = &all[..all.len().min(2)];
+        let titled = |title: &str, section: Section| Section { title: title.into(), ..section };
+        sections.push(titled("The recommended design", spectra_section(found.space, &all)));
+        let title = "Captures of the recommended design and of another";
+        sections.push(titled(title, captures_section(found.space, pair)));
+        sections.push(blind_section(found.space, &all));
         sections.push(choices_section(found));
         sections.push(assumptions_section(found));
     }
@@ -114,6 +118,28 @@ pub fn design_report(found: &DesignFindings<'_>) -> ReportData {
         input_files: Vec::new(),
         rerun_command: format!("fluorspar design {} report.html", found.action),
     }
+}
+
+/// A design and those to compare it with.
+fn shown<'a>(
+    found: &DesignFindings<'a>,
+    judged: &'a JudgedDesign,
+) -> impl Iterator<Item = &'a JudgedDesign> + use<'a> {
+    std::iter::once(judged).chain(found.compared)
+}
+
+/// What a page says of a design, and of others beside it: figures of merit, bounds and spectra, simulated captures, what is least told apart.
+pub fn design_sections(space: &DesignSpace, designs: &[&JudgedDesign]) -> Vec<Section> {
+    let merits = designs.iter().map(|judged| {
+        ReportItem::Table(NumberTable { caption: judged.name.clone(), rows: merit_numbers(judged) })
+    });
+    let merits = merits.fold(Section::new("In short"), Section::with);
+    vec![
+        merits,
+        spectra_section(space, designs),
+        captures_section(space, designs),
+        blind_section(space, designs),
+    ]
 }
 
 fn lead(found: &DesignFindings<'_>) -> Vec<String> {
@@ -163,8 +189,36 @@ fn headline(found: &DesignFindings<'_>) -> Vec<Number> {
         let meaning = format!("loss of {}, the best as meant", best.name);
         numbers.push(Number::computed("least loss as meant", digits(best.merits.loss), "", meaning));
     }
-    let merits = &recommended.merits;
-    numbers.extend(recommended.estimate.iter().map(|estimate| {
+    numbers.extend(further_numbers(recommended));
+    numbers
+}
+
+/// All figures of merit of a design.
+fn merit_numbers(judged: &JudgedDesign) -> Vec<Number> {
+    let merits = &judged.merits;
+    let broken = match &merits.broken[..] {
+        [] => "what designs are ranked by; less is better".into(),
+        broken => format!("breaks the limit of {}", broken.join(" and ")),
+    };
+    let number = |name: &str, value, meaning: &str| Number::computed(name, digits(value), "", meaning);
+    let mut numbers = vec![Number::computed("loss", digits(merits.loss), "", broken)];
+    numbers.extend(further_numbers(judged));
+    let meaning = "of fluorescence: the sum over the channels, one pixel each";
+    numbers.push(number("electrons", merits.fluorescence_e, meaning));
+    numbers.push(number(
+        "saturation",
+        merits.saturation,
+        "electrons of the brightest pixel over what it holds",
+    ));
+    numbers.extend((merits.cost != 0.0).then(|| number("price", merits.cost, "")));
+    numbers
+}
+
+/// The figures of merit of a design beside its loss that decide.
+fn further_numbers(judged: &JudgedDesign) -> Vec<Number> {
+    let mut numbers = Vec::new();
+    let merits = &judged.merits;
+    numbers.extend(judged.estimate.iter().map(|estimate| {
         let share = estimate.visible.in_patches.map_or_else(|| "none".into(), |share| digits(100.0 * share));
         let meaning =
             "told from none, in patches over a tenth of the region: by the estimate that analyzes frames";
@@ -177,7 +231,7 @@ fn headline(found: &DesignFindings<'_>) -> Vec<Number> {
         "%",
         "reflected electrons over those of fluorescence, at most",
     ));
-    numbers.extend(recommended.fluorescence.iter().map(|fluorescence| {
+    numbers.extend(judged.fluorescence.iter().map(|fluorescence| {
         let meaning = "of the electrons of fluorescence pass the viewing filter";
         Number::computed("fluorescence kept", digits(100.0 * fluorescence.kept), "%", meaning)
     }));
@@ -195,8 +249,8 @@ fn headline(found: &DesignFindings<'_>) -> Vec<Number> {
 }
 
 /// Bounds of a design by region, as a table.
-fn bounds(found: &DesignFindings<'_>, judged: &JudgedDesign) -> Vec<ReportItem> {
-    let p = found.space.problem();
+fn bounds(space: &DesignSpace, judged: &JudgedDesign) -> Vec<ReportItem> {
+    let p = space.problem();
     let table = |(region, merits): (&fluorspar::design::RegionModel, &fluorspar::design::RegionMerits)| {
         let response = &region.response;
         let weights = response.fluorescence.iter().zip(&merits.weights).map(|(part, sd)| {
@@ -228,19 +282,16 @@ fn yardstick(value: f64, sd: f64, judged: &JudgedDesign) -> String {
     format!(" of a value of {}; a change of {} can be detected{verdict}", digits(value), digits(told))
 }
 
-fn recommended_section(found: &DesignFindings<'_>, recommended: &JudgedDesign) -> Section {
-    let mut section = Section::new("The recommended design");
-    for item in bounds(found, recommended) {
-        section = section.with(item);
-    }
-    for compared in found.compared {
-        for item in bounds(found, compared) {
-            section = section.with(item);
-        }
-    }
+/// Bounds of designs, and the spectra of the first.
+fn spectra_section(space: &DesignSpace, designs: &[&JudgedDesign]) -> Section {
+    let bounds = designs.iter().flat_map(|judged| bounds(space, judged));
+    let section = bounds.fold(Section::new("Bounds and spectra"), Section::with);
     let caption = "Lights, filters and channels are relative to their own peaks; the fluorophores under a light to the highest of \
                    them. Where a channel sees two fluorophores at once, only their ratio between channels and lights tells them apart.";
-    section.show(spectra_figure(found.space, recommended), caption)
+    designs
+        .iter()
+        .take(1)
+        .fold(section, |section, judged| section.show(spectra_figure(space, judged), caption))
 }
 
 /// Lights, filters, channels and fluorescence of a design.
@@ -299,19 +350,18 @@ fn spectra_figure(space: &DesignSpace, judged: &JudgedDesign) -> Figure {
     )
 }
 
-fn captures_section(found: &DesignFindings<'_>, recommended: &JudgedDesign) -> Section {
+fn captures_section(space: &DesignSpace, designs: &[&JudgedDesign]) -> Section {
     let caption = "Noise of photons and of the readout only.";
-    Section::new("Captures of the recommended design and of another")
-        .show(captures_figure(found, recommended), caption)
+    Section::new("Simulated captures").show(captures_figure(space, designs), caption)
 }
 
-fn captures_figure(found: &DesignFindings<'_>, recommended: &JudgedDesign) -> Figure {
+fn captures_figure(space: &DesignSpace, designs: &[&JudgedDesign]) -> Figure {
     let mut panels = Vec::new();
-    for judged in std::iter::once(recommended).chain(found.compared.iter().take(1)) {
-        for (region, model) in found.space.problem().regions_of(judged.design.geometry).enumerate() {
-            let raster = patches(found.space, &judged.design, region);
+    for judged in designs {
+        for (region, model) in space.problem().regions_of(judged.design.geometry).enumerate() {
+            let raster = patches(space, &judged.design, region);
             let title = format!("{}: {}", judged.name, model.response.name);
-            panels.push(patch_panel(found.space, &judged.design, raster).titled(title));
+            panels.push(patch_panel(space, &judged.design, raster).titled(title));
         }
     }
     // Below each other: beside each other nine channels would be wider than a page
@@ -355,14 +405,13 @@ fn patches(space: &DesignSpace, design: &Design, region: usize) -> Raster {
     })
 }
 
-fn blind_section(found: &DesignFindings<'_>, recommended: &JudgedDesign) -> Section {
+fn blind_section(space: &DesignSpace, designs: &[&JudgedDesign]) -> Section {
     let mut section = Section::new("What is least told apart").say(
         "Each line is a joint change of the weights that changes the data least. A plus and a minus mean that one can stand for \
          the other.",
     );
-    for judged in std::iter::once(recommended).chain(found.compared) {
-        for (region, merits) in
-            found.space.problem().regions_of(judged.design.geometry).zip(&judged.merits.regions)
+    for judged in designs {
+        for (region, merits) in space.problem().regions_of(judged.design.geometry).zip(&judged.merits.regions)
         {
             let response = &region.response;
             let singular = response.fluorescence.len() - merits.rank;

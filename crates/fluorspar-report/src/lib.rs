@@ -37,9 +37,9 @@ pub use comparison::{
     comparison_report, comparison_verdict, numbers_by_region, setting_cells,
 };
 pub use dataset_sheet::{DatasetFacts, LesionCounts, SplitCounts, dataset_in_short, dataset_sheet};
-pub use design_recommendation::recommendation;
+pub use design_recommendation::{recommendation, recommended};
 pub use design_remarks::{best_case, cures, ideal_edges};
-pub use design_report::{DesignFindings, JudgedDesign, design_figures, design_report};
+pub use design_report::{DesignFindings, JudgedDesign, design_figures, design_report, design_sections};
 pub use figure::{
     Axis, ColorBar, ColorMap, ContactSheet, Dash, Figure, FigureError, Ink, Label, Panel, Raster, Scale,
     Series, SeriesShape,

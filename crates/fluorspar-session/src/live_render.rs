@@ -94,10 +94,24 @@ impl LiveRender {
         Ok(Self::new(render, name, text, PathBuf::from(".")))
     }
 
-    /// A render that was just made from an experiment, on top of which changes come.
-    pub fn of_render(render: FinishedRender, source: ExperimentSource) -> Self {
+    /// A render that was just made from an experiment with its surfaces, on top of which changes come. `coarse` is the size of one that is
+    /// smaller than the experiment says, as changes.
+    pub fn of_render(
+        render: FinishedRender,
+        source: ExperimentSource,
+        surfaces: (Experiment, ResolvedExperiment),
+        coarse: Vec<String>,
+    ) -> Self {
         let ExperimentSource { name, text, base_dir, .. } = source;
-        Self::new(render, name, text, base_dir)
+        Self { coarse, surfaces: OnceLock::from(surfaces), ..Self::new(render, name, text, base_dir) }
+    }
+
+    /// An experiment that is resolved already and has the surfaces of another one, where there is one.
+    pub fn surfaces_of(&self, now: &Experiment) -> Option<&(Experiment, ResolvedExperiment)> {
+        let has_them = |(kept, resolved): &&(Experiment, ResolvedExperiment)| {
+            matches!(resolve_rendered(now, kept, resolved), Ok(Some(_)))
+        };
+        self.surfaces.get().filter(has_them)
     }
 
     fn new(render: FinishedRender, name: String, text: String, base_dir: PathBuf) -> Self {

@@ -18,15 +18,15 @@ export class Anew {
     this.wanted = "";
     /** Changes whose render was stopped or failed, as text: only a wish renders them again. */
     this.given = "";
+    /** Why they were not rendered. */
+    this.reason = "";
     this.taken = new AbortController();
     /** @type {number | undefined} */
     this.timer = undefined;
     picture.onrender = (/** @type {boolean} */ isNeeded) => (isNeeded ? this.want() : this.leave());
     byId("veil-stop").addEventListener("click", () => {
       ask("/api/stop", {});
-      this.given = this.wanted;
-      this.end();
-      say("The render was stopped; the frame is that of the state before, or coarse.", true);
+      this.giveUp("The render was stopped; the frame is that of the state before, or coarse.");
     });
     byId("render").addEventListener("click", () => {
       say("");
@@ -38,6 +38,7 @@ export class Anew {
   /** Has what is shown rendered, unless it is. */
   want() {
     const wanted = JSON.stringify(this.changes.list());
+    if (wanted === this.given) this.say(this.reason, true);
     if (wanted === this.wanted || wanted === this.given) return;
     this.given = "";
     this.wanted = wanted;
@@ -51,6 +52,13 @@ export class Anew {
     if (!this.wanted || this.wanted === JSON.stringify(this.changes.list())) return;
     ask("/api/stop", {});
     this.end();
+  }
+
+  /** @param {string} reason */
+  giveUp(reason) {
+    [this.given, this.reason] = [this.wanted, reason];
+    this.end();
+    this.say(reason, true);
   }
 
   end() {
@@ -81,9 +89,7 @@ export class Anew {
       }
     } catch (error) {
       if (signal.aborted) return;
-      this.given = this.wanted;
-      this.end();
-      this.say(/** @type {Error} */ (error).message, true);
+      this.giveUp(/** @type {Error} */ (error).message);
     }
   }
 }

@@ -12,7 +12,7 @@ const SEEN = 0.005;
 const MARGIN = { left: 58, right: 12, top: 12, bottom: 40 };
 
 /** @param {string} name @param {Record<string, string | number>} attributes @param {string} [text] */
-function svg(name, attributes, text) {
+export function svg(name, attributes, text) {
   const element = document.createElementNS("http://www.w3.org/2000/svg", name);
   for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, String(value));
   if (text !== undefined) element.textContent = text;
@@ -20,7 +20,7 @@ function svg(name, attributes, text) {
 }
 
 /** A step of 1, 2 or 5 times a power of ten that cuts a length into about five. @param {number} length */
-function niceStep(length) {
+export function niceStep(length) {
   const rough = length / 5;
   const power = 10 ** Math.floor(Math.log10(rough));
   return power * ([1, 2, 5].find((factor) => factor * power >= rough) ?? 10);
@@ -30,7 +30,7 @@ function niceStep(length) {
 export function shortNumber(value) {
   if (value === 0) return "0";
   const size = Math.abs(value);
-  if (size >= 1e-2 && size < 1e4) return Number(value.toPrecision(3)).toString();
+  if (size >= 1e-3 && size < 1e6) return Number(value.toPrecision(3)).toString();
   const [digits, power] = value.toExponential(2).split("e");
   return `${Number(digits)}·10${[...String(Number(power))].map((c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]).join("")}`;
 }

@@ -7,6 +7,57 @@ const byId = (/** @type {string} */ id) => /** @type {any} */ (document.getEleme
 /** Rest after a change, ms: a report takes longer than an estimate. */
 const REST = 700;
 
+/** Sections of a report as tabs over a panel. */
+export class Tabs {
+  /** @param {HTMLElement} list @param {HTMLElement} panel @param {string} name what the ids of tabs begin with */
+  constructor(list, panel, name) {
+    [this.list, this.panel, this.name] = [list, panel, name];
+    this.chosen = "";
+    list.addEventListener("keydown", (event) => this.step(event));
+  }
+
+  /** @param {{title: string, note: string, html: string}[]} sections */
+  tell(sections) {
+    if (!sections.some(({ title }) => title === this.chosen)) this.chosen = sections[0].title;
+    const tabs = sections.map((section, number) => {
+      const tab = make("button", { type: "button", id: `${this.name}-${number}`, textContent: section.title });
+      tab.setAttribute("role", "tab");
+      tab.setAttribute("aria-controls", this.panel.id);
+      tab.addEventListener("click", () => this.choose(section, tab));
+      return tab;
+    });
+    this.list.replaceChildren(...tabs);
+    const chosen = sections.findIndex(({ title }) => title === this.chosen);
+    this.choose(sections[chosen], tabs[chosen]);
+  }
+
+  /** @param {{title: string, note: string, html: string}} section @param {HTMLElement} tab */
+  choose(section, tab) {
+    this.chosen = section.title;
+    for (const other of this.list.children) {
+      other.setAttribute("aria-selected", String(other === tab));
+      other.tabIndex = other === tab ? 0 : -1;
+    }
+    const { panel } = this;
+    panel.setAttribute("aria-labelledby", tab.id);
+    // The server escapes all text in it, and the content policy forbids scripts
+    panel.innerHTML = section.html;
+    panel.prepend(make("p", { className: "note", textContent: section.note }));
+    for (const wide of panel.querySelectorAll(".scroll")) wide.tabIndex = 0;
+  }
+
+  /** Arrow keys go from tab to tab. @param {KeyboardEvent} event */
+  step(event) {
+    const tabs = [...this.list.children];
+    const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    if (!by) return;
+    event.preventDefault();
+    const next = tabs[(tabs.indexOf(document.activeElement) + by + tabs.length) % tabs.length];
+    next.focus();
+    next.click();
+  }
+}
+
 export class Findings {
   /** @param {import("./changes.js").Changes} changes @param {import("./picture.js").Picture} picture */
   constructor(changes, picture) {
@@ -16,11 +67,10 @@ export class Findings {
     this.taken = new AbortController();
     /** What is told, as it was asked for. */
     this.told = "";
-    this.chosen = "";
+    this.tabs = new Tabs(byId("tabs"), byId("findings-panel"), "tab");
     /** @type {number | undefined} */
     this.timer = undefined;
     byId("findings-fold").addEventListener("toggle", () => this.refresh());
-    byId("tabs").addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => this.step(event));
   }
 
   body() {
@@ -46,53 +96,12 @@ export class Findings {
         const told = await (await ask("/api/findings", { ...body, with_spectra }, this.taken.signal)).json();
         if (serial !== this.serial) return;
         byId("findings-body").classList.remove("stale");
-        this.tell(told.sections);
+        this.tabs.tell(told.sections);
       }
       this.told = JSON.stringify(body);
       byId("findings-state").textContent = "";
     } catch (error) {
       if (serial === this.serial && !this.taken.signal.aborted) byId("findings-state").textContent = /** @type {Error} */ (error).message;
     }
-  }
-
-  /** @param {{title: string, note: string, html: string}[]} sections */
-  tell(sections) {
-    if (!sections.some(({ title }) => title === this.chosen)) this.chosen = sections[0].title;
-    const tabs = sections.map((section, number) => {
-      const tab = make("button", { type: "button", id: `tab-${number}`, textContent: section.title });
-      tab.setAttribute("role", "tab");
-      tab.setAttribute("aria-controls", "findings-panel");
-      tab.addEventListener("click", () => this.choose(section, tab));
-      return tab;
-    });
-    byId("tabs").replaceChildren(...tabs);
-    const chosen = sections.findIndex(({ title }) => title === this.chosen);
-    this.choose(sections[chosen], tabs[chosen]);
-  }
-
-  /** @param {{title: string, note: string, html: string}} section @param {HTMLElement} tab */
-  choose(section, tab) {
-    this.chosen = section.title;
-    for (const other of byId("tabs").children) {
-      other.setAttribute("aria-selected", String(other === tab));
-      other.tabIndex = other === tab ? 0 : -1;
-    }
-    const panel = byId("findings-panel");
-    panel.setAttribute("aria-labelledby", tab.id);
-    // The server escapes all text in it, and the content policy forbids scripts
-    panel.innerHTML = section.html;
-    panel.prepend(make("p", { className: "note", textContent: section.note }));
-    for (const wide of panel.querySelectorAll(".scroll")) wide.tabIndex = 0;
-  }
-
-  /** Arrow keys go from tab to tab. @param {KeyboardEvent} event */
-  step(event) {
-    const tabs = [...byId("tabs").children];
-    const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-    if (!by) return;
-    event.preventDefault();
-    const next = tabs[(tabs.indexOf(document.activeElement) + by + tabs.length) % tabs.length];
-    next.focus();
-    next.click();
   }
 }

@@ -4,6 +4,7 @@ import { Anew } from "./anew.js";
 import { Changes } from "./changes.js";
 import { Compare } from "./compare.js";
 import { drawControls, make } from "./controls.js";
+import { Designs } from "./designs.js";
 import { Findings } from "./findings.js";
 import { Drawing, Picture, ask } from "./picture.js";
 import { Orbit, TURNED } from "./orbit.js";
@@ -15,7 +16,7 @@ const byId = (/** @type {string} */ id) => /** @type {any} */ (document.getEleme
 const VIEWS = [["developed", "Developed"], ["raw", "Raw mosaic"], ["clip", "Clipping"], ["noise", "Signal to noise"], ["eye", "Eye"], ["clay", "Clay"], ["part", "Parts"], ["depth", "Depth"], ["porphyrin", "Porphyrin map"]];
 const TOOLS = [["off", "Off"], ["rectangle", "Rectangle"], ["polygon", "Polygon"], ["part", "Part"], ["orbit", "Turn in 3-D"]];
 /** How often the page looks how far a render is, ms. */
-const LOOK = 400;
+const LOOK = 150;
 
 /** @param {string} text @param {boolean} [needsRender] whether a new render would show what is wanted */
 function say(text, needsRender = false) {
@@ -43,7 +44,7 @@ async function wait() {
   for (;;) {
     const subject = await (await fetch("/api/subject")).json();
     byId("subject").textContent = subject.title || subject.name || "";
-    if (subject.stage === "ready" || subject.stage === "photographs") return subject;
+    if (["ready", "photographs", "designs"].includes(subject.stage)) return subject;
     if (subject.error) throw new Error(subject.error);
     turnTo("waiting");
     byId("said").textContent = subject.said;
@@ -52,9 +53,9 @@ async function wait() {
   }
 }
 
-/** What of the page is shown: the simulation, the wait for it, or photographs. @param {"bench" | "waiting" | "photographs"} place */
+/** What of the page is shown: the simulation, the wait for it, photographs or designs. @param {"bench" | "waiting" | "photographs" | "designs"} place */
 function turnTo(place) {
-  for (const other of ["bench", "waiting", "photographs"]) byId(other).hidden = other !== place;
+  for (const other of ["bench", "waiting", "photographs", "designs"]) byId(other).hidden = other !== place;
   byId("changes").hidden = place !== "bench";
   byId("go-simulation").setAttribute("aria-pressed", String(place !== "photographs"));
   byId("go-photographs").setAttribute("aria-pressed", String(place === "photographs"));
@@ -70,8 +71,16 @@ byId("go-photographs").addEventListener("click", () => {
 function begin(subject) {
   if (subject.stage === "photographs") {
     byId("go-simulation").hidden = true;
+    byId("subject").textContent = "Raw frames of a camera";
     turnTo("photographs");
     photographs.load();
+    return;
+  }
+  if (subject.stage === "designs") {
+    byId("go-simulation").textContent = "Designs";
+    byId("go-simulation").addEventListener("click", () => turnTo("designs"));
+    turnTo("designs");
+    new Designs(subject, say);
     return;
   }
   byId("go-simulation").addEventListener("click", () => turnTo("bench"));

@@ -173,9 +173,9 @@ export class Photographs {
     byId("photo-experiment").replaceChildren(...this.about.experiments.map((/** @type {string[]} */ [value, title]) => make("option", { value, textContent: `${value}: ${title}` })));
     byId("photo-experiment").value = this.about.experiment;
     if (this.about.folder && !byId("photo-folder").value) byId("photo-folder").value = this.about.folder;
-    for (const { id, name, capture } of this.about.frames) {
+    for (const { id, name, capture, patient, visit } of this.about.frames) {
       const known = this.all.find((photo) => photo.id === id);
-      if (!known) this.all.push({ id, name, patient: "", visit: "", capture, size: null, regions: [] });
+      if (!known) this.all.push({ id, name, patient, visit, capture, size: null, regions: [] });
       else if (!this.about.captures.includes(known.capture)) known.capture = capture;
     }
     const first = this.all.find(({ capture }) => capture === this.about.analyzed) ?? this.all[0];
@@ -231,7 +231,10 @@ export class Photographs {
       const field = (/** @type {"patient" | "visit"} */ key) => {
         const input = make("input", { value: photo[key], size: 6 });
         input.setAttribute("aria-label", `${key} of ${photo.name}`);
-        input.addEventListener("change", () => (photo[key] = input.value));
+        input.addEventListener("change", () => {
+          photo[key] = input.value;
+          this.again();
+        });
         return input;
       };
       const capture = make("select", {}, this.about.captures.map((/** @type {string} */ name) => make("option", { value: name, textContent: name })));
@@ -240,6 +243,7 @@ export class Photographs {
       capture.addEventListener("change", () => {
         photo.capture = capture.value;
         if (photo === this.shown) this.show();
+        this.again();
       });
       const row = make("tr");
       for (const cell of [open, field("patient"), field("visit"), capture]) row.append(make("td", {}, [cell]));
@@ -315,6 +319,12 @@ export class Photographs {
     this.estimate(region);
   }
 
+  /** Frames may belong to others now: estimates the open region again. */
+  again() {
+    for (const region of this.regions()) region.told = undefined;
+    if (this.region) this.estimate(this.region);
+  }
+
   /** @param {PhotoRegion} region */
   async estimate(region) {
     const photo = this.shown;
@@ -375,7 +385,7 @@ export class Photographs {
     }));
     try {
       const told = await (await ask("/api/photographs/save", { folder: byId("photo-folder").value.trim(), frames })).json();
-      this.tell(`Saved in ${told.folder}: ${told.files.join(", ")}`);
+      this.tell(`Saved in ${told.folder}: ${told.files.join(", ")}\nAll estimates as a table: fluorspar analyze "${told.folder}" --experiment ${this.about.experiment}`);
     } catch (error) {
       this.tell(/** @type {Error} */ (error).message);
     }

@@ -7,6 +7,7 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use fluorspar::interruption::{Interrupted, listen_to};
+use fluorspar::optics::PerspectiveCamera;
 use fluorspar::study::Study;
 use fluorspar_experiment::{Experiment, check_settings, resolve, resolve_rendered, show_the_same_scene};
 use fluorspar_session::values::as_typed;
@@ -25,6 +26,8 @@ pub(crate) struct Anew {
     spp: u32,
     /// The newest first.
     scenes: Mutex<Vec<Arc<LiveRender>>>,
+    /// The finished render of the experiment without changes, where the first one is coarse.
+    unchanged: Mutex<Option<Arc<LiveRender>>>,
     work: Mutex<Option<Work>>,
 }
 
@@ -56,8 +59,8 @@ pub(crate) struct Stand {
     error: Option<String>,
 }
 
-/// Parts of width and height that are rendered one after the other, and samples per pixel of those that are smaller.
-const PARTS: [usize; 3] = [4, 2, 1];
+/// Parts of width and height that are rendered one after the other before the whole, and their samples per pixel.
+const PARTS: [usize; 2] = [4, 2];
 const COARSE_SAMPLES: u32 = 2;
 /// Least width of a coarse image, px.
 const LEAST_WIDTH: usize = 48;
@@ -83,13 +86,14 @@ impl Told {
 
 impl Anew {
     pub(crate) fn new(spp: u32) -> Self {
-        Self { spp, scenes: Mutex::default(), work: Mutex::default() }
+        Self { spp, scenes: Mutex::default(), unchanged: Mutex::default(), work: Mutex::default() }
     }
 
     /// The render that shows the experiment with changes: one that was made of them, or else the first one.
     pub(crate) fn shown(&self, first: &Arc<LiveRender>, changes: &Changes) -> Arc<LiveRender> {
+        let (scenes, unchanged) = (lock(&self.scenes).clone(), lock(&self.unchanged).clone());
         let all: Vec<Arc<LiveRender>> =
-            lock(&self.scenes).iter().chain(std::iter::once(first)).cloned().collect();
+            scenes.into_iter().chain(unchanged).chain([Arc::clone(first)]).collect();
         let own = |is: &dyn Fn(&LiveRender) -> Result<bool>| {
             all.iter().find(|live| is(live).unwrap_or(false)).map(Arc::clone)
         };
@@ -186,43 +190,71 @@ impl Anew {
         told: &Told,
     ) -> Result<()> {
         job.status("Preparing the scene");
-        let resolved = resolve(whole).map_err(|error| as_typed(error, &changes.overrides()))?;
-        check_nothing_painted(&resolved.study)?;
-        check_memory(&resolved.study, "or take the change back")?;
-        let (width, height) = (resolved.study.scene.camera.width, resolved.study.scene.camera.height);
-        for part in PARTS.into_iter().filter(|part| *part == 1 || width / part >= LEAST_WIDTH) {
-            let size = match part {
-                1 => Vec::new(),
-                _ => vec![
-                    format!("render.width_px={}", width / part),
-                    format!("render.height_px={}", (height / part).max(1)),
-                ],
-            };
-            let samples = (part > 1).then(|| format!("render.samples_per_pixel={COARSE_SAMPLES}"));
-            let further: Vec<String> = size.iter().cloned().chain(samples).collect();
+        let resolved;
+        let (kept, resolved) = match first.surfaces_of(whole) {
+            Some((kept, resolved)) => (kept, resolved),
+            None => {
+                resolved = resolve(whole).map_err(|error| as_typed(error, &changes.overrides()))?;
+                (whole, &resolved)
+            }
+        };
+        let study = |experiment: &Experiment| match resolve_rendered(experiment, kept, resolved)? {
+            Some(study) => Ok::<_, Error>(study),
+            None => Ok(resolve(experiment)?.study),
+        };
+        let size = study(whole)?;
+        check_nothing_painted(&size)?;
+        check_memory(&size, "or take the change back")?;
+        let coarse = parts(&size.scene.camera);
+        let is_there = first.is_coarse() && first.is_of(changes)?;
+        for set in coarse.into_iter().skip(usize::from(is_there)).map(Some).chain([None]) {
+            let further = set.iter().flat_map(Part::changes).collect::<Vec<_>>();
             let experiment = self.experiment_of(first, changes, &further)?;
-            let study = match part {
-                1 => None,
-                _ => resolve_rendered(&experiment, whole, &resolved)?,
-            };
-            let render = rendered(study.as_ref().unwrap_or(&resolved.study), experiment, job)?;
-            self.keep(first.with_render(render, size));
+            let render = rendered(&study(&experiment)?, experiment, job)?;
+            let live = Arc::new(first.with_render(render, set.map(|part| part.size).unwrap_or_default()));
+            if !live.is_coarse() && changes.set.is_empty() {
+                *lock(&self.unchanged) = Some(Arc::clone(&live));
+            }
+            self.keep(live);
             told.change(|stand| stand.level += 1);
         }
         Ok(())
     }
 
     /// Keeps a render in place of coarser ones.
-    fn keep(&self, live: LiveRender) {
+    fn keep(&self, live: Arc<LiveRender>) {
         let mut scenes = lock(&self.scenes);
         scenes.retain(|kept| !kept.is_coarse());
-        scenes.insert(0, Arc::new(live));
+        scenes.insert(0, live);
         scenes.truncate(KEPT_SCENES);
     }
 }
 
+/// A render that is smaller than its experiment says: its size, as changes, and its samples.
+pub(crate) struct Part {
+    pub(crate) size: Vec<String>,
+}
+
+impl Part {
+    pub(crate) fn changes(&self) -> impl Iterator<Item = String> + '_ {
+        self.size.iter().cloned().chain([format!("render.samples_per_pixel={COARSE_SAMPLES}")])
+    }
+}
+
+/// Coarse renders before that of a camera, the smallest first.
+pub(crate) fn parts(camera: &PerspectiveCamera) -> Vec<Part> {
+    let (width, height) = (camera.width, camera.height);
+    let part = |part: usize| Part {
+        size: vec![
+            format!("render.width_px={}", width / part),
+            format!("render.height_px={}", (height / part).max(1)),
+        ],
+    };
+    PARTS.into_iter().filter(|part| width / part >= LEAST_WIDTH).map(part).collect()
+}
+
 /// Does work in threads that end with a job. A defect of the program ends the work alone.
-fn in_own_threads(job: &Job, work: impl FnOnce() -> Result<()> + Send) -> Result<()> {
+pub(crate) fn in_own_threads<T: Send>(job: &Job, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     let stop = Arc::clone(&job.stop);
     let pool = ThreadPoolBuilder::new().start_handler(move |_| listen_to(Arc::clone(&stop)));
     let pool = pool.build().map_err(|error| Error::Failed(format!("no threads: {error}")))?;

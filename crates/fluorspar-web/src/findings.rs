@@ -28,11 +28,22 @@ pub(crate) struct FindingsAnswer {
 }
 
 #[derive(Serialize)]
-struct ToldSection {
+pub(crate) struct ToldSection {
     title: String,
     /// What it says, in a line.
     note: String,
     html: String,
+}
+
+/// Sections as the page shows them.
+pub(crate) fn told_sections(sections: impl IntoIterator<Item = Section>) -> Vec<ToldSection> {
+    let mut figures = 0;
+    let told = |section: Section| ToldSection {
+        html: section.to_html(&mut figures),
+        title: section.title,
+        note: section.note,
+    };
+    sections.into_iter().map(told).collect()
 }
 
 /// The sections of a report on the frames and the region, the numbers of its first screen before them.
@@ -43,7 +54,6 @@ pub(crate) fn findings(shown: &Shown, request: &FindingsRequest) -> Result<Findi
     let begun = Instant::now();
     let place = request.place.as_ref().map(Place::text);
     let page = shown.live.show(&shown.changes)?.findings(place.as_deref(), request.with_spectra)?.alone();
-    let mut figures = 0;
     let overview = page.overview.map(|overview| {
         let budgets = overview.answer.into_iter().flat_map(|answer| answer.budgets);
         let budgets = budgets.filter(|budget| !budget.rows.is_empty()).map(|budget| {
@@ -58,12 +68,7 @@ pub(crate) fn findings(shown: &Shown, request: &FindingsRequest) -> Result<Findi
     let warnings =
         page.warnings.iter().fold(Section::new("Doubts"), |section, warning| section.say(warning.text()));
     let warnings = Some(warnings).filter(|section| !section.items.is_empty());
-    let told = |section: Section| ToldSection {
-        html: section.to_html(&mut figures),
-        title: section.title,
-        note: section.note,
-    };
-    let sections = overview.into_iter().chain(page.sections).chain(warnings).map(told).collect();
+    let sections = told_sections(overview.into_iter().chain(page.sections).chain(warnings));
     Ok(FindingsAnswer { sections, milliseconds: 1e3 * begun.elapsed().as_secs_f64() })
 }
 

@@ -3,13 +3,14 @@
 //!
 //! | to | file |
 //! |---|---|
-//! | find what is shown: a run, a component image, an experiment that is rendered first | `subject.rs` |
+//! | find what is shown: a run, a component image, an experiment that is rendered first, a search of designs | `subject.rs` |
 //! | render what only a new render can show | `anew.rs` |
 //! | tell the page what can be changed, with unit, range and path | `controls.rs` |
 //! | draw a frame: developed, raw, where it clips, porphyrin | `picture.rs` |
 //! | draw the shapes from any side | `orbit.rs` |
 //! | say what the pixels of a region say | `region.rs` |
 //! | say what a report says, and make it | `findings.rs` |
+//! | show the designs of a search | `design.rs` |
 //! | take photographs in, and save what was drawn on them | `photograph.rs` |
 //! | answer requests | `server.rs` |
 //! | end what nobody waits for any more | `lane.rs` |
@@ -18,6 +19,7 @@
 
 mod anew;
 mod controls;
+mod design;
 mod findings;
 mod guard;
 mod lane;
@@ -46,8 +48,8 @@ use crate::subject::{Subject, frames_of};
 /// What the workbench shows, and where.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct WorkbenchOptions {
-    /// Folder of a run, component image (.exr, .npy), experiment (file or built-in name), which is rendered first, or raw frame of a
-    /// camera (DNG, or TIFF or PNG with its description) [default: the built-in experiment].
+    /// Folder of a run or of a search of designs, component image (.exr, .npy), experiment (file or built-in name), which is rendered first,
+    /// or raw frame of a camera (DNG, or TIFF or PNG with its description) [default: the built-in experiment].
     #[arg(value_name = "EXPERIMENT|FOLDER|COMPONENTS|FRAME", value_hint = ValueHint::AnyPath)]
     pub subject: Option<String>,
     /// Further raw frames.

@@ -43,6 +43,8 @@ pub(crate) struct Photographs {
     own: Option<String>,
     /// Experiments by name, once they are asked for.
     cameras: Mutex<BTreeMap<String, Arc<PhotographCamera>>>,
+    /// Capture, person and visit of photographs, as they seem to be for an experiment.
+    guessed: Mutex<BTreeMap<(String, usize), [String; 3]>>,
     /// The last photograph that was developed, as which capture of which experiment.
     developed: Mutex<Option<(Key, Arc<Developed>)>>,
     /// The last region that was asked about, with its photograph.
@@ -144,6 +146,7 @@ impl Photographs {
             files: Mutex::new(frames.iter().map(in_place).collect()),
             own,
             cameras: Mutex::default(),
+            guessed: Mutex::default(),
             developed: Mutex::default(),
             analyzed: Mutex::default(),
             written: Mutex::default(),
@@ -161,11 +164,13 @@ impl Photographs {
         let named = catalogue.iter().map(|entry| [entry.name.as_str(), entry.title.as_str()]);
         let own = self.own.iter().map(|own| [own.as_str(), "of the command line"]);
         let files = lock(&self.files);
-        let frames: Vec<Value> = files
-            .iter()
-            .enumerate()
-            .map(|(id, given)| json!({ "id": id, "name": given.name, "capture": capture_of(&given.name, &camera) }))
-            .collect();
+        let mut guessed = lock(&self.guessed);
+        let mut frame = |(id, given): (usize, &Given)| {
+            let guess = guessed.entry((name.into(), id)).or_insert_with(|| camera.told_by(&given.path));
+            let [capture, patient, visit] = &*guess;
+            json!({ "id": id, "name": given.name, "capture": capture, "patient": patient, "visit": visit })
+        };
+        let frames: Vec<Value> = files.iter().enumerate().map(&mut frame).collect();
         let folder = files.iter().find(|given| given.is_in_place).and_then(|given| given.path.parent());
         let folder = folder.and_then(|folder| {
             fs::canonicalize(if folder.as_os_str().is_empty() { Path::new(".") } else { folder }).ok()
@@ -409,13 +414,6 @@ impl Content {
         }
         Ok(())
     }
-}
-
-/// The capture whose name a file bears, else the one that is analyzed.
-fn capture_of(name: &str, camera: &PhotographCamera) -> Option<String> {
-    let name = name.to_lowercase();
-    let named = camera.captures().into_iter().filter(|capture| name.contains(&capture.to_lowercase()));
-    named.max_by_key(|capture| capture.len()).or(camera.analyzed()).map(String::from)
 }
 
 /// Name of the mask of a region.

@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::controls::controls;
+use crate::design::{DesignRequest, about_designs, design};
 use crate::findings::{FindingsRequest, ReportRequest, findings, report};
 use crate::guard::{Guard, guarded};
 use crate::lane::Lane;
@@ -68,7 +69,7 @@ type Page = (&'static str, &'static str, &'static str);
 
 const HTML: &str = "text/html; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
-const PAGES: [Page; 15] = [
+const PAGES: [Page; 16] = [
     ("/", HTML, include_str!("../pages/index.html")),
     ("/style.css", "text/css; charset=utf-8", include_str!("../pages/style.css")),
     ("/icon.svg", "image/svg+xml", include_str!("../pages/icon.svg")),
@@ -76,6 +77,7 @@ const PAGES: [Page; 15] = [
     ("/anew.js", SCRIPT, include_str!("../pages/anew.js")),
     ("/changes.js", SCRIPT, include_str!("../pages/changes.js")),
     ("/compare.js", SCRIPT, include_str!("../pages/compare.js")),
+    ("/designs.js", SCRIPT, include_str!("../pages/designs.js")),
     ("/findings.js", SCRIPT, include_str!("../pages/findings.js")),
     ("/photographs.js", SCRIPT, include_str!("../pages/photographs.js")),
     ("/controls.js", SCRIPT, include_str!("../pages/controls.js")),
@@ -98,6 +100,7 @@ pub(crate) fn router(server: Arc<Server>) -> Router {
         .route("/api/report", post(report_of))
         .route("/report.html", get(last_report))
         .route("/api/controls", post(controls_of))
+        .route("/api/design", post(design_of))
         .route("/api/render", post(render))
         .route("/api/stop", post(stop))
         .route("/api/photographs", post(photographs))
@@ -191,7 +194,9 @@ async fn answer<Q: OfChanges>(
         Stage::Ready(live) => live,
         Stage::Rendering => return refusal(StatusCode::SERVICE_UNAVAILABLE, "the render is not there yet"),
         Stage::Failed(why) => return refusal(StatusCode::SERVICE_UNAVAILABLE, &why),
-        Stage::Photographs => return refusal(StatusCode::SERVICE_UNAVAILABLE, "there are photographs alone"),
+        Stage::Photographs | Stage::Designs(_) => {
+            return refusal(StatusCode::SERVICE_UNAVAILABLE, "there is no render");
+        }
     };
     let anew = Arc::clone(&server.subject.anew);
     in_turn(&server, kind, move || {
@@ -256,6 +261,7 @@ fn about(subject: &Subject, stage: &Stage) -> Result<Value> {
         Stage::Ready(live) => live,
         Stage::Failed(why) => return Ok(json!({ "stage": "failed", "name": name, "error": why })),
         Stage::Photographs => return Ok(json!({ "stage": "photographs", "name": name })),
+        Stage::Designs(found) => return Ok(about_designs(found)),
         Stage::Rendering => {
             let (share, said) = subject.progress();
             return Ok(json!({ "stage": "rendering", "name": name, "share": share, "said": said }));
@@ -284,8 +290,8 @@ async fn picture_of(State(server): Shared, asked: Asked<PictureRequest>) -> Resp
     let shared = Arc::clone(&server);
     let work = move |shown: &Shown, asked: &PictureRequest| {
         let (facts, png) = picture(shown, asked)?;
-        if !shared.is_read_ahead.swap(true, Ordering::Relaxed) {
-            read_ahead(&shown.first);
+        if !shown.live.is_coarse() && !shared.is_read_ahead.swap(true, Ordering::Relaxed) {
+            read_ahead(&shown.live);
         }
         told_picture(&facts, &png)
     };
@@ -337,6 +343,17 @@ async fn photographs_save(State(server): Shared, asked: Asked<SaveRequest>) -> R
     let work =
         |photographs: &Photographs, asked: &SaveRequest| Ok(Json(photographs.save(asked)?).into_response());
     answer_photographs(server, Kind::Picture, asked, work).await
+}
+
+/// What a report says of designs.
+async fn design_of(State(server): Shared, asked: Asked<DesignRequest>) -> Response {
+    match (server.subject.stage(), asked) {
+        (_, Err(error)) => refusal(error.status(), &error.body_text()),
+        (Stage::Designs(found), Ok(Json(asked))) => {
+            in_turn(&server, Kind::Picture, move || design(&found, &asked)).await
+        }
+        _ => refusal(StatusCode::SERVICE_UNAVAILABLE, "there are no designs"),
+    }
 }
 
 /// The shapes from any side, as [`picture_of`] sends pictures.

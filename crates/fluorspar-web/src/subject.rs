@@ -1,15 +1,15 @@
 //! What the workbench shows: a finished render, or an experiment that is rendered first.
 
 use std::any::Any;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
 use fluorspar::pipeline::PipelineError;
-use fluorspar_experiment::{SceneChange, Warning, check_settings, edit_experiment};
+use fluorspar_experiment::{SceneChange, Warning, check_settings, edit_experiment, resolve_rendered};
 use fluorspar_format::read_toml;
+use fluorspar_session::design::FoundDesigns;
 use fluorspar_session::values::{Override, as_typed, sets};
 use fluorspar_session::{
     Changes, Error, ExperimentSource, Job, Left, Listener, LiveRender, Result, check_memory,
@@ -17,14 +17,14 @@ use fluorspar_session::{
 };
 
 use crate::WorkbenchOptions;
-use crate::anew::{Anew, rendered};
+use crate::anew::{Anew, in_own_threads, parts, rendered};
 
 /// What is shown.
 pub(crate) struct Subject {
     stage: Mutex<Stage>,
     progress: Arc<Progress>,
-    /// The experiment that is rendered first, until it is.
-    waiting: Mutex<Option<ExperimentSource>>,
+    /// What is rendered or read first, until it is.
+    waiting: Mutex<Option<Waiting>>,
     /// Ends the render in work.
     stop: Mutex<Arc<AtomicBool>>,
     /// Renders of what the page changes.
@@ -35,12 +35,21 @@ pub(crate) struct Subject {
     changes: Vec<String>,
 }
 
+/// What is there after some work.
+enum Waiting {
+    Experiment(ExperimentSource),
+    /// The folder of a search of designs.
+    Designs(PathBuf),
+}
+
 /// How far it is.
 #[derive(Clone)]
 pub(crate) enum Stage {
     Rendering,
     Ready(Arc<LiveRender>),
     Failed(String),
+    /// There are designs alone.
+    Designs(Arc<FoundDesigns>),
     /// There is nothing but photographs.
     Photographs,
 }
@@ -71,6 +80,16 @@ impl Subject {
         if !frames_of(options).is_empty() {
             return Ok(subject(Stage::Photographs, None, Vec::new()));
         }
+        let folder = options.subject.as_ref().map(PathBuf::from);
+        if let Some(folder) = folder.filter(|folder| FoundDesigns::is_in(folder)) {
+            if let Some(path) = options.changes.set.first().or(options.changes.unset.first()) {
+                return Err(Error::Input(format!(
+                    "{}: a search of designs can't be changed, and {path} was given; search again with `fluorspar design`",
+                    folder.display()
+                )));
+            }
+            return Ok(subject(Stage::Rendering, Some(Waiting::Designs(folder)), Vec::new()));
+        }
         if let Some(path) = image_of(options.subject.as_deref())? {
             let Changes { set, unset } = &options.changes;
             if let Some(path) = unset.first() {
@@ -85,7 +104,11 @@ impl Subject {
         let source = ExperimentSource::find(options.subject.as_deref())?;
         let text = first_text(&source, options)?;
         // What the render is made with is no difference to it any more
-        Ok(subject(Stage::Rendering, Some(ExperimentSource { text, ..source }), Vec::new()))
+        Ok(subject(
+            Stage::Rendering,
+            Some(Waiting::Experiment(ExperimentSource { text, ..source })),
+            Vec::new(),
+        ))
     }
 
     /// How far it is.
@@ -103,31 +126,24 @@ impl Subject {
         self.progress.told()
     }
 
-    /// Begins to render in a thread of its own, where that is to be done.
+    /// Begins to render, or to read designs, in a thread of its own, where that is to be done.
     pub(crate) fn begin(self: &Arc<Self>) {
-        if let Some(source) = lock(&self.waiting).take() {
-            self.render(source);
-        }
+        let Some(waiting) = lock(&self.waiting).take() else { return };
+        let (subject, job) = (Arc::clone(self), Job::new(lock(&self.stop).clone(), self.progress.clone()));
+        thread::spawn(move || {
+            let work = || match waiting {
+                Waiting::Experiment(source) => Ok(Stage::Ready(Arc::new(of_source(source, &job)?))),
+                Waiting::Designs(folder) => Ok(Stage::Designs(Arc::new(FoundDesigns::open(&folder, &job)?))),
+            };
+            let stage = in_own_threads(&job, work).unwrap_or_else(|error| Stage::Failed(said(&error)));
+            *lock(&subject.stage) = stage;
+        });
     }
 
     /// Ends the render in work.
     pub(crate) fn stop(&self) {
         lock(&self.stop).store(true, Ordering::SeqCst);
         self.anew.stop();
-    }
-
-    fn render(self: &Arc<Self>, source: ExperimentSource) {
-        let (subject, job) = (Arc::clone(self), Job::new(lock(&self.stop).clone(), self.progress.clone()));
-        thread::spawn(move || {
-            // A defect of the program ends this render, not the workbench
-            let outcome = catch_unwind(AssertUnwindSafe(|| of_source(source, &job)))
-                .unwrap_or_else(|_| Err(Error::Input("the render ended by a defect of the program".into())));
-            let stage = match outcome {
-                Ok(live) => Stage::Ready(Arc::new(live)),
-                Err(error) => Stage::Failed(said(&error)),
-            };
-            *lock(&subject.stage) = stage;
-        });
     }
 }
 
@@ -163,7 +179,8 @@ fn image_of(subject: Option<&str>) -> Result<Option<PathBuf>> {
         return match image.is_file() {
             true => Ok(Some(image)),
             false => Err(Error::Input(format!(
-                "{}: this folder has no components.exr; give one that `run` wrote, a component image, or an experiment",
+                "{}: this folder has no components.exr; give one that `run`, `design sweep` or `design optimize` wrote, a component \
+                 image, or an experiment",
                 path.display()
             ))),
         };
@@ -201,13 +218,25 @@ fn first_text(source: &ExperimentSource, options: &WorkbenchOptions) -> Result<S
     Ok(edited.map_err(|error| as_typed(error, &all))?)
 }
 
+/// The render of an experiment that is soon there: a coarse one of what would take longer.
 fn of_source(source: ExperimentSource, job: &Job) -> Result<LiveRender> {
     job.listener.status("Preparing the scene");
     let parsed = source.parse(&[])?;
-    let study = source.resolve(&[])?.study;
-    check_nothing_painted(&study)?;
-    check_memory(&study, "or give the folder of a finished run")?;
-    Ok(LiveRender::of_render(rendered(&study, parsed, job)?, source))
+    let resolved = source.resolve(&[])?;
+    check_nothing_painted(&resolved.study)?;
+    check_memory(&resolved.study, "or give the folder of a finished run")?;
+    let Some(part) = parts(&resolved.study.scene.camera).into_iter().next() else {
+        let render = rendered(&resolved.study, parsed.clone(), job)?;
+        return Ok(LiveRender::of_render(render, source, (parsed, resolved), Vec::new()));
+    };
+    let further = Changes { set: part.changes().collect(), unset: Vec::new() };
+    let coarse = source.parse(&further.overrides())?;
+    let study = match resolve_rendered(&coarse, &parsed, &resolved)? {
+        Some(study) => study,
+        None => source.resolve(&further.overrides())?.study,
+    };
+    let render = rendered(&study, coarse, job)?;
+    Ok(LiveRender::of_render(render, source, (parsed, resolved), part.size))
 }
 
 /// An error as the page says it: options are changes there.

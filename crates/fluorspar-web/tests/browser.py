@@ -5,6 +5,8 @@ Usage: browser.py PROGRAM [TESTS]. Each test is a function of this file whose na
 
 import base64
 import contextlib
+import os
+import random
 import shutil
 import subprocess
 import sys
@@ -325,6 +327,37 @@ def test_person_view_and_lesion_are_rendered(bench: Bench) -> None:
     bench.errors.clear()
 
 
+def test_a_render_is_stopped_and_then_seen_in_another_view(bench: Bench) -> None:
+    page = bench.page
+    bench.picture(after=0)
+    for path, value in (("render.samples_per_pixel", "20000"), ("mouth.jaw_opening_mm", "27")):
+        page.locator("#any input[name=path]").fill(path)
+        page.locator("#any input[name=value]").fill(value)
+        page.locator("#any button").click()
+    # The coarse picture is there, the fine one would take long
+    page.wait_for_function("() => document.querySelector('#size').textContent.includes('48 × 36')", timeout=WAIT)
+    page.locator("#veil-stop").click()
+    waited = page.evaluate("""async set => {
+        const begun = performance.now();
+        const asked = { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ set, seen: 9 }) };
+        while (!(await (await fetch('/api/render', asked)).json()).is_over);
+        return performance.now() - begun;
+    }""", bench.changes())
+    print(f"stopped after {waited:.0f} ms")
+    assert waited < 3000, waited
+    developed = bench.pixels()
+    before = bench.serial()
+    page.get_by_role("radio", name="Raw mosaic").check(force=True)
+    page.wait_for_function("before => Number(document.querySelector('#picture').dataset.serial) > before", arg=before, timeout=WAIT)
+    assert bench.pixels() != developed and page.locator("#render").is_visible() and not page.locator("#veil").is_visible()
+    page.locator("#render").click()
+    page.locator("#veil").wait_for(state="visible", timeout=WAIT)
+    page.locator("#veil-stop").click()
+    bench.picture(lambda: page.locator("#reset").click())
+    page.wait_for_function("() => document.querySelector('#message').hidden", timeout=WAIT)
+    bench.errors[:] = [error for error in bench.errors if "422" not in error]
+
+
 def test_shapes_are_turned_and_named(bench: Bench) -> None:
     page = bench.page
     bench.picture(after=0)
@@ -431,6 +464,149 @@ def test_a_report_follows_its_sliders_as_captures_do(bench: Bench) -> None:
     assert not found, found
 
 
+def test_a_design_is_picked_and_told(bench: Bench) -> None:
+    page = bench.page
+    panel = page.locator("#design-panel")
+    panel.locator("table").first.wait_for(timeout=WAIT)
+    assert page.locator("#designs").is_visible() and not page.locator("#bench").is_visible()
+    first = page.locator("#design-name").inner_text()
+
+    def told(act) -> str:
+        before = panel.inner_html()
+        act()
+        page.wait_for_function("before => document.querySelector('#design-panel').innerHTML !== before"
+                               " && !document.querySelector('#design-body').classList.contains('stale')", arg=before, timeout=WAIT)
+        return page.locator("#design-name").inner_text()
+
+    plot = page.locator("#design-plot")
+    second = told(lambda: plot.focus() or page.keyboard.press("ArrowRight"))
+    assert second != first and page.locator("#design-list [aria-pressed=true]").inner_text() == second
+    place = page.evaluate("""() => {
+        const ring = document.querySelector('#design-plot .ring').getBoundingClientRect();
+        const front = document.querySelector('#design-plot .front').getAttribute('d').match(/M([0-9.]+) ([0-9.]+)/);
+        const [plot, view] = [document.querySelector('#design-plot').getBoundingClientRect(), document.querySelector('#design-plot').viewBox.baseVal];
+        return [plot.x + front[1] * plot.width / view.width, plot.y + front[2] * plot.height / view.height, ring.x];
+    }""")
+    assert told(lambda: page.mouse.click(place[0], place[1])) not in ("", second)
+    page.get_by_role("tab", name="Bounds and spectra").click()
+    assert panel.locator("svg").count() >= 1
+    picked = page.locator("#design-name").inner_text()
+    told(lambda: page.locator("#design-beside").select_option(label="385 nm alone"))
+    page.get_by_role("tab", name="What is least told apart").click()
+    assert "385 nm alone" in panel.inner_text() and "nothing bounds it" in panel.inner_text()
+    page.locator("#design-words").fill("405 nm")
+    assert not page.locator("#design-count").inner_text().startswith("351")
+    address = page.url
+    page.goto("about:blank")
+    page.goto(address)
+    panel.locator("table").first.wait_for(timeout=WAIT)
+    assert page.locator("#design-name").inner_text() == picked and page.locator("#design-beside").input_value() == "c0"
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        for width in (390, 1280, 2560):
+            page.set_viewport_size({"width": width, "height": 900})
+            assert page.evaluate("() => document.documentElement.scrollWidth - window.innerWidth") <= 0, width
+            found = [one for one in Axe().run(page).response["violations"] if one["impact"] not in BEARABLE]
+            assert not found, found
+
+
+def test_random_use_keeps_the_memory(bench: Bench) -> None:
+    """What a person may do, in an order that FLUORSPAR_RANDOM_SEED gives, for FLUORSPAR_RANDOM_SECONDS."""
+    page = bench.page
+    seconds, seed = (float(os.environ.get(f"FLUORSPAR_RANDOM_{name}", default)) for name, default in (("SECONDS", 20), ("SEED", 1)))
+    dice = random.Random(seed)
+    bench.picture(after=0)
+
+    def press(name: str) -> None:
+        """As a person would: only what is there at that moment."""
+        page.locator(f"#{name}").evaluate("button => button.offsetParent && button.click()")
+
+    def one_of(selector: str):
+        return page.locator(f"{selector}:visible").nth(dice.randrange(page.locator(f"{selector}:visible").count()))
+
+    def checked(group: str):
+        return lambda: one_of(f"#{group} label").click()
+
+    def slide() -> None:
+        slider = one_of(".control input[type=range]")
+        for _ in range(dice.randrange(1, 6)):
+            slider.evaluate("(slider, value) => { slider.value = value; slider.dispatchEvent(new Event('input')); }", str(dice.randrange(1001)))
+        slider.evaluate("slider => slider.dispatchEvent(new Event('change'))")
+
+    def choose() -> None:
+        choice = one_of(".control select")
+        choice.select_option(index=dice.randrange(choice.locator("option").count()))
+
+    def drawn() -> None:
+        page.locator("#tools input[value=rectangle]").check(force=True)
+        bench.drag(*sorted((dice.uniform(0.1, 0.9), dice.uniform(0.1, 0.9)) for _ in range(2)))
+
+    def turned() -> None:
+        page.locator("#tools input[value=orbit]").check(force=True)
+        for _ in range(dice.randrange(1, 8)):
+            page.locator("#orbit").press(dice.choice(["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "+", "-", "Home", "Enter"]))
+        page.locator("#views label").first.click()
+
+    def typed(path: str, value: str) -> None:
+        page.locator("#any input[name=path]").fill(path)
+        page.locator("#any input[name=value]").fill(value)
+        page.locator("#any button").click()
+
+    def rendered() -> None:
+        typed("mouth.person", str(dice.randrange(3)))
+        page.wait_for_timeout(dice.randrange(1500))
+        press("veil-stop")
+
+    def compared() -> None:
+        for name in ("keep", "swap", "forget"):
+            press(name)
+
+    def told() -> None:
+        page.locator("#findings-fold summary").first.click()
+        page.wait_for_timeout(dice.randrange(2500))
+
+    def looked_at_photographs() -> None:
+        page.locator("#go-photographs").click()
+        page.locator("#go-simulation").click()
+
+    acts = [checked("captures"), checked("views"), slide, slide, slide, choose, drawn, turned, compared, told, looked_at_photographs, rendered,
+            lambda: press("undo"), lambda: press("redo"), lambda: press("reset"), lambda: typed("lens.f_number", dice.choice(["2.0", "no number", "-1", "8"]))]
+
+    def rest() -> int:
+        """Goes back to the beginning, and tells the memory of the server, bytes."""
+        page.locator("#findings-fold").evaluate("fold => (fold.open = false)")
+        page.locator("#tools input[value=off]").check(force=True)
+        # What is kept of scenes is that of the same ones each time
+        for person in ("1", "2"):
+            press("reset")
+            before = bench.serial()
+            typed("mouth.person", person)
+            bench.rest(before)
+            page.locator("#veil").wait_for(state="hidden", timeout=WAIT)
+        press("reset")
+        bench.rest(-1)
+        bench.estimate()
+        page.wait_for_timeout(2000)
+        status = Path(f"/proc/{bench.process.pid}/status").read_text()
+        return 1024 * int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1])
+
+    # What is kept is kept after each kind of act, and some time
+    for act in acts * 2:
+        act()
+    seen = [rest()]
+    for _ in range(4):
+        until = time.monotonic() + seconds / 4
+        while time.monotonic() < until:
+            dice.choice(acts)()
+            page.wait_for_timeout(dice.randrange(300))
+        seen.append(rest())
+    print("memory, MB:", *(round(bytes / 1e6) for bytes in seen))
+    # Of few acts each may be the first of its kind
+    assert seen[-1] < max(seen[1:3]) * (1.05 if seconds > 500 else 1.3), seen
+    # The console tells of what was refused
+    bench.errors[:] = [error for error in bench.errors if "422" not in error]
+
+
 def test_nothing_stands_in_anybodys_way(bench: Bench) -> None:
     page = bench.page
     bench.picture(after=0)
@@ -455,6 +631,13 @@ def run_of(program: str, folder: Path) -> Path:
     return out
 
 
+def designs_of(program: str, folder: Path) -> Path:
+    """A search of designs."""
+    out = folder / "designs"
+    subprocess.run([program, "design", "optimize", "two-lights", "-q", "--out", str(out)], check=True, stdout=subprocess.DEVNULL)
+    return out
+
+
 def chromium() -> str:
     found = [shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome")]
     return next(path for path in found if path)
@@ -467,17 +650,17 @@ def main() -> None:
     assert not unknown, f"no such test: {unknown}; there are {', '.join(tests)}"
     with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
         folder = Path(name)
-        run = run_of(program, folder)
+        run, designs = run_of(program, folder), designs_of(program, folder)
         browser = playwright.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
         for test_name in wanted or tests:
             begun = time.monotonic()
             with contextlib.closing(browser.new_context(viewport={"width": 1280, "height": 900})) as context:
-                bench = Bench(program, context.new_page(), [str(run)], has_tour="tour" in test_name)
+                bench = Bench(program, context.new_page(), [str(designs if "design" in test_name else run)], has_tour="tour" in test_name)
                 try:
                     tests[test_name](bench)
                 except BaseException:
                     bench.page.screenshot(path="/tmp/fluorspar-browser.png", full_page=True)
-                    print(f"{test_name} failed; /tmp/fluorspar-browser.png shows the page; errors there: {bench.errors}")
+                    print(f"{test_name} failed; /tmp/fluorspar-browser.png shows the page; errors there: {set(bench.errors)}")
                     bench.process.terminate()
                     raise
                 bench.close()

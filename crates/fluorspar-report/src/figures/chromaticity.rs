@@ -19,12 +19,14 @@ pub struct ChromaticityPlot {
     pub mixture_line: Option<[[f64; 2]; 2]>,
     /// Outline of an ellipse that shows how the pixels spread; empty for none.
     pub ellipse: Vec<[f64; 2]>,
+    /// `(r, g)` of people drawn from the family that the estimate assumes, without the target; empty for none.
+    pub people: Vec<[f64; 2]>,
 }
 
 /// Pixels drawn in the whole plane, where they lie one over another.
-const DOTS_OF_PLANE: usize = 2500;
+const DOTS_OF_PLANE: usize = 1250;
 /// Pixels drawn in the enlarged part.
-const DOTS_OF_PART: usize = 8000;
+const DOTS_OF_PART: usize = 4000;
 
 /// The plot of the paper's Figs. 7(c) and 8, r along x and g along y: the whole plane, and the part where the pixels lie.
 pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
@@ -41,20 +43,32 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
         (None, false) => "Colored points show where each fluorophore alone would lie. ".into(),
         (None, true) => String::new(),
     };
+    let people = match plot.people.is_empty() {
+        true => String::new(),
+        false => format!(
+            "Larger dots are people without {target}, drawn from the family of tissues that the estimate assumes, under this light and by this \
+             camera: what lies among them needs no {target}. "
+        ),
+    };
     Figure::grid("Sensor chromaticity", panels, 2).explained(format!(
         "Each small dot is one pixel, of many an even selection. Its place shows which share of its signal is red (r) and which is \
-         green (g); how bright the pixel is does not matter. {fluorophores}Light cannot bring a pixel into the gray corner, where r + g would \
+         green (g); how bright the pixel is does not matter. {fluorophores}{people}Light cannot bring a pixel into the gray corner, where r + g would \
          exceed 1; noise can. The second plot enlarges the part where the pixels lie.",
     ))
 }
 
-/// Limits of r and g that hold nearly all pixels, square; `None` where there are too few, or they fill the plane.
+/// Limits of r and g that hold nearly all pixels, and most people, square; `None` where there are too few, or they fill the plane.
 fn part(plot: &ChromaticityPlot) -> Option<[[f64; 2]; 2]> {
     let ends = [0, 1].map(|axis| {
-        let mut values: Vec<f64> = plot.pixels.iter().map(|p| p[axis]).filter(|v| v.is_finite()).collect();
-        values.sort_by(f64::total_cmp);
-        let at = |share: f64| values.get((share * values.len() as f64) as usize).copied();
-        at(0.005).zip(at(0.995))
+        let ends = |points: &[[f64; 2]], beyond: f64| {
+            let mut values: Vec<f64> = points.iter().map(|p| p[axis]).filter(|v| v.is_finite()).collect();
+            values.sort_by(f64::total_cmp);
+            let at = |share: f64| values.get((share * values.len() as f64) as usize).copied();
+            at(beyond).zip(at(1.0 - beyond))
+        };
+        let (low, high) = ends(&plot.pixels, 0.005)?;
+        let (of_people, to_people) = ends(&plot.people, 0.025).unwrap_or((low, high));
+        Some((low.min(of_people), high.max(to_people)))
     });
     let [(r0, r1), (g0, g1)] = [ends[0]?, ends[1]?];
     let side = 1.3 * (r1 - r0).max(g1 - g0).max(0.02);
@@ -83,6 +97,14 @@ fn panel(plot: &ChromaticityPlot, [x, y]: [[f64; 2]; 2], most: usize, is_whole: 
         });
     }
     let target = &plot.target;
+    let inks = Ink::of_fluorophores(plot.fluorophores.iter().map(|(name, _)| name.as_str()));
+    if !plot.people.is_empty() {
+        // Besides the colors of ellipse and pixels
+        let ink = Ink::besides(&inks, 3)[2];
+        let points = plot.people.clone();
+        let shape = SeriesShape::Dots { points, radius: 2.2, opacity: 0.75 };
+        panel = panel.with(Series { name: Some(format!("people without {target}")), ink, shape });
+    }
     if let Some([bulk, end]) = plot.mixture_line {
         let name = format!("mixtures of bulk and {target}");
         panel = panel.with(Series::dashed(name, Ink::Muted, vec![bulk, end], Dash::Dashed));
@@ -100,7 +122,6 @@ fn panel(plot: &ChromaticityPlot, [x, y]: [[f64; 2]; 2], most: usize, is_whole: 
         panel = panel.with(Series { name: Some("bulk, weighted sum".into()), ink: Ink::Muted, shape });
     }
     let inside = |point: &[f64; 2]| (x[0]..=x[1]).contains(&point[0]) && (y[0]..=y[1]).contains(&point[1]);
-    let inks = Ink::of_fluorophores(plot.fluorophores.iter().map(|(name, _)| name.as_str()));
     for ((_, point), ink) in plot.fluorophores.iter().zip(inks) {
         let shape = SeriesShape::Markers { points: vec![*point], radius: 5.0, hollow: false };
         panel = panel.with(Series::unnamed(ink, shape));

@@ -3,11 +3,15 @@ const data = JSON.parse(document.getElementById("live-data").textContent);
 const [place, canvas, told] = ["live-controls", "live-picture", "live-told"].map((id) => document.getElementById(id));
 const positive = (bits) => (bits >> 10 ? (1 + (bits & 1023) / 1024) * 2 ** ((bits >> 10) - 15) : bits * 2 ** -24);
 const half = (bits) => (bits >> 15 ? -positive(bits & 32767) : positive(bits));
-for (const plane of data.planes) {
-  const bytes = Uint8Array.from(atob(plane.values), (letter) => letter.charCodeAt(0));
-  plane.rates = Float32Array.from(new Uint16Array(bytes.buffer), (bits) => half(bits) * plane.scale);
-}
 const pixels = data.size[0] * data.size[1];
+/** Gives the planes their rates: of all halves the high bytes, then the low ones. */
+async function unpack() {
+  const packed = new Blob([Uint8Array.from(atob(data.values), (letter) => letter.charCodeAt(0))]);
+  const bytes = new Uint8Array(await new Response(packed.stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer());
+  const length = pixels * data.channels;
+  const value = (at) => half((bytes[at] << 8) | bytes[bytes.length / 2 + at]);
+  data.planes.forEach((plane, k) => (plane.rates = Float32Array.from({ length }, (_, i) => value(k * length + i) * plane.scale)));
+}
 let capture = data.captures[data.first];
 let now = {};
 const encode = (x) => Math.round(255 * (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055));
@@ -77,5 +81,7 @@ const choice = document.getElementById("live-capture");
 data.captures.forEach(({ name }, i) => choice.add(new Option(name, i, i === data.first, i === data.first)));
 choice.onchange = () => ((capture = data.captures[choice.value]), begin());
 document.getElementById("live-again").onclick = begin;
-document.getElementById("live").hidden = false;
-begin();
+unpack().then(() => {
+  document.getElementById("live").hidden = false;
+  begin();
+});

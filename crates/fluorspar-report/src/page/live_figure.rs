@@ -1,10 +1,13 @@
 //! A frame in the page that follows sliders: planes of light, and a script that sums them.
 
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
 use std::sync::LazyLock;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
 use fluorspar::digest::sha256_hex;
 use fluorspar::pipeline::{LiveCapture, LivePlane, LiveView};
 use half::f16;
@@ -54,22 +57,38 @@ fn data_of(view: &LiveView, first: Option<&str>) -> Value {
         "channels": view.planes.first().map_or(1, |plane| plane.rates.len() / pixels.max(1)),
         "groups": view.groups,
         "planes": view.planes.iter().map(plane).collect::<Vec<_>>(),
+        "values": values(&view.planes),
         "captures": view.captures.iter().map(capture).collect::<Vec<_>>(),
         "first": found.unwrap_or(view.captures.len().saturating_sub(1)),
     })
 }
 
+/// Largest rate of a plane: halves reach from 6e-8 to 65504, and noisy spectra of few samples may be below zero.
+fn scale(plane: &LivePlane) -> f32 {
+    plane.rates.iter().map(|rate| rate.abs()).fold(f32::MIN_POSITIVE, f32::max)
+}
+
 fn plane(plane: &LivePlane) -> Value {
-    // Halves reach from 6e-8 to 65504; noisy spectra of few samples may be below zero
-    let scale = plane.rates.iter().map(|rate| rate.abs()).fold(f32::MIN_POSITIVE, f32::max);
-    let halves = plane.rates.iter().flat_map(|rate| f16::from_f32(rate / scale).to_le_bytes());
     json!({
         "response": plane.response,
         "group": plane.group,
         "fluorophore": plane.fluorophore,
-        "scale": scale,
-        "values": STANDARD.encode(halves.collect::<Vec<u8>>()),
+        "scale": scale(plane),
     })
+}
+
+/// The rates of all planes over their scales as halves, compressed: first the high bytes of all, which are alike, then the low ones.
+fn values(planes: &[LivePlane]) -> String {
+    let halves = |plane: &LivePlane| {
+        let scale = scale(plane);
+        plane.rates.iter().map(move |rate| f16::from_f32(rate / scale).to_be_bytes()).collect::<Vec<_>>()
+    };
+    let halves: Vec<[u8; 2]> = planes.iter().flat_map(halves).collect();
+    let bytes: Vec<u8> = [0, 1].into_iter().flat_map(|k| halves.iter().map(move |half| half[k])).collect();
+    let mut packed = ZlibEncoder::new(Vec::new(), Compression::best());
+    // Memory takes all that is written
+    let packed = packed.write_all(&bytes).and_then(|()| packed.finish());
+    STANDARD.encode(packed.unwrap_or_default())
 }
 
 fn capture(capture: &LiveCapture) -> Value {

@@ -1,12 +1,14 @@
 //! Lights, filters and sensors compared by what they could prove.
 
 mod compare;
+mod found;
 mod outcome;
 mod renders;
 mod scenes;
 mod sweep;
 
 pub use compare::{ComparedDesigns, compare};
+pub use found::{DesignKey, FoundDesigns, ToldDesign};
 pub use outcome::{DesignOutcome, criterion_text};
 pub use scenes::{DesignScene, DesignScenes, scenes};
 pub use sweep::{MergeOptions, OptimizeOptions, Sweep, SweepOptions, merge, optimize, sweep};

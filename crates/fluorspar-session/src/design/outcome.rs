@@ -8,7 +8,7 @@ use fluorspar::design::{
 };
 use fluorspar::pipeline::design_estimate;
 use fluorspar_format::{FileFormat, OutputFolder, csv_cell};
-use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_report};
+use fluorspar_report::{DesignFindings, JudgedDesign, design_figures, design_report, recommended};
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
@@ -67,7 +67,7 @@ pub(super) fn judged(space: &DesignSpace, name: String, design: Design) -> Judge
 const ESTIMATED: usize = 3;
 
 /// Adds what an analysis of the frames of a design would say of its first region, where a contrast asks for porphyrin.
-fn estimate(problem: &PreparedProblem, judged: &mut JudgedDesign) -> Result<()> {
+pub(super) fn estimate(problem: &PreparedProblem, judged: &mut JudgedDesign) -> Result<()> {
     let space = &problem.space;
     let p = space.problem();
     let is_asked =
@@ -155,6 +155,7 @@ impl DesignOutcome {
         let space = &self.problem.space;
         let all =
             |list: &[JudgedDesign]| -> Vec<Value> { list.iter().map(|d| design_json(space, d)).collect() };
+        let recommended = self.with_findings(|found| space.number(&recommended(found)?.1.design));
         json!({
             "format": FileFormat::RESULTS.version(),
             "provenance": provenance(&self.problem),
@@ -164,6 +165,7 @@ impl DesignOutcome {
             "feasible": self.feasible,
             "left_out": (!self.left_out.is_empty()).then_some(&self.left_out),
             "criterion": criterion_text(space),
+            "recommended": recommended,
             "best": all(&self.best),
             "pareto_front": all(&self.front),
             "compared": all(&self.compared),

@@ -16,7 +16,7 @@ use crate::values;
 use crate::{Error, Job, Left, Result};
 
 /// Designs of a line of the journal.
-const BLOCK: u64 = 256;
+pub(super) const BLOCK: u64 = 256;
 
 /// Most designs of a sweep: its journal has some 60 bytes for each.
 const MOST_DESIGNS: u64 = 50_000_000;
@@ -76,14 +76,14 @@ pub struct MergeOptions {
 const LOOK_AGAIN: Duration = Duration::from_millis(500);
 
 /// The designs of a problem in blocks, and how they are kept in a journal.
-struct Work<'a> {
+pub(super) struct Work<'a> {
     problem: &'a PreparedProblem,
     blocks: u64,
-    head: Value,
+    pub(super) head: Value,
 }
 
 impl<'a> Work<'a> {
-    fn of(problem: &'a PreparedProblem) -> Result<Self> {
+    pub(super) fn of(problem: &'a PreparedProblem) -> Result<Self> {
         let designs = problem.space.len();
         if designs > MOST_DESIGNS {
             return Err(Error::Input(format!(
@@ -97,7 +97,7 @@ impl<'a> Work<'a> {
     }
 
     /// Scores of a line of the journal by its block; nothing of a line that is damaged.
-    fn parse(&self, entry: &Value) -> Option<(u64, Vec<Score>)> {
+    pub(super) fn parse(&self, entry: &Value) -> Option<(u64, Vec<Score>)> {
         let block = entry.get("block")?.as_u64().filter(|block| *block < self.blocks)?;
         let score = |value: &Value| {
             let number = |k: usize| value.get(k)?.as_f64();

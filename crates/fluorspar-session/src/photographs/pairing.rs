@@ -111,6 +111,12 @@ fn capture_by_name<'a>(path: &Path, captures: &'a [KnownCapture]) -> Option<&'a 
     named.map(|capture| capture.name.as_str()).max_by_key(|name| name.len())
 }
 
+/// The capture of a frame: by its name, or by what it tells of itself.
+pub(super) fn capture_of(path: &Path, captures: &[KnownCapture]) -> Result<String> {
+    let by_name = capture_by_name(path, captures).map(str::to_owned);
+    by_name.map_or_else(|| capture_by_tags(path, captures), Ok)
+}
+
 /// The capture that a frame tells: by its description, its exposure time, or because there is one only.
 fn capture_by_tags(path: &Path, captures: &[KnownCapture]) -> Result<String> {
     let frame = read_described_frame(path)?.image;
@@ -145,7 +151,7 @@ fn rest_of_name(path: &Path, capture: &str) -> String {
 }
 
 /// Person and visit of a file: `sub-` and `ses-` of BIDS anywhere in its path, otherwise the folders around it, otherwise its name.
-fn person_of(path: &Path, below: &Path, capture: &str) -> [String; 2] {
+pub(super) fn person_of(path: &Path, below: &Path, capture: &str) -> [String; 2] {
     let inner = path.strip_prefix(below).unwrap_or(path);
     let parts: Vec<String> = inner.iter().map(|part| part.to_string_lossy().into_owned()).collect();
     let labelled = |label: &str| {
@@ -201,12 +207,9 @@ pub(super) fn completed(
             }
         }
         if row.capture.is_empty() {
-            let of_file = by_file.entry(row.frame.clone()).or_insert_with(|| {
-                match capture_by_name(&row.frame, captures) {
-                    Some(name) => Ok(name.to_owned()),
-                    None => capture_by_tags(&row.frame, captures).map_err(|error| error.to_string()),
-                }
-            });
+            let of_file = by_file.entry(row.frame.clone());
+            let of_file = of_file
+                .or_insert_with(|| capture_of(&row.frame, captures).map_err(|error| error.to_string()));
             match of_file {
                 Ok(capture) => row.capture.clone_from(capture),
                 Err(_) if row.verdict == WRONG => continue,

@@ -355,11 +355,37 @@ fn an_experiment_is_rendered_first() {
     assert_eq!(facts["frame_px"], json!([32, 24]));
 }
 
+#[test]
+fn an_experiment_is_shown_coarse_before_it_is_rendered_as_a_whole() {
+    let mut options = WorkbenchOptions { subject: Some("flat-patch".into()), spp: 1, ..Default::default() };
+    options.changes.set = ["render.width_px=200", "render.height_px=150"].map(String::from).to_vec();
+    let served = Served::of(&options);
+    ready(&served);
+    let asked = json!({ "capture": "blue", "view": "developed", "set": [] });
+    let coarse = picture(&served, &asked).0;
+    assert_eq!((&coarse["is_coarse"], &coarse["render_px"]), (&json!(true), &json!([50, 37])));
+    let rendered = |set: &[&str]| {
+        let mut told = rendering(&served, set, None);
+        while told["is_over"] != true {
+            told = rendering(&served, set, told["level"].as_u64());
+        }
+        assert_eq!(told["error"], Value::Null, "{told}");
+        told["level"].clone()
+    };
+    assert_eq!(rendered(&[]), 2, "the coarsest one was there");
+    let whole = picture(&served, &asked);
+    assert_eq!((&whole.0["is_coarse"], &whole.0["render_px"]), (&json!(false), &json!([200, 150])));
+    for seed in ["render.seed=8", "render.seed=9", "render.seed=10"] {
+        rendered(&[seed]);
+    }
+    assert!(picture(&served, &asked).1 == whole.1, "what was rendered first is not there any more");
+}
+
 /// What a workbench tells of its subject once that is rendered.
-fn ready(served: &Served) -> Value {
+pub(crate) fn ready(served: &Served) -> Value {
     for _ in 0..600 {
         let subject = served.get("/api/subject").json();
-        if subject["stage"] == "ready" {
+        if subject["stage"] == "ready" || subject["stage"] == "designs" {
             return subject;
         }
         assert_eq!(subject["stage"], "rendering", "{subject}");

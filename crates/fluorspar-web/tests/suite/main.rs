@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "these are tests")]
 
 mod correctness;
+mod designs;
 mod photographs;
 mod security;
 mod support;

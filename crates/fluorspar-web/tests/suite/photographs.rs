@@ -43,7 +43,7 @@ fn estimates_of_photographs_are_those_of_analyze() {
     let told = served.post("/api/photographs", &json!({ "experiment": "flat-patch" })).json();
     assert_eq!(
         told["frames"][1],
-        json!({ "id": 1, "name": "raw_ambient.tiff", "capture": "ambient" }),
+        json!({ "id": 1, "name": "raw_ambient.tiff", "capture": "ambient", "patient": "raw", "visit": "1" }),
         "{told}"
     );
     // Rows 10 and 11, columns 5 to 40

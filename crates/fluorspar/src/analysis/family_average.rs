@@ -27,6 +27,9 @@ const NEGLIGIBLE: f64 = 1e-3;
 /// Families below this probability have no part in what blocks say.
 const NEGLIGIBLE_IN_BLOCKS: f64 = 0.01;
 
+/// People whose colors are drawn beside those of a region.
+const DRAWN_PEOPLE: u32 = 200;
+
 /// Families that a measured tissue may be of.
 #[derive(Clone, Copy, Debug)]
 pub struct FamilyAverage<'a> {
@@ -398,6 +401,7 @@ impl<'a> FamilyAverage<'a> {
             blocks: by_blocks.map(|found| found.shares),
             red,
             visible,
+            people: self.named.drawn_chromaticities(DRAWN_PEOPLE),
         })
     }
 

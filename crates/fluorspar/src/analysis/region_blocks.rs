@@ -220,6 +220,23 @@ impl LightFamily {
         drawn.iter().filter_map(color).collect()
     }
 
+    /// Sensor chromaticity `(r, g)` of tissues drawn from the family, without porphyrin, in the first frame; none where that has not the channels
+    /// R, G and B.
+    pub(super) fn drawn_chromaticities(&self, count: u32) -> Vec<[f64; 2]> {
+        let nuisances = self.nuisances().len();
+        let place = |name: &str| {
+            let is_it = |(channel, &frame): (&String, &usize)| frame == 0 && channel == name;
+            self.channel_of.iter().zip(&self.frame_of).position(is_it)
+        };
+        let [Some(r), Some(g), Some(b)] = ["R", "G", "B"].map(place) else { return Vec::new() };
+        let draw = |number: u32| {
+            let electrons = self.electrons(&normal_deviates(nuisances, 1, number), 0.0);
+            let sum = electrons[r] + electrons[g] + electrons[b];
+            (sum > 0.0).then(|| [electrons[r] / sum, electrons[g] / sum])
+        };
+        (0..count).into_par_iter().filter_map(draw).collect()
+    }
+
     /// Electrons of some places in the typical person without porphyrin, each as bright in a frame as `typical`.
     pub(super) fn drawn_places(&self, count: usize, typical: &[f64]) -> Vec<Vec<f64>> {
         let (places, nuisances) = (self.of_places(), self.nuisances().len());

@@ -77,6 +77,10 @@ pub struct SharePosterior {
     /// The smallest shares that would be told from none in the typical tissue, with this light.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub visible: Option<VisibleShare>,
+    /// Sensor chromaticity `(r, g)` of people drawn from the family, without porphyrin, in the first frame: to be drawn, not stored. None where
+    /// that has not the channels R, G and B.
+    #[serde(skip)]
+    pub people: Vec<[f64; 2]>,
 }
 
 /// The share of the porphyrin from the mean of a region alone.

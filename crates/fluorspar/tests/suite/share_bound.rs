@@ -217,6 +217,15 @@ fn the_average_over_one_and_the_same_family_is_that_family() {
         assert!((a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9, "{a:?}, {b:?}");
     }
     assert!((alone.median - found.median).abs() < 1e-9);
+    // Drawn people lie around the typical one
+    let typical = named.electrons(&vec![0.0; named.nuisances().len()], 0.0);
+    let mean = |axis: usize| found.people.iter().map(|at| at[axis]).sum::<f64>() / found.people.len() as f64;
+    let sum: f64 = typical.iter().sum();
+    assert!(found.people.len() > 100 && found.people[0] != found.people[1]);
+    assert!(
+        (mean(0) - typical[0] / sum).abs() < 0.03 && (mean(1) - typical[1] / sum).abs() < 0.03,
+        "{found:?}"
+    );
 }
 
 /// The warning names both tissues.
