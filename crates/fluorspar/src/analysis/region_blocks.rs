@@ -234,7 +234,7 @@ impl LightFamily {
             let sum = electrons[r] + electrons[g] + electrons[b];
             (sum > 0.0).then(|| [electrons[r] / sum, electrons[g] / sum])
         };
-        (0..count).into_par_iter().filter_map(draw).collect()
+        (0..count).filter_map(draw).collect()
     }
 
     /// Electrons of some places in the typical person without porphyrin, each as bright in a frame as `typical`.
