@@ -255,6 +255,9 @@ impl PbrtWriter<'_> {
     fn coated(&mut self, Coated { base, coat }: &Coated, name: &str) -> String {
         let (reflectance, index) = (self.reflectance(base, name), f64::from(coat.refractive_index));
         let rough = self.roughness(&coat.roughness, name);
+        if coat.smoothing_m > 0.0 {
+            self.lost("a film that evens out the relief of", name, "it follows the relief");
+        }
         if !self.is_v4 {
             let mirrored = ((index - 1.0) / (index + 1.0)).powi(2);
             let base = self.spectrum("Kd", &reflectance, false);

@@ -14,6 +14,8 @@ const MARGIN = { left: 58, right: 14, top: 24, bottom: 42 };
 const NEAR = 24;
 /** Losses beyond this multiple of the least are not drawn. */
 const WORST = 1e4;
+/** Less is drawn as this: the axis is logarithmic. */
+const LEAST = 1e-12;
 /** Fewer dots are larger. */
 const MANY = 60;
 /** @type {Record<string, [string, (design: Design, place: number) => number]>} */
@@ -24,6 +26,8 @@ const AXES = {
   place: ["place by loss", (_, place) => place + 1],
 };
 
+/** Whether values differ by more than the rounding of sums. @param {number[]} values */
+const varies = (values) => Math.max(...values) - Math.min(...values) > 1e-9 * Math.max(...values.map(Math.abs));
 /** @param {Key | null} key */
 const textOf = (key) => (!key ? "" : "number" in key ? String(key.number) : `c${key.compared}`);
 /** @param {string | null} text @returns {Key | null} */
@@ -49,7 +53,7 @@ export class Designs {
     this.tabs = new Tabs(byId("design-tabs"), byId("design-panel"), "design-tab");
     this.recommended = textOf(subject.recommended);
     byId("designs-text").textContent = [`Ranked by ${subject.criterion}; less is better.`, `Chosen: ${subject.search}.`, subject.drawn, subject.left_out && `${subject.left_out}.`].filter(Boolean).join(" ");
-    this.varying = Object.keys(AXES).filter((name) => name === "place" || new Set(this.all.map(AXES[name][1])).size > 1);
+    this.varying = Object.keys(AXES).filter((name) => name === "place" || varies(this.all.map(AXES[name][1])));
     byId("design-axis").replaceChildren(...this.varying.map((value) => make("option", { value, textContent: AXES[value][0] })));
     byId("design-key").hidden = !this.all.some(({ key }) => "compared" in key);
     byId("design-axis").addEventListener("change", () => this.draw());
@@ -123,7 +127,7 @@ export class Designs {
       const open = make("button", { type: "button", className: "plain", textContent: design.name });
       open.setAttribute("aria-pressed", String(textOf(design.key) === picked));
       open.addEventListener("click", () => this.pick(design));
-      const best = design === this.all[0] ? "recommended" : "recommended within tolerances";
+      const best = design === this.all.find(({ is_best }) => is_best) ? "recommended" : "recommended within tolerances";
       const kind = [textOf(design.key) === this.recommended ? best : "", "compared" in design.key ? "compared" : design.is_front ? "front" : ""].filter(Boolean).join(", ");
       const cells = [...[design.loss, ...columns.map(([, value]) => value(design, 0))].map(shortNumber), kind];
       return make("tr", {}, [make("th", { scope: "row" }, [open]), ...cells.map((textContent) => make("td", { textContent }))]);
@@ -149,17 +153,18 @@ export class Designs {
     const [label, value] = AXES[byId("design-axis").value];
     const seen = this.all.map((design, place) => ({ design, x: value(design, place) }));
     if (!seen.length) return plot.replaceChildren();
-    const least = this.all[0].loss;
+    const least = Math.max(this.all[0].loss, LEAST);
     const [low, high] = [Math.log10(least * 0.85), Math.log10(Math.min(this.all.at(-1)?.loss ?? least, least * WORST) * 1.15)];
     const [first, last] = [Math.min, Math.max].map((end) => end(...seen.map(({ x }) => x)));
-    const step = niceStep(last - first || 1);
+    const step = niceStep(last - first > 1e-9 * last ? last - first : 1);
     const left = Math.max(Math.floor((first - 0.2 * step) / step) * step, 0);
     const right = last + 0.2 * step;
     const toX = (/** @type {number} */ at) => MARGIN.left + ((at - left) / (right - left)) * (width - MARGIN.left - MARGIN.right);
-    const toY = (/** @type {number} */ loss) => MARGIN.top + ((high - Math.log10(loss)) / (high - low)) * (height - MARGIN.top - MARGIN.bottom);
+    const toY = (/** @type {number} */ loss) => MARGIN.top + ((high - Math.log10(Math.max(loss, LEAST))) / (high - low)) * (height - MARGIN.top - MARGIN.bottom);
     this.dots = seen.filter(({ design }) => design.loss <= 10 ** high).map(({ design, x }) => ({ design, x: toX(x), y: toY(design.loss) }));
     const parts = [];
-    for (let at = left; at <= right; at += step) {
+    for (let tick = 0; tick <= (right - left) / step; tick++) {
+      const at = left + tick * step;
       parts.push(svg("line", { x1: toX(at), x2: toX(at), y1: MARGIN.top, y2: height - MARGIN.bottom, class: "grid" }),
         svg("text", { x: toX(at), y: height - MARGIN.bottom + 16, class: "tick", "text-anchor": "middle" }, shortNumber(at)));
     }

@@ -6,7 +6,7 @@ import { Drawing, ask, draw } from "./picture.js";
 
 /** @typedef {{rectangle_px?: number[], polygon_px?: number[][], mask_runs?: number[], part?: string}} Place */
 /** @typedef {{name: string, place: Place, verdict: string, told?: any, mask?: Uint8Array}} PhotoRegion */
-/** @typedef {{id: number, name: string, patient: string, visit: string, capture: string, size: number[] | null, regions: PhotoRegion[]}} Photo */
+/** @typedef {{id: number, name: string, patient: string, visit: string, capture: string, size: number[] | null, regions: PhotoRegion[], is_edited?: boolean}} Photo */
 
 const byId = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 const NAMES = ["tongue", "lip", "lesion"];
@@ -176,7 +176,10 @@ export class Photographs {
     for (const { id, name, capture, patient, visit } of this.about.frames) {
       const known = this.all.find((photo) => photo.id === id);
       if (!known) this.all.push({ id, name, patient, visit, capture, size: null, regions: [] });
-      else if (!this.about.captures.includes(known.capture)) known.capture = capture;
+      else {
+        if (!this.about.captures.includes(known.capture)) known.capture = capture;
+        if (!known.is_edited) Object.assign(known, { patient, visit });
+      }
     }
     const first = this.all.find(({ capture }) => capture === this.about.analyzed) ?? this.all[0];
     this.choose(this.shown ?? first ?? null);
@@ -233,6 +236,7 @@ export class Photographs {
         input.setAttribute("aria-label", `${key} of ${photo.name}`);
         input.addEventListener("change", () => {
           photo[key] = input.value;
+          photo.is_edited = true;
           this.again();
         });
         return input;

@@ -74,6 +74,11 @@ fn file_name(path: &Path) -> String {
     path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 
+/// The folder that holds both.
+fn common_folder(one: PathBuf, other: PathBuf) -> PathBuf {
+    one.iter().zip(other.iter()).take_while(|(a, b)| a == b).map(|(part, _)| part).collect()
+}
+
 /// A photograph as it is asked about.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -165,8 +170,13 @@ impl Photographs {
         let own = self.own.iter().map(|own| [own.as_str(), "of the command line"]);
         let files = lock(&self.files);
         let mut guessed = lock(&self.guessed);
+        let given = files.iter().filter(|given| given.is_in_place).filter_map(|given| given.path.parent());
+        let around = given.map(Path::to_path_buf).reduce(common_folder);
         let mut frame = |(id, given): (usize, &Given)| {
-            let guess = guessed.entry((name.into(), id)).or_insert_with(|| camera.told_by(&given.path));
+            let own = given.path.parent().unwrap_or(Path::new(""));
+            let below = around.as_deref().filter(|_| given.is_in_place).unwrap_or(own);
+            let guess =
+                guessed.entry((name.into(), id)).or_insert_with(|| camera.told_by(&given.path, below));
             let [capture, patient, visit] = &*guess;
             json!({ "id": id, "name": given.name, "capture": capture, "patient": patient, "visit": visit })
         };

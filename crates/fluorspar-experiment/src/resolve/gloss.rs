@@ -5,8 +5,8 @@ use crate::error::Place;
 use crate::schema::GlossSection;
 use fluorspar::material::Coat;
 
-/// Longest length over which a film evens out relief, mm: about twice the capillary length of water.
-const MOST_SMOOTHING_MM: f64 = 5.0;
+/// Lengths over which a film evens out relief, mm: up to about twice the capillary length of water.
+const SMOOTHING_MM: [f64; 2] = [0.01, 5.0];
 
 /// The clear layer on a diffuse surface.
 pub(super) fn gloss(
@@ -21,7 +21,9 @@ pub(super) fn gloss(
     if roughness.max() <= 0.0 {
         return context.fail(&roughness_at, "must be above 0 and at most 1; 0.01 is mirror-like");
     }
-    let smoothing_mm =
-        context.within(&at.field("smoothing_mm"), gloss.smoothing_mm, [0.0, MOST_SMOOTHING_MM], "mm")?;
+    let smoothing_mm = match gloss.smoothing_mm {
+        0.0 => 0.0,
+        some => context.within(&at.field("smoothing_mm"), some, SMOOTHING_MM, "mm, or 0")?,
+    };
     Ok(Some(Coat { refractive_index: index as f32, roughness, smoothing_m: 1e-3 * smoothing_mm as f32 }))
 }

@@ -140,8 +140,8 @@ pub struct GlossSection {
     /// GGX roughness, 0.01 (mirror-like) to 1. Default 0.2 (assumed).
     #[serde(default = "mucosa_roughness")]
     pub roughness: TextureReference,
-    /// Length over which a liquid film evens out the relief of a mesh, mm, 0 to 5: it mirrors by a normal of its own, while the
-    /// surface below keeps its bumps. Default 0: it follows them.
+    /// Length over which a liquid film evens out the relief of a mesh, mm, 0.01 to 5: it mirrors by a normal of its own, while the
+    /// surface below keeps its bumps. Of the parts of a mixture the longest counts. Default 0: it follows them.
     #[serde(default)]
     pub smoothing_mm: f64,
 }

@@ -81,7 +81,6 @@ const choice = document.getElementById("live-capture");
 data.captures.forEach(({ name }, i) => choice.add(new Option(name, i, i === data.first, i === data.first)));
 choice.onchange = () => ((capture = data.captures[choice.value]), begin());
 document.getElementById("live-again").onclick = begin;
-unpack().then(() => {
+unpack().then(begin, () => (told.textContent = "This browser can't unpack the planes of light: it is older than 2023.")).then(() => {
   document.getElementById("live").hidden = false;
-  begin();
 });

@@ -105,7 +105,7 @@ impl FoundDesigns {
             |list: &[Numbered]| list.iter().filter_map(|design| design.number).collect::<Vec<u64>>();
         let (best, front) = (numbers(&results.best), numbers(&results.pareto_front));
         let told = told(&problem.space, &scores, &best, &front);
-        let drawn = drawn(&scores, told.len());
+        let drawn = drawn(&scores, problem.space.len(), told.len());
         let compared = compared(&problem)?;
         let seen = compared.iter().enumerate().filter(|(_, judged)| judged.merits.loss.is_finite());
         let beside = seen.map(|(place, judged)| of_judged(DesignKey::Compared(place), judged));
@@ -174,11 +174,14 @@ fn scores_beside(folder: &Path, problem: &PreparedProblem) -> BTreeMap<u64, Scor
 }
 
 /// Which designs are told, as a sentence.
-fn drawn(scores: &BTreeMap<u64, Score>, told: usize) -> String {
+fn drawn(scores: &BTreeMap<u64, Score>, all: u64, told: usize) -> String {
     let seen = scores.values().filter(|score| score.loss.is_finite()).count();
     match (scores.len(), seen) {
         (0, _) => "Drawn are the best, the front and those compared: the search kept no others.".into(),
         (_, seen) if seen > told => format!("Drawn are {told} of {seen} designs, in even steps by loss."),
+        (scored, _) if (scored as u64) < all => {
+            format!("Drawn are {seen} designs of the {scored} whose scores were kept, of {all}.")
+        }
         _ => format!("Drawn are all {seen} designs that keep to all limits."),
     }
 }

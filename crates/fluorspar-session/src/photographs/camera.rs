@@ -10,7 +10,7 @@ use fluorspar::study::Study;
 use fluorspar_experiment::{Experiment, resolve_captures};
 
 use super::known;
-use super::pairing::{KnownCapture, capture_of, person_of};
+use super::pairing::{KnownCapture, capture_of, person_told};
 use crate::analyze::{Regions, analyze_frames, read_raw};
 use crate::region_option::region_options;
 use crate::values::quoted;
@@ -73,17 +73,15 @@ impl PhotographCamera {
         parts
     }
 
-    /// Capture, person and visit of a frame, as [`analyze`] finds them for a folder: by its name or, of the capture, what it tells of itself; the
-    /// analyzed capture where nothing tells one.
-    ///
-    /// [`analyze`]: crate::analyze
-    pub fn told_by(&self, file: &Path) -> [String; 3] {
+    /// Capture, person and visit of a frame: by the folders between `below` and it, by its name or, of the capture, what it tells of itself;
+    /// the analyzed capture and no person where nothing tells one, so that frames of one visit stay together.
+    pub fn told_by(&self, file: &Path, below: &Path) -> [String; 3] {
         let captures: Vec<KnownCapture> = self.parsed.file.capture.iter().map(known).collect();
         let capture = capture_of(file, &captures).ok();
         let capture = capture.or_else(|| self.analyzed().map(str::to_owned));
         let capture =
             capture.or_else(|| self.captures().first().map(|name| (*name).to_owned())).unwrap_or_default();
-        let [patient, visit] = person_of(file, file.parent().unwrap_or(Path::new("")), &capture);
+        let [patient, visit] = person_told(file, below, &capture).unwrap_or_default();
         [capture, patient, visit]
     }
 

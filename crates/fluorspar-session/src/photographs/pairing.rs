@@ -138,20 +138,23 @@ fn capture_by_tags(path: &Path, captures: &[KnownCapture]) -> Result<String> {
     })
 }
 
-/// The name of a file without the word of its capture.
-fn rest_of_name(path: &Path, capture: &str) -> String {
+/// The name of a file without the word of its capture; `None` where it has no such word.
+fn rest_of_name(path: &Path, capture: &str) -> Option<String> {
     let stem = stem(path);
-    let Some(at) = word_in(&stem, capture) else { return stem };
+    let at = word_in(&stem, capture)?;
     let (before, after) = (&stem[..at], stem.get(at + capture.len()..).unwrap_or_default());
     let is_between = |c: char| !c.is_alphanumeric();
-    [before.trim_end_matches(is_between), after.trim_start_matches(is_between)]
-        .join("_")
-        .trim_matches('_')
-        .to_owned()
+    let rest = [before.trim_end_matches(is_between), after.trim_start_matches(is_between)].join("_");
+    Some(rest.trim_matches('_').to_owned())
 }
 
 /// Person and visit of a file: `sub-` and `ses-` of BIDS anywhere in its path, otherwise the folders around it, otherwise its name.
-pub(super) fn person_of(path: &Path, below: &Path, capture: &str) -> [String; 2] {
+fn person_of(path: &Path, below: &Path, capture: &str) -> [String; 2] {
+    person_told(path, below, capture).unwrap_or_else(|| [stem(path), "1".into()])
+}
+
+/// The same where more than a name that says nothing of its capture tells the person.
+pub(super) fn person_told(path: &Path, below: &Path, capture: &str) -> Option<[String; 2]> {
     let inner = path.strip_prefix(below).unwrap_or(path);
     let parts: Vec<String> = inner.iter().map(|part| part.to_string_lossy().into_owned()).collect();
     let labelled = |label: &str| {
@@ -161,7 +164,8 @@ pub(super) fn person_of(path: &Path, below: &Path, capture: &str) -> [String; 2]
     let folders = &parts[..parts.len().saturating_sub(1)];
     let patient = labelled("sub-").or_else(|| folders.first().cloned());
     let visit = labelled("ses-").or_else(|| folders.get(1).cloned());
-    [patient.unwrap_or_else(|| rest_of_name(path, capture)), visit.unwrap_or_else(|| "1".into())]
+    let patient = patient.or_else(|| rest_of_name(path, capture))?;
+    Some([patient, visit.unwrap_or_else(|| "1".into())])
 }
 
 /// The lines that the files of a folder are by themselves, and the files that are none.

@@ -94,7 +94,7 @@ impl WetVertices {
 }
 
 fn cell(position: Vec3, cell_m: f32) -> IVec3 {
-    (position / cell_m).floor().as_ivec3()
+    (position / cell_m).floor().clamp(Vec3::splat(-1e9), Vec3::splat(1e9)).as_ivec3()
 }
 
 #[cfg(test)]

@@ -12,6 +12,9 @@ use super::microfacet::{self, AlbedoTable, MIN_ROUGHNESS, TableCache, distributi
 use super::texture::ScalarTexture;
 use crate::sampling::warp;
 
+/// Least length over which a film evens out relief, m: a hundredth of a millimeter.
+const LEAST_SMOOTHING_M: f32 = 1e-5;
+
 /// A thin, clear, rough dielectric layer: saliva on mucosa, gloss of enamel.
 ///
 /// Microfacet reflection with the GGX distribution, height-correlated Smith shadowing and unpolarized Fresnel
@@ -23,7 +26,8 @@ pub struct Coat {
     /// GGX roughness alpha, 0.01 (mirror-like) to 1.
     pub roughness: ScalarTexture,
     /// Length over which a liquid layer evens out the relief of a mesh below it, m ([`film_normals`](crate::geometry::film_normals)):
-    /// it mirrors by its own normal. 0 where it follows the relief.
+    /// it mirrors by its own normal, and what it mirrors into the surface is lost. 0 where it follows the relief. Of the parts of a
+    /// mixture that have some, the longest counts.
     pub smoothing_m: f32,
 }
 
@@ -62,7 +66,7 @@ impl Coat {
 
     /// Checks index and smoothing; roughnesses are clamped.
     pub(super) fn check(&self) -> Result<(), MaterialError> {
-        if !(0.0..f32::INFINITY).contains(&self.smoothing_m) {
+        if self.smoothing_m != 0.0 && !(LEAST_SMOOTHING_M..f32::INFINITY).contains(&self.smoothing_m) {
             return Err(MaterialError::FilmSmoothing(self.smoothing_m));
         }
         let value = self.refractive_index;
@@ -88,7 +92,8 @@ pub struct Coated {
 /// white base below any coat reflects everything (Kelemen and Szirmay-Kalos 2001):
 /// `f_base = R (1 - E(i)) (1 - E(o)) / (pi (1 - E_mean))`. Fluorescence passes the coat alike, with the matrix in place
 /// of `R`. Reflectance and matrix are those of all light that the coat lets in: what it throws back inside is part of them. Where
-/// a film has a normal of its own, its angles are measured from that, those of the base from the normal below.
+/// a film has a normal of its own, its angles are measured from that, those of the base from the normal below, and a white base
+/// loses what the film mirrors into it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CoatAlbedo {
     refractive_index: f32,
@@ -134,6 +139,8 @@ const FLUORESCENT_ALBEDO: f32 = 0.25;
 pub(super) struct PreparedCoated {
     table: Arc<CoatAlbedo>,
     roughness: ScalarTexture,
+    /// Whether it is a film with a normal of its own, where its mesh has one.
+    is_film: bool,
     /// Largest reflectance of any band of the base, or a stand-in for one that fluoresces, at most 1; for choosing
     /// lobes. It does not depend on concentrations, so that changing them leaves all paths as they are.
     base_albedo: f32,
@@ -148,12 +155,18 @@ impl Coated {
         PreparedCoated {
             table: CoatAlbedo::shared(self.coat.refractive_index),
             roughness: self.coat.roughness.clone(),
+            is_film: self.coat.smoothing_m > 0.0,
             base_albedo: albedo.min(1.0),
         }
     }
 }
 
 impl PreparedCoated {
+    /// Whether the coat has a normal of its own where its mesh has a film.
+    pub(super) fn is_film(&self) -> bool {
+        self.is_film
+    }
+
     /// Refractive index of the coat.
     pub(super) fn refractive_index(&self) -> f32 {
         self.table.refractive_index()
@@ -224,7 +237,7 @@ impl CoatedBsdf<'_> {
 
     /// Draws a direction from the coat's lobe or by the cosine; `None` ends the path. A mirrored direction that points
     /// into the surface is absorbed by nothing: that light belongs to the base, whose share is computed from
-    /// [`CoatAlbedo`].
+    /// [`CoatAlbedo`]. Only what a leaning film mirrors into the surface is lost.
     #[inline]
     pub(super) fn sample(&self, choice: f32, u: [f32; 2]) -> Option<BsdfSample> {
         let incident = match choose_lobe(choice, self.cosine_probability) {

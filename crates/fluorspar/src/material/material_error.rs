@@ -28,7 +28,7 @@ pub enum MaterialError {
         range: &'static str,
     },
     /// A length that no film evens out.
-    #[error("the film evens out relief over {} m: give 0 or more", number_text((*.0).into()))]
+    #[error("the film evens out relief over {} m: give 0, or at least 1e-5", number_text((*.0).into()))]
     FilmSmoothing(f32),
     /// A transmittance beyond 0 to 1.
     #[error("the transmittance {} is not between 0 and 1", number_text(*.0))]

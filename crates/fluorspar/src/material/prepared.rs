@@ -238,6 +238,15 @@ impl PreparedMaterial {
         }
     }
 
+    /// The frame of the film on a surface, as far as the material has a film.
+    #[inline]
+    pub(crate) fn film(&self, on_surface: FilmFrame) -> FilmFrame {
+        match &self.scattering {
+            PreparedScattering::Coated(coated) if coated.is_film() => on_surface,
+            _ => FilmFrame::default(),
+        }
+    }
+
     /// Refractive index of the coat, of a material that has one.
     pub(crate) fn coat_index(&self) -> Option<f32> {
         match &self.scattering {

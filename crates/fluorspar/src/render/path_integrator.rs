@@ -366,9 +366,10 @@ impl CompiledScene {
     fn entry<'a>(&'a self, vertex: &ShadingPoint<'a>, spread: &Spread) -> Option<ShadingPoint<'a>> {
         let Entry::Elsewhere { point, material } = spread.entry else { return None };
         // Light leaves where it leaves, through the film there
-        let film = point.film_frame();
+        let material = &self.materials[material];
+        let film = material.film(point.film_frame());
         let outgoing = film.to_local(vertex.film.to_film(vertex.outgoing));
-        let bsdf = self.materials[material].bsdf(point.uv, point.front, outgoing, film, 0.0);
+        let bsdf = material.bsdf(point.uv, point.front, outgoing, film, 0.0);
         Some(ShadingPoint { point, outgoing, film, bsdf, light_normal: point.shading, ..*vertex })
     }
 
@@ -395,7 +396,7 @@ impl CompiledScene {
             point.apply_normal_map(map.at(point.uv), along, -view);
         }
         let outgoing = point.to_local(-view);
-        let film = point.film_frame();
+        let film = material.film(point.film_frame());
         let bsdf = material.bsdf(point.uv, point.front, outgoing, film, *least_alpha);
         let light_normal = if bsdf.transmits() { Vec3::ZERO } else { point.shading };
 

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::visible_points::VIEW_RAYS;
+use crate::material::FilmFrame;
 use crate::render::compiled_scene::CompiledScene;
 use crate::render::survival_probability::{BINS, Coarse};
 use crate::sampling::{SampleStream, warp};
@@ -31,7 +32,7 @@ pub(super) fn gain(scene: &CompiledScene) -> Coarse {
         let outermost = scene.object_material[hit.object];
         let chosen = scene.materials.choose(outermost, hit.uv, hit.front, &mut choice);
         let material = &scene.materials[chosen.index];
-        let bsdf = material.bsdf(hit.uv, hit.front, hit.to_local(-away), hit.film_frame(), 0.0);
+        let bsdf = material.bsdf(hit.uv, hit.front, hit.to_local(-away), FilmFrame::default(), 0.0);
         let coarse_terms = &scene.material_spectra[chosen.index].coarse_terms;
         material.term_weights(hit.uv, &bsdf, |index, weight| {
             sum.iter_mut().zip(&coarse_terms[index]).for_each(|(sum, value)| *sum += weight * value);
