@@ -374,6 +374,9 @@ mod tests {
         assert_eq!(told("photos/anna/march/IMG_1 ambient.dng"), are("anna", "march", "ambient"));
         assert_eq!(told("photos/sub-7/ses-2/photo/sub-7_ses-2_blue.tif"), are("7", "2", "blue"));
         assert_eq!(capture_by_name(Path::new("bluebell.dng"), &captures), None);
+        let person = |path: &str| person_told(Path::new(path), Path::new("photos"), "blue");
+        assert_eq!(person("photos/IMG_1.dng"), None);
+        assert_eq!(person("photos/P2/IMG_1.dng"), Some(["P2".to_owned(), "1".to_owned()]));
     }
 
     /// Two views of a visit have frames of their own names; an ambient frame that stands alone serves both.
