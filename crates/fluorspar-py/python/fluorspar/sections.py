@@ -1444,6 +1444,9 @@ class GlossSection(TypedDict, total=False):
     """Refractive index against air, 1 to 3. Default 1.4 (wet mucosa, assumed)."""
     roughness: TextureReference
     """GGX roughness, 0.01 (mirror-like) to 1. Default 0.2 (assumed)."""
+    smoothing_mm: float
+    """Length over which a liquid film evens out the relief of a mesh, mm, 0.01 to 5: it mirrors by a normal of its own, while
+    the surface below keeps its bumps. Of the parts of a mixture the longest counts. Default 0: it follows them."""
 
 
 class MetalIndex(TypedDict, total=False):

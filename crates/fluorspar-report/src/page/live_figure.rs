@@ -63,9 +63,11 @@ fn data_of(view: &LiveView, first: Option<&str>) -> Value {
     })
 }
 
-/// Largest rate of a plane: halves reach from 6e-8 to 65504, and noisy spectra of few samples may be below zero.
+/// What the largest rate of a plane is the largest half of: halves of full precision reach from 6e-5 to 65504, mirrored lamps are that much
+/// brighter than what is seen around them, and noisy spectra of few samples may be below zero.
 fn scale(plane: &LivePlane) -> f32 {
-    plane.rates.iter().map(|rate| rate.abs()).fold(f32::MIN_POSITIVE, f32::max)
+    const LARGEST: f32 = 6e4;
+    plane.rates.iter().map(|rate| rate.abs()).fold(LARGEST * f32::MIN_POSITIVE, f32::max) / LARGEST
 }
 
 fn plane(plane: &LivePlane) -> Value {
