@@ -480,6 +480,7 @@ mod tests {
             white: 1000.0,
         };
         let plane = LivePlane {
+            is_multiple: false,
             response: 0,
             group: 0,
             fluorophore: Some(name.into()),

@@ -16,11 +16,19 @@ let capture = data.captures[data.first];
 let now = {};
 const encode = (x) => Math.round(255 * (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055));
 
+/** Factor on light of a group that fluoresced twice: the square of that on all its light that fluoresced once. */
+function again(group) {
+  const once = data.planes.filter((plane) => plane.group === group && plane.fluorophore !== null);
+  const light = once.filter(({ response }) => response === once[0].response).map(({ fluorophore, rates }) => [rates.reduce((a, b) => a + b, 0), now.concentrations[fluorophore]]);
+  const before = light.reduce((sum, [rate]) => sum + rate, 0);
+  return before > 0 ? (light.reduce((sum, [rate, factor]) => sum + rate * factor, 0) / before) ** 2 : 1;
+}
+
 /** Sums of the planes with drives, [channel][pixel], e-/s. */
 function sum(drives) {
   const rates = new Float32Array(pixels * data.channels);
-  for (const { response, group, fluorophore, rates: own } of data.planes) {
-    const factor = drives[group] * (fluorophore === null ? 1 : now.concentrations[fluorophore]);
+  for (const { response, group, fluorophore, is_multiple, rates: own } of data.planes) {
+    const factor = drives[group] * (is_multiple ? again(group) : fluorophore === null ? 1 : now.concentrations[fluorophore]);
     if (response !== capture.response || factor === 0) continue;
     for (let i = 0; i < rates.length; i++) rates[i] += factor * own[i];
   }

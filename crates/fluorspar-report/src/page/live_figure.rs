@@ -75,6 +75,7 @@ fn plane(plane: &LivePlane) -> Value {
         "response": plane.response,
         "group": plane.group,
         "fluorophore": plane.fluorophore,
+        "is_multiple": plane.is_multiple,
         "scale": scale(plane),
     })
 }

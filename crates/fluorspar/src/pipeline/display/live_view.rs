@@ -28,6 +28,8 @@ pub struct LivePlane {
     pub group: usize,
     /// The fluorophore whose concentration it follows; `None` of all other light.
     pub fluorophore: Option<String>,
+    /// Light that fluoresced more than once: it follows the square of the mean factor on light that fluoresced once, as captures have it.
+    pub is_multiple: bool,
     /// `[channel][row][col]`, e-/s: red, green and blue, or one channel.
     pub rates: Vec<f32>,
 }
@@ -71,6 +73,7 @@ struct Part {
     response: usize,
     group: usize,
     fluorophore: Option<String>,
+    is_multiple: bool,
     rate: ElectronRate,
 }
 
@@ -109,6 +112,7 @@ impl LiveView {
             response: part.response,
             group: part.group,
             fluorophore: part.fluorophore,
+            is_multiple: part.is_multiple,
             rates: shown.iter().flat_map(|channel| in_blocks(sensor, &part.rate, *channel, size)).collect(),
         });
         let planes = planes.collect();
@@ -159,15 +163,19 @@ fn parts(sensor: &Sensor, seen: &SeenComponents<'_>, groups: &[String]) -> Resul
                     continue;
                 }
                 alone.push(fluorophore.clone());
-                parts.push(Part { response, group, fluorophore: Some(fluorophore.clone()), rate });
+                let fluorophore = Some(fluorophore.clone());
+                parts.push(Part { response, group, fluorophore, is_multiple: false, rate });
             }
             let is_other = |component: &Component| match &component.light {
                 LightPath::Fluorescence(name) => !alone.contains(name),
-                _ => true,
+                LightPath::MultipleFluorescence => false,
+                LightPath::Reflected => true,
             };
-            let rate = rate_of(&is_other)?;
-            if total(&rate) > 0.0 {
-                parts.push(Part { response, group, fluorophore: None, rate });
+            let multiple = rate_of(&|component| component.light == LightPath::MultipleFluorescence)?;
+            for (rate, is_multiple) in [(rate_of(&is_other)?, false), (multiple, true)] {
+                if total(&rate) > 0.0 {
+                    parts.push(Part { response, group, fluorophore: None, is_multiple, rate });
+                }
             }
         }
     }
