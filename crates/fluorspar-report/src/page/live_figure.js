@@ -10,7 +10,10 @@ async function unpack() {
   const bytes = new Uint8Array(await new Response(packed.stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer());
   const length = pixels * data.channels;
   const value = (at) => half((bytes[at] << 8) | bytes[bytes.length / 2 + at]);
-  data.planes.forEach((plane, k) => (plane.rates = Float32Array.from({ length }, (_, i) => value(k * length + i) * plane.scale)));
+  data.planes.forEach((plane, k) => {
+    plane.rates = Float32Array.from({ length }, (_, i) => value(k * length + i) * plane.scale);
+    plane.light = plane.rates.reduce((a, b) => a + b, 0);
+  });
 }
 let capture = data.captures[data.first];
 let now = {};
@@ -19,9 +22,10 @@ const encode = (x) => Math.round(255 * (x <= 0.0031308 ? 12.92 * x : 1.055 * x *
 /** Factor on light of a group that fluoresced twice: the square of that on all its light that fluoresced once. */
 function again(group) {
   const once = data.planes.filter((plane) => plane.group === group && plane.fluorophore !== null);
-  const light = once.filter(({ response }) => response === once[0].response).map(({ fluorophore, rates }) => [rates.reduce((a, b) => a + b, 0), now.concentrations[fluorophore]]);
-  const before = light.reduce((sum, [rate]) => sum + rate, 0);
-  return before > 0 ? (light.reduce((sum, [rate, factor]) => sum + rate * factor, 0) / before) ** 2 : 1;
+  const seen = once.filter(({ response }) => response === once[0].response);
+  const before = seen.reduce((sum, { light }) => sum + light, 0);
+  const after = seen.reduce((sum, { light, fluorophore }) => sum + light * now.concentrations[fluorophore], 0);
+  return before > 0 ? (after / before) ** 2 : 1;
 }
 
 /** Sums of the planes with drives, [channel][pixel], e-/s. */
