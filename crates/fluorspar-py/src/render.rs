@@ -104,7 +104,7 @@ fn finished(experiment: &Bound<'_, Experiment>, film: Film, threads: Option<usiz
     let image = work_through(py, threads, || {
         let mut image = film.into_image();
         // As `run` and the files of a run have it
-        image.round_to_24_bits();
+        image.round_as_stored();
         image
     })?;
     let provenance = Provenance::new(

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use fluorspar::image::{
-    ChannelPlanes, ComponentFactors, ComponentImage, ComponentRows, ExcitationImage, PreparedRows, RelitRows,
-    SpectralBasis, StoredBands,
+    ChannelPlanes, ComponentBases, ComponentFactors, ComponentImage, ComponentRows, ExcitationImage,
+    PreparedRows, RelitRows, SpectralBasis,
 };
 use fluorspar::interruption::end_if_interrupted;
 use fluorspar::light::Light;
@@ -376,7 +376,7 @@ impl FinishedRender {
     }
 
     /// The bases of the spectra; light under another spectrum comes with all its bands.
-    fn bases_under(&self, changes: &SceneChanges<'_>) -> StoredBands {
+    fn bases_under(&self, changes: &SceneChanges<'_>) -> ComponentBases {
         let is_relit = |component: usize| changes.relit.get(component).is_some_and(Option::is_some);
         let own = self.labels().bases.iter().enumerate();
         own.map(|(component, basis)| basis.clone().filter(|_| !is_relit(component))).collect()
@@ -388,8 +388,8 @@ impl FinishedRender {
         captures.iter().any(|capture| capture.frame.drive(group) != 0.0)
     }
 
-    /// Channel planes under other lights: new ones of the components that these change; of the others those that the file holds for
-    /// the same camera, where it does.
+    /// Channel planes under other lights: new ones of the components that these change; of the others those that the same
+    /// camera had before.
     fn relit_planes(
         &self,
         study: &Study,
@@ -409,9 +409,11 @@ impl FinishedRender {
         let mut all = Vec::with_capacity(responses.len());
         for (number, response) in responses.iter().enumerate() {
             // The same captures share responses before and after
-            let old = rendered.responses.get(number);
-            let held = old.map(|old| self.stored_planes(old, |component| self.is_lit(component, captures)));
-            let held = held.transpose()?.flatten();
+            let is_same =
+                |component: usize| rows.relit[component].is_none() && self.is_lit(component, captures);
+            let old = rendered.responses.get(number).map(std::slice::from_ref);
+            let held = old.map(|old| self.planes(old, |_, component| is_same(component))).transpose()?;
+            let held = held.and_then(|held| held.into_iter().next());
             let is_new = |component: usize| held.is_none() || rows.relit[component].is_some();
             // Of components that the basis gives, few spectra pass the camera; a lens that mixes pixels needs all bands
             let is_short = |component: usize| response.is_local() && rows.relit[component].is_some();
@@ -439,18 +441,6 @@ impl FinishedRender {
         Ok(all)
     }
 
-    /// Channel planes that a component file holds for a camera.
-    fn stored_planes(
-        &self,
-        response: &FilmResponse,
-        is_wanted: impl Fn(usize) -> bool,
-    ) -> Result<Option<ChannelPlanes>> {
-        match &self.spectra {
-            Spectra::File(file, _) => Ok(file.planes(response.camera(), is_wanted)?),
-            Spectra::Memory(_) => Ok(None),
-        }
-    }
-
     /// Whether what lies at the place of the file is what was opened: the cache on the disk knows files by name and time.
     fn is_as_opened(&self) -> bool {
         match &self.spectra {
@@ -469,10 +459,8 @@ impl FinishedRender {
         if let Some(formed) = kept.and_then(|kept| kept.get(response)) {
             return Ok(formed);
         }
-        let found = match (self.stored_planes(response, &is_wanted)?, self.planes.on_disk()) {
-            (None, Some(cached)) if self.is_as_opened() => cached.get(response, &is_wanted),
-            (stored, _) => stored,
-        };
+        let on_disk = self.planes.on_disk().filter(|_| self.is_as_opened());
+        let found = on_disk.and_then(|cached| cached.get(response, &is_wanted));
         let Some(planes) = found else { return Ok(FormedPlanes::none(response)) };
         let found = FormedPlanes { formed: (0..planes.components).map(is_wanted).collect(), planes };
         kept.into_iter().for_each(|kept| kept.put(found.clone()));

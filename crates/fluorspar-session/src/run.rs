@@ -138,19 +138,20 @@ pub fn run(options: &RunOptions, job: &Job) -> Result<FinishedExperiment> {
         "Rendered in {:.1} s. Developing frames, writing images, figures and report",
         (started.elapsed() - prepared).as_secs_f64()
     ));
-    components.round_to_24_bits();
+    components.round_as_stored();
 
     // What took the time is kept whatever becomes of the rest
-    let planes = planes(study, &components);
-    let held = planes.as_ref().map_or(&[][..], |planes| planes.planes.as_slice());
-    let kept = (held, basis.as_ref());
     let write = || {
         let _writing = job.listener.begin_writing(Path::new("components.exr"));
-        write_run_components(folder.path(), &experiment, &source.text, &components, kept)
+        write_run_components(folder.path(), &experiment, &source.text, &components, basis.as_ref())
     };
-    let (written, evaluated) = rayon::join(write, || match &planes {
-        Some(planes) => evaluate_from_planes(study, &components, Some(planes)),
-        None => evaluate(study, &components),
+    let (written, (planes, evaluated)) = rayon::join(write, || {
+        let planes = planes(study, &components);
+        let evaluated = match &planes {
+            Some(planes) => evaluate_from_planes(study, &components, Some(planes)),
+            None => evaluate(study, &components),
+        };
+        (planes, evaluated)
     });
     written.map_err(|error| Error::from(error).at_its_place(&folder))?;
     let results = evaluated.map_err(Error::from).and_then(|evaluation| {

@@ -285,7 +285,7 @@ pub(crate) fn rendered(study: &Study, experiment: Experiment, job: &Job) -> Resu
     if job.is_interrupted() {
         return Err(stopped());
     }
-    image.round_to_24_bits();
+    image.round_as_stored();
     let render = FinishedRender::of_image(Arc::new(image), Some(Arc::new(experiment)));
     Ok(match basis {
         Some(basis) => render.with_basis(basis),

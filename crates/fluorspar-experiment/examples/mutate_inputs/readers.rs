@@ -4,13 +4,12 @@ use std::error::Error;
 use std::fs;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use fluorspar::geometry::TriangleMesh;
 use fluorspar::image::{
-    BasisComponent, ChannelPlanes, Component, ComponentImage, ComponentRows, ExcitationImage, FeatureMaps,
-    GroupBasis, LightPath, Mosaic, SensorImage, SpectralImage,
+    BasisComponent, Component, ComponentImage, ComponentRows, ExcitationImage, FeatureMaps, GroupBasis,
+    LightPath, Mosaic, SensorImage, SpectralImage,
 };
 use fluorspar::render::{Checkpoint, FilmRenderer, RenderControl, RenderSettings, Share};
 use fluorspar::spectral::{ExcitationNodes, Radiance, WavelengthGrid};
@@ -212,15 +211,13 @@ fn cubes(subjects: &mut Subjects) -> Outcome<()> {
     Ok(())
 }
 
-/// Component images as captures read them: part by part, in the form of a run and in that of `--storage half`, with the channel planes
-/// of a camera and an excitation basis.
+/// Component images as captures read them: part by part, in the form of a run and in that of `--storage half`, with an
+/// excitation basis.
 fn component_files(subjects: &mut Subjects) -> Outcome<()> {
     let (width, height) = (3, 18);
     let components = vec![Component::of_group("blue", LightPath::Reflected)];
     let mut image = ComponentImage::zeros(grid()?, width, height, components);
     image.data.iter_mut().enumerate().for_each(|(i, value)| *value = (i as f32 * 0.37).sin().exp());
-    let mut planes = [ChannelPlanes::dark([width, height], 1, 2, "c".into())];
-    planes[0].data = Arc::new((0..planes[0].data.len()).map(|i| i as f32).collect());
     let component = BasisComponent {
         light: LightPath::Reflected,
         spectra: vec![0.1, 0.2],
@@ -241,12 +238,9 @@ fn component_files(subjects: &mut Subjects) -> Outcome<()> {
         ("component EXR by part, 24 bits", ExrCompression::Rounded24),
         ("component EXR by part, 16 bits", ExrCompression::Half),
     ] {
-        let options =
-            ExrOptions { compression, planes: &planes, excitation: Some(&excitation), ..Default::default() };
+        let options = ExrOptions { compression, excitation: Some(&excitation), ..Default::default() };
         let by_part = |file: format::ComponentFile| {
-            file.map_rows(|_| true, |_, _, lines| lines.len()).is_ok()
-                && file.planes("c", |_| true).is_ok()
-                && file.excitation_basis().is_ok()
+            file.map_rows(|_| true, |_, _, lines| lines.len()).is_ok() && file.excitation_basis().is_ok()
         };
         let write = |path: &Path| format::write_component_exr(path, &image, &options);
         subjects.written(name, "i.exr", write, move |path| {

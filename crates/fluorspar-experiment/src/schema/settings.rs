@@ -94,8 +94,8 @@ pub struct RenderSection {
     /// groups whose light lies there are kept apart by excitation wavelength, so that `capture` and `analyze` follow a change
     /// of their spectrum, filters and power. Default: none.
     pub excitation_basis_nm: Option<[f64; 2]>,
-    /// Bands in which each component is kept: `basis`, those from which all others follow to some tenths of a percent, in a seventh of the values,
-    /// or `all`. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default `basis`.
+    /// How the spectra of each component are kept: `basis`, coefficients from which all bands follow to a tenth of a percent, in a seventh of
+    /// the values, or `all` bands. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default `basis`.
     #[serde(skip_serializing_if = "is_basis")]
     pub component_bands: ComponentBands,
     /// Mirror light that was scattered before no sharper than a roughness of 0.2 would, as pbrt's integrator does by the same name: few

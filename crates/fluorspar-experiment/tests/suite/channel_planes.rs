@@ -137,7 +137,7 @@ fn factors_are_those_of_drives_and_masks() {
     let mut factors = ComponentFactors::ones(image.components.len());
     for (number, component) in image.components.iter().enumerate() {
         let LightPath::Fluorescence(name) = &component.light else { continue };
-        let stored = image.stored_bands(number).max(1);
+        let stored = image.values_per_pixel(number).max(1);
         let values = changed.stored_mut(number);
         match name.as_str() {
             "elastin" => {

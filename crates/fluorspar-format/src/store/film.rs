@@ -1,7 +1,8 @@
 //! Films: the exact sums of a render, to resume, extend and merge it.
 //!
 //! Little-endian. `FLSPFILM`, format (u32), length of the header (u64), header (JSON), feature maps as raw numbers, then
-//! one record per tile that holds samples: for every plane the bytes per integer (u8) and the integers, `[pixel][band]`,
+//! one record per tile that holds samples: for every plane the bytes per integer (u8; 128 more where they have a sign) and the integers,
+//! `[pixel][band]`,
 //! then a checksum (u64).
 
 use std::fs::File;
@@ -18,12 +19,14 @@ use super::output::write_atomically;
 use crate::image::basis_text::BasisText;
 use crate::{FileFormat, FormatError, Loaded, Provenance};
 use fluorspar::image::film::film_bytes;
-use fluorspar::image::{Component, FeatureMaps, Film, FilmLayout, StatisticsKind, StoredBands, View};
+use fluorspar::image::{Component, ComponentBases, FeatureMaps, Film, FilmLayout, StatisticsKind, View};
 use fluorspar::spectral::WavelengthGrid;
 
 pub(crate) const MAGIC: &[u8; 8] = b"FLSPFILM";
 /// Largest film that is read, bytes in memory.
 const MAX_FILM_BYTES: u64 = 1 << 40;
+/// Flag of planes with negative integers, beside the bytes per integer: two's complement.
+const SIGNED: u8 = 0x80;
 const MAX_HEADER_BYTES: u64 = 1 << 28;
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -98,10 +101,13 @@ pub fn write_film(path: &Path, film: &Film, provenance: Option<&Provenance>) -> 
             let used = &sums[..tile.pixels() * pixel_len];
             for plane in planes_of(layout) {
                 let values = || used.chunks(pixel_len).flat_map(|pixel| pixel[plane.clone()].iter().copied());
-                let most = values().max().unwrap_or(0);
-                let width = 8 - most.leading_zeros() as usize / 8;
+                // Bits of the value, and of its sign where any is negative
+                let magnitude = |value: u64| value ^ ((value as i64) >> 63) as u64;
+                let most = values().map(magnitude).max().unwrap_or(0);
+                let is_signed = values().any(|value| (value as i64) < 0);
+                let width = (64 - most.leading_zeros() as usize + usize::from(is_signed)).div_ceil(8);
                 record.clear();
-                record.push(width as u8);
+                record.push(width as u8 | if is_signed { SIGNED } else { 0 });
                 values().for_each(|value| record.extend_from_slice(&value.to_le_bytes()[..width]));
                 writer.write_all(&record)?;
             }
@@ -212,14 +218,14 @@ fn open(path: &Path) -> Result<Opened, FormatError> {
     let grid = WavelengthGrid::from_edges(&header.wavelength_edges_nm).map_err(|e| damaged(e.to_string()))?;
     check_image_size(path, header.width as u64, header.height as u64, 1, MAX_FILM_BYTES)?;
     let bases = std::mem::take(&mut header.bases).into_iter();
-    let bases: Option<StoredBands> = bases
+    let bases: Option<ComponentBases> = bases
         .map(|text| match text {
             None => Some(None),
             Some(text) => text.basis(grid.len()).map(|basis| Some(Arc::new(basis))),
         })
         .collect();
     let count = header.components.len();
-    let fits = |bases: &StoredBands| {
+    let fits = |bases: &ComponentBases| {
         bases.is_empty() || (bases.len() == count && header.statistics == StatisticsKind::None)
     };
     let bases =
@@ -298,8 +304,8 @@ fn read(path: &Path, tile_rows: Option<Range<usize>>) -> Result<Loaded<Film>, Fo
         for plane in &planes {
             let mut width = [0];
             reader.read_exact(&mut width).map_err(failed)?;
-            let width = usize::from(width[0]);
-            if width > 8 {
+            let (width, is_signed) = (usize::from(width[0] & !SIGNED), width[0] & SIGNED != 0);
+            if width > 8 || (is_signed && width == 0) {
                 return Err(damaged(format!("a plane of {width} bytes per integer")));
             }
             bytes.resize(task.tile.rows * task.tile.cols * plane.len() * width, 0);
@@ -313,6 +319,10 @@ fn read(path: &Path, tile_rows: Option<Range<usize>>) -> Result<Loaded<Film>, Fo
                     let mut word = [0; 8];
                     word[..width].copy_from_slice(packed);
                     *value = u64::from_le_bytes(word);
+                    if is_signed {
+                        let above = 64 - 8 * width as u32;
+                        *value = ((*value << above) as i64 >> above) as u64;
+                    }
                 }
             }
         }

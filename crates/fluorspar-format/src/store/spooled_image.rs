@@ -64,7 +64,7 @@ impl SpooledImage {
         })
     }
 
-    /// Adds rows of one of the images, `[row][col][stored band]`.
+    /// Adds rows of one of the images, `[row][col][coefficient]`.
     ///
     /// # Errors
     /// Rows that do not fill the width or lie outside of the image, a full disk.

@@ -9,8 +9,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use fluorspar::image::{
-    BasisComponent, ChannelPlanes, Component, ComponentImage, ExcitationImage, FeatureMaps, Film, FilmLayout,
-    GroupBasis, LightPath, Mosaic, SensorImage, SpectralImage, StatisticsKind,
+    BasisComponent, Component, ComponentImage, ExcitationImage, FeatureMaps, Film, FilmLayout, GroupBasis,
+    LightPath, Mosaic, SensorImage, SpectralImage, StatisticsKind,
 };
 use fluorspar::spectral::{ExcitationNodes, Radiance, WavelengthGrid};
 use fluorspar_format::{
@@ -141,12 +141,11 @@ fn component_images_of_every_format_are_read() {
     }
 }
 
-/// Channel planes and excitation basis, which stand beside the components of a run.
+/// The excitation basis, which stands beside the components of a run. Earlier programs put channel planes there too, which are
+/// passed over.
 #[test]
-fn planes_and_bases_of_every_format_are_read() {
+fn excitation_bases_of_every_format_are_read() {
     let image = components();
-    let mut planes = ChannelPlanes::dark([3, 2], 2, 3, "a camera".into());
-    planes.data_mut().iter_mut().enumerate().for_each(|(i, value)| *value = i as f32 * 0.25);
     let reflected = BasisComponent {
         light: LightPath::Reflected,
         spectra: vec![0.5, 0.25],
@@ -165,12 +164,10 @@ fn planes_and_bases_of_every_format_are_read() {
     };
     for version in 1..=FileFormat::COMPONENT_IMAGE.version() {
         let path = fixture("planes", version, "exr", &FileFormat::COMPONENT_IMAGE, |path| {
-            let of_camera = std::slice::from_ref(&planes);
-            let options = ExrOptions { planes: of_camera, excitation: Some(&basis), ..Default::default() };
+            let options = ExrOptions { excitation: Some(&basis), ..Default::default() };
             write_component_exr(path, &image, &options)
         });
         let stored = ComponentFile::open(&path).unwrap();
-        assert_eq!(stored.planes("a camera", |_| true).unwrap(), Some(planes.clone()), "format {version}");
         assert_eq!(stored.excitation_basis().unwrap(), Some(basis.clone()), "format {version}");
         assert_eq!(stored.read().unwrap().image, image, "format {version}");
     }

@@ -10,7 +10,7 @@ use std::thread;
 use std::time::Duration;
 
 use fluorspar::image::{
-    ChannelPlanes, Component, ComponentImage, ComponentRows, FeatureMaps, LightPath, Mosaic, SensorImage,
+    Component, ComponentImage, ComponentRows, FeatureMaps, LightPath, Mosaic, Projection, SensorImage,
     SpectralBasis, SpectralImage, View,
 };
 use fluorspar::spectral::{Irradiance, Quantity, Radiance, Reflectance, WavelengthGrid};
@@ -112,26 +112,22 @@ fn round_trip_exr<Q: Quantity + std::fmt::Debug + PartialEq>() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else is left behind");
 }
 
-/// Labels and feature maps, rows of some components, and channel planes, each by itself, are those of the whole image.
+/// Labels and feature maps, and rows of some components, each by itself, are those of the whole image.
 #[test]
 fn component_images_are_read_part_by_part() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("c.exr");
     let image = components();
-    let mut planes = ChannelPlanes::dark([5, 3], 3, 12, "a camera".into());
-    planes.data_mut().iter_mut().enumerate().for_each(|(i, value)| *value = 0.1 + i as f32);
-    let other = ChannelPlanes { camera: "another".into(), ..planes.clone() };
-    let (both, provenance) = ([planes.clone(), other], provenance());
+    let provenance = provenance();
     let rounded = {
         let mut rounded = image.clone();
-        rounded.round_to_24_bits();
+        rounded.round_as_stored();
         rounded
     };
     for (compression, stored) in
         [(ExrCompression::Zip, &image), (ExrCompression::Rounded24, &rounded), (ExrCompression::Half, &image)]
     {
-        let options =
-            ExrOptions { compression, provenance: Some(&provenance), planes: &both, ..Default::default() };
+        let options = ExrOptions { compression, provenance: Some(&provenance), ..Default::default() };
         write_component_exr(&path, &image, &options).unwrap();
         let whole = read_component_exr(&path).unwrap().image;
         let file = ComponentFile::open(&path).unwrap();
@@ -154,20 +150,7 @@ fn component_images_are_read_part_by_part() {
         if compression != ExrCompression::Half {
             assert_eq!(&whole, stored);
         }
-        assert_eq!(
-            file.planes("a camera", |_| true).unwrap().as_ref(),
-            Some(&planes),
-            "planes keep all bits"
-        );
-        let one = file.planes("a camera", |component| component == 1).unwrap().unwrap();
-        assert_eq!(one.plane(1, 0), planes.plane(1, 0));
-        assert!(one.plane(0, 0).iter().all(|value| *value == 0.0), "what is not wanted stays dark");
-        assert_eq!(file.planes("a third", |_| true).unwrap(), None);
     }
-    let wrong = [ChannelPlanes::dark([5, 3], 2, 12, String::new())];
-    let options = ExrOptions { planes: &wrong, ..Default::default() };
-    let said = said(folder.path(), write_component_exr(&path, &image, &options));
-    assert!(said.contains("the channel planes do not fit the components"), "{said}");
     // The other form has no parts: it is read whole.
     let path = folder.path().join("c.npy");
     write_component_npy(&path, &image, Some(&provenance)).unwrap();
@@ -175,31 +158,40 @@ fn component_images_are_read_part_by_part() {
     assert_eq!(file.labels().data, image.data);
     let rows = file.map_rows(|component| component == 1, |_, row, _| row).unwrap();
     assert_eq!(rows.len(), 3);
-    assert_eq!(file.planes("a camera", |_| true).unwrap(), None);
 }
 
-/// A component with all bands, one of which two bands are stored, and one without light.
-fn with_bases() -> ComponentImage {
+/// A component with all bands, one on a basis of two spectra, and one without light.
+fn with_bases(projection: &Projection) -> ComponentImage {
     let mut image = components();
-    let basis = |stored: Vec<usize>, spectra: Vec<f32>| {
-        Some(Arc::new(SpectralBasis::new(stored, spectra, 4, 1e-3).unwrap()))
-    };
+    let basis =
+        |spectra: Vec<f32>| Some(Arc::new(SpectralBasis::new(spectra, projection.clone(), 4, 1e-3).unwrap()));
     let spectra = vec![1.0, 0.5, 0.0, 0.25, 0.0, 0.75, 1.0, -0.125];
-    image.bases = vec![None, basis(vec![0, 2], spectra), basis(Vec::new(), Vec::new())];
+    image.bases = vec![None, basis(spectra), basis(Vec::new())];
     let values = image.stored_values();
     image.data.truncate(values);
     image
 }
 
 #[test]
-fn components_of_few_bands_come_back() {
+fn components_on_a_basis_come_back() {
+    components_come_back(&with_bases(&Projection::Weights(vec![1.0, 2.0, 0.5, 0.0])));
+}
+
+/// As earlier programs wrote them.
+#[test]
+fn components_of_some_bands_come_back() {
+    let mut image = with_bases(&Projection::Bands(vec![0, 2]));
+    image.bases[2] = SpectralBasis::new(Vec::new(), Projection::Bands(Vec::new()), 4, 1e-3).map(Arc::new);
+    components_come_back(&image);
+}
+
+fn components_come_back(image: &ComponentImage) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("c.exr");
-    let image = with_bases();
     assert_eq!(image.data.len(), 15 * (4 + 2));
     for compression in [ExrCompression::Uncompressed, ExrCompression::Zip, ExrCompression::Rounded24] {
         let options = ExrOptions { compression, ..Default::default() };
-        write_component_exr(&path, &image, &options).unwrap();
+        write_component_exr(&path, image, &options).unwrap();
         let whole = read_component_exr(&path).unwrap().image;
         let file = ComponentFile::open(&path).unwrap();
         assert_eq!((&whole.bases, &file.labels().bases), (&image.bases, &image.bases));
@@ -211,7 +203,7 @@ fn components_of_few_bands_come_back() {
         let rows = file.map_rows(|_| true, |_, _, lines| lines.to_vec()).unwrap();
         assert_eq!(rows.len(), 9);
         for (component, row, lines) in rows {
-            let bands = whole.stored_bands(component);
+            let bands = whole.values_per_pixel(component);
             assert_eq!(lines.len(), 5 * bands);
             for (index, value) in lines.iter().enumerate() {
                 assert_eq!(*value, whole.stored(component)[(row * 5 + index % 5) * bands + index / 5]);
@@ -220,22 +212,36 @@ fn components_of_few_bands_come_back() {
     }
     // As an array, which has all bands of all
     let array = folder.path().join("c.npy");
-    write_component_npy(&array, &image, None).unwrap();
+    write_component_npy(&array, image, None).unwrap();
     let read = read_component_image(&array).unwrap().image;
     assert_eq!((read.bases.len(), read.data.as_slice()), (0, &*image.all_values()));
     assert_eq!(read.component(1)[..4], *image.spectrum(1, 0));
-    // A band more than the channels have
-    let text = String::from_utf8_lossy(&fs::read(&path).unwrap()).into_owned();
-    assert!(text.contains(r#"{"stored":[0,2]"#));
-    let bytes = fs::read(&path).unwrap();
-    let at = bytes.windows(5).position(|part| part == b"[0,2]").unwrap();
-    for (other, reason) in [(b"[2,0]", "is damaged"), (b"[0,3]", "does not fit")] {
-        let mut bytes = bytes.clone();
-        bytes[at..at + 5].copy_from_slice(other);
+}
+
+#[test]
+fn damaged_bases_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.exr");
+    let image = |projection| ComponentImage {
+        bases: with_bases(&projection).bases[..2].to_vec(),
+        ..with_bases(&projection)
+    };
+    let refusal = |projection: Projection, from: &[u8], to: &[u8]| {
+        let mut image = image(projection);
+        image.components.pop();
+        write_component_exr(&path, &image, &ExrOptions::default()).unwrap();
+        let mut bytes = fs::read(&path).unwrap();
+        let at = bytes.windows(from.len()).position(|part| part == from).unwrap();
+        bytes[at..at + to.len()].copy_from_slice(to);
         fs::write(&path, bytes).unwrap();
-        let said = said(folder.path(), read_component_exr(&path));
-        assert!(said.contains(reason), "{said}");
-    }
+        said(folder.path(), read_component_exr(&path))
+    };
+    let bands = || Projection::Bands(vec![0, 2]);
+    assert!(refusal(bands(), b"[0,2]", b"[2,0]").contains("is damaged"));
+    assert!(refusal(bands(), b"[0,2]", b"[0,3]").contains("does not fit"));
+    let weights = || Projection::Weights(vec![1.0; 4]);
+    assert!(refusal(weights(), b"c0001", b"d0001").contains("not all of the 2 coefficients"));
+    assert!(refusal(weights(), b"\"weights\":\"AA", b"\"weights\":\"A*").contains("is damaged"));
 }
 
 /// Rows of 24-bit values have a decoder of their own: over several blocks, the last of which is not full, with what deflate makes

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use fluorspar::analysis::{Analysis, RegionError};
 use fluorspar::findings::{Finding, findings, region_findings};
-use fluorspar::image::{ChannelPlanes, ComponentImage, ExcitationImage, SpectralImage};
+use fluorspar::image::{ComponentImage, ExcitationImage, SpectralImage};
 use fluorspar::pipeline::{AnalyzedRegion, Evaluation, frame_radiance, radiance_preview};
 use fluorspar::spectral::Radiance;
 use fluorspar_experiment::ResolvedExperiment;
@@ -50,7 +50,7 @@ pub enum RunFolderError {
 }
 
 /// Writes what the render of a run gave: `experiment.toml` and `components.exr`, from which everything else can be made, with the
-/// channel planes of its captures and the excitation basis, if there are some.
+/// excitation basis, if there is one.
 ///
 /// # Errors
 /// A folder or file that can't be written.
@@ -59,7 +59,7 @@ pub fn write_run_components(
     experiment: &ResolvedExperiment,
     experiment_text: &str,
     components: &ComponentImage,
-    kept: (&[ChannelPlanes], Option<&ExcitationImage>),
+    excitation: Option<&ExcitationImage>,
 ) -> Result<(), RunFolderError> {
     fs::create_dir_all(folder)
         .map_err(|source| RunFolderError::Folder { path: folder.to_path_buf(), source })?;
@@ -70,8 +70,7 @@ pub fn write_run_components(
         compression: ExrCompression::Rounded24,
         preview: Some(&shown),
         provenance: Some(&provenance),
-        planes: kept.0,
-        excitation: kept.1,
+        excitation,
     };
     write_text(&folder.join("experiment.toml"), &experiment.record.resolved_toml)?;
     write_component_exr(&folder.join("components.exr"), components, &options)?;

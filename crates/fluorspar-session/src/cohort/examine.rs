@@ -84,7 +84,7 @@ pub(super) fn each_view(
                 return Err(Error::Stopped(text));
             }
             // As a run keeps them
-            components.round_to_24_bits();
+            components.round_as_stored();
             let (person, view) = (current.person, current.view);
             take(&ExaminedView { person, view, experiment: &current.experiment, components: &components })
         };

@@ -160,8 +160,8 @@ impl FeatureMaps {
     }
 }
 
-/// Of which bands each component is stored: a basis, from which all others follow, or all bands.
-pub type StoredBands = Vec<Option<Arc<SpectralBasis>>>;
+/// How the spectra of each component are stored: as coefficients on a basis, or all bands.
+pub type ComponentBases = Vec<Option<Arc<SpectralBasis>>>;
 
 /// Radiance images kept apart by component, `[component, row, col, band]`, W/(sr m² nm), at the rendered powers
 /// and concentrations. Their plain sum is the radiance that a camera would see with all light groups on.
@@ -176,8 +176,8 @@ pub struct ComponentImage {
     /// Label of each component.
     pub components: Vec<Component>,
     /// Of each component its basis; empty where all bands of all are stored.
-    pub bases: StoredBands,
-    /// `[component, row, col, stored band]`.
+    pub bases: ComponentBases,
+    /// `[component, row, col, coefficient]`.
     pub data: Vec<f32>,
     /// Paths averaged per pixel; the fewest of any pixel where they differ.
     pub samples_per_pixel: u32,
@@ -248,23 +248,24 @@ impl ComponentImage {
     }
 
     /// Values that a pixel of a component is stored with.
-    pub fn stored_bands(&self, component: usize) -> usize {
-        self.basis(component).map_or(self.grid.len(), |basis| basis.stored().len())
+    pub fn values_per_pixel(&self, component: usize) -> usize {
+        self.basis(component).map_or(self.grid.len(), |basis| basis.len())
     }
 
     /// Values that the whole image is stored with.
     pub fn stored_values(&self) -> usize {
-        let per_pixel: usize = (0..self.components.len()).map(|component| self.stored_bands(component)).sum();
+        let per_pixel: usize =
+            (0..self.components.len()).map(|component| self.values_per_pixel(component)).sum();
         self.width * self.height * per_pixel
     }
 
     fn range(&self, component: usize) -> Range<usize> {
-        let before: usize = (0..component).map(|component| self.stored_bands(component)).sum();
+        let before: usize = (0..component).map(|component| self.values_per_pixel(component)).sum();
         let pixels = self.width * self.height;
-        pixels * before..pixels * (before + self.stored_bands(component))
+        pixels * before..pixels * (before + self.values_per_pixel(component))
     }
 
-    /// Values of one component as they are stored, `[row, col, stored band]`.
+    /// Values of one component as they are stored, `[row, col, coefficient]`.
     pub fn stored(&self, component: usize) -> &[f32] {
         &self.data[self.range(component)]
     }
@@ -286,7 +287,7 @@ impl ComponentImage {
 
     /// All bands of one pixel of a component.
     pub fn spectrum(&self, component: usize, pixel: usize) -> Cow<'_, [f32]> {
-        let len = self.stored_bands(component);
+        let len = self.values_per_pixel(component);
         let stored = &self.stored(component)[pixel * len..][..len];
         let Some(basis) = self.basis(component) else { return Cow::Borrowed(stored) };
         let mut spectrum = vec![0.0; self.grid.len()];
@@ -321,7 +322,7 @@ impl ComponentImage {
     /// Multiplies the values of each component. Statistics of the samples do not follow, and are dropped.
     pub fn scale(&mut self, factors: &ComponentFactors) {
         for component in 0..self.components.len() {
-            let (len, range) = (self.stored_bands(component), self.range(component));
+            let (len, range) = (self.values_per_pixel(component), self.range(component));
             for (pixel, spectrum) in self.data[range].chunks_mut(len.max(1)).enumerate() {
                 let factor = factors.at(component, pixel);
                 if factor != 1.0 {
@@ -353,14 +354,24 @@ impl ComponentImage {
         image
     }
 
-    /// Rounds every value, features included, to the 24 bits that component files of runs keep (a relative error of at most
-    /// 1.5e-5), so that what is made of the image now and what is made of the file are the same to the last bit.
-    pub fn round_to_24_bits(&mut self) {
+    /// Rounds every value, features included, as component files of runs keep them, so that what is made of the image now and what is
+    /// made of the file are the same to the last bit: to 24 bits (a relative error of at most 1.5e-5), and the coefficients of a
+    /// basis to steps that those of a pixel share, between 2^-12 and 2^-11 of their norm: an error of the spectrum of 4e-4 at most,
+    /// and little to store of small coefficients.
+    pub fn round_as_stored(&mut self) {
         let features = &mut self.features;
         let normals = features.normal.as_flattened_mut().iter_mut();
         let uv = features.uv.as_flattened_mut().iter_mut();
         round_to_24_bits(features.depth_m.iter_mut().chain(normals).chain(uv));
-        self.data.par_chunks_mut(1 << 16).for_each(round_to_24_bits);
+        for component in 0..self.components.len() {
+            let (range, len) = (self.range(component), self.values_per_pixel(component).max(1));
+            let has_basis = self.basis(component).is_some();
+            let chunks = self.data[range].par_chunks_mut(len << 12);
+            chunks.for_each(|values| match has_basis {
+                true => values.chunks_exact_mut(len).for_each(round_together),
+                false => round_to_24_bits(values),
+            });
+        }
     }
 
     /// Everything that one light group excites.
@@ -369,10 +380,10 @@ impl ComponentImage {
     }
 }
 
-/// Adds all bands of pixels `[pixel][stored band]` times a factor to `[pixel][band]`.
+/// Adds all bands of pixels `[pixel][coefficient]` times a factor to `[pixel][band]`.
 fn add_spectra(basis: &SpectralBasis, factor: f32, stored: &[f32], out: &mut [f32], bands: usize) {
     const AT_ONCE: usize = 1024;
-    let len = basis.stored().len();
+    let len = basis.len();
     if len == 0 {
         return;
     }
@@ -385,6 +396,16 @@ fn add_spectra(basis: &SpectralBasis, factor: f32, stored: &[f32], out: &mut [f3
 }
 
 /// Rounds values to 24 bits: 15 of the mantissa.
+/// Rounds the coefficients of a pixel to multiples of one power of two.
+fn round_together(coefficients: &mut [f32]) {
+    const BITS: i32 = 11;
+    let squares = coefficients.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>();
+    if squares.is_normal() {
+        let step = 2_f64.powi(squares.sqrt().log2().floor() as i32 - BITS);
+        coefficients.iter_mut().for_each(|value| *value = ((f64::from(*value) / step).round() * step) as f32);
+    }
+}
+
 pub(super) fn round_to_24_bits<'a>(values: impl IntoIterator<Item = &'a mut f32>) {
     for value in values {
         let rounded = f32::from_bits((value.to_bits().saturating_add(0x80)) & !0xff);
@@ -428,7 +449,7 @@ mod tests {
         image.data[..values.len()].copy_from_slice(&values);
         image.features.depth_m = vec![0.123_456_79, f32::INFINITY];
         image.features.normal = vec![[0.577_350_3; 3]];
-        image.round_to_24_bits();
+        image.round_as_stored();
         let features = &image.features;
         assert!(features.depth_m[0].to_bits() & 0xff == 0 && features.depth_m[1] == f32::INFINITY);
         assert!(features.normal[0][0].to_bits() & 0xff == 0);
@@ -437,7 +458,7 @@ mod tests {
             assert_eq!(rounded.to_bits() & 0xff, 0, "{value}");
             assert!((rounded - value).abs() <= 1.6e-5 * value.abs() + 1e-42, "{value}: {rounded}");
         }
-        image.round_to_24_bits();
+        image.round_as_stored();
         assert_eq!(image, once);
     }
 }

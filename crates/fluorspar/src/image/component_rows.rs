@@ -14,7 +14,7 @@ pub trait ComponentRows: Sync {
     /// Why rows can't be had.
     type Error;
 
-    /// The basis of a component whose rows hold its stored bands alone.
+    /// The basis of a component whose rows hold its coefficients.
     fn basis(&self, component: usize) -> Option<&SpectralBasis>;
 
     /// Calls `visit` for every row of the components that are `wanted`, in any order and from several threads, with the
@@ -50,7 +50,7 @@ impl ComponentRows for ComponentImage {
         let found = rows.into_par_iter().map_init(
             || vec![0.0_f32; width * self.grid.len()],
             |lines, (component, row)| {
-                let bands = self.stored_bands(component);
+                let bands = self.values_per_pixel(component);
                 let lines = &mut lines[..width * bands];
                 transpose(
                     simd,

@@ -19,8 +19,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{
-    Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralBasis, SpectralImage, StatisticsKind,
-    StoredBands,
+    Component, ComponentBases, ComponentImage, FeatureMaps, SampleStatistics, SpectralBasis, SpectralImage,
+    StatisticsKind,
 };
 use crate::spectral::{Radiance, WavelengthGrid};
 
@@ -77,8 +77,8 @@ pub struct FilmLayout {
     /// Statistics of the samples.
     pub statistics: StatisticsKind,
     /// Of each component its basis; empty where all bands of all are summed, as they are wherever statistics are kept.
-    pub bases: StoredBands,
-    /// Quantum of each component and stored band as a power of two, `[component][stored band]`.
+    pub bases: ComponentBases,
+    /// Quantum of each component and coefficient as a power of two, `[component][coefficient]`.
     pub exponents: Vec<i16>,
     /// Mean radiance of the pilot samples, `[component][band]`, W/(sr m² nm): the level that errors are compared with.
     pub levels: Vec<f32>,
@@ -116,7 +116,7 @@ impl FilmLayout {
     /// Integers of each plane of a pixel: components, then first halves, then squares of the statistics.
     pub fn plane_lens(&self) -> Vec<usize> {
         let bands = self.grid.len();
-        let of_component = |c| self.basis(c).map_or(bands, |basis| basis.stored().len());
+        let of_component = |c| self.basis(c).map_or(bands, |basis| basis.len());
         let of_statistics = std::iter::repeat_n(bands, 2 * self.statistic_members().len());
         (0..self.components.len()).map(of_component).chain(of_statistics).collect()
     }
@@ -138,7 +138,7 @@ impl FilmLayout {
         tile_rows.start * per_row..tile_rows.end * per_row
     }
 
-    /// Memory of a film, bytes: 8 for each component, pixel and stored band, and 16 for each statistic, pixel and band.
+    /// Memory of a film, bytes: 8 for each component, pixel and coefficient, and 16 for each statistic, pixel and band.
     pub fn memory_bytes(&self) -> u64 {
         film_bytes(self.width, self.height, self.plane_lens().iter().sum())
     }
@@ -226,7 +226,7 @@ pub struct FilmScale {
     /// First integer of each plane, and the end of the last.
     starts: Vec<usize>,
     members: Vec<(String, Vec<usize>)>,
-    /// `2^-exponent`, `[plane][stored band]`.
+    /// `2^-exponent`, `[plane][coefficient]`.
     per_unit: Vec<f64>,
     scratch: Vec<f64>,
 }
@@ -273,7 +273,7 @@ impl FilmScale {
 
     /// Adds one block of one pixel.
     ///
-    /// `sums` are the pixel's integers, `block` the plain sums of the block's samples, `[component][stored band]`; components
+    /// `sums` are the pixel's integers, `block` the plain sums of the block's samples, `[component][coefficient]`; components
     /// that are not `lit` hold zeros. `samples` are the samples of the block that were taken.
     pub fn add_block(
         &mut self,
@@ -315,7 +315,7 @@ impl FilmScale {
         }
     }
 
-    /// Mean of a component, one value per stored band.
+    /// Mean of a component, one value per coefficient.
     pub fn mean(&self, sums: &[u64], component: usize, samples: u32, mean: &mut [f32]) {
         let range = self.plane(component);
         let samples = f64::from(samples);
@@ -391,7 +391,7 @@ pub struct Film {
     slabs: Vec<Slab>,
 }
 
-/// A tile of a film with its integers, `[pixel][plane][stored band]`.
+/// A tile of a film with its integers, `[pixel][plane][coefficient]`.
 #[derive(Debug)]
 pub struct TileMut<'a> {
     /// Number of the tile, row by row.
@@ -500,12 +500,12 @@ impl Film {
         self.features
     }
 
-    /// Integers of one pixel, `[plane][stored band]`: components, then first halves, then squares of the statistics.
+    /// Integers of one pixel, `[plane][coefficient]`: components, then first halves, then squares of the statistics.
     pub fn pixel_len(&self) -> usize {
         self.layout.plane_lens().iter().sum()
     }
 
-    /// All tiles with their integers, `[pixel][plane][stored band]`, row by row.
+    /// All tiles with their integers, `[pixel][plane][coefficient]`, row by row.
     pub fn tiles(&self) -> impl Iterator<Item = (&FilmTile, &[u64])> {
         let len = self.tile_len.max(1);
         self.slabs.iter().flat_map(move |slab| {
@@ -730,7 +730,7 @@ struct PixelSums<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::LightPath;
+    use crate::image::{LightPath, Projection};
 
     fn layout(statistics: StatisticsKind) -> FilmLayout {
         let label = |light| Component::of_group("blue", light);
@@ -892,8 +892,8 @@ mod tests {
     #[test]
     fn a_basis_keeps_the_sums_of_its_bands_and_gives_all() {
         let mut short = layout(StatisticsKind::None);
-        // The last component is stored as its band 1 and shaped 1 : 2 : 3, the first as it is
-        let basis = SpectralBasis::new(vec![1], vec![0.5, 1.0, 1.5], 3, 0.0).unwrap();
+        // The last component has one coefficient, its band 1, and is shaped 1 : 2 : 3, the first as it is
+        let basis = SpectralBasis::new(vec![0.5, 1.0, 1.5], Projection::Bands(vec![1]), 3, 0.0).unwrap();
         (short.bases, short.exponents) = (vec![None, Some(basis.into())], vec![-30; 4]);
         let mut film = Film::new(short, FeatureMaps::default());
         assert_eq!((film.pixel_len(), film.layout().memory_bytes()), (4, 4 * 8 * 6));

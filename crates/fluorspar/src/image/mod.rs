@@ -13,7 +13,7 @@ mod spectral_image;
 
 pub use channel_planes::{ChannelPlanes, ComponentFactors};
 pub use component_image::{
-    Component, ComponentImage, FeatureMaps, LightPath, SampleStatistics, StatisticsKind, StoredBands, View,
+    Component, ComponentBases, ComponentImage, FeatureMaps, LightPath, SampleStatistics, StatisticsKind, View,
 };
 pub use component_rows::{ComponentRows, PreparedRows};
 pub(crate) use excitation_image::BasisBuilder;
@@ -23,6 +23,6 @@ pub use interpolation_taps::InterpolationTaps;
 pub(crate) use interpolation_taps::Tap;
 pub use orientation::Orientation;
 pub use sensor_image::{CalibrationNoise, ChannelImage, Mosaic, SensorImage, SubtractedLight};
-pub use spectral_basis::SpectralBasis;
 pub(crate) use spectral_basis::representatives;
+pub use spectral_basis::{Projection, SpectralBasis};
 pub use spectral_image::{ImageShapeError, SpectralImage};

@@ -1,62 +1,132 @@
-//! Few bands of which the spectra of a component are stored, and how the others follow from them.
+//! Few coefficients by which the spectra of a component are stored, and how all bands follow from them.
 
-/// The largest share of the bands that are worth storing: with more, all are stored.
-const MOST_BANDS: f64 = 0.5;
+use fluorspar_accel::bands::{BLOCK, BandBlock};
+use nalgebra::{DMatrix, SymmetricEigen};
 
-/// Bands of which a component is stored, and spectra by which all bands follow from them.
+/// The largest share of the bands that is worth storing as coefficients: with more, all bands are stored.
+const MOST_COEFFICIENTS: f64 = 0.5;
+/// Spectra that may occur are met within so many times the error of those that were seen.
+const POSSIBLE: f64 = 10.0;
+
+/// Spectra of which those of a component are sums.
 ///
 /// The spectra of a component lie near a space of few dimensions, because light meets few materials, and noise is in the factors.
-/// Empirical interpolation finds bands and spectra: what interpolates worst of what may occur, and the band in which it does, become the
-/// next ones (Barrault, Maday, Nguyen and Patera 2004, doi:10.1016/j.crma.2004.08.006). Stored bands are radiance as it is, so that
-/// sums of samples, their rounding and their noise are those of an image with all bands.
+/// With each band relative to its level `l`, the axes `a` of that space are orthonormal, the principal ones of the spectra that
+/// were seen; a spectrum `v` has the coefficients `c_k = sum over b of a_kb v_b / l_b`, the sums of least squares, and
+/// is nearly `v_b = l_b sum over k of c_k a_kb`. Coefficients are linear in the light: sums of samples, their noise and factors of
+/// concentrations or lights are those of an image with all bands.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpectralBasis {
-    /// Stored bands, ascending.
-    stored: Vec<usize>,
-    /// `[stored band][band]`: the spectrum of which a stored band of 1 is a part, 0 in the other stored bands.
+    /// `[coefficient][band]`: what a coefficient of 1 adds to the spectrum.
     spectra: Vec<f32>,
+    /// `[coefficient][band]`: what a band of 1 adds to the coefficient.
+    projection: Projection,
     /// Bands of the image.
     bands: usize,
     error: f32,
 }
 
+/// What coefficients are of a spectrum.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Projection {
+    /// Sums of all bands times the spectrum of the coefficient times weights, `[band]`.
+    Weights(Vec<f32>),
+    /// Some bands as they are, ascending: so files of earlier programs have it.
+    Bands(Vec<usize>),
+}
+
 impl SpectralBasis {
-    /// A basis as it was stored. `None` where bands are not ascending or the spectra do not fill them.
-    pub fn new(stored: Vec<usize>, spectra: Vec<f32>, bands: usize, error: f32) -> Option<Self> {
-        let is_ascending =
-            stored.is_sorted_by(|a, b| a < b) && stored.last().is_none_or(|last| *last < bands);
-        let fits = spectra.len() == stored.len() * bands && spectra.iter().all(|value| value.is_finite());
-        (is_ascending && fits).then_some(Self { stored, spectra, bands, error })
+    /// A basis as it was stored. `None` where the spectra, `[coefficient][band]`, do not fit the projection, or bands are not ascending.
+    pub fn new(spectra: Vec<f32>, projection: Projection, bands: usize, error: f32) -> Option<Self> {
+        let is_finite = |values: &[f32]| values.iter().all(|value| value.is_finite());
+        let fits = match &projection {
+            Projection::Weights(weights) => {
+                weights.len() == bands && is_finite(weights) && spectra.len().is_multiple_of(bands.max(1))
+            }
+            Projection::Bands(stored) => {
+                let last = stored.last().is_none_or(|last| *last < bands);
+                last && stored.is_sorted_by(|a, b| a < b) && spectra.len() == stored.len() * bands
+            }
+        };
+        (fits && is_finite(&spectra)).then_some(Self { spectra, projection, bands, error })
     }
 
-    /// The basis from which all `samples`, `[sample][band]`, follow within `error`: the root mean square over the bands of a sample, relative
-    /// to it, where each band counts relative to how bright it is in the mean sample plus `floor` times the brightest. `None` where
-    /// half of the bands would not do, or a sample is not finite.
-    pub(crate) fn interpolating(samples: &[f32], bands: usize, floor: f32, error: f32) -> Option<Self> {
-        if samples.iter().any(|value| !value.is_finite()) {
+    /// The basis in which spectra that were `seen`, `[sample][band]`, follow within `error` in the root mean square over all of them, and each of
+    /// those that are `possible` within ten times as much. Errors are root mean squares over the bands, relative to those of the spectrum, where each
+    /// band counts relative to how bright it is in the mean sample plus `floor` times the brightest. `None` where half as many
+    /// coefficients as bands would not do, or a sample is not finite.
+    pub(crate) fn of_samples(
+        seen: &[f32],
+        possible: &[f32],
+        bands: usize,
+        floor: f32,
+        error: f32,
+    ) -> Option<Self> {
+        if seen.iter().chain(possible).any(|value| !value.is_finite()) {
             return None;
         }
-        let interpolation =
-            Interpolation::new(samples, bands, floor, error, (MOST_BANDS * bands as f64) as usize);
-        (interpolation.error <= error).then(|| interpolation.basis())
+        let all: Vec<f32> = seen.iter().chain(possible).copied().collect();
+        let mut level = levels(&all, bands, floor);
+        let most = level.iter().copied().fold(0.0, f32::max);
+        level.iter_mut().for_each(|level| *level *= inverse(most));
+        let (seen, possible) = (relative_rows(seen, &level), relative_rows(possible, &level));
+        let most = (MOST_COEFFICIENTS * bands as f64) as usize;
+        let mut axes = principal_axes(&seen, bands, f64::from(error), most)?;
+        let worst = complete(&mut axes, possible, bands, POSSIBLE * f64::from(error), most)?;
+
+        let of_band = |axis: &[f64], power: i32| -> Vec<f32> {
+            axis.iter().zip(&level).map(|(a, level)| (a * f64::from(*level).powi(power)) as f32).collect()
+        };
+        let weight = |level: &f32| if *level > 0.0 { f64::from(*level).powi(-2) as f32 } else { 0.0 };
+        let spectra = axes.chunks_exact(bands.max(1)).flat_map(|axis| of_band(axis, 1)).collect();
+        let projection = Projection::Weights(level.iter().map(weight).collect());
+        Self::new(spectra, projection, bands, worst.max(f64::from(error)) as f32)
     }
 
-    /// Stored bands, ascending.
-    pub fn stored(&self) -> &[usize] {
-        &self.stored
+    /// Number of coefficients.
+    pub fn len(&self) -> usize {
+        self.spectra.len().checked_div(self.bands).unwrap_or(0)
     }
 
-    /// `[stored band][band]`: the spectrum of which a stored band of 1 is a part.
+    /// Whether it has no coefficients, as that of a component without light.
+    pub fn is_empty(&self) -> bool {
+        self.spectra.is_empty()
+    }
+
+    /// What coefficients are of a spectrum.
+    pub fn projection(&self) -> &Projection {
+        &self.projection
+    }
+
+    /// What a band of 1 adds to each coefficient, in blocks of coefficients: `[block][band]`.
+    pub(crate) fn projection_blocks(&self) -> Vec<BandBlock> {
+        let value = |coefficient: usize, band: usize| match &self.projection {
+            Projection::Weights(weights) => self.spectra[coefficient * self.bands + band] * weights[band],
+            Projection::Bands(stored) => f32::from(u8::from(stored[coefficient] == band)),
+        };
+        let of_block = |first: usize| {
+            (0..self.bands).map(move |band| {
+                let mut block = BandBlock::ZERO;
+                for coefficient in first..self.len().min(first + BLOCK) {
+                    block.0[coefficient - first] = value(coefficient, band);
+                }
+                block
+            })
+        };
+        (0..self.len()).step_by(BLOCK).flat_map(of_block).collect()
+    }
+
+    /// `[coefficient][band]`: what a coefficient of 1 adds to the spectrum.
     pub fn spectra(&self) -> &[f32] {
         &self.spectra
     }
 
-    /// Error of the worst of the spectra that it was made for, root mean square over the bands relative to the spectrum.
+    /// Error of the worst of the spectra that may occur, root mean square over the bands relative to the spectrum.
     pub fn error(&self) -> f32 {
         self.error
     }
 
-    /// Sums of the bands of each spectrum times weights `[row][band]`: `[row][stored band]`.
+    /// Sums of the bands of each spectrum times weights `[row][band]`: `[row][coefficient]`.
     pub(crate) fn through(&self, weights: &[f64]) -> Vec<f64> {
         let sum = |weights: &[f64], spectrum: &[f32]| -> f64 {
             weights.iter().zip(spectrum).map(|(weight, value)| weight * f64::from(*value)).sum()
@@ -66,9 +136,9 @@ impl SpectralBasis {
         weights.chunks_exact(self.bands).flat_map(of_row).collect()
     }
 
-    /// Adds all bands of a spectrum times a factor, of which the stored bands are given.
-    pub fn add(&self, factor: f32, stored: &[f32], out: &mut [f32]) {
-        for (value, spectrum) in stored.iter().zip(self.spectra.chunks_exact(self.bands)) {
+    /// Adds all bands of a spectrum times a factor, of which the coefficients are given.
+    pub fn add(&self, factor: f32, coefficients: &[f32], out: &mut [f32]) {
+        for (value, spectrum) in coefficients.iter().zip(self.spectra.chunks_exact(self.bands)) {
             let value = factor * value;
             if value != 0.0 {
                 out.iter_mut().zip(spectrum).for_each(|(sum, of)| *sum += value * of);
@@ -76,19 +146,20 @@ impl SpectralBasis {
         }
     }
 
-    /// All bands of a spectrum of which the stored bands are given.
-    pub fn all_bands(&self, stored: &[f64]) -> Vec<f64> {
+    /// All bands of a spectrum of which the coefficients are given.
+    pub fn all_bands(&self, coefficients: &[f64]) -> Vec<f64> {
         let mut all = vec![0.0; self.bands];
-        for (value, spectrum) in stored.iter().zip(self.spectra.chunks_exact(self.bands)) {
+        for (value, spectrum) in coefficients.iter().zip(self.spectra.chunks_exact(self.bands)) {
             all.iter_mut().zip(spectrum).for_each(|(sum, of)| *sum += value * f64::from(*of));
         }
         all
     }
 
-    /// All bands, `[band][col]`, of lines `[stored band][col]`.
-    pub fn lines(&self, stored: &[f32], width: usize) -> Vec<f32> {
+    /// All bands, `[band][col]`, of lines `[coefficient][col]`.
+    pub fn lines(&self, coefficients: &[f32], width: usize) -> Vec<f32> {
         let mut lines = vec![0.0; self.bands * width];
-        for (values, spectrum) in stored.chunks_exact(width.max(1)).zip(self.spectra.chunks_exact(self.bands))
+        for (values, spectrum) in
+            coefficients.chunks_exact(width.max(1)).zip(self.spectra.chunks_exact(self.bands))
         {
             for (line, of) in lines.chunks_exact_mut(width).zip(spectrum).filter(|(_, of)| **of != 0.0) {
                 line.iter_mut().zip(values).for_each(|(sum, value)| *sum += of * value);
@@ -98,81 +169,95 @@ impl SpectralBasis {
     }
 }
 
-/// Samples from which the interpolant chosen so far is taken away.
-struct Interpolation {
-    /// `1 / scale` of each band; 0 where all samples are dark.
-    level: Vec<f32>,
-    /// Chosen bands, and with each its spectrum of scaled values, 1 there and 0 in the other chosen bands.
-    chosen: Vec<(usize, Vec<f32>)>,
-    /// Samples that were chosen.
-    samples: Vec<usize>,
-    /// Largest error left.
-    error: f32,
-}
-
-impl Interpolation {
-    fn new(samples: &[f32], bands: usize, floor: f32, error: f32, most: usize) -> Self {
-        let mut found = Self {
-            level: levels(samples, bands, floor),
-            chosen: Vec::new(),
-            samples: Vec::new(),
-            error: 0.0,
-        };
-        // Scale the bands, and the samples to a root mean square of 1
-        let mut rest: Vec<f32> = samples.to_vec();
-        for row in rest.chunks_exact_mut(bands) {
-            let bright = inverse(size(row));
-            row.iter_mut().zip(&found.level).for_each(|(value, level)| *value *= bright * inverse(*level));
-            let size = rms(row);
-            row.iter_mut().for_each(|value| *value *= inverse(size));
-        }
-        loop {
-            // The sample that is farthest from its interpolant, and the band in which it is
-            let sizes = rest.chunks_exact(bands).map(rms).enumerate();
-            let worst = sizes.filter(|(_, size)| size.is_finite()).max_by(|a, b| a.1.total_cmp(&b.1));
-            let Some((worst, size)) = worst else { return found };
-            found.error = size;
-            if size <= error || found.chosen.len() == most {
-                return found;
-            }
-            let row = &rest[worst * bands..][..bands];
-            let band = (0..bands).max_by(|a, b| row[*a].abs().total_cmp(&row[*b].abs())).unwrap_or(0);
-            debug_assert!(!found.chosen.iter().any(|(known, _)| *known == band));
-            let spectrum: Vec<f32> = row.iter().map(|value| value / row[band]).collect();
-            // What it explains of all others, and of the spectra before it
-            let take = |values: &mut [f32]| {
-                let part = values[band];
-                if part != 0.0 {
-                    values.iter_mut().zip(&spectrum).for_each(|(value, of)| *value -= part * of);
-                    values[band] = 0.0;
-                }
-            };
-            rest.chunks_exact_mut(bands).for_each(take);
-            found.chosen.iter_mut().for_each(|(_, values)| take(values));
-            found.chosen.push((band, spectrum));
-            found.samples.push(worst);
+/// Samples `[sample][band]` relative to the levels of the bands, each scaled to a root mean square of 1; dark ones are left out.
+fn relative_rows(samples: &[f32], level: &[f32]) -> Vec<f64> {
+    let mut rows = Vec::with_capacity(samples.len());
+    for sample in samples.chunks_exact(level.len().max(1)) {
+        let bright = inverse(size(sample));
+        let scaled = |(value, level): (&f32, &f32)| f64::from(value * bright) * f64::from(inverse(*level));
+        let row: Vec<f64> = sample.iter().zip(level).map(scaled).collect();
+        let size = norm(&row);
+        if size > 0.0 {
+            rows.extend(row.iter().map(|value| value / size));
         }
     }
+    rows
+}
 
-    fn basis(mut self) -> SpectralBasis {
-        self.chosen.sort_by_key(|(band, _)| *band);
-        let of_band = |(band, scaled): &(usize, Vec<f32>)| -> Vec<f32> {
-            let unscale = inverse(self.level[*band]);
-            scaled.iter().zip(&self.level).map(|(value, level)| value * level * unscale).collect()
-        };
-        SpectralBasis {
-            spectra: self.chosen.iter().flat_map(of_band).collect(),
-            stored: self.chosen.iter().map(|(band, _)| *band).collect(),
-            bands: self.level.len(),
-            error: self.error,
+/// The principal axes of rows of norm 1, `[axis][band]`, by which all but `error` of them is told in the root mean square; `None` where more
+/// than `most` are needed.
+fn principal_axes(rows: &[f64], bands: usize, error: f64, most: usize) -> Option<Vec<f64>> {
+    let rows = rows.chunks_exact(bands.max(1));
+    let count = rows.len();
+    let mut moments = DMatrix::<f64>::zeros(bands, bands);
+    for row in rows {
+        for (a, value) in row.iter().enumerate().filter(|(_, value)| **value != 0.0) {
+            moments.column_mut(a).iter_mut().zip(row).for_each(|(sum, other)| *sum += value * other);
         }
+    }
+    let eigen = SymmetricEigen::new(moments / count.max(1) as f64);
+    let mut order: Vec<usize> = (0..bands).collect();
+    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+    let left = |axes: usize| order[axes..].iter().map(|at| eigen.eigenvalues[*at].max(0.0)).sum::<f64>();
+    let needed = (0..=most).find(|axes| count == 0 || left(*axes) <= error * error)?;
+    Some(
+        order[..needed]
+            .iter()
+            .flat_map(|at| eigen.eigenvectors.column(*at).iter().copied().collect::<Vec<_>>())
+            .collect(),
+    )
+}
+
+/// Adds axes until each of some rows of norm 1 is met within an error: the worst one's direction again and again. Returns the error
+/// left; `None` where more than `most` axes are needed.
+fn complete(axes: &mut Vec<f64>, mut rows: Vec<f64>, bands: usize, error: f64, most: usize) -> Option<f64> {
+    let take = |axis: &[f64], row: &mut [f64]| {
+        let part: f64 = axis.iter().zip(&*row).map(|(a, b)| a * b).sum();
+        row.iter_mut().zip(axis).for_each(|(value, of)| *value -= part * of);
+    };
+    for row in rows.chunks_exact_mut(bands.max(1)) {
+        axes.chunks_exact(bands).for_each(|axis| take(axis, row));
+    }
+    loop {
+        let sizes = rows.chunks_exact(bands.max(1)).map(norm).enumerate();
+        let Some((worst, size)) = sizes.max_by(|a, b| a.1.total_cmp(&b.1)) else { return Some(0.0) };
+        if size <= error {
+            return Some(size);
+        }
+        if axes.len() >= most * bands {
+            return None;
+        }
+        let mut axis: Vec<f64> = rows[worst * bands..][..bands].to_vec();
+        // Once more, against rounding
+        axes.chunks_exact(bands).for_each(|other| take(other, &mut axis));
+        let size = norm(&axis);
+        axis.iter_mut().for_each(|value| *value /= size);
+        rows.chunks_exact_mut(bands).for_each(|row| take(&axis, row));
+        axes.extend(axis);
     }
 }
 
-/// Samples `[sample][band]` of which all others are nearly sums, at most so many.
+/// Samples `[sample][band]` of which all others are nearly sums, at most so many: the one that is farthest from the sums of those
+/// chosen before, again and again.
 pub(crate) fn representatives(samples: &[f32], bands: usize, error: f32, most: usize) -> Vec<f32> {
-    let chosen = Interpolation::new(samples, bands, 1.0, error, most).samples;
-    chosen.iter().flat_map(|sample| samples[sample * bands..][..bands].iter().copied()).collect()
+    let level = levels(samples, bands, 1.0);
+    let lit: Vec<&[f32]> = samples.chunks_exact(bands.max(1)).filter(|sample| size(sample) > 0.0).collect();
+    let mut rows: Vec<f64> = lit.iter().flat_map(|sample| relative_rows(sample, &level)).collect();
+    let mut chosen = Vec::new();
+    while chosen.len() < most * bands {
+        let sizes = rows.chunks_exact(bands.max(1)).map(norm).enumerate();
+        let Some((worst, size)) = sizes.max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+        if size <= f64::from(error) {
+            break;
+        }
+        let axis: Vec<f64> = rows[worst * bands..][..bands].iter().map(|value| value / size).collect();
+        for row in rows.chunks_exact_mut(bands) {
+            let part: f64 = axis.iter().zip(&*row).map(|(a, b)| a * b).sum();
+            row.iter_mut().zip(&axis).for_each(|(value, of)| *value -= part * of);
+        }
+        chosen.extend_from_slice(lit[worst]);
+    }
+    chosen
 }
 
 /// How bright each band is in the mean of the samples, each of them as bright as any, plus `floor` times the brightest band; 0 where all are
@@ -198,15 +283,8 @@ fn inverse(value: f32) -> f32 {
     if value > 0.0 && value.is_normal() { value.recip() } else { 0.0 }
 }
 
-fn rms(values: &[f32]) -> f32 {
-    const LANES: usize = 16;
-    let (parts, rest) = values.as_chunks::<LANES>();
-    let mut sums = [0.0_f32; LANES];
-    for part in parts {
-        sums.iter_mut().zip(part).for_each(|(sum, value)| *sum += value * value);
-    }
-    let rest: f32 = rest.iter().map(|value| value * value).sum();
-    ((sums.iter().sum::<f32>() + rest) / values.len().max(1) as f32).sqrt()
+fn norm(values: &[f64]) -> f64 {
+    values.iter().map(|value| value * value).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]
@@ -225,52 +303,85 @@ mod tests {
     }
 
     #[test]
-    fn sums_of_three_spectra_follow_from_three_bands() {
+    fn sums_of_three_spectra_have_three_coefficients() {
         let all = samples();
-        let basis = SpectralBasis::interpolating(&all[..20 * 40], 40, 1e-4, 1e-4).unwrap();
-        assert_eq!(basis.stored().len(), 3);
+        let basis = SpectralBasis::of_samples(&all[..20 * 40], &[], 40, 1e-4, 1e-4).unwrap();
+        assert_eq!(basis.len(), 3);
+        let blocks = basis.projection_blocks();
         for sample in all.chunks_exact(40) {
-            let stored: Vec<f32> = basis.stored().iter().map(|band| sample[*band]).collect();
+            let of_band = |(band, value): (usize, &f32)| blocks[band].0.map(|weight| weight * value);
+            let mut coefficients = [0.0; 3];
+            for of_band in sample.iter().enumerate().map(of_band) {
+                coefficients.iter_mut().zip(of_band).for_each(|(sum, value)| *sum += value);
+            }
             let mut spectrum = vec![0.0; 40];
-            basis.add(2.0, &stored, &mut spectrum);
+            basis.add(2.0, &coefficients, &mut spectrum);
             for (value, expected) in spectrum.iter().zip(sample) {
                 assert!((value - 2.0 * expected).abs() < 1e-3 * expected + 1e-6, "{value} {expected}");
             }
-            assert_eq!(basis.lines(&stored, 1).iter().map(|v| 2.0 * v).collect::<Vec<_>>(), spectrum);
+            assert_eq!(basis.lines(&coefficients, 1).iter().map(|v| 2.0 * v).collect::<Vec<_>>(), spectrum);
             let weights: Vec<f64> = (0..80).map(|at| f64::from(at % 7)).collect();
             let rows = basis.through(&weights);
             for (row, weights) in rows.chunks_exact(3).zip(weights.chunks_exact(40)) {
-                let short: f64 = row.iter().zip(&stored).map(|(a, b)| a * f64::from(*b)).sum();
+                let short: f64 = row.iter().zip(&coefficients).map(|(a, b)| a * f64::from(*b)).sum();
                 let long: f64 = weights.iter().zip(sample).map(|(a, b)| a * f64::from(*b)).sum();
                 assert!((short - long).abs() < 1e-3 * long, "{short} {long}");
             }
         }
-        assert_eq!(representatives(&all, 40, 1e-3, 24).len() % 40, 0);
+        assert_eq!(representatives(&all, 40, 1e-3, 24).len(), 3 * 40);
     }
 
     #[test]
-    fn dark_samples_take_no_band_and_noise_takes_all() {
-        let dark = SpectralBasis::interpolating(&[0.0; 80], 40, 1e-3, 1e-3).unwrap();
-        assert!(dark.stored().is_empty());
+    fn what_was_not_seen_but_may_occur_is_met_too() {
+        let all = samples();
+        // A narrow line, which none of the samples has
+        let mut line = vec![0.0_f32; 40];
+        line[33] = 1.0;
+        let basis = SpectralBasis::of_samples(&all, &line, 40, 1e-2, 1e-4).unwrap();
+        assert_eq!(basis.len(), 4);
+        assert!(basis.error() <= 1e-3);
+        let basis = SpectralBasis::of_samples(&all, &all, 40, 1e-2, 1e-4).unwrap();
+        assert_eq!(basis.len(), 3);
+    }
+
+    #[test]
+    fn dark_samples_take_no_coefficient_and_noise_takes_all_bands() {
+        let dark = SpectralBasis::of_samples(&[0.0; 80], &[0.0; 40], 40, 1e-3, 1e-3).unwrap();
+        assert!(dark.is_empty());
         let noise: Vec<f32> =
             (0..4000_u32).map(|at| (at.wrapping_mul(2_654_435_761) >> 8) as f32 / 16_777_216.0).collect();
-        assert_eq!(SpectralBasis::interpolating(&noise, 40, 1e-3, 1e-3), None);
+        assert_eq!(SpectralBasis::of_samples(&noise, &[], 40, 1e-3, 1e-3), None);
+        assert_eq!(SpectralBasis::of_samples(&[], &noise, 40, 1e-3, 1e-3), None);
         // Light of any brightness takes as many, and what is infinite all
-        let basis = |factor: f32| {
+        let count = |factor: f32| {
             let bright: Vec<f32> = samples().iter().map(|value| factor * value).collect();
-            SpectralBasis::interpolating(&bright, 40, 1e-4, 1e-4).map(|basis| basis.stored().to_vec())
+            SpectralBasis::of_samples(&bright, &[], 40, 1e-4, 1e-4).map(|basis| basis.len())
         };
-        let powers = [-80, 80].map(|power| basis(2_f32.powi(power)));
-        assert_eq!(powers, [basis(1.0), basis(1.0)]);
-        assert_eq!((basis(f32::INFINITY), basis(1.0).map(|bands| bands.len())), (None, Some(3)));
+        assert_eq!([-80, 0, 80].map(|power| count(2_f32.powi(power))), [Some(3); 3]);
+        assert_eq!(count(f32::INFINITY), None);
     }
 
     #[test]
     fn a_damaged_basis_is_refused() {
-        assert!(SpectralBasis::new(vec![0, 2], vec![0.0; 6], 3, 0.0).is_some());
+        let bands = |stored: Vec<usize>| Projection::Bands(stored);
+        assert!(SpectralBasis::new(vec![0.0; 6], bands(vec![0, 2]), 3, 0.0).is_some());
+        assert!(SpectralBasis::new(vec![0.0; 6], Projection::Weights(vec![1.0; 3]), 3, 0.0).is_some());
         for (stored, spectra) in [(vec![2, 0], 6), (vec![0, 3], 6), (vec![0, 2], 5)] {
-            assert_eq!(SpectralBasis::new(stored, vec![0.0; spectra], 3, 0.0), None);
+            assert_eq!(SpectralBasis::new(vec![0.0; spectra], bands(stored), 3, 0.0), None);
         }
-        assert_eq!(SpectralBasis::new(vec![0], vec![0.0, f32::NAN, 0.0], 3, 0.0), None);
+        for (weights, spectra) in [(vec![1.0; 2], 6), (vec![1.0; 3], 5), (vec![f32::INFINITY; 3], 6)] {
+            assert_eq!(SpectralBasis::new(vec![0.0; spectra], Projection::Weights(weights), 3, 0.0), None);
+        }
+        assert_eq!(SpectralBasis::new(vec![0.0, f32::NAN, 0.0], bands(vec![0]), 3, 0.0), None);
+    }
+
+    #[test]
+    fn some_bands_are_a_projection_too() {
+        let basis = SpectralBasis::new(vec![0.5; 6], Projection::Bands(vec![0, 2]), 3, 0.0).unwrap();
+        let blocks = basis.projection_blocks();
+        assert_eq!(
+            blocks.iter().map(|block| [block.0[0], block.0[1]]).collect::<Vec<_>>(),
+            [[1.0, 0.0], [0.0; 2], [0.0, 1.0]]
+        );
     }
 }

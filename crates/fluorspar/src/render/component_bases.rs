@@ -1,4 +1,4 @@
-//! Which bands of each component are worth storing: bases for what light can become in a scene.
+//! In which spectra each component is worth storing: bases for what light can become in a scene.
 
 use std::sync::Arc;
 
@@ -6,11 +6,11 @@ use fluorspar_accel::bands::{BandBlock, copy_bands};
 use rayon::prelude::*;
 
 use super::compiled_scene::{CompiledScene, Source};
-use crate::image::{SpectralBasis, StoredBands, representatives};
+use crate::image::{ComponentBases, SpectralBasis, representatives};
 
-/// Error of the worst spectrum that may occur, relative to it, see [`SpectralBasis::interpolating`]: that of a component that is all the light of
+/// Error of the spectra of the pilot, relative to them, see [`SpectralBasis::of_samples`]: that of a component that is all the light of
 /// its group somewhere. One that is a share of it everywhere may err as much more, and no more than at the least share.
-const ERROR: f32 = 2e-3;
+const ERROR: f32 = 5e-4;
 const LEAST_SHARE: f32 = 0.1;
 /// Bands dimmer than this share of the brightest of a light group show nothing.
 const DARK_BAND: f32 = 1e-7;
@@ -27,7 +27,7 @@ const MOST_EMISSIONS: usize = 12;
 /// The bases of all components, from the spectra of pilot pixels, `[component]` each `[pixel][band]`, and from what the lights
 /// excite and the surfaces reflect once and twice: a pilot may miss what is small. `levels` are the means of the pilot,
 /// `[component][band]`.
-pub(super) fn component_bases(scene: &CompiledScene, pilot: Vec<Vec<f32>>, levels: &[f32]) -> StoredBands {
+pub(super) fn component_bases(scene: &CompiledScene, pilot: Vec<Vec<f32>>, levels: &[f32]) -> ComponentBases {
     let (bands, kinds) = (scene.bands, scene.fluorophores + 2);
     let plain = |blocks: &Vec<BandBlock>| {
         let mut spectrum = vec![0.0; bands];
@@ -39,7 +39,7 @@ pub(super) fn component_bases(scene: &CompiledScene, pilot: Vec<Vec<f32>>, level
     let reflectances =
         reflected_twice(&representatives(&terms, bands, REPRESENTED, MOST_REFLECTANCES), bands);
     let matrices = matrices_of_fluorophores(scene);
-    let of_component = |(component, mut samples): (usize, Vec<f32>)| {
+    let of_component = |(component, seen): (usize, Vec<f32>)| {
         let (group, kind) = (component / kinds, component % kinds);
         let sources = || scene.sources.iter().filter(move |source| source.group == group);
         let lights: Vec<f32> = if kind == 0 {
@@ -59,15 +59,16 @@ pub(super) fn component_bases(scene: &CompiledScene, pilot: Vec<Vec<f32>>, level
             exciting.chunks_exact(bands).flat_map(again).collect()
         };
         let lights = representatives(&lights, bands, REPRESENTED, MOST_EMISSIONS);
+        let mut possible = Vec::new();
         for light in lights.chunks_exact(bands) {
-            samples.extend_from_slice(light);
+            possible.extend_from_slice(light);
             for reflectance in reflectances.chunks_exact(bands) {
-                samples.extend(light.iter().zip(reflectance).map(|(a, b)| a * b));
+                possible.extend(light.iter().zip(reflectance).map(|(a, b)| a * b));
             }
         }
         let floor = if kind == 0 { FLOOR_OF_REFLECTED } else { FLOOR_OF_FLUORESCENCE };
         let error = ERROR / largest_share(component, kinds, levels, bands).max(LEAST_SHARE);
-        SpectralBasis::interpolating(&samples, bands, floor, error).map(Arc::new)
+        SpectralBasis::of_samples(&seen, &possible, bands, floor, error).map(Arc::new)
     };
     pilot.into_par_iter().enumerate().map(of_component).collect()
 }

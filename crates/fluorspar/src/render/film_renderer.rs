@@ -419,7 +419,7 @@ impl<'a> TileWorker<'a> {
         layout: &FilmLayout,
         stop: &'a AtomicBool,
     ) -> Self {
-        let (block, scale) = (BlockSum::of_stored(scene, &layout.bases), FilmScale::new(layout));
+        let (block, scale) = (BlockSum::on_bases(scene, &layout.bases), FilmScale::new(layout));
         Self { scene, settings, stop, block, scale, before: Vec::new() }
     }
 

@@ -10,8 +10,8 @@ use crate::image::film::{TILE, film_bytes};
 use crate::material::Material;
 use crate::scene::{Object, Scene, Shape};
 
-/// Stored bands of a component as mouths were seen to need them.
-const USUAL_STORED: usize = 12;
+/// Coefficients of a component as mouths were seen to need them.
+const USUAL_COEFFICIENTS: usize = 9;
 
 /// Memory that a render's images need, bytes: the film, from which the result is made in place. With bases of components, which a pilot
 /// finds, as much as mouths were seen to need.
@@ -26,7 +26,7 @@ pub fn memory_bytes(scene: &Scene, settings: &RenderSettings) -> u64 {
         };
     let bands = match settings.film_bands() {
         ComponentBands::All => scene.grid.len(),
-        ComponentBands::Basis => scene.grid.len().min(USUAL_STORED),
+        ComponentBands::Basis => scene.grid.len().min(USUAL_COEFFICIENTS),
     };
     film_bytes(scene.camera.width, scene.camera.height, bands * planes)
 }

@@ -1,6 +1,6 @@
 //! Pilot samples, which find the quanta of the film.
 
-use fluorspar_accel::bands::{BandBlock, copy_bands};
+use fluorspar_accel::bands::{BLOCK, BandBlock, copy_bands};
 use rayon::prelude::*;
 
 use super::block_sum::BlockSum;
@@ -8,7 +8,7 @@ use super::compiled_scene::CompiledScene;
 use super::component_bases::component_bases;
 use super::component_labels::component_labels;
 use super::settings::{ComponentBands, RenderSettings};
-use crate::image::{Component, FilmLayout};
+use crate::image::{Component, FilmLayout, SpectralBasis};
 use crate::interruption::end_if_interrupted;
 use crate::scene::Scene;
 
@@ -107,9 +107,9 @@ pub(super) fn film_layout(
     let levels: Vec<f32> = levels.into_iter().map(|sum| ((sum / samples) as f32).min(f32::MAX)).collect();
     let bases = if has_bases { component_bases(compiled, spectra, &levels) } else { Vec::new() };
     let exponents = exponents(compiled, &components, &brightest);
-    let stored = |(component, exponents): (usize, &[i16])| -> Vec<i16> {
+    let of_component = |(component, exponents): (usize, &[i16])| -> Vec<i16> {
         match bases.get(component).and_then(Option::as_ref) {
-            Some(basis) => basis.stored().iter().map(|band| exponents[*band]).collect(),
+            Some(basis) => coefficient_exponents(basis, exponents),
             None => exponents.to_vec(),
         }
     };
@@ -117,13 +117,30 @@ pub(super) fn film_layout(
         grid: compiled.grid.clone(),
         width: camera.width,
         height: camera.height,
-        exponents: exponents.chunks_exact(bands).enumerate().flat_map(stored).collect(),
+        exponents: exponents.chunks_exact(bands).enumerate().flat_map(of_component).collect(),
         bases,
         components,
         statistics: settings.film_statistics(),
         levels,
         scene_digest,
     }
+}
+
+/// Quanta of the coefficients of a component: those of the largest coefficients that bands at the ends of their own scales may add up to.
+fn coefficient_exponents(basis: &SpectralBasis, of_bands: &[i16]) -> Vec<i16> {
+    let scales = of_bands.iter().map(|exponent| 2_f64.powi(i32::from(*exponent)));
+    let scales: Vec<f64> = scales.collect();
+    let of_block = |block: &[BandBlock]| -> [f64; BLOCK] {
+        let mut most = [0.0; BLOCK];
+        for (weights, scale) in block.iter().zip(&scales) {
+            most.iter_mut()
+                .zip(weights.0)
+                .for_each(|(most, weight)| *most += f64::from(weight.abs()) * scale);
+        }
+        most
+    };
+    let most = basis.projection_blocks().chunks_exact(of_bands.len()).flat_map(of_block).collect::<Vec<_>>();
+    most[..basis.len()].iter().map(|most| (most.log2().ceil() as i32).clamp(-400, 400) as i16).collect()
 }
 
 /// Quanta as powers of two: 2^-30 of the brightest pilot sample of the component and band; where the pilot finds the

@@ -1,7 +1,6 @@
-//! Component images opened by part: labels and feature maps at once, spectra and channel planes when they are asked for.
+//! Component images opened by part: labels and feature maps at once, spectra when they are asked for.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::SystemTime;
 
 use exr::block::UncompressedBlock;
@@ -14,19 +13,18 @@ use super::read::{
     provenance, read_component_exr, read_features, scale_of,
 };
 use super::rounded_rows::rows_of_24_bits;
-use super::{COMPONENT, DENOISED, EXCITATION, ExcitationLabel, PLANES, PlanesLabel};
+use super::{COMPONENT, DENOISED, EXCITATION, ExcitationLabel};
 use crate::image::basis_text::floats_of_text;
 use crate::image::npy::{is_npy, read_component_npy};
 use crate::store::file::{check_image_size, guarded, most_image_bytes};
 use crate::{FormatError, Loaded, Provenance};
 use fluorspar::image::{
-    BasisComponent, ChannelPlanes, ComponentImage, ComponentRows, ExcitationImage, GroupBasis, LightPath,
-    SpectralBasis,
+    BasisComponent, ComponentImage, ComponentRows, ExcitationImage, GroupBasis, LightPath, SpectralBasis,
 };
 use fluorspar::spectral::{ExcitationNodes, Radiance};
 
 /// A component image whose spectra stay in the file until rows of them are read ([`ComponentRows`]). Opening reads the labels
-/// of the components, the feature maps, and which channel planes the file holds.
+/// of the components and the feature maps.
 ///
 /// Of OpenEXR files the wanted parts are read, block by block; images in NumPy form, which have no parts, are read as a whole.
 #[derive(Debug)]
@@ -62,8 +60,6 @@ enum Spectra {
         headers: Vec<Header>,
         /// For each component its part, the band of each channel, and the scale of stored values.
         components: Vec<BandPart>,
-        /// Parts with channel planes.
-        planes: Vec<(usize, PlanesLabel)>,
         /// Parts with an excitation basis.
         excitation: Vec<(usize, ExcitationLabel)>,
     },
@@ -128,15 +124,11 @@ impl ComponentFile {
         let per_pixel = 4 * (parts.stored().sum::<usize>() / (width * height).max(1)) as u64;
         check_image_size(path, width as u64, height as u64, per_pixel, most_image_bytes(length))?;
         let mut components = Vec::with_capacity(parts.components.len());
-        let (mut planes, mut excitation) = (Vec::new(), Vec::new());
+        let mut excitation = Vec::new();
         for (part, header) in headers.iter().enumerate() {
             if attribute(header, COMPONENT).is_some() {
                 let BandChannels { bands, .. } = bands::<Radiance>(path, header)?;
                 components.push(BandPart { part, bands, scale: scale_of(path, header)? });
-            } else if let Some(text) = attribute(header, PLANES) {
-                let label: PlanesLabel = parse_json(path, PLANES, &text)?;
-                check_planes(path, header, &label, (width, height), parts.components.len())?;
-                planes.push((part, label));
             } else if let Some(text) = attribute(header, EXCITATION) {
                 let label: ExcitationLabel = parse_json(path, EXCITATION, &text)?;
                 let size = (header.layer_size.width(), header.layer_size.height());
@@ -161,7 +153,7 @@ impl ComponentFile {
             state,
             labels: ComponentImage { components: parts.components, bases: parts.bases, ..labels },
             provenance: provenance(path, &headers)?,
-            spectra: Spectra::Parts { headers, components, planes, excitation },
+            spectra: Spectra::Parts { headers, components, excitation },
         })
     }
 
@@ -174,47 +166,6 @@ impl ComponentFile {
     /// Where the image comes from, if the file states it.
     pub fn provenance(&self) -> Option<&Provenance> {
         self.provenance.as_ref()
-    }
-
-    /// The channel planes of a camera, by its digest, if the file holds them; those of components that are not `wanted` stay dark.
-    ///
-    /// # Errors
-    /// A damaged file.
-    pub fn planes(
-        &self,
-        camera: &str,
-        wanted: impl Fn(usize) -> bool,
-    ) -> Result<Option<ChannelPlanes>, FormatError> {
-        let Spectra::Parts { headers, planes, .. } = &self.spectra else { return Ok(None) };
-        let Some((part, label)) = planes.iter().find(|(_, label)| label.camera == camera) else {
-            return Ok(None);
-        };
-        let size = [self.labels.width, self.labels.height];
-        let pixels = size[0] * size[1];
-        guarded(&self.path, "OpenEXR", || {
-            let mut targets: Vec<_> =
-                headers.iter().map(|header| vec![None; header.channels.list.len()]).collect();
-            // Channels are sorted by name, which is by component and channel
-            for (number, target) in targets[*part].iter_mut().enumerate() {
-                *target = wanted(number / label.channels).then_some(super::read::Target {
-                    buffer: 0,
-                    offset: number * pixels,
-                    stride: 1,
-                });
-            }
-            let mut buffers = [vec![0.0; label.components * label.channels * pixels]];
-            decode(&self.path, headers, &targets, &mut buffers)?;
-            self.check_unchanged()?;
-            let [values] = buffers;
-            Ok(Some(ChannelPlanes {
-                width: size[0],
-                height: size[1],
-                components: label.components,
-                channels: label.channels,
-                camera: label.camera.clone(),
-                data: Arc::new(values),
-            }))
-        })
     }
 
     /// The excitation basis of the image, if the file holds one.
@@ -299,23 +250,6 @@ impl ComponentFile {
 
 /// What to do about a damaged file.
 const DAMAGED: &str = "Copy the file again";
-
-/// Planes must fill the image.
-fn check_planes(
-    path: &Path,
-    header: &Header,
-    label: &PlanesLabel,
-    (width, height): (usize, usize),
-    components: usize,
-) -> Result<(), FormatError> {
-    let size = (header.layer_size.width(), header.layer_size.height());
-    let fits = label.components.checked_mul(label.channels) == Some(header.channels.list.len());
-    if size == (width, height) && label.components == components && fits {
-        return Ok(());
-    }
-    let what = format!("channel planes of {} components do not fit the image", label.components);
-    Err(FormatError::malformed(path, what, "Write the file again"))
-}
 
 impl ComponentRows for ComponentFile {
     type Error = FormatError;

@@ -27,7 +27,6 @@ const STORAGE_ERROR: &str = "fluorsparStorageError";
 const DENOISED: &str = "fluorsparDenoised";
 const STATISTIC: &str = "fluorsparStatistic";
 const MATERIALS: &str = "fluorsparMaterials";
-const PLANES: &str = "fluorsparPlanes";
 const EXCITATION: &str = "fluorsparExcitation";
 /// How all bands of a component follow from those that are stored.
 const BASIS: &str = "fluorsparBasis";
@@ -48,16 +47,6 @@ enum StatisticPlane {
     HalfA,
     HalfB,
     Variance,
-}
-
-/// Which channel planes a part holds.
-#[derive(Debug, serde::Serialize, serde::Deserialize)]
-struct PlanesLabel {
-    /// Digest of lens, filters and sensor.
-    camera: String,
-    components: usize,
-    channels: usize,
-    unit: String,
 }
 
 /// Which component of which light group a part with an excitation basis holds, and its spectra.

@@ -10,10 +10,11 @@ use exr::block::reader::{ChunksReader, FilteredChunksReader};
 use exr::block::{BlockIndex, UncompressedBlock};
 use exr::math::Vec2;
 use exr::meta::MetaData;
-use exr::meta::attribute::{AttributeValue, SampleType, Text};
+use exr::meta::attribute::{AttributeValue, ChannelDescription, SampleType, Text};
 use exr::meta::header::Header;
 use rayon::prelude::*;
 
+use super::write::coefficient_channel;
 use super::{
     BASIS, COMPONENT, DENOISED, EDGES, FEATURES, FORMAT, PARTS, PROVENANCE, QUANTITY, SAMPLES, SCALE,
     STATISTIC, StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
@@ -23,7 +24,8 @@ use crate::store::file::{check_image_size, check_packing, guarded, most_image_by
 use crate::store::input::open_plain;
 use crate::{FileFormat, FormatError, Loaded, Provenance, TextureImage};
 use fluorspar::image::{
-    Component, ComponentImage, FeatureMaps, SampleStatistics, SpectralBasis, SpectralImage, StoredBands,
+    Component, ComponentBases, ComponentImage, FeatureMaps, Projection, SampleStatistics, SpectralBasis,
+    SpectralImage,
 };
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 
@@ -109,7 +111,7 @@ pub(super) struct ComponentParts {
     pub(super) size: Vec2<usize>,
     pub(super) components: Vec<Component>,
     /// Of each component its basis; empty where all bands of all are stored.
-    pub(super) bases: StoredBands,
+    pub(super) bases: ComponentBases,
     pub(super) samples_per_pixel: u32,
     /// Of all parts of the file.
     targets: Vec<PartTargets>,
@@ -124,7 +126,7 @@ impl ComponentParts {
     /// Values that each component is stored with.
     pub(super) fn stored(&self) -> impl Iterator<Item = usize> {
         let stored = |component: usize| match self.bases.get(component) {
-            Some(Some(basis)) => basis.stored().len(),
+            Some(Some(basis)) => basis.len(),
             _ => self.grid.len(),
         };
         (0..self.components.len()).map(move |component| self.size.area() * stored(component))
@@ -212,7 +214,7 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
 /// Bands of a part.
 pub(super) struct BandChannels {
     pub(super) grid: WavelengthGrid,
-    /// Number of the stored band of each channel that is one.
+    /// Number of the band or coefficient that each channel holds.
     pub(super) bands: Vec<Option<usize>>,
     /// How all bands follow from those that are stored; `None` where all are.
     pub(super) basis: Option<SpectralBasis>,
@@ -223,7 +225,7 @@ pub(super) fn component_parts(path: &Path, headers: &[Header]) -> Result<Compone
     let mut shared: Option<(WavelengthGrid, Vec2<usize>)> = None;
     let mut components = Vec::new();
     let mut samples_per_pixel = 0;
-    let (mut bases, mut values) = (StoredBands::new(), 0);
+    let (mut bases, mut values) = (ComponentBases::new(), 0);
     let mut targets: Vec<PartTargets> = Vec::new();
     for header in headers {
         let Some(label) = attribute(header, COMPONENT) else {
@@ -718,8 +720,50 @@ fn unit_factors(unit: &str) -> Vec<&str> {
     factors
 }
 
+fn damaged_basis(path: &Path) -> FormatError {
+    FormatError::malformed(path, format!("the attribute \"{BASIS}\" is damaged"), "Write the file again")
+}
+
+/// The grid of the edges that a header states, if it does.
+fn grid_of_edges(path: &Path, header: &Header) -> Result<Option<WavelengthGrid>, FormatError> {
+    let Some(text) = attribute(header, EDGES) else { return Ok(None) };
+    let edges: Result<Vec<f64>, _> = text.split(',').map(|edge| edge.trim().parse::<f64>()).collect();
+    let damaged = || {
+        let what = format!("the attribute \"{EDGES}\" is damaged");
+        FormatError::malformed(path, what, "Write the file again")
+    };
+    let grid = WavelengthGrid::from_edges(&edges.map_err(|_| damaged())?);
+    let grid =
+        grid.map_err(|error| FormatError::malformed(path, error.to_string(), "Check the channel names"))?;
+    Ok(Some(grid))
+}
+
+/// The wavelength grid of a component on a basis, and the coefficient that each channel holds.
+fn coefficients(path: &Path, header: &Header, basis: BasisText) -> Result<BandChannels, FormatError> {
+    let Some(grid) = grid_of_edges(path, header)? else {
+        let what = format!("there is no attribute \"{EDGES}\"");
+        return Err(FormatError::malformed(path, what, "Write the file again"));
+    };
+    let basis = basis.basis(grid.len()).ok_or_else(|| damaged_basis(path))?;
+    let number = |channel: &ChannelDescription| {
+        (0..basis.len()).find(|number| channel.name.eq(coefficient_channel(*number).as_str()))
+    };
+    let bands: Vec<Option<usize>> = header.channels.list.iter().map(number).collect();
+    if bands.iter().flatten().count() != basis.len() {
+        let what = format!("not all of the {} coefficients of the basis are there", basis.len());
+        return Err(FormatError::malformed(path, what, "Write the file again"));
+    }
+    Ok(BandChannels { grid, bands, basis: Some(basis) })
+}
+
 /// The wavelength grid, and the band that each channel holds.
 pub(super) fn bands<Q: Quantity>(path: &Path, header: &Header) -> Result<BandChannels, FormatError> {
+    let basis: Option<BasisText> =
+        attribute(header, BASIS).map(|text| parse_json(path, BASIS, &text)).transpose()?;
+    let basis = match basis {
+        Some(basis) if basis.has_weights() => return coefficients(path, header, basis),
+        basis => basis,
+    };
     let prefix = if layout_unit(Q::UNIT).is_some() { "S0." } else { "T." };
     let mut wavelengths: Vec<(f64, usize)> = Vec::new();
     for (index, channel) in header.channels.list.iter().enumerate() {
@@ -744,38 +788,21 @@ pub(super) fn bands<Q: Quantity>(path: &Path, header: &Header) -> Result<BandCha
     }
     wavelengths.sort_by(|a, b| a.0.total_cmp(&b.0));
     let centers: Vec<f64> = wavelengths.iter().map(|pair| pair.0).collect();
-    let grid = match attribute(header, EDGES) {
-        Some(text) => {
-            let edges: Result<Vec<f64>, _> = text.split(',').map(|edge| edge.trim().parse::<f64>()).collect();
-            let edges = edges.map_err(|_| {
-                FormatError::malformed(
-                    path,
-                    format!("the attribute \"{EDGES}\" is damaged"),
-                    "Write the file again",
-                )
-            })?;
-            WavelengthGrid::from_edges(&edges)
-        }
-        None => WavelengthGrid::from_centers(&centers),
+    let grid = match grid_of_edges(path, header)? {
+        Some(grid) => grid,
+        None => WavelengthGrid::from_centers(&centers)
+            .map_err(|error| FormatError::malformed(path, error.to_string(), "Check the channel names"))?,
     };
-    let grid =
-        grid.map_err(|error| FormatError::malformed(path, error.to_string(), "Check the channel names"))?;
-    let damaged = || {
-        let what = format!("the attribute \"{BASIS}\" is damaged");
-        FormatError::malformed(path, what, "Write the file again")
-    };
-    let basis: Option<BasisText> =
-        attribute(header, BASIS).map(|text| parse_json(path, BASIS, &text)).transpose()?;
-    let basis = basis.map(|text| text.basis(grid.len()).ok_or_else(damaged)).transpose()?;
-    if basis.as_ref().is_some_and(|basis| basis.stored().is_empty()) {
-        // A component without light has a channel, since a part must have one, and no stored band
+    let basis = basis.map(|text| text.basis(grid.len()).ok_or_else(|| damaged_basis(path))).transpose()?;
+    if basis.as_ref().is_some_and(SpectralBasis::is_empty) {
+        // A component without light has a channel, since a part must have one, and no coefficient
         return Ok(BandChannels { grid, bands: vec![None; header.channels.list.len()], basis });
     }
-    let stored = |band: usize| match &basis {
-        Some(basis) => basis.stored().get(band).copied(),
-        None => Some(band),
+    let stored = |band: usize| match basis.as_ref().map(SpectralBasis::projection) {
+        Some(Projection::Bands(stored)) => stored.get(band).copied(),
+        _ => Some(band),
     };
-    let count = basis.as_ref().map_or(grid.len(), |basis| basis.stored().len());
+    let count = basis.as_ref().map_or(grid.len(), |basis| basis.len());
     let agree = count == centers.len()
         && centers.iter().enumerate().all(|(band, nm)| grid.bin_of(*nm) == stored(band));
     if !agree {

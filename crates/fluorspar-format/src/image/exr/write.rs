@@ -18,15 +18,15 @@ use exr::prelude::{
 use super::packing::write_blocks;
 use super::{
     BASIS, COMPONENT, DENOISED, EDGES, EXCITATION, ExcitationLabel, FEATURES, FORMAT, LAYOUT_VERSION,
-    MATERIALS, PARTS, PLANES, PREVIEW, PROVENANCE, PlanesLabel, QUANTITY, SAMPLES, SCALE, STATISTIC,
-    STORAGE_ERROR, StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
+    MATERIALS, PARTS, PREVIEW, PROVENANCE, QUANTITY, SAMPLES, SCALE, STATISTIC, STORAGE_ERROR,
+    StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
 };
 use crate::image::basis_text::{BasisText, floats_to_text};
 use crate::store::file::{MAX_IMAGE_BYTES, check_image_size};
 use crate::store::output::{WrittenShare, write_atomically};
 use crate::{FileFormat, FormatError, Provenance, SpooledImage};
 use fluorspar::image::{
-    ChannelPlanes, Component, ComponentImage, ExcitationImage, FeatureMaps, GroupBasis, SpectralBasis,
+    Component, ComponentImage, ExcitationImage, FeatureMaps, GroupBasis, Projection, SpectralBasis,
     SpectralImage,
 };
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
@@ -69,9 +69,6 @@ pub struct ExrOptions<'a> {
     pub preview: Option<&'a [[f32; 3]]>,
     /// Where the image comes from.
     pub provenance: Option<&'a Provenance>,
-    /// Channel planes of cameras to keep beside the components; of component images only. They are stored as they are: 4 bytes
-    /// for each component, channel and pixel.
-    pub planes: &'a [ChannelPlanes],
     /// What light groups excite at every wavelength, to keep beside the components; of component images only.
     pub excitation: Option<&'a ExcitationImage>,
 }
@@ -143,7 +140,6 @@ fn spectral<Q: Quantity>(
 /// | `fluorsparBasis` | how all bands follow from those that are stored, JSON; missing where all are stored |
 /// | `fluorsparSamplesPerPixel` | paths per pixel |
 /// | `fluorsparDenoised` | settings of the noise reduction, JSON; missing in raw images |
-/// | `fluorsparPlanes` | of which camera the channel planes of a part are, JSON; such parts hold electrons per second |
 /// | `fluorsparExcitation` | light group, component, nodes and spectra of an excitation basis, JSON; such parts hold its factors |
 /// | `fluorsparStatistic` | which half-buffer or variance a part holds, JSON |
 /// | `fluorsparParts` | names of the objects and of their materials, JSON, in `features` |
@@ -263,9 +259,6 @@ fn components(
             }
         }
     }
-    for (number, planes) in options.planes.iter().enumerate() {
-        parts.push(planes_part(path, image, number, planes)?);
-    }
     for group in options.excitation.iter().flat_map(|basis| &basis.groups) {
         parts.extend(excitation_parts(path, image, group)?);
     }
@@ -276,42 +269,6 @@ fn components(
     }
     parts[0].add_provenance(options.provenance);
     write_parts(path, size, parts, options.compression, spool)
-}
-
-/// Channel planes as a part: a channel for each component and channel of the sensor, `C000.P00`, in their order.
-fn planes_part<'a>(
-    path: &Path,
-    image: &ComponentImage,
-    number: usize,
-    planes: &'a ChannelPlanes,
-) -> Result<Part<'a>, FormatError> {
-    let count = planes.components * planes.channels;
-    let pixels = planes.width * planes.height;
-    if (planes.width, planes.height, planes.components) != (image.width, image.height, image.components.len())
-        || planes.data.len() != count * pixels
-    {
-        let what = "the channel planes do not fit the components";
-        return Err(FormatError::unwritable(path, what, "Form them from this image"));
-    }
-    let plane = |index: usize| Plane {
-        name: format!("C{:04}.P{:04}", index / planes.channels, index % planes.channels),
-        values: Values::F32(&planes.data[index * pixels..][..pixels]),
-        offset: 0,
-        stride: 1,
-        width: planes.width,
-    };
-    let label = PlanesLabel {
-        camera: planes.camera.clone(),
-        components: planes.components,
-        channels: planes.channels,
-        unit: "e-/s".into(),
-    };
-    Ok(Part {
-        name: Some(format!("planes.{}", number + 1)),
-        planes: (0..count).map(plane).collect(),
-        attributes: vec![(PLANES, text(&json(&label)))],
-        is_packed: false,
-    })
 }
 
 /// The excitation basis of a light group as parts, one for each component with light: a channel for each of its spectra, `K0000`.
@@ -449,7 +406,7 @@ fn check(
             format!(
                 "{values} values do not fill {height} rows and {width} columns of {per_pixel} values each"
             ),
-            "Give one value per component, row, column and stored band",
+            "Give one value per component, row, column and coefficient",
         );
     }
     if let Some(preview) = options.preview
@@ -464,6 +421,11 @@ fn check(
         return refuse("two bands share one wavelength to 1e-6 nm".into(), "Use wider bins");
     }
     Ok(())
+}
+
+/// The channel of a coefficient of a basis; names sort as coefficients do.
+pub(super) fn coefficient_channel(number: usize) -> String {
+    format!("c{number:04}")
 }
 
 fn channel_name(prefix: &str, nm: f64) -> String {
@@ -609,15 +571,18 @@ fn band_planes<'a, Q: Quantity>(
         (PixelSource::Spool(spool, image), Some(factor)) => Values::SpoolF16 { spool, image, band, factor },
     };
     let prefix = if layout_unit(Q::UNIT).is_some() { "S0" } else { "T" };
-    let bands: Vec<usize> = basis.map_or_else(|| (0..grid.len()).collect(), |basis| basis.stored().to_vec());
-    let plane = |(offset, band): (usize, &usize)| Plane {
-        name: channel_name(prefix, grid.center_nm(*band)),
-        values: values(offset),
-        offset,
-        stride: bands.len(),
-        width,
+    let names: Vec<String> = match basis.map(SpectralBasis::projection) {
+        None => grid.centers_nm().iter().map(|nm| channel_name(prefix, *nm)).collect(),
+        Some(Projection::Bands(stored)) => {
+            stored.iter().map(|band| channel_name(prefix, grid.center_nm(*band))).collect()
+        }
+        Some(Projection::Weights(_)) => {
+            (0..basis.map_or(0, SpectralBasis::len)).map(coefficient_channel).collect()
+        }
     };
-    let mut planes: Vec<Plane<'a>> = bands.iter().enumerate().map(plane).collect();
+    let stride = names.len();
+    let plane = |(offset, name)| Plane { name, values: values(offset), offset, stride, width };
+    let mut planes: Vec<Plane<'a>> = names.into_iter().enumerate().map(plane).collect();
     if planes.is_empty() {
         // No part is without a channel
         let name = channel_name(prefix, grid.center_nm(0));

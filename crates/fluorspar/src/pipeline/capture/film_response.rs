@@ -53,7 +53,7 @@ struct ShapeWeights {
     passed: Vec<f64>,
 }
 
-/// Weights on stored bands by height on the film, `[channel][stored band]` each.
+/// Weights on coefficients by height on the film, `[channel][coefficient]` each.
 type HeightTables = Vec<Vec<f32>>;
 
 /// The image of a traced lens through which the render did not go.
@@ -160,7 +160,7 @@ impl FilmResponse {
         let components = planes.first().map_or(0, |planes| planes.components);
         let most = responses.iter().map(|response| response.values_per_component()).max().unwrap_or(0);
         let batch = (BATCH_VALUES / most.max(1)).clamp(1, components.max(1));
-        // Weights of the stored bands of components with a basis, `[response][component]`
+        // Weights of the coefficients of components with a basis, `[response][component]`
         let short: Vec<Vec<Option<HeightTables>>> = responses
             .iter()
             .map(|response| {
@@ -200,7 +200,7 @@ impl FilmResponse {
         Ok(planes)
     }
 
-    /// Weights on the stored bands of a component with a basis, by height on the film; `None` where all bands are needed one by one.
+    /// Weights on the coefficients of a component with a basis, by height on the film; `None` where all bands are needed one by one.
     fn on_basis(&self, component: usize, basis: Option<&SpectralBasis>) -> Option<HeightTables> {
         let basis = basis.filter(|_| self.is_local())?;
         let tables = &self.shapes[self.shape_of[component]].tables;

@@ -96,7 +96,7 @@ pub enum BandPlanes {
 }
 
 impl BandPlanes {
-    /// Stored bands of the planes of an image: the components, then the first half, the second half and the variance of all statistics;
+    /// Values of a pixel in the planes of an image: the components, then the first half, the second half and the variance of all statistics;
     /// or one plane.
     pub fn stored(self, layout: &FilmLayout) -> Vec<usize> {
         let bands = layout.grid.len();
@@ -129,7 +129,7 @@ pub trait BandStore {
     /// A render that can't start, a film that can't be saved.
     fn fill(&mut self, band: &Range<usize>, share: &Share, film: &mut Film) -> Result<bool, Self::Error>;
 
-    /// Keeps finished rows of a plane, from a row of pixels on, `[row, col, band]`: of a component its stored bands.
+    /// Keeps finished rows of a plane, from a row of pixels on, `[row, col, band]`: of a component its coefficients.
     ///
     /// # Errors
     /// Storage that fails.

@@ -60,7 +60,7 @@ impl RegionRadiance {
                 continue;
             }
             // Average the component over the region
-            let (values, len) = (components.stored(index), components.stored_bands(index));
+            let (values, len) = (components.stored(index), components.values_per_pixel(index));
             let mut mean = vec![0.0; len];
             for &pixel in pixels {
                 for (sum, value) in mean.iter_mut().zip(&values[pixel * len..]) {
