@@ -328,7 +328,8 @@ mod tests {
                 assert!((short - long).abs() < 1e-3 * long, "{short} {long}");
             }
         }
-        assert_eq!(representatives(&all, 40, 1e-3, 24).len(), 3 * 40);
+        // The dim one of them is less than the error beside the others
+        assert_eq!(representatives(&all, 40, 1e-3, 24).len(), 2 * 40);
     }
 
     #[test]
