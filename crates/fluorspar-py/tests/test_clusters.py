@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -61,3 +63,14 @@ def test_joblib_gives_the_same(mouth, components, here) -> None:
     found = joblib.Parallel(n_jobs=2)(work(experiment, components) for experiment in longer)
     np.testing.assert_array_equal(found, here.green)
 
+
+def test_the_cohort_of_the_examples_survives_the_kill_of_a_dask_worker() -> None:
+    pytest.importorskip("distributed")
+    if not shutil.which("pgrep"):
+        pytest.skip("pgrep is not there")
+    prove = Path(__file__).parents[3] / "examples/cluster/prove"
+    here = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    said = subprocess.run([prove, "dask"], env={**os.environ, "PATH": here}, capture_output=True, text=True)
+    assert said.returncode == 0, said.stdout + said.stderr
+    assert "killed the worker of part 2" in said.stdout, said.stdout
+    assert "files equal those of one process" in said.stdout, said.stdout

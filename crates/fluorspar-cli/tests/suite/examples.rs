@@ -77,6 +77,9 @@ fn workshop() -> tempfile::TempDir {
     fs::create_dir(folder.path().join("examples")).unwrap();
     for entry in fs::read_dir(root().join("examples")).unwrap() {
         let path = entry.unwrap().path();
+        if path.is_dir() {
+            continue;
+        }
         fs::copy(&path, folder.path().join("examples").join(path.file_name().unwrap())).unwrap();
     }
     let dye =
