@@ -89,7 +89,7 @@ class Mouth:
         text_of("mouth", "generate", *self._words, "-q", out=_given.path(path, "path"))
 
     def _repr_png_(self) -> bytes:
-        return picture_of_command("mouth", "view", *self._words, "--spp", "4", "-q", ending=".png")
+        return picture_of_command("mouth", "view", *self._words, "--spp", "4", ending=".png")
 
     def __repr__(self) -> str:
         return f"<Mouth {' '.join(self._words)}>"

@@ -28,7 +28,7 @@ def picture_of_command(*words: str, ending: str) -> bytes:
     """The file that a command draws for its ``--out``."""
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "picture" + ending)
-        _fluorspar.answer([*words, "--out", path])
+        _fluorspar.answer([*words, "--out", path, "--quiet"])
         with open(path, "rb") as file:
             return file.read()
 
