@@ -42,7 +42,7 @@ PHRASES = {
 }
 READ_BY_AXE = ["index", "docs/theory", "docs/commands", "docs/notebooks/1_first_light", "docs/site/api"]
 #: Of a page without its pictures, and with them.
-MOST_BYTES = (1_500_000, 3_000_000)
+MOST_BYTES = (1_500_000, 4_000_000)
 
 
 class _Quiet(http.server.SimpleHTTPRequestHandler):
