@@ -5,8 +5,8 @@ use std::ffi::OsString;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use fluorspar_session::{
-    AnalyzeOptions, CaptureOptions, CheckOptions, CohortOptions, CompareOptions, CubeOptions, DatasetOptions,
-    PredictOptions, RunOptions,
+    AnalyzeOptions, CaptureOptions, CheckOptions, CiteOptions, CohortOptions, CompareOptions, CubeOptions,
+    DatasetOptions, PredictOptions, RunOptions,
 };
 use fluorspar_web::WorkbenchOptions;
 
@@ -68,6 +68,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
             "analyze",
             "sheet",
             "compare",
+            "cite",
             "cohort",
             "dataset",
             "merge",
@@ -153,6 +154,8 @@ pub(crate) enum Command {
     Analyze(Answering<AnalyzeOptions>),
     /// Compare two finished runs: settings, numbers with their intervals, frames. Designs that were not run: `design compare`.
     Compare(Answering<CompareOptions>),
+    /// List what a run rests on, to be cited: program, methods, sources of its data, files.
+    Cite(Answering<CiteOptions>),
     /// Examine many drawn people: normal ranges, truth against estimate, how well a lesion is told.
     Cohort(Answering<CohortOptions>),
     /// Write images of drawn people with their truth, to train and test with: masks, depths, COCO annotations.

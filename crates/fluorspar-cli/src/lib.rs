@@ -17,7 +17,7 @@ use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 
 use fluorspar_accel::claim_exit_message;
-use fluorspar_session::{compare, predict, use_surroundings};
+use fluorspar_session::{cite, compare, predict, use_surroundings};
 pub(crate) use fluorspar_session::{named_spectra, values};
 
 use crate::args::{Args, Command};
@@ -122,6 +122,7 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Cohort(options) => Ended::of(commands::cohort::run, &options),
         Command::Dataset(options) => Ended::of(commands::dataset::run, &options),
         Command::Compare(options) => options.answer(compare, commands::compare::describe).map(Into::into),
+        Command::Cite(options) => options.answer(cite, commands::cite::describe).map(Into::into),
         Command::Describe(options) => Ended::of(commands::describe::run, &options),
         Command::Study(options) => Ended::of(commands::study::run, &options),
         Command::Catalog(options) => Ended::of(commands::catalog::run, &options),

@@ -6,6 +6,7 @@ pub(crate) mod capture;
 pub(crate) mod capture_light;
 pub(crate) mod catalog;
 pub(crate) mod check;
+pub(crate) mod cite;
 pub(crate) mod cohort;
 pub(crate) mod compare;
 pub(crate) mod completions;

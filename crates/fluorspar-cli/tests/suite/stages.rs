@@ -56,6 +56,18 @@ fn every_stage_continues_from_the_files_of_the_one_before() {
     let said = fluorspar(folder, ["analyze", "run"]).well();
     assert!(said.stdout.starts_with("Frame \"blue\", tongue dorsum\n"), "{}", said.stdout);
 
+    // cite: what the run rests on, from the page in its folder; what is no run is refused.
+    let cited = fluorspar(folder, ["cite", "run", "--json"]).json();
+    assert_eq!(cited["experiment_sha256"], results["experiment_sha256"]);
+    assert_eq!(cited["has_changed"], false);
+    let of_collagen = |source: &&Value| source["entries"].to_string().contains("fluorophore collagen");
+    let source = cited["data"].as_array().unwrap().iter().find(of_collagen).unwrap();
+    assert!(source["source"].as_str().unwrap().starts_with("DaCosta"), "{source}");
+    assert!(cited["methods"].to_string().contains("layered tissue"), "{cited}");
+    let said = fluorspar(folder, ["cite", "frames"]);
+    assert_eq!(said.code, Some(2));
+    assert!(said.stderr.contains("there is no report.html in this folder"), "{}", said.stderr);
+
     // Maps of its pixels, and two spots compared.
     let args = [
         "analyze",
