@@ -44,7 +44,7 @@ suppress_warnings = ["misc.highlighting_failure"]
 
 html_theme = "pydata_sphinx_theme"
 html_title = f"Fluorspar {release}"
-html_static_path = ["static"]
+html_css_files = ["site.css"]
 templates_path = ["templates"]
 html_sidebars = {"**": ["contents.html"]}
 html_show_sourcelink = False
