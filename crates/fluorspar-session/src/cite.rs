@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use clap::ValueHint;
+use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_experiment::preset::{PresetKind, UsedPreset, used_presets};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -63,42 +64,46 @@ pub struct CitedFile {
 /// # Errors
 /// What is no run and no experiment.
 pub fn cite(options: &CiteOptions, job: &Job) -> Result<Citations> {
-    let given = options.report.as_deref().map(Path::new);
-    let page = given.filter(|path| path.is_dir()).map(|folder| folder.join("report.html"));
-    if let Some(page) = page.as_ref().filter(|page| !page.is_file()) {
-        let folder = page.parent().unwrap_or(page).display();
-        return Err(Error::Input(format!(
-            "{folder}: there is no report.html in this folder; give one that `run` wrote"
-        )));
-    }
-    let file = page.map(|page| page.display().to_string()).or_else(|| options.report.clone());
-    let source = ExperimentSource::find(file.as_deref())?;
-    let resolved = source.resolve(&[])?;
-    job.warn(&resolved.record.warnings);
-    let sections: toml::Table = resolved.record.resolved_toml.parse().unwrap_or_default();
-    let fluorophores = resolved.study.scene.fluorophores.iter().map(|fluorophore| &*fluorophore.name);
+    let source = source_of(options.report.as_deref())?;
+    let ResolvedExperiment { study, record } = source.resolve(&[])?;
+    job.warn(&record.warnings);
+    let sections: toml::Table = record.resolved_toml.parse().unwrap_or_default();
+    let fluorophores = study.scene.fluorophores.iter().map(|fluorophore| &*fluorophore.name);
     let used = used_presets(&sections, fluorophores)?;
-    let results = source.file.as_deref().filter(|path| path.extension().is_some_and(|e| e == "html"));
-    let results = results.and_then(|page| results_beside(page));
+    let results = source.file.as_deref().and_then(results_beside);
     let said = |key: &str| results.as_ref().and_then(|results| results.get(key)?.as_str());
     let version = said("version").unwrap_or(env!("CARGO_PKG_VERSION")).to_owned();
-    let inputs = resolved.record.inputs.iter();
+    let files = record.inputs.iter();
     Ok(Citations {
         report: options.report.clone().unwrap_or_else(|| source.name.clone()),
-        has_changed: said("experiment_sha256").is_some_and(|sha256| sha256 != resolved.record.sha256),
+        has_changed: said("experiment_sha256").is_some_and(|sha256| sha256 != record.sha256),
         program: program(&version),
         version,
         methods: methods(&sections, &used),
         data: by_source(&used),
-        files: inputs
-            .map(|input| CitedFile { path: input.path.display().to_string(), sha256: input.sha256.clone() })
+        files: files
+            .map(|file| CitedFile { path: file.path.display().to_string(), sha256: file.sha256.clone() })
             .collect(),
-        experiment_sha256: resolved.record.sha256,
+        experiment_sha256: record.sha256,
     })
 }
 
-/// The results.json beside a page, if it can be read.
+/// The experiment of a run's folder, of its page, or of anything else that is one.
+fn source_of(report: Option<&str>) -> Result<ExperimentSource> {
+    let Some(folder) = report.map(Path::new).filter(|path| path.is_dir()) else {
+        return ExperimentSource::find(report);
+    };
+    let page = folder.join("report.html");
+    if page.is_file() {
+        return ExperimentSource::find(Some(&page.to_string_lossy()));
+    }
+    let folder = folder.display();
+    Err(Error::Input(format!("{folder}: there is no report.html in this folder; give one that `run` wrote")))
+}
+
+/// The results.json beside the page of a run, if it can be read.
 fn results_beside(page: &Path) -> Option<Value> {
+    page.extension().filter(|ending| ending.eq_ignore_ascii_case("html"))?;
     serde_json::from_str(&read_text(&page.with_file_name("results.json")).ok()?).ok()
 }
 
