@@ -1,5 +1,6 @@
 //! What a run rests on, to be cited: the program, its methods, the sources of its data, the files that it read.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use clap::ValueHint;
@@ -37,8 +38,8 @@ pub struct Citations {
     pub methods: Vec<&'static str>,
     /// Sources of data, each with what came from it.
     pub data: Vec<CitedSource>,
-    /// Files that were read.
-    pub files: Vec<CitedFile>,
+    /// Files that were read, with the digests of their contents.
+    pub files: BTreeMap<String, String>,
 }
 
 /// A source of data.
@@ -48,15 +49,6 @@ pub struct CitedSource {
     pub source: String,
     /// Kinds and names of the entries.
     pub entries: Vec<String>,
-}
-
-/// A file that was read.
-#[derive(Clone, Debug, Serialize)]
-pub struct CitedFile {
-    /// Where it is.
-    pub path: String,
-    /// Digest of its content.
-    pub sha256: String,
 }
 
 /// Lists what a run rests on.
@@ -81,9 +73,7 @@ pub fn cite(options: &CiteOptions, job: &Job) -> Result<Citations> {
         version,
         methods: methods(&sections, &used),
         data: by_source(&used),
-        files: files
-            .map(|file| CitedFile { path: file.path.display().to_string(), sha256: file.sha256.clone() })
-            .collect(),
+        files: files.map(|file| (file.path.display().to_string(), file.sha256.clone())).collect(),
         experiment_sha256: record.sha256,
     })
 }

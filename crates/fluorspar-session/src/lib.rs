@@ -66,7 +66,7 @@ pub use analyze::{AnalyzeOptions, Analyzed, AnalyzedFrames, analyze};
 pub use capture::{CaptureOptions, CapturedFolder, RawForm, capture};
 pub use changes::{Changes, ExperimentArgs, RenderOptions, Seed};
 pub use check::{CameraView, CheckOptions, CheckedExperiment, CheckedFile, CheckedSample, check};
-pub use cite::{Citations, CiteOptions, CitedFile, CitedSource, cite};
+pub use cite::{Citations, CiteOptions, CitedSource, cite};
 pub use coarse_render::{coarse_image, warnings_before_run};
 pub use cohort::{CohortArgs, CohortOptions, CohortOutcome, ExaminedCohort, FinishedShard, cohort};
 pub use compare::{CompareOptions, ComparedRun, ComparedRuns, Comparison, compare};

@@ -16,8 +16,7 @@ pub(crate) fn describe(cited: &Citations) -> String {
         .map(|cited| format!("{}\n      {}", cited.source, cited.entries.join(", ")))
         .collect();
     text += &heading("Data", &data);
-    let files: Vec<String> =
-        cited.files.iter().map(|file| format!("{}  {}", file.sha256, file.path)).collect();
+    let files: Vec<String> = cited.files.iter().map(|(path, sha256)| format!("{sha256}  {path}")).collect();
     text + &heading("Files", &files)
 }
 

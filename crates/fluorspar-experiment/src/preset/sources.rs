@@ -37,16 +37,16 @@ fn kind_of(field: &str) -> Option<PresetKind> {
 /// # Errors
 /// When an entry is damaged.
 pub fn used_presets<'a>(
-    sections: &Table,
+    sections: &'a Table,
     fluorophores: impl Iterator<Item = &'a str>,
 ) -> Result<Vec<UsedPreset>, PresetError> {
-    let mut named: Vec<(PresetKind, String)> =
-        fluorophores.map(|name| (PresetKind::Fluorophore, name.to_owned())).collect();
-    sections.iter().for_each(|(field, value)| collect(field, value, &mut named));
+    let mut named: Vec<(PresetKind, &str)> =
+        fluorophores.map(|name| (PresetKind::Fluorophore, name)).collect();
+    each_text(sections, &mut |field, text| named.extend(kind_of(field).map(|kind| (kind, text))));
     let mut found = Vec::new();
     for kind in PresetKind::ALL {
         let known = names(kind);
-        let mut of_kind: Vec<&str> = named.iter().filter(|(k, _)| *k == kind).map(|(_, n)| &**n).collect();
+        let mut of_kind: Vec<&str> = named.iter().filter(|(k, _)| *k == kind).map(|(_, n)| *n).collect();
         of_kind.sort_unstable();
         of_kind.dedup();
         for name in of_kind.into_iter().filter(|name| known.contains(name)) {
@@ -56,38 +56,29 @@ pub fn used_presets<'a>(
     Ok(found)
 }
 
-/// Texts of fields that name entries, however deep.
-fn collect(field: &str, value: &Value, named: &mut Vec<(PresetKind, String)>) {
-    match value {
-        Value::String(name) => named.extend(kind_of(field).map(|kind| (kind, name.clone()))),
-        Value::Array(items) => items.iter().for_each(|item| collect(field, item, named)),
-        Value::Table(table) => table.iter().for_each(|(field, inner)| collect(field, inner, named)),
-        _ => {}
+/// Every text in a table, however deep, with the field that holds it.
+fn each_text<'a>(table: &'a Table, see: &mut impl FnMut(&'a str, &'a str)) {
+    fn within<'a>(field: &'a str, value: &'a Value, see: &mut impl FnMut(&'a str, &'a str)) {
+        match value {
+            Value::String(text) => see(field, text),
+            Value::Array(items) => items.iter().for_each(|item| within(field, item, see)),
+            Value::Table(table) => each_text(table, see),
+            _ => {}
+        }
     }
+    table.iter().for_each(|(field, value)| within(field, value, see));
 }
 
 /// The source of an entry, then those of its parts that say a year.
 fn sources(entry: &Table) -> Vec<String> {
-    let mut all = Vec::new();
-    let own = entry.get("source").and_then(Value::as_str).map(String::from);
-    entry.iter().for_each(|(field, value)| sources_in(field, value, &mut all));
-    all.retain(|source| Some(source) != own.as_ref() && says_year(source));
-    let mut found: Vec<String> = Vec::new();
-    for source in own.into_iter().chain(all).filter(|source| !source.is_empty()) {
-        if !found.contains(&source) {
-            found.push(source);
+    let own = entry.get("source").and_then(Value::as_str).filter(|source| !source.is_empty());
+    let mut found: Vec<String> = own.into_iter().map(String::from).collect();
+    each_text(entry, &mut |field, text| {
+        if field == "source" && says_year(text) && !found.iter().any(|known| known == text) {
+            found.push(text.into());
         }
-    }
+    });
     found
-}
-
-fn sources_in(field: &str, value: &Value, found: &mut Vec<String>) {
-    match value {
-        Value::String(source) if field == "source" => found.push(source.clone()),
-        Value::Array(items) => items.iter().for_each(|item| sources_in(field, item, found)),
-        Value::Table(table) => table.iter().for_each(|(field, inner)| sources_in(field, inner, found)),
-        _ => {}
-    }
 }
 
 /// Whether a text has a year from 1600 to 2099.
