@@ -269,7 +269,7 @@ fn chromaticity_figure(analysis: &Analysis, map: &ChromaticityMap) -> Figure {
         target: Analyte::default(),
         mixture_line: analysis.mixture.as_ref().map(|mixture| [mixture.bulk, mixture.porphyrin]),
         ellipse: analysis.ellipse.map(|ellipse| ellipse.outline(2.4477, 90)).unwrap_or_default(),
-        people: Vec::new(),
+        ..ChromaticityPlot::default()
     })
 }
 

@@ -21,6 +21,16 @@ pub struct ChromaticityPlot {
     pub ellipse: Vec<[f64; 2]>,
     /// `(r, g)` of people drawn from the family that the estimate assumes, without the target; empty for none.
     pub people: Vec<[f64; 2]>,
+    /// Whether some of these hold pigment of plants, which is as red.
+    pub people_hold_pigment: bool,
+}
+
+impl ChromaticityPlot {
+    /// Who the people are.
+    fn people(&self) -> String {
+        let pigment = if self.people_hold_pigment { ", some with plant pigment" } else { "" };
+        format!("people without {}{pigment}", self.target)
+    }
 }
 
 /// Pixels drawn in the whole plane, where they lie one over another.
@@ -46,8 +56,9 @@ pub fn chromaticity(plot: &ChromaticityPlot) -> Figure {
     let people = match plot.people.is_empty() {
         true => String::new(),
         false => format!(
-            "Larger dots are people without {target}, drawn from the family of tissues that the estimate assumes, under this light and by this \
-             camera: what lies among them needs no {target}. "
+            "Larger dots are {}, drawn from the family of tissues that the estimate assumes, under this light and by this camera: what lies \
+             among them needs no {target}. ",
+            plot.people()
         ),
     };
     Figure::grid("Sensor chromaticity", panels, 2).explained(format!(
@@ -103,7 +114,7 @@ fn panel(plot: &ChromaticityPlot, [x, y]: [[f64; 2]; 2], most: usize, is_whole: 
         let ink = Ink::besides(&inks, 3)[2];
         let points = plot.people.clone();
         let shape = SeriesShape::Dots { points, radius: 2.2, opacity: 0.75 };
-        panel = panel.with(Series { name: Some(format!("people without {target}")), ink, shape });
+        panel = panel.with(Series { name: Some(plot.people()), ink, shape });
     }
     if let Some([bulk, end]) = plot.mixture_line {
         let name = format!("mixtures of bulk and {target}");

@@ -464,6 +464,7 @@ fn chromaticity_plot(run: &RunResults<'_>, analyzed: &AnalyzedFrame) -> Figure {
         mixture_line: analysis.mixture.as_ref().map(|m| [m.bulk, m.porphyrin]),
         ellipse: analysis.ellipse.map(|e| e.outline(ELLIPSE_95, 90)).unwrap_or_default(),
         people: analysis.posterior.as_ref().map_or_else(Vec::new, |posterior| posterior.people.clone()),
+        people_hold_pigment: analysis.posterior.as_ref().is_some_and(|posterior| posterior.red.is_some()),
     })
 }
 
