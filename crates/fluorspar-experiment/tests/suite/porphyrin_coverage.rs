@@ -634,12 +634,18 @@ fn the_coarse_solver_of_other_tissues_has_their_colors() {
 
 /// Blocks of a drawn tongue, 10 by 5.
 const BLOCKS: [usize; 2] = [10, 5];
+/// Pixels of a color in each.
+const PIXELS: f64 = 200.0;
 
 /// A tongue of one person, drawn from the prior: the tissue of places differs by a fifth of what people differ by, alike within cells of two
-/// by two blocks, and so do light and teeth. `patches` is the true share of porphyrin that lies in some of the cells. Blocks, the mean of
-/// all of them with its variance, and the true share.
-fn tongue(family: &LightFamily, share: f64, key: Key) -> (Vec<RegionBlock>, [Vec<f64>; 2], f64) {
-    const PIXELS: f64 = 200.0;
+/// by two blocks, and so do light and teeth. `share` is the true share of porphyrin, which lies in some of the cells, or in all of them as
+/// mouths of the catalogue have it. Blocks, the mean of all of them with its variance, and the true share.
+fn tongue(
+    family: &LightFamily,
+    share: f64,
+    spread: PorphyrinSpread,
+    key: Key,
+) -> (Vec<RegionBlock>, [Vec<f64>; 2], f64) {
     let names = family.nuisances();
     let person: Vec<f64> = (0..names.len() as u64).map(|number| normal(key.with(1).with(number))).collect();
     let cell = |col: usize, row: usize| (row / 2 * BLOCKS[0].div_ceil(2) + col / 2) as u64;
@@ -665,8 +671,13 @@ fn tongue(family: &LightFamily, share: f64, key: Key) -> (Vec<RegionBlock>, [Vec
     let pattern: Vec<f64> = places
         .iter()
         .map(|&[col, row]| {
-            let z = normal(key.with(4).with(cell(col, row)));
-            if z > 0.25 { (0.5 * normal(key.with(5).with(cell(col, row)))).exp() } else { 0.0 }
+            let [z, of_patch] = [4, 5].map(|id| normal(key.with(id).with(cell(col, row))));
+            match spread {
+                PorphyrinSpread::Usual => (0.7 * z).exp(),
+                PorphyrinSpread::Patches if z > 0.25 => (0.5 * of_patch).exp(),
+                PorphyrinSpread::Patches => 0.0,
+                PorphyrinSpread::Even => 1.0,
+            }
         })
         .collect();
     let sum = |electrons: &[f64]| -> f64 {
@@ -718,7 +729,8 @@ fn tongue(family: &LightFamily, share: f64, key: Key) -> (Vec<RegionBlock>, [Vec
 fn by_blocks(family: &LightFamily, share: f64, tongues: u64, seed: u64) -> [f64; 2] {
     let [mut excluded, mut held] = [0.0; 2];
     for number in 0..tongues {
-        let (blocks, [electrons, variance], truth) = tongue(family, share, Key::new(seed).with(number));
+        let (blocks, [electrons, variance], truth) =
+            tongue(family, share, PorphyrinSpread::Patches, Key::new(seed).with(number));
         let average = FamilyAverage::certain(family);
         let [low, high] = average.share_interval_of_blocks(&electrons, &variance, &blocks).unwrap().interval;
         excluded += f64::from(u8::from(low > 0.0)) / tongues as f64;
@@ -764,7 +776,8 @@ fn the_visible_share_is_that_of_drawn_tongues() {
     let mut widths = Vec::new();
     let mut level = None;
     for number in 0..15 {
-        let (blocks, [electrons, variance], _) = tongue(&family, 0.08, Key::new(14).with(number));
+        let (blocks, [electrons, variance], _) =
+            tongue(&family, 0.08, PorphyrinSpread::Usual, Key::new(14).with(number));
         let found = FamilyAverage::certain(&family).share_interval_of_blocks(&electrons, &variance, &blocks);
         let [low, high] = found.unwrap().interval;
         widths.push(high - low);
@@ -819,6 +832,7 @@ fn cameras_of_drawn_tongues() {
         std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
     };
     let (tongues, wanted) = (number("TONGUES", 40), std::env::var("CAMERA").ok());
+    let only: Option<f64> = std::env::var("SHARE").ok().and_then(|text| text.parse().ok());
     println!("camera, share: none excluded, held, median width, foretold width");
     for (name, channels, lights) in cameras {
         if wanted.as_ref().is_some_and(|wanted| wanted != name) {
@@ -828,26 +842,32 @@ fn cameras_of_drawn_tongues() {
             lights.iter().map(|(light, filters)| frame_of(light, channels, filters)).collect();
         let of_width = |width| tissue_family(&prior("dorsal_tongue", width), &frames, &grid()).unwrap();
         let (drawn, judging) = (of_width(1.0), of_width(TissuePrior::WIDTH));
-        for share in [0.0, 0.05, 0.1, 0.2] {
+        // As bright as the typical tongue
+        let typical = judging.electrons(&vec![0.0; judging.nuisances().len()], judging.porphyrin.median);
+        let blocks = BLOCKS[0] * BLOCKS[1];
+        let variance = typical.iter().map(|e| (e + 9.0) / (PIXELS * blocks as f64)).collect();
+        let level = SignalLevel { electrons: typical, variance, blocks };
+        let cells = [0.0, 0.05, 0.1, 0.2].map(|share| (PorphyrinSpread::Patches, share)).into_iter();
+        let cells = cells.chain([0.05, 0.1, 0.2].map(|share| (PorphyrinSpread::Usual, share)));
+        for (spread, share) in cells.filter(|(_, share)| only.is_none_or(|only| *share == only)) {
             let mut widths = Vec::new();
             let (mut excluded, mut held) = (0.0, 0.0);
-            let mut level = None;
             for tongue_number in 0..tongues {
                 let (blocks, [electrons, variance], truth) =
-                    tongue(&drawn, share, Key::new(77).with(tongue_number));
+                    tongue(&drawn, share, spread, Key::new(77).with(tongue_number));
                 let average = FamilyAverage::certain(&judging);
                 let found = average.share_interval_of_blocks(&electrons, &variance, &blocks).unwrap();
                 let [low, high] = found.interval;
                 widths.push(high - low);
                 excluded += f64::from(u8::from(low > 0.0)) / tongues as f64;
                 held += f64::from(u8::from(low <= truth && truth <= high)) / tongues as f64;
-                level = Some(SignalLevel { electrons, variance, blocks: blocks.len() });
             }
             widths.sort_by(f64::total_cmp);
-            let foretold =
-                judging.expected_interval(&level.unwrap(), share, PorphyrinSpread::Usual).map(|[a, b]| b - a);
+            let is_foretold = spread == PorphyrinSpread::Usual;
+            let foretold = is_foretold.then(|| judging.expected_interval(&level, share, spread)).flatten();
+            let foretold = foretold.map(|[low, high]| high - low);
             println!(
-                "{name}, {share}: {excluded:.2}, {held:.2}, {:.3}, {:.3}",
+                "{name}, {spread:?} of {share}: {excluded:.2}, {held:.2}, {:.3}, {:.3}",
                 widths[widths.len() / 2],
                 foretold.unwrap_or(f64::NAN)
             );

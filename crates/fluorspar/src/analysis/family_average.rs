@@ -124,13 +124,13 @@ impl<'a> Candidate<'a> {
         }
     }
 
-    /// Blocks of a region along the red direction; `None` where they say nothing.
-    pub(super) fn pattern(&self, blocks: &[RegionBlock]) -> Option<RedPattern> {
+    /// Blocks of a region along the red direction, whose mean is fitted; `None` where they say nothing.
+    pub(super) fn pattern(&self, of_mean: &FamilyFit, blocks: &[RegionBlock]) -> Option<RedPattern> {
         if blocks.len() < LEAST_BLOCKS {
             return None;
         }
         let of_blocks = self.of_blocks.get_or_init(|| self.family.of_blocks(self.drawn()));
-        of_blocks.as_ref()?.pattern(self.family, blocks)
+        of_blocks.as_ref()?.pattern(self.family, of_mean, blocks)
     }
 }
 
@@ -274,7 +274,8 @@ impl Compared {
             .into_par_iter()
             .map(|fit| {
                 let has_part = fit == 0 || self.probabilities[fit] > NEGLIGIBLE_IN_BLOCKS;
-                let pattern = if has_part { families[self.numbers[fit]].pattern(blocks) } else { None }?;
+                let family = families[self.numbers[fit]];
+                let pattern = if has_part { family.pattern(&self.fits[fit], blocks) } else { None }?;
                 let posterior = pattern.posterior()?;
                 Some((pattern, posterior))
             })

@@ -6,7 +6,9 @@
 //!
 //! `a_j = beta + s_j (1 - beta) + error_j`, `beta = beta_0 + f C (1 - beta_0)`, `var error_j = tau² v_a + (rho f C)² + v_n,j`
 //!
-//! where `beta_0 ~ N(m_b, v_b)` is the bulk of the person, `C` the share of chlorophyll, `tau` how much more than usual places differ.
+//! where `beta_0 ~ N(m_b, v_b)` is the bulk of the person, `C` the share of chlorophyll, `tau` how much more than usual places differ. How
+//! likely a bulk `beta` is tells the mean of the region, of which it leaves the share `(mean a - beta) / (1 - beta)` to the porphyrin; the
+//! normal distribution, which people follow in part, divides it among `beta_0` and `C` alone.
 //! The shares `s_j` of blocks follow one of 91 patterns: none, the same everywhere, or a log-normal distribution, with or without
 //! blocks that hold none. Neighbors are alike: the likelihood of the blocks is raised to the power of the number of independent ones
 //! over that of all (composite likelihood; Cooley, Davison and Ribatet, arXiv 0911.5357). All unknowns are summed over grids.
@@ -31,9 +33,11 @@ const PLACE_FACTOR_LOG_SD: f64 = 0.4;
 /// Amounts of chlorophyll over the typical one, and the standard deviation of their logarithm, that of the population.
 pub(super) const CHLOROPHYLL: [f64; 5] = [0.1, 0.4, 1.2, 3.0, 7.0];
 const CHLOROPHYLL_LOG_SD: f64 = 1.25;
-/// Colors of the bulk on the grid, and their reach in standard deviations.
-const BULK_NODES: usize = 31;
-const BULK_REACH: f64 = 3.0;
+/// Step between colors of the bulk on the grid, over what the mean of independent blocks scatters by, and the most of them.
+const BULK_STEP: f64 = 1.5;
+const MOST_BULKS: f64 = 96.0;
+/// Largest share that the bulk on the grid leaves for porphyrin.
+const LARGEST_SHARE: f64 = 0.75;
 /// Mean shares of the region on the grid, and where they end.
 const MEANS: usize = 18;
 const MEAN_RANGE: [f64; 2] = [0.002, 0.45];
@@ -70,11 +74,14 @@ pub(super) struct RedPattern {
     pub(super) place_evidence: [f64; 4],
     /// Logarithm of the likelihood of each of [`CHLOROPHYLL`], by colors that porphyrin leaves alone.
     pub(super) chlorophyll_evidence: [f64; CHLOROPHYLL.len()],
-    /// Mean of the person's bulk for a share of chlorophyll `C`: `[at 0, slope by C]`.
+    /// Amplitudes that the person's bulk, with chlorophyll, may have, in even steps, and the logarithm of the likelihood of each by the mean of
+    /// the region.
+    pub(super) bulk: Vec<[f64; 2]>,
+    /// Mean of the person's bulk without chlorophyll where there is a share `C` of that: `[at 0, slope by C]`.
     pub(super) bulk_mean: [f64; 2],
     /// Relative variance of the scale of the amplitudes.
     pub(super) scale_variance: f64,
-    /// Variance of the person's bulk.
+    /// Variance of the same.
     pub(super) bulk_variance: f64,
     /// Typical amount of chlorophyll over all other light, and the amplitude of chlorophyll alone; none where the tissue holds none.
     pub(super) chlorophyll: Option<[f64; 2]>,
@@ -186,6 +193,30 @@ impl Patterns {
     }
 }
 
+/// Colors that the bulk of a person may have, in even steps, with the logarithms of their likelihoods: `of_share` gives that of a share of
+/// porphyrin in the region, whose mean amplitude and variances of a block by places and by noise are known.
+pub(super) fn bulks(
+    mean: f64,
+    [of_places, noise]: [f64; 2],
+    independent: f64,
+    of_share: impl Fn(f64) -> f64,
+) -> Vec<[f64; 2]> {
+    let scatter = |factor: f64| ((factor * factor * of_places + noise) / independent).sqrt();
+    let [least, .., most] = PLACE_FACTORS;
+    let from = mean + 3.0 * scatter(most);
+    let to = (mean - LARGEST_SHARE) / (1.0 - LARGEST_SHARE);
+    let log_likelihood = |bulk: f64| of_share(((mean - bulk) / (1.0 - bulk)).max(0.0));
+    // From the reddest on, as far as any is likely
+    let coarse = (from - to) / MOST_BULKS;
+    let steps = || (0..=MOST_BULKS as usize).map(|step| from - coarse * step as f64);
+    let best = steps().map(log_likelihood).fold(f64::NEG_INFINITY, f64::max);
+    let last = steps().rfind(|bulk| log_likelihood(*bulk) > best - NEGLIGIBLE).unwrap_or(to).min(mean);
+    let count = ((from - last) / (BULK_STEP * scatter(least))).ceil().clamp(8.0, MOST_BULKS);
+    let step = (from - last) / count;
+    let node = |number: usize| from - step * number as f64;
+    (0..=count as usize).map(node).map(|bulk| [bulk, log_likelihood(bulk)]).collect()
+}
+
 /// Share of chlorophyll in all light for an amount `factor` times the typical one, which is `typical` of all other light.
 pub(super) fn share_of_chlorophyll(factor: f64, typical: f64) -> f64 {
     factor * typical / (1.0 + factor * typical)
@@ -274,8 +305,9 @@ impl RedPattern {
     fn cells(&self) -> (Vec<Cell>, Vec<Vec<f64>>) {
         let log_normal = |factor: f64, log_sd: f64| -0.5 * (factor.ln() / log_sd).powi(2);
         let normalized = |logs: Vec<f64>| -> Vec<f64> {
-            let total: f64 = logs.iter().map(|log| log.exp()).sum();
-            logs.iter().map(|log| log - total.ln()).collect()
+            let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let total: f64 = logs.iter().map(|log| (log - best).exp()).sum();
+            logs.iter().map(|log| log - best - total.ln()).collect()
         };
         let places = normalized(PLACE_FACTORS.iter().map(|f| log_normal(*f, PLACE_FACTOR_LOG_SD)).collect());
         let (amounts, of_amounts) = match self.chlorophyll {
@@ -290,25 +322,30 @@ impl RedPattern {
             None => (vec![0.0], vec![0.0]),
         };
         let amplitude = self.amplitude_of_chlorophyll();
-        let deviates: Vec<f64> =
-            (0..BULK_NODES).map(|i| BULK_REACH * (2.0 * i as f64 / (BULK_NODES - 1) as f64 - 1.0)).collect();
-        let of_deviates = normalized(deviates.iter().map(|z| -0.5 * z * z).collect());
+        // How much of a bulk is chlorophyll
+        let own = |bulk: f64, amount: f64| (bulk - amplitude * amount) / (1.0 - amplitude * amount);
+        let of_bulk = |&[bulk, _]: &[f64; 2]| {
+            let of_amount = |(&amount, prior): (&f64, &f64)| {
+                let off = own(bulk, amount) - self.bulk_mean[0] - self.bulk_mean[1] * amount;
+                prior - 0.5 * off * off / self.bulk_variance - (1.0 - amplitude * amount).ln()
+            };
+            normalized(amounts.iter().zip(&of_amounts).map(of_amount).collect())
+        };
+        let of_bulks: Vec<Vec<f64>> = self.bulk.iter().map(of_bulk).collect();
         let (mut cells, mut precisions) = (Vec::new(), Vec::new());
         for ((place_factor, place), evidence) in PLACE_FACTORS.iter().zip(&places).zip(&self.place_evidence) {
-            for (&chlorophyll, of_amount) in amounts.iter().zip(&of_amounts) {
+            for (number, &chlorophyll) in amounts.iter().enumerate() {
                 let shared = place_factor.powi(2) * self.place_variance
                     + (PLACES_OVER_PEOPLE * amplitude * chlorophyll).powi(2);
                 precisions.push(self.noise.iter().map(|noise| (shared + noise).sqrt().recip()).collect());
-                for (z, of_deviate) in deviates.iter().zip(&of_deviates) {
-                    let mean = self.bulk_mean[0] + self.bulk_mean[1] * chlorophyll;
-                    let own = mean + z * self.bulk_variance.sqrt();
+                for (&[bulk, of_mean], of_amounts) in self.bulk.iter().zip(&of_bulks) {
                     cells.push(Cell {
-                        log_prior: place + evidence + of_amount + of_deviate,
+                        log_prior: place + evidence + of_mean + of_amounts[number],
                         place_factor: *place_factor,
                         chlorophyll,
                         spread: precisions.len() - 1,
-                        tissue: own,
-                        bulk: own + amplitude * chlorophyll * (1.0 - own),
+                        tissue: own(bulk, chlorophyll),
+                        bulk,
                     });
                 }
             }
@@ -612,9 +649,25 @@ fn exp_below_0(x: f64) -> f64 {
 mod tests {
     use super::*;
 
+    /// Bulks of people who are normally distributed and hold any of the amounts of chlorophyll.
+    fn normal_bulks([typical, amplitude]: [f64; 2], variance: f64) -> Vec<[f64; 2]> {
+        let bulk = |node: i32| {
+            let bulk = 0.004 * f64::from(node) - 0.12;
+            let of_amount = |factor: &f64| {
+                let share = amplitude * share_of_chlorophyll(*factor, typical);
+                let own = (bulk - share) / (1.0 - share);
+                let prior = (factor.ln() / CHLOROPHYLL_LOG_SD).powi(2);
+                (-0.5 * (prior + own * own / variance)).exp() / (1.0 - share)
+            };
+            [bulk, CHLOROPHYLL.iter().map(of_amount).sum::<f64>().ln()]
+        };
+        (0..=100).map(bulk).collect()
+    }
+
     fn pattern(amplitudes: Vec<f64>) -> RedPattern {
         let blocks = amplitudes.len();
         RedPattern {
+            bulk: normal_bulks([0.014, 0.95], 0.039_f64.powi(2)),
             amplitudes,
             noise: vec![0.003_f64.powi(2); blocks],
             weights: vec![1.0 / blocks as f64; blocks],
@@ -657,7 +710,8 @@ mod tests {
             near("median", found.share.quantile(0.5), median, 0.02 * median + 1e-4);
             let found_interval = found.share.interval();
             near("low", found_interval[0], interval[0], 0.08 * interval[0]);
-            near("high", found_interval[1], interval[1], 0.02 * interval[1]);
+            // That program had steps of the bulk twice as long
+            near("high", found_interval[1], interval[1], 0.03 * interval[1]);
             // Shares of blocks are of the region's own light here
             near("first", found.blocks[0][0], 1.085 * first, 0.05 * first);
             near("last", found.blocks[found.blocks.len() - 1][0], 1.085 * last, 0.03 * last);

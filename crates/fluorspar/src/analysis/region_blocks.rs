@@ -11,8 +11,9 @@ use serde::{Deserialize, Serialize};
 use super::light_family::{FamilySource, LightFamily, NuisanceGroup, UnitLight};
 use super::red_pattern::{
     CHLOROPHYLL, INDEPENDENT_BLOCKS, PLACE_FACTORS, PLACES_OVER_PEOPLE, PatternPosterior, RedPattern,
-    SHARE_OF_MARK, share_of_chlorophyll,
+    SHARE_OF_MARK, bulks, share_of_chlorophyll,
 };
+use super::share_posterior::FamilyFit;
 use crate::sampling::SampleStream;
 
 /// Draws of people, and of places in one person.
@@ -368,7 +369,12 @@ pub(super) struct BlockFamily {
 
 impl BlockFamily {
     /// The blocks along the red direction, as the family says; `None` where there are too few.
-    pub(super) fn pattern(&self, family: &LightFamily, blocks: &[RegionBlock]) -> Option<RedPattern> {
+    pub(super) fn pattern(
+        &self,
+        family: &LightFamily,
+        of_mean: &FamilyFit,
+        blocks: &[RegionBlock],
+    ) -> Option<RedPattern> {
         if blocks.len() < LEAST_BLOCKS {
             return None;
         }
@@ -401,8 +407,8 @@ impl BlockFamily {
 
         // Where the rest says that the bulk of the person lies
         let independent = INDEPENDENT_BLOCKS.min(blocks.len() as f64);
-        let of_mean = &remainder * (&self.of_places + &mean_noise) * remainder.transpose() / independent;
-        let of_rest = &remainder * &self.of_people * remainder.transpose() + of_mean;
+        let of_mean_rest = &remainder * (&self.of_places + &mean_noise) * remainder.transpose() / independent;
+        let of_rest = &remainder * &self.of_people * remainder.transpose() + of_mean_rest;
         let along = (weights.transpose() * &self.of_people * remainder.transpose()).transpose();
         let tolerance = 1e-9 * of_rest.diagonal().max();
         let inverse = of_rest.pseudo_inverse(tolerance).ok()?;
@@ -433,18 +439,27 @@ impl BlockFamily {
         let (scale, scatter_of_scale) = moments(&self.scaled.iter().map(of_person).collect::<Vec<_>>());
         let (scale, scatter_of_scale) = (scale[0], scatter_of_scale[(0, 0)]);
 
+        let amplitudes: Vec<f64> = off.iter().map(|off| weights.dot(off)).collect();
+        let noise_along: Vec<f64> = noise.iter().map(|n| weights.dot(&(n * &weights))).collect();
+        let place_variance = (weights.transpose() * &self.of_places * &weights)[(0, 0)];
+        let mean = |of: &[f64]| of.iter().zip(&light).map(|(value, weight)| value * weight).sum::<f64>();
+        let scatter = [place_variance, mean(&noise_along)];
+        let bulk =
+            bulks(mean(&amplitudes), scatter, independent, |share| of_mean.log_likelihood(scale * share));
+
         Some(RedPattern {
-            amplitudes: off.iter().map(|off| weights.dot(off)).collect(),
-            noise: noise.iter().map(|n| weights.dot(&(n * &weights))).collect(),
+            amplitudes,
+            bulk,
+            noise: noise_along,
             weights: light,
-            place_variance: (weights.transpose() * &self.of_places * &weights)[(0, 0)],
+            place_variance,
             place_evidence: place_evidence(blocks, &rests, &noise, &remainder, &self.of_places),
             chlorophyll_evidence,
             bulk_mean: [regression.dot(&mean_rest), slope],
             scale_variance: scatter_of_scale / (scale * scale),
             bulk_variance: bulk_variance.max(1e-12),
             chlorophyll: self.of_chlorophyll.as_ref().map(|color| [self.chlorophyll, weights.dot(color)]),
-            typical_share: [self.typical_share, family.porphyrin.log_sd],
+            typical_share: [self.typical_share, of_mean.beforehand[1]],
             own_light: scale,
             looks_like_chlorophyll,
         })

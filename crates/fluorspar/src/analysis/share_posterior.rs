@@ -206,6 +206,9 @@ pub(super) struct FamilyFit {
     pub(super) log_evidence: f64,
     /// How far the data are from the family.
     pub(super) misfit: f64,
+    /// Mean and standard deviation of the log odds of the share beforehand, where there is porphyrin, and the probability of none.
+    pub(super) beforehand: [f64; 2],
+    prior_of_none: f64,
     /// The most probable amount.
     best: Mode,
     /// Standard deviations of the data.
@@ -229,6 +232,21 @@ impl RedShare {
 }
 
 impl FamilyFit {
+    /// Logarithm of the likelihood of a share by the mean of the region, up to a term that all shares have.
+    pub(super) fn log_likelihood(&self, share: f64) -> f64 {
+        /// Share below which there is as good as none.
+        const LEAST: f64 = 0.002;
+        let of_none = (self.mixture.none / self.prior_of_none).max(f64::MIN_POSITIVE).ln();
+        let x = share.clamp(LEAST, 1.0 - LEAST);
+        let log_odds = (x / (1.0 - x)).ln();
+        let [mean, sd] = self.beforehand;
+        let z = (log_odds - mean) / sd;
+        let before =
+            -0.5 * z * z - (sd * std::f64::consts::TAU.sqrt()).ln() + (1.0 - self.prior_of_none).ln();
+        let of_some = self.mixture.below(log_odds)[1].max(f64::MIN_POSITIVE).ln() - before;
+        of_none + (of_some - of_none) * (share / LEAST).min(1.0)
+    }
+
     /// The share of all red emission, which is that of porphyrin in tissue without plant pigment.
     pub(super) fn red(&self) -> &Mixture {
         self.red.as_ref().unwrap_or(&self.mixture)
@@ -382,7 +400,10 @@ impl LightFamily {
         let best = (0..modes.len()).max_by(|a, b| log_weights[*a].total_cmp(&log_weights[*b]))?;
         let misfit =
             modes.iter().map(|(log_prior, mode)| mode.misfit - 2.0 * log_prior).fold(none.misfit, f64::min);
+        let middle = self.point(&vec![0.0; self.nuisances().len()], self.porphyrin.median);
         Some(FamilyFit {
+            beforehand: [middle.log_odds, middle.log_odds_slopes.norm().hypot(self.porphyrin.log_sd)],
+            prior_of_none: self.probability_of_none,
             mixture: Mixture { none: of_none, terms: weighted(&Mode::log_odds) },
             red,
             log_evidence: largest + total.ln() - sd.iter().map(|sd| sd.ln()).sum::<f64>(),

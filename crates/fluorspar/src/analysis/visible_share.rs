@@ -2,7 +2,7 @@
 //! made for it.
 //!
 //! A region is as many blocks as that of the measurement. Each has the color of a place drawn from the family, the same in every run,
-//! and the sensor's noise; porphyrin is added in a tenth of the blocks, evenly, or as people have it. What the estimate would say of
+//! and the sensor's noise; porphyrin is added in a tenth of the blocks, evenly, or as mouths of the catalogue have it. What the estimate would say of
 //! it is what it would say of a frame.
 
 use serde::{Deserialize, Serialize};
@@ -18,8 +18,8 @@ const RANGE: [f64; 2] = [0.003, 0.5];
 const STEPS: usize = 64;
 /// One of so many blocks holds the porphyrin of patches.
 const PATCHES_OF: usize = 10;
-/// As people have it: the part of the blocks that hold none, and the standard deviation of the logarithm of the others. \[assumed\]
-const USUAL: [f64; 2] = [0.4, 0.9];
+/// As mouths of the catalogue have it: the standard deviation of the logarithm, as blocks of rendered tongues have it. \[assumed\] of people.
+const USUAL_LOG_SD: f64 = 0.7;
 /// Side of a block, in any unit.
 const SIDE: usize = 10;
 
@@ -41,7 +41,7 @@ pub enum PorphyrinSpread {
     Patches,
     /// The same everywhere.
     Even,
-    /// As people have it: in some places none, in the others log-normal.
+    /// As mouths of the catalogue have it: log-normal.
     Usual,
 }
 
@@ -81,9 +81,7 @@ impl PorphyrinSpread {
         let usual = |block: usize| {
             // Even steps of the distribution in an order that no place has a part in
             let step = (block as f64 * 0.618_033_988_749_895 + 0.5).fract();
-            let [empty, log_sd] = USUAL;
-            let quantile = Normal::standard().inverse_cdf(((step - empty) / (1.0 - empty)).clamp(0.01, 0.99));
-            if step < empty { 0.0 } else { (log_sd * quantile).exp() }
+            (USUAL_LOG_SD * Normal::standard().inverse_cdf(step.clamp(0.01, 0.99))).exp()
         };
         let of = |block: usize| match self {
             Self::Even => 1.0,
@@ -163,33 +161,25 @@ impl<'a> TypicalRegion<'a> {
     /// What the estimate says of the region: the interval of the share.
     fn estimate(&self, share: f64, spread: PorphyrinSpread) -> Option<[f64; 2]> {
         let (blocks, [electrons, variance]) = self.blocks(share, spread);
-        let of_mean = self.family.family.fit(&electrons, &variance)?.mixture;
-        let by_blocks = if of_mean.excludes_none() { None } else { self.family.pattern(&blocks) };
+        let fit = self.family.family.fit(&electrons, &variance)?;
+        let is_sure = fit.mixture.excludes_none();
+        let by_blocks = if is_sure { None } else { self.family.pattern(&fit, &blocks) };
         let by_blocks = by_blocks.and_then(|pattern| Some(pattern.posterior()?.share));
-        Some(answer(&of_mean, by_blocks.as_ref()).1)
+        Some(answer(&fit.mixture, by_blocks.as_ref()).1)
     }
 
     /// Probability of none that the estimate gives.
     fn probability_of_none(&self, share: f64, spread: PorphyrinSpread) -> Option<f64> {
         let (blocks, [electrons, variance]) = self.blocks(share, spread);
-        let of_mean = self.family.family.fit(&electrons, &variance)?.mixture;
-        let by_blocks = if of_mean.excludes_none() { None } else { self.family.pattern(&blocks) };
-        Some(by_blocks.and_then(|pattern| pattern.probability_of_none()).unwrap_or(of_mean.none))
+        let fit = self.family.family.fit(&electrons, &variance)?;
+        let is_sure = fit.mixture.excludes_none();
+        let by_blocks = if is_sure { None } else { self.family.pattern(&fit, &blocks) };
+        Some(by_blocks.and_then(|pattern| pattern.probability_of_none()).unwrap_or(fit.mixture.none))
     }
 
-    /// Whether the estimate excludes that there is none; what is likelier to do so is asked first.
+    /// Whether the estimate excludes that there is none.
     fn is_seen(&self, share: f64, spread: PorphyrinSpread) -> bool {
-        let (blocks, [electrons, variance]) = self.blocks(share, spread);
-        let fit = || self.family.family.fit(&electrons, &variance);
-        let by_mean = || fit().is_some_and(|fit| fit.mixture.excludes_none());
-        let by_blocks = || {
-            let none = self.family.pattern(&blocks).and_then(|pattern| pattern.probability_of_none());
-            none.is_some_and(|none| none < TAIL)
-        };
-        match spread {
-            PorphyrinSpread::Even => by_mean() || by_blocks(),
-            PorphyrinSpread::Patches | PorphyrinSpread::Usual => by_blocks() || by_mean(),
-        }
+        self.probability_of_none(share, spread).is_some_and(|none| none < TAIL)
     }
 
     /// The smallest share of which the estimate excludes that there is none.
