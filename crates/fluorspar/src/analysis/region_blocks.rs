@@ -474,7 +474,7 @@ fn place_evidence(
     noise: &[DMatrix<f64>],
     remainder: &DMatrix<f64>,
     of_places: &DMatrix<f64>,
-) -> [f64; 4] {
+) -> [f64; PLACE_FACTORS.len()] {
     /// Variance of the mean, over that of places: as good as unknown.
     const ANY_MEAN: f64 = 100.0;
     let count = blocks.len();
@@ -488,7 +488,7 @@ fn place_evidence(
     let SymmetricEigen { eigenvalues, eigenvectors } =
         SymmetricEigen::new(remainder * of_places * remainder.transpose());
     let largest = eigenvalues.max();
-    let mut evidence = [0.0; 4];
+    let mut evidence = [0.0; PLACE_FACTORS.len()];
     for (number, value) in eigenvalues.iter().enumerate().filter(|(_, value)| **value > 1e-6 * largest) {
         let axis = eigenvectors.column(number);
         let values = DVector::from_iterator(count, rests.iter().map(|rest| axis.dot(rest)));

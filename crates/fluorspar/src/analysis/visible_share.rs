@@ -168,12 +168,12 @@ impl<'a> TypicalRegion<'a> {
         Some(answer(&fit.mixture, by_blocks.as_ref()).1)
     }
 
-    /// Probability of none that the estimate gives.
+    /// Probability of none that the estimate gives. Porphyrin that is the same everywhere is as probable by blocks as by their mean.
     fn probability_of_none(&self, share: f64, spread: PorphyrinSpread) -> Option<f64> {
         let (blocks, [electrons, variance]) = self.blocks(share, spread);
         let fit = self.family.family.fit(&electrons, &variance)?;
-        let is_sure = fit.mixture.excludes_none();
-        let by_blocks = if is_sure { None } else { self.family.pattern(&fit, &blocks) };
+        let is_enough = fit.mixture.excludes_none() || spread == PorphyrinSpread::Even;
+        let by_blocks = if is_enough { None } else { self.family.pattern(&fit, &blocks) };
         Some(by_blocks.and_then(|pattern| pattern.probability_of_none()).unwrap_or(fit.mixture.none))
     }
 

@@ -16,7 +16,7 @@ pub struct DesignEstimate {
     pub prior: String,
     /// Share of the porphyrin that the region of the design holds.
     pub share: f64,
-    /// The 95 % interval that the estimate would give of it, lying as people have it.
+    /// The 95 % interval that the estimate would give of it, lying as in mouths of the catalogue.
     pub interval: [f64; 2],
     /// The smallest shares that are told from none.
     pub visible: VisibleShare,
