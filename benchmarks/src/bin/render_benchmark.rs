@@ -121,8 +121,13 @@ impl Scatter {
         self.runs += 1.0;
         self.labels = image.components.iter().map(Component::label).collect();
         let bands = image.grid.len();
-        let pixels = (0..self.labels.len()).flat_map(|component| image.stored(component).chunks(bands));
-        let values: Vec<f64> = pixels.map(|pixel| pixel.iter().map(|&v| f64::from(v)).sum()).collect();
+        let values: Vec<f64> = (0..self.labels.len())
+            .flat_map(|component| {
+                let all = image.component(component);
+                let sum = |pixel: &[f32]| pixel.iter().map(|&v| f64::from(v)).sum();
+                all.chunks(bands).map(sum).collect::<Vec<f64>>()
+            })
+            .collect();
         self.sums.resize(values.len(), (0.0, 0.0));
         for ((sum, squares), value) in self.sums.iter_mut().zip(values) {
             *sum += value;

@@ -407,13 +407,11 @@ impl FinishedRender {
         let ones = ComponentFactors::ones(labels.components.len());
         let rows_of = PreparedRows { rows, factors: &ones, width: labels.width };
         let mut all = Vec::with_capacity(responses.len());
+        let is_same = |component: usize| rows.relit[component].is_none() && self.is_lit(component, captures);
+        let before = self.planes(&rendered.responses, |_, component| is_same(component))?;
         for (number, response) in responses.iter().enumerate() {
             // The same captures share responses before and after
-            let is_same =
-                |component: usize| rows.relit[component].is_none() && self.is_lit(component, captures);
-            let old = rendered.responses.get(number).map(std::slice::from_ref);
-            let held = old.map(|old| self.planes(old, |_, component| is_same(component))).transpose()?;
-            let held = held.and_then(|held| held.into_iter().next());
+            let held = before.get(number);
             let is_new = |component: usize| held.is_none() || rows.relit[component].is_some();
             // Of components that the basis gives, few spectra pass the camera; a lens that mixes pixels needs all bands
             let is_short = |component: usize| response.is_local() && rows.relit[component].is_some();
@@ -431,7 +429,7 @@ impl FinishedRender {
             }
             for component in (0..planes.components).filter(|component| !is_new(*component)) {
                 for channel in 0..planes.channels {
-                    if let Some(held) = &held {
+                    if let Some(held) = held {
                         planes.plane_mut(component, channel).copy_from_slice(held.plane(component, channel));
                     }
                 }
@@ -449,7 +447,7 @@ impl FinishedRender {
         }
     }
 
-    /// Channel planes that the file or a cache holds, none of them wanted where there are none.
+    /// Channel planes that a cache holds, none of them wanted where there are none.
     fn formed_before(
         &self,
         response: &FilmResponse,

@@ -202,7 +202,7 @@ fn image_bytes(study: &Study, components: bool) -> u64 {
 
 /// Room of a rendered image on the disk while it is made, bytes: rows of one in bands wait in a file of their own.
 pub fn image_room_bytes(study: &Study, components: bool) -> u64 {
-    // Spectra by which bands follow from stored ones, as text
+    // Spectra by which bands follow from coefficients, as text
     const SPECTRA: usize = 16;
     let text = if components { 6 * (SPECTRA * band_spectra(&study.scene)) as u64 } else { 0 };
     let image = image_bytes(study, components) + text;

@@ -94,7 +94,7 @@ pub struct RenderSection {
     /// groups whose light lies there are kept apart by excitation wavelength, so that `capture` and `analyze` follow a change
     /// of their spectrum, filters and power. Default: none.
     pub excitation_basis_nm: Option<[f64; 2]>,
-    /// How the spectra of each component are kept: `basis`, coefficients from which all bands follow to a tenth of a percent, in a seventh of
+    /// How the spectra of each component are kept: `basis`, coefficients from which all bands follow to a tenth of a percent, in an eighth of
     /// the values, or `all` bands. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default `basis`.
     #[serde(skip_serializing_if = "is_basis")]
     pub component_bands: ComponentBands,

@@ -123,6 +123,27 @@ fn film() -> Film {
     film
 }
 
+/// Sums of either sign, as those of coefficients, in as few bytes as hold them.
+#[test]
+fn films_keep_sums_of_either_sign() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("signed.film");
+    let mut lengths = Vec::new();
+    for sums in
+        [[0, 1, 2, 127], [0, 1, 2, 128], [-1, 1, 0, -128], [-1, 0, 0, -129], [i64::MIN, i64::MAX, -1, 0]]
+    {
+        let mut signed = film();
+        for tile in signed.tiles_mut() {
+            let values = tile.tile.pixels() * 4;
+            tile.sums[..values].iter_mut().enumerate().for_each(|(at, sum)| *sum = sums[at % 4] as u64);
+        }
+        write_film(&path, &signed, None).unwrap();
+        lengths.push(fs::metadata(&path).unwrap().len());
+        assert!(read_film(&path).unwrap().image == signed, "{sums:?}");
+    }
+    assert!(lengths[0] == lengths[1] && lengths[2] < lengths[3] && lengths[3] < lengths[4], "{lengths:?}");
+}
+
 #[test]
 fn component_images_of_every_format_are_read() {
     let image = ComponentImage { features: features(), ..components() };

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::spectral_basis::round_together;
 use super::{ComponentFactors, SpectralBasis, SpectralImage};
 use crate::spectral::{Radiance, WavelengthGrid};
 
@@ -356,8 +357,7 @@ impl ComponentImage {
 
     /// Rounds every value, features included, as component files of runs keep them, so that what is made of the image now and what is
     /// made of the file are the same to the last bit: to 24 bits (a relative error of at most 1.5e-5), and the coefficients of a
-    /// basis to steps that those of a pixel share, between 2^-12 and 2^-11 of their norm: an error of the spectrum of 4e-4 at most,
-    /// and little to store of small coefficients.
+    /// basis to steps that those of a pixel share ([`SpectralBasis`]).
     pub fn round_as_stored(&mut self) {
         let features = &mut self.features;
         let normals = features.normal.as_flattened_mut().iter_mut();
@@ -365,11 +365,13 @@ impl ComponentImage {
         round_to_24_bits(features.depth_m.iter_mut().chain(normals).chain(uv));
         for component in 0..self.components.len() {
             let (range, len) = (self.range(component), self.values_per_pixel(component).max(1));
-            let has_basis = self.basis(component).is_some();
+            let has_axes = self.basis(component).is_some_and(SpectralBasis::has_axes);
             let chunks = self.data[range].par_chunks_mut(len << 12);
-            chunks.for_each(|values| match has_basis {
-                true => values.chunks_exact_mut(len).for_each(round_together),
-                false => round_to_24_bits(values),
+            chunks.for_each(|values| {
+                if has_axes {
+                    values.chunks_exact_mut(len).for_each(|pixel| round_together(pixel, 1));
+                }
+                round_to_24_bits(values);
             });
         }
     }
@@ -396,16 +398,6 @@ fn add_spectra(basis: &SpectralBasis, factor: f32, stored: &[f32], out: &mut [f3
 }
 
 /// Rounds values to 24 bits: 15 of the mantissa.
-/// Rounds the coefficients of a pixel to multiples of one power of two.
-fn round_together(coefficients: &mut [f32]) {
-    const BITS: i32 = 11;
-    let squares = coefficients.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>();
-    if squares.is_normal() {
-        let step = 2_f64.powi(squares.sqrt().log2().floor() as i32 - BITS);
-        coefficients.iter_mut().for_each(|value| *value = ((f64::from(*value) / step).round() * step) as f32);
-    }
-}
-
 pub(super) fn round_to_24_bits<'a>(values: impl IntoIterator<Item = &'a mut f32>) {
     for value in values {
         let rounded = f32::from_bits((value.to_bits().saturating_add(0x80)) & !0xff);

@@ -6,6 +6,7 @@ use fluorspar_accel::{Lanes, Simd, Work, bands};
 use rayon::prelude::*;
 
 use super::component_image::round_to_24_bits;
+use super::spectral_basis::round_together;
 use super::{ComponentFactors, ComponentImage, SpectralBasis};
 
 /// Spectra of the components of a render, row by row: those of an image in memory, or of a file, of which only the rows of the
@@ -18,7 +19,7 @@ pub trait ComponentRows: Sync {
     fn basis(&self, component: usize) -> Option<&SpectralBasis>;
 
     /// Calls `visit` for every row of the components that are `wanted`, in any order and from several threads, with the
-    /// number of the component, the row, and its radiance `[band][col]`, W/(sr m² nm), of the bands that [`Self::basis`] says. Returns
+    /// number of the component, the row, and its radiance `[band][col]`, W/(sr m² nm), or coefficients where [`Self::basis`] gives a basis. Returns
     /// what it returned, with component and row.
     ///
     /// # Errors
@@ -111,6 +112,9 @@ impl<R: ComponentRows> ComponentRows for PreparedRows<'_, R> {
     ) -> Result<Vec<(usize, usize, T)>, R::Error> {
         self.rows.map_rows(wanted, |component, row, lines| {
             let mut lines = lines.to_vec();
+            if self.basis(component).is_some_and(SpectralBasis::has_axes) {
+                round_together(&mut lines, self.width);
+            }
             round_to_24_bits(&mut lines);
             self.factors.scale_row(component, row, self.width, &mut lines);
             visit(component, row, &lines)

@@ -9,6 +9,7 @@
 //! The quantum of a component and band is a power of two, 2^-30 of the brightest of a few thousand pilot samples
 //! (less where the pilot finds a band dark), so that rounding a block is an error of less than 2^-31 of that
 //! brightest sample: below the rounding of 32-bit floats for every pixel brighter than 2^-11 of it, and unbiased below.
+//! Of coefficients on a basis it is that of all bands at these ends together.
 //! The range ends at 2^33 times the brightest pilot sample; a sum that leaves it stays at the end and becomes an
 //! infinite radiance, never a silent error.
 
@@ -890,7 +891,7 @@ mod tests {
     }
 
     #[test]
-    fn a_basis_keeps_the_sums_of_its_bands_and_gives_all() {
+    fn a_basis_keeps_coefficients_and_gives_all_bands() {
         let mut short = layout(StatisticsKind::None);
         // The last component has one coefficient, its band 1, and is shaped 1 : 2 : 3, the first as it is
         let basis = SpectralBasis::new(vec![0.5, 1.0, 1.5], Projection::Bands(vec![1]), 3, 0.0).unwrap();

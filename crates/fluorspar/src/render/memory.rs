@@ -11,7 +11,7 @@ use crate::material::Material;
 use crate::scene::{Object, Scene, Shape};
 
 /// Coefficients of a component as mouths were seen to need them.
-const USUAL_COEFFICIENTS: usize = 9;
+const USUAL_COEFFICIENTS: usize = 11;
 
 /// Memory that a render's images need, bytes: the film, from which the result is made in place. With bases of components, which a pilot
 /// finds, as much as mouths were seen to need.

@@ -19,14 +19,15 @@ pub enum Estimator {
     ScatteringOnly,
 }
 
-/// Which bands of each component a render keeps.
+/// How a render keeps the spectra of each component.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ComponentBands {
     /// All bands.
     #[default]
     All,
-    /// The bands from which all others follow to some tenths of a percent, as `SpectralBasis` holds them: a seventh of the values in a mouth.
+    /// Coefficients on a [`SpectralBasis`](crate::image::SpectralBasis), from which all bands follow to a tenth of a percent: an eighth of the values in
+    /// a mouth.
     /// All bands where the render keeps statistics of the samples or an excitation basis.
     Basis,
 }
@@ -50,7 +51,7 @@ pub struct RenderSettings {
     pub error_target: Option<ErrorTarget>,
     /// Light groups whose light the render keeps apart by excitation node, besides what they give under their own spectrum.
     pub excitation_basis: Option<BasisSettings>,
-    /// Which bands of each component the film keeps.
+    /// How the film keeps the spectra of each component.
     pub component_bands: ComponentBands,
     /// Whether coats mirror diffusely scattered light no sharper than a roughness of 0.2: few specks, at the cost of blurred caustics
     /// (pbrt's integrator has the same switch).
@@ -94,7 +95,7 @@ impl RenderSettings {
         }
     }
 
-    /// Which bands the film keeps: all of them where statistics or excitation nodes are kept beside them.
+    /// How the film keeps spectra: in all bands where statistics or excitation nodes are kept beside them.
     pub fn film_bands(&self) -> ComponentBands {
         match self.film_statistics() {
             StatisticsKind::None if self.excitation_basis.is_none() => self.component_bands,

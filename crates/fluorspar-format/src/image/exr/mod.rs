@@ -28,7 +28,7 @@ const DENOISED: &str = "fluorsparDenoised";
 const STATISTIC: &str = "fluorsparStatistic";
 const MATERIALS: &str = "fluorsparMaterials";
 const EXCITATION: &str = "fluorsparExcitation";
-/// How all bands of a component follow from those that are stored.
+/// How all bands of a component follow from its coefficients.
 const BASIS: &str = "fluorsparBasis";
 const FEATURES: &str = "features";
 const PREVIEW: &str = "preview";

@@ -216,7 +216,7 @@ pub(super) struct BandChannels {
     pub(super) grid: WavelengthGrid,
     /// Number of the band or coefficient that each channel holds.
     pub(super) bands: Vec<Option<usize>>,
-    /// How all bands follow from those that are stored; `None` where all are.
+    /// How all bands follow from coefficients; `None` where all are stored.
     pub(super) basis: Option<SpectralBasis>,
 }
 
@@ -745,11 +745,10 @@ fn coefficients(path: &Path, header: &Header, basis: BasisText) -> Result<BandCh
         return Err(FormatError::malformed(path, what, "Write the file again"));
     };
     let basis = basis.basis(grid.len()).ok_or_else(|| damaged_basis(path))?;
-    let number = |channel: &ChannelDescription| {
-        (0..basis.len()).find(|number| channel.name.eq(coefficient_channel(*number).as_str()))
-    };
+    let names: Vec<String> = (0..basis.len()).map(coefficient_channel).collect();
+    let number = |channel: &ChannelDescription| names.iter().position(|name| channel.name.eq(name.as_str()));
     let bands: Vec<Option<usize>> = header.channels.list.iter().map(number).collect();
-    if bands.iter().flatten().count() != basis.len() {
+    if !(0..basis.len()).all(|number| bands.contains(&Some(number))) {
         let what = format!("not all of the {} coefficients of the basis are there", basis.len());
         return Err(FormatError::malformed(path, what, "Write the file again"));
     }

@@ -137,7 +137,7 @@ fn spectral<Q: Quantity>(
 /// |---|---|
 /// | `fluorsparFormat` | version of this form, an integer: 1; in every part but the preview |
 /// | `fluorsparComponent` | label of the component, JSON |
-/// | `fluorsparBasis` | how all bands follow from those that are stored, JSON; missing where all are stored |
+/// | `fluorsparBasis` | how all bands follow from coefficients, JSON; missing where all bands are stored |
 /// | `fluorsparSamplesPerPixel` | paths per pixel |
 /// | `fluorsparDenoised` | settings of the noise reduction, JSON; missing in raw images |
 /// | `fluorsparExcitation` | light group, component, nodes and spectra of an excitation basis, JSON; such parts hold its factors |

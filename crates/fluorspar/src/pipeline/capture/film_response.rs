@@ -10,7 +10,9 @@ use rayon::prelude::*;
 use super::direct_light::group_spectrum;
 use super::film_irradiance::{behind_filter, film_extent, projected_solid_angle, tan_half_width};
 use crate::digest::sha256_hex;
-use crate::image::{ChannelPlanes, ComponentImage, ComponentRows, LightPath, RelitComponent, SpectralBasis};
+use crate::image::{
+    ChannelPlanes, ComponentImage, ComponentRows, LightPath, RelitComponent, SpectralBasis, are_finite,
+};
 use crate::optics::{CameraLens, FilterAutofluorescence, IdealLens};
 use crate::pipeline::PipelineError;
 use crate::sensor::FilmExtent;
@@ -174,11 +176,11 @@ impl FilmResponse {
                 |component, row, lines| {
                     let of = |(response, short): (&&Self, &Vec<Option<HeightTables>>)| match &short[component]
                     {
-                        Some(tables) => RowResponse {
+                        Some(tables) if are_finite(lines) => RowResponse {
                             slices: response.row_behind_lens(row, tables, lines),
                             band_sums: Vec::new(),
                         },
-                        None => match rows.basis(component) {
+                        _ => match rows.basis(component) {
                             Some(basis) => {
                                 response.row(component, row, &basis.lines(lines, response.size[0]))
                             }
