@@ -6,6 +6,7 @@ use std::path::Path;
 use clap::ValueHint;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_experiment::preset::{PresetKind, UsedPreset, used_presets};
+use fluorspar_format::read_toml;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -59,7 +60,7 @@ pub fn cite(options: &CiteOptions, job: &Job) -> Result<Citations> {
     let source = source_of(options.report.as_deref())?;
     let ResolvedExperiment { study, record } = source.resolve(&[])?;
     job.warn(&record.warnings);
-    let sections: toml::Table = record.resolved_toml.parse().unwrap_or_default();
+    let sections: toml::Table = read_toml(&record.resolved_toml).unwrap_or_default();
     let fluorophores = study.scene.fluorophores.iter().map(|fluorophore| &*fluorophore.name);
     let used = used_presets(&sections, fluorophores)?;
     let results = source.file.as_deref().and_then(results_beside);
