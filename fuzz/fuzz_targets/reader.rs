@@ -43,15 +43,16 @@ fn write_corpus(subjects: &[Subject], corpus: &str) {
 fn prepare() -> Fuzzed {
     let folder = tempfile::tempdir().expect("a folder for the files").keep();
     let mut subjects = Subjects::all(&folder).expect("the valid files can be made").list;
-    if let Ok(corpus) = std::env::var("FLUORSPAR_CORPUS") {
-        write_corpus(&subjects, &corpus);
-        std::process::exit(0);
-    }
     let name = std::env::var("FLUORSPAR_READER").unwrap_or_default();
-    let Some(place) = subjects.iter().position(|subject| folder_name(subject.name) == name) else {
-        let known: Vec<String> = subjects.iter().map(|subject| folder_name(subject.name)).collect();
-        eprintln!("FLUORSPAR_READER is \"{name}\"; known: {}", known.join(", "));
-        std::process::exit(2);
+    let known: Vec<String> = subjects.iter().map(|subject| folder_name(subject.name)).collect();
+    let place = match std::env::var("FLUORSPAR_CORPUS") {
+        Ok(corpus) => {
+            write_corpus(&subjects, &corpus);
+            0
+        }
+        Err(_) => known.iter().position(|one| *one == name).unwrap_or_else(|| {
+            panic!("FLUORSPAR_READER is \"{name}\"; known: {}", known.join(", "));
+        }),
     };
     let subject = subjects.swap_remove(place);
     for (name, content) in &subject.companions {

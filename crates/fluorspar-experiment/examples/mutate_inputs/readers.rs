@@ -122,6 +122,13 @@ impl Subjects {
     }
 }
 
+/// The folder of fluorspar-experiment, also in the crate that fuzzes these readers.
+fn crate_folder() -> PathBuf {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let beside = here.join("../crates/fluorspar-experiment");
+    if beside.is_dir() { beside } else { here.into() }
+}
+
 fn grid() -> Outcome<WavelengthGrid> {
     Ok(WavelengthGrid::from_edges(&[380.0, 400.0, 420.0])?)
 }
@@ -290,7 +297,7 @@ fn textures_and_masks(subjects: &mut Subjects) -> Outcome<()> {
 
 /// A file that another program wrote for the tests of frames and masks.
 fn camera_fixture(name: &str) -> Outcome<Vec<u8>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fluorspar-format/tests/fixtures/camera");
+    let folder = crate_folder().join("../fluorspar-format/tests/fixtures/camera");
     Ok(fs::read(folder.join(name)).map_err(|error| format!("{name}: {error}"))?)
 }
 
@@ -459,7 +466,7 @@ fn tables(subjects: &mut Subjects) {
 
 /// The files that SciPy, hdf5storage and h5py wrote for the tests.
 fn matlab(subjects: &mut Subjects) -> Outcome<()> {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fluorspar-format/tests/data");
+    let data = crate_folder().join("../fluorspar-format/tests/data");
     let file = |name: &str| fs::read(data.join(name)).map_err(|error| format!("{name}: {error}"));
     let v5 = vec![file("iset_v5.mat")?, file("iset_v7_struct.mat")?, file("iset_emission_only.mat")?];
     let is_fluorophore = |path: &Path| format::read_iset_fluorophore(path).is_ok();
@@ -586,7 +593,7 @@ fn experiments(subjects: &mut Subjects) -> Outcome<()> {
     subjects.add("sample TOML", "s.toml", seeds, move |path| {
         text(path).is_some_and(|text| parse_sample(&text, "s", base, &[]).is_ok())
     });
-    let sensors = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/sensors");
+    let sensors = crate_folder().join("data/sensors");
     let sensor = |name: &str| fs::read(sensors.join(name)).map_err(|error| format!("{name}: {error}"));
     let seeds = vec![sensor("lyu_2021_table_1.toml")?, sensor("rgb_nir_3um.toml")?];
     subjects.add("sensor TOML", "d.toml", seeds, move |path| {
@@ -599,7 +606,7 @@ fn experiments(subjects: &mut Subjects) -> Outcome<()> {
     subjects.add("design TOML", "d.toml", seeds, move |path| {
         text(path).is_some_and(|text| parse_design(&text, "d", base, &[]).is_ok())
     });
-    let cohort = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/17-cohort.toml");
+    let cohort = crate_folder().join("../../examples/17-cohort.toml");
     let seeds = vec![fs::read(&cohort).map_err(|error| format!("{}: {error}", cohort.display()))?];
     subjects.add("cohort TOML", "p.toml", seeds, move |path| {
         text(path).is_some_and(|text| parse_cohort(&text, "p", base, &[]).is_ok())
