@@ -293,7 +293,7 @@ StatisticsKind: TypeAlias = "Literal['none', 'light_groups', 'components']"
 """Sums whose statistics a render keeps besides the components."""
 
 ComponentBands: TypeAlias = "Literal['all', 'basis']"
-"""Which bands of each component a render keeps."""
+"""How a render keeps the spectra of each component."""
 
 LensOrNumber: TypeAlias = "float | Literal['from_lens']"
 """A number, or "from_lens"."""
@@ -467,9 +467,9 @@ class RenderSection(TypedDict, total=False):
     light groups whose light lies there are kept apart by excitation wavelength, so that `capture` and `analyze` follow a
     change of their spectrum, filters and power. Default: none."""
     component_bands: ComponentBands
-    """Bands in which each component is kept: `basis`, those from which all others follow to some tenths of a percent, in a
-    seventh of the values, or `all`. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept. Default
-    `basis`."""
+    """How the spectra of each component are kept: `basis`, coefficients from which all bands follow to a tenth of a percent,
+    in an eighth of the values, or `all` bands. With `statistics`, `relative_error` or `excitation_basis_nm` all are kept.
+    Default `basis`."""
     regularize: bool
     """Mirror light that was scattered before no sharper than a roughness of 0.2 would, as pbrt's integrator does by the same
     name: few specks from wet surfaces, whose caustics are blurred. Default false: without bias."""
