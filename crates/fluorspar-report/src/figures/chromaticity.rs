@@ -114,7 +114,7 @@ fn panel(plot: &ChromaticityPlot, [x, y]: [[f64; 2]; 2], most: usize, is_whole: 
         let ink = Ink::besides(&inks, 3)[2];
         let points = plot.people.clone();
         let shape = SeriesShape::Dots { points, radius: 2.2, opacity: 0.75 };
-        panel = panel.with(Series { name: Some(plot.people()), ink, shape });
+        panel = panel.with(Series { name: Some(format!("people without {target}")), ink, shape });
     }
     if let Some([bulk, end]) = plot.mixture_line {
         let name = format!("mixtures of bulk and {target}");
