@@ -16,8 +16,8 @@ const WORST: f64 = 10.0;
 /// is nearly `v_b = l_b sum over k of c_k a_kb`. Coefficients are linear in the light: sums of samples, their noise and factors of
 /// concentrations or lights are those of an image with all bands.
 ///
-/// Files of runs keep coefficients to a step that those of a pixel share, between 2^-12 and 2^-11 of their norm: `n` of them leave
-/// an error of the spectrum of 3e-4 in the root mean square for 9, `sqrt(n) 2^-12` at most, and small ones take little room.
+/// Files of runs round the `n` coefficients of a pixel to a step that they share, between 2^-12 and 2^-11 of their norm: an error of the
+/// spectrum of 3e-4 in the root mean square where `n` is 9, and of `1.5 sqrt(n) 2^-12` at most. Small ones take little room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpectralBasis {
     /// `[coefficient][band]`: what a coefficient of 1 adds to the spectrum.

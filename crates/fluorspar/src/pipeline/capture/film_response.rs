@@ -174,9 +174,10 @@ impl FilmResponse {
             let found = rows.map_rows(
                 |component| batch.contains(&component) && wanted(component),
                 |component, row, lines| {
+                    let is_finite = are_finite(lines);
                     let of = |(response, short): (&&Self, &Vec<Option<HeightTables>>)| match &short[component]
                     {
-                        Some(tables) if are_finite(lines) => RowResponse {
+                        Some(tables) if is_finite => RowResponse {
                             slices: response.row_behind_lens(row, tables, lines),
                             band_sums: Vec::new(),
                         },
