@@ -181,8 +181,13 @@ fn agreement_sentence(found: &CohortResults, id: FindingId, all: &Agreement) -> 
     } else {
         format!(", 95 % of them by {} to {}", percent(all.limits[0]), percent(all.limits[1]))
     };
+    let refused = match all.without_estimate {
+        0 => String::new(),
+        without => format!(" {without} more have no estimate, which the mean leaves out."),
+    };
     format!(
-        "{name}: {} estimates in {people} people are off by {} percentage points in the mean{spread}; {} of {} intervals hold the truth.",
+        "{name}: {} estimates in {people} people are off by {} percentage points in the mean{spread}; {} of {} intervals hold the \
+         truth.{refused}",
         all.n,
         percent(all.bias),
         all.held,
@@ -303,11 +308,13 @@ fn agreement_section(found: &CohortResults, figure: Option<Figure>) -> Option<Se
     for of in &found.said.agreements {
         let percent = |value: f64| format!("{:+.2}", 100.0 * value);
         let range = |[low, high]: [f64; 2]| format!("{} to {}", percent(low), percent(high));
-        let Agreement { n, bias, bias_interval, limits, held, with_interval, .. } = of.agreement;
+        let Agreement { n, without_estimate, bias, bias_interval, limits, held, with_interval, .. } =
+            of.agreement;
         rows.push(vec![
             part_name(&of.quantity.part),
             words.name(&finding_of(&of.quantity, None, None)),
             n.to_string(),
+            without_estimate.to_string(),
             format!("{} ({})", percent(bias), range(bias_interval)),
             range(limits),
             format!("{held} of {with_interval}"),
@@ -316,8 +323,15 @@ fn agreement_section(found: &CohortResults, figure: Option<Figure>) -> Option<Se
     if rows.is_empty() {
         return None;
     }
-    let columns =
-        ["part", "estimate", "people", "bias (95 %), %", "limits of agreement, %", "intervals that hold"];
+    let columns = [
+        "part",
+        "estimate",
+        "people",
+        "without estimate",
+        "bias (95 %), %",
+        "limits of agreement, %",
+        "intervals that hold",
+    ];
     let matrix = NumberMatrix {
         caption: "Estimate less truth".into(),
         columns: columns.map(String::from).into(),

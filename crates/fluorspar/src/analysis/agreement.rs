@@ -22,6 +22,8 @@ pub struct EstimateOfTruth {
 pub struct Agreement {
     /// Estimates.
     pub n: usize,
+    /// Cases without an estimate. Bias and limits leave them out, and would be others with them where it is small or large truths that have none.
+    pub without_estimate: usize,
     /// Mean difference.
     pub bias: f64,
     /// Its 95 % interval, by Student's t.
@@ -64,6 +66,7 @@ impl Agreement {
         let held = intervals.clone().filter(|([low, high], truth)| (*low..=*high).contains(truth)).count();
         Some(Self {
             n,
+            without_estimate: cases.len() - n,
             bias,
             bias_interval: around(bias, variance / number),
             limits,
@@ -90,7 +93,8 @@ mod tests {
         cases.push(EstimateOfTruth { estimate: None, interval: Some([0.0, 20.0]), truth: 10.0 });
         let found = Agreement::of(&cases).unwrap();
         let (sd, t) = (2.5f64.sqrt(), 2.776_445);
-        assert_eq!((found.n, found.bias, found.with_interval, found.held), (5, 1.0, 6, 5));
+        assert_eq!((found.n, found.without_estimate, found.bias), (5, 1, 1.0));
+        assert_eq!((found.with_interval, found.held), (6, 5));
         assert!((found.bias_interval[1] - (1.0 + t * (0.5f64).sqrt())).abs() < 1e-5);
         assert!((found.limits[0] - (1.0 - 1.959_964 * sd)).abs() < 1e-6);
         let reach = t * (2.5 * (0.2 + 1.959_964f64.powi(2) / 8.0)).sqrt();
