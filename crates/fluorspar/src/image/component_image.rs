@@ -12,6 +12,9 @@ use super::spectral_basis::round_together;
 use super::{ComponentFactors, SpectralBasis, SpectralImage};
 use crate::spectral::{Radiance, WavelengthGrid};
 
+/// Pixels whose spectra are formed at once: what they add up to stays in the cache.
+const AT_ONCE: usize = 1024;
+
 /// Which light paths a component holds, by their fluorescence events.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -281,8 +284,10 @@ impl ComponentImage {
     pub fn component(&self, component: usize) -> Cow<'_, [f32]> {
         let stored = self.stored(component);
         let Some(basis) = self.basis(component) else { return Cow::Borrowed(stored) };
+        let (bands, len) = (self.grid.len().max(1), basis.len().max(1));
         let mut values = vec![0.0; self.width * self.height * self.grid.len()];
-        add_spectra(basis, 1.0, stored, &mut values, self.grid.len());
+        let parts = values.par_chunks_mut(AT_ONCE * bands).zip(stored.par_chunks(AT_ONCE * len));
+        parts.for_each(|(out, stored)| add_spectra(basis, 1.0, stored, out, bands));
         Cow::Owned(values)
     }
 
@@ -337,21 +342,22 @@ impl ComponentImage {
     /// `sum weight(component) * component`: any change of drive current or (to first order) concentration.
     /// A component whose weight is zero is skipped.
     pub fn recombine(&self, weight: impl Fn(&Component) -> f64) -> SpectralImage<Radiance> {
-        let bands = self.grid.len();
+        let bands = self.grid.len().max(1);
         let mut image = SpectralImage::zeros(self.grid.clone(), self.width, self.height);
-        for (index, component) in self.components.iter().enumerate() {
-            let factor = weight(component) as f32;
-            if factor == 0.0 {
-                continue;
-            }
-            let stored = self.stored(index);
-            match self.basis(index) {
-                Some(basis) => add_spectra(basis, factor, stored, image.data_mut(), bands),
-                None => {
-                    image.data_mut().iter_mut().zip(stored).for_each(|(sum, value)| *sum += factor * value);
+        let factors: Vec<f32> = self.components.iter().map(|component| weight(component) as f32).collect();
+        let chunks = image.data_mut().par_chunks_mut(AT_ONCE * bands).enumerate();
+        chunks.for_each(|(chunk, out)| {
+            let lit = factors.iter().enumerate().filter(|(_, factor)| **factor != 0.0);
+            for (component, &factor) in lit {
+                let len = self.values_per_pixel(component);
+                let first = chunk * AT_ONCE * len;
+                let stored = &self.stored(component)[first..first + out.len() / bands * len];
+                match self.basis(component) {
+                    Some(basis) => add_spectra(basis, factor, stored, out, bands),
+                    None => out.iter_mut().zip(stored).for_each(|(sum, value)| *sum += factor * value),
                 }
             }
-        }
+        });
         image
     }
 
@@ -384,17 +390,8 @@ impl ComponentImage {
 
 /// Adds all bands of pixels `[pixel][coefficient]` times a factor to `[pixel][band]`.
 fn add_spectra(basis: &SpectralBasis, factor: f32, stored: &[f32], out: &mut [f32], bands: usize) {
-    const AT_ONCE: usize = 1024;
-    let len = basis.len();
-    if len == 0 {
-        return;
-    }
-    let parts = out.par_chunks_mut(AT_ONCE * bands.max(1)).zip(stored.par_chunks(AT_ONCE * len));
-    parts.for_each(|(out, stored)| {
-        for (out, stored) in out.chunks_exact_mut(bands).zip(stored.chunks_exact(len)) {
-            basis.add(factor, stored, out);
-        }
-    });
+    let pixels = out.chunks_exact_mut(bands).zip(stored.chunks_exact(basis.len().max(1)));
+    pixels.for_each(|(out, stored)| basis.add(factor, stored, out));
 }
 
 /// Rounds values to 24 bits: 15 of the mantissa.
