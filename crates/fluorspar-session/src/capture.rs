@@ -208,7 +208,7 @@ pub fn capture(options: &CaptureOptions, job: &Job) -> Result<CapturedFolder> {
             analysis,
             regions,
             live: LiveView::new(study, &seen, &frames)?,
-            components: spectra.as_ref(),
+            components: spectra.as_ref().map(|spectra| (spectra, seen)),
             raw_ending: options.format.is_raw().then(|| options.format.ending()),
             ..FrameReport::simulated(&experiment, &text, frames)
         };

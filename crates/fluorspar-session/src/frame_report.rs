@@ -4,8 +4,8 @@ use std::path::Path;
 
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{
-    AnalyzedFrame, AnalyzedRegion, CapturedFrame, ColorRendering, Evaluation, LiveView, assess_safety,
-    evaluate_frames, preview,
+    AnalyzedFrame, AnalyzedRegion, CapturedFrame, ColorRendering, Evaluation, LiveView, SeenComponents,
+    assess_safety, evaluate_frames, preview,
 };
 use fluorspar::study::Study;
 use fluorspar_experiment::{ResolvedExperiment, Warning};
@@ -24,8 +24,8 @@ pub(crate) struct FrameReport<'a> {
     pub(crate) live: Option<LiveView>,
     /// Regions beside that of the analysis.
     pub(crate) regions: Vec<AnalyzedRegion>,
-    /// What the frames show, with its spectra; `None` where it is not known.
-    pub(crate) components: Option<&'a ComponentImage>,
+    /// What the frames show, and its spectra; `None` where they are not known.
+    pub(crate) components: Option<(&'a ComponentImage, SeenComponents<'a>)>,
     pub(crate) frames_from: FrameOrigin,
     /// What the frames are that were given, by file.
     pub(crate) described_frames: Vec<(String, Vec<FrameFact>)>,
@@ -72,7 +72,9 @@ impl<'a> FrameReport<'a> {
         let (frames, analysis) = (std::mem::take(&mut self.frames), self.analysis.take());
         let regions = std::mem::take(&mut self.regions);
         Ok(match self.components {
-            Some(components) => evaluate_frames(study, components, frames, analysis, regions)?,
+            Some((components, seen)) => {
+                evaluate_frames(study, components, Some(&seen), frames, analysis, regions)?
+            }
             None => Evaluation { regions, ..without_spectra(study, frames, analysis, self.frames_from) },
         })
     }

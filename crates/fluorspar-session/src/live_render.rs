@@ -257,7 +257,7 @@ impl LiveRender {
             analysis: analyze_seen(study, Some(&seen), &frames)?,
             regions: analyze_regions(study, Some(&seen), &frames)?,
             live: LiveView::new(study, &seen, &frames)?,
-            components: spectra.as_ref(),
+            components: spectra.as_ref().map(|spectra| (spectra, seen)),
             ..FrameReport::simulated(&shown.experiment, &text, frames)
         };
         Ok(report.page()?.page)
@@ -520,10 +520,11 @@ impl LiveStudy<'_> {
         let study = &shown.experiment.study;
         let spectra = if with_spectra { render.spectra(study, &shown.changes)? } else { None };
         let view = self.view(&study.captures)?;
-        let frames = capture_from_planes(study, &view.components(render))?;
+        let seen = view.components(render);
+        let frames = capture_from_planes(study, &seen)?;
         let report = FrameReport {
             analysis: self.analyzed(region)?.map(|analyzed| (*analyzed).clone()),
-            components: spectra.as_ref(),
+            components: spectra.as_ref().map(|spectra| (spectra, seen)),
             ..FrameReport::simulated(&shown.experiment, text, frames)
         };
         Ok(report.page()?.page)

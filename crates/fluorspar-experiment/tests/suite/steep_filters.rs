@@ -7,7 +7,9 @@ use std::sync::atomic::AtomicBool;
 
 use fluorspar::analysis::PixelSelection;
 use fluorspar::image::ComponentImage;
-use fluorspar::pipeline::{RegionRadiance, capture, frame_leak, predict, read_spectroradiometers};
+use fluorspar::pipeline::{
+    CapturePlanes, RegionRadiance, SeenComponents, capture, frame_leak, predict, read_spectroradiometers,
+};
 use fluorspar::render::{RenderControl, render};
 use fluorspar::study::Study;
 use fluorspar_experiment::preset::{self, PresetKind};
@@ -80,7 +82,11 @@ fn electrons_of_a_frame_are_leak_or_fluorescence() {
     let settings = study.captures.iter().find(|c| c.frame.label == "blue").unwrap();
     let frames = capture(&study, &image).unwrap();
     let raw = &frames.iter().find(|f| f.raw.label == "blue").unwrap().raw;
-    let leak = frame_leak(&study, &image, settings, raw.exposure_s, None).unwrap().unwrap();
+    let planes = CapturePlanes::new(&study, &image).unwrap();
+    let factors = ComponentFactors::ones(image.components.len());
+    let seen =
+        SeenComponents { image: &image, planes: &planes, captures: &study.captures, factors: &factors };
+    let leak = frame_leak(&study, &image, &seen, settings, raw.exposure_s, None).unwrap().unwrap();
     assert_eq!(leak.pixels, 16);
     assert!(raw.data.iter().all(|&dn| dn < raw.white_level), "{:?}", raw.data);
     for (channel, part) in leak.channels.iter().enumerate() {
@@ -101,11 +107,11 @@ fn electrons_of_a_frame_are_leak_or_fluorescence() {
     assert!(!leak.is_reflectance());
     // A selection of one pixel has one channel; a frame without light has no leak.
     let one = PixelSelection { width: raw.width, height: raw.height, pixels: vec![5] };
-    let one = frame_leak(&study, &image, settings, raw.exposure_s, Some(&one)).unwrap().unwrap();
+    let one = frame_leak(&study, &image, &seen, settings, raw.exposure_s, Some(&one)).unwrap().unwrap();
     assert_eq!((one.pixels, one.channels.len()), (1, 1));
     let mut dark = settings.clone();
     dark.frame.lights.clear();
-    assert_eq!(frame_leak(&study, &image, &dark, 0.03, None).unwrap(), None);
+    assert_eq!(frame_leak(&study, &image, &seen, &dark, 0.03, None).unwrap(), None);
 }
 
 #[test]

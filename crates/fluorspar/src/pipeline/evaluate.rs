@@ -69,31 +69,26 @@ pub fn evaluate_from_planes(
     components: &ComponentImage,
     planes: Option<&CapturePlanes>,
 ) -> Result<Evaluation, PipelineError> {
-    // Capture and analyze
-    let (frames, analysis, regions) = match planes {
-        None => (Vec::new(), None, Vec::new()),
-        Some(planes) => {
-            let factors = ComponentFactors::ones(components.components.len());
-            let seen =
-                SeenComponents { image: components, planes, captures: &study.captures, factors: &factors };
-            let frames = capture_from_planes(study, &seen)?;
-            let analysis = analyze_seen(study, Some(&seen), &frames)?;
-            let regions = analyze_regions(study, Some(&seen), &frames)?;
-            (frames, analysis, regions)
-        }
+    let Some(planes) = planes else {
+        return evaluate_frames(study, components, None, Vec::new(), None, Vec::new());
     };
-
-    evaluate_frames(study, components, frames, analysis, regions)
+    let factors = ComponentFactors::ones(components.components.len());
+    let seen = SeenComponents { image: components, planes, captures: &study.captures, factors: &factors };
+    let frames = capture_from_planes(study, &seen)?;
+    let analysis = analyze_seen(study, Some(&seen), &frames)?;
+    let regions = analyze_regions(study, Some(&seen), &frames)?;
+    evaluate_frames(study, components, Some(&seen), frames, analysis, regions)
 }
 
-/// What follows from frames, their analysis with that of further regions, and the spectra of a component image: radiance, leaks, depths, previews, readings and
-/// safety.
+/// What follows from frames, their analysis with that of further regions, and the spectra of what is `seen` in them: radiance, leaks,
+/// depths, previews, readings and safety.
 ///
 /// # Errors
 /// Those of [`evaluate`].
 pub fn evaluate_frames(
     study: &Study,
     components: &ComponentImage,
+    seen: Option<&SeenComponents<'_>>,
     frames: Vec<CapturedFrame>,
     analysis: Option<AnalyzedFrame>,
     regions: Vec<AnalyzedRegion>,
@@ -108,7 +103,9 @@ pub fn evaluate_frames(
     let mut leaks = Vec::new();
     for (frame, capture) in frames.iter().zip(&study.captures) {
         previews.push(preview(&frame.developed, &ColorRendering::of_frame(study, capture)));
-        leaks.extend(frame_leak(study, components, capture, frame.raw.exposure_s, region)?);
+        if let Some(seen) = seen {
+            leaks.extend(frame_leak(study, components, seen, capture, frame.raw.exposure_s, region)?);
+        }
     }
 
     let depths = depths_of_light(study, &of_fluorescence(study, &leaks)).map_err(PipelineError::Depths)?;

@@ -7,11 +7,11 @@ use super::filter_leak::{LeakBehindFilters, behind_filters};
 use super::region_light::RegionOnMosaic;
 use super::region_radiance::RegionRadiance;
 use crate::analysis::PixelSelection;
-use crate::image::ComponentImage;
+use crate::image::{Component, ComponentImage, LightPath};
 use crate::pipeline::PipelineError;
+use crate::pipeline::capture::SeenComponents;
 use crate::pipeline::capture::direct_light::group_spectrum;
-use crate::pipeline::capture::film_irradiance::{behind_filter, on_sensor};
-use crate::pipeline::capture::light_by_shape::light_by_shape;
+use crate::pipeline::capture::film_irradiance::on_sensor;
 use crate::spectral::{Curve, Transmittance};
 use crate::study::{Capture, Study};
 use crate::units::photons_per_joule;
@@ -64,32 +64,33 @@ impl FrameLeak {
 /// [`crate::pipeline::capture()`] does it, without noise and at rest. Means are over `region`, pixels of the developed frame, or over
 /// the whole sensor.
 ///
-/// `None` for a study without lens or sensor and for a frame without light.
+/// `components` holds the spectra of what is `seen`. `None` for a study without sensor and for a frame without light.
 ///
 /// # Errors
 /// A film that can't be used.
 pub fn frame_leak(
     study: &Study,
     components: &ComponentImage,
+    seen: &SeenComponents<'_>,
     capture: &Capture,
     exposure_s: f64,
     region: Option<&PixelSelection>,
 ) -> Result<Option<FrameLeak>, PipelineError> {
-    let (Some(lens), Some(sensor)) = (study.camera.lens_behind_filters(), &study.camera.sensor) else {
-        return Ok(None);
-    };
+    let Some(sensor) = &study.camera.sensor else { return Ok(None) };
     if capture.frame.lights.values().all(|&drive| drive == 0.0) {
         return Ok(None);
     }
-    let lens = behind_filter(&lens, capture);
     let names: Vec<String> = sensor.qe().channels().iter().map(|channel| channel.name.clone()).collect();
     let mosaic = RegionOnMosaic::new(sensor, region);
     // Electrons by channel: reflected, fluorescent.
     let mut means = vec![[0.0_f64; 2]; names.len()];
-    for light in light_by_shape(study, &capture.frame, components) {
-        let kind = usize::from(light.fluorescent);
-        let rates = mosaic.mean_rates(study, components, &lens, &light)?;
-        means.iter_mut().zip(rates).for_each(|(mean, rate)| mean[kind] += exposure_s * rate);
+    for (kind, is_reflected) in [true, false].into_iter().enumerate() {
+        let drive = |c: &Component| match (c.light == LightPath::Reflected) == is_reflected {
+            true => capture.frame.drive(&c.light_group),
+            false => 0.0,
+        };
+        let rates = sensor.electron_rate_of(&seen.film_rates(capture, drive), seen.planes.film)?;
+        means.iter_mut().zip(mosaic.means(&rates)).for_each(|(mean, rate)| mean[kind] = exposure_s * rate);
     }
     let channels: Vec<ChannelLeak> = (0..names.len())
         .filter(|&channel| mosaic.counts[channel] > 0)

@@ -5,12 +5,8 @@ use std::collections::BTreeSet;
 use super::region_signal::CameraResponse;
 use crate::analysis::{Analyte, PixelSelection, RegionLight};
 use crate::image::{ChannelImage, Component, ComponentImage, InterpolationTaps, LightPath};
-use crate::optics::IdealLens;
 use crate::pipeline::PipelineError;
-use crate::pipeline::capture::film_irradiance::{
-    behind_filter, film_extent, film_irradiance, on_sensor, tan_half_width,
-};
-use crate::pipeline::capture::light_by_shape::ShapedRadiance;
+use crate::pipeline::capture::film_irradiance::{behind_filter, on_sensor};
 use crate::pipeline::capture::{CapturedFrame, SeenComponents};
 use crate::sensor::{ElectronRate, Sensor};
 use crate::study::{Capture, Study};
@@ -83,23 +79,8 @@ impl<'a> RegionOnMosaic<'a> {
         Self { sensor, weights, counts }
     }
 
-    /// Mean electrons per second of the pixels of each channel, through lens, filters and sensor as [`crate::pipeline::capture()`] does
-    /// it, without noise and at rest.
-    pub(super) fn mean_rates(
-        &self,
-        study: &Study,
-        components: &ComponentImage,
-        lens: &IdealLens,
-        light: &ShapedRadiance,
-    ) -> Result<Vec<f64>, PipelineError> {
-        let film = film_extent(study, components, lens);
-        let tan_half_width = tan_half_width(study, components);
-        let irradiance = film_irradiance(study, lens, light, tan_half_width, film.width_mm);
-        Ok(self.means(&self.sensor.electron_rate_on_film(&irradiance, film)?))
-    }
-
     /// Weighted means of the pixels of each channel.
-    fn means(&self, rate: &ElectronRate) -> Vec<f64> {
+    pub(super) fn means(&self, rate: &ElectronRate) -> Vec<f64> {
         let columns = self.sensor.model().columns;
         let mut sums = vec![[0.0; 2]; self.counts.len()];
         let weighted = rate.data.iter().zip(&self.weights).enumerate();
