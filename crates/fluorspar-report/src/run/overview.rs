@@ -13,6 +13,7 @@ use fluorspar_experiment::schema::{ASSUMED_PHOTON_YIELD, FluorophoreSection};
 use fluorspar_experiment::{InputFile, ResolvedExperiment};
 
 use super::region_outline::region_outline;
+use rayon::prelude::*;
 use super::regions_section::region_names;
 use super::report::{blocks_of, electrons, percent, percent_saturated};
 use super::safety_section::eye_safe_captures;
@@ -52,15 +53,10 @@ fn views(run: &RunResults<'_>, words: &Words<'_>) -> Vec<FrameView> {
         let is_lit = words.lights(capture) != NO_LIGHT || run.frames_from == FrameOrigin::Given;
         is_lit.then_some((frame, capture))
     });
-    let mut views = Vec::new();
-    for (frame, capture) in shown {
-        let region = analyzed.filter(|_| is_analyzed(frame));
-        if let Some(view) = view(run, words, frame, capture, region) {
-            let place = if is_analyzed(frame) { 0 } else { views.len() };
-            views.insert(place, view);
-        }
-    }
-    views
+    let mut shown: Vec<_> = shown.collect();
+    shown.sort_by_key(|(frame, _)| !is_analyzed(frame));
+    let view = |(frame, capture)| view(run, words, frame, capture, analyzed.filter(|_| is_analyzed(frame)));
+    shown.into_par_iter().filter_map(view).collect()
 }
 
 fn view(

@@ -1,6 +1,6 @@
 //! Report of a run.
 
-use fluorspar::analysis::{Analysis, BlockShares, Statistics};
+use fluorspar::analysis::{Analysis, BlockShares, median};
 use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, RegionRadiance};
 use fluorspar::scene::Scene;
@@ -72,7 +72,7 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     let mut builder = Builder { figures: Vec::new() };
     let words = &Words::of(run.experiment);
     let record = &run.experiment.record;
-    let mut sections = sections(run, &mut builder);
+    let (mut sections, overview) = rayon::join(|| sections(run, &mut builder), || overview(run, words));
     let mut warnings = record.warnings.clone();
     if let Some(analyzed) = &run.evaluation.analysis {
         let of_regions = region_warnings(&analyzed.analysis, &run.evaluation.regions);
@@ -93,7 +93,7 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     warnings.extend(dark_frames(run.experiment, &run.evaluation.frames).into_iter().map(Warning::from));
     let mut page = ReportData {
         title: record.title.clone(),
-        overview: Some(overview(run, words)),
+        overview: Some(overview),
         live: run.live.cloned(),
         lead: words.lead(run),
         headline: Vec::new(),
@@ -391,7 +391,7 @@ fn frame_matrix(frames: &[CapturedFrame]) -> NumberMatrix {
         row.extend((0..n).map(|c| {
             let values = developed.data.iter().skip(c).step_by(n).map(|&v| f64::from(v));
             let at_least = if percent_saturated(frame) >= 50.0 { "at least " } else { "" };
-            Statistics::of(values).map_or_else(String::new, |s| format!("{at_least}{:.1}", s.median))
+            median(values).map_or_else(String::new, |median| format!("{at_least}{median:.1}"))
         }));
         row
     };

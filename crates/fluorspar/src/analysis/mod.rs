@@ -99,7 +99,7 @@ pub use spectral_mixture::{
 };
 pub use spectral_overlap::spectral_overlap;
 pub use spot_separation::{SpotScale, SpotSeparation};
-pub use statistics::{ChannelStatistics, CovarianceEllipse, RegionStatistics, Statistics};
+pub use statistics::{ChannelStatistics, CovarianceEllipse, RegionStatistics, Statistics, median};
 pub use summary::{
     Analysis, AnalysisError, AnalysisSettings, MedianLevel, MixtureModel, MixtureSummary,
     PredictedFluorophore, RegionFraction, analyze_region,

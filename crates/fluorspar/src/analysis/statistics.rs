@@ -31,7 +31,7 @@ pub struct Statistics {
 }
 
 /// Median of the finite numbers of a list, as [`Statistics`] has it, without a sort; `None` when there are none.
-pub(super) fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.into_iter().filter(|value| value.is_finite()).collect();
     let n = values.len();
     if n == 0 {

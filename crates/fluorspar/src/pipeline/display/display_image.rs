@@ -1,5 +1,7 @@
 //! Frames for the screen: at the resolution of the sensor, averaged where it is noisy. No number is made from them.
 
+use rayon::prelude::*;
+
 use crate::image::ChannelImage;
 
 /// Widest image on a page, px; wider sensors are averaged over blocks of pixels.
@@ -125,40 +127,42 @@ fn smoothed(image: &ChannelImage, noise: &Noise) -> ChannelImage {
         .map(|squared| (-squared / (2.0 * SPREAD_PX * SPREAD_PX)).exp())
         .collect();
     let (width, height) = (image.width as isize, image.height as isize);
-    let mut data = Vec::with_capacity(values.len());
-    let mut sums = vec![0.0f64; n];
-    for row in 0..height {
-        for col in 0..width {
-            let here = (row * width + col) as usize * n;
-            let like: Vec<f64> = medians[here..here + n]
-                .iter()
-                .map(|&m| noise.variance(f64::from(m)) + (SHADE * f64::from(m)).powi(2))
-                .collect();
-            sums.fill(0.0);
-            let (mut weights, mut place) = (0.0, 0);
-            for y in row - REACH..=row + REACH {
-                for x in col - REACH..=col + REACH {
-                    let spread = distance[place];
-                    place += 1;
-                    if y < 0 || x < 0 || y >= height || x >= width {
-                        continue;
-                    }
-                    let there = (y * width + x) as usize * n;
-                    let unlike: f64 = (0..n)
-                        .map(|c| f64::from(medians[there + c] - medians[here + c]).powi(2) / like[c])
-                        .sum();
-                    let weight = spread * (-0.5 * unlike).exp();
-                    weights += weight;
-                    for (c, sum) in sums.iter_mut().enumerate() {
-                        *sum += weight * f64::from(values[there + c]);
-                    }
+    let mean_at = |row: isize, col: isize, like: &mut [f64], sums: &mut [f64]| {
+        let here = (row * width + col) as usize * n;
+        for (like, &median) in like.iter_mut().zip(&medians[here..here + n]) {
+            let median = f64::from(median);
+            *like = noise.variance(median) + (SHADE * median).powi(2);
+        }
+        sums.fill(0.0);
+        let (mut weights, mut place) = (0.0, 0);
+        for y in row - REACH..=row + REACH {
+            for x in col - REACH..=col + REACH {
+                let spread = distance[place];
+                place += 1;
+                if y < 0 || x < 0 || y >= height || x >= width {
+                    continue;
+                }
+                let there = (y * width + x) as usize * n;
+                let unlike: f64 =
+                    (0..n).map(|c| f64::from(medians[there + c] - medians[here + c]).powi(2) / like[c]).sum();
+                let weight = spread * (-0.5 * unlike).exp();
+                weights += weight;
+                for (c, sum) in sums.iter_mut().enumerate() {
+                    *sum += weight * f64::from(values[there + c]);
                 }
             }
-            sums.iter_mut().for_each(|sum| *sum /= weights);
-            noise.fade_color(&mut sums);
-            data.extend(sums.iter().map(|&value| value as f32));
         }
-    }
+        sums.iter_mut().for_each(|sum| *sum /= weights);
+        noise.fade_color(sums);
+    };
+    let mut data = vec![0.0; values.len()];
+    data.par_chunks_mut((image.width * n).max(1)).enumerate().for_each(|(row, line)| {
+        let (mut like, mut sums) = (vec![0.0; n], vec![0.0; n]);
+        for (col, out) in line.chunks_exact_mut(n).enumerate() {
+            mean_at(row as isize, col as isize, &mut like, &mut sums);
+            out.iter_mut().zip(&sums).for_each(|(out, &value)| *out = value as f32);
+        }
+    });
     ChannelImage { data, ..image.clone() }
 }
 
@@ -166,22 +170,23 @@ fn smoothed(image: &ChannelImage, noise: &Noise) -> ChannelImage {
 fn medians(image: &ChannelImage) -> Vec<f32> {
     let n = image.channels.len();
     let (width, height) = (image.width as isize, image.height as isize);
-    let mut medians = Vec::with_capacity(image.data.len());
-    let mut near = Vec::with_capacity(25);
-    for row in 0..height {
-        for col in 0..width {
-            for channel in 0..n {
-                near.clear();
-                for y in (row - 2).max(0)..=(row + 2).min(height - 1) {
-                    for x in (col - 2).max(0)..=(col + 2).min(width - 1) {
-                        near.push(image.data[(y * width + x) as usize * n + channel]);
-                    }
-                }
-                let middle = near.len() / 2;
-                medians.push(*near.select_nth_unstable_by(middle, f32::total_cmp).1);
+    let median_at = |row: isize, col: isize, channel: usize, near: &mut Vec<f32>| {
+        near.clear();
+        for y in (row - 2).max(0)..=(row + 2).min(height - 1) {
+            for x in (col - 2).max(0)..=(col + 2).min(width - 1) {
+                near.push(image.data[(y * width + x) as usize * n + channel]);
             }
         }
-    }
+        let middle = near.len() / 2;
+        *near.select_nth_unstable_by(middle, f32::total_cmp).1
+    };
+    let mut medians = vec![0.0; image.data.len()];
+    medians.par_chunks_mut((image.width * n).max(1)).enumerate().for_each(|(row, line)| {
+        let mut near = Vec::with_capacity(25);
+        for (at, median) in line.iter_mut().enumerate() {
+            *median = median_at(row as isize, (at / n) as isize, at % n, &mut near);
+        }
+    });
     medians
 }
 
