@@ -1,19 +1,21 @@
 //! The first screen of a report: the frame with region and map, the estimate, and the numbers that decide about a design.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use fluorspar::analysis::{Analysis, ExclusionCounts, PixelSelection, Statistics};
 use fluorspar::findings::{Finding, FindingId, region_findings};
 use fluorspar::pipeline::{
-    AnalyzedFrame, AnalyzedRegion, CapturedFrame, ColorRendering, DisplayImage, Preview, for_display, preview,
+    AnalyzedFrame, AnalyzedRegion, CapturedFrame, ColorRendering, DisplayImage, Preview, for_display,
+    on_sensor, preview,
 };
 use fluorspar::spectral::Fluorophore;
 use fluorspar::study::Capture;
 use fluorspar_experiment::schema::{ASSUMED_PHOTON_YIELD, FluorophoreSection};
 use fluorspar_experiment::{InputFile, ResolvedExperiment};
+use rayon::prelude::*;
 
 use super::region_outline::region_outline;
-use rayon::prelude::*;
 use super::regions_section::region_names;
 use super::report::{blocks_of, electrons, percent, percent_saturated};
 use super::safety_section::eye_safe_captures;
@@ -357,11 +359,36 @@ fn cards(run: &RunResults<'_>, words: &Words<'_>) -> Vec<Number> {
             "Clipped pixels",
             format!("{:.2}", percent_saturated(frame)),
             "%",
-            format!("of frame \"{}\"{in_region}{others}", frame.raw.label),
+            format!("of frame \"{}\"{}{in_region}{others}", frame.raw.label, clipped_part(run, frame)),
         ));
     }
     cards.extend(evaluation.safety.as_ref().and_then(eye_safe_captures));
     cards
+}
+
+/// The part that shows most of the clipped pixels of a frame, of which it must be half; all teeth are one.
+fn clipped_part(run: &RunResults<'_>, frame: &CapturedFrame) -> String {
+    let developed = &frame.developed;
+    let scene = run.components.and_then(|components| on_sensor(&run.experiment.study, components));
+    let Some(scene) = scene else { return String::new() };
+    let features = &scene.components.features;
+    let (width, height) = (developed.width, developed.height);
+    let name_at = |pixel: usize| {
+        let behind = scene.scene_pixel(pixel / width, pixel % width, width, height)?;
+        let part = usize::from(*features.part.get(behind)?).checked_sub(1)?;
+        let name = features.part_names.get(part)?;
+        Some(if name.starts_with("tooth_") { "teeth" } else { name })
+    };
+    let clipped = (0..width * height).filter(|pixel| developed.saturated[*pixel]);
+    let mut all = 0;
+    let mut by_part: BTreeMap<&str, usize> = BTreeMap::new();
+    for pixel in clipped {
+        all += 1;
+        *by_part.entry(name_at(pixel).unwrap_or_default()).or_default() += 1;
+    }
+    let most = by_part.into_iter().max_by_key(|(_, count)| *count);
+    let most = most.filter(|(name, count)| !name.is_empty() && 2 * count >= all);
+    most.map_or_else(String::new, |(name, _)| format!(", most on {}", name.replace('_', " ")))
 }
 
 /// How well the first target is seen, in the frame that shows it best.
