@@ -165,6 +165,20 @@ fn in_view(visible: &[String]) -> String {
     }
 }
 
+/// Names of parts in a list, a first word that all of them have once: "tongue dorsum, tip and lateral left".
+fn parts_in_words(parts: &[String]) -> String {
+    let names: Vec<String> = parts.iter().map(|part| part.replace('_', " ")).collect();
+    let Some((first, others)) = names.split_first() else { return String::new() };
+    let word = first.find(' ').map_or("", |end| &first[..=end]);
+    let has_word = others.iter().all(|name| name.starts_with(word));
+    let short = |name: &String| if has_word { name[word.len()..].to_owned() } else { name.clone() };
+    let mut list: Vec<String> = std::iter::once(first.clone()).chain(others.iter().map(short)).collect();
+    match (list.pop(), list.is_empty()) {
+        (Some(last), false) => format!("{} and {last}", list.join(", ")),
+        (last, _) => last.unwrap_or_default(),
+    }
+}
+
 impl RegionOfInterest {
     /// All pixels that show any of these parts.
     pub fn of_parts<S: Into<String>>(parts: impl IntoIterator<Item = S>) -> Self {
@@ -210,7 +224,7 @@ impl RegionOfInterest {
             0 => String::new(),
             inset => format!(" ({inset} pixels within the rim)"),
         };
-        let parts = self.parts.join(" and ").replace('_', " ") + &inset;
+        let parts = parts_in_words(&self.parts) + &inset;
         match (self.parts.is_empty(), self.shapes()) {
             (true, None) => "the whole image".into(),
             (true, Some(shapes)) => shapes,
@@ -494,6 +508,12 @@ mod tests {
             "no pixel of upper_teeth lies 5 pixels of the sensor within its rim: choose a smaller inset"
         );
         assert_eq!(tongue().inset(2).describe(), "tongue (2 pixels within the rim)");
+        let parts = ["tongue_dorsum", "tongue_tip", "tongue_lateral_left"];
+        assert_eq!(RegionOfInterest::of_parts(parts).describe(), "tongue dorsum, tip and lateral left");
+        assert_eq!(
+            RegionOfInterest::of_parts(["upper_lip", "lower_lip"]).describe(),
+            "upper lip and lower lip"
+        );
     }
 
     #[test]
