@@ -116,7 +116,7 @@ fn estimate_in_words(estimate: &DesignEstimate) -> String {
         from(estimate.visible.in_patches),
         from(estimate.visible.evenly),
         limit.map_or_else(String::new, |limit| format!(", limited by {limit}")),
-        estimate.prior.replace('_', " ")
+        estimate.prior
     )
 }
 

@@ -108,5 +108,5 @@ pub(crate) fn regions_table(
 /// What is assumed of the tissue, as a line.
 pub(crate) fn assumed_tissue(analysis: &Analysis) -> Option<String> {
     let prior = &analysis.posterior.as_ref()?.prior;
-    Some(format!("  Assumed of the tissue: {}", prior.replace('_', " ")))
+    Some(format!("  Assumed of the tissue: {prior}"))
 }

@@ -186,7 +186,8 @@ fn fit_sources(
 /// The prior in words.
 fn describe(prior: &TissuePrior) -> String {
     let mouth = if prior.teeth.is_some() { " in a mouth" } else { "" };
-    format!("{}{mouth} ({} times as varied as the population)", prior.site.name(), prior.width)
+    let site = prior.site.name().replace('_', " ");
+    format!("{site}{mouth} ({} times as varied as the population)", prior.width)
 }
 
 /// Whether a variation is one of the tissue's optics, on which light depends in another way than in proportion.
