@@ -260,8 +260,7 @@ impl Reader<'_, '_> {
             if let Some(name) = name {
                 let tissues = &experiment.tissue;
                 let named = named_tissue(context, &at, tissues, &experiment.fluorophore, grid, name)?;
-                let site =
-                    named.site(context, &at).ok().filter(|site| site.get("biofilm_porphyrin_per_mm").is_ok());
+                let site = named.site(context, &at).ok().filter(|site| site.is_mucosa());
                 if let Some(site) = site.cloned() {
                     let tooth = preset::site("tooth").map_err(|error| context.error(&at, error))?;
                     prior = Some(prior_of(context, &at, &experiment.fluorophore, (site, Some(tooth)))?);

@@ -521,14 +521,14 @@ fn tissue_prior(
             let (tissues, fluorophores) = (&file.tissue, &file.fluorophore);
             let named = tissue::named_tissue(context, &at, tissues, fluorophores, seen.grid, name)?;
             let site = named.site(context, &at)?.clone();
-            if site.get("biofilm_porphyrin_per_mm").is_err() {
-                let message = "has no blood and no biofilm; give a site of mucosa, or \"none\"";
+            if !site.is_mucosa() {
+                let message = "has no blood; give a site of mucosa, or \"none\"";
                 return context.fail(&at, message);
             }
             site
         }
         None => match material_site(file, section, seen) {
-            Some(site) if site.get("biofilm_porphyrin_per_mm").is_ok() => site,
+            Some(site) if site.is_mucosa() => site,
             _ => return Ok(None),
         },
     };

@@ -147,7 +147,7 @@ pub(super) fn regions_of(
     Ok(region_options(&texts)?.into_iter().map(|region| of_site(region.below(folder))).collect())
 }
 
-/// The tissue of a region that is called as a site is: "none" where that holds no porphyrin; nothing where no tissue is assumed at all.
+/// The tissue of a region that is called as a site is: "none" for teeth; nothing where no tissue is assumed at all.
 fn site_of_region(name: &str, experiment: &Experiment) -> Option<String> {
     let analysis = experiment.file.analysis.as_ref()?;
     let is_of_tissue = experiment.file.mouth.is_some() || analysis.tissue.is_some();
@@ -160,8 +160,8 @@ fn site_of_region(name: &str, experiment: &Experiment) -> Option<String> {
         "teeth" => "tooth",
         other => other,
     };
-    let has_biofilm = preset::site(site).ok()?.get("biofilm_porphyrin_per_mm").is_ok();
-    Some(if has_biofilm { site } else { "none" }.to_owned())
+    let is_mucosa = preset::site(site).ok()?.is_mucosa();
+    Some(if is_mucosa { site } else { "none" }.to_owned())
 }
 
 /// The options of an analysis of one photograph.

@@ -186,6 +186,12 @@ impl Site {
         &self.description.surroundings
     }
 
+    /// Whether it is mucosa or skin, with blood below an epithelium; teeth are not.
+    #[must_use]
+    pub fn is_mucosa(&self) -> bool {
+        matches!(*self.parameters, SiteParameters::Mucosa(_))
+    }
+
     /// Whether its parameters are assumed or published rather than fitted to measurements of the site.
     #[must_use]
     pub fn is_assumed(&self) -> bool {
