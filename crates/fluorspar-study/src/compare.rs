@@ -1,12 +1,14 @@
 //! People against norms.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::ValueHint;
-use fluorspar::analysis::{NormPlace, RocArea, Standing, group_size_for_area};
+use fluorspar::analysis::{NormPerson, NormPlace, RocArea, Standing, group_size_for_area};
 use fluorspar_session::{Error, Job, Result};
 use serde::{Deserialize, Serialize};
 
+use crate::index::Index;
 use crate::norm::{NormFile, NormOptions, people_of, read_norm, wrong};
 use crate::query::{QueriedRow, QueryOptions, rows};
 use crate::store::{Study, StudyArgs};
@@ -79,7 +81,7 @@ pub struct Separation {
     pub group_size: Option<u64>,
 }
 
-/// Holds people against norms.
+/// Holds people against norms; those whom a norm holds itself, against the others of it.
 ///
 /// # Errors
 /// A study or a norm that can't be read.
@@ -89,16 +91,20 @@ pub fn compare(options: &AgainstNormOptions, _: &Job) -> Result<ComparedPeople> 
     for path in &options.norm {
         let norm = read_norm(path)?;
         let fitted = norm.fit()?;
+        let held = people_in(&study, &norm)?;
         let query = QueryOptions {
             subject: options.subject.clone(),
             region: (norm.origin == "measured").then(|| norm.region.clone()),
             quantity: Some(norm.quantity.clone()),
             ..QueryOptions::default()
         };
-        let own =
-            rows(&study, &query)?.into_iter().filter(|row| !row.withdrawn && row.channel == norm.channel);
+        let own = rows(&study.index, &query)?
+            .into_iter()
+            .filter(|row| !row.withdrawn && row.channel == norm.channel);
         for row in own.filter(|row| region_of(&norm, &row.region)) {
-            match person(&norm, &fitted, &row) {
+            let others = held.get(&row.subject).map(|own| norm.sums.without(own).fit());
+            let fitted = others.unwrap_or_else(|| Ok(fitted.clone()));
+            match fitted.map_err(|error| wrong(&error)).and_then(|fitted| person(&norm, &fitted, &row)) {
                 Ok(person) => compared.people.push(person),
                 Err(why) => compared.left_out.push(format!("{}, visit {}: {why}", row.subject, row.session)),
             }
@@ -148,16 +154,32 @@ fn person(
     })
 }
 
-/// How well the number of a norm tells people with a lesion, where two or more of each are known.
-fn separation(study: &Study, norm: &NormFile) -> Result<Option<Separation>> {
-    let of = NormOptions {
+/// The people whom a norm took from this study, as the log was when it was made.
+fn people_in(study: &Study, norm: &NormFile) -> Result<BTreeMap<String, NormPerson>> {
+    let entries = &study.log.entries;
+    match entries.iter().position(|entry| norm.logs.contains(&entry.sha256)) {
+        Some(last) if norm.origin == "measured" => {
+            Ok(people_of(&Index::in_memory(&entries[..=last])?, &numbers_of(norm), false)?.0)
+        }
+        _ => Ok(BTreeMap::new()),
+    }
+}
+
+/// Which numbers a norm is of.
+fn numbers_of(norm: &NormFile) -> NormOptions {
+    NormOptions {
         region: norm.region.clone(),
         quantity: norm.quantity.clone(),
         channel: Some(norm.channel.clone()),
         ..NormOptions::default()
-    };
+    }
+}
+
+/// How well the number of a norm tells people with a lesion, where two or more of each are known.
+fn separation(study: &Study, norm: &NormFile) -> Result<Option<Separation>> {
+    let of = numbers_of(norm);
     let scores = |has_lesion: bool, sign: f64| -> Result<Vec<f64>> {
-        let (people, ..) = people_of(study, &of, has_lesion)?;
+        let (people, ..) = people_of(&study.index, &of, has_lesion)?;
         Ok(people
             .values()
             .map(|person| sign * person.values.iter().sum::<f64>() / person.values.len() as f64)

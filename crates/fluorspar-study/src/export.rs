@@ -204,7 +204,7 @@ fn estimates(study: &Study, people: &BTreeMap<String, Outside>, secret: &str) ->
     );
     let mut count = 0;
     let mut regions: BTreeMap<String, usize> = BTreeMap::new();
-    for row in rows(study, &QueryOptions::default())? {
+    for row in rows(&study.index, &QueryOptions::default())? {
         let Some(person) = people.get(&row.subject) else { continue };
         let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
         let next = regions.len() + 1;

@@ -13,6 +13,7 @@ use fluorspar_format::{Output, Outputs};
 use fluorspar_session::{Error, Job, Result, read_text};
 use serde::{Deserialize, Serialize};
 
+use crate::index::Index;
 use crate::query::{QueriedRow, QueryOptions, rows};
 use crate::store::{Study, write};
 
@@ -198,14 +199,14 @@ fn range_of(quantity: &str) -> Result<ValueRange> {
     })
 }
 
-fn people_with_lesions(study: &Study) -> Result<Vec<String>> {
+fn people_with_lesions(index: &Index) -> Result<Vec<String>> {
     let sql = "SELECT DISTINCT subject FROM outcome WHERE lower(outcome) NOT IN ('healthy', 'none')";
-    study.index.rows(sql, [], |row| row.get(0))
+    index.rows(sql, [], |row| row.get(0))
 }
 
 /// People of a study without lesions, who did not withdraw or refuse, and how many of them have no number.
 pub(crate) fn people_of(
-    study: &Study,
+    index: &Index,
     options: &NormOptions,
     has_lesion: bool,
 ) -> Result<(BTreeMap<String, NormPerson>, usize, Vec<QueriedRow>)> {
@@ -214,8 +215,8 @@ pub(crate) fn people_of(
         quantity: Some(options.quantity.clone()),
         ..QueryOptions::default()
     };
-    let ill = people_with_lesions(study)?;
-    let all = rows(study, &query)?.into_iter().filter(|row| {
+    let ill = people_with_lesions(index)?;
+    let all = rows(index, &query)?.into_iter().filter(|row| {
         row.channel == options.channel()
             && !row.withdrawn
             && row.consent != "no"
@@ -266,7 +267,7 @@ fn one_analysis(study: &Study, options: &NormOptions, rows: &[QueriedRow]) -> Re
 fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, usize, usize)> {
     let mut study = Study::open(folder)?;
     let range = range_of(&options.quantity)?;
-    let (people, without_value, rows) = people_of(&study, options, false)?;
+    let (people, without_value, rows) = people_of(&study.index, options, false)?;
     let analysis = one_analysis(&study, options, &rows)?;
     let guess = "SELECT count(*) FROM region WHERE verdict = 'guess' AND current = 1 AND region = ?";
     let guesses = study.index.rows(guess, [&options.region], |row| row.get::<_, i64>(0))?;

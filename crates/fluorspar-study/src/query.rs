@@ -3,6 +3,7 @@
 use fluorspar_session::Result;
 use serde::{Deserialize, Serialize};
 
+use crate::index::Index;
 use crate::store::{Study, StudyArgs};
 
 /// Which numbers.
@@ -64,7 +65,7 @@ pub struct QueriedRow {
 /// # Errors
 /// A study that can't be opened.
 pub fn query(options: &QueryOptions, _: &fluorspar_session::Job) -> Result<Vec<QueriedRow>> {
-    rows(&Study::open(&options.args.study)?, options)
+    rows(&Study::open(&options.args.study)?.index, options)
 }
 
 /// The last numbers of regions that are not wrong, by person, region and quantity.
@@ -79,9 +80,9 @@ const LAST: &str = "SELECT p.subject, p.session, e.region, e.quantity, e.channel
       AND e.seq = (SELECT max(o.seq) FROM estimate o WHERE o.region_sha256 = e.region_sha256 AND o.quantity = e.quantity AND o.channel = e.channel)
     ORDER BY p.subject, p.session, e.photograph, e.region, e.seq";
 
-/// The last numbers of a study that options ask for.
-pub(crate) fn rows(study: &Study, options: &QueryOptions) -> Result<Vec<QueriedRow>> {
-    study.index.rows(LAST, [&options.subject, &options.region, &options.quantity], |row| {
+/// The last numbers of an index that options ask for.
+pub(crate) fn rows(index: &Index, options: &QueryOptions) -> Result<Vec<QueriedRow>> {
+    index.rows(LAST, [&options.subject, &options.region, &options.quantity], |row| {
         let ends: [Option<f64>; 2] = [row.get(6)?, row.get(7)?];
         Ok(QueriedRow {
             subject: row.get(0)?,

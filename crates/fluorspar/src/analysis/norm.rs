@@ -61,6 +61,18 @@ impl SiteSums {
         self.inverse_visits += other.inverse_visits;
     }
 
+    fn remove(&mut self, other: &Self) {
+        self.people -= other.people;
+        self.age -= other.age;
+        self.age_age -= other.age_age;
+        self.age_value -= other.age_value;
+        self.value -= other.value;
+        self.value_value -= other.value_value;
+        self.within -= other.within;
+        self.within_degrees -= other.within_degrees;
+        self.inverse_visits -= other.inverse_visits;
+    }
+
     /// `None` of a person without a value that `range` allows, or without the age that is asked for.
     fn of(person: &NormPerson, range: ValueRange, by_age: bool) -> Option<Self> {
         let values: Vec<f64> = person.values.iter().filter_map(|value| range.straightened(*value)).collect();
@@ -148,6 +160,20 @@ impl NormSums {
             Ok(at) => self.sites[at].add(of),
             Err(at) => self.sites.insert(at, of.clone()),
         }
+    }
+
+    /// The sums of the others, where these hold the person: nobody lies more than `(n - 1) / sqrt(n)` standard deviations from the mean
+    /// of n people that he is one of, so a person is compared with the others.
+    #[must_use]
+    pub fn without(&self, person: &NormPerson) -> Self {
+        let mut others = self.clone();
+        if let Some(of) = SiteSums::of(person, self.range, self.by_age)
+            && let Ok(at) = others.sites.binary_search_by(|site| site.site.cmp(&of.site))
+            && others.sites[at].people > of.people
+        {
+            others.sites[at].remove(&of);
+        }
+        others
     }
 
     /// The sums of the people of both.
@@ -315,6 +341,31 @@ mod tests {
 
     fn person(value: f64) -> NormPerson {
         NormPerson { values: vec![value], ..NormPerson::default() }
+    }
+
+    #[test]
+    fn a_person_stands_outside_of_the_others_alone() {
+        let visits = |k: f64| vec![(0.1 * k).sin(), (0.1 * k).sin() + 0.02];
+        let mut people: Vec<NormPerson> = (0..12)
+            .map(|k| NormPerson {
+                site: "north".into(),
+                age: Some(20.0 + 5.0 * f64::from(k)),
+                values: visits(f64::from(k * k)),
+            })
+            .collect();
+        let apart = NormPerson { values: vec![9.0], ..people[3].clone() };
+        people[3] = apart.clone();
+        let all = NormSums::of(&people, ValueRange::Real, true);
+        let standing =
+            |sums: &NormSums| sums.fit().unwrap().place([9.0; 2], apart.age, "north").unwrap().standing;
+        assert_eq!(standing(&all), Standing::Inside);
+        let others = all.without(&apart);
+        assert_eq!(standing(&others), Standing::Outside);
+        people.remove(3);
+        let expected = NormSums::of(&people, ValueRange::Real, true).fit().unwrap();
+        let found = others.fit().unwrap();
+        assert!((found.sd / expected.sd - 1.0).abs() < 1e-10 && (found.slope - expected.slope).abs() < 1e-10);
+        assert_eq!(others.people(), 11);
     }
 
     /// 20 to 80 years.
