@@ -53,7 +53,7 @@ pub use page::{
 };
 pub use photographs_report::{PhotographResults, PlacedNumber, photographs_report};
 pub use run::{
-    FrameOrigin, NamedFigure, RunFolderError, RunReport, RunResults, analysis_json, dark_frames,
-    evaluation_json, exceeded_limits, region_warnings, regions_matrix, run_report, write_frame_report,
-    write_run_components, write_run_folder,
+    FrameOrigin, LEAKING, NamedFigure, RunFolderError, RunReport, RunResults, analysis_json, dark_frames,
+    evaluation_json, exceeded_limits, leaking_frames, region_warnings, regions_matrix, run_report,
+    write_frame_report, write_run_components, write_run_folder,
 };

@@ -11,13 +11,13 @@ use fluorspar::pipeline::{
     channel_light, check_captures, columns_per_render_column, preview,
 };
 use fluorspar::study::{Capture, Study};
-use fluorspar_experiment::{ResolvedExperiment, resolve};
+use fluorspar_experiment::{ResolvedExperiment, Warning, resolve};
 use fluorspar_format::{
     CubeFacts, DngColor, FileFormat, FormatError, OmeChannel, OmeFacts, OutputFolder, Provenance, RawPacking,
     write_atomically, write_ome_tiff, write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_png,
     write_sensor_tiff,
 };
-use fluorspar_report::evaluation_json;
+use fluorspar_report::{evaluation_json, leaking_frames};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -213,6 +213,7 @@ pub fn capture(options: &CaptureOptions, job: &Job) -> Result<CapturedFolder> {
             ..FrameReport::simulated(&experiment, &text, frames)
         };
         let found = report.write(folder.path()).map_err(|error| error.at_its_place(&folder))?;
+        job.warn(&leaking_frames(&found.leaks).into_iter().map(Warning::from).collect::<Vec<_>>());
         results.extend(evaluation_json(&found)?);
         results.insert("warnings".into(), serde_json::to_value(&record.warnings)?);
     }

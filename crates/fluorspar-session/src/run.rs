@@ -16,7 +16,8 @@ use fluorspar::units::{memory_gib, memory_texts};
 use fluorspar_experiment::{FileRecord, ResolvedExperiment, Warning};
 use fluorspar_format::OutputFolder;
 use fluorspar_report::{
-    FrameOrigin, RunResults, exceeded_limits, region_warnings, write_run_components, write_run_folder,
+    FrameOrigin, RunResults, exceeded_limits, leaking_frames, region_warnings, write_run_components,
+    write_run_folder,
 };
 use serde::ser::Error as _;
 use serde::{Deserialize, Serialize, Serializer};
@@ -265,6 +266,7 @@ fn write_results(
     };
     write_run_folder(folder, &results)?;
     warn_of_darkness(experiment, &evaluation.frames, job);
+    job.warn(&leaking_frames(&evaluation.leaks).into_iter().map(Warning::from).collect::<Vec<_>>());
     let exceeded = evaluation.safety.iter().flat_map(exceeded_limits).map(Warning::from);
     job.warn(&exceeded.collect::<Vec<_>>());
     let Evaluation { analysis, regions, .. } = evaluation;

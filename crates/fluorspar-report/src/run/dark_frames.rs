@@ -1,6 +1,6 @@
-//! Frames that see next to nothing.
+//! Frames that say little: they see next to nothing, or reflected light.
 
-use fluorspar::pipeline::CapturedFrame;
+use fluorspar::pipeline::{CapturedFrame, FrameLeak};
 use fluorspar_experiment::ResolvedExperiment;
 
 use super::words::Words;
@@ -9,6 +9,23 @@ use super::words::Words;
 const SEEN: f64 = 5.0;
 /// Share of the pixels below which a frame is called dark.
 const LEAST_LIT: f64 = 0.01;
+
+/// Reflected over fluorescent electrons from which a frame is called one of reflected light.
+pub const LEAKING: f64 = 0.1;
+
+/// Warnings of frames of fluorescence to which their filters let reflected light through.
+pub fn leaking_frames(leaks: &[FrameLeak]) -> Vec<String> {
+    let warning = |leak: &FrameLeak| {
+        let ratio = leak.leak_ratio.filter(|ratio| *ratio > LEAKING && !leak.is_reflectance())?;
+        Some(format!(
+            "Frame \"{}\": reflected excitation light is {:.0} % of the fluorescence. Every number takes it for fluorescence: block more of \
+             the light before the lens, or make the light narrower",
+            leak.frame,
+            100.0 * ratio
+        ))
+    };
+    leaks.iter().filter_map(warning).collect()
+}
 
 /// Warnings of frames whose lights hardly reach what the camera sees, one sentence or two each.
 pub fn dark_frames(experiment: &ResolvedExperiment, frames: &[CapturedFrame]) -> Vec<String> {

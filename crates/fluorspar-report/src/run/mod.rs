@@ -15,7 +15,7 @@ pub(crate) use overview::scene_rests_on;
 pub use regions_section::{region_warnings, regions_matrix};
 pub(crate) use words::capital;
 
-pub use dark_frames::dark_frames;
+pub use dark_frames::{LEAKING, dark_frames, leaking_frames};
 pub use folder::{
     RunFolderError, analysis_json, evaluation_json, write_frame_report, write_run_components,
     write_run_folder,

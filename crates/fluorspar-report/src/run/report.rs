@@ -12,7 +12,7 @@ use fluorspar_experiment::schema::{ExperimentFile, SpectrumReference};
 use fluorspar_experiment::{ResolvedExperiment, Warning};
 use fluorspar_format::FrameFact;
 
-use super::dark_frames::dark_frames;
+use super::dark_frames::{dark_frames, leaking_frames};
 use super::depth_section::depth_section;
 use super::overview::overview;
 use super::regions_section::{region_warnings, regions_section};
@@ -91,6 +91,7 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
     warnings.extend(safety.clone().flat_map(exceeded_limits).map(Warning::from));
     warnings.extend(safety.filter_map(risk_group_warning).map(Warning::from));
     warnings.extend(dark_frames(run.experiment, &run.evaluation.frames).into_iter().map(Warning::from));
+    warnings.extend(leaking_frames(&run.evaluation.leaks).into_iter().map(Warning::from));
     let mut page = ReportData {
         title: record.title.clone(),
         overview: Some(overview),
