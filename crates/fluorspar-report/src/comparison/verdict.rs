@@ -6,6 +6,7 @@ use fluorspar::sampling::Z_95;
 use fluorspar_experiment::SettingDifference;
 
 use super::{ComparedNumber, ComparedSide, FinishedRun};
+use crate::LEAKING;
 use crate::findings::number as short;
 
 /// Sections of an experiment that say what lies before the camera.
@@ -37,6 +38,15 @@ pub fn comparison_verdict(
         Some([value(&number.a)?, value(&number.b)?])
     };
     let (target, other) = analyte(a, b);
+    if let Some((letter, leak)) =
+        [("A", a), ("B", b)].into_iter().find_map(|(letter, run)| Some((letter, leak_of(run)?)))
+    {
+        return Some(format!(
+            "Which run sees smaller amounts is not told: in {letter} reflected excitation light is {} % of the fluorescence, and every number \
+             takes it for fluorescence.",
+            short(100.0 * leak)
+        ));
+    }
     let sentence = if !has(FindingId::WidthOverTruth) && !has(FindingId::LimitOverTruth) {
         return None;
     } else if let Some(other) = other {
@@ -44,7 +54,7 @@ pub fn comparison_verdict(
             "Which run sees smaller amounts is not told: A looks for {target}, B for {other}."
         ));
     } else if let Some(widths) = values(FindingId::WidthOverTruth) {
-        ranked(target, widths, [a, b], Measure::Width)
+        ranked(target, widths, [a, b], Measure::Width) + &smallest_shares(target, [of_a, of_b])
     } else if let Some(limits) = values(FindingId::LimitOverTruth) {
         let sentence = ranked(target, limits, [a, b], Measure::Limit);
         format!("{sentence} It holds the sensor's noise alone, not what is unknown of the sample.")
@@ -82,6 +92,30 @@ pub fn comparison_verdict(
             )
         }
     })
+}
+
+/// Reflected over fluorescent electrons of the analyzed frame, where its numbers say little because of them.
+fn leak_of(run: &FinishedRun) -> Option<f64> {
+    let frame = &run.analysis.as_ref()?.frame;
+    let leak = run.leaks.iter().find(|leak| leak.frame == *frame && !leak.is_reflectance())?;
+    leak.leak_ratio.filter(|ratio| *ratio > LEAKING)
+}
+
+/// Which run would tell less of the fluorophore from none, in units of what is there: another question than how narrowly that is estimated.
+fn smallest_shares(target: &str, analyses: [&Analysis; 2]) -> String {
+    let share = |analysis: &Analysis| {
+        let seen = analysis.posterior.as_ref()?.visible.as_ref()?.in_patches?;
+        let truth = analysis.truth.as_ref()?.share;
+        (truth > 0.0).then(|| 100.0 * seen / truth)
+    };
+    match analyses.map(share) {
+        [Some(a), Some(b)] => format!(
+            " The smallest amount of {target} in patches that would be told from none is {} % of what is there in A, {} % in B.",
+            short(a),
+            short(b)
+        ),
+        _ => String::new(),
+    }
 }
 
 /// What both runs look for, and where they look for different fluorophores, that of the second run. One that estimates no share looks for none.
@@ -178,11 +212,19 @@ fn ranked(target: &str, [a, b]: [f64; 2], runs: [&FinishedRun; 2], measure: Meas
         short(high)
     );
     let [better, other] = if a < b { ["A", "B"] } else { ["B", "A"] };
+    let [alike, apart] = match measure {
+        Measure::Width => [
+            format!("A and B are not told apart by how narrowly they estimate the {target} that is there."),
+            format!("{better} estimates the {target} that is there more narrowly than {other}."),
+        ],
+        Measure::Limit => [
+            format!("A and B are not told apart by the smallest amounts of {target} that they see."),
+            format!("{better} sees smaller amounts of {target} than {other}."),
+        ],
+    };
     match (low <= 1.0 && high >= 1.0, limits.is_empty()) {
-        (true, true) => {
-            format!("A and B are not told apart by the smallest amounts of {target} that they see. {numbers}")
-        }
-        (false, true) => format!("{better} sees smaller amounts of {target} than {other}. {numbers}"),
+        (true, true) => format!("{alike} {numbers}"),
+        (false, true) => format!("{apart} {numbers}"),
         (true, false) => format!("{limits}The limits are not told apart. {numbers}"),
         (false, false) => {
             format!("{limits}In units of what is there, the limit of {better} is the lower one. {numbers}")
