@@ -243,16 +243,16 @@ fn answer(analysis: &Analysis) -> Option<Answer> {
     let of = |id: FindingId| findings.iter().filter(move |finding| finding.id == id);
     let of_analyte = ShareAnswer::of(&findings, &analysis.analyte)?;
     let share = answering_share(&findings)?;
-    let true_share = |finding: &Finding| finding.reference.map(|truth| number(100.0 * truth));
-    let truth = true_share(share).map_or_else(String::new, |truth| format!("True share: {truth} %"));
-    // The sum of what the camera can't divide comes first
-    let (asked, answer, truth, other) = match undivided_red(&findings) {
+    let truth = |finding: &Finding| {
+        finding.reference.map_or_else(String::new, |truth| format!("True: {} %", number(100.0 * truth)))
+    };
+    // The sum of what the camera can't divide comes first, each estimate with its own truth
+    let (asked, answer, other) = match undivided_red(&findings) {
         Some(red) => {
-            let of_red = true_share(red).map_or_else(String::new, |truth| format!("True: {truth} %"));
-            let truth = if truth.is_empty() { of_red } else { format!("{of_red}. {truth} of porphyrin") };
-            (red, ShareAnswer::of_share(red, &analysis.analyte), truth, of_analyte.sentence())
+            let answer = ShareAnswer::of_share(red, &analysis.analyte);
+            (red, answer, [of_analyte.sentence(), truth(share)].join(". "))
         }
-        None => (share, of_analyte, truth, String::new()),
+        None => (share, of_analyte, String::new()),
     };
     let width = share.interval.map(|[low, high]| high - low).filter(|width| *width > 0.0);
     let narrower = |finding: &Finding| {
@@ -275,10 +275,10 @@ fn answer(analysis: &Analysis) -> Option<Answer> {
         ),
         value: answer.headline.replace('-', "−"),
         interval: answer.rest.replace('-', "−"),
-        truth,
-        other: other.replace('-', "−"),
+        truth: truth(asked),
+        other: other.trim_end_matches(". ").replace('-', "−"),
         budgets: vec![
-            contributions("What widens the interval:", budget, width, |less| {
+            contributions("By how much less wide if it were known:", budget, width, |less| {
                 in_percent(less / width.unwrap_or(1.0))
             }),
             contributions("The other shares:", others, Some(1.0), in_percent),
@@ -436,14 +436,13 @@ fn target_cards(analysis: &Analysis) -> Vec<Number> {
 /// The smallest share that is told from the blank, and where the simulation knows the share that is there, how much of it that is. Another
 /// light changes the share of the light of the same amount, so that only the latter compares lights.
 fn detection_card(analysis: &Analysis) -> Option<Number> {
-    if let Some(posterior) = &analysis.posterior {
+    if analysis.posterior.is_some() {
         let findings = region_findings(analysis);
         let of = |id: FindingId| findings.iter().find(|finding| finding.id == id);
         let (patches, evenly) = (of(FindingId::VisibleInPatches)?, of(FindingId::VisibleEvenly)?);
         let limit = patches.name.as_ref().map_or_else(String::new, |limit| format!("; limited by {limit}"));
         let meaning = format!(
-            "told from none in patches over a tenth of the region, in {}; spread evenly {} %{limit}",
-            posterior.prior,
+            "told from none in patches over a tenth of the region; where it is spread evenly {} %{limit}",
             value(evenly)
         );
         return Some(Number::computed("Smallest share seen", value(patches), "% of the light", meaning));
