@@ -56,11 +56,7 @@ pub(crate) fn no_answer(failures: &[FailedPhotograph]) -> Result<(), CliError> {
         if failed.why.starts_with(&frame) { failed.why.clone() } else { format!("{frame}: {}", failed.why) }
     };
     let lines: Vec<String> = failures.iter().map(line).collect();
-    Err(CliError::Input(format!(
-        "{} photographs have no answer, the others do:\n  {}",
-        lines.len(),
-        lines.join("\n  ")
-    )))
+    Err(CliError::Input(format!("{} photographs have no answer:\n  {}", lines.len(), lines.join("\n  "))))
 }
 
 fn describe(AnalyzedFrames { experiment, analysis, regions }: &AnalyzedFrames) -> String {

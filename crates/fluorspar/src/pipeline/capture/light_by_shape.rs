@@ -13,8 +13,6 @@ use crate::study::Study;
 /// Radiance of one shape.
 pub(in crate::pipeline) struct ShapedRadiance {
     pub(in crate::pipeline) radiance: SpectralImage<Radiance>,
-    /// Whether it fluoresced.
-    pub(in crate::pipeline) fluorescent: bool,
     /// Spectrum within each band, up to a factor; `None` is even.
     pub(in crate::pipeline) shape: Option<Curve>,
 }
@@ -31,7 +29,6 @@ pub(in crate::pipeline) fn light_by_shape<'a>(
             LightPath::Reflected => 0.0,
             _ => frame.drive(&c.light_group),
         }),
-        fluorescent: true,
         shape: None,
     });
     let reflected = components.components.iter().filter(|c| c.light == LightPath::Reflected);
@@ -42,7 +39,6 @@ pub(in crate::pipeline) fn light_by_shape<'a>(
                     if c == component { frame.drive(&c.light_group) } else { 0.0 }
                 },
             ),
-            fluorescent: false,
             shape: group_spectrum(study, &component.light_group),
         });
     fluorescence.chain(reflected)
