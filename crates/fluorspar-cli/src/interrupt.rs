@@ -99,6 +99,11 @@ fn interrupt() {
     let left = RENDERS.load(Ordering::SeqCst);
     if again || left == Left::Nothing as u8 {
         fluorspar_format::remove_unfinished_files();
+        message::notice(if again {
+            "\nstopped at once"
+        } else {
+            "\nstopped before there was anything to keep"
+        });
         std::process::exit(i32::from(STOPPED));
     }
     let what = match left {

@@ -168,6 +168,9 @@ impl Fit<'_> {
             Content::Leaf(_) => "",
         };
         let example = match (&node.content, shape) {
+            (Content::Leaf(toml::Value::String(text)), Some(Shape::List { length: None, .. })) if text.starts_with('[') => {
+                ": texts within it need quotes, which a shell takes away; put '...' around the whole of PATH=VALUE".into()
+            }
             (Content::Leaf(value), Some(Shape::List { length: None, .. }))
                 if value.to_string().len() <= 60 =>
             {
