@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use fluorspar::analysis::PixelSelection;
-use fluorspar::image::ComponentImage;
+use fluorspar::image::{ComponentFactors, ComponentImage};
 use fluorspar::pipeline::{
     CapturePlanes, RegionRadiance, SeenComponents, capture, frame_leak, predict, read_spectroradiometers,
 };

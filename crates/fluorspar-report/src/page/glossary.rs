@@ -7,7 +7,39 @@ use super::report_data::{Overview, ReportData, ReportItem, Section};
 /// A term, what a page must contain for it to be explained, and the explanation.
 type Term = (&'static str, &'static [&'static str], &'static str);
 
-const TERMS: [Term; 8] = [
+const TERMS: [Term; 14] = [
+    (
+        "Share, red fluorescence",
+        &["ed fluorescence", "share of the fluorescence"],
+        "Of the fluorescence that the sensor counts, the part that one substance gives off; a small amount of a bright one may have a large \
+         share. Red fluorescence is the part of all substances that glow deep red: porphyrins, and the green pigment of plants.",
+    ),
+    (
+        "Smallest share seen",
+        &["Smallest share seen"],
+        "The smallest share that this camera would tell from none in a typical region: in patches there are places without it to compare with; \
+         spread evenly it looks like another tissue.",
+    ),
+    (
+        "Leak",
+        &["Leak"],
+        "Light of the lamp that was only reflected and came through the filter. It counts as fluorescence that is not there.",
+    ),
+    (
+        "d'",
+        &["d' "],
+        "How far two places lie apart, in standard deviations: below 1 hardly anybody tells them apart, from 3 on nearly everybody does.",
+    ),
+    (
+        "Electrons (e-)",
+        &[" e-"],
+        "What light frees in a pixel and the sensor counts, before gain and rounding.",
+    ),
+    (
+        "Risk group",
+        &["isk group"],
+        "How dangerous a lamp is to eyes and skin, after IEC 62471: 0 none, 1 low, 2 moderate, 3 high.",
+    ),
     (
         "Fluorophore",
         &["fluorophore"],
