@@ -414,7 +414,7 @@ fn target_cards(analysis: &Analysis) -> Vec<Number> {
     let render = render_noise_words(t).map_or_else(String::new, |words| format!("; {words}"));
     let mut cards = vec![Number::computed(
         format!("d' of \"{}\"", t.target),
-        number(t.d_prime),
+        of(FindingId::TargetSeparation).map_or_else(|| number(t.d_prime), value),
         "",
         format!(
             "all its {} pixels in frame \"{}\", where it is seen best; {} one pixel{contrast}",

@@ -131,6 +131,15 @@ fn without_render(
 }
 
 impl TargetDetection {
+    /// 95 % interval of [`Self::d_prime`] by the noise of frame and render, which few samples make wide: the diameter of a disc with the
+    /// wanted d' falls as d' grows. A disc of one pixel tells no upper end.
+    #[must_use]
+    pub fn d_prime_interval(&self) -> [f64; 2] {
+        let [px, least] = [self.smallest_diameter_px, self.smallest_diameter_least_px];
+        let low = self.smallest_diameter_most_px.map_or(0.0, |most| self.d_prime * px / most);
+        [low, if least > 1.0 { self.d_prime * px / least } else { f64::INFINITY }]
+    }
+
     /// Measures a target in a developed frame, of which the pixels of `background` are the rest. Both may lie under uneven light: a plane
     /// is fitted to each channel. The noise of a render is taken out of that of the frame. `None` for too few usable pixels, and where
     /// nothing varies.
