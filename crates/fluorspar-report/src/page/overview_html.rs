@@ -39,11 +39,14 @@ impl Overview {
 
     fn write_views(&self, html: &mut String) {
         let _ = writeln!(html, "<div class=\"views\" role=\"group\" aria-label=\"Images\">");
-        // Tabs: that of a map in front of that of its image
+        // Tabs: a map has one beside that of its image
         let mut tabs = Vec::new();
         for (number, view) in self.views.iter().enumerate() {
-            tabs.extend(view.map.as_ref().map(|map| (map.name.as_str(), number, true)));
             tabs.push((view.name.as_str(), number, false));
+            if let Some(map) = &view.map {
+                let place = if map.is_second { tabs.len() } else { tabs.len() - 1 };
+                tabs.insert(place, (map.name.as_str(), number, true));
+            }
         }
         tabs.truncate(MOST_TABS);
         for (tab, (name, ..)) in tabs.iter().enumerate() {

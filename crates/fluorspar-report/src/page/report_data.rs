@@ -63,7 +63,7 @@ pub struct FrameView {
     pub outline: Vec<Vec<[f64; 2]>>,
     /// Names in the image, each around its place, in pixels of the image.
     pub names: Vec<(String, [f64; 2])>,
-    /// A map over the image, on a tab of its own in front of it.
+    /// A map over the image, on a tab of its own.
     pub map: Option<MapOverlay>,
     /// Files beside the page: name and relative path.
     pub links: Vec<(String, String)>,
@@ -74,6 +74,8 @@ pub struct FrameView {
 pub struct MapOverlay {
     /// Name on its tab.
     pub name: String,
+    /// Whether its tab comes after that of the image.
+    pub is_second: bool,
     /// The map with opacity, PNG.
     pub png: Vec<u8>,
     /// Left and top edge, width and height, in pixels of the image.

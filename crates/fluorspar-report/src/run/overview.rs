@@ -209,6 +209,8 @@ fn share_overlay(analyzed: &AnalyzedFrame, shown: &DisplayImage, words: &Words<'
     };
     Some(MapOverlay {
         name: format!("{} share", target.capitalized()),
+        // Who looks for targets sees them first
+        is_second: !analyzed.analysis.targets.is_empty(),
         png: rgba_png(columns, rows, &pixels)?,
         frame: [
             map.left as f64 / shown.block as f64,
