@@ -210,17 +210,17 @@ impl MasterFrame {
         self.variance_of_one_dn2(collected_dn) / self.frames.max(1) as f64
     }
 
-    fn black_of(&self, value: usize) -> f64 {
+    pub(super) fn black_of(&self, value: usize) -> f64 {
         self.black_level + self.black_offsets.get(value).map_or(0.0, |offset| f64::from(*offset))
     }
 
     /// Values of a pixel: 1 on a mosaic, or all channels.
-    fn samples(&self) -> usize {
+    pub(super) fn samples(&self) -> usize {
         (self.mean.len() / (self.width * self.height).max(1)).max(1)
     }
 
     /// Numbers of the values of a channel.
-    fn values_of(&self, channel: usize) -> impl Iterator<Item = usize> {
+    pub(super) fn values_of(&self, channel: usize) -> impl Iterator<Item = usize> {
         let (width, mosaic, samples) = (self.width, &self.mosaic, self.samples());
         (0..self.mean.len()).filter(move |value| match samples {
             1 => mosaic.channel(value / width, value % width) == channel,
@@ -673,7 +673,7 @@ fn median(values: &mut [f32]) -> Option<f32> {
 }
 
 /// Median and robust standard deviation.
-fn robust(values: &mut [f32]) -> Option<(f32, f32)> {
+pub(super) fn robust(values: &mut [f32]) -> Option<(f32, f32)> {
     let center = median(values)?;
     values.iter_mut().for_each(|value| *value = (*value - center).abs());
     Some((center, median(values)? / MAD_OF_NORMAL))

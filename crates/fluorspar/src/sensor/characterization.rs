@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::adc::QUANTIZATION_NOISE_DN;
 use super::exposure::EXPOSURE_MS;
+use super::frame_statistics::{Line, mean, spatial_variances};
 use super::photon_transfer::{Limit, saturation_capacity_e, sensitivity_threshold_e};
 use super::{Exposure, Sensor, SensorMode, SensorModel, SensorProblem, Shutter};
 use crate::image::SensorImage;
@@ -158,14 +159,14 @@ impl Characterization {
 }
 
 /// Share of dark pixels at zero up to which dark noise and offsets count as measured (EMVA 1288, section 6.5).
-const MOST_EMPTY: f64 = 0.005;
+pub(super) const MOST_EMPTY: f64 = 0.005;
 
 /// Variance of dark frames, DN², below which quantization hides the temporal dark noise (EMVA 1288, section 6): the deviation is 0.49 DN,
 /// of which quantization alone makes 0.29.
-const LEAST_DARK_VARIANCE_DN2: f64 = 0.24;
+pub(super) const LEAST_DARK_VARIANCE_DN2: f64 = 0.24;
 
 /// What is left of dark noise that quantization hides: an upper limit, `sqrt(0.24 - 1/12) / K`.
-fn quantization_warning(dark_dn2: f64, dn_per_electron: f64) -> Warning {
+pub(super) fn quantization_warning(dark_dn2: f64, dn_per_electron: f64) -> Warning {
     let limit_e = (LEAST_DARK_VARIANCE_DN2 - QUANTIZATION_NOISE_DN.powi(2)).sqrt() / dn_per_electron;
     let statement = format!(
         "Quantization hides the dark noise: dark frames vary by {:.2} DN, below 0.49 DN, so the temporal dark noise is only known to lie below \
@@ -173,16 +174,6 @@ fn quantization_warning(dark_dn2: f64, dn_per_electron: f64) -> Warning {
         dark_dn2.sqrt()
     );
     Warning::explained(statement, "Raise the gain of the exposure or the bit depth.")
-}
-
-fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = values.len() as f64;
-    values.sum::<f64>() / count
-}
-
-fn variance(values: &[f64]) -> f64 {
-    let center = mean(values.iter().copied());
-    values.iter().map(|v| (v - center).powi(2)).sum::<f64>() / (values.len() as f64 - 1.0)
 }
 
 /// Mean and temporal variance from two frames of one exposure: half the mean square of their difference, less half the
@@ -232,21 +223,7 @@ impl Stack {
 
     /// Spatial variances: total, rows, columns, pixels, DN². Temporal noise that is left is taken off the pixels' part.
     fn spatial(&self) -> [f64; 4] {
-        let (columns, rows) = (self.width, self.mean.len() / self.width);
-        let row_means: Vec<f64> =
-            self.mean.chunks_exact(columns).map(|row| mean(row.iter().copied())).collect();
-        let mut column_means = vec![0.0; columns];
-        for row in self.mean.chunks_exact(columns) {
-            for (sum, value) in column_means.iter_mut().zip(row) {
-                *sum += value / rows as f64;
-            }
-        }
-        // The mean over a row holds the row's own deviation and that of its pixels over their number; so for columns.
-        let (over_row, over_column) = (1.0 / columns as f64, 1.0 / rows as f64);
-        let (all, of_rows, of_columns) =
-            (variance(&self.mean), variance(&row_means), variance(&column_means));
-        let pixels = (all - of_rows - of_columns) / (1.0 - over_row - over_column);
-        let (row, column) = (of_rows - pixels * over_row, of_columns - pixels * over_column);
+        let [all, row, column, pixels] = spatial_variances(&self.mean, self.width);
         [all - self.temporal_dn2, row, column, pixels - self.temporal_dn2]
     }
 
@@ -258,15 +235,6 @@ impl Stack {
 fn non_uniformity(variances: [f64; 4], unit: f64) -> NonUniformity {
     let [total, row, column, pixel] = variances.map(|v| v.max(0.0).sqrt() * unit);
     NonUniformity { total, row, column, pixel }
-}
-
-/// Least-squares line `y = a + b x` with weights.
-fn line(points: impl Iterator<Item = (f64, f64, f64)> + Clone) -> (f64, f64) {
-    let sum = |f: &dyn Fn((f64, f64, f64)) -> f64| points.clone().map(f).sum::<f64>();
-    let weight = sum(&|(_, _, w)| w);
-    let (x0, y0) = (sum(&|(x, _, w)| w * x) / weight, sum(&|(_, y, w)| w * y) / weight);
-    let slope = sum(&|(x, y, w)| w * (x - x0) * (y - y0)) / sum(&|(x, _, w)| w * (x - x0).powi(2));
-    (y0 - slope * x0, slope)
 }
 
 /// The sensor as it stands in the laboratory: its middle, pixel by pixel, in steady light.
@@ -362,9 +330,9 @@ impl Bench<'_> {
             let (mean_dn, variance_dn2) = self.dark(time_s, 100 + k)?;
             points.push((time_s, mean_dn, variance_dn2));
         }
-        let (_, of_mean) = line(points.iter().map(|&(t, mean, _)| (t, mean, 1.0)));
-        let (_, of_variance) = line(points.iter().map(|&(t, _, variance)| (t, variance, 1.0)));
-        Ok((of_mean, of_variance))
+        let of_mean = Line::through(points.iter().map(|&(t, mean, _)| (t, mean, 1.0)));
+        let of_variance = Line::through(points.iter().map(|&(t, _, variance)| (t, variance, 1.0)));
+        Ok((of_mean.slope, of_variance.slope))
     }
 
     /// The longest time whose dark signal is large, but below a limit.
@@ -577,9 +545,8 @@ pub fn characterize(
 
     let in_range = |p: &&PhotonTransferPoint| (0.05..=0.95).contains(&(p.light_e / saturation_light_e));
     let range = photon_transfer.iter().filter(in_range);
-    let (offset, slope) = line(range.clone().map(|p| (p.light_e, p.signal_dn, p.signal_dn.powi(-2))));
-    let deviations: Vec<f64> =
-        range.map(|p| (p.signal_dn / (offset + slope * p.light_e) - 1.0).abs()).collect();
+    let line = Line::through(range.clone().map(|p| (p.light_e, p.signal_dn, p.signal_dn.powi(-2))));
+    let deviations: Vec<f64> = range.map(|p| (p.signal_dn / line.at(p.light_e) - 1.0).abs()).collect();
 
     if is_hidden {
         warnings.push(quantization_warning(dark_dn2, gain));

@@ -16,7 +16,8 @@
 //! | dark frames, flat fields, bad pixels | [`MasterFrame`], [`FlatField`], [`BadPixels`] | `calibration.rs` |
 //! | a second instrument | [`Spectroradiometer`] | `spectroradiometer.rs` |
 //! | exposures merged to one | [`merge_exposures`] | `develop.rs` |
-//! | measuring a sensor | [`characterize`] | `characterization.rs`, `photon_transfer.rs` |
+//! | measuring a simulated sensor | [`characterize`] | `characterization.rs`, `photon_transfer.rs` |
+//! | a camera from its frames | [`FrameStack::of`], [`calibrate_frames`] | `frame_stack.rs`, `frame_calibration.rs` |
 //!
 //! A uniform field, exposed and developed:
 //!
@@ -57,6 +58,11 @@ mod develop;
 mod exposure;
 mod film_rates;
 mod flat_response;
+mod frame_calibration;
+#[cfg(test)]
+mod frame_calibration_tests;
+mod frame_stack;
+mod frame_statistics;
 mod isetcam;
 #[cfg(test)]
 mod isetcam_formula_tests;
@@ -91,6 +97,11 @@ pub use develop::{DevelopError, Development, LinearMosaic, merge_exposures};
 pub use exposure::{EXPOSURE_MS, ElectronRate, Exposure, Sensor};
 pub use film_rates::FilmRates;
 pub use flat_response::FlatResponse;
+pub use frame_calibration::{
+    CalibrationProblem, ChannelCalibration, FrameCalibration, TransferPoint, calibrate_frames,
+};
+pub use frame_stack::{ChannelNoise, FrameStack};
+pub use frame_statistics::Measured;
 pub use model::{SensorMode, SensorModel, SensorProblem};
 pub use pixel_integration::FilmExtent;
 pub use quantum_efficiency::{ChannelQe, SpectralQe};
