@@ -23,6 +23,7 @@
 //! | reflected light against fluorescence behind filters | [`filter_leak`] | [`FilterLeak`] |
 //! | the same for the frames of a study, in electrons | [`frame_leak`] | [`FrameLeak`] |
 //! | depths from which the fluorescence of tissue comes | [`depths_of_light`] | [`DepthOfLight`]s |
+//! | a camera and its lights against their description, from known targets | [`target_rates`], [`CameraScales::of`] | |
 //! | one region for one design, in about a microsecond | [`estimate_porphyrin`] | [`PorphyrinEstimate`] |
 //! | the same region, should it be other tissue | [`other_tissue_families`] | [`crate::analysis::LightFamily`], each |
 //! | a region of tissue of a known site, its share of porphyrin with everything unknown | [`tissue_family`] | [`crate::analysis::LightFamily`] |
@@ -55,12 +56,14 @@ pub use display::{
 };
 pub use error::{LightOutsideBasis, PipelineError};
 pub use estimate::{
-    AnalyzedFrame, AnalyzedRegion, BasisRender, CameraResponse, ChannelLeak, ChannelPrediction, Chromaticity,
-    DepthOfLight, DesignEstimate, FamilyFrame, FilterLeak, FrameLeak, LayerShare, LeakAtAngle,
-    LeakBehindFilters, MixtureSpectra, PorphyrinEstimate, PredictError, PredictedPorphyrin, Prediction,
-    RadianceSplit, RegionRadiance, TISSUE_BLOOD, TargetLabels, TissueView, analyze, analyze_regions,
-    analyze_seen, depths_of_light, design_estimate, estimate_porphyrin, filter_leak, frame_leak, noise_of,
-    other_tissue_families, predict, rendered_regions, target_labels, tissue_family, tissue_mixture,
+    AnalyzedFrame, AnalyzedRegion, BasisRender, CameraResponse, CameraScales, ChannelLeak, ChannelPrediction,
+    Chromaticity, DepthOfLight, DesignEstimate, EfficiencyScale, FamilyFrame, FilterLeak, FilterLeakage,
+    FrameLeak, KnownTarget, LayerShare, LeakAtAngle, LeakBehindFilters, LightScale, MixtureSpectra,
+    PorphyrinEstimate, PredictError, PredictedPorphyrin, Prediction, RadianceSplit, RecordedTarget,
+    RegionRadiance, TISSUE_BLOOD, TargetLabels, TissueView, analyze, analyze_regions, analyze_seen,
+    depths_of_light, design_estimate, estimate_porphyrin, filter_leak, frame_leak, noise_of,
+    other_tissue_families, predict, rendered_regions, target_labels, target_rates, tissue_family,
+    tissue_mixture,
 };
 pub use evaluate::{Evaluation, evaluate, evaluate_frames, evaluate_from_planes};
 pub use safety::{

@@ -59,6 +59,32 @@ pub struct Emva1288 {
     pub sensitivity_threshold_e: Option<f64>,
 }
 
+impl Default for Emva1288 {
+    /// An ideal sensor without a gain: 12 bits, and what else a sheet may leave out.
+    fn default() -> Self {
+        Self {
+            gain_e_per_dn: None,
+            gain_dn_per_e: None,
+            dark_noise_e: None,
+            dark_noise_dn: None,
+            saturation_capacity_e: 1e4,
+            bit_depth: 12,
+            black_level_dn: None,
+            dark_current_e_per_s: 0.0,
+            dark_current_temperature_c: room_temperature(),
+            doubling_temperature_k: doubling_temperature(),
+            dsnu_e: None,
+            dsnu_dn: None,
+            prnu_percent: 0.0,
+            quantum_efficiency_percent: None,
+            quantum_efficiency_nm: None,
+            dynamic_range_db: None,
+            snr_max_db: None,
+            sensitivity_threshold_e: None,
+        }
+    }
+}
+
 fn room_temperature() -> f64 {
     25.0
 }

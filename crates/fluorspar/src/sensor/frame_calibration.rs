@@ -16,6 +16,7 @@ use nalgebra::{SMatrix, SVector};
 use serde::Serialize;
 use thiserror::Error;
 
+use super::Emva1288;
 use super::adc::QUANTIZATION_NOISE_DN;
 use super::calibration::{is_same_setting, robust};
 use super::characterization::{LEAST_DARK_VARIANCE_DN2, MOST_EMPTY, quantization_warning};
@@ -23,6 +24,7 @@ use super::frame_stack::FrameStack;
 use super::frame_statistics::{
     Line, Measured, Point, mean, spatial_variances, variance, variance_with_error,
 };
+use super::photon_transfer::{Limit, saturation_capacity_e};
 use crate::warning::Warning;
 
 /// Frames of which more of a channel's pixels are saturated tell no gain.
@@ -257,6 +259,91 @@ pub fn calibrate_frames(
         transfer: frames.points(),
         warnings,
     })
+}
+
+impl FrameCalibration {
+    /// Level of no light at an exposure time, DN.
+    fn dark_level(&self, time_s: f64) -> Measured {
+        let charge =
+            self.dark_current_e_per_s.map_or(0.0, |current| current.value * self.gain_dn_per_e.value);
+        let error = self.black_level_dn.error();
+        Measured::new(self.black_level_dn.value + charge * time_s, error)
+    }
+
+    /// What the channels of frames of one camera have in a rectangle (column, row, width, height), with the shading taken out, DN/s; `None`
+    /// of a channel that is saturated there, or has no pixel. The error is that of noise, responses of pixels, flicker and black level.
+    #[must_use]
+    pub fn rates(&self, stack: &FrameStack, rectangle: [usize; 4]) -> Vec<Option<Measured>> {
+        (0..self.channels.len()).map(|number| self.rate(stack, rectangle, number)).collect()
+    }
+
+    fn rate(
+        &self,
+        stack: &FrameStack,
+        [col0, row0, width, height]: [usize; 4],
+        number: usize,
+    ) -> Option<Measured> {
+        let (master, channel) = (&stack.master, &self.channels[number]);
+        let index = master.mosaic.channels.iter().position(|name| *name == channel.channel)?;
+        let dark = self.dark_level(stack.exposure_s());
+        let [u0, v0] = self.size_px.map(|side| 0.5 * side as f64);
+        let place = |value: usize| {
+            let pixel = value / master.samples();
+            (pixel % master.width, pixel / master.width)
+        };
+        let is_within = |&value: &usize| {
+            let (col, row) = place(value);
+            (col0..col0 + width).contains(&col) && (row0..row0 + height).contains(&row)
+        };
+        let within: Vec<usize> = master.values_of(index).filter(is_within).collect();
+        let full = within.iter().filter(|&&value| master.saturated[value]).count();
+        if within.len() < 2 || full as f64 > MOST_CLIPPED * within.len() as f64 {
+            return None;
+        }
+        let light = |&value: &usize| {
+            let (col, row) = place(value);
+            let squared = (col as f64 + 0.5 - u0).powi(2) + (row as f64 + 0.5 - v0).powi(2);
+            let x = squared / (u0 * u0 + v0 * v0);
+            let shading = 1.0 + channel.shading[0].value * x + channel.shading[1].value * x * x;
+            (f64::from(master.mean[value]) - dark.value) / shading
+        };
+        let values: Vec<f64> = within.iter().map(light).collect();
+        let level = mean(values.iter().copied());
+        let of_pixels = (variance(&values) / values.len() as f64).sqrt();
+        let of_frames = stack.flicker * level / (master.frames as f64).sqrt();
+        let error = of_pixels.hypot(of_frames).hypot(dark.error());
+        Some(Measured::new(level, error).times(1.0 / stack.exposure_s()))
+    }
+
+    /// The camera as a data sheet of EMVA 1288 at gain 1, from frames of an analog gain. What was not measured is the end of the converter and no
+    /// dark current.
+    #[must_use]
+    pub fn data_sheet(&self, analog_gain: f64) -> Emva1288 {
+        let gain = self.gain_dn_per_e.value / analog_gain;
+        let codes = f64::from((1u32 << self.bit_depth) - 1);
+        let (black, prnu) = (self.black_level_dn.value.max(0.0), self.prnu_percent.value);
+        let noise_e = self.dark_noise_e.map_or(0.0, |noise| noise.value);
+        let converter_e = (codes - black) / gain;
+        // A well that fills before the converter ends
+        let own_e = (codes - black) / self.gain_dn_per_e.value;
+        let well = self.full_scale_e.map(|full| full.value).filter(|full| *full < 0.98 * own_e);
+        let limit = well
+            .filter(|well| *well < converter_e)
+            .map_or(Limit { electrons: converter_e, noise_e }, Limit::well);
+        Emva1288 {
+            gain_e_per_dn: None,
+            gain_dn_per_e: Some(gain),
+            dark_noise_e: Some(noise_e),
+            dark_noise_dn: None,
+            saturation_capacity_e: saturation_capacity_e(limit, 1e-2 * prnu),
+            bit_depth: self.bit_depth,
+            black_level_dn: Some(black),
+            dark_current_e_per_s: self.dark_current_e_per_s.map_or(0.0, |current| current.value.max(0.0)),
+            dsnu_e: Some(self.dsnu_e.value),
+            prnu_percent: prnu,
+            ..Emva1288::default()
+        }
+    }
 }
 
 fn check(darks: &[FrameStack], flats: &[FrameStack]) -> Result<(), CalibrationProblem> {

@@ -157,6 +157,45 @@ fn the_parameters_of_a_hundred_cameras_lie_within_their_intervals() {
 }
 
 #[test]
+fn the_sheet_of_a_calibrated_camera_is_one_that_a_sensor_takes() {
+    for number in [1, 3] {
+        let camera = Camera::drawn(number);
+        let found = calibrate_frames(&camera.darks(), &camera.flats()).unwrap();
+        let (own, sheet) = (camera.sensor.model(), found.data_sheet(1.0));
+        let model =
+            sheet.applied_to(&SensorModel { mosaic: own.mosaic.clone(), ..SensorModel::default() }).unwrap();
+        assert!(model.validate().is_ok());
+        let pairs = [
+            (own.base_dn_per_electron(), model.base_dn_per_electron()),
+            (own.read_noise_electrons(), model.read_noise_electrons()),
+            (own.saturation_capacity_e(1.0), model.saturation_capacity_e(1.0)),
+        ];
+        // Twice the widest of the intervals
+        assert!(pairs.iter().all(|(set, found)| (found / set - 1.0).abs() < 0.06), "{pairs:?}");
+    }
+}
+
+#[test]
+fn a_target_has_its_light_wherever_it_lies() {
+    let camera = Camera::drawn(10);
+    let found = calibrate_frames(&camera.darks(), &camera.flats()).unwrap();
+    let target = camera.stack("target", 0.03, 4, true);
+    // The tilt of the light averages out over the rows of the middle, and lies within 2 % of the corner
+    let gain = camera.sensor.model().base_dn_per_electron();
+    for (rectangle, off) in [([15, 12, 20, 18], 0.0), ([0, 0, 10, 8], 0.02)] {
+        for (channel, rate) in found.rates(&target, rectangle).into_iter().enumerate() {
+            let (rate, set) = (rate.unwrap(), gain * camera.light[channel]);
+            assert!(
+                (rate.value / set - 1.0 + off).abs() < 0.01 + 3.0 * rate.error() / set,
+                "{channel}: {rate:?} {set}"
+            );
+        }
+    }
+    let full = camera.stack("target", 0.4, 1, true);
+    assert_eq!(found.rates(&full, [15, 12, 20, 18]), [None; 3]);
+}
+
+#[test]
 fn single_flats_mixed_gains_and_missing_frames_are_refused() {
     let camera = Camera::drawn(4);
     let (darks, flats) = (camera.darks(), camera.flats());

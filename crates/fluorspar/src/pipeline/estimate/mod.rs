@@ -1,6 +1,7 @@
 //! From frames to numbers with their intervals: signals of regions, leak, targets, tissue; for a flat sample, too.
 
 pub(super) mod analyze;
+mod camera_scales;
 mod channel_analysis;
 mod depth_of_light;
 mod design_estimate;
@@ -19,6 +20,9 @@ mod tissue_family;
 mod tissue_mixture;
 
 pub use analyze::{AnalyzedFrame, AnalyzedRegion, analyze, analyze_regions, analyze_seen};
+pub use camera_scales::{
+    CameraScales, EfficiencyScale, FilterLeakage, KnownTarget, LightScale, RecordedTarget, target_rates,
+};
 pub use depth_of_light::{DepthOfLight, LayerShare, depths_of_light};
 pub use design_estimate::{DesignEstimate, design_estimate};
 pub use filter_leak::{FilterLeak, LeakAtAngle, LeakBehindFilters, filter_leak};
