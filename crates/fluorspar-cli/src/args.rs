@@ -5,8 +5,8 @@ use std::ffi::OsString;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use fluorspar_session::{
-    AnalyzeOptions, CaptureOptions, CheckOptions, CiteOptions, CohortOptions, CompareOptions, CubeOptions,
-    DatasetOptions, PredictOptions, RunOptions,
+    AnalyzeOptions, CalibrateOptions, CaptureOptions, CheckOptions, CiteOptions, CohortOptions,
+    CompareOptions, CubeOptions, DatasetOptions, PredictOptions, RunOptions,
 };
 use fluorspar_web::WorkbenchOptions;
 
@@ -75,7 +75,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
             "denoise",
         ],
     ),
-    ("Frames of a camera", &["describe", "study"]),
+    ("Frames of a camera", &["describe", "calibrate", "study"]),
     ("Design", &["design", "predict", "filter", "plot", "safety"]),
     ("Parts", &["catalog", "fluorophore", "sensor", "lens", "tissue", "spectroradiometer"]),
     ("Scenes", &["scene", "mouth"]),
@@ -162,6 +162,8 @@ pub(crate) enum Command {
     Dataset(Answering<DatasetOptions>),
     /// Write the description that a camera's frame needs beside it: from its tags, and from what you know.
     Describe(describe::Options),
+    /// Calibrate a camera from its own dark, flat and target frames: an experiment with its numbers, an acceptance page.
+    Calibrate(Answering<CalibrateOptions>),
     /// Keep photographs of people over time: estimates, norms, who is outside, what may leave the clinic.
     Study(study::Options),
     /// List, show and plot parts of the catalogue: lights, filters, dyes, sensors, lenses, tissues.

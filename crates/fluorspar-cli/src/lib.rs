@@ -124,6 +124,7 @@ fn run_command(command: Command) -> Result<ExitCode, CliError> {
         Command::Compare(options) => options.answer(compare, commands::compare::describe).map(Into::into),
         Command::Cite(options) => options.answer(cite, commands::cite::describe).map(Into::into),
         Command::Describe(options) => Ended::of(commands::describe::run, &options),
+        Command::Calibrate(options) => Ended::of(commands::calibrate::run, &options),
         Command::Study(options) => Ended::of(commands::study::run, &options),
         Command::Catalog(options) => Ended::of(commands::catalog::run, &options),
         Command::Fluorophore(options) => Ended::of(commands::fluorophore::run, &options),

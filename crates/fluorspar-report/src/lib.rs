@@ -14,6 +14,7 @@
 //!
 //! Out of scope: physics. Everything here draws and explains numbers that were computed elsewhere.
 
+mod calibration_report;
 mod cohort_figures;
 mod cohort_report;
 mod comparison;
@@ -29,6 +30,7 @@ mod page;
 mod photographs_report;
 mod run;
 
+pub use calibration_report::{CalibrationResults, CalibrationRow, calibration_report, calibration_rows};
 pub use cohort_report::{CohortResults, cohort_figures, cohort_report};
 pub use comparison::{
     ComparedNumber, ComparedPictures, ComparedSide, Distinction, FinishedCapture, FinishedFrame,

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use fluorspar::pipeline::{PipelineError, PredictError};
 use fluorspar::render::RenderError;
+use fluorspar::sensor::DevelopError;
 use fluorspar::tissue::TissueError;
 use fluorspar::tissue::fit::TissueFitError;
 use fluorspar_experiment::preset::{LensError, PresetError};
@@ -29,6 +30,9 @@ pub enum Error {
     /// A defect of an experiment.
     #[error(transparent)]
     Experiment(#[from] ExperimentError),
+    /// Frames can't be developed, or do not belong together.
+    #[error(transparent)]
+    Develop(#[from] DevelopError),
     /// A stage after the render can't be done.
     #[error("{0}{hint}", hint = section_hint(.0))]
     Pipeline(#[from] PipelineError),

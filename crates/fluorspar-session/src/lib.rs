@@ -4,6 +4,7 @@
 //! | to | call |
 //! |---|---|
 //! | analyze frames, or many photographs | [`analyze`] |
+//! | calibrate a camera from its frames | [`calibrate`] |
 //! | capture a component image | [`capture`] |
 //! | write spectral cubes for other programs | [`cube`] |
 //! | run an experiment from scene to report | [`run`] |
@@ -28,6 +29,7 @@
 )]
 
 mod analyze;
+mod calibrate;
 mod capture;
 mod changes;
 mod check;
@@ -63,6 +65,7 @@ pub mod tissue;
 pub mod values;
 
 pub use analyze::{AnalyzeOptions, Analyzed, AnalyzedFrames, analyze};
+pub use calibrate::{CalibrateOptions, CalibratedCamera, calibrate};
 pub use capture::{CaptureOptions, CapturedFolder, RawForm, capture};
 pub use changes::{Changes, ExperimentArgs, RenderOptions, Seed};
 pub use check::{CameraView, CheckOptions, CheckedExperiment, CheckedFile, CheckedSample, check};

@@ -2,6 +2,7 @@
 
 pub(crate) mod actions;
 pub(crate) mod analyze;
+pub(crate) mod calibrate;
 pub(crate) mod capture;
 pub(crate) mod capture_light;
 pub(crate) mod catalog;

@@ -1,6 +1,6 @@
 //! Photon transfer and signal-to-noise ratio of a sensor that was measured.
 
-use fluorspar::sensor::Characterization;
+use fluorspar::sensor::{Characterization, FrameCalibration};
 
 use crate::{Axis, Dash, Figure, Ink, Panel, Series, SeriesShape};
 
@@ -13,8 +13,8 @@ pub struct PhotonTransferPlot {
     pub dark_variance_dn2: f64,
     /// Slope, DN per electron.
     pub gain_dn_per_e: f64,
-    /// Signal at the largest variance, DN.
-    pub saturation_dn: f64,
+    /// Signal at the largest variance, DN; `None` where no frame reached it.
+    pub saturation_dn: Option<f64>,
 }
 
 impl PhotonTransferPlot {
@@ -24,7 +24,21 @@ impl PhotonTransferPlot {
             points: measured.photon_transfer.iter().map(|p| [p.signal_dn, p.variance_dn2]).collect(),
             dark_variance_dn2: measured.dark_noise_dn.powi(2),
             gain_dn_per_e: measured.gain_dn_per_e,
-            saturation_dn: measured.saturation_capacity_e * measured.gain_dn_per_e,
+            saturation_dn: Some(measured.saturation_capacity_e * measured.gain_dn_per_e),
+        }
+    }
+
+    /// The plot of a camera whose frames were measured.
+    pub fn of_frames(measured: &FrameCalibration) -> Self {
+        let points: Vec<[f64; 2]> =
+            measured.transfer.iter().filter_map(|p| Some([p.signal_dn, p.variance_dn2?])).collect();
+        let gain_dn_per_e = measured.gain_dn_per_e.value;
+        let dark = measured.transfer.iter().filter(|p| !p.is_lit).filter_map(|p| p.variance_dn2);
+        Self {
+            dark_variance_dn2: dark.fold(f64::INFINITY, f64::min),
+            gain_dn_per_e,
+            saturation_dn: measured.full_scale_e.map(|full| full.value * gain_dn_per_e),
+            points,
         }
     }
 }
@@ -37,11 +51,15 @@ pub fn photon_transfer(plot: &PhotonTransferPlot) -> Figure {
         Axis::from_zero("temporal variance", "DN²", variances),
     );
     let line = |signal: f64| [signal, plot.dark_variance_dn2 + plot.gain_dn_per_e * signal];
-    let fitted = 0.7 * plot.saturation_dn;
-    let bottom_to_top = vec![[plot.saturation_dn, y.limits[0]], [plot.saturation_dn, y.limits[1]]];
-    let panel = Panel::new(x, y)
+    let largest = plot.points.iter().map(|p| p[0]).fold(0.0, f64::max);
+    let fitted = plot.saturation_dn.map_or(largest, |full| 0.7 * full);
+    let bottom_to_top = |full: f64| vec![[full, y.limits[0]], [full, y.limits[1]]];
+    let saturation = plot
+        .saturation_dn
+        .map(|full| Series::dashed("saturation", Ink::Muted, bottom_to_top(full), Dash::Dashed));
+    let mut panel = Panel::new(x, y.clone())
         .with(Series {
-            name: Some("frames in pairs".into()),
+            name: Some("frames of one exposure".into()),
             ink: Ink::cycle(0),
             shape: SeriesShape::Markers { points: plot.points.clone(), radius: 3.0, hollow: true },
         })
@@ -49,8 +67,10 @@ pub fn photon_transfer(plot: &PhotonTransferPlot) -> Figure {
             format!("slope K = {:.4} DN per electron", plot.gain_dn_per_e),
             Ink::cycle(1),
             vec![line(0.0), line(fitted)],
-        ))
-        .with(Series::dashed("saturation: largest variance", Ink::Muted, bottom_to_top, Dash::Dashed));
+        ));
+    if let Some(saturation) = saturation {
+        panel = panel.with(saturation);
+    }
     Figure::new("Photon transfer", panel).explained(
         "How much a pixel's value varies from frame to frame, against its mean. Light comes in single electrons, so the \
          variance rises in proportion to the signal, and the slope tells how many digital numbers one electron makes. \

@@ -7,7 +7,7 @@ use fluorspar::pipeline::{
     subtract_what_is_given,
 };
 use fluorspar::study::Study;
-use fluorspar_experiment::{Experiment, resolve_captures};
+use fluorspar_experiment::{Experiment, resolve, resolve_captures};
 
 use super::known;
 use super::pairing::{KnownCapture, capture_of, person_told};
@@ -26,6 +26,24 @@ pub struct PhotographCamera {
 /// Name of the region whose estimate is asked for.
 const DRAWN: &str = "drawn";
 
+/// The camera, lights and captures of an experiment, without its surfaces where these are not needed.
+///
+/// # Errors
+/// An experiment that can't be resolved, or has no sensor, lens or capture.
+pub(crate) fn camera_study(source: &ExperimentSource, parsed: &Experiment) -> Result<Study> {
+    let concentrations: Vec<&str> = parsed.file.concentration.keys().map(String::as_str).collect();
+    let study = match resolve_captures(parsed, parsed, &concentrations)? {
+        Some(found) => found.into_resolved(parsed).study,
+        None => resolve(parsed)?.study,
+    };
+    if study.captures.is_empty() || study.camera.sensor.is_none() || study.camera.lens.is_none() {
+        let why =
+            "frames of a camera need an experiment with lens, sensor and captures; give one that has them";
+        return Err(Error::Input(format!("{}: {why}", source.name)));
+    }
+    Ok(study)
+}
+
 impl PhotographCamera {
     /// Opens an experiment by file name or built-in name.
     ///
@@ -34,15 +52,7 @@ impl PhotographCamera {
     pub fn open(experiment: &str) -> Result<Self> {
         let source = ExperimentSource::find(Some(experiment))?;
         let parsed = source.parse(&[])?;
-        let concentrations: Vec<&str> = parsed.file.concentration.keys().map(String::as_str).collect();
-        let study = match resolve_captures(&parsed, &parsed, &concentrations)? {
-            Some(found) => found.into_resolved(&parsed).study,
-            None => source.resolve(&[])?.study,
-        };
-        if study.captures.is_empty() || study.camera.sensor.is_none() {
-            let why = "photographs need an experiment with a sensor and captures; give one that has them";
-            return Err(Error::Input(format!("{experiment}: {why}")));
-        }
+        let study = camera_study(&source, &parsed)?;
         Ok(Self { name: experiment.into(), parsed, study })
     }
 

@@ -8,8 +8,10 @@ mod proposal;
 mod table;
 
 pub use camera::PhotographCamera;
+pub(crate) use camera::camera_study;
 pub use estimate::{IntervalKind, PatientEstimate};
 pub use pairing::Photograph;
+pub(crate) use pairing::files_below;
 pub use table::{PhotographRow, photographs_csv, read_photographs};
 
 use std::collections::BTreeMap;

@@ -61,7 +61,7 @@ pub(super) fn holds_captures(folder: &Path) -> bool {
 }
 
 /// Files that may be photographs, in the order of their paths. Pictures and raw files beside a frame of the same name are left to it.
-fn files_below(folder: &Path) -> Vec<PathBuf> {
+pub(crate) fn files_below(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut open = vec![(folder.to_path_buf(), 0)];
     while let Some((folder, depth)) = open.pop() {

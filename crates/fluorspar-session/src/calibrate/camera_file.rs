@@ -1,0 +1,127 @@
+//! The calibrated camera as an experiment: its base, and what was measured in place of what that says.
+
+use fluorspar::pipeline::CameraScales;
+use fluorspar::sensor::FrameCalibration;
+use fluorspar::study::Study;
+use fluorspar_experiment::parse;
+use fluorspar_report::calibration_rows;
+use toml::{Table, Value};
+
+use crate::photographs::camera_study;
+use crate::{Error, ExperimentSource, Result};
+
+/// The text of the experiment. What was measured stands above it, with intervals.
+pub(super) fn camera_toml(
+    title: &str,
+    source: &ExperimentSource,
+    study: &Study,
+    (camera, gain): (&FrameCalibration, f64),
+    scales: &CameraScales,
+) -> Result<String> {
+    let mut text =
+        "# A calibrated camera: experiments may have it as their base. Measured, with 95 % intervals:\n"
+            .to_owned();
+    for [name, value, interval, unit] in calibration_rows(camera, scales) {
+        let interval = if interval.is_empty() { interval } else { format!(" ({interval})") };
+        text += format!("#   {name}: {value}{interval} {unit}").trim_end();
+        text.push('\n');
+    }
+    let mut file = Table::new();
+    file.insert("format".into(), Value::Integer(1));
+    let base = match &source.file {
+        Some(file) => std::path::absolute(file).unwrap_or_else(|_| file.clone()).display().to_string(),
+        None => source.name.clone(),
+    };
+    file.insert("base".into(), base.into());
+    file.insert("title".into(), title.into());
+    file.insert("sensor".into(), sensor(study, camera, gain, scales)?.into());
+    if study.camera.lens.as_ref().is_some_and(|lens| lens.traced.is_none()) {
+        // Part of the measured shading
+        file.insert("lens".into(), Table::from_iter([("vignetting".to_owned(), Value::from("none"))]).into());
+    }
+    if let Some(filter) = leaking_filter(study, scales) {
+        file.insert(
+            "view_filter".into(),
+            Table::from_iter([("filters".to_owned(), Value::from(vec![filter]))]).into(),
+        );
+    }
+    let captures: Vec<Value> = scales.lights.iter().filter_map(|light| capture(study, light)).collect();
+    if !captures.is_empty() {
+        file.insert("capture".into(), captures.into());
+    }
+    text += &toml::to_string(&file).map_err(|error| Error::Failed(format!("camera.toml: {error}")))?;
+    // What no experiment can have is told now, and not at its first use
+    let parsed = parse(&text, "camera.toml", &source.base_dir, &[])?;
+    camera_study(source, &parsed)?;
+    Ok(text)
+}
+
+/// A number that a file shows.
+fn float(value: f64) -> Value {
+    Value::Float(value)
+}
+
+fn sensor(study: &Study, camera: &FrameCalibration, gain: f64, scales: &CameraScales) -> Result<Table> {
+    let sheet = Value::try_from(camera.data_sheet(gain)).map_err(|error| Error::Failed(error.to_string()))?;
+    let mut sensor = Table::from_iter([("emva1288".to_owned(), sheet)]);
+    if study.camera.lens.as_ref().is_some_and(|lens| lens.traced.is_none()) {
+        let shading = camera.channels.iter().map(|channel| {
+            let terms: Vec<Value> = channel.shading.iter().map(|term| float(term.value)).collect();
+            (channel.channel.clone(), Value::from(terms))
+        });
+        sensor.insert("relative_illumination".into(), Table::from_iter(shading).into());
+    }
+    let known = study.camera.sensor.iter().flat_map(|sensor| sensor.qe().channels());
+    let scaled: Table = known
+        .filter_map(|channel| {
+            let factor = scales.efficiencies.iter().find(|scale| scale.channel == channel.name)?.factor.value;
+            Some((
+                channel.name.clone(),
+                table(channel.curve.wavelengths_nm(), channel.curve.scaled(factor).values()),
+            ))
+        })
+        .collect();
+    if !scaled.is_empty() {
+        sensor.insert("quantum_efficiency".into(), scaled.into());
+    }
+    Ok(sensor)
+}
+
+/// A spectrum as a table.
+fn table(wavelength_nm: &[f64], values: &[f64]) -> Value {
+    let list = |values: &[f64]| Value::from(values.iter().map(|value| float(*value)).collect::<Vec<_>>());
+    Table::from_iter([
+        ("type".to_owned(), Value::from("table")),
+        ("wavelength_nm".to_owned(), list(wavelength_nm)),
+        ("value".to_owned(), list(values)),
+    ])
+    .into()
+}
+
+/// The viewing filter with a floor, where more of the excitation passes it than it describes.
+fn leaking_filter(study: &Study, scales: &CameraScales) -> Option<Value> {
+    let has_own = |capture: &str| study.capture(capture).is_some_and(|capture| capture.filter.is_some());
+    let mut floors = scales
+        .leaks
+        .iter()
+        .filter(|leak| !has_own(&leak.capture) && leak.passed.low > leak.described)
+        .map(|leak| leak.passed.value);
+    let first = floors.next()?;
+    let floor = floors.fold(first, f64::max);
+    let transmittance = &study.camera.view_filter.transmittance;
+    let nm: Vec<f64> = (300..=1000).map(f64::from).collect();
+    let values: Vec<f64> = nm.iter().map(|nm| transmittance.at(*nm).max(floor)).collect();
+    Some(table(&nm, &values))
+}
+
+/// A capture whose lights are as strong as they were measured.
+fn capture(study: &Study, light: &fluorspar::pipeline::LightScale) -> Option<Value> {
+    let capture = study.capture(&light.capture)?;
+    let drives =
+        capture.frame.lights.iter().map(|(group, drive)| (group.clone(), float(drive * light.factor.value)));
+    let section = [
+        ("name".to_owned(), Value::from(light.capture.clone())),
+        ("light_groups".to_owned(), Table::from_iter(drives).into()),
+    ];
+    Some(Table::from_iter(section).into())
+}

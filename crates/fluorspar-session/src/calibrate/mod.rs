@@ -1,0 +1,264 @@
+//! A camera from its own frames: dark ones, flat ones, known targets.
+
+mod calibration_file;
+mod camera_file;
+
+use std::path::{Path, PathBuf};
+
+use clap::ValueHint;
+use fluorspar::image::SensorImage;
+use fluorspar::pipeline::{CameraScales, RecordedTarget, target_rates};
+use fluorspar::sensor::{FrameCalibration, FrameStack, calibrate_frames};
+use fluorspar::study::Study;
+use fluorspar_experiment::Warning;
+use fluorspar_format::{OutputFolder, read_described_frame};
+use fluorspar_report::{CalibrationResults, calibration_report};
+use serde::{Deserialize, Serialize};
+
+use self::calibration_file::{CalibrationFile, Target};
+use self::camera_file::camera_toml;
+use crate::photographs::camera_study;
+use crate::{Error, ExperimentSource, Job, Left, Result};
+
+/// Which frames a camera is calibrated from.
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[serde(default)]
+pub struct CalibrateOptions {
+    /// Calibration file (.toml): which frames are dark, flat, of known targets (`fluorspar new calibration` writes one to start from).
+    #[arg(value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub file: PathBuf,
+    /// Folder for camera.toml, an experiment that every command takes, report.html and results.json
+    /// [default: fluorspar-out/calibrate-FILE].
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub out: Option<PathBuf>,
+}
+
+/// A camera that was calibrated.
+#[derive(Clone, Debug, Serialize)]
+pub struct CalibratedCamera {
+    /// Folder of the results.
+    pub folder: PathBuf,
+    /// What dark and flat frames tell.
+    pub camera: FrameCalibration,
+    /// What targets tell.
+    pub scales: CameraScales,
+    /// What makes it doubtful.
+    pub warnings: Vec<Warning>,
+}
+
+/// Room of the results at most.
+const OUT_BYTES: u64 = 8 << 20;
+
+/// Frames of one exposure time and gain.
+struct Setting {
+    exposure_s: f64,
+    gain: f64,
+    files: Vec<PathBuf>,
+}
+
+/// The frames of a calibration, read one by one.
+struct Frames<'a> {
+    job: &'a Job,
+    /// Files that were read so far, and how many there are, for progress.
+    done: &'a dyn Fn(),
+}
+
+/// Calibrates a camera from its frames, and writes it as an experiment, a page and numbers.
+///
+/// # Errors
+/// A file that can't be read or contradicts itself; frames that lack an exposure time, are of several cameras or gains, or tell no gain; a
+/// folder that can't be written; a job that is stopped.
+pub fn calibrate(options: &CalibrateOptions, job: &Job) -> Result<CalibratedCamera> {
+    let file = CalibrationFile::read(&options.file, job)?;
+    let source = ExperimentSource::find(Some(&file.experiment))?;
+    let study = camera_study(&source, &source.parse(&[])?)?;
+    file.check(&study, &options.file)?;
+    let stem = options.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let out = options.out.clone().unwrap_or_else(|| format!("fluorspar-out/calibrate-{stem}").into());
+    let inputs: Vec<PathBuf> = file.files().chain([&options.file]).chain(&source.file).cloned().collect();
+    let folder = OutputFolder::prepare(&out, &inputs, OUT_BYTES)?;
+
+    let share_done = job.listener.begin("Reading frames", "the frames", Left::Nothing);
+    let (all, read) = (file.files().count() as f64, std::cell::Cell::new(0.0));
+    let done = || {
+        read.set(read.get() + 1.0);
+        share_done(read.get() / all);
+    };
+    let frames = Frames { job, done: &done };
+    let about = |why: &dyn std::fmt::Display| Error::Input(format!("{}: {why}", options.file.display()));
+    let darks = frames.stacks(&file.dark, true)?;
+    let flats = frames.stacks(&file.flat, false)?;
+    let camera = calibrate_frames(&darks, &flats).map_err(|problem| about(&problem))?;
+    check_channels(&study, &camera).map_err(|why| about(&why))?;
+    let mut warnings = camera.warnings.clone();
+    let targets = file.targets.iter().map(|target| frames.recorded(target, &study, &camera, &darks[0]));
+    let targets: Vec<RecordedTarget> = targets.collect::<Result<_>>()?;
+    warnings.extend(targets.iter().filter(|target| target.channels.is_empty()).map(all_full));
+    let scales = CameraScales::of(&targets, camera.gain_dn_per_e);
+    warnings.extend(unknown_scale(&scales));
+    drop(frames);
+
+    let gain = darks[0].gain;
+    let title = if file.title.is_empty() { stem.clone() } else { file.title.clone() };
+    let text = camera_toml(&title, &source, &study, (&camera, gain), &scales)?;
+    job.warn(&warnings);
+    let results = CalibrationResults {
+        title: &title,
+        experiment: &source.name,
+        camera: &camera,
+        scales: &scales,
+        warnings: &warnings,
+        files: file.files().count(),
+    };
+    let page = calibration_report(&results).to_html();
+    let mut answer = CalibratedCamera { folder: out, camera, scales, warnings };
+    let json = serde_json::to_vec_pretty(&answer)?;
+    answer.folder = folder.finish_with([
+        ("camera.toml".to_owned(), text.into_bytes()),
+        ("report.html".to_owned(), page.into_bytes()),
+        ("results.json".to_owned(), json),
+    ])?;
+    job.status(format!("Open {}", answer.folder.join("report.html").display()));
+    Ok(answer)
+}
+
+fn all_full(target: &RecordedTarget) -> Warning {
+    let statement = format!("The target \"{}\" tells nothing: it is saturated in every channel", target.name);
+    Warning::explained(statement, "Take it with a shorter exposure time, or name another region.")
+}
+
+/// What only a known radiance would tell.
+fn unknown_scale(scales: &CameraScales) -> Option<Warning> {
+    let is_absolute = scales.efficiencies.first().is_some_and(|scale| scale.is_absolute);
+    (!is_absolute).then(|| {
+        let statement =
+            "The absolute quantum efficiency is not measured: it takes a source of known radiance";
+        Warning::explained(
+            statement,
+            "That of the experiment counts, and what it is wrong by is part of the lights' strength.",
+        )
+    })
+}
+
+/// Refuses frames of other channels than those of the experiment's sensor.
+fn check_channels(study: &Study, camera: &FrameCalibration) -> Result<(), String> {
+    let known = study.camera.sensor.iter().flat_map(|sensor| sensor.mosaic().channels.clone());
+    let known: Vec<String> = known.collect();
+    match camera.channels.iter().find(|channel| !known.contains(&channel.channel)) {
+        Some(other) => Err(format!(
+            "the frames have a channel \"{}\", the sensor of the experiment has {}; give the experiment the sensor's mosaic, or describe the \
+             frames with theirs",
+            other.channel,
+            known.join(", ")
+        )),
+        None => Ok(()),
+    }
+}
+
+impl Frames<'_> {
+    /// A frame under the name of its file.
+    fn read(&self, path: &Path) -> Result<SensorImage> {
+        if self.job.is_stopped() {
+            return Err(Error::Stopped("stopped before all frames were read; nothing was written".into()));
+        }
+        let image = read_described_frame(path)?.image;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if image.exposure_s <= 0.0 {
+            return Err(Error::Input(format!(
+                "{}: nothing tells its exposure time; give it with `fluorspar describe {} --exposure-ms MS`",
+                path.display(),
+                fluorspar::quote::shell_word(&path.to_string_lossy())
+            )));
+        }
+        Ok(SensorImage { label: name, ..image })
+    }
+
+    /// Frames by exposure time and gain, each averaged.
+    fn stacks(&self, files: &[PathBuf], is_dark: bool) -> Result<Vec<FrameStack>> {
+        let mut settings: Vec<Setting> = Vec::new();
+        let is_same = |a: f64, b: f64| (a - b).abs() <= 0.01 * a.abs().max(b.abs());
+        for file in files {
+            let SensorImage { exposure_s, gain, .. } = self.read(file)?;
+            let of_it = |s: &&mut Setting| is_same(s.exposure_s, exposure_s) && is_same(s.gain, gain);
+            match settings.iter_mut().find(of_it) {
+                Some(setting) => setting.files.push(file.clone()),
+                None => settings.push(Setting { exposure_s, gain, files: vec![file.clone()] }),
+            }
+        }
+        settings.iter().map(|setting| self.stack(&setting.files, is_dark)).collect()
+    }
+
+    fn stack(&self, files: &[PathBuf], is_dark: bool) -> Result<FrameStack> {
+        let mut first: Option<SensorImage> = None;
+        let frames = files.iter().map(|file| {
+            let frame = self.read(file)?;
+            (self.done)();
+            let turned = match &first {
+                Some(first) => frame.turned_as(first).0,
+                None => frame,
+            };
+            first.get_or_insert_with(|| SensorImage { data: Vec::new(), ..turned.clone() });
+            Ok::<_, Error>(turned)
+        });
+        FrameStack::of(frames, is_dark)
+    }
+
+    /// A target beside what the experiment says of it.
+    fn recorded(
+        &self,
+        target: &Target,
+        study: &Study,
+        camera: &FrameCalibration,
+        dark: &FrameStack,
+    ) -> Result<RecordedTarget> {
+        let about = |why: String| Error::Input(format!("target \"{}\": {why}", target.name));
+        let stacks = self.stacks(&target.files, false)?;
+        let [stack] = stacks.as_slice() else {
+            return Err(about(
+                "its frames have several exposure times or gains; give each a target of its own".into(),
+            ));
+        };
+        let size = |stack: &FrameStack| [stack.master.width, stack.master.height];
+        if size(stack) != size(dark) || stack.master.mosaic != dark.master.mosaic {
+            return Err(about("its frames differ from the dark frames in size or color filter array".into()));
+        }
+        if (stack.gain / dark.gain - 1.0).abs() > 0.01 {
+            return Err(about(format!(
+                "its frames have a gain of {}, the dark frames of {}; take all with one gain (ISO)",
+                stack.gain, dark.gain
+            )));
+        }
+        let [width, height] = size(stack);
+        let region =
+            target.region_px.unwrap_or([width / 3, height / 3, width.div_ceil(3), height.div_ceil(3)]);
+        let reaches = |from: usize, side: usize, end: usize| {
+            side > 0 && from.checked_add(side).is_some_and(|last| last <= end)
+        };
+        if !reaches(region[0], region[2], width) || !reaches(region[1], region[3], height) {
+            return Err(about(format!(
+                "region_px = {region:?} leaves the frame of {width} x {height} pixels; give [column, row, width, height] within it"
+            )));
+        }
+        let capture = study.capture(&target.capture).ok_or_else(|| about("its capture is gone".into()))?;
+        let described = target_rates(study, capture, &target.known, target.has_filters).ok_or_else(|| {
+            about(format!(
+                "no light of the capture \"{}\" reaches the axis in the plane in focus; name a capture whose light_groups are on",
+                target.capture
+            ))
+        })?;
+        let names = study.camera.sensor.iter().flat_map(|sensor| sensor.mosaic().channels.clone());
+        let described: Vec<(String, f64)> = names.zip(described).collect();
+        let rates = camera.channels.iter().zip(camera.rates(stack, region));
+        let of = |name: &str| described.iter().find(|(known, _)| known == name).map(|(_, rate)| *rate);
+        let channels =
+            rates.filter_map(|(channel, rate)| Some((channel.channel.clone(), rate?, of(&channel.channel)?)));
+        Ok(RecordedTarget {
+            name: target.name.clone(),
+            capture: target.capture.clone(),
+            target: target.known.clone(),
+            uncertainty: target.uncertainty,
+            has_filters: target.has_filters,
+            channels: channels.collect(),
+        })
+    }
+}
