@@ -56,14 +56,21 @@ pub(super) fn camera_toml(
     Ok(text)
 }
 
-/// A number that a file shows.
+/// A number to six digits.
 fn float(value: f64) -> Value {
-    Value::Float(value)
+    Value::Float(format!("{value:.5e}").parse().unwrap_or(value))
+}
+
+/// Wavelengths at which spectra are written, nm.
+fn wavelengths() -> Vec<f64> {
+    (300..=1100).map(f64::from).collect()
 }
 
 fn sensor(study: &Study, camera: &FrameCalibration, gain: f64, scales: &CameraScales) -> Result<Table> {
-    let sheet = Value::try_from(camera.data_sheet(gain)).map_err(|error| Error::Failed(error.to_string()))?;
-    let mut sensor = Table::from_iter([("emva1288".to_owned(), sheet)]);
+    let sheet = Table::try_from(camera.data_sheet(gain)).map_err(|error| Error::Failed(error.to_string()))?;
+    let rounded = |value: Value| value.as_float().map_or(value.clone(), float);
+    let sheet: Table = sheet.into_iter().map(|(key, value)| (key, rounded(value))).collect();
+    let mut sensor = Table::from_iter([("emva1288".to_owned(), Value::from(sheet))]);
     if study.camera.lens.as_ref().is_some_and(|lens| lens.traced.is_none()) {
         let shading = camera.channels.iter().map(|channel| {
             let terms: Vec<Value> = channel.shading.iter().map(|term| float(term.value)).collect();
@@ -72,28 +79,27 @@ fn sensor(study: &Study, camera: &FrameCalibration, gain: f64, scales: &CameraSc
         sensor.insert("relative_illumination".into(), Table::from_iter(shading).into());
     }
     let known = study.camera.sensor.iter().flat_map(|sensor| sensor.qe().channels());
-    let scaled: Table = known
-        .filter_map(|channel| {
-            let factor = scales.efficiencies.iter().find(|scale| scale.channel == channel.name)?.factor.value;
-            Some((
-                channel.name.clone(),
-                table(channel.curve.wavelengths_nm(), channel.curve.scaled(factor).values()),
-            ))
-        })
-        .collect();
-    if !scaled.is_empty() {
+    let scaled = known.map(|channel| {
+        let scale = scales.efficiencies.iter().find(|scale| scale.channel == channel.name);
+        let curve = channel.curve.scaled(scale.map_or(1.0, |scale| scale.factor.value));
+        (channel.name.clone(), table(|nm| curve.at(nm)))
+    });
+    let scaled: Table = scaled.collect();
+    if !scales.efficiencies.is_empty() {
         sensor.insert("quantum_efficiency".into(), scaled.into());
     }
     Ok(sensor)
 }
 
 /// A spectrum as a table.
-fn table(wavelength_nm: &[f64], values: &[f64]) -> Value {
-    let list = |values: &[f64]| Value::from(values.iter().map(|value| float(*value)).collect::<Vec<_>>());
+fn table(value: impl Fn(f64) -> f64) -> Value {
+    let list = |of: &dyn Fn(f64) -> f64| {
+        Value::from(wavelengths().into_iter().map(|nm| float(of(nm))).collect::<Vec<_>>())
+    };
     Table::from_iter([
         ("type".to_owned(), Value::from("table")),
-        ("wavelength_nm".to_owned(), list(wavelength_nm)),
-        ("value".to_owned(), list(values)),
+        ("wavelength_nm".to_owned(), list(&|nm| nm)),
+        ("value".to_owned(), list(&value)),
     ])
     .into()
 }
@@ -109,9 +115,7 @@ fn leaking_filter(study: &Study, scales: &CameraScales) -> Option<Value> {
     let first = floors.next()?;
     let floor = floors.fold(first, f64::max);
     let transmittance = &study.camera.view_filter.transmittance;
-    let nm: Vec<f64> = (300..=1000).map(f64::from).collect();
-    let values: Vec<f64> = nm.iter().map(|nm| transmittance.at(*nm).max(floor)).collect();
-    Some(table(&nm, &values))
+    Some(table(|nm| transmittance.at(nm).max(floor)))
 }
 
 /// A capture whose lights are as strong as they were measured.

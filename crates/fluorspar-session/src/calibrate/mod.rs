@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use fluorspar::image::SensorImage;
-use fluorspar::pipeline::{CameraScales, RecordedTarget, target_rates};
+use fluorspar::pipeline::{CameraScales, KnownTarget, RecordedTarget, target_rates};
 use fluorspar::sensor::{FrameCalibration, FrameStack, calibrate_frames};
 use fluorspar::study::Study;
 use fluorspar_experiment::Warning;
@@ -92,8 +92,11 @@ pub fn calibrate(options: &CalibrateOptions, job: &Job) -> Result<CalibratedCame
     check_channels(&study, &camera).map_err(|why| about(&why))?;
     let mut warnings = camera.warnings.clone();
     let targets = file.targets.iter().map(|target| frames.recorded(target, &study, &camera, &darks[0]));
-    let targets: Vec<RecordedTarget> = targets.collect::<Result<_>>()?;
-    warnings.extend(targets.iter().filter(|target| target.channels.is_empty()).map(all_full));
+    let mut targets: Vec<RecordedTarget> = targets.collect::<Result<_>>()?;
+    warnings.extend(targets.iter().filter_map(|target| untold(target, &camera)));
+    // Efficiencies are told of all channels or of none
+    targets
+        .retain(|target| matches!(target.target, KnownTarget::Tile(_)) || untold(target, &camera).is_none());
     let scales = CameraScales::of(&targets, camera.gain_dn_per_e);
     warnings.extend(unknown_scale(&scales));
     drop(frames);
@@ -122,9 +125,19 @@ pub fn calibrate(options: &CalibrateOptions, job: &Job) -> Result<CalibratedCame
     Ok(answer)
 }
 
-fn all_full(target: &RecordedTarget) -> Warning {
-    let statement = format!("The target \"{}\" tells nothing: it is saturated in every channel", target.name);
-    Warning::explained(statement, "Take it with a shorter exposure time, or name another region.")
+/// Channels of which a target tells nothing.
+fn untold(target: &RecordedTarget, camera: &FrameCalibration) -> Option<Warning> {
+    let is_told = |name: &String| target.channels.iter().any(|(told, ..)| told == name);
+    let names = camera.channels.iter().map(|channel| &channel.channel);
+    let missing: Vec<&str> = names.filter(|name| !is_told(name)).map(String::as_str).collect();
+    (!missing.is_empty()).then(|| {
+        let statement = format!(
+            "The target \"{}\" is saturated in {}, and tells nothing of it",
+            target.name,
+            missing.join(", ")
+        );
+        Warning::explained(statement, "Take it with a shorter exposure time, or name another region.")
+    })
 }
 
 /// What only a known radiance would tell.

@@ -223,7 +223,9 @@ fn leaks(targets: &[RecordedTarget], capture: &str) -> Vec<FilterLeakage> {
     let (Some(behind), Some(open)) = (tile(true), tile(false)) else { return Vec::new() };
     let leak = |(channel, rate, described): &(String, Measured, f64)| {
         let (_, whole, of_whole) = open.channels.iter().find(|(other, ..)| other == channel)?;
-        let passed = rate.over(*whole);
+        let ratio = rate.over(*whole);
+        let [value, low, high] = [ratio.value, ratio.low, ratio.high].map(|part| part.max(0.0));
+        let passed = Measured { value, low, high };
         (whole.low > 0.0 && *of_whole > 0.0).then(|| FilterLeakage {
             capture: capture.into(),
             channel: channel.clone(),
