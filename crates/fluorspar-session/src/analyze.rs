@@ -352,9 +352,13 @@ fn readout_of_frames(options: &AnalyzeOptions, parsed: &Experiment) -> Result<Ve
     if mosaic.is_bayer() && rows.iter().flatten().all(is_of_its_channels) {
         found.push(Override::of_option("sensor.mosaic", format!("{rows:?}"), typed()));
     }
+    let (bits, black) = match &model.emva1288 {
+        Some(sheet) => (sheet.bit_depth, "sensor.emva1288.black_level_dn"),
+        None => (model.bit_depth, "sensor.black_level_dn"),
+    };
     // Of a converter of other bits it is no level of this sensor
-    if raw.bit_depth == model.bit_depth {
-        found.push(Override::of_option("sensor.black_level_dn", number_text(raw.black_level), typed()));
+    if raw.bit_depth == bits {
+        found.push(Override::of_option(black, number_text(raw.black_level), typed()));
     }
     Ok(found)
 }
