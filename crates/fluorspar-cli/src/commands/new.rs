@@ -46,13 +46,14 @@ macro_rules! template {
     };
 }
 
-const TEMPLATES: [Template; 6] = [
+const TEMPLATES: [Template; 7] = [
     template!("mouth", "run", "a mouth under white light and a 405 nm LED, with a lesion"),
     template!("leaf", "run", "two leaf discs under a UV lamp: the red glow of chlorophyll"),
     template!("cuvette", "run", "a cuvette of fluorescein beside one of water"),
     template!("painting", "run", "a varnished painting under a UV lamp: a retouching stays dark"),
     template!("flat-sample", "predict", "an evenly lit sample in numbers, without geometry"),
     template!("own-camera", "run", "a camera from its data sheet, in front of a flat patch"),
+    template!("calibration", "calibrate", "a camera from its own dark, flat and target frames"),
 ];
 
 pub(crate) fn run(options: &Options) -> Result<(), CliError> {
@@ -77,7 +78,9 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let shown = file.display();
     let messages = Messages::default();
     messages.status(format!("Wrote {shown}: {}", template.about));
-    messages.status(format!("Next: fluorspar check {shown}; fluorspar {} {shown}", template.command));
+    let check =
+        if template.command == "calibrate" { String::new() } else { format!("fluorspar check {shown}; ") };
+    messages.status(format!("Next: {check}fluorspar {} {shown}", template.command));
     Ok(())
 }
 

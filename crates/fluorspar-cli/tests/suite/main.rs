@@ -4,6 +4,7 @@
 mod bad_input;
 mod budget;
 mod cache;
+mod calibrate;
 mod cohort;
 mod compare;
 mod dataset;

@@ -1,9 +1,10 @@
 //! The calibrated camera as an experiment: its base, and what was measured in place of what that says.
 
 use fluorspar::pipeline::CameraScales;
-use fluorspar::sensor::FrameCalibration;
+use fluorspar::sensor::{Emva1288, FrameCalibration, SensorModel};
 use fluorspar::study::Study;
-use fluorspar_experiment::parse;
+use fluorspar_experiment::schema::SensorSection;
+use fluorspar_experiment::{Experiment, parse};
 use fluorspar_report::calibration_rows;
 use toml::{Table, Value};
 
@@ -13,7 +14,7 @@ use crate::{Error, ExperimentSource, Result};
 /// The text of the experiment. What was measured stands above it, with intervals.
 pub(super) fn camera_toml(
     title: &str,
-    source: &ExperimentSource,
+    (source, parsed): (&ExperimentSource, &Experiment),
     study: &Study,
     (camera, gain): (&FrameCalibration, f64),
     scales: &CameraScales,
@@ -34,8 +35,13 @@ pub(super) fn camera_toml(
     };
     file.insert("base".into(), base.into());
     file.insert("title".into(), title.into());
-    file.insert("sensor".into(), sensor(study, camera, gain, scales)?.into());
-    if study.camera.lens.as_ref().is_some_and(|lens| lens.traced.is_none()) {
+    let Some(section) = &parsed.file.sensor else {
+        return Err(Error::Input(format!("{}: there is no [sensor] section; add one", source.name)));
+    };
+    // Fields that were not measured are those of the base; none of its data sheet may stay
+    file.insert("unset".into(), vec![Value::from("sensor")].into());
+    file.insert("sensor".into(), sensor((study, section), camera, gain, scales)?.into());
+    if is_ideal(study) {
         // Part of the measured shading
         file.insert("lens".into(), Table::from_iter([("vignetting".to_owned(), Value::from("none"))]).into());
     }
@@ -51,8 +57,8 @@ pub(super) fn camera_toml(
     }
     text += &toml::to_string(&file).map_err(|error| Error::Failed(format!("camera.toml: {error}")))?;
     // What no experiment can have is told now, and not at its first use
-    let parsed = parse(&text, "camera.toml", &source.base_dir, &[])?;
-    camera_study(source, &parsed)?;
+    let again = parse(&text, "camera.toml", &source.base_dir, &[])?;
+    camera_study(source, &again)?;
     Ok(text)
 }
 
@@ -66,12 +72,23 @@ fn wavelengths() -> Vec<f64> {
     (300..=1100).map(f64::from).collect()
 }
 
-fn sensor(study: &Study, camera: &FrameCalibration, gain: f64, scales: &CameraScales) -> Result<Table> {
-    let sheet = Table::try_from(camera.data_sheet(gain)).map_err(|error| Error::Failed(error.to_string()))?;
+/// The section of the sensor: what the experiment says, with what was measured in its place.
+fn sensor(
+    (study, section): (&Study, &SensorSection),
+    camera: &FrameCalibration,
+    gain: f64,
+    scales: &CameraScales,
+) -> Result<Table> {
+    let failed = |error: toml::ser::Error| Error::Failed(format!("camera.toml: {error}"));
+    let mut sensor = Table::try_from(section).map_err(failed)?;
+    let default = Table::try_from(SensorModel::default()).map_err(failed)?;
+    let is_replaced = |key: &str| Emva1288::replaced_fields().any(|field| field == key);
+    sensor.retain(|key, value| default.get(key) != Some(value) && !is_replaced(key));
+    let sheet = Table::try_from(camera.data_sheet(gain)).map_err(failed)?;
     let rounded = |value: Value| value.as_float().map_or(value.clone(), float);
     let sheet: Table = sheet.into_iter().map(|(key, value)| (key, rounded(value))).collect();
-    let mut sensor = Table::from_iter([("emva1288".to_owned(), Value::from(sheet))]);
-    if study.camera.lens.as_ref().is_some_and(|lens| lens.traced.is_none()) {
+    sensor.insert("emva1288".into(), sheet.into());
+    if is_ideal(study) {
         let shading = camera.channels.iter().map(|channel| {
             let terms: Vec<Value> = channel.shading.iter().map(|term| float(term.value)).collect();
             (channel.channel.clone(), Value::from(terms))
@@ -84,11 +101,15 @@ fn sensor(study: &Study, camera: &FrameCalibration, gain: f64, scales: &CameraSc
         let curve = channel.curve.scaled(scale.map_or(1.0, |scale| scale.factor.value));
         (channel.name.clone(), table(|nm| curve.at(nm)))
     });
-    let scaled: Table = scaled.collect();
     if !scales.efficiencies.is_empty() {
-        sensor.insert("quantum_efficiency".into(), scaled.into());
+        sensor.insert("quantum_efficiency".into(), Table::from_iter(scaled).into());
     }
     Ok(sensor)
+}
+
+/// Whether shading can stand in the place of what the lens makes of it; that of a traced lens is its own.
+fn is_ideal(study: &Study) -> bool {
+    study.camera.lens.as_ref().is_some_and(|lens| lens.traced.is_none())
 }
 
 /// A spectrum as a table.

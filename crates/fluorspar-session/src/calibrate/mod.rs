@@ -71,7 +71,8 @@ struct Frames<'a> {
 pub fn calibrate(options: &CalibrateOptions, job: &Job) -> Result<CalibratedCamera> {
     let file = CalibrationFile::read(&options.file, job)?;
     let source = ExperimentSource::find(Some(&file.experiment))?;
-    let study = camera_study(&source, &source.parse(&[])?)?;
+    let parsed = source.parse(&[])?;
+    let study = camera_study(&source, &parsed)?;
     file.check(&study, &options.file)?;
     let stem = options.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let out = options.out.clone().unwrap_or_else(|| format!("fluorspar-out/calibrate-{stem}").into());
@@ -103,7 +104,7 @@ pub fn calibrate(options: &CalibrateOptions, job: &Job) -> Result<CalibratedCame
 
     let gain = darks[0].gain;
     let title = if file.title.is_empty() { stem.clone() } else { file.title.clone() };
-    let text = camera_toml(&title, &source, &study, (&camera, gain), &scales)?;
+    let text = camera_toml(&title, (&source, &parsed), &study, (&camera, gain), &scales)?;
     job.warn(&warnings);
     let results = CalibrationResults {
         title: &title,

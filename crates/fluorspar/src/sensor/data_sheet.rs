@@ -160,6 +160,11 @@ impl Emva1288 {
         one_of(["dark_noise_e", "dark_noise_dn"], [self.dark_noise_e, self.dark_noise_dn], electrons)
     }
 
+    /// Fields of a [`SensorModel`] that a data sheet takes the place of.
+    pub fn replaced_fields() -> impl Iterator<Item = &'static str> {
+        fields_given(&SensorModel::default()).into_iter().map(|(field, _)| field)
+    }
+
     /// Dark signal non-uniformity, e-.
     ///
     /// # Errors

@@ -224,8 +224,9 @@ fn leaks(targets: &[RecordedTarget], capture: &str) -> Vec<FilterLeakage> {
     let leak = |(channel, rate, described): &(String, Measured, f64)| {
         let (_, whole, of_whole) = open.channels.iter().find(|(other, ..)| other == channel)?;
         let ratio = rate.over(*whole);
-        let [value, low, high] = [ratio.value, ratio.low, ratio.high].map(|part| part.max(0.0));
-        let passed = Measured { value, low, high };
+        // Nothing can be less than none: a chance level below the dark one leaves a limit
+        let passed =
+            Measured { low: ratio.low.max(0.0), ..Measured::new(ratio.value.max(0.0), ratio.error()) };
         (whole.low > 0.0 && *of_whole > 0.0).then(|| FilterLeakage {
             capture: capture.into(),
             channel: channel.clone(),
