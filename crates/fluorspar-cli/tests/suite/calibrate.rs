@@ -40,36 +40,49 @@ name = "blue"
 strength.irradiance_w_per_m2 = 800.0
 "#;
 
-/// Frames of each kind: folder, exposure times in ms, frames of each, whether the light is on, the viewing filter.
-const SHOTS: [(&str, &[f64], usize, bool, bool); 4] = [
-    ("dark", &[0.005, 5000.0], 6, false, true),
-    ("flat", &[0.005, 0.01, 0.02, 0.03, 0.04, 0.3], 4, true, false),
-    ("tile", &[0.03], 3, true, false),
-    ("tile_filtered", &[50.0], 3, true, true),
-];
+/// Frames of one kind.
+struct Shots {
+    /// Their folder.
+    kind: &'static str,
+    times_ms: &'static [f64],
+    /// Of each exposure time.
+    frames: usize,
+    /// Group of lights that is on.
+    light: &'static str,
+    is_filtered: bool,
+}
 
-/// Shoots all frames into their folders.
-fn shoot(folder: &Path, camera: &str) {
+const fn shots(
+    kind: &'static str,
+    times_ms: &'static [f64],
+    light: &'static str,
+    is_filtered: bool,
+) -> Shots {
+    Shots { kind, times_ms, frames: 4, light, is_filtered }
+}
+
+/// Shoots frames into their folders. Filtered ones have the filter of the captures, and the viewing filter `view`.
+fn shoot(folder: &Path, camera: &str, (filter, view): (&str, &str), all: &[Shots]) {
     let mut captures = String::new();
-    for (kind, times, frames, is_lit, has_filter) in SHOTS {
-        for (number, ms) in times.iter().enumerate() {
-            for frame in 0..frames {
-                let light = if is_lit { "light_groups = { blue = 1.0 }" } else { "" };
-                let filter = if has_filter { "filters = [\"band_pass_525_45\"]" } else { "" };
-                captures += &format!(
-                    "[[capture]]\nname = \"{kind}_{number}_{frame}\"\nexposure_ms = {ms}\n{light}\n{filter}\n"
-                );
+    for Shots { kind, times_ms, frames, light, is_filtered } in all {
+        for (number, ms) in times_ms.iter().enumerate() {
+            for frame in 0..*frames {
+                captures += &format!("[[capture]]\nname = \"{kind}_{number}_{frame}\"\nexposure_ms = {ms}\n");
+                if !light.is_empty() {
+                    captures += &format!("light_groups = {{ {light} = 1.0 }}\n");
+                }
+                captures += if *is_filtered { filter } else { "" };
             }
         }
     }
     fs::write(folder.join("shoot.toml"), format!("{camera}{captures}")).unwrap();
     fluorspar(folder, ["render", "shoot.toml", "--components", "--out", "shoot.exr", "-q"]).well();
-    fluorspar(folder, ["capture", "shoot.exr", "--out", "filtered", "-q"]).well();
-    let open = "view_filter.filters=[]";
-    fluorspar(folder, ["capture", "shoot.exr", "--set", open, "--out", "open", "-q"]).well();
-    for (kind, _, _, _, has_filter) in SHOTS {
+    for (out, view) in [("filtered", view), ("open", "view_filter.filters=[]")] {
+        fluorspar(folder, ["capture", "shoot.exr", "--set", view, "--out", out, "-q"]).well();
+    }
+    for Shots { kind, is_filtered, .. } in all {
         fs::create_dir_all(folder.join(kind)).unwrap();
-        for file in fs::read_dir(folder.join(if has_filter { "filtered" } else { "open" })).unwrap() {
+        for file in fs::read_dir(folder.join(if *is_filtered { "filtered" } else { "open" })).unwrap() {
             let file = file.unwrap().path();
             let name = file.file_name().unwrap().to_str().unwrap().to_owned();
             let is_it = name.strip_prefix(&format!("raw_{kind}_"));
@@ -84,7 +97,14 @@ fn prepared() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     fluorspar(folder.path(), ["new", "own-camera", "-q"]).well();
     fluorspar(folder.path(), ["new", "calibration", "-q"]).well();
-    shoot(folder.path(), TRUE_CAMERA);
+    let all = [
+        shots("dark", &[0.005, 5000.0], "", true),
+        shots("flat", &[0.005, 0.01, 0.02, 0.03, 0.04, 0.3], "blue", false),
+        shots("tile", &[0.03], "blue", false),
+        shots("tile_filtered", &[50.0], "blue", true),
+    ];
+    let filters = ("filters = [\"band_pass_525_45\"]\n", "view_filter.filters=[\"view_475_700\"]");
+    shoot(folder.path(), TRUE_CAMERA, filters, &all);
     folder
 }
 
@@ -177,4 +197,105 @@ fn what_frames_do_not_tell_is_refused_by_name() {
     let short =
         told("dark = \"dark\"", "dark = [\"dark/raw_dark_0_0.tiff\", \"dark/raw_dark_0_1.tiff\"]").well();
     assert!(short.stderr.contains("dark current is not measured"), "{}", short.stderr);
+}
+
+/// A camera of the same kind: colors, electronics, shading, the strength of its excitation.
+fn camera_of_kind(factors: [f64; 3], sheet: &str, shading: &str, w_per_m2: f64) -> String {
+    let curves = [[0.0, 0.02, 0.03, 0.45, 0.35], [0.02, 0.1, 0.5, 0.1, 0.05], [0.25, 0.45, 0.1, 0.02, 0.03]];
+    let efficiency: String = ["R", "G", "B"]
+        .into_iter()
+        .zip(curves)
+        .zip(factors)
+        .map(|((name, curve), factor)| {
+            format!(
+                "[sensor.quantum_efficiency.{name}]\ntype = \"table\"\nwavelength_nm = [350.0, 450.0, 530.0, 610.0, 750.0]\nvalue = {:?}\n",
+                curve.map(|value| value * factor)
+            )
+        })
+        .collect();
+    format!(
+        "format = 1\nbase = \"flat-patch\"\nunset = [\"sensor\", \"capture\", \"analysis\"]\n[render]\nwidth_px = 32\nheight_px = 24\n\
+         [sensor]\ncolumns = 96\nrows = 72\npixel_size_um = 3.0\nmosaic = \"rggb\"\nrelative_illumination = {{ all = {shading} }}\n{efficiency}\
+         [sensor.emva1288]\nbit_depth = 12\nprnu_percent = 1.0\n{sheet}[[light]]\nname = \"blue\"\nstrength.irradiance_w_per_m2 = {w_per_m2}\n\
+         [[light]]\nname = \"white\"\ntype = \"distant\"\naim.direction = [0.0, 0.0, -1.0]\nspectrum = \"equal_energy\"\n\
+         strength.irradiance_w_per_m2 = 100.0\n"
+    )
+}
+
+const TARGETS: &str = r#"
+format = 1
+experiment = "sheet.toml"
+dark = "dark"
+flat = "flat"
+[[target]]
+name = "sphere"
+frames = "sphere"
+capture = "white"
+spectrum = "equal_energy"
+uncertainty_percent = 2.0
+viewing_filter = false
+[[target]]
+name = "tile"
+frames = "tile"
+capture = "blue"
+reflectance = 0.95
+uncertainty_percent = 1.0
+viewing_filter = false
+[[target]]
+name = "tile behind the filter"
+frames = "tile_filtered"
+capture = "blue"
+reflectance = 0.95
+uncertainty_percent = 1.0
+"#;
+
+#[test]
+fn two_cameras_give_the_same_estimate_once_they_are_calibrated() {
+    let sheet = "gain_e_per_dn = 3.0\ndark_noise_e = 5.0\nsaturation_capacity_e = 10000\ndsnu_e = 1.0\n";
+    let described = camera_of_kind([1.0; 3], sheet, "[]", 400.0)
+        + "[[capture]]\nname = \"white\"\nlight_groups = { white = 1.0 }\n[[capture]]\nname = \"blue\"\nlight_groups = { blue = 1.0 }\n\
+           [analysis]\nframe = \"blue\"\nrectangle_px = [20, 12, 56, 48]\nbulk = \"patch\"\nporphyrin = \"protoporphyrin_ix\"\n";
+    let first = "gain_e_per_dn = 3.4\ndark_noise_e = 6.0\nsaturation_capacity_e = 10000\nblack_level_dn = 70\ndsnu_e = 3.0\n";
+    let second = "gain_e_per_dn = 2.2\ndark_noise_e = 4.0\nsaturation_capacity_e = 8000\nblack_level_dn = 90\ndsnu_e = 2.0\n";
+    // The second leaks 3e-4 of its excitation
+    let leaking = "view_filter.filters=[{ type = \"table\", wavelength_nm = [300.0, 465.0, 476.0, 700.0, 705.0, 1100.0], \
+                   value = [3e-4, 3e-4, 0.95, 0.95, 3e-4, 3e-4] }]";
+    let tight = "view_filter.filters=[\"view_475_700\"]";
+    let all = [
+        shots("dark", &[0.05, 5000.0], "", true),
+        shots("flat", &[0.5, 1.0, 2.0, 3.0, 4.0, 30.0], "white", false),
+        shots("sphere", &[1.0], "white", false),
+        shots("tile", &[0.5], "blue", false),
+        shots("tile_filtered", &[100.0], "blue", true),
+    ];
+    let shares = [
+        (camera_of_kind([0.75, 1.0, 1.0], first, "[-0.3, 0.05]", 500.0), tight),
+        (camera_of_kind([1.0, 0.9, 1.25], second, "[-0.1]", 300.0), leaking),
+    ]
+    .map(|(camera, view)| {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let tile = camera.replace("\"analysis\"]", "\"analysis\", \"material.patch.concentrations\"]")
+            + "[[material]]\nname = \"patch\"\nreflectance = 0.95\n";
+        shoot(folder, &tile, ("", view), &all);
+        fs::write(folder.join("sheet.toml"), &described).unwrap();
+        fs::write(folder.join("targets.toml"), TARGETS).unwrap();
+        let patient =
+            camera + "[[capture]]\nname = \"blue\"\nexposure_ms = 100.0\nlight_groups = { blue = 1.0 }\n";
+        fs::write(folder.join("patient.toml"), patient).unwrap();
+        fluorspar(folder, ["render", "patient.toml", "--components", "--out", "patient.exr", "-q"]).well();
+        fluorspar(folder, ["capture", "patient.exr", "--set", view, "--out", "patient", "-q"]).well();
+        fluorspar(folder, ["calibrate", "targets.toml", "--out", "calibrated", "-q"]).well();
+        ["sheet.toml", "calibrated/camera.toml"].map(|by| {
+            let frame = ["--frame", "blue=patient/raw_blue.tiff", "--json"];
+            let found = fluorspar(folder, ["analyze", "--experiment", by].iter().chain(&frame)).json();
+            let share =
+                found["findings"].as_array().unwrap().iter().find(|finding| finding["id"] == "line_share");
+            let share = share.unwrap_or_else(|| panic!("{found:#}"));
+            [&share["value"], &share["interval"][0], &share["interval"][1]].map(|end| end.as_f64().unwrap())
+        })
+    });
+    let [[sheet_a, a], [sheet_b, b]] = shares;
+    assert!((sheet_a[0] - sheet_b[0]).abs() > 0.1, "by the data sheet they differ: {shares:?}");
+    assert!(a[1] < b[2] && b[1] < a[2], "intervals by sensor noise alone overlap: {shares:?}");
 }
