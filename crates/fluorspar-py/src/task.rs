@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fluorspar_experiment::Warning;
 use fluorspar_session::{
-    CohortOptions, CompareOptions, CubeOptions, DatasetOptions, Error, Job, Left, Listener, PredictOptions,
-    RunOptions, TaskOption, TaskOptions, design, fluorophore, tissue,
+    CalibrateOptions, CohortOptions, CompareOptions, CubeOptions, DatasetOptions, Error, Job, Left, Listener,
+    PredictOptions, RunOptions, TaskOption, TaskOptions, design, fluorophore, tissue,
 };
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -45,6 +45,8 @@ macro_rules! tasks {
 tasks! {
     /// Runs an experiment from scene to report.
     run(RunOptions) => fluorspar_session::run,
+    /// Calibrates a camera from its frames.
+    calibrate(CalibrateOptions) => fluorspar_session::calibrate,
     /// Compares two finished runs.
     compare(CompareOptions) => fluorspar_session::compare,
     /// Examines many people.

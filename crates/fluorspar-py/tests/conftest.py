@@ -28,6 +28,34 @@ def components(mouth: fs.Experiment) -> fs.Components:
 
 
 @pytest.fixture(scope="session")
+def camera_frames(tmp_path_factory) -> Path:
+    """A folder with calibration.toml and the frames that it names."""
+    folder = tmp_path_factory.mktemp("camera")
+    sheet = (
+        'format = 1\nbase = "flat-patch"\nunset = ["capture", "analysis", "material.patch.concentrations"]\n[view_filter]\nfilters = []\n'
+        "[render]\nwidth_px = 16\nheight_px = 12\nsamples_per_pixel = 2\n[sensor]\ncolumns = 48\nrows = 36\n"
+    )
+    (folder / "sheet.toml").write_text(sheet + '[[capture]]\nname = "blue"\nlight_groups = { blue = 1.0 }\n')
+    shots = [("dark", "", ms, n) for ms in (0.01, 2000.0) for n in range(4)]
+    shots += [("flat", "blue = 1.0", ms, n) for ms in (0.02, 0.05, 0.1, 0.15) for n in range(4)]
+    captures = [
+        f'[[capture]]\nname = "{kind}_{ms}_{n}"\nexposure_ms = {ms}\nlight_groups = {{ {light} }}\n' for kind, light, ms, n in shots
+    ]
+    (folder / "shoot.toml").write_text(sheet + "".join(captures))
+    fs.text_of("render", folder / "shoot.toml", components=True, out=folder / "shoot.exr")
+    fs.text_of("capture", folder / "shoot.exr", out=folder / "shot")
+    for kind in ("dark", "flat"):
+        (folder / kind).mkdir()
+        for file in (folder / "shot").glob(f"raw_{kind}_*"):
+            shutil.copy(file, folder / kind)
+    (folder / "calibration.toml").write_text(
+        'format = 1\nexperiment = "sheet.toml"\ndark = "dark"\nflat = "flat"\n[[target]]\nname = "tile"\n'
+        'frames = ["flat/raw_flat_0.1_0.tiff", "flat/raw_flat_0.1_1.tiff"]\ncapture = "blue"\nreflectance = "tongue_dorsum"\nuncertainty_percent = 2\n'
+    )
+    return folder
+
+
+@pytest.fixture(scope="session")
 def program():
     """Runs the program that came with the package, and returns what it printed."""
 

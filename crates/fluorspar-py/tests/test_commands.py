@@ -113,6 +113,18 @@ def test_a_cohort_says_what_is_normal(tmp_path) -> None:
     assert depth.shape == (48, 64) and 0.05 < depth.max() < 0.3
 
 
+def test_a_camera_is_calibrated_from_its_frames(tmp_path, camera_frames) -> None:
+    found = fs.calibrate(camera_frames / "calibration.toml", out=tmp_path / "camera")
+    gain = found.camera.gain_dn_per_e
+    # The sensor of the base: 0.911 V over 9000 e- and 4096 codes; 3.5 standard errors
+    assert abs(gain.value - 4096 / 9000) < 3.5 * (gain.high - gain.low) / 3.92
+    assert abs(found.scales.lights[0].factor.value - 1) < 0.1
+    assert fs.experiment(tmp_path / "camera" / "camera.toml").get("sensor.emva1288.bit_depth") == 12
+    with pytest.raises(fs.FluorsparError, match="no file or folder"):
+        (tmp_path / "other.toml").write_text('format = 1\nexperiment = "flat-patch"\ndark = "x"\nflat = "y"\n')
+        fs.calibrate(tmp_path / "other.toml")
+
+
 def test_two_runs_are_compared(tmp_path) -> None:
     small = {"render.width_px": 16, "render.height_px": 12, "sensor.columns": 32, "sensor.rows": 24}
     for name, spectrum in (("a", "led_385"), ("b", "led_405")):

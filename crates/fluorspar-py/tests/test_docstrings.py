@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -42,9 +43,10 @@ def documented() -> Iterator[tuple[str, str]]:
 
 
 @pytest.fixture(scope="session")
-def folder(mouth, components, tmp_path_factory) -> Path:
+def folder(mouth, components, camera_frames, tmp_path_factory) -> Path:
     """A folder with the files that examples name."""
     folder = tmp_path_factory.mktemp("examples")
+    shutil.copytree(camera_frames, folder, dirs_exist_ok=True)
     light = fs.predict("tongue-385nm")
     rows = zip(light.wavelength_nm, light.radiance.total, strict=True)
     table = "wavelength_nm,total\n" + "".join(f"{nm},{value}\n" for nm, value in rows)

@@ -304,6 +304,15 @@ def compare(a: str | os.PathLike[str], b: str | os.PathLike[str], **options: Any
     return _done(_fluorspar.compare, a=_given.path(a, "a"), b=_given.path(b, "b"), **options)
 
 
+def calibrate(file: str | os.PathLike[str], **options: Any) -> Record:
+    """A camera from its own dark, flat and target frames, with intervals.
+
+    ``calibrate("calibration.toml", out="camera-7").camera.gain_dn_per_e``; writes ``camera.toml``, an experiment, and a page.
+    ``fluorspar new calibration`` writes a file to start from; options are those of ``fluorspar calibrate``.
+    """
+    return _done(_fluorspar.calibrate, file=_given.path(file, "file"), **options)
+
+
 def cohort(source: str | os.PathLike[str] | None = None, **options: Any) -> Record:
     """Many drawn people in the views of an examination: normal ranges, truth against estimate, how well a lesion is told.
 

@@ -3,6 +3,7 @@
 mod calibration_file;
 mod camera_file;
 
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
@@ -59,7 +60,7 @@ struct Setting {
 /// The frames of a calibration, read one by one.
 struct Frames<'a> {
     job: &'a Job,
-    /// Files that were read so far, and how many there are, for progress.
+    /// Called after each of them.
     done: &'a dyn Fn(),
 }
 
@@ -78,44 +79,20 @@ pub fn calibrate(options: &CalibrateOptions, job: &Job) -> Result<CalibratedCame
     let out = options.out.clone().unwrap_or_else(|| format!("fluorspar-out/calibrate-{stem}").into());
     let inputs: Vec<PathBuf> = file.files().chain([&options.file]).chain(&source.file).cloned().collect();
     let folder = OutputFolder::prepare(&out, &inputs, OUT_BYTES)?;
-
-    let share_done = job.listener.begin("Reading frames", "the frames", Left::Nothing);
-    let (all, read) = (file.files().count() as f64, std::cell::Cell::new(0.0));
-    let done = || {
-        read.set(read.get() + 1.0);
-        share_done(read.get() / all);
-    };
-    let frames = Frames { job, done: &done };
-    let about = |why: &dyn std::fmt::Display| Error::Input(format!("{}: {why}", options.file.display()));
-    let darks = frames.stacks(&file.dark, true)?;
-    let flats = frames.stacks(&file.flat, false)?;
-    let camera = calibrate_frames(&darks, &flats).map_err(|problem| about(&problem))?;
-    check_channels(&study, &camera).map_err(|why| about(&why))?;
-    let mut warnings = camera.warnings.clone();
-    let targets = file.targets.iter().map(|target| frames.recorded(target, &study, &camera, &darks[0]));
-    let mut targets: Vec<RecordedTarget> = targets.collect::<Result<_>>()?;
-    warnings.extend(targets.iter().filter_map(|target| untold(target, &camera)));
-    // Efficiencies are told of all channels or of none
-    targets
-        .retain(|target| matches!(target.target, KnownTarget::Tile(_)) || untold(target, &camera).is_none());
-    let scales = CameraScales::of(&targets, camera.gain_dn_per_e);
-    warnings.extend(unknown_scale(&scales));
-    drop(frames);
-
-    let gain = darks[0].gain;
-    let title = if file.title.is_empty() { stem.clone() } else { file.title.clone() };
-    let text = camera_toml(&title, (&source, &parsed), &study, (&camera, gain), &scales)?;
-    job.warn(&warnings);
+    let (mut answer, gain) = measured(&file, &study, &options.file, job)?;
+    job.warn(&answer.warnings);
+    let title = if file.title.is_empty() { &stem } else { &file.title };
+    let text = camera_toml(title, (&source, &parsed), &study, (&answer.camera, gain), &answer.scales)?;
     let results = CalibrationResults {
-        title: &title,
+        title,
         experiment: &source.name,
-        camera: &camera,
-        scales: &scales,
-        warnings: &warnings,
+        camera: &answer.camera,
+        scales: &answer.scales,
+        warnings: &answer.warnings,
         files: file.files().count(),
     };
     let page = calibration_report(&results).to_html();
-    let mut answer = CalibratedCamera { folder: out, camera, scales, warnings };
+    answer.folder = out;
     let json = serde_json::to_vec_pretty(&answer)?;
     answer.folder = folder.finish_with([
         ("camera.toml".to_owned(), text.into_bytes()),
@@ -124,6 +101,37 @@ pub fn calibrate(options: &CalibrateOptions, job: &Job) -> Result<CalibratedCame
     ])?;
     job.status(format!("Open {}", answer.folder.join("report.html").display()));
     Ok(answer)
+}
+
+/// What the frames tell, without a folder, and their gain.
+fn measured(
+    file: &CalibrationFile,
+    study: &Study,
+    path: &Path,
+    job: &Job,
+) -> Result<(CalibratedCamera, f64)> {
+    let share_done = job.listener.begin("Reading frames", "the frames", Left::Nothing);
+    let (all, read) = (file.files().count() as f64, Cell::new(0.0));
+    let done = || {
+        read.set(read.get() + 1.0);
+        share_done(read.get() / all);
+    };
+    let frames = Frames { job, done: &done };
+    let about = |why: &dyn std::fmt::Display| Error::Input(format!("{}: {why}", path.display()));
+    let darks = frames.stacks(&file.dark, true)?;
+    let flats = frames.stacks(&file.flat, false)?;
+    let camera = calibrate_frames(&darks, &flats).map_err(|problem| about(&problem))?;
+    check_channels(study, &camera).map_err(|why| about(&why))?;
+    let targets = file.targets.iter().map(|target| frames.recorded(target, study, &camera, &darks[0]));
+    let mut targets: Vec<RecordedTarget> = targets.collect::<Result<_>>()?;
+    let mut warnings = camera.warnings.clone();
+    warnings.extend(targets.iter().filter_map(|target| untold(target, &camera)));
+    // Efficiencies are told of all channels or of none
+    targets
+        .retain(|target| matches!(target.target, KnownTarget::Tile(_)) || untold(target, &camera).is_none());
+    let scales = CameraScales::of(&targets, camera.gain_dn_per_e);
+    warnings.extend(unknown_scale(&scales));
+    Ok((CalibratedCamera { folder: PathBuf::new(), camera, scales, warnings }, darks[0].gain))
 }
 
 /// Channels of which a target tells nothing.

@@ -32,11 +32,11 @@ fn drawn(camera: u64, parameter: u64) -> f64 {
 impl Camera {
     fn drawn(number: u64) -> Self {
         let of = |parameter, low: f64, high: f64| low * (high / low).powf(drawn(number, parameter));
-        let is_color = number % 2 == 0;
+        let is_color = number.is_multiple_of(2);
         let channels = if is_color { vec!["R", "G", "B"] } else { vec!["mono"] };
         let cell = if is_color { vec![vec!["R", "G"], vec!["G", "B"]] } else { vec![vec!["mono"]] };
         // Every third camera ends with its well, the others with the converter
-        let full_e = if number % 3 == 0 { of(1, 3000.0, 9000.0) } else { 1e6 };
+        let full_e = if number.is_multiple_of(3) { of(1, 3000.0, 9000.0) } else { 1e6 };
         let gain = of(0, 0.15, 0.35);
         let model = SensorModel {
             columns: SIDE[0],
