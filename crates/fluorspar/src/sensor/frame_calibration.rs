@@ -20,7 +20,7 @@ use super::Emva1288;
 use super::adc::QUANTIZATION_NOISE_DN;
 use super::calibration::{is_same_setting, robust};
 use super::characterization::{LEAST_DARK_VARIANCE_DN2, MOST_EMPTY, quantization_warning};
-use super::frame_stack::FrameStack;
+use super::frame_stack::{ChannelNoise, FrameStack};
 use super::frame_statistics::{
     Line, Measured, Point, mean, spatial_variances, variance, variance_with_error,
 };
@@ -33,6 +33,8 @@ const MOST_CLIPPED: f64 = 1e-3;
 const STRAIGHT: f64 = 0.7;
 /// Robust standard deviations from which a pixel is defect.
 const DEFECT: f32 = 6.0;
+/// Exposure time of dark frames over that of the longest flats from which dark frames of one time are refused.
+const LONG: f64 = 1.1;
 /// Part of the photon-transfer line below which a variance has vanished: its pixels are full.
 const VANISHED: f64 = 0.2;
 /// Chi-square for each degree of freedom from which variance does not rise in proportion to the signal.
@@ -69,9 +71,20 @@ pub enum CalibrationProblem {
          exposure time twice or more, some at a tenth to a half of the full scale"
     )]
     NoPair,
+    /// Dark charge that the flats do not have.
+    #[error(
+        "all dark frames have {dark_s} s, the flats {flat_s} s at most, so what the dark frames hold of dark charge is not known; take more with \
+         the shortest exposure time of the flats"
+    )]
+    LongDarks {
+        /// Exposure time of the dark frames, s.
+        dark_s: f64,
+        /// The longest of the flats, s.
+        flat_s: f64,
+    },
     /// Variance that does not rise.
     #[error(
-        "the temporal noise does not rise with the light, so there is no gain to measure; give raw frames, neither averaged nor denoised"
+        "the temporal noise does not rise with the light, so there is no gain to measure; give raw frames, neither averaged, denoised nor on a tone curve"
     )]
     NoRise,
     /// Flats without light.
@@ -128,14 +141,14 @@ pub struct FrameCalibration {
     pub bit_depth: u8,
     /// System gain K, DN/e-.
     pub gain_dn_per_e: Measured,
-    /// Temporal dark noise, quantization excluded, e- rms; null where dark frames are cut at 0.
-    pub dark_noise_e: Option<Measured>,
+    /// Temporal dark noise, quantization excluded, e- rms; where dark frames are cut at 0, or single, from the noise of the flats.
+    pub dark_noise_e: Measured,
     /// Level of no light and no time, DN.
     pub black_level_dn: Measured,
     /// Dark current, e-/s; null of dark frames of one exposure time.
     pub dark_current_e_per_s: Option<Measured>,
-    /// Dark signal non-uniformity, e-.
-    pub dsnu_e: Measured,
+    /// Dark signal non-uniformity, e-; null where all dark frames are cut at 0.
+    pub dsnu_e: Option<Measured>,
     /// The part of its variance that rows and columns share.
     pub dsnu_stripes: f64,
     /// Photo response non-uniformity, percent.
@@ -224,7 +237,7 @@ pub fn calibrate_frames(
     let transfer = frames.transfer()?;
     let gain = transfer.gain;
     let mut warnings = frames.warnings(&transfer);
-    let (dsnu_e, dsnu_stripes, hot) = frames.dsnu(gain);
+    let (dsnu_e, dsnu_stripes, hot) = frames.dsnu(&transfer);
     let flat = frames.brightest_flat(&transfer)?;
     let surfaces: Vec<Surface> = (0..flat.channels.len())
         .filter(|&channel| flat.master.values_of(channel).next().is_some())
@@ -322,7 +335,7 @@ impl FrameCalibration {
         let gain = self.gain_dn_per_e.value / analog_gain;
         let codes = f64::from((1u32 << self.bit_depth) - 1);
         let (black, prnu) = (self.black_level_dn.value.max(0.0), self.prnu_percent.value);
-        let noise_e = self.dark_noise_e.map_or(0.0, |noise| noise.value);
+        let noise_e = self.dark_noise_e.value;
         let converter_e = (codes - black) / gain;
         // A well that fills before the converter ends
         let own_e = (codes - black) / self.gain_dn_per_e.value;
@@ -339,7 +352,7 @@ impl FrameCalibration {
             bit_depth: self.bit_depth,
             black_level_dn: Some(black),
             dark_current_e_per_s: self.dark_current_e_per_s.map_or(0.0, |current| current.value.max(0.0)),
-            dsnu_e: Some(self.dsnu_e.value),
+            dsnu_e: Some(self.dsnu_e.map_or(0.0, |dsnu| dsnu.value)),
             prnu_percent: prnu,
             ..Emva1288::default()
         }
@@ -359,6 +372,12 @@ fn check(darks: &[FrameStack], flats: &[FrameStack]) -> Result<(), CalibrationPr
             return Err(CalibrationProblem::MixedGains { frames: frames(), gains: [first.gain, other.gain] });
         }
     }
+    let dark_s = darks.iter().map(FrameStack::exposure_s).fold(f64::INFINITY, f64::min);
+    let flat_s = flats.iter().map(FrameStack::exposure_s).fold(0.0, f64::max);
+    let has_one = darks.iter().all(|dark| is_same_setting(dark.exposure_s(), dark_s));
+    if has_one && dark_s > LONG * flat_s {
+        return Err(CalibrationProblem::LongDarks { dark_s, flat_s });
+    }
     Ok(())
 }
 
@@ -377,12 +396,12 @@ impl Frames<'_> {
     fn transfer(&self) -> Result<Transfer, CalibrationProblem> {
         let black = self.dark.black().value;
         let of_stack = |stack: &FrameStack| {
-            let usable = |noise: &&super::ChannelNoise| {
+            let usable = |noise: &&ChannelNoise| {
                 noise.saturated <= MOST_CLIPPED
                     && noise.empty <= MOST_EMPTY
                     && noise.variance_error_dn2.is_finite()
             };
-            let point = |noise: &super::ChannelNoise| {
+            let point = |noise: &ChannelNoise| {
                 let relative = noise.variance_error_dn2 / noise.variance_dn2;
                 (noise.mean_dn - black, noise.variance_dn2, relative.powi(-2))
             };
@@ -468,42 +487,44 @@ impl Frames<'_> {
         warnings
     }
 
-    fn dark_noise(&self, transfer: &Transfer, warnings: &mut Vec<Warning>) -> Option<Measured> {
-        let shortest = self.darks.iter().min_by(|a, b| a.exposure_s().total_cmp(&b.exposure_s()))?;
-        let of = |value: fn(&super::ChannelNoise) -> f64| mean(shortest.channels.iter().map(value));
+    /// Variance of dark noise and quantization with its error, DN², from the shortest dark frames, else from the photon-transfer line.
+    fn dark_variance(&self, transfer: &Transfer, warnings: &mut Vec<Warning>) -> (f64, f64) {
+        let by_time = |a: &&FrameStack, b: &&FrameStack| a.exposure_s().total_cmp(&b.exposure_s());
+        let shortest = self.darks.iter().min_by(by_time).unwrap_or(&self.darks[0]);
+        let of = |value: fn(&ChannelNoise) -> f64| mean(shortest.channels.iter().map(value));
         let empty = of(|noise| noise.empty);
         if empty > MOST_EMPTY {
             let statement =
                 format!("{:.1} % of the values of dark frames are 0 and cut the dark noise", 100.0 * empty);
-            warnings.push(Warning::explained(
-                statement,
-                "Raise the black level (offset) of the camera, or take raw frames.",
-            ));
-            return None;
+            let what = "It is taken from the noise of the flats. Raise the black level (offset) of the camera, or take raw frames.";
+            warnings.push(Warning::explained(statement, what));
         }
-        let gain = transfer.gain.value;
+        let error = of(|noise| noise.variance_error_dn2) / (shortest.channels.len() as f64).sqrt();
+        if empty > MOST_EMPTY || !error.is_finite() {
+            return (transfer.line.at(0.0), transfer.line.error_at(0.0));
+        }
         let charge = transfer.line.slope * (shortest.level_dn - self.dark.black().value);
-        let variance = of(|noise| noise.variance_dn2);
-        let channels = shortest.channels.len() as f64;
-        let error = of(|noise| noise.variance_error_dn2) / channels.sqrt();
-        if !error.is_finite() {
-            return None;
-        }
+        (of(|noise| noise.variance_dn2) - charge, error)
+    }
+
+    fn dark_noise(&self, transfer: &Transfer, warnings: &mut Vec<Warning>) -> Measured {
+        let (variance, error) = self.dark_variance(transfer, warnings);
         if variance < LEAST_DARK_VARIANCE_DN2 {
-            warnings.push(quantization_warning(variance, gain));
+            let gain = transfer.gain.value;
+            warnings.push(quantization_warning(variance.max(0.0), gain));
             let most = (LEAST_DARK_VARIANCE_DN2 - QUANTIZATION_NOISE_DN.powi(2)).sqrt() / gain;
-            return Some(Measured { value: 0.5 * most, low: 0.0, high: most });
+            return Measured { value: 0.5 * most, low: 0.0, high: most };
         }
-        let square = variance - charge - QUANTIZATION_NOISE_DN.powi(2);
-        Some(root_over(square, error, transfer.gain))
+        root_over(variance - QUANTIZATION_NOISE_DN.powi(2), error, transfer.gain)
     }
 
     /// DSNU, the part of its variance that rows and columns share, and the number of hot pixels, which do not count in it.
-    fn dsnu(&self, gain: Measured) -> (Measured, f64, usize) {
-        let best = self
-            .darks
-            .iter()
-            .fold(&self.darks[0], |a, b| if b.master.frames > a.master.frames { b } else { a });
+    fn dsnu(&self, transfer: &Transfer) -> (Option<Measured>, f64, usize) {
+        let is_whole = |dark: &&FrameStack| dark.channels.iter().all(|noise| noise.empty <= MOST_EMPTY);
+        let Some(best) = self.darks.iter().rev().filter(is_whole).max_by_key(|dark| dark.master.frames)
+        else {
+            return (None, 0.0, 0);
+        };
         let master = &best.master;
         let (center, spread) = robust(&mut master.mean.clone()).unwrap_or((0.0, 0.0));
         let is_hot = |dn: f32| (dn - center).abs() > DEFECT * spread.max(0.5);
@@ -518,26 +539,35 @@ impl Frames<'_> {
         let error = error
             .hypot(stripes.0 * (2.0 / rows as f64).sqrt())
             .hypot(stripes.1 * (2.0 / columns as f64).sqrt());
-        let noise = mean(best.channels.iter().map(|channel| channel.variance_dn2));
+        let noise = match master.frames {
+            1 => transfer.line.at(best.level_dn - self.dark.black().value),
+            _ => mean(best.channels.iter().map(|channel| channel.variance_dn2)),
+        };
         let square = all - noise / master.frames as f64;
-        (root_over(square, error, gain), (stripes.0 + stripes.1) / square.max(1e-12), hot)
+        (Some(root_over(square, error, transfer.gain)), (stripes.0 + stripes.1) / square.max(1e-12), hot)
     }
 
     /// The flat that tells most of the responses of pixels: the most light below saturation.
     fn brightest_flat(&self, transfer: &Transfer) -> Result<&FrameStack, CalibrationProblem> {
         let light = |flat: &FrameStack| {
-            let all = |of: &dyn Fn(&super::ChannelNoise) -> bool| flat.channels.iter().all(of);
+            let all = |of: &dyn Fn(&ChannelNoise) -> bool| flat.channels.iter().all(of);
             let is_below = all(&|noise| noise.saturated <= MOST_CLIPPED)
                 && flat.channels.iter().all(|noise| !self.is_full(noise, transfer));
             let signal = flat.level_dn - self.dark.at(flat.exposure_s());
             is_below.then_some(signal * flat.master.frames as f64)
         };
         let lit = self.flats.iter().filter_map(|flat| Some((light(flat)?, flat)));
-        lit.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, flat)| flat).ok_or(CalibrationProblem::NoPair)
+        // Noise that falls below saturation is that of a tone curve
+        let is_clipped = |flat: &FrameStack| flat.channels.iter().any(|noise| noise.saturated > MOST_CLIPPED);
+        let none = || match self.flats.iter().all(is_clipped) {
+            true => CalibrationProblem::NoPair,
+            false => CalibrationProblem::NoRise,
+        };
+        lit.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, flat)| flat).ok_or_else(none)
     }
 
     /// Whether pixels are full: clipped at the last code, or of a variance that has fallen.
-    fn is_full(&self, noise: &super::ChannelNoise, transfer: &Transfer) -> bool {
+    fn is_full(&self, noise: &ChannelNoise, transfer: &Transfer) -> bool {
         let expected = transfer.line.at(noise.mean_dn - self.dark.black().value);
         let has_fallen = noise.variance_error_dn2.is_finite() && noise.variance_dn2 < 0.6 * expected;
         noise.saturated > MOST_CLIPPED || (transfer.turns && has_fallen)

@@ -107,10 +107,10 @@ impl Camera {
         let corner = 1.0 + self.shading[0] + self.shading[1];
         vec![
             ("gain", gain, found.gain_dn_per_e),
-            ("dark noise", model.read_noise_electrons(), found.dark_noise_e.unwrap()),
+            ("dark noise", model.read_noise_electrons(), found.dark_noise_e),
             ("black level", model.black_level_dn, found.black_level_dn),
             ("dark current", model.dark_electrons_per_s(), found.dark_current_e_per_s.unwrap()),
-            ("DSNU", model.dsnu_electrons(), found.dsnu_e),
+            ("DSNU", model.dsnu_electrons(), found.dsnu_e.unwrap()),
             ("PRNU", model.prnu_percent, found.prnu_percent),
             ("full scale", converter_e.min(model.well_capacity_e), found.full_scale_e.unwrap()),
             ("linearity error", 0.0, found.linearity_error_percent.unwrap()),
@@ -203,6 +203,8 @@ fn single_flats_mixed_gains_and_missing_frames_are_refused() {
     assert_eq!(calibrate_frames(&darks, &single).unwrap_err(), CalibrationProblem::NoPair);
     assert_eq!(calibrate_frames(&darks, &flats[6..]).unwrap_err(), CalibrationProblem::NoPair);
     assert_eq!(calibrate_frames(&[], &flats).unwrap_err(), CalibrationProblem::Nothing("dark"));
+    let long = CalibrationProblem::LongDarks { dark_s: 4.0, flat_s: 0.4 };
+    assert_eq!(calibrate_frames(&darks[1..], &flats).unwrap_err(), long);
     let other = FrameStack { gain: 4.0, ..flats[0].clone() };
     let error = calibrate_frames(&darks, &[flats[1].clone(), other]).unwrap_err();
     assert!(error.to_string().contains("(ISO)"), "{error}");
@@ -226,6 +228,40 @@ fn what_frames_leave_open_is_told() {
         "{:?}",
         found.channels
     );
+}
+
+/// Frames from which the black level was taken, all below it cut.
+fn without_black(camera: &Camera, time_s: f64, frames: u64, is_lit: bool) -> FrameStack {
+    let black = camera.sensor.model().black_level_dn.floor() as u16;
+    let cut = |frame| {
+        let mut image = camera.frame("cut", time_s, frame, is_lit);
+        image.data.iter_mut().for_each(|dn| *dn = dn.saturating_sub(black));
+        image.black_level = 0.0;
+        Ok::<_, DevelopError>(image)
+    };
+    FrameStack::of((0..frames).map(cut), !is_lit).unwrap()
+}
+
+#[test]
+fn dark_frames_that_are_cut_or_single_leave_the_noise_to_the_flats() {
+    let camera = Camera::drawn(4);
+    let lit: Vec<FrameStack> = camera.times_s.iter().map(|&s| without_black(&camera, s, 8, true)).collect();
+    let found = calibrate_frames(&[without_black(&camera, 0.008, 8, false)], &lit).unwrap();
+    assert_eq!(found.dsnu_e, None);
+    assert!(
+        found.warnings.iter().any(|warning| warning.text().contains("are 0 and cut")),
+        "{:?}",
+        found.warnings
+    );
+    let single: Vec<FrameStack> = [0.008, 4.0].map(|s| camera.stack("dark", s, 1, false)).to_vec();
+    let alone = calibrate_frames(&single, &camera.flats()).unwrap();
+    let model = camera.sensor.model();
+    for noise in [found.dark_noise_e, alone.dark_noise_e] {
+        let off = noise.value - model.read_noise_electrons();
+        assert!(off.abs() < 3.0 * noise.error() && noise.error() < 3.0, "{noise:?}");
+    }
+    let dsnu = alone.dsnu_e.unwrap();
+    assert!((dsnu.value - model.dsnu_electrons()).abs() < 3.0 * dsnu.error().max(0.5), "{dsnu:?}");
 }
 
 #[test]
