@@ -1,7 +1,7 @@
 //! The page of a camera that was calibrated from its own frames: its numbers, and what of an acceptance test they answer.
 
 use fluorspar::pipeline::CameraScales;
-use fluorspar::sensor::{FrameCalibration, Measured};
+use fluorspar::sensor::{FrameCalibration, MeasuredNumber};
 use fluorspar::units::digits_text;
 use fluorspar_experiment::Warning;
 
@@ -28,7 +28,7 @@ pub struct CalibrationResults<'a> {
 /// Name, value, interval and unit of each number.
 pub type CalibrationRow = [String; 4];
 
-fn row(name: &str, number: Option<Measured>, unit: &str) -> CalibrationRow {
+fn row(name: &str, number: Option<MeasuredNumber>, unit: &str) -> CalibrationRow {
     let cell = |value: f64| digits_text(value, 4);
     let [value, interval] = match number {
         Some(number) => [cell(number.value), format!("{} to {}", cell(number.low), cell(number.high))],

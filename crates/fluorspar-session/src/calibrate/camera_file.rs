@@ -64,7 +64,7 @@ pub(super) fn camera_toml(
 
 /// A number to six digits.
 fn float(value: f64) -> Value {
-    Value::Float(format!("{value:.5e}").parse().unwrap_or(value))
+    Value::Float(format!("{value:.5e}").parse::<f64>().unwrap_or(value))
 }
 
 /// Wavelengths at which spectra are written, nm.

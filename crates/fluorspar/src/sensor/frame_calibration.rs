@@ -20,9 +20,9 @@ use super::Emva1288;
 use super::adc::QUANTIZATION_NOISE_DN;
 use super::calibration::{is_same_setting, robust};
 use super::characterization::{LEAST_DARK_VARIANCE_DN2, MOST_EMPTY, quantization_warning};
-use super::frame_stack::{ChannelNoise, FrameStack};
+use super::frame_stack::{FrameStack, StackNoise};
 use super::frame_statistics::{
-    Line, Measured, Point, mean, spatial_variances, variance, variance_with_error,
+    Line, MeasuredNumber, Point, mean, spatial_variances, variance, variance_with_error,
 };
 use super::photon_transfer::{Limit, saturation_capacity_e};
 use crate::warning::Warning;
@@ -110,11 +110,11 @@ pub struct ChannelCalibration {
     /// Mean of the dark frames, DN.
     pub black_level_dn: f64,
     /// Electrons per second in a pixel on the axis in the light of the flat frames.
-    pub flat_e_per_s: Measured,
+    pub flat_e_per_s: MeasuredNumber,
     /// Relative illumination, as [`super::SensorModel::relative_illumination`] has it: a1, a2.
-    pub shading: [Measured; 2],
+    pub shading: [MeasuredNumber; 2],
     /// The same in the corner.
-    pub corner: Measured,
+    pub corner: MeasuredNumber,
 }
 
 /// A level of the photon-transfer curve.
@@ -140,25 +140,25 @@ pub struct FrameCalibration {
     /// Bits of the converter.
     pub bit_depth: u8,
     /// System gain K, DN/e-.
-    pub gain_dn_per_e: Measured,
+    pub gain_dn_per_e: MeasuredNumber,
     /// Temporal dark noise, quantization excluded, e- rms; where dark frames are cut at 0, or single, from the noise of the flats.
-    pub dark_noise_e: Measured,
+    pub dark_noise_e: MeasuredNumber,
     /// Level of no light and no time, DN.
-    pub black_level_dn: Measured,
+    pub black_level_dn: MeasuredNumber,
     /// Dark current, e-/s; null of dark frames of one exposure time.
-    pub dark_current_e_per_s: Option<Measured>,
+    pub dark_current_e_per_s: Option<MeasuredNumber>,
     /// Dark signal non-uniformity, e-; null where all dark frames are cut at 0.
-    pub dsnu_e: Option<Measured>,
+    pub dsnu_e: Option<MeasuredNumber>,
     /// The part of its variance that rows and columns share.
     pub dsnu_stripes: f64,
     /// Photo response non-uniformity, percent.
-    pub prnu_percent: Measured,
+    pub prnu_percent: MeasuredNumber,
     /// Signal of full pixels, e-; null where no frame is full.
-    pub full_scale_e: Option<Measured>,
+    pub full_scale_e: Option<MeasuredNumber>,
     /// The largest signal of a frame, e-.
     pub largest_signal_e: f64,
     /// Mean deviation of levels from a line over time, percent; null of fewer than three exposure times.
-    pub linearity_error_percent: Option<Measured>,
+    pub linearity_error_percent: Option<MeasuredNumber>,
     /// Difference across the flat that no lens makes, percent of its level.
     pub unevenness_percent: f64,
     /// Pixels that are far from the others in the dark, and in light.
@@ -199,16 +199,16 @@ impl DarkLine {
     }
 
     /// The level of no time; of one exposure time its level.
-    fn black(&self) -> Measured {
+    fn black(&self) -> MeasuredNumber {
         let at = if self.has_slope { 0.0 } else { self.shortest_s };
-        Measured::new(self.line.at(at), self.line.error_at(at))
+        MeasuredNumber::new(self.line.at(at), self.line.error_at(at))
     }
 }
 
 /// A straight photon-transfer curve.
 struct Transfer {
     line: Line,
-    gain: Measured,
+    gain: MeasuredNumber,
     /// Chi-square for each degree of freedom.
     reduced: f64,
     /// Signal of the largest variance, DN.
@@ -251,7 +251,7 @@ pub fn calibrate_frames(
         warnings.push(Warning::explained(statement, what));
     }
     let dark_noise_e = frames.dark_noise(&transfer, &mut warnings);
-    let dark_current = Measured::new(frames.dark.line.slope, frames.dark.line.slope_error()).over(gain);
+    let dark_current = MeasuredNumber::new(frames.dark.line.slope, frames.dark.line.slope_error()).over(gain);
     let any = &flat.master;
     Ok(FrameCalibration {
         size_px: [any.width, any.height],
@@ -276,17 +276,17 @@ pub fn calibrate_frames(
 
 impl FrameCalibration {
     /// Level of no light at an exposure time, DN.
-    fn dark_level(&self, time_s: f64) -> Measured {
+    fn dark_level(&self, time_s: f64) -> MeasuredNumber {
         let charge =
             self.dark_current_e_per_s.map_or(0.0, |current| current.value * self.gain_dn_per_e.value);
         let error = self.black_level_dn.error();
-        Measured::new(self.black_level_dn.value + charge * time_s, error)
+        MeasuredNumber::new(self.black_level_dn.value + charge * time_s, error)
     }
 
     /// What the channels of frames of one camera have in a rectangle (column, row, width, height), with the shading taken out, DN/s; `None`
     /// of a channel that is saturated there, or has no pixel. The error is that of noise, responses of pixels, flicker and black level.
     #[must_use]
-    pub fn rates(&self, stack: &FrameStack, rectangle: [usize; 4]) -> Vec<Option<Measured>> {
+    pub fn rates(&self, stack: &FrameStack, rectangle: [usize; 4]) -> Vec<Option<MeasuredNumber>> {
         (0..self.channels.len()).map(|number| self.rate(stack, rectangle, number)).collect()
     }
 
@@ -295,7 +295,7 @@ impl FrameCalibration {
         stack: &FrameStack,
         [col0, row0, width, height]: [usize; 4],
         number: usize,
-    ) -> Option<Measured> {
+    ) -> Option<MeasuredNumber> {
         let (master, channel) = (&stack.master, &self.channels[number]);
         let index = master.mosaic.channels.iter().position(|name| *name == channel.channel)?;
         let dark = self.dark_level(stack.exposure_s());
@@ -325,7 +325,7 @@ impl FrameCalibration {
         let of_pixels = (variance(&values) / values.len() as f64).sqrt();
         let of_frames = stack.flicker * level / (master.frames as f64).sqrt();
         let error = of_pixels.hypot(of_frames).hypot(dark.error());
-        Some(Measured::new(level, error).times(1.0 / stack.exposure_s()))
+        Some(MeasuredNumber::new(level, error).times(1.0 / stack.exposure_s()))
     }
 
     /// The camera as a data sheet of EMVA 1288 at gain 1, from frames of an analog gain. What was not measured is the end of the converter and no
@@ -396,12 +396,12 @@ impl Frames<'_> {
     fn transfer(&self) -> Result<Transfer, CalibrationProblem> {
         let black = self.dark.black().value;
         let of_stack = |stack: &FrameStack| {
-            let usable = |noise: &&ChannelNoise| {
+            let usable = |noise: &&StackNoise| {
                 noise.saturated <= MOST_CLIPPED
                     && noise.empty <= MOST_EMPTY
                     && noise.variance_error_dn2.is_finite()
             };
-            let point = |noise: &ChannelNoise| {
+            let point = |noise: &StackNoise| {
                 let relative = noise.variance_error_dn2 / noise.variance_dn2;
                 (noise.mean_dn - black, noise.variance_dn2, relative.powi(-2))
             };
@@ -434,7 +434,7 @@ impl Frames<'_> {
         let line = (0..3).fold(weighted(None), |line, _| weighted(Some(&line)));
         let freedom = points.len().saturating_sub(2).max(1) as f64;
         let reduced = line.chi_square / freedom;
-        let gain = Measured::new(line.slope, line.slope_error() * reduced.max(1.0).sqrt());
+        let gain = MeasuredNumber::new(line.slope, line.slope_error() * reduced.max(1.0).sqrt());
         if gain.low > 0.0 {
             Ok(Transfer { line, gain, reduced, top, turns })
         } else {
@@ -443,11 +443,11 @@ impl Frames<'_> {
     }
 
     /// The black level that the pixels of the frames scatter about.
-    fn black_of_device(&self) -> Measured {
+    fn black_of_device(&self) -> MeasuredNumber {
         let master = &self.darks[0].master;
         let pattern = variance(&master.mean.iter().map(|&dn| f64::from(dn)).collect::<Vec<_>>());
         let black = self.dark.black();
-        Measured::new(black.value, black.error().hypot((pattern / master.mean.len() as f64).sqrt()))
+        MeasuredNumber::new(black.value, black.error().hypot((pattern / master.mean.len() as f64).sqrt()))
     }
 
     fn warnings(&self, transfer: &Transfer) -> Vec<Warning> {
@@ -491,7 +491,7 @@ impl Frames<'_> {
     fn dark_variance(&self, transfer: &Transfer, warnings: &mut Vec<Warning>) -> (f64, f64) {
         let by_time = |a: &&FrameStack, b: &&FrameStack| a.exposure_s().total_cmp(&b.exposure_s());
         let shortest = self.darks.iter().min_by(by_time).unwrap_or(&self.darks[0]);
-        let of = |value: fn(&ChannelNoise) -> f64| mean(shortest.channels.iter().map(value));
+        let of = |value: fn(&StackNoise) -> f64| mean(shortest.channels.iter().map(value));
         let empty = of(|noise| noise.empty);
         if empty > MOST_EMPTY {
             let statement =
@@ -507,19 +507,19 @@ impl Frames<'_> {
         (of(|noise| noise.variance_dn2) - charge, error)
     }
 
-    fn dark_noise(&self, transfer: &Transfer, warnings: &mut Vec<Warning>) -> Measured {
+    fn dark_noise(&self, transfer: &Transfer, warnings: &mut Vec<Warning>) -> MeasuredNumber {
         let (variance, error) = self.dark_variance(transfer, warnings);
         if variance < LEAST_DARK_VARIANCE_DN2 {
             let gain = transfer.gain.value;
             warnings.push(quantization_warning(variance.max(0.0), gain));
             let most = (LEAST_DARK_VARIANCE_DN2 - QUANTIZATION_NOISE_DN.powi(2)).sqrt() / gain;
-            return Measured { value: 0.5 * most, low: 0.0, high: most };
+            return MeasuredNumber { value: 0.5 * most, low: 0.0, high: most };
         }
         root_over(variance - QUANTIZATION_NOISE_DN.powi(2), error, transfer.gain)
     }
 
     /// DSNU, the part of its variance that rows and columns share, and the number of hot pixels, which do not count in it.
-    fn dsnu(&self, transfer: &Transfer) -> (Option<Measured>, f64, usize) {
+    fn dsnu(&self, transfer: &Transfer) -> (Option<MeasuredNumber>, f64, usize) {
         let is_whole = |dark: &&FrameStack| dark.channels.iter().all(|noise| noise.empty <= MOST_EMPTY);
         let Some(best) = self.darks.iter().rev().filter(is_whole).max_by_key(|dark| dark.master.frames)
         else {
@@ -539,10 +539,13 @@ impl Frames<'_> {
         let error = error
             .hypot(stripes.0 * (2.0 / rows as f64).sqrt())
             .hypot(stripes.1 * (2.0 / columns as f64).sqrt());
-        let noise = match master.frames {
-            1 => transfer.line.at(best.level_dn - self.dark.black().value),
-            _ => mean(best.channels.iter().map(|channel| channel.variance_dn2)),
+        // The noise of one frame is that of the line
+        let charge = best.level_dn - self.dark.black().value;
+        let (noise, of_noise) = match master.frames {
+            1 => (transfer.line.at(charge), transfer.line.error_at(charge)),
+            _ => (mean(best.channels.iter().map(|channel| channel.variance_dn2)), 0.0),
         };
+        let error = error.hypot(of_noise);
         let square = all - noise / master.frames as f64;
         (Some(root_over(square, error, transfer.gain)), (stripes.0 + stripes.1) / square.max(1e-12), hot)
     }
@@ -550,7 +553,7 @@ impl Frames<'_> {
     /// The flat that tells most of the responses of pixels: the most light below saturation.
     fn brightest_flat(&self, transfer: &Transfer) -> Result<&FrameStack, CalibrationProblem> {
         let light = |flat: &FrameStack| {
-            let all = |of: &dyn Fn(&ChannelNoise) -> bool| flat.channels.iter().all(of);
+            let all = |of: &dyn Fn(&StackNoise) -> bool| flat.channels.iter().all(of);
             let is_below = all(&|noise| noise.saturated <= MOST_CLIPPED)
                 && flat.channels.iter().all(|noise| !self.is_full(noise, transfer));
             let signal = flat.level_dn - self.dark.at(flat.exposure_s());
@@ -567,13 +570,13 @@ impl Frames<'_> {
     }
 
     /// Whether pixels are full: clipped at the last code, or of a variance that has fallen.
-    fn is_full(&self, noise: &ChannelNoise, transfer: &Transfer) -> bool {
+    fn is_full(&self, noise: &StackNoise, transfer: &Transfer) -> bool {
         let expected = transfer.line.at(noise.mean_dn - self.dark.black().value);
         let has_fallen = noise.variance_error_dn2.is_finite() && noise.variance_dn2 < 0.6 * expected;
         noise.saturated > MOST_CLIPPED || (transfer.turns && has_fallen)
     }
 
-    fn full_scale(&self, transfer: &Transfer) -> Option<Measured> {
+    fn full_scale(&self, transfer: &Transfer) -> Option<MeasuredNumber> {
         let black = self.dark.black();
         let is_full = |flat: &FrameStack, channel: usize| {
             let noise = &flat.channels[channel];
@@ -583,17 +586,18 @@ impl Frames<'_> {
         };
         let full = self.lit().filter(|(flat, channel, _)| is_full(flat, *channel));
         let level = full.map(|(flat, channel, _)| flat.channels[channel].mean_dn).fold(0.0, f64::max);
-        (level > 0.0).then(|| Measured::new(level - black.value, black.error().max(0.3)).over(transfer.gain))
+        (level > 0.0)
+            .then(|| MeasuredNumber::new(level - black.value, black.error().max(0.3)).over(transfer.gain))
     }
 
     /// Of the channel that deviates most.
-    fn linearity(&self, transfer: &Transfer) -> Option<Measured> {
+    fn linearity(&self, transfer: &Transfer) -> Option<MeasuredNumber> {
         let channels = 0..self.flats[0].channels.len();
         let worst = channels.filter_map(|channel| self.linearity_of(channel, transfer));
         worst.max_by(|a, b| a.value.total_cmp(&b.value))
     }
 
-    fn linearity_of(&self, channel: usize, transfer: &Transfer) -> Option<Measured> {
+    fn linearity_of(&self, channel: usize, transfer: &Transfer) -> Option<MeasuredNumber> {
         let of_channel = self.lit().filter(|(_, of, signal)| *of == channel && *signal > 0.0);
         let below = of_channel.filter(|(flat, of, _)| !self.is_full(&flat.channels[*of], transfer));
         let point = |(flat, _, signal): (&FrameStack, usize, f64)| {
@@ -612,8 +616,8 @@ impl Frames<'_> {
         }
         let line = Line::through(points.iter().map(|p| (p.0, p.1, p.1.powi(-2))));
         let deviation = mean(points.iter().map(|p| (p.1 / line.at(p.0) - 1.0).abs()));
-        let measured = Measured::new(100.0 * deviation, 100.0 * mean(points.iter().map(|p| p.2)));
-        Some(Measured { low: measured.low.max(0.0), ..measured })
+        let measured = MeasuredNumber::new(100.0 * deviation, 100.0 * mean(points.iter().map(|p| p.2)));
+        Some(MeasuredNumber { low: measured.low.max(0.0), ..measured })
     }
 
     fn points(&self) -> Vec<TransferPoint> {
@@ -634,14 +638,14 @@ impl Frames<'_> {
         dark.chain(self.flats.iter().flat_map(|stack| of(stack, true))).collect()
     }
 
-    fn channel(&self, flat: &FrameStack, surface: &Surface, gain: Measured) -> ChannelCalibration {
+    fn channel(&self, flat: &FrameStack, surface: &Surface, gain: MeasuredNumber) -> ChannelCalibration {
         let best = self
             .darks
             .iter()
             .fold(&self.darks[0], |a, b| if b.master.frames > a.master.frames { b } else { a });
         let flicker = flat.flicker / (flat.master.frames as f64).sqrt();
         let axis = surface.axis;
-        let level = Measured::new(axis.value, axis.error().hypot(flicker * axis.value));
+        let level = MeasuredNumber::new(axis.value, axis.error().hypot(flicker * axis.value));
         ChannelCalibration {
             channel: flat.master.mosaic.channels[surface.channel].clone(),
             black_level_dn: best.channels[surface.channel].mean_dn,
@@ -697,27 +701,27 @@ impl Frames<'_> {
 }
 
 /// A root of a variance in digital numbers, in electrons.
-fn root_over(square: f64, error: f64, gain: Measured) -> Measured {
+fn root_over(square: f64, error: f64, gain: MeasuredNumber) -> MeasuredNumber {
     let squared = gain.value * gain.value;
     let of_gain = 2.0 * square * gain.error() / gain.value;
-    Measured::root(square / squared, error.hypot(of_gain) / squared)
+    MeasuredNumber::root(square / squared, error.hypot(of_gain) / squared)
 }
 
 /// PRNU of all channels, each weighted by its error.
-fn prnu_of(surfaces: &[Surface]) -> Measured {
+fn prnu_of(surfaces: &[Surface]) -> MeasuredNumber {
     let weights = surfaces.iter().map(|surface| surface.scatter.1.powi(-2));
     let weight: f64 = weights.clone().sum();
     let square = surfaces.iter().zip(weights).map(|(surface, w)| w * surface.scatter.0).sum::<f64>() / weight;
-    Measured::root(square, weight.powf(-0.5)).times(100.0)
+    MeasuredNumber::root(square, weight.powf(-0.5)).times(100.0)
 }
 
 /// What the light of a channel is like over the frame.
 struct Surface {
     channel: usize,
     /// DN in the middle.
-    axis: Measured,
-    shading: [Measured; 2],
-    corner: Measured,
+    axis: MeasuredNumber,
+    shading: [MeasuredNumber; 2],
+    corner: MeasuredNumber,
     /// Largest difference that no lens makes.
     unevenness: f64,
     /// Squared PRNU with its error.
@@ -756,20 +760,20 @@ fn fit_surface<I: Iterator<Item = usize>>(
 
 impl SurfaceFit {
     /// A sum of coefficients over the first of them.
-    fn relative(&self, weights: [f64; 3]) -> Measured {
+    fn relative(&self, weights: [f64; 3]) -> MeasuredNumber {
         let sum = (0..3).map(|i| weights[i] * self.beta[i]).sum::<f64>();
         let ratio = sum / self.beta[0];
         let mut gradient = SVector::<f64, TERMS>::zeros();
         (0..3).for_each(|i| gradient[i] = weights[i] / self.beta[0]);
         gradient[0] -= ratio / self.beta[0];
-        Measured::new(ratio, (gradient.transpose() * self.covariance * gradient)[0].max(0.0).sqrt())
+        MeasuredNumber::new(ratio, (gradient.transpose() * self.covariance * gradient)[0].max(0.0).sqrt())
     }
 
     fn surface(&self, channel: usize, scatter: (f64, f64), defects: usize) -> Surface {
         let [tilt, saddle] = [self.beta[3].hypot(self.beta[4]), self.beta[5].hypot(self.beta[6])];
         Surface {
             channel,
-            axis: Measured::new(self.beta[0], self.covariance[(0, 0)].max(0.0).sqrt()),
+            axis: MeasuredNumber::new(self.beta[0], self.covariance[(0, 0)].max(0.0).sqrt()),
             shading: [self.relative([0.0, 1.0, 0.0]), self.relative([0.0, 0.0, 1.0])],
             corner: self.relative([1.0, 1.0, 1.0]),
             unevenness: 2.0 * (tilt + saddle) / self.beta[0],

@@ -99,7 +99,7 @@ impl Camera {
     }
 
     /// What was found beside what was put in.
-    fn compared(&self, found: &FrameCalibration) -> Vec<(&'static str, f64, Measured)> {
+    fn compared(&self, found: &FrameCalibration) -> Vec<(&'static str, f64, MeasuredNumber)> {
         let model = self.sensor.model();
         let gain = model.base_dn_per_electron();
         let converter_e = (4095.0 - model.black_level_dn) / gain;

@@ -7,7 +7,7 @@ use crate::image::SensorImage;
 
 /// The mean of a channel in equal frames, and how their values vary in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ChannelNoise {
+pub struct StackNoise {
     /// Mean digital number.
     pub mean_dn: f64,
     /// Temporal variance, DN²; 0 of one frame.
@@ -26,7 +26,7 @@ pub struct FrameStack {
     /// Their mean.
     pub master: MasterFrame,
     /// Their noise, by channel.
-    pub channels: Vec<ChannelNoise>,
+    pub channels: Vec<StackNoise>,
     /// Mean digital number of all channels.
     pub level_dn: f64,
     /// Its standard error from frame to frame, DN: noise and what moves whole frames. Of one frame that of its pixels.
@@ -92,7 +92,7 @@ impl Sums {
     }
 
     /// Standard error of the mean level: noise of pixels, and what moves whole frames.
-    fn level_error_dn(&self, master: &MasterFrame, channels: &[ChannelNoise]) -> f64 {
+    fn level_error_dn(&self, master: &MasterFrame, channels: &[StackNoise]) -> f64 {
         let frames = self.levels.len() as f64;
         let of_pixels = if frames > 1.0 {
             mean(channels.iter().map(|channel| channel.variance_dn2)) / frames
@@ -104,7 +104,7 @@ impl Sums {
 
     /// The noise of a channel whose values have this mean. Its error is that of normal noise, `2 σ⁴ / (N - 1)` a pixel, in which `σ⁴` is
     /// estimated from squares of variances, so that pixels may differ in their light.
-    fn noise_of(&self, channel: usize, master: &MasterFrame) -> ChannelNoise {
+    fn noise_of(&self, channel: usize, master: &MasterFrame) -> StackNoise {
         let frames = self.levels.len() as f64;
         let (mut count, mut mean, mut full) = (0.0, 0.0, 0.0);
         let (mut variance, mut fourth) = (0.0, 0.0);
@@ -118,7 +118,7 @@ impl Sums {
             fourth += of_value * of_value;
         }
         let count = f64::max(count, 1.0);
-        ChannelNoise {
+        StackNoise {
             mean_dn: mean / count,
             variance_dn2: variance / count,
             variance_error_dn2: if frames < 2.0 {
@@ -152,7 +152,7 @@ impl FrameStack {
             })
         });
         let master = MasterFrame::average(seen)?;
-        let channels: Vec<ChannelNoise> =
+        let channels: Vec<StackNoise> =
             (0..master.mosaic.channels.len()).map(|channel| sums.noise_of(channel, &master)).collect();
         let frames = sums.levels.len() as f64;
         let level_dn = sums.levels.iter().sum::<f64>() / frames;

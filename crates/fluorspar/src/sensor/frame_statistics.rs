@@ -7,7 +7,7 @@ const TO_95: f64 = 1.959_963_985;
 
 /// A number with its 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Measured {
+pub struct MeasuredNumber {
     /// Value.
     pub value: f64,
     /// Lower end of the interval.
@@ -16,7 +16,7 @@ pub struct Measured {
     pub high: f64,
 }
 
-impl Measured {
+impl MeasuredNumber {
     /// A value with its standard error.
     #[must_use]
     pub fn new(value: f64, error: f64) -> Self {

@@ -100,8 +100,8 @@ pub use flat_response::FlatResponse;
 pub use frame_calibration::{
     CalibrationProblem, ChannelCalibration, FrameCalibration, TransferPoint, calibrate_frames,
 };
-pub use frame_stack::{ChannelNoise, FrameStack};
-pub use frame_statistics::Measured;
+pub use frame_stack::{FrameStack, StackNoise};
+pub use frame_statistics::MeasuredNumber;
 pub use model::{SensorMode, SensorModel, SensorProblem};
 pub use pixel_integration::FilmExtent;
 pub use quantum_efficiency::{ChannelQe, SpectralQe};

@@ -102,6 +102,7 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
             "interruption",
             "spectral",
             "image",
+            "sensor",
             "light",
             "tissue",
             "scene",

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::region_signal::CameraResponse;
 use crate::pipeline::capture::direct_light::{axis_point, irradiance_on};
 use crate::pipeline::capture::film_irradiance::behind_filter;
-use crate::sensor::Measured;
+use crate::sensor::MeasuredNumber;
 use crate::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 use crate::study::{Capture, Study};
 
@@ -39,7 +39,7 @@ pub struct RecordedTarget {
     /// Whether the viewing filters were in place.
     pub has_filters: bool,
     /// Channels with a usable level: name, measured digital numbers per second, electrons per second of the description.
-    pub channels: Vec<(String, Measured, f64)>,
+    pub channels: Vec<(String, MeasuredNumber, f64)>,
 }
 
 /// Whether the quantum efficiency of a channel is that of the description.
@@ -48,7 +48,7 @@ pub struct EfficiencyScale {
     /// Channel.
     pub channel: String,
     /// Factor on its quantum efficiency, lens included; where not absolute, with a mean of 1 over the channels.
-    pub factor: Measured,
+    pub factor: MeasuredNumber,
     /// Whether a known radiance makes it absolute.
     pub is_absolute: bool,
 }
@@ -59,7 +59,7 @@ pub struct LightScale {
     /// Capture.
     pub capture: String,
     /// Factor on the drives of its lights; where no efficiency is absolute, the product of both.
-    pub factor: Measured,
+    pub factor: MeasuredNumber,
     /// Whether it is that of the lights alone.
     pub is_absolute: bool,
     /// Largest relative deviation of a channel of a target from it.
@@ -74,7 +74,7 @@ pub struct FilterLeakage {
     /// Channel.
     pub channel: String,
     /// Measured level with the filters over that without.
-    pub passed: Measured,
+    pub passed: MeasuredNumber,
     /// The same by the description.
     pub described: f64,
 }
@@ -121,25 +121,26 @@ pub fn target_rates(
 const DESCRIBED: f64 = 0.05;
 
 /// Mean of numbers weighted by their errors and by how well channels are described; its error is that of noise, or of how they scatter.
-fn weighted_mean(numbers: &[Measured]) -> Option<Measured> {
-    let weight = |m: &Measured| ((m.error() / m.value).powi(2) + DESCRIBED * DESCRIBED).recip();
+fn weighted_mean(numbers: &[MeasuredNumber]) -> Option<MeasuredNumber> {
+    let weight = |m: &MeasuredNumber| ((m.error() / m.value).powi(2) + DESCRIBED * DESCRIBED).recip();
     let sum: f64 = numbers.iter().map(weight).sum();
-    let mean_of = |f: &dyn Fn(&Measured) -> f64| numbers.iter().map(|m| weight(m) * f(m)).sum::<f64>() / sum;
+    let mean_of =
+        |f: &dyn Fn(&MeasuredNumber) -> f64| numbers.iter().map(|m| weight(m) * f(m)).sum::<f64>() / sum;
     let mean = mean_of(&|m| m.value);
     let of_noise = numbers.iter().map(|m| (weight(m) * m.error()).powi(2)).sum::<f64>().sqrt() / sum;
     let scatter = mean_of(&|m| (m.value - mean).powi(2)) / numbers.len().saturating_sub(1).max(1) as f64;
-    (!numbers.is_empty()).then(|| Measured::new(mean, of_noise.max(scatter.sqrt())))
+    (!numbers.is_empty()).then(|| MeasuredNumber::new(mean, of_noise.max(scatter.sqrt())))
 }
 
 /// The same number with a further relative standard error.
-fn less_sure(number: Measured, relative: f64) -> Measured {
-    Measured::new(number.value, number.error().hypot(relative * number.value))
+fn less_sure(number: MeasuredNumber, relative: f64) -> MeasuredNumber {
+    MeasuredNumber::new(number.value, number.error().hypot(relative * number.value))
 }
 
 impl CameraScales {
     /// What recorded targets tell, where the system gain is known, DN/e-.
     #[must_use]
-    pub fn of(targets: &[RecordedTarget], gain: Measured) -> Self {
+    pub fn of(targets: &[RecordedTarget], gain: MeasuredNumber) -> Self {
         let efficiencies = efficiencies(targets, gain);
         let mut captures: Vec<&str> = targets.iter().map(|target| target.capture.as_str()).collect();
         captures.sort_unstable();
@@ -152,12 +153,12 @@ impl CameraScales {
 }
 
 /// Measured over described, without what all channels share: gain and the uncertainty of the target.
-fn ratios(target: &RecordedTarget, gain: Measured) -> impl Iterator<Item = (&str, Measured)> {
+fn ratios(target: &RecordedTarget, gain: MeasuredNumber) -> impl Iterator<Item = (&str, MeasuredNumber)> {
     let lit = target.channels.iter().filter(|(_, _, described)| *described > 0.0);
     lit.map(move |(channel, rate, described)| (channel.as_str(), rate.times(1.0 / (gain.value * described))))
 }
 
-fn efficiencies(targets: &[RecordedTarget], gain: Measured) -> Vec<EfficiencyScale> {
+fn efficiencies(targets: &[RecordedTarget], gain: MeasuredNumber) -> Vec<EfficiencyScale> {
     let source = |target: &&RecordedTarget| match target.target {
         KnownTarget::Source { is_absolute, .. } => Some(is_absolute),
         KnownTarget::Tile(_) => None,
@@ -168,13 +169,13 @@ fn efficiencies(targets: &[RecordedTarget], gain: Measured) -> Vec<EfficiencySca
         return Vec::new();
     };
     let is_absolute = source(&best) == Some(true);
-    let found: Vec<(&str, Measured)> = ratios(best, gain).collect();
+    let found: Vec<(&str, MeasuredNumber)> = ratios(best, gain).collect();
     let mean = found.iter().map(|(_, ratio)| ratio.value).sum::<f64>() / found.len().max(1) as f64;
-    let factor = |ratio: Measured| match is_absolute {
+    let factor = |ratio: MeasuredNumber| match is_absolute {
         true => less_sure(ratio, best.uncertainty.hypot(gain.error() / gain.value)),
         false => ratio.times(1.0 / mean),
     };
-    let scale = |(channel, ratio): (&str, Measured)| EfficiencyScale {
+    let scale = |(channel, ratio): (&str, MeasuredNumber)| EfficiencyScale {
         channel: channel.into(),
         factor: factor(ratio),
         is_absolute,
@@ -186,7 +187,7 @@ fn efficiencies(targets: &[RecordedTarget], gain: Measured) -> Vec<EfficiencySca
 fn light(
     targets: &[RecordedTarget],
     capture: &str,
-    gain: Measured,
+    gain: MeasuredNumber,
     efficiencies: &[EfficiencyScale],
 ) -> Option<LightScale> {
     let of_capture =
@@ -195,11 +196,11 @@ fn light(
     let has_open = tiles.iter().any(|tile| !tile.has_filters);
     let used: Vec<&&RecordedTarget> = tiles.iter().filter(|tile| tile.has_filters != has_open).collect();
     let of = |channel: &str| efficiencies.iter().find(|scale| scale.channel == channel);
-    let corrected = |(channel, ratio): (&str, Measured)| match of(channel) {
+    let corrected = |(channel, ratio): (&str, MeasuredNumber)| match of(channel) {
         Some(scale) => ratio.times(1.0 / scale.factor.value),
         None => ratio,
     };
-    let all: Vec<Measured> = used.iter().flat_map(|tile| ratios(tile, gain)).map(corrected).collect();
+    let all: Vec<MeasuredNumber> = used.iter().flat_map(|tile| ratios(tile, gain)).map(corrected).collect();
     let mean = weighted_mean(&all)?;
     let known = used.iter().map(|tile| tile.uncertainty).fold(f64::INFINITY, f64::min);
     let is_absolute = efficiencies.first().is_some_and(|scale| scale.is_absolute);
@@ -221,12 +222,14 @@ fn leaks(targets: &[RecordedTarget], capture: &str) -> Vec<FilterLeakage> {
         targets.iter().find(is_it)
     };
     let (Some(behind), Some(open)) = (tile(true), tile(false)) else { return Vec::new() };
-    let leak = |(channel, rate, described): &(String, Measured, f64)| {
+    let leak = |(channel, rate, described): &(String, MeasuredNumber, f64)| {
         let (_, whole, of_whole) = open.channels.iter().find(|(other, ..)| other == channel)?;
         let ratio = rate.over(*whole);
         // Nothing can be less than none: a chance level below the dark one leaves a limit
-        let passed =
-            Measured { low: ratio.low.max(0.0), ..Measured::new(ratio.value.max(0.0), ratio.error()) };
+        let passed = MeasuredNumber {
+            low: ratio.low.max(0.0),
+            ..MeasuredNumber::new(ratio.value.max(0.0), ratio.error())
+        };
         (whole.low > 0.0 && *of_whole > 0.0).then(|| FilterLeakage {
             capture: capture.into(),
             channel: channel.clone(),
@@ -249,13 +252,15 @@ mod tests {
             target: KnownTarget::Tile(Curve::constant(0.9)),
             uncertainty: 0.02,
             has_filters,
-            channels: named.map(|(n, (dn, e))| (n.to_owned(), Measured::new(*dn, 1e-3 * dn), *e)).collect(),
+            channels: named
+                .map(|(n, (dn, e))| (n.to_owned(), MeasuredNumber::new(*dn, 1e-3 * dn), *e))
+                .collect(),
         }
     }
 
     #[test]
     fn lights_and_efficiencies_are_told_apart_only_by_a_known_radiance() {
-        let gain = Measured::new(0.5, 0.005);
+        let gain = MeasuredNumber::new(0.5, 0.005);
         // Efficiencies of 0.8 and 1.2 of the sheet's, lights of 1.5 of it
         let open = tile("tile", false, &[(0.5 * 0.8 * 1.5 * 1e6, 1e6), (0.5 * 1.2 * 1.5 * 1e6, 1e6)]);
         let behind = tile("leak", true, &[(0.5 * 0.8 * 1.5 * 1e2, 50.0), (0.5 * 1.2 * 1.5 * 1e2, 50.0)]);
