@@ -44,6 +44,7 @@ mod mixture_line;
 mod mouth_guess;
 mod norm;
 mod outlier;
+mod pattern_table;
 mod pixel_mean;
 mod red_pattern;
 mod region_blocks;

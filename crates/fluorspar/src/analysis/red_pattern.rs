@@ -13,13 +13,13 @@
 //! blocks that hold none. Neighbors are alike: the likelihood of the blocks is raised to the power of the number of independent ones
 //! over that of all (composite likelihood; Cooley, Davison and Ribatet, arXiv 0911.5357). All unknowns are summed over grids.
 
-use std::sync::LazyLock;
-
-use fluorspar_accel::bands::{self, BLOCK, BandBlock};
+use fluorspar_accel::bands::{BLOCK, BandBlock};
 use fluorspar_accel::{Lanes, Simd, Work};
 use rayon::prelude::*;
-use statrs::function::erf::erfc;
 
+use super::pattern_table::{
+    Around, COUNT, LEAST_LIKELIHOOD, MEANS, NONE, OfPatterns, PATTERNS, SIXTEENS, STENCIL, around, bell,
+};
 use super::share_posterior::Mixture;
 
 /// Blocks that count as independent. \[assumed\]: fewer cost power, more take clean tongues for patchy ones.
@@ -34,33 +34,14 @@ const PLACE_FACTOR_LOG_SD: f64 = 0.4;
 pub(super) const CHLOROPHYLL: [f64; 5] = [0.1, 0.4, 1.2, 3.0, 7.0];
 const CHLOROPHYLL_LOG_SD: f64 = 1.25;
 /// Step between colors of the bulk on the grid, over what the mean of independent blocks scatters by, and the most of them.
-const BULK_STEP: f64 = 2.0;
-const MOST_BULKS: f64 = 96.0;
+const BULK_STEP: f64 = 1.5;
+const MOST_BULKS: f64 = 128.0;
 /// Most steps that are taken at once where blocks scatter more than they do at least.
 const MOST_STRIDE: f64 = 4.0;
 /// Largest share that the bulk on the grid leaves for porphyrin.
 const LARGEST_SHARE: f64 = 0.75;
-/// Mean shares of the region on the grid, and where they end.
-const MEANS: usize = 18;
-const MEAN_RANGE: [f64; 2] = [0.002, 0.45];
-/// Shares of blocks on the grid besides none and the means, and where they end.
-const SHARES: usize = 22;
-const SHARE_RANGE: [f64; 2] = [0.0025, 0.75];
-/// Patchy porphyrin: standard deviation of the logarithm, and probability that a block holds none. \[assumed\]
-const PATCHES: [[f64; 2]; 4] = [[0.6, 0.0], [1.0, 0.0], [1.5, 0.0], [0.9, 0.4]];
-/// Probability of blocks that nobody foresaw, and how much wider they scatter. \[assumed\]
-const OUTLIERS: f64 = 0.02;
-const OUTLIER_WIDTH: f64 = 3.0;
-/// Standard deviations beyond which no block lies: there the density is below [`LEAST_LIKELIHOOD`].
-const FARTHEST: f64 = 36.0;
 /// Terms this far below the best, as logarithms of probability, are left out.
 const NEGLIGIBLE: f64 = 9.0;
-/// Blocks whose likelihoods are multiplied before their logarithm is taken, and the least likelihood that counts, so that no product is 0.
-const MULTIPLIED: usize = 8;
-const LEAST_LIKELIHOOD: f64 = 1e-30;
-/// Share from which on a block counts as one with porphyrin.
-pub(super) const SHARE_OF_MARK: f64 = 0.02;
-
 /// The blocks of a region along the red direction, and what is known beforehand.
 #[derive(Clone, Debug)]
 pub(super) struct RedPattern {
@@ -110,89 +91,6 @@ pub(super) struct PatternPosterior {
     pub(super) place_factor: f64,
     /// Mean share of chlorophyll.
     pub(super) chlorophyll: f64,
-}
-
-/// Probabilities of the shares of the grid in a pattern, as a run of them.
-struct Pattern {
-    first: usize,
-    probabilities: Vec<f64>,
-}
-
-/// Shares of blocks and the patterns in which they come.
-struct Patterns {
-    shares: Vec<f64>,
-    /// Shares that the means of regions may have.
-    means: Vec<f64>,
-    patterns: Vec<Pattern>,
-    /// Probabilities of the patchy ones, sixteen by sixteen, `[sixteen patterns][share]`.
-    patchy: Vec<BandBlock>,
-}
-
-/// Number of the pattern without porphyrin; those with the same share everywhere follow.
-const NONE: usize = 0;
-/// Number of the first patchy pattern.
-const FIRST_PATCHY: usize = 1 + MEANS;
-
-static PATTERNS: LazyLock<Patterns> = LazyLock::new(Patterns::new);
-
-impl Patterns {
-    fn new() -> Self {
-        let even_steps = |[low, high]: [f64; 2], count: usize| -> Vec<f64> {
-            let ratio = f64::ln(high / low);
-            (0..count).map(|i| low * (ratio * i as f64 / (count - 1) as f64).exp()).collect()
-        };
-        let means = even_steps(MEAN_RANGE, MEANS);
-        let mut shares = vec![0.0];
-        shares.extend(even_steps(SHARE_RANGE, SHARES));
-        shares.extend(&means);
-        shares.sort_by(f64::total_cmp);
-
-        let place = |mean: &f64| shares.iter().position(|share| share == mean).unwrap_or_default();
-        let even = std::iter::once(0).chain(means.iter().map(place));
-        let mut patterns: Vec<Pattern> =
-            even.map(|first| Pattern { first, probabilities: vec![1.0] }).collect();
-        // Cells between the means of neighbors on the scale of logarithms; the outermost hold what lies beyond
-        let logs: Vec<f64> = shares[1..].iter().map(|share| share.ln()).collect();
-        for mean in &means {
-            for [log_sd, empty] in PATCHES {
-                let center = (mean / (1.0 - empty)).ln() - 0.5 * log_sd * log_sd;
-                let below = |log: f64| 0.5 * erfc(-(log - center) / (log_sd * std::f64::consts::SQRT_2));
-                let edges = logs.windows(2).map(|pair| below(0.5 * (pair[0] + pair[1]))).chain([1.0]);
-                let mut last = 0.0;
-                let mut probabilities = vec![empty];
-                for edge in edges {
-                    probabilities.push((1.0 - empty) * (edge - last));
-                    last = edge;
-                }
-                patterns.push(Pattern { first: 0, probabilities });
-            }
-        }
-        let sixteen = |patterns: &[Pattern], share: usize| {
-            let mut block = BandBlock::ZERO;
-            let probabilities = patterns.iter().map(|pattern| pattern.probabilities[share] as f32);
-            block.0.iter_mut().zip(probabilities).for_each(|(out, probability)| *out = probability);
-            block
-        };
-        let patchy = patterns[FIRST_PATCHY..]
-            .chunks(BLOCK)
-            .flat_map(|patterns| (0..shares.len()).map(|share| sixteen(patterns, share)))
-            .collect();
-        Self { shares, means, patterns, patchy }
-    }
-
-    /// Logarithm of the probability of each pattern beforehand, around a typical share.
-    fn log_priors(&self, [typical, log_sd]: [f64; 2]) -> Vec<f64> {
-        let of_mean = |mean: &f64| (-0.5 * ((mean / typical).ln() / log_sd).powi(2)).exp();
-        let priors: Vec<f64> = self.means.iter().map(of_mean).collect();
-        let total: f64 = priors.iter().sum();
-        let third = f64::ln(1.0 / 3.0);
-        let even = priors.iter().map(|prior| third + (prior / total).ln());
-        let patchy = priors.iter().flat_map(|prior| {
-            let log_prior = third + (prior / total / PATCHES.len() as f64).ln();
-            [log_prior; PATCHES.len()]
-        });
-        std::iter::once(third).chain(even).chain(patchy).collect()
-    }
 }
 
 /// Colors that the bulk of a person may have, in even steps, with the logarithms of their likelihoods: `of_share` gives that of a share of
@@ -257,8 +155,8 @@ impl RedPattern {
     pub(super) fn posterior(&self) -> Option<PatternPosterior> {
         let weighed = self.weighed()?;
         let of_cell = |(cell, weights): &(Cell, Vec<f64>)| {
-            let precisions = &weighed.precisions[cell.spread];
-            (*cell, Simd::detect().run(Details { pattern: self, cell, precisions, weights }))
+            let around = &self.around(cell, &weighed.precisions[cell.spread]);
+            (*cell, Simd::detect().run(Details { pattern: self, around, weights }))
         };
         let cells: Vec<(Cell, OfCell)> = weighed.cells.par_iter().map(of_cell).collect();
         Some(self.mix(&cells))
@@ -280,9 +178,11 @@ impl RedPattern {
         let bounds: Vec<f64> = cells.iter().map(|cell| self.bound(cell, &precisions[cell.spread])).collect();
         let evidence = |cell: &Cell| {
             let precisions = &precisions[cell.spread];
-            let mut logs = Simd::detect().run(Evidence { pattern: self, cell, precisions });
+            let mut logs = Simd::detect().run(Evidence(&self.around(cell, precisions)));
             let independent = self.independent();
-            let prior = |(log, prior): (&mut f64, &f64)| *log = independent * *log + cell.log_prior + prior;
+            let of_precision = independent * precisions.iter().map(|precision| precision.ln()).sum::<f64>();
+            let of_cell = cell.log_prior + of_precision;
+            let prior = |(log, prior): (&mut f64, &f64)| *log = independent * *log + of_cell + prior;
             logs.iter_mut().zip(&log_priors).for_each(prior);
             logs
         };
@@ -365,25 +265,20 @@ impl RedPattern {
         self.chlorophyll.map_or(0.0, |[_, amplitude]| amplitude)
     }
 
-    /// Likelihood of each share in a block, up to a factor that all cells have.
-    #[inline(always)]
-    fn likelihood(&self, cell: &Cell, precision: f64, block: usize, out: &mut [f64]) {
-        let (from, to) = (self.amplitudes[block] - cell.bulk, 1.0 - cell.bulk);
-        for (out, share) in out.iter_mut().zip(&PATTERNS.shares) {
-            *out = bell((from - share * to) * precision) * precision;
-        }
+    /// Where each block lies in the tables of patterns.
+    fn around(&self, cell: &Cell, precisions: &[f64]) -> Vec<[Around<'static>; 2]> {
+        let per = (1.0 - cell.bulk).recip();
+        let of_block =
+            |(amplitude, precision): (&f64, &f64)| around((amplitude - cell.bulk) * per, per / precision);
+        self.amplitudes.iter().zip(precisions).map(of_block).collect()
     }
 
     /// A bound on the logarithm of the weight of all patterns in a cell: each block has its most probable share.
     fn bound(&self, cell: &Cell, precisions: &[f64]) -> f64 {
         let of_block = |(amplitude, precision): (&f64, &f64)| {
-            (bell(((amplitude - cell.bulk) * precision).min(0.0)) * precision).max(LEAST_LIKELIHOOD)
+            (bell(((amplitude - cell.bulk) * precision).min(0.0)).max(LEAST_LIKELIHOOD) * precision).ln()
         };
-        let of_some = |(amplitudes, precisions): (&[f64], &[f64])| -> f64 {
-            amplitudes.iter().zip(precisions).map(of_block).product::<f64>().ln()
-        };
-        let sum: f64 =
-            self.amplitudes.chunks(MULTIPLIED).zip(precisions.chunks(MULTIPLIED)).map(of_some).sum();
+        let sum: f64 = self.amplitudes.iter().zip(precisions).map(of_block).sum();
         self.independent() * sum + cell.log_prior
     }
 
@@ -449,207 +344,105 @@ impl RedPattern {
     }
 }
 
-/// Logarithm of the likelihood of all blocks under each pattern in a cell, compiled for each instruction set.
-struct Evidence<'a> {
-    pattern: &'a RedPattern,
-    cell: &'a Cell,
-    precisions: &'a [f64],
-}
+/// What blocks say of each pattern, added up, compiled for each instruction set.
+struct Evidence<'a>(&'a [[Around<'a>; 2]]);
 
 impl Work for Evidence<'_> {
+    /// Sums of the logarithms of the likelihoods of blocks, without the factors that all patterns have.
     type Output = Vec<f64>;
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> Vec<f64> {
-        let Self { pattern, cell, precisions } = self;
-        let Patterns { patterns, patchy: of_shares, .. } = &*PATTERNS;
-        let count = patterns.len();
-        let (mut sums, mut products) = (vec![0.0; count], vec![1.0; count]);
-        let mut likelihood = vec![0.0; PATTERNS.shares.len()];
-        let mut narrow = vec![0.0; likelihood.len()];
-        let mut of_patchy = vec![BandBlock::ZERO; (count - FIRST_PATCHY).div_ceil(BLOCK)];
-        for (block, precision) in precisions.iter().enumerate() {
-            // Sum the likelihoods of the shares that each pattern has
-            pattern.likelihood(cell, *precision, block, &mut likelihood);
-            narrow.iter_mut().zip(&likelihood).for_each(|(narrow, value)| *narrow = *value as f32);
-            bands::clear(lanes, &mut of_patchy);
-            bands::add_combination(lanes, &narrow, of_shares, &mut of_patchy);
-            let (alike, patchy) = products.split_at_mut(FIRST_PATCHY);
-            for (product, pattern) in alike.iter_mut().zip(patterns) {
-                *product *= likelihood[pattern.first].max(LEAST_LIKELIHOOD);
-            }
-            for (products, sums) in patchy.chunks_mut(BLOCK).zip(&of_patchy) {
-                for (product, sum) in products.iter_mut().zip(&sums.0) {
-                    *product *= f64::from(*sum).max(LEAST_LIKELIHOOD);
-                }
-            }
-            if (block + 1) % MULTIPLIED == 0 {
-                sums.iter_mut().zip(&mut products).for_each(|(sum, product)| *sum += take_power(product));
-            }
+        let mut sums = [lanes.splat(0.0); SIXTEENS];
+        for around in self.0.as_flattened() {
+            add_weighted(lanes, around.weights, [0, 1, 2, 3].map(|node| &around.logs[node]), &mut sums);
         }
-        let ln = |(sum, product): (f64, f64)| sum * std::f64::consts::LN_2 + product.ln();
-        sums.into_iter().zip(products).map(ln).collect()
+        each(&stored(lanes, sums)).collect()
     }
+}
+
+/// Adds numbers of patterns at some nodes, each with its weight.
+#[inline(always)]
+fn add_weighted<L: Lanes>(
+    lanes: L,
+    weights: [f32; STENCIL],
+    nodes: [&OfPatterns; STENCIL],
+    sums: &mut [L::Vector; SIXTEENS],
+) {
+    for (weight, values) in weights.into_iter().zip(nodes) {
+        let weight = lanes.splat(weight);
+        for sixteen in 0..SIXTEENS {
+            sums[sixteen] = lanes.add(sums[sixteen], lanes.mul(weight, lanes.load(&values[sixteen])));
+        }
+    }
+}
+
+#[inline(always)]
+fn stored<L: Lanes>(lanes: L, vectors: [L::Vector; SIXTEENS]) -> OfPatterns {
+    let mut blocks = [BandBlock::ZERO; SIXTEENS];
+    blocks.iter_mut().zip(vectors).for_each(|(block, vector)| lanes.store(vector, block));
+    blocks
+}
+
+/// The number of each pattern.
+fn each(of: &OfPatterns) -> impl Iterator<Item = f64> {
+    of.iter().flat_map(|block| block.0).map(f64::from).take(COUNT)
 }
 
 /// What the patterns of a cell that count say, compiled for each instruction set.
 struct Details<'a> {
     pattern: &'a RedPattern,
-    cell: &'a Cell,
-    precisions: &'a [f64],
+    around: &'a [[Around<'a>; 2]],
     weights: &'a [f64],
 }
-
-/// Sums over the shares of a block in sixteen patterns: of the likelihood, of it times share and share squared, and where marked.
-type Moments = [BandBlock; 4];
 
 impl Work for Details<'_> {
     type Output = OfCell;
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> OfCell {
-        let Self { pattern, cell, precisions, weights } = self;
-        let Patterns { shares, patterns, patchy, .. } = &*PATTERNS;
-        let independent = precisions.len() as f64 * pattern.independent();
-        let (mut terms, mut blocks) = (Vec::new(), vec![[0.0; 2]; precisions.len()]);
-        let mut push = |number: usize, [mean, variance]: [f64; 2]| {
-            let of_scale = pattern.scale_variance * mean * mean;
-            terms.push((number, weights[number], [mean, variance / independent + of_scale]));
-        };
-        // The same share everywhere
-        let mut of_all = [0.0; 2];
-        for number in (NONE..FIRST_PATCHY).filter(|number| weights[*number] > 0.0) {
-            let share = shares[patterns[number].first];
-            push(number, [share, 0.0]);
-            of_all[0] += weights[number] * (pattern.own_light * share).min(1.0);
-            of_all[1] += if share > SHARE_OF_MARK { weights[number] } else { 0.0 };
+        let Self { pattern, around, weights } = self;
+        let mut of_patterns = [BandBlock::ZERO; SIXTEENS];
+        for (number, weight) in weights.iter().enumerate() {
+            of_patterns[number / BLOCK].0[number % BLOCK] = *weight as f32;
         }
-        blocks.fill(of_all);
-        // Patchy, sixteen at a time
-        let sixteens = weights[FIRST_PATCHY..].chunks(BLOCK).zip(patchy.chunks(shares.len())).enumerate();
-        let mut sixteens: Vec<Sixteen<'_>> = sixteens
-            .filter(|(_, (weights, _))| weights.iter().any(|weight| *weight > 0.0))
-            .map(|(number, (weights, probabilities))| Sixteen {
-                first: FIRST_PATCHY + BLOCK * number,
-                weights,
-                probabilities,
-                of_region: [[0.0; 2]; BLOCK],
-            })
-            .collect();
-        let mut likelihood = vec![0.0; shares.len()];
-        let mut factors = vec![[0.0; 4]; shares.len()];
-        for (block, precision) in precisions.iter().enumerate() {
-            pattern.likelihood(cell, *precision, block, &mut likelihood);
-            for ((factors, likelihood), share) in factors.iter_mut().zip(&likelihood).zip(shares) {
-                *factors = factors_of(*likelihood, *share);
-            }
-            let light = [pattern.weights[block], pattern.own_light];
-            for sixteen in &mut sixteens {
-                sixteen.add(&moments(lanes, sixteen.probabilities, &factors), light, &mut blocks[block]);
-            }
-        }
-        for sixteen in &sixteens {
-            for (lane, of_region) in sixteen.of_region.iter().enumerate() {
-                if sixteen.weights.get(lane).is_some_and(|weight| *weight > 0.0) {
-                    push(sixteen.first + lane, *of_region);
+        // Mean share of the region in each pattern and its variance, added up over blocks
+        let mut of_region = [[lanes.splat(0.0); SIXTEENS]; 2];
+        let mut blocks = Vec::with_capacity(around.len());
+        for (around, light) in around.iter().zip(&pattern.weights) {
+            let mut of_share = [[lanes.splat(0.0); SIXTEENS]; 3];
+            for (what, sums) in of_share.iter_mut().enumerate() {
+                for Around { of_share, weights, .. } in around {
+                    add_weighted(lanes, *weights, [0, 1, 2, 3].map(|node| &of_share[node][what]), sums);
                 }
             }
+            let (light, mut of_block) = (lanes.splat(*light as f32), [lanes.splat(0.0); 2]);
+            for sixteen in 0..SIXTEENS {
+                let weight = lanes.load(&of_patterns[sixteen]);
+                for (what, sum) in of_region.iter_mut().enumerate() {
+                    sum[sixteen] = lanes.add(sum[sixteen], lanes.mul(light, of_share[what][sixteen]));
+                }
+                for (sum, what) in of_block.iter_mut().zip([0, 2]) {
+                    *sum = lanes.add(*sum, lanes.mul(weight, of_share[what][sixteen]));
+                }
+            }
+            let total = |sum| {
+                let mut block = BandBlock::ZERO;
+                lanes.store(sum, &mut block);
+                block.0.into_iter().map(f64::from).sum::<f64>().clamp(0.0, 1.0)
+            };
+            let [share, marked] = of_block.map(total);
+            blocks.push([(pattern.own_light * share).min(1.0), marked]);
         }
-        OfCell { terms, blocks }
+        let independent = around.len() as f64 * pattern.independent();
+        let [means, variances] = of_region.map(|sums| stored(lanes, sums));
+        let terms = weights.iter().zip(each(&means).zip(each(&variances))).enumerate();
+        let term = |(number, (weight, (mean, variance))): (usize, (&f64, (f64, f64)))| {
+            let of_scale = pattern.scale_variance * mean * mean;
+            (*weight > 0.0).then(|| (number, *weight, [mean, variance.max(0.0) / independent + of_scale]))
+        };
+        OfCell { terms: terms.filter_map(term).collect(), blocks }
     }
-}
-
-/// Sixteen patchy patterns of a cell.
-struct Sixteen<'a> {
-    /// Number of the first, and the probabilities of those that there are.
-    first: usize,
-    weights: &'a [f64],
-    /// Of each share.
-    probabilities: &'a [BandBlock],
-    /// Mean share of the region and its variance, added up over blocks.
-    of_region: [[f64; 2]; BLOCK],
-}
-
-impl Sixteen<'_> {
-    /// Adds a block with its share of the region's light and the factor for its own light.
-    #[inline(always)]
-    fn add(&mut self, moments: &Moments, [light, own_light]: [f64; 2], block: &mut [f64; 2]) {
-        for (lane, weight) in self.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
-            let [total, of_share, of_square, marked] = [0, 1, 2, 3].map(|i| f64::from(moments[i].0[lane]));
-            let per = total.max(f64::MIN_POSITIVE).recip();
-            let [share, square] = [of_share * per, of_square * per];
-            self.of_region[lane][0] += light * share;
-            self.of_region[lane][1] += light * (square - share * share).max(0.0);
-            block[0] += weight * (own_light * share).min(1.0);
-            block[1] += weight * marked * per;
-        }
-    }
-}
-
-/// Of sixteen patterns with these probabilities of the shares.
-#[inline(always)]
-fn moments<L: Lanes>(lanes: L, probabilities: &[BandBlock], factors: &[[f32; 4]]) -> Moments {
-    let mut sums = [lanes.splat(0.0); 4];
-    for (probabilities, factors) in probabilities.iter().zip(factors) {
-        let probabilities = lanes.load(probabilities);
-        for (sum, factor) in sums.iter_mut().zip(factors) {
-            *sum = lanes.add(*sum, lanes.mul(lanes.splat(*factor), probabilities));
-        }
-    }
-    let mut moments = [BandBlock::ZERO; 4];
-    moments.iter_mut().zip(sums).for_each(|(moments, sums)| lanes.store(sums, moments));
-    moments
-}
-
-/// What the likelihood of a share is summed with: 1, the share, its square, and whether it marks a block.
-#[inline(always)]
-fn factors_of(likelihood: f64, share: f64) -> [f32; 4] {
-    let marked = if share > SHARE_OF_MARK { likelihood } else { 0.0 };
-    [likelihood, likelihood * share, likelihood * share * share, marked].map(|factor| factor as f32)
-}
-
-/// Takes the power of two out of a number above 0, which is left between 1 and 2.
-#[inline(always)]
-fn take_power(number: &mut f64) -> f64 {
-    const OF_ONE: u64 = 1023 << 52;
-    let bits = number.to_bits();
-    *number = f64::from_bits((bits & ((1 << 52) - 1)) | OF_ONE);
-    f64::from((bits >> 52) as i32 - 1023)
-}
-
-/// Density of an error in its standard deviations up to a factor: normal, and wider for blocks that nobody foresaw.
-#[inline(always)]
-fn bell(x: f64) -> f64 {
-    // The narrow one is the ninth power of the wide one
-    let wide = exp_below_0(-0.5 * (x.abs().min(FARTHEST) / OUTLIER_WIDTH).powi(2));
-    let third = wide * wide * wide;
-    let density = (1.0 - OUTLIERS) * (third * third * third) + OUTLIERS / OUTLIER_WIDTH * wide;
-    if x.abs() > FARTHEST { 0.0 } else { density }
-}
-
-/// `exp(x)` for -700 to 0 to 1e-14, without a call or a branch, so that several are computed at once.
-#[inline(always)]
-fn exp_below_0(x: f64) -> f64 {
-    /// Added to a number it leaves the nearest whole one in the last bits.
-    const ROUNDING: f64 = 6_755_399_441_055_744.0;
-    const TERMS: [f64; 12] = [
-        1.0 / 39_916_800.0,
-        1.0 / 3_628_800.0,
-        1.0 / 362_880.0,
-        1.0 / 40_320.0,
-        1.0 / 5040.0,
-        1.0 / 720.0,
-        1.0 / 120.0,
-        1.0 / 24.0,
-        1.0 / 6.0,
-        0.5,
-        1.0,
-        1.0,
-    ];
-    let powers = x * std::f64::consts::LOG2_E + ROUNDING;
-    let rest = x - (powers - ROUNDING) * std::f64::consts::LN_2;
-    let of_rest = TERMS.iter().fold(0.0, |sum, term| sum * rest + term);
-    of_rest * f64::from_bits((powers.to_bits().wrapping_add(1023)) << 52)
 }
 
 #[cfg(test)]
@@ -659,7 +452,7 @@ mod tests {
     /// Bulks of people who are normally distributed and hold any of the amounts of chlorophyll.
     fn normal_bulks([typical, amplitude]: [f64; 2], variance: f64) -> Vec<[f64; 2]> {
         let bulk = |node: i32| {
-            let bulk = 0.003 * f64::from(node) - 0.12;
+            let bulk = 0.001 * f64::from(node) - 0.12;
             let of_amount = |factor: &f64| {
                 let share = amplitude * share_of_chlorophyll(*factor, typical);
                 let own = (bulk - share) / (1.0 - share);
@@ -668,7 +461,7 @@ mod tests {
             };
             [bulk, CHLOROPHYLL.iter().map(of_amount).sum::<f64>().ln()]
         };
-        (0..=133).map(bulk).collect()
+        (0..=400).map(bulk).collect()
     }
 
     fn pattern(amplitudes: Vec<f64>) -> RedPattern {

@@ -9,9 +9,10 @@ use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
 use super::light_family::{FamilySource, LightFamily, NuisanceGroup, UnitLight};
+use super::pattern_table::SHARE_OF_MARK;
 use super::red_pattern::{
-    CHLOROPHYLL, INDEPENDENT_BLOCKS, PLACE_FACTORS, PLACES_OVER_PEOPLE, PatternPosterior, RedPattern,
-    SHARE_OF_MARK, bulks, share_of_chlorophyll,
+    CHLOROPHYLL, INDEPENDENT_BLOCKS, PLACE_FACTORS, PLACES_OVER_PEOPLE, PatternPosterior, RedPattern, bulks,
+    share_of_chlorophyll,
 };
 use super::share_posterior::FamilyFit;
 use crate::sampling::SampleStream;
