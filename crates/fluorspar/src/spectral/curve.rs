@@ -252,10 +252,13 @@ impl Curve {
     /// Every value times a factor.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
-        Self {
-            wavelength_nm: self.wavelength_nm.clone(),
-            value: self.value.iter().map(|v| v * factor).collect(),
-        }
+        self.mapped(|value| value * factor)
+    }
+
+    /// A function of every value.
+    pub(crate) fn mapped(&self, of: impl Fn(f64) -> f64) -> Self {
+        let value = self.value.iter().map(|value| of(*value)).collect();
+        Self { wavelength_nm: self.wavelength_nm.clone(), value }
     }
 
     /// Exact integral of the piecewise linear function between two wavelengths, value × nm.

@@ -114,7 +114,8 @@ pub fn analyze_regions(
         }
         Err(error) => Err(PipelineError::Region { name: region.name.clone(), error: Box::new(error) }),
     };
-    study.regions.par_iter().map(region).collect()
+    // One after the other: each finds the families of those before
+    study.regions.iter().map(region).collect()
 }
 
 /// One analysis of the frames of a study.

@@ -14,6 +14,7 @@ use crate::analysis::{
 use crate::pipeline::PipelineError;
 use crate::pipeline::capture::CapturedFrame;
 use crate::pipeline::capture::film_irradiance::behind_filter;
+use crate::spectral::Curve;
 use crate::study::{AnalysisPlan, Capture, Study};
 use crate::warning::Warning;
 
@@ -21,6 +22,8 @@ use crate::warning::Warning;
 /// lights, camera and exposure times, and not on what the frames show.
 pub(super) struct FamiliesOfFrames<'a> {
     frames: Vec<FamilyFrame>,
+    /// Irradiance of each over that of its family.
+    levels: Vec<f64>,
     named: LightFamily,
     others: Vec<LightFamily>,
     settings: &'a AnalysisPlan,
@@ -38,10 +41,12 @@ impl<'a> FamiliesOfFrames<'a> {
         let (Some(prior), Some(sensor)) = (&settings.tissue, &study.camera.sensor) else { return Ok(None) };
         let Some(lens) = study.camera.lens_behind_filters() else { return Ok(None) };
         let grid = &study.scene.grid;
-        let mut family_frames = Vec::new();
+        let (mut family_frames, mut levels) = (Vec::new(), Vec::new());
         for label in labels(settings) {
             let (frame, capture) = frame_called(label, study, frames)?;
             let Some(irradiance) = frame_light(study, capture, scene) else { return Ok(None) };
+            let (level, irradiance) = at_unit_level(&irradiance);
+            levels.push(level);
             let lens = behind_filter(&lens, capture);
             let camera = CameraResponse::new(&lens, sensor, grid, None);
             family_frames.push(FamilyFrame {
@@ -56,7 +61,7 @@ impl<'a> FamiliesOfFrames<'a> {
         let named = tissue_family(prior, &family_frames, grid)?;
         let others = other_tissue_families(prior, &family_frames, grid)?;
         let probability_of_named = prior.site_probability;
-        Ok(Some(Self { frames: family_frames, named, others, settings, probability_of_named }))
+        Ok(Some(Self { frames: family_frames, levels, named, others, settings, probability_of_named }))
     }
 
     /// The estimate from all channels that see light, by their means over the pixels of a region that are lit and usable; `None` where
@@ -69,9 +74,9 @@ impl<'a> FamiliesOfFrames<'a> {
         region: &PixelSelection,
     ) -> Option<SharePosterior> {
         let (mut electrons, mut variance) = (Vec::new(), Vec::new());
-        for (label, of_family) in labels(self.settings).zip(&self.frames) {
+        for ((label, of_family), level) in labels(self.settings).zip(&self.frames).zip(&self.levels) {
             let frame = frames.iter().find(|frame| frame.raw.label == *label)?;
-            let (image, k) = (&frame.developed, frame.raw.dn_per_electron);
+            let (image, k) = (&frame.developed, frame.raw.dn_per_electron * level);
             let noise = noise_of_frame(noise, frame);
             let same_size = image.width == region.width && image.height == region.height;
             let usable = |pixel: &usize| same_size && is_lit(*pixel) && !image.saturated[*pixel];
@@ -145,8 +150,8 @@ impl<'a> FamiliesOfFrames<'a> {
             let corner_px = [col * side, row * side];
             let (electrons, variance) = (Vec::new(), Vec::new());
             let mut block = RegionBlock { corner_px, pixels: pixels.len(), electrons, variance };
-            for (frame, of_family) in frames.iter().zip(&self.frames) {
-                let k = frame.raw.dn_per_electron;
+            for ((frame, of_family), level) in frames.iter().zip(&self.frames).zip(&self.levels) {
+                let k = frame.raw.dn_per_electron * level;
                 let noise = noise_of_frame(noise, frame);
                 let mean = PixelMean::new(&frame.developed, &of_family.channels, pixels, &noise)?;
                 block.electrons.extend(mean.dn.iter().map(|dn| dn / k));
@@ -156,6 +161,16 @@ impl<'a> FamiliesOfFrames<'a> {
         };
         Some((found.par_iter().filter_map(block).collect(), side))
     }
+}
+
+/// The level of an irradiance, the mean of its values, and its shape, as regions share it that one light meets at different levels: to 30
+/// digits of two, so that rounding makes no two of it.
+fn at_unit_level(irradiance: &Curve) -> (f64, Curve) {
+    const LAST_DIGITS: u64 = (1 << 22) - 1;
+    let values = irradiance.values();
+    let level = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let rounded = |value: f64| f64::from_bits((value.to_bits() + LAST_DIGITS / 2) & !LAST_DIGITS);
+    (level, irradiance.scaled(level.recip()).mapped(rounded))
 }
 
 /// The noise of a developed frame.

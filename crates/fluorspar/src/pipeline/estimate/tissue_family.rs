@@ -1,6 +1,9 @@
 //! What a camera sees of a family of tissues: light transport solved for some hundred tissues of a site, and cubic polynomials
 //! between them.
 
+use std::collections::VecDeque;
+use std::sync::{Mutex, PoisonError};
+
 use rayon::prelude::*;
 
 use nalgebra::{Cholesky, DMatrix};
@@ -45,8 +48,11 @@ const LIBRARY_CORRELATION_NM: f64 = 20.0;
 const GAIN_LOG_SD: f64 = 1.0;
 const LAMP_LOG_SD: f64 = 0.3;
 
+/// Families that are kept: those of a few regions with the sites that they may be taken for.
+const MOST_KEPT: usize = 24;
+
 /// One frame of a family.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct FamilyFrame {
     /// Label.
     pub label: String,
@@ -100,7 +106,39 @@ pub fn other_tissue_families(
     prior.others.iter().filter(is_other).map(family).collect()
 }
 
+/// What a family was made of.
+#[derive(PartialEq)]
+struct MadeOf {
+    ordinates: DiscreteOrdinates,
+    prior: TissuePrior,
+    frames: Vec<FamilyFrame>,
+    grid: WavelengthGrid,
+}
+
+/// Families that were made last: regions of one frame, and frames of one camera, ask for the same ones. They change no result.
+static KEPT: Mutex<VecDeque<(MadeOf, LightFamily)>> = Mutex::new(VecDeque::new());
+
 fn family_by(
+    ordinates: DiscreteOrdinates,
+    prior: &TissuePrior,
+    frames: &[FamilyFrame],
+    grid: &WavelengthGrid,
+) -> Result<LightFamily, TissueError> {
+    // On these a family does not rest
+    let prior = TissuePrior { others: Vec::new(), site_probability: 1.0, ..prior.clone() };
+    let of = MadeOf { ordinates, prior, frames: frames.to_vec(), grid: grid.clone() };
+    let kept = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((_, family)) = kept().iter().find(|(made_of, _)| *made_of == of) {
+        return Ok(family.clone());
+    }
+    let family = made_family(ordinates, &of.prior, frames, grid)?;
+    let mut kept = kept();
+    kept.truncate(MOST_KEPT - 1);
+    kept.push_front((of, family.clone()));
+    Ok(family)
+}
+
+fn made_family(
     ordinates: DiscreteOrdinates,
     prior: &TissuePrior,
     frames: &[FamilyFrame],
