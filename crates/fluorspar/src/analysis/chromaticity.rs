@@ -210,6 +210,14 @@ impl ChromaticityMap {
         (self.validity[pixel] == PixelValidity::Valid).then(|| chromaticity.map(f64::from))
     }
 
+    /// Pixels that count in the mean of a region, if any has a chromaticity: all but saturated ones. Were those lost in noise left out, noise
+    /// would choose the brighter ones, whose mean is grayer than the light.
+    pub(crate) fn measured<'a>(&'a self, pixels: &'a [usize]) -> impl Iterator<Item = usize> + 'a {
+        let has_light = pixels.iter().any(|pixel| self.validity[*pixel] == PixelValidity::Valid);
+        let counts = move |pixel: &usize| has_light && self.validity[*pixel] != PixelValidity::Saturated;
+        pixels.iter().copied().filter(counts)
+    }
+
     /// Counts of valid pixels of the whole image, and of the others by reason.
     pub fn counts(&self) -> ExclusionCounts {
         ExclusionCounts::count(self.validity.iter().copied())

@@ -310,9 +310,8 @@ pub(crate) fn analyze_pixels(
     if let Some(line) = &line {
         let valid = |pixel| map.at(pixel).is_some();
         let estimates = PorphyrinMap::new(image, valid, selection, line, &settings.noise, reflected)?;
-        let lit: Vec<usize> =
-            selection.pixels.iter().copied().filter(|&pixel| map.at(pixel).is_some()).collect();
-        let mean = mean_of_pixels(image, &lit, &settings.noise, reflected)?;
+        let measured: Vec<usize> = map.measured(&selection.pixels).collect();
+        let mean = mean_of_pixels(image, &measured, &settings.noise, reflected)?;
         let summary = summarize(line, &estimates, mean, statistics.ellipse.as_ref());
         warnings.extend(level_warnings(summary.region.as_ref(), image));
         of_line.extend(line_warnings(summary.region.as_ref(), &analyte));
@@ -476,8 +475,13 @@ fn angle_to_line_deg(line: &MixtureLine, ellipse: &CovarianceEllipse) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use rand::RngExt;
+    use rand_distr::StandardNormal;
+
     use super::*;
     use crate::analysis::Rectangle;
+    use crate::sampling::Z_95;
+    use crate::sampling::random::Key;
 
     fn model() -> MixtureModel {
         let response = |name: &str, rgb_per_amount| FluorophoreResponse { name: name.into(), rgb_per_amount };
@@ -554,6 +558,39 @@ mod tests {
         let (analysis, ..) = analyze_region(&image(3, 1000.0), None, None, None, &settings).unwrap();
         let back: Analysis = serde_json::from_str(&serde_json::to_string(&analysis).unwrap()).unwrap();
         assert_eq!(back, analysis);
+    }
+
+    /// Pixels of which noise hides more or fewer: the region holds the same light.
+    #[test]
+    fn intervals_of_dim_regions_hold_the_truth() {
+        const FRAMES: u64 = 400;
+        const PIXELS: usize = 200;
+        let (settings, model) = (settings(), model());
+        let line =
+            MixtureLine::from_fluorophores(&model.responses, &model.bulk_weights, "porphyrins").unwrap();
+        // Pixels are lost below a sum of 5 sqrt(3) times the floor
+        for light_dn in [14.0, 18.0, 40.0] {
+            let exact = line.rgb(0.9 * light_dn, 0.1 * light_dn);
+            let truth = line.project(exact, [1.0; 3]).unwrap().position;
+            let held = |frame: &u64| {
+                let mut rng = Key::new(5).with(*frame).with(light_dn as u64).rng();
+                let mut noisy = |value: f64| {
+                    let variance = settings.noise.floor_dn.powi(2) + settings.noise.dn_per_electron * value;
+                    (value + variance.sqrt() * rng.sample::<f64, _>(StandardNormal)) as f32
+                };
+                let data = (0..3 * PIXELS).map(|place| noisy(exact[place % 3])).collect();
+                let saturated = vec![false; PIXELS];
+                let image =
+                    ChannelImage { width: PIXELS, data, saturated, shares: vec![1.0; 3], ..image(2, 1.0) };
+                let (analysis, ..) = analyze_region(&image, None, Some(&model), None, &settings).unwrap();
+                let estimate = analysis.mixture.unwrap().region.unwrap().estimate;
+                (estimate.position - truth).abs() < Z_95 * estimate.position_standard_error
+            };
+            let share = (0..FRAMES).filter(held).count() as f64 / FRAMES as f64;
+            // Four standard errors of a binomial share
+            let tolerance = 4.0 * (0.95 * 0.05 / FRAMES as f64).sqrt();
+            assert!((share - 0.95).abs() < tolerance, "{light_dn} {share}");
+        }
     }
 
     #[test]

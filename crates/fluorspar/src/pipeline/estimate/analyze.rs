@@ -10,8 +10,8 @@ use super::targets::{TargetLabels, measured_targets, noise_of};
 use super::tissue_estimate::FamiliesOfFrames;
 use crate::analysis::{
     Analysis, AnalysisError, AnalysisSettings, Analyte, BudgetInput, ChannelNoise, ChromaticityMap,
-    ErrorBudget, FluorophoreResponse, MixtureModel, PixelAnalysis, PixelSelection, PixelValidity,
-    PorphyrinMap, RegionError, RegionFraction, RegionLight, analyze_pixels, channel_response, rgb_channels,
+    ErrorBudget, FluorophoreResponse, MixtureModel, PixelAnalysis, PixelSelection, PorphyrinMap, RegionError,
+    RegionFraction, RegionLight, analyze_pixels, channel_response, rgb_channels,
 };
 use crate::image::{ChannelImage, ComponentFactors, ComponentImage};
 use crate::pipeline::PipelineError;
@@ -143,19 +143,15 @@ fn analyzed(
         analysis_settings.region.select(image.width, image.height, scene).map_err(AnalysisError::from)?;
     let on_region = scene.map(|scene| (scene, &region));
     let chromaticity = ChromaticityMap::of(image, settings.noise_threshold);
-    let is_lit = |pixel: usize| chromaticity.validity[pixel] == PixelValidity::Valid;
     // What is known of the region's light is known of the pixels that the estimate rests on: the others may be brighter or redder
-    let valid = PixelSelection {
-        pixels: region.pixels.iter().copied().filter(|&pixel| is_lit(pixel)).collect(),
-        ..region
-    };
+    let measured = PixelSelection { pixels: chromaticity.measured(&region.pixels).collect(), ..region };
     // On the line that mixtures follow
     let by_line = || -> Result<_, PipelineError> {
         let light = frame_light(study, capture, on_region);
         let mut model = mixture_model(study, sensor, capture, light.as_ref(), settings);
         let emitted = match (components, &settings.porphyrin) {
             (Some(components), Some(porphyrin)) => {
-                region_light(study, components, capture, porphyrin, frame, &valid)?
+                region_light(study, components, capture, porphyrin, frame, &measured)?
             }
             _ => None,
         };
@@ -186,7 +182,7 @@ fn analyzed(
         analysis.signals = Some(signals);
     }
     let families = families?;
-    let estimate = families.as_ref().and_then(|families| families.estimate(frames, noise, &is_lit, &region));
+    let estimate = families.as_ref().and_then(|families| families.estimate(frames, noise, &measured));
     if let Some(estimate) = &estimate {
         analysis.warnings.extend(estimate.warnings(&analysis.analyte));
         let known = families.as_ref().zip(analysis.truth.as_ref());
@@ -277,7 +273,7 @@ fn budget(
     })
 }
 
-/// Mean R, G, B of the light that was subtracted from the valid pixels of a region, DN, and the ratio of the exposure times.
+/// Mean R, G, B of the light that was subtracted from the measured pixels of a region, DN, and the ratio of the exposure times.
 fn subtracted_mean(
     image: &ChannelImage,
     chromaticity: &ChromaticityMap,
@@ -286,15 +282,15 @@ fn subtracted_mean(
     let (Some(light), Ok(channels)) = (&image.subtracted, rgb_channels(image)) else {
         return ([0.0; 3], 0.0);
     };
-    let valid = || region.pixels.iter().filter(|pixel| chromaticity.at(**pixel).is_some());
+    let measured = || chromaticity.measured(&region.pixels);
     let mean = |channel: usize| {
-        let value = |pixel: &usize| f64::from(light.dn[pixel * image.channels.len() + channel]);
-        valid().map(value).sum::<f64>() / valid().count().max(1) as f64
+        let value = |pixel: usize| f64::from(light.dn[pixel * image.channels.len() + channel]);
+        measured().map(value).sum::<f64>() / measured().count().max(1) as f64
     };
     (channels.map(mean), light.exposure_ratio)
 }
 
-/// Mean R, G, B of the valid pixels of a region whose eight neighbors belong to it as well, DN: where interpolation of colors saw
+/// Mean R, G, B of the measured pixels of a region whose eight neighbors belong to it as well, DN: where interpolation of colors saw
 /// nothing else. `None` where there are none.
 fn inner_mean(
     image: &ChannelImage,
@@ -311,12 +307,10 @@ fn inner_mean(
     };
     let channels = rgb_channels(image).ok()?;
     let (mut sum, mut pixels) = ([0.0; 3], 0usize);
-    for &pixel in &region.pixels {
-        if chromaticity.at(pixel).is_some() && is_inner(pixel) {
-            let value = |channel: usize| f64::from(image.data[pixel * image.channels.len() + channel]);
-            sum.iter_mut().zip(channels).for_each(|(sum, channel)| *sum += value(channel));
-            pixels += 1;
-        }
+    for pixel in chromaticity.measured(&region.pixels).filter(|pixel| is_inner(*pixel)) {
+        let value = |channel: usize| f64::from(image.data[pixel * image.channels.len() + channel]);
+        sum.iter_mut().zip(channels).for_each(|(sum, channel)| *sum += value(channel));
+        pixels += 1;
     }
     (pixels > 0).then(|| sum.map(|sum| sum / pixels as f64))
 }

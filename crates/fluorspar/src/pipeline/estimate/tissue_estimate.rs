@@ -64,13 +64,12 @@ impl<'a> FamiliesOfFrames<'a> {
         Ok(Some(Self { frames: family_frames, levels, named, others, settings, probability_of_named }))
     }
 
-    /// The estimate from all channels that see light, by their means over the pixels of a region that are lit and usable; `None` where
+    /// The estimate from all channels that see light, by their means over the pixels of a region that no frame saturates; `None` where
     /// there are none.
     pub(super) fn estimate(
         &self,
         frames: &[CapturedFrame],
         noise: ChannelNoise,
-        is_lit: &dyn Fn(usize) -> bool,
         region: &PixelSelection,
     ) -> Option<SharePosterior> {
         let (mut electrons, mut variance) = (Vec::new(), Vec::new());
@@ -79,7 +78,7 @@ impl<'a> FamiliesOfFrames<'a> {
             let (image, k) = (&frame.developed, frame.raw.dn_per_electron * level);
             let noise = noise_of_frame(noise, frame);
             let same_size = image.width == region.width && image.height == region.height;
-            let usable = |pixel: &usize| same_size && is_lit(*pixel) && !image.saturated[*pixel];
+            let usable = |pixel: &usize| same_size && !image.saturated[*pixel];
             let pixels: Vec<usize> = region.pixels.iter().copied().filter(usable).collect();
             let mean = PixelMean::new(image, &of_family.channels, &pixels, &noise)?;
             electrons.extend(mean.dn.iter().map(|dn| dn / k));
@@ -90,7 +89,7 @@ impl<'a> FamiliesOfFrames<'a> {
             others: &self.others,
             probability_of_named: self.probability_of_named,
         };
-        let (blocks, side_px) = self.blocks(frames, noise, is_lit, region).unwrap_or_default();
+        let (blocks, side_px) = self.blocks(frames, noise, region).unwrap_or_default();
         average.posterior_of_blocks(&electrons, &variance, &blocks, side_px)
     }
 
@@ -124,7 +123,6 @@ impl<'a> FamiliesOfFrames<'a> {
         &self,
         frames: &[CapturedFrame],
         noise: ChannelNoise,
-        is_lit: &dyn Fn(usize) -> bool,
         region: &PixelSelection,
     ) -> Option<(Vec<RegionBlock>, usize)> {
         let find = |label: &String| frames.iter().find(|frame| frame.raw.label == *label);
@@ -138,8 +136,7 @@ impl<'a> FamiliesOfFrames<'a> {
         // Sort the pixels of the region into squares
         let side = block_side_px(region.pixels.len() as f64);
         let mut squares: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
-        let usable =
-            |pixel: usize| is_lit(pixel) && frames.iter().all(|frame| !frame.developed.saturated[pixel]);
+        let usable = |pixel: usize| frames.iter().all(|frame| !frame.developed.saturated[pixel]);
         for &pixel in region.pixels.iter().filter(|pixel| usable(**pixel)) {
             let place = [pixel / region.width / side, pixel % region.width / side];
             squares.entry(place).or_default().push(pixel);
