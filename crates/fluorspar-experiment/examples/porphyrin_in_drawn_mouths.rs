@@ -313,7 +313,12 @@ fn of_mouth(number: u64, folder: Option<&Path>) -> Fallible<Vec<Case>> {
                 found.foreign || found.doubt.as_ref().is_some_and(|doubt| doubt.is_strong),
                 found.visible.as_ref().and_then(|v| v.in_patches).unwrap_or(1.0),
                 found.visible.as_ref().and_then(|v| v.evenly).unwrap_or(1.0),
-                found.visible.as_ref().and_then(|v| v.limited_by.clone()).unwrap_or_default(),
+                found
+                    .visible
+                    .as_ref()
+                    .and_then(|v| v.limited_by.clone())
+                    .unwrap_or_default()
+                    .replace(',', ""),
                 red_truth,
                 found.red.map_or(f64::NAN, |red| red.interval[0]),
                 found.red.map_or(f64::NAN, |red| red.interval[1]),
