@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Analyte;
 
-/// Mean electrons per valid pixel of a region in some channels, by where their light was emitted, e-. Known in a simulation only.
+/// Mean electrons per unsaturated pixel of a region in some channels, by where their light was emitted, e-. Known in a simulation only.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RegionLight {
     /// Names of the channels: R, G and B where the camera has them, otherwise all of the frame that see light.
@@ -69,8 +69,8 @@ impl RegionLight {
         };
         format!(
             "electrons in {channels} from light whose only fluorescence was in the {analyte}, over those from light whose only \
-             fluorescence was in any fluorophore of the region's materials, by whatever way it came: means over the valid \
-             pixels of the region, without noise"
+             fluorescence was in any fluorophore of the region's materials, by whatever way it came: means over the \
+             unsaturated pixels of the region, without noise"
         )
     }
 

@@ -95,7 +95,7 @@ pub struct PredictedFluorophore {
 /// the pixels' own fractions instead.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RegionFraction {
-    /// Mean R, G, B over the valid pixels, DN, reflected light subtracted where known.
+    /// Mean R, G, B over the unsaturated pixels, DN, reflected light subtracted where known.
     pub mean_rgb_dn: [f64; 3],
     /// Variance of that mean by the sensor's noise, DN².
     pub variance_dn2: [f64; 3],
