@@ -155,14 +155,16 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
         .as_deref()
         .map(|out| Outputs::new().and(Output::file("--out", out)).reading(&read).declare())
         .transpose()?;
-    let (norm, without_value, guesses) = match (&options.study, &options.cohort, &options.pool[..]) {
-        (Some(study), ..) => of_study(options, study)?,
-        (None, Some(cohort), _) => (of_cohort(options, cohort)?, 0, 0),
-        (None, None, [first, rest @ ..]) => (pooled(first, rest)?, 0, 0),
-        (None, None, []) => {
-            return Err(Error::Input("give a study, ⟨cohort=FILE⟩ or norms with ⟨pool=FILE⟩".into()));
-        }
-    };
+    let (norm, [without_value, guesses, without_age]) =
+        match (&options.study, &options.cohort, &options.pool[..]) {
+            (Some(study), ..) => of_study(options, study)?,
+            (None, Some(cohort), _) => (of_cohort(options, cohort)?, [0; 3]),
+            (None, None, [first, rest @ ..]) => (pooled(first, rest)?, [0; 3]),
+            (None, None, []) => {
+                return Err(Error::Input("give a study, ⟨cohort=FILE⟩ or norms with ⟨pool=FILE⟩".into()));
+            }
+        };
+    warn(without_value, guesses, without_age, job);
     let fitted = norm.fit()?;
     let mut ranges = Vec::new();
     for site in &norm.sums.sites {
@@ -172,7 +174,6 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
             ranges.push(NormRange { site: site.site.clone(), people: site.people, age, range });
         }
     }
-    warn(without_value, guesses, job);
     if let (Some(out), Some(set)) = (&options.out, set) {
         write(out, serde_json::to_string_pretty(&norm)?.as_bytes())?;
         set.finish()?;
@@ -182,7 +183,10 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
 }
 
 /// Warns of people who are left out, and of regions that nobody looked at.
-fn warn(without_value: usize, guesses: usize, job: &Job) {
+fn warn(without_value: usize, guesses: usize, without_age: usize, job: &Job) {
+    if without_age > 0 {
+        job.warn(&[format!("{without_age} people have no age; they are left out of a norm by age").into()]);
+    }
     if without_value > 0 {
         job.warn(&[format!("{without_value} people have an upper limit and no number; they are left out, which moves the norm up").into()]);
     }
@@ -264,7 +268,8 @@ fn one_analysis(study: &Study, options: &NormOptions, rows: &[QueriedRow]) -> Re
     }
 }
 
-fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, usize, usize)> {
+/// The norm of a study, with the numbers of people without a value, of regions that are guesses, and of people without an age that is asked for.
+fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, [usize; 3])> {
     let mut study = Study::open(folder)?;
     let range = range_of(&options.quantity)?;
     let (people, without_value, rows) = people_of(&study.index, options, false)?;
@@ -285,7 +290,8 @@ fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, usize, us
         ranks: ranks(&people, range, options.by_age),
         sums: NormSums::of(&people, range, options.by_age),
     };
-    Ok((norm, without_value, guesses.first().map_or(0, |count| *count as usize)))
+    let without_age = people.iter().filter(|person| options.by_age && person.age.is_none()).count();
+    Ok((norm, [without_value, guesses.first().map_or(0, |count| *count as usize), without_age]))
 }
 
 /// The range by order statistics of people of one site.
