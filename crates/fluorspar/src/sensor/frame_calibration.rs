@@ -42,6 +42,8 @@ const CURVED: f64 = 9.0;
 /// Flicker of light and unevenness of a flat from which they are told.
 const TOLD_FLICKER: f64 = 0.01;
 const TOLD_TILT: f64 = 0.05;
+/// Standard errors from which a tilt of a flat is told.
+const SIGNIFICANT: f64 = 4.0;
 /// Terms of the surface of a flat: 1, x, x², u, v, u² - v², u v with x = u² + v².
 const TERMS: usize = 7;
 
@@ -159,7 +161,7 @@ pub struct FrameCalibration {
     pub largest_signal_e: f64,
     /// Mean deviation of levels from a line over time, percent; null of fewer than three exposure times.
     pub linearity_error_percent: Option<MeasuredNumber>,
-    /// Difference across the flat that no lens makes, percent of its level.
+    /// Difference across the flat that no lens makes, percent of its level; 0 where noise may make it.
     pub unevenness_percent: f64,
     /// Pixels that are far from the others in the dark, and in light.
     pub defects: [usize; 2],
@@ -722,7 +724,7 @@ struct Surface {
     axis: MeasuredNumber,
     shading: [MeasuredNumber; 2],
     corner: MeasuredNumber,
-    /// Largest difference that no lens makes.
+    /// Largest difference that no lens makes; 0 where noise may make it.
     unevenness: f64,
     /// Squared PRNU with its error.
     scatter: (f64, f64),
@@ -771,12 +773,14 @@ impl SurfaceFit {
 
     fn surface(&self, channel: usize, scatter: (f64, f64), defects: usize) -> Surface {
         let [tilt, saddle] = [self.beta[3].hypot(self.beta[4]), self.beta[5].hypot(self.beta[6])];
+        let error = (3..TERMS).map(|i| self.covariance[(i, i)]).sum::<f64>().max(0.0).sqrt();
+        let is_told = tilt + saddle > SIGNIFICANT * error;
         Surface {
             channel,
             axis: MeasuredNumber::new(self.beta[0], self.covariance[(0, 0)].max(0.0).sqrt()),
             shading: [self.relative([0.0, 1.0, 0.0]), self.relative([0.0, 0.0, 1.0])],
             corner: self.relative([1.0, 1.0, 1.0]),
-            unevenness: 2.0 * (tilt + saddle) / self.beta[0],
+            unevenness: if is_told { 2.0 * (tilt + saddle) / self.beta[0] } else { 0.0 },
             scatter,
             defects,
         }
