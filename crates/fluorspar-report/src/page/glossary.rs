@@ -12,7 +12,7 @@ const TERMS: [Term; 14] = [
         "Share, red fluorescence",
         &["ed fluorescence", "share of the fluorescence"],
         "Of the fluorescence that the sensor counts, the part that one substance gives off; a small amount of a bright one may have a large \
-         share. Red fluorescence is the part of all substances that glow deep red: porphyrins, and the green pigment of plants.",
+         share. Red fluorescence is the part of all substances that glow deep red.",
     ),
     (
         "Smallest share seen",
