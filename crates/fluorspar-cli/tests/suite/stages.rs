@@ -54,7 +54,11 @@ fn every_stage_continues_from_the_files_of_the_one_before() {
     let args = ["analyze", "frames", "--component-image", "run/components.exr", "--json"];
     assert_eq!(without_findings(fluorspar(folder, args).json()), results["analysis"]);
     let said = fluorspar(folder, ["analyze", "run"]).well();
-    assert!(said.stdout.starts_with("Frame \"blue\", tongue dorsum\n"), "{}", said.stdout);
+    assert!(
+        said.stdout.starts_with("Frame \"blue\", tongue dorsum, tip, lateral right and lateral left\n"),
+        "{}",
+        said.stdout
+    );
 
     // cite: what the run rests on, from the page in its folder; what is no run is refused.
     let cited = fluorspar(folder, ["cite", "run", "--json"]).json();
@@ -156,7 +160,7 @@ fn a_finished_render_is_seen_by_other_cameras_and_with_other_concentrations() {
     assert!(said.stderr.contains("render.width_px=80 and render.height_px=60"), "{}", said.stderr);
     let same = fluorspar(folder, ["capture", "run/components.exr", "--out", "same"]).well();
     assert!(!same.stderr.contains("one pixel of the render"), "{}", same.stderr);
-    let half = ["--set", "concentration.elastin=0.5"];
+    let half = ["--set", "concentration.collagen=0.5"];
     let args = ["capture", "run/components.exr", "--out", "half"].into_iter().chain(half);
     let said = fluorspar(folder, args).well();
     assert!(said.stderr.contains("exact but for light that fluoresced twice"), "{}", said.stderr);
@@ -164,7 +168,7 @@ fn a_finished_render_is_seen_by_other_cameras_and_with_other_concentrations() {
     let analysis = fluorspar(folder, args).json();
     let before = fluorspar(folder, ["analyze", "run", "--json"]).json();
     let median = |analysis: &Value| analysis["channels"][1]["statistics"]["median"].as_f64().unwrap();
-    assert!(median(&analysis) < median(&before), "less elastin is darker");
+    assert!(median(&analysis) < median(&before), "less collagen is darker");
 
     fluorspar(folder, ["sheet", "run/components.exr", "--width", "64", "--out", "sheet.png", "-q"]).well();
     assert!(bytes(folder, "sheet.png").starts_with(b"\x89PNG"));
