@@ -165,9 +165,16 @@ fn in_view(visible: &[String]) -> String {
     }
 }
 
-/// Names of parts in a list, a first word that all of them have once: "tongue dorsum, tip and lateral left".
+/// Names of parts in a list, a first word that all of them have once, and both sides as one: "tongue dorsum, tip and lateral".
 fn parts_in_words(parts: &[String]) -> String {
-    let names: Vec<String> = parts.iter().map(|part| part.replace('_', " ")).collect();
+    let both = |part: &str, [own, other]: [&str; 2]| {
+        let middle = part.strip_suffix(own)?;
+        parts.contains(&format!("{middle}{other}")).then(|| middle.to_owned())
+    };
+    let sides = ["_right", "_left"];
+    let is_second = |part: &&String| both(part, [sides[1], sides[0]]).is_some();
+    let name = |part: &String| both(part, sides).unwrap_or_else(|| part.clone()).replace('_', " ");
+    let names: Vec<String> = parts.iter().filter(|part| !is_second(part)).map(name).collect();
     let Some((first, others)) = names.split_first() else { return String::new() };
     let word = first.find(' ').map_or("", |end| &first[..=end]);
     let has_word = others.iter().all(|name| name.starts_with(word));
@@ -508,6 +515,8 @@ mod tests {
             "no pixel of upper_teeth lies 5 pixels of the sensor within its rim: choose a smaller inset"
         );
         assert_eq!(tongue().inset(2).describe(), "tongue (2 pixels within the rim)");
+        let sides = ["tongue_lateral_right", "tongue_tip", "tongue_lateral_left"];
+        assert_eq!(RegionOfInterest::of_parts(sides).describe(), "tongue lateral and tip");
         let parts = ["tongue_dorsum", "tongue_tip", "tongue_lateral_left"];
         assert_eq!(RegionOfInterest::of_parts(parts).describe(), "tongue dorsum, tip and lateral left");
         assert_eq!(
