@@ -280,7 +280,7 @@ fn answer(analysis: &Analysis) -> Option<Answer> {
         truth: truth(asked),
         other: other.trim_end_matches(". ").replace('-', "−"),
         budgets: vec![
-            contributions("By how much less wide if it were known:", budget, width, |less| {
+            contributions("Would narrow the interval, if known:", budget, width, |less| {
                 in_percent(less / width.unwrap_or(1.0))
             }),
             contributions("The other shares:", others, Some(1.0), in_percent),

@@ -162,7 +162,12 @@ fn listed(folder: &Path, files: &Files, field: &str) -> Result<Vec<PathBuf>, Str
         match path.is_dir() {
             true => all.extend(files_below(&path)),
             false if path.is_file() => all.push(path),
-            false => return Err(format!("{field}: there is no file or folder {}", path.display())),
+            false => {
+                return Err(format!(
+                    "{field}: there is no file or folder {}; put the frames there, or write where they are",
+                    path.display()
+                ));
+            }
         }
     }
     let count = all.len();

@@ -62,14 +62,15 @@ impl SiteSums {
     }
 
     fn remove(&mut self, other: &Self) {
-        self.people -= other.people;
+        // A file may hold sums of other people than it says
+        self.people = self.people.saturating_sub(other.people);
         self.age -= other.age;
         self.age_age -= other.age_age;
         self.age_value -= other.age_value;
         self.value -= other.value;
         self.value_value -= other.value_value;
         self.within -= other.within;
-        self.within_degrees -= other.within_degrees;
+        self.within_degrees = self.within_degrees.saturating_sub(other.within_degrees);
         self.inverse_visits -= other.inverse_visits;
     }
 
