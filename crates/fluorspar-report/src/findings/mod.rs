@@ -86,37 +86,41 @@ pub(crate) const PIXELS: Table = Table {
     ],
 };
 
-/// Findings that a run says at its end, in this order; `analyze` adds [`PIXELS`].
-const LINES: &[FindingId] = &[
+/// Findings that answer, in this order: what a run says at its end. `analyze` adds [`DETAILS`] and [`PIXELS`].
+const ANSWERS: &[FindingId] = &[
     Id::RedShare,
     Id::TrueShare,
     Id::MarkedBlocks,
     Id::ProbabilityOfNone,
-    Id::ShareOfMean,
-    Id::ShareInWiderFamily,
     Id::VisibleInPatches,
-    Id::VisibleEvenly,
-    Id::TissueProbability,
-    Id::MostConfused,
-    Id::FamilyDistance,
     Id::LineShare,
     Id::LineBlank,
     Id::DetectionLimit,
     Id::AmountRatio,
     Id::MeanSignal,
-    Id::PixelSnr,
     Id::SignalRatio,
     Id::UnmixedShare,
     Id::UnmixedAmount,
-    Id::UnmixedOthers,
-    Id::UnmixingMisfit,
     Id::SpotSeparation,
     Id::TargetSeparation,
+    Id::SmallestDiameter,
+    Id::FramesNeeded,
+];
+
+/// What an answer rests on.
+const DETAILS: &[FindingId] = &[
+    Id::ShareOfMean,
+    Id::ShareInWiderFamily,
+    Id::VisibleEvenly,
+    Id::TissueProbability,
+    Id::MostConfused,
+    Id::FamilyDistance,
+    Id::PixelSnr,
+    Id::UnmixedOthers,
+    Id::UnmixingMisfit,
     Id::TargetSeparationOfPixel,
     Id::TargetSeparationOfSensor,
     Id::TargetContrast,
-    Id::SmallestDiameter,
-    Id::FramesNeeded,
     Id::ChromaticityR,
     Id::ChromaticityG,
 ];
@@ -133,11 +137,11 @@ impl Table {
     }
 }
 
-/// The findings of a region in lines, the verdict first. `whole` adds pixels and levels.
+/// The findings of a region in lines, the verdict first. `whole` adds what it rests on, pixels and levels.
 #[must_use]
 pub fn finding_lines(findings: &[Finding], analyte: &Analyte, whole: bool) -> Vec<String> {
     let words = FindingWords::of(analyte);
-    let pixels = if whole { PIXELS.ids } else { &[] };
+    let more = if whole { [DETAILS, PIXELS.ids] } else { [&[][..]; 2] };
     let of = |id: FindingId| findings.iter().filter(move |finding| finding.id == id);
     // In tissue the line, as if the bulk were known, is no answer beside the estimate
     let in_tissue = of(Id::Share).next().is_some();
@@ -147,9 +151,10 @@ pub fn finding_lines(findings: &[Finding], analyte: &Analyte, whole: bool) -> Ve
         Id::RedShare => red.is_none(),
         _ => true,
     };
-    let lines = LINES.iter().chain(pixels).copied().filter(is_told).flat_map(of);
+    let lines = ANSWERS.iter().chain(more.into_iter().flatten()).copied().filter(is_told).flat_map(of);
     let lines = lines.map(|finding| format!("  {}", words.line(finding)));
-    let note = "  Intervals are of 95 %; ± is the spread of the pixels".to_owned();
+    let spread = if whole { "; ± is the spread of the pixels" } else { "" };
+    let note = format!("  Intervals are of 95 %{spread}");
     let first = red.map(|red| ShareAnswer::of_share(red, analyte).sentence());
     let truth = red.and_then(|red| red.reference);
     let truth = truth.map(|truth| format!("  True red fluorescence: {} %", number(100.0 * truth)));
