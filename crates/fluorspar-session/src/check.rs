@@ -131,7 +131,8 @@ pub fn check(options: &CheckOptions, job: &Job) -> Result<CheckedFile> {
     }
     let mut experiment = source.resolve(&overrides)?;
     let camera_view = CameraView::of(&mut experiment.study);
-    let warnings = warnings_before_run(&experiment);
+    let mut warnings = warnings_before_run(&experiment);
+    warnings.extend(camera_view.warning(&experiment.study));
     job.warn(&warnings);
     let study = &experiment.study;
     let budget = ResourceNeeds::of_run(study);
@@ -216,6 +217,14 @@ impl CameraView {
         parts.sort_by(|a, b| b.1.total_cmp(&a.1));
         let side = |number: usize| field_mm.map(|field| field[number]);
         Self { width_mm: side(0), height_mm: side(1), distance_mm: side(2), parts, nothing: share(0) }
+    }
+
+    /// Warns of a camera that has no object before it.
+    fn warning(&self, study: &Study) -> Option<Warning> {
+        let is_blind = self.parts.is_empty() && !study.scene.objects.is_empty();
+        let text = "the camera sees no object: it looks past the scene or from within one. camera.position_mm and camera.look_at_mm say from \
+                    where to where it looks";
+        is_blind.then(|| Warning::from(text.to_owned()))
     }
 }
 
