@@ -12,6 +12,9 @@ use crate::image::{ComponentBases, SpectralBasis, representatives};
 /// its group somewhere. One that is a share of it everywhere may err as much more, and no more than at the least share.
 const ERROR: f32 = 5e-4;
 const LEAST_SHARE: f32 = 0.1;
+/// A component that is nowhere so large a share, as fluorescence in white light, may err by this: by a fraction of `ERROR` of all light.
+const FAINT_SHARE: f32 = 1e-2;
+const FAINT_ERROR: f32 = 2e-2;
 /// Bands dimmer than this share of the brightest of a light group show nothing.
 const DARK_BAND: f32 = 1e-7;
 /// Error of what represents the reflectances and emissions of a scene.
@@ -67,7 +70,10 @@ pub(super) fn component_bases(scene: &CompiledScene, pilot: Vec<Vec<f32>>, level
             }
         }
         let floor = if kind == 0 { FLOOR_OF_REFLECTED } else { FLOOR_OF_FLUORESCENCE };
-        let error = ERROR / largest_share(component, kinds, levels, bands).max(LEAST_SHARE);
+        let error = match largest_share(component, kinds, levels, bands) {
+            share if share < FAINT_SHARE => FAINT_ERROR,
+            share => ERROR / share.max(LEAST_SHARE),
+        };
         SpectralBasis::of_samples(&seen, &possible, bands, floor, error).map(Arc::new)
     };
     pilot.into_par_iter().enumerate().map(of_component).collect()
