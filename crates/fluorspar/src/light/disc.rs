@@ -129,6 +129,11 @@ impl PreparedDisc {
         Self::new(center, normal, radius, pattern)
     }
 
+    /// Center, normal and radius.
+    pub(crate) fn shape(&self) -> (Vec3, Vec3, f32) {
+        (self.center, self.normal, self.radius)
+    }
+
     #[inline]
     fn area(&self) -> f32 {
         std::f32::consts::PI * self.radius * self.radius

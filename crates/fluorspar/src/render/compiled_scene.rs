@@ -9,6 +9,7 @@ use glam::{Vec2, Vec3};
 use super::excitation::Excitation;
 use super::fluorescence_operator::FluorescenceOperator;
 use super::instances::CompiledInstances;
+use super::light_targets::LightTargets;
 use super::material_spread::MaterialSpread;
 use super::survival_probability::{Coarse, RouletteModel};
 use crate::geometry::{intersect_disc, intersect_sphere};
@@ -179,10 +180,8 @@ pub(super) struct CompiledScene {
     pub(super) sources: Vec<Source>,
     /// Emissive objects, then light sources.
     pub(super) lights: Vec<CompiledLight>,
-    /// Number of the first light source in `lights`: emissive objects are hit as surfaces.
-    pub(super) first_light_source: usize,
-    /// Corners of a box around the light sources that rays can hit; `None` where there are none.
-    pub(super) light_box: Option<[Vec3; 2]>,
+    /// The light sources as rays meet them; emissive objects are hit as surfaces.
+    pub(super) light_targets: LightTargets,
     /// Lights of each group that can be sampled.
     pub(super) group_lights: Vec<Vec<usize>>,
     /// Emissive objects: their light.

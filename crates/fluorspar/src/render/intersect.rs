@@ -163,13 +163,8 @@ impl CompiledScene {
                 best = Some(Intersection { t, target: Target::Shape(index as u32) });
             }
         }
-        if self.may_hit_lights(origin, direction, limit) {
-            for (index, light) in self.lights.iter().enumerate().skip(self.first_light_source) {
-                if let Some(t) = light.emitter.intersect(origin, direction, limit) {
-                    limit = t;
-                    best = Some(Intersection { t, target: Target::Light(index as u32) });
-                }
-            }
+        if let Some((t, light)) = self.light_targets.closest(&self.lights, &Ray { t_max: limit, ..*ray }) {
+            best = Some(Intersection { t, target: Target::Light(light as u32) });
         }
         best
     }
@@ -186,21 +181,7 @@ impl CompiledScene {
         let Ray { origin, direction, t_max, .. } = *ray;
         self.instances.as_ref().is_some_and(|instances| instances.bvh.occluded(ray))
             || self.shapes.iter().any(|s| s.shape.intersect(origin, direction, t_max).is_some())
-            || self.may_hit_lights(origin, direction, t_max)
-                && self.lights.iter().enumerate().skip(self.first_light_source).any(|(l, light)| {
-                    l != aimed_at && light.emitter.intersect(origin, direction, t_max).is_some()
-                })
-    }
-
-    /// Whether a ray meets the box around the light sources within `limit` (slab test; Majercik et al. 2018, JCGT 7(3)).
-    #[inline]
-    fn may_hit_lights(&self, origin: Vec3, direction: Vec3, limit: f32) -> bool {
-        let Some([low, high]) = self.light_box else { return false };
-        let inverse = direction.recip();
-        let (a, b) = ((low - origin) * inverse, (high - origin) * inverse);
-        // A ray along a side of the box gives NaN, which min and max pass over or which counts as a hit
-        let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
-        !(enter > leave || leave < 0.0 || enter > limit)
+            || self.light_targets.occluded(&self.lights, ray, aimed_at)
     }
 }
 

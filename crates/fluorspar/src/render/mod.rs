@@ -18,6 +18,7 @@
 //! | `excitation` | what reflected light excites, on a basis of its spectra |
 //! | `surface` | what a ray finds: frame, texture coordinates, side |
 //! | `intersect` | the nearest surface or light along a ray, and visibility |
+//! | `light_targets` | light sources as rays meet them, discs of rings together |
 //! | `light_sampling` | directions toward lights, with densities |
 //! | `survival_probability` | expected remaining contribution of a path, which decides its survival |
 //! | `material_spread` | radial profiles of a material, and distances drawn from them |
@@ -51,6 +52,7 @@ mod fluorescence_operator;
 mod instances;
 mod intersect;
 mod light_sampling;
+mod light_targets;
 mod material_spread;
 mod memory;
 mod path;

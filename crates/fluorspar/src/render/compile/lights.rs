@@ -1,7 +1,6 @@
 //! Lights ready for sampling, and the distinct spectra that they emit.
 
 use fluorspar_accel::bands::{BandBlock, to_blocks};
-use glam::Vec3;
 use rayon::prelude::*;
 
 use super::geometry::EmissiveSurface;
@@ -10,6 +9,7 @@ use crate::light::PreparedEmitter;
 use crate::render::RenderSettings;
 use crate::render::compiled_scene::{CompiledLight, Source};
 use crate::render::fluorescence_operator::DirectLight;
+use crate::render::light_targets::LightTargets;
 use crate::scene::Scene;
 use crate::spectral::{Curve, PhotonEem};
 
@@ -21,10 +21,8 @@ pub(super) struct Lights {
     pub(super) hats: Vec<(usize, usize, f32)>,
     /// Emissive objects, then light sources.
     pub(super) lights: Vec<CompiledLight>,
-    /// Number of the first light source in `lights`.
-    pub(super) first_light_source: usize,
-    /// Corners of a box around the light sources that rays can hit.
-    pub(super) light_box: Option<[Vec3; 2]>,
+    /// The light sources as rays meet them.
+    pub(super) light_targets: LightTargets,
     /// Lights of each group that can be sampled.
     pub(super) group_lights: Vec<Vec<usize>>,
     /// Emissive objects: their light.
@@ -79,7 +77,7 @@ pub(super) fn compile(
         });
     }
 
-    let light_box = light_box(&lights[first_light_source..]);
+    let light_targets = LightTargets::new(&lights, first_light_source);
     let group_lights = (0..scene.light_groups.len())
         .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
         .collect();
@@ -87,23 +85,12 @@ pub(super) fn compile(
         sources: list.sources,
         hats: list.hats,
         lights,
-        first_light_source,
-        light_box,
+        light_targets,
         group_lights,
         object_light,
         environment,
         environment_maps,
     }
-}
-
-/// A box around the lights that have a size, a little larger than they are.
-fn light_box(lights: &[CompiledLight]) -> Option<[Vec3; 2]> {
-    let local = lights.iter().filter_map(|light| {
-        let (center, radius) = light.bounds.sphere()?;
-        let margin = Vec3::splat(1.001 * radius + 1e-5 * center.abs().max_element());
-        Some([center - margin, center + margin])
-    });
-    local.reduce(|[low, high], [other_low, other_high]| [low.min(other_low), high.max(other_high)])
 }
 
 /// A light of given sources: one, or one per layer of an environment map.
