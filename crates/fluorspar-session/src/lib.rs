@@ -65,7 +65,7 @@ pub mod tissue;
 pub mod values;
 
 pub use analyze::{AnalyzeOptions, Analyzed, AnalyzedFrames, analyze};
-pub use calibrate::{CalibrateOptions, CalibratedCamera, calibrate};
+pub use calibrate::{CalibrateOptions, CalibratedCamera, CalibrationText, calibrate};
 pub use capture::{CaptureOptions, CapturedFolder, RawForm, capture};
 pub use changes::{Changes, ExperimentArgs, RenderOptions, Seed};
 pub use check::{CameraView, CheckOptions, CheckedExperiment, CheckedFile, CheckedSample, check};
@@ -83,8 +83,8 @@ pub use live_render::{LiveRender, LiveStudy, Shapes};
 pub use options::{TaskOption, TaskOptions};
 pub use photographs::{
     AnalyzedPhotographs, FailedPhotograph, IntervalKind, PatientEstimate, Photograph, PhotographCamera,
-    PhotographRow, estimate_photograph, find_photographs, photographs_csv, read_photographs, region_mask,
-    region_with_mask,
+    PhotographRow, estimate_photograph, find_photographs, photograph_pictures, photographs_csv,
+    read_photographs, region_mask, region_with_mask,
 };
 pub use plane_cache::Wanted;
 pub use predict::{PredictOptions, PredictedSample, filter_list, predict};

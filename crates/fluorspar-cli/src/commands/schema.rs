@@ -4,6 +4,7 @@ use clap::ValueEnum;
 use fluorspar_experiment::{
     CohortFile, LayersFile, SampleFile, SensorFile, design_json_schema, json_schema, json_schema_of,
 };
+use fluorspar_session::CalibrationText;
 
 use crate::error::CliError;
 
@@ -30,6 +31,8 @@ enum FileKind {
     Design,
     /// Cohorts, as `cohort` takes them.
     Cohort,
+    /// Which frames of a camera are what, as `calibrate` takes them.
+    Calibration,
 }
 
 pub(crate) fn run(options: &Options) -> Result<(), CliError> {
@@ -40,6 +43,7 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         FileKind::Layers => json_schema_of::<LayersFile>(),
         FileKind::Design => design_json_schema(),
         FileKind::Cohort => json_schema_of::<CohortFile>(),
+        FileKind::Calibration => json_schema_of::<CalibrationText>(),
     })?;
     Ok(())
 }

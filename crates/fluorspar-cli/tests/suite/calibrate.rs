@@ -286,6 +286,9 @@ fn two_cameras_give_the_same_estimate_once_they_are_calibrated() {
         fluorspar(folder, ["render", "patient.toml", "--components", "--out", "patient.exr", "-q"]).well();
         fluorspar(folder, ["capture", "patient.exr", "--set", view, "--out", "patient", "-q"]).well();
         fluorspar(folder, ["calibrate", "targets.toml", "--out", "calibrated", "-q"]).well();
+        // The folder of both may be moved
+        let camera = fs::read_to_string(folder.join("calibrated/camera.toml")).unwrap();
+        assert!(camera.contains("base = \"../sheet.toml\""), "{camera}");
         ["sheet.toml", "calibrated/camera.toml"].map(|by| {
             let frame = ["--frame", "blue=patient/raw_blue.tiff", "--json"];
             let found = fluorspar(folder, ["analyze", "--experiment", by].iter().chain(&frame)).json();

@@ -281,6 +281,8 @@ fn schemas_and_completions_are_printed() {
     let experiment = fluorspar(folder, ["schema"]).json();
     let sample = fluorspar(folder, ["schema", "sample"]).json();
     assert!(experiment["properties"]["capture"].is_object() && sample["properties"]["sample"].is_object());
+    let calibration = fluorspar(folder, ["schema", "calibration"]).json();
+    assert_eq!(calibration["required"], serde_json::json!(["format", "experiment", "dark", "flat"]));
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let said = fluorspar(folder, ["completions", shell]).well();
         assert!(said.stdout.contains("fluorspar") && said.stdout.contains("predict"), "{shell}");

@@ -9,6 +9,7 @@ use fluorspar::study::Study;
 use fluorspar_experiment::preset;
 use fluorspar_experiment::schema::FormatVersion;
 use fluorspar_format::{Negative, SpectrumQuantity, read_toml};
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::named_spectra::{is_file, light, one_column};
@@ -16,48 +17,66 @@ use crate::photographs::files_below;
 use crate::source::read_text;
 use crate::{Error, Job, Result};
 
-/// Files, or a folder of files.
-#[derive(Clone, Debug, Deserialize)]
+/// A file, a folder of files, or a list of files, relative to the file that names them.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum Files {
     One(PathBuf),
     Many(Vec<PathBuf>),
 }
 
-/// A number, or the name of a spectrum.
-#[derive(Clone, Debug, Deserialize)]
+/// A number, or the name of a spectrum of the catalogue or its CSV file.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum NumberOrName {
     Number(f64),
     Name(String),
 }
 
-#[derive(Clone, Debug, Deserialize)]
+/// A file of `fluorspar calibrate`: which frames of a camera are what.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct FileText {
+pub struct CalibrationText {
+    /// Version of the form: 1.
     #[serde(rename = "format")]
     _format: FormatVersion,
+    /// Name of the camera. Default: that of the file.
     #[serde(default)]
     title: String,
+    /// Experiment that describes the camera before it is calibrated: name or file.
     experiment: String,
+    /// Frames without light, several of each exposure time.
     dark: Files,
+    /// Frames of even light, several of each exposure time.
     flat: Files,
+    /// Frames of known targets.
     #[serde(default)]
     target: Vec<TargetText>,
 }
 
-#[derive(Clone, Debug, Deserialize)]
+/// A known target: what it reflects under a light of the camera, or what it sends by itself.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct TargetText {
+    /// Its name.
     name: String,
+    /// Its frames.
     frames: Files,
+    /// Capture of the experiment under whose light they were taken.
     capture: String,
+    /// Diffuse reflectance, 0 to 1, or a spectrum.
     reflectance: Option<NumberOrName>,
+    /// Spectrum of a light source, instead of `reflectance`.
     spectrum: Option<String>,
+    /// Radiance of the light source over all wavelengths, W/(sr m2). Default: not known, so that only the balance of channels is told.
     radiance_w_per_sr_m2: Option<f64>,
+    /// Standard error of what is known, percent, 0 to 100.
+    #[schemars(range(min = 0, max = 100))]
     uncertainty_percent: f64,
+    /// Whether the viewing filter is before the lens. Default true.
     #[serde(default = "in_place")]
     viewing_filter: bool,
+    /// Column, row, width and height of its pixels. Default: the middle ninth of the frame.
     region_px: Option<[usize; 4]>,
 }
 
@@ -94,7 +113,7 @@ impl CalibrationFile {
     pub(super) fn read(path: &Path, job: &Job) -> Result<Self> {
         let wrong = |why: String| Error::Input(format!("{}: {why}", path.display()));
         let text = read_text(path)?;
-        let file: FileText = read_toml(&text).map_err(|error| wrong(error.to_string()))?;
+        let file: CalibrationText = read_toml(&text).map_err(|error| wrong(error.to_string()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let beside = folder.join(&file.experiment);
         let experiment = if beside.is_file() { beside.display().to_string() } else { file.experiment };

@@ -1,5 +1,7 @@
 //! The calibrated camera as an experiment: its base, and what was measured in place of what that says.
 
+use std::path::Path;
+
 use fluorspar::pipeline::CameraScales;
 use fluorspar::sensor::{Emva1288, FrameCalibration, SensorModel};
 use fluorspar::study::Study;
@@ -11,9 +13,18 @@ use toml::{Table, Value};
 use crate::photographs::camera_study;
 use crate::{Error, ExperimentSource, Result};
 
+/// What a camera file begins with.
+pub(super) struct CameraHead<'a> {
+    pub(super) title: &'a str,
+    /// The experiment that it changes, a file as the place of the camera file has it.
+    pub(super) base: &'a str,
+    /// A folder beside that place.
+    pub(super) folder: &'a Path,
+}
+
 /// The text of the experiment. What was measured stands above it, with intervals.
 pub(super) fn camera_toml(
-    title: &str,
+    head: &CameraHead<'_>,
     (source, parsed): (&ExperimentSource, &Experiment),
     study: &Study,
     (camera, gain): (&FrameCalibration, f64),
@@ -29,12 +40,8 @@ pub(super) fn camera_toml(
     }
     let mut file = Table::new();
     file.insert("format".into(), Value::Integer(1));
-    let base = match &source.file {
-        Some(file) => std::path::absolute(file).unwrap_or_else(|_| file.clone()).display().to_string(),
-        None => source.name.clone(),
-    };
-    file.insert("base".into(), base.into());
-    file.insert("title".into(), title.into());
+    file.insert("base".into(), head.base.into());
+    file.insert("title".into(), head.title.into());
     let Some(section) = &parsed.file.sensor else {
         return Err(Error::Input(format!("{}: there is no [sensor] section; add one", source.name)));
     };
@@ -57,7 +64,7 @@ pub(super) fn camera_toml(
     }
     text += &toml::to_string(&file).map_err(|error| Error::Failed(format!("camera.toml: {error}")))?;
     // What no experiment can have is told now, and not at its first use
-    let again = parse(&text, "camera.toml", &source.base_dir, &[])?;
+    let again = parse(&text, "camera.toml", head.folder, &[])?;
     camera_study(source, &again)?;
     Ok(text)
 }

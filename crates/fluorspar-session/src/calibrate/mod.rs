@@ -16,9 +16,10 @@ use fluorspar_format::{OutputFolder, read_described_frame};
 use fluorspar_report::{CalibrationResults, calibration_report};
 use serde::{Deserialize, Serialize};
 
+pub use self::calibration_file::CalibrationText;
 use self::calibration_file::{CalibrationFile, Target};
-use self::camera_file::camera_toml;
-use crate::photographs::camera_study;
+use self::camera_file::{CameraHead, camera_toml};
+use crate::photographs::{camera_study, path_from};
 use crate::{Error, ExperimentSource, Job, Left, Result};
 
 /// Which frames a camera is calibrated from.
@@ -82,7 +83,12 @@ pub fn calibrate(options: &CalibrateOptions, job: &Job) -> Result<CalibratedCame
     let (mut answer, gain) = measured(&file, &study, &options.file, job)?;
     job.warn(&answer.warnings);
     let title = if file.title.is_empty() { &stem } else { &file.title };
-    let text = camera_toml(title, (&source, &parsed), &study, (&answer.camera, gain), &answer.scales)?;
+    let base = source
+        .file
+        .as_ref()
+        .map_or(source.name.clone(), |file| path_from(&out, file).to_string_lossy().into_owned());
+    let head = CameraHead { title, base: &base, folder: folder.path() };
+    let text = camera_toml(&head, (&source, &parsed), &study, (&answer.camera, gain), &answer.scales)?;
     let results = CalibrationResults {
         title,
         experiment: &source.name,

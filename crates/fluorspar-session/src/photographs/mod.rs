@@ -12,6 +12,8 @@ pub(crate) use camera::camera_study;
 pub use estimate::{IntervalKind, PatientEstimate};
 pub use pairing::Photograph;
 pub(crate) use pairing::files_below;
+pub(crate) use proposal::path_from;
+pub use proposal::photograph_pictures;
 pub use table::{PhotographRow, photographs_csv, read_photographs};
 
 use std::collections::BTreeMap;

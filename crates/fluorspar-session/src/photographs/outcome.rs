@@ -188,8 +188,8 @@ pub(super) fn write_proposal(
     ])?;
     let table = folder.join(TABLE);
     job.status(format!(
-        "No region is placed. Look at the guesses: {}\nIn {} strike wrong lines, or write \"wrong\" as their verdict; draw others on the pictures in \
-         {}. Then: fluorspar analyze {} --experiment {}",
+        "No region is placed. Look at the guesses: {}\nIn {} write \"right\" as verdict of those that are, strike wrong lines, or write \"wrong\"; draw others on the \
+         pictures in {}. Then: fluorspar analyze {} --experiment {}",
         folder.join("report.html").display(),
         table.display(),
         folder.join("previews").display(),

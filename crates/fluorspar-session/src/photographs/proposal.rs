@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fluorspar::analysis::{GuessedRegion, PixelSelection, guess_mouth};
-use fluorspar::pipeline::Preview;
+use fluorspar::pipeline::{CapturedFrame, Preview};
+use fluorspar::study::Study;
 use fluorspar_experiment::resolve;
 use fluorspar_format::{OutputFolder, write_label_png, write_rgb_png};
 use fluorspar_report::{ReportPicture, outlined_preview};
@@ -15,7 +16,7 @@ use super::table::PhotographRow;
 use super::{FailedPhotograph, PhotographWork};
 use crate::analyze::{as_recorded, developed, parsed_for_frames};
 use crate::values::as_typed;
-use crate::{ExperimentSource, Job, Result};
+use crate::{AnalyzeOptions, ExperimentSource, Job, Result};
 
 /// What a photograph shows before regions are placed.
 pub(super) struct Proposed {
@@ -50,21 +51,44 @@ pub(super) fn propose(
     Ok((proposed, failures))
 }
 
+/// The frames of a photograph, and the study whose captures they are.
+fn developed_frames(
+    options: &AnalyzeOptions,
+    photograph: &Photograph,
+) -> Result<(Study, Vec<CapturedFrame>)> {
+    let options = options_of(photograph, options);
+    let quiet = Job::new(Arc::default(), Arc::new(super::estimate::Heard::default()));
+    let source = ExperimentSource::find(options.experiment.as_deref())?;
+    let (parsed, overrides) = parsed_for_frames(&options, &source)?;
+    let mut experiment = resolve(&parsed).map_err(|error| as_typed(error, &overrides))?;
+    as_recorded(&options, true, &mut experiment, &quiet);
+    let frames = developed(&options, &experiment.study, &photograph.frames[0].0, &quiet)?.frames;
+    Ok((experiment.study, frames))
+}
+
+/// How the frames of a photograph look, by capture.
+///
+/// # Errors
+/// Frames that can't be read.
+pub fn photograph_pictures(
+    options: &AnalyzeOptions,
+    photograph: &Photograph,
+) -> Result<Vec<(String, Preview)>> {
+    let (study, frames) = developed_frames(options, photograph)?;
+    let picture =
+        |(capture, _): &(String, PathBuf)| Some((capture.clone(), shown(&study, &frames, capture)?));
+    Ok(photograph.frames.iter().filter_map(picture).collect())
+}
+
 fn propose_one(
     work: &PhotographWork<'_>,
     photograph: &Photograph,
     number: usize,
     folder: &OutputFolder,
 ) -> Result<Proposed> {
-    let options = options_of(photograph, work.options);
-    let quiet = Job::new(Arc::default(), Arc::new(super::estimate::Heard::default()));
-    let source = ExperimentSource::find(options.experiment.as_deref())?;
-    let (parsed, overrides) = parsed_for_frames(&options, &source)?;
-    let mut experiment = resolve(&parsed).map_err(|error| as_typed(error, &overrides))?;
-    as_recorded(&options, true, &mut experiment, &quiet);
+    let (study, frames) = developed_frames(work.options, photograph)?;
     let (capture, frame) = &photograph.frames[0];
-    let frames = developed(&options, &experiment.study, capture, &quiet)?.frames;
-    let image = shown(&experiment.study, &frames, capture)
+    let image = shown(&study, &frames, capture)
         .ok_or_else(|| crate::Error::Failed(format!("{}: the frame has no picture", frame.display())))?;
     let stem = format!("{:03}_{}", number + 1, frame.file_stem().unwrap_or_default().to_string_lossy());
     write_rgb_png(
@@ -128,7 +152,7 @@ fn row_of(
 }
 
 /// A path as a folder has it, which may not be there yet.
-fn path_from(folder: &Path, path: &Path) -> PathBuf {
+pub(crate) fn path_from(folder: &Path, path: &Path) -> PathBuf {
     let (folder, path) = (without_links(folder), without_links(path));
     let shared = folder.components().zip(path.components()).take_while(|(a, b)| a == b).count();
     let up = folder.components().skip(shared).map(|_| std::path::Component::ParentDir);
