@@ -13,6 +13,7 @@
 //! | channels of a frame, OME-TIFF | | [`write_ome_tiff`] |
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
+//! | table of columns, Parquet; picture, DICOM | | [`parquet_table`], [`write_dicom`] |
 //! | names of tags and chunks of a picture | [`left_tags`] | |
 //! | mask, PNG, TIFF or NumPy | [`read_mask`] | [`write_indexed_png`], [`CocoMask`] |
 //! | description of a camera's frame | [`describe_frame`] | [`FrameDescription::write`] |
@@ -59,6 +60,7 @@ pub use frame::packed_raw::write_packed_raw;
 pub use frame::raw::{read_sensor_image, write_sensor_png, write_sensor_tiff};
 pub use frame::row_packing::RawPacking;
 pub use image::coco_mask::{CocoMask, CocoRuns};
+pub use image::dicom::{DicomElement, DicomValue, write_dicom};
 pub use image::exr::{
     ComponentFile, ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
     write_spectral_exr,
@@ -92,7 +94,8 @@ pub use store::film::{read_film, read_film_layout, read_film_rows, write_film};
 pub use store::input::{digest_bounded, read_bounded, read_start, read_text_bounded};
 pub use store::output::{
     AppendedLines, Claim, Journal, Output, OutputFolder, OutputSet, Outputs, WRITTEN_BY, check_room,
-    free_bytes, remove_unfinished_files, unfinished_files, write_atomically, written_share,
+    free_bytes, remove_unfinished_files, sync_together, unfinished_files, write_atomically, write_unsynced,
+    written_share,
 };
 pub use store::provenance::{Loaded, Provenance};
 pub use store::spooled_image::SpooledImage;
@@ -105,6 +108,7 @@ pub use table::eem_scatter::{
     refuse_anti_stokes, refuse_scattered_light,
 };
 pub use table::mat::{IsetFluorophore, read_iset_fluorophore};
+pub use table::parquet::{ParquetColumn, parquet_table};
 pub use table::spectra::{MeasuredSpectra, NamedCurve, SpectrumColumns, SpectrumOptions, read_spectra};
 pub use table::value_unit::{SpectrumQuantity, ValueUnit};
 pub use toml_text::{TomlError, read_toml, read_toml_document, read_toml_places};

@@ -2,6 +2,7 @@
 
 pub(crate) mod basis_text;
 pub(crate) mod coco_mask;
+pub(crate) mod dicom;
 pub(crate) mod exr;
 pub(crate) mod jpeg;
 pub(crate) mod mask;

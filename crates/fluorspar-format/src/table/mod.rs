@@ -11,6 +11,7 @@ pub(crate) mod eem_scatter;
 pub(crate) mod instrument_text;
 pub(crate) mod jcamp;
 pub(crate) mod mat;
+pub(crate) mod parquet;
 pub(crate) mod spectra;
 pub(crate) mod spectrometer;
 pub(crate) mod tm27;

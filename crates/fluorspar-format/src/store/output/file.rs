@@ -26,6 +26,25 @@ pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> Result<(), FormatError> {
+    write_complete(path, true, write)
+}
+
+/// As [`write_atomically`], but sure to be on the disk only after [`super::sync_together`].
+///
+/// # Errors
+/// Whatever the system or `write` reports.
+pub fn write_unsynced(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> Result<(), FormatError> {
+    write_complete(path, false, write)
+}
+
+fn write_complete(
+    path: &Path,
+    is_synced: bool,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> Result<(), FormatError> {
     if path.file_name().is_none() {
         return Err(FormatError::unwritable(path, "the path names no file", "Add a file name"));
     }
@@ -37,12 +56,13 @@ pub fn write_atomically(
     let file = writer.into_inner().map_err(|error| failed("write")(error.into_error()))?;
     // The files of a folder in work are brought to the disk together, when it is complete.
     let in_folder = lock_unfinished().folders.iter().any(|(folder, _)| target.starts_with(folder));
-    if !in_folder {
+    let is_synced = is_synced && !in_folder;
+    if is_synced {
         sync(&file).map_err(failed("write"))?;
     }
     let Some(partial) = leave_to_set(&target, partial, file) else { return Ok(()) };
     fs::rename(&partial.0, &target).map_err(failed("rename the finished file to"))?;
-    if in_folder { Ok(()) } else { sync_folder(parent_of(&target)).map_err(failed("write")) }
+    if is_synced { sync_folder(parent_of(&target)).map_err(failed("write")) } else { Ok(()) }
 }
 
 /// Files that are being written, under the names that they bear until they are complete.

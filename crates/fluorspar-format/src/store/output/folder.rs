@@ -131,7 +131,7 @@ impl OutputFolder {
         path.strip_prefix(&self.partial).map_or_else(|_| path.to_path_buf(), |below| self.shown.join(below))
     }
 
-    /// Writes files by their names, and moves the complete folder to its place ([`Self::finish`]).
+    /// Writes files by their names, with the folders in these, and moves the complete folder to its place ([`Self::finish`]).
     ///
     /// # Errors
     /// What the system reports, about the place that the user named.
@@ -140,7 +140,10 @@ impl OutputFolder {
         files: impl IntoIterator<Item = (String, Vec<u8>)>,
     ) -> Result<PathBuf, FormatError> {
         for (name, bytes) in files {
-            write_atomically(&self.path().join(name), |file| file.write_all(&bytes))
+            let place = self.path().join(name);
+            let made = fs::create_dir_all(place.parent().unwrap_or(self.path()));
+            made.map_err(|error| FormatError::io(&place, "create", error))
+                .and_then(|()| write_atomically(&place, |file| file.write_all(&bytes)))
                 .map_err(|error| self.at_its_place(error))?;
         }
         self.finish()

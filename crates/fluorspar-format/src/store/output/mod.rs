@@ -19,8 +19,8 @@ mod set;
 mod written_share;
 
 pub use claim::Claim;
-pub use disk::{check_room, free_bytes};
-pub use file::{remove_unfinished_files, unfinished_files, write_atomically};
+pub use disk::{check_room, free_bytes, sync_together};
+pub use file::{remove_unfinished_files, unfinished_files, write_atomically, write_unsynced};
 pub use folder::OutputFolder;
 pub use journal::Journal;
 pub use lines::AppendedLines;
