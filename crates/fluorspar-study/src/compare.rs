@@ -129,6 +129,9 @@ fn person(
     fitted: &fluorspar::analysis::Norm,
     row: &QueriedRow,
 ) -> Result<PersonAgainstNorm> {
+    if row.is_guess() {
+        return Err(Error::Input("the region was guessed from color, and nobody confirmed it".into()));
+    }
     if norm.origin == "measured" && norm.analysis != [row.version.clone(), row.analysis.clone()] {
         return Err(Error::Input(
             "the number is of another version of the program or another camera.toml than the norm".into(),

@@ -2,25 +2,28 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use clap::ValueHint;
 use csv::{ReaderBuilder, Trim};
 use fluorspar_format::{description_path, digest_bounded, read_bounded, read_sensor_image};
 use fluorspar_session::{
-    AnalyzeOptions, Error, ErrorKind, FailedPhotograph, Job, Left, Photograph, Result, find_photographs,
-    region_mask, region_with_mask,
+    Error, ErrorKind, FailedPhotograph, Job, Left, Photograph, Result, find_photographs, region_mask,
+    region_with_mask,
 };
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::event::{Event, Region, StoredFile, Subject};
-use crate::store::{CAMERA, LARGEST_BYTES, Study, StudyArgs};
+use crate::store::{LARGEST_BYTES, Study, StudyArgs};
 
 /// What a label is of.
 const PATIENT: &str = "patient";
 const VISIT: &str = "visit";
 /// Verdict of a region that does not count.
 const WRONG: &str = "wrong";
+/// How often photographs are brought to the disk: each by itself would take most of the time.
+const SETTLED_EVERY: Duration = Duration::from_secs(1);
 /// Largest table that is read.
 const LARGEST_TABLE_BYTES: u64 = 64 << 20;
 
@@ -98,8 +101,8 @@ struct OutcomeRow {
     outcome: String,
 }
 
-/// Takes photographs, people and outcomes in. Each photograph is on the disk before the next begins: the same command goes on where it was
-/// stopped or killed, and takes nothing in twice.
+/// Takes photographs, people and outcomes in. Photographs are on the disk a second later: the same command goes on where it was stopped or
+/// killed, and takes nothing in twice.
 ///
 /// # Errors
 /// Nothing to take in, tables that can't be read, people who are not pseudonyms, a job that is stopped.
@@ -259,18 +262,33 @@ fn import_outcomes(study: &mut Study, path: &Path) -> Result<usize> {
 }
 
 fn import_photographs(study: &mut Study, path: &Path, imported: &mut ImportedStudy, job: &Job) -> Result<()> {
-    let camera = study.path(Path::new(CAMERA)).to_string_lossy().into_owned();
-    let options = AnalyzeOptions { experiment: Some(camera), ..AnalyzeOptions::default() };
-    let (photographs, failures) = find_photographs(&options, path)?;
+    let (photographs, failures) = find_photographs(&study.analysis(), path)?;
     imported.failures = failures;
     let mut labels = Labels::of(study);
     for photograph in &photographs {
         let person = labels.person(&photograph.patient)?;
         labels.visit(&person, &photograph.visit)?;
     }
+    let taken = take_photographs(study, &photographs, imported, job);
+    // What was taken in until then stays
+    study.settle()?;
+    taken
+}
+
+fn take_photographs(
+    study: &mut Study,
+    photographs: &[Photograph],
+    imported: &mut ImportedStudy,
+    job: &Job,
+) -> Result<()> {
     let share_done = job.listener.begin("Importing photographs", "the import", Left::Results);
     let count = photographs.len();
+    let mut settled = Instant::now();
     for (number, photograph) in photographs.iter().enumerate() {
+        if settled.elapsed() > SETTLED_EVERY {
+            study.settle()?;
+            settled = Instant::now();
+        }
         if job.is_stopped() {
             let text =
                 format!("stopped after {number} of {count} photographs; the same command goes on from there");
@@ -339,7 +357,7 @@ fn import_one(study: &mut Study, photograph: &Photograph, imported: &mut Importe
     }
     imported.regions += regions.len();
     events.extend(regions.into_iter().map(Event::Region));
-    study.commit("import", events)
+    study.stage("import", events)
 }
 
 /// Folder and beginning of the names of a photograph's files, which no other photograph has.
@@ -351,7 +369,7 @@ fn stem(subject: &str, session: &str, sha256: &str) -> PathBuf {
 }
 
 fn take_files(
-    study: &Study,
+    study: &mut Study,
     photograph: &Photograph,
     subject: &str,
     session: &str,
@@ -395,7 +413,7 @@ fn stored_mask(from: &Path, stem: &Path) -> Result<StoredFile> {
 /// Regions that the study does not have as they are. A wrong one is told of where the study takes it for right, and no other of its name
 /// takes its place.
 fn new_regions(
-    study: &Study,
+    study: &mut Study,
     photograph: &Photograph,
     [subject, session]: [&str; 2],
     sha256: &str,

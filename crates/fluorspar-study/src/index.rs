@@ -3,8 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use fluorspar_format::AppendedLines;
 use fluorspar_session::{Error, Result};
-use rusqlite::{Connection, Row, params};
+use rusqlite::{Connection, OpenFlags, Row, params};
 
 use crate::event::{Event, LoggedEstimate, quantity_name};
 use crate::log::{Entry, LOG};
@@ -13,11 +14,11 @@ use crate::log::{Entry, LOG};
 pub(crate) const FOLDER: &str = ".fluorspar";
 const FILE: &str = "study.sqlite";
 /// Version of the tables: an index of another is made anew.
-const VERSION: i64 = 2;
+const VERSION: i64 = 3;
 
 const TABLES: &str = "
 CREATE TABLE audit (seq INTEGER PRIMARY KEY, before TEXT, at TEXT, who TEXT, command TEXT, sha256 TEXT);
-CREATE TABLE study (name TEXT, site TEXT);
+CREATE TABLE study (name TEXT, site TEXT, secret TEXT);
 CREATE TABLE subject (subject TEXT PRIMARY KEY, site TEXT, sex TEXT, age REAL, skin TEXT, smoker TEXT, consent TEXT, withdrawn INTEGER NOT NULL DEFAULT 0);
 CREATE TABLE photograph (photograph TEXT PRIMARY KEY, subject TEXT NOT NULL, session TEXT NOT NULL, visit TEXT NOT NULL);
 CREATE TABLE file (path TEXT PRIMARY KEY, photograph TEXT NOT NULL, role TEXT NOT NULL, sha256 TEXT NOT NULL);
@@ -25,7 +26,7 @@ CREATE TABLE region (region_sha256 TEXT PRIMARY KEY, photograph TEXT NOT NULL, r
 CREATE TABLE estimate (photograph TEXT NOT NULL, region_sha256 TEXT NOT NULL, region TEXT NOT NULL, quantity TEXT NOT NULL, channel TEXT NOT NULL,
     value REAL, low REAL, high REAL, interval_kind TEXT, pixels INTEGER, warnings TEXT, analysis TEXT NOT NULL, version TEXT NOT NULL, seq INTEGER NOT NULL,
     PRIMARY KEY (region_sha256, analysis, version, quantity, channel));
-CREATE INDEX estimate_of ON estimate (quantity, region, channel);
+CREATE INDEX estimate_of ON estimate (region_sha256, quantity, channel, seq);
 CREATE TABLE outcome (subject TEXT NOT NULL, method TEXT, outcome TEXT NOT NULL, seq INTEGER PRIMARY KEY);
 ";
 
@@ -34,6 +35,8 @@ pub(crate) struct Index {
     connection: Connection,
     /// Lines that are not on the disk yet.
     waiting: usize,
+    /// Whether there are lines among them that the log doesn't have on the disk either.
+    is_ahead: bool,
 }
 
 /// Lines that wait for the disk at most.
@@ -41,8 +44,10 @@ const MOST_WAITING: usize = 2000;
 
 impl Drop for Index {
     fn drop(&mut self) {
-        // What can't be written is taken from the log by the next process
-        let _ = self.flush();
+        // What can't be written is taken from the log by the next process, and the log alone says what happened
+        if !self.is_ahead {
+            let _ = self.flush();
+        }
     }
 }
 
@@ -60,11 +65,40 @@ impl Index {
         if let Ok(connection) = Connection::open(&path)
             && let Some(seq) = known_until(&connection, entries)?
         {
-            let mut index = Self { connection, waiting: 0 };
+            let mut index = Self::on(connection);
             index.apply(&entries[seq..])?;
+            index.settle()?;
             return Ok(index);
         }
         Self::anew(folder, entries)
+    }
+
+    /// The index that is there, where it knows the last line of the log: what is only asked for needs no look at the others.
+    pub(crate) fn current(folder: &Path) -> Option<Self> {
+        let path = folder.join(FOLDER).join(FILE);
+        let connection = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY).ok()?;
+        let lines = AppendedLines::read(&folder.join(LOG)).ok()?;
+        let last = lines.trim_ascii_end().rsplit(|byte| *byte == b'\n').next()?;
+        let last: Entry = serde_json::from_slice(last).ok()?;
+        let is_current =
+            is_of_this_version(&connection) && last_line(&connection)? == (last.seq, last.sha256);
+        is_current.then(|| Self::on(connection))
+    }
+
+    /// Digest of the last line that it knows.
+    pub(crate) fn head(&self) -> String {
+        last_line(&self.connection).map_or_else(String::new, |(_, sha256)| sha256)
+    }
+
+    /// The secret of the study; empty in one of an earlier version.
+    pub(crate) fn secret(&self) -> Result<String> {
+        let found =
+            self.rows("SELECT secret FROM study ORDER BY rowid DESC LIMIT 1", [], |row| row.get(0))?;
+        Ok(found.into_iter().next().unwrap_or_default())
+    }
+
+    fn on(connection: Connection) -> Self {
+        Self { connection, waiting: 0, is_ahead: false }
     }
 
     /// Makes the index anew, and puts it in the place of the one before when it is complete.
@@ -75,30 +109,30 @@ impl Index {
         fs::create_dir_all(&place).map_err(io)?;
         let partial = place.join(format!("study.{}.partial", std::process::id()));
         remove(&partial)?;
-        let mut index = Self { connection: Connection::open(&partial).map_err(failed)?, waiting: 0 };
+        let mut index = Self::on(Connection::open(&partial).map_err(failed)?);
         index.connection.execute_batch(TABLES).map_err(failed)?;
         index.connection.pragma_update(None, "user_version", VERSION).map_err(failed)?;
         index.apply(entries)?;
+        index.is_ahead = false;
         index.flush()?;
         drop(index);
         for ending in ["-journal", "-wal", "-shm"] {
             remove(&PathBuf::from(format!("{}{ending}", path.display())))?;
         }
         fs::rename(&partial, &path).map_err(io)?;
-        Ok(Self { connection: Connection::open(&path).map_err(failed)?, waiting: 0 })
+        Ok(Self::on(Connection::open(&path).map_err(failed)?))
     }
 
     /// An index in memory, to compare with.
     pub(crate) fn in_memory(entries: &[Entry]) -> Result<Self> {
         let connection = Connection::open_in_memory().map_err(failed)?;
         connection.execute_batch(TABLES).map_err(failed)?;
-        let mut index = Self { connection, waiting: 0 };
+        let mut index = Self::on(connection);
         index.apply(entries)?;
         Ok(index)
     }
 
-    /// Takes lines of the log in. They are on the disk with the next many, or when the index is dropped: what a killed process leaves behind
-    /// is taken from the log again.
+    /// Takes lines of the log in. They come to the disk after [`Self::settle`].
     pub(crate) fn apply(&mut self, entries: &[Entry]) -> Result<()> {
         if self.connection.is_autocommit() {
             self.connection.execute_batch("BEGIN").map_err(failed)?;
@@ -109,11 +143,19 @@ impl Index {
             return Err(failed(error));
         }
         self.waiting += entries.len();
+        self.is_ahead = true;
+        Ok(())
+    }
+
+    /// Is told that the log has all lines on the disk. They follow when they are many, or when the index is dropped: what a killed process
+    /// leaves behind is taken from the log again.
+    pub(crate) fn settle(&mut self) -> Result<()> {
+        self.is_ahead = false;
         if self.waiting >= MOST_WAITING { self.flush() } else { Ok(()) }
     }
 
     /// Writes the lines that were taken in.
-    fn flush(&mut self) -> Result<()> {
+    pub(crate) fn flush(&mut self) -> Result<()> {
         self.waiting = 0;
         if self.connection.is_autocommit() {
             return Ok(());
@@ -168,9 +210,7 @@ fn remove(path: &Path) -> Result<()> {
 /// # Errors
 /// Lines that the log does not have.
 fn known_until(connection: &Connection, entries: &[Entry]) -> Result<Option<usize>> {
-    let last = "SELECT seq, sha256 FROM audit ORDER BY seq DESC LIMIT 1";
-    let read = |row: &Row<'_>| Ok((row.get::<_, i64>(0)?, row.get::<_, String>(1)?));
-    let Ok((seq, sha256)) = connection.query_row(last, [], read) else { return Ok(None) };
+    let Some((seq, sha256)) = last_line(connection) else { return Ok(None) };
     let of_log = usize::try_from(seq - 1).ok().and_then(|at| entries.get(at));
     if of_log.is_none_or(|entry| entry.sha256 != sha256) {
         return Err(Error::Input(format!(
@@ -179,8 +219,17 @@ fn known_until(connection: &Connection, entries: &[Entry]) -> Result<Option<usiz
             entries.len()
         )));
     }
-    let version: i64 = connection.pragma_query_value(None, "user_version", |row| row.get(0)).unwrap_or(0);
-    Ok((version == VERSION).then_some(seq as usize))
+    Ok(is_of_this_version(connection).then_some(seq as usize))
+}
+
+/// Number and digest of the last line of the log that an index knows.
+fn last_line(connection: &Connection) -> Option<(i64, String)> {
+    let sql = "SELECT seq, sha256 FROM audit ORDER BY seq DESC LIMIT 1";
+    connection.query_row(sql, [], |row| Ok((row.get(0)?, row.get(1)?))).ok()
+}
+
+fn is_of_this_version(connection: &Connection) -> bool {
+    connection.pragma_query_value(None, "user_version", |row| row.get(0)) == Ok(VERSION)
 }
 
 fn apply_one(to: &Connection, entry: &Entry) -> rusqlite::Result<()> {
@@ -193,7 +242,9 @@ fn apply_one(to: &Connection, entry: &Entry) -> rusqlite::Result<()> {
         entry.sha256
     ])?;
     match &entry.event {
-        Event::Study { name, site, .. } => to.execute("INSERT INTO study VALUES (?, ?)", params![name, site]).map(|_| ()),
+        Event::Study { name, site, secret } => {
+            to.execute("INSERT INTO study VALUES (?, ?, ?)", params![name, site, secret]).map(|_| ())
+        }
         Event::Subject(of) => to
             .prepare_cached(
                 "INSERT INTO subject (subject, site, sex, age, skin, smoker, consent) VALUES (?, ?, ?, ?, ?, ?, ?)

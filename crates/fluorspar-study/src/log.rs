@@ -47,6 +47,8 @@ impl Entry {
 pub(crate) struct Log {
     lines: AppendedLines,
     pub(crate) entries: Vec<Entry>,
+    /// The last lines, which are not in the file yet.
+    staged: String,
 }
 
 impl Log {
@@ -59,16 +61,12 @@ impl Log {
         let (lines, bytes) = AppendedLines::open(&path)?;
         let entries = read_entries(&path, &bytes)?;
         lines.cut()?;
-        Ok(Self { lines, entries })
+        Ok(Self { lines, entries, staged: String::new() })
     }
 
-    /// Appends events; when it returns they are on the disk.
-    ///
-    /// # Errors
-    /// What the system reports.
-    pub(crate) fn append(&mut self, command: &str, events: Vec<Event>) -> Result<()> {
+    /// Takes events in, which are written by the next [`Self::write_staged`].
+    pub(crate) fn stage(&mut self, command: &str, events: Vec<Event>) -> Result<()> {
         let who = ["USER", "USERNAME"].iter().find_map(|name| std::env::var(name).ok()).unwrap_or_default();
-        let (mut entries, mut text) = (Vec::with_capacity(events.len()), String::new());
         let (mut seq, mut before) = self.head();
         for event in events {
             seq += 1;
@@ -76,16 +74,23 @@ impl Log {
             let mut entry = Entry { seq, before, when: now(), who, command, event, sha256: String::new() };
             entry.sha256 = entry.digest()?;
             before = entry.sha256.clone();
-            text += &format!("{}\n", serde_json::to_string(&entry)?);
-            entries.push(entry);
+            self.staged += &format!("{}\n", serde_json::to_string(&entry)?);
+            self.entries.push(entry);
         }
-        self.lines.append_synced(&text)?;
-        self.entries.extend(entries);
+        Ok(())
+    }
+
+    /// Writes the lines that were taken in; when it returns they are on the disk.
+    ///
+    /// # Errors
+    /// What the system reports.
+    pub(crate) fn write_staged(&mut self) -> Result<()> {
+        self.lines.append_synced(&std::mem::take(&mut self.staged))?;
         Ok(())
     }
 
     /// Number and digest of the last line.
-    pub(crate) fn head(&self) -> (i64, String) {
+    fn head(&self) -> (i64, String) {
         self.entries.last().map_or((0, NOTHING.into()), |last| (last.seq, last.sha256.clone()))
     }
 }
@@ -127,8 +132,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         let mut log = Log::open(folder).unwrap();
-        log.append("test", vec![person("P1"), person("P2")]).unwrap();
-        log.append("test", vec![person("P3")]).unwrap();
+        log.stage("test", vec![person("P1"), person("P2")]).unwrap();
+        log.write_staged().unwrap();
+        log.stage("test", vec![person("P3")]).unwrap();
+        assert_eq!(std::fs::read(folder.join(LOG)).unwrap().iter().filter(|byte| **byte == b'\n').count(), 2);
+        log.write_staged().unwrap();
         assert!(Log::open(folder).unwrap_err().to_string().contains("another process"));
         let entries = log.entries.clone();
         drop(log);

@@ -15,20 +15,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::index::Index;
 use crate::query::{QueriedRow, QueryOptions, rows};
+use crate::secret::public_id;
 use crate::store::{Study, write};
 
 /// What becomes a norm.
-#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
+#[derive(Clone, Debug, Deserialize, clap::Args)]
 #[serde(default)]
 pub struct NormOptions {
     /// Folder of the study whose people without a lesion are taken.
     #[arg(value_name = "STUDY", value_hint = ValueHint::DirPath)]
     pub study: Option<PathBuf>,
     /// Name of the regions whose numbers are taken.
-    #[arg(long = "region-name", value_name = "NAME", default_value = "tongue")]
+    #[arg(long = "region-name", value_name = "NAME", default_value_t = Self::default().region)]
     pub region: String,
     /// Number that is taken, as patients.csv calls it: red_share, chromaticity_r, ...
-    #[arg(long, value_name = "NAME", default_value = "red_share")]
+    #[arg(long, value_name = "NAME", default_value_t = Self::default().quantity)]
     pub quantity: String,
     /// The channel of a signal.
     #[arg(long, value_name = "NAME")]
@@ -86,7 +87,7 @@ pub struct NormReport {
     pub ranges: Vec<NormRange>,
     /// People without a number, who are left out.
     pub without_value: usize,
-    /// Regions that are guesses.
+    /// Numbers of regions that are guesses, which are left out.
     pub guesses: usize,
 }
 
@@ -101,6 +102,14 @@ pub struct NormRange {
     pub age: Option<f64>,
     /// Ends that hold 95 % of people with 95 % confidence.
     pub range: [f64; 2],
+}
+
+impl Default for NormOptions {
+    fn default() -> Self {
+        let (region, quantity) = ("tongue".into(), "red_share".into());
+        let (study, channel, cohort, out) = (None, None, None, None);
+        Self { study, region, quantity, channel, by_age: false, cohort, pool: Vec::new(), out }
+    }
 }
 
 impl NormOptions {
@@ -191,7 +200,11 @@ fn warn(without_value: usize, guesses: usize, without_age: usize, job: &Job) {
         job.warn(&[format!("{without_value} people have an upper limit and no number; they are left out, which moves the norm up").into()]);
     }
     if guesses > 0 {
-        job.warn(&[format!("{guesses} regions are guesses that nobody confirmed").into()]);
+        let text = format!(
+            "{guesses} numbers are of regions that were guessed from color, which may leave out just what is red, and that nobody confirmed; they \
+             are left out. Look at them, write \"right\" as verdict into photographs.csv, and import it again"
+        );
+        job.warn(&[text.into()]);
     }
 }
 
@@ -228,7 +241,7 @@ pub(crate) fn people_of(
     });
     let all: Vec<QueriedRow> = all.collect();
     let mut people: BTreeMap<String, NormPerson> = BTreeMap::new();
-    for row in &all {
+    for row in all.iter().filter(|row| !row.is_guess()) {
         let new = || NormPerson { site: row.site.clone(), age: row.age, values: Vec::new() };
         people.entry(row.subject.clone()).or_insert_with(new).values.extend(row.value);
     }
@@ -239,7 +252,7 @@ pub(crate) fn people_of(
 }
 
 /// Version and experiment of all numbers.
-fn one_analysis(study: &Study, options: &NormOptions, rows: &[QueriedRow]) -> Result<[String; 2]> {
+fn one_analysis(index: &Index, options: &NormOptions, rows: &[QueriedRow]) -> Result<[String; 2]> {
     let mut analyses: Vec<[String; 2]> =
         rows.iter().map(|row| [row.version.clone(), row.analysis.clone()]).collect();
     analyses.sort();
@@ -247,7 +260,7 @@ fn one_analysis(study: &Study, options: &NormOptions, rows: &[QueriedRow]) -> Re
     match &analyses[..] {
         [one] => Ok(one.clone()),
         [] => {
-            let known = study.index.rows(
+            let known = index.rows(
                 "SELECT DISTINCT region || ' ' || quantity FROM estimate ORDER BY 1",
                 [],
                 |row| row.get::<_, String>(0),
@@ -268,14 +281,13 @@ fn one_analysis(study: &Study, options: &NormOptions, rows: &[QueriedRow]) -> Re
     }
 }
 
-/// The norm of a study, with the numbers of people without a value, of regions that are guesses, and of people without an age that is asked for.
+/// The norm of a study, with the numbers of people without a value, of numbers of guessed regions, and of people without an age that is asked for.
 fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, [usize; 3])> {
-    let mut study = Study::open(folder)?;
+    let (index, secret) = Study::asked(folder)?;
     let range = range_of(&options.quantity)?;
-    let (people, without_value, rows) = people_of(&study.index, options, false)?;
-    let analysis = one_analysis(&study, options, &rows)?;
-    let guess = "SELECT count(*) FROM region WHERE verdict = 'guess' AND current = 1 AND region = ?";
-    let guesses = study.index.rows(guess, [&options.region], |row| row.get::<_, i64>(0))?;
+    let (people, without_value, rows) = people_of(&index, options, false)?;
+    let analysis = one_analysis(&index, options, &rows)?;
+    let guesses = rows.iter().filter(|row| row.is_guess()).count();
     let people: Vec<NormPerson> = people.into_values().collect();
     let norm = NormFile {
         program: "fluorspar".into(),
@@ -285,13 +297,13 @@ fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, [usize; 3
         quantity: options.quantity.clone(),
         channel: options.channel().to_owned(),
         analysis,
-        studies: vec![study.public_id()?],
-        logs: vec![study.log.head().1],
+        studies: vec![public_id(&secret)],
+        logs: vec![index.head()],
         ranks: ranks(&people, range, options.by_age),
         sums: NormSums::of(&people, range, options.by_age),
     };
     let without_age = people.iter().filter(|person| options.by_age && person.age.is_none()).count();
-    Ok((norm, [without_value, guesses.first().map_or(0, |count| *count as usize), without_age]))
+    Ok((norm, [without_value, guesses, without_age]))
 }
 
 /// The range by order statistics of people of one site.

@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 use crate::index::Index;
 use crate::store::{Study, StudyArgs};
 
+/// Verdict of a region that nobody looked at.
+const GUESS: &str = "guess";
+
 /// Which numbers.
 #[derive(Clone, Debug, Default, Deserialize, clap::Args)]
 #[serde(default)]
@@ -58,6 +61,15 @@ pub struct QueriedRow {
     pub version: String,
     /// The photograph.
     pub photograph: String,
+    /// What somebody who looked at the region says of it; `guess` is what nobody looked at.
+    pub verdict: String,
+}
+
+impl QueriedRow {
+    /// Whether nobody confirmed the region, which follows color: it may leave out just what is looked for.
+    pub(crate) fn is_guess(&self) -> bool {
+        self.verdict == GUESS
+    }
 }
 
 /// The last numbers of every region that is not wrong.
@@ -65,13 +77,13 @@ pub struct QueriedRow {
 /// # Errors
 /// A study that can't be opened.
 pub fn query(options: &QueryOptions, _: &fluorspar_session::Job) -> Result<Vec<QueriedRow>> {
-    rows(&Study::open(&options.args.study)?.index, options)
+    rows(&Study::asked(&options.args.study)?.0, options)
 }
 
 /// The last numbers of regions that are not wrong, by person, region and quantity.
 const LAST: &str = "SELECT p.subject, p.session, e.region, e.quantity, e.channel, e.value, e.low, e.high, e.interval_kind, s.withdrawn,
            CASE WHEN s.site = '' THEN (SELECT site FROM study LIMIT 1) ELSE s.site END, s.age, s.consent, e.analysis, e.version,
-           e.photograph
+           e.photograph, r.verdict
     FROM estimate e
     JOIN photograph p ON p.photograph = e.photograph
     JOIN subject s ON s.subject = p.subject
@@ -100,6 +112,7 @@ pub(crate) fn rows(index: &Index, options: &QueryOptions) -> Result<Vec<QueriedR
             analysis: row.get(13)?,
             version: row.get(14)?,
             photograph: row.get(15)?,
+            verdict: row.get(16)?,
         })
     })
 }

@@ -27,9 +27,9 @@ impl Study {
         self.commit("init", vec![Event::Study { name, site, secret: secret.clone() }])?;
         Ok(secret)
     }
+}
 
-    /// By what norms tell the study, whatever its log says: nothing can be learned from it.
-    pub(crate) fn public_id(&mut self) -> Result<String> {
-        Ok(sha256_hex([format!("public id of a study\n{}", self.secret()?)]))
-    }
+/// By what norms tell a study, whatever its log says: nothing can be learned from it.
+pub(crate) fn public_id(secret: &str) -> String {
+    sha256_hex([format!("public id of a study\n{secret}")])
 }

@@ -5,8 +5,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
-use fluorspar_format::{digest_bounded, read_bounded, write_atomically};
-use fluorspar_session::{Error, ExperimentSource, Job, Result};
+use fluorspar_format::{digest_bounded, read_bounded, sync_together, write_atomically, write_unsynced};
+use fluorspar_session::{AnalyzeOptions, Error, ExperimentSource, Job, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -122,6 +122,8 @@ pub(crate) struct Study {
     pub(crate) folder: PathBuf,
     pub(crate) log: Log,
     pub(crate) index: Index,
+    /// Files that were taken in and are not sure to be on the disk.
+    unsynced: Vec<PathBuf>,
 }
 
 impl Study {
@@ -130,9 +132,26 @@ impl Study {
         Self::with(folder, Self::log_of(folder)?)
     }
 
+    /// The index and the secret of a study that is only asked: with every line of the log alone where the index is behind.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub(crate) fn asked(folder: &Path) -> Result<(Index, String)> {
+        if let Some(index) = Index::current(folder) {
+            let secret = index.secret()?;
+            if !secret.is_empty() {
+                return Ok((index, secret));
+            }
+        }
+        let mut study = Self::open(folder)?;
+        let secret = study.secret()?;
+        study.index.flush()?;
+        Ok((study.index, secret))
+    }
+
     fn with(folder: &Path, log: Log) -> Result<Self> {
         let index = Index::open(folder, &log.entries)?;
-        Ok(Self { folder: folder.into(), log, index })
+        Ok(Self { folder: folder.into(), log, index, unsynced: Vec::new() })
     }
 
     /// The log of a study.
@@ -159,9 +178,28 @@ impl Study {
 
     /// Writes what happened: on the disk when it returns.
     pub(crate) fn commit(&mut self, command: &str, events: Vec<Event>) -> Result<()> {
+        self.stage(command, events)?;
+        self.settle()
+    }
+
+    /// Takes in what happened, to be written by [`Self::settle`]; a process that ends before leaves no trace of it in the log.
+    pub(crate) fn stage(&mut self, command: &str, events: Vec<Event>) -> Result<()> {
         let known = self.log.entries.len();
-        self.log.append(command, events)?;
+        self.log.stage(command, events)?;
         self.index.apply(&self.log.entries[known..])
+    }
+
+    /// Brings files to the disk, then the lines of the log that tell of them, then these to the index.
+    pub(crate) fn settle(&mut self) -> Result<()> {
+        sync_together(&self.folder, &std::mem::take(&mut self.unsynced))?;
+        self.log.write_staged()?;
+        self.index.settle()
+    }
+
+    /// Its analysis, as photographs in bulk have it.
+    pub(crate) fn analysis(&self) -> AnalyzeOptions {
+        let camera = self.path(Path::new(CAMERA)).to_string_lossy().into_owned();
+        AnalyzeOptions { experiment: Some(camera), ..AnalyzeOptions::default() }
     }
 
     /// The path of a file of the study as the working folder has it.
@@ -169,17 +207,18 @@ impl Study {
         self.folder.join(file)
     }
 
-    /// Copies a file into the study, on the disk when it returns; one that is there with these bytes stays.
-    pub(crate) fn take(&self, from: &Path, to: &Path, role: &str, sha256: &str) -> Result<StoredFile> {
+    /// Copies a file into the study, on the disk after the next [`Self::settle`]; one that is there with these bytes stays.
+    pub(crate) fn take(&mut self, from: &Path, to: &Path, role: &str, sha256: &str) -> Result<StoredFile> {
         let place = self.path(to);
         let stored = StoredFile { role: role.into(), path: to.into(), sha256: sha256.into() };
+        self.unsynced.push(place.clone());
         if place.is_file() && digest_bounded(&place, LARGEST_BYTES)? == sha256 {
             return Ok(stored);
         }
         let failed = |error: std::io::Error| Error::Failed(format!("{}: {error}", place.display()));
         fs::create_dir_all(place.parent().unwrap_or(&self.folder)).map_err(failed)?;
         let bytes = read_bounded(from, LARGEST_BYTES)?;
-        write_atomically(&place, |file| file.write_all(&bytes))?;
+        write_unsynced(&place, |file| file.write_all(&bytes))?;
         if digest_bounded(&place, LARGEST_BYTES)? != sha256 {
             return Err(Error::Failed(format!(
                 "{}: it changed while it was copied; import it again",
