@@ -5,8 +5,8 @@ use std::path::Path;
 
 use fluorspar::digest::sha256_hex;
 use fluorspar_session::{
-    AnalyzeOptions, Error, ErrorKind, FailedPhotograph, Job, Left, PatientEstimate, Photograph, Result,
-    estimate_photograph, read_text, region_mask, region_with_mask,
+    Error, ErrorKind, FailedPhotograph, Job, Left, PatientEstimate, Photograph, Result, estimate_photograph,
+    read_text, region_mask, region_with_mask,
 };
 use serde::{Deserialize, Serialize};
 
@@ -43,11 +43,11 @@ pub struct AnalyzedStudy {
     pub version: String,
 }
 
-/// A region to estimate.
-struct Wanted {
-    photograph: String,
-    subject: String,
-    session: String,
+/// A photograph with its regions.
+pub(crate) struct Wanted {
+    pub(crate) photograph: String,
+    pub(crate) subject: String,
+    pub(crate) session: String,
     /// Digest, name, place and verdict of its regions.
     regions: Vec<[String; 4]>,
 }
@@ -98,7 +98,7 @@ pub fn analyze(options: &AnalyzeStudyOptions, job: &Job) -> Result<AnalyzedStudy
 }
 
 /// Photographs of people who did not withdraw, with their regions.
-fn wanted(study: &Study) -> Result<Vec<Wanted>> {
+pub(crate) fn wanted(study: &Study) -> Result<Vec<Wanted>> {
     let sql =
         "SELECT p.photograph, p.subject, p.session FROM photograph p JOIN subject s ON s.subject = p.subject
                WHERE s.withdrawn = 0 ORDER BY p.subject, p.session, p.photograph";
@@ -138,9 +138,7 @@ fn estimate_one(
     job: &Job,
 ) -> Result<()> {
     let photograph = photograph_of(study, wanted)?;
-    let camera = study.path(Path::new(CAMERA)).to_string_lossy().into_owned();
-    let options = AnalyzeOptions { experiment: Some(camera), ..AnalyzeOptions::default() };
-    let found = match estimate_photograph(&options, &photograph, job) {
+    let found = match estimate_photograph(&study.analysis(), &photograph, job) {
         Ok(found) => found,
         Err(error) if error.kind() != ErrorKind::Input => return Err(error),
         Err(error) => {
@@ -172,7 +170,7 @@ fn estimate_one(
 }
 
 /// A photograph with its files as the working folder has them.
-fn photograph_of(study: &Study, wanted: &Wanted) -> Result<Photograph> {
+pub(crate) fn photograph_of(study: &Study, wanted: &Wanted) -> Result<Photograph> {
     let sql = "SELECT role, path, sha256 FROM file WHERE photograph = ? ORDER BY path";
     let files: Vec<[String; 3]> =
         study.index.rows(sql, [&wanted.photograph], |row| Ok([row.get(0)?, row.get(1)?, row.get(2)?]))?;

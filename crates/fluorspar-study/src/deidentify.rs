@@ -105,12 +105,20 @@ pub(crate) fn write_frame(from: &Path, to: &Path, capture: &str) -> Result<Vec<D
         action: 'K',
         clause: "Pixel Data (7FE0,0010) and attributes of the image, not in table E.1-1",
     }));
-    actions.push(Deidentified {
-        what: "name of the file".into(),
-        action: 'D',
-        clause: "Patient ID (0010,0020)",
-    });
+    actions.push(new_name());
     Ok(actions)
+}
+
+/// What becomes of a frame of which it is kept how it looks.
+pub(crate) fn developed_actions() -> Vec<Deidentified> {
+    let clause = "Pixel Data (7FE0,0010) and attributes of the image, not in table E.1-1";
+    let kept = Deidentified { what: "how the frame looks".into(), action: 'K', clause };
+    vec![kept, of_tag(LeftTags { number: None, name: "all tags".into() }), new_name()]
+}
+
+/// The name of a file, which another takes the place of.
+fn new_name() -> Deidentified {
+    Deidentified { what: "name of the file".into(), action: 'D', clause: "Patient ID (0010,0020)" }
 }
 
 /// Writes a mask anew.
@@ -122,11 +130,7 @@ pub(crate) fn write_mask(from: &Path, to: &Path) -> Result<Vec<Deidentified>> {
     let labels: Vec<u8> = mask.inside.iter().map(|is_in| if *is_in { u8::MAX } else { 0 }).collect();
     write_label_png(to, mask.width, mask.height, &labels)?;
     let mut actions: Vec<Deidentified> = left_tags(from)?.into_iter().map(of_tag).collect();
-    actions.push(Deidentified {
-        what: "name of the file".into(),
-        action: 'D',
-        clause: "Patient ID (0010,0020)",
-    });
+    actions.push(new_name());
     Ok(actions)
 }
 

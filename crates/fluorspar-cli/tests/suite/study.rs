@@ -84,6 +84,43 @@ fn people_become_a_norm_and_stand_in_it() {
     assert_eq!(compared["people"].as_array().unwrap().len(), 10);
 }
 
+/// Who is in a norm is what the log said when it was made: of whoever refuses later the numbers are still held against the others.
+#[test]
+fn a_norm_holds_whom_it_held_when_it_was_made_and_no_guess() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    analyzed(folder, 12);
+    let norm = ["norm", "--quantity", "chromaticity_r", "--out", "norm.json"];
+    study(folder, &norm).well();
+    let people = |norm: &str| -> Vec<Value> {
+        let said = study(folder, &["compare", "--norm", norm, "--json"]).json();
+        said["people"].as_array().unwrap().clone()
+    };
+    let before = people("norm.json");
+    fs::write(folder.join("people.csv"), "subject,consent\nP03,no\n").unwrap();
+    study(folder, &["import", "--subjects", "people.csv"]).well();
+    let after = people("norm.json");
+    assert_eq!(after[2], before[2]);
+    // With the number itself in the norm the range is another
+    let mut all: Value = serde_json::from_slice(&fs::read(folder.join("norm.json")).unwrap()).unwrap();
+    all["logs"] = serde_json::json!([]);
+    fs::write(folder.join("strange.json"), all.to_string()).unwrap();
+    assert_ne!(people("strange.json")[2]["range"], before[2]["range"]);
+    // A guess is analyzed, and decides nothing
+    let table = folder.join("photos/photographs.csv");
+    let guessed = fs::read_to_string(&table).unwrap().replacen("right", "guess", 3);
+    fs::write(&table, guessed).unwrap();
+    study(folder, &["import", "photos"]).well();
+    let few = study(folder, &norm);
+    assert!(
+        few.code == Some(2) && few.stderr.contains("2 numbers are of regions that were guessed"),
+        "{few:?}"
+    );
+    let compared = study(folder, &["compare", "--norm", "norm.json", "--json"]).json();
+    assert!(compared["left_out"].to_string().contains("P01, visit 1: the region was guessed"), "{compared}");
+    assert_eq!(compared["people"].as_array().unwrap().len(), 9);
+}
+
 /// After a change of the experiment old numbers stay, new ones stand beside them, and the change is told.
 #[test]
 fn numbers_of_another_analysis_stand_beside_the_old_ones() {
@@ -365,10 +402,21 @@ fn nothing_that_was_planted_leaves() {
         found.map(|path| path.display().to_string()).collect()
     };
     assert!(holds("st").len() >= 4, "{:?}", holds("st"));
-    assert_eq!(holds("out"), Vec::<String>::new());
+    let other = ["export", "--out", "shown", "--no-frames", "--dicom", "--parquet", "--json"];
+    assert_eq!(study(folder, &other).json()["files"], 1);
+    for root in ["out", "shown"] {
+        assert_eq!(holds(root), Vec::<String>::new());
+    }
+    let written = crate::support::listing(&folder.join("shown"));
+    let ends = |ending: &str| written.keys().filter(|path| path.to_string_lossy().ends_with(ending)).count();
+    assert_eq!([".dcm", ".parquet", ".csv", ".tiff"].map(ends), [1, 1, 0, 0], "{written:?}");
     let log = fs::read_to_string(folder.join("st/log.jsonl")).unwrap();
     let secret = log.split("\"secret\":\"").nth(1).and_then(|rest| rest.get(..64)).unwrap().to_owned();
-    for path in crate::support::listing(&folder.join("out")).keys().filter(|path| path.is_file()) {
+    for path in crate::support::listing(&folder.join("out"))
+        .keys()
+        .chain(written.keys())
+        .filter(|path| path.is_file())
+    {
         assert!(!String::from_utf8_lossy(&fs::read(path).unwrap()).contains(&secret), "{path:?}");
     }
     let manifest: Value = serde_json::from_slice(&fs::read(folder.join("out/deid.json")).unwrap()).unwrap();
