@@ -79,6 +79,26 @@ tasks! {
     tissue_fit(tissue::TissueFitOptions) => tissue::fit,
     /// Fits spectra as sums of fluorophores.
     fit_spectra(fluorophore::FitOptions) => fluorophore::fit,
+    /// Begins a study.
+    study_init(fluorspar_study::InitOptions) => fluorspar_study::init,
+    /// Takes photographs, people and outcomes into a study.
+    study_import(fluorspar_study::ImportOptions) => fluorspar_study::import,
+    /// Estimates what has no estimate.
+    study_analyze(fluorspar_study::AnalyzeStudyOptions) => fluorspar_study::analyze,
+    /// The last numbers of people.
+    study_query(fluorspar_study::QueryOptions) => fluorspar_study::query,
+    /// Says what is normal.
+    study_norm(fluorspar_study::NormOptions) => fluorspar_study::norm,
+    /// Holds people against norms.
+    study_compare(fluorspar_study::AgainstNormOptions) => fluorspar_study::compare,
+    /// Writes what may leave the clinic.
+    study_export(fluorspar_study::ExportOptions) => fluorspar_study::export,
+    /// Checks every file, the log and the index.
+    study_verify(fluorspar_study::StudyArgs) => fluorspar_study::verify,
+    /// Says what a change of the analysis changed.
+    study_drift(fluorspar_study::DriftOptions) => fluorspar_study::drift,
+    /// Takes a person out.
+    study_withdraw(fluorspar_study::WithdrawOptions) => fluorspar_study::withdraw,
 }
 
 /// Keeps the warnings of a task. What is done it does not say: a call returns when it is.

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import fluorspar as fs
@@ -52,6 +53,33 @@ def camera_frames(tmp_path_factory) -> Path:
         'format = 1\nexperiment = "sheet.toml"\ndark = "dark"\nflat = "flat"\n[[target]]\nname = "tile"\n'
         'frames = ["flat/raw_flat_0.1_0.tiff", "flat/raw_flat_0.1_1.tiff"]\ncapture = "blue"\nreflectance = "tongue_dorsum"\nuncertainty_percent = 2\n'
     )
+    return folder
+
+
+@pytest.fixture(scope="session")
+def photographs(tmp_path_factory) -> Path:
+    """A folder with camera.toml, photographs of twelve people in photos with their table, people.csv,
+    and how the one of P09 looks in shown.npy."""
+    folder = tmp_path_factory.mktemp("people")
+    camera = fs.experiment("flat-patch").with_(
+        render={"width_px": 16, "height_px": 12, "samples_per_pixel": 1}, sensor={"columns": 32, "rows": 24}
+    )
+    camera.save(folder / "camera.toml")
+    (folder / "photos").mkdir()
+    components = fs.render(camera, progress=None)
+    rows, people = ["patient,capture,frame,region,where,verdict"], ["subject,age,consent"]
+    for person in range(1, 13):
+        held = camera.set("concentration.protoporphyrin_ix", (4 + 5 * person % 13) / 10)
+        shots = fs.capture(held, components)
+        for name in ("ambient", "blue"):
+            shots[name].write(folder / f"photos/P{person:02}_{name}.tiff")
+        if held.get("concentration.protoporphyrin_ix") == 1.0:
+            np.save(folder / "shown.npy", shots["blue"].preview)
+        rows.append(f'P{person:02},blue,P{person:02}_blue.tiff,tongue,"8,6,16,12",right')
+        rows.append(f"P{person:02},ambient,P{person:02}_ambient.tiff,,,")
+        people.append(f"P{person:02},{30 + 7 * person % 12},yes")
+    (folder / "photos/photographs.csv").write_text("\n".join(rows) + "\n")
+    (folder / "people.csv").write_text("\n".join(people) + "\n")
     return folder
 
 

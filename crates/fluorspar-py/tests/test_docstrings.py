@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import json
 import re
 import shutil
 from collections.abc import Iterator
@@ -43,10 +44,20 @@ def documented() -> Iterator[tuple[str, str]]:
 
 
 @pytest.fixture(scope="session")
-def folder(mouth, components, camera_frames, tmp_path_factory) -> Path:
+def folder(mouth, components, camera_frames, photographs, tmp_path_factory) -> Path:
     """A folder with the files that examples name."""
     folder = tmp_path_factory.mktemp("examples")
     shutil.copytree(camera_frames, folder, dirs_exist_ok=True)
+    shutil.copytree(photographs, folder, dirs_exist_ok=True)
+    study = fs.Study.init(folder / "gums", folder / "camera.toml", site="north")
+    study.import_(folder / "photos", subjects=folder / "people.csv")
+    study.analyze()
+    norm = study.norm(quantity="chromaticity_r", out=folder / "norm.json").norm
+    norm["logs"], norm["studies"] = ["another"], ["another"]
+    norm["sums"]["sites"][0]["site"] = "south"
+    (folder / "south.json").write_text(json.dumps(norm))
+    simulated = [f"{person},tongue_dorsum,,,chromaticity_r,0,0.{person:02}1" for person in range(1, 13)]
+    (folder / "cohort.csv").write_text("\n".join(["person,part,channel,name,quantity,has_lesion_here,value", *simulated]) + "\n")
     light = fs.predict("tongue-385nm")
     rows = zip(light.wavelength_nm, light.radiance.total, strict=True)
     table = "wavelength_nm,total\n" + "".join(f"{nm},{value}\n" for nm, value in rows)
@@ -72,7 +83,8 @@ def test_an_example_runs(name, code, mouth, components, folder, monkeypatch) -> 
     monkeypatch.chdir(folder)
     e, c = mouth, components
     names: dict[str, Any] = {**vars(fs), "e": e, "c": c, "path": "capture.blue.gain", "value": 2}
-    owners = {"Tissue": fs.tissue("lip"), "Mouth": fs.mouth(person=7, detail=0.3), "Components": c, "Experiment": e}
+    names["table"] = fs.Study("gums").query()
+    owners = {"Study": fs.Study("gums"), "Table": names["table"], "Tissue": fs.tissue("lip"), "Mouth": fs.mouth(person=7, detail=0.3), "Components": c, "Experiment": e}
     owner, _, method = name.partition(".")
     if method:
         instance = owners.get(owner) or (fs.light("led_385") if hasattr(getattr(fs, owner), "plot") else None)

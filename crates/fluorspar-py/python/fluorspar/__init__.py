@@ -60,6 +60,7 @@ from ._given import MissingFile, UnknownName
 from ._mouth import Mesh, Mouth, mouth
 from ._record import Record
 from ._render import Components, RenderStopped, read, render
+from ._study import Study, Table, norm
 from ._sweep import sweep
 from ._warning import FluorsparWarning
 from ._workbench import Workbench, workbench
@@ -85,6 +86,8 @@ __all__ = [
     "Reflectance",
     "RenderStopped",
     "Sensor",
+    "Study",
+    "Table",
     "Tissue",
     "UnknownName",
     "Workbench",
@@ -108,6 +111,7 @@ __all__ = [
     "light",
     "load",
     "mouth",
+    "norm",
     "plot",
     "predict",
     "quantum_efficiency",

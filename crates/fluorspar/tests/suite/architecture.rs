@@ -164,6 +164,7 @@ const CRATES: &[(&str, &[&str])] = &[
             "fluorspar-format",
             "fluorspar-report",
             "fluorspar-session",
+            "fluorspar-study",
         ],
     ),
 ];
