@@ -252,7 +252,6 @@ struct Coverage {
     errors: Vec<f64>,
     widths: Vec<f64>,
     truths: Vec<f64>,
-    over_bound: Vec<f64>,
 }
 
 impl Coverage {
@@ -266,7 +265,6 @@ impl Coverage {
         self.errors.extend(&other.errors);
         self.widths.extend(&other.widths);
         self.truths.extend(&other.truths);
-        self.over_bound.extend(&other.over_bound);
     }
 
     fn print(&self, what: &str) {
@@ -277,12 +275,11 @@ impl Coverage {
         println!(
             "{what}: {} cases, held {held:.3} +- {error:.3}, by the tissue that is told alone {alone:.3} +- {alone_error:.3}, warned {warned:.3}, held or warned \
              {told:.3}, of those without porphyrin {zero:.3} +- {zero_error:.3}, median error \
-             {:+.4}, median width {:.3}, median share where there is some {:.3}, median width over the bound {:.2}",
+             {:+.4}, median width {:.3}, median share where there is some {:.3}",
             self.cases,
             median(&self.errors),
             median(&self.widths),
             median(&self.truths),
-            median(&self.over_bound),
         );
     }
 }
@@ -408,7 +405,6 @@ fn of_region(
                 zeros[which].push(f64::from(u8::from(low == 0.0)));
             } else {
                 coverage.truths.push(truth);
-                coverage.over_bound.extend(width_over_bound(family, &electrons[..n], &variance[..n], truth));
             }
             coverage.errors.push(middle - truth);
             coverage.widths.push(high - low);
@@ -424,15 +420,6 @@ fn of_region(
         coverage.zero_held.push(mean(&zeros[which]));
     }
     Ok(coverages)
-}
-
-/// Width of the interval, if porphyrin is known to be present, over that of the Cramér-Rao bound of the family with its prior.
-fn width_over_bound(family: &LightFamily, electrons: &[f64], variance: &[f64], truth: f64) -> Option<f64> {
-    let present = LightFamily { probability_of_none: 0.0, ..family.clone() };
-    let [low, high] = present.share_interval(electrons, variance)?.interval;
-    let sd = family.bound_at_share(electrons, variance, truth)?;
-    let at = |z: f64| 1.0 / (1.0 + (1.0 / truth - 1.0) * (-z * sd).exp());
-    Some((high - low) / (at(1.96) - at(-1.96)))
 }
 
 fn main() -> Fallible<()> {

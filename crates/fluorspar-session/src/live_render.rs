@@ -213,20 +213,6 @@ impl LiveRender {
         Ok(edited.map_err(|error| as_typed(error, &overrides))?)
     }
 
-    /// The experiment with changes written into it, to be rendered.
-    ///
-    /// # Errors
-    /// A change that can't be made.
-    pub fn source_with(&self, changes: &Changes) -> Result<ExperimentSource> {
-        Ok(ExperimentSource {
-            name: self.name.clone(),
-            stem: "workbench".into(),
-            text: self.text_with(changes, None)?,
-            base_dir: self.base_dir.clone(),
-            file: None,
-        })
-    }
-
     /// The experiment with changes as the render shows it.
     ///
     /// # Errors

@@ -494,25 +494,6 @@ impl LightFamily {
             .max_by(|a, b| a.correlation.abs().total_cmp(&b.correlation.abs()))
     }
 
-    /// [`Self::bound_of_log_odds`] where the true share is known, and the nuisances are not: at the most probable ones with the
-    /// amount on the grid that comes nearest to the share. `None` for a share of 0 or 1 and for data that do not fit in number.
-    #[must_use]
-    pub fn bound_at_share(&self, electrons: &[f64], variance: &[f64], share: f64) -> Option<f64> {
-        if share <= 0.0 || share >= 1.0 || electrons.len() != self.frame_of.len() {
-            return None;
-        }
-        let sd = self.data_sd(electrons, variance);
-        let wanted = (share / (1.0 - share)).ln();
-        let start = [self.start(electrons)];
-        let modes = (0..AMOUNTS).filter_map(|node| {
-            let [_, amount] = self.amount(node);
-            Some((amount, self.mode(&start, amount, electrons, &sd)?))
-        });
-        let off = |mode: &Mode| (mode.point.log_odds - wanted).abs();
-        let (amount, mode) = modes.min_by(|(_, a), (_, b)| off(a).total_cmp(&off(b)))?;
-        self.bound_of_log_odds(mode.nuisances.as_slice(), amount, variance)
-    }
-
     /// Standard deviation that the log odds of the share keep at best, given nuisances and amount: the Cramér-Rao bound of the
     /// family with its prior (van Trees), for data of these variances. `None` without porphyrin.
     #[must_use]
