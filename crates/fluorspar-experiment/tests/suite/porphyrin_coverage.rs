@@ -805,6 +805,44 @@ fn the_visible_share_is_that_of_drawn_tongues() {
     assert!(dim.in_patches.unwrap_or(1.0) > 1.5 * patches, "{dim:?}");
 }
 
+/// What layers and scattering do to the light is what solving such tissue anew gives, to second order: steps are longer than those that
+/// the family was made with.
+#[test]
+fn layers_move_the_light_as_solved_tissue_does() {
+    let (lights, typical) = (["led_405"], preset::site("dorsal_tongue").unwrap());
+    let (family, layers) = (family(&lights), Population::of_layers(&typical));
+    let electrons = |site: &Site| -> Vec<f64> {
+        let (sources, mut sum) = (sources(&solved(site, 0), &lights), [0.0; 3]);
+        for (name, rgb) in &sources {
+            let of = family.sources.iter().find(|source| source.name == *name);
+            let amount = of.map_or(1.0, |source| source.median);
+            sum.iter_mut().zip(rgb).for_each(|(sum, [direct, _])| *sum += amount * direct);
+        }
+        sum.to_vec()
+    };
+    let (unmoved, names) = (electrons(&typical), family.nuisances());
+    let mut largest = 0.0_f64;
+    for (number, layer) in layers.variations().iter().enumerate() {
+        let mut deviations = vec![0.0; number + 1];
+        deviations[number] = 1.5;
+        let moved = electrons(&layers.tissue_at(&deviations));
+        let mut nuisances = vec![0.0; names.len()];
+        nuisances[names.iter().position(|(name, _)| name == layer.title).unwrap()] = 1.5;
+        let foretold = family.library_factors(&nuisances);
+        for ((moved, unmoved), foretold) in moved.iter().zip(&unmoved).zip(&foretold) {
+            let (moved, foretold) = ((moved / unmoved).ln(), foretold.ln());
+            largest = largest.max(moved.abs());
+            // A step of 0.3 in the logarithm bends by that share of itself or less
+            assert!(
+                (moved - foretold).abs() < 0.002 + 0.3 * moved.abs(),
+                "{}: {moved}, {foretold}",
+                layer.title
+            );
+        }
+    }
+    assert!(largest > 0.05, "{largest}");
+}
+
 /// What cameras say of tongues drawn from the population, for numbers in the documentation: how often none is excluded and the truth is held,
 /// and the width of the interval beside what a design foretells.
 #[test]

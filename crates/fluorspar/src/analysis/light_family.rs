@@ -6,8 +6,8 @@
 //!
 //! with the coordinates `x` (blood, saturation, depth), amounts `a_k` of the sources, the amount `p` of the porphyrin, the share
 //! `q` of light that the tissue reflects once more before it leaves, the gain `g_f` of the frame, and errors `c_i = exp(L_i u)` of
-//! the library of spectra, which channels that see the same wavelengths share. `D` and `V` are cubic polynomials that were fitted
-//! to solutions of light transport. Everything but `p` is a nuisance and a standard normal number in its own scale:
+//! the library of spectra, which channels that see the same wavelengths share, and by layers and scattering. `D` and `V` are cubic
+//! polynomials that were fitted to solutions of light transport. Everything but `p` is a nuisance and a standard normal number in its own scale:
 //! `x = c tanh(s u / c)`, `a_k = median exp(sd u)`, and so on.
 
 use fluorspar_accel::{self as accel, Simd, Work};
@@ -163,7 +163,7 @@ pub(super) struct UnitLight {
 /// What kind of uncertainty a nuisance stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NuisanceGroup {
-    /// Blood, its saturation, depth.
+    /// Blood, its saturation, layers, scattering.
     Tissue,
     /// Amounts of the fluorophores.
     Fluorophores,
@@ -186,7 +186,7 @@ impl NuisanceGroup {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Tissue => "blood, saturation and depth",
+            Self::Tissue => "blood, layers and scattering",
             Self::Fluorophores => "mix of the bulk",
             Self::Surroundings => "indirect light and light of teeth",
             Self::Leak => "leaked light",
@@ -247,6 +247,8 @@ pub struct LightFamily {
     pub width: f64,
     /// Coordinates of the tissue.
     pub coordinates: Vec<FamilyCoordinate>,
+    /// Names of what varies too little for polynomials: layers, scattering.
+    pub layers: Vec<String>,
     /// Everything but the porphyrin.
     pub sources: Vec<FamilySource>,
     /// The porphyrin.
@@ -269,7 +271,8 @@ pub struct LightFamily {
     pub lamp_log_sd: f64,
     /// Relative error of the electrons of each datum by itself, by the polynomials.
     pub model_error: Vec<f64>,
-    /// Relative errors by the spectra of the library: `L` of the covariance `L L^T` of the logarithms of all data, one row each.
+    /// Changes of the logarithms of all data, one row each: by the spectra of the library, `L` of the covariance `L L^T`, and by one standard
+    /// deviation of each of the layers.
     pub library: DMatrix<f64>,
 }
 
@@ -334,6 +337,7 @@ impl LightFamily {
             (name, NuisanceGroup::Library)
         };
         names.extend(self.channel_of.iter().zip(&self.frame_of).map(library));
+        names.extend(self.layers.iter().map(|layer| (layer.clone(), NuisanceGroup::Tissue)));
         names.push(("brightness".into(), NuisanceGroup::Brightness));
         if self.frames.len() > 1 {
             let lamp = |frame: &String| (format!("brightness of {frame}"), NuisanceGroup::Brightness);
@@ -356,13 +360,14 @@ impl LightFamily {
         let known = |of: NuisanceGroup| of == group;
         if known(NuisanceGroup::Tissue) {
             family.coordinates.iter_mut().for_each(|coordinate| coordinate.sd = 0.0);
+            family.scale_layers(0.0);
         }
         family.sources.iter_mut().filter(|source| known(source.group)).for_each(|source| source.log_sd = 0.0);
         if let (Some(indirect), true) = (&mut family.indirect, known(NuisanceGroup::Surroundings)) {
             indirect[1] = 0.0;
         }
         if known(NuisanceGroup::Library) {
-            family.library.fill(0.0);
+            family.know_library();
             family.model_error.fill(0.0);
         }
         if known(NuisanceGroup::Brightness) {
@@ -371,13 +376,23 @@ impl LightFamily {
         family
     }
 
-    /// The same family with a prior of another width: standard deviations of coordinates, amounts and indirect light times a
+    fn scale_layers(&mut self, factor: f64) {
+        self.library.columns_mut(self.frame_of.len(), self.layers.len()).scale_mut(factor);
+    }
+
+    /// Takes the spectra of the library for exact.
+    pub(super) fn know_library(&mut self) {
+        self.library.columns_mut(0, self.frame_of.len()).fill(0.0);
+    }
+
+    /// The same family with a prior of another width: standard deviations of coordinates, layers, amounts and indirect light times a
     /// factor.
     #[must_use]
     pub fn widened(&self, factor: f64) -> Self {
         let mut family = self.clone();
         family.width *= factor;
         family.coordinates.iter_mut().for_each(|coordinate| coordinate.sd *= factor);
+        family.scale_layers(factor);
         family.sources.iter_mut().for_each(|source| source.log_sd *= factor);
         family.porphyrin.log_sd *= factor;
         if let Some(indirect) = &mut family.indirect {
@@ -473,7 +488,7 @@ impl LightFamily {
         if porphyrin > 0.0 { 1.0 / (1.0 + (-self.point(nuisances, porphyrin).log_odds).exp()) } else { 0.0 }
     }
 
-    /// Factors on the electrons of the data by errors of the library, for nuisances.
+    /// Factors on the electrons of the data by errors of the library and by layers, for nuisances.
     #[must_use]
     pub fn library_factors(&self, nuisances: &[f64]) -> Vec<f64> {
         let places = self.places();
@@ -486,7 +501,7 @@ impl LightFamily {
         let sources = self.coordinates.len();
         let indirect = sources + self.sources.len();
         let library = indirect + usize::from(self.indirect.is_some());
-        Places { sources, indirect, library, gain: library + self.frame_of.len() }
+        Places { sources, indirect, library, gain: library + self.library.ncols() }
     }
 
     /// Gain of each frame, without that which only one frame has by itself.
@@ -547,10 +562,10 @@ impl LightFamily {
         self.point_of(&sums)
     }
 
-    /// Adds the slopes by what multiplies all light of a datum: errors of the library and gains.
+    /// Adds the slopes by what multiplies all light of a datum: errors of the library, layers and gains.
     fn add_slopes_of_factors(&self, sum: &mut Sums, places: &Places) {
         for (datum, &value) in sum.electrons.iter().enumerate() {
-            for error in 0..self.frame_of.len() {
+            for error in 0..self.library.ncols() {
                 sum.slopes[(datum, places.library + error)] += value * self.library[(datum, error)];
             }
             sum.slopes[(datum, places.gain)] += value * self.gain_log_sd;

@@ -270,7 +270,7 @@ impl LightFamily {
         if let Some(indirect) = family.indirect.as_mut().filter(|indirect| indirect[1] > 0.0) {
             indirect[1] = PLACES_OF_INDIRECT;
         }
-        family.library.fill(0.0);
+        family.know_library();
         family
     }
 

@@ -46,6 +46,10 @@ const fn factor(
     Variation { name, parameters, title, fluorophore, spread, between_people, within_person }
 }
 
+const fn layer(title: &'static str, parameter: &'static [&'static str; 1]) -> Variation {
+    factor(parameter[0], title, parameter, 0.2)
+}
+
 /// A factor on the strength of a fluorophore: its name, title, standard deviation among people, and where it is in layers these.
 macro_rules! strength {
     ($fluorophore:literal, $title:literal, $between_people:expr $(, $layer:literal)*) => {
@@ -100,6 +104,22 @@ const SOFT: &[Variation] = &[
     strength!("collagen", "collagen", STRENGTH, "superficial", "deep"),
     strength!("elastin", "elastin", STRENGTH, "superficial", "deep"),
     strength!("lipopigment", "lipopigment", STRENGTH, "superficial", "deep"),
+];
+
+/// What [`SOFT`] holds fixed but the thickness of the biofilm, which acts as the strengths of what it holds do. \[assumed: no work tells how much
+/// people differ in these\]
+const LAYERS: &[Variation] = &[
+    layer("keratin thickness", &["keratin_thickness_um"]),
+    layer("stroma thickness", &["superficial_stroma_thickness_um"]),
+    layer("background absorption", &["background_per_mm"]),
+    layer("slope of the background", &["background_slope_per_nm"]),
+    layer("keratin scattering", &["keratin_scattering_per_mm"]),
+    layer("epithelium scattering", &["epithelium_scattering_per_mm"]),
+    layer("stroma scattering", &["stroma_reduced_scattering_per_mm"]),
+    layer("power of stroma scattering", &["stroma_scattering_power"]),
+    layer("superficial vessel radius", &["superficial_vessel_radius_um"]),
+    layer("deep vessel radius", &["deep_vessel_radius_um"]),
+    layer("hemoglobin", &["hemoglobin_g_per_l"]),
 ];
 
 /// What varies in teeth. \[assumed\]
@@ -158,9 +178,19 @@ impl Population {
     /// The population around a typical tissue. What this does not hold (parameters of value 0) does not vary.
     #[must_use]
     pub fn of(typical: &Site) -> Self {
+        Self::varying(typical, SOFT.iter().chain(TOOTH))
+    }
+
+    /// The population of what [`Self::of`] holds fixed: thickness of layers, background absorption, scattering, vessels.
+    #[must_use]
+    pub fn of_layers(typical: &Site) -> Self {
+        Self::varying(typical, LAYERS.iter())
+    }
+
+    fn varying<'a>(typical: &Site, variations: impl Iterator<Item = &'a Variation>) -> Self {
         let holds = |name: &&str| typical.get(name).is_ok_and(|value| value != 0.0);
         let varies = |variation: &&Variation| variation.parameters.iter().any(&holds);
-        let variations = SOFT.iter().chain(TOOTH).filter(varies).cloned().collect();
+        let variations = variations.filter(varies).cloned().collect();
         Self { typical: typical.clone(), variations }
     }
 
@@ -266,6 +296,22 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn layers_are_what_the_population_holds_fixed() {
+        let [people, layers] = [Population::of(&tongue()), Population::of_layers(&tongue())];
+        let typical = people.typical();
+        let moved = layers.tissue_at(&vec![1.0; layers.variations().len()]);
+        for (parameter, value) in moved.parameters() {
+            let factor = value / typical.get(parameter.name).unwrap().max(f64::MIN_POSITIVE);
+            let varies =
+                |of: &Population| of.variations().iter().any(|v| v.parameters.contains(&parameter.name));
+            let expected = if varies(&layers) { 1.04_f64.sqrt() * 0.2 } else { 0.0 };
+            assert!(value == 0.0 || (factor.ln() - expected).abs() < 1e-9, "{}: {factor}", parameter.name);
+            assert!(!(varies(&layers) && varies(&people)), "{}", parameter.name);
+        }
+        assert_eq!(layers.variations().len(), 11);
     }
 
     #[test]

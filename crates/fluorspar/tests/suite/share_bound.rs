@@ -52,6 +52,7 @@ fn family() -> LightFamily {
         gain_log_sd: 0.5,
         lamp_log_sd: 0.0,
         model_error: vec![0.0; 3],
+        layers: vec![],
         library: DMatrix::from_diagonal_element(3, 3, 0.02),
     }
 }

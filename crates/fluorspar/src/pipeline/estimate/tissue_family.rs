@@ -147,21 +147,31 @@ fn made_family(
     if frames.is_empty() || frames.iter().any(|frame| frame.channels.is_empty()) {
         return Err(TissueError::Wavelengths);
     }
-    let population = Population::of(&with_porphyrin(&prior.site)?);
+    let typical = with_porphyrin(&prior.site)?;
+    let (population, layers) = (Population::of(&typical), Population::of_layers(&typical));
     let coordinates = population.restricted(is_coordinate);
     let x = design(coordinates.variations().len());
     let names = source_names(prior)?;
     let solver = FamilySolver::new(ordinates, prior, frames, grid)?;
+    let of_layers = (0..=layers.variations().len()).map(|layer| {
+        let mut deviations = vec![0.0; layer];
+        deviations.iter_mut().last().into_iter().for_each(|last| *last = prior.width);
+        layers.tissue_at(&deviations)
+    });
     let tissues = x
         .iter()
-        .map(|x| tissue_of(prior, &coordinates.tissue_at(x)))
+        .map(|x| coordinates.tissue_at(x))
+        .chain(of_layers)
+        .map(|site| tissue_of(prior, &site))
         .collect::<Result<Vec<_>, TissueError>>()?;
     let effective = solver.effective(&tissues)?;
-    let solved: Vec<Solved> = effective.par_iter().map(|tissue| solver.sources(tissue, &names)).collect();
+    let mut solved: Vec<Solved> = effective.par_iter().map(|tissue| solver.sources(tissue, &names)).collect();
+    let of_layers = solved.split_off(x.len());
     let fit = PolynomialFit::new(&x).ok_or(TissueError::Unsolvable { layer: None })?;
     let data: Vec<(usize, usize)> =
         (0..frames.len()).flat_map(|frame| frames[frame].channels.iter().map(move |c| (frame, *c))).collect();
     let (mut sources, model_error) = fit_sources(&fit, &solved, &names, prior, &population, data.len());
+    let library = [solver.library_errors(&effective[0], &data), log_changes(&of_layers, &sources)];
     let porphyrin = sources.remove(0);
     let indirect = prior.site.surroundings().indirect;
     let rgb = frames[0].camera.rgb().filter(|rgb| rgb.iter().all(|c| frames[0].channels.contains(c)));
@@ -174,6 +184,7 @@ fn made_family(
             .iter()
             .map(|variation| FamilyCoordinate { name: variation.title.into(), sd: prior.width })
             .collect(),
+        layers: layers.variations().iter().map(|layer| layer.title.into()).collect(),
         sources,
         porphyrin,
         probability_of_none: PROBABILITY_OF_NONE,
@@ -185,7 +196,7 @@ fn made_family(
         gain_log_sd: GAIN_LOG_SD,
         lamp_log_sd: LAMP_LOG_SD,
         model_error,
-        library: solver.library_errors(&effective[0], &data),
+        library: DMatrix::from_columns(&library.iter().flat_map(|of| of.column_iter()).collect::<Vec<_>>()),
     })
 }
 
@@ -219,6 +230,16 @@ fn fit_sources(
     };
     let sources = names.iter().enumerate().map(&mut source).collect();
     (sources, squares.into_iter().map(f64::sqrt).collect())
+}
+
+/// What each tissue does to the logarithms of the light of the first, `[datum, tissue]`.
+fn log_changes(solved: &[Solved], sources: &[FamilySource]) -> DMatrix<f64> {
+    let log = |solved: &Solved, datum: usize| -> f64 {
+        let electrons = sources.iter().zip(&solved.direct).map(|(source, of)| source.median * of[datum]);
+        electrons.sum::<f64>().ln()
+    };
+    let change = |datum, tissue: usize| log(&solved[tissue + 1], datum) - log(&solved[0], datum);
+    DMatrix::from_fn(solved[0].direct[0].len(), solved.len() - 1, change)
 }
 
 /// The prior in words.
