@@ -80,12 +80,13 @@ impl Log {
         Ok(())
     }
 
-    /// Writes the lines that were taken in; when it returns they are on the disk.
+    /// Writes the lines that were taken in; when it returns they are on the disk. They wait for another try where it fails.
     ///
     /// # Errors
     /// What the system reports.
     pub(crate) fn write_staged(&mut self) -> Result<()> {
-        self.lines.append_synced(&std::mem::take(&mut self.staged))?;
+        self.lines.append_synced(&self.staged)?;
+        self.staged.clear();
         Ok(())
     }
 

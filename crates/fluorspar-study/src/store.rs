@@ -191,7 +191,8 @@ impl Study {
 
     /// Brings files to the disk, then the lines of the log that tell of them, then these to the index.
     pub(crate) fn settle(&mut self) -> Result<()> {
-        sync_together(&self.folder, &std::mem::take(&mut self.unsynced))?;
+        sync_together(&self.folder, &self.unsynced)?;
+        self.unsynced.clear();
         self.log.write_staged()?;
         self.index.settle()
     }
