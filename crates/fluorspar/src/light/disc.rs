@@ -130,7 +130,7 @@ impl PreparedDisc {
     }
 
     /// Center, normal and radius.
-    pub(crate) fn shape(&self) -> (Vec3, Vec3, f32) {
+    pub(super) fn shape(&self) -> (Vec3, Vec3, f32) {
         (self.center, self.normal, self.radius)
     }
 

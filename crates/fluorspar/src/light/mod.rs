@@ -264,6 +264,14 @@ impl PreparedEmitter {
         Self::Sphere(sphere::PreparedSphere::emissive(center, radius, is_one_sided))
     }
 
+    /// Center, normal and radius of a disc; `None` of another shape.
+    pub(crate) fn as_disc(&self) -> Option<(Vec3, Vec3, f32)> {
+        match self {
+            Self::Disc(disc) => Some(disc.shape()),
+            _ => None,
+        }
+    }
+
     /// An object with the shape of a disc that emits to both sides, or to the front.
     pub(crate) fn disc(center: Vec3, normal: Vec3, radius: f32, is_one_sided: bool) -> Self {
         Self::Disc(disc::PreparedDisc::emissive(center, normal, radius, is_one_sided))

@@ -163,10 +163,18 @@ impl CompiledScene {
                 best = Some(Intersection { t, target: Target::Shape(index as u32) });
             }
         }
-        if let Some((t, light)) = self.light_targets.closest(&self.lights, &Ray { t_max: limit, ..*ray }) {
+        if let Some((t, light)) = self
+            .light_targets
+            .closest(&Ray { t_max: limit, ..*ray }, |light, limit| self.distance_to(light, ray, limit))
+        {
             best = Some(Intersection { t, target: Target::Light(light as u32) });
         }
         best
+    }
+
+    /// Distance along a ray to a light, within a limit.
+    fn distance_to(&self, light: usize, ray: &Ray, limit: f32) -> Option<f32> {
+        self.lights[light].emitter.intersect(ray.origin, ray.direction, limit)
     }
 
     /// Whether anything lies between a point and `t_max` along a direction; the light aimed at does not count.
@@ -181,7 +189,7 @@ impl CompiledScene {
         let Ray { origin, direction, t_max, .. } = *ray;
         self.instances.as_ref().is_some_and(|instances| instances.bvh.occluded(ray))
             || self.shapes.iter().any(|s| s.shape.intersect(origin, direction, t_max).is_some())
-            || self.light_targets.occluded(&self.lights, ray, aimed_at)
+            || self.light_targets.occluded(ray, aimed_at, |light, limit| self.distance_to(light, ray, limit))
     }
 }
 

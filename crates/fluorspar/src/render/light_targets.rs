@@ -3,8 +3,7 @@
 use fluorspar_accel::Ray;
 use glam::Vec3;
 
-use super::compiled_scene::CompiledLight;
-use crate::light::PreparedEmitter;
+use crate::light::{LightBounds, PreparedEmitter};
 
 /// Discs that are tested together.
 const LANES: usize = 8;
@@ -29,12 +28,13 @@ struct DiscBlock {
 }
 
 impl LightTargets {
-    /// Of all lights from the number `first` on.
-    pub(super) fn new(lights: &[CompiledLight], first: usize) -> Self {
-        let mut targets = Self { bounds: bounds(&lights[first..]), ..Self::default() };
+    /// Of light sources, each with its number.
+    pub(super) fn new<'a>(sources: impl Iterator<Item = (usize, &'a PreparedEmitter)> + Clone) -> Self {
+        let mut targets =
+            Self { bounds: bounds(sources.clone().map(|(_, emitter)| emitter.bounds())), ..Self::default() };
         let mut used = LANES;
-        for (number, light) in lights.iter().enumerate().skip(first) {
-            let PreparedEmitter::Disc(disc) = &light.emitter else {
+        for (number, emitter) in sources {
+            let Some(disc) = emitter.as_disc() else {
                 targets.others.push(number);
                 continue;
             };
@@ -43,16 +43,20 @@ impl LightTargets {
                 used = 0;
             }
             if let Some(block) = targets.discs.last_mut() {
-                block.set(used, number, disc.shape());
+                block.set(used, number, disc);
             }
             used += 1;
         }
         targets
     }
 
-    /// The nearest light source along a ray: its distance and its number.
+    /// The nearest light source along a ray: its distance and its number. `other` gives the distance to one that is no disc, within a limit.
     #[inline]
-    pub(super) fn closest(&self, lights: &[CompiledLight], ray: &Ray) -> Option<(f32, usize)> {
+    pub(super) fn closest(
+        &self,
+        ray: &Ray,
+        other: impl Fn(usize, f32) -> Option<f32>,
+    ) -> Option<(f32, usize)> {
         if !self.may_hit(ray) {
             return None;
         }
@@ -66,7 +70,7 @@ impl LightTargets {
             }
         }
         for &number in &self.others {
-            if let Some(t) = lights[number].emitter.intersect(ray.origin, ray.direction, limit) {
+            if let Some(t) = other(number, limit) {
                 (limit, best) = (t, Some((t, number)));
             }
         }
@@ -75,15 +79,18 @@ impl LightTargets {
 
     /// Whether a light source other than the one aimed at is in the way of a ray.
     #[inline]
-    pub(super) fn occluded(&self, lights: &[CompiledLight], ray: &Ray, aimed_at: usize) -> bool {
-        let Ray { origin, direction, t_max, .. } = *ray;
+    pub(super) fn occluded(
+        &self,
+        ray: &Ray,
+        aimed_at: usize,
+        other: impl Fn(usize, f32) -> Option<f32>,
+    ) -> bool {
+        let t_max = ray.t_max;
         let is_hit = |block: &DiscBlock| {
             let found = block.distances(ray, t_max).into_iter().zip(block.light);
             found.into_iter().any(|(t, number)| t < t_max && number != aimed_at)
         };
-        let is_other_hit = |&number: &usize| {
-            number != aimed_at && lights[number].emitter.intersect(origin, direction, t_max).is_some()
-        };
+        let is_other_hit = |&number: &usize| number != aimed_at && other(number, t_max).is_some();
         self.may_hit(ray) && (self.discs.iter().any(is_hit) || self.others.iter().any(is_other_hit))
     }
 
@@ -133,9 +140,9 @@ impl DiscBlock {
 }
 
 /// A box around the lights that have a size, a little larger than they are.
-fn bounds(lights: &[CompiledLight]) -> Option<[Vec3; 2]> {
-    let local = lights.iter().filter_map(|light| {
-        let (center, radius) = light.bounds.sphere()?;
+fn bounds(lights: impl Iterator<Item = LightBounds>) -> Option<[Vec3; 2]> {
+    let local = lights.filter_map(|light| {
+        let (center, radius) = light.sphere()?;
         let margin = Vec3::splat(1.001 * radius + 1e-5 * center.abs().max_element());
         Some([center - margin, center + margin])
     });

@@ -77,7 +77,8 @@ pub(super) fn compile(
         });
     }
 
-    let light_targets = LightTargets::new(&lights, first_light_source);
+    let sources = lights.iter().enumerate().skip(first_light_source);
+    let light_targets = LightTargets::new(sources.map(|(number, light)| (number, &light.emitter)));
     let group_lights = (0..scene.light_groups.len())
         .map(|group| (0..lights.len()).filter(|&l| lights[l].group == group).collect())
         .collect();
