@@ -16,7 +16,7 @@ use crate::values::{self, Override, duration};
 use crate::{Error, Job, Result};
 
 /// Memory of the program itself with its catalogue, bytes, as measured.
-const PROGRAM_BYTES: u64 = 44 << 20;
+const PROGRAM_BYTES: u64 = 50 << 20;
 /// Spectra of a component among which its bands are searched, as measured.
 const SEARCHED_SPECTRA: usize = 5200;
 /// Memory that an image takes besides its film while it is made of it, bytes, at most.
