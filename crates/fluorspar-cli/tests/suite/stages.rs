@@ -245,7 +245,8 @@ fn files_are_checked_without_being_run() {
     let said = fluorspar(folder, ["check"]).well();
     assert!(said.stdout.starts_with("built-in oraleye-2021: valid. "), "{}", said.stdout);
     assert_eq!(fluorspar(folder, ["check"]).well().stderr, "");
-    let away = fluorspar(folder, ["check", "flat-patch", "--set", "camera.look_at_mm=[0, 500, 500]"]).well();
+    let away =
+        fluorspar(folder, ["check", "fluorescent-sphere", "--set", "camera.look_at_mm=[0, 500, 500]"]).well();
     assert!(away.stderr.contains("the camera sees no object"), "{}", away.stderr);
     let said = fluorspar(folder, ["check", "tongue-385nm"]).well();
     assert_eq!(said.stdout, "tongue-385nm: valid. A flat sample with 5 fluorophores, 81 bands\n");
