@@ -141,7 +141,10 @@ impl Table {
 #[must_use]
 pub fn finding_lines(findings: &[Finding], analyte: &Analyte, whole: bool) -> Vec<String> {
     let words = FindingWords::of(analyte);
-    let more = if whole { [DETAILS, PIXELS.ids] } else { [&[][..]; 2] };
+    // Without an answer there is nothing but what would have carried it
+    let has_details = whole || answering_share(findings).is_none();
+    let details = if has_details { DETAILS } else { &[] };
+    let pixels = if whole { PIXELS.ids } else { &[] };
     let of = |id: FindingId| findings.iter().filter(move |finding| finding.id == id);
     // In tissue the line, as if the bulk were known, is no answer beside the estimate
     let in_tissue = of(Id::Share).next().is_some();
@@ -151,9 +154,9 @@ pub fn finding_lines(findings: &[Finding], analyte: &Analyte, whole: bool) -> Ve
         Id::RedShare => red.is_none(),
         _ => true,
     };
-    let lines = ANSWERS.iter().chain(more.into_iter().flatten()).copied().filter(is_told).flat_map(of);
+    let lines = ANSWERS.iter().chain(details).chain(pixels).copied().filter(is_told).flat_map(of);
     let lines = lines.map(|finding| format!("  {}", words.line(finding)));
-    let spread = if whole { "; ± is the spread of the pixels" } else { "" };
+    let spread = if has_details { "; ± is the spread of the pixels" } else { "" };
     let note = format!("  Intervals are of 95 %{spread}");
     let first = red.map(|red| ShareAnswer::of_share(red, analyte).sentence());
     let truth = red.and_then(|red| red.reference);
