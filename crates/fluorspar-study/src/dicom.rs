@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fluorspar::digest::sha256_hex;
 use fluorspar_format::{DicomElement, DicomValue, write_dicom};
-use fluorspar_session::Result;
+use fluorspar_session::{Error, Result};
 
 /// VL Photographic Image Storage.
 const CLASS: &str = "1.2.840.10008.5.1.4.1.1.77.1.4";
@@ -39,8 +39,14 @@ fn uid(secret: &str, parts: &[&str]) -> String {
 /// Writes a picture of a person who is told by the code alone.
 ///
 /// # Errors
-/// When the file can't be written.
+/// When the file can't be written, or has more rows or columns than its format counts.
 pub(crate) fn write_picture(path: &Path, of: &Shown<'_>, secret: &str) -> Result<()> {
+    let [columns, rows] = of.size;
+    let most = usize::from(u16::MAX);
+    if columns > most || rows > most {
+        let text = format!("{columns} x {rows} pixels: DICOM has {most} rows and columns at most");
+        return Err(Error::Input(text));
+    }
     let (visit, photograph) = (of.visit.to_string(), of.photograph.to_string());
     let instance = uid(secret, &[of.code, &visit, &photograph, &of.picture.to_string()]);
     let elements = [person(of), visit_of(of, secret), image(of), pixels(of)].concat();

@@ -180,7 +180,9 @@ pub(crate) fn numbers_parquet(numbers: &[NumberCells], name: &str) -> Vec<(Strin
     for cells in numbers {
         let [_, site, .., analysis, _] = cells;
         let site = if site.is_empty() { "__HIVE_DEFAULT_PARTITION__" } else { site };
-        let folder = format!("estimates/site={site}/device=camera-{}", &analysis[..12.min(analysis.len())]);
+        // Nothing of a log that was tampered with becomes a path
+        let device: String = analysis.chars().filter(char::is_ascii_alphanumeric).take(12).collect();
+        let folder = format!("estimates/site={site}/device=camera-{device}");
         parts.entry(folder).or_default().push(cells);
     }
     let column = |cells: &[&NumberCells], at: usize| match COLUMNS[at] {

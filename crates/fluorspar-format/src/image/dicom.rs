@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::FormatError;
 use crate::store::output::write_atomically;
 
-/// The class that names this program in heads of files.
-const IMPLEMENTATION: &str = "2.25.213487719283746501928374650192837465";
+/// Names this program in heads of files: a random UUID (PS3.5, B.2).
+const IMPLEMENTATION: &str = "2.25.27149706148466550363595592555234299244";
 const EXPLICIT_LITTLE_ENDIAN: &str = "1.2.840.10008.1.2.1";
 
 /// An attribute of a data set.
