@@ -442,7 +442,7 @@ fn result_section(run: &RunResults<'_>, analyzed: &AnalyzedFrame, builder: &mut 
     let region = &analysis.region_description;
     let note = match (&analysis.r, &analysis.g) {
         (Some(r), Some(g)) => {
-            format!("{region}: r {:.3}, g {:.3}; {} pixels", r.median, g.median, analysis.counts.valid)
+            format!("{region}: r {:.3}, g {:.3}; {} pixels", r.mean, g.mean, analysis.counts.valid)
         }
         _ => format!("{region}; {} pixels", analysis.counts.valid),
     };
