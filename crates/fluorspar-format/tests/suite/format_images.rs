@@ -10,8 +10,8 @@ use std::thread;
 use std::time::Duration;
 
 use fluorspar::image::{
-    Component, ComponentImage, ComponentRows, FeatureMaps, LightPath, Mosaic, Projection, SensorImage,
-    SpectralBasis, SpectralImage, View,
+    Component, ComponentImage, ComponentRows, FeatureMaps, LightPath, Mosaic, SensorImage, SpectralBasis,
+    SpectralImage, View,
 };
 use fluorspar::spectral::{Irradiance, Quantity, Radiance, Reflectance, WavelengthGrid};
 use fluorspar_format::{
@@ -161,15 +161,10 @@ fn component_images_are_read_part_by_part() {
 }
 
 /// A component with all bands, one on a basis of two spectra, and one without light.
-fn with_bases(projection: &Projection) -> ComponentImage {
+fn with_bases(weights: [f32; 4]) -> ComponentImage {
     let mut image = components();
-    let basis = |spectra: Vec<f32>| {
-        let projection = match projection {
-            Projection::Bands(_) if spectra.is_empty() => Projection::Bands(Vec::new()),
-            other => other.clone(),
-        };
-        Some(Arc::new(SpectralBasis::new(spectra, projection, 4, 1e-3).unwrap()))
-    };
+    let basis =
+        |spectra: Vec<f32>| Some(Arc::new(SpectralBasis::new(spectra, weights.to_vec(), 1e-3).unwrap()));
     let spectra = vec![1.0, 0.5, 0.0, 0.25, 0.0, 0.75, 1.0, -0.125];
     image.bases = vec![None, basis(spectra), basis(Vec::new())];
     let values = image.stored_values();
@@ -179,16 +174,7 @@ fn with_bases(projection: &Projection) -> ComponentImage {
 
 #[test]
 fn components_on_a_basis_come_back() {
-    components_come_back(&with_bases(&Projection::Weights(vec![1.0, 2.0, 0.5, 0.0])));
-}
-
-/// As earlier programs wrote them.
-#[test]
-fn components_of_some_bands_come_back() {
-    components_come_back(&with_bases(&Projection::Bands(vec![0, 2])));
-}
-
-fn components_come_back(image: &ComponentImage) {
+    let image = &with_bases([1.0, 2.0, 0.5, 0.0]);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("c.exr");
     assert_eq!(image.data.len(), 15 * (4 + 2));
@@ -225,8 +211,8 @@ fn components_come_back(image: &ComponentImage) {
 fn damaged_bases_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("c.exr");
-    let refusal = |projection: Projection, from: &[u8], to: &[u8]| {
-        let mut image = with_bases(&projection);
+    let refusal = |from: &[u8], to: &[u8]| {
+        let mut image = with_bases([1.0; 4]);
         image.components.pop();
         image.bases.pop();
         write_component_exr(&path, &image, &ExrOptions::default()).unwrap();
@@ -236,12 +222,8 @@ fn damaged_bases_are_refused() {
         fs::write(&path, bytes).unwrap();
         said(folder.path(), read_component_exr(&path))
     };
-    let bands = || Projection::Bands(vec![0, 2]);
-    assert!(refusal(bands(), b"[0,2]", b"[2,0]").contains("is damaged"));
-    assert!(refusal(bands(), b"[0,2]", b"[0,3]").contains("does not fit"));
-    let weights = || Projection::Weights(vec![1.0; 4]);
-    assert!(refusal(weights(), b"c0001", b"d0001").contains("not all of the 2 coefficients"));
-    assert!(refusal(weights(), b"\"weights\":\"AA", b"\"weights\":\"A*").contains("is damaged"));
+    assert!(refusal(b"c0001", b"d0001").contains("not all of the 2 coefficients"));
+    assert!(refusal(b"\"weights\":\"AA", b"\"weights\":\"A*").contains("is damaged"));
 }
 
 /// Rows of 24-bit values have a decoder of their own: over several blocks, the last of which is not full, with what deflate makes

@@ -8,7 +8,6 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::spectral_basis::round_together;
 use super::{ComponentFactors, SpectralBasis, SpectralImage};
 use crate::spectral::{Radiance, WavelengthGrid};
 
@@ -371,11 +370,11 @@ impl ComponentImage {
         round_to_24_bits(features.depth_m.iter_mut().chain(normals).chain(uv));
         for component in 0..self.components.len() {
             let (range, len) = (self.range(component), self.values_per_pixel(component).max(1));
-            let has_axes = self.basis(component).is_some_and(SpectralBasis::has_axes);
+            let basis = self.bases.get(component).cloned().flatten();
             let chunks = self.data[range].par_chunks_mut(len << 12);
             chunks.for_each(|values| {
-                if has_axes {
-                    values.chunks_exact_mut(len).for_each(|pixel| round_together(pixel, 1));
+                if let Some(basis) = &basis {
+                    values.chunks_exact_mut(len).for_each(|pixel| basis.round(pixel, 1));
                 }
                 round_to_24_bits(values);
             });

@@ -6,7 +6,6 @@ use fluorspar_accel::{Lanes, Simd, Work, bands};
 use rayon::prelude::*;
 
 use super::component_image::round_to_24_bits;
-use super::spectral_basis::round_together;
 use super::{ComponentFactors, ComponentImage, SpectralBasis};
 
 /// Spectra of the components of a render, row by row: those of an image in memory, or of a file, of which only the rows of the
@@ -112,8 +111,8 @@ impl<R: ComponentRows> ComponentRows for PreparedRows<'_, R> {
     ) -> Result<Vec<(usize, usize, T)>, R::Error> {
         self.rows.map_rows(wanted, |component, row, lines| {
             let mut lines = lines.to_vec();
-            if self.basis(component).is_some_and(SpectralBasis::has_axes) {
-                round_together(&mut lines, self.width);
+            if let Some(basis) = self.basis(component) {
+                basis.round(&mut lines, self.width);
             }
             round_to_24_bits(&mut lines);
             self.factors.scale_row(component, row, self.width, &mut lines);

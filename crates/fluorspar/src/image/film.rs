@@ -731,7 +731,7 @@ struct PixelSums<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::{LightPath, Projection};
+    use crate::image::LightPath;
 
     fn layout(statistics: StatisticsKind) -> FilmLayout {
         let label = |light| Component::of_group("blue", light);
@@ -894,7 +894,7 @@ mod tests {
     fn a_basis_keeps_coefficients_and_gives_all_bands() {
         let mut short = layout(StatisticsKind::None);
         // The last component has one coefficient, its band 1, and is shaped 1 : 2 : 3, the first as it is
-        let basis = SpectralBasis::new(vec![0.5, 1.0, 1.5], Projection::Bands(vec![1]), 3, 0.0).unwrap();
+        let basis = SpectralBasis::new(vec![0.5, 1.0, 1.5], vec![0.0, 1.0, 0.0], 0.0).unwrap();
         (short.bases, short.exponents) = (vec![None, Some(basis.into())], vec![-30; 4]);
         let mut film = Film::new(short, FeatureMaps::default());
         assert_eq!((film.pixel_len(), film.layout().memory_bytes()), (4, 4 * 8 * 6));

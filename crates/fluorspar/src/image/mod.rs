@@ -23,6 +23,6 @@ pub use interpolation_taps::InterpolationTaps;
 pub(crate) use interpolation_taps::Tap;
 pub use orientation::Orientation;
 pub use sensor_image::{CalibrationNoise, ChannelImage, Mosaic, SensorImage, SubtractedLight};
-pub use spectral_basis::{Projection, SpectralBasis};
+pub use spectral_basis::SpectralBasis;
 pub(crate) use spectral_basis::{are_finite, representatives};
 pub use spectral_image::{ImageShapeError, SpectralImage};

@@ -7,6 +7,9 @@ use nalgebra::{DMatrix, SymmetricEigen};
 const MOST_COEFFICIENTS: f64 = 0.5;
 /// The worst of all spectra is met within so many times the error of those that were seen.
 const WORST: f64 = 10.0;
+/// Coefficients are rounded to at least and at most so many bits of their norm.
+const FEWEST_BITS: f64 = 6.0;
+const MOST_BITS: f64 = 11.0;
 
 /// Spectra of which those of a component are sums.
 ///
@@ -16,43 +19,27 @@ const WORST: f64 = 10.0;
 /// is nearly `v_b = l_b sum over k of c_k a_kb`. Coefficients are linear in the light: sums of samples, their noise and factors of
 /// concentrations or lights are those of an image with all bands.
 ///
-/// Files of runs round the `n` coefficients of a pixel to a step that they share, between 2^-12 and 2^-11 of their norm: an error of the
-/// spectrum of 3e-4 in the root mean square where `n` is 9, and of `1.5 sqrt(n) 2^-12` at most. Small ones take little room.
+/// Files of runs round the `n` coefficients of a pixel to a step that they share, between 2^-(b + 1) and 2^-b of their norm: an error of
+/// the spectrum of `sqrt(n) 2^-b / 5` in the root mean square and of `1.5 sqrt(n) 2^-(b + 1)` at most. `b` is 11, and less for a basis
+/// that errs more, where 2^-b is at most half of what the basis errs in the root mean square. Small coefficients take little room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpectralBasis {
     /// `[coefficient][band]`: what a coefficient of 1 adds to the spectrum.
     spectra: Vec<f32>,
-    /// `[coefficient][band]`: what a band of 1 adds to the coefficient.
-    projection: Projection,
+    /// `[band]`: a coefficient is the sum of all bands times its spectrum times these.
+    weights: Vec<f32>,
     /// Bands of the image.
     bands: usize,
     error: f32,
 }
 
-/// What coefficients are of a spectrum.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Projection {
-    /// Sums of all bands times the spectrum of the coefficient times weights, `[band]`.
-    Weights(Vec<f32>),
-    /// Some bands as they are, ascending: so files of earlier programs have it.
-    Bands(Vec<usize>),
-}
-
 impl SpectralBasis {
-    /// A basis as it was stored. `None` where the spectra, `[coefficient][band]`, do not fit the projection, or bands are not ascending.
-    pub fn new(spectra: Vec<f32>, projection: Projection, bands: usize, error: f32) -> Option<Self> {
-        let is_finite = |values: &[f32]| values.iter().all(|value| value.is_finite());
-        let fits = match &projection {
-            Projection::Weights(weights) => {
-                let is_whole = spectra.len().is_multiple_of(bands.max(1)) && spectra.len() <= bands * bands;
-                weights.len() == bands && is_finite(weights) && is_whole
-            }
-            Projection::Bands(stored) => {
-                let last = stored.last().is_none_or(|last| *last < bands);
-                last && stored.is_sorted_by(|a, b| a < b) && spectra.len() == stored.len() * bands
-            }
-        };
-        (fits && is_finite(&spectra)).then_some(Self { spectra, projection, bands, error })
+    /// A basis as it was stored. `None` where the spectra, `[coefficient][band]`, do not fit the weights of the bands, or are not finite.
+    pub fn new(spectra: Vec<f32>, weights: Vec<f32>, error: f32) -> Option<Self> {
+        let bands = weights.len();
+        let is_whole = spectra.len().is_multiple_of(bands.max(1)) && spectra.len() <= bands * bands;
+        let is_basis = is_whole && are_finite(&spectra) && are_finite(&weights) && error.is_finite();
+        is_basis.then_some(Self { spectra, weights, bands, error })
     }
 
     /// The basis in which spectra that were `seen`, `[sample][band]`, follow within `error` in the root mean square over all of them, and each of
@@ -84,8 +71,7 @@ impl SpectralBasis {
         let weight = |level: &f32| if *level > 0.0 { f64::from(*level).recip() } else { 0.0 };
         let weight = |level: &f32| (weight(level) * weight(level)) as f32;
         let spectra = axes.chunks_exact(bands.max(1)).flat_map(spectrum).collect();
-        let projection = Projection::Weights(level.iter().map(weight).collect());
-        Self::new(spectra, projection, bands, worst as f32)
+        Self::new(spectra, level.iter().map(weight).collect(), worst as f32)
     }
 
     /// Number of coefficients.
@@ -98,21 +84,15 @@ impl SpectralBasis {
         self.spectra.is_empty()
     }
 
-    /// Whether coefficients are those of orthonormal axes.
-    pub(crate) fn has_axes(&self) -> bool {
-        matches!(self.projection, Projection::Weights(_))
-    }
-
-    /// What coefficients are of a spectrum.
-    pub fn projection(&self) -> &Projection {
-        &self.projection
+    /// `[band]`: a coefficient is the sum of all bands times its spectrum times these.
+    pub fn weights(&self) -> &[f32] {
+        &self.weights
     }
 
     /// What a band of 1 adds to each coefficient, in blocks of coefficients: `[block][band]`.
     pub(crate) fn projection_blocks(&self) -> Vec<BandBlock> {
-        let value = |coefficient: usize, band: usize| match &self.projection {
-            Projection::Weights(weights) => self.spectra[coefficient * self.bands + band] * weights[band],
-            Projection::Bands(stored) => f32::from(u8::from(stored[coefficient] == band)),
+        let value = |coefficient: usize, band: usize| {
+            self.spectra[coefficient * self.bands + band] * self.weights[band]
         };
         let of_block = |first: usize| {
             (0..self.bands).map(move |band| {
@@ -160,6 +140,12 @@ impl SpectralBasis {
         }
     }
 
+    /// Rounds coefficients `[coefficient][pixel]` of some pixels as files of runs have them.
+    pub(super) fn round(&self, coefficients: &mut [f32], pixels: usize) {
+        let bits = -(f64::from(self.error) / (2.0 * WORST)).log2().floor();
+        round_together(coefficients, pixels, bits.clamp(FEWEST_BITS, MOST_BITS) as i32);
+    }
+
     /// All bands of a spectrum of which the coefficients are given.
     pub fn all_bands(&self, coefficients: &[f64]) -> Vec<f64> {
         if !coefficients.iter().all(|value| value.is_finite()) {
@@ -198,9 +184,9 @@ pub(crate) fn are_finite(values: &[f32]) -> bool {
     values.iter().all(|value| value.is_finite())
 }
 
-/// Rounds coefficients `[coefficient][pixel]` of some pixels to steps that those of a pixel share. Once more changes nothing.
-pub(super) fn round_together(coefficients: &mut [f32], pixels: usize) {
-    const BITS: i32 = 11;
+/// Rounds coefficients `[coefficient][pixel]` of some pixels to steps that those of a pixel share, at most 2^-bits of their norm. Once more
+/// changes nothing.
+fn round_together(coefficients: &mut [f32], pixels: usize, bits: i32) {
     // Adding and taking away rounds to whole numbers
     const WHOLE: f64 = 1.5 * (1_u64 << 52) as f64;
     let mut squares = vec![0.0_f64; pixels];
@@ -216,7 +202,7 @@ pub(super) fn round_together(coefficients: &mut [f32], pixels: usize) {
         }
         for (step, squares) in steps.iter_mut().zip(&squares) {
             let exponent = (squares.to_bits() >> 52) as i32 - 1023;
-            let exponent = exponent.div_euclid(2) - BITS;
+            let exponent = exponent.div_euclid(2) - bits;
             *step = if squares.is_normal() { f64::from_bits(((1023 + exponent) as u64) << 52) } else { 0.0 };
         }
         for line in coefficients.chunks_exact_mut(pixels) {
@@ -424,24 +410,20 @@ mod tests {
 
     #[test]
     fn a_damaged_basis_is_refused() {
-        let bands = |stored: Vec<usize>| Projection::Bands(stored);
-        assert!(SpectralBasis::new(vec![0.0; 6], bands(vec![0, 2]), 3, 0.0).is_some());
-        assert!(SpectralBasis::new(vec![0.0; 6], Projection::Weights(vec![1.0; 3]), 3, 0.0).is_some());
-        for (stored, spectra) in [(vec![2, 0], 6), (vec![0, 3], 6), (vec![0, 2], 5)] {
-            assert_eq!(SpectralBasis::new(vec![0.0; spectra], bands(stored), 3, 0.0), None);
-        }
+        assert!(SpectralBasis::new(vec![0.0; 6], vec![1.0; 3], 0.0).is_some());
         for (weights, spectra) in
             [(vec![1.0; 2], 6), (vec![1.0; 3], 5), (vec![f32::INFINITY; 3], 6), (vec![1.0; 3], 12)]
         {
-            assert_eq!(SpectralBasis::new(vec![0.0; spectra], Projection::Weights(weights), 3, 0.0), None);
+            assert_eq!(SpectralBasis::new(vec![0.0; spectra], weights, 0.0), None);
         }
-        assert_eq!(SpectralBasis::new(vec![0.0, f32::NAN, 0.0], bands(vec![0]), 3, 0.0), None);
+        assert_eq!(SpectralBasis::new(vec![0.0, f32::NAN, 0.0], vec![1.0; 3], 0.0), None);
+        assert_eq!(SpectralBasis::new(vec![0.0; 3], vec![1.0; 3], f32::NAN), None);
     }
 
     #[test]
     fn what_is_infinite_is_so_in_all_bands() {
         let spectra = vec![1.0, 1.0, 0.0, 1.0, -1.0, 0.0];
-        let basis = SpectralBasis::new(spectra, Projection::Weights(vec![0.5; 3]), 3, 0.0).unwrap();
+        let basis = SpectralBasis::new(spectra, vec![0.5; 3], 0.0).unwrap();
         let mut spectrum = [0.0; 3];
         basis.add(1.0, &[f32::INFINITY; 2], &mut spectrum);
         assert_eq!(spectrum, [f32::INFINITY; 3]);
@@ -462,30 +444,30 @@ mod tests {
             let values: Vec<f32> =
                 values.iter().map(|v| (f64::from(v * size) / norm(&values)) as f32).collect();
             let mut once = values.clone();
-            round_together(&mut once, 1);
+            round_together(&mut once, 1, 11);
             let error: Vec<f32> = once.iter().zip(&values).map(|(a, b)| a - b).collect();
             assert!(norm(&error) <= 1.5 * 3.0 * 2_f64.powi(-12) * norm(&values));
             assert!(once.iter().all(|value| value.to_bits() & 0xff == 0), "{once:?}");
             let mut again = once.clone();
-            round_together(&mut again, 1);
+            round_together(&mut again, 1, 11);
             assert_eq!(again, once);
             // Beside another pixel it is the same
             let mut lines: Vec<f32> = values.iter().flat_map(|value| [*value, 1.0]).collect();
-            round_together(&mut lines, 2);
+            round_together(&mut lines, 2, 11);
             assert!(lines.chunks_exact(2).zip(&once).all(|(pair, value)| pair[0] == *value));
         }
+        // A basis that errs more is rounded to fewer bits, by a fraction of its error
+        for (error, bits) in [(0.0, 11), (4e-3, 11), (0.05, 9), (0.2, 7), (10.0, 6)] {
+            let basis = SpectralBasis::new(vec![0.0; 9], vec![1.0; 9], error).unwrap();
+            let mut values = [1.0, 2_f32.powi(-1 - bits), 0.0];
+            basis.round(&mut values, 1);
+            assert_eq!(values, [1.0, 0.0, 0.0], "{error}");
+            let mut values = [1.0, 2_f32.powi(-bits), 0.0];
+            basis.round(&mut values, 1);
+            assert_eq!(values[1], 2_f32.powi(-bits), "{error}");
+        }
         let mut beyond = [1.234_567_8, f32::INFINITY];
-        round_together(&mut beyond, 1);
+        round_together(&mut beyond, 1, 11);
         assert_eq!(beyond, [1.234_567_8, f32::INFINITY]);
-    }
-
-    #[test]
-    fn some_bands_are_a_projection_too() {
-        let basis = SpectralBasis::new(vec![0.5; 6], Projection::Bands(vec![0, 2]), 3, 0.0).unwrap();
-        let blocks = basis.projection_blocks();
-        assert_eq!(
-            blocks.iter().map(|block| [block.0[0], block.0[1]]).collect::<Vec<_>>(),
-            [[1.0, 0.0], [0.0; 2], [0.0, 1.0]]
-        );
     }
 }

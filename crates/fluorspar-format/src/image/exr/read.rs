@@ -24,8 +24,7 @@ use crate::store::file::{check_image_size, check_packing, guarded, most_image_by
 use crate::store::input::open_plain;
 use crate::{FileFormat, FormatError, Loaded, Provenance, TextureImage};
 use fluorspar::image::{
-    Component, ComponentBases, ComponentImage, FeatureMaps, Projection, SampleStatistics, SpectralBasis,
-    SpectralImage,
+    Component, ComponentBases, ComponentImage, FeatureMaps, SampleStatistics, SpectralBasis, SpectralImage,
 };
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 
@@ -757,12 +756,9 @@ fn coefficients(path: &Path, header: &Header, basis: BasisText) -> Result<BandCh
 
 /// The wavelength grid, and the band that each channel holds.
 pub(super) fn bands<Q: Quantity>(path: &Path, header: &Header) -> Result<BandChannels, FormatError> {
-    let basis: Option<BasisText> =
-        attribute(header, BASIS).map(|text| parse_json(path, BASIS, &text)).transpose()?;
-    let basis = match basis {
-        Some(basis) if basis.has_weights() => return coefficients(path, header, basis),
-        basis => basis,
-    };
+    if let Some(text) = attribute(header, BASIS) {
+        return coefficients(path, header, parse_json(path, BASIS, &text)?);
+    }
     let prefix = if layout_unit(Q::UNIT).is_some() { "S0." } else { "T." };
     let mut wavelengths: Vec<(f64, usize)> = Vec::new();
     for (index, channel) in header.channels.list.iter().enumerate() {
@@ -792,18 +788,8 @@ pub(super) fn bands<Q: Quantity>(path: &Path, header: &Header) -> Result<BandCha
         None => WavelengthGrid::from_centers(&centers)
             .map_err(|error| FormatError::malformed(path, error.to_string(), "Check the channel names"))?,
     };
-    let basis = basis.map(|text| text.basis(grid.len()).ok_or_else(|| damaged_basis(path))).transpose()?;
-    if basis.as_ref().is_some_and(SpectralBasis::is_empty) {
-        // A component without light has a channel, since a part must have one, and no coefficient
-        return Ok(BandChannels { grid, bands: vec![None; header.channels.list.len()], basis });
-    }
-    let stored = |band: usize| match basis.as_ref().map(SpectralBasis::projection) {
-        Some(Projection::Bands(stored)) => stored.get(band).copied(),
-        _ => Some(band),
-    };
-    let count = basis.as_ref().map_or(grid.len(), |basis| basis.len());
-    let agree = count == centers.len()
-        && centers.iter().enumerate().all(|(band, nm)| grid.bin_of(*nm) == stored(band));
+    let agree = grid.len() == centers.len()
+        && centers.iter().enumerate().all(|(band, nm)| grid.bin_of(*nm) == Some(band));
     if !agree {
         return Err(FormatError::malformed(
             path,
@@ -815,5 +801,5 @@ pub(super) fn bands<Q: Quantity>(path: &Path, header: &Header) -> Result<BandCha
     for (band, &(_, channel)) in wavelengths.iter().enumerate() {
         bands[channel] = Some(band);
     }
-    Ok(BandChannels { grid, bands, basis })
+    Ok(BandChannels { grid, bands, basis: None })
 }

@@ -26,8 +26,7 @@ use crate::store::file::{MAX_IMAGE_BYTES, check_image_size};
 use crate::store::output::{WrittenShare, write_atomically};
 use crate::{FileFormat, FormatError, Provenance, SpooledImage};
 use fluorspar::image::{
-    Component, ComponentImage, ExcitationImage, FeatureMaps, GroupBasis, Projection, SpectralBasis,
-    SpectralImage,
+    Component, ComponentImage, ExcitationImage, FeatureMaps, GroupBasis, SpectralBasis, SpectralImage,
 };
 use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 
@@ -571,14 +570,9 @@ fn band_planes<'a, Q: Quantity>(
         (PixelSource::Spool(spool, image), Some(factor)) => Values::SpoolF16 { spool, image, band, factor },
     };
     let prefix = if layout_unit(Q::UNIT).is_some() { "S0" } else { "T" };
-    let names: Vec<String> = match basis.map(SpectralBasis::projection) {
+    let names: Vec<String> = match basis {
         None => grid.centers_nm().iter().map(|nm| channel_name(prefix, *nm)).collect(),
-        Some(Projection::Bands(stored)) => {
-            stored.iter().map(|band| channel_name(prefix, grid.center_nm(*band))).collect()
-        }
-        Some(Projection::Weights(_)) => {
-            (0..basis.map_or(0, SpectralBasis::len)).map(coefficient_channel).collect()
-        }
+        Some(basis) => (0..basis.len()).map(coefficient_channel).collect(),
     };
     let stride = names.len();
     let plane = |(offset, name)| Plane { name, values: values(offset), offset, stride, width };
