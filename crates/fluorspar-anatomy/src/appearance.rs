@@ -149,8 +149,8 @@ impl<'a> Place<'a> {
             Tissue::Gingiva => {
                 // The free margin and the mucosa below the attached gum are redder.
                 let lining = smoothstep(0.17, 0.1, self.v);
-                let margin = bell((self.v - 0.43) / 0.04);
-                0.25 * mottled + 0.25 * margin + 0.6 * lining + lining * 0.8 * self.vessels(0x33, 5.0, 0.07)
+                let margin = bell((self.v - 0.4) / 0.07);
+                0.25 * mottled + 0.15 * margin + 0.6 * lining + lining * 0.8 * self.vessels(0x33, 5.0, 0.07)
             }
             Tissue::HardPalate => 0.3 * mottled + 0.3 * smoothstep(0.55, 0.95, self.v),
             Tissue::SoftPalate => {

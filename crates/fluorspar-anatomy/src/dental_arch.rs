@@ -162,6 +162,8 @@ pub(super) struct Station {
     /// Distances of the outer and inner tooth surface at the neck from the tooth axis.
     pub(super) outer: f64,
     pub(super) inner: f64,
+    /// Number of the tooth, or of its gap.
+    pub(super) nearest: usize,
     /// Place within a tooth: -1 and 1 at its contacts, 0 in its middle.
     pub(super) across: f64,
     /// 1 at teeth, falling to 0 within a gap.
@@ -426,6 +428,7 @@ impl Arch {
             length: curve(&self.profile.length, arc),
             outer: curve(&self.profile.outer, arc),
             inner: curve(&self.profile.inner, arc),
+            nearest,
             across,
             toothed: if tooth.present {
                 1.0

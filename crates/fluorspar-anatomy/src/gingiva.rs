@@ -6,6 +6,7 @@ use super::dental_arch::{Arch, JawPose, Station};
 use super::math::{PI, bell, lerp, pow, sin_cos, smoothstep, spline};
 use super::noise::{bumps, fractal_noise};
 use super::surface::{count, linspace, surface_mesh};
+use super::teeth::outer_face;
 use fluorspar::geometry::TriangleMesh;
 
 /// How far the gums reach behind the arch, mm.
@@ -14,15 +15,18 @@ const BEHIND_MM: f64 = 2.0;
 /// Height of the papillae in crowns: they fill the spaces below the contacts (42 % in front, Chu and others 2009).
 const PAPILLA_SHARE: f64 = 0.45;
 
-/// Exponent of the sections of crowns at the margin, of their outer halves.
-const FACE_SQUARENESS: f64 = 3.0;
+/// How far outward papillae stand between the crowns, in outer half-depths of these, and how round their edges along the crowns are, mm
+/// (assumed).
+const PAPILLA_OUTWARD: f64 = 0.68;
+const PAPILLA_ROUNDING_MM: f64 = 0.35;
 
 /// How far the frenulum of a lip stands out of the vestibule's floor, mm (assumed).
 const FRENULUM_MM: f64 = 2.0;
 
-/// Knot of the profile at the far ends of the attached gum, of its free margin, and the last one.
+/// Knots of the profile at the far ends of the attached gum and of its free part, at the margin, and the last one.
 const LINING_KNOT: f64 = 2.4;
 const FREE_KNOT: f64 = 4.3;
+const MARGIN_KNOT: f64 = 6.0;
 const LAST_KNOT: f64 = 14.0;
 
 /// Arc length of the hind ends of the gums.
@@ -38,7 +42,7 @@ pub(super) fn end_of_border(arch: &Arch) -> f64 {
 /// Knots of the profile at a station from the vestibule over the margin to the tongue side, in the jaw frame.
 fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let station = arch.station(arc);
-    let Station { length, outer, inner, toothed, .. } = station;
+    let Station { length, outer, inner, toothed, nearest, .. } = station;
     let across = station.across.abs();
     // 0 at the middle of a tooth, 1 at its contacts: papillae are pointed, the margin between them is round.
     let papilla = pow(across, 2.8);
@@ -49,10 +53,6 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     // A gap is healed over by a rounded ridge.
     let margin = lerp(length + 1.9, margin, toothed);
     let inner_margin = lerp(length + 1.9, inner_margin, toothed);
-    // Between the teeth the gum follows their outer faces, which round off toward the contact: superellipses (assumed).
-    let round = pow(1.0 - pow((across / 0.96).min(1.0), FACE_SQUARENESS), 1.0 / FACE_SQUARENESS);
-    let groove = 1.0 - round;
-    let outer_margin = outer * (1.0 - 0.5 * groove * toothed - 0.2 * (1.0 - toothed));
     let inner_edge = inner * (1.0 - 0.3 * pow(across, 2.0) * toothed - 0.2 * (1.0 - toothed));
     // Roots bulge under the gum, with soft grooves between them.
     let root = 0.27 * (1.0 + sin_cos(PI * across).1) * toothed;
@@ -60,6 +60,16 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
     let saddle = lerp(length + 0.2, saddle, toothed);
     let at =
         |out: f64, g: f64| station.point + station.outward * (out - station.lean * g.max(0.0)) + DVec3::Y * g;
+    // The margin lies on the crown as a thin edge; between the crowns papillae stand out.
+    let face = |g: f64| {
+        let (crown, papilla) =
+            (outer_face(&arch.teeth[nearest], at(0.0, g), station.outward), PAPILLA_OUTWARD * outer);
+        let apart = ((crown - papilla).powi(2) + PAPILLA_ROUNDING_MM * PAPILLA_ROUNDING_MM).sqrt();
+        lerp(0.8 * outer, 0.5 * (crown + papilla + apart), toothed)
+    };
+    let collar = lerp(margin, length + 2.4, 0.5);
+    let (edge, free) = (face(margin), face(margin + 0.9));
+    let neck = face(collar).max(face(0.5 * (margin + 0.9 + collar)));
     // The frenulum of the lip, a fold in the midline.
     let fold = FRENULUM_MM * bell(arc / 0.9);
     let knots = [
@@ -67,10 +77,10 @@ fn profile(arch: &Arch, arc: f64) -> Vec<DVec3> {
         (outer + 1.2 + fold, length + 8.2),
         (outer + 0.7 + root + 0.4 * fold, length + 5.4),
         (outer + 0.5 + root, length + 2.4),
-        (lerp(outer, outer_margin, 0.55) + 0.62, lerp(margin, length + 2.4, 0.4)),
-        (outer_margin + 0.6, margin + 0.35),
-        (outer_margin + 0.2, margin - 0.05),
-        (outer_margin - 0.7, margin + 0.12 - 0.7 * (1.0 - toothed)),
+        ((0.5 * (outer + neck) + 0.6).max(neck + 0.45), collar),
+        (free + 0.34, margin + 0.9),
+        (edge + 0.08, margin - 0.02),
+        (edge - 0.6, margin + 0.2 - 0.7 * (1.0 - toothed)),
         (0.0, saddle),
         (0.7 - inner_edge, inner_margin + 0.12 - 0.7 * (1.0 - toothed)),
         (-inner_edge - 0.1, inner_margin - 0.05),
@@ -131,8 +141,10 @@ fn relief(seed: u32, arc: f64, v: f64) -> f64 {
     let window = smoothstep(0.0, 0.1, v) * smoothstep(1.0, 0.9, v);
     let attached =
         smoothstep(LINING_KNOT, LINING_KNOT + 0.4, knot) * smoothstep(FREE_KNOT, FREE_KNOT - 0.4, knot);
-    let grooves = 0.12 * bell((knot - FREE_KNOT) / 0.35) + 0.1 * bell((knot - LINING_KNOT) / 0.4);
-    let uneven = 0.12 * fractal_noise(seed ^ 0x61, arc * 0.45, knot, 2);
+    let grooves = 0.06 * bell((knot - FREE_KNOT) / 0.35) + 0.1 * bell((knot - LINING_KNOT) / 0.4);
+    // The margin clings to the crowns.
+    let loose = 1.0 - bell((knot - MARGIN_KNOT) / 0.9);
+    let uneven = 0.12 * loose * fractal_noise(seed ^ 0x61, arc * 0.45, knot, 2);
     window * (uneven - grooves) - 0.09 * attached * bumps(seed ^ 0x42, arc / 1.1, 2.2 * knot / 1.1, 0.5, 0.8)
 }
 

@@ -149,11 +149,11 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
             slope * ((away * away + 0.015).sqrt() - 0.12)
         }
         _ => {
-            // Soft maximum of round cusps, the marginal ridges and the floor of the fossa. A weak ridge leads from each cusp
-            // to the middle of the crown, and weaker ones along the rim.
-            const SHARPNESS: f64 = 2.4;
+            // Soft maximum of cusps, the marginal ridges and the floor of the fossa. Cusps are pyramids: one ridge leads to the
+            // middle of the crown, others along the rim and down the outside.
+            const SHARPNESS: f64 = 3.2;
             /// How round the tip of a cusp is, mm.
-            const TIP_MM: f64 = 1.1;
+            const TIP_MM: f64 = 0.6;
             let (half_width, half_depth) = (0.5 * tooth.width, 0.5 * tooth.depth);
             let mut sum = 0.0;
             let (mut first, mut second) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
@@ -165,7 +165,7 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
                 // Steeper to the outside than to the fossa.
                 let slope = lerp(1.15, 0.7, smoothstep(-1.0, 1.0, along));
                 let distance =
-                    (along * along + across * across + 0.3 * corner + TIP_MM * TIP_MM).sqrt() - TIP_MM;
+                    (along * along + across * across + 1.2 * corner + TIP_MM * TIP_MM).sqrt() - TIP_MM;
                 let height = -below - slope * distance;
                 sum += exp(SHARPNESS * height);
                 if height > first {
@@ -177,7 +177,7 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
             let proximal = m.abs();
             sum += exp(SHARPNESS * (-form.fossa + 1.0 * smoothstep(0.4, 0.75, proximal)));
             // Fissures run where the slopes of two cusps meet, and end at the marginal ridges.
-            let fissure = 0.45 * bell((first - second) / 0.24) * (1.0 - smoothstep(0.46, 0.7, proximal));
+            let fissure = 0.6 * bell((first - second) / 0.3) * (1.0 - smoothstep(0.5, 0.75, proximal));
             fissure - ln(sum) / SHARPNESS
         }
     }
@@ -206,6 +206,26 @@ pub(super) fn edge_middle(tooth: &Tooth) -> DVec3 {
 pub(super) fn contact_outward(tooth: &Tooth) -> f64 {
     let form = form(tooth);
     0.25 * tooth.depth * (curve(form.outer, 0.7) - curve(form.inner, 0.7))
+}
+
+/// How far outward of a point of the jaw the outer face of a crown lies, along a direction across the arch, mm; beyond the sides of the
+/// crown the middle between both faces.
+pub(super) fn outer_face(tooth: &Tooth, from: DVec3, outward: DVec3) -> f64 {
+    /// In half-widths, so that no corner comes through what lies on the face.
+    const WIDER: f64 = 0.06;
+    let form = form(tooth);
+    let mut out = 0.0;
+    for _ in 0..3 {
+        let place = from + outward * out - tooth.edge;
+        let there = level(tooth, form, 1.0 + place.dot(tooth.biting) / tooth.length);
+        let along = place.dot(tooth.distal);
+        let share = along.abs() / there.half_widths[usize::from(along > 0.0)];
+        let share = (share - WIDER).clamp(0.0, 1.0);
+        let round = pow(1.0 - pow(share, form.squareness[0]), 1.0 / form.squareness[0]);
+        let face = 0.5 * (there.outer - there.inner + (there.outer + there.inner) * round);
+        out += (face * 0.5 * tooth.depth - place.dot(tooth.outward)) / outward.dot(tooth.outward);
+    }
+    out
 }
 
 /// Place of the middle of the rim outward, in half-depths.
