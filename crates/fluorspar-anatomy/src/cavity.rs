@@ -105,13 +105,13 @@ impl<'a> Sheet<'a> {
             ring(corner + 35.0, m + 45.0, m + 45.0, 2.3, [2.0, 5.0, -34.0]),
             ring(corner + 21.0, m + 28.0, m + 30.0, 2.2, [7.0, 8.5, -18.0]),
             ring(corner + 11.0, m + 17.5, m + 19.0, 2.1, [9.0, 7.0, -11.5]),
-            ring(corner + 5.5, m + 11.0, m + 13.0, 1.95, [9.8, 8.0, -10.2]),
-            // The white roll, the border of the red and its fullest place, which all run together at the corners.
-            ring(corner + 2.2, m + 7.3, m + 10.2, 1.86, [10.8, 10.0, -10.4]),
-            ring(corner + 1.3, m + 6.0, m + 9.0, 1.84, [10.6, 10.7, -10.9]),
-            ring(corner + 0.6, m + 3.0, m + 5.4, 1.86, [12.3, 13.8, -11.5]),
-            ring(corner + 0.1, m + 0.8, m + 1.4, 1.88, [10.9, 12.0, -12.3]),
-            ring(corner, m, m, 1.9, [8.2, 8.9, -13.4]),
+            ring(corner + 6.5, m + 11.0, m + 13.0, 1.95, [9.8, 8.0, -10.6]),
+            // The white roll, the border of the red and its fullest place, which run together toward the corners.
+            ring(corner + 3.7, m + 7.3, m + 10.2, 1.86, [10.8, 10.0, -10.1]),
+            ring(corner + 2.9, m + 6.0, m + 9.0, 1.84, [10.6, 10.7, -10.0]),
+            ring(corner + 1.5, m + 3.0, m + 5.4, 1.86, [12.3, 13.8, -9.6]),
+            ring(corner + 0.3, m + 0.8, m + 1.4, 1.88, [10.9, 12.0, -10.9]),
+            ring(corner, m, m, 1.9, [8.2, 8.9, -13.0]),
             ring(corner + 0.9, m + 1.6, m + 1.6, 2.1, [5.2, 5.6, -16.0]),
             ring(corner + 3.2, m + 0.55 * (fornix - m), m + 0.55 * (fornix - m), 2.4, [4.6, 4.4, -19.5]),
             ring(widest - 0.5, fornix, fornix - 1.0, 3.2, [1.5, 1.5, -25.0]),
@@ -287,7 +287,7 @@ impl<'a> Sheet<'a> {
         // The same lengths as the maps use: half the ring is one lip.
         let along = 45.0 * (2.0 * (2.0 * turn).rem_euclid(1.0) - 1.0);
         let folds =
-            crease(seed, along, across) + 0.3 * fractal_noise(seed ^ 0x21, along * 0.5, 2.0 * across, 2);
+            crease(seed, along, across) + 0.45 * fractal_noise(seed ^ 0x21, along * 0.8, 0.8 * across, 2);
         point -= Self::way_out(BORDER + 4.0, turn) * (0.32 * red * folds);
         let skin = smoothstep(BORDER, BORDER - 1.0, place);
         if skin > 0.0 {
@@ -313,8 +313,8 @@ impl Sheet<'_> {
     /// Face, lips, cheeks and the wall of the pharynx.
     pub(super) fn parts(&self, detail: f64) -> Vec<Part> {
         let sheet = self;
-        // An even number of columns per quarter, so that the corners are columns.
-        let quarter = count(38, detail);
+        // As fine as the folds of the lips; a whole number per quarter, so that the corners are columns.
+        let quarter = count(64, detail);
         let columns = 4 * quarter;
         let knots: Vec<Vec<DVec3>> = (0..columns)
             .map(|column| {
