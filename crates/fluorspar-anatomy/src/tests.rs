@@ -615,7 +615,7 @@ fn margin_faults(mouth: &Mouth) -> Vec<String> {
         // Height and distance to the gum, by column
         let mut columns: BTreeMap<u32, Vec<(f32, Option<f32>)>> = BTreeMap::new();
         for ((uv, position), normal) in mesh.uvs.iter().zip(&mesh.positions).zip(&mesh.normals) {
-            if (0.38..0.6).contains(&uv.x) && (0.015..0.7).contains(&uv.y) && !name.ends_with('7') {
+            if (0.41..0.59).contains(&uv.x) && (0.015..0.7).contains(&uv.y) && !name.ends_with('7') {
                 let ray = Ray { origin: *position, direction: *normal, t_min: 0.0, t_max: 4e-3 };
                 let distance_mm = gum.closest(&ray).map(|hit| hit.t * 1e3);
                 columns.entry(uv.x.to_bits()).or_default().push((uv.y, distance_mm));
