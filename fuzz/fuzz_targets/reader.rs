@@ -1,17 +1,19 @@
 //! One reader, by its name in `FLUORSPAR_READER`, under libFuzzer. Readers and their valid files are those of
-//! `crates/fluorspar-experiment/examples/mutate_inputs`, which damages files without coverage and counts time and memory.
+//! `crates/fluorspar-experiment/examples/mutate_inputs`, which damages files without coverage and counts time and memory, and of `fronts.rs`.
 //!
 //! With `FLUORSPAR_CORPUS` the valid files of all readers are written there, in a folder each, and nothing is fuzzed.
 
 #![no_main]
 
+mod fronts;
 #[path = "../../crates/fluorspar-experiment/examples/mutate_inputs/readers.rs"]
 mod readers;
 
 use std::cell::OnceCell;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use fronts::FRONTS;
 use libfuzzer_sys::fuzz_target;
 use readers::{Subject, Subjects};
 
@@ -30,31 +32,49 @@ fn folder_name(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
 
-fn write_corpus(subjects: &[Subject], corpus: &str) {
-    for subject in subjects {
-        let folder = PathBuf::from(corpus).join(folder_name(subject.name));
-        fs::create_dir_all(&folder).expect("the corpus can be written");
-        for (number, seed) in subject.seeds.iter().enumerate() {
-            fs::write(folder.join(format!("valid-{number}")), seed).expect("the corpus can be written");
-        }
+/// The reader of this name, made in a folder.
+fn subject(name: &str, folder: &Path) -> Subject {
+    if let Some((_, make)) = FRONTS.iter().find(|(front, _)| *front == name) {
+        return make(folder).expect("the valid files can be made");
+    }
+    let subjects = Subjects::all(folder).expect("the valid files can be made").list;
+    let known = subjects.iter().map(|subject| folder_name(subject.name));
+    let known: Vec<String> = known.chain(FRONTS.iter().map(|(front, _)| (*front).to_owned())).collect();
+    let named = subjects.into_iter().find(|subject| folder_name(subject.name) == name);
+    named.unwrap_or_else(|| panic!("FLUORSPAR_READER is \"{name}\"; known: {}", known.join(", ")))
+}
+
+fn write_seeds(name: &str, subject: &Subject, corpus: &Path) {
+    let folder = corpus.join(name);
+    fs::create_dir_all(&folder).expect("the corpus can be written");
+    for (number, seed) in subject.seeds.iter().enumerate() {
+        fs::write(folder.join(format!("valid-{number}")), seed).expect("the corpus can be written");
+    }
+}
+
+/// The valid files of all readers.
+fn write_corpus(corpus: &Path) {
+    let folder = || tempfile::tempdir().expect("a folder for the files");
+    for subject in Subjects::all(folder().path()).expect("the valid files can be made").list {
+        write_seeds(&folder_name(subject.name), &subject, corpus);
+    }
+    for (name, make) in FRONTS {
+        let folder = folder();
+        write_seeds(name, &make(folder.path()).expect("the valid files can be made"), corpus);
     }
 }
 
 fn prepare() -> Fuzzed {
     let folder = tempfile::tempdir().expect("a folder for the files").keep();
-    let mut subjects = Subjects::all(&folder).expect("the valid files can be made").list;
-    let name = std::env::var("FLUORSPAR_READER").unwrap_or_default();
-    let known: Vec<String> = subjects.iter().map(|subject| folder_name(subject.name)).collect();
-    let place = match std::env::var("FLUORSPAR_CORPUS") {
+    let name = match std::env::var("FLUORSPAR_CORPUS") {
+        // A fuzzer that exits by itself counts as broken: it reads one input of any reader
         Ok(corpus) => {
-            write_corpus(&subjects, &corpus);
-            0
+            write_corpus(Path::new(&corpus));
+            "cohort_table".into()
         }
-        Err(_) => known.iter().position(|one| *one == name).unwrap_or_else(|| {
-            panic!("FLUORSPAR_READER is \"{name}\"; known: {}", known.join(", "));
-        }),
+        Err(_) => std::env::var("FLUORSPAR_READER").unwrap_or_default(),
     };
-    let subject = subjects.swap_remove(place);
+    let subject = subject(&name, &folder);
     for (name, content) in &subject.companions {
         fs::write(folder.join(name), content).expect("the companions can be written");
     }

@@ -10,7 +10,7 @@
 //! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
 //! | component image, part by part | [`ComponentFile`] | |
 //! | spectral cube: ENVI, ISETCam; Zarr, OME-TIFF | [`read_cube`] | [`CubeForm::write`], [`write_component_zarr`] |
-//! | channels of a frame, OME-TIFF | | [`write_ome_tiff`] |
+//! | channels of a frame, OME-TIFF, OME-Zarr | | [`write_ome_tiff`], [`write_ome_zarr`] |
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |
 //! | table of columns, Parquet; picture, DICOM | | [`parquet_table`], [`write_dicom`] |
@@ -48,6 +48,7 @@ mod table;
 mod toml_text;
 
 pub use cube::ome_tiff::{OmeChannel, OmeFacts, write_ome_tiff};
+pub use cube::ome_zarr::write_ome_zarr;
 pub use cube::{Cube, CubeFacts, CubeForm, CubeLight, read_cube, write_component_zarr};
 pub use error::{Defect, FormatError};
 pub use frame::dng::{DngColor, write_sensor_dng};

@@ -130,6 +130,31 @@ def test_tifffile_opens_frames_with_names_and_wavelengths(rendered, mouth, compo
     assert types.from_tiff(folder / "frame_blue.ome.tiff").images[0].pixels.size_c == 3
 
 
+def test_ome_zarr_has_the_pages_of_ome_tiff(rendered) -> None:
+    zarr = pytest.importorskip("zarr")
+    tifffile = pytest.importorskip("tifffile")
+    for form in ("ome-zarr", "ome-tiff"):
+        fs.command("capture", rendered, "--format", form, "--out", rendered.parent / form)
+    path = rendered.parent / "ome-zarr" / "frame_blue.ome.zarr"
+    group = zarr.open_group(path, mode="r")
+    ome, own = group.attrs["ome"], group.attrs["fluorspar"]
+    scale = ome["multiscales"][0]
+    assert ome["version"] == "0.5" and [axis["name"] for axis in scale["axes"]] == ["c", "y", "x"]
+    pixels = group[scale["datasets"][0]["path"]]
+    assert pixels.metadata.dimension_names == ("c", "y", "x")
+    with tifffile.TiffFile(rendered.parent / "ome-tiff" / "frame_blue.ome.tiff") as file:
+        np.testing.assert_array_equal(pixels[:], file.asarray())
+        description = tifffile.xml2dict(file.ome_metadata)["OME"]["Image"]["Pixels"]
+    assert [shown["label"] for shown in ome["omero"]["channels"]] == [channel["Name"] for channel in description["Channel"]]
+    assert own["emission_nm"] == [channel["EmissionWavelength"] for channel in description["Channel"]]
+    side = description["PhysicalSizeX"]
+    assert scale["datasets"][0]["coordinateTransformations"][0]["scale"] == [1.0, side, side]
+    # What says that a picture is one reads it
+    reader = pytest.importorskip("ome_zarr.reader")
+    found = next(iter(reader.Reader(pytest.importorskip("ome_zarr.io").parse_url(path))()))
+    np.testing.assert_array_equal(np.asarray(found.data[0]), pixels[:])
+
+
 def test_what_a_cube_can_t_be_is_told(rendered) -> None:
     with pytest.raises(fs.FluorsparError, match="the name tells no form"):
         fs.cube(rendered, out=rendered.parent / "a.jpg")

@@ -14,8 +14,8 @@ use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::{ResolvedExperiment, Warning, resolve};
 use fluorspar_format::{
     CubeFacts, DngColor, FileFormat, FormatError, OmeChannel, OmeFacts, OutputFolder, Provenance, RawPacking,
-    write_atomically, write_ome_tiff, write_packed_raw, write_rgb_png, write_sensor_dng, write_sensor_png,
-    write_sensor_tiff,
+    write_atomically, write_ome_tiff, write_ome_zarr, write_packed_raw, write_rgb_png, write_sensor_dng,
+    write_sensor_png, write_sensor_tiff,
 };
 use fluorspar_report::{evaluation_json, leaking_frames};
 use rayon::prelude::*;
@@ -77,6 +77,9 @@ pub enum RawForm {
     /// OME-TIFF for Fiji, napari and QuPath: no raw frame but its linear channels, digital numbers above black, a page each.
     #[serde(rename = "ome-tiff")]
     OmeTiff,
+    /// OME-Zarr 0.5 for napari and servers of pictures: a folder with what ome-tiff has.
+    #[serde(rename = "ome-zarr")]
+    OmeZarr,
 }
 
 impl RawForm {
@@ -87,12 +90,13 @@ impl RawForm {
             Self::Dng => "dng",
             Self::Raw10 | Self::Raw12 => "raw",
             Self::OmeTiff => "ome.tiff",
+            Self::OmeZarr => "ome.zarr",
         }
     }
 
     /// Whether its files are raw frames.
     pub fn is_raw(self) -> bool {
-        self != Self::OmeTiff
+        !matches!(self, Self::OmeTiff | Self::OmeZarr)
     }
 
     fn write(
@@ -115,7 +119,7 @@ impl RawForm {
             Self::Raw10 => write_packed_raw(path, raw, RawPacking::Raw10, Some(provenance)),
             Self::Raw12 => write_packed_raw(path, raw, RawPacking::Raw12, Some(provenance)),
             // Not of raw values
-            Self::OmeTiff => Ok(()),
+            Self::OmeTiff | Self::OmeZarr => Ok(()),
         }
     }
 }
@@ -255,7 +259,8 @@ fn write_frames(
             format.write(&folder.path().join(name_of(raw)), raw, color, provenance)?;
         }
         if !format.is_raw() {
-            write_channels(&folder.path().join(name_of(&frame.raw)), (study, labels), frame, settings)?;
+            let path = folder.path().join(name_of(&frame.raw));
+            write_channels(format, &path, (study, labels), frame, settings)?;
         }
         let file = name_of(&frame.raw);
         let picture = preview(&frame.developed, &ColorRendering::of_frame(study, settings));
@@ -274,8 +279,9 @@ fn write_frames(
     frames.par_iter().zip(&study.captures).map(write).collect()
 }
 
-/// Writes the channels of a frame as OME-TIFF.
+/// Writes the channels of a frame as OME-TIFF or OME-Zarr.
 fn write_channels(
+    format: RawForm,
     path: &Path,
     (study, labels): (&Study, &ComponentImage),
     frame: &CapturedFrame,
@@ -296,5 +302,6 @@ fn write_channels(
         exposure_s: Some(frame.raw.exposure_s),
         unit: "digital numbers above black, linear".into(),
     };
-    write_ome_tiff(path, [developed.width, developed.height], &developed.data, &channels, &facts)
+    let write = if format == RawForm::OmeZarr { write_ome_zarr } else { write_ome_tiff };
+    write(path, [developed.width, developed.height], &developed.data, &channels, &facts)
 }

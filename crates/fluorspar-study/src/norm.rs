@@ -134,6 +134,9 @@ pub(crate) fn wrong(error: &NormError) -> Error {
     Error::Input(format!("there is no norm: {error}"))
 }
 
+/// Most people of a norm that is read: the time that a range takes grows with them.
+const MOST_PEOPLE: u64 = 1_000_000;
+
 /// Reads a norm.
 ///
 /// # Errors
@@ -148,6 +151,12 @@ pub(crate) fn read_norm(path: &Path) -> Result<NormFile> {
             "{shown}: its format is {}, this program reads {}",
             norm.format,
             NormFile::FORMAT
+        )));
+    }
+    let people = norm.sums.sites.iter().fold(0_u64, |all, site| all.saturating_add(site.people));
+    if people > MOST_PEOPLE {
+        return Err(Error::Input(format!(
+            "{shown}: it claims {people} people, and at most {MOST_PEOPLE} are taken; copy the norm again"
         )));
     }
     Ok(norm)

@@ -3,6 +3,7 @@
 mod envi;
 mod iset;
 pub(crate) mod ome_tiff;
+pub(crate) mod ome_zarr;
 mod zarr;
 
 use std::path::{Path, PathBuf};

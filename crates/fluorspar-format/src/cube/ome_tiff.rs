@@ -65,11 +65,7 @@ pub fn write_ome_tiff(
     channels: &[OmeChannel],
     facts: &OmeFacts,
 ) -> Result<(), FormatError> {
-    if values.len() != width * height * channels.len() || values.is_empty() {
-        let what =
-            format!("{} values do not fill {} channels of {height} x {width}", values.len(), channels.len());
-        return Err(FormatError::unwritable(path, what, "Give one value per pixel and channel"));
-    }
+    check_values(path, [width, height], values, channels)?;
     let description = description([width, height], channels, facts);
     write_atomically(path, |writer| {
         let pages = || {
@@ -90,6 +86,21 @@ pub fn write_ome_tiff(
             other => io::Error::other(other),
         })
     })
+}
+
+/// Refuses values that do not fill an image.
+pub(super) fn check_values(
+    path: &Path,
+    [width, height]: [usize; 2],
+    values: &[f32],
+    channels: &[OmeChannel],
+) -> Result<(), FormatError> {
+    if values.len() == width * height * channels.len() && !values.is_empty() {
+        return Ok(());
+    }
+    let what =
+        format!("{} values do not fill {} channels of {height} x {width}", values.len(), channels.len());
+    Err(FormatError::unwritable(path, what, "Give one value per pixel and channel"))
 }
 
 /// The XML, in ASCII.

@@ -31,7 +31,7 @@ pub(super) fn write_zarr(folder: &Path, cube: &Cube) -> Result<(), FormatError> 
     group.floats(name, &axes, cube.light.values(), attributes)?;
     group.wavelengths(grid)?;
     group.maps([width, height], &cube.facts.maps)?;
-    group.finish(&cube.facts)
+    group.finish(attributes_of(&cube.facts))
 }
 
 /// Writes a component image into a folder: `radiance` `[component, y, x, wavelength]`, its labels and the maps.
@@ -67,25 +67,25 @@ pub fn write_component_zarr(
     }
     group.wavelengths(&image.grid)?;
     group.maps([width, height], &image.features)?;
-    group.finish(facts)
+    group.finish(attributes_of(facts))
 }
 
 /// A group in the making.
-struct Group<'a> {
+pub(super) struct Group<'a> {
     folder: &'a Path,
     /// Descriptions of its arrays by name.
     arrays: Map<String, Value>,
 }
 
 /// Name and length of each axis.
-type Axes<'a> = [(&'a str, usize)];
+pub(super) type Axes<'a> = [(&'a str, usize)];
 
 impl<'a> Group<'a> {
-    fn new(folder: &'a Path) -> Self {
+    pub(super) fn new(folder: &'a Path) -> Self {
         Self { folder, arrays: Map::new() }
     }
 
-    fn floats(
+    pub(super) fn floats(
         &mut self,
         name: &str,
         axes: &Axes<'_>,
@@ -145,7 +145,7 @@ impl<'a> Group<'a> {
     ) -> Result<(), FormatError> {
         let shape: Vec<usize> = axes.iter().map(|(_, length)| *length).collect();
         let side = |(axis, length): &(&str, usize)| match *axis {
-            "component" => 1,
+            "component" | "c" => 1,
             "wavelength" if axes.len() > 1 => CHUNK[1].min(*length),
             "y" | "x" => CHUNK[0].min(*length),
             _ => *length,
@@ -212,11 +212,11 @@ impl<'a> Group<'a> {
     }
 
     /// Writes the description of the group, in which those of its arrays are repeated, so that one file is enough to open it.
-    fn finish(self, facts: &CubeFacts) -> Result<(), FormatError> {
+    pub(super) fn finish(self, attributes: Value) -> Result<(), FormatError> {
         let described = json!({
             "zarr_format": 3,
             "node_type": "group",
-            "attributes": attributes_of(facts),
+            "attributes": attributes,
             "consolidated_metadata": { "kind": "inline", "must_understand": false, "metadata": self.arrays },
         });
         write_json(&self.folder.join("zarr.json"), &described)
@@ -224,7 +224,7 @@ impl<'a> Group<'a> {
 }
 
 /// Facts by name, those that are known.
-fn attributes_of(facts: &CubeFacts) -> Map<String, Value> {
+fn attributes_of(facts: &CubeFacts) -> Value {
     let mut all = Map::new();
     let mut put = |name: &str, value: Value| {
         if !value.is_null() {
@@ -247,7 +247,7 @@ fn attributes_of(facts: &CubeFacts) -> Map<String, Value> {
         put("sha256", json!(provenance.experiment_sha256));
         put("toml", json!(provenance.resolved_experiment_toml));
     }
-    all
+    Value::Object(all)
 }
 
 fn write_json(path: &Path, value: &Value) -> Result<(), FormatError> {

@@ -10,7 +10,7 @@ use fluorspar::image::{Component, ComponentImage, FeatureMaps, LightPath, Spectr
 use fluorspar::spectral::{Quantity, WavelengthGrid};
 use fluorspar_format::{
     Cube, CubeFacts, CubeForm, CubeLight, OmeChannel, OmeFacts, read_cube, write_component_zarr,
-    write_ome_tiff,
+    write_ome_tiff, write_ome_zarr,
 };
 
 const SIZE: [usize; 2] = [7, 3];
@@ -211,4 +211,31 @@ fn a_page_of_an_ome_tiff_is_a_channel() {
     let tiff::decoder::DecodingResult::F32(second) = file.read_image().unwrap() else { panic!("no floats") };
     assert_eq!(second, [1.0, 3.0, 5.0, 7.0, 9.0, 11.0]);
     assert!(write_ome_tiff(&path, [3, 3], &values, &channels, &facts).is_err());
+}
+
+#[test]
+fn channels_of_an_ome_zarr_are_its_first_axis() {
+    let folder = tempfile::tempdir().unwrap();
+    let values: Vec<f32> = (0..2 * 3 * 2).map(|i| i as f32).collect();
+    let channel =
+        |name: &str, nm| OmeChannel { name: name.into(), emission_nm: nm, excitation_nm: Some(385.0) };
+    let channels = [channel("blue R", Some(610.5)), channel("blue G", None)];
+    let facts = OmeFacts { mm_per_pixel: Some(0.25), exposure_s: Some(0.03), ..OmeFacts::default() };
+    let path = folder.path().join("f.ome.zarr");
+    write_ome_zarr(&path, [3, 2], &values, &channels, &facts).unwrap();
+    assert_eq!(chunk(&path, "0/c/1/0/0"), [1.0, 3.0, 5.0, 7.0, 9.0, 11.0]);
+    let group: serde_json::Value =
+        serde_json::from_slice(&fs::read(path.join("zarr.json")).unwrap()).unwrap();
+    let ome = &group["attributes"]["ome"];
+    let scale = &ome["multiscales"][0];
+    assert_eq!(
+        scale["datasets"][0]["coordinateTransformations"][0]["scale"],
+        serde_json::json!([1.0, 0.25, 0.25])
+    );
+    assert_eq!(scale["axes"][1], serde_json::json!({ "name": "y", "type": "space", "unit": "millimeter" }));
+    let shown = &ome["omero"]["channels"];
+    assert_eq!((&shown[0]["label"], &shown[0]["color"]), (&"blue R".into(), &"FF0000".into()));
+    assert_eq!((&shown[1]["window"]["end"], &shown[1]["color"]), (&11.0.into(), &"FFFFFF".into()));
+    assert_eq!(group["attributes"]["fluorspar"]["emission_nm"], serde_json::json!([610.5, null]));
+    assert!(write_ome_zarr(&path, [3, 3], &values, &channels, &facts).is_err());
 }

@@ -312,7 +312,8 @@ fn text(elements: &mut Elements<'_>, dims: &[usize], left: &mut Left) -> Result<
         _ => return damaged(format!("letters of type {kind}")),
     };
     let rows = dims[0];
-    if rows < 2 || rows * dims[1] != letters.len() {
+    // Lines without letters are as many as the file claims
+    if rows < 2 || letters.is_empty() || rows * dims[1] != letters.len() {
         return Ok(MatValue::Text(letters.into_iter().collect()));
     }
     let line = |row: usize| letters.iter().skip(row).step_by(rows).collect::<String>();

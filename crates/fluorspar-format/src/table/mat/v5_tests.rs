@@ -248,6 +248,16 @@ fn nesting_ends_at_a_fixed_depth() {
     }
 }
 
+/// Millions of lines of no letters were as many texts.
+#[test]
+fn lines_without_letters_are_no_text() {
+    for maker in BOTH {
+        let file = maker.file(&[maker.array(4, &[14_024_960, 0], "empty", &maker.element(16, b""))]);
+        let read = read(&file).unwrap();
+        assert!(matches!(&read[0].1, MatValue::Text(text) if text.is_empty()));
+    }
+}
+
 #[test]
 fn compressed_variables_end_at_a_fixed_size() {
     // 256 MiB of zeros in 256 kB; the size within says more still.
