@@ -411,3 +411,26 @@ fn pooled(first: &Path, rest: &[PathBuf]) -> Result<NormFile> {
     }
     Ok(all)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A damaged count would be worked on without end.
+    #[test]
+    fn more_people_than_can_be_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("n.json");
+        let told = |people: u64| {
+            let text = format!(
+                "{{\"program\":\"fluorspar\",\"format\":1,\"origin\":\"measured\",\"region\":\"tongue\",\"quantity\":\"red_share\",\"channel\":\"\",\
+                 \"analysis\":[\"a\",\"b\"],\"logs\":[],\"sums\":{{\"range\":\"share\",\"by_age\":false,\"sites\":[{{\"site\":\"\",\"people\":{people},\
+                 \"age\":0,\"age_age\":0,\"age_value\":0,\"value\":1,\"value_value\":1,\"within\":0,\"within_degrees\":0,\"inverse_visits\":1}}]}}}}"
+            );
+            std::fs::write(&path, text).unwrap();
+            read_norm(&path).map(drop).map_err(|error| error.to_string())
+        };
+        assert_eq!(told(1_000_000), Ok(()));
+        assert!(told(1_000_001).unwrap_err().contains("it claims 1000001 people"));
+    }
+}
