@@ -8,6 +8,7 @@ use base64::engine::general_purpose::STANDARD;
 use super::escape;
 use super::experiment::embed_experiment;
 use super::live_figure::{page_policy, write_live_figure};
+use super::overview_html::write_numbers;
 use super::report_data::{
     Number, NumberMatrix, NumberTable, Origin, ReportData, ReportItem, ReportPicture, Section,
 };
@@ -43,7 +44,7 @@ impl ReportData {
             let analyzed = self.overview.as_ref().and_then(|overview| overview.views.first());
             write_live_figure(&mut html, live, analyzed.map(|view| view.name.as_str()));
         }
-        self.write_headline(&mut html);
+        write_numbers(&mut html, "headline", &self.headline);
         self.write_warnings(&mut html);
         self.write_contents(&mut html);
         let mut figures = 0;
@@ -72,24 +73,6 @@ impl ReportData {
             };
         }
         html.push_str("</ul>\n</section>\n");
-    }
-
-    fn write_headline(&self, html: &mut String) {
-        if self.headline.is_empty() {
-            return;
-        }
-        html.push_str("<dl class=\"headline\">\n");
-        for number in &self.headline {
-            let _ = writeln!(
-                html,
-                "<div><dt>{}</dt><dd><span class=\"value\">{}</span> {}</dd><dd class=\"meaning\">{}</dd></div>",
-                escape(&number.name),
-                escape(&number.value),
-                escape(&number.unit),
-                escape(&number.meaning)
-            );
-        }
-        html.push_str("</dl>\n");
     }
 
     fn write_contents(&self, html: &mut String) {

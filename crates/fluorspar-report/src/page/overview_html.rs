@@ -24,7 +24,7 @@ impl Overview {
         if let Some(answer) = &self.answer {
             write_answer(html, answer);
         }
-        write_cards(html, &self.cards);
+        write_numbers(html, "cards", &self.cards);
         html.push_str("</div>\n");
         // Below both columns: in one of them alone it would reach beyond the screen
         if !self.assumed.is_empty() {
@@ -202,19 +202,20 @@ fn write_budget(html: &mut String, Contributions { title, rows }: &Contributions
     html.push_str("</tbody>\n</table>\n");
 }
 
-fn write_cards(html: &mut String, cards: &[Number]) {
-    if cards.is_empty() {
+/// Numbers with their units and what they mean, in the style of a class.
+pub(super) fn write_numbers(html: &mut String, class: &str, numbers: &[Number]) {
+    if numbers.is_empty() {
         return;
     }
-    html.push_str("<dl class=\"cards\">\n");
-    for card in cards {
+    let _ = writeln!(html, "<dl class=\"{class}\">");
+    for number in numbers {
         let _ = writeln!(
             html,
             "<div><dt>{}</dt><dd><span class=\"value\">{}</span> {}</dd><dd class=\"meaning\">{}</dd></div>",
-            escape(&card.name),
-            escape(&card.value),
-            escape(&card.unit),
-            escape(&card.meaning)
+            escape(&number.name),
+            escape(&number.value),
+            escape(&number.unit),
+            escape(&number.meaning)
         );
     }
     html.push_str("</dl>\n");

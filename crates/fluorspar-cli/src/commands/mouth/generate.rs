@@ -173,6 +173,8 @@ struct Dimension {
 
 fn dimensions(p: &MouthParameters, mouth: &Mouth) -> Vec<Dimension> {
     const CONTACTS: &str = "contact points; Braun 1998, Mina 2017";
+    // Incisors in the middle and second molars
+    let [middle, upper, lower] = [[11, 21, 31, 41], [11, 21, 17, 27], [31, 41, 37, 47]];
     let d = mouth.dimensions();
     // Most lengths are measured between teeth.
     let between = |value: Option<f64>, teeth: &[u8]| {
@@ -188,36 +190,11 @@ fn dimensions(p: &MouthParameters, mouth: &Mouth) -> Vec<Dimension> {
         Err("the tip is raised".to_owned())
     };
     [
-        (
-            "jaw opening",
-            p.jaw_opening_mm,
-            between(d.jaw_opening_mm, &[11, 21, 31, 41]),
-            "adults 45 to 57 mm at most",
-        ),
-        (
-            "upper arch width",
-            p.upper_arch_width_mm,
-            between(d.upper_arch_width_mm, &[11, 21, 17, 27]),
-            CONTACTS,
-        ),
-        (
-            "upper arch depth",
-            p.upper_arch_depth_mm,
-            between(d.upper_arch_depth_mm, &[11, 21, 17, 27]),
-            CONTACTS,
-        ),
-        (
-            "lower arch width",
-            p.lower_arch_width_mm,
-            between(d.lower_arch_width_mm, &[31, 41, 37, 47]),
-            CONTACTS,
-        ),
-        (
-            "lower arch depth",
-            p.lower_arch_depth_mm,
-            between(d.lower_arch_depth_mm, &[31, 41, 37, 47]),
-            CONTACTS,
-        ),
+        ("jaw opening", p.jaw_opening_mm, between(d.jaw_opening_mm, &middle), "adults 45 to 57 mm at most"),
+        ("upper arch width", p.upper_arch_width_mm, between(d.upper_arch_width_mm, &upper), CONTACTS),
+        ("upper arch depth", p.upper_arch_depth_mm, between(d.upper_arch_depth_mm, &upper), CONTACTS),
+        ("lower arch width", p.lower_arch_width_mm, between(d.lower_arch_width_mm, &lower), CONTACTS),
+        ("lower arch depth", p.lower_arch_depth_mm, between(d.lower_arch_depth_mm, &lower), CONTACTS),
         (
             "palate height",
             p.palate_height_mm,
