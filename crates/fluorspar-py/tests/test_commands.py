@@ -6,11 +6,13 @@ import _thread
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import threading
 import urllib.error
 import urllib.request
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -170,6 +172,15 @@ def test_a_workbench_opens_on_an_experiment_and_ends() -> None:
     assert refused.value.code == 2
 
 
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Shells let what they start in the background ignore the signal."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 def test_a_task_that_is_interrupted_stops_no_other() -> None:
     lip = fs.tissue("lip")
     alone = lip.monte_carlo(excitation_nm=405, photons=20_000, threads=1)
