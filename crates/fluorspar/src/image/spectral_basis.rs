@@ -21,7 +21,7 @@ const MOST_BITS: f64 = 11.0;
 ///
 /// Files of runs round the `n` coefficients of a pixel to a step that they share, between 2^-(b + 1) and 2^-b of their norm: an error of
 /// the spectrum of `sqrt(n) 2^-b / 5` in the root mean square and of `1.5 sqrt(n) 2^-(b + 1)` at most. `b` is 11, and less for a basis
-/// that errs more, where 2^-b is at most half of what the basis errs in the root mean square. Small coefficients take little room.
+/// whose error is so large that 2^-b is a twentieth of it at most. Small coefficients take little room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpectralBasis {
     /// `[coefficient][band]`: what a coefficient of 1 adds to the spectrum.
