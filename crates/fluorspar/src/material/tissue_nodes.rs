@@ -20,10 +20,10 @@ const INNER: [f64; 3] = [0.25, 0.5, 0.75];
 pub(super) struct Probe(Vec<f64>);
 
 impl Probe {
-    /// Solves a tissue at the wavelengths of the comparison.
-    pub(super) fn new(tissue: &LayeredTissue, bands: &WavelengthGrid) -> Result<Self, TissueError> {
-        let nm = probed_nm(bands);
-        Ok(Self::of_solution(&EffectiveTissue::new(tissue, &nm, DiscreteOrdinates::DIFFUSE)?, bands))
+    /// Solves tissues at the wavelengths of the comparison.
+    pub(super) fn of(tissues: &[LayeredTissue], bands: &WavelengthGrid) -> Result<Vec<Self>, TissueError> {
+        let solved = EffectiveTissue::several(tissues, &probed_nm(bands), DiscreteOrdinates::DIFFUSE)?;
+        Ok(solved.par_iter().map(|solved| Self::of_solution(solved, bands)).collect())
     }
 
     /// The same of a tissue that is solved already.
@@ -81,25 +81,22 @@ pub(super) fn between([low, high]: [f64; 2], share: f64) -> f64 {
 }
 
 impl Interval {
-    /// Compares at the inner values; those that are `known` are not solved again.
+    /// Compares at the inner values; the middle one is not solved again where it is `known`.
     fn new(
         ends: [(f64, Probe); 2],
         known: Option<(f64, Probe)>,
-        probe: &(impl Fn(f64) -> Result<Probe, TissueError> + Sync),
+        probes: &impl Fn(&[f64]) -> Result<Vec<Probe>, TissueError>,
     ) -> Result<Self, TissueError> {
         let range = [ends[0].0, ends[1].0];
         let mut values = INNER.map(|share| between(range, share)).to_vec();
-        if let Some((value, _)) = &known {
-            values[1] = *value;
+        if known.is_some() {
+            values.remove(1);
         }
-        let inner = values
-            .into_par_iter()
-            .enumerate()
-            .map(|(place, value)| match &known {
-                Some((_, probe)) if place == 1 => Ok((value, probe.clone())),
-                _ => Ok((value, probe(value)?)),
-            })
-            .collect::<Result<Vec<_>, TissueError>>()?;
+        let solved = probes(&values)?;
+        let mut inner: Vec<(f64, Probe)> = values.into_iter().zip(solved).collect();
+        if let Some(known) = known {
+            inner.insert(1, known);
+        }
         let mut interval = Self { ends, inner, bend: 1.0, error: 0.0 };
         interval.bend = interval.best_bend();
         interval.error = interval.error_with(interval.bend);
@@ -141,15 +138,15 @@ impl Interval {
     /// Both halves; what is known in the middle of each is kept.
     fn halves(
         self,
-        probe: &(impl Fn(f64) -> Result<Probe, TissueError> + Sync),
+        probes: &impl Fn(&[f64]) -> Result<Vec<Probe>, TissueError>,
     ) -> Result<[Self; 2], TissueError> {
         let [low, high] = self.ends;
         let mut inner = self.inner.into_iter();
         let (Some(first), Some(middle), Some(third)) = (inner.next(), inner.next(), inner.next()) else {
             return Err(TissueError::Unsolvable { layer: None });
         };
-        let left = Self::new([low, middle.clone()], Some(first), probe)?;
-        Ok([left, Self::new([middle, high], Some(third), probe)?])
+        let left = Self::new([low, middle.clone()], Some(first), probes)?;
+        Ok([left, Self::new([middle, high], Some(third), probes)?])
     }
 }
 
@@ -157,24 +154,19 @@ impl Interval {
 /// itself), and then intervals are halved until all are within [`NODE_ERROR`] or there are 8 nodes.
 pub(super) fn choose_nodes(
     range: [f64; 2],
-    probe: impl Fn(f64) -> Result<Probe, TissueError> + Sync,
+    probes: impl Fn(&[f64]) -> Result<Vec<Probe>, TissueError>,
 ) -> Result<ChosenNodes, TissueError> {
     let [low, mut high] = range;
     if high <= low {
         // A map that is the same everywhere still needs two nodes.
         high = low.max(f64::MIN_POSITIVE) * (1.0 + 1e-3);
     }
-    let ends = [(low, probe(low)?), (high, probe(high)?)];
-    let mut intervals = if low < 1.0 && high > 1.0 {
-        let [low, high] = ends;
-        let itself = (1.0, probe(1.0)?);
-        vec![
-            Interval::new([low, itself.clone()], None, &probe)?,
-            Interval::new([itself, high], None, &probe)?,
-        ]
-    } else {
-        vec![Interval::new(ends, None, &probe)?]
-    };
+    let values = if low < 1.0 && high > 1.0 { vec![low, 1.0, high] } else { vec![low, high] };
+    let ends: Vec<(f64, Probe)> = values.iter().copied().zip(probes(&values)?).collect();
+    let mut intervals = Vec::new();
+    for pair in ends.windows(2) {
+        intervals.push(Interval::new([pair[0].clone(), pair[1].clone()], None, &probes)?);
+    }
     loop {
         let worst = (0..intervals.len()).max_by(|&a, &b| intervals[a].error.total_cmp(&intervals[b].error));
         let Some(worst) =
@@ -182,7 +174,7 @@ pub(super) fn choose_nodes(
         else {
             break;
         };
-        let halves = intervals.remove(worst).halves(&probe)?;
+        let halves = intervals.remove(worst).halves(&probes)?;
         intervals.splice(worst..worst, halves);
     }
     let ends = intervals.iter().map(|interval| interval.ends[1].0 as f32);
@@ -200,8 +192,9 @@ mod tests {
     /// Several falling exponentials: one bend can't meet all, but comes closer than the line.
     #[test]
     fn bends_follow_what_falls_with_the_parameter() {
-        let probe = |x: f64| Ok(Probe([0.7, 0.8, 1.0].map(|k: f64| 0.3 + (-k * x).exp()).to_vec()));
-        let chosen = choose_nodes([0.5, 4.0], probe).unwrap();
+        let probe = |x: f64| Probe([0.7, 0.8, 1.0].map(|k: f64| 0.3 + (-k * x).exp()).to_vec());
+        let probes = |values: &[f64]| Ok(values.iter().map(|x| probe(*x)).collect());
+        let chosen = choose_nodes([0.5, 4.0], probes).unwrap();
         assert!(chosen.error < NODE_ERROR && chosen.nodes.len() < MAX_NODES, "{:?}", chosen.nodes);
         assert!(chosen.nodes.is_sorted_by(|a, b| a < b) && chosen.bends.len() + 1 == chosen.nodes.len());
         assert_eq!([chosen.nodes[0], chosen.nodes[chosen.nodes.len() - 1]], [0.5, 4.0]);
@@ -212,16 +205,19 @@ mod tests {
             let right = chosen.nodes.iter().position(|&node| f64::from(node) > x).unwrap();
             let [low, high] = [right - 1, right].map(|node| f64::from(chosen.nodes[node]));
             let weight = f64::from(bent(((x - low) / (high - low)) as f32, chosen.bends[right - 1]));
-            let [first, second] = [low, high].map(|x| probe(x).unwrap());
+            let [first, second] = [low, high].map(probe);
             let mean = [(1.0 - weight, &first), (weight, &second)];
-            let error = probe(x).unwrap().error_of_mean(mean.into_iter());
+            let error = probe(x).error_of_mean(mean.into_iter());
             assert!(error < 1.25 * chosen.error, "{x}: {error}, stated {}", chosen.error);
         }
     }
 
     #[test]
     fn what_is_linear_needs_two_nodes_and_no_bend() {
-        let chosen = choose_nodes([0.0, 0.8], |x| Ok(Probe(vec![1.0 + x, 3.0 - x]))).unwrap();
+        let chosen = choose_nodes([0.0, 0.8], |values| {
+            Ok(values.iter().map(|x| Probe(vec![1.0 + x, 3.0 - x])).collect())
+        })
+        .unwrap();
         assert_eq!(chosen.nodes, [0.0, 0.8]);
         assert!((chosen.bends[0] - 1.0).abs() < 1e-3 && chosen.error < 1e-3, "{:?}", chosen.bends);
     }

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use glam::Vec2;
-use rayon::prelude::*;
 
 use super::lambertian::Lambertian;
 use super::state_grid::{MappedParameter, StateGrid};
@@ -101,7 +100,7 @@ impl TissueSurface {
     /// Parameters that `tissue` or the solver refuses.
     pub fn varying(
         parameters: Vec<MappedParameter>,
-        tissue: impl Fn(&[f64]) -> Result<LayeredTissue, TissueError> + Sync,
+        tissue: impl Fn(&[f64]) -> Result<LayeredTissue, TissueError>,
         bands: &WavelengthGrid,
         translucent: bool,
     ) -> Result<Self, TissueError> {
@@ -113,12 +112,15 @@ impl TissueSurface {
         let mut error = 0.0_f64;
         let mut chosen_axes = Vec::new();
         for (place, parameter) in grid.parameters.iter_mut().enumerate().filter(|(_, p)| p.nodes.is_empty()) {
-            let probe = |value: f64| {
-                let mut values = middles.clone();
-                values[place] = value;
-                Probe::new(&tissue(&values)?, bands)
+            let probes = |values: &[f64]| {
+                let with = |value: &f64| {
+                    let mut values = middles.clone();
+                    values[place] = *value;
+                    tissue(&values)
+                };
+                Probe::of(&values.iter().map(with).collect::<Result<Vec<_>, _>>()?, bands)
             };
-            let chosen = choose_nodes(range(&parameter.map), probe)?;
+            let chosen = choose_nodes(range(&parameter.map), probes)?;
             error = error.max(chosen.error);
             parameter.nodes = chosen.nodes;
             parameter.bends = chosen.bends;
@@ -126,13 +128,13 @@ impl TissueSurface {
         }
 
         // Solve all states
-        let states = (0..grid.len())
-            .into_par_iter()
+        let tissues = (0..grid.len())
             .map(|state| {
                 let values: Vec<f64> = grid.parameters_of(state).into_iter().map(f64::from).collect();
-                EffectiveTissue::for_grid(&tissue(&values)?, bands)
+                tissue(&values)
             })
             .collect::<Result<Vec<_>, _>>()?;
+        let states = EffectiveTissue::several_for_grid(&tissues, bands)?;
         if chosen_axes.len() > 1 {
             error = error.max(error_in_cells(&grid, &chosen_axes, &states, &tissue, bands)?);
         }
@@ -140,7 +142,6 @@ impl TissueSurface {
         if !translucent {
             return Ok(surface);
         }
-        let tissues: Vec<LayeredTissue> = states.iter().map(|state| state.tissue().clone()).collect();
         Ok(surface.with_profiles(radial_profiles(&tissues, PHOTONS)))
     }
 
@@ -204,27 +205,25 @@ fn error_in_cells(
     grid: &StateGrid,
     axes: &[usize],
     states: &[EffectiveTissue],
-    tissue: &(impl Fn(&[f64]) -> Result<LayeredTissue, TissueError> + Sync),
+    tissue: &impl Fn(&[f64]) -> Result<LayeredTissue, TissueError>,
     bands: &WavelengthGrid,
 ) -> Result<f64, TissueError> {
     let intervals = |axis: &usize| grid.parameters[*axis].nodes.len() - 1;
     let cells: usize = axes.iter().map(intervals).product();
     let probes: Vec<Probe> = states.iter().map(|state| Probe::of_solution(state, bands)).collect();
     let checked = cells.min(MOST_CELLS);
-    let errors = (0..checked)
-        .into_par_iter()
-        .map(|number| {
-            // Spread what is checked evenly over all cells
-            let values = middle_of_cell(grid, axes, number * cells / checked);
-            let mut values_of = values.iter();
-            let here = grid
-                .with_maps(|_| ScalarTexture::Constant(values_of.next().map_or(0.0, |value| *value as f32)));
-            let weights = here.weights_at(Vec2::ZERO);
-            let exact = Probe::new(&tissue(&values)?, bands)?;
-            Ok(exact.error_of_mean(weights.into_iter().map(f64::from).zip(&probes)))
-        })
-        .collect::<Result<Vec<f64>, TissueError>>()?;
-    Ok(errors.into_iter().fold(0.0, f64::max))
+    // Spread what is checked evenly over all cells
+    let middles: Vec<Vec<f64>> =
+        (0..checked).map(|number| middle_of_cell(grid, axes, number * cells / checked)).collect();
+    let tissues = middles.iter().map(|values| tissue(values)).collect::<Result<Vec<_>, _>>()?;
+    let error = |(values, exact): (&Vec<f64>, &Probe)| {
+        let mut values = values.iter();
+        let here =
+            grid.with_maps(|_| ScalarTexture::Constant(values.next().map_or(0.0, |value| *value as f32)));
+        let weights = here.weights_at(Vec2::ZERO);
+        exact.error_of_mean(weights.into_iter().map(f64::from).zip(&probes))
+    };
+    Ok(middles.iter().zip(&Probe::of(&tissues, bands)?).map(error).fold(0.0, f64::max))
 }
 
 /// Values of the parameters in the middle of a cell; those beside the axes are at their first nodes.

@@ -49,7 +49,7 @@ pub(super) fn cosine(lateral: f64, index: f64) -> f64 {
 }
 
 /// One direction in every medium that has it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Ordinate {
     /// `n sin(theta)`, which refraction keeps.
     pub(super) lateral: f64,

@@ -6,13 +6,14 @@
 //! known at every depth. Light is averaged over azimuth, which fluence, reflectance and transmittance do not notice.
 
 use std::f64::consts::PI;
+use std::rc::Rc;
 
 use nalgebra::{DMatrix, DVector};
 
 use super::angular_quadrature::{AngularQuadrature, Ordinate, cosine};
 use super::beam_source::BeamSource;
 use super::fresnel_interface::fresnel_reflectance;
-use super::layer_modes::LayerModes;
+use super::layer_modes::{KnownModes, LayerModes};
 use super::light_field::{BeamFluence, LayerField, LeavingLight, LightField};
 use super::optical_layer::OpticalStack;
 use super::tissue_error::{TissueError, check};
@@ -73,12 +74,22 @@ impl DiscreteOrdinates {
     /// A stack or an incidence with numbers outside their ranges, and layers whose scattering is too narrow for the number of
     /// directions.
     pub fn solve(&self, stack: &OpticalStack, incidence: Incidence) -> Result<LightField, TissueError> {
+        self.solve_knowing(&mut KnownModes::default(), stack, incidence)
+    }
+
+    /// [`Self::solve`] for one of several stacks, with the modes of layers that others had.
+    pub(super) fn solve_knowing(
+        &self,
+        known: &mut KnownModes,
+        stack: &OpticalStack,
+        incidence: Incidence,
+    ) -> Result<LightField, TissueError> {
         stack.validate()?;
         incidence.validate()?;
         let indices: Vec<f64> = stack.layers.iter().map(|layer| layer.refractive_index).collect();
         let outside = [stack.index_above, stack.index_below];
         let quadrature = AngularQuadrature::new(self.nodes_per_hemisphere, &indices, outside);
-        let problem = Problem::new(stack, &quadrature, incidence)?;
+        let problem = Problem::new(known, stack, &quadrature, incidence)?;
         let (field, basic_radiance) =
             problem.solve(incidence).ok_or(TissueError::Unsolvable { layer: None })?;
         Ok(field.into_field(stack, quadrature, basic_radiance))
@@ -89,7 +100,7 @@ impl DiscreteOrdinates {
 struct SolverLayer {
     thickness_mm: f64,
     index: f64,
-    modes: LayerModes,
+    modes: Rc<LayerModes>,
     beam: Option<LayerBeam>,
 }
 
@@ -152,6 +163,7 @@ impl Solved {
 
 impl<'a> Problem<'a> {
     fn new(
+        known: &mut KnownModes,
         stack: &'a OpticalStack,
         quadrature: &'a AngularQuadrature,
         incidence: Incidence,
@@ -160,9 +172,8 @@ impl<'a> Problem<'a> {
         let mut layers = Vec::with_capacity(stack.layers.len());
         for (number, layer) in stack.layers.iter().enumerate() {
             let index = layer.refractive_index;
-            let known = &ordinates[..quadrature.number_in(index)];
-            let modes =
-                LayerModes::new(layer, known).ok_or(TissueError::Unsolvable { layer: Some(number + 1) })?;
+            let inside = &ordinates[..quadrature.number_in(index)];
+            let modes = known.of(layer, inside).ok_or(TissueError::Unsolvable { layer: Some(number + 1) })?;
             layers.push(SolverLayer { thickness_mm: layer.thickness_mm, index, modes, beam: None });
         }
         let mut problem = Self { stack, ordinates, layers, unscattered: [0.0, 0.0] };

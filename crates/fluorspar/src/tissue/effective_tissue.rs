@@ -14,6 +14,7 @@
 //! `F(m, x) = (1 - E) / (1 - I R_b(x)) F_b(m, x) (1 - I) / (1 - I R_b(m))`: a surface that follows these relations upon `R_b` and
 //! `F_b` gives back `R` and `F` under diffuse light exactly, whatever the light does inside.
 
+use std::slice;
 use std::sync::Arc;
 
 use nalgebra::DMatrix;
@@ -22,6 +23,7 @@ use rayon::prelude::*;
 use super::depth_quadrature::{DepthNode, depth_nodes};
 use super::discrete_ordinates::{DiscreteOrdinates, Incidence};
 use super::fresnel_interface::diffuse_reflectance;
+use super::layer_modes::KnownModes;
 use super::layered_tissue::{LayeredTissue, TissueFluorophore};
 use super::low_rank::compress;
 use super::tissue_error::TissueError;
@@ -113,29 +115,50 @@ impl EffectiveTissue {
         wavelengths_nm: &[f64],
         solver: DiscreteOrdinates,
     ) -> Result<Self, TissueError> {
-        tissue.validate()?;
-        let rise = wavelengths_nm.len() > 1 && wavelengths_nm.windows(2).all(|pair| pair[1] > pair[0]);
-        if !rise || !wavelengths_nm.iter().all(|nm| (200.0..=1200.0).contains(nm)) {
-            return Err(TissueError::Wavelengths);
-        }
-        let nodes = depth_nodes(tissue, wavelengths_nm);
-        let solve = |&nm: &f64| {
-            end_if_interrupted();
-            let field = solver.solve(&tissue.optics(nm), Incidence::Lambertian)?;
-            let fluence = nodes.iter().map(|node| field.layer_fluence(node.layer, node.depth_mm)).collect();
-            Ok(Solution { reflectance: field.reflectance, fluence, absorbed: field.absorbed })
-        };
-        let solutions = wavelengths_nm.par_iter().map(solve).collect::<Result<_, TissueError>>()?;
-        Ok(Self::from_solutions(tissue, wavelengths_nm, nodes, solutions))
+        Self::several(slice::from_ref(tissue), wavelengths_nm, solver).map(|mut solved| solved.swap_remove(0))
     }
 
-    /// Solves several tissues at the same wavelengths, as [`Self::new`] does.
-    pub(super) fn several(
+    /// Solves several tissues at the same wavelengths, as [`Self::new`] does, which takes less time where they have layers in common.
+    pub(crate) fn several(
         tissues: &[LayeredTissue],
         wavelengths_nm: &[f64],
         solver: DiscreteOrdinates,
     ) -> Result<Vec<Self>, TissueError> {
-        tissues.par_iter().map(|tissue| Self::new(tissue, wavelengths_nm, solver)).collect()
+        tissues.iter().try_for_each(LayeredTissue::validate)?;
+        let rise = wavelengths_nm.len() > 1 && wavelengths_nm.windows(2).all(|pair| pair[1] > pair[0]);
+        if !rise || !wavelengths_nm.iter().all(|nm| (200.0..=1200.0).contains(nm)) {
+            return Err(TissueError::Wavelengths);
+        }
+        let nodes: Vec<_> = tissues.iter().map(|tissue| depth_nodes(tissue, wavelengths_nm)).collect();
+
+        // Solve all tissues at one wavelength after the other
+        let solve = |&nm: &f64| {
+            let mut known = KnownModes::default();
+            let of_tissue = |(tissue, nodes): (&LayeredTissue, &Vec<DepthNode>)| {
+                end_if_interrupted();
+                let field = solver.solve_knowing(&mut known, &tissue.optics(nm), Incidence::Lambertian)?;
+                let fluence =
+                    nodes.iter().map(|node| field.layer_fluence(node.layer, node.depth_mm)).collect();
+                Ok(Solution { reflectance: field.reflectance, fluence, absorbed: field.absorbed })
+            };
+            tissues.iter().zip(&nodes).map(of_tissue).collect()
+        };
+        let by_wavelength =
+            wavelengths_nm.par_iter().map(solve).collect::<Result<Vec<Vec<Solution>>, TissueError>>()?;
+
+        // Gather the solutions of each tissue
+        let mut solutions: Vec<Vec<Solution>> = vec![Vec::new(); tissues.len()];
+        for at_wavelength in by_wavelength {
+            solutions
+                .iter_mut()
+                .zip(at_wavelength)
+                .for_each(|(of_tissue, solution)| of_tissue.push(solution));
+        }
+        let solved = tissues.iter().zip(nodes).zip(solutions);
+        let solved = solved.map(|((tissue, nodes), solutions)| {
+            Self::from_solutions(tissue, wavelengths_nm, nodes, solutions)
+        });
+        Ok(solved.collect())
     }
 
     fn from_solutions(
@@ -180,8 +203,16 @@ impl EffectiveTissue {
     /// # Errors
     /// A tissue with numbers outside their ranges.
     pub fn for_grid(tissue: &LayeredTissue, grid: &WavelengthGrid) -> Result<Self, TissueError> {
+        Self::several_for_grid(slice::from_ref(tissue), grid).map(|mut solved| solved.swap_remove(0))
+    }
+
+    /// Solves several tissues for all bands of a grid, as [`Self::for_grid`] does.
+    pub(crate) fn several_for_grid(
+        tissues: &[LayeredTissue],
+        grid: &WavelengthGrid,
+    ) -> Result<Vec<Self>, TissueError> {
         let (start, end) = (grid.start_nm(), grid.end_nm());
-        Self::new(tissue, &steps(start, end, SOLUTION_STEP_NM), DiscreteOrdinates::DIFFUSE)
+        Self::several(tissues, &steps(start, end, SOLUTION_STEP_NM), DiscreteOrdinates::DIFFUSE)
     }
 
     /// The tissue.

@@ -1,5 +1,7 @@
 //! One layer in discrete ordinates: its modes, and what it reflects and transmits.
 
+use std::rc::Rc;
+
 use nalgebra::{DMatrix, SymmetricEigen};
 
 use super::angular_quadrature::{Ordinate, cosine, legendre_series};
@@ -53,6 +55,23 @@ impl PhaseFunction {
     }
 }
 
+/// Modes of the layers that stacks have in common: most of the work of a solution.
+#[derive(Default)]
+pub(super) struct KnownModes(Vec<(OpticalLayer, Vec<Ordinate>, Rc<LayerModes>)>);
+
+impl KnownModes {
+    /// [`LayerModes::new`], of each layer once.
+    pub(super) fn of(&mut self, layer: &OpticalLayer, ordinates: &[Ordinate]) -> Option<Rc<LayerModes>> {
+        let found = self.0.iter().find(|(known, along, _)| known == layer && along == ordinates);
+        if let Some((_, _, modes)) = found {
+            return Some(modes.clone());
+        }
+        let modes = Rc::new(LayerModes::new(layer, ordinates)?);
+        self.0.push((*layer, ordinates.to_vec(), modes.clone()));
+        Some(modes)
+    }
+}
+
 /// Legendre moments that a number of directions resolves: more of them alias, as the directions are not Gauss nodes in the
 /// cosine of the layer. (Three moments for two directions converge fastest; four converge as slowly as Gauss nodes do.)
 fn moments(directions: usize) -> usize {
@@ -61,7 +80,7 @@ fn moments(directions: usize) -> usize {
 
 impl LayerModes {
     /// None where the phase function is too narrow for so few directions.
-    pub(super) fn new(layer: &OpticalLayer, ordinates: &[Ordinate]) -> Option<Self> {
+    fn new(layer: &OpticalLayer, ordinates: &[Ordinate]) -> Option<Self> {
         let number = ordinates.len();
         let index = layer.refractive_index;
         let cosines: Vec<f64> = ordinates.iter().map(|o| cosine(o.lateral, index)).collect();

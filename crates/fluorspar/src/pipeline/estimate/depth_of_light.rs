@@ -75,8 +75,9 @@ pub fn depths_of_light(study: &Study, captures: &[&Capture]) -> Result<Vec<Depth
     if frames.is_empty() {
         return Ok(depths);
     }
-    for tissue in &study.tissues {
-        let solved = EffectiveTissue::for_grid(&tissue.tissue, &study.scene.grid)?;
+    let tissues: Vec<_> = study.tissues.iter().map(|tissue| tissue.tissue.clone()).collect();
+    let solved = EffectiveTissue::several_for_grid(&tissues, &study.scene.grid)?;
+    for (tissue, solved) in study.tissues.iter().zip(&solved) {
         for SeenFrame { label, photons, channels } in &frames {
             let curves: Vec<&Curve> = channels.iter().map(|(_, curve)| curve).collect();
             let profiles = solved.depths_of_fluorescence(photons, &curves);
