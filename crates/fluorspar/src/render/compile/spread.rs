@@ -75,9 +75,10 @@ fn emitted(amount: &FluorophoreAmount, light: &[Option<Curve>], areas: &[f64; RA
     let Some(profiles) = &held.profiles else { return Vec::new() };
     // How much of what excites it lies near each of the known excitations
     let mut weights = [0.0; EXCITATIONS_NM.len()];
-    for nm in (350..=600).step_by(5).map(f64::from) {
+    let excitations: Vec<f64> = (350..=600).step_by(5).map(f64::from).collect();
+    for (&nm, total_yield) in excitations.iter().zip(held.eem.total_yields(&excitations)) {
         let photons: f64 = light.iter().flatten().map(|spectrum| spectrum.at(nm) * nm).sum();
-        let excited = photons * held.eem.total_yields(&[nm])[0];
+        let excited = photons * total_yield;
         let nearest = (0..EXCITATIONS_NM.len())
             .min_by(|&a, &b| (EXCITATIONS_NM[a] - nm).abs().total_cmp(&(EXCITATIONS_NM[b] - nm).abs()));
         weights[nearest.unwrap_or(0)] += excited.max(0.0);
