@@ -18,7 +18,7 @@ use readers::Subjects;
 use trials::{Plan, feed};
 
 /// Damaged files of each reader.
-const EACH: u64 = 500;
+const EACH: u64 = 200;
 
 /// Time on the processor beyond which a reader hangs, seconds: unoptimized, and on a busy machine.
 const HANGS_S: f64 = 60.0;

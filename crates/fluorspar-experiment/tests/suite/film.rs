@@ -214,7 +214,8 @@ fn a_basis_holds_every_component_within_its_error() {
     // A mouth in miniature: layered tissue, teeth, nine fluorophores, two lights, 81 bands
     let text = "format = 1\nbase = \"oraleye-2021\"";
     let changes =
-        ["width_px=48", "height_px=36", "samples_per_pixel=8"].map(|change| format!("render.{change}"));
+        ["render.width_px=48", "render.height_px=36", "render.samples_per_pixel=8", "mouth.detail=0.25"]
+            .map(str::to_owned);
     let study = resolve(&parse(text, "test", Path::new("."), &changes).unwrap()).unwrap().study;
     let short = image(&study, &study.render);
     let all = image(&study, &RenderSettings { component_bands: ComponentBands::All, ..study.render.clone() });

@@ -466,6 +466,7 @@ fn intervals_of_a_known_family_hold_the_truth() {
 /// The other variant of the dorsum, with half of the scattering and a third of the blood, whose amounts are three deviations
 /// away: 90 % hold.
 #[test]
+#[ignore = "heavy: coverage of a further camera or tissue"]
 fn intervals_hold_the_truth_of_another_variant() {
     let found = coverage("dorsal_tongue_b", &["led_405"], 2, TISSUES, solved);
     assert!(found.held[0] + 2.0 * found.held[1] >= 0.90, "{:?}", found.held);
@@ -473,6 +474,7 @@ fn intervals_hold_the_truth_of_another_variant() {
 
 /// A second light tells more.
 #[test]
+#[ignore = "heavy: coverage of a further camera or tissue"]
 fn a_second_light_narrows_and_still_holds() {
     let found = coverage("dorsal_tongue", &["led_405", "led_450"], 1, TISSUES, solved);
     assert!(found.held[0] + 2.0 * found.held[1] >= 0.93, "{:?}", found.held);
@@ -683,15 +685,21 @@ fn tongue(
     let sum = |electrons: &[f64]| -> f64 {
         electrons.iter().zip(&family.counted).filter(|(_, counted)| **counted).map(|(e, _)| e).sum()
     };
+    // Of a unit of porphyrin in each block: its light, and that of the tissue's own fluorescence
+    let unit = family.porphyrin.median;
+    let of_unit: Vec<[f64; 2]> = tissue
+        .iter()
+        .map(|tissue| {
+            let porphyrin = sum(&family.electrons(tissue, unit)) - sum(&family.electrons(tissue, 0.0));
+            [porphyrin, porphyrin * (1.0 / family.share(tissue, unit) - 1.0)]
+        })
+        .collect();
     let truth = |factor: f64| -> f64 {
         let [mut porphyrin, mut own] = [0.0; 2];
-        for (tissue, amount) in tissue.iter().zip(&pattern) {
-            let amount = factor * amount;
-            let unit = family.porphyrin.median;
-            let of_unit = sum(&family.electrons(tissue, unit)) - sum(&family.electrons(tissue, 0.0));
-            let odds = family.share(tissue, unit);
-            porphyrin += of_unit * amount / unit;
-            own += of_unit * (1.0 / odds - 1.0) + of_unit * amount / unit;
+        for (&[of_unit, bulk], amount) in of_unit.iter().zip(&pattern) {
+            let of_porphyrin = of_unit * factor * amount / unit;
+            porphyrin += of_porphyrin;
+            own += bulk + of_porphyrin;
         }
         porphyrin / own
     };
@@ -756,6 +764,7 @@ fn patches_of_porphyrin_are_told_from_none() {
 
 /// Blocks count as well where further frames or channels that have no part in the share are seen.
 #[test]
+#[ignore = "heavy: coverage of a further camera or tissue"]
 fn patches_are_told_by_two_lights_and_by_near_infrared() {
     let two = ["led_385", "led_450"].map(frame);
     let near_infrared = [frame_of("led_385", "rgb_nir_3um", &["view_475_700"])];
