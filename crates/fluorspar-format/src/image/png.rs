@@ -151,6 +151,7 @@ fn write_colored_png(
 }
 
 /// Colors of opaque pixels, from bytes of red, green, blue and opacity.
+#[inline]
 pub fn opaque_rgb(rgba: &[u8]) -> Vec<[u8; 3]> {
     let (pixels, _) = rgba.as_chunks::<4>();
     pixels.iter().map(|&[red, green, blue, _]| [red, green, blue]).collect()
