@@ -152,15 +152,8 @@ fn estimate_one(
     let event = |of: PatientEstimate| {
         Event::Estimate(LoggedEstimate {
             photograph: wanted.photograph.clone(),
-            region_sha256: digests.get(of.region.as_str()).copied().unwrap_or_default().to_owned(),
-            region: of.region,
-            quantity: of.quantity,
-            channel: of.channel,
-            value: of.value,
-            interval: of.interval,
-            interval_kind: of.interval_kind,
-            pixels: of.pixels,
-            warnings: of.warnings,
+            region_sha256: digests.get(of.number.region.as_str()).copied().unwrap_or_default().to_owned(),
+            number: of.number,
             analysis: analysis.clone(),
             version: version.clone(),
         })

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use fluorspar::digest::sha256_hex;
 use fluorspar::findings::FindingId;
-use fluorspar_session::IntervalKind;
+use fluorspar_session::RegionEstimate;
 use serde::{Deserialize, Serialize};
 
 /// A file of the study.
@@ -122,23 +122,9 @@ pub struct LoggedEstimate {
     pub photograph: String,
     /// Digest of the region.
     pub region_sha256: String,
-    /// Name of the region.
-    pub region: String,
-    /// What the number is.
-    pub quantity: FindingId,
-    /// The channel that it is of.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub channel: Option<String>,
     /// The number.
-    pub value: Option<f64>,
-    /// The interval.
-    pub interval: Option<[f64; 2]>,
-    /// What the interval holds.
-    pub interval_kind: IntervalKind,
-    /// Pixels that count.
-    pub pixels: usize,
-    /// What makes it doubtful.
-    pub warnings: Vec<String>,
+    #[serde(flatten)]
+    pub number: RegionEstimate,
     /// Digest of the experiment by which it was made.
     pub analysis: String,
     /// Version of the program.

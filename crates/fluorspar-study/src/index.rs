@@ -282,19 +282,20 @@ fn apply_one(to: &Connection, entry: &Entry) -> rusqlite::Result<()> {
 }
 
 fn add_estimate(to: &Connection, of: &LoggedEstimate, seq: i64) -> rusqlite::Result<()> {
+    let number = &of.number;
     to.prepare_cached("INSERT OR IGNORE INTO estimate VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?
         .execute(params![
             of.photograph,
             of.region_sha256,
-            of.region,
-            quantity_name(of.quantity),
-            of.channel.clone().unwrap_or_default(),
-            of.value,
-            of.interval.map(|ends| ends[0]),
-            of.interval.map(|ends| ends[1]),
-            serde_json::to_value(of.interval_kind).ok().and_then(|kind| kind.as_str().map(str::to_owned)),
-            of.pixels as i64,
-            of.warnings.join("\n"),
+            number.region,
+            quantity_name(number.quantity),
+            number.channel.clone().unwrap_or_default(),
+            number.value,
+            number.interval.map(|ends| ends[0]),
+            number.interval.map(|ends| ends[1]),
+            serde_json::to_value(number.interval_kind).ok().and_then(|kind| kind.as_str().map(str::to_owned)),
+            number.pixels as i64,
+            number.warnings.join("\n"),
             of.analysis,
             of.version,
             seq

@@ -54,15 +54,7 @@ pub enum IntervalKind {
 
 /// A number of a region of a photograph.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PatientEstimate {
-    /// Pseudonym of the person.
-    pub patient: String,
-    /// Visit of the person.
-    pub visit: String,
-    /// The analyzed capture.
-    pub capture: String,
-    /// Its file.
-    pub frame: PathBuf,
+pub struct RegionEstimate {
     /// Name of the region.
     pub region: String,
     /// What the number is.
@@ -78,11 +70,27 @@ pub struct PatientEstimate {
     pub interval_kind: IntervalKind,
     /// Pixels of the region that count.
     pub pixels: usize,
+    /// What makes it doubtful.
+    pub warnings: Vec<String>,
+}
+
+/// A number of one of many photographs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PatientEstimate {
+    /// Pseudonym of the person.
+    pub patient: String,
+    /// Visit of the person.
+    pub visit: String,
+    /// The analyzed capture.
+    pub capture: String,
+    /// Its file.
+    pub frame: PathBuf,
+    /// The number.
+    #[serde(flatten)]
+    pub number: RegionEstimate,
     /// Whether the number lies apart from those of the other photographs.
     #[serde(default)]
     pub lies_apart: bool,
-    /// What makes it doubtful.
-    pub warnings: Vec<String>,
 }
 
 /// A photograph that was analyzed, as the journal keeps it.
@@ -209,7 +217,7 @@ pub(super) fn estimate(
     analyze_frames(&options_of(photograph, options), &given, &own_job, see)?;
     let warnings = heard.warnings.lock().unwrap_or_else(PoisonError::into_inner);
     for estimate in &mut estimates {
-        estimate.warnings.extend(warnings.iter().cloned());
+        estimate.number.warnings.extend(warnings.iter().cloned());
     }
     Ok(EstimatedPhotograph { key, estimates, picture: STANDARD.encode(picture.unwrap_or_default()) })
 }
@@ -237,15 +245,17 @@ fn estimates_of(photograph: &Photograph, region: &str, analyzed: &AnalyzedFrame)
         visit: photograph.visit.clone(),
         capture: capture.clone(),
         frame: frame.clone(),
-        region: if region.is_empty() { "analysis".into() } else { region.into() },
-        quantity: finding.id,
-        channel: finding.channel.clone(),
-        value: finding.value.filter(|value| value.is_finite()),
-        interval: finding.interval.filter(|ends| ends.iter().all(|end| end.is_finite())),
-        interval_kind: kind_of(&finding),
-        pixels: analysis.counts.valid,
+        number: RegionEstimate {
+            region: if region.is_empty() { "analysis".into() } else { region.into() },
+            quantity: finding.id,
+            channel: finding.channel.clone(),
+            value: finding.value.filter(|value| value.is_finite()),
+            interval: finding.interval.filter(|ends| ends.iter().all(|end| end.is_finite())),
+            interval_kind: kind_of(&finding),
+            pixels: analysis.counts.valid,
+            warnings: warnings.clone(),
+        },
         lies_apart: false,
-        warnings: warnings.clone(),
     };
     wanted.map(estimate).collect()
 }

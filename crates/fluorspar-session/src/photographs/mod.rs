@@ -9,7 +9,7 @@ mod table;
 
 pub use camera::PhotographCamera;
 pub(crate) use camera::camera_study;
-pub use estimate::{IntervalKind, PatientEstimate};
+pub use estimate::{IntervalKind, PatientEstimate, RegionEstimate};
 pub use pairing::Photograph;
 pub(crate) use pairing::files_below;
 pub(crate) use proposal::path_from;

@@ -24,12 +24,12 @@ pub(super) fn mark_apart(done: &mut [(&Photograph, EstimatedPhotograph)]) {
     let mut groups: BTreeMap<(String, FindingId, Option<String>), Vec<&mut PatientEstimate>> =
         BTreeMap::new();
     for estimate in done.iter_mut().flat_map(|(_, found)| &mut found.estimates) {
-        let key = (estimate.region.clone(), estimate.quantity, estimate.channel.clone());
+        let key = (estimate.number.region.clone(), estimate.number.quantity, estimate.number.channel.clone());
         groups.entry(key).or_default().push(estimate);
     }
     for ((_, quantity, _), mut group) in groups {
         let straight =
-            |estimate: &&mut PatientEstimate| quantity.value_range()?.straightened(estimate.value?);
+            |estimate: &&mut PatientEstimate| quantity.value_range()?.straightened(estimate.number.value?);
         let values: Vec<Option<f64>> = group.iter().map(straight).collect();
         let known: Vec<f64> = values.iter().copied().flatten().collect();
         let mut apart = lie_apart(&known).into_iter();
@@ -72,7 +72,8 @@ pub(super) fn write_estimates(
 }
 
 fn regions_of(found: &EstimatedPhotograph) -> Vec<&str> {
-    let mut regions: Vec<&str> = found.estimates.iter().map(|estimate| estimate.region.as_str()).collect();
+    let mut regions: Vec<&str> =
+        found.estimates.iter().map(|estimate| estimate.number.region.as_str()).collect();
     regions.dedup();
     regions
 }
@@ -84,13 +85,13 @@ fn page(
     failures: &[FailedPhotograph],
 ) -> String {
     let number = |estimate: &PatientEstimate| PlacedNumber {
-        place: [estimate.patient.clone(), estimate.visit.clone(), estimate.region.clone()],
+        place: [estimate.patient.clone(), estimate.visit.clone(), estimate.number.region.clone()],
         frame: estimate.capture.clone(),
-        id: estimate.quantity,
-        channel: estimate.channel.clone(),
-        value: estimate.value,
-        interval: estimate.interval,
-        is_of_pixels: estimate.interval_kind == IntervalKind::Pixels,
+        id: estimate.number.quantity,
+        channel: estimate.number.channel.clone(),
+        value: estimate.number.value,
+        interval: estimate.number.interval,
+        is_of_pixels: estimate.number.interval_kind == IntervalKind::Pixels,
         lies_apart: estimate.lies_apart,
     };
     let results = PhotographResults {
@@ -113,8 +114,8 @@ fn counted(estimates: &[PatientEstimate]) -> Vec<Warning> {
     let mut counts: BTreeMap<String, (usize, &str)> = BTreeMap::new();
     let mut last = None;
     for estimate in estimates {
-        let place = Some((&estimate.frame, &estimate.region));
-        for warning in estimate.warnings.iter().filter(|_| place != last) {
+        let place = Some((&estimate.frame, &estimate.number.region));
+        for warning in estimate.number.warnings.iter().filter(|_| place != last) {
             let kind = warning.chars().filter(|letter| !letter.is_ascii_digit()).collect();
             counts.entry(kind).or_insert((0, warning)).0 += 1;
         }
@@ -134,23 +135,23 @@ fn patients_csv(estimates: &[PatientEstimate]) -> String {
         let word = |value: serde_json::Result<serde_json::Value>| {
             value.ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
         };
-        let [low, high] = estimate.interval.map_or([None; 2], |ends| ends.map(Some));
+        let [low, high] = estimate.number.interval.map_or([None; 2], |ends| ends.map(Some));
         let cells = [
             estimate.patient.clone(),
             estimate.visit.clone(),
             estimate.capture.clone(),
             estimate.frame.display().to_string(),
-            estimate.region.clone(),
-            word(serde_json::to_value(estimate.quantity)),
-            estimate.channel.clone().unwrap_or_default(),
-            estimate.quantity.unit().to_owned(),
-            number(estimate.value),
+            estimate.number.region.clone(),
+            word(serde_json::to_value(estimate.number.quantity)),
+            estimate.number.channel.clone().unwrap_or_default(),
+            estimate.number.quantity.unit().to_owned(),
+            number(estimate.number.value),
             number(low),
             number(high),
-            word(serde_json::to_value(estimate.interval_kind)),
-            estimate.pixels.to_string(),
+            word(serde_json::to_value(estimate.number.interval_kind)),
+            estimate.number.pixels.to_string(),
             u8::from(estimate.lies_apart).to_string(),
-            estimate.warnings.join(" | "),
+            estimate.number.warnings.join(" | "),
         ];
         cells.map(|cell| csv_cell(&cell).into_owned()).join(",")
     };
