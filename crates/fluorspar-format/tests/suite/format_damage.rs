@@ -41,8 +41,7 @@ fn damage(path: &Path, read: impl Fn(&Path) -> bool + std::panic::RefUnwindSafe)
     for length in (0..intact.len()).step_by(step) {
         attempt(&intact[..length], format!("cut to {length} bytes"));
     }
-    // Every byte of the first kilobyte, where headers are, then some of the others, in one of three ways: mutations of the
-    // experiments' tests try more.
+    // Every byte of the first kilobyte, where headers are, then some of the others, in one of three ways each.
     for at in (0..intact.len().min(1024)).chain((1024..intact.len()).step_by(37)) {
         let change = [0xff, 0x01, 0x80][at % 3];
         let mut bytes = intact.clone();
