@@ -217,7 +217,7 @@ impl Export<'_> {
                 )));
             }
             let written =
-                if is_mask { write_mask(&from, &place) } else { write_frame(&from, &place, &label) };
+                if is_mask { write_mask(&from, &place) } else { write_frame(&from, &place, &label, job) };
             self.keep(&from, sha256, to, written)?;
             share_done((done + 1) as f64 / all.len() as f64);
         }

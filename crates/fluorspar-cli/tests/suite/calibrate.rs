@@ -146,6 +146,22 @@ fn the_template_finds_a_camera_that_differs_from_its_data_sheet() {
     {
         assert!(page.contains(row), "{row}");
     }
+    // A fluorescent reference behind the filter tells the same of the light as the tile before it
+    let fluorescent =
+        TRUE_CAMERA.replace("reflectance = 0.95", "reflectance = 0.95\nconcentrations = { fad = 2.0 }");
+    let filters = ("filters = [\"band_pass_525_45\"]\n", "view_filter.filters=[\"view_475_700\"]");
+    shoot(folder, &fluorescent, filters, &[shots("reference", &[1.0], "blue", true)]);
+    let text = fs::read_to_string(folder.join("calibration.toml")).unwrap();
+    let (before, tile) = text.split_once("viewing_filter = false").unwrap();
+    let reference = before
+        .replace("frames = \"tile\"", "frames = \"reference\"\nfluorophore = \"fad\"\nconcentration = 2.0");
+    fs::write(folder.join("reference.toml"), format!("{reference}{tile}")).unwrap();
+    let of_reference = fluorspar(folder, ["calibrate", "reference.toml", "--json"]).json();
+    let factor = &of_reference["scales"]["lights"][0]["factor"];
+    let [value, low, high] = ["value", "low", "high"].map(|key| factor[key].as_f64().unwrap());
+    let set = 0.8 * 0.7 / 0.9;
+    assert!((value - set).abs() < 3.5 * (high - low) / 3.92 && high - low < 0.12 * set, "{of_reference:#}");
+    assert_eq!(of_reference["scales"]["leaks"].as_array().map(Vec::len), Some(0));
     // Commands take the camera
     let camera = out.join("camera.toml").display().to_string();
     let sensor = fluorspar(folder, ["catalog", "show", "sensor", &camera, "--json"]).json();
@@ -180,6 +196,9 @@ fn what_frames_do_not_tell_is_refused_by_name() {
     refused("\"green_band\" # of", "\"green_bnad\" # of", "did you mean \"green_band\"?");
     refused("reflectance = 0.95 #", "reflectance = 95 #", "reflectance = 95 is outside");
     refused("reflectance = 0.95 #", "# ", "give what is known of it");
+    refused("reflectance = 0.95 #", "concentration = 2\nreflectance = 0.95 #", "of which `fluorophore`?");
+    refused("reflectance = 0.95 #", "fluorophore = \"fda\"\nreflectance = 0.95 #", "did you mean \"fad\"?");
+    refused("reflectance = 0.95 #", "fluorophore = \"dye.csv\"\nreflectance = 0.95 #", "tell no yield");
     refused("# region_px = [100, 80, 120, 80]", "region_px = [90, 0, 9, 9]", "leaves the frame of 96 x 72");
     refused("format = 1", "format = 1\nflats = 3", "unknown field `flats`");
     // Another gain, and another size

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 /// Runs the program with a limit of the shell, such as `-v 100000` (KiB of addresses).
-fn limited(folder: &Path, limit: &str, args: &[&str]) -> Output {
+pub(crate) fn limited(folder: &Path, limit: &str, args: &[&str]) -> Output {
     let line = format!("ulimit {limit} && exec \"$0\" \"$@\"");
     let mut command = Command::new("sh");
     command.args(["-c", &line, env!("CARGO_BIN_EXE_fluorspar"), "--threads", "2"]).args(args);

@@ -199,6 +199,30 @@ fn a_log_that_is_shorter_or_gone_is_refused() {
 }
 
 /// Verdicts reach a study later, and masks in whatever form a table names them.
+/// A log that can't grow ends the import; what the next one finds is whole, and nothing is missing afterwards.
+#[cfg(target_os = "linux")] // Other systems have no such limit on files.
+#[test]
+fn a_log_that_can_not_be_written_is_taken_up_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    photographs(folder, 8);
+    let people: String = (0..600).map(|person| format!("Q{person},north,f,40,fair,no,yes\n")).collect();
+    fs::write(folder.join("people.csv"), format!("subject,site,sex,age,skin,smoker,consent\n{people}"))
+        .unwrap();
+    study(folder, &["init", "--experiment", "violet.toml"]).well();
+    study(folder, &["import", "--subjects", "people.csv"]).well();
+    let before = fs::read(folder.join("st/log.jsonl")).unwrap();
+    let largest = before.len() / 512 + 2;
+    let said = crate::memory::limited(folder, &format!("-f {largest}"), &["study", "import", "st", "photos"]);
+    let told = String::from_utf8_lossy(&said.stderr);
+    assert!(said.status.code() == Some(1) && told.contains("log.jsonl"), "{said:?}");
+    assert_eq!(fs::read(folder.join("st/log.jsonl")).unwrap(), before, "nothing half stays");
+    study(folder, &["import", "photos"]).well();
+    study(folder, &["verify"]).well();
+    let log = fs::read_to_string(folder.join("st/log.jsonl")).unwrap();
+    assert_eq!((1..=8).filter(|person| log.contains(&format!("sub-P{person:02}/"))).count(), 8);
+}
+
 #[test]
 fn regions_are_taken_back_and_masks_are_taken_in() {
     let folder = tempfile::tempdir().unwrap();
@@ -275,7 +299,10 @@ fn traps_of_names_are_told() {
     assert!(none.stderr.contains("this is no study"), "{}", none.stderr);
 }
 
-/// A TIFF of 16-bit gray with any further tags in its directory and in one of EXIF.
+/// A JPEG with a comment, as far as a reader of tags goes.
+const THUMBNAIL: &[u8] = b"\xff\xd8\xff\xfe\0\x13Zqplant-thumbnail\xff\xd9";
+
+/// A TIFF of 16-bit gray with a thumbnail, and with any further tags in its directory and in one of EXIF.
 fn tiff([width, height]: [u16; 2], tags: &[(u16, String)], exif: &[(u16, String)]) -> Vec<u8> {
     let mut bytes = b"II*\0\0\0\0\0".to_vec();
     let pixels = bytes.len() as u32;
@@ -305,6 +332,8 @@ fn tiff([width, height]: [u16; 2], tags: &[(u16, String)], exif: &[(u16, String)
         (*tag, 2u16, value.len() as u32 + 1, format!("{value}\0").into_bytes())
     };
     let exif_at = directory(exif.iter().map(text).collect(), &mut bytes);
+    let thumbnail = bytes.len() as u32;
+    bytes.extend(THUMBNAIL);
     let short = |tag: u16, value: u16| (tag, 3u16, 1, value.to_le_bytes().to_vec());
     let long = |tag: u16, value: u32| (tag, 4u16, 1, value.to_le_bytes().to_vec());
     let mut all = vec![
@@ -322,8 +351,13 @@ fn tiff([width, height]: [u16; 2], tags: &[(u16, String)], exif: &[(u16, String)
     ];
     all.extend(tags.iter().map(text));
     all.sort_by_key(|entry| entry.0);
+    let count = all.len();
     let first = directory(all, &mut bytes);
     bytes[4..8].copy_from_slice(&first.to_le_bytes());
+    let of_thumbnail = vec![short(259, 6), long(513, thumbnail), long(514, THUMBNAIL.len() as u32)];
+    let second = directory(of_thumbnail, &mut bytes);
+    let next = first as usize + 2 + 12 * count;
+    bytes[next..next + 4].copy_from_slice(&second.to_le_bytes());
     bytes
 }
 

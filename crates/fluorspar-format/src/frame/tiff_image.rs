@@ -234,7 +234,8 @@ pub(crate) fn check_single_page(
             break;
         }
         let kind = if is_read { decoder.find_tag_unsigned::<u32>(Tag::NewSubfileType) } else { Ok(None) };
-        pages += usize::from(kind.ok().flatten().is_none_or(|kind| kind & 5 == 0));
+        let is_smaller = kind.ok().flatten().is_some_and(|kind| kind & 5 != 0);
+        pages += usize::from(!is_smaller && (is_read || !is_exif_thumbnail(decoder)));
     }
     if pages == 1 {
         return Ok(());
@@ -242,6 +243,13 @@ pub(crate) fn check_single_page(
     let what = format!("it holds {pages} images (pages), and nothing says which one is meant");
     let hint = "Save the one as a file of its own; frames of a series each as one, colors on pages of their own as one RGB image";
     Err(FormatError::unsupported(path, what, hint))
+}
+
+/// Whether the present directory is the thumbnail that Exif has: a JPEG without a size of its own.
+fn is_exif_thumbnail(decoder: &mut Decoder<BufReader<File>>) -> bool {
+    let directory = decoder.ifd_pointer().and_then(|at| decoder.read_directory(at).ok());
+    let has = |tag| directory.as_ref().is_some_and(|directory| directory.contains(tag));
+    has(Tag::Unknown(513)) && !has(Tag::ImageWidth)
 }
 
 /// Reads a gray or RGB image of 8 or 16 bits, packed in any way that the decoder knows.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use fluorspar::names::did_you_mean;
 use fluorspar::pipeline::KnownTarget;
-use fluorspar::spectral::Curve;
+use fluorspar::spectral::{Curve, Fluorophore};
 use fluorspar::study::Study;
 use fluorspar_experiment::preset;
 use fluorspar_experiment::schema::FormatVersion;
@@ -12,7 +12,9 @@ use fluorspar_format::{Negative, SpectrumQuantity, read_toml};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use crate::fluorophore::{FileOptions, load};
 use crate::named_spectra::{is_file, light, one_column};
+use crate::options::defaults;
 use crate::photographs::files_below;
 use crate::source::read_text;
 use crate::{Error, Job, Result};
@@ -66,6 +68,11 @@ struct TargetText {
     capture: String,
     /// Diffuse reflectance, 0 to 1, or a spectrum.
     reflectance: Option<NumberOrName>,
+    /// What a fluorescent reference has on it: a fluorophore of the catalogue, or of a file that `fluorophore import` wrote.
+    fluorophore: Option<String>,
+    /// Its concentration, above 0. Default 1.
+    #[schemars(range(min = 0))]
+    concentration: Option<f64>,
     /// Spectrum of a light source, instead of `reflectance`.
     spectrum: Option<String>,
     /// Radiance of the light source over all wavelengths, W/(sr m2). Default: not known, so that only the balance of channels is told.
@@ -206,29 +213,62 @@ fn known(text: &TargetText, folder: &Path, job: &Job) -> Result<Result<KnownTarg
     let named =
         |name: &str| if is_file(name) { folder.join(name).display().to_string() } else { name.to_owned() };
     let wrong = |why: &str| Ok(Err(why.to_owned()));
-    match (&text.reflectance, &text.spectrum, text.radiance_w_per_sr_m2) {
-        (Some(NumberOrName::Number(value)), None, None) => {
-            Ok(within(*value, [1e-3, 1.0], "reflectance")
-                .map(|value| KnownTarget::Tile(Curve::constant(value))))
-        }
+    let reflectance = match (&text.reflectance, &text.spectrum, text.radiance_w_per_sr_m2) {
+        (Some(NumberOrName::Number(value)), None, None) => match within(*value, [1e-3, 1.0], "reflectance") {
+            Ok(value) => Curve::constant(value),
+            Err(why) => return Ok(Err(why)),
+        },
         (Some(NumberOrName::Name(name)), None, None) if is_file(name) => {
-            let curve = one_column(&named(name), SpectrumQuantity::Fraction, Negative::Refuse, job)?;
-            Ok(Ok(KnownTarget::Tile(curve)))
+            one_column(&named(name), SpectrumQuantity::Fraction, Negative::Refuse, job)?
         }
-        (Some(NumberOrName::Name(name)), None, None) => {
-            Ok(Ok(KnownTarget::Tile(preset::reflectance(name)?.curve())))
-        }
-        (None, Some(spectrum), radiance) => {
+        (Some(NumberOrName::Name(name)), None, None) => preset::reflectance(name)?.curve(),
+        (None, Some(spectrum), radiance) if text.fluorophore.is_none() => {
             let curve = light(&named(spectrum), job)?;
             let scale = radiance.unwrap_or(1.0) / curve.total();
             if !(scale > 0.0 && scale.is_finite()) {
                 return wrong("radiance_w_per_sr_m2 must be above 0");
             }
-            Ok(Ok(KnownTarget::Source { radiance: curve.scaled(scale), is_absolute: radiance.is_some() }))
+            return Ok(Ok(KnownTarget::Source {
+                radiance: curve.scaled(scale),
+                is_absolute: radiance.is_some(),
+            }));
         }
-        _ => wrong(
-            "give what is known of it: `reflectance` of a tile (a number, a name of the catalogue or a CSV file), or `spectrum` of a source, with \
-             `radiance_w_per_sr_m2` if that was measured",
-        ),
+        _ => {
+            return wrong(
+                "give what is known of it: `reflectance` of a tile (a number, a name of the catalogue or a CSV file), with its `fluorophore` if it \
+                 has one, or `spectrum` of a source, with `radiance_w_per_sr_m2` if that was measured",
+            );
+        }
+    };
+    let of_file = text.fluorophore.as_deref().map(named);
+    Ok(fluorophore(of_file, text.concentration)?
+        .map(|fluorophore| KnownTarget::Tile { reflectance, fluorophore }))
+}
+
+/// What a tile fluoresces with, and its concentration.
+fn fluorophore(
+    name: Option<String>,
+    concentration: Option<f64>,
+) -> Result<Result<Option<(Fluorophore, f64)>, String>> {
+    let wrong = |why: &str| Ok(Err(why.to_owned()));
+    let Some(name) = name else {
+        return match concentration {
+            None => Ok(Ok(None)),
+            Some(_) => wrong("concentration: of which `fluorophore`? Give one, or leave this out"),
+        };
+    };
+    let concentration = concentration.unwrap_or(1.0);
+    if !(concentration > 0.0 && concentration <= 1e6) {
+        return wrong("concentration must be above 0, and 1e6 at most");
+    }
+    if is_file(&name) && Path::new(&name).extension().is_none_or(|ending| ending != "toml") {
+        return wrong(
+            "fluorophore: measured values tell no yield; write them with theirs as a file by `fluorspar fluorophore import`, and give that",
+        );
+    }
+    let mut found = load(&name, &defaults::<FileOptions>())?;
+    match (found.len(), found.pop()) {
+        (1, Some(found)) => Ok(Ok(Some((found.fluorophore, concentration)))),
+        _ => wrong("the file of its `fluorophore` has several; give a file of one"),
     }
 }

@@ -133,8 +133,9 @@ fn measured(
     let mut warnings = camera.warnings.clone();
     warnings.extend(targets.iter().filter_map(|target| untold(target, &camera)));
     // Efficiencies are told of all channels or of none
-    targets
-        .retain(|target| matches!(target.target, KnownTarget::Tile(_)) || untold(target, &camera).is_none());
+    targets.retain(|target| {
+        matches!(target.target, KnownTarget::Tile { .. }) || untold(target, &camera).is_none()
+    });
     let scales = CameraScales::of(&targets, camera.gain_dn_per_e);
     warnings.extend(unknown_scale(&scales));
     Ok((CalibratedCamera { folder: PathBuf::new(), camera, scales, warnings }, darks[0].gain))

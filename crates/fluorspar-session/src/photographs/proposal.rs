@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fluorspar::analysis::{GuessedRegion, PixelSelection, guess_mouth};
+use fluorspar::analysis::{GuessedRegion, PixelSelection, face_share, guess_mouth};
+use fluorspar::image::ChannelImage;
 use fluorspar::pipeline::{CapturedFrame, Preview};
 use fluorspar::study::Study;
-use fluorspar_experiment::resolve;
+use fluorspar_experiment::{Warning, resolve};
 use fluorspar_format::{OutputFolder, write_label_png, write_rgb_png};
 use fluorspar_report::{ReportPicture, outlined_preview};
 
@@ -39,7 +40,7 @@ pub(super) fn propose(
                 "stopped after {number} of {count} photographs; nothing was written"
             )));
         }
-        match propose_one(work, photograph, number, folder) {
+        match propose_one(work, photograph, number, folder, job) {
             Ok(found) => proposed.push(found),
             Err(error) if error.kind() == crate::ErrorKind::Input => {
                 failures.push(FailedPhotograph::of(photograph, &error))
@@ -80,11 +81,25 @@ pub fn photograph_pictures(
     Ok(photograph.frames.iter().filter_map(picture).collect())
 }
 
+/// What is said of a frame that shows a face.
+pub fn face_warning(path: &Path, frame: &ChannelImage) -> Option<Warning> {
+    let share = face_share(frame).filter(|share| *share > 0.25)?;
+    Some(Warning::explained(
+        format!(
+            "{}: {:.0} % of the frame lies around the mouth, and may show a face",
+            path.display(),
+            100.0 * share
+        ),
+        "A person may be known again by it: cut the frame to the mouth before it leaves, or leave it out",
+    ))
+}
+
 fn propose_one(
     work: &PhotographWork<'_>,
     photograph: &Photograph,
     number: usize,
     folder: &OutputFolder,
+    job: &Job,
 ) -> Result<Proposed> {
     let (study, frames) = developed_frames(work.options, photograph)?;
     let (capture, frame) = &photograph.frames[0];
@@ -99,6 +114,7 @@ fn propose_one(
     )?;
     let own = frames.iter().find(|of| of.raw.label == *capture);
     let guesses = own.map_or_else(Vec::new, |of| guess_mouth(&of.developed));
+    job.warn(own.and_then(|of| face_warning(frame, &of.developed)).as_slice());
     let mut rows = Vec::new();
     for guess in &guesses {
         let mask = format!("masks/{stem}_{}.png", guess.name);

@@ -176,6 +176,11 @@ fn share(set: &[bool]) -> f64 {
     set.iter().filter(|is_in| **is_in).count() as f64 / set.len().max(1) as f64
 }
 
+/// Teeth of likely size.
+fn likely_teeth(blocks: &Blocks) -> Option<Vec<bool>> {
+    teeth(blocks).filter(|set| (0.005..0.25).contains(&share(set)))
+}
+
 /// Guesses teeth, tongue and lips in a frame of an open mouth, upright and about in its middle: those of likely size that stand out. Nothing
 /// of a camera without R, G and B.
 #[must_use]
@@ -183,11 +188,35 @@ pub fn guess_mouth(image: &ChannelImage) -> Vec<GuessedRegion> {
     let Some(blocks) = Blocks::of(image) else { return Vec::new() };
     let of_size = |set: &Vec<bool>, sizes: std::ops::Range<f64>| sizes.contains(&share(set));
     // Without teeth it may be anything
-    let Some(teeth) = teeth(&blocks).filter(|set| of_size(set, 0.005..0.25)) else { return Vec::new() };
+    let Some(teeth) = likely_teeth(&blocks) else { return Vec::new() };
     let tongue = tongue(&blocks, &teeth).filter(|set| of_size(set, 0.03..0.4));
     let lips = lips(&blocks, &teeth).filter(|set| of_size(set, 0.02..0.3));
     let all = [("teeth", Some(teeth)), ("tongue", tongue), ("lips", lips)];
     all.into_iter().filter_map(|(name, set)| blocks.guess(image, name, &set?)).collect()
+}
+
+/// The share of a frame that is lit and farther from the largest row of teeth than lips and a tongue reach: from a quarter on, a face may be known
+/// again. `None` where no mouth is guessed.
+#[must_use]
+pub fn face_share(image: &ChannelImage) -> Option<f64> {
+    let blocks = Blocks::of(image)?;
+    let row = blocks.parts(&likely_teeth(&blocks)?).into_iter().next()?;
+    let place = |block: usize| [block % blocks.width, block / blocks.width].map(|at| at as f64);
+    let ends = |axis: usize| {
+        let along = row.iter().map(|block| place(*block)[axis]);
+        along.fold([f64::INFINITY, 0.0], |[low, high], at| [at.min(low), at.max(high)])
+    };
+    let ([left, right], [top, bottom]) = (ends(0), ends(1));
+    let reach = 1.1 * (right - left + 1.0);
+    let distance = |block: usize| {
+        let [x, y] = place(block);
+        (x - 0.5 * (left + right)).hypot(y - 0.5 * (top + bottom))
+    };
+    let all = 0..blocks.light.len();
+    let near = all.clone().filter(|block| distance(*block) < reach);
+    let lit = median(near.map(|block| blocks.light[block]))? - 1.0;
+    let is_face = |block: usize| distance(block) >= reach && blocks.light[block] > lit;
+    Some(share(&all.map(is_face).collect::<Vec<bool>>()))
 }
 
 /// Bright, brighter than lips and skin where these are bright, too, and less red.
@@ -322,14 +351,18 @@ pub fn other_tissue_share(image: &ChannelImage, region: &PixelSelection) -> Opti
 mod tests {
     use super::*;
 
-    /// A mouth of colored shapes with noise: skin, lips, a dark cavity, two rows of teeth, a tongue.
     fn mouth() -> (ChannelImage, Vec<&'static str>) {
+        mouth_from(1.0)
+    }
+
+    /// A mouth of colored shapes with noise, from a relative distance: skin, lips, a dark cavity, two rows of teeth, a tongue.
+    fn mouth_from(distance: f64) -> (ChannelImage, Vec<&'static str>) {
         let (width, height) = (320, 240);
         let key = crate::sampling::random::Key::new(3);
         let (mut data, mut names) = (Vec::new(), Vec::new());
         for pixel in 0..width * height {
-            let (x, y) =
-                ((pixel % width) as f64 / width as f64 - 0.5, (pixel / width) as f64 / height as f64 - 0.5);
+            let at = [(pixel % width) as f64 / width as f64, (pixel / width) as f64 / height as f64];
+            let [x, y] = at.map(|at| distance * (at - 0.5));
             let (name, color) = if x.hypot(y / 1.2) > 0.47 {
                 ("skin", [160.0, 120.0, 90.0])
             } else if x.hypot(y / 1.2) > 0.38 {
@@ -388,6 +421,20 @@ mod tests {
                 guess.sureness
             );
         }
+    }
+
+    #[test]
+    fn a_face_is_told_from_a_mouth() {
+        let share = |distance: f64| face_share(&mouth_from(distance).0).unwrap();
+        assert!(share(1.0) < 0.1, "{}", share(1.0));
+        assert!(share(2.0) > 0.4, "{}", share(2.0));
+        // Nothing of a dark surrounding
+        let (mut image, names) = mouth_from(2.0);
+        let dark = names.iter().enumerate().filter(|(_, name)| **name == "skin");
+        dark.for_each(|(pixel, _)| {
+            image.data[3 * pixel..3 * pixel + 3].iter_mut().for_each(|value| *value *= 0.02)
+        });
+        assert!(face_share(&image).unwrap() < 0.1);
     }
 
     #[test]

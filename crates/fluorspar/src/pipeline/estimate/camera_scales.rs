@@ -7,15 +7,21 @@ use serde::Serialize;
 use super::region_signal::CameraResponse;
 use crate::pipeline::capture::direct_light::{axis_point, irradiance_on};
 use crate::pipeline::capture::film_irradiance::behind_filter;
+use crate::render::direct_exitance;
 use crate::sensor::MeasuredNumber;
-use crate::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
+use crate::spectral::{Curve, Fluorophore, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
 use crate::study::{Capture, Study};
 
 /// What stands on the axis in the plane in focus, and faces the camera.
 #[derive(Clone, Debug, PartialEq)]
 pub enum KnownTarget {
-    /// A matte surface of a reflectance under the lights of the capture.
-    Tile(Curve),
+    /// A matte surface under the lights of the capture.
+    Tile {
+        /// Its diffuse reflectance.
+        reflectance: Curve,
+        /// What it fluoresces with, and its concentration.
+        fluorophore: Option<(Fluorophore, f64)>,
+    },
     /// A source of a radiance, W/(sr m² nm); relative where only its spectrum is known.
     Source {
         /// Its radiance.
@@ -102,18 +108,23 @@ pub fn target_rates(
     let (sensor, plain) = (study.camera.sensor.as_ref()?, &study.camera.lens.as_ref()?.equation);
     let filtered = study.camera.lens_behind_filters()?;
     let lens = if has_filters { behind_filter(&filtered, capture).into_owned() } else { plain.clone() };
-    let radiance = match target {
-        KnownTarget::Source { radiance, .. } => radiance.clone(),
-        KnownTarget::Tile(reflectance) => {
-            irradiance_on(study, capture, &[axis_point(study)])?.times(reflectance).scaled(1.0 / PI)
-        }
-    };
     let step_nm = 1.0;
     let bins = ((MAX_WAVELENGTH_NM - MIN_WAVELENGTH_NM) / step_nm) as usize;
     let edges: Vec<f64> = (0..=bins).map(|edge| MIN_WAVELENGTH_NM + step_nm * edge as f64).collect();
     let grid = WavelengthGrid::from_edges(&edges).ok()?;
     let camera = CameraResponse::new(&lens, sensor, &grid, None);
-    let bands = radiance.bin_averages(&grid);
+    let bands = match target {
+        KnownTarget::Source { radiance, .. } => radiance.bin_averages(&grid),
+        KnownTarget::Tile { reflectance, fluorophore } => {
+            let light = irradiance_on(study, capture, &[axis_point(study)])?;
+            let mut exitance = light.times(reflectance).bin_averages(&grid);
+            if let Some((fluorophore, concentration)) = fluorophore {
+                let emitted = direct_exitance(&fluorophore.eem, &grid, &light);
+                exitance.iter_mut().zip(emitted).for_each(|(sum, emitted)| *sum += concentration * emitted);
+            }
+            exitance.into_iter().map(|m| m / PI).collect()
+        }
+    };
     Some((0..camera.channels().len()).map(|channel| camera.channel_electrons(channel, &bands, 1.0)).collect())
 }
 
@@ -161,7 +172,7 @@ fn ratios(target: &RecordedTarget, gain: MeasuredNumber) -> impl Iterator<Item =
 fn efficiencies(targets: &[RecordedTarget], gain: MeasuredNumber) -> Vec<EfficiencyScale> {
     let source = |target: &&RecordedTarget| match target.target {
         KnownTarget::Source { is_absolute, .. } => Some(is_absolute),
-        KnownTarget::Tile(_) => None,
+        KnownTarget::Tile { .. } => None,
     };
     // The source that is known best
     let rank = |target: &&RecordedTarget| (source(target) != Some(true), (1e9 * target.uncertainty) as u64);
@@ -183,18 +194,31 @@ fn efficiencies(targets: &[RecordedTarget], gain: MeasuredNumber) -> Vec<Efficie
     found.into_iter().map(scale).collect()
 }
 
-/// The lights of a capture from its tiles; those behind the viewing filters count where none is seen without them.
+/// Tiles of a capture, and whether they fluoresce.
+fn tiles<'a>(
+    targets: &'a [RecordedTarget],
+    capture: &str,
+) -> impl Iterator<Item = (&'a RecordedTarget, bool)> {
+    let of_it = targets.iter().filter(move |target| target.capture == capture);
+    of_it.filter_map(|target| match &target.target {
+        KnownTarget::Tile { fluorophore, .. } => Some((target, fluorophore.is_some())),
+        KnownTarget::Source { .. } => None,
+    })
+}
+
+/// The lights of a capture from its tiles. Those behind the viewing filters count where they fluoresce, or none is seen without filters.
 fn light(
     targets: &[RecordedTarget],
     capture: &str,
     gain: MeasuredNumber,
     efficiencies: &[EfficiencyScale],
 ) -> Option<LightScale> {
-    let of_capture =
-        targets.iter().filter(|t| t.capture == capture && matches!(t.target, KnownTarget::Tile(_)));
-    let tiles: Vec<&RecordedTarget> = of_capture.collect();
-    let has_open = tiles.iter().any(|tile| !tile.has_filters);
-    let used: Vec<&&RecordedTarget> = tiles.iter().filter(|tile| tile.has_filters != has_open).collect();
+    let tiles: Vec<(&RecordedTarget, bool)> = tiles(targets, capture).collect();
+    // Of a tile that does not fluoresce filters pass what leaks
+    let is_direct = |(tile, fluoresces): &&(&RecordedTarget, bool)| *fluoresces || !tile.has_filters;
+    let has_direct = tiles.iter().any(|tile| is_direct(&tile));
+    let used: Vec<&RecordedTarget> =
+        tiles.iter().filter(|tile| is_direct(tile) == has_direct).map(|(tile, _)| *tile).collect();
     let of = |channel: &str| efficiencies.iter().find(|scale| scale.channel == channel);
     let corrected = |(channel, ratio): (&str, MeasuredNumber)| match of(channel) {
         Some(scale) => ratio.times(1.0 / scale.factor.value),
@@ -216,12 +240,9 @@ fn light(
 
 fn leaks(targets: &[RecordedTarget], capture: &str) -> Vec<FilterLeakage> {
     let tile = |has_filters: bool| {
-        let is_it = |t: &&RecordedTarget| {
-            t.capture == capture && matches!(t.target, KnownTarget::Tile(_)) && t.has_filters == has_filters
-        };
-        targets.iter().find(is_it)
+        tiles(targets, capture).find(|(tile, fluoresces)| !fluoresces && tile.has_filters == has_filters)
     };
-    let (Some(behind), Some(open)) = (tile(true), tile(false)) else { return Vec::new() };
+    let (Some((behind, _)), Some((open, _))) = (tile(true), tile(false)) else { return Vec::new() };
     let leak = |(channel, rate, described): &(String, MeasuredNumber, f64)| {
         let (_, whole, of_whole) = open.channels.iter().find(|(other, ..)| other == channel)?;
         let ratio = rate.over(*whole);
@@ -249,7 +270,7 @@ mod tests {
         RecordedTarget {
             name: name.into(),
             capture: "blue".into(),
-            target: KnownTarget::Tile(Curve::constant(0.9)),
+            target: KnownTarget::Tile { reflectance: Curve::constant(0.9), fluorophore: None },
             uncertainty: 0.02,
             has_filters,
             channels: named
