@@ -83,7 +83,7 @@ pub use live_render::{LiveRender, LiveStudy, Shapes};
 pub use options::{TaskOption, TaskOptions};
 pub use photographs::{
     AnalyzedPhotographs, FailedPhotograph, IntervalKind, PatientEstimate, Photograph, PhotographCamera,
-    PhotographRow, RegionEstimate, estimate_photograph, face_warning, find_photographs, photograph_pictures,
+    PhotographRow, RegionEstimate, estimate_photograph, find_photographs, photograph_pictures,
     photographs_csv, read_photographs, region_mask, region_with_mask,
 };
 pub use plane_cache::Wanted;

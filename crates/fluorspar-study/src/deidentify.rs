@@ -4,11 +4,10 @@ use std::path::Path;
 
 use fluorspar::digest::sha256_hex;
 use fluorspar::image::{Orientation, SensorImage};
-use fluorspar::sensor::{Demosaicing, Development};
 use fluorspar_format::{
     LeftTags, left_tags, read_mask, read_sensor_image, write_label_png, write_sensor_tiff,
 };
-use fluorspar_session::{Job, Result, face_warning};
+use fluorspar_session::Result;
 use serde::Serialize;
 
 /// What was done to a kind of data, by table E.1-1 of DICOM PS3.15.
@@ -95,11 +94,8 @@ fn evened(mut image: SensorImage) -> SensorImage {
 ///
 /// # Errors
 /// A frame that can't be read, or whose levels a description can't hold.
-pub(crate) fn write_frame(from: &Path, to: &Path, capture: &str, job: &Job) -> Result<Vec<Deidentified>> {
+pub(crate) fn write_frame(from: &Path, to: &Path, capture: &str) -> Result<Vec<Deidentified>> {
     let image = read_sensor_image(from)?.image;
-    let linear =
-        Development::default().linearize(&image).and_then(|linear| linear.demosaic(Demosaicing::Bilinear));
-    job.warn(linear.ok().and_then(|frame| face_warning(from, &frame)).as_slice());
     let plain =
         SensorImage { label: capture.into(), seed: 0, orientation: Orientation::default(), ..evened(image) };
     write_sensor_tiff(to, &plain, None)?;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueHint;
 use fluorspar::digest::sha256_hex;
 use fluorspar_format::OutputFolder;
-use fluorspar_session::{Error, ErrorKind, Job, Left, Result, photograph_pictures};
+use fluorspar_session::{Error, ErrorKind, Job, Left, PhotographCamera, Result, photograph_pictures};
 use serde::{Deserialize, Serialize};
 
 use crate::analyze::{Wanted, photograph_of, wanted};
@@ -16,7 +16,7 @@ use crate::deidentify::{
 };
 use crate::dicom::{Shown, write_picture};
 use crate::outside::{Outside, numbers, numbers_csv, numbers_parquet, people};
-use crate::store::{LARGEST_BYTES, Study, StudyArgs};
+use crate::store::{CAMERA, LARGEST_BYTES, Study, StudyArgs};
 
 /// Where the export goes.
 #[derive(Clone, Debug, Default, Deserialize, clap::Args)]
@@ -90,7 +90,7 @@ pub fn export(options: &ExportOptions, job: &Job) -> Result<ExportedStudy> {
                 .into(),
         ));
     }
-    let inputs = [study.folder.join(crate::store::CAMERA)];
+    let inputs = [study.folder.join(CAMERA)];
     let mut export = Export {
         folder: OutputFolder::prepare(&options.out, &inputs, 1 << 30)?,
         captures: captures_of(&study)?,
@@ -200,6 +200,7 @@ impl Export<'_> {
         let all: Vec<[String; 6]> = self.study.index.rows(sql, [], |row| {
             Ok([row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?, row.get(4)?, row.get(5)?])
         })?;
+        let camera = PhotographCamera::open(&self.study.path(Path::new(CAMERA)).to_string_lossy())?;
         let share_done = job.listener.begin("Writing frames anew", "the export", Left::Nothing);
         for (done, [subject, session, role, path, sha256, photograph]) in all.iter().enumerate() {
             stopped(job)?;
@@ -217,7 +218,11 @@ impl Export<'_> {
                 )));
             }
             let written =
-                if is_mask { write_mask(&from, &place) } else { write_frame(&from, &place, &label, job) };
+                if is_mask { write_mask(&from, &place) } else { write_frame(&from, &place, &label) };
+            // Frames of the camera are no capture
+            if let Ok(Some(warning)) = camera.face_warning(&from, role) {
+                job.warn(&[warning]);
+            }
             self.keep(&from, sha256, to, written)?;
             share_done((done + 1) as f64 / all.len() as f64);
         }

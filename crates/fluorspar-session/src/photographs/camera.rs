@@ -2,12 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
+use fluorspar::analysis::{sensor_chromaticity, surrounding_share};
+use fluorspar::image::ChannelImage;
 use fluorspar::pipeline::{
-    AnalyzedFrame, Calibration, CapturedFrame, ColorRendering, RawExposures, develop_frames,
-    subtract_what_is_given,
+    AnalyzedFrame, Calibration, CapturedFrame, ColorRendering, KnownTarget, RawExposures, develop_frames,
+    subtract_what_is_given, target_rates,
 };
+use fluorspar::spectral::Curve;
 use fluorspar::study::Study;
-use fluorspar_experiment::{Experiment, resolve, resolve_captures};
+use fluorspar_experiment::{Experiment, Warning, preset, resolve, resolve_captures};
 
 use super::known;
 use super::pairing::{KnownCapture, capture_of, person_told};
@@ -44,7 +47,47 @@ pub(crate) fn camera_study(source: &ExperimentSource, parsed: &Experiment) -> Re
     Ok(study)
 }
 
+/// How much of a frame may be skin around the mouth before it is taken for a face.
+const MOST_SKIN: f64 = 0.25;
+
+/// What is said of a frame that shows a face: much of it has the color that skin has under the lights of its capture. `None` where these do not
+/// pass the viewing filter.
+pub(super) fn face_warning(study: &Study, path: &Path, frame: &ChannelImage) -> Option<Warning> {
+    let capture = study.capture(&frame.label)?;
+    let names = &study.camera.sensor.as_ref()?.mosaic().channels;
+    let rates = |reflectance: Curve, has_filters: bool| {
+        let target = KnownTarget::Tile { reflectance, fluorophore: None };
+        let rates = target_rates(study, capture, &target, has_filters)?;
+        let of = |name: &str| names.iter().position(|channel| channel == name).map(|channel| rates[channel]);
+        Some([of("R")?, of("G")?, of("B")?])
+    };
+    let sum = |has_filters| Some(rates(Curve::constant(1.0), has_filters)?.iter().sum::<f64>());
+    // What passes a filter that blocks the light is fluorescence
+    if sum(true)? < 0.01 * sum(false)? {
+        return None;
+    }
+    let r_of =
+        |name: &str| Some(sensor_chromaticity(rates(preset::reflectance(name).ok()?.curve(), true)?)?[0]);
+    let [tooth, skin, gingiva] = [r_of("tooth_incisor")?, r_of("skin")?, r_of("gingiva")?];
+    let share = surrounding_share(frame, 0.5 * (tooth + skin)..0.5 * (skin + gingiva))?;
+    (share > MOST_SKIN).then(|| {
+        Warning::explained(
+            format!("{}: skin around the mouth takes {:.0} % of the frame", path.display(), 100.0 * share),
+            "A person may be known again by a face: cut the frame before it leaves, or leave it out",
+        )
+    })
+}
+
 impl PhotographCamera {
+    /// What is said of a frame of a capture that shows a face.
+    ///
+    /// # Errors
+    /// Those of [`Self::developed`].
+    pub fn face_warning(&self, file: &Path, capture: &str) -> Result<Option<Warning>> {
+        let (frame, _) = self.developed(file, capture)?;
+        Ok(face_warning(&self.study, file, &frame.developed))
+    }
+
     /// Opens an experiment by file name or built-in name.
     ///
     /// # Errors

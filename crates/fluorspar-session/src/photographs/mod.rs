@@ -13,7 +13,7 @@ pub use estimate::{IntervalKind, PatientEstimate, RegionEstimate};
 pub use pairing::Photograph;
 pub(crate) use pairing::files_below;
 pub(crate) use proposal::path_from;
-pub use proposal::{face_warning, photograph_pictures};
+pub use proposal::photograph_pictures;
 pub use table::{PhotographRow, photographs_csv, read_photographs};
 
 use std::collections::BTreeMap;

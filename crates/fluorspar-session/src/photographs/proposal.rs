@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fluorspar::analysis::{GuessedRegion, PixelSelection, face_share, guess_mouth};
-use fluorspar::image::ChannelImage;
+use fluorspar::analysis::{GuessedRegion, PixelSelection, guess_mouth};
 use fluorspar::pipeline::{CapturedFrame, Preview};
 use fluorspar::study::Study;
-use fluorspar_experiment::{Warning, resolve};
+use fluorspar_experiment::resolve;
 use fluorspar_format::{OutputFolder, write_label_png, write_rgb_png};
 use fluorspar_report::{ReportPicture, outlined_preview};
 
+use super::camera::face_warning;
 use super::estimate::{GUESS, PICTURE_COLUMNS, options_of, shown};
 use super::pairing::Photograph;
 use super::table::PhotographRow;
@@ -81,19 +81,6 @@ pub fn photograph_pictures(
     Ok(photograph.frames.iter().filter_map(picture).collect())
 }
 
-/// What is said of a frame that shows a face.
-pub fn face_warning(path: &Path, frame: &ChannelImage) -> Option<Warning> {
-    let share = face_share(frame).filter(|share| *share > 0.25)?;
-    Some(Warning::explained(
-        format!(
-            "{}: {:.0} % of the frame lies around the mouth, and may show a face",
-            path.display(),
-            100.0 * share
-        ),
-        "A person may be known again by it: cut the frame to the mouth before it leaves, or leave it out",
-    ))
-}
-
 fn propose_one(
     work: &PhotographWork<'_>,
     photograph: &Photograph,
@@ -114,7 +101,10 @@ fn propose_one(
     )?;
     let own = frames.iter().find(|of| of.raw.label == *capture);
     let guesses = own.map_or_else(Vec::new, |of| guess_mouth(&of.developed));
-    job.warn(own.and_then(|of| face_warning(frame, &of.developed)).as_slice());
+    for (capture, path) in &photograph.frames {
+        let shown = frames.iter().find(|of| of.raw.label == *capture);
+        job.warn(shown.and_then(|of| face_warning(&study, path, &of.developed)).as_slice());
+    }
     let mut rows = Vec::new();
     for guess in &guesses {
         let mask = format!("masks/{stem}_{}.png", guess.name);

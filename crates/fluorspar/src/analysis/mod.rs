@@ -18,7 +18,7 @@
 //! | [`SpotSeparation::new`] | how well the pixels of two spots are told apart |
 //! | [`d_prime_of_rates`], [`d_prime_of_scores`], [`RocArea::of`] | how well scores tell two groups apart |
 //! | [`ToleranceInterval::of`] | the range that holds 95 % of people |
-//! | [`guess_mouth`], [`other_tissue_share`], [`face_share`] | where tongue, lips and teeth may lie, whether a region holds two tissues, a frame a face |
+//! | [`guess_mouth`], [`other_tissue_share`], [`surrounding_share`] | where tongue, lips and teeth may lie, whether a region holds two tissues, how much lies around a mouth |
 //! | [`NormSums::of`], [`Norm::place`] | the same by age and site, pooled over sites, and where a person stands in it |
 //! | [`lie_apart`] | values apart from the others |
 //! | [`Agreement::of`] | estimates against their truth |
@@ -83,7 +83,7 @@ pub use mixture_line::{
     DETECTION_Z, FluorophoreResponse, LineEstimate, MixtureEnd, MixtureError, MixtureLine, PorphyrinLayers,
     PorphyrinMap, channel_response,
 };
-pub use mouth_guess::{GuessedRegion, face_share, guess_mouth, other_tissue_share};
+pub use mouth_guess::{GuessedRegion, guess_mouth, other_tissue_share, surrounding_share};
 pub use norm::{Norm, NormError, NormPerson, NormPlace, NormSums, SiteSums, Standing};
 pub use outlier::lie_apart;
 pub use pixel_mean::{PixelMean, mean_of_pixels};

@@ -1,5 +1,7 @@
 //! First guesses of tongue, lips and teeth in a frame, from color and place, and regions that look like two tissues.
 
+use std::ops::Range;
+
 use super::statistics::median;
 use super::{PixelSelection, auc_of_scores};
 use crate::image::ChannelImage;
@@ -176,47 +178,31 @@ fn share(set: &[bool]) -> f64 {
     set.iter().filter(|is_in| **is_in).count() as f64 / set.len().max(1) as f64
 }
 
-/// Teeth of likely size.
-fn likely_teeth(blocks: &Blocks) -> Option<Vec<bool>> {
-    teeth(blocks).filter(|set| (0.005..0.25).contains(&share(set)))
-}
-
 /// Guesses teeth, tongue and lips in a frame of an open mouth, upright and about in its middle: those of likely size that stand out. Nothing
 /// of a camera without R, G and B.
 #[must_use]
 pub fn guess_mouth(image: &ChannelImage) -> Vec<GuessedRegion> {
     let Some(blocks) = Blocks::of(image) else { return Vec::new() };
-    let of_size = |set: &Vec<bool>, sizes: std::ops::Range<f64>| sizes.contains(&share(set));
+    let of_size = |set: &Vec<bool>, sizes: Range<f64>| sizes.contains(&share(set));
     // Without teeth it may be anything
-    let Some(teeth) = likely_teeth(&blocks) else { return Vec::new() };
+    let Some(teeth) = teeth(&blocks).filter(|set| of_size(set, 0.005..0.25)) else { return Vec::new() };
     let tongue = tongue(&blocks, &teeth).filter(|set| of_size(set, 0.03..0.4));
     let lips = lips(&blocks, &teeth).filter(|set| of_size(set, 0.02..0.3));
     let all = [("teeth", Some(teeth)), ("tongue", tongue), ("lips", lips)];
     all.into_iter().filter_map(|(name, set)| blocks.guess(image, name, &set?)).collect()
 }
 
-/// The share of a frame that is lit and farther from the largest row of teeth than lips and a tongue reach: from a quarter on, a face may be known
-/// again. `None` where no mouth is guessed.
+/// The share of a frame that its largest lit part of a color takes that reaches the border, as skin around a mouth does. The color is a range of r.
+/// `None` of a camera without R, G and B.
 #[must_use]
-pub fn face_share(image: &ChannelImage) -> Option<f64> {
+pub fn surrounding_share(image: &ChannelImage, r: Range<f64>) -> Option<f64> {
     let blocks = Blocks::of(image)?;
-    let row = blocks.parts(&likely_teeth(&blocks)?).into_iter().next()?;
-    let place = |block: usize| [block % blocks.width, block / blocks.width].map(|at| at as f64);
-    let ends = |axis: usize| {
-        let along = row.iter().map(|block| place(*block)[axis]);
-        along.fold([f64::INFINITY, 0.0], |[low, high], at| [at.min(low), at.max(high)])
-    };
-    let ([left, right], [top, bottom]) = (ends(0), ends(1));
-    let reach = 1.1 * (right - left + 1.0);
-    let distance = |block: usize| {
-        let [x, y] = place(block);
-        (x - 0.5 * (left + right)).hypot(y - 0.5 * (top + bottom))
-    };
-    let all = 0..blocks.light.len();
-    let near = all.clone().filter(|block| distance(*block) < reach);
-    let lit = median(near.map(|block| blocks.light[block]))? - 1.0;
-    let is_face = |block: usize| distance(block) >= reach && blocks.light[block] > lit;
-    Some(share(&all.map(is_face).collect::<Vec<bool>>()))
+    let lit = (20.0 * image.noise_floor_dn.max(1e-3)).ln();
+    let of_color: Vec<bool> =
+        (0..blocks.r.len()).map(|block| blocks.light[block] > lit && r.contains(&blocks.r[block])).collect();
+    let is_at_border = |block: &usize| blocks.neighbors(*block).count() < 4;
+    let part = blocks.parts(&of_color).into_iter().find(|part| part.iter().any(is_at_border));
+    Some(part.map_or(0.0, |part| part.len() as f64 / blocks.r.len() as f64))
 }
 
 /// Bright, brighter than lips and skin where these are bright, too, and less red.
@@ -424,17 +410,15 @@ mod tests {
     }
 
     #[test]
-    fn a_face_is_told_from_a_mouth() {
-        let share = |distance: f64| face_share(&mouth_from(distance).0).unwrap();
-        assert!(share(1.0) < 0.1, "{}", share(1.0));
-        assert!(share(2.0) > 0.4, "{}", share(2.0));
-        // Nothing of a dark surrounding
-        let (mut image, names) = mouth_from(2.0);
-        let dark = names.iter().enumerate().filter(|(_, name)| **name == "skin");
-        dark.for_each(|(pixel, _)| {
-            image.data[3 * pixel..3 * pixel + 3].iter_mut().for_each(|value| *value *= 0.02)
-        });
-        assert!(face_share(&image).unwrap() < 0.1);
+    fn skin_is_told_by_its_color_at_the_border() {
+        // 160 of 370 are red in the skin, 150 of 270 in the lips
+        let share = |distance: f64, r: Range<f64>| surrounding_share(&mouth_from(distance).0, r).unwrap();
+        assert!((share(1.0, 0.40..0.48) - 0.41).abs() < 0.02, "{}", share(1.0, 0.40..0.48));
+        assert!(share(2.0, 0.40..0.48) > 0.8, "{}", share(2.0, 0.40..0.48));
+        assert_eq!(share(2.0, 0.50..0.60), 0.0, "lips are of another color, and do not reach the border");
+        let (mut image, _) = mouth_from(2.0);
+        image.data.iter_mut().for_each(|value| *value *= 0.02);
+        assert_eq!(surrounding_share(&image, 0.40..0.48), Some(0.0), "nothing is lit");
     }
 
     #[test]
