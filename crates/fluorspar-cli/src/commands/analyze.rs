@@ -50,13 +50,7 @@ pub(crate) fn no_answer(failures: &[FailedPhotograph]) -> Result<(), CliError> {
     if failures.is_empty() {
         return Ok(());
     }
-    // Many messages begin with the file that they are about
-    let line = |failed: &FailedPhotograph| {
-        let frame = failed.frame.display().to_string();
-        if failed.why.starts_with(&frame) { failed.why.clone() } else { format!("{frame}: {}", failed.why) }
-    };
-    let lines: Vec<String> = failures.iter().map(line).collect();
-    Err(CliError::Input(format!("{} photographs have no answer:\n  {}", lines.len(), lines.join("\n  "))))
+    Err(CliError::Input(FailedPhotograph::list(failures)))
 }
 
 fn describe(AnalyzedFrames { experiment, analysis, regions }: &AnalyzedFrames) -> String {

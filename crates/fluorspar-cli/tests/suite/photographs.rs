@@ -95,6 +95,16 @@ fn what_fails_is_told_and_the_rest_is_analyzed_once() {
     assert_eq!(lines.lines().count(), 3);
     assert_eq!(analyze(folder, &region).code, Some(2));
     assert_eq!((journal(), fs::read_to_string(folder.join("out/patients.csv")).unwrap()), (lines, table));
+    // Where none has an answer nothing is written
+    fs::create_dir(folder.join("pictures")).unwrap();
+    fs::copy(folder.join("disc.png"), folder.join("pictures/P5_violet.dng")).unwrap();
+    for out in ["look", "numbers"] {
+        let place = if out == "look" { &[][..] } else { &region[..2] };
+        let words = ["analyze", "pictures", "--experiment", "violet.toml", "--out", out];
+        let said = fluorspar(folder, words.iter().chain(place));
+        assert!(said.code == Some(2) && said.stderr.contains("P5_violet.dng"), "{said:?}");
+        assert!(!folder.join(out).exists(), "{out}");
+    }
     // A frame that changed is another photograph
     fs::copy(folder.join("disc.png"), folder.join("photos/P1_violet.dng")).unwrap();
     let said = analyze(folder, &region);

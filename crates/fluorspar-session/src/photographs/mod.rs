@@ -57,6 +57,20 @@ impl FailedPhotograph {
     fn of(photograph: &Photograph, error: &Error) -> Self {
         Self { frame: photograph.frames[0].1.clone(), why: error.to_string() }
     }
+
+    /// Photographs without an answer, a line each. Many messages begin with the file that they are about.
+    pub fn list(failures: &[Self]) -> String {
+        let line = |failed: &Self| {
+            let frame = failed.frame.display().to_string();
+            if failed.why.starts_with(&frame) {
+                failed.why.clone()
+            } else {
+                format!("{frame}: {}", failed.why)
+            }
+        };
+        let lines: Vec<String> = failures.iter().map(line).collect();
+        format!("{} photographs have no answer:\n  {}", lines.len(), lines.join("\n  "))
+    }
 }
 
 /// What many photographs gave.
@@ -120,6 +134,9 @@ pub(crate) fn analyze_photographs(
             PROPOSAL_BYTES * work.photographs.len() as u64,
         )?;
         let (proposed, failures) = propose(&work, &folder, job)?;
+        if proposed.is_empty() {
+            return Err(Error::Input(FailedPhotograph::list(&failures)));
+        }
         write_proposal(&work, folder, proposed, failures, job)
     }
 }
@@ -309,6 +326,9 @@ impl<'a> PhotographWork<'a> {
                 Err(error) => return Err(error),
             }
             share_done((number + 1) as f64 / count as f64);
+        }
+        if done.is_empty() {
+            return Err(Error::Input(FailedPhotograph::list(&failures)));
         }
         mark_apart(&mut done);
         write_estimates(self, folder, &done, failures, job)
