@@ -1,10 +1,12 @@
-//! Readers of the crates above `fluorspar-experiment`: scenes of pbrt as studies, studies of people, photographs, calibrations, finished runs.
+//! Readers of the crates above `fluorspar-experiment`: scenes of pbrt as studies, studies of people, photographs, calibrations, finished runs
+//! and searches.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fluorspar_pbrt::PbrtOptions;
+use fluorspar_session::design::{DesignKey, FoundDesigns, OptimizeOptions, Place, ProblemOptions, optimize};
 use fluorspar_session::fluorophore::{FileOptions, load};
 use fluorspar_session::{
     CalibrateOptions, CiteOptions, CompareOptions, ExperimentArgs, Job, Left, Listener, RunOptions,
@@ -21,7 +23,7 @@ use crate::readers::{Outcome, Subject};
 type Make = fn(&Path) -> Outcome<Subject>;
 
 /// All readers, by name. Each is made when it is fuzzed: some take a render.
-pub(crate) const FRONTS: [(&str, Make); 11] = [
+pub(crate) const FRONTS: [(&str, Make); 12] = [
     ("pbrt_to_study", pbrt_to_study),
     ("study_log", study_log),
     ("study_subjects", |folder| study_table(folder, "subjects.csv", SUBJECTS)),
@@ -33,6 +35,7 @@ pub(crate) const FRONTS: [(&str, Make); 11] = [
     ("fluorophore_TOML", fluorophore),
     ("results_JSON", results),
     ("report_page", report_page),
+    ("found_designs", found_designs),
 ];
 
 /// Hears nothing.
@@ -221,6 +224,32 @@ fn results(folder: &Path) -> Outcome<Subject> {
     fs::copy(b.join("experiment.toml"), folder.join("one/experiment.toml"))?;
     Ok(subject("one/results.json", vec![seed], move |path| {
         compare(&CompareOptions { a: path.into(), b: b.clone(), out: None }, &job()).is_ok()
+    }))
+}
+
+/// Results of a search among four lights.
+fn found_designs(folder: &Path) -> Outcome<Subject> {
+    let out = folder.join("found");
+    let mut problem = ProblemOptions { design: Some("two-lights".into()), ..Default::default() };
+    let set = ["search.keep=4", "vary.light.led.peaks_nm=[340.0, 385.0, 405.0, 420.0]"];
+    problem.changes.set = set.map(String::from).to_vec();
+    optimize(
+        &OptimizeOptions { problem, place: Place { out: Some(out.clone()) }, ..Default::default() },
+        &job(),
+    )?;
+    let mut small: Value = serde_json::from_slice(&fs::read(out.join("results.json"))?)?;
+    for key in ["best", "pareto_front"] {
+        let designs = small[key].as_array_mut().into_iter().flatten();
+        designs.for_each(|design| *design = json!({ "number": design["number"] }));
+    }
+    let kept = ["search", "left_out", "recommended", "best", "pareto_front"];
+    let small: Value = kept.iter().map(|key| ((*key).to_owned(), small[key].clone())).collect();
+    Ok(subject("found/results.json", vec![serde_json::to_vec(&small)?], move |_| {
+        let page = |found: FoundDesigns| {
+            let keys: Vec<DesignKey> = found.recommended.into_iter().collect();
+            found.sections(&keys).is_ok() && !found.criterion().is_empty()
+        };
+        FoundDesigns::open(&out, &job()).is_ok_and(page)
     }))
 }
 

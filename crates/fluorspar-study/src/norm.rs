@@ -1,6 +1,7 @@
 //! What is normal: a file of sums over people, which holds none of them.
 
 use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
@@ -137,6 +138,33 @@ pub(crate) fn wrong(error: &NormError) -> Error {
 /// Most people of a norm that is read: the time that a range takes grows with them.
 const MOST_PEOPLE: u64 = 1_000_000;
 
+/// Largest sum of a norm that is read: a fit squares its squares. Sums of measured numbers stay far below.
+const MOST_SUM: f64 = 1e30;
+
+/// Refuses a sum that overflows in a fit, and sums of squares below 0.
+fn check_sums(norm: &NormFile, shown: &dyn Display) -> Result<()> {
+    for (number, site) in norm.sums.sites.iter().enumerate() {
+        let sums = [
+            ("age", site.age, -MOST_SUM),
+            ("age_age", site.age_age, 0.0),
+            ("age_value", site.age_value, -MOST_SUM),
+            ("value", site.value, -MOST_SUM),
+            ("value_value", site.value_value, 0.0),
+            ("within", site.within, 0.0),
+            ("inverse_visits", site.inverse_visits, 0.0),
+        ];
+        for (key, sum, least) in sums {
+            if !(least..=MOST_SUM).contains(&sum) {
+                return Err(Error::Input(format!(
+                    "{shown}: sums.sites[{number}].{key} is {sum:e}, which no sum over people can be (at least {least:e}, at most {MOST_SUM:e}); \
+                     copy the norm again, or make it anew with `fluorspar study norm`"
+                )));
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Reads a norm.
 ///
 /// # Errors
@@ -159,6 +187,7 @@ pub(crate) fn read_norm(path: &Path) -> Result<NormFile> {
             "{shown}: it claims {people} people, and at most {MOST_PEOPLE} are taken; copy the norm again"
         )));
     }
+    check_sums(&norm, &shown)?;
     Ok(norm)
 }
 
@@ -416,21 +445,44 @@ fn pooled(first: &Path, rest: &[PathBuf]) -> Result<NormFile> {
 mod tests {
     use super::*;
 
+    /// Reads a norm of some people with a sum of their values.
+    fn read(people: u64, value: &str) -> Result<NormFile> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("n.json");
+        let text = format!(
+            "{{\"program\":\"fluorspar\",\"format\":1,\"origin\":\"measured\",\"region\":\"tongue\",\"quantity\":\"red_share\",\"channel\":\"\",\
+             \"analysis\":[\"a\",\"b\"],\"logs\":[],\"sums\":{{\"range\":\"positive\",\"by_age\":false,\"sites\":[{{\"site\":\"\",\"people\":{people},\
+             \"age\":0,\"age_age\":0,\"age_value\":0,{value},\"within\":0,\"within_degrees\":0,\"inverse_visits\":1}}]}}}}"
+        );
+        std::fs::write(&path, text).unwrap();
+        read_norm(&path)
+    }
+
     /// A damaged count would be worked on without end.
     #[test]
     fn more_people_than_can_be_are_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("n.json");
-        let told = |people: u64| {
-            let text = format!(
-                "{{\"program\":\"fluorspar\",\"format\":1,\"origin\":\"measured\",\"region\":\"tongue\",\"quantity\":\"red_share\",\"channel\":\"\",\
-                 \"analysis\":[\"a\",\"b\"],\"logs\":[],\"sums\":{{\"range\":\"share\",\"by_age\":false,\"sites\":[{{\"site\":\"\",\"people\":{people},\
-                 \"age\":0,\"age_age\":0,\"age_value\":0,\"value\":1,\"value_value\":1,\"within\":0,\"within_degrees\":0,\"inverse_visits\":1}}]}}}}"
-            );
-            std::fs::write(&path, text).unwrap();
-            read_norm(&path).map(drop).map_err(|error| error.to_string())
-        };
-        assert_eq!(told(1_000_000), Ok(()));
-        assert!(told(1_000_001).unwrap_err().contains("it claims 1000001 people"));
+        let told = |people| read(people, "\"value\":1,\"value_value\":1").map(drop);
+        assert!(told(1_000_000).is_ok());
+        assert!(told(1_000_001).unwrap_err().to_string().contains("it claims 1000001 people"));
+    }
+
+    /// Such a norm would say that NaN is normal.
+    #[test]
+    fn sums_that_overflow_are_refused_with_their_place() {
+        for (value, words) in [
+            ("\"value\":1e308,\"value_value\":1", "n.json: sums.sites[0].value is 1e308, which no sum"),
+            ("\"value\":1,\"value_value\":1e308", "value_value is 1e308"),
+            (
+                "\"value\":1,\"value_value\":-1",
+                "value_value is -1e0, which no sum over people can be (at least 0e0",
+            ),
+        ] {
+            let error = read(20, value).unwrap_err();
+            assert!(matches!(&error, Error::Input(said) if said.contains(words)), "{error}");
+        }
+        // A mean of logarithms that is no number's
+        let norm = read(20, "\"value\":1e5,\"value_value\":1e9").unwrap();
+        let said = norm.fit().unwrap().range(None, "").unwrap_err().to_string();
+        assert_eq!(said, "its numbers are too large to compute with");
     }
 }

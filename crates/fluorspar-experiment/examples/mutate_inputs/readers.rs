@@ -65,6 +65,7 @@ impl Subjects {
         meshes(&mut subjects)?;
         lenses(&mut subjects);
         experiments(&mut subjects)?;
+        catalogues(&mut subjects)?;
         Ok(subjects)
     }
 
@@ -577,11 +578,45 @@ const LAYERS: &str = "format = 1\ntitle = \"two\"\nindex_below = 1.4\n[[layer]]\
     strength_per_mm = 0.002\nabsorption_per_mm = 0.067\nscattering_per_mm = 3.6\n[[layer]]\nname = \"stroma\"\nthickness_mm = 10000\nrefractive_index = 1.4\n\
     absorption_per_mm = 0.2\nscattering_per_mm = 20\nanisotropy = 0.9\n[layer.emission]\nstrength_per_mm = 0\nabsorption_per_mm = 0.1\nscattering_per_mm = 15\n";
 
+fn text(path: &Path) -> Option<String> {
+    format::read_text_bounded(path, 256 << 20).ok()
+}
+
+/// Sites of tissue, and folders of entries that stand beside the catalogue: of each kind with a form of its own one entry, in a folder of
+/// its own.
+fn catalogues(subjects: &mut Subjects) -> Outcome<()> {
+    let entries = |kind, names: &[&str]| -> Outcome<Vec<Vec<u8>>> {
+        let own = |name: &&str| {
+            let text = preset::text(kind, name)?;
+            Ok(text.replacen(&format!("name = \"{name}\""), "name = \"mine\"", 1).into())
+        };
+        names.iter().map(own).collect()
+    };
+    let sites = entries(PresetKind::Site, &["lip", "tooth"])?;
+    subjects.add("site TOML", "site.toml", sites, |path| {
+        text(path).is_some_and(|text| preset::site_of_text(&text).is_ok())
+    });
+    let table = vec![b"wavelength_nm,a\n400,1\n410,1.5e-3\n420,3\n".to_vec()];
+    for (name, file, seeds) in [
+        ("catalogue, light", "1/lights/mine.toml", entries(PresetKind::Light, &["led_405", "halogen"])?),
+        ("catalogue, table", "2/lights/mine.csv", table),
+        ("catalogue, filter", "3/filters/mine.toml", entries(PresetKind::Filter, &["notch_405"])?),
+        (
+            "catalogue, state",
+            "4/states/mine.toml",
+            entries(PresetKind::State, &["amalgam_tattoo", "inflammation"])?,
+        ),
+        ("catalogue, sensor", "5/qe/mine.toml", entries(PresetKind::QuantumEfficiency, &["rgb_nir_cmos"])?),
+    ] {
+        let folder = subjects.folder.join(&file[..1]);
+        fs::create_dir_all(subjects.folder.join(file).with_file_name(""))?;
+        subjects.add(name, file, seeds, move |_| preset::check_catalogue(&folder).is_ok());
+    }
+    Ok(())
+}
+
 /// Texts as the command line reads them: bounded, then parsed and resolved.
 fn experiments(subjects: &mut Subjects) -> Outcome<()> {
-    fn text(path: &Path) -> Option<String> {
-        format::read_text_bounded(path, 256 << 20).ok()
-    }
     let base = Path::new(".");
     let names = ["flat-patch", "fluorescent-sphere"];
     let seeds = names.map(|name| preset::text(PresetKind::Experiment, name).map(|text| text.into()));

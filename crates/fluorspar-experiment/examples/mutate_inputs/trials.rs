@@ -129,7 +129,7 @@ fn run(
             if report.broken.len() < 20 {
                 report.broken.push(format!("input {number}: {seconds:.2} s, {} MiB, {place}", most >> 20));
                 if let Some(keep) = keep {
-                    fs::write(keep.join(format!("{number}-{}", subject.file)), &bytes)?;
+                    fs::write(keep.join(format!("{number}-{}", subject.file.replace('/', "-"))), &bytes)?;
                 }
             }
         }

@@ -69,8 +69,8 @@ pub fn list(kind: PresetKind) -> Result<Vec<PresetSummary>, PresetError> {
 /// # Errors
 /// When there is no such entry.
 pub fn text(kind: PresetKind, name: &str) -> Result<&'static str, PresetError> {
-    if let Some(entry) = user_entry(kind, name) {
-        return Ok(&entry.text);
+    if let Some(text) = user_entry(kind, name) {
+        return Ok(text);
     }
     let file = format!("{}/{name}.toml", kind.folder());
     let found = names(kind).contains(&name).then(|| DATA.get_file(&file)).flatten();
@@ -84,16 +84,20 @@ pub fn text(kind: PresetKind, name: &str) -> Result<&'static str, PresetError> {
 
 /// The file of an entry as a typed value.
 pub(super) fn parse<T: DeserializeOwned>(kind: PresetKind, name: &str) -> Result<T, PresetError> {
-    read_toml(text(kind, name)?).map_err(|error| damaged(kind, name, error.to_string()))
+    parse_text(kind, name, text(kind, name)?)
+}
+
+/// The text of the file of an entry as a typed value.
+pub(super) fn parse_text<T: DeserializeOwned>(
+    kind: PresetKind,
+    name: &str,
+    text: &str,
+) -> Result<T, PresetError> {
+    read_toml(text).map_err(|error| damaged(kind, name, error.to_string()))
 }
 
 pub(super) fn damaged(kind: PresetKind, name: &str, message: impl Into<String>) -> PresetError {
-    match user_entry(kind, name) {
-        Some(entry) => PresetError::User { path: entry.path.clone(), message: message.into() },
-        None => {
-            PresetError::Damaged { file: format!("{}/{name}.toml", kind.folder()), message: message.into() }
-        }
-    }
+    PresetError::Damaged { file: format!("{}/{name}.toml", kind.folder()), message: message.into() }
 }
 
 #[cfg(test)]

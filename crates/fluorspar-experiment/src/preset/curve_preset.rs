@@ -5,9 +5,12 @@ use std::sync::LazyLock;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::catalogue::{damaged, parse};
+use super::catalogue::{damaged, parse_text, text};
 use super::kind::{PresetError, PresetKind};
 use fluorspar::spectral::{Curve, CurveModel};
+
+/// Longest wavelength of an entry, nm.
+const MOST_NM: f64 = 30_000.0;
 
 /// Quantity of a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,6 +27,16 @@ pub enum CurveQuantity {
 }
 
 impl CurveQuantity {
+    /// What spectra of a kind are.
+    pub(super) fn of(kind: PresetKind) -> Self {
+        match kind {
+            PresetKind::Light => Self::RelativeSpectralPower,
+            PresetKind::Filter => Self::Transmittance,
+            PresetKind::Reflectance => Self::Reflectance,
+            _ => Self::QuantumEfficiency,
+        }
+    }
+
     fn is_fraction(self) -> bool {
         self != Self::RelativeSpectralPower
     }
@@ -127,7 +140,7 @@ impl QuantumEfficiencyPreset {
 /// # Errors
 /// When there is no such light.
 pub fn light_spectrum(name: &str) -> Result<CurvePreset, PresetError> {
-    curve(PresetKind::Light, name, CurveQuantity::RelativeSpectralPower)
+    curve(PresetKind::Light, name, text(PresetKind::Light, name)?)
 }
 
 /// Transmittance of a filter.
@@ -135,7 +148,7 @@ pub fn light_spectrum(name: &str) -> Result<CurvePreset, PresetError> {
 /// # Errors
 /// When there is no such filter.
 pub fn filter(name: &str) -> Result<CurvePreset, PresetError> {
-    curve(PresetKind::Filter, name, CurveQuantity::Transmittance)
+    curve(PresetKind::Filter, name, text(PresetKind::Filter, name)?)
 }
 
 /// Diffuse reflectance of a surface.
@@ -143,7 +156,7 @@ pub fn filter(name: &str) -> Result<CurvePreset, PresetError> {
 /// # Errors
 /// When there is no such reflectance.
 pub fn reflectance(name: &str) -> Result<CurvePreset, PresetError> {
-    curve(PresetKind::Reflectance, name, CurveQuantity::Reflectance)
+    curve(PresetKind::Reflectance, name, text(PresetKind::Reflectance, name)?)
 }
 
 /// All diffuse reflectances as curves, in the order of their names: the colors that matter to images of tissue. They are evaluated
@@ -164,17 +177,23 @@ pub fn reflectance_curves() -> Vec<Curve> {
 /// # Errors
 /// When there is no such entry.
 pub fn quantum_efficiency(name: &str) -> Result<QuantumEfficiencyPreset, PresetError> {
+    quantum_efficiency_of(name, text(PresetKind::QuantumEfficiency, name)?)
+}
+
+/// The quantum efficiencies that the text of a file describes.
+pub(super) fn quantum_efficiency_of(name: &str, text: &str) -> Result<QuantumEfficiencyPreset, PresetError> {
     let kind = PresetKind::QuantumEfficiency;
-    let preset: QuantumEfficiencyPreset = preset(kind, name, CurveQuantity::QuantumEfficiency)?;
+    let preset: QuantumEfficiencyPreset = preset(kind, name, text)?;
     for (channel, model) in preset.models()? {
         check_model(kind, name, &format!("curve.{channel}"), &model, true, preset.valid_nm)?;
     }
     Ok(preset)
 }
 
-fn curve(kind: PresetKind, name: &str, quantity: CurveQuantity) -> Result<CurvePreset, PresetError> {
-    let preset: CurvePreset = preset(kind, name, quantity)?;
-    check_model(kind, name, "curve", &preset.model, quantity.is_fraction(), preset.valid_nm)?;
+/// The curve that the text of a file describes.
+pub(super) fn curve(kind: PresetKind, name: &str, text: &str) -> Result<CurvePreset, PresetError> {
+    let preset: CurvePreset = preset(kind, name, text)?;
+    check_model(kind, name, "curve", &preset.model, preset.quantity.is_fraction(), preset.valid_nm)?;
     Ok(preset)
 }
 
@@ -182,12 +201,18 @@ fn curve(kind: PresetKind, name: &str, quantity: CurveQuantity) -> Result<CurveP
 fn preset<M: DeserializeOwned>(
     kind: PresetKind,
     name: &str,
-    quantity: CurveQuantity,
+    text: &str,
 ) -> Result<SpectraPreset<M>, PresetError> {
-    let preset: SpectraPreset<M> = parse(kind, name)?;
+    let preset: SpectraPreset<M> = parse_text(kind, name, text)?;
     check_name(kind, name, &preset.name)?;
-    if preset.quantity != quantity {
+    if preset.quantity != CurveQuantity::of(kind) {
         return Err(damaged(kind, name, format!("quantity is {:?}", preset.quantity)));
+    }
+    // Models are looked at in fine steps
+    let [first, last] = preset.valid_nm;
+    if !(0.0 <= first && first < last && last <= MOST_NM) {
+        let message = format!("valid_nm must be two growing wavelengths from 0 to {MOST_NM}, nm");
+        return Err(damaged(kind, name, message));
     }
     Ok(preset)
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::catalogue::parse;
+use super::catalogue::{parse_text, text};
 use super::curve_preset::check_name;
 use super::kind::{PresetError, PresetKind};
 
@@ -31,7 +31,12 @@ pub struct SensorPreset {
 /// # Errors
 /// When there is no such sensor.
 pub fn sensor(name: &str) -> Result<SensorPreset, PresetError> {
-    let preset: SensorPreset = parse(PresetKind::Sensor, name)?;
+    sensor_of(name, text(PresetKind::Sensor, name)?)
+}
+
+/// The sensor that the text of a file describes.
+pub(super) fn sensor_of(name: &str, text: &str) -> Result<SensorPreset, PresetError> {
+    let preset: SensorPreset = parse_text(PresetKind::Sensor, name, text)?;
     check_name(PresetKind::Sensor, name, &preset.name)?;
     Ok(preset)
 }

@@ -58,8 +58,13 @@ pub fn site_of_text(text: &str) -> Result<Site, String> {
 /// # Errors
 /// When there is no such site.
 pub fn site(name: &str) -> Result<Site, PresetError> {
+    named_site(name, text(PresetKind::Site, name)?)
+}
+
+/// The site that the text of a file describes, which has to call itself so.
+pub(super) fn named_site(name: &str, text: &str) -> Result<Site, PresetError> {
     let kind = PresetKind::Site;
-    let site = site_of_text(text(kind, name)?).map_err(|message| damaged(kind, name, message))?;
+    let site = site_of_text(text).map_err(|message| damaged(kind, name, message))?;
     check_name(kind, name, site.name())?;
     Ok(site)
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use super::catalogue::{damaged, parse};
+use super::catalogue::{damaged, parse_text, text};
 use super::curve_preset::check_name;
 use super::kind::{PresetError, PresetKind};
 use fluorspar::names::did_you_mean;
@@ -35,8 +35,13 @@ struct StateFile {
 /// # Errors
 /// When there is no such state.
 pub fn state(name: &str) -> Result<TissueState, PresetError> {
+    state_of(name, text(PresetKind::State, name)?)
+}
+
+/// The state that the text of a file describes.
+pub(super) fn state_of(name: &str, text: &str) -> Result<TissueState, PresetError> {
     let kind = PresetKind::State;
-    let file: StateFile = parse(kind, name)?;
+    let file: StateFile = parse_text(kind, name, text)?;
     check_name(kind, name, &file.name)?;
     file.check().map_err(|message| damaged(kind, name, message))?;
     let StateFile { name, title, description, source, factors, values, gray_per_mm } = file;

@@ -7,14 +7,12 @@ use fluorspar::spectral::CurveModel;
 use fluorspar_format::{FormatError, SpectrumOptions, SpectrumQuantity, read_spectra, read_text_bounded};
 
 use super::catalogue::built_in_names;
-use super::curve_preset::{
-    CurveQuantity, SpectraPreset, filter, light_spectrum, quantum_efficiency, reflectance,
-};
+use super::curve_preset::{CurveQuantity, SpectraPreset, curve, quantum_efficiency_of};
 use super::kind::{PresetError, PresetKind};
-use super::sensor_preset::sensor;
-use super::site_preset::site;
-use super::state_preset::state;
-use super::user_entries::{Entries, MOST_BYTES, UserEntry, keep_entries};
+use super::sensor_preset::sensor_of;
+use super::site_preset::named_site;
+use super::state_preset::state_of;
+use super::user_entries::{Entries, MOST_BYTES, keep_entries};
 
 /// Kinds of entries that the folder may hold.
 const KINDS: [PresetKind; 7] = [
@@ -35,6 +33,20 @@ const KINDS: [PresetKind; 7] = [
 /// # Errors
 /// A file that can't be read or is no such entry, a name of the catalogue.
 pub fn use_catalogue(folder: &Path) -> Result<(), PresetError> {
+    keep_entries(read_entries(folder)?);
+    Ok(())
+}
+
+/// Whether [`use_catalogue`] would take a folder; nothing is kept.
+///
+/// # Errors
+/// As those of [`use_catalogue`].
+pub fn check_catalogue(folder: &Path) -> Result<(), PresetError> {
+    read_entries(folder).map(drop)
+}
+
+/// The entries of a folder, each read as whoever uses it will.
+fn read_entries(folder: &Path) -> Result<Entries, PresetError> {
     let mut entries = Entries::new();
     if !folder.is_dir() {
         return Err(refused(folder, "there is no such folder"));
@@ -54,24 +66,30 @@ pub fn use_catalogue(folder: &Path) -> Result<(), PresetError> {
                     format!("the catalogue has a {kind} of this name; rename the file"),
                 ));
             }
-            if entries.insert((kind.folder(), name), UserEntry { text, path: path.clone() }).is_some() {
+            check(kind, &name, &text).map_err(|error| of_user(&path, error))?;
+            if entries.insert((kind.folder(), name), text).is_some() {
                 return Err(refused(&path, "there are two files of this name; remove one of them"));
             }
         }
     }
-    keep_entries(entries).keys().try_for_each(|(folder, name)| check(folder, name))
+    Ok(entries)
 }
 
-/// Reads an entry as whoever uses it will.
-fn check(folder: &str, name: &str) -> Result<(), PresetError> {
-    match KINDS.into_iter().find(|kind| kind.folder() == folder) {
-        Some(PresetKind::Light) => light_spectrum(name).map(drop),
-        Some(PresetKind::Filter) => filter(name).map(drop),
-        Some(PresetKind::Reflectance) => reflectance(name).map(drop),
-        Some(PresetKind::QuantumEfficiency) => quantum_efficiency(name).map(drop),
-        Some(PresetKind::Site) => site(name).map(drop),
-        Some(PresetKind::State) => state(name).map(drop),
-        _ => sensor(name).map(drop),
+fn check(kind: PresetKind, name: &str, text: &str) -> Result<(), PresetError> {
+    match kind {
+        PresetKind::QuantumEfficiency => quantum_efficiency_of(name, text).map(drop),
+        PresetKind::Site => named_site(name, text).map(drop),
+        PresetKind::State => state_of(name, text).map(drop),
+        PresetKind::Sensor => sensor_of(name, text).map(drop),
+        _ => curve(kind, name, text).map(drop),
+    }
+}
+
+/// An error of an entry, which no file of the program holds.
+fn of_user(path: &Path, error: PresetError) -> PresetError {
+    match error {
+        PresetError::Damaged { message, .. } => refused(path, message),
+        other => other,
     }
 }
 
@@ -97,11 +115,10 @@ fn text_of_entry(kind: PresetKind, name: &str, path: &Path) -> Result<Option<Str
 /// A table in the form of the catalogue.
 fn text_of_table(kind: PresetKind, name: &str, path: &Path) -> Result<String, PresetError> {
     let is_qe = kind == PresetKind::QuantumEfficiency;
-    let (read_as, quantity) = match kind {
-        PresetKind::Light => (SpectrumQuantity::SpectralPower, CurveQuantity::RelativeSpectralPower),
-        PresetKind::Filter => (SpectrumQuantity::Fraction, CurveQuantity::Transmittance),
-        PresetKind::Reflectance => (SpectrumQuantity::Fraction, CurveQuantity::Reflectance),
-        _ => (SpectrumQuantity::QuantumEfficiency, CurveQuantity::QuantumEfficiency),
+    let read_as = match kind {
+        PresetKind::Light => SpectrumQuantity::SpectralPower,
+        PresetKind::Filter | PresetKind::Reflectance => SpectrumQuantity::Fraction,
+        _ => SpectrumQuantity::QuantumEfficiency,
     };
     let options = SpectrumOptions { quantity: read_as, ..SpectrumOptions::default() };
     let columns = read_spectra(path, &options).map_err(|error| of_file(path, &error))?.curves;
@@ -129,7 +146,7 @@ fn text_of_table(kind: PresetKind, name: &str, path: &Path) -> Result<String, Pr
         title: name.into(),
         description: "Table of the user.".into(),
         source: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-        quantity,
+        quantity: CurveQuantity::of(kind),
         valid_nm,
         assumed: Vec::new(),
         effective_index: None,
@@ -137,4 +154,33 @@ fn text_of_table(kind: PresetKind, name: &str, path: &Path) -> Result<String, Pr
         model: first.unwrap_or(toml::Value::Table(models)),
     };
     toml::to_string(&entry).map_err(failed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::preset::text;
+
+    /// Spectra are looked at in fine steps: over any range there would be more of them than memory.
+    #[test]
+    fn entries_over_ranges_that_are_none_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("filters")).unwrap();
+        let valid = text(PresetKind::Filter, "notch_405").unwrap().replace("notch_405", "mine");
+        let range = "valid_nm = [350.0, 750.0]";
+        assert!(valid.contains(range));
+        let told = |range_nm: &str| {
+            let text = valid.replace(range, &format!("valid_nm = {range_nm}"));
+            fs::write(folder.path().join("filters/mine.toml"), text).unwrap();
+            check_catalogue(folder.path()).map_err(|error| error.to_string())
+        };
+        assert_eq!(told("[350.0, 750.0]"), Ok(()));
+        for wrong in ["[0.0, 1e18]", "[900.0, 300.0]", "[nan, 900.0]", "[-inf, 900.0]"] {
+            let said = told(wrong).unwrap_err();
+            assert!(
+                said.ends_with("mine.toml: valid_nm must be two growing wavelengths from 0 to 30000, nm"),
+                "{said}"
+            );
+        }
+    }
 }

@@ -1,7 +1,6 @@
 //! Entries of the user that stand beside those of the catalogue.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use super::kind::PresetKind;
@@ -9,25 +8,19 @@ use super::kind::PresetKind;
 /// Largest file of an entry, bytes.
 pub(super) const MOST_BYTES: u64 = 4 << 20;
 
-/// An entry of the user: its file in the form of the catalogue.
-pub(super) struct UserEntry {
-    pub(super) text: String,
-    pub(super) path: PathBuf,
-}
-
-/// Entries by folder and name.
-pub(super) type Entries = BTreeMap<(&'static str, String), UserEntry>;
+/// Entries by folder and name: files in the form of the catalogue.
+pub(super) type Entries = BTreeMap<(&'static str, String), String>;
 
 static ENTRIES: OnceLock<Entries> = OnceLock::new();
 
 /// Keeps entries for the rest of this process; the first ones stay.
-pub(super) fn keep_entries(entries: Entries) -> &'static Entries {
-    ENTRIES.get_or_init(|| entries)
+pub(super) fn keep_entries(entries: Entries) {
+    ENTRIES.get_or_init(|| entries);
 }
 
 /// The entry of a kind and a name, if the user has one.
-pub(super) fn user_entry(kind: PresetKind, name: &str) -> Option<&'static UserEntry> {
-    ENTRIES.get()?.get(&(kind.folder(), name.to_owned()))
+pub(super) fn user_entry(kind: PresetKind, name: &str) -> Option<&'static str> {
+    ENTRIES.get()?.get(&(kind.folder(), name.to_owned())).map(String::as_str)
 }
 
 /// Names of the entries of a kind.

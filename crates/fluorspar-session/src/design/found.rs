@@ -100,6 +100,15 @@ impl FoundDesigns {
         let design = Some(folder.join("report.html").display().to_string());
         let options = ProblemOptions { design, renders: None, changes: Changes::default() };
         let problem = options.read(job)?.prepare(job)?;
+        // Each is judged: a damaged list would be worked on without end
+        let (named, keep) =
+            (results.best.len().max(results.pareto_front.len()), problem.resolved.search.keep);
+        if named > keep as usize {
+            return Err(Error::Input(format!(
+                "{}: it names {named} designs, and its search kept at most {keep}; search again into it",
+                path.display()
+            )));
+        }
         let scores = scores_beside(folder, &problem);
         let numbers =
             |list: &[Numbered]| list.iter().filter_map(|design| design.number).collect::<Vec<u64>>();

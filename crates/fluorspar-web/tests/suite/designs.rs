@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use fluorspar_session::Changes;
-use fluorspar_session::design::{OptimizeOptions, Place, ProblemOptions, optimize};
+use fluorspar_session::design::{FoundDesigns, OptimizeOptions, Place, ProblemOptions, optimize};
 use fluorspar_web::{Workbench, WorkbenchOptions};
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -76,4 +76,11 @@ fn a_search_without_scores_shows_what_its_results_hold_and_takes_no_changes() {
         WorkbenchOptions { subject: Some(out.display().to_string()), changes, ..Default::default() };
     let refused = Workbench::open(&options).err().unwrap().to_string();
     assert!(refused.contains("can't be changed"), "{refused}");
+    // Each design that results name is judged: more than a search keeps would take for ever
+    let path = out.join("results.json");
+    let mut results: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    results["best"] = (0..5).map(|number| json!({ "number": number })).collect();
+    fs::write(&path, results.to_string()).unwrap();
+    let refused = FoundDesigns::open(&out, &job()).err().unwrap().to_string();
+    assert!(refused.contains("names 5 designs, and its search kept at most 4"), "{refused}");
 }

@@ -136,6 +136,9 @@ pub enum NormError {
     /// An age is needed.
     #[error("the norm is adjusted for age; give that of the person")]
     NoAge,
+    /// Sums whose squares, or a range whose ends, are beyond what a number holds.
+    #[error("its numbers are too large to compute with")]
+    Overflow,
 }
 
 fn of_site(site: &str) -> String {
@@ -299,11 +302,12 @@ impl Norm {
     /// The range that holds 95 % of people of an age and a site with 95 % confidence; a norm of one site serves all.
     ///
     /// # Errors
-    /// A site that the norm does not hold, an age that is missing.
+    /// A site that the norm does not hold, an age that is missing, numbers that overflow.
     pub fn range(&self, age: Option<f64>, site: &str) -> Result<[f64; 2], NormError> {
         let [center, leverage] = self.center(age, site)?;
         let reach = normal_factor(leverage, self.degrees) * self.sd;
-        Ok([center - reach, center + reach].map(|end| self.sums.range.bent(end)))
+        let range = [center - reach, center + reach].map(|end| self.sums.range.bent(end));
+        if range.iter().all(|end| end.is_finite()) { Ok(range) } else { Err(NormError::Overflow) }
     }
 
     /// A number with its 95 % interval against the norm. Ends at an end of what is possible count as beyond everybody.
