@@ -131,7 +131,7 @@ fn acceptance(found: &CalibrationResults<'_>) -> Vec<(String, String)> {
                 "it takes a tile under the excitation light with and without the viewing filter",
             ),
         ),
-        ("Excitation power", or(lights.collect(), "it takes a tile of known reflectance")),
+        ("Excitation power", or(lights.collect(), "it takes a tile of known reflectance or fluorescence")),
         ("Excitation bands", open("take a spectrometer; the described spectra count")),
         ("Resolution", open("take an edge or a bar target")),
         ("Depth of field", open("take that target at several distances")),
