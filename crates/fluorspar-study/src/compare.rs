@@ -9,7 +9,7 @@ use fluorspar_session::{Error, Job, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::index::Index;
-use crate::norm::{NormFile, NormOptions, people_of, read_norm, wrong};
+use crate::norm::{NormFile, NormOptions, people_of, people_with_lesions, read_norm, wrong};
 use crate::query::{QueriedRow, QueryOptions, rows};
 use crate::store::{Study, StudyArgs};
 
@@ -86,30 +86,32 @@ pub struct Separation {
 /// # Errors
 /// A study or a norm that can't be read.
 pub fn compare(options: &AgainstNormOptions, _: &Job) -> Result<ComparedPeople> {
-    let study = Study::open(&options.args.study)?;
+    let (index, _) = Study::asked(&options.args.study)?;
     let mut compared = ComparedPeople { people: Vec::new(), left_out: Vec::new(), separations: Vec::new() };
     for path in &options.norm {
         let norm = read_norm(path)?;
         let fitted = norm.fit()?;
-        let held = people_in(&study, &norm)?;
+        let held = people_in(options, &index, &norm)?;
+        let mut of_others = BTreeMap::new();
         let query = QueryOptions {
             subject: options.subject.clone(),
             region: (norm.origin == "measured").then(|| norm.region.clone()),
             quantity: Some(norm.quantity.clone()),
             ..QueryOptions::default()
         };
-        let own = rows(&study.index, &query)?
-            .into_iter()
-            .filter(|row| !row.withdrawn && row.channel == norm.channel);
+        let own =
+            rows(&index, &query)?.into_iter().filter(|row| !row.withdrawn && row.channel == norm.channel);
         for row in own.filter(|row| region_of(&norm, &row.region)) {
-            let others = held.get(&row.subject).map(|own| norm.sums.without(own).fit());
-            let fitted = others.unwrap_or_else(|| Ok(fitted.clone()));
-            match fitted.map_err(|error| wrong(&error)).and_then(|fitted| person(&norm, &fitted, &row)) {
+            let others = held.get(&row.subject).map(|own| {
+                of_others.entry(row.subject.clone()).or_insert_with(|| norm.sums.without(own).fit()).as_ref()
+            });
+            let fitted = others.unwrap_or(Ok(&fitted));
+            match fitted.map_err(wrong).and_then(|fitted| person(&norm, fitted, &row)) {
                 Ok(person) => compared.people.push(person),
                 Err(why) => compared.left_out.push(format!("{}, visit {}: {why}", row.subject, row.session)),
             }
         }
-        compared.separations.extend(separation(&study, &norm)?);
+        compared.separations.extend(separation(&index, &norm)?);
     }
     Ok(compared)
 }
@@ -158,13 +160,22 @@ fn person(
 }
 
 /// The people whom a norm took from this study, as the log was when it was made.
-fn people_in(study: &Study, norm: &NormFile) -> Result<BTreeMap<String, NormPerson>> {
-    let entries = &study.log.entries;
-    match entries.iter().position(|entry| norm.logs.contains(&entry.sha256)) {
-        Some(last) if norm.origin == "measured" => {
-            Ok(people_of(&Index::in_memory(&entries[..=last])?, &numbers_of(norm), false)?.0)
+fn people_in(
+    options: &AgainstNormOptions,
+    index: &Index,
+    norm: &NormFile,
+) -> Result<BTreeMap<String, NormPerson>> {
+    let people =
+        |index: &Index| Ok(people_of(index, &numbers_of(norm), options.subject.as_deref(), false)?.0);
+    let lines: Vec<String> = index.rows("SELECT sha256 FROM audit ORDER BY seq", [], |row| row.get(0))?;
+    match lines.iter().position(|sha256| norm.logs.contains(sha256)) {
+        _ if norm.origin != "measured" => Ok(BTreeMap::new()),
+        None => Ok(BTreeMap::new()),
+        Some(last) if last + 1 == lines.len() => people(index),
+        Some(last) => {
+            let entries = Study::open(&options.args.study)?.log.entries;
+            people(&Index::in_memory(&entries[..=last])?)
         }
-        _ => Ok(BTreeMap::new()),
     }
 }
 
@@ -179,21 +190,24 @@ fn numbers_of(norm: &NormFile) -> NormOptions {
 }
 
 /// How well the number of a norm tells people with a lesion, where two or more of each are known.
-fn separation(study: &Study, norm: &NormFile) -> Result<Option<Separation>> {
-    let of = numbers_of(norm);
-    let scores = |has_lesion: bool, sign: f64| -> Result<Vec<f64>> {
-        let (people, ..) = people_of(&study.index, &of, has_lesion)?;
-        Ok(people
-            .values()
-            .map(|person| sign * person.values.iter().sum::<f64>() / person.values.len() as f64)
-            .collect())
+fn separation(index: &Index, norm: &NormFile) -> Result<Option<Separation>> {
+    if people_with_lesions(index)?.is_empty() {
+        return Ok(None);
+    }
+    let scores = |has_lesion: bool| -> Result<Vec<f64>> {
+        let (people, ..) = people_of(index, &numbers_of(norm), None, has_lesion)?;
+        let mean = |person: &NormPerson| person.values.iter().sum::<f64>() / person.values.len() as f64;
+        Ok(people.values().map(mean).collect())
     };
-    let Some(upward) = RocArea::of(&scores(true, 1.0)?, &scores(false, 1.0)?) else { return Ok(None) };
+    let [ill, healthy] = [scores(true)?, scores(false)?];
+    let Some(upward) = RocArea::of(&ill, &healthy) else { return Ok(None) };
     let is_lower = upward.area < 0.5;
-    let sign = if is_lower { -1.0 } else { 1.0 };
-    let Some(area) = RocArea::of(&scores(true, sign)?, &scores(false, sign)?) else { return Ok(None) };
-    let group_size = group_size_for_area(area.area, WANTED_HALF_WIDTH);
-    Ok(Some(Separation { of: [norm.region.clone(), norm.quantity.clone()], is_lower, area, group_size }))
+    let turned = |scores: &[f64]| scores.iter().map(|score| -score).collect::<Vec<f64>>();
+    let area = if is_lower { RocArea::of(&turned(&ill), &turned(&healthy)) } else { Some(upward) };
+    Ok(area.map(|area| {
+        let group_size = group_size_for_area(area.area, WANTED_HALF_WIDTH);
+        Separation { of: [norm.region.clone(), norm.quantity.clone()], is_lower, area, group_size }
+    }))
 }
 
 impl PersonAgainstNorm {

@@ -1,9 +1,9 @@
 //! The index: SQLite tables made from the log alone.
 
 use std::fs;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use fluorspar_format::AppendedLines;
 use fluorspar_session::{Error, Result};
 use rusqlite::{Connection, OpenFlags, Row, params};
 
@@ -14,7 +14,7 @@ use crate::log::{Entry, LOG};
 pub(crate) const FOLDER: &str = ".fluorspar";
 const FILE: &str = "study.sqlite";
 /// Version of the tables: an index of another is made anew.
-const VERSION: i64 = 3;
+const VERSION: i64 = 4;
 
 const TABLES: &str = "
 CREATE TABLE audit (seq INTEGER PRIMARY KEY, before TEXT, at TEXT, who TEXT, command TEXT, sha256 TEXT);
@@ -26,6 +26,8 @@ CREATE TABLE region (region_sha256 TEXT PRIMARY KEY, photograph TEXT NOT NULL, r
 CREATE TABLE estimate (photograph TEXT NOT NULL, region_sha256 TEXT NOT NULL, region TEXT NOT NULL, quantity TEXT NOT NULL, channel TEXT NOT NULL,
     value REAL, low REAL, high REAL, interval_kind TEXT, pixels INTEGER, warnings TEXT, analysis TEXT NOT NULL, version TEXT NOT NULL, seq INTEGER NOT NULL,
     PRIMARY KEY (region_sha256, analysis, version, quantity, channel));
+CREATE INDEX photograph_of ON photograph (subject);
+CREATE INDEX region_of ON region (photograph);
 CREATE INDEX estimate_of ON estimate (region_sha256, quantity, channel, seq);
 CREATE TABLE outcome (subject TEXT NOT NULL, method TEXT, outcome TEXT NOT NULL, seq INTEGER PRIMARY KEY);
 ";
@@ -38,6 +40,9 @@ pub(crate) struct Index {
     /// Whether there are lines among them that the log doesn't have on the disk either.
     is_ahead: bool,
 }
+
+/// Bytes from the end of a log among which its last line is looked for.
+const LONGEST_LINE: u64 = 1 << 20;
 
 /// Lines that wait for the disk at most.
 const MOST_WAITING: usize = 2000;
@@ -77,9 +82,7 @@ impl Index {
     pub(crate) fn current(folder: &Path) -> Option<Self> {
         let path = folder.join(FOLDER).join(FILE);
         let connection = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY).ok()?;
-        let lines = AppendedLines::read(&folder.join(LOG)).ok()?;
-        let last = lines.trim_ascii_end().rsplit(|byte| *byte == b'\n').next()?;
-        let last: Entry = serde_json::from_slice(last).ok()?;
+        let last: Entry = serde_json::from_slice(&last_line_of(&folder.join(LOG))?).ok()?;
         let is_current =
             is_of_this_version(&connection) && last_line(&connection)? == (last.seq, last.sha256);
         is_current.then(|| Self::on(connection))
@@ -194,6 +197,17 @@ impl Index {
         }
         Ok(all)
     }
+}
+
+/// The last line of a log that has its end. One that is longer than what is read here is no line of it.
+fn last_line_of(path: &Path) -> Option<Vec<u8>> {
+    let mut log = fs::File::open(path).ok()?;
+    let length = log.metadata().ok()?.len();
+    log.seek(SeekFrom::Start(length.saturating_sub(LONGEST_LINE))).ok()?;
+    let mut end = Vec::new();
+    log.take(LONGEST_LINE).read_to_end(&mut end).ok()?;
+    let mut lines = end.rsplit(|byte| *byte == b'\n').skip(1);
+    lines.next().map(<[u8]>::to_vec)
 }
 
 fn remove(path: &Path) -> Result<()> {

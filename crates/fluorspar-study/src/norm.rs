@@ -1,6 +1,6 @@
 //! What is normal: a file of sums over people, which holds none of them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
@@ -254,20 +254,22 @@ fn range_of(quantity: &str) -> Result<ValueRange> {
     })
 }
 
-fn people_with_lesions(index: &Index) -> Result<Vec<String>> {
+pub(crate) fn people_with_lesions(index: &Index) -> Result<BTreeSet<String>> {
     let sql = "SELECT DISTINCT subject FROM outcome WHERE lower(outcome) NOT IN ('healthy', 'none')";
-    index.rows(sql, [], |row| row.get(0))
+    Ok(index.rows(sql, [], |row| row.get(0))?.into_iter().collect())
 }
 
-/// People of a study without lesions, who did not withdraw or refuse, and how many of them have no number.
+/// People of a study, or one of them, with or without lesions, who did not withdraw or refuse, and how many of them have no number.
 pub(crate) fn people_of(
     index: &Index,
     options: &NormOptions,
+    subject: Option<&str>,
     has_lesion: bool,
 ) -> Result<(BTreeMap<String, NormPerson>, usize, Vec<QueriedRow>)> {
     let query = QueryOptions {
         region: Some(options.region.clone()),
         quantity: Some(options.quantity.clone()),
+        subject: subject.map(str::to_owned),
         ..QueryOptions::default()
     };
     let ill = people_with_lesions(index)?;
@@ -323,7 +325,7 @@ fn one_analysis(index: &Index, options: &NormOptions, rows: &[QueriedRow]) -> Re
 fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, [usize; 3])> {
     let (index, secret) = Study::asked(folder)?;
     let range = range_of(&options.quantity)?;
-    let (people, without_value, rows) = people_of(&index, options, false)?;
+    let (people, without_value, rows) = people_of(&index, options, None, false)?;
     let analysis = one_analysis(&index, options, &rows)?;
     let guesses = rows.iter().filter(|row| row.is_guess()).count();
     let people: Vec<NormPerson> = people.into_values().collect();
