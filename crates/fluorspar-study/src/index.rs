@@ -1,9 +1,9 @@
 //! The index: SQLite tables made from the log alone.
 
 use std::fs;
-use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use fluorspar_format::AppendedLines;
 use fluorspar_session::{Error, Result};
 use rusqlite::{Connection, OpenFlags, Row, params};
 
@@ -40,9 +40,6 @@ pub(crate) struct Index {
     /// Whether there are lines among them that the log doesn't have on the disk either.
     is_ahead: bool,
 }
-
-/// Bytes from the end of a log among which its last line is looked for.
-const LONGEST_LINE: u64 = 1 << 20;
 
 /// Lines that wait for the disk at most.
 const MOST_WAITING: usize = 2000;
@@ -82,7 +79,7 @@ impl Index {
     pub(crate) fn current(folder: &Path) -> Option<Self> {
         let path = folder.join(FOLDER).join(FILE);
         let connection = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY).ok()?;
-        let last: Entry = serde_json::from_slice(&last_line_of(&folder.join(LOG))?).ok()?;
+        let last: Entry = serde_json::from_slice(&AppendedLines::last(&folder.join(LOG)).ok()??).ok()?;
         let is_current =
             is_of_this_version(&connection) && last_line(&connection)? == (last.seq, last.sha256);
         is_current.then(|| Self::on(connection))
@@ -101,6 +98,8 @@ impl Index {
     }
 
     fn on(connection: Connection) -> Self {
+        // Without it pages of a large study are read again and again; it is only faster with it
+        let _ = connection.pragma_update(None, "cache_size", -64 * 1024);
         Self { connection, waiting: 0, is_ahead: false }
     }
 
@@ -197,17 +196,6 @@ impl Index {
         }
         Ok(all)
     }
-}
-
-/// The last line of a log that has its end. One that is longer than what is read here is no line of it.
-fn last_line_of(path: &Path) -> Option<Vec<u8>> {
-    let mut log = fs::File::open(path).ok()?;
-    let length = log.metadata().ok()?.len();
-    log.seek(SeekFrom::Start(length.saturating_sub(LONGEST_LINE))).ok()?;
-    let mut end = Vec::new();
-    log.take(LONGEST_LINE).read_to_end(&mut end).ok()?;
-    let mut lines = end.rsplit(|byte| *byte == b'\n').skip(1);
-    lines.next().map(<[u8]>::to_vec)
 }
 
 fn remove(path: &Path) -> Result<()> {

@@ -1,7 +1,7 @@
 //! Files that grow line by line, held by one process.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use crate::{FormatError, read_bounded};
@@ -44,6 +44,23 @@ impl AppendedLines {
         let complete = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
         bytes.truncate(complete);
         Ok(bytes)
+    }
+
+    /// The last complete line of a file, without its end. `None` where there is none, or one of more than a mebibyte.
+    ///
+    /// # Errors
+    /// What the system reports.
+    pub fn last(path: &Path) -> Result<Option<Vec<u8>>, FormatError> {
+        const LONGEST: u64 = 1 << 20;
+        let failed = |source| FormatError::io(path, "read", source);
+        let mut file = File::open(path).map_err(failed)?;
+        let length = file.metadata().map_err(failed)?.len();
+        file.seek(SeekFrom::Start(length.saturating_sub(LONGEST))).map_err(failed)?;
+        let mut end = Vec::new();
+        file.take(LONGEST).read_to_end(&mut end).map_err(failed)?;
+        let mut lines = end.rsplit(|byte| *byte == b'\n').skip(1);
+        let is_whole = |line: &&[u8]| !line.is_empty() && (line.len() as u64) < LONGEST;
+        Ok(lines.next().filter(is_whole).map(<[u8]>::to_vec))
     }
 
     /// Cuts a last line off that was not written to its end.
@@ -98,5 +115,8 @@ mod tests {
         lines.finish("two\n", Err(io::ErrorKind::StorageFull.into())).unwrap_err();
         lines.append_synced("three\n").unwrap();
         assert_eq!(AppendedLines::read(&path).unwrap(), b"one\nthree\n");
+        assert_eq!(AppendedLines::last(&path).unwrap().unwrap(), b"three");
+        lines.file.write_all(b"torn").unwrap();
+        assert_eq!(AppendedLines::last(&path).unwrap().unwrap(), b"three");
     }
 }
