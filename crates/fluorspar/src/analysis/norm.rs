@@ -137,7 +137,7 @@ pub enum NormError {
     #[error("the norm is adjusted for age; give that of the person")]
     NoAge,
     /// Sums whose squares, or a range whose ends, are beyond what a number holds.
-    #[error("its numbers are too large to compute with")]
+    #[error("its numbers overflow")]
     Overflow,
 }
 

@@ -4,6 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use crate::store::input::open_plain;
 use crate::{FormatError, read_bounded};
 
 /// Largest file, bytes.
@@ -53,8 +54,7 @@ impl AppendedLines {
     pub fn last(path: &Path) -> Result<Option<Vec<u8>>, FormatError> {
         const LONGEST: u64 = 1 << 20;
         let failed = |source| FormatError::io(path, "read", source);
-        let mut file = File::open(path).map_err(failed)?;
-        let length = file.metadata().map_err(failed)?.len();
+        let (mut file, length) = open_plain(path)?;
         file.seek(SeekFrom::Start(length.saturating_sub(LONGEST))).map_err(failed)?;
         let mut end = Vec::new();
         file.take(LONGEST).read_to_end(&mut end).map_err(failed)?;
