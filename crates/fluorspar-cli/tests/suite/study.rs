@@ -199,6 +199,45 @@ fn a_log_that_is_shorter_or_gone_is_refused() {
 }
 
 /// Verdicts reach a study later, and masks in whatever form a table names them.
+/// A card of the color of skin that fills the frame is taken for a face, one of the color of gums is not.
+#[test]
+fn an_export_warns_of_skin_that_fills_a_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("people.csv"), "subject,consent\nP01,yes\n").unwrap();
+    for (color, is_warned) in [("skin", true), ("gingiva", false)] {
+        let experiment = format!(
+            "format = 1\nbase = \"flat-patch\"\nunset = [\"capture\", \"analysis\", \"material.patch.concentrations\"]\n\
+             [render]\nwidth_px = 32\nheight_px = 24\nsamples_per_pixel = 4\n[view_filter]\nfilters = []\n[[light]]\nname = \"white\"\n\
+             type = \"distant\"\naim.direction = [0.0, 0.0, -1.0]\nspectrum = \"white_led\"\nstrength.irradiance_w_per_m2 = 100.0\n\
+             [[material]]\nname = \"patch\"\nreflectance = \"{color}\"\n[[capture]]\nname = \"white\"\nlight_groups = {{ white = 1.0 }}\n\
+             exposure_ms = \"auto\"\n[analysis]\nframe = \"white\"\nparts = [\"patch\"]\nporphyrin = \"none\"\n"
+        );
+        let file = format!("{color}.toml");
+        fs::write(folder.join(&file), experiment).unwrap();
+        fluorspar(folder, ["run", &file, "--out", color, "-q"]).well();
+        let photos = folder.join(format!("photos-{color}"));
+        fs::create_dir(&photos).unwrap();
+        for ending in ["tiff", "tiff.json"] {
+            let name = format!("raw_white.{ending}");
+            fs::copy(folder.join(color).join(&name), photos.join(&name)).unwrap();
+        }
+        let table = "patient,capture,frame,region,where\nP01,white,raw_white.tiff,tongue,\"10,12,12,12\"\n";
+        fs::write(photos.join("photographs.csv"), table).unwrap();
+        let (st, share) = (format!("st-{color}"), format!("share-{color}"));
+        fluorspar(folder, ["study", "init", &st, "--experiment", &file]).well();
+        let photos = photos.to_string_lossy();
+        fluorspar(folder, ["study", "import", &st, &photos, "--subjects", "people.csv"]).well();
+        let said = fluorspar(folder, ["study", "export", &st, "--out", &share]).well();
+        assert_eq!(
+            said.stderr.contains("skin around the mouth takes"),
+            is_warned,
+            "{color}: {}",
+            said.stderr
+        );
+    }
+}
+
 /// A log that can't grow ends the import; what the next one finds is whole, and nothing is missing afterwards.
 #[cfg(target_os = "linux")] // Other systems have no such limit on files.
 #[test]
