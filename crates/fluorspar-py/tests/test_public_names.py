@@ -1,8 +1,12 @@
-"""Every public name is documented."""
+"""Every public name is documented, and the library loads late in a process, too."""
 
 from __future__ import annotations
 
 import inspect
+import os
+import platform
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -104,3 +108,10 @@ def test_unknown_names_are_one_error_that_lists_each_known_one_once(mouth, compo
         assert isinstance(raised.value, (KeyError, fs.FluorsparError)) and told.startswith("there is no ") and known in told
         names = told.split("there are ")[1].split(", ")
         assert len(names) == len(set(names))
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="a setting of glibc")
+def test_the_library_needs_no_static_thread_storage() -> None:
+    """Libraries that a process loaded before may have used it up; then one that needs it can't be imported."""
+    none_left = os.environ | {"GLIBC_TUNABLES": "glibc.rtld.optional_static_tls=0"}
+    subprocess.run([sys.executable, "-c", "import fluorspar"], env=none_left, check=True)
