@@ -198,19 +198,22 @@ fn a_log_that_is_shorter_or_gone_is_refused() {
     study(folder, &["verify"]).well();
 }
 
-/// Verdicts reach a study later, and masks in whatever form a table names them.
-/// A card of the color of skin that fills the frame is taken for a face, one of the color of gums is not.
+/// A card of the color of skin that fills the frame is taken for a face, whether fair or dark; one of the color of gums is not.
 #[test]
 fn an_export_warns_of_skin_that_fills_a_frame() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("people.csv"), "subject,consent\nP01,yes\n").unwrap();
-    for (color, is_warned) in [("skin", true), ("gingiva", false)] {
+    let dark = "{ type = \"blood_diffuse\", scattering_per_cm = 46.0, scattering_power = 1.421, background_per_cm = 0.6, \
+                background_decay_nm = 110.0, blood_fraction = 0.008, saturation = 0.65, vessel_radius_um = 40.0, \
+                superficial_blood_um = 0.25, hemoglobin_g_per_l = 150.0, refractive_index = 1.4, melanin_depth = 1.7 }";
+    let cards = [("fair", "\"skin\"", true), ("dark", dark, true), ("gums", "\"gingiva\"", false)];
+    for (color, reflectance, is_warned) in cards {
         let experiment = format!(
             "format = 1\nbase = \"flat-patch\"\nunset = [\"capture\", \"analysis\", \"material.patch.concentrations\"]\n\
              [render]\nwidth_px = 32\nheight_px = 24\nsamples_per_pixel = 4\n[view_filter]\nfilters = []\n[[light]]\nname = \"white\"\n\
              type = \"distant\"\naim.direction = [0.0, 0.0, -1.0]\nspectrum = \"white_led\"\nstrength.irradiance_w_per_m2 = 100.0\n\
-             [[material]]\nname = \"patch\"\nreflectance = \"{color}\"\n[[capture]]\nname = \"white\"\nlight_groups = {{ white = 1.0 }}\n\
+             [[material]]\nname = \"patch\"\nreflectance = {reflectance}\n[[capture]]\nname = \"white\"\nlight_groups = {{ white = 1.0 }}\n\
              exposure_ms = \"auto\"\n[analysis]\nframe = \"white\"\nparts = [\"patch\"]\nporphyrin = \"none\"\n"
         );
         let file = format!("{color}.toml");
@@ -262,6 +265,7 @@ fn a_log_that_can_not_be_written_is_taken_up_again() {
     assert_eq!((1..=8).filter(|person| log.contains(&format!("sub-P{person:02}/"))).count(), 8);
 }
 
+/// Verdicts reach a study later, and masks in whatever form a table names them.
 #[test]
 fn regions_are_taken_back_and_masks_are_taken_in() {
     let folder = tempfile::tempdir().unwrap();

@@ -50,6 +50,26 @@ pub(crate) fn camera_study(source: &ExperimentSource, parsed: &Experiment) -> Re
 /// How much of a frame may be skin around the mouth before it is taken for a face.
 const MOST_SKIN: f64 = 0.25;
 
+/// Melanin of skin from the fairest to the darkest: its optical depth at 500 nm, there and back.
+const MELANIN_DEPTHS: [f64; 8] = [0.1, 0.3, 0.6, 1.0, 1.5, 2.0, 2.5, 3.0];
+
+/// Reflectances that skin is told from: those within a mouth.
+const MOUTH: [&str; 13] = [
+    "tooth_incisor",
+    "tooth_neck",
+    "gingiva",
+    "palate",
+    "cheek",
+    "tongue_dorsum",
+    "tongue_ventral",
+    "lip",
+    "soft_palate",
+    "floor_of_mouth",
+    "mucosa_red",
+    "mucosa_pale",
+    "fungiform_papilla",
+];
+
 /// What is said of a frame that shows a face: much of it has the color that skin has under the lights of its capture. `None` where these do not
 /// pass the viewing filter.
 pub(super) fn face_warning(study: &Study, path: &Path, frame: &ChannelImage) -> Option<Warning> {
@@ -66,10 +86,13 @@ pub(super) fn face_warning(study: &Study, path: &Path, frame: &ChannelImage) -> 
     if sum(true)? < 0.01 * sum(false)? {
         return None;
     }
-    let r_of =
-        |name: &str| Some(sensor_chromaticity(rates(preset::reflectance(name).ok()?.curve(), true)?)?[0]);
-    let [tooth, skin, gingiva] = [r_of("tooth_incisor")?, r_of("skin")?, r_of("gingiva")?];
-    let share = surrounding_share(frame, 0.5 * (tooth + skin)..0.5 * (skin + gingiva))?;
+    let color = |reflectance: Curve| sensor_chromaticity(rates(reflectance, true)?);
+    let skin = preset::reflectance("skin").ok()?.model;
+    let skin_of = |depth: &f64| skin.with_melanin_depth(*depth).map(|model| Curve::from_model(&model));
+    let skins: Vec<[f64; 2]> = MELANIN_DEPTHS.iter().filter_map(skin_of).filter_map(color).collect();
+    let of_mouth = |name: &&str| preset::reflectance(name).ok().map(|preset| preset.curve());
+    let others: Vec<[f64; 2]> = MOUTH.iter().filter_map(of_mouth).filter_map(color).collect();
+    let share = surrounding_share(frame, &skins, &others)?;
     (share > MOST_SKIN).then(|| {
         Warning::explained(
             format!("{}: skin around the mouth takes {:.0} % of the frame", path.display(), 100.0 * share),

@@ -192,14 +192,19 @@ pub fn guess_mouth(image: &ChannelImage) -> Vec<GuessedRegion> {
     all.into_iter().filter_map(|(name, set)| blocks.guess(image, name, &set?)).collect()
 }
 
-/// The share of a frame that its largest lit part of a color takes that reaches the border, as skin around a mouth does. The color is a range of r.
-/// `None` of a camera without R, G and B.
+/// The share of a frame that the largest lit part of some colors takes that reaches the border, as skin around a mouth does: what is nearer
+/// to one of `colors` than to any of the `others`, in (r, g). `None` of a camera without R, G and B.
 #[must_use]
-pub fn surrounding_share(image: &ChannelImage, r: Range<f64>) -> Option<f64> {
+pub fn surrounding_share(image: &ChannelImage, colors: &[[f64; 2]], others: &[[f64; 2]]) -> Option<f64> {
     let blocks = Blocks::of(image)?;
     let lit = (20.0 * image.noise_floor_dn.max(1e-3)).ln();
+    let is_of_color = |block: usize| {
+        let distance = |[r, g]: &[f64; 2]| (blocks.r[block] - r).hypot(blocks.g[block] - g);
+        let nearest = |colors: &[[f64; 2]]| colors.iter().map(distance).fold(f64::INFINITY, f64::min);
+        nearest(colors) < nearest(others)
+    };
     let of_color: Vec<bool> =
-        (0..blocks.r.len()).map(|block| blocks.light[block] > lit && r.contains(&blocks.r[block])).collect();
+        (0..blocks.r.len()).map(|block| blocks.light[block] > lit && is_of_color(block)).collect();
     let is_at_border = |block: &usize| blocks.neighbors(*block).count() < 4;
     let part = blocks.parts(&of_color).into_iter().find(|part| part.iter().any(is_at_border));
     Some(part.map_or(0.0, |part| part.len() as f64 / blocks.r.len() as f64))
@@ -412,13 +417,16 @@ mod tests {
     #[test]
     fn skin_is_told_by_its_color_at_the_border() {
         // 160 of 370 are red in the skin, 150 of 270 in the lips; close by the skin is one of two equal parts
-        let share = |distance: f64, r: Range<f64>| surrounding_share(&mouth_from(distance).0, r).unwrap();
-        assert!((share(1.0, 0.40..0.48) - 0.5 * 0.205).abs() < 0.01, "{}", share(1.0, 0.40..0.48));
-        assert!((share(2.0, 0.40..0.48) - 0.792).abs() < 0.01, "{}", share(2.0, 0.40..0.48));
-        assert_eq!(share(2.0, 0.50..0.60), 0.0, "lips are of another color, and do not reach the border");
+        let [skin, lips] = [[0.43, 0.32], [0.55, 0.26]];
+        let share = |distance: f64, color: [f64; 2], other: [f64; 2]| {
+            surrounding_share(&mouth_from(distance).0, &[color], &[other, [0.35, 0.34]]).unwrap()
+        };
+        assert!((share(1.0, skin, lips) - 0.5 * 0.205).abs() < 0.01, "{}", share(1.0, skin, lips));
+        assert!((share(2.0, skin, lips) - 0.792).abs() < 0.01, "{}", share(2.0, skin, lips));
+        assert_eq!(share(2.0, lips, skin), 0.0, "lips are of another color, and do not reach the border");
         let (mut image, _) = mouth_from(2.0);
         image.data.iter_mut().for_each(|value| *value *= 0.02);
-        assert_eq!(surrounding_share(&image, 0.40..0.48), Some(0.0), "nothing is lit");
+        assert_eq!(surrounding_share(&image, &[skin], &[lips]), Some(0.0), "nothing is lit");
     }
 
     #[test]

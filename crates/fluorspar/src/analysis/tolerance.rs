@@ -104,32 +104,40 @@ const REACH: f64 = 6.0;
 /// value it holds [`CONTENT`] of all values with a confidence of [`CONTENT`] (Krishnamoorthy and Mathew, Statistical Tolerance Regions, 2009,
 /// section 2.3): over all errors of the mean, the chance that the standard deviation is large enough for this one.
 pub(super) fn normal_factor(leverage: f64, degrees: f64) -> f64 {
+    let Ok(chi) = ChiSquared::new(degrees) else { return f64::NAN };
     let normal = Normal::standard();
     let reach_of = |shift: f64| {
         let content = |reach: f64| normal.cdf(reach - shift) - normal.cdf(-reach - shift);
-        bisected([0.0, 10.0 + shift], |reach| content(reach) >= CONTENT)
+        let density = |reach: f64| normal.pdf(reach - shift) + normal.pdf(reach + shift);
+        newton(shift + 1.96, |reach| (content(reach) - CONTENT) / density(reach))
     };
     let step = REACH / NODES as f64;
     let node = |k: usize| {
         let z = k as f64 * step;
         let weight = normal.pdf(z) * step * if k == 0 { 1.0 } else { 2.0 };
-        (weight, reach_of(z * leverage.sqrt()).powi(2))
+        (weight, degrees * reach_of(z * leverage.sqrt()).powi(2))
     };
     let nodes: Vec<(f64, f64)> = (0..=NODES).map(node).collect();
-    let Ok(chi) = ChiSquared::new(degrees) else { return f64::NAN };
-    let confidence = |factor: f64| -> f64 {
-        nodes.iter().map(|(weight, reach)| weight * chi.sf(degrees * reach / (factor * factor))).sum()
-    };
-    bisected([1.0, 1e3], |factor| confidence(factor) >= CONTENT)
+    // In the inverse square of the factor; the start is Howe's approximation (J. Am. Stat. Assoc. 64, 610, 1969)
+    let sum = |f: &dyn Fn(f64) -> f64| nodes.iter().map(|(weight, scaled)| weight * f(*scaled)).sum::<f64>();
+    let howe = chi.inverse_cdf(1.0 - CONTENT) / (degrees * (1.0 + leverage) * 1.96f64.powi(2));
+    let inverse_square = newton(howe, |u| {
+        (CONTENT - sum(&|scaled| chi.sf(scaled * u))) / sum(&|scaled| scaled * chi.pdf(scaled * u))
+    });
+    inverse_square.sqrt().recip()
 }
 
-/// Where a condition that holds from some number on begins to.
-fn bisected([mut low, mut high]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 {
-    for _ in 0..44 {
-        let middle = 0.5 * (low + high);
-        if holds(middle) { high = middle } else { low = middle }
+/// Where a function is zero, from a number near it and the function over its slope.
+fn newton(start: f64, step: impl Fn(f64) -> f64) -> f64 {
+    let mut at = start;
+    for _ in 0..20 {
+        let change = step(at);
+        at -= change;
+        if change.abs() <= 1e-12 * at.abs() {
+            break;
+        }
     }
-    high
+    at
 }
 
 /// The largest rank from either end of `n` sorted values between which 95 % of the population lie with 95 % confidence. Between these

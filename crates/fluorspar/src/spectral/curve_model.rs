@@ -295,6 +295,15 @@ fn interpolate(wavelength_nm: &[f64], value: &[f64], at: f64) -> f64 {
 }
 
 impl CurveModel {
+    /// The same tissue under melanin of another depth. `None` of a curve that has no melanin.
+    #[must_use]
+    pub fn with_melanin_depth(&self, melanin_depth: f64) -> Option<Self> {
+        match self {
+            Self::BloodDiffuse(tissue) => Some(Self::BloodDiffuse(BloodDiffuse { melanin_depth, ..*tissue })),
+            _ => None,
+        }
+    }
+
     /// Value at a wavelength in nm.
     ///
     /// Finite and not negative for every curve that [`CurveModel::validate`] accepts; 0 where the wavelength is
