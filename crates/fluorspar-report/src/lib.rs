@@ -9,6 +9,7 @@
 //! | a design search as a page | [`design_report`] | what is best, what it costs, what it rests on |
 //! | a cohort as a page | [`cohort_report`] | what is normal, how good estimates are, how well lesions are told |
 //! | many photographs as a page | [`photographs_report`] | a line each region, what lies apart, pictures |
+//! | people against norms as a page | [`norm_report`] | who lies outside, and how sure that is |
 //! | what a data set holds and assumes | [`dataset_sheet`] | Markdown |
 //! | read back | [`extract_experiment`] | the TOML that a report was made from |
 //!
@@ -25,6 +26,7 @@ mod design_report;
 mod figure;
 pub mod figures;
 mod findings;
+mod norm_report;
 mod outlined_preview;
 mod page;
 mod photographs_report;
@@ -47,6 +49,7 @@ pub use figure::{
     Series, SeriesShape,
 };
 pub use findings::{ASSUMED_GAIN, finding_lines};
+pub use norm_report::{HeldNumber, HeldNumbers, norm_report, verdict_of};
 pub use outlined_preview::outlined_preview;
 pub use page::{
     Answer, Contribution, Contributions, FrameView, MapOverlay, Number, NumberMatrix, NumberTable, Origin,

@@ -115,6 +115,10 @@ fn check_folder(options: &AnalyzeOptions) -> Result<()> {
             "⟨dark⟩ and ⟨flat⟩ belong to frames of a camera; name these with ⟨frame⟩, or give a folder of photographs".into(),
         ));
     }
+    if let Some(folder) = options.folder.as_ref().filter(|folder| !folder.exists()) {
+        let shown = folder.display();
+        return Err(Error::Input(format!("{shown}: there is no such folder or table of photographs")));
+    }
     if let Some(folder) = options.folder.as_ref().filter(|folder| !folder.is_dir()) {
         return Err(Error::Input(format!(
             "{}: not a folder; give one that `run` or `capture` wrote, or name frames with ⟨frame⟩",

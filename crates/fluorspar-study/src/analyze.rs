@@ -3,15 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use fluorspar::digest::sha256_hex;
 use fluorspar_session::{
     Error, ErrorKind, FailedPhotograph, Job, Left, PatientEstimate, Photograph, Result, estimate_photograph,
-    read_text, region_mask, region_with_mask,
+    region_mask, region_with_mask,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::event::{Event, LoggedEstimate};
-use crate::store::{CAMERA, Study, StudyArgs};
+use crate::store::{Study, StudyArgs};
 
 /// What is estimated.
 #[derive(Clone, Debug, Default, Deserialize, clap::Args)]
@@ -52,18 +51,14 @@ pub(crate) struct Wanted {
     regions: Vec<[String; 4]>,
 }
 
-/// Digest of the experiment of a study.
-pub(crate) fn analysis_of(study: &Study) -> Result<String> {
-    Ok(sha256_hex([read_text(&study.path(Path::new(CAMERA)))?]))
-}
-
 /// Estimates the regions that have no estimate. Each photograph is on the disk before the next begins.
 ///
 /// # Errors
 /// A study that can't be opened, a job that is stopped.
 pub fn analyze(options: &AnalyzeStudyOptions, job: &Job) -> Result<AnalyzedStudy> {
     let mut study = Study::open(&options.args.study)?;
-    let (analysis, version) = (analysis_of(&study)?, env!("CARGO_PKG_VERSION").to_owned());
+    let version = env!("CARGO_PKG_VERSION").to_owned();
+    let analysis = current_analysis(&mut study, options.missing)?;
     let all = wanted(&study)?;
     let mut done = AnalyzedStudy {
         regions: 0,
@@ -95,6 +90,19 @@ pub fn analyze(options: &AnalyzeStudyOptions, job: &Job) -> Result<AnalyzedStudy
         share_done((number + 1) as f64 / count as f64);
     }
     Ok(done)
+}
+
+/// The digest of the camera of now. From the first numbers by it on the log has it: where it is
+/// asked for, or where there is none yet.
+fn current_analysis(study: &mut Study, is_asked: bool) -> Result<String> {
+    let setup = study.setup()?;
+    let known = study.log.entries.iter().rev().find(|entry| matches!(entry.event, Event::Setup { .. }));
+    let Event::Setup { analysis, .. } = &setup else { return Ok(String::new()) };
+    let analysis = analysis.clone();
+    if known.is_none_or(|known| known.event != setup && is_asked) {
+        study.commit("analyze", vec![setup])?;
+    }
+    Ok(analysis)
 }
 
 /// Photographs of people who did not withdraw, with their regions.

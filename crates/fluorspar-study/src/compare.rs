@@ -1,17 +1,21 @@
 //! People against norms.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use fluorspar::analysis::{NormPerson, NormPlace, RocArea, Standing, group_size_for_area};
+use fluorspar::findings::FindingId;
+use fluorspar::units::counted;
+use fluorspar_format::{Output, Outputs};
+use fluorspar_report::{HeldNumber, HeldNumbers, norm_report};
 use fluorspar_session::{Error, Job, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::index::Index;
-use crate::norm::{NormFile, NormOptions, people_of, people_with_lesions, read_norm, wrong};
+use crate::norm::{NormFile, NormOptions, outcomes, people_of, read_norm, wrong};
 use crate::query::{QueriedRow, QueryOptions, rows};
-use crate::store::{Study, StudyArgs};
+use crate::store::{Study, StudyArgs, write};
 
 /// Half width of the interval of an area that a study should reach.
 const WANTED_HALF_WIDTH: f64 = 0.05;
@@ -30,6 +34,9 @@ pub struct AgainstNormOptions {
     /// Person whose numbers alone are taken.
     #[arg(long, value_name = "NAME")]
     pub subject: Option<String>,
+    /// File for a page (.html): who is outside, how sure that is, and a figure.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub out: Option<PathBuf>,
 }
 
 /// A number of a person against a norm.
@@ -85,13 +92,21 @@ pub struct Separation {
 ///
 /// # Errors
 /// A study or a norm that can't be read.
-pub fn compare(options: &AgainstNormOptions, _: &Job) -> Result<ComparedPeople> {
+pub fn compare(options: &AgainstNormOptions, job: &Job) -> Result<ComparedPeople> {
+    let set = options
+        .out
+        .as_deref()
+        .map(|out| Outputs::new().and(Output::file("--out", out)).reading(&options.norm).declare())
+        .transpose()?;
     let (index, _) = Study::asked(&options.args.study)?;
     let mut compared = ComparedPeople { people: Vec::new(), left_out: Vec::new(), separations: Vec::new() };
+    let mut held_numbers = Vec::new();
     for path in &options.norm {
         let norm = read_norm(path)?;
+        let first = compared.people.len();
         let fitted = norm.fit()?;
         let held = people_in(options, &index, &norm)?;
+        warn_of_withdrawn(&index, held.keys(), path, job)?;
         let mut of_others = BTreeMap::new();
         let query = QueryOptions {
             subject: options.subject.clone(),
@@ -111,9 +126,36 @@ pub fn compare(options: &AgainstNormOptions, _: &Job) -> Result<ComparedPeople> 
                 Err(why) => compared.left_out.push(format!("{}, visit {}: {why}", row.subject, row.session)),
             }
         }
+        held_numbers.extend(held_against(&norm, &compared.people[first..]));
         compared.separations.extend(separation(&index, &norm)?);
     }
+    if let (Some(out), Some(set)) = (&options.out, set) {
+        let study = options.args.study.canonicalize().unwrap_or_else(|_| options.args.study.clone());
+        let name = study.file_name().unwrap_or_default().to_string_lossy();
+        write(out, norm_report(&name, &held_numbers, &compared.left_out).to_html().as_bytes())?;
+        set.finish()?;
+        job.status(format!("Open {}", out.display()));
+    }
     Ok(compared)
+}
+
+/// Numbers against a norm, as a page shows them.
+fn held_against(norm: &NormFile, people: &[PersonAgainstNorm]) -> Option<HeldNumbers> {
+    let id: FindingId = serde_json::from_value(norm.quantity.as_str().into()).ok()?;
+    let number = |of: &PersonAgainstNorm| HeldNumber {
+        of: [of.subject.clone(), of.session.clone()],
+        value: of.value,
+        interval: Some(of.interval).filter(|[low, high]| of.has_error && low < high),
+        place: of.place,
+    };
+    Some(HeldNumbers {
+        region: norm.region.clone(),
+        id,
+        channel: Some(norm.channel.clone()).filter(|channel| !channel.is_empty()),
+        origin: norm.origin.clone(),
+        people: norm.sums.sites.iter().map(|site| site.people).sum(),
+        numbers: people.iter().map(number).collect(),
+    })
 }
 
 /// Whether a region is that of a norm: a simulated mouth has parts, of which the tongue is `tongue_dorsum` and the lips `lower_lip`.
@@ -134,7 +176,7 @@ fn person(
     if row.is_guess() {
         return Err(Error::Input("the region was guessed from color, and nobody confirmed it".into()));
     }
-    if norm.origin == "measured" && norm.analysis != [row.version.clone(), row.analysis.clone()] {
+    if !norm.holds_for(&row.version, &row.analysis) {
         return Err(Error::Input(
             "the number is of another version of the program or another camera.toml than the norm".into(),
         ));
@@ -166,7 +208,7 @@ fn people_in(
     norm: &NormFile,
 ) -> Result<BTreeMap<String, NormPerson>> {
     let people =
-        |index: &Index| Ok(people_of(index, &numbers_of(norm), options.subject.as_deref(), false)?.0);
+        |index: &Index| Ok(people_of(index, &numbers_of(norm), options.subject.as_deref(), false)?.people);
     let lines: Vec<String> = index.rows("SELECT sha256 FROM audit ORDER BY seq", [], |row| row.get(0))?;
     match lines.iter().position(|sha256| norm.logs.contains(sha256)) {
         _ if norm.origin != "measured" => Ok(BTreeMap::new()),
@@ -177,6 +219,24 @@ fn people_in(
             people(&Index::in_memory(&entries[..=last])?)
         }
     }
+}
+
+/// Says whether a norm still holds people who withdrew since.
+fn warn_of_withdrawn<'a>(
+    index: &Index,
+    held: impl Iterator<Item = &'a String>,
+    norm: &Path,
+    job: &Job,
+) -> Result<()> {
+    let sql = "SELECT subject FROM subject WHERE withdrawn = 1";
+    let withdrawn: Vec<String> = index.rows(sql, [], |row| row.get(0))?;
+    let count = held.filter(|subject| withdrawn.contains(subject)).count();
+    if count > 0 {
+        let who = counted(count, "person", "people");
+        let text = format!("{}: this norm still holds {who} who withdrew; make it anew", norm.display());
+        job.warn(&[text.into()]);
+    }
+    Ok(())
 }
 
 /// Which numbers a norm is of.
@@ -191,11 +251,10 @@ fn numbers_of(norm: &NormFile) -> NormOptions {
 
 /// How well the number of a norm tells people with a lesion, where two or more of each are known.
 fn separation(index: &Index, norm: &NormFile) -> Result<Option<Separation>> {
-    if people_with_lesions(index)?.is_empty() {
-        return Ok(None);
-    }
+    let outcomes = outcomes(index)?;
     let scores = |has_lesion: bool| -> Result<Vec<f64>> {
-        let (people, ..) = people_of(index, &numbers_of(norm), None, has_lesion)?;
+        let mut people = people_of(index, &numbers_of(norm), None, has_lesion)?.people;
+        people.retain(|subject, _| outcomes.contains_key(subject));
         let mean = |person: &NormPerson| person.values.iter().sum::<f64>() / person.values.len() as f64;
         Ok(people.values().map(mean).collect())
     };

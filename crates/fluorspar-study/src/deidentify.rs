@@ -90,12 +90,32 @@ fn evened(mut image: SensorImage) -> SensorImage {
     image
 }
 
+/// What a channel is called outside: a color, or a wavelength, else its number.
+fn channel_outside(channel: &str, number: usize) -> String {
+    const COLORS: [&str; 9] = ["r", "g", "b", "w", "mono", "nir", "ir", "c", "y"];
+    let lower = channel.to_lowercase();
+    let is_between = |c: char| ['_', '-', ' '].contains(&c);
+    let of_number = lower.trim_end_matches("nm").trim_end_matches(is_between);
+    let digits = of_number.trim_start_matches(|c: char| !c.is_ascii_digit());
+    let before = of_number[..of_number.len() - digits.len()].trim_end_matches(is_between);
+    let is_band = ["", "b", "band", "ch", "channel", "l"].contains(&before)
+        && digits.parse().is_ok_and(|nm: u32| (200..=1200).contains(&nm) || nm <= 99);
+    if COLORS.contains(&lower.as_str()) || is_band {
+        channel.to_owned()
+    } else {
+        format!("channel{}", number + 1)
+    }
+}
+
 /// Writes a raw frame anew from its pixels and the numbers that an analysis needs.
 ///
 /// # Errors
 /// A frame that can't be read, or whose levels a description can't hold.
 pub(crate) fn write_frame(from: &Path, to: &Path, capture: &str) -> Result<Vec<Deidentified>> {
-    let image = read_sensor_image(from)?.image;
+    let mut image = read_sensor_image(from)?.image;
+    for (number, channel) in image.mosaic.channels.iter_mut().enumerate() {
+        *channel = channel_outside(channel, number);
+    }
     let plain =
         SensorImage { label: capture.into(), seed: 0, orientation: Orientation::default(), ..evened(image) };
     write_sensor_tiff(to, &plain, None)?;
@@ -158,6 +178,16 @@ mod tests {
     use fluorspar::image::Mosaic;
 
     /// By hand: black 10 and 12, factors 1 and 2, white 100 and 80.
+    #[test]
+    fn channels_are_colors_wavelengths_or_numbers() {
+        for name in ["R", "mono", "NIR", "525", "band_525", "b12", "450 nm"] {
+            assert_eq!(channel_outside(name, 2), name);
+        }
+        for name in ["Anna Smith 1980-03-04", "Anna 450", "anna1", "2024", "R of Anna"] {
+            assert_eq!(channel_outside(name, 2), "channel3");
+        }
+    }
+
     #[test]
     fn levels_of_places_and_channels_are_put_into_the_numbers() {
         let mosaic = Mosaic { rows: 1, cols: 2, pattern: vec![0, 1], channels: vec!["R".into(), "G".into()] };

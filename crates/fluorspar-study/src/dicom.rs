@@ -15,9 +15,13 @@ pub(crate) struct Shown<'a> {
     pub(crate) code: &'a str,
     /// As the study has it, where it is of the list.
     pub(crate) sex: &'a str,
-    /// Number of the visit of the person, and of the photograph among all.
+    /// Number of the visit of the person, and of the photograph in it.
     pub(crate) visit: usize,
     pub(crate) photograph: usize,
+    /// The visit as the study has it, which is in no file.
+    pub(crate) session: &'a str,
+    /// Digest of the photograph.
+    pub(crate) sha256: &'a str,
     /// Number of the picture within the photograph, from 1.
     pub(crate) picture: usize,
     /// The light.
@@ -47,8 +51,7 @@ pub(crate) fn write_picture(path: &Path, of: &Shown<'_>, secret: &str) -> Result
         let text = format!("{columns} x {rows} pixels: DICOM has {most} rows and columns at most");
         return Err(Error::Input(text));
     }
-    let (visit, photograph) = (of.visit.to_string(), of.photograph.to_string());
-    let instance = uid(secret, &[of.code, &visit, &photograph, &of.picture.to_string()]);
+    let instance = uid(secret, &[of.code, of.sha256, &of.picture.to_string()]);
     let elements = [person(of), visit_of(of, secret), image(of), pixels(of)].concat();
     Ok(write_dicom(path, CLASS, &instance, &elements)?)
 }
@@ -77,9 +80,9 @@ fn person(of: &Shown<'_>) -> Vec<DicomElement> {
 fn visit_of(of: &Shown<'_>, secret: &str) -> Vec<DicomElement> {
     let text = DicomElement::text;
     let (visit, photograph) = (of.visit.to_string(), of.photograph.to_string());
-    let series = uid(secret, &[of.code, &visit, &photograph]);
+    let series = uid(secret, &[of.code, of.sha256]);
     vec![
-        text(0x0020_000d, b"UI", &uid(secret, &[of.code, &visit])),
+        text(0x0020_000d, b"UI", &uid(secret, &[of.code, of.session])),
         text(0x0020_000e, b"UI", &series),
         text(0x0020_0010, b"SH", &visit),
         text(0x0020_0011, b"IS", &photograph),

@@ -32,6 +32,13 @@ pub enum Event {
         #[serde(default, skip_serializing_if = "String::is_empty")]
         secret: String,
     },
+    /// The camera of the numbers that follow, and files of the study that are of no photograph.
+    Setup {
+        /// Digest of the experiment of the camera, by which its numbers are known.
+        analysis: String,
+        /// `camera.toml`, what that names, and the description of the study.
+        files: Vec<StoredFile>,
+    },
     /// A person, or what is newly known of one.
     Subject(Subject),
     /// A person withdrew: from here on in no norm and no export.
@@ -63,10 +70,13 @@ pub enum Event {
         subject: String,
         /// `biopsy`, `follow-up` or another.
         method: String,
-        /// What was found; `healthy` and `none` are no lesion.
+        /// What was found; one of [`HEALTHY`] is no lesion.
         outcome: String,
     },
 }
+
+/// Outcomes that are no lesion, as SQL has a list, in small letters.
+pub(crate) const HEALTHY: &str = "('healthy', 'none', 'no lesion', 'no', 'negative')";
 
 /// What is known of a person.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

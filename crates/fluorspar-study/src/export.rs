@@ -69,8 +69,10 @@ struct Export<'a> {
     folder: OutputFolder,
     /// Names of captures, by which those that are not listed are numbered.
     captures: Vec<String>,
-    /// Numbers of photographs.
+    /// Numbers of photographs among those of their person and visit: any other order would say who is who.
     numbers: BTreeMap<String, usize>,
+    /// Files of each name so far.
+    named: BTreeMap<String, usize>,
     files: Vec<DeidentifiedFile>,
     failures: Vec<String>,
 }
@@ -98,6 +100,7 @@ pub fn export(options: &ExportOptions, job: &Job) -> Result<ExportedStudy> {
         secret: &secret,
         people: &people,
         numbers: BTreeMap::new(),
+        named: BTreeMap::new(),
         files: Vec::new(),
         failures: Vec::new(),
     };
@@ -138,7 +141,9 @@ impl Export<'_> {
     /// Writes the tables, and moves the complete folder to its place.
     fn finish(self, mut tables: Vec<(String, Vec<u8>)>) -> Result<PathBuf> {
         let heads = "participant_id\tsite\tsex\tage\tskin\tsmoker\tlesion\n";
-        let lines: Vec<&str> = self.people.values().map(|person| person.line.as_str()).collect();
+        let mut lines: Vec<&str> = self.people.values().map(|person| person.line.as_str()).collect();
+        // By codes, not by names
+        lines.sort_unstable();
         let manifest = serde_json::json!({
             "standard": "DICOM PS3.15, table E.1-1, Basic Application Level Confidentiality Profile; Clean, as whitelist",
             "tables": table_actions(),
@@ -152,10 +157,23 @@ impl Export<'_> {
 
     /// The beginning of the names of a photograph's files, and its number.
     fn stem(&mut self, person: &Outside, session: &str, photograph: &str) -> (String, usize) {
-        let next = self.numbers.len() + 1;
-        let number = *self.numbers.entry(photograph.to_owned()).or_insert(next);
         let visit = person.visit(session);
-        (format!("sub-{0}/ses-{visit}/photo/sub-{0}_ses-{visit}_run-{number}", person.code), number)
+        let of_visit = format!("sub-{0}/ses-{visit}/photo/sub-{0}_ses-{visit}", person.code);
+        let number = match self.numbers.get(photograph) {
+            Some(number) => *number,
+            None => next(&mut self.named, &of_visit),
+        };
+        self.numbers.insert(photograph.to_owned(), number);
+        (format!("{of_visit}_run-{number}"), number)
+    }
+
+    /// The name of a further file of a photograph.
+    fn name(&mut self, stem: &str, label: &str, ending: &str) -> String {
+        let name = format!("{stem}_acq-{label}");
+        match next(&mut self.named, &format!("{name}_{ending}")) {
+            1 => format!("{name}_{ending}"),
+            number => format!("{name}x{number}_{ending}"),
+        }
     }
 
     /// What a capture or a frame of the camera is called outside.
@@ -197,9 +215,10 @@ impl Export<'_> {
     fn write_frames(&mut self, job: &Job) -> Result<()> {
         let sql = "SELECT p.subject, p.session, f.role, f.path, f.sha256, p.photograph FROM file f JOIN photograph p ON p.photograph = f.photograph
                    WHERE f.role <> 'description' ORDER BY p.subject, p.session, p.photograph, f.path";
-        let all: Vec<[String; 6]> = self.study.index.rows(sql, [], |row| {
+        let mut all: Vec<[String; 6]> = self.study.index.rows(sql, [], |row| {
             Ok([row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?, row.get(4)?, row.get(5)?])
         })?;
+        all.sort_by_key(|[subject, ..]| self.people.get(subject).map(|person| &person.code));
         let camera = PhotographCamera::open(&self.study.path(Path::new(CAMERA)).to_string_lossy())?;
         let share_done = job.listener.begin("Writing frames anew", "the export", Left::Nothing);
         for (done, [subject, session, role, path, sha256, photograph]) in all.iter().enumerate() {
@@ -208,7 +227,7 @@ impl Export<'_> {
             let (stem, _) = self.stem(person, session, photograph);
             let (label, is_mask) = (self.label(role), role == "mask");
             let ending = if is_mask { "mask.png" } else { "raw.tiff" };
-            let to = format!("{stem}-{done}_acq-{label}_{ending}");
+            let to = self.name(&stem, &label, ending);
             let place = self.place(&to)?;
             let from = self.study.path(Path::new(path));
             if fluorspar_format::digest_bounded(&from, LARGEST_BYTES)? != *sha256 {
@@ -231,7 +250,8 @@ impl Export<'_> {
 
     /// Writes how the frames look.
     fn write_pictures(&mut self, job: &Job) -> Result<()> {
-        let all = wanted(self.study)?;
+        let mut all = wanted(self.study)?;
+        all.sort_by_key(|photograph| self.people.get(&photograph.subject).map(|person| &person.code));
         let share_done = job.listener.begin("Developing pictures", "the export", Left::Nothing);
         for (done, photograph) in all.iter().enumerate() {
             stopped(job)?;
@@ -253,16 +273,32 @@ impl Export<'_> {
         };
         for (at, (capture, picture)) in pictures.iter().enumerate() {
             let label = self.label(capture);
-            let to = format!("{stem}_acq-{label}_photo.dcm");
+            let to = self.name(&stem, &label, "photo.dcm");
             let (code, sex, visit) = (person.code.as_str(), person.sex.as_str(), person.visit(&of.session));
-            let (size, rgb) = ([picture.width, picture.height], &picture.rgb[..]);
-            let shown =
-                Shown { code, sex, visit, photograph: number, picture: at + 1, capture: &label, size, rgb };
+            let shown = Shown {
+                code,
+                sex,
+                visit,
+                photograph: number,
+                session: &of.session,
+                sha256: &of.photograph,
+                picture: at + 1,
+                capture: &label,
+                size: [picture.width, picture.height],
+                rgb: &picture.rgb,
+            };
             let written = write_picture(&self.place(&to)?, &shown, self.secret);
             self.keep(frame, &of.photograph, to, written.map(|()| developed_actions()))?;
         }
         Ok(())
     }
+}
+
+/// Counts a name, from 1 on.
+fn next(counts: &mut BTreeMap<String, usize>, name: &str) -> usize {
+    let count = counts.entry(name.to_owned()).or_default();
+    *count += 1;
+    *count
 }
 
 fn stopped(job: &Job) -> Result<()> {

@@ -124,6 +124,14 @@ pub fn import(options: &ImportOptions, job: &Job) -> Result<ImportedStudy> {
     Ok(imported)
 }
 
+/// What is wrong with a line, without the words of the reader.
+fn why(error: &csv::Error) -> String {
+    let csv::ErrorKind::Deserialize { err, .. } = error.kind() else { return error.to_string() };
+    let text = err.kind().to_string();
+    let column = text.strip_prefix("missing field `").and_then(|rest| rest.split('`').next());
+    column.map_or(text.clone(), |column| format!("the table has no column \"{column}\""))
+}
+
 /// Reads a table of comma-, semicolon- or tab-separated lines.
 fn table<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
     let bytes = read_bounded(path, LARGEST_TABLE_BYTES)?;
@@ -132,7 +140,7 @@ fn table<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
     let mut reader = ReaderBuilder::new().trim(Trim::All).delimiter(delimiter).from_reader(text);
     let rows = reader.deserialize().enumerate().map(|(number, row)| {
-        row.map_err(|error| Error::Input(format!("{}: line {}: {error}", path.display(), number + 2)))
+        row.map_err(|error| Error::Input(format!("{}: line {}: {}", path.display(), number + 2, why(&error))))
     });
     rows.collect()
 }
@@ -251,9 +259,22 @@ fn import_outcomes(study: &mut Study, path: &Path) -> Result<usize> {
         if !known.contains(&subject) {
             return Err(Error::Input(format!("{}: the study has no person {subject}", path.display())));
         }
-        let event = Event::Outcome { subject, method, outcome };
-        if !study.log.entries.iter().any(|entry| entry.event == event) {
-            events.push(event);
+        if outcome.is_empty() {
+            return Err(Error::Input(format!(
+                "{}: the outcome of {subject} is empty; write what was found, \"healthy\" where nothing was, or strike the line",
+                path.display()
+            )));
+        }
+        // A later one of the same method takes its place
+        let of_log = study.log.entries.iter().map(|entry| &entry.event).chain(&events);
+        let last = of_log.filter_map(|event| match event {
+            Event::Outcome { subject: of, method: by, outcome } if (of, by) == (&subject, &method) => {
+                Some(outcome)
+            }
+            _ => None,
+        });
+        if last.last() != Some(&outcome) {
+            events.push(Event::Outcome { subject, method, outcome });
         }
     }
     let count = events.len();
@@ -353,11 +374,39 @@ fn import_one(study: &mut Study, photograph: &Photograph, imported: &mut Importe
         });
         imported.photographs += 1;
     } else {
+        refuse_other_files(study, photograph, &sha256)?;
         imported.known += 1;
     }
     imported.regions += regions.len();
     events.extend(regions.into_iter().map(Event::Region));
     study.stage("import", events)
+}
+
+/// Refuses files that a photograph of the study does not have: what was taken in stays as it is, and numbers rest on it.
+fn refuse_other_files(study: &Study, photograph: &Photograph, sha256: &str) -> Result<()> {
+    let sql = "SELECT role, sha256 FROM file WHERE photograph = ?";
+    let known: Vec<[String; 2]> = study.index.rows(sql, [sha256], |row| Ok([row.get(0)?, row.get(1)?]))?;
+    for (role, from) in files_of(photograph) {
+        let description = description_path(from);
+        let described = description.is_file().then_some(("description", description.as_path()));
+        for (role, path) in described.into_iter().chain([(role, from)]) {
+            if !known.contains(&[role.to_owned(), digest_bounded(path, LARGEST_BYTES)?]) {
+                return Err(Error::Input(format!(
+                    "{}: the study has this photograph without this {role}, and what it has stays as it was taken in; begin a new study with the \
+                     files as they are now",
+                    path.display()
+                )));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Frames of a photograph and frames of the camera, each with what it is.
+fn files_of(photograph: &Photograph) -> impl Iterator<Item = (&str, &Path)> {
+    let frames = photograph.frames.iter().map(|(capture, file)| (capture.as_str(), file.as_path()));
+    let dark = photograph.dark.iter().map(|file| ("dark", file.as_path()));
+    frames.chain(dark).chain(photograph.flat.iter().map(|file| ("flat", file.as_path())))
 }
 
 /// Folder and beginning of the names of a photograph's files, which no other photograph has.
@@ -377,10 +426,7 @@ fn take_files(
 ) -> Result<Vec<StoredFile>> {
     let stem = stem(subject, session, sha256).to_string_lossy().into_owned();
     let mut files = Vec::new();
-    let frames = photograph.frames.iter().map(|(capture, file)| (capture.as_str(), file));
-    let dark = photograph.dark.iter().map(|file| ("dark", file));
-    let flat = photograph.flat.iter().map(|file| ("flat", file));
-    for (number, (role, from)) in frames.chain(dark).chain(flat).enumerate() {
+    for (number, (role, from)) in files_of(photograph).enumerate() {
         let ending = from.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         let label: String = role.chars().filter(char::is_ascii_alphanumeric).collect();
         let to = PathBuf::from(format!("{stem}_acq-{label}_run-{}_raw.{ending}", number + 1));

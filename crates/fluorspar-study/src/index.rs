@@ -14,11 +14,12 @@ use crate::log::{Entry, LOG};
 pub(crate) const FOLDER: &str = ".fluorspar";
 const FILE: &str = "study.sqlite";
 /// Version of the tables: an index of another is made anew.
-const VERSION: i64 = 4;
+const VERSION: i64 = 5;
 
 const TABLES: &str = "
 CREATE TABLE audit (seq INTEGER PRIMARY KEY, before TEXT, at TEXT, who TEXT, command TEXT, sha256 TEXT);
 CREATE TABLE study (name TEXT, site TEXT, secret TEXT);
+CREATE TABLE setup (path TEXT PRIMARY KEY, sha256 TEXT NOT NULL, analysis TEXT NOT NULL);
 CREATE TABLE subject (subject TEXT PRIMARY KEY, site TEXT, sex TEXT, age REAL, skin TEXT, smoker TEXT, consent TEXT, withdrawn INTEGER NOT NULL DEFAULT 0);
 CREATE TABLE photograph (photograph TEXT PRIMARY KEY, subject TEXT NOT NULL, session TEXT NOT NULL, visit TEXT NOT NULL);
 CREATE TABLE file (path TEXT PRIMARY KEY, photograph TEXT NOT NULL, role TEXT NOT NULL, sha256 TEXT NOT NULL);
@@ -246,6 +247,13 @@ fn apply_one(to: &Connection, entry: &Entry) -> rusqlite::Result<()> {
     match &entry.event {
         Event::Study { name, site, secret } => {
             to.execute("INSERT INTO study VALUES (?, ?, ?)", params![name, site, secret]).map(|_| ())
+        }
+        Event::Setup { analysis, files } => {
+            to.execute("DELETE FROM setup", [])?;
+            files.iter().try_for_each(|file| {
+                let path = file.path.to_string_lossy();
+                to.execute("INSERT INTO setup VALUES (?, ?, ?)", params![path, file.sha256, analysis]).map(|_| ())
+            })
         }
         Event::Subject(of) => to
             .prepare_cached(

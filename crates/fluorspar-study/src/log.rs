@@ -58,9 +58,20 @@ impl Log {
     /// A log that another process holds, lines that were changed, and what the system reports.
     pub(crate) fn open(folder: &Path) -> Result<Self> {
         let path = folder.join(LOG);
-        let (lines, bytes) = AppendedLines::open(&path)?;
+        let (mut lines, mut bytes) = AppendedLines::open(&path)?;
+        let rest = lines.rest()?;
+        // A line that is there as a whole is no torn one: its end alone is missing, or was changed
+        let mut objects = serde_json::Deserializer::from_slice(&rest).into_iter::<Entry>();
+        let is_whole = matches!(objects.next(), Some(Ok(_)));
+        if is_whole {
+            bytes.extend_from_slice(&rest);
+        }
         let entries = read_entries(&path, &bytes)?;
-        lines.cut()?;
+        if is_whole {
+            lines.end_last()?
+        } else {
+            lines.cut()?
+        }
         Ok(Self { lines, entries, staged: String::new() })
     }
 
@@ -143,8 +154,19 @@ mod tests {
         drop(log);
         assert_eq!(Log::open(folder).unwrap().entries, entries);
         let whole = std::fs::read(folder.join(LOG)).unwrap();
+        // A line without its end is a line; one whose end was changed is refused, and stays
+        std::fs::write(folder.join(LOG), &whole[..whole.len() - 1]).unwrap();
+        assert_eq!(Log::open(folder).unwrap().entries, entries);
+        assert_eq!(std::fs::read(folder.join(LOG)).unwrap(), whole);
+        for bit in 0..8 {
+            let mut changed = whole.clone();
+            *changed.last_mut().unwrap() ^= 1 << bit;
+            std::fs::write(folder.join(LOG), &changed).unwrap();
+            assert!(Log::open(folder).unwrap_err().to_string().contains("line 3"));
+            assert_eq!(std::fs::read(folder.join(LOG)).unwrap(), changed);
+        }
         // Torn lines are cut, whatever was written of them
-        for cut in 1..20 {
+        for cut in 2..20 {
             std::fs::write(folder.join(LOG), &whole[..whole.len() - cut]).unwrap();
             assert_eq!(Log::open(folder).unwrap().entries, entries[..2]);
         }

@@ -14,6 +14,7 @@ use fluorspar_format::{Output, Outputs};
 use fluorspar_session::{Error, Job, Result, read_text};
 use serde::{Deserialize, Serialize};
 
+use crate::event::HEALTHY;
 use crate::index::Index;
 use crate::query::{QueriedRow, QueryOptions, rows};
 use crate::secret::public_id;
@@ -72,6 +73,9 @@ pub struct NormFile {
     /// By what its studies and cohorts are told apart: each is in a norm once.
     #[serde(default)]
     pub studies: Vec<String>,
+    /// Digests of the experiments of further cameras, of pooled sites.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cameras: Vec<String>,
     /// Sums over people.
     pub sums: NormSums,
     /// The range by order statistics, of 93 people or more of one site without regard to age; it can't be pooled.
@@ -90,6 +94,10 @@ pub struct NormReport {
     pub without_value: usize,
     /// Numbers of regions that are guesses, which are left out.
     pub guesses: usize,
+    /// People with a number who withdrew or refuse; they are left out.
+    pub refused: usize,
+    /// People with a number who have a lesion; they are left out.
+    pub with_lesion: usize,
 }
 
 /// A range of normal values.
@@ -120,6 +128,13 @@ impl NormOptions {
 }
 
 impl NormFile {
+    /// Whether numbers of a version of the program and of a camera can be held against it.
+    pub(crate) fn holds_for(&self, version: &str, camera: &str) -> bool {
+        self.origin != "measured"
+            || (self.analysis[0] == version
+                && (self.analysis[1] == camera || self.cameras.iter().any(|of| of == camera)))
+    }
+
     const FORMAT: u32 = 1;
 
     /// The fitted norm.
@@ -152,6 +167,7 @@ fn check_sums(norm: &NormFile, shown: &dyn Display) -> Result<()> {
             ("value_value", site.value_value, 0.0),
             ("within", site.within, 0.0),
             ("inverse_visits", site.inverse_visits, 0.0),
+            ("inverse_visits_squared", site.inverse_visits_squared, 0.0),
         ];
         for (key, sum, least) in sums {
             if !(least..=MOST_SUM).contains(&sum) {
@@ -202,16 +218,19 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
         .as_deref()
         .map(|out| Outputs::new().and(Output::file("--out", out)).reading(&read).declare())
         .transpose()?;
-    let (norm, [without_value, guesses, without_age]) =
+    let (norm, LeftOut { without_value, at_ends, guesses, without_age, refused, with_lesion }) =
         match (&options.study, &options.cohort, &options.pool[..]) {
             (Some(study), ..) => of_study(options, study)?,
-            (None, Some(cohort), _) => (of_cohort(options, cohort)?, [0; 3]),
-            (None, None, [first, rest @ ..]) => (pooled(first, rest)?, [0; 3]),
+            (None, Some(cohort), _) => of_cohort(options, cohort)?,
+            (None, None, [first, rest @ ..]) => (pooled(first, rest)?, LeftOut::default()),
             (None, None, []) => {
                 return Err(Error::Input("give a study, ⟨cohort=FILE⟩ or norms with ⟨pool=FILE⟩".into()));
             }
         };
-    warn(without_value, guesses, without_age, job);
+    warn([without_value, at_ends, guesses, without_age], job);
+    if refused + with_lesion > 0 {
+        job.status(format!("Left out: {refused} who withdrew or refuse, {with_lesion} with a lesion"));
+    }
     let fitted = norm.fit()?;
     let mut ranges = Vec::new();
     for site in &norm.sums.sites {
@@ -226,11 +245,30 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
         set.finish()?;
         job.status(format!("Wrote {}", out.display()));
     }
-    Ok(NormReport { norm, ranges, without_value, guesses })
+    Ok(NormReport { norm, ranges, without_value, guesses, refused, with_lesion })
+}
+
+/// People and numbers that are in no norm, and why.
+#[derive(Clone, Copy, Default)]
+struct LeftOut {
+    without_value: usize,
+    /// People whose numbers are all at the ends of their range.
+    at_ends: usize,
+    guesses: usize,
+    without_age: usize,
+    refused: usize,
+    with_lesion: usize,
 }
 
 /// Warns of people who are left out, and of regions that nobody looked at.
-fn warn(without_value: usize, guesses: usize, without_age: usize, job: &Job) {
+fn warn([without_value, at_ends, guesses, without_age]: [usize; 4], job: &Job) {
+    if at_ends > 0 {
+        let text = format!(
+            "{at_ends} people have a number at an end of what is possible, as a share of 0, where nothing is normal; they are left out, which moves \
+             the norm"
+        );
+        job.warn(&[text.into()]);
+    }
     if without_age > 0 {
         job.warn(&[format!("{without_age} people have no age; they are left out of a norm by age").into()]);
     }
@@ -255,40 +293,78 @@ fn range_of(quantity: &str) -> Result<ValueRange> {
 }
 
 pub(crate) fn people_with_lesions(index: &Index) -> Result<BTreeSet<String>> {
-    let sql = "SELECT DISTINCT subject FROM outcome WHERE lower(outcome) NOT IN ('healthy', 'none')";
-    Ok(index.rows(sql, [], |row| row.get(0))?.into_iter().collect())
+    Ok(outcomes(index)?.into_iter().filter_map(|(subject, is_ill)| is_ill.then_some(subject)).collect())
 }
 
-/// People of a study, or one of them, with or without lesions, who did not withdraw or refuse, and how many of them have no number.
+/// People of whom an outcome is known, and whether one is a lesion: the last of each method counts.
+pub(crate) fn outcomes(index: &Index) -> Result<BTreeMap<String, bool>> {
+    let sql = format!(
+        "SELECT o.subject, max(lower(o.outcome) NOT IN {HEALTHY}) FROM outcome o WHERE o.seq =
+         (SELECT max(p.seq) FROM outcome p WHERE p.subject = o.subject AND p.method = o.method) GROUP BY o.subject"
+    );
+    Ok(index.rows(&sql, [], |row| Ok((row.get(0)?, row.get(1)?)))?.into_iter().collect())
+}
+
+/// The numbers of a norm, of all people or of one.
+fn query_of(options: &NormOptions, subject: Option<&str>) -> QueryOptions {
+    QueryOptions {
+        region: Some(options.region.clone()),
+        quantity: Some(options.quantity.clone()),
+        subject: subject.map(str::to_owned),
+        ..QueryOptions::default()
+    }
+}
+
+/// People of a norm, and who is none.
+pub(crate) struct NormPeople {
+    pub(crate) people: BTreeMap<String, NormPerson>,
+    /// Their rows.
+    rows: Vec<QueriedRow>,
+    /// How many of them have no number.
+    without_value: usize,
+    /// People who withdrew or refuse, and others with a lesion.
+    refused: BTreeSet<String>,
+    with_lesion: BTreeSet<String>,
+}
+
+/// People of a study, or one of them, with or without lesions, who did not withdraw or refuse.
 pub(crate) fn people_of(
     index: &Index,
     options: &NormOptions,
     subject: Option<&str>,
     has_lesion: bool,
-) -> Result<(BTreeMap<String, NormPerson>, usize, Vec<QueriedRow>)> {
-    let query = QueryOptions {
-        region: Some(options.region.clone()),
-        quantity: Some(options.quantity.clone()),
-        subject: subject.map(str::to_owned),
-        ..QueryOptions::default()
-    };
+) -> Result<NormPeople> {
     let ill = people_with_lesions(index)?;
-    let all = rows(index, &query)?.into_iter().filter(|row| {
-        row.channel == options.channel()
-            && !row.withdrawn
-            && row.consent != "no"
-            && ill.contains(&row.subject) == has_lesion
+    let (mut refused, mut with_lesion) = (BTreeSet::new(), BTreeSet::new());
+    let mut all = rows(index, &query_of(options, subject))?;
+    all.retain(|row| {
+        let is_ill = ill.contains(&row.subject);
+        let is_of_channel = row.channel == options.channel();
+        if is_of_channel && (row.withdrawn || row.consent == "no") {
+            refused.insert(row.subject.clone());
+            return false;
+        }
+        if is_of_channel && is_ill {
+            with_lesion.insert(row.subject.clone());
+        }
+        is_of_channel && is_ill == has_lesion
     });
-    let all: Vec<QueriedRow> = all.collect();
     let mut people: BTreeMap<String, NormPerson> = BTreeMap::new();
+    let mut of_visit: BTreeMap<[&str; 2], Vec<f64>> = BTreeMap::new();
     for row in all.iter().filter(|row| !row.is_guess()) {
         let new = || NormPerson { site: row.site.clone(), age: row.age, values: Vec::new() };
-        people.entry(row.subject.clone()).or_insert_with(new).values.extend(row.value);
+        people.entry(row.subject.clone()).or_insert_with(new);
+        of_visit.entry([&row.subject, &row.session]).or_default().extend(row.value);
+    }
+    // Several photographs of a visit are one measurement of it
+    for ([subject, _], values) in of_visit.into_iter().filter(|(_, values)| !values.is_empty()) {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        people.entry(subject.into()).and_modify(|person| person.values.push(mean));
     }
     let before = people.len();
     people.retain(|_, person| !person.values.is_empty());
     let without_value = before - people.len();
-    Ok((people, without_value, all))
+    Ok(NormPeople { people, rows: all, without_value, refused, with_lesion })
 }
 
 /// Version and experiment of all numbers.
@@ -308,7 +384,7 @@ fn one_analysis(index: &Index, options: &NormOptions, rows: &[QueriedRow]) -> Re
             let (quantity, region) = (&options.quantity, &options.region);
             Err(Error::Input(format!(
                 "the study has no {quantity} of a region \"{region}\"; it has {}",
-                if known.is_empty() { "no estimate yet".into() } else { known.join(", ") }
+                if known.is_empty() { "no estimate yet: `fluorspar study analyze STUDY` makes them".into() } else { known.join(", ") }
             )))
         }
         _ => {
@@ -321,14 +397,13 @@ fn one_analysis(index: &Index, options: &NormOptions, rows: &[QueriedRow]) -> Re
     }
 }
 
-/// The norm of a study, with the numbers of people without a value, of numbers of guessed regions, and of people without an age that is asked for.
-fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, [usize; 3])> {
+/// The norm of a study, and who is left out.
+fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, LeftOut)> {
     let (index, secret) = Study::asked(folder)?;
     let range = range_of(&options.quantity)?;
-    let (people, without_value, rows) = people_of(&index, options, None, false)?;
-    let analysis = one_analysis(&index, options, &rows)?;
-    let guesses = rows.iter().filter(|row| row.is_guess()).count();
-    let people: Vec<NormPerson> = people.into_values().collect();
+    let of = people_of(&index, options, None, false)?;
+    let analysis = one_analysis(&index, options, &of.rows)?;
+    let people: Vec<NormPerson> = of.people.into_values().collect();
     let norm = NormFile {
         program: "fluorspar".into(),
         format: NormFile::FORMAT,
@@ -337,13 +412,28 @@ fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, [usize; 3
         quantity: options.quantity.clone(),
         channel: options.channel().to_owned(),
         analysis,
+        cameras: Vec::new(),
         studies: vec![public_id(&secret)],
         logs: vec![index.head()],
         ranks: ranks(&people, range, options.by_age),
         sums: NormSums::of(&people, range, options.by_age),
     };
     let without_age = people.iter().filter(|person| options.by_age && person.age.is_none()).count();
-    Ok((norm, [without_value, guesses, without_age]))
+    let left_out = LeftOut {
+        without_value: of.without_value,
+        at_ends: at_ends(&people, range),
+        guesses: of.rows.iter().filter(|row| row.is_guess()).count(),
+        without_age,
+        refused: of.refused.len(),
+        with_lesion: of.with_lesion.len(),
+    };
+    Ok((norm, left_out))
+}
+
+/// People whose numbers are all at the ends of their range.
+fn at_ends(people: &[NormPerson], range: ValueRange) -> usize {
+    let is_at_end = |value: &f64| range.straightened(*value).is_none();
+    people.iter().filter(|person| person.values.iter().all(is_at_end)).count()
 }
 
 /// The range by order statistics of people of one site.
@@ -366,7 +456,7 @@ struct CohortRow {
     value: Option<f64>,
 }
 
-fn of_cohort(options: &NormOptions, path: &Path) -> Result<NormFile> {
+fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> {
     let range = range_of(&options.quantity)?;
     let text = read_text(path)?;
     let mut people: BTreeMap<u32, NormPerson> = BTreeMap::new();
@@ -384,7 +474,8 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<NormFile> {
     }
     let people: Vec<NormPerson> = people.into_values().collect();
     let sha256 = fluorspar::digest::sha256_hex([text]);
-    Ok(NormFile {
+    let left_out = LeftOut { at_ends: at_ends(&people, range), ..LeftOut::default() };
+    let norm = NormFile {
         program: "fluorspar".into(),
         format: NormFile::FORMAT,
         origin: "simulated".into(),
@@ -392,11 +483,13 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<NormFile> {
         quantity: options.quantity.clone(),
         channel: options.channel().to_owned(),
         analysis: [env!("CARGO_PKG_VERSION").into(), sha256.clone()],
+        cameras: Vec::new(),
         logs: Vec::new(),
         studies: vec![sha256],
         ranks: ranks(&people, range, false),
         sums: NormSums::of(&people, range, false),
-    })
+    };
+    Ok((norm, left_out))
 }
 
 /// Refuses norms that are not of one kind, or of the same people.
@@ -412,9 +505,12 @@ fn check_alike(all: &NormFile, other: &NormFile, path: &Path) -> Result<()> {
             key(all).join(" ")
         )));
     }
-    if all.analysis != other.analysis {
+    let same_site =
+        || other.sums.sites.iter().any(|site| all.sums.sites.iter().any(|of| of.site == site.site));
+    if all.analysis[0] != other.analysis[0] || (all.analysis != other.analysis && same_site()) {
         return Err(Error::Input(format!(
-            "{shown}: its numbers are of another version of the program or another camera.toml; numbers of unlike cameras have no common norm"
+            "{shown}: its numbers are of another version of the program, or of another camera.toml at the same site; sites with cameras of their own \
+             need names of their own (`fluorspar study init --site`)"
         )));
     }
     let shares = |all: &[String], other: &[String]| other.iter().any(|of| all.contains(of));
@@ -436,6 +532,10 @@ fn pooled(first: &Path, rest: &[PathBuf]) -> Result<NormFile> {
         let shown = path.display();
         check_alike(&all, &other, path)?;
         all.sums = all.sums.pooled(&other.sums).map_err(|error| Error::Input(format!("{shown}: {error}")))?;
+        all.cameras.extend(other.cameras);
+        if other.analysis != all.analysis && !all.cameras.contains(&other.analysis[1]) {
+            all.cameras.push(other.analysis[1].clone());
+        }
         all.logs.extend(other.logs);
         all.studies.extend(other.studies);
         all.ranks = None;

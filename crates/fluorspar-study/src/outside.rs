@@ -6,6 +6,7 @@ use fluorspar_format::{ParquetColumn, csv_cell, parquet_table};
 use fluorspar_session::Result;
 
 use crate::deidentify::{age_band, code, listed};
+use crate::norm::outcomes;
 use crate::query::{QueryOptions, rows};
 use crate::store::Study;
 
@@ -54,15 +55,14 @@ impl Outside {
 /// People who may leave, by their pseudonyms, and how many others there are.
 pub(crate) fn people(study: &Study, secret: &str) -> Result<(BTreeMap<String, Outside>, usize)> {
     let sql = "SELECT s.subject, CASE WHEN s.site = '' THEN (SELECT site FROM study LIMIT 1) ELSE s.site END, s.sex, s.age, s.skin, s.smoker,
-                      s.consent = 'yes' AND s.withdrawn = 0,
-                      (SELECT max(lower(o.outcome) NOT IN ('healthy', 'none')) FROM outcome o WHERE o.subject = s.subject)
+                      s.consent = 'yes' AND s.withdrawn = 0
                FROM subject s ORDER BY s.subject";
-    let mut people = BTreeMap::new();
+    let (mut people, outcomes) = (BTreeMap::new(), outcomes(&study.index)?);
     let all = study.index.rows(sql, [], |row| {
         let subject: String = row.get(0)?;
         let text = |column: usize| row.get::<_, String>(column);
         let (site, sex, skin, smoker) = (text(1)?, text(2)?, text(4)?, text(5)?);
-        let lesion = row.get::<_, Option<bool>>(7)?.map_or("", |is_ill| if is_ill { "yes" } else { "no" });
+        let lesion = outcomes.get(&subject).map_or("", |is_ill| if *is_ill { "yes" } else { "no" });
         let id = code(secret, "subject", &subject);
         let sex = listed(&sex, &["female", "male", "other", "f", "m", "d"]);
         let cells = [
@@ -163,6 +163,8 @@ pub(crate) fn numbers(
             row.version,
         ]);
     }
+    // By codes, not by names
+    all.sort_by(|a, b| a[0].cmp(&b[0]));
     Ok(all)
 }
 

@@ -80,7 +80,7 @@ pub fn query(options: &QueryOptions, _: &fluorspar_session::Job) -> Result<Vec<Q
     rows(&Study::asked(&options.args.study)?.0, options)
 }
 
-/// The last numbers of regions that are not wrong, by person, region and quantity.
+/// The last numbers of regions that are not wrong, by person, region and quantity: those of the camera of now, where it has any.
 const LAST: &str = "SELECT p.subject, p.session, e.region, e.quantity, e.channel, e.value, e.low, e.high, e.interval_kind, s.withdrawn,
            CASE WHEN s.site = '' THEN (SELECT site FROM study LIMIT 1) ELSE s.site END, s.age, s.consent, e.analysis, e.version,
            e.photograph, r.verdict
@@ -89,7 +89,8 @@ const LAST: &str = "SELECT p.subject, p.session, e.region, e.quantity, e.channel
     JOIN subject s ON s.subject = p.subject
     JOIN region r ON r.region_sha256 = e.region_sha256 AND r.current = 1
     WHERE (?1 IS NULL OR p.subject = ?1) AND (?2 IS NULL OR e.region = ?2) AND (?3 IS NULL OR e.quantity = ?3)
-      AND e.seq = (SELECT max(o.seq) FROM estimate o WHERE o.region_sha256 = e.region_sha256 AND o.quantity = e.quantity AND o.channel = e.channel)
+      AND e.seq = (SELECT o.seq FROM estimate o WHERE o.region_sha256 = e.region_sha256 AND o.quantity = e.quantity AND o.channel = e.channel
+                   ORDER BY o.analysis = (SELECT analysis FROM setup LIMIT 1) DESC, o.seq DESC LIMIT 1)
     ORDER BY p.subject, p.session, e.photograph, e.region, e.seq";
 
 /// The last numbers of an index that options ask for.

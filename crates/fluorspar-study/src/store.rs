@@ -5,8 +5,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
+use fluorspar::digest::sha256_hex;
 use fluorspar_format::{digest_bounded, read_bounded, sync_together, write_atomically, write_unsynced};
-use fluorspar_session::{AnalyzeOptions, Error, ExperimentSource, Job, Result};
+use fluorspar_session::{AnalyzeOptions, Error, ExperimentSource, Job, Result, read_text};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -17,6 +18,9 @@ use crate::secret::new_secret;
 
 /// The experiment that describes the camera of a study.
 pub(crate) const CAMERA: &str = "camera.toml";
+/// Files that say what the folder is.
+const DESCRIPTION: &str = "dataset_description.json";
+const BIDSIGNORE: &str = ".bidsignore";
 /// Largest file that is taken into a study.
 pub(crate) const LARGEST_BYTES: u64 = 4 << 30;
 
@@ -64,10 +68,13 @@ pub struct BegunStudy {
 pub fn init(options: &InitOptions, job: &Job) -> Result<BegunStudy> {
     let folder = &options.args.study;
     let shown = folder.display();
-    if folder.join(LOG).exists() && !Log::open(folder)?.entries.is_empty() {
-        return Err(Error::Input(format!(
+    let is_begun = || {
+        Error::Input(format!(
             "{shown}: this is a study already; import into it: fluorspar study import {shown} PHOTOS"
-        )));
+        ))
+    };
+    if folder.join(LOG).exists() && !Log::open(folder)?.entries.is_empty() {
+        return Err(is_begun());
     }
     let camera = camera_of(options)?;
     let own_name = std::path::absolute(folder).ok();
@@ -76,12 +83,19 @@ pub fn init(options: &InitOptions, job: &Job) -> Result<BegunStudy> {
     let description = json!({ "Name": name, "BIDSVersion": "1.10.0", "DatasetType": "raw" });
     fs::create_dir_all(folder).map_err(|error| Error::Failed(format!("{shown}: {error}")))?;
     write_new(&folder.join(CAMERA), camera.as_bytes())?;
-    write_new(&folder.join(".bidsignore"), b"camera.toml\nlog.jsonl\n**/photo/\n")?;
+    write_new(&folder.join(BIDSIGNORE), b"camera.toml\nlog.jsonl\n**/photo/\n")?;
     let description = serde_json::to_string_pretty(&description)?;
-    write_new(&folder.join("dataset_description.json"), description.as_bytes())?;
+    write_new(&folder.join(DESCRIPTION), description.as_bytes())?;
     let site = options.site.clone().unwrap_or_default();
+    let log = Log::open(folder)?;
+    if !log.entries.is_empty() {
+        // Another process was faster
+        return Err(is_begun());
+    }
     let event = Event::Study { name: name.clone(), site, secret: new_secret() };
-    Study::with(folder, Log::open(folder)?)?.commit("init", vec![event])?;
+    let mut study = Study::with(folder, log)?;
+    let setup = study.setup()?;
+    study.commit("init", vec![event, setup])?;
     job.status(format!("Next: fluorspar study import {shown} PHOTOS"));
     Ok(BegunStudy { name, folder: folder.clone() })
 }
@@ -106,6 +120,39 @@ fn camera_of(options: &InitOptions) -> Result<String> {
         ))
     })?;
     Ok(text)
+}
+
+/// `camera.toml`, and the files below the folder that it and the experiments among them name.
+fn camera_files(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = vec![PathBuf::from(CAMERA)];
+    let mut next = 0;
+    while next < files.len() {
+        let file = files[next].clone();
+        next += 1;
+        if file.extension().is_none_or(|ending| ending != "toml") {
+            continue;
+        }
+        let Ok(table) = read_text(&folder.join(&file))?.parse::<toml::Table>() else { continue };
+        let mut names = Vec::new();
+        strings_of(&toml::Value::Table(table), &mut names);
+        for name in names {
+            let named = file.parent().unwrap_or(Path::new("")).join(name);
+            if folder.join(&named).is_file() && !files.contains(&named) {
+                files.push(named);
+            }
+        }
+    }
+    Ok(files)
+}
+
+/// Every string of a table.
+fn strings_of(value: &toml::Value, found: &mut Vec<String>) {
+    match value {
+        toml::Value::String(text) => found.push(text.clone()),
+        toml::Value::Array(values) => values.iter().for_each(|value| strings_of(value, found)),
+        toml::Value::Table(table) => table.values().for_each(|value| strings_of(value, found)),
+        _ => {}
+    }
 }
 
 /// Writes a file that is not there yet, or with these bytes.
@@ -195,6 +242,25 @@ impl Study {
         self.unsynced.clear();
         self.log.write_staged()?;
         self.index.settle()
+    }
+
+    /// The camera of now, and the files that are of no photograph.
+    ///
+    /// # Errors
+    /// A camera that can't be read.
+    pub(crate) fn setup(&self) -> Result<Event> {
+        let camera = camera_files(&self.folder)?;
+        let whole = |path: &Path| {
+            let sha256 = digest_bounded(&self.path(path), LARGEST_BYTES)?;
+            Ok(StoredFile { role: "setup".into(), path: path.into(), sha256 })
+        };
+        let others = [DESCRIPTION, BIDSIGNORE].map(PathBuf::from);
+        let others = others.iter().filter(|path| self.path(path).is_file());
+        let files = camera.iter().chain(others).map(|path| whole(path)).collect::<Result<Vec<_>>>()?;
+        let text = read_text(&self.path(Path::new(CAMERA)))?;
+        let named =
+            files[1..camera.len()].iter().map(|file| format!("{}\n{}", file.path.display(), file.sha256));
+        Ok(Event::Setup { analysis: sha256_hex(std::iter::once(text).chain(named)), files })
     }
 
     /// Its analysis, as photographs in bulk have it.

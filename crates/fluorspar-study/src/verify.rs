@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::event::Event;
 use crate::index::Index;
-use crate::store::{LARGEST_BYTES, Study, StudyArgs};
+use crate::store::{CAMERA, LARGEST_BYTES, Study, StudyArgs};
 
 /// What was checked.
 #[derive(Clone, Debug, Serialize)]
@@ -30,9 +30,11 @@ pub fn verify(options: &StudyArgs, job: &Job) -> Result<VerifiedStudy> {
     let sql =
         "SELECT f.path, f.sha256, s.withdrawn FROM file f JOIN photograph p ON p.photograph = f.photograph
                JOIN subject s ON s.subject = p.subject ORDER BY f.path";
-    let files: Vec<(PathBuf, String, bool)> = study
-        .index
-        .rows(sql, [], |row| Ok((PathBuf::from(row.get::<_, String>(0)?), row.get(1)?, row.get(2)?)))?;
+    let read = |row: &rusqlite::Row<'_>| {
+        Ok((PathBuf::from(row.get::<_, String>(0)?), row.get::<_, String>(1)?, row.get::<_, bool>(2)?))
+    };
+    let mut files = study.index.rows("SELECT path, sha256, 0 FROM setup ORDER BY path", [], read)?;
+    files.extend(study.index.rows(sql, [], read)?);
     let (mut defects, mut whole) = (Vec::new(), 0);
     let share_done = job.listener.begin("Checking files", "the check", Left::Nothing);
     for (number, (path, sha256, may_be_gone)) in files.iter().enumerate() {
@@ -41,6 +43,9 @@ pub fn verify(options: &StudyArgs, job: &Job) -> Result<VerifiedStudy> {
         }
         match digest_bounded(&study.path(path), LARGEST_BYTES) {
             Ok(found) if found == *sha256 => whole += 1,
+            Ok(_) if path == Path::new(CAMERA) => defects.push(format!(
+                "{CAMERA}: it was changed since numbers were made by it; `fluorspar study analyze STUDY --missing` makes others by what it is now"
+            )),
             Ok(_) => defects.push(format!("{}: its bytes were changed", path.display())),
             // What people who withdrew left may be removed
             Err(_) if *may_be_gone && !study.path(path).exists() => {}

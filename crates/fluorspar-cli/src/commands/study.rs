@@ -2,7 +2,8 @@
 
 use std::process::ExitCode;
 
-use fluorspar::analysis::Standing;
+use fluorspar::units::counted;
+use fluorspar_report::verdict_of;
 use fluorspar_session::FailedPhotograph;
 use fluorspar_session::values::short;
 use fluorspar_study::{
@@ -68,8 +69,12 @@ fn with_failures<O: clap::Args, A: serde::Serialize>(
 fn import(options: &Answering<ImportOptions>) -> Result<(), CliError> {
     let text = |of: &ImportedStudy| {
         format!(
-            "{} new photographs, {} known; {} regions, {} people, {} outcomes",
-            of.photographs, of.known, of.regions, of.subjects, of.outcomes
+            "{}, {} known; {}, {} people, {}",
+            counted(of.photographs, "new photograph", "new photographs"),
+            of.known,
+            counted(of.regions, "region", "regions"),
+            of.subjects,
+            counted(of.outcomes, "outcome", "outcomes"),
         )
     };
     with_failures(options, fluorspar_study::import, text, |of| &of.failures)
@@ -81,7 +86,7 @@ fn analyze(options: &Answering<AnalyzeStudyOptions>) -> Result<(), CliError> {
             0 => String::new(),
             count => format!("; {count} photographs have no region (import a table with region and where)"),
         };
-        format!("{} regions estimated, {} had estimates{rest}", of.regions, of.known)
+        format!("{} estimated, {} had estimates{rest}", counted(of.regions, "region", "regions"), of.known)
     };
     with_failures(options, fluorspar_study::analyze, text, |of| &of.failures)
 }
@@ -90,12 +95,12 @@ fn export(options: &Answering<ExportOptions>) -> Result<(), CliError> {
     let exported = fluorspar_study::export(&options.task, &Messages::default().job())?;
     options.print(&exported, |of: &ExportedStudy| {
         format!(
-            "{} people, {} files, {} numbers in {}; {} people without consent are left out",
-            of.subjects,
+            "{}, {} files, {} numbers in {}; {} without consent left out",
+            counted(of.subjects, "person", "people"),
             of.files,
             of.estimates,
             of.folder.display(),
-            of.left_out
+            counted(of.left_out, "person", "people")
         )
     })?;
     if exported.failures.is_empty() {
@@ -184,11 +189,6 @@ fn describe_compared(compared: &ComparedPeople) -> String {
     ];
     let mut cells = vec![heads.map(String::from).to_vec()];
     for of in &compared.people {
-        let verdict = match of.place.standing {
-            Standing::Inside => "inside",
-            Standing::Outside => "OUTSIDE",
-            Standing::CannotTell => "can't tell",
-        };
         let [low, high] = of.place.percentile;
         let own = if of.has_error { interval(Some(of.interval)) } else { "error not known".into() };
         cells.push(vec![
@@ -201,7 +201,7 @@ fn describe_compared(compared: &ComparedPeople) -> String {
             of.norm.clone(),
             interval(Some(of.place.range)),
             format!("{low:.1} to {high:.1}"),
-            verdict.into(),
+            verdict_of(of.place.standing).into(),
         ]);
     }
     let mut text = align(&cells, &[0, 1, 2, 3, 6, 9]);

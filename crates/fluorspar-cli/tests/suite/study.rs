@@ -75,13 +75,44 @@ fn people_become_a_norm_and_stand_in_it() {
     // Outcomes give a curve
     fs::write(
         folder.join("outcomes.csv"),
-        "subject,method,outcome\nP05,biopsy,dysplasia\nP06,biopsy,dysplasia\n",
+        "subject,method,outcome\nP05,biopsy,dysplasia\nP06,biopsy,dysplasia\nP07,,healthy\nP08,,no lesion\nP09,,None\n",
     )
     .unwrap();
     study(folder, &["import", "--outcomes", "outcomes.csv"]).well();
-    let compared = study(folder, &["compare", "--norm", "norm.json", "--json"]).json();
-    assert_eq!(compared["separations"][0]["area"]["n"], serde_json::json!([2, 7]));
+    let against = ["compare", "--norm", "norm.json", "--json"];
+    let compared = study(folder, &against).json();
+    assert_eq!(
+        compared["separations"][0]["area"]["n"],
+        serde_json::json!([2, 3]),
+        "of whom an outcome is known"
+    );
     assert_eq!(compared["people"].as_array().unwrap().len(), 10);
+    // The last outcome of a method counts, and none is no outcome
+    let outcomes =
+        |text: &str| fs::write(folder.join("outcomes.csv"), format!("subject,method,outcome\n{text}\n"));
+    outcomes("P06,biopsy,").unwrap();
+    let empty = study(folder, &["import", "--outcomes", "outcomes.csv"]);
+    assert!(
+        empty.code == Some(2) && empty.stderr.contains("the outcome of P06 is empty"),
+        "{}",
+        empty.stderr
+    );
+    for (text, areas) in [("P06,biopsy,healthy", 0), ("P06,biopsy,dysplasia", 1)] {
+        outcomes(text).unwrap();
+        study(folder, &["import", "--outcomes", "outcomes.csv"]).well();
+        assert_eq!(study(folder, &against).json()["separations"].as_array().unwrap().len(), areas, "{text}");
+    }
+    // The page says who, and of whom the norm should not know
+    let said = study(folder, &["compare", "--norm", "norm.json", "--out", "who.html"]).well();
+    assert!(
+        said.stderr.contains("norm.json: this norm still holds 2 people who withdrew"),
+        "{}",
+        said.stderr
+    );
+    let page = fs::read_to_string(folder.join("who.html")).unwrap();
+    for words in ["nobody lies outside", "10 of 10 numbers lie inside", "P12", "<svg", "normal range"] {
+        assert!(page.contains(words), "{words}");
+    }
 }
 
 /// Who is in a norm is what the log said when it was made: of whoever refuses later the numbers are still held against the others.
@@ -153,13 +184,23 @@ fn every_changed_byte_is_found_and_named() {
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     fs::write(&photo, bytes).unwrap();
+    // Files of no photograph, too
+    for name in ["camera.toml", "dataset_description.json", ".bidsignore"] {
+        let path = folder.join("st").join(name);
+        let mut bytes = fs::read(&path).unwrap();
+        bytes[3] ^= 1;
+        fs::write(path, bytes).unwrap();
+    }
     let said = study(folder, &["verify"]);
     assert_eq!(said.code, Some(2));
-    assert!(
-        said.stdout.contains("its bytes were changed") && said.stdout.contains("sub-P01"),
-        "{}",
-        said.stdout
-    );
+    for words in [
+        "sub-P01",
+        "dataset_description.json: its bytes",
+        ".bidsignore: its bytes",
+        "camera.toml: it was changed",
+    ] {
+        assert!(said.stdout.contains(words), "{}", said.stdout);
+    }
     // An index that is gone or damaged is made anew
     fs::write(folder.join("st/.fluorspar/study.sqlite"), b"no index").unwrap();
     assert_eq!(
@@ -318,6 +359,8 @@ fn traps_of_names_are_told() {
     assert!(name.contains("is no pseudonym"), "{name}");
     fs::write(folder.join("photos/second_violet.dng"), [fs::read(&frame).unwrap(), vec![9]].concat())
         .unwrap();
+    let dark = told("patient,frame,dark\nP01,P01_violet.dng,second_violet.dng\n");
+    assert!(dark.contains("second_violet.dng: the study has this photograph without this dark"), "{dark}");
     let alike = told("patient,frame\nP-1,P01_violet.dng\nP_1,second_violet.dng\n");
     assert!(alike.contains("rename another"), "{alike}");
     let later = told("patient,frame\nP-02,second_violet.dng\n");
@@ -556,6 +599,18 @@ fn the_page_of_studies_is_a_story_that_runs() {
         }
     }
     assert!(lines.len() >= 10, "{lines:?}");
+    // Nothing tells the order of people: codes are sorted, and photographs are counted within a visit
+    let people = fs::read_to_string(folder.join("share/participants.tsv")).unwrap();
+    let codes: Vec<&str> = people.lines().skip(1).collect();
+    assert!(codes.len() == 12 && codes.is_sorted(), "{people}");
+    let numbers = fs::read_to_string(folder.join("share/estimates.csv")).unwrap();
+    assert!(numbers.lines().skip(1).map(|line| line.split(',').next()).is_sorted(), "{numbers}");
+    let files: Value = serde_json::from_slice(&fs::read(folder.join("share/deid.json")).unwrap()).unwrap();
+    let files = files["files"].as_array().unwrap();
+    assert!(
+        files.iter().all(|file| file["path"].as_str().unwrap().contains("_run-1_acq-violet_")),
+        "{files:?}"
+    );
     let both: Value = serde_json::from_slice(&fs::read(folder.join("both.json")).unwrap()).unwrap();
     assert_eq!(both["sums"]["sites"].as_array().unwrap().len(), 2);
     // A file of the user stays

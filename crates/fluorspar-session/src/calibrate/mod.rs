@@ -86,7 +86,7 @@ pub fn calibrate(options: &CalibrateOptions, job: &Job) -> Result<CalibratedCame
     let base = source
         .file
         .as_ref()
-        .map_or(source.name.clone(), |file| path_from(&out, file).to_string_lossy().into_owned());
+        .map_or(source.stem.clone(), |file| path_from(&out, file).to_string_lossy().into_owned());
     let head = CameraHead { title, base: &base, folder: folder.path() };
     let text = camera_toml(&head, (&source, &parsed), &study, (&answer.camera, gain), &answer.scales)?;
     let results = CalibrationResults {

@@ -288,7 +288,10 @@ impl Listener for Heard {
 
     fn warnings(&self, warnings: &[Warning]) {
         let mut all = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
-        all.extend(warnings.iter().map(|warning| warning.summary().to_owned()));
+        // Frames are found in the folder: nobody types them
+        let without_options =
+            |warning: &Warning| warning.summary().split(": ⟨").next().unwrap_or_default().to_owned();
+        all.extend(warnings.iter().map(without_options));
     }
 
     fn begin(&self, _: &'static str, _: &'static str, _: Left) -> Box<dyn Fn(f64) + Sync> {

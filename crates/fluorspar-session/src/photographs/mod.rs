@@ -20,6 +20,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use fluorspar::digest::sha256_hex;
+use fluorspar::units::counted;
 use fluorspar_experiment::Experiment;
 use fluorspar_experiment::schema::ExposureTime;
 use fluorspar_format::{Journal, OutputFolder};
@@ -69,7 +70,8 @@ impl FailedPhotograph {
             }
         };
         let lines: Vec<String> = failures.iter().map(line).collect();
-        format!("{} photographs have no answer:\n  {}", lines.len(), lines.join("\n  "))
+        let count = counted(lines.len(), "photograph has", "photographs have");
+        format!("{count} no answer:\n  {}", lines.join("\n  "))
     }
 }
 
@@ -205,6 +207,9 @@ pub fn estimate_photograph(
 impl<'a> PhotographWork<'a> {
     fn prepare(options: &'a AnalyzeOptions, path: &Path) -> Result<Self> {
         let shown = path.display();
+        if !path.exists() {
+            return Err(Error::Input(format!("{shown}: there is no such folder or table of photographs")));
+        }
         if !options.frame.is_empty() || options.component_image.is_some() {
             return Err(Error::Input(format!(
                 "{shown}: of many photographs each file is found in the folder or its table, and none has a component image; leave ⟨frame⟩ and \
@@ -328,6 +333,9 @@ impl<'a> PhotographWork<'a> {
             share_done((number + 1) as f64 / count as f64);
         }
         if done.is_empty() {
+            // There is nothing to go on from
+            drop(journal);
+            std::fs::remove_file(&path).unwrap_or_default();
             return Err(Error::Input(FailedPhotograph::list(&failures)));
         }
         mark_apart(&mut done);

@@ -49,9 +49,10 @@ pub(super) fn write_estimates(
 ) -> Result<AnalyzedPhotographs> {
     let estimates: Vec<PatientEstimate> =
         done.iter().flat_map(|(_, found)| found.estimates.clone()).collect();
-    let first = |found: &EstimatedPhotograph| !found.estimates.iter().any(|estimate| estimate.lies_apart);
+    let apart =
+        |found: &EstimatedPhotograph| found.estimates.iter().filter(|estimate| estimate.lies_apart).count();
     let mut shown: Vec<_> = done.iter().collect();
-    shown.sort_by_key(|(_, found)| first(found));
+    shown.sort_by_key(|(_, found)| std::cmp::Reverse(apart(found)));
     let picture = |(photograph, found): &&(&Photograph, EstimatedPhotograph)| {
         Ok(ReportPicture {
             png: picture_of(found)?,
@@ -123,7 +124,7 @@ fn counted(estimates: &[PatientEstimate]) -> Vec<Warning> {
     }
     let text = |(count, text): (usize, &str)| match count {
         1 => Warning::from(format!("One region: {text}")),
-        _ => Warning::from(format!("{count} regions, for instance: {text}")),
+        _ => Warning::from(format!("{count} regions: {text}")),
     };
     counts.into_values().map(text).collect()
 }
@@ -159,6 +160,21 @@ fn patients_csv(estimates: &[PatientEstimate]) -> String {
     csv(heads, estimates.iter().map(row))
 }
 
+/// Says in which photographs a region was not guessed that was in most: what is ill may look like no tongue.
+fn warn_of_unguessed(proposed: &[Proposed], job: &Job) {
+    let has = |of: &Proposed, name: &str| of.rows.iter().any(|row| row.region == name);
+    for name in ["tongue", "lips", "teeth"] {
+        let lacking: Vec<&str> =
+            proposed.iter().filter(|of| !has(of, name)).map(|of| of.picture.title.as_str()).collect();
+        if !lacking.is_empty() && 2 * lacking.len() < proposed.len() {
+            let people = lacking.join("; ");
+            job.warn(&[
+                format!("No {name} was found in {people}: draw it, or this person is left out").into()
+            ]);
+        }
+    }
+}
+
 /// Writes the table to complete, and the page with the guesses.
 pub(super) fn write_proposal(
     work: &PhotographWork<'_>,
@@ -168,6 +184,7 @@ pub(super) fn write_proposal(
     job: &Job,
 ) -> Result<AnalyzedPhotographs> {
     let failures: Vec<FailedPhotograph> = work.failures().into_iter().chain(failures).collect();
+    warn_of_unguessed(&proposed, job);
     let rows: Vec<_> = proposed.iter().flat_map(|photograph| photograph.rows.clone()).collect();
     let photographs = proposed.len();
     let results = PhotographResults {

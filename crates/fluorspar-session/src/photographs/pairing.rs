@@ -138,11 +138,15 @@ fn capture_by_tags(path: &Path, captures: &[KnownCapture]) -> Result<String> {
     })
 }
 
-/// The name of a file without the word of its capture; `None` where it has no such word.
+/// Words that people call lights by: where a name has none of its capture, such a word is no part of the person's.
+const LIGHTS: [&str; 8] = ["white", "violet", "blue", "uv", "green", "red", "ambient", "fluorescence"];
+
+/// The name of a file without the word of its capture, or that of a light; `None` where it has no such word.
 fn rest_of_name(path: &Path, capture: &str) -> Option<String> {
     let stem = stem(path);
-    let at = word_in(&stem, capture)?;
-    let (before, after) = (&stem[..at], stem.get(at + capture.len()..).unwrap_or_default());
+    let words = std::iter::once(capture).chain(LIGHTS);
+    let (at, word) = words.filter_map(|word| Some((word_in(&stem, word)?, word))).next()?;
+    let (before, after) = (&stem[..at], stem.get(at + word.len()..).unwrap_or_default());
     let is_between = |c: char| !c.is_alphanumeric();
     let rest = [before.trim_end_matches(is_between), after.trim_start_matches(is_between)].join("_");
     Some(rest.trim_matches('_').to_owned())
@@ -164,8 +168,39 @@ pub(super) fn person_told(path: &Path, below: &Path, capture: &str) -> Option<[S
     let folders = &parts[..parts.len().saturating_sub(1)];
     let patient = labelled("sub-").or_else(|| folders.first().cloned());
     let visit = labelled("ses-").or_else(|| folders.get(1).cloned());
-    let patient = patient.or_else(|| rest_of_name(path, capture))?;
+    let (patient, visit) = match patient {
+        Some(patient) => (patient, visit),
+        None => {
+            let (rest, of_name) = without_visit(&rest_of_name(path, capture)?);
+            (rest, visit.or(of_name))
+        }
+    };
     Some([patient, visit.unwrap_or_else(|| "1".into())])
+}
+
+/// A name without the word that says which visit it is of, as `visit2`, `session-2` or `v2` after another word, and what that says.
+fn without_visit(name: &str) -> (String, Option<String>) {
+    let is_between = |c: char| !c.is_alphanumeric();
+    let words = || name.split(is_between).filter(|word| !word.is_empty());
+    // Where a word begins, in bytes
+    let place = |word: &str| word.as_ptr() as usize - name.as_ptr() as usize;
+    for (word, next) in words().zip(words().skip(1).map(Some).chain([None])).skip(1) {
+        let lower = word.to_lowercase();
+        let number = ["visit", "session", "ses", "v"].iter().find_map(|label| lower.strip_prefix(label));
+        let last = match number {
+            Some("") => next,
+            Some(_) => Some(word),
+            None => None,
+        };
+        let number = number.filter(|number| !number.is_empty()).or(next).unwrap_or_default();
+        if let Some(last) = last.filter(|_| number.starts_with(|c: char| c.is_ascii_digit())) {
+            let before = name[..place(word)].trim_end_matches(is_between);
+            let after = name[place(last) + last.len()..].trim_start_matches(is_between);
+            let rest = [before, after].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>();
+            return (rest.join("_"), Some(number.to_owned()));
+        }
+    }
+    (name.into(), None)
 }
 
 /// The lines that the files of a folder are by themselves, and the files that are none.
@@ -373,9 +408,15 @@ mod tests {
         assert_eq!(told("photos/BLUE-P01.dng"), are("P01", "1", "blue"));
         assert_eq!(told("photos/anna/march/IMG_1 ambient.dng"), are("anna", "march", "ambient"));
         assert_eq!(told("photos/sub-7/ses-2/photo/sub-7_ses-2_blue.tif"), are("7", "2", "blue"));
+        assert_eq!(told("photos/P03_visit2_blue.dng"), are("P03", "2", "blue"));
+        assert_eq!(told("photos/P03-left-session-4-blue.dng"), are("P03-left", "4", "blue"));
+        assert_eq!(told("photos/V12_blue.dng"), are("V12", "1", "blue"));
+        assert_eq!(told("photos/P3 v2b blue.dng"), are("P3", "2b", "blue"));
+        assert_eq!(told("photos/P3_vera_blue.dng"), are("P3_vera", "1", "blue"));
         assert_eq!(capture_by_name(Path::new("bluebell.dng"), &captures), None);
         let person = |path: &str| person_told(Path::new(path), Path::new("photos"), "blue");
         assert_eq!(person("photos/IMG_1.dng"), None);
+        assert_eq!(person("photos/P03_visit1_violet.dng"), Some(["P03".to_owned(), "1".to_owned()]));
         assert_eq!(person("photos/P2/IMG_1.dng"), Some(["P2".to_owned(), "1".to_owned()]));
     }
 

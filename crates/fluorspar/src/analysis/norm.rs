@@ -7,6 +7,9 @@ use super::ValueRange;
 use super::tolerance::normal_factor;
 use crate::sampling::Z_95;
 
+/// Of one side with 95 %.
+const Z_ONE_SIDED: f64 = 1.644_853_626_951_472_7;
+
 /// Ages are counted from here, in decades.
 const AGE_ZERO: f64 = 40.0;
 const AGE_UNIT: f64 = 10.0;
@@ -46,6 +49,9 @@ pub struct SiteSums {
     pub within_degrees: u64,
     /// Of one over the visits of each person.
     pub inverse_visits: f64,
+    /// Of its square.
+    #[serde(default)]
+    pub inverse_visits_squared: f64,
 }
 
 impl SiteSums {
@@ -59,6 +65,7 @@ impl SiteSums {
         self.within += other.within;
         self.within_degrees += other.within_degrees;
         self.inverse_visits += other.inverse_visits;
+        self.inverse_visits_squared += other.inverse_visits_squared;
     }
 
     fn remove(&mut self, other: &Self) {
@@ -72,6 +79,7 @@ impl SiteSums {
         self.within -= other.within;
         self.within_degrees = self.within_degrees.saturating_sub(other.within_degrees);
         self.inverse_visits -= other.inverse_visits;
+        self.inverse_visits_squared -= other.inverse_visits_squared;
     }
 
     /// `None` of a person without a value that `range` allows, or without the age that is asked for.
@@ -91,6 +99,7 @@ impl SiteSums {
             within: values.iter().map(|value| (value - mean).powi(2)).sum(),
             within_degrees: values.len() as u64 - 1,
             inverse_visits: 1.0 / n,
+            inverse_visits_squared: 1.0 / (n * n),
         })
     }
 
@@ -226,22 +235,49 @@ impl NormSums {
         let within_degrees = self.sites.iter().map(|site| site.within_degrees).sum::<u64>() as f64;
         let within = (within_degrees > 0.0).then(|| total(&|of| of.within) / within_degrees);
         // One visit of a person varies by more than the mean of several does
-        let added = within.unwrap_or(0.0) * (1.0 - total(&|of| of.inverse_visits) / people);
+        let inverse = total(&|of| of.inverse_visits) / people;
+        let added = within.unwrap_or(0.0) * (1.0 - inverse);
         let variance = between + added;
         if variance <= 1e-24 {
             return Err(NormError::NoSpread("value"));
         }
-        let of_parts = between * between / between_degrees
-            + if added > 0.0 { added * added / within_degrees } else { 0.0 };
-        Ok(Norm {
-            sums: self.clone(),
-            slope,
-            age_age,
-            sd: variance.sqrt(),
-            degrees: variance * variance / of_parts,
-            sd_within: within.map(f64::sqrt),
-        })
+        let degrees = match within.filter(|_| added > 0.0) {
+            None => between_degrees,
+            Some(within) => {
+                let squares = (total(&|of| of.inverse_visits_squared) / people).max(inverse * inverse);
+                let own = unequal_degrees(between, within, [inverse, squares]) * between_degrees;
+                degrees_of_sum([(between, own), (added, within_degrees)], between / inverse)
+            }
+        };
+        let sd = variance.sqrt();
+        Ok(Norm { sums: self.clone(), slope, age_age, sd, degrees, sd_within: within.map(f64::sqrt) })
     }
+}
+
+/// What part of its degrees of freedom the variance of means has whose own variances differ (Satterthwaite, Biometrics Bulletin 2, 110,
+/// 1946), from the means of one over their visits and of its square.
+fn unequal_degrees(between: f64, within: f64, [inverse, squares]: [f64; 2]) -> f64 {
+    let person = (between - within * inverse).max(0.0);
+    let first = person + within * inverse;
+    let second = person * person + 2.0 * person * within * inverse + within * within * squares;
+    first * first / second
+}
+
+/// Degrees of freedom of a sum of variances with degrees of their own: those of a single variance whose upper limit is as many times larger
+/// as that of the sum (Graybill and Wang, J. Am. Stat. Assoc. 75, 869, 1980). `most` is larger than the sum, in proportion to the first.
+fn degrees_of_sum([first, second]: [(f64, f64); 2], most: f64) -> f64 {
+    let sum = first.0 + second.0;
+    let above = (first.0 * excess(first.1)).hypot(second.0 * excess(second.1));
+    let limit = (sum + above).min(most * (1.0 + excess(first.1)));
+    let root = 1.0 - (limit / sum).max(1.0).powf(-1.0 / 3.0);
+    let root = 0.5 * ((Z_ONE_SIDED * Z_ONE_SIDED + 4.0 * root).sqrt() - Z_ONE_SIDED);
+    (2.0 / (9.0 * root * root)).min(first.1 + second.1)
+}
+
+/// How far the upper 95 % limit of a variance lies above it, relative (Wilson and Hilferty, Proc. Natl. Acad. Sci. 17, 684, 1931).
+fn excess(degrees: f64) -> f64 {
+    let square = 2.0 / (9.0 * degrees);
+    (1.0 - square - Z_ONE_SIDED * square.sqrt()).max(1e-3).powi(-3) - 1.0
 }
 
 /// What is normal, fitted.
@@ -253,7 +289,7 @@ pub struct Norm {
     age_age: f64,
     /// Standard deviation of the straightened number of one visit among people of one age and site.
     pub sd: f64,
-    /// Its degrees of freedom (Satterthwaite, Biometrics Bulletin 2, 110, 1946).
+    /// Its degrees of freedom.
     pub degrees: f64,
     /// That of visits of one person, where people came again.
     pub sd_within: Option<f64>,
@@ -427,24 +463,37 @@ mod tests {
     #[test]
     fn ranges_of_people_who_came_again_hold_single_visits() {
         let normal = Normal::standard();
-        let holds = |seed: &u64| {
-            let key = Key::new(9).with(*seed);
-            let people: Vec<NormPerson> = (0..20u64)
-                .map(|k| {
-                    let of = key.with(k);
-                    let own = 3.0 * of.with(1).normal();
-                    let visits = 1 + k % 4;
-                    let values = (0..visits).map(|visit| own + 2.0 * of.with(2).with(visit).normal());
-                    NormPerson { values: values.collect(), ..NormPerson::default() }
-                })
-                .collect();
-            let norm = NormSums::of(&people, ValueRange::Real, false).fit().unwrap();
-            let [low, high] = norm.range(None, "").unwrap();
-            let sd = 13f64.sqrt();
-            normal.cdf(high / sd) - normal.cdf(low / sd) >= CONTENT
-        };
-        let share = (0..1000).filter(holds).count() as f64 / 1000.0;
-        assert!(share >= 0.93, "{share}");
+        // Visits of each person in turn, and the spread of people and of visits
+        let studies: [(&[u64], usize, f64, f64); 6] = [
+            (&[1, 2, 3, 4], 20, 3.0, 2.0),
+            (&[3], 10, 1.0, 0.5),
+            (&[2, 2, 2, 2, 2, 40, 1, 1, 1, 1], 10, 0.3, 2.0),
+            (&[12, 1, 1, 1, 1], 20, 0.3, 2.0),
+            (&[2, 1, 1, 1, 1, 1, 1, 1, 1, 1], 10, 1.0, 0.5),
+            (&[2, 1], 80, 1.0, 1.0),
+        ];
+        for (visits, n, between, within) in studies {
+            let holds = |seed: &u64| {
+                let key = Key::new(9).with(*seed);
+                let people: Vec<NormPerson> = (0..n)
+                    .map(|k| {
+                        let of = key.with(k as u64);
+                        let own = between * of.with(1).normal();
+                        let visit = |visit| own + within * of.with(2).with(visit).normal();
+                        NormPerson {
+                            values: (0..visits[k % visits.len()]).map(visit).collect(),
+                            ..NormPerson::default()
+                        }
+                    })
+                    .collect();
+                let norm = NormSums::of(&people, ValueRange::Real, false).fit().unwrap();
+                let [low, high] = norm.range(None, "").unwrap();
+                let sd = between.hypot(within);
+                normal.cdf(high / sd) - normal.cdf(low / sd) >= CONTENT
+            };
+            let share = (0..1000).filter(holds).count() as f64 / 1000.0;
+            assert!(share >= 0.93, "{n} people, {visits:?}, {between} and {within}: {share}");
+        }
     }
 
     /// The sums of two sites are those of their people together.

@@ -109,7 +109,7 @@ pub enum CalibrationProblem {
 pub struct ChannelCalibration {
     /// Channel.
     pub channel: String,
-    /// Mean of the dark frames, DN.
+    /// Level of no light and no time, DN.
     pub black_level_dn: f64,
     /// Electrons per second in a pixel on the axis in the light of the flat frames.
     pub flat_e_per_s: MeasuredNumber,
@@ -173,11 +173,12 @@ pub struct FrameCalibration {
     pub warnings: Vec<Warning>,
 }
 
-/// Levels of dark frames over time.
+/// Levels of dark frames over time, and how far that of each channel lies above them.
 struct DarkLine {
     line: Line,
     has_slope: bool,
     shortest_s: f64,
+    of_channels: Vec<f64>,
 }
 
 impl DarkLine {
@@ -193,7 +194,10 @@ impl DarkLine {
         if !has_slope {
             line = line.level();
         }
-        Self { line, has_slope, shortest_s }
+        let above =
+            |channel: usize| mean(darks.iter().map(|dark| dark.channels[channel].mean_dn - dark.level_dn));
+        let of_channels = (0..darks[0].channels.len()).map(above).collect();
+        Self { line, has_slope, shortest_s, of_channels }
     }
 
     fn at(&self, time_s: f64) -> f64 {
@@ -301,6 +305,7 @@ impl FrameCalibration {
         let (master, channel) = (&stack.master, &self.channels[number]);
         let index = master.mosaic.channels.iter().position(|name| *name == channel.channel)?;
         let dark = self.dark_level(stack.exposure_s());
+        let black = dark.value + channel.black_level_dn - self.black_level_dn.value;
         let [u0, v0] = self.size_px.map(|side| 0.5 * side as f64);
         let place = |value: usize| {
             let pixel = value / master.samples();
@@ -320,7 +325,7 @@ impl FrameCalibration {
             let squared = (col as f64 + 0.5 - u0).powi(2) + (row as f64 + 0.5 - v0).powi(2);
             let x = squared / (u0 * u0 + v0 * v0);
             let shading = 1.0 + channel.shading[0].value * x + channel.shading[1].value * x * x;
-            (f64::from(master.mean[value]) - dark.value) / shading
+            (f64::from(master.mean[value]) - black) / shading
         };
         let values: Vec<f64> = within.iter().map(light).collect();
         let level = mean(values.iter().copied());
@@ -390,7 +395,9 @@ impl Frames<'_> {
             let dark = self.dark.at(flat.exposure_s());
             let noise = flat.channels.iter().enumerate();
             let present = noise.filter(|(channel, _)| flat.master.values_of(*channel).next().is_some());
-            present.map(move |(channel, noise)| (flat, channel, noise.mean_dn - dark))
+            present.map(move |(channel, noise)| {
+                (flat, channel, noise.mean_dn - dark - self.dark.of_channels[channel])
+            })
         })
     }
 
@@ -398,18 +405,20 @@ impl Frames<'_> {
     fn transfer(&self) -> Result<Transfer, CalibrationProblem> {
         let black = self.dark.black().value;
         let of_stack = |stack: &FrameStack| {
-            let usable = |noise: &&StackNoise| {
+            let usable = |(_, noise): &(usize, &StackNoise)| {
                 noise.saturated <= MOST_CLIPPED
                     && noise.empty <= MOST_EMPTY
                     && noise.variance_error_dn2.is_finite()
             };
-            let point = |noise: &StackNoise| {
+            let point = |(channel, noise): (usize, &StackNoise)| {
                 let relative = noise.variance_error_dn2 / noise.variance_dn2;
-                (noise.mean_dn - black, noise.variance_dn2, relative.powi(-2))
+                let signal = noise.mean_dn - black - self.dark.of_channels[channel];
+                (signal, noise.variance_dn2, relative.powi(-2))
             };
             stack
                 .channels
                 .iter()
+                .enumerate()
                 .filter(usable)
                 .map(point)
                 .filter(|(_, v, _)| *v > 0.0)
@@ -528,11 +537,16 @@ impl Frames<'_> {
             return (None, 0.0, 0);
         };
         let master = &best.master;
-        let (center, spread) = robust(&mut master.mean.clone()).unwrap_or((0.0, 0.0));
+        // Levels of channels are no pattern of pixels
+        let mut levels = master.mean.clone();
+        for (channel, above) in self.dark.of_channels.iter().enumerate() {
+            master.values_of(channel).for_each(|value| levels[value] -= *above as f32);
+        }
+        let (center, spread) = robust(&mut levels.clone()).unwrap_or((0.0, 0.0));
         let is_hot = |dn: f32| (dn - center).abs() > DEFECT * spread.max(0.5);
-        let hot = master.mean.iter().filter(|&&dn| is_hot(dn)).count();
+        let hot = levels.iter().filter(|&&dn| is_hot(dn)).count();
         let values: Vec<f64> =
-            master.mean.iter().map(|&dn| f64::from(if is_hot(dn) { center } else { dn })).collect();
+            levels.iter().map(|&dn| f64::from(if is_hot(dn) { center } else { dn })).collect();
         let columns = master.width * master.samples();
         let [_, row, column, _] = spatial_variances(&values, columns);
         let (all, error) = variance_with_error(&values);
@@ -626,12 +640,13 @@ impl Frames<'_> {
         let black = self.dark.black().value;
         let of = |stack: &FrameStack, is_lit: bool| {
             let channels = stack.master.mosaic.channels.clone().into_iter().zip(stack.channels.clone());
+            let channels = channels.zip(self.dark.of_channels.clone());
             let exposure_s = stack.exposure_s();
             let has_noise = stack.master.frames > 1;
-            channels.map(move |(channel, noise)| TransferPoint {
+            channels.map(move |((channel, noise), above)| TransferPoint {
                 channel,
                 exposure_s,
-                signal_dn: noise.mean_dn - black,
+                signal_dn: noise.mean_dn - black - above,
                 variance_dn2: has_noise.then_some(noise.variance_dn2),
                 is_lit,
             })
@@ -641,16 +656,12 @@ impl Frames<'_> {
     }
 
     fn channel(&self, flat: &FrameStack, surface: &Surface, gain: MeasuredNumber) -> ChannelCalibration {
-        let best = self
-            .darks
-            .iter()
-            .fold(&self.darks[0], |a, b| if b.master.frames > a.master.frames { b } else { a });
         let flicker = flat.flicker / (flat.master.frames as f64).sqrt();
         let axis = surface.axis;
         let level = MeasuredNumber::new(axis.value, axis.error().hypot(flicker * axis.value));
         ChannelCalibration {
             channel: flat.master.mosaic.channels[surface.channel].clone(),
-            black_level_dn: best.channels[surface.channel].mean_dn,
+            black_level_dn: self.dark.black().value + self.dark.of_channels[surface.channel],
             flat_e_per_s: level.times(1.0 / flat.exposure_s()).over(gain),
             shading: surface.shading,
             corner: surface.corner,

@@ -302,3 +302,41 @@ fn light_that_flickers_and_frames_that_are_developed_are_told() {
     };
     assert!(is_told, "{problem:?}");
 }
+
+/// A camera whose channels have black levels of their own is the same camera otherwise.
+#[test]
+fn black_levels_of_channels_are_no_light_and_no_pattern() {
+    let camera = Camera::drawn(2);
+    let above = [0u16, 3, 6];
+    let stack = |series: &str, time_s: f64, frames: u64, is_lit: bool, above: [u16; 3]| {
+        let lifted = |frame| {
+            let mut image = camera.frame(series, time_s, frame, is_lit);
+            for pixel in 0..image.data.len() {
+                let channel = image.mosaic.channel(pixel / SIDE[0], pixel % SIDE[0]);
+                image.data[pixel] = (image.data[pixel] + above[channel]).min(4095);
+            }
+            Ok::<_, DevelopError>(image)
+        };
+        FrameStack::of((0..frames).map(lifted), !is_lit).unwrap()
+    };
+    let calibrated = |above: [u16; 3]| {
+        let darks = [0.008, 4.0].map(|time_s| stack("dark", time_s, 8, false, above));
+        let flats: Vec<FrameStack> =
+            [0.008, 0.015, 0.03, 0.06].map(|time_s| stack("flat", time_s, 4, true, above)).into();
+        let found = calibrate_frames(&darks, &flats).unwrap();
+        let dim = stack("flat", 0.0005, 4, true, above);
+        (found.rates(&dim, [10, 10, 30, 30]), found)
+    };
+    let ((rates, plain), (lifted_rates, lifted)) = (calibrated([0; 3]), calibrated(above));
+    let near = |a: MeasuredNumber, b: MeasuredNumber| (a.value - b.value).abs() < 0.3 * a.error();
+    assert!(near(plain.gain_dn_per_e, lifted.gain_dn_per_e), "{:?}", lifted.gain_dn_per_e);
+    assert!(near(plain.dsnu_e.unwrap(), lifted.dsnu_e.unwrap()), "{:?} {:?}", plain.dsnu_e, lifted.dsnu_e);
+    let is_of_light = |warning: &crate::warning::Warning| warning.text().contains("in proportion");
+    assert!(!lifted.warnings.iter().any(is_of_light), "{:?}", lifted.warnings);
+    for channel in 0..3 {
+        let [of_plain, of_lifted] = [&rates, &lifted_rates].map(|rates| rates[channel].unwrap());
+        assert!(near(of_plain, of_lifted), "{channel}: {of_plain:?} {of_lifted:?}");
+        let black = lifted.channels[channel].black_level_dn - plain.channels[channel].black_level_dn;
+        assert!((black - f64::from(above[channel])).abs() < 0.01, "{channel}: {black}");
+    }
+}

@@ -133,7 +133,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("fluorspar-pbrt", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     ("fluorspar-report", &["fluorspar", "fluorspar-format", "fluorspar-experiment"]),
     ("fluorspar-session", &["fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"]),
-    ("fluorspar-study", &["fluorspar", "fluorspar-format", "fluorspar-session"]),
+    ("fluorspar-study", &["fluorspar", "fluorspar-format", "fluorspar-report", "fluorspar-session"]),
     ("fluorspar-validation", &["fluorspar", "fluorspar-format", "fluorspar-experiment", "fluorspar-report"]),
     (
         "fluorspar-web",

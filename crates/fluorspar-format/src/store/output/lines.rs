@@ -63,6 +63,24 @@ impl AppendedLines {
         Ok(lines.next().filter(is_whole).map(<[u8]>::to_vec))
     }
 
+    /// What follows the last complete line: a torn one, or one whose end was changed.
+    ///
+    /// # Errors
+    /// What the system reports.
+    pub fn rest(&self) -> Result<Vec<u8>, FormatError> {
+        let mut bytes = read_bounded(&self.path, LARGEST_BYTES)?;
+        Ok(bytes.split_off((self.complete as usize).min(bytes.len())))
+    }
+
+    /// Writes the end of the last line, which is complete otherwise.
+    ///
+    /// # Errors
+    /// What the system reports.
+    pub fn end_last(&mut self) -> Result<(), FormatError> {
+        self.complete += self.rest()?.len() as u64;
+        self.append_synced("\n")
+    }
+
     /// Cuts a last line off that was not written to its end.
     ///
     /// # Errors
