@@ -96,17 +96,18 @@ fn lead(held: &HeldNumbers) -> String {
         of_standing(held, Standing::Outside).map(|number| number.of[0].as_str()).collect();
     names.dedup();
     let who = match outside {
-        0 => "nobody lies outside".to_owned(),
+        0 => "nobody outside".to_owned(),
         _ if names.len() <= 12 => format!("OUTSIDE: {}", names.join(", ")),
-        _ => format!("{} people lie outside", names.len()),
+        _ => format!("{} people outside", names.len()),
     };
+    let open = if open == 0 { String::new() } else { format!("; of {open} it can't be told") };
     format!(
-        "{} of the {}, against {} {} people: {who}. {inside} of {} numbers lie inside, of {open} it can't be told.",
+        "{} of the {}, against {} {} people: {who}; {inside} of {} numbers inside{open}.",
         name_of(held),
         held.region.replace('_', " "),
         held.people,
         held.origin,
-        outside + open + inside,
+        held.numbers.len(),
     )
 }
 
@@ -172,7 +173,7 @@ fn figure(held: &HeldNumbers, name: &str, numbers: &[&HeldNumber]) -> Figure {
             panel = panel.with(Series { name: Some(verdict_of(standing).to_lowercase()), ink, shape });
         }
     }
-    Figure::new("", panel)
+    Figure::new("People against the norm", panel)
 }
 
 fn table(held: &HeldNumbers, numbers: &[&HeldNumber]) -> NumberMatrix {

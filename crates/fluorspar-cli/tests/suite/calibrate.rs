@@ -305,6 +305,11 @@ fn two_cameras_give_the_same_estimate_once_they_are_calibrated() {
         fluorspar(folder, ["render", "patient.toml", "--components", "--out", "patient.exr", "-q"]).well();
         fluorspar(folder, ["capture", "patient.exr", "--set", view, "--out", "patient", "-q"]).well();
         fluorspar(folder, ["calibrate", "targets.toml", "--out", "calibrated", "-q"]).well();
+        // Of an experiment of the catalogue
+        let built_in = "format = 1\nexperiment = \"oraleye-2021\"\ndark = \"dark\"\nflat = \"flat\"\n";
+        fs::write(folder.join("built_in.toml"), built_in).unwrap();
+        fluorspar(folder, ["calibrate", "built_in.toml", "--out", "built-in", "-q"]).well();
+        fluorspar(folder, ["check", "built-in/camera.toml", "-q"]).well();
         // The folder of both may be moved
         let camera = fs::read_to_string(folder.join("calibrated/camera.toml")).unwrap();
         assert!(camera.contains("base = \"../sheet.toml\""), "{camera}");
