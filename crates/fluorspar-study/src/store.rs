@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use fluorspar::digest::sha256_hex;
-use fluorspar_format::{digest_bounded, read_bounded, sync_together, write_atomically, write_unsynced};
+use fluorspar_format::{
+    digest_bounded, read_bounded, read_toml, sync_together, write_atomically, write_unsynced,
+};
 use fluorspar_session::{AnalyzeOptions, Error, ExperimentSource, Job, Result, read_text};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -132,7 +134,7 @@ fn camera_files(folder: &Path) -> Result<Vec<PathBuf>> {
         if file.extension().is_none_or(|ending| ending != "toml") {
             continue;
         }
-        let Ok(table) = read_text(&folder.join(&file))?.parse::<toml::Table>() else { continue };
+        let Ok(table) = read_toml::<toml::Table>(&read_text(&folder.join(&file))?) else { continue };
         let mut names = Vec::new();
         strings_of(&toml::Value::Table(table), &mut names);
         for name in names {

@@ -334,8 +334,7 @@ impl<'a> PhotographWork<'a> {
         }
         if done.is_empty() {
             // There is nothing to go on from
-            drop(journal);
-            std::fs::remove_file(&path).unwrap_or_default();
+            journal.discard()?;
             return Err(Error::Input(FailedPhotograph::list(&failures)));
         }
         mark_apart(&mut done);

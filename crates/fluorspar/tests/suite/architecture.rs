@@ -117,8 +117,8 @@ const FRONTS: &[(&str, &[&str], &[&str])] = &[
     ),
     (
         "fluorspar-study/src/",
-        &["digest", "image", "analysis", "findings"],
-        &["fluorspar_format", "fluorspar_session"],
+        &["digest", "image", "analysis", "findings", "units"],
+        &["fluorspar_format", "fluorspar_report", "fluorspar_session"],
     ),
 ];
 

@@ -43,6 +43,14 @@ impl Journal {
         }
     }
 
+    /// Removes a journal of work that came to nothing.
+    ///
+    /// # Errors
+    /// What the system reports.
+    pub fn discard(self) -> Result<(), FormatError> {
+        self.lines.remove()
+    }
+
     /// Adds a finished part.
     ///
     /// # Errors

@@ -89,6 +89,14 @@ impl AppendedLines {
         self.file.set_len(self.complete).map_err(|source| FormatError::io(&self.path, "write", source))
     }
 
+    /// Removes the file.
+    ///
+    /// # Errors
+    /// What the system reports.
+    pub fn remove(self) -> Result<(), FormatError> {
+        std::fs::remove_file(&self.path).map_err(|source| FormatError::io(&self.path, "remove", source))
+    }
+
     /// Adds lines, each with its end; all, or none.
     ///
     /// # Errors
