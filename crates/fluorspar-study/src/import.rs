@@ -267,13 +267,13 @@ fn import_outcomes(study: &mut Study, path: &Path) -> Result<usize> {
         }
         // A later one of the same method takes its place
         let of_log = study.log.entries.iter().map(|entry| &entry.event).chain(&events);
-        let last = of_log.filter_map(|event| match event {
+        let mut last = of_log.filter_map(|event| match event {
             Event::Outcome { subject: of, method: by, outcome } if (of, by) == (&subject, &method) => {
                 Some(outcome)
             }
             _ => None,
         });
-        if last.last() != Some(&outcome) {
+        if last.next_back() != Some(&outcome) {
             events.push(Event::Outcome { subject, method, outcome });
         }
     }
