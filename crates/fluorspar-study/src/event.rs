@@ -70,7 +70,7 @@ pub enum Event {
         subject: String,
         /// `biopsy`, `follow-up` or another.
         method: String,
-        /// What was found; one of [`HEALTHY`] is no lesion.
+        /// What was found; `healthy`, `none`, `no lesion`, `no` and `negative` are no lesion.
         outcome: String,
     },
 }
