@@ -116,8 +116,10 @@ fn check_folder(options: &AnalyzeOptions) -> Result<()> {
         ));
     }
     if let Some(folder) = options.folder.as_ref().filter(|folder| !folder.exists()) {
-        let shown = folder.display();
-        return Err(Error::Input(format!("{shown}: there is no such folder or table of photographs")));
+        return Err(Error::Input(format!(
+            "{}: there is no such folder; give one that `run` or `capture` wrote, one of photographs, or name frames with ⟨frame⟩",
+            folder.display()
+        )));
     }
     if let Some(folder) = options.folder.as_ref().filter(|folder| !folder.is_dir()) {
         return Err(Error::Input(format!(

@@ -20,16 +20,18 @@ const TABLES: &str = "
 CREATE TABLE audit (seq INTEGER PRIMARY KEY, before TEXT, at TEXT, who TEXT, command TEXT, sha256 TEXT);
 CREATE TABLE study (name TEXT, site TEXT, secret TEXT);
 CREATE TABLE setup (path TEXT PRIMARY KEY, sha256 TEXT NOT NULL, analysis TEXT NOT NULL);
-CREATE TABLE subject (subject TEXT PRIMARY KEY, site TEXT, sex TEXT, age REAL, skin TEXT, smoker TEXT, consent TEXT, withdrawn INTEGER NOT NULL DEFAULT 0);
-CREATE TABLE photograph (photograph TEXT PRIMARY KEY, subject TEXT NOT NULL, session TEXT NOT NULL, visit TEXT NOT NULL);
+CREATE TABLE subject (subject TEXT PRIMARY KEY, site TEXT, sex TEXT, age REAL, skin TEXT, smoker TEXT, consent TEXT, withdrawn INTEGER NOT NULL DEFAULT 0)
+    WITHOUT ROWID;
+CREATE TABLE photograph (photograph TEXT PRIMARY KEY, subject TEXT NOT NULL, session TEXT NOT NULL, visit TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE file (path TEXT PRIMARY KEY, photograph TEXT NOT NULL, role TEXT NOT NULL, sha256 TEXT NOT NULL);
-CREATE TABLE region (region_sha256 TEXT PRIMARY KEY, photograph TEXT NOT NULL, region TEXT NOT NULL, place TEXT NOT NULL, verdict TEXT, current INTEGER NOT NULL);
+CREATE TABLE region (region_sha256 TEXT PRIMARY KEY, photograph TEXT NOT NULL, region TEXT NOT NULL, place TEXT NOT NULL, verdict TEXT, current INTEGER NOT NULL)
+    WITHOUT ROWID;
 CREATE TABLE estimate (photograph TEXT NOT NULL, region_sha256 TEXT NOT NULL, region TEXT NOT NULL, quantity TEXT NOT NULL, channel TEXT NOT NULL,
     value REAL, low REAL, high REAL, interval_kind TEXT, pixels INTEGER, warnings TEXT, analysis TEXT NOT NULL, version TEXT NOT NULL, seq INTEGER NOT NULL,
     PRIMARY KEY (region_sha256, analysis, version, quantity, channel));
 CREATE INDEX photograph_of ON photograph (subject);
 CREATE INDEX region_of ON region (photograph);
-CREATE INDEX estimate_of ON estimate (region_sha256, quantity, channel, seq);
+CREATE INDEX estimate_of ON estimate (quantity, channel, region_sha256, seq);
 CREATE TABLE outcome (subject TEXT NOT NULL, method TEXT, outcome TEXT NOT NULL, seq INTEGER PRIMARY KEY);
 ";
 

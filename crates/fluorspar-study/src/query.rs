@@ -80,7 +80,8 @@ pub fn query(options: &QueryOptions, _: &fluorspar_session::Job) -> Result<Vec<Q
     rows(&Study::asked(&options.args.study)?.0, options)
 }
 
-/// The last numbers of regions that are not wrong, by person, region and quantity: those of the camera of now, where it has any.
+/// The last numbers of regions that are not wrong, by person, region and quantity: those of the camera of now, where it has any. Conditions
+/// follow.
 const LAST: &str = "SELECT p.subject, p.session, e.region, e.quantity, e.channel, e.value, e.low, e.high, e.interval_kind, s.withdrawn,
            CASE WHEN s.site = '' THEN (SELECT site FROM study LIMIT 1) ELSE s.site END, s.age, s.consent, e.analysis, e.version,
            e.photograph, r.verdict
@@ -88,14 +89,19 @@ const LAST: &str = "SELECT p.subject, p.session, e.region, e.quantity, e.channel
     JOIN photograph p ON p.photograph = e.photograph
     JOIN subject s ON s.subject = p.subject
     JOIN region r ON r.region_sha256 = e.region_sha256 AND r.current = 1
-    WHERE (?1 IS NULL OR p.subject = ?1) AND (?2 IS NULL OR e.region = ?2) AND (?3 IS NULL OR e.quantity = ?3)
-      AND e.seq = (SELECT o.seq FROM estimate o WHERE o.region_sha256 = e.region_sha256 AND o.quantity = e.quantity AND o.channel = e.channel
-                   ORDER BY o.analysis = (SELECT analysis FROM setup LIMIT 1) DESC, o.seq DESC LIMIT 1)
-    ORDER BY p.subject, p.session, e.photograph, e.region, e.seq";
+    WHERE e.seq = (SELECT o.seq FROM estimate o WHERE o.region_sha256 = e.region_sha256 AND o.quantity = e.quantity AND o.channel = e.channel
+                   ORDER BY o.analysis = (SELECT analysis FROM setup LIMIT 1) DESC, o.seq DESC LIMIT 1)";
 
 /// The last numbers of an index that options ask for.
 pub(crate) fn rows(index: &Index, options: &QueryOptions) -> Result<Vec<QueriedRow>> {
-    index.rows(LAST, [&options.subject, &options.region, &options.quantity], |row| {
+    let columns =
+        [("p.subject", &options.subject), ("e.region", &options.region), ("e.quantity", &options.quantity)];
+    // A condition that is there for none of its values would keep the tables from being looked up by it
+    let given = || columns.iter().filter_map(|(column, value)| Some((column, value.as_ref()?)));
+    let conditions: String = given().map(|(column, _)| format!(" AND {column} = ?")).collect();
+    let values = rusqlite::params_from_iter(given().map(|(_, value)| value));
+    let sql = format!("{LAST}{conditions} ORDER BY p.subject, p.session, e.photograph, e.region, e.seq");
+    index.rows(&sql, values, |row| {
         let ends: [Option<f64>; 2] = [row.get(6)?, row.get(7)?];
         Ok(QueriedRow {
             subject: row.get(0)?,

@@ -346,7 +346,7 @@ impl FrameCalibration {
         let converter_e = (codes - black) / gain;
         // A well that fills before the converter ends
         let own_e = (codes - black) / self.gain_dn_per_e.value;
-        let well = self.full_scale_e.map(|full| full.value).filter(|full| *full < 0.98 * own_e);
+        let well = self.full_scale_e.map(|full| full.value).filter(|full| *full < 0.995 * own_e);
         let limit = well
             .filter(|well| *well < converter_e)
             .map_or(Limit { electrons: converter_e, noise_e }, Limit::well);
