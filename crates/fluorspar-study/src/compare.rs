@@ -252,6 +252,9 @@ fn numbers_of(norm: &NormFile) -> NormOptions {
 /// How well the number of a norm tells people with a lesion, where two or more of each are known.
 fn separation(index: &Index, norm: &NormFile) -> Result<Option<Separation>> {
     let outcomes = outcomes(index)?;
+    if !outcomes.values().any(|is_ill| *is_ill) {
+        return Ok(None);
+    }
     let scores = |has_lesion: bool| -> Result<Vec<f64>> {
         let mut people = people_of(index, &numbers_of(norm), None, has_lesion)?.people;
         people.retain(|subject, _| outcomes.contains_key(subject));
