@@ -333,8 +333,10 @@ impl<'a> PhotographWork<'a> {
             share_done((number + 1) as f64 / count as f64);
         }
         if done.is_empty() {
-            // There is nothing to go on from
-            journal.discard()?;
+            // What was finished before stays, to go on from
+            if known.is_empty() {
+                journal.discard()?;
+            }
             return Err(Error::Input(FailedPhotograph::list(&failures)));
         }
         mark_apart(&mut done);
