@@ -209,16 +209,20 @@ fn people_in(
 ) -> Result<BTreeMap<String, NormPerson>> {
     let people =
         |index: &Index| Ok(people_of(index, &numbers_of(norm), options.subject.as_deref(), false)?.people);
-    let lines: Vec<String> = index.rows("SELECT sha256 FROM audit ORDER BY seq", [], |row| row.get(0))?;
-    match lines.iter().position(|sha256| norm.logs.contains(sha256)) {
-        _ if norm.origin != "measured" => Ok(BTreeMap::new()),
-        None => Ok(BTreeMap::new()),
-        Some(last) if last + 1 == lines.len() => people(index),
-        Some(last) => {
+    if norm.origin != "measured" {
+        return Ok(BTreeMap::new());
+    }
+    if norm.logs.contains(&index.head()) {
+        return people(index);
+    }
+    for line in &norm.logs {
+        let sql = "SELECT seq FROM audit WHERE sha256 = ?";
+        if let Some(last) = index.rows(sql, [line], |row| row.get::<_, i64>(0))?.first() {
             let entries = Study::open(&options.args.study)?.log.entries;
-            people(&Index::in_memory(&entries[..=last])?)
+            return people(&Index::in_memory(&entries[..*last as usize])?);
         }
     }
+    Ok(BTreeMap::new())
 }
 
 /// Says whether a norm still holds people who withdrew since.

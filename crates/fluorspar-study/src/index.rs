@@ -14,7 +14,7 @@ use crate::log::{Entry, LOG};
 pub(crate) const FOLDER: &str = ".fluorspar";
 const FILE: &str = "study.sqlite";
 /// Version of the tables: an index of another is made anew.
-const VERSION: i64 = 5;
+const VERSION: i64 = 6;
 
 const TABLES: &str = "
 CREATE TABLE audit (seq INTEGER PRIMARY KEY, before TEXT, at TEXT, who TEXT, command TEXT, sha256 TEXT);
@@ -27,11 +27,11 @@ CREATE TABLE file (path TEXT PRIMARY KEY, photograph TEXT NOT NULL, role TEXT NO
 CREATE TABLE region (region_sha256 TEXT PRIMARY KEY, photograph TEXT NOT NULL, region TEXT NOT NULL, place TEXT NOT NULL, verdict TEXT, current INTEGER NOT NULL)
     WITHOUT ROWID;
 CREATE TABLE estimate (photograph TEXT NOT NULL, region_sha256 TEXT NOT NULL, region TEXT NOT NULL, quantity TEXT NOT NULL, channel TEXT NOT NULL,
-    value REAL, low REAL, high REAL, interval_kind TEXT, pixels INTEGER, warnings TEXT, analysis TEXT NOT NULL, version TEXT NOT NULL, seq INTEGER NOT NULL,
-    PRIMARY KEY (region_sha256, analysis, version, quantity, channel));
+    value REAL, low REAL, high REAL, interval_kind TEXT, pixels INTEGER, analysis TEXT NOT NULL, version TEXT NOT NULL, seq INTEGER NOT NULL,
+    PRIMARY KEY (quantity, channel, region_sha256, analysis, version)) WITHOUT ROWID;
 CREATE INDEX photograph_of ON photograph (subject);
 CREATE INDEX region_of ON region (photograph);
-CREATE INDEX estimate_of ON estimate (quantity, channel, region_sha256, seq);
+CREATE INDEX estimate_of ON estimate (region_sha256);
 CREATE TABLE outcome (subject TEXT NOT NULL, method TEXT, outcome TEXT NOT NULL, seq INTEGER PRIMARY KEY);
 ";
 
@@ -81,7 +81,11 @@ impl Index {
     /// The index that is there, where it knows the last line of the log: what is only asked for needs no look at the others.
     pub(crate) fn current(folder: &Path) -> Option<Self> {
         let path = folder.join(FOLDER).join(FILE);
-        let connection = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY).ok()?;
+        let connection = Connection::open_with_flags(
+            path,
+            OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX,
+        )
+        .ok()?;
         let last: Entry = serde_json::from_slice(&AppendedLines::last(&folder.join(LOG)).ok()??).ok()?;
         let is_current =
             is_of_this_version(&connection) && last_line(&connection)? == (last.seq, last.sha256);
@@ -295,7 +299,7 @@ fn apply_one(to: &Connection, entry: &Entry) -> rusqlite::Result<()> {
 
 fn add_estimate(to: &Connection, of: &LoggedEstimate, seq: i64) -> rusqlite::Result<()> {
     let number = &of.number;
-    to.prepare_cached("INSERT OR IGNORE INTO estimate VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?
+    to.prepare_cached("INSERT OR IGNORE INTO estimate VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?
         .execute(params![
             of.photograph,
             of.region_sha256,
@@ -307,7 +311,6 @@ fn add_estimate(to: &Connection, of: &LoggedEstimate, seq: i64) -> rusqlite::Res
             number.interval.map(|ends| ends[1]),
             serde_json::to_value(number.interval_kind).ok().and_then(|kind| kind.as_str().map(str::to_owned)),
             number.pixels as i64,
-            number.warnings.join("\n"),
             of.analysis,
             of.version,
             seq

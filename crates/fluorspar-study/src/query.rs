@@ -1,5 +1,8 @@
 //! Numbers of a study.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
 use fluorspar_session::Result;
 use serde::{Deserialize, Serialize};
 
@@ -80,46 +83,75 @@ pub fn query(options: &QueryOptions, _: &fluorspar_session::Job) -> Result<Vec<Q
     rows(&Study::asked(&options.args.study)?.0, options)
 }
 
-/// The last numbers of regions that are not wrong, by person, region and quantity: those of the camera of now, where it has any. Conditions
-/// follow.
-const LAST: &str = "SELECT p.subject, p.session, e.region, e.quantity, e.channel, e.value, e.low, e.high, e.interval_kind, s.withdrawn,
-           CASE WHEN s.site = '' THEN (SELECT site FROM study LIMIT 1) ELSE s.site END, s.age, s.consent, e.analysis, e.version,
-           e.photograph, r.verdict
-    FROM estimate e
-    JOIN photograph p ON p.photograph = e.photograph
-    JOIN subject s ON s.subject = p.subject
-    JOIN region r ON r.region_sha256 = e.region_sha256 AND r.current = 1
-    WHERE e.seq = (SELECT o.seq FROM estimate o WHERE o.region_sha256 = e.region_sha256 AND o.quantity = e.quantity AND o.channel = e.channel
-                   ORDER BY o.analysis = (SELECT analysis FROM setup LIMIT 1) DESC, o.seq DESC LIMIT 1)";
+/// What numbers are looked up by: a person, or what they are. The order of the tables is the order in which they are read.
+const BY_PERSON: &str = "photograph p CROSS JOIN region r ON r.photograph = p.photograph
+    CROSS JOIN estimate e ON e.region_sha256 = r.region_sha256";
+const BY_QUANTITY: &str = "estimate e CROSS JOIN region r ON r.region_sha256 = e.region_sha256
+    CROSS JOIN photograph p ON p.photograph = e.photograph";
+const COLUMNS: &str = "p.subject, p.session, e.region, e.quantity, e.channel, e.value, e.low, e.high, e.interval_kind, s.withdrawn,
+    CASE WHEN s.site = '' THEN (SELECT site FROM study LIMIT 1) ELSE s.site END, s.age, s.consent, e.analysis, e.version, e.photograph,
+    r.verdict, e.region_sha256, e.analysis = (SELECT analysis FROM setup LIMIT 1), e.seq";
 
-/// The last numbers of an index that options ask for.
+/// Which of the numbers of a region count, least first: those of the camera of now, and the last.
+type Rank = (bool, i64);
+
+/// The last numbers that options ask for of regions that are not wrong, by person, visit and region: those of the camera of now, where it has
+/// any.
 pub(crate) fn rows(index: &Index, options: &QueryOptions) -> Result<Vec<QueriedRow>> {
+    // With the + numbers of a person are not looked up among those of all people
+    let (tables, quantity) =
+        if options.subject.is_some() { (BY_PERSON, "+e.quantity") } else { (BY_QUANTITY, "e.quantity") };
     let columns =
-        [("p.subject", &options.subject), ("e.region", &options.region), ("e.quantity", &options.quantity)];
+        [("p.subject", &options.subject), ("e.region", &options.region), (quantity, &options.quantity)];
     // A condition that is there for none of its values would keep the tables from being looked up by it
     let given = || columns.iter().filter_map(|(column, value)| Some((column, value.as_ref()?)));
     let conditions: String = given().map(|(column, _)| format!(" AND {column} = ?")).collect();
     let values = rusqlite::params_from_iter(given().map(|(_, value)| value));
-    let sql = format!("{LAST}{conditions} ORDER BY p.subject, p.session, e.photograph, e.region, e.seq");
-    index.rows(&sql, values, |row| {
-        let ends: [Option<f64>; 2] = [row.get(6)?, row.get(7)?];
-        Ok(QueriedRow {
-            subject: row.get(0)?,
-            session: row.get(1)?,
-            region: row.get(2)?,
-            quantity: row.get(3)?,
-            channel: row.get(4)?,
-            value: row.get(5)?,
-            interval: ends[0].zip(ends[1]).map(|(low, high)| [low, high]),
-            interval_kind: row.get(8)?,
-            withdrawn: row.get(9)?,
-            site: row.get(10)?,
-            age: row.get(11)?,
-            consent: row.get(12)?,
-            analysis: row.get(13)?,
-            version: row.get(14)?,
-            photograph: row.get(15)?,
-            verdict: row.get(16)?,
-        })
-    })
+    let sql = format!(
+        "SELECT {COLUMNS} FROM {tables} CROSS JOIN subject s ON s.subject = p.subject WHERE r.current = 1{conditions}"
+    );
+    let mut last: HashMap<[String; 3], (Rank, QueriedRow)> = HashMap::new();
+    for (region, rank, row) in index.rows(&sql, values, read_row)? {
+        let key = [region, row.quantity.clone(), row.channel.clone()];
+        match last.entry(key) {
+            Entry::Occupied(before) if before.get().0 > rank => {}
+            entry => drop(entry.insert_entry((rank, row))),
+        }
+    }
+    let mut last: Vec<_> = last.into_values().collect();
+    last.sort_by(|((_, a_seq), a), ((_, b_seq), b)| {
+        (&a.subject, &a.session, &a.photograph, &a.region, a_seq).cmp(&(
+            &b.subject,
+            &b.session,
+            &b.photograph,
+            &b.region,
+            b_seq,
+        ))
+    });
+    Ok(last.into_iter().map(|(_, row)| row).collect())
+}
+
+/// A row, its rank, and the digest of its region.
+fn read_row(row: &rusqlite::Row<'_>) -> rusqlite::Result<(String, Rank, QueriedRow)> {
+    let ends: [Option<f64>; 2] = [row.get(6)?, row.get(7)?];
+    let rank = (row.get::<_, Option<bool>>(18)?.unwrap_or(false), row.get(19)?);
+    let found = QueriedRow {
+        subject: row.get(0)?,
+        session: row.get(1)?,
+        region: row.get(2)?,
+        quantity: row.get(3)?,
+        channel: row.get(4)?,
+        value: row.get(5)?,
+        interval: ends[0].zip(ends[1]).map(|(low, high)| [low, high]),
+        interval_kind: row.get(8)?,
+        withdrawn: row.get(9)?,
+        site: row.get(10)?,
+        age: row.get(11)?,
+        consent: row.get(12)?,
+        analysis: row.get(13)?,
+        version: row.get(14)?,
+        photograph: row.get(15)?,
+        verdict: row.get(16)?,
+    };
+    Ok((row.get(17)?, rank, found))
 }

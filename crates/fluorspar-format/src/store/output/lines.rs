@@ -68,8 +68,12 @@ impl AppendedLines {
     /// # Errors
     /// What the system reports.
     pub fn rest(&self) -> Result<Vec<u8>, FormatError> {
-        let mut bytes = read_bounded(&self.path, LARGEST_BYTES)?;
-        Ok(bytes.split_off((self.complete as usize).min(bytes.len())))
+        let failed = |source| FormatError::io(&self.path, "read", source);
+        let (mut file, _) = open_plain(&self.path)?;
+        file.seek(SeekFrom::Start(self.complete)).map_err(failed)?;
+        let mut rest = Vec::new();
+        file.take(LARGEST_BYTES).read_to_end(&mut rest).map_err(failed)?;
+        Ok(rest)
     }
 
     /// Writes the end of the last line, which is complete otherwise.
