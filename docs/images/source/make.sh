@@ -1,9 +1,10 @@
 #!/bin/sh
-# Makes the pictures of docs/images; see README.md beside this file.
+# Makes the pictures of docs/images, or of the folder IMAGES; see README.md beside this file.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
-images=$(dirname "$here")
-fluorspar=${FLUORSPAR:-$(dirname "$(dirname "$images")")/target/release/fluorspar}
+root=$(cd "$here/../../.." && pwd)
+images=${IMAGES:-$root/docs/images}
+fluorspar=${FLUORSPAR:-$root/target/release/fluorspar}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 [ $# -gt 0 ] || set -- main views lesions masks scan gallery
@@ -61,7 +62,7 @@ for name in "$@"; do
         cp "$work/scan_white.png" "$images"
         ;;
     gallery)
-        examples=$(dirname "$(dirname "$images")")/examples
+        examples=$root/examples
         for template in leaf painting cuvette; do
             "$fluorspar" new "$template" "$work/$template.toml" --quiet
             gallery_frames "$work/$template.toml" "$template" --set render.width_px=320 --set render.height_px=240
