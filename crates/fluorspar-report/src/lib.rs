@@ -49,14 +49,14 @@ pub use figure::{
     Series, SeriesShape,
 };
 pub use findings::{ASSUMED_GAIN, finding_lines};
-pub use norm_report::{HeldNumber, HeldNumbers, norm_report, verdict_of};
+pub use norm_report::{HeldNumber, HeldNumbers, norm_report, percentile_of, verdict_of};
 pub use outlined_preview::outlined_preview;
 pub use page::{
     Answer, Contribution, Contributions, FrameView, MapOverlay, Number, NumberMatrix, NumberTable, Origin,
     Overview, ReportData, ReportItem, ReportPicture, Section, analysis_section, close_page, escape,
     extract_experiment, open_page, page_policy, write_figure,
 };
-pub use photographs_report::{PhotographResults, PlacedNumber, photographs_report};
+pub use photographs_report::{PhotographResults, PlacedNumber, photographs_report, warnings_by_kind};
 pub use run::{
     FrameOrigin, LEAKING, NamedFigure, RunFolderError, RunReport, RunResults, analysis_json, dark_frames,
     evaluation_json, exceeded_limits, leaking_frames, region_warnings, regions_matrix, run_report,

@@ -2,6 +2,7 @@
 
 use fluorspar::analysis::{Analyte, NormPlace, Standing};
 use fluorspar::findings::{Finding, FindingId};
+use fluorspar_experiment::Warning;
 
 use crate::findings::{FindingWords, shown, value};
 use crate::{
@@ -61,9 +62,25 @@ pub fn verdict_of(standing: Standing) -> &'static str {
     }
 }
 
+/// What is known of a percentile.
+#[must_use]
+pub fn percentile_of([low, high]: [f64; 2]) -> String {
+    const LAST: f64 = 99.9;
+    match (low > LAST, high < 100.0 - LAST) {
+        (true, _) => format!("above {LAST}"),
+        (_, true) => format!("below {:.1}", 100.0 - LAST),
+        _ => format!("{low:.1} to {high:.1}"),
+    }
+}
+
 /// The page of people against norms. `left_out` says which numbers no norm holds for, and why.
 #[must_use]
-pub fn norm_report(study: &str, held: &[HeldNumbers], left_out: &[String]) -> ReportData {
+pub fn norm_report(
+    study: &str,
+    held: &[HeldNumbers],
+    left_out: &[String],
+    warnings: Vec<Warning>,
+) -> ReportData {
     let mut sections: Vec<Section> = held.iter().map(section).collect();
     if !left_out.is_empty() {
         let terms = left_out.iter().map(|text| text.split_once(": ").unwrap_or((text, "")));
@@ -73,6 +90,7 @@ pub fn norm_report(study: &str, held: &[HeldNumbers], left_out: &[String]) -> Re
     ReportData {
         title: format!("{study}: who is outside of what is normal"),
         lead: held.iter().map(lead).collect(),
+        warnings,
         sections,
         provenance: vec![("version".into(), env!("CARGO_PKG_VERSION").into())],
         ..ReportData::default()
@@ -117,7 +135,8 @@ fn section(held: &HeldNumbers) -> Section {
         STANDINGS.iter().flat_map(|(standing, _)| sorted(of_standing(held, *standing).collect())).collect();
     numbers.truncate(MOST_ROWS[0]);
     let text = format!(
-        "{name} of the {}. The range of a person is that of the others, of that age and site.",
+        "{name} of the {}. The bar of a person is the range of the others, of that age and site; the line is the whole interval of the \
+         number. Those others were measured with errors, too.",
         held.region.replace('_', " ")
     );
     let section = Section::new(format!("{name}, {}", held.region.replace('_', " ")));
@@ -179,7 +198,6 @@ fn figure(held: &HeldNumbers, name: &str, numbers: &[&HeldNumber]) -> Figure {
 fn table(held: &HeldNumbers, numbers: &[&HeldNumber]) -> NumberMatrix {
     let cell = |value_of, interval| value(&Finding { interval, ..Finding::new(held.id, value_of) });
     let row = |number: &&HeldNumber| {
-        let [low, high] = number.place.percentile;
         let [person, visit] = number.of.clone();
         let verdict = verdict_of(number.place.standing).to_owned();
         let range = number.place.range.map(|end| cell(Some(end), None)).join(" to ");
@@ -189,7 +207,7 @@ fn table(held: &HeldNumbers, numbers: &[&HeldNumber]) -> NumberMatrix {
             verdict,
             cell(number.value, number.interval),
             range,
-            format!("{low:.1} to {high:.1}"),
+            percentile_of(number.place.percentile),
         ]
     };
     let unit = shown(&Finding::new(held.id, None)).unit;
@@ -210,8 +228,9 @@ fn table(held: &HeldNumbers, numbers: &[&HeldNumber]) -> NumberMatrix {
         ],
         rows: numbers.iter().map(row).collect(),
         note: format!(
-            "The range holds 95 % of people with 95 % confidence. A number is outside or inside with its whole interval; one without brackets is \
-             judged by itself. The percentile has an interval of what is not known of the norm, and of the number.{cut}"
+            "The range holds 95 % of people with 95 % confidence. People of the norm were measured with errors, too, which make it wider: a number \
+             is judged by itself, and by what its interval has beyond theirs. The percentile has an interval of that, and of what is not known \
+             of the norm.{cut}"
         ),
     }
 }

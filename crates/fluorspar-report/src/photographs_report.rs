@@ -1,5 +1,7 @@
 //! The page of many photographs.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use fluorspar::analysis::Analyte;
 use fluorspar::findings::{Caveat, Finding, FindingId};
 use fluorspar_experiment::Warning;
@@ -45,6 +47,27 @@ pub struct PhotographResults<'a> {
     pub failures: Vec<(String, String)>,
     /// Whether regions are guesses, to be confirmed before anything is estimated.
     pub is_proposal: bool,
+}
+
+/// Warnings of regions, those that differ in numbers alone as one.
+#[must_use]
+pub fn warnings_by_kind(regions: &[Vec<String>]) -> Vec<Warning> {
+    let mut kinds: BTreeMap<String, (usize, BTreeSet<&str>)> = BTreeMap::new();
+    for warning in regions.iter().flatten() {
+        let kind = warning.chars().filter(|letter| !letter.is_ascii_digit()).collect();
+        let (count, texts) = kinds.entry(kind).or_default();
+        *count += 1;
+        texts.insert(warning);
+    }
+    let text = |(count, texts): (usize, BTreeSet<&str>)| {
+        let first = texts.first().copied().unwrap_or_default();
+        match (count, texts.len()) {
+            (1, _) => Warning::from(format!("One region: {first}")),
+            (_, 1) => Warning::from(format!("{count} regions: {first}")),
+            _ => Warning::from(format!("{count} regions, for instance: {first}")),
+        }
+    };
+    kinds.into_values().map(text).collect()
 }
 
 /// Numbers of the table.
@@ -131,9 +154,10 @@ fn table(found: &PhotographResults<'_>) -> Option<NumberMatrix> {
     };
     let names = ["patient", "visit", "region"].map(String::from).into_iter();
     let columns: Vec<String> =
-        names.chain(told.iter().map(head)).chain(std::iter::once("apart".to_owned())).collect();
+        names.chain(told.iter().map(head)).chain(std::iter::once("also apart *".to_owned())).collect();
     let name = |number: &PlacedNumber| match &number.channel {
         Some(channel) => format!("signal {channel}"),
+        None if number.id == FindingId::LineShare => "share on the line".to_owned(),
         None => words.name(&finding_of(number)).split(" (").next().unwrap_or_default().to_owned(),
     };
     let row = |place: &[String; 3]| -> Vec<String> {
@@ -144,7 +168,8 @@ fn table(found: &PhotographResults<'_>) -> Option<NumberMatrix> {
                 |number| value(&finding_of(number)) + if number.lies_apart { " *" } else { "" },
             )
         };
-        let apart = of_place(found, place).filter(|number| number.lies_apart);
+        let is_told = |number: &&PlacedNumber| number.channel.is_none() && told.contains(&number.id);
+        let apart = of_place(found, place).filter(|number| number.lies_apart && !is_told(number));
         let names: Vec<String> = apart.map(name).collect();
         place.iter().cloned().chain(told.iter().map(cell)).chain(std::iter::once(names.join(", "))).collect()
     };
@@ -154,7 +179,8 @@ fn table(found: &PhotographResults<'_>) -> Option<NumberMatrix> {
         columns,
         rows,
         note: "In brackets 95 %; ± is the spread of the pixels. A star lies more than 3.5 robust standard deviations from the median of the \
-               same number of all photographs: look at the picture first. All numbers and their warnings are in patients.csv."
+               same number of all photographs: look at the picture first. A dash is what is not estimated of such a region. All numbers and their \
+               warnings are in patients.csv."
             .into(),
     })
 }

@@ -1,6 +1,6 @@
 //! People against norms.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
@@ -8,13 +8,13 @@ use fluorspar::analysis::{NormPerson, NormPlace, RocArea, Standing, group_size_f
 use fluorspar::findings::FindingId;
 use fluorspar::units::counted;
 use fluorspar_format::{Output, Outputs};
-use fluorspar_report::{HeldNumber, HeldNumbers, norm_report};
+use fluorspar_report::{HeldNumber, HeldNumbers, norm_report, warnings_by_kind};
 use fluorspar_session::{Error, Job, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::index::Index;
-use crate::norm::{NormFile, NormOptions, outcomes, people_of, read_norm, wrong};
-use crate::query::{QueriedRow, QueryOptions, rows};
+use crate::norm::{NormFile, NormOptions, outcomes, people_of, read_norm, widened_by, wrong};
+use crate::query::{QueriedRow, QueryOptions, rows, warnings_of};
 use crate::store::{Study, StudyArgs, write};
 
 /// Half width of the interval of an area that a study should reach.
@@ -100,10 +100,10 @@ pub fn compare(options: &AgainstNormOptions, job: &Job) -> Result<ComparedPeople
         .transpose()?;
     let (index, _) = Study::asked(&options.args.study)?;
     let mut compared = ComparedPeople { people: Vec::new(), left_out: Vec::new(), separations: Vec::new() };
-    let mut held_numbers = Vec::new();
+    let (mut held_numbers, mut warnings, mut doubts) = (Vec::new(), Vec::new(), Vec::new());
     for path in &options.norm {
         let norm = read_norm(path)?;
-        let first = compared.people.len();
+        let (first, mut outside) = (compared.people.len(), BTreeSet::new());
         let fitted = norm.fit()?;
         let held = people_in(options, &index, &norm)?;
         warn_of_withdrawn(&index, held.keys(), path, job)?;
@@ -122,17 +122,26 @@ pub fn compare(options: &AgainstNormOptions, job: &Job) -> Result<ComparedPeople
             });
             let fitted = others.unwrap_or(Ok(&fitted));
             match fitted.map_err(wrong).and_then(|fitted| person(&norm, fitted, &row)) {
-                Ok(person) => compared.people.push(person),
+                Ok(person) => {
+                    if person.place.standing == Standing::Outside && held.contains_key(&row.subject) {
+                        outside.insert(row.subject.clone());
+                    }
+                    doubts.push(warnings_of(&index, &row)?);
+                    compared.people.push(person);
+                }
                 Err(why) => compared.left_out.push(format!("{}, visit {}: {why}", row.subject, row.session)),
             }
         }
+        warnings.extend(widened_by(&outside.into_iter().collect::<Vec<_>>()).map(Into::into));
         held_numbers.extend(held_against(&norm, &compared.people[first..]));
         compared.separations.extend(separation(&index, &norm)?);
     }
+    job.warn(&warnings);
+    warnings.extend(warnings_by_kind(&doubts));
     if let (Some(out), Some(set)) = (&options.out, set) {
         let study = options.args.study.canonicalize().unwrap_or_else(|_| options.args.study.clone());
         let name = study.file_name().unwrap_or_default().to_string_lossy();
-        write(out, norm_report(&name, &held_numbers, &compared.left_out).to_html().as_bytes())?;
+        write(out, norm_report(&name, &held_numbers, &compared.left_out, warnings).to_html().as_bytes())?;
         set.finish()?;
         job.status(format!("Open {}", out.display()));
     }
@@ -181,13 +190,13 @@ fn person(
             "the number is of another version of the program or another camera.toml than the norm".into(),
         ));
     }
-    // The spread of the pixels is no error of their middle
-    let own = row.interval.filter(|_| ["estimate", "sensor_noise"].contains(&row.interval_kind.as_str()));
+    let own = row.own_interval();
     let has_error = own.is_some() && row.interval_kind == "estimate";
     let interval = own
         .or_else(|| row.value.map(|value| [value; 2]))
         .ok_or_else(|| Error::Input("there is neither a value nor an interval".into()))?;
-    let place = fitted.place(interval, row.age, &row.site).map_err(|error| wrong(&error))?;
+    let beyond = row.value.map_or(interval, |value| fitted.beyond_own_error(value, interval));
+    let place = fitted.place(beyond, row.age, &row.site).map_err(|error| wrong(&error))?;
     Ok(PersonAgainstNorm {
         subject: row.subject.clone(),
         session: row.session.clone(),

@@ -185,7 +185,7 @@ mod tests {
         let of_age = |age: f64, k: u32| 0.6 - 0.005 * age + 0.004 * f64::from(k % 3);
         let person = |k: u32| {
             let age = 20.0 + 5.0 * f64::from(k);
-            NormPerson { site: "north".into(), age: Some(age), values: vec![of_age(age, k)] }
+            NormPerson { site: "north".into(), age: Some(age), values: vec![of_age(age, k)], error: None }
         };
         let people: Vec<NormPerson> = (0..13).map(person).collect();
         let other = people.iter().map(|person| NormPerson { site: "south".into(), ..person.clone() });

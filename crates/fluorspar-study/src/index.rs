@@ -29,6 +29,8 @@ CREATE TABLE region (region_sha256 TEXT PRIMARY KEY, photograph TEXT NOT NULL, r
 CREATE TABLE estimate (photograph TEXT NOT NULL, region_sha256 TEXT NOT NULL, region TEXT NOT NULL, quantity TEXT NOT NULL, channel TEXT NOT NULL,
     value REAL, low REAL, high REAL, interval_kind TEXT, pixels INTEGER, analysis TEXT NOT NULL, version TEXT NOT NULL, seq INTEGER NOT NULL,
     PRIMARY KEY (quantity, channel, region_sha256, analysis, version)) WITHOUT ROWID;
+CREATE TABLE warning (region_sha256 TEXT NOT NULL, analysis TEXT NOT NULL, version TEXT NOT NULL, warning TEXT NOT NULL,
+    PRIMARY KEY (region_sha256, analysis, version, warning)) WITHOUT ROWID;
 CREATE INDEX photograph_of ON photograph (subject);
 CREATE INDEX region_of ON region (photograph);
 CREATE INDEX estimate_of ON estimate (region_sha256);
@@ -314,8 +316,12 @@ fn add_estimate(to: &Connection, of: &LoggedEstimate, seq: i64) -> rusqlite::Res
             of.analysis,
             of.version,
             seq
-        ])
-        .map(|_| ())
+        ])?;
+    let mut add = to.prepare_cached("INSERT OR IGNORE INTO warning VALUES (?, ?, ?, ?)")?;
+    let mut warnings = number.warnings.iter();
+    warnings.try_for_each(|text| {
+        add.execute(params![of.region_sha256, of.analysis, of.version, text]).map(|_| ())
+    })
 }
 
 fn add_file(to: &Connection, photograph: &str, file: &crate::StoredFile) -> rusqlite::Result<()> {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueHint;
 use csv::Reader;
 use fluorspar::analysis::{
-    Norm, NormError, NormPerson, NormSums, ToleranceInterval, ToleranceMethod, ValueRange,
+    Norm, NormError, NormPerson, NormSums, Standing, ToleranceInterval, ToleranceMethod, ValueRange,
 };
 use fluorspar::findings::FindingId;
 use fluorspar_format::{Output, Outputs};
@@ -168,6 +168,8 @@ fn check_sums(norm: &NormFile, shown: &dyn Display) -> Result<()> {
             ("within", site.within, 0.0),
             ("inverse_visits", site.inverse_visits, 0.0),
             ("inverse_visits_squared", site.inverse_visits_squared, 0.0),
+            ("error[0]", site.error[0], 0.0),
+            ("error[1]", site.error[1], 0.0),
         ];
         for (key, sum, least) in sums {
             if !(least..=MOST_SUM).contains(&sum) {
@@ -218,7 +220,7 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
         .as_deref()
         .map(|out| Outputs::new().and(Output::file("--out", out)).reading(&read).declare())
         .transpose()?;
-    let (norm, LeftOut { without_value, at_ends, guesses, without_age, refused, with_lesion }) =
+    let (norm, LeftOut { without_value, at_ends, guesses, without_age, refused, with_lesion, outside }) =
         match (&options.study, &options.cohort, &options.pool[..]) {
             (Some(study), ..) => of_study(options, study)?,
             (None, Some(cohort), _) => of_cohort(options, cohort)?,
@@ -228,8 +230,11 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
             }
         };
     warn([without_value, at_ends, guesses, without_age], job);
+    job.warn(widened_by(&outside).map(Into::into).as_slice());
     if refused + with_lesion > 0 {
-        job.status(format!("Left out: {refused} who withdrew or refuse, {with_lesion} with a lesion"));
+        job.status(format!(
+            "Left out: {refused} who withdrew or refuse, {with_lesion} with an outcome other than healthy"
+        ));
     }
     let fitted = norm.fit()?;
     let mut ranges = Vec::new();
@@ -249,7 +254,7 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
 }
 
 /// People and numbers that are in no norm, and why.
-#[derive(Clone, Copy, Default)]
+#[derive(Default)]
 struct LeftOut {
     without_value: usize,
     /// People whose numbers are all at the ends of their range.
@@ -258,6 +263,41 @@ struct LeftOut {
     without_age: usize,
     refused: usize,
     with_lesion: usize,
+    /// People in the norm who lie outside of the range of the others.
+    outside: Vec<String>,
+}
+
+/// Says who is in a norm and outside of the range of the others.
+pub(crate) fn widened_by(outside: &[String]) -> Option<String> {
+    let who = match outside {
+        [] => return None,
+        [one] => format!("{one} is"),
+        _ => format!("{} are", outside.join(", ")),
+    };
+    let text = format!(
+        "{who} in the norm and outside of the range of the others, which is wider for it: keep out who may be ill by a line of a table of outcomes \
+         (subject,outcome: {},suspected; `fluorspar study import STUDY --outcomes FILE`), and make the norm anew",
+        outside[0]
+    );
+    Some(text)
+}
+
+/// Most people among whom one moves the range much.
+const MOST_MOVED: usize = 92;
+
+/// Who lies outside of the range of the others, where one person moves it much and more do than a range of 95 % leaves out.
+fn outside_of_others(norm: &NormSums, people: &BTreeMap<String, NormPerson>) -> Vec<String> {
+    if people.len() > MOST_MOVED {
+        return Vec::new();
+    }
+    let is_outside = |person: &NormPerson| {
+        let others = norm.without(person).fit().ok()?;
+        let mean = person.values.iter().sum::<f64>() / person.values.len() as f64;
+        Some(others.place([mean; 2], person.age, &person.site).ok()?.standing == Standing::Outside)
+    };
+    let outside = people.iter().filter(|(_, person)| is_outside(person) == Some(true));
+    let outside: Vec<String> = outside.map(|(subject, _)| subject.clone()).collect();
+    if 20 * outside.len() > people.len() { outside } else { Vec::new() }
 }
 
 /// Warns of people who are left out, and of regions that nobody looked at.
@@ -351,10 +391,18 @@ pub(crate) fn people_of(
     });
     let mut people: BTreeMap<String, NormPerson> = BTreeMap::new();
     let mut of_visit: BTreeMap<[&str; 2], Vec<f64>> = BTreeMap::new();
+    let mut errors: BTreeMap<&str, Vec<[f64; 2]>> = BTreeMap::new();
     for row in all.iter().filter(|row| !row.is_guess()) {
-        let new = || NormPerson { site: row.site.clone(), age: row.age, values: Vec::new() };
+        let new = || NormPerson { site: row.site.clone(), age: row.age, ..NormPerson::default() };
         people.entry(row.subject.clone()).or_insert_with(new);
         of_visit.entry([&row.subject, &row.session]).or_default().extend(row.value);
+        if let (Some(value), Some([low, high])) = (row.value, row.own_interval()) {
+            errors.entry(&row.subject).or_default().push([(value - low).powi(2), (high - value).powi(2)]);
+        }
+    }
+    for (subject, errors) in errors {
+        let mean = |side: usize| errors.iter().map(|of| of[side]).sum::<f64>() / errors.len() as f64;
+        people.entry(subject.into()).and_modify(|person| person.error = Some([mean(0), mean(1)]));
     }
     // Several photographs of a visit are one measurement of it
     for ([subject, _], values) in of_visit.into_iter().filter(|(_, values)| !values.is_empty()) {
@@ -403,7 +451,8 @@ fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, LeftOut)>
     let range = range_of(&options.quantity)?;
     let of = people_of(&index, options, None, false)?;
     let analysis = one_analysis(&index, options, &of.rows)?;
-    let people: Vec<NormPerson> = of.people.into_values().collect();
+    let subjects = of.people;
+    let people: Vec<NormPerson> = subjects.values().cloned().collect();
     let norm = NormFile {
         program: "fluorspar".into(),
         format: NormFile::FORMAT,
@@ -426,6 +475,7 @@ fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, LeftOut)>
         without_age,
         refused: of.refused.len(),
         with_lesion: of.with_lesion.len(),
+        outside: outside_of_others(&norm.sums, &subjects),
     };
     Ok((norm, left_out))
 }
@@ -569,6 +619,23 @@ mod tests {
     }
 
     /// Such a norm would say that NaN is normal.
+    #[test]
+    fn who_widens_the_range_of_the_others_is_named() {
+        let with_last = |last: f64| -> BTreeMap<String, NormPerson> {
+            let values = (0..11).map(|k| 0.33 + 0.001 * f64::from(k * 7 % 11)).chain([last]);
+            let person =
+                |value| NormPerson { site: "north".into(), values: vec![value], ..NormPerson::default() };
+            values.enumerate().map(|(k, value)| (format!("P{k:02}"), person(value))).collect()
+        };
+        let outside = |people: &BTreeMap<String, NormPerson>| {
+            let all: Vec<NormPerson> = people.values().cloned().collect();
+            outside_of_others(&NormSums::of(&all, ValueRange::Share, false), people)
+        };
+        assert!(outside(&with_last(0.334)).is_empty() && widened_by(&[]).is_none());
+        assert_eq!(outside(&with_last(0.45)), ["P11"]);
+        assert!(widened_by(&["P11".into()]).unwrap().starts_with("P11 is in the norm and outside"));
+    }
+
     #[test]
     fn sums_that_overflow_are_refused_with_their_place() {
         for (value, words) in [

@@ -73,6 +73,11 @@ impl QueriedRow {
     pub(crate) fn is_guess(&self) -> bool {
         self.verdict == GUESS
     }
+
+    /// The interval of its error: the spread of the pixels is no error of their middle.
+    pub(crate) fn own_interval(&self) -> Option<[f64; 2]> {
+        self.interval.filter(|_| ["estimate", "sensor_noise"].contains(&self.interval_kind.as_str()))
+    }
 }
 
 /// The last numbers of every region that is not wrong.
@@ -91,6 +96,13 @@ const BY_QUANTITY: &str = "estimate e CROSS JOIN region r ON r.region_sha256 = e
 const COLUMNS: &str = "p.subject, p.session, e.region, e.quantity, e.channel, e.value, e.low, e.high, e.interval_kind, s.withdrawn,
     CASE WHEN s.site = '' THEN (SELECT site FROM study LIMIT 1) ELSE s.site END, s.age, s.consent, e.analysis, e.version, e.photograph,
     r.verdict, e.region_sha256, e.analysis = (SELECT analysis FROM setup LIMIT 1), e.seq";
+
+/// What makes the numbers of a region of a row doubtful.
+pub(crate) fn warnings_of(index: &Index, row: &QueriedRow) -> Result<Vec<String>> {
+    let sql = "SELECT w.warning FROM region r JOIN warning w ON w.region_sha256 = r.region_sha256
+        WHERE r.photograph = ? AND r.region = ? AND r.current = 1 AND w.analysis = ? AND w.version = ?";
+    index.rows(sql, [&row.photograph, &row.region, &row.analysis, &row.version], |row| row.get(0))
+}
 
 /// Which of the numbers of a region count, least first: those of the camera of now, and the last.
 type Rank = (bool, i64);

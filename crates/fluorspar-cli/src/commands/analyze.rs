@@ -1,8 +1,11 @@
 //! `fluorspar analyze`: the analysis of frames, or of many photographs, in words.
 
+use std::collections::BTreeSet;
+
 use fluorspar::analysis::Analysis;
 use fluorspar::findings::region_findings;
 use fluorspar::pipeline::AnalyzedRegion;
+use fluorspar::units::counted;
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_report::{ASSUMED_GAIN, NumberMatrix, finding_lines, regions_matrix};
 use fluorspar_session::{
@@ -36,11 +39,13 @@ fn describe_photographs(found: &AnalyzedPhotographs) -> String {
     if estimates.is_empty() {
         return format!("{photographs} photographs, no region placed");
     }
-    let apart = estimates.iter().filter(|estimate| estimate.lies_apart).count();
+    let apart = estimates.iter().filter(|estimate| estimate.lies_apart);
+    let apart = apart.map(|of| (&of.frame, &of.number.region)).collect::<BTreeSet<_>>().len();
     let table = folder.join("patients.csv");
     format!(
-        "{photographs} photographs, {} numbers, {apart} of them apart from the others: {}",
+        "{photographs} photographs, {} numbers, {} apart from the others: {}",
         estimates.len(),
+        counted(apart, "region", "regions"),
         table.display()
     )
 }

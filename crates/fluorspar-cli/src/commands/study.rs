@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use fluorspar::units::counted;
-use fluorspar_report::verdict_of;
+use fluorspar_report::{percentile_of, verdict_of};
 use fluorspar_session::FailedPhotograph;
 use fluorspar_session::values::short;
 use fluorspar_study::{
@@ -189,7 +189,6 @@ fn describe_compared(compared: &ComparedPeople) -> String {
     ];
     let mut cells = vec![heads.map(String::from).to_vec()];
     for of in &compared.people {
-        let [low, high] = of.place.percentile;
         let own = if of.has_error { interval(Some(of.interval)) } else { "error not known".into() };
         cells.push(vec![
             of.subject.clone(),
@@ -200,7 +199,7 @@ fn describe_compared(compared: &ComparedPeople) -> String {
             own,
             of.norm.clone(),
             interval(Some(of.place.range)),
-            format!("{low:.1} to {high:.1}"),
+            percentile_of(of.place.percentile),
             verdict_of(of.place.standing).into(),
         ]);
     }

@@ -4,14 +4,15 @@ use std::collections::BTreeMap;
 
 use fluorspar::analysis::lie_apart;
 use fluorspar::findings::FindingId;
-use fluorspar_experiment::Warning;
 use fluorspar_format::{OutputFolder, csv_cell};
-use fluorspar_report::{PhotographResults, PlacedNumber, ReportPicture, photographs_report};
+use fluorspar_report::{
+    PhotographResults, PlacedNumber, ReportPicture, photographs_report, warnings_by_kind,
+};
 
 use super::estimate::{EstimatedPhotograph, IntervalKind, PatientEstimate, picture_of};
 use super::pairing::Photograph;
 use super::proposal::Proposed;
-use super::table::photographs_csv;
+use super::table::{MISSING, PhotographRow, photographs_csv};
 use super::{AnalyzedPhotographs, FailedPhotograph, PhotographWork, TABLE};
 use crate::values::csv;
 use crate::{Job, Result};
@@ -100,7 +101,7 @@ fn page(
         experiment: &work.source.name,
         numbers: estimates.iter().map(number).collect(),
         pictures,
-        warnings: counted(estimates),
+        warnings: warnings_by_kind(&warnings_of(estimates)),
         failures: failures
             .iter()
             .map(|failed| (failed.frame.display().to_string(), failed.why.clone()))
@@ -110,23 +111,12 @@ fn page(
     photographs_report(&results).to_html()
 }
 
-/// Warnings of all regions, those that differ in numbers alone as one.
-fn counted(estimates: &[PatientEstimate]) -> Vec<Warning> {
-    let mut counts: BTreeMap<String, (usize, &str)> = BTreeMap::new();
-    let mut last = None;
-    for estimate in estimates {
-        let place = Some((&estimate.frame, &estimate.number.region));
-        for warning in estimate.number.warnings.iter().filter(|_| place != last) {
-            let kind = warning.chars().filter(|letter| !letter.is_ascii_digit()).collect();
-            counts.entry(kind).or_insert((0, warning)).0 += 1;
-        }
-        last = place;
-    }
-    let text = |(count, text): (usize, &str)| match count {
-        1 => Warning::from(format!("One region: {text}")),
-        _ => Warning::from(format!("{count} regions: {text}")),
+/// The warnings of each region.
+fn warnings_of(estimates: &[PatientEstimate]) -> Vec<Vec<String>> {
+    let of_region = |a: &PatientEstimate, b: &PatientEstimate| {
+        (&a.frame, &a.number.region) == (&b.frame, &b.number.region)
     };
-    counts.into_values().map(text).collect()
+    estimates.chunk_by(of_region).map(|of| of[0].number.warnings.clone()).collect()
 }
 
 /// A line each estimate.
@@ -160,17 +150,26 @@ fn patients_csv(estimates: &[PatientEstimate]) -> String {
     csv(heads, estimates.iter().map(row))
 }
 
-/// Says in which photographs a region was not guessed that was in most: what is ill may look like no tongue.
-fn warn_of_unguessed(proposed: &[Proposed], job: &Job) {
+/// Says in which photographs a region was not guessed that was in most, and gives each a line to complete: what is ill may look like no
+/// tongue.
+fn add_unguessed(proposed: &mut [Proposed], job: &Job) {
     let has = |of: &Proposed, name: &str| of.rows.iter().any(|row| row.region == name);
     for name in ["tongue", "lips", "teeth"] {
-        let lacking: Vec<&str> =
-            proposed.iter().filter(|of| !has(of, name)).map(|of| of.picture.title.as_str()).collect();
-        if !lacking.is_empty() && 2 * lacking.len() < proposed.len() {
-            let people = lacking.join("; ");
-            job.warn(&[
-                format!("No {name} was found in {people}: draw it, or this person is left out").into()
-            ]);
+        let lacking = || proposed.iter().filter(|of| !has(of, name));
+        if lacking().count() == 0 || 2 * lacking().count() >= proposed.len() {
+            continue;
+        }
+        let titles: Vec<&str> = lacking().map(|of| of.picture.title.as_str()).collect();
+        let text = format!(
+            "No {name} was found in {}: draw it, or this person is left out. Lines with the verdict \"{MISSING}\" wait for the place",
+            titles.join("; ")
+        );
+        job.warn(&[text.into()]);
+        for of in proposed.iter_mut().filter(|of| !has(of, name)) {
+            if let Some(first) = of.rows.first().cloned() {
+                let (region, verdict) = (name.to_owned(), MISSING.to_owned());
+                of.rows.insert(0, PhotographRow { region, place: String::new(), verdict, ..first });
+            }
         }
     }
 }
@@ -179,12 +178,12 @@ fn warn_of_unguessed(proposed: &[Proposed], job: &Job) {
 pub(super) fn write_proposal(
     work: &PhotographWork<'_>,
     folder: OutputFolder,
-    proposed: Vec<Proposed>,
+    mut proposed: Vec<Proposed>,
     failures: Vec<FailedPhotograph>,
     job: &Job,
 ) -> Result<AnalyzedPhotographs> {
     let failures: Vec<FailedPhotograph> = work.failures().into_iter().chain(failures).collect();
-    warn_of_unguessed(&proposed, job);
+    add_unguessed(&mut proposed, job);
     let rows: Vec<_> = proposed.iter().flat_map(|photograph| photograph.rows.clone()).collect();
     let photographs = proposed.len();
     let results = PhotographResults {
@@ -207,7 +206,7 @@ pub(super) fn write_proposal(
     let table = folder.join(TABLE);
     job.status(format!(
         "No region is placed. Look at the guesses: {}\nIn {} write \"right\" as verdict of those that are, strike wrong lines, or write \"wrong\"; draw others on the \
-         pictures in {}. Then: fluorspar analyze {} --experiment {}",
+         pictures in {}. Then: fluorspar analyze {} --experiment {} --out numbers",
         folder.join("report.html").display(),
         table.display(),
         folder.join("previews").display(),

@@ -11,6 +11,8 @@ use crate::{Error, Result};
 
 /// Verdict of a line that does not count.
 pub(super) const WRONG: &str = "wrong";
+/// Verdict of a line whose region nobody placed yet.
+pub(super) const MISSING: &str = "missing";
 /// Largest table that is read.
 const LARGEST_BYTES: u64 = 64 << 20;
 
@@ -35,7 +37,7 @@ pub struct PhotographRow {
     /// Where it lies, as `--named-region NAME=WHERE` has it.
     #[serde(rename = "where")]
     pub place: String,
-    /// What somebody who looked at it says: of `wrong` nothing is estimated, `guess` is what nobody looked at.
+    /// What somebody who looked at it says: of `wrong` nothing is estimated, `guess` is what nobody looked at, `missing` what nobody placed.
     pub verdict: String,
 }
 
@@ -61,7 +63,13 @@ pub fn read_photographs(path: &Path) -> Result<Vec<PhotographRow>> {
     let mut rows = Vec::new();
     for (number, row) in reader.deserialize::<PhotographRow>().enumerate() {
         let at = |why: &str| wrong(format!("line {}: {why}", number + 2));
-        let row = row.map_err(|error| at(&error.to_string()))?;
+        let mut row = row.map_err(|error| at(&error.to_string()))?;
+        if row.verdict == MISSING {
+            if !row.place.is_empty() {
+                return Err(at("its region has a place: write \"right\" as verdict"));
+            }
+            (row.region, row.verdict) = (String::new(), String::new());
+        }
         if row.frame.as_os_str().is_empty() {
             return Err(at("\"frame\", the file, is empty"));
         }
@@ -120,7 +128,13 @@ mod tests {
         std::fs::write(&path, photographs_csv(&rows).unwrap()).unwrap();
         assert_eq!(read_photographs(&path).unwrap(), rows);
         assert_eq!(told("frame;patient\nb.dng;P2\n").unwrap()[0].patient, "P2");
+        let missing = told("frame,region,where,verdict\na.dng,tongue,,missing\n").unwrap();
+        assert_eq!((missing[0].region.as_str(), missing[0].verdict.as_str()), ("", ""));
         for (text, why) in [
+            (
+                "frame,region,where,verdict\na.dng,tongue,\"1,2,3,4\",missing\n",
+                "line 2: its region has a place",
+            ),
             ("vist,frame\n1,a\n", "no column \"vist\". Did you mean \"visit\"?"),
             ("patient\nP1\n", "the column \"frame\""),
             ("frame,patient\n,P1\n", "line 2: \"frame\""),

@@ -23,6 +23,8 @@ pub struct NormPerson {
     pub age: Option<f64>,
     /// One value a visit.
     pub values: Vec<f64>,
+    /// How far the 95 % intervals of the values reach below and above them, squared, as a mean; `None` where no error is known.
+    pub error: Option<[f64; 2]>,
 }
 
 /// Sums over the people of a site: of their means over visits, straightened, and ages. Sums of joint people are the sums of theirs.
@@ -52,6 +54,12 @@ pub struct SiteSums {
     /// Of its square.
     #[serde(default)]
     pub inverse_visits_squared: f64,
+    /// People whose values have intervals.
+    #[serde(default)]
+    pub with_error: u64,
+    /// Sum over these people of how far the intervals reach below and above the values, squared.
+    #[serde(default)]
+    pub error: [f64; 2],
 }
 
 impl SiteSums {
@@ -66,6 +74,8 @@ impl SiteSums {
         self.within_degrees += other.within_degrees;
         self.inverse_visits += other.inverse_visits;
         self.inverse_visits_squared += other.inverse_visits_squared;
+        self.with_error += other.with_error;
+        self.error = [0, 1].map(|side| self.error[side] + other.error[side]);
     }
 
     fn remove(&mut self, other: &Self) {
@@ -80,6 +90,8 @@ impl SiteSums {
         self.within_degrees = self.within_degrees.saturating_sub(other.within_degrees);
         self.inverse_visits -= other.inverse_visits;
         self.inverse_visits_squared -= other.inverse_visits_squared;
+        self.with_error = self.with_error.saturating_sub(other.with_error);
+        self.error = [0, 1].map(|side| (self.error[side] - other.error[side]).max(0.0));
     }
 
     /// `None` of a person without a value that `range` allows, or without the age that is asked for.
@@ -100,6 +112,8 @@ impl SiteSums {
             within_degrees: values.len() as u64 - 1,
             inverse_visits: 1.0 / n,
             inverse_visits_squared: 1.0 / (n * n),
+            with_error: u64::from(person.error.is_some()),
+            error: person.error.unwrap_or_default(),
         })
     }
 
@@ -299,11 +313,11 @@ pub struct Norm {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Standing {
-    /// The whole interval of the number lies within the range.
+    /// The number lies within the range, with what its error has beyond that of the norm.
     Inside,
-    /// The whole interval lies outside.
+    /// It lies outside, with that.
     Outside,
-    /// The interval reaches over an end.
+    /// That reaches over an end.
     CannotTell,
 }
 
@@ -346,7 +360,17 @@ impl Norm {
         if range.iter().all(|end| end.is_finite()) { Ok(range) } else { Err(NormError::Overflow) }
     }
 
-    /// A number with its 95 % interval against the norm. Ends at an end of what is possible count as beyond everybody.
+    /// The 95 % interval of a number less the error that numbers of the norm have on average, whose spread is that of people and of error
+    /// together: what is left is what makes this number more doubtful than theirs.
+    #[must_use]
+    pub fn beyond_own_error(&self, value: f64, [low, high]: [f64; 2]) -> [f64; 2] {
+        let people = self.sums.sites.iter().map(|of| of.with_error).sum::<u64>().max(1) as f64;
+        let error = [0, 1].map(|side| self.sums.sites.iter().map(|of| of.error[side]).sum::<f64>() / people);
+        let left = |reach: f64, error: f64| (reach.powi(2) - error).max(0.0).sqrt();
+        [value - left(value - low, error[0]), value + left(high - value, error[1])]
+    }
+
+    /// A number with its 95 % interval against the norm, by its ends. Ends at an end of what is possible count as beyond everybody.
     ///
     /// # Errors
     /// As [`Self::range`].
@@ -392,6 +416,7 @@ mod tests {
                 site: "north".into(),
                 age: Some(20.0 + 5.0 * f64::from(k)),
                 values: visits(f64::from(k * k)),
+                ..NormPerson::default()
             })
             .collect();
         let apart = NormPerson { values: vec![9.0], ..people[3].clone() };
@@ -504,7 +529,7 @@ mod tests {
             let one = |k| {
                 let age = Some(age_of(key.with(k).with(1)));
                 let values = (0..1 + k % 2).map(|v| (0.3 * key.with(k).with(2 + v).normal() + shift).exp());
-                NormPerson { site: site.into(), age, values: values.collect() }
+                NormPerson { site: site.into(), age, values: values.collect(), error: None }
             };
             (0..n).map(one).collect()
         };
@@ -523,6 +548,41 @@ mod tests {
         assert_eq!(joint.range(Some(33.0), "C"), Err(NormError::OtherSite("C".into())));
         assert_eq!(joint.range(None, "A"), Err(NormError::NoAge));
         assert_eq!(of(&a).pooled(&NormSums::of(&b, ValueRange::Positive, false)), Err(NormError::Unlike));
+    }
+
+    /// Numbers with more error than spread: healthy people are inside as often as the range says, one who is measured worse can't be told.
+    #[test]
+    fn errors_that_all_numbers_have_count_once() {
+        const ERROR: f64 = 2.0;
+        let measured =
+            |key: Key, error: f64| 20.0 + 0.5 * key.with(1).normal() + error * key.with(2).normal();
+        let interval = |value: f64, error: f64| [value - Z_95 * error, value + Z_95 * error];
+        let mut counts = [0; 3];
+        for study in 0..200 {
+            let key = Key::new(13).with(study);
+            let people: Vec<NormPerson> = (0..40)
+                .map(|k| NormPerson {
+                    error: Some([(Z_95 * ERROR).powi(2); 2]),
+                    ..person(measured(key.with(k), ERROR))
+                })
+                .collect();
+            let sums = NormSums::of(&people, ValueRange::Real, false);
+            let others = sums.without(&people[0]);
+            assert!((others.sites[0].error[0] / 39.0 - people[0].error.unwrap()[0]).abs() < 1e-9);
+            let norm = sums.fit().unwrap();
+            let standing = |value: f64, error: f64| {
+                let left = norm.beyond_own_error(value, interval(value, error));
+                norm.place(left, None, "").unwrap().standing
+            };
+            let value = measured(key.with(99), ERROR);
+            counts[0] += u32::from(standing(value, ERROR) == Standing::Inside);
+            counts[1] += u32::from(standing(value + 20.0, ERROR) == Standing::Outside);
+            counts[2] += u32::from(standing(20.0, 2.0 * ERROR) == Standing::CannotTell);
+        }
+        assert!(counts[0] >= 190 && counts[1] == 200 && counts[2] >= 195, "{counts:?}");
+        let plain =
+            NormSums::of(&(0..10).map(|k| person(f64::from(k))).collect::<Vec<_>>(), ValueRange::Real, false);
+        assert_eq!(plain.fit().unwrap().beyond_own_error(4.0, [1.0, 9.0]), [1.0, 9.0]);
     }
 
     #[test]
