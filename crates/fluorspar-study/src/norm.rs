@@ -170,6 +170,8 @@ fn check_sums(norm: &NormFile, shown: &dyn Display) -> Result<()> {
             ("inverse_visits_squared", site.inverse_visits_squared, 0.0),
             ("error[0]", site.error[0], 0.0),
             ("error[1]", site.error[1], 0.0),
+            ("error_squared[0]", site.error_squared[0], 0.0),
+            ("error_squared[1]", site.error_squared[1], 0.0),
         ];
         for (key, sum, least) in sums {
             if !(least..=MOST_SUM).contains(&sum) {

@@ -60,6 +60,9 @@ pub struct SiteSums {
     /// Sum over these people of how far the intervals reach below and above the values, squared.
     #[serde(default)]
     pub error: [f64; 2],
+    /// Of the squares of that.
+    #[serde(default)]
+    pub error_squared: [f64; 2],
 }
 
 impl SiteSums {
@@ -76,6 +79,7 @@ impl SiteSums {
         self.inverse_visits_squared += other.inverse_visits_squared;
         self.with_error += other.with_error;
         self.error = [0, 1].map(|side| self.error[side] + other.error[side]);
+        self.error_squared = [0, 1].map(|side| self.error_squared[side] + other.error_squared[side]);
     }
 
     fn remove(&mut self, other: &Self) {
@@ -92,6 +96,8 @@ impl SiteSums {
         self.inverse_visits_squared -= other.inverse_visits_squared;
         self.with_error = self.with_error.saturating_sub(other.with_error);
         self.error = [0, 1].map(|side| (self.error[side] - other.error[side]).max(0.0));
+        self.error_squared =
+            [0, 1].map(|side| (self.error_squared[side] - other.error_squared[side]).max(0.0));
     }
 
     /// `None` of a person without a value that `range` allows, or without the age that is asked for.
@@ -114,6 +120,7 @@ impl SiteSums {
             inverse_visits_squared: 1.0 / (n * n),
             with_error: u64::from(person.error.is_some()),
             error: person.error.unwrap_or_default(),
+            error_squared: person.error.unwrap_or_default().map(|error| error * error),
         })
     }
 
@@ -360,14 +367,20 @@ impl Norm {
         if range.iter().all(|end| end.is_finite()) { Ok(range) } else { Err(NormError::Overflow) }
     }
 
-    /// The 95 % interval of a number less the error that numbers of the norm have on average, whose spread is that of people and of error
-    /// together: what is left is what makes this number more doubtful than theirs.
+    /// The 95 % interval of a number less the error that numbers of the norm have, whose spread is that of people and of error together:
+    /// what is left is what makes this number more doubtful than theirs. Errors up to two standard deviations above their mean are such as
+    /// theirs.
     #[must_use]
     pub fn beyond_own_error(&self, value: f64, [low, high]: [f64; 2]) -> [f64; 2] {
-        let people = self.sums.sites.iter().map(|of| of.with_error).sum::<u64>().max(1) as f64;
-        let error = [0, 1].map(|side| self.sums.sites.iter().map(|of| of.error[side]).sum::<f64>() / people);
-        let left = |reach: f64, error: f64| (reach.powi(2) - error).max(0.0).sqrt();
-        [value - left(value - low, error[0]), value + left(high - value, error[1])]
+        let sites = &self.sums.sites;
+        let people = sites.iter().map(|of| of.with_error).sum::<u64>().max(1) as f64;
+        let usual = |side: usize| {
+            let mean = sites.iter().map(|of| of.error[side]).sum::<f64>() / people;
+            let square = sites.iter().map(|of| of.error_squared[side]).sum::<f64>() / people;
+            mean + 2.0 * (square - mean * mean).max(0.0).sqrt()
+        };
+        let left = |reach: f64, side| (reach.powi(2) - usual(side)).max(0.0).sqrt();
+        [value - left(value - low, 0), value + left(high - value, 1)]
     }
 
     /// A number with its 95 % interval against the norm, by its ends. Ends at an end of what is possible count as beyond everybody.
@@ -561,14 +574,19 @@ mod tests {
         for study in 0..200 {
             let key = Key::new(13).with(study);
             let people: Vec<NormPerson> = (0..40)
-                .map(|k| NormPerson {
-                    error: Some([(Z_95 * ERROR).powi(2); 2]),
-                    ..person(measured(key.with(k), ERROR))
+                .map(|k| {
+                    // Intervals differ by a tenth
+                    let error = ERROR * (1.0 + 0.1 * (k as f64).sin());
+                    let reach = [(Z_95 * error).powi(2); 2];
+                    NormPerson { error: Some(reach), ..person(measured(key.with(k), ERROR)) }
                 })
                 .collect();
             let sums = NormSums::of(&people, ValueRange::Real, false);
-            let others = sums.without(&people[0]);
-            assert!((others.sites[0].error[0] / 39.0 - people[0].error.unwrap()[0]).abs() < 1e-9);
+            let others = sums.without(&people[0]).fit().unwrap();
+            let expected = NormSums::of(&people[1..], ValueRange::Real, false).fit().unwrap();
+            let [found, expected] =
+                [others, expected].map(|norm| norm.beyond_own_error(20.0, interval(20.0, 3.0)));
+            assert!((found[0] - expected[0]).abs() < 1e-9 && (found[1] - expected[1]).abs() < 1e-9);
             let norm = sums.fit().unwrap();
             let standing = |value: f64, error: f64| {
                 let left = norm.beyond_own_error(value, interval(value, error));
