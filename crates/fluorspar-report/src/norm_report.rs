@@ -228,9 +228,9 @@ fn table(held: &HeldNumbers, numbers: &[&HeldNumber]) -> NumberMatrix {
         ],
         rows: numbers.iter().map(row).collect(),
         note: format!(
-            "The range holds 95 % of people with 95 % confidence. People of the norm were measured with errors, too, which make it wider: a number \
-             is judged by itself, and by what its interval has beyond theirs. The percentile has an interval of that, and of what is not known \
-             of the norm.{cut}"
+            "The range holds 95 % of people with 95 % confidence: beyond it is outside. Inside is whose percentile is within 2.5 to 97.5 with 95 % \
+             confidence; of others it can't be told. People of the norm were measured with errors, too: a number is judged by itself, and by what \
+             its interval has beyond theirs, and an error that all share moves all alike. Percentiles take people as normally distributed.{cut}"
         ),
     }
 }

@@ -68,13 +68,16 @@ fn with_failures<O: clap::Args, A: serde::Serialize>(
 
 fn import(options: &Answering<ImportOptions>) -> Result<(), CliError> {
     let text = |of: &ImportedStudy| {
+        let tables =
+            [(of.subjects, "line of people", "lines of people"), (of.outcomes, "outcome", "outcomes")];
+        let tables = tables.into_iter().filter(|(count, ..)| *count > 0);
+        let tables: String =
+            tables.map(|(count, one, many)| format!("; {}", counted(count, one, many))).collect();
         format!(
-            "{}, {} known; {}, {} people, {}",
+            "{}, {} known; {}{tables}",
             counted(of.photographs, "new photograph", "new photographs"),
             of.known,
             counted(of.regions, "region", "regions"),
-            of.subjects,
-            counted(of.outcomes, "outcome", "outcomes"),
         )
     };
     with_failures(options, fluorspar_study::import, text, |of| &of.failures)

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use fluorspar::analysis::lie_apart;
 use fluorspar::findings::FindingId;
+use fluorspar_experiment::Warning;
 use fluorspar_format::{OutputFolder, csv_cell};
 use fluorspar_report::{
     PhotographResults, PlacedNumber, ReportPicture, photographs_report, warnings_by_kind,
@@ -152,7 +153,8 @@ fn patients_csv(estimates: &[PatientEstimate]) -> String {
 
 /// Says in which photographs a region was not guessed that was in most, and gives each a line to complete: what is ill may look like no
 /// tongue.
-fn add_unguessed(proposed: &mut [Proposed], job: &Job) {
+fn add_unguessed(proposed: &mut [Proposed]) -> Vec<Warning> {
+    let mut warnings = Vec::new();
     let has = |of: &Proposed, name: &str| of.rows.iter().any(|row| row.region == name);
     for name in ["tongue", "lips", "teeth"] {
         let lacking = || proposed.iter().filter(|of| !has(of, name));
@@ -164,14 +166,16 @@ fn add_unguessed(proposed: &mut [Proposed], job: &Job) {
             "No {name} was found in {}: draw it, or this person is left out. Lines with the verdict \"{MISSING}\" wait for the place",
             titles.join("; ")
         );
-        job.warn(&[text.into()]);
+        warnings.push(text.into());
         for of in proposed.iter_mut().filter(|of| !has(of, name)) {
             if let Some(first) = of.rows.first().cloned() {
                 let (region, verdict) = (name.to_owned(), MISSING.to_owned());
                 of.rows.insert(0, PhotographRow { region, place: String::new(), verdict, ..first });
+                of.picture.caption += &format!("; no {name} was found");
             }
         }
     }
+    warnings
 }
 
 /// Writes the table to complete, and the page with the guesses.
@@ -183,7 +187,8 @@ pub(super) fn write_proposal(
     job: &Job,
 ) -> Result<AnalyzedPhotographs> {
     let failures: Vec<FailedPhotograph> = work.failures().into_iter().chain(failures).collect();
-    add_unguessed(&mut proposed, job);
+    let warnings = add_unguessed(&mut proposed);
+    job.warn(&warnings);
     let rows: Vec<_> = proposed.iter().flat_map(|photograph| photograph.rows.clone()).collect();
     let photographs = proposed.len();
     let results = PhotographResults {
@@ -191,7 +196,7 @@ pub(super) fn write_proposal(
         experiment: &work.source.name,
         numbers: Vec::new(),
         pictures: proposed.into_iter().map(|photograph| photograph.picture).take(PICTURES).collect(),
-        warnings: Vec::new(),
+        warnings,
         failures: failures
             .iter()
             .map(|failed| (failed.frame.display().to_string(), failed.why.clone()))
