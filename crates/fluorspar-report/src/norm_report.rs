@@ -228,9 +228,10 @@ fn table(held: &HeldNumbers, numbers: &[&HeldNumber]) -> NumberMatrix {
         ],
         rows: numbers.iter().map(row).collect(),
         note: format!(
-            "The range holds 95 % of people with 95 % confidence: beyond it is outside. Inside is whose percentile is within 2.5 to 97.5 with 95 % \
-             confidence; of others it can't be told. People of the norm were measured with errors, too: a number is judged by itself, and by what \
-             its interval has beyond theirs, and an error that all share moves all alike. Percentiles take people as normally distributed.{cut}"
+            "The range holds 95 % of people with 95 % confidence: beyond it is outside, as are up to five of a hundred healthy people. Inside is \
+             whose percentile is within 2.5 to 97.5 with 95 % confidence; of others it can't be told. Who has no outcome counts as healthy. People \
+             of the norm were measured with errors, too: a number is judged by itself, and by what its interval has beyond those of most of them; \
+             an error that all share moves all alike. Percentiles take people as normally distributed.{cut}"
         ),
     }
 }

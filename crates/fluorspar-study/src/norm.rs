@@ -393,19 +393,16 @@ pub(crate) fn people_of(
     });
     let mut people: BTreeMap<String, NormPerson> = BTreeMap::new();
     let mut of_visit: BTreeMap<[&str; 2], Vec<f64>> = BTreeMap::new();
-    let mut errors: BTreeMap<&str, Vec<[f64; 2]>> = BTreeMap::new();
+    let mut errors: BTreeMap<_, Vec<_>> = BTreeMap::new();
     for row in all.iter().filter(|row| !row.is_guess()) {
         let new = || NormPerson { site: row.site.clone(), age: row.age, ..NormPerson::default() };
         people.entry(row.subject.clone()).or_insert_with(new);
         of_visit.entry([&row.subject, &row.session]).or_default().extend(row.value);
-        if let (Some(value), Some([low, high])) = (row.value, row.own_interval()) {
-            errors.entry(&row.subject).or_default().push([(value - low).powi(2), (high - value).powi(2)]);
+        if let (Some(value), Some(interval)) = (row.value, row.own_interval()) {
+            errors.entry(row.subject.clone()).or_default().push(squared_reach(value, interval));
         }
     }
-    for (subject, errors) in errors {
-        let mean = |side: usize| errors.iter().map(|of| of[side]).sum::<f64>() / errors.len() as f64;
-        people.entry(subject.into()).and_modify(|person| person.error = Some([mean(0), mean(1)]));
-    }
+    set_errors(&mut people, errors);
     // Several photographs of a visit are one measurement of it
     for ([subject, _], values) in of_visit.into_iter().filter(|(_, values)| !values.is_empty()) {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
@@ -415,6 +412,19 @@ pub(crate) fn people_of(
     people.retain(|_, person| !person.values.is_empty());
     let without_value = before - people.len();
     Ok(NormPeople { people, rows: all, without_value, refused, with_lesion })
+}
+
+/// How far an interval reaches below and above its number, squared.
+fn squared_reach(value: f64, [low, high]: [f64; 2]) -> [f64; 2] {
+    [(value - low).powi(2), (high - value).powi(2)]
+}
+
+/// Gives people the mean of what their intervals reach.
+fn set_errors<K: Ord>(people: &mut BTreeMap<K, NormPerson>, errors: BTreeMap<K, Vec<[f64; 2]>>) {
+    for (of, reaches) in errors {
+        let mean = |side: usize| reaches.iter().map(|reach| reach[side]).sum::<f64>() / reaches.len() as f64;
+        people.entry(of).and_modify(|person| person.error = Some([mean(0), mean(1)]));
+    }
 }
 
 /// Version and experiment of all numbers.
@@ -506,12 +516,15 @@ struct CohortRow {
     quantity: String,
     has_lesion_here: u8,
     value: Option<f64>,
+    low: Option<f64>,
+    high: Option<f64>,
 }
 
 fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> {
     let range = range_of(&options.quantity)?;
     let text = read_text(path)?;
     let mut people: BTreeMap<u32, NormPerson> = BTreeMap::new();
+    let mut errors: BTreeMap<_, Vec<_>> = BTreeMap::new();
     for row in Reader::from_reader(text.as_bytes()).deserialize::<CohortRow>() {
         let row =
             row.map_err(|error| Error::Input(format!("{}: this is no cohort.csv: {error}", path.display())))?;
@@ -522,8 +535,12 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> 
             && row.has_lesion_here == 0;
         if let Some(value) = row.value.filter(|_| is_wanted) {
             people.entry(row.person).or_default().values.push(value);
+            if let Some((low, high)) = row.low.zip(row.high) {
+                errors.entry(row.person).or_default().push(squared_reach(value, [low, high]));
+            }
         }
     }
+    set_errors(&mut people, errors);
     let people: Vec<NormPerson> = people.into_values().collect();
     let sha256 = fluorspar::digest::sha256_hex([text]);
     let left_out = LeftOut { at_ends: at_ends(&people, range), ..LeftOut::default() };
@@ -621,6 +638,21 @@ mod tests {
     }
 
     /// Such a norm would say that NaN is normal.
+    #[test]
+    fn errors_of_simulated_people_are_in_their_norm() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cohort.csv");
+        let rows: String = (1..=3)
+            .map(|k| format!("{k},tongue_dorsum,,,red_share,0,0.{k}0,0.{k}0,0.{}0\n", k + 1))
+            .collect();
+        let heads = "person,part,channel,name,quantity,has_lesion_here,value,low,high";
+        std::fs::write(&path, format!("{heads}\n{rows}")).unwrap();
+        let options = NormOptions { region: "tongue_dorsum".into(), ..NormOptions::default() };
+        let site = &of_cohort(&options, &path).unwrap().0.sums.sites[0];
+        assert_eq!((site.people, site.with_error, site.error[0]), (3, 3, 0.0));
+        assert!((site.error[1] - 0.03).abs() < 1e-12, "{site:?}");
+    }
+
     #[test]
     fn who_widens_the_range_of_the_others_is_named() {
         let with_last = |last: f64| -> BTreeMap<String, NormPerson> {
