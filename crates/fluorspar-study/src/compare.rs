@@ -126,13 +126,16 @@ pub fn compare(options: &AgainstNormOptions, job: &Job) -> Result<ComparedPeople
                     if person.place.standing == Standing::Outside && held.contains_key(&row.subject) {
                         outside.insert(row.subject.clone());
                     }
-                    doubts.push(warnings_of(&index, &row)?);
+                    if options.out.is_some() {
+                        doubts.push(warnings_of(&index, &row)?);
+                    }
                     compared.people.push(person);
                 }
                 Err(why) => compared.left_out.push(format!("{}, visit {}: {why}", row.subject, row.session)),
             }
         }
-        warnings.extend(widened_by(&outside.into_iter().collect::<Vec<_>>()).map(Into::into));
+        let outside: Vec<String> = outside.into_iter().collect();
+        warnings.extend(widened_by(&outside, norm.sums.people() as usize).map(Into::into));
         held_numbers.extend(held_against(&norm, &compared.people[first..]));
         compared.separations.extend(separation(&index, &norm)?);
     }

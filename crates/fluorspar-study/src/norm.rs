@@ -232,7 +232,7 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
             }
         };
     warn([without_value, at_ends, guesses, without_age], job);
-    job.warn(widened_by(&outside).map(Into::into).as_slice());
+    job.warn(widened_by(&outside, norm.sums.people() as usize).map(Into::into).as_slice());
     if refused + with_lesion > 0 {
         job.status(format!(
             "Left out: {refused} who withdrew or refuse, {with_lesion} with an outcome other than healthy"
@@ -269,10 +269,11 @@ struct LeftOut {
     outside: Vec<String>,
 }
 
-/// Says who is in a norm and outside of the range of the others.
-pub(crate) fn widened_by(outside: &[String]) -> Option<String> {
+/// Says who of so many people of a norm is outside of the range of the others, where more are than a range of 95 % leaves out: of healthy
+/// people some are, and a norm without them is too narrow.
+pub(crate) fn widened_by(outside: &[String], people: usize) -> Option<String> {
     let who = match outside {
-        [] => return None,
+        _ if 20 * outside.len() <= people => return None,
         [one] => format!("{one} is"),
         _ => format!("{} are", outside.join(", ")),
     };
@@ -287,7 +288,7 @@ pub(crate) fn widened_by(outside: &[String]) -> Option<String> {
 /// Most people among whom one moves the range much.
 const MOST_MOVED: usize = 92;
 
-/// Who lies outside of the range of the others, where one person moves it much and more do than a range of 95 % leaves out.
+/// Who lies outside of the range of the others, where one person moves it much.
 fn outside_of_others(norm: &NormSums, people: &BTreeMap<String, NormPerson>) -> Vec<String> {
     if people.len() > MOST_MOVED {
         return Vec::new();
@@ -298,8 +299,7 @@ fn outside_of_others(norm: &NormSums, people: &BTreeMap<String, NormPerson>) -> 
         Some(others.place([mean; 2], person.age, &person.site).ok()?.standing == Standing::Outside)
     };
     let outside = people.iter().filter(|(_, person)| is_outside(person) == Some(true));
-    let outside: Vec<String> = outside.map(|(subject, _)| subject.clone()).collect();
-    if 20 * outside.len() > people.len() { outside } else { Vec::new() }
+    outside.map(|(subject, _)| subject.clone()).collect()
 }
 
 /// Warns of people who are left out, and of regions that nobody looked at.
@@ -665,9 +665,10 @@ mod tests {
             let all: Vec<NormPerson> = people.values().cloned().collect();
             outside_of_others(&NormSums::of(&all, ValueRange::Share, false), people)
         };
-        assert!(outside(&with_last(0.334)).is_empty() && widened_by(&[]).is_none());
+        assert!(outside(&with_last(0.334)).is_empty() && widened_by(&[], 0).is_none());
         assert_eq!(outside(&with_last(0.45)), ["P11"]);
-        assert!(widened_by(&["P11".into()]).unwrap().starts_with("P11 is in the norm and outside"));
+        assert!(widened_by(&["P11".into()], 20).is_none());
+        assert!(widened_by(&["P11".into()], 19).unwrap().starts_with("P11 is in the norm and outside"));
     }
 
     #[test]
