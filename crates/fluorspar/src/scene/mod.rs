@@ -2,10 +2,10 @@
 
 mod check;
 pub(crate) mod irradiance;
-mod surface_mean;
+mod texture_mean;
 
 pub use check::{EmissionOutsideData, ExcitationOutsideData, LightOutsideGrid, SceneError, SceneWarning};
-pub use surface_mean::{rough_surface_mean, surface_mean};
+pub use texture_mean::{rough_surface_mean, surface_mean};
 
 use std::sync::Arc;
 
