@@ -1,16 +1,18 @@
 //! A sensor measured as EMVA 1288 (release 4, linear) measures cameras: flats, darks, photon transfer.
 //!
-//! Frames are simulated with even, steady light; everything else is estimated from their digital numbers alone.
+//! Frames are simulated with even, steady light, whose photo-electrons are known; all but the quantum efficiency, which is the model's, is
+//! estimated from their digital numbers.
 //!
 //! | quantity | estimated from |
 //! |---|---|
 //! | system gain K | slope of temporal variance over mean, both less their dark values, up to 70 % of saturation |
 //! | temporal dark noise | `sqrt(variance of dark pairs - 1/12 DN²) / K` |
-//! | saturation capacity | mean signal at the largest temporal variance, and a parabola around it |
+//! | saturation capacity | mean signal at the largest temporal variance, by a cubic around it |
 //! | DSNU, PRNU | spatial variance of averaged frames, dark and at half saturation, less what temporal noise leaves |
 //! | dark current | slope of the mean (and of the variance) of dark frames over time |
 //! | linearity error | mean distance from the line of least relative squares, 5 to 95 % of saturation |
 
+use nalgebra::{Matrix4, Vector4};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -313,6 +315,23 @@ impl Bench<'_> {
         ))
     }
 
+    /// Steps of the light from above one value up to another, e-.
+    fn sweep(
+        &self,
+        series: &str,
+        dark_dn: f64,
+        [from_e, to_e]: [f64; 2],
+        levels: usize,
+    ) -> Result<Vec<PhotonTransferPoint>, SensorProblem> {
+        (1..=levels)
+            .map(|step| {
+                let light_e = from_e + (to_e - from_e) * step as f64 / levels as f64;
+                let (mean_dn, variance_dn2) = self.pair(series, light_e, step)?;
+                Ok(PhotonTransferPoint { light_e, signal_dn: mean_dn - dark_dn, variance_dn2 })
+            })
+            .collect()
+    }
+
     fn stack(&self, series: &str, electrons: f64) -> Result<Stack, SensorProblem> {
         Stack::take(self.settings.stack, |frame| {
             self.frame(series, electrons, self.settings.exposure_s, frame)
@@ -338,17 +357,16 @@ impl Bench<'_> {
     /// The longest time whose dark signal is large, but below a limit.
     fn longest_dark_s(&self, shortest_s: f64, gain: f64, most_dn: f64) -> Result<f64, SensorProblem> {
         let (zero_dn, _) = self.dark(shortest_s, 0)?;
-        let mut longest_s = 0.1;
-        let mut step = 1;
+        let (mut longest_s, mut step, mut was_too_long) = (0.1, 1, false);
         loop {
             let (mean_dn, _) = self.dark(longest_s, step)?;
-            if mean_dn > most_dn && longest_s > 1e-3 {
-                return Ok(longest_s / 4.0);
-            }
-            if mean_dn - zero_dn > 100.0 * gain || longest_s > 900.0 {
+            if mean_dn > most_dn && longest_s > 4.0 * shortest_s {
+                (longest_s, was_too_long) = (longest_s / 4.0, true);
+            } else if was_too_long || mean_dn - zero_dn > 100.0 * gain || longest_s > 900.0 {
                 return Ok(longest_s);
+            } else {
+                longest_s *= 4.0;
             }
-            longest_s *= 4.0;
             step += 1;
         }
     }
@@ -363,20 +381,29 @@ impl Bench<'_> {
 /// Levels of the first sweep from dark to beyond saturation.
 const COARSE_LEVELS: usize = 24;
 
+/// Largest relative standard error of a gain that is told.
+const MOST_GAIN_ERROR: f64 = 0.2;
+
 /// System gain: slope through the origin of the variance over the signal, both less their dark values, up to a light.
 fn photon_transfer_gain(
+    bench: &Bench<'_>,
     points: &[PhotonTransferPoint],
     dark_dn2: f64,
     most_e: f64,
 ) -> Result<f64, SensorProblem> {
-    let linear = points.iter().filter(|p| p.light_e <= most_e);
-    let products: f64 = linear.clone().map(|p| p.signal_dn * (p.variance_dn2 - dark_dn2)).sum();
-    let gain = products / linear.map(|p| p.signal_dn.powi(2)).sum::<f64>();
-    if gain > 0.0 && gain.is_finite() {
+    let linear = || points.iter().filter(|p| p.light_e <= most_e);
+    let squares: f64 = linear().map(|p| p.signal_dn.powi(2)).sum();
+    let gain = linear().map(|p| p.signal_dn * (p.variance_dn2 - dark_dn2)).sum::<f64>() / squares;
+    // A variance of n pixels has a relative variance of 2 / n; that of the dark counts in every point
+    let [columns, rows] = bench.sensor.image_size();
+    let of_dark = dark_dn2 * linear().map(|p| p.signal_dn).sum::<f64>();
+    let of_points: f64 = linear().map(|p| (p.signal_dn * p.variance_dn2).powi(2)).sum();
+    let error = (2.0 / (columns * rows) as f64 * (of_points + of_dark.powi(2))).sqrt() / squares;
+    if gain.is_finite() && gain * MOST_GAIN_ERROR > error {
         return Ok(gain);
     }
-    let message = "the variance does not rise with the light, so there is no gain to measure; check well capacity, gain \
-                   and black level";
+    let message = "the variance does not rise with the light beyond its noise, so there is no gain to measure; check well capacity, \
+                   gain, bit depth and black level, or measure a larger region";
     Err(SensorProblem::new("characterization", message))
 }
 
@@ -388,45 +415,25 @@ fn largest(points: &[PhotonTransferPoint], neighbors: usize) -> usize {
     (neighbors..last).fold(neighbors, |best, i| if smooth(i) > smooth(best) { i } else { best })
 }
 
-/// Vertex of the cubic of least squares through a fine sweep around the largest variance: the curve falls faster than
+/// Maximum of the cubic of least squares through a fine sweep around the largest variance: the curve falls faster than
 /// it rises.
-fn vertex(points: &[PhotonTransferPoint]) -> Option<f64> {
+fn maximum(points: &[PhotonTransferPoint]) -> Option<f64> {
     let center = points[points.len() / 2].light_e;
     let half = 0.5 * (points[points.len() - 1].light_e - points[0].light_e);
     let height = points.iter().map(|p| p.variance_dn2).fold(0.0, f64::max);
     // Normal equations of 1, x, x², x³ with x from -1 to 1.
-    let mut matrix = [[0.0; 5]; 4];
+    let (mut matrix, mut right) = (Matrix4::zeros(), Vector4::zeros());
     for point in points {
         let x = (point.light_e - center) / half;
-        let powers = [1.0, x, x * x, x * x * x];
-        for (row, a) in matrix.iter_mut().zip(powers) {
-            for (cell, b) in row.iter_mut().zip(powers) {
-                *cell += a * b;
-            }
-            row[4] += a * point.variance_dn2 / height;
-        }
+        let powers = Vector4::new(1.0, x, x * x, x * x * x);
+        matrix += powers * powers.transpose();
+        right += powers * (point.variance_dn2 / height);
     }
-    let [_, b, c, d] = solved(matrix);
+    let [_, b, c, d] = matrix.cholesky()?.solve(&right).into();
     // b + 2 c x + 3 d x² = 0 with a falling slope.
     let root = c * c - 3.0 * b * d;
     let x = if d.abs() < 1e-12 { -b / (2.0 * c) } else { (-c - root.max(0.0).sqrt()) / (3.0 * d) };
     (root >= 0.0 && x.abs() <= 1.0).then_some(center + half * x)
-}
-
-/// Solution of four equations, the right side last, by elimination.
-fn solved(mut matrix: [[f64; 5]; 4]) -> [f64; 4] {
-    for pivot in 0..4 {
-        let row = matrix[pivot];
-        for (index, other) in matrix.iter_mut().enumerate() {
-            if index != pivot {
-                let factor = other[pivot] / row[pivot];
-                for (cell, value) in other.iter_mut().zip(row) {
-                    *cell -= factor * value;
-                }
-            }
-        }
-    }
-    [0, 1, 2, 3].map(|i| matrix[i][4] / matrix[i][i])
 }
 
 /// Doubles the light until frames get no brighter: light beyond saturation, in electrons of the nominal response.
@@ -435,7 +442,9 @@ fn light_beyond_saturation(bench: &Bench<'_>, dark_dn: f64) -> Result<f64, Senso
     let mut brightest_dn = bench.pair("range", beyond_e, 0)?.0;
     for step in 1..40 {
         let (next_dn, _) = bench.pair("range", 2.0 * beyond_e, step)?;
-        let still_rises = next_dn > brightest_dn + 0.02 * (brightest_dn - dark_dn).max(1.0);
+        // Below one digital number nothing is seen to rise
+        let risen_dn = brightest_dn - dark_dn;
+        let still_rises = risen_dn < 1.0 || next_dn > brightest_dn + 0.02 * risen_dn;
         brightest_dn = next_dn;
         if !still_rises {
             break;
@@ -465,6 +474,79 @@ fn doubling_temperature_k(
     })
 }
 
+/// Warns where zero cuts the noise of dark frames.
+fn cut_dark_noise(bench: &Bench<'_>) -> Result<Vec<Warning>, SensorProblem> {
+    let frame = bench.frame("dark", 0.0, bench.settings.exposure_s, 0)?;
+    let empty = frame.data.iter().filter(|&&dn| dn == 0).count() as f64 / frame.data.len() as f64;
+    if empty <= MOST_EMPTY {
+        return Ok(Vec::new());
+    }
+    let percent = 100.0 * empty;
+    let text = format!(
+        "{percent:.1} % of the pixels of a dark frame are 0 and cut the dark noise; raise black_level_dn"
+    );
+    Ok(vec![text.into()])
+}
+
+/// Spatial variances of averaged frames: total, rows, columns, pixels.
+struct Patterns {
+    dark_dn2: [f64; 4],
+    /// At half saturation, less those of the dark.
+    response_dn2: [f64; 4],
+    /// Mean signal at half saturation, DN.
+    signal_dn: f64,
+}
+
+/// The light of the largest temporal variance, and the fixed patterns.
+struct Saturation {
+    light_e: f64,
+    patterns: Patterns,
+}
+
+/// Looks for saturation in three sweeps, each finer than the one before.
+fn saturation(bench: &Bench<'_>, (dark_dn, dark_dn2): (f64, f64)) -> Result<Saturation, SensorProblem> {
+    let levels = bench.settings.levels;
+    let beyond_e = light_beyond_saturation(bench, dark_dn)?;
+    // The last doubling crossed saturation: between half of it and all of it lies the largest variance.
+    // The step of the coarse sweep is 5 % of its range; the largest variance lies within two steps of its maximum.
+    let coarse = bench.sweep("coarse", dark_dn, [0.0, 1.2 * beyond_e], COARSE_LEVELS)?;
+    let coarse_e = coarse[largest(&coarse, 0)].light_e;
+    let gain = photon_transfer_gain(bench, &coarse, dark_dn2, 0.7 * coarse_e)?;
+    let (dark, bright) = (bench.stack("dark stack", 0.0)?, bench.stack("bright stack", 0.5 * coarse_e)?);
+    let (dark_spatial, bright_spatial) = (dark.spatial(), bright.spatial());
+    let patterns = Patterns {
+        dark_dn2: dark_spatial,
+        response_dn2: [0, 1, 2, 3].map(|i| bright_spatial[i] - dark_spatial[i]),
+        signal_dn: bright.level() - dark.level(),
+    };
+    // The variance falls over a few of these relative deviations, of shot noise and of the pixels' responsivities.
+    let coarse_signal_e = 2.0 * patterns.signal_dn / gain;
+    let unevenness = patterns.response_dn2[0].max(0.0) / patterns.signal_dn.powi(2);
+    let spread = (1.0 / coarse_signal_e + unevenness).sqrt();
+    let two_steps_e = 2.0 * 1.2 * beyond_e / COARSE_LEVELS as f64;
+    let fine = bench.sweep("fine", dark_dn, [coarse_e - two_steps_e, coarse_e + two_steps_e], levels)?;
+    let fine_e = fine[largest(&fine, 1)].light_e;
+    let half_e = 2.0 * spread * fine_e;
+    let finest = bench.sweep("finest", dark_dn, [fine_e - half_e, fine_e + half_e], levels)?;
+    Ok(Saturation { light_e: maximum(&finest).unwrap_or(fine_e), patterns })
+}
+
+/// Digital numbers per unit of light, from the linear part.
+fn response(points: &[PhotonTransferPoint], saturation_light_e: f64) -> f64 {
+    let linear = points.iter().filter(|p| p.light_e <= 0.7 * saturation_light_e);
+    linear.clone().map(|p| p.signal_dn * p.light_e).sum::<f64>()
+        / linear.map(|p| p.light_e.powi(2)).sum::<f64>()
+}
+
+/// Mean distance from the line of least relative squares, %.
+fn linearity_error_percent(points: &[PhotonTransferPoint], saturation_light_e: f64) -> f64 {
+    let in_range = |p: &&PhotonTransferPoint| (0.05..=0.95).contains(&(p.light_e / saturation_light_e));
+    let range = points.iter().filter(in_range);
+    let line = Line::through(range.clone().map(|p| (p.light_e, p.signal_dn, p.signal_dn.powi(-2))));
+    let deviations: Vec<f64> = range.map(|p| (p.signal_dn / line.at(p.light_e) - 1.0).abs()).collect();
+    100.0 * mean(deviations.iter().copied())
+}
+
 /// Measures a sensor.
 ///
 /// The middle of the sensor is measured pixel by pixel in even, steady light: region, binning, shutter and strobe of
@@ -479,76 +561,25 @@ pub fn characterize(
     check(settings)?;
     let laboratory = in_laboratory(sensor, settings)?;
     let bench = Bench { sensor: &laboratory, settings };
-    let time_s = settings.exposure_s;
+    let mut warnings = cut_dark_noise(&bench)?;
+    let dark = bench.pair("dark", 0.0, 0)?;
+    let (dark_dn, dark_dn2) = dark;
 
-    let mut warnings = Vec::new();
-    let dark_frame = bench.frame("dark", 0.0, time_s, 0)?;
-    let empty = dark_frame.data.iter().filter(|&&dn| dn == 0).count() as f64 / dark_frame.data.len() as f64;
-    if empty > MOST_EMPTY {
-        let percent = 100.0 * empty;
-        let text = format!(
-            "{percent:.1} % of the pixels of a dark frame are 0 and cut the dark noise; raise black_level_dn"
-        );
-        warnings.push(text.into());
-    }
-
-    let (dark_dn, dark_dn2) = bench.pair("dark", 0.0, 0)?;
-    let is_hidden = dark_dn2 < LEAST_DARK_VARIANCE_DN2;
-    let beyond_e = light_beyond_saturation(&bench, dark_dn)?;
-    // The last doubling crossed saturation: between half of it and all of it lies the largest variance.
-    let sweep = |series: &str,
-                 from_e: f64,
-                 to_e: f64,
-                 levels: usize|
-     -> Result<Vec<PhotonTransferPoint>, SensorProblem> {
-        (1..=levels)
-            .map(|step| {
-                let light_e = from_e + (to_e - from_e) * step as f64 / levels as f64;
-                let (mean_dn, variance_dn2) = bench.pair(series, light_e, step)?;
-                Ok(PhotonTransferPoint { light_e, signal_dn: mean_dn - dark_dn, variance_dn2 })
-            })
-            .collect()
-    };
-    // The step of the coarse sweep is 5 % of its range; the largest variance lies within two steps of its maximum.
-    let coarse = sweep("coarse", 0.0, 1.2 * beyond_e, COARSE_LEVELS)?;
-    let coarse_e = coarse[largest(&coarse, 0)].light_e;
-    let gain = photon_transfer_gain(&coarse, dark_dn2, 0.7 * coarse_e)?;
-    let dark_stack = bench.stack("dark stack", 0.0)?;
-    let bright_stack = bench.stack("bright stack", 0.5 * coarse_e)?;
-    let (dark_spatial, bright_spatial) = (dark_stack.spatial(), bright_stack.spatial());
-    let stack_dn = bright_stack.level() - dark_stack.level();
-    let response_spatial = [0, 1, 2, 3].map(|i| bright_spatial[i] - dark_spatial[i]);
-    // The variance falls over a few of these relative deviations, of shot noise and of the pixels' responsivities.
-    let coarse_signal_e = 2.0 * stack_dn / gain;
-    let spread = (1.0 / coarse_signal_e + response_spatial[0].max(0.0) / stack_dn.powi(2)).sqrt();
-    let near = 2.0 * 1.2 * beyond_e / COARSE_LEVELS as f64;
-    let near = sweep("fine", coarse_e - near, coarse_e + near, settings.levels)?;
-    let near_e = near[largest(&near, 1)].light_e;
-    let half = 2.0 * spread * near_e;
-    let saturation_light_e =
-        vertex(&sweep("finest", near_e - half, near_e + half, settings.levels)?).unwrap_or(near_e);
-    let photon_transfer = sweep("transfer", 0.0, 1.1 * saturation_light_e, settings.levels)?;
-
-    let gain = photon_transfer_gain(&photon_transfer, dark_dn2, 0.7 * saturation_light_e)?;
+    // Find the light that saturates, then sweep up to it
+    let Saturation { light_e: saturation_light_e, patterns } = saturation(&bench, dark)?;
+    let photon_transfer =
+        bench.sweep("transfer", dark_dn, [0.0, 1.1 * saturation_light_e], settings.levels)?;
+    let gain = photon_transfer_gain(&bench, &photon_transfer, dark_dn2, 0.7 * saturation_light_e)?;
     let dark_noise_e = (dark_dn2 - QUANTIZATION_NOISE_DN.powi(2)).max(0.0).sqrt() / gain;
-    // Electrons per unit of light, from the digital numbers of the linear part.
-    let linear = photon_transfer.iter().filter(|p| p.light_e <= 0.7 * saturation_light_e);
-    let response = linear.clone().map(|p| p.signal_dn * p.light_e).sum::<f64>()
-        / linear.map(|p| p.light_e.powi(2)).sum::<f64>();
-    let saturation_e = saturation_light_e * response / gain;
+    let saturation_e = saturation_light_e * response(&photon_transfer, saturation_light_e) / gain;
     let full_scale_e = (bench.pair("full", 4.0 * saturation_light_e, 0)?.0 - dark_dn) / gain;
 
+    // Dark frames over time, and warmer
     let most_dn = dark_dn + 0.5 * gain * saturation_e;
     let (mean_slope, variance_slope) = bench.dark_slopes(gain, most_dn)?;
-    let dark_current = mean_slope / gain;
     let doubling_temperature_k = doubling_temperature_k(&bench, gain, most_dn, mean_slope)?;
 
-    let in_range = |p: &&PhotonTransferPoint| (0.05..=0.95).contains(&(p.light_e / saturation_light_e));
-    let range = photon_transfer.iter().filter(in_range);
-    let line = Line::through(range.clone().map(|p| (p.light_e, p.signal_dn, p.signal_dn.powi(-2))));
-    let deviations: Vec<f64> = range.map(|p| (p.signal_dn / line.at(p.light_e) - 1.0).abs()).collect();
-
-    if is_hidden {
+    if dark_dn2 < LEAST_DARK_VARIANCE_DN2 {
         warnings.push(quantization_warning(dark_dn2, gain));
     }
     let threshold_e = sensitivity_threshold_e(dark_noise_e, gain);
@@ -561,12 +592,12 @@ pub fn characterize(
         dark_mean_dn: dark_dn,
         saturation_capacity_e: saturation_e,
         full_scale_e,
-        dsnu_e: non_uniformity(dark_spatial, 1.0 / gain),
-        prnu_percent: non_uniformity(response_spatial, 100.0 / stack_dn),
-        dark_current_e_per_s: dark_current,
+        dsnu_e: non_uniformity(patterns.dark_dn2, 1.0 / gain),
+        prnu_percent: non_uniformity(patterns.response_dn2, 100.0 / patterns.signal_dn),
+        dark_current_e_per_s: mean_slope / gain,
         dark_current_from_variance_e_per_s: variance_slope / (gain * gain),
         doubling_temperature_k,
-        linearity_error_percent: 100.0 * mean(deviations.iter().copied()),
+        linearity_error_percent: linearity_error_percent(&photon_transfer, saturation_light_e),
         sensitivity_threshold_e: threshold_e,
         dynamic_range_db: 20.0 * (saturation_e / threshold_e).log10(),
         snr_max_db: 10.0 * saturation_e.log10(),
@@ -575,7 +606,7 @@ pub fn characterize(
         warnings,
         recovered: Vec::new(),
     };
-    result.recovered = recovered(&laboratory, &result, time_s);
+    result.recovered = recovered(&laboratory, &result, settings.exposure_s);
     Ok(result)
 }
 

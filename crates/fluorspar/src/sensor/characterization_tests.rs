@@ -126,6 +126,27 @@ fn patterns_are_split_into_rows_columns_and_pixels() {
 }
 
 #[test]
+fn a_code_of_ten_thousand_electrons_and_a_dark_current_that_fills_the_well_are_measured() {
+    let settings = CharacterizationSettings { region: [640, 480], levels: 20, stack: 8, ..SETTINGS };
+    let wide = SensorModel { well_capacity_e: 9e5, bit_depth: 8, read_noise_mv: Some(2.0), ..mono(640, 480) };
+    let measured = characterize(&sensor(wide.clone()), &settings).unwrap();
+    // A dark variance of 0.4 DN² in 307 200 pixels is known to 0.001 DN², over signals about 80 DN: 5 % of the gain; three times that
+    assert!(errors(&measured)("system gain").abs() < 0.15, "{:?}", measured.recovered);
+    // Shot noise of 0.02 DN² beside 2 DN²
+    let lost = SensorModel { well_capacity_e: 2e6, read_noise_mv: Some(5.0), ..wide };
+    let said = characterize(&sensor(lost), &settings).unwrap_err().message;
+    assert!(said.contains("or measure a larger region"), "{said}");
+
+    // The well is full after 20 ms
+    let warm = SensorModel { dark_current_e_per_s: Some(4.5e5), ..mono(320, 240) };
+    let measured =
+        characterize(&sensor(warm), &CharacterizationSettings { exposure_s: 1e-3, ..settings }).unwrap();
+    let error = errors(&measured);
+    assert!(error("dark current").abs() < 0.02, "{:?}", measured.recovered);
+    assert!(error("doubling temperature").abs() < 0.02, "{:?}", measured.recovered);
+}
+
+#[test]
 fn a_black_level_that_cuts_the_noise_is_told() {
     let low = SensorModel { black_level_dn: 5.0, ..mono(64, 64) };
     let settings = CharacterizationSettings { levels: 10, stack: 4, ..SETTINGS };
