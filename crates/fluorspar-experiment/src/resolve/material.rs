@@ -52,7 +52,7 @@ pub(super) fn materials(
         let at = steps!["material", index];
         let earlier = file.material[..index].iter().map(|other| other.name.as_str());
         context.unique_name(&at, &section.name, earlier)?;
-        context.tissue = mouth::only_tissue(file, &section.name);
+        context.tissue = mouth::only_tissue(context, file, &section.name);
         let (scattering, amounts) = match &section.scattering {
             ScatteringSection::Tissue(tissue) => {
                 let recipe = TissueRecipe::new(context, &at, tissue, file, grid)?;

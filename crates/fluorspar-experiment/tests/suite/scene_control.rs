@@ -159,6 +159,12 @@ fn teeth_of_a_mouth_are_parts() {
         scene.materials[object.material].name.clone()
     };
     assert_eq!((of("tooth_11"), of("tooth_21")), ("tooth@tooth_1?".into(), "tooth".into()));
+    // The copies keep the maps of the anatomy that their tissue has
+    let layered = "format = 1\nbase = \"oraleye-2021\"\nmouth.detail = 0.25\n";
+    let lip = changed(layered, &["upper_lip/material.translucent=false"]).unwrap();
+    for copied in [&experiment, &lip] {
+        resolve(copied).unwrap_or_else(|error| panic!("{error}"));
+    }
     let said = changed(text, &["tooth_11/transform.scale=2"]).unwrap_err();
     assert!(said.contains("has a material only; write tooth_11/material"), "{said}");
     // Every part stands in the tree, with its material.
