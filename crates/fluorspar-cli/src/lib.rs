@@ -21,7 +21,7 @@ use fluorspar_session::{cite, compare, predict, use_surroundings};
 pub(crate) use fluorspar_session::{named_spectra, values};
 
 use crate::args::{Args, Command};
-use crate::commands::actions::Ended;
+use crate::commands::subcommands::Ended;
 use crate::error::{CliError, FAILED, WRONG_INPUT, as_typed, code_of};
 use crate::values::MOST_THREADS;
 

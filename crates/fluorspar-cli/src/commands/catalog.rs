@@ -3,12 +3,12 @@
 use clap::{Subcommand, ValueEnum};
 use fluorspar_experiment::preset::PresetKind;
 
-use super::actions::actions;
+use super::subcommands::subcommands;
 use super::table::ListOptions;
 use super::{fluorophore, lens, presets, sensor, spectra, tissue};
 use crate::error::CliError;
 
-actions! {
+subcommands! {
     /// List a kind of parts with their main numbers, or everything by name.
     List(ListArgs) => list,
     /// Show one part: its main numbers, what of it is assumed, its source; of an experiment its file.

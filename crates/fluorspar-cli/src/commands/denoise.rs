@@ -6,8 +6,8 @@ use fluorspar::units::number_text;
 use fluorspar_format::{check_room, read_component_image};
 use std::path::PathBuf;
 
-use super::capture_light::CaptureLight;
 use super::image_output::{ImageOutput, Storage};
+use super::light_of_capture::CaptureLight;
 use crate::args::Answer;
 use crate::error::CliError;
 use crate::message::Messages;

@@ -12,7 +12,7 @@ use fluorspar_format::{
 };
 use serde_json::{Value, json};
 
-use super::capture_light::CaptureLight;
+use super::light_of_capture::CaptureLight;
 use crate::error::CliError;
 
 /// Path and format of an image.

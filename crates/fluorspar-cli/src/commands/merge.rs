@@ -7,7 +7,7 @@ use fluorspar_experiment::parse;
 use fluorspar_format::{Output, Provenance, check_room, read_film, write_film};
 use std::path::{Path, PathBuf};
 
-use super::capture_light::{APART, CaptureOption};
+use super::light_of_capture::{APART, CaptureOption};
 use super::image_output::ImageOutput;
 use super::row_bands;
 use crate::args::Answer;

@@ -1,10 +1,8 @@
 //! One file or folder per command, and what several of them share.
 
-pub(crate) mod actions;
 pub(crate) mod analyze;
 pub(crate) mod calibrate;
 pub(crate) mod capture;
-pub(crate) mod capture_light;
 pub(crate) mod catalog;
 pub(crate) mod check;
 pub(crate) mod cite;
@@ -20,6 +18,7 @@ pub(crate) mod filter;
 pub(crate) mod fluorophore;
 pub(crate) mod image_output;
 pub(crate) mod lens;
+pub(crate) mod light_of_capture;
 pub(crate) mod merge;
 pub(crate) mod mouth;
 pub(crate) mod new;
@@ -38,6 +37,7 @@ pub(crate) mod sheet;
 pub(crate) mod spectra;
 pub(crate) mod spectroradiometer;
 pub(crate) mod study;
+pub(crate) mod subcommands;
 pub(crate) mod table;
 pub(crate) mod tissue;
 pub(crate) mod validate;

@@ -19,8 +19,8 @@ use fluorspar_session::{
 };
 use serde_json::json;
 
-use super::capture_light::{APART, CaptureLight, CaptureOption};
 use super::image_output::ImageOutput;
+use super::light_of_capture::{APART, CaptureLight, CaptureOption};
 use super::pbrt_scene::PbrtArgs;
 use super::row_bands;
 use crate::args::Answer;

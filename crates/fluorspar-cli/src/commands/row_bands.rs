@@ -16,7 +16,7 @@ use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{Provenance, SpooledImage, read_film_layout, read_film_rows, write_film};
 use fluorspar_session::{ExperimentSource, Keep, Left, fill_film, say_time, seconds_of};
 
-use super::capture_light::CaptureLight;
+use super::light_of_capture::CaptureLight;
 use super::render::{Options, peak_memory_bytes, say_surfaces};
 use crate::error::{CliError, STOPPED};
 use crate::message;

@@ -13,13 +13,13 @@ use fluorspar_study::{
 };
 
 use super::Answering;
-use super::actions::actions;
 use super::analyze::no_answer;
+use super::subcommands::subcommands;
 use super::table::align;
 use crate::error::CliError;
 use crate::message::Messages;
 
-actions! {
+subcommands! {
     /// Begin a study in a new folder, with a copy of the experiment of its camera.
     Init(Answering<InitOptions>) => |options: &Answering<InitOptions>| {
         options.answer(fluorspar_study::init, |begun| format!("{} begins in {}", begun.name, begun.folder.display()))

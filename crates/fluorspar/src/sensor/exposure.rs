@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::film_rates::{PixelIntegrals, PlaneOrder};
 use super::isetcam::IsetcamChain;
-use super::noise::PhysicalChain;
+use super::physical_chain::PhysicalChain;
 use super::pixel_integration::{FilmExtent, dot};
 use super::readout::Readout;
 use super::relative_illumination::RelativeIllumination;

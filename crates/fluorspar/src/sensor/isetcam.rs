@@ -17,7 +17,7 @@
 //!     doi:10.1364/AO.51.000A80.
 
 use super::adc::Adc;
-use super::noise::{NoiseSource, frame_key, line_key, normal, poisson};
+use super::physical_chain::{NoiseSource, frame_key, line_key, normal, poisson};
 use super::{Exposure, SensorMode, SensorModel};
 use crate::sampling::random::Key;
 

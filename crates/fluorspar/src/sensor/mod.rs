@@ -7,7 +7,7 @@
 //! | film samples to pixels | [`Sensor::electron_rate_on_film`], [`Sensor::electron_rate_of`] | `pixel_integration.rs`, `film_rates.rs` |
 //! | fall-off, crosstalk | [`SensorModel::relative_illumination`], [`Crosstalk`] | `relative_illumination.rs`, `crosstalk.rs` |
 //! | when rows collect light | [`Shutter`], [`Strobe`] | `shutter.rs` |
-//! | noise and conversion | [`Sensor::expose_rate`] | `noise.rs`, `adc.rs`, `isetcam.rs` |
+//! | noise and conversion | [`Sensor::expose_rate`] | `physical_chain.rs`, `adc.rs`, `isetcam.rs` |
 //! | which pixels are read | [`SensorModel::region_px`], [`Binning`] | `readout.rs` |
 //! | numbers without an image | [`Sensor::flat_response`] | `flat_response.rs` |
 //! | exposure time | [`AutoExposure`] | `auto_exposure.rs` |
@@ -67,8 +67,8 @@ mod isetcam;
 #[cfg(test)]
 mod isetcam_formula_tests;
 mod model;
-mod noise;
 pub mod photon_transfer;
+mod physical_chain;
 mod pixel_integration;
 mod quantum_efficiency;
 mod readout;

@@ -1,6 +1,6 @@
 //! Regions, binning, crosstalk, shutters, defects and soft wells in whole frames.
 
-use super::noise::defect_pixels;
+use super::physical_chain::defect_pixels;
 use super::*;
 use crate::image::{SensorImage, SpectralImage};
 use crate::spectral::{Curve, Irradiance, Spectrum, WavelengthGrid};

@@ -4,7 +4,7 @@ use fluorspar_testkit::{chi_square, sidak};
 
 use super::isetcam::IsetcamChain;
 use super::isetcam_formula_tests::volts_variance;
-use super::noise::poisson;
+use super::physical_chain::poisson;
 use super::*;
 use crate::image::{SensorImage, SpectralImage};
 use crate::sampling::random::Key;

@@ -8,11 +8,11 @@ use fluorspar_session::design::{
 
 use self::words::{describe, describe_compared, describe_scenes};
 use crate::commands::Answering;
-use crate::commands::actions::actions;
+use crate::commands::subcommands::subcommands;
 use crate::error::CliError;
 use crate::message::Messages;
 
-actions! {
+subcommands! {
     /// Evaluate all designs of a problem; a killed sweep goes on where it was.
     Sweep(Answering<SweepOptions>) => run_sweep,
     /// Find the best design: all of them where that is possible, otherwise by exchange of one choice at a time.

@@ -2,9 +2,9 @@
 
 mod leak;
 
-use crate::commands::actions::actions;
+use crate::commands::subcommands::subcommands;
 
-actions! {
+subcommands! {
     /// Compare reflected light with fluorescence behind the viewing filters of a flat sample.
     Leak(leak::Options) => leak::run,
 }

@@ -13,9 +13,9 @@ pub(crate) use show::{Options as ShowOptions, run as show};
 use fluorspar_session::fluorophore::{FitOptions, fit as fit_spectra};
 
 use crate::commands::Answering;
-use crate::commands::actions::actions;
+use crate::commands::subcommands::subcommands;
 
-actions! {
+subcommands! {
     /// Check a measured fluorophore and write its section of an experiment.
     Import(import::Options) => import::run,
     /// Fit measured spectra as sums of fluorophores: weights with intervals, and which sets describe them as well.

@@ -5,9 +5,9 @@ mod person;
 mod sample;
 mod view;
 
-use crate::commands::actions::actions;
+use crate::commands::subcommands::subcommands;
 
-actions! {
+subcommands! {
     /// Write the meshes of one mouth, and print its measured dimensions next to their sources.
     Generate(generate::Options) => generate::run,
     /// Draw a contact sheet of views and poses.

@@ -10,7 +10,7 @@ use fluorspar_pbrt::{ConvertedScene, DrawnPart, DrawnScene, to_gltf, to_pbrt};
 
 use super::edit::write_texts;
 use super::source::SceneArgs;
-use crate::commands::capture_light::{CaptureLight, CaptureOption};
+use crate::commands::light_of_capture::{CaptureLight, CaptureOption};
 use crate::error::CliError;
 use crate::message::Messages;
 

@@ -8,9 +8,9 @@ mod source;
 mod tree;
 mod view;
 
-use crate::commands::actions::actions;
+use crate::commands::subcommands::subcommands;
 
-actions! {
+subcommands! {
     /// List everything that has a name: lights, materials, tissues, parts, captures.
     Tree(tree::Options) => tree::run,
     /// Print the values at paths, defaults included.

@@ -15,12 +15,12 @@ use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::{ResolvedSensor, parse_sensor};
 use fluorspar_session::{Changes, read_text};
 
-use crate::commands::actions::actions;
+use crate::commands::subcommands::subcommands;
 use crate::error::CliError;
 use crate::message::Messages;
 use crate::values::{Override, as_typed, sets};
 
-actions! {
+subcommands! {
     /// Characterize a sensor with simulated flats and darks as in EMVA 1288, and draw its photon-transfer curve.
     Characterize(characterize::Options) => characterize::run,
 }

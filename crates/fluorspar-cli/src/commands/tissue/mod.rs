@@ -16,9 +16,9 @@ use fluorspar_session::tissue::{
 };
 
 use crate::commands::Answering;
-use crate::commands::actions::actions;
+use crate::commands::subcommands::subcommands;
 
-actions! {
+subcommands! {
     /// Compute reflectance and fluorescence of a tissue.
     Solve(Answering<SolveOptions>) => |options| options.answer(tissue::solve, solve::describe),
     /// Solve a tissue at several values of a parameter: a table, curves and a page of its color, its fluorescence and its depths.

@@ -1,11 +1,11 @@
-//! Commands that consist of actions: `scene tree`, `scene get`.
+//! Commands that consist of subcommands: `scene tree`, `scene get`.
 
 use std::process::ExitCode;
 
 use crate::error::CliError;
 
-/// The options of a command and its `run`, from a list of its actions: the help of each, its name with its options, and what runs it.
-macro_rules! actions {
+/// The options of a command and its `run`, from a list of its subcommands: the help of each, its name with its options, and what runs it.
+macro_rules! subcommands {
     ($($(#[$help:meta])* $name:ident($options:ty) => $run:expr,)+) => {
         /// Options of the command.
         #[derive(Clone, Debug, clap::Args)]
@@ -21,7 +21,7 @@ macro_rules! actions {
         }
 
         pub(crate) fn run(options: &Options) -> Result<std::process::ExitCode, $crate::error::CliError> {
-            use $crate::commands::actions::Ended;
+            use $crate::commands::subcommands::Ended;
             let Ended(code) = match &options.action {
                 $(Action::$name(options) => Ended::of($run, options)?,)+
             };
@@ -30,7 +30,7 @@ macro_rules! actions {
     };
 }
 
-pub(crate) use actions;
+pub(crate) use subcommands;
 
 /// How an action ended that did not fail: with an exit code of its own, or well.
 pub(crate) struct Ended(pub(crate) ExitCode);
