@@ -6,7 +6,7 @@ use fluorspar::image::Component;
 use fluorspar::sensor::CaptureFrame;
 use fluorspar::study::Study;
 use fluorspar::units::number_text;
-use fluorspar_experiment::parse;
+use fluorspar_experiment::{Experiment, parse};
 use fluorspar_format::Provenance;
 use serde_json::{Value, json};
 
@@ -43,9 +43,7 @@ impl CaptureOption {
 
     /// The light of the experiment that a film was rendered from.
     pub(crate) fn of_film(&self, provenance: &Provenance) -> Result<CaptureLight, CliError> {
-        let text = &provenance.resolved_experiment_toml;
-        // The films of a pbrt scene hold no experiment, and no captures
-        let experiment = parse(text, "the film's experiment", Path::new("."), &[]).ok();
+        let experiment = experiment_of_film(provenance)?;
         let captures = experiment.iter().flat_map(|experiment| &experiment.file.capture);
         let lights = captures.map(|capture| (capture.name.as_str(), capture.light_groups.iter().collect()));
         self.of(&lights.collect::<Vec<_>>())
@@ -78,6 +76,15 @@ impl CaptureOption {
         let known = known.into_iter().map(String::from).collect();
         Ok(CaptureLight { on, known, is_typed: self.capture.is_some() })
     }
+}
+
+/// The experiment that a film was rendered from; `None` of a scene of pbrt, of which films hold comments alone.
+pub(crate) fn experiment_of_film(provenance: &Provenance) -> Result<Option<Experiment>, CliError> {
+    let text = &provenance.resolved_experiment_toml;
+    if text.lines().all(|line| line.is_empty() || line.starts_with('#')) {
+        return Ok(None);
+    }
+    Ok(Some(parse(text, "the film's experiment", Path::new("."), &[])?))
 }
 
 /// A capture and the drives of its light groups.
@@ -144,5 +151,19 @@ impl CaptureLight {
         let drives: serde_json::Map<String, Value> =
             lights.iter().map(|(group, drive)| (group.clone(), json!(drive))).collect();
         json!({ "name": name, "light_groups": drives })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_experiment_of_a_film_that_cannot_be_read_is_an_error_and_a_scene_of_pbrt_has_none() {
+        let found = |text: &str| experiment_of_film(&Provenance::new("", text, 1, 1));
+        assert!(found("# A scene of pbrt, one unit 1 m\n# sha256 0 \"a.pbrt\"\n").unwrap().is_none());
+        assert!(found("format = 1\nbase = \"flat-patch\"\n").unwrap().is_some());
+        let said = found("format = 7\nbase = \"flat-patch\"\n").unwrap_err().to_string();
+        assert!(said.contains("the film's experiment:1: format: the file has format 7"), "{said}");
     }
 }

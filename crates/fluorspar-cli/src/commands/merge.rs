@@ -3,12 +3,11 @@
 use clap::ValueHint;
 use fluorspar::image::Film;
 use fluorspar::pipeline::image_and_basis;
-use fluorspar_experiment::parse;
 use fluorspar_format::{Output, Provenance, check_room, read_film, write_film};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use super::light_of_capture::{APART, CaptureOption};
 use super::image_output::ImageOutput;
+use super::light_of_capture::{APART, CaptureOption, experiment_of_film};
 use super::row_bands;
 use crate::args::Answer;
 use crate::error::CliError;
@@ -87,9 +86,8 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
 /// Every tile must hold samples from the first one on, without a gap, and as many as were wanted unless an error target
 /// decided.
 fn check_complete(film: &Film, provenance: &Provenance, paths: &[PathBuf]) -> Result<(), CliError> {
-    let text = &provenance.resolved_experiment_toml;
-    let adaptive = parse(text, "the film's experiment", Path::new("."), &[])
-        .is_ok_and(|experiment| experiment.file.render.relative_error.is_some());
+    let experiment = experiment_of_film(provenance)?;
+    let adaptive = experiment.is_some_and(|experiment| experiment.file.render.relative_error.is_some());
     let wanted = if adaptive { 1 } else { provenance.samples_per_pixel };
     for (tile, _) in film.tiles() {
         let what = match tile.samples.as_slice() {
