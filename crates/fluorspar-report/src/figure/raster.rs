@@ -44,7 +44,8 @@ impl Raster {
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_compression(png::Compression::Balanced);
-        encoder.set_filter(png::Filter::Adaptive);
+        // As small as the best of all filters for every line, without trying them
+        encoder.set_filter(png::Filter::Up);
         // Colors for a screen are no measurement: readers of frames know by it
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
         encoder.add_text_chunk("Software".into(), "fluorspar".into()).ok()?;

@@ -11,7 +11,7 @@ const NOISY: f64 = 0.02;
 /// Pixels to either side that are averaged.
 const REACH: isize = 3;
 /// Standard deviation of the weights by distance, px.
-const SPREAD_PX: f64 = 1.7;
+const SPREAD_PX: f32 = 1.7;
 /// A pixel so many standard deviations off the median of its neighborhood is taken for a speck.
 const SPECK: f64 = 4.0;
 /// Share of the median that a speck is off, at least.
@@ -67,11 +67,11 @@ impl Noise {
     }
 
     /// Takes the color out of light that is lost in dark noise.
-    fn fade_color(&self, values: &mut [f64]) {
-        let n = values.len() as f64;
-        let sum: f64 = values.iter().sum::<f64>().max(0.0);
-        let lost = (FADED * self.floor_dn).powi(2) * n;
-        let kept = sum * sum / (sum * sum + lost).max(f64::MIN_POSITIVE);
+    fn fade_color(&self, values: &mut [f32]) {
+        let n = values.len() as f32;
+        let sum = values.iter().sum::<f32>().max(0.0);
+        let lost = (FADED * self.floor_dn).powi(2) as f32 * n;
+        let kept = sum * sum / (sum * sum + lost).max(f32::MIN_POSITIVE);
         values.iter_mut().for_each(|value| *value = sum / n + kept * (*value - sum / n));
     }
 
@@ -122,34 +122,33 @@ fn smoothed(image: &ChannelImage, noise: &Noise) -> ChannelImage {
             *value = *median;
         }
     }
-    let distance: Vec<f64> = (-REACH..=REACH)
-        .flat_map(|dy| (-REACH..=REACH).map(move |dx| (dx * dx + dy * dy) as f64))
+    let distance: Vec<f32> = (-REACH..=REACH)
+        .flat_map(|dy| (-REACH..=REACH).map(move |dx| (dx * dx + dy * dy) as f32))
         .map(|squared| (-squared / (2.0 * SPREAD_PX * SPREAD_PX)).exp())
         .collect();
     let (width, height) = (image.width as isize, image.height as isize);
-    let mean_at = |row: isize, col: isize, like: &mut [f64], sums: &mut [f64]| {
+    let mean_at = |row: isize, col: isize, inverse_like: &mut [f32], sums: &mut [f32]| {
         let here = (row * width + col) as usize * n;
-        for (like, &median) in like.iter_mut().zip(&medians[here..here + n]) {
+        for (inverse, &median) in inverse_like.iter_mut().zip(&medians[here..here + n]) {
             let median = f64::from(median);
-            *like = noise.variance(median) + (SHADE * median).powi(2);
+            let like = noise.variance(median) + (SHADE * median).powi(2);
+            *inverse = (1.0 / like.max(1e-30)) as f32;
         }
         sums.fill(0.0);
-        let (mut weights, mut place) = (0.0, 0);
-        for y in row - REACH..=row + REACH {
-            for x in col - REACH..=col + REACH {
-                let spread = distance[place];
-                place += 1;
-                if y < 0 || x < 0 || y >= height || x >= width {
-                    continue;
-                }
-                let there = (y * width + x) as usize * n;
-                let unlike: f64 =
-                    (0..n).map(|c| f64::from(medians[there + c] - medians[here + c]).powi(2) / like[c]).sum();
-                let weight = spread * (-0.5 * unlike).exp();
+        let mut weights = 0.0;
+        let columns = (col - REACH).max(0)..(col + REACH + 1).min(width);
+        for y in (row - REACH).max(0)..(row + REACH + 1).min(height) {
+            let place = (y - row + REACH) * (2 * REACH + 1) + columns.start - col + REACH;
+            let line = (y * width + columns.start) as usize * n..(y * width + columns.end) as usize * n;
+            let near = medians[line.clone()].chunks_exact(n).zip(values[line].chunks_exact(n));
+            for ((medians_there, values_there), spread) in near.zip(&distance[place as usize..]) {
+                let of_channel = medians_there.iter().zip(&medians[here..here + n]).zip(&*inverse_like);
+                let unlike: f32 = of_channel.map(|((a, b), inverse)| (a - b) * (a - b) * inverse).sum();
+                // Near exp(-unlike / 2), and nothing beyond 8
+                let alike = (1.0 - 0.125 * unlike).max(0.0);
+                let weight = spread * alike * alike * (alike * alike);
                 weights += weight;
-                for (c, sum) in sums.iter_mut().enumerate() {
-                    *sum += weight * f64::from(values[there + c]);
-                }
+                sums.iter_mut().zip(values_there).for_each(|(sum, value)| *sum += weight * value);
             }
         }
         sums.iter_mut().for_each(|sum| *sum /= weights);
@@ -157,10 +156,9 @@ fn smoothed(image: &ChannelImage, noise: &Noise) -> ChannelImage {
     };
     let mut data = vec![0.0; values.len()];
     data.par_chunks_mut((image.width * n).max(1)).enumerate().for_each(|(row, line)| {
-        let (mut like, mut sums) = (vec![0.0; n], vec![0.0; n]);
+        let mut inverse_like = vec![0.0; n];
         for (col, out) in line.chunks_exact_mut(n).enumerate() {
-            mean_at(row as isize, col as isize, &mut like, &mut sums);
-            out.iter_mut().zip(&sums).for_each(|(out, &value)| *out = value as f32);
+            mean_at(row as isize, col as isize, &mut inverse_like, out);
         }
     });
     ChannelImage { data, ..image.clone() }
