@@ -53,7 +53,7 @@ fn tiny(words: &[String], folder: &Path) -> Vec<String> {
         ("cohort" | "dataset", _) => {
             add(&mut all, &["--set=people.count=1", "--set=render.width_px=32", "--set=render.height_px=24"]);
             add(&mut all, &["--set=render.samples_per_pixel=1", "--set=mouth.detail=0.25"]);
-            add(&mut all, &["--set=analysis.inset_px=0"]);
+            add(&mut all, &["--set=analysis.inset_px=0", "--set=people.views=[\"dorsal-tongue\"]"]);
             add(&mut all, &["--set=sensor.columns=64", "--set=sensor.rows=48"]);
             add(&mut all, &["--set=sensor.pixel_size_um=37.5", "--set=sensor.fill_factor=0.0044"]);
         }
