@@ -24,8 +24,8 @@
 //!
 //! Out of scope: motion, curves, and updating a tree after its mesh has moved.
 //!
-//! This is the only crate of the workspace that contains `unsafe` code, in its modules `kernel` and
-//! `allocator`.
+//! This is the only crate of the workspace that contains `unsafe` code, in its modules `kernel`,
+//! `allocator` and `memory`.
 //!
 //! ```
 //! use fluorspar_accel::{Ray, TriangleBvh};

@@ -28,7 +28,7 @@ pub enum Vignetting {
 ///
 /// Irradiance on the film is `E = pi L T / (1 + 4 N^2 (1 + |m|)^2)` on the axis, with the magnification
 /// `m = f / (f - d)` of a thin lens focused at the distance `d`. It is exact for a uniform Lambertian field, also
-/// at low f-numbers: the shorter `pi L / (4 N^2)` is 11 % too high at f/1.4. Off the axis it is multiplied by
+/// at low f-numbers: the shorter `pi L / (4 N^2)` is 13 % too high at f/1.4. Off the axis it is multiplied by
 /// `cos^4` of the field angle, seen from the image distance `s = f (1 + |m|)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IdealLens {
