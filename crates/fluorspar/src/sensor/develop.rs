@@ -231,10 +231,11 @@ pub struct LinearMosaic {
     pub label: String,
 }
 
-/// What dark frames and a flat field add to the noise of the values of a mosaic.
+/// What dark frames and a flat field add to the noise of the values of a mosaic, and what merged exposures take from it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CalibratedValues {
-    /// Added to the variance of each value, DN²: shot noise of dark charge, and what the flat field's factor does to all noise.
+    /// Added to the variance of each value, DN²: shot noise of dark charge, and what the flat field's factor does to all noise; below
+    /// zero where longer exposures were merged.
     pub variance_dn2: Vec<f32>,
     /// Variance of the flat field's factor of each value, over its square; empty without a flat field.
     pub factor_variance: Vec<f32>,
@@ -488,6 +489,16 @@ pub fn merge_exposures<'a>(
     }
     // Express the result in the scale of the first exposure
     let reference = merged.dn_s_per_electron;
+    // In the dark every exposure counts by its floor alone.
+    let of_floors: f64 =
+        bracket.iter().map(|b| b.frame.dn_s_per_electron.powi(2) / b.floor_dn2.max(f64::MIN_POSITIVE)).sum();
+    merged.noise_floor_dn = reference / of_floors.sqrt();
+    // What a value's variance has beyond that of a first exposure with this floor: less where longer ones count
+    let floor_dn2 = merged.noise_floor_dn.powi(2);
+    let more = |variance_dn2: f64, value_dn: f64| {
+        (variance_dn2 - floor_dn2 - first.dn_per_electron * value_dn.max(0.0)) as f32
+    };
+    let mut added_dn2 = vec![0.0f32; merged.values.len()];
     let shortest = (0..bracket.len()).fold(0, |best, i| {
         let light = |i: usize| bracket[i].frame.dn_s_per_electron;
         if light(i) < light(best) { i } else { best }
@@ -503,10 +514,10 @@ pub fn merge_exposures<'a>(
         if light == 0.0 {
             let least = &bracket[shortest];
             let scale = reference / least.frame.dn_s_per_electron;
-            if let (Some(of_all), Some(own)) = (&mut merged.calibration, &least.frame.calibration) {
-                of_all.variance_dn2[pixel] = own.variance_dn2[pixel] * (scale * scale) as f32;
-            }
-            merged.values[pixel] = (value(least) * reference / least.frame.dn_s_per_electron) as f32;
+            let own = least.frame.calibration.as_ref().map_or(0.0, |by| f64::from(by.variance_dn2[pixel]));
+            let variance_dn2 = least.dn_per_electron * value(least).max(0.0) + least.floor_dn2 + own;
+            merged.values[pixel] = (value(least) * scale) as f32;
+            added_dn2[pixel] = more(scale * scale * variance_dn2, value(least) * scale);
             continue;
         }
         // Weight by inverse variance: shot noise of the common estimate, and the noise floor
@@ -519,15 +530,19 @@ pub fn merge_exposures<'a>(
             let own = b.frame.calibration.as_ref().map_or(0.0, |by| f64::from(by.variance_dn2[pixel]));
             (sum + scaled * value(b), weights + weight, added + scaled * scaled * own)
         });
-        if let Some(of_all) = &mut merged.calibration {
-            of_all.variance_dn2[pixel] = (added * (reference / weights).powi(2)) as f32;
-        }
-        merged.values[pixel] = (reference * sum / weights) as f32;
+        let value_dn = reference * sum / weights;
+        merged.values[pixel] = value_dn as f32;
+        added_dn2[pixel] = more((1.0 / weights + added / weights.powi(2)) * reference.powi(2), value_dn);
     }
-    // In the dark every exposure counts by its floor alone.
-    let weights: f64 =
-        bracket.iter().map(|b| b.frame.dn_s_per_electron.powi(2) / b.floor_dn2.max(f64::MIN_POSITIVE)).sum();
-    merged.noise_floor_dn = reference / weights.sqrt();
+    merged.calibration = Some(CalibratedValues {
+        variance_dn2: added_dn2,
+        ..merged.calibration.unwrap_or_else(|| CalibratedValues {
+            variance_dn2: Vec::new(),
+            factor_variance: Vec::new(),
+            scale_variance: vec![0.0; merged.mosaic.channels.len()],
+            has_dark: false,
+        })
+    });
     let scaled = |b: &Bracketed| b.frame.full_scale_dn * reference / b.frame.dn_s_per_electron;
     merged.full_scale_dn = bracket.iter().map(scaled).fold(0.0, f64::max);
     Ok(merged)
@@ -665,6 +680,7 @@ mod tests {
     /// Two exposures of a flat field: the merged mean is unbiased and its noise that of inverse variances.
     #[test]
     fn merged_exposures_have_the_noise_of_their_weights() {
+        use crate::analysis::ChannelNoise;
         use crate::sensor::{ElectronRate, Exposure, Sensor, SensorModel, SpectralQe};
         use crate::spectral::Curve;
         let model = SensorModel {
@@ -705,6 +721,13 @@ mod tests {
             (measured / variance - 1.0).abs() < 5.0 * (2.0 / pixels as f64).sqrt(),
             "{measured} {variance}"
         );
+        // So the image says of itself
+        let said = |merged: &LinearMosaic| {
+            let image = merged.demosaic(Demosaicing::Bilinear).unwrap();
+            let noise = ChannelNoise::of_image(&image, k, 0.0, 0.0);
+            (0..pixels).map(|pixel| noise.of_pixel(&image, [0], pixel)[0]).sum::<f64>() / pixels as f64
+        };
+        assert!((said(&merged) / variance - 1.0).abs() < 0.02, "{} {variance}", said(&merged));
         assert!(merged.saturated.iter().all(|s| !s));
         assert!(
             (merged.full_scale_dn - (f64::from(frames[0].white_level) - frames[0].black_level)).abs() < 1e-9
@@ -718,6 +741,9 @@ mod tests {
             "{mean}"
         );
         assert!(merged.saturated.iter().all(|s| !s));
+        // In the scale of the long one, with the noise of the short one
+        let variance = 16.0 * (k * k * 4000.0 + floor);
+        assert!((said(&merged) / variance - 1.0).abs() < 0.02, "{} {variance}", said(&merged));
         let full = [take(4e6, 0.01, 0), take(4e6, 0.04, 1)];
         let merged = merge_exposures(&[&full[0], &full[1]], |_| Ok(Development::default())).unwrap();
         assert!(merged.saturated.iter().all(|s| *s));
