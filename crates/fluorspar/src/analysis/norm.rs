@@ -391,7 +391,8 @@ impl Norm {
         let range = self.range(age, site)?;
         let [center, leverage] = self.center(age, site)?;
         let percentile = |end: f64, sign: f64| {
-            let straight = self.sums.range.straightened(end).unwrap_or(sign * f64::INFINITY);
+            let beyond = if end > 0.0 { f64::INFINITY } else { f64::NEG_INFINITY };
+            let straight = self.sums.range.straightened(end).unwrap_or(beyond);
             let distance = (straight - center) / self.sd;
             if distance.is_infinite() {
                 return if distance > 0.0 { 100.0 } else { 0.0 };
@@ -420,6 +421,16 @@ mod tests {
 
     fn person(value: f64) -> NormPerson {
         NormPerson { values: vec![value], ..NormPerson::default() }
+    }
+
+    #[test]
+    fn a_number_at_an_end_of_its_range_is_beyond_everybody() {
+        let people: Vec<NormPerson> = (0..20).map(|k| person(0.3 + 0.01 * f64::from(k))).collect();
+        let norm = NormSums::of(&people, ValueRange::Share, false).fit().unwrap();
+        for (number, percentile) in [(0.0, 0.0), (1.0, 100.0)] {
+            let place = norm.place([number; 2], None, "").unwrap();
+            assert_eq!((place.standing, place.percentile), (Standing::Outside, [percentile; 2]));
+        }
     }
 
     #[test]

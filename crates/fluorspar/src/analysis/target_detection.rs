@@ -274,8 +274,9 @@ impl TemplateVariance {
         }
         // What is left over in a frame stays the same in all of them, where it is more than the error of the variance
         let fixed = variance - self.temporal;
-        let fixed = if fixed > SIGNIFICANT * self.error() { fixed } else { 0.0 };
-        let frames = (self.temporal.min(variance) / (wanted - fixed)).ceil();
+        let is_fixed = fixed > SIGNIFICANT * self.error();
+        let (fixed, changing) = if is_fixed { (fixed, self.temporal) } else { (0.0, variance) };
+        let frames = (changing / (wanted - fixed)).ceil();
         (1.0..1e9).contains(&frames).then_some(frames as u64)
     }
 
@@ -618,6 +619,23 @@ mod tests {
         let ratio = told.render_noise.unwrap();
         assert!(told.samples_needed == Some((16.0 * ratio).ceil() as u32), "{told:?}");
         assert!(left_in.render_noise.is_none() && left_in.samples_needed.is_none());
+    }
+
+    #[test]
+    fn noise_above_what_is_wanted_takes_more_than_one_frame() {
+        let of = |temporal: f64, independent: f64| TemplateVariance {
+            seen: 1.2,
+            sensor: temporal,
+            temporal,
+            render: None,
+            independent,
+        };
+        // The excess over the temporal noise is less than its error: all may change from frame to frame
+        assert_eq!(of(0.9, 200.0).frames_needed(1.0), Some(2));
+        assert_eq!(of(0.9, 200.0).frames_needed(0.1), Some(12));
+        // It is more: 0.3 stays
+        assert_eq!(of(0.9, 1e6).frames_needed(0.4), Some(9));
+        assert_eq!(of(0.9, 1e6).frames_needed(0.2), None);
     }
 
     /// A disc of contrast C in white noise: d' = C L sqrt(N) / sigma, one pixel C L / sigma. The difference is known to
