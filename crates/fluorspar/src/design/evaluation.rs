@@ -257,20 +257,38 @@ fn means_and_variances(
 }
 
 /// How well the colors of two regions are told apart, whatever their brightness: the distance of their signals in standard
-/// deviations of the sensor's noise, `min over g of sqrt(sum (b - g a)² / v)`. For one exposure of R, G and B that is the
-/// separability of two chromaticities.
+/// deviations of the sensor's noise, `min over g of sqrt(sum (b - g a)² / (v_b + g² v_a))`. For one exposure of R, G and B that is
+/// the separability of two chromaticities. `pixels` are those of each region.
 pub fn chromaticity_separability(
     a: &[&SignalRates],
     b: &[&SignalRates],
     exposures: &[DesignExposure<'_>],
-    pixels: f64,
+    pixels: [f64; 2],
 ) -> f64 {
-    let (from, _) = means_and_variances(a, exposures, pixels);
-    let (to, variances) = means_and_variances(b, exposures, pixels);
-    let sum =
-        |x: &[f64], y: &[f64]| x.iter().zip(y).zip(&variances).map(|((x, y), v)| x * y / v).sum::<f64>();
-    let (aa, ab, bb) = (sum(&from, &from), sum(&from, &to), sum(&to, &to));
-    if aa > 0.0 { (bb - ab * ab / aa).max(0.0).sqrt() } else { bb.sqrt() }
+    let unit = |signals: &[&SignalRates], pixels: f64| -> Vec<[f64; 2]> {
+        let (means, variances) = means_and_variances(signals, exposures, pixels);
+        let sum = means.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        means.iter().zip(variances).map(|(mean, v)| [mean / sum, v / (sum * sum)]).collect()
+    };
+    let (a, b) = (unit(a, pixels[0]), unit(b, pixels[1]));
+    // g is the tangent of an angle: none of both regions comes first
+    let squared = |angle: f64| -> f64 {
+        let (sin, cos) = angle.sin_cos();
+        let of_one = |([a, va], [b, vb]): (&[f64; 2], &[f64; 2])| {
+            (b * cos - a * sin).powi(2) / (vb * cos * cos + va * sin * sin)
+        };
+        a.iter().zip(&b).map(of_one).sum()
+    };
+    // The best of a grid, then halves of its steps
+    let mut step = std::f64::consts::FRAC_PI_2 / 32.0;
+    let best = (0..=32).map(|k| f64::from(k) * step).min_by(|x, y| squared(*x).total_cmp(&squared(*y)));
+    let mut angle = best.unwrap_or_default();
+    for _ in 0..40 {
+        step *= 0.5;
+        let near = [angle - step, angle, angle + step];
+        angle = near.into_iter().min_by(|x, y| squared(*x).total_cmp(&squared(*y))).unwrap_or(angle);
+    }
+    squared(angle).sqrt()
 }
 
 /// Hotelling's `d'` between two groups of people: `d'² = dm^T S^-1 dm`, with the spread between people, the sensor's noise and
@@ -350,15 +368,21 @@ mod tests {
         let camera = camera();
         let exposures = [exposure(&camera)];
         let apart =
-            |a: &SignalRates, b: &SignalRates| chromaticity_separability(&[a], &[b], &exposures, 1000.0);
+            |a: &SignalRates, b: &SignalRates| chromaticity_separability(&[a], &[b], &exposures, [1000.0; 2]);
         assert!(apart(&rates(300.0, 100.0), &rates(600.0, 200.0)) < 1e-6);
-        // b = g a + rest: with weights w the rest is orthogonal to a
+        // The least over a fine grid of factors, with the noise of both
         let (a, b) = (rates(300.0, 100.0), rates(200.0, 200.0));
         let variance = |channel, mean| exposures[0].variance(channel, mean, 1000.0);
-        let (v, w) = (variance(0, 200.0), variance(1, 200.0));
-        let gain = (300.0 * 200.0 / v + 100.0 * 200.0 / w) / (300.0 * 300.0 / v + 100.0 * 100.0 / w);
-        let expected = ((200.0 - gain * 300.0).powi(2) / v + (200.0 - gain * 100.0).powi(2) / w).sqrt();
-        assert!((apart(&a, &b) / expected - 1.0).abs() < 1e-9);
+        let squared = |g: f64| {
+            let of =
+                |c: usize, a: f64, b: f64| (b - g * a).powi(2) / (variance(c, b) + g * g * variance(c, a));
+            of(0, 300.0, 200.0) + of(1, 100.0, 200.0)
+        };
+        let expected = (0..40_000).map(|k| squared(f64::from(k) * 1e-4)).fold(f64::INFINITY, f64::min).sqrt();
+        // None of them comes first, bright or dim
+        let dim = rates(3.0, 1.0);
+        assert!((apart(&dim, &b) / apart(&b, &dim) - 1.0).abs() < 1e-9 && apart(&dim, &b) < apart(&a, &b));
+        assert!((apart(&a, &b) / expected - 1.0).abs() < 1e-6);
     }
 
     /// People whose signals are independent normals of standard deviation 20 e- in both channels, shifted by 40 and 0: `d'` 2. Of 400

@@ -362,7 +362,9 @@ impl DesignSpace {
         let pixels = |region: usize| self.problem.assumptions.pixels * pixel_shares[region];
         let pairs = (0..by_region.len()).flat_map(|a| (a + 1..by_region.len()).map(move |b| (a, b)));
         pairs
-            .map(|(a, b)| chromaticity_separability(&by_region[a], &by_region[b], exposures, pixels(b)))
+            .map(|(a, b)| {
+                chromaticity_separability(&by_region[a], &by_region[b], exposures, [a, b].map(pixels))
+            })
             .reduce(f64::min)
     }
 
