@@ -85,8 +85,10 @@ impl RiskQuantity {
 /// The group of a lamp, the worst of its quantities, from the light at the distance of the test (200 mm for lamps that
 /// are not for general lighting).
 pub fn risk_group(light: &Illumination) -> (RiskGroup, Vec<RiskQuantity>) {
-    let alpha = light.largest_subtense_rad().clamp(0.0017, 0.1);
-    let thermal = light.averaged_radiance(ActionSpectrum::RetinalThermal, thermal_field_rad(10.0));
+    // Times of the groups for heat: 10, 10 and 0.25 s, each with its field, below which no source counts as smaller.
+    let fields = [10.0, 10.0, 0.25].map(thermal_field_rad);
+    let thermal_levels = fields.map(|field| light.averaged_radiance(ActionSpectrum::RetinalThermal, field));
+    let [low, _, moderate] = fields.map(|field| light.largest_subtense_rad().clamp(field, 0.1));
     // Times of the groups for blue light: 1e4, 100 and 0.25 s, each with its field.
     let blue = |seconds| light.averaged_radiance(ActionSpectrum::BlueLight, blue_light_field_rad(seconds));
     let blue_levels = [blue(1e4), blue(100.0), blue(0.25)];
@@ -94,7 +96,6 @@ pub fn risk_group(light: &Illumination) -> (RiskGroup, Vec<RiskQuantity>) {
     let mut list: Vec<RiskQuantity> = [
         ("E_s", irradiance(ActionSpectrum::ActinicUv), "W/m²", [0.001, 0.003, 0.03]),
         ("E_UVA", irradiance(ActionSpectrum::UvA), "W/m²", [10.0, 33.0, 100.0]),
-        ("L_R", thermal, "W/(m² sr)", [28_000.0 / alpha, 28_000.0 / alpha, 71_000.0 / alpha]),
         ("E_IR", irradiance(ActionSpectrum::InfraredEye), "W/m²", [100.0, 570.0, 3200.0]),
     ]
     .map(|(quantity, value, unit, group_limits)| {
@@ -102,6 +103,14 @@ pub fn risk_group(light: &Illumination) -> (RiskGroup, Vec<RiskQuantity>) {
         RiskQuantity { quantity, value, unit, group_limits, group }
     })
     .into();
+    let group_limits = [28_000.0 / low, 28_000.0 / low, 71_000.0 / moderate];
+    list.push(RiskQuantity {
+        quantity: "L_R",
+        value: thermal_levels[0],
+        unit: "W/(m² sr)",
+        group_limits,
+        group: group(thermal_levels, group_limits),
+    });
     let group_limits = [100.0, 1e4, 4e6];
     list.push(RiskQuantity {
         quantity: "L_B",
@@ -156,5 +165,25 @@ mod tests {
         }
         // 0.013 * 9 / 0.0025 = 47 W/(m² sr) and S: 5e-4 W/m²: exempt altogether.
         assert_eq!(at(9.0).0, RiskGroup::Exempt);
+    }
+
+    /// 500 W/m² at 600 nm from 2 mrad: averaged over the field of 10 s the limit of that field is exceeded, and at 0.25 s that of 2 mrad.
+    #[test]
+    fn a_small_source_is_judged_in_the_field_of_each_time() {
+        let spectrum = Curve::new(vec![599.9, 600.0, 600.1], vec![0.0, 10.0, 0.0]).unwrap();
+        let source = ApparentSource {
+            spectrum: 0,
+            irradiance_factor: 500.0,
+            direction: [0.0, 0.0, 1.0],
+            subtense_rad: 0.002,
+            solid_angle_sr: std::f64::consts::PI * 1e-6,
+        };
+        let (_, list) = risk_group(&Illumination { spectra: vec![spectrum], sources: vec![source] });
+        let heat = list.iter().find(|q| q.quantity == "L_R").unwrap();
+        let field = thermal_field_rad(10.0);
+        let expected = 500.0 / (std::f64::consts::FRAC_PI_4 * field * field);
+        assert!((heat.value / expected - 1.0).abs() < 1e-3, "{heat:?} {expected}");
+        assert!((heat.group_limits[0] * field / 28_000.0 - 1.0).abs() < 1e-9, "{heat:?}");
+        assert_eq!(heat.group, RiskGroup::High);
     }
 }
