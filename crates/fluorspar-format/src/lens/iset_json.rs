@@ -3,7 +3,7 @@
 use fluorspar::quote::excerpt;
 use serde_json::Value;
 
-use super::Fault;
+use super::{Fault, put_into_curvature};
 use fluorspar::optics::{Dispersion, LensPrescription, LensSurface, Medium};
 
 pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
@@ -140,14 +140,7 @@ impl Fields<'_> {
         surface.conic = self.optional("conic_constant")?.unwrap_or(0.0);
         let terms = self.numbers("aspheric_coefficients")?;
         if let Some((a2, rest)) = terms.split_first() {
-            // a2 r² is curvature 2 a2; for a conic that holds exactly only where a2 is 0.
-            if *a2 != 0.0 && surface.conic != 0.0 && surface.conic.abs() * a2.abs() > 1e-3 {
-                return Err(self.fault(
-                    "an r² term together with a conic constant is not supported; put it in the radius",
-                ));
-            }
-            surface.curvature_per_mm += 2.0 * a2;
-            surface.aspheric = rest.to_vec();
+            put_into_curvature(&mut surface, *a2, rest);
             while surface.aspheric.last() == Some(&0.0) {
                 surface.aspheric.pop();
             }

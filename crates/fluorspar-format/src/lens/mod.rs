@@ -13,7 +13,7 @@ use std::path::Path;
 use thiserror::Error;
 
 use crate::store::input::read_bounded;
-use fluorspar::optics::LensPrescription;
+use fluorspar::optics::{LensPrescription, LensSurface, MOST_ASPHERIC_TERMS};
 
 pub use toml_lens::{AbbeGlass, LensFile, LensFileSurface, PublishedLens};
 
@@ -109,6 +109,35 @@ fn decode(bytes: &[u8]) -> Result<String, Fault> {
     }
 }
 
+/// Puts an `r²` term into the curvature of a surface, and what a conic of that curvature has beyond the old one and the term into its
+/// further terms: the paraxial power is that of both, the sag that of the file.
+pub(super) fn put_into_curvature(surface: &mut LensSurface, a2: f64, rest: &[f64]) {
+    // Of the series of a conic, with u = 1 + k: u c^3 r^4 / 8 + u² c^5 r^6 / 16 + ...
+    const SERIES: [f64; MOST_ASPHERIC_TERMS] = [
+        1.0 / 8.0,
+        1.0 / 16.0,
+        5.0 / 128.0,
+        7.0 / 256.0,
+        21.0 / 1024.0,
+        33.0 / 2048.0,
+        429.0 / 32_768.0,
+        715.0 / 65_536.0,
+        2431.0 / 262_144.0,
+        4199.0 / 524_288.0,
+    ];
+    let (old, new) = (surface.curvature_per_mm, surface.curvature_per_mm + 2.0 * a2);
+    surface.curvature_per_mm = new;
+    surface.aspheric = rest.to_vec();
+    if a2 == 0.0 {
+        return;
+    }
+    surface.aspheric.resize(rest.len().max(MOST_ASPHERIC_TERMS), 0.0);
+    for (number, (term, factor)) in surface.aspheric.iter_mut().zip(SERIES).enumerate() {
+        let (power, of_conic) = (2 * number as i32 + 3, (1.0 + surface.conic).powi(number as i32 + 1));
+        *term += factor * of_conic * (old.powi(power) - new.powi(power));
+    }
+}
+
 /// A finite number from a word.
 pub(super) fn number(word: &str, what: &str, line: usize) -> Result<f64, Fault> {
     let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
@@ -123,6 +152,23 @@ mod tests {
     fn fault(text: &str, ending: &str) -> String {
         let fault = parse_lens(text, ending, "test").map(|lens| format!("{lens:?}")).unwrap_err();
         format!("{}: {}", fault.line.unwrap_or(0), fault.message)
+    }
+
+    #[test]
+    fn an_r2_term_has_the_sag_of_the_file() {
+        for (c, conic, a2) in [(0.0, 0.0, 0.025), (0.02, 0.0, -0.01), (-0.03, -0.7, 0.004), (0.03, 0.5, 1e-3)]
+        {
+            let mut surface =
+                LensSurface { curvature_per_mm: c, conic, ..LensSurface::spherical(0.0, 5.0, 10.0) };
+            put_into_curvature(&mut surface, a2, &[1e-6]);
+            assert!((surface.curvature_per_mm - c - 2.0 * a2).abs() < 1e-15);
+            for r in [1.0, 5.0, 9.0_f64] {
+                let wanted = c * r * r / (1.0 + (1.0 - (1.0 + conic) * c * c * r * r).sqrt());
+                let wanted = wanted + a2 * r * r + 1e-6 * r.powi(4);
+                let found = surface.sag(r * r).unwrap().0;
+                assert!((found - wanted).abs() < 1e-6, "{c} {a2} {r}: {found} {wanted}");
+            }
+        }
     }
 
     const PBRT: &str = "# a singlet behind its stop\n50\n0 2 0 4\n40 6 1.6 20\n-70 0 1 20\n";
@@ -181,7 +227,9 @@ mod tests {
         let lens = parse_lens(json, "json", "x").unwrap();
         assert_eq!(lens.name, "omni");
         assert!(lens.surfaces[2].is_stop && lens.surfaces[1].conic == -2.0);
-        assert_eq!(lens.surfaces[1].aspheric, [0.0, 2e-9], "the r² term joins the curvature");
+        // The r² term joins the curvature
+        let [fourth, sixth, ..] = lens.surfaces[1].aspheric[..] else { panic!() };
+        assert!(fourth.abs() < 1e-9 && (sixth - 2e-9).abs() < 1e-13);
         assert!((lens.surfaces[1].curvature_per_mm - (-1.0 / 70.0 + 2e-6)).abs() < 1e-15);
         let spectral =
             json.replace("\"ior\": 1.6", r#""ior": [1.62, 1.61, 1.60], "wavelength": [400, 500, 600]"#);

@@ -1,6 +1,6 @@
 //! The sequential, centered, refracting subset of Zemax files: standard and even aspheric surfaces.
 
-use super::{Fault, number};
+use super::{Fault, number, put_into_curvature};
 use fluorspar::optics::{Dispersion, LensPrescription, LensSurface, Medium};
 use fluorspar::quote::excerpt;
 
@@ -138,13 +138,7 @@ impl ZemaxSurface {
             return Err(Fault::at(*line, "the surface has no DIAM; write its semi-diameter into the file"));
         }
         if let Some((a2, rest)) = terms.split_first() {
-            if *a2 != 0.0 && surface.conic != 0.0 {
-                let message =
-                    "an r² term (PARM 1) together with a conic constant is not supported; put it in CURV";
-                return Err(Fault::at(*line, message));
-            }
-            surface.curvature_per_mm += 2.0 * a2;
-            surface.aspheric = rest.to_vec();
+            put_into_curvature(surface, *a2, rest);
         }
         if surface.thickness_mm.is_infinite() {
             return Err(Fault::at(*line, "an infinite distance inside the lens; give mm"));
