@@ -229,6 +229,32 @@ impl<'a> Header<'a> {
         }
     }
 
+    /// Turns stored values `[pixel][band]` into light by the gains and offsets of the bands and the factor of the unit. Values that are
+    /// to be ignored are refused.
+    fn scale(&self, values: &mut [f32], bands: usize, factor: f64) -> Result<(), FormatError> {
+        if let Some(ignored) = self.numbers("data ignore value")?.and_then(|numbers| numbers.first().copied())
+            && let Some(place) = values.iter().position(|value| *value == ignored as f32)
+        {
+            let what = format!("value number {} is {ignored}, the data ignore value", place + 1);
+            return self.malformed(what, "Put 0 in the place of all of them, and leave that line out");
+        }
+        let of_bands = |name: &str, without: f64| match self.numbers(name)? {
+            None => Ok(vec![without; bands]),
+            Some(numbers) if numbers.len() == bands => Ok(numbers),
+            Some(numbers) => {
+                let what = format!("{name} holds {} numbers for {bands} bands", numbers.len());
+                self.malformed(what, "Give one for each band")
+            }
+        };
+        let (gains, offsets) = (of_bands("data gain values", 1.0)?, of_bands("data offset values", 0.0)?);
+        for pixel in values.chunks_exact_mut(bands.max(1)) {
+            for ((value, gain), offset) in pixel.iter_mut().zip(&gains).zip(&offsets) {
+                *value = (factor * (gain * f64::from(*value) + offset)) as f32;
+            }
+        }
+        Ok(())
+    }
+
     /// The file with the values.
     fn values(&self) -> Result<PathBuf, FormatError> {
         let bare = self.path.with_extension("");
@@ -278,8 +304,9 @@ pub(super) fn read_envi(path: &Path) -> Result<Cube, FormatError> {
     let place = interleaved(&header, [width, height, bands])?;
 
     let stored = read_stored(&header.values()?, offset, width * height * bands * size)?;
-    let values = decoded(&stored, (size, is_big), |bytes| factor as f32 * decode(bytes), place)
+    let mut values = decoded(&stored, (size, is_big), decode, place)
         .map_err(|what| FormatError::malformed(path, what, "Put 0 in its place"))?;
+    header.scale(&mut values, bands, factor)?;
     let size = [width, height];
     let light = match is_radiance {
         true => CubeLight::Radiance(image_of(path, &grid, size, values)?),

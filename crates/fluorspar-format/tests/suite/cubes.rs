@@ -110,6 +110,30 @@ fn envi_is_read_in_every_order() {
     }
 }
 
+/// Integers with the gains and offsets that most instruments write.
+#[test]
+fn gains_and_offsets_of_bands_are_applied_and_ignored_values_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("g.hdr");
+    let header = "ENVI\nsamples = 2\nlines = 1\nbands = 2\ndata type = 2\ninterleave = bip\nwavelength = {500, 510}\n\
+                  data units = mW/(m^2 sr nm)\ndata gain values = {0.01, 0.02}\ndata offset values = {0, 0.5}\n";
+    let write = |header: &str, values: [i16; 4]| {
+        fs::write(&path, header).unwrap();
+        fs::write(path.with_extension("dat"), values.map(i16::to_le_bytes).concat()).unwrap();
+        read_cube(&path)
+    };
+    let CubeLight::Radiance(image) = write(header, [100, 200, -300, 0]).unwrap().light else { panic!() };
+    for (value, wanted) in image.data().iter().zip([1e-3, 4.5e-3, -3e-3, 0.5e-3]) {
+        assert!((value - wanted).abs() < 1e-9, "{value} {wanted}");
+    }
+    let ignoring = format!("{header}data ignore value = -9999\n");
+    assert!(write(&ignoring, [1, 2, 3, 4]).is_ok());
+    let said = write(&ignoring, [1, 2, -9999, 4]).unwrap_err().to_string();
+    assert!(said.contains("value number 3 is -9999, the data ignore value. Put 0"), "{said}");
+    let said = write(&header.replace("{0.01, 0.02}", "{0.01}"), [0; 4]).unwrap_err().to_string();
+    assert!(said.contains("data gain values holds 1 numbers for 2 bands"), "{said}");
+}
+
 #[test]
 fn what_is_wrong_with_a_cube_is_told() {
     let folder = tempfile::tempdir().unwrap();
