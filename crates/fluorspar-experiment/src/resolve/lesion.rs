@@ -12,7 +12,7 @@ use crate::schema::{ExperimentFile, MouthSection};
 use fluorspar::material::{FluorophoreAmount, ImageTexture, Material, ReflectanceTerm, ScalarTexture};
 use fluorspar::names::did_you_mean;
 use fluorspar::scene::{Object, Shape};
-use fluorspar::spectral::{Curve, WavelengthGrid, blood_transmittance};
+use fluorspar::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid, blood_transmittance};
 
 /// Parts that a lesion reaches, and its share on the map of each.
 pub(super) type SpotMaps = Vec<(String, Arc<ImageTexture>)>;
@@ -155,7 +155,9 @@ fn with_spot(
         if blood_um == 0.0 {
             return curve.clone();
         }
-        curve.times(&Curve::from_fn(300.0, 1100.0, |nm| blood_transmittance(nm, 2.0 * blood_um)))
+        curve.times(&Curve::from_fn(MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM, |nm| {
+            blood_transmittance(nm, 2.0 * blood_um)
+        }))
     };
     let mut terms = Vec::new();
     for term in around.diffuse().map_or(&[][..], |base| &base.reflectance) {
