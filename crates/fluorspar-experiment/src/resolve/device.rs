@@ -554,7 +554,7 @@ fn efficiencies(
                 "give a number, an equation such as { type = \"bands\", ... }, or { csv = \"FILE\" }";
             return context.fail(&at.field(&name), message);
         }
-        let curve = context.spectrum(&at.field(&name), reference, Role::Filter, 0.0, grid)?;
+        let curve = context.spectrum(&at.field(&name), reference, Role::QuantumEfficiency, 0.0, grid)?;
         channels.push((name, curve));
     }
     Ok(channels)
@@ -570,7 +570,7 @@ fn quantum_efficiency(
     let reference = match reference {
         NameOrTable::Name(name) => name,
         NameOrTable::File(path) => {
-            let columns = SpectrumColumns::Named(wanted);
+            let columns = SpectrumColumns::Named(wanted.clone());
             let options = SpectrumOptions {
                 columns,
                 quantity: SpectrumQuantity::QuantumEfficiency,
@@ -579,7 +579,8 @@ fn quantum_efficiency(
                 unit: None,
             };
             let curves = context.spectra(at, path, &options)?;
-            return Ok(curves.into_iter().map(|column| (column.name, column.curve)).collect());
+            // A column may be called by more than the name of its channel, as "R (A/W)"
+            return Ok(wanted.into_iter().zip(curves.into_iter().map(|column| column.curve)).collect());
         }
     };
     let preset = preset::quantum_efficiency(reference).map_err(|error| context.error(at, error))?;

@@ -10,7 +10,8 @@ use super::spectrum::{Role, gray};
 use crate::error::{Place, steps};
 use crate::schema::{
     Aim, AnnulusLight, DistantStrength, EmitterSection, EnvironmentMapReference, EnvironmentStrength,
-    FilePath, LightFrame, LightSection, RectangleLight, RingLight, SourceStrength, SpotLight,
+    FilePath, LightFrame, LightSection, NameOrTable, RectangleLight, RingLight, SourceStrength,
+    SpectrumReference, SpotLight,
 };
 use fluorspar::geometry::OrientedPoint;
 use fluorspar::light::{
@@ -19,6 +20,7 @@ use fluorspar::light::{
 };
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, Radiance, WavelengthGrid};
+use fluorspar::units::number_text;
 use fluorspar_format::{Transfer, read_spectral_image, read_texture_png};
 
 /// Half angle of the narrowest pattern that a light may have.
@@ -129,6 +131,9 @@ fn spectral_map(
     EnvironmentMap::new(image.width(), image.height(), layers, reference.rotation_deg())
         .map_err(|error| context.error(at, error.to_string()))
 }
+
+/// Share of its irradiance as a point that a light gives where it is near.
+const NEAREST_SHARE: f64 = 0.98;
 
 /// The gray map of an environment.
 fn gray_map(
@@ -446,6 +451,11 @@ fn absolute_spectrum(
     let mut filtered = bare.clone();
     for (index, filter) in section.filters.iter().enumerate() {
         let at = at.field("filters").index(index);
+        let is_of_catalogue = matches!(filter, SpectrumReference::Text(NameOrTable::Name(_)));
+        if section.filter_angle_deg != 0.0 && !is_of_catalogue {
+            let message = "filter_angle_deg shifts filters of the catalogue alone; leave it out and give this one as it is at that angle";
+            return context.fail(&at, message);
+        }
         let filter = context.spectrum(&at, filter, Role::Filter, section.filter_angle_deg, grid)?;
         filtered = filtered.times(&filter);
     }
@@ -479,6 +489,16 @@ fn absolute_spectrum(
             let per_watt: f64 = emitters.list.iter().map(|emitter| emitter.irradiance_per_watt(place)).sum();
             if per_watt <= 0.0 {
                 return context.fail(&distance_at, "no light reaches the axis at this distance");
+            }
+            // Lights of any size are taken for points there
+            let of_area: f64 =
+                emitters.list.iter().flat_map(|emitter| emitter.irradiance_factors(place)).sum();
+            if of_area < NEAREST_SHARE * per_watt {
+                let percent = number_text((100.0 * of_area / per_watt).round());
+                let message = format!(
+                    "so near the light is no point: it gives {percent} % of the stated irradiance; state that at five diameters or more"
+                );
+                context.warn(&distance_at, message);
             }
             Ok(unit().scaled(irradiance / per_watt))
         }

@@ -30,13 +30,15 @@ pub(crate) enum Role {
     Light,
     Filter,
     Reflectance,
+    /// Electrons per photon, up to two below 300 nm.
+    QuantumEfficiency,
     /// Values with a unit of their own: anything from 0 up.
     Absolute,
 }
 
 impl Role {
     fn is_fraction(self) -> bool {
-        matches!(self, Self::Filter | Self::Reflectance)
+        matches!(self, Self::Filter | Self::Reflectance | Self::QuantumEfficiency)
     }
 
     /// What the values of a file become.
@@ -44,6 +46,7 @@ impl Role {
         match self {
             Self::Light => SpectrumQuantity::SpectralPower,
             Self::Filter | Self::Reflectance => SpectrumQuantity::Fraction,
+            Self::QuantumEfficiency => SpectrumQuantity::QuantumEfficiency,
             Self::Absolute => SpectrumQuantity::Stored,
         }
     }
@@ -51,7 +54,7 @@ impl Role {
     fn preset(self, name: &str) -> Result<CurvePreset, preset::PresetError> {
         match self {
             Self::Light | Self::Absolute => preset::light_spectrum(name),
-            Self::Filter => preset::filter(name),
+            Self::Filter | Self::QuantumEfficiency => preset::filter(name),
             Self::Reflectance => preset::reflectance(name),
         }
     }
@@ -221,6 +224,7 @@ impl Context<'_> {
     ) -> Resolved<()> {
         let most = match role {
             Role::Filter | Role::Reflectance => 1.0,
+            Role::QuantumEfficiency => 2.0,
             Role::Light => LARGEST_RELATIVE,
             Role::Absolute => STRENGTH[1],
         };
@@ -238,6 +242,7 @@ impl Context<'_> {
         let [value, nm] = [number, curve.wavelengths_nm()[index]].map(number_text);
         let is_number = matches!(reference, SpectrumReference::Constant(_));
         let place = if is_number { String::new() } else { format!(" at {nm} nm") };
+        let most = number_text(most);
         if role.is_fraction() {
             let hint = match reference {
                 _ if number <= 1.0 || number > 100.0 => "",
@@ -250,9 +255,8 @@ impl Context<'_> {
                 }
                 SpectrumReference::Model(_) => ". If the values are percentages, divide them by 100",
             };
-            return self.fail(at, format!("the value {value}{place} is not between 0 and 1{hint}"));
+            return self.fail(at, format!("the value {value}{place} is not between 0 and {most}{hint}"));
         }
-        let most = number_text(most);
         self.fail(at, format!("the value {value}{place} is not between 0 and {most}"))
     }
 

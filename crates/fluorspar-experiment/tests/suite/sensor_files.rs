@@ -60,6 +60,21 @@ fn the_sensor_of_an_experiment_is_read_alone() {
     assert_eq!(nir.model().mosaic, [["R", "G"], ["NIR", "B"]]);
 }
 
+/// 0.25 A/W at 500 nm are 0.62 electrons a photon: 0.25 * 1239.84 / 500.
+#[test]
+fn responsivities_in_amperes_per_watt_become_efficiencies() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = "wavelength_nm,mono (A/W)\n400,0.2\n500,0.25\n600,0.3\n";
+    std::fs::write(folder.path().join("qe.csv"), table).unwrap();
+    let head = "format = 1\n[sensor]\npreset = \"monochrome_4_8um\"\n";
+    for form in ["\"./qe.csv\"", "{ mono = { csv = \"qe.csv\" } }"] {
+        let text = format!("{head}quantum_efficiency = {form}\n");
+        let sensor = parse_sensor(&text, "qe.toml", folder.path(), &[]).unwrap().sensor;
+        let found = sensor.qe().channels()[0].curve.at(500.0);
+        assert!((found - 0.25 * 1239.84 / 500.0).abs() < 1e-4, "{form}: {found}");
+    }
+}
+
 #[test]
 fn a_filter_wheel_turns_between_captures() {
     // Colors are analyzed, a monochrome sensor has none.
