@@ -271,13 +271,30 @@ fn separation(index: &Index, norm: &NormFile) -> Result<Option<Separation>> {
     if !outcomes.values().any(|is_ill| *is_ill) {
         return Ok(None);
     }
-    let scores = |has_lesion: bool| -> Result<Vec<f64>> {
-        let mut people = people_of(index, &numbers_of(norm), None, has_lesion)?.people;
-        people.retain(|subject, _| outcomes.contains_key(subject));
-        let mean = |person: &NormPerson| person.values.iter().sum::<f64>() / person.values.len() as f64;
-        Ok(people.values().map(mean).collect())
+    // Numbers that can be held against the norm: means of visits, then of people
+    let query = QueryOptions { quantity: Some(norm.quantity.clone()), ..QueryOptions::default() };
+    let all = rows(index, &query)?;
+    let is_held = |row: &&QueriedRow| {
+        row.channel == norm.channel
+            && region_of(norm, &row.region)
+            && norm.holds_for(&row.version, &row.analysis)
+            && !(row.withdrawn || row.consent == "no" || row.is_guess())
     };
-    let [ill, healthy] = [scores(true)?, scores(false)?];
+    let mut visits: BTreeMap<[&str; 2], Vec<f64>> = BTreeMap::new();
+    for row in all.iter().filter(is_held) {
+        visits.entry([&row.subject, &row.session]).or_default().extend(row.value);
+    }
+    visits.retain(|_, values| !values.is_empty());
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let mut people: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for ([subject, _], values) in &visits {
+        people.entry(subject).or_default().push(mean(values));
+    }
+    let scores = |has_lesion: bool| -> Vec<f64> {
+        let known = people.iter().filter(|(subject, _)| outcomes.get(**subject) == Some(&has_lesion));
+        known.map(|(_, visits)| mean(visits)).collect()
+    };
+    let [ill, healthy] = [scores(true), scores(false)];
     let Some(upward) = RocArea::of(&ill, &healthy) else { return Ok(None) };
     let is_lower = upward.area < 0.5;
     let turned = |scores: &[f64]| scores.iter().map(|score| -score).collect::<Vec<f64>>();

@@ -91,7 +91,7 @@ fn evened(mut image: SensorImage) -> SensorImage {
 }
 
 /// What a channel is called outside: a color, or a wavelength, else its number.
-fn channel_outside(channel: &str, number: usize) -> String {
+pub(crate) fn channel_outside(channel: &str, number: usize) -> String {
     const COLORS: [&str; 9] = ["r", "g", "b", "w", "mono", "nir", "ir", "c", "y"];
     let lower = channel.to_lowercase();
     let is_between = |c: char| ['_', '-', ' '].contains(&c);

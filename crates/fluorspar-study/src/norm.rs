@@ -515,31 +515,53 @@ struct CohortRow {
     name: String,
     quantity: String,
     has_lesion_here: u8,
+    #[serde(default)]
+    view: String,
+    #[serde(default)]
+    frame: String,
     value: Option<f64>,
     low: Option<f64>,
     high: Option<f64>,
 }
 
+/// The rows of a table, all of the frame that its estimates are of: colors and signals of further frames stand beside them.
+fn rows_of_cohort(text: &str, path: &Path) -> Result<Vec<CohortRow>> {
+    let rows: Vec<CohortRow> = Reader::from_reader(text.as_bytes())
+        .deserialize()
+        .collect::<std::result::Result<_, _>>()
+        .map_err(|error| Error::Input(format!("{}: this is no cohort.csv: {error}", path.display())))?;
+    let is_estimate =
+        |row: &&CohortRow| ["red_share", "share", "line_share"].contains(&row.quantity.as_str());
+    let frame = rows.iter().find(is_estimate).or(rows.first()).map(|row| row.frame.clone());
+    Ok(rows.into_iter().filter(|row| Some(&row.frame) == frame.as_ref()).collect())
+}
+
 fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> {
     let range = range_of(&options.quantity)?;
     let text = read_text(path)?;
-    let mut people: BTreeMap<u32, NormPerson> = BTreeMap::new();
+    let mut views: BTreeMap<u32, BTreeMap<String, Vec<f64>>> = BTreeMap::new();
     let mut errors: BTreeMap<_, Vec<_>> = BTreeMap::new();
-    for row in Reader::from_reader(text.as_bytes()).deserialize::<CohortRow>() {
-        let row =
-            row.map_err(|error| Error::Input(format!("{}: this is no cohort.csv: {error}", path.display())))?;
+    for row in rows_of_cohort(&text, path)? {
         let is_wanted = row.part == options.region
             && row.quantity == options.quantity
             && row.channel == options.channel()
             && row.name.is_empty()
             && row.has_lesion_here == 0;
         if let Some(value) = row.value.filter(|_| is_wanted) {
-            people.entry(row.person).or_default().values.push(value);
+            views.entry(row.person).or_default().entry(row.view).or_default().push(value);
             if let Some((low, high)) = row.low.zip(row.high) {
                 errors.entry(row.person).or_default().push(squared_reach(value, [low, high]));
             }
         }
     }
+    // Views of a person are taken in one visit
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let visit = |views: BTreeMap<String, Vec<f64>>| {
+        let of_views: Vec<f64> = views.values().map(|values| mean(values)).collect();
+        NormPerson { values: vec![mean(&of_views)], ..NormPerson::default() }
+    };
+    let mut people: BTreeMap<u32, NormPerson> =
+        views.into_iter().map(|(person, views)| (person, visit(views))).collect();
     set_errors(&mut people, errors);
     let people: Vec<NormPerson> = people.into_values().collect();
     let sha256 = fluorspar::digest::sha256_hex([text]);
@@ -651,6 +673,31 @@ mod tests {
         let site = &of_cohort(&options, &path).unwrap().0.sums.sites[0];
         assert_eq!((site.people, site.with_error, site.error[0]), (3, 3, 0.0));
         assert!((site.error[1] - 0.03).abs() < 1e-12, "{site:?}");
+    }
+
+    /// Colors of the white frame stand beside those of the blue one, of which the estimates are; views are one visit.
+    #[test]
+    fn a_norm_of_simulated_people_is_of_one_frame() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cohort.csv");
+        let mut text =
+            String::from("person,view,frame,part,channel,name,quantity,has_lesion_here,value,low,high\n");
+        for k in 1..=3 {
+            for (view, more) in [("open", 0.0), ("tongue-out", 0.02)] {
+                text += &format!("{k},{view},white,tongue_dorsum,,,chromaticity_r,0,0.6,,\n");
+                text += &format!("{k},{view},blue,tongue_dorsum,,,red_share,0,0.1,0,0.2\n");
+                text += &format!("{k},{view},blue,tongue_dorsum,,,chromaticity_r,0,{},,\n", 0.4 + more);
+            }
+        }
+        std::fs::write(&path, text).unwrap();
+        let options = NormOptions {
+            region: "tongue_dorsum".into(),
+            quantity: "chromaticity_r".into(),
+            ..NormOptions::default()
+        };
+        let site = &of_cohort(&options, &path).unwrap().0.sums.sites[0];
+        let wanted = ValueRange::Share.straightened(0.41).unwrap();
+        assert!((site.value / 3.0 - wanted).abs() < 1e-9 && site.within_degrees == 0, "{site:?}");
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use fluorspar_format::{ParquetColumn, csv_cell, parquet_table};
 use fluorspar_session::Result;
 
-use crate::deidentify::{age_band, code, listed};
+use crate::deidentify::{age_band, channel_outside, code, listed};
 use crate::norm::outcomes;
 use crate::query::{QueryOptions, rows};
 use crate::store::Study;
@@ -138,10 +138,16 @@ pub(crate) fn numbers(
 ) -> Result<Vec<NumberCells>> {
     let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
     let mut regions: BTreeMap<String, usize> = BTreeMap::new();
+    let mut channels: BTreeMap<String, usize> = BTreeMap::new();
     let mut all = Vec::new();
     for row in rows(&study.index, &QueryOptions::default())? {
         let Some(person) = people.get(&row.subject) else { continue };
         let next = regions.len() + 1;
+        let next_channel = channels.len();
+        let channel = match row.channel.as_str() {
+            "" => String::new(),
+            name => channel_outside(name, *channels.entry(name.to_owned()).or_insert(next_channel)),
+        };
         let known = listed(&row.region, &REGIONS);
         let region = if known.is_empty() {
             format!("region-{}", regions.entry(row.region).or_insert(next))
@@ -154,7 +160,7 @@ pub(crate) fn numbers(
             person.visit(&row.session).to_string(),
             region,
             row.quantity,
-            listed(&row.channel, &["r", "g", "b"]).to_uppercase(),
+            if channel.len() == 1 { channel.to_uppercase() } else { channel },
             number(row.value),
             number(row.interval.map(|ends| ends[0])),
             number(row.interval.map(|ends| ends[1])),
