@@ -281,10 +281,9 @@ fn separation(index: &Index, norm: &NormFile) -> Result<Option<Separation>> {
             && !(row.withdrawn || row.consent == "no" || row.is_guess())
     };
     let mut visits: BTreeMap<[&str; 2], Vec<f64>> = BTreeMap::new();
-    for row in all.iter().filter(is_held) {
-        visits.entry([&row.subject, &row.session]).or_default().extend(row.value);
+    for (row, value) in all.iter().filter(is_held).filter_map(|row| Some((row, row.value?))) {
+        visits.entry([&row.subject, &row.session]).or_default().push(value);
     }
-    visits.retain(|_, values| !values.is_empty());
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let mut people: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
     for ([subject, _], values) in &visits {

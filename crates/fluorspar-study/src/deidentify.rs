@@ -100,7 +100,7 @@ pub(crate) fn channel_outside(channel: &str, number: usize) -> String {
     let before = of_number[..of_number.len() - digits.len()].trim_end_matches(is_between);
     let is_band = ["", "b", "band", "ch", "channel", "l"].contains(&before)
         && digits.parse().is_ok_and(|nm: u32| (200..=1200).contains(&nm) || nm <= 99);
-    if COLORS.contains(&lower.as_str()) || is_band {
+    if channel.is_empty() || COLORS.contains(&lower.as_str()) || is_band {
         channel.to_owned()
     } else {
         format!("channel{}", number + 1)

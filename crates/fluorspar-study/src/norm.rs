@@ -556,12 +556,11 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> 
     }
     // Views of a person are taken in one visit
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-    let visit = |views: BTreeMap<String, Vec<f64>>| {
+    let visit = |views: &BTreeMap<String, Vec<f64>>| {
         let of_views: Vec<f64> = views.values().map(|values| mean(values)).collect();
         NormPerson { values: vec![mean(&of_views)], ..NormPerson::default() }
     };
-    let mut people: BTreeMap<u32, NormPerson> =
-        views.into_iter().map(|(person, views)| (person, visit(views))).collect();
+    let mut people: BTreeMap<_, _> = views.iter().map(|(person, views)| (*person, visit(views))).collect();
     set_errors(&mut people, errors);
     let people: Vec<NormPerson> = people.into_values().collect();
     let sha256 = fluorspar::digest::sha256_hex([text]);

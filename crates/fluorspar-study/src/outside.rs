@@ -142,12 +142,9 @@ pub(crate) fn numbers(
     let mut all = Vec::new();
     for row in rows(&study.index, &QueryOptions::default())? {
         let Some(person) = people.get(&row.subject) else { continue };
-        let next = regions.len() + 1;
-        let next_channel = channels.len();
-        let channel = match row.channel.as_str() {
-            "" => String::new(),
-            name => channel_outside(name, *channels.entry(name.to_owned()).or_insert(next_channel)),
-        };
+        let (next, next_channel) = (regions.len() + 1, channels.len());
+        let number_of_channel = *channels.entry(row.channel.clone()).or_insert(next_channel);
+        let channel = channel_outside(&row.channel, number_of_channel);
         let known = listed(&row.region, &REGIONS);
         let region = if known.is_empty() {
             format!("region-{}", regions.entry(row.region).or_insert(next))

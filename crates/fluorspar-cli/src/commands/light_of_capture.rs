@@ -81,10 +81,8 @@ impl CaptureOption {
 /// The experiment that a film was rendered from; `None` of a scene of pbrt, of which films hold comments alone.
 pub(crate) fn experiment_of_film(provenance: &Provenance) -> Result<Option<Experiment>, CliError> {
     let text = &provenance.resolved_experiment_toml;
-    if text.lines().all(|line| line.is_empty() || line.starts_with('#')) {
-        return Ok(None);
-    }
-    Ok(Some(parse(text, "the film's experiment", Path::new("."), &[])?))
+    let is_empty = text.lines().all(|line| line.is_empty() || line.starts_with('#'));
+    Ok((!is_empty).then(|| parse(text, "the film's experiment", Path::new("."), &[])).transpose()?)
 }
 
 /// A capture and the drives of its light groups.

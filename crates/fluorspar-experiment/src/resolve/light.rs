@@ -20,7 +20,6 @@ use fluorspar::light::{
 };
 use fluorspar::optics::PerspectiveCamera;
 use fluorspar::spectral::{Curve, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, Radiance, WavelengthGrid};
-use fluorspar::units::number_text;
 use fluorspar_format::{Transfer, read_spectral_image, read_texture_png};
 
 /// Half angle of the narrowest pattern that a light may have.
@@ -494,11 +493,8 @@ fn absolute_spectrum(
             let of_area: f64 =
                 emitters.list.iter().flat_map(|emitter| emitter.irradiance_factors(place)).sum();
             if of_area < NEAREST_SHARE * per_watt {
-                let percent = number_text((100.0 * of_area / per_watt).round());
-                let message = format!(
-                    "so near the light is no point: it gives {percent} % of the stated irradiance; state that at five diameters or more"
-                );
-                context.warn(&distance_at, message);
+                let percent = 100.0 * of_area / per_watt;
+                context.warn(&distance_at, format!("so near the light is no point: it gives {percent:.0} % of the stated irradiance; state that at five diameters or more"));
             }
             Ok(unit().scaled(irradiance / per_watt))
         }

@@ -247,10 +247,8 @@ impl<'a> Header<'a> {
             }
         };
         let (gains, offsets) = (of_bands("data gain values", 1.0)?, of_bands("data offset values", 0.0)?);
-        for pixel in values.chunks_exact_mut(bands.max(1)) {
-            for ((value, gain), offset) in pixel.iter_mut().zip(&gains).zip(&offsets) {
-                *value = (factor * (gain * f64::from(*value) + offset)) as f32;
-            }
+        for (value, (gain, offset)) in values.iter_mut().zip(gains.iter().zip(&offsets).cycle()) {
+            *value = (factor * (gain * f64::from(*value) + offset)) as f32;
         }
         Ok(())
     }

@@ -112,19 +112,6 @@ fn decode(bytes: &[u8]) -> Result<String, Fault> {
 /// Puts an `r²` term into the curvature of a surface, and what a conic of that curvature has beyond the old one and the term into its
 /// further terms: the paraxial power is that of both, the sag that of the file.
 pub(super) fn put_into_curvature(surface: &mut LensSurface, a2: f64, rest: &[f64]) {
-    // Of the series of a conic, with u = 1 + k: u c^3 r^4 / 8 + u² c^5 r^6 / 16 + ...
-    const SERIES: [f64; MOST_ASPHERIC_TERMS] = [
-        1.0 / 8.0,
-        1.0 / 16.0,
-        5.0 / 128.0,
-        7.0 / 256.0,
-        21.0 / 1024.0,
-        33.0 / 2048.0,
-        429.0 / 32_768.0,
-        715.0 / 65_536.0,
-        2431.0 / 262_144.0,
-        4199.0 / 524_288.0,
-    ];
     let (old, new) = (surface.curvature_per_mm, surface.curvature_per_mm + 2.0 * a2);
     surface.curvature_per_mm = new;
     surface.aspheric = rest.to_vec();
@@ -132,9 +119,11 @@ pub(super) fn put_into_curvature(surface: &mut LensSurface, a2: f64, rest: &[f64
         return;
     }
     surface.aspheric.resize(rest.len().max(MOST_ASPHERIC_TERMS), 0.0);
-    for (number, (term, factor)) in surface.aspheric.iter_mut().zip(SERIES).enumerate() {
-        let (power, of_conic) = (2 * number as i32 + 3, (1.0 + surface.conic).powi(number as i32 + 1));
-        *term += factor * of_conic * (old.powi(power) - new.powi(power));
+    // The series of a conic, with u = 1 + k: u c^3 r^4 / 8 + u² c^5 r^6 / 16 + ...
+    let (u, mut factor) = (1.0 + surface.conic, 0.125);
+    for (term, number) in surface.aspheric.iter_mut().zip(0..) {
+        *term += factor * u.powi(number + 1) * (old.powi(2 * number + 3) - new.powi(2 * number + 3));
+        factor *= f64::from(2 * number + 3) / f64::from(2 * number + 6);
     }
 }
 

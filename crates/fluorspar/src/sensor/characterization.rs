@@ -402,8 +402,7 @@ fn photon_transfer_gain(
     if gain.is_finite() && gain * MOST_GAIN_ERROR > error {
         return Ok(gain);
     }
-    let message = "the variance does not rise with the light beyond its noise; check well capacity, gain and black level, or measure \
-                   a larger region";
+    let message = "the variance does not rise beyond its noise; check well capacity, gain and black level, or measure a larger region";
     Err(SensorProblem::new("characterization", message))
 }
 

@@ -504,7 +504,7 @@ pub fn merge_exposures<'a>(
         if light(i) < light(best) { i } else { best }
     });
     // Merge each pixel over its unsaturated exposures
-    for pixel in 0..merged.values.len() {
+    for (pixel, more_dn2) in added_dn2.iter_mut().enumerate() {
         let usable = || bracket.iter().filter(|b| !b.frame.saturated[pixel]);
         let value = |b: &Bracketed| f64::from(b.frame.values[pixel]);
         let (signal, light) = usable()
@@ -517,7 +517,7 @@ pub fn merge_exposures<'a>(
             let own = least.frame.calibration.as_ref().map_or(0.0, |by| f64::from(by.variance_dn2[pixel]));
             let variance_dn2 = least.dn_per_electron * value(least).max(0.0) + least.floor_dn2 + own;
             merged.values[pixel] = (value(least) * scale) as f32;
-            added_dn2[pixel] = more(scale * scale * variance_dn2, value(least) * scale);
+            *more_dn2 = more(scale * scale * variance_dn2, value(least) * scale);
             continue;
         }
         // Weight by inverse variance: shot noise of the common estimate, and the noise floor
@@ -532,7 +532,7 @@ pub fn merge_exposures<'a>(
         });
         let value_dn = reference * sum / weights;
         merged.values[pixel] = value_dn as f32;
-        added_dn2[pixel] = more((1.0 / weights + added / weights.powi(2)) * reference.powi(2), value_dn);
+        *more_dn2 = more((1.0 / weights + added / weights.powi(2)) * reference.powi(2), value_dn);
     }
     merged.calibration = Some(CalibratedValues {
         variance_dn2: added_dn2,
