@@ -70,9 +70,14 @@ impl ChannelNoise {
             None => self.variance(value),
             Some(light) => self.variance_over(value, f64::from(light.dn[index]), light.exposure_ratio),
         };
-        own + image.calibration.as_ref().map_or(0.0, |added| f64::from(added.variance_dn2[index]))
+        let added = image.calibration.as_ref().map_or(0.0, |added| f64::from(added.variance_dn2[index]));
+        // Interpolated in the dark, what merged exposures take off may be more than there is
+        (own + added).max(LEAST_LEFT * own)
     }
 }
+
+/// Share of its variance that a value keeps at least: less than any factor of a flat field leaves.
+const LEAST_LEFT: f64 = 1e-3;
 
 /// Variance of a value, or of a mean of values, by the error of its channel's scale, DN².
 pub(super) fn scale_variance_dn2(image: &ChannelImage, channel: usize, value_dn: f64) -> f64 {
