@@ -102,15 +102,8 @@ pub fn shared_surface_map(
     parameters: &MouthParameters,
     make: impl FnOnce(&str, &dyn Fn() -> BakedMap) -> BakedMap,
 ) -> Arc<BakedMap> {
-    // Maps depend on sizes, seed and detail alone, not on poses and meshes.
-    let shape = MouthParameters {
-        seed: parameters.seed,
-        tongue_width_mm: parameters.tongue_width_mm,
-        tongue_length_mm: parameters.tongue_length_mm,
-        detail: parameters.detail.clamp(0.25, 1.0),
-        ..MouthParameters::default()
-    };
-    let text = format!("map 2 {map:?} {tissue:?} {shape:?}");
+    let shape = shape_of_maps(parameters);
+    let text = format!("map 3 {map:?} {tissue:?} {shape:?}");
     let key: Key = Sha256::digest(text.as_bytes()).into();
     if let Some(baked) = MAPS.get(&key) {
         return baked;
@@ -123,6 +116,20 @@ pub fn shared_surface_map(
     let baked = Arc::new(make(&text, &bake));
     MAPS.put(key, &baked);
     baked
+}
+
+/// What maps depend on: sizes, seed, teeth, plaque and detail alone, not poses and meshes.
+fn shape_of_maps(parameters: &MouthParameters) -> MouthParameters {
+    MouthParameters {
+        seed: parameters.seed,
+        tongue_width_mm: parameters.tongue_width_mm,
+        tongue_length_mm: parameters.tongue_length_mm,
+        tooth_scale: parameters.tooth_scale,
+        tooth_shade: parameters.tooth_shade,
+        plaque: parameters.plaque,
+        detail: parameters.detail.clamp(0.25, 1.0),
+        ..MouthParameters::default()
+    }
 }
 
 /// Columns and rows of the map of a tissue.

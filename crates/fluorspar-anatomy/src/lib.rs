@@ -42,7 +42,7 @@ pub use cache::{BakedMap, shared_mouth, shared_surface_map};
 pub use dental_arch::{TOOTH_KINDS, tooth_kind};
 pub use dimensions::MouthDimensions;
 pub use mouth::{Mouth, Part, Tissue, generate_mouth};
-pub use parameters::{MouthParameters, ParameterError};
+pub use parameters::{MouthParameters, POSE_FIELDS, ParameterError};
 pub use penetration::Penetration;
 pub use people::{BOLTON_RANGE, sample_person};
 pub use porphyrin_ramp::PorphyrinRamp;

@@ -17,6 +17,17 @@ pub struct ParameterError {
     pub message: String,
 }
 
+/// What of [`MouthParameters`] is no shape: its pose, and how finely it is meshed.
+pub const POSE_FIELDS: [&str; 7] = [
+    "jaw_opening_mm",
+    "tongue_protrusion_mm",
+    "tongue_shift_mm",
+    "tongue_elevation_mm",
+    "tongue_curl",
+    "lip_retraction_mm",
+    "detail",
+];
+
 /// Shape and pose of a mouth. Lengths are in millimeters; the defaults describe an adult with all teeth but the
 /// wisdom teeth, the mouth opened wide and the tongue slightly out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -129,6 +140,26 @@ impl Default for MouthParameters {
 }
 
 impl MouthParameters {
+    /// This mouth with the shape of another one, as far as that differs from the typical mouth. Seed, pose and the distance between the corners
+    /// of the mouth, which a pose changes, stay.
+    #[must_use]
+    pub fn with_shape_of(&self, given: &Self) -> Self {
+        let fields = |mouth: &Self| match serde_json::to_value(mouth) {
+            Ok(serde_json::Value::Object(fields)) => fields,
+            _ => serde_json::Map::new(),
+        };
+        let (typical, mut differing) = (fields(&Self::default()), fields(given));
+        let stays =
+            |field: &str| POSE_FIELDS.contains(&field) || ["seed", "lip_opening_width_mm"].contains(&field);
+        differing.retain(|field, value| !stays(field) && typical.get(field) != Some(value));
+        if differing.is_empty() {
+            return self.clone();
+        }
+        let mut shape = fields(self);
+        shape.extend(differing);
+        serde_json::from_value(serde_json::Value::Object(shape)).unwrap_or_else(|_| self.clone())
+    }
+
     /// Length of the back of the tongue in this pose, mm: a tongue that is put out is longer. By 0.9 mm per millimeter
     /// in front of the incisors (assumed).
     pub fn tongue_length_in_pose_mm(&self) -> f64 {

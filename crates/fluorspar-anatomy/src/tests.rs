@@ -892,3 +892,47 @@ fn parameters_can_be_written_read_and_described() {
     let schema = serde_json::to_string(&schemars::schema_for!(MouthParameters)).unwrap();
     assert!(schema.contains("tongue_protrusion_mm"));
 }
+
+/// Maps are kept by what changes them: no field that does is missing from their key.
+#[test]
+fn kept_maps_are_of_the_mouth_that_asks() {
+    let make = |parameters: &MouthParameters| -> Vec<Vec<f32>> {
+        let maps = [
+            SurfaceMap::Redness,
+            SurfaceMap::Pallor,
+            SurfaceMap::Porphyrin,
+            SurfaceMap::Plaque,
+            SurfaceMap::Dentin,
+            SurfaceMap::Crown,
+            SurfaceMap::Dryness,
+        ];
+        let tissues = [Tissue::TongueDorsum, Tissue::Gingiva, Tissue::Tooth, Tissue::Cheek];
+        let all = maps.iter().flat_map(|map| tissues.map(|tissue| (*map, tissue)));
+        all.map(|(map, tissue)| bake_surface_map(map, tissue, parameters, 12, 12)).collect()
+    };
+    let keys = |parameters: &MouthParameters| {
+        let text = std::cell::RefCell::new(String::new());
+        let map = |key: &str, bake: &dyn Fn() -> BakedMap| {
+            *text.borrow_mut() = key.to_owned();
+            bake()
+        };
+        drop(shared_surface_map(SurfaceMap::Plaque, Tissue::Tooth, parameters, map));
+        text.into_inner()
+    };
+    let base = MouthParameters { detail: 0.25, plaque: 1.5, seed: 4711, ..MouthParameters::default() };
+    let (maps, key) = (make(&base), keys(&base));
+    let fields = serde_json::to_value(&base).unwrap();
+    let mut differing = 0;
+    for (name, value) in fields.as_object().unwrap() {
+        let Some(number) = value.as_f64() else { continue };
+        let mut changed = fields.clone();
+        changed[name] =
+            if value.is_f64() { (0.9 * number + 0.01).into() } else { (number as u64 + 1).into() };
+        let changed: MouthParameters = serde_json::from_value(changed).unwrap();
+        if make(&changed) != maps {
+            differing += 1;
+            assert_ne!(keys(&changed), key, "{name}");
+        }
+    }
+    assert!(differing >= 5, "{differing}");
+}
