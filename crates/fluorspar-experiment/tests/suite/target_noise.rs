@@ -74,7 +74,7 @@ fn few_samples_tell_the_diameter_of_many() {
             let most = a.smallest_diameter_most_px.unwrap();
             let px = b.smallest_diameter_px;
             assert!((a.smallest_diameter_least_px..=most).contains(&px), "{px}: {a:?}");
-            let [low, high] = a.d_prime_interval();
+            let [low, high] = a.d_prime_interval.unwrap();
             assert!((low..=high).contains(&b.d_prime), "{}: {low} to {high}", b.d_prime);
         }
     }

@@ -57,6 +57,9 @@ pub struct TargetDetection {
     /// The same in the sensor's noise alone, which is independent from raw pixel to raw pixel: `d'² = sum_c N s_c D_c² / var_c` with the
     /// share `s_c` of the pixels that measure a channel.
     pub d_prime_of_sensor: f64,
+    /// 95 % interval of [`Self::d_prime`] by the noise of frame and render, which few samples make wide.
+    #[serde(default)]
+    pub d_prime_interval: Option<[f64; 2]>,
     /// d' that is wanted.
     pub wanted_d_prime: f64,
     /// Diameter of a disc of this contrast that has the wanted d', pixels; at least one. A spot that lies askew covers as many pixels.
@@ -131,15 +134,6 @@ fn without_render(
 }
 
 impl TargetDetection {
-    /// 95 % interval of [`Self::d_prime`] by the noise of frame and render, which few samples make wide: the diameter of a disc with the
-    /// wanted d' falls as d' grows. A disc of one pixel tells no upper end.
-    #[must_use]
-    pub fn d_prime_interval(&self) -> [f64; 2] {
-        let [px, least] = [self.smallest_diameter_px, self.smallest_diameter_least_px];
-        let low = self.smallest_diameter_most_px.map_or(0.0, |most| self.d_prime * px / most);
-        [low, if least > 1.0 { self.d_prime * px / least } else { f64::INFINITY }]
-    }
-
     /// Measures a target in a developed frame, of which the pixels of `background` are the rest. Both may lie under uneven light: a plane
     /// is fitted to each channel. The noise of a render is taken out of that of the frame. `None` for too few usable pixels, and where
     /// nothing varies.
@@ -205,7 +199,7 @@ impl TargetDetection {
         };
         let contrast_error = 2.0 * (seen * (1.0 + n / around.len() as f64)).sqrt();
         let [least, most] = variances.interval();
-        let weakest = d_prime_pixel - contrast_error;
+        let [weakest, strongest] = [-contrast_error, contrast_error].map(|error| d_prime_pixel + error);
         Some(Self {
             target: name.into(),
             number: 0,
@@ -216,9 +210,10 @@ impl TargetDetection {
             d_prime_pixel,
             d_prime,
             d_prime_of_sensor: of_sensor.sqrt(),
+            d_prime_interval: Some([weakest.max(0.0) / most.sqrt(), strongest / least.sqrt()]),
             wanted_d_prime,
             smallest_diameter_px: diameter(variance, d_prime_pixel),
-            smallest_diameter_least_px: diameter(least, d_prime_pixel + contrast_error),
+            smallest_diameter_least_px: diameter(least, strongest),
             smallest_diameter_most_px: (weakest > 0.0).then(|| diameter(most, weakest)),
             smallest_diameter_mm: None,
             render_noise: variances.render.map(|render| render / variance),
@@ -372,7 +367,8 @@ impl PlaneFit {
     }
 }
 
-/// Mean variances of the channels of some pixels by the sensor's noise, DN²: all of it, and what changes from frame to frame.
+/// Mean variances of the channels of some pixels by noise that is independent from pixel to pixel, DN²: all of it, and what changes from
+/// frame to frame. Patterns of the sensor, and what calibration frames leave of them, are the same in all frames.
 fn sensor_variances(
     image: &ChannelImage,
     noise: &ChannelNoise,
@@ -385,8 +381,10 @@ fn sensor_variances(
     for pixel in pixels {
         count += 1.0;
         for channel in 0..channels {
-            sums.0[channel] += noise.of_pixel(image, [channel], pixel)[0];
-            sums.1[channel] += temporal.of_pixel(image, [channel], pixel)[0];
+            let value_dn = f64::from(image.data[pixel * channels + channel]);
+            let pattern = image.calibration.as_ref().map_or(0.0, |by| by.pattern_dn2(channel, value_dn));
+            sums.0[channel] += noise.of_value(image, channel, pixel);
+            sums.1[channel] += (temporal.of_value(image, channel, pixel) - pattern).max(0.0);
         }
     }
     let mean =
@@ -524,6 +522,7 @@ fn without_empty(ring: &[Option<usize>]) -> Vec<Option<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::CalibrationNoise;
     use crate::sampling::random::Key;
     use rand::RngExt;
     use rand_distr::StandardNormal;
@@ -660,6 +659,36 @@ mod tests {
             "{told:?}"
         );
         assert_eq!(told.frames_needed, Some(1));
+    }
+
+    /// A flat field whose factors err by 1 % leaves 10 of 1000 DN in every pixel of every frame, beside 5 DN that change: of 1257 pixels no
+    /// mean of frames has more than d' `sqrt(1257) 1.5 / 10` of 5.3, which the interval of one frame does not know.
+    #[test]
+    fn what_a_flat_field_leaves_is_the_same_in_all_frames() {
+        let (difference, sigma, radius) = (1.5, 125f64.sqrt(), 20.0);
+        let [disc, ring] = disc_and_ring(radius);
+        let mut image = image(difference, sigma, 1, radius);
+        image.noise_floor_dn = 5.0;
+        image.calibration = Some(CalibrationNoise {
+            variance_dn2: vec![100.0; SIDE * SIDE],
+            scale_variance: vec![0.01],
+            dark_pattern_dn2: Vec::new(),
+            factor_variance: vec![1e-4],
+            has_dark: false,
+            has_flat: true,
+        });
+        let noise = ChannelNoise { floor_dn: 5.0, dn_per_electron: 0.0, gain_spread: 0.0 };
+        let measure =
+            |wanted| TargetDetection::new("disc", &image, &noise, [&disc, &ring], wanted, None).unwrap();
+        let told = measure(7.0);
+        assert_eq!(told.frames_needed, None, "{told:?}");
+        assert!(measure(0.9 * told.d_prime).frames_needed == Some(1), "{told:?}");
+        // The error of the scale is that of target and background alike
+        assert!((told.d_prime_of_sensor / told.d_prime - 1.0).abs() < 0.1, "{told:?}");
+        // Nor does the interval depend on what is wanted
+        let [low, high] = told.d_prime_interval.unwrap();
+        assert!(low < told.d_prime && told.d_prime < high && high < 3.0 * told.d_prime, "{told:?}");
+        assert_eq!(measure(0.01).d_prime_interval, told.d_prime_interval);
     }
 
     /// d' grows by the root of the number of frames.

@@ -420,7 +420,10 @@ fn chromaticity_findings(analysis: &Analysis) -> Vec<Finding> {
 /// How well a frame shows a target.
 fn target_findings(target: &TargetDetection) -> Vec<Finding> {
     let mut all = vec![
-        Finding::new(FindingId::TargetSeparation, target.d_prime).within(target.d_prime_interval()),
+        Finding {
+            interval: target.d_prime_interval,
+            ..Finding::new(FindingId::TargetSeparation, target.d_prime)
+        },
         Finding::new(FindingId::TargetSeparationOfPixel, target.d_prime_pixel),
         Finding::new(FindingId::TargetSeparationOfSensor, target.d_prime_of_sensor),
     ];

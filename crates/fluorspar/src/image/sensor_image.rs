@@ -259,6 +259,12 @@ pub struct CalibrationNoise {
     pub variance_dn2: Vec<f32>,
     /// Variance of the scale of each channel, over its square: the same error for all its values. 0 without a flat field.
     pub scale_variance: Vec<f64>,
+    /// Mean variance that dark frames leave in each channel, the same in all frames, DN²: the noise of their mean. Empty where not known.
+    #[serde(default)]
+    pub dark_pattern_dn2: Vec<f64>,
+    /// Mean variance of the flat field's factors in each channel, over their squares: the same in all frames.
+    #[serde(default)]
+    pub factor_variance: Vec<f64>,
     /// Whether dark frames took out the pattern of dark signals.
     pub has_dark: bool,
     /// Whether frames of even light took out the pattern of responses.
@@ -281,6 +287,15 @@ mod shared {
         from: D,
     ) -> Result<Option<Arc<InterpolationTaps>>, D::Error> {
         Ok(Option::<InterpolationTaps>::deserialize(from)?.map(Arc::new))
+    }
+}
+
+impl CalibrationNoise {
+    /// Variance of a value by what the noise of calibration frames leaves in each pixel, the same in all frames, DN².
+    #[must_use]
+    pub fn pattern_dn2(&self, channel: usize, value_dn: f64) -> f64 {
+        let of = |variances: &[f64]| variances.get(channel).copied().unwrap_or(0.0);
+        of(&self.dark_pattern_dn2) + of(&self.factor_variance) * value_dn * value_dn
     }
 }
 

@@ -241,6 +241,10 @@ pub struct CalibratedValues {
     pub factor_variance: Vec<f32>,
     /// Variance of the scale of each channel, over its square.
     pub scale_variance: Vec<f64>,
+    /// Mean variance that the noise of dark frames leaves in each channel, DN².
+    pub dark_pattern_dn2: Vec<f64>,
+    /// Mean of `factor_variance` in each channel.
+    pub mean_factor_variance: Vec<f64>,
     /// Whether dark frames were subtracted.
     pub has_dark: bool,
 }
@@ -254,27 +258,47 @@ impl CalibratedValues {
             return None;
         }
         let k = raw.dn_per_electron;
+        let charge_dn2 = |dark: &MasterFrame, value: usize| charge_noise_dn2(dark, raw, value);
+        let factor_of = |value: usize| match flat {
+            Some(flat) => f64::from(flat.gain[value]),
+            None => raw.factors.get(value).map_or(1.0, |factor| f64::from(*factor)),
+        };
         let variance = |(value, &dn): (usize, &f32)| {
-            let of_charge = dark.map_or(0.0, |dark| {
-                let charge_dn = dark.dark_scale(raw.exposure_s, k) * dark.charge_dn(value);
-                k * charge_dn * (1.0 + 1.0 / dark.frames.max(1) as f64)
-            });
-            let factor = match flat {
-                Some(flat) => f64::from(flat.gain[value]),
-                None => raw.factors.get(value).map_or(1.0, |factor| f64::from(*factor)),
-            };
+            let of_charge =
+                dark.map_or(0.0, |dark| charge_dn2(dark, value) * (1.0 + 1.0 / dark.frames.max(1) as f64));
+            let factor = factor_of(value);
             let shot = k * f64::from(dn).max(0.0);
             ((factor * factor - 1.0) * noise_dn * noise_dn
                 + (factor - 1.0) * shot
                 + factor * factor * of_charge) as f32
         };
+        // `noise_dn` holds that of the frame and, over their number, that of the dark frames
+        let of_dark = |dark: &MasterFrame, value: usize, frames: f64| {
+            noise_dn * noise_dn / (frames + 1.0) + charge_dn2(dark, value) / frames
+        };
+        let dark_pattern = |value| dark.map_or(0.0, |dark| of_dark(dark, value, dark.frames.max(1) as f64));
+        let of_flat = |value: usize| flat.map_or(0.0, |flat| f64::from(flat.factor_variance[value]));
         Some(Self {
             variance_dn2: values.iter().enumerate().map(variance).collect(),
+            dark_pattern_dn2: mean_by_channel(raw, &|value| factor_of(value).powi(2) * dark_pattern(value)),
+            mean_factor_variance: mean_by_channel(raw, &of_flat),
             factor_variance: flat.map(|flat| flat.factor_variance.clone()).unwrap_or_default(),
             scale_variance: flat
                 .map_or_else(|| vec![0.0; raw.mosaic.channels.len()], |flat| flat.scale_variance.clone()),
             has_dark: dark.is_some(),
         })
+    }
+
+    /// Of so many values that nothing was done to.
+    fn none(mosaic: &Mosaic, values: usize) -> Self {
+        Self {
+            variance_dn2: vec![0.0; values],
+            factor_variance: Vec::new(),
+            scale_variance: vec![0.0; mosaic.channels.len()],
+            dark_pattern_dn2: Vec::new(),
+            mean_factor_variance: Vec::new(),
+            has_dark: false,
+        }
     }
 
     /// What is added to the variance of each value, the error of its flat field's factor with it.
@@ -291,10 +315,28 @@ impl CalibratedValues {
         CalibrationNoise {
             variance_dn2,
             scale_variance: self.scale_variance.clone(),
+            dark_pattern_dn2: self.dark_pattern_dn2.clone(),
+            factor_variance: self.mean_factor_variance.clone(),
             has_dark: self.has_dark,
             has_flat: !self.factor_variance.is_empty(),
         }
     }
+}
+
+/// Variance of a value of a frame by the charge that dark frames tell of, DN².
+fn charge_noise_dn2(dark: &MasterFrame, raw: &SensorImage, value: usize) -> f64 {
+    let k = raw.dn_per_electron;
+    k * dark.dark_scale(raw.exposure_s, k) * dark.charge_dn(value)
+}
+
+/// Means over the values of each channel.
+fn mean_by_channel(raw: &SensorImage, of: &dyn Fn(usize) -> f64) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0.0f64); raw.mosaic.channels.len()];
+    for value in 0..raw.data.len() {
+        let (sum, count) = &mut sums[raw.channel_of(value)];
+        (*sum, *count) = (*sum + of(value), *count + 1.0);
+    }
+    sums.into_iter().map(|(sum, count)| sum / count.max(1.0)).collect()
 }
 
 /// Part of the range by which a frame may lie below its dark frame: black levels drift.
@@ -386,12 +428,11 @@ impl LinearMosaic {
             *value = (f64::from(*value) - scale * f64::from(*other)) as f32;
         }
         // One flat field scales both: its error is that of what is left
-        if let (Some(own), Some(other)) = (&mut self.calibration, &ambient.calibration) {
+        if let Some(other) = &ambient.calibration {
+            let none = || CalibratedValues::none(&self.mosaic, other.variance_dn2.len());
+            let own = &mut self.calibration.get_or_insert_with(none).variance_dn2;
             let scale = (scale * scale) as f32;
-            own.variance_dn2
-                .iter_mut()
-                .zip(&other.variance_dn2)
-                .for_each(|(own, other)| *own += scale * other);
+            own.iter_mut().zip(&other.variance_dn2).for_each(|(own, other)| *own += scale * other);
         }
         self.subtracted = Some((levels, self.exposure_s / ambient.exposure_s));
         self.saturated.iter_mut().zip(&ambient.saturated).for_each(|(own, other)| *own |= other);
@@ -534,14 +575,12 @@ pub fn merge_exposures<'a>(
         merged.values[pixel] = value_dn as f32;
         *more_dn2 = more((1.0 / weights + added / weights.powi(2)) * reference.powi(2), value_dn);
     }
+    let own = merged.calibration.unwrap_or_else(|| CalibratedValues::none(&merged.mosaic, 0));
+    let of_floor = floor_dn2 / first.floor_dn2.max(f64::MIN_POSITIVE);
     merged.calibration = Some(CalibratedValues {
         variance_dn2: added_dn2,
-        ..merged.calibration.unwrap_or_else(|| CalibratedValues {
-            variance_dn2: Vec::new(),
-            factor_variance: Vec::new(),
-            scale_variance: vec![0.0; merged.mosaic.channels.len()],
-            has_dark: false,
-        })
+        dark_pattern_dn2: own.dark_pattern_dn2.iter().map(|dn2| of_floor * dn2).collect(),
+        ..own
     });
     let scaled = |b: &Bracketed| b.frame.full_scale_dn * reference / b.frame.dn_s_per_electron;
     merged.full_scale_dn = bracket.iter().map(scaled).fold(0.0, f64::max);
@@ -748,6 +787,25 @@ mod tests {
         let merged = merge_exposures(&[&full[0], &full[1]], |_| Ok(Development::default())).unwrap();
         assert!(merged.saturated.iter().all(|s| *s));
         assert_eq!(merge_exposures(&[], |_| Ok(Development::default())), Err(DevelopError::Nothing));
+    }
+
+    /// Half of the noise after one dark frame is that frame's: no mean of frames is without it. A bracket under a single frame keeps what
+    /// merging did to its noise.
+    #[test]
+    fn noise_of_calibration_is_told_from_that_of_frames() {
+        let frame = raw(vec![80; 16], Mosaic::monochrome(), 4);
+        let dark = MasterFrame::average([Ok::<_, DevelopError>(raw(vec![64; 16], Mosaic::monochrome(), 4))])
+            .unwrap();
+        let development = Development { dark: Some(&dark), ..Development::default() };
+        let linear = development.linearize(&frame).unwrap();
+        let image = linear.demosaic(Demosaicing::Bilinear).unwrap();
+        let pattern = image.calibration.as_ref().unwrap().pattern_dn2(0, 16.0);
+        assert!((pattern - image.noise_floor_dn.powi(2) / 2.0).abs() < 1e-9, "{pattern}");
+        let bracket = [1.0, 4.0].map(|times| SensorImage { exposure_s: 0.03 * times, ..frame.clone() });
+        let ambient = merge_exposures(&[&bracket[0], &bracket[1]], |_| Ok(Development::default())).unwrap();
+        let added = ambient.calibration.as_ref().unwrap().variance_dn2.clone();
+        let left = Development::default().linearize(&frame).unwrap().without(&ambient).unwrap();
+        assert_eq!(left.calibration.unwrap().variance_dn2, added);
     }
 
     #[test]

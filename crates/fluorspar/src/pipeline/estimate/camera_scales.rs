@@ -239,10 +239,14 @@ fn light(
 }
 
 fn leaks(targets: &[RecordedTarget], capture: &str) -> Vec<FilterLeakage> {
-    let tile = |has_filters: bool| {
-        tiles(targets, capture).find(|(tile, fluoresces)| !fluoresces && tile.has_filters == has_filters)
+    let tiles = |has_filters: bool| {
+        let all = tiles(targets, capture).filter(|(_, fluoresces)| !fluoresces);
+        all.map(|(tile, _)| tile).filter(move |tile| tile.has_filters == has_filters)
     };
-    let (Some((behind, _)), Some((open, _))) = (tile(true), tile(false)) else { return Vec::new() };
+    // One tile, with and without: another reflects another share of the light
+    let pair = tiles(true)
+        .find_map(|behind| Some((behind, tiles(false).find(|open| open.target == behind.target)?)));
+    let Some((behind, open)) = pair else { return Vec::new() };
     let leak = |(channel, rate, described): &(String, MeasuredNumber, f64)| {
         let (_, whole, of_whole) = open.channels.iter().find(|(other, ..)| other == channel)?;
         let ratio = rate.over(*whole);
@@ -297,10 +301,14 @@ mod tests {
         assert!(
             (all.leaks[1].passed.value - 1e-4).abs() < 1e-12 && (all.leaks[1].described - 5e-5).abs() < 1e-12
         );
-        let without = CameraScales::of(&[open, behind], gain);
+        let without = CameraScales::of(&[open.clone(), behind.clone()], gain);
         assert!(without.efficiencies.is_empty() && !without.lights[0].is_absolute);
         let light = &without.lights[0];
         assert!((light.factor.value - 1.5).abs() < 1e-3 && light.factor.error() > 0.2, "{without:?}");
         assert!(light.residual > 0.19, "{without:?}");
+        // A gray tile without the filters says nothing of what a white one behind them should have sent
+        let gray = KnownTarget::Tile { reflectance: Curve::constant(0.2), fluorophore: None };
+        let gray = RecordedTarget { target: gray, ..open };
+        assert!(CameraScales::of(&[gray, behind], gain).leaks.is_empty());
     }
 }
