@@ -18,6 +18,7 @@ mod instances;
 mod lens_camera;
 mod lens_catalogue;
 mod lens_change;
+mod lit_time;
 mod long_experiments;
 mod measured_lesions;
 mod measured_sites;

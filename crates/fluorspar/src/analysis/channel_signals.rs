@@ -16,7 +16,7 @@ pub struct ChannelSignal {
     pub frame: String,
     /// Channel.
     pub channel: String,
-    /// Exposure time of the frame, s.
+    /// Time of the frame's exposure in which light fell, s.
     pub exposure_s: f64,
     /// Pixels that are not saturated.
     pub pixels: usize,

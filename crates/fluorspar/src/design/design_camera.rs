@@ -1,6 +1,6 @@
 //! What each channel of a camera collects of a spectral radiance, on fine samples, for any filter.
 
-use crate::sensor::Sensor;
+use crate::sensor::{Binning, BinningKind, Sensor, SensorModel};
 use crate::spectral::{Curve, WavelengthGrid};
 
 /// Widest fine bin, nm: filters fall by a decade in several nanometers.
@@ -61,6 +61,28 @@ pub struct DesignCamera {
     weights: Vec<Vec<f64>>,
 }
 
+/// Pixels that are joined count as one, which holds the electrons of all; digital numbers have a read noise each.
+struct Joined {
+    pixels: f64,
+    reads: f64,
+    full_e: f64,
+}
+
+impl Joined {
+    /// Of a sensor whose converter is full at so many electrons.
+    fn of(model: &SensorModel, converter_e: f64) -> Self {
+        let pixels = model.binning.map_or(1.0, |binning| binning.pixels() as f64);
+        let (reads, full_e) = match model.binning {
+            Some(Binning { kind: BinningKind::Charge, well_capacity_e, .. }) => {
+                let node_e = well_capacity_e.unwrap_or(pixels * model.well_capacity_e);
+                (1.0, (pixels * model.well_capacity_e).min(node_e).min(converter_e))
+            }
+            _ => (pixels, pixels * model.well_capacity_e.min(converter_e)),
+        };
+        Self { pixels, reads, full_e }
+    }
+}
+
 impl DesignCamera {
     /// A sensor at an analog gain behind a lens of a transmittance.
     pub fn new(
@@ -74,16 +96,19 @@ impl DesignCamera {
         let dn_per_e = model.base_dn_per_electron() * model.analog_gain * gain;
         let behind_lens = sensor.behind(lens_transmittance);
         let converter_e = (f64::from(model.max_code()) - model.black_level_dn) / dn_per_e;
+        let Joined { pixels: joined, reads, full_e } = Joined::of(model, converter_e);
+        let of_read_e2 = model.dark_noise_electrons(gain).powi(2) + ROUNDING_DN2 / (dn_per_e * dn_per_e);
+        let of_pixels = |weights: Vec<f64>| weights.into_iter().map(|weight| joined * weight).collect();
         Self {
             name: name.into(),
             channels: sensor.mosaic().channels.clone(),
             shares: sensor.mosaic().shares(),
-            dark_variance_e2: model.dark_noise_electrons(gain).powi(2) + ROUNDING_DN2 / (dn_per_e * dn_per_e),
-            dark_e_per_s: model.dark_electrons_per_s(),
+            dark_variance_e2: reads * of_read_e2,
+            dark_e_per_s: joined * model.dark_electrons_per_s(),
             prnu: model.image_prnu_percent() / 100.0,
-            full_e: model.well_capacity_e.min(converter_e),
+            full_e,
             cost: 0.0,
-            weights: behind_lens.flat_electron_weights(&bands.fine),
+            weights: behind_lens.flat_electron_weights(&bands.fine).into_iter().map(of_pixels).collect(),
         }
     }
 

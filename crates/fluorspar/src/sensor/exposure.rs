@@ -219,6 +219,16 @@ pub struct Sensor {
 }
 
 impl Sensor {
+    /// Time of an exposure in which light falls on a pixel, s: what a strobe leaves of it, in the first row.
+    pub fn light_s(&self, exposure_s: f64) -> f64 {
+        Timing { shutter: self.model.shutter, strobe: self.model.strobe }.light_s(0, exposure_s)
+    }
+
+    /// Electrons behind a value of a frame for each electron per second in a pixel, s: [`Self::light_s`] times the pixels that are joined.
+    pub fn frame_light_s(&self, exposure_s: f64) -> f64 {
+        self.readout.binning.map_or(1.0, |binning| binning.pixels() as f64) * self.light_s(exposure_s)
+    }
+
     /// Joins a model and its quantum efficiency.
     ///
     /// # Errors

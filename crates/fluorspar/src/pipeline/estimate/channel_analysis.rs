@@ -47,7 +47,7 @@ pub(super) fn channel_analysis(measured: &Measured<'_>) -> Result<SignalSummary,
         }
         let k = frame.raw.dn_per_electron;
         let noise = noise_of(&frame.developed, k, sensor);
-        let of_frame = [k, frame.raw.exposure_s];
+        let of_frame = [k, sensor.light_s(frame.raw.exposure_s)];
         summary.signals.extend(ChannelSignal::of_frame(&frame.developed, region, &noise, of_frame));
     }
     let rate = |signal: &ChannelSignal| signal.electrons / signal.exposure_s;
@@ -124,7 +124,7 @@ fn responses(
         for (term, fluorophore) in terms.iter_mut().zip(&plan.fluorophores) {
             let exitance = direct_exitance(&fluorophore.eem, grid, &light);
             let radiance: Vec<f64> = exitance.into_iter().map(|m| m / std::f64::consts::PI).collect();
-            let electrons = camera.electrons(&radiance, frame.raw.exposure_s);
+            let electrons = camera.electrons(&radiance, sensor.frame_light_s(frame.raw.exposure_s));
             for (signal, value) in signals.iter().zip(&mut term.electrons) {
                 let channel = camera.channels().iter().position(|name| *name == signal.channel);
                 if let Some(channel) = channel.filter(|_| signal.frame == frame.raw.label) {

@@ -82,6 +82,7 @@ pub fn frame_leak(
     }
     let names: Vec<String> = sensor.qe().channels().iter().map(|channel| channel.name.clone()).collect();
     let mosaic = RegionOnMosaic::new(sensor, region);
+    let light_s = sensor.frame_light_s(exposure_s);
     // Electrons by channel: reflected, fluorescent.
     let mut means = vec![[0.0_f64; 2]; names.len()];
     for (kind, is_reflected) in [true, false].into_iter().enumerate() {
@@ -90,7 +91,7 @@ pub fn frame_leak(
             false => 0.0,
         };
         let rates = sensor.electron_rate_of(&seen.film_rates(capture, drive), seen.planes.film)?;
-        means.iter_mut().zip(mosaic.means(&rates)).for_each(|(mean, rate)| mean[kind] = exposure_s * rate);
+        means.iter_mut().zip(mosaic.means(&rates)).for_each(|(mean, rate)| mean[kind] = light_s * rate);
     }
     let channels: Vec<ChannelLeak> = (0..names.len())
         .filter(|&channel| mosaic.counts[channel] > 0)

@@ -141,9 +141,11 @@ pub fn predict(sample: &FlatSample) -> Result<Prediction, PredictError> {
     if let (Some(sensor), Some(lens), Some(light)) = (&sample.camera.sensor, &sample.camera.lens, &light) {
         let response = sensor.flat_response(light, &exposure)?;
         let camera = CameraResponse::new(&lens.equation, sensor, &sample.grid, None);
-        respond(&mut prediction, &camera, &parts, exposure.time_s, &response);
+        let light_s = sensor.light_s(exposure.time_s);
+        respond(&mut prediction, &camera, &parts, light_s, &response);
+        prediction.exposure_s = Some(exposure.time_s);
         if !response.saturated.contains(&true) {
-            prediction.porphyrin = porphyrin(sample, &camera, &parts, exposure.time_s);
+            prediction.porphyrin = porphyrin(sample, &camera, &parts, light_s);
         }
     }
     Ok(prediction)
@@ -206,7 +208,6 @@ fn respond(
         Some(Chromaticity { r, g })
     };
     let fluorescent_total: f64 = fluorescent_e.iter().flat_map(|(_, e)| e).sum();
-    prediction.exposure_s = Some(time_s);
     // A ratio of saturated values is wrong by an unknown amount.
     if !response.saturated.contains(&true) {
         prediction.chromaticity = chromaticity(&response.electrons);

@@ -128,6 +128,7 @@ pub(super) fn region_light(
     let channels = camera.rgb().map_or_else(|| camera.seeing_channels(), |rgb| rgb.to_vec());
     let mosaic = behind(sensor, region, &frame.developed);
     let held = fluorophores_of_region(study, components, region);
+    let light_s = sensor.frame_light_s(frame.raw.exposure_s);
     let electrons = |is: &dyn Fn(&LightPath) -> bool| -> Result<Vec<f64>, PipelineError> {
         let drive = |c: &Component| {
             if is(&c.light) { remaining_drive(study, capture, &c.light_group) } else { 0.0 }
@@ -137,7 +138,7 @@ pub(super) fn region_light(
         }
         let rates = seen.film_rates(capture, drive);
         let means = mosaic.means(&sensor.electron_rate_of(&rates, seen.planes.film)?);
-        Ok(channels.iter().map(|&channel| frame.raw.exposure_s * means[channel]).collect())
+        Ok(channels.iter().map(|&channel| light_s * means[channel]).collect())
     };
     let is_porphyrin =
         |light: &LightPath| matches!(light, LightPath::Fluorescence(name) if name == porphyrin);
@@ -174,7 +175,8 @@ pub(super) fn region_electrons(
     let rates = seen.film_rates(capture, drive);
     let means =
         behind(sensor, region, &frame.developed).means(&sensor.electron_rate_of(&rates, seen.planes.film)?);
-    Ok(means.into_iter().map(|rate| frame.raw.exposure_s * rate).collect())
+    let light_s = sensor.frame_light_s(frame.raw.exposure_s);
+    Ok(means.into_iter().map(|rate| light_s * rate).collect())
 }
 
 /// Names of the fluorophores that the materials hold which the region shows; all names where the render kept no map of parts.

@@ -307,7 +307,7 @@ fn render_noise(
     let names = sensor.qe().channels();
     let of_name = |name: &String| names.iter().position(|channel| channel.name == *name);
     let numbers: Vec<usize> = frame.developed.channels.iter().map(of_name).collect::<Option<_>>()?;
-    let dn = frame.raw.exposure_s * frame.raw.dn_per_electron / 6f64.sqrt();
+    let dn = sensor.frame_light_s(frame.raw.exposure_s) * frame.raw.dn_per_electron / 6f64.sqrt();
     let at = |channel: usize, pixel: usize| f64::from(seen[channel * width * height + pixel]);
     let mut sums = vec![vec![0.0; numbers.len()]; numbers.len()];
     let mut count = 0usize;

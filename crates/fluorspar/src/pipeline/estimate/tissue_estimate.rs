@@ -55,7 +55,7 @@ impl<'a> FamiliesOfFrames<'a> {
                 channels: camera.seeing_channels(),
                 camera,
                 irradiance,
-                time_s: frame.raw.exposure_s,
+                time_s: sensor.frame_light_s(frame.raw.exposure_s),
             });
         }
         let named = tissue_family(prior, &family_frames, grid)?;

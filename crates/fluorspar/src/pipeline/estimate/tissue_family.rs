@@ -64,7 +64,7 @@ pub struct FamilyFrame {
     pub camera_of_reflected: CameraResponse,
     /// Numbers of the channels that are measured, in the order of the data; [`CameraResponse::seeing_channels`] are those of use.
     pub channels: Vec<usize>,
-    /// Exposure time, s.
+    /// Electrons for each per second: the exposure time, s, where no strobe cuts it and no pixels are joined.
     pub time_s: f64,
 }
 
