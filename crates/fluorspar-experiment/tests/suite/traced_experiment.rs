@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use fluorspar::pipeline::capture;
+use fluorspar::pipeline::{capture, read_spectroradiometers};
 use fluorspar::render::{RenderControl, render};
 use fluorspar::study::Study;
 use fluorspar_experiment::preset::{self, PresetKind};
@@ -100,4 +100,35 @@ fn filters_act_at_the_angles_of_the_lens_and_add_their_own_light() {
     let (half, whole) = (own("0.5"), own("1.0"));
     println!("veils {half} {whole}");
     assert!(half > 2.0 && (whole - 2.0 * half).abs() < 1.0, "{half} {whole}");
+    // In front of the lens it passes the glass, as the image does
+    let dim = |photon_yield: &str| {
+        let field = format!(
+            "view_filter.autofluorescence={{ photon_yield = {photon_yield}, spectrum = \"led_450\" }}"
+        );
+        signal(&experiment(TRACED, &[spread, &field, "lens.transmittance=0.5"]))[2]
+    };
+    let through_glass = dim("1.0") - dim("0.0");
+    assert!((through_glass - 0.5 * whole).abs() < 1.0, "{through_glass} {whole}");
+}
+
+/// An instrument beside the camera does not see what a lens that is rendered takes off at the corners.
+#[test]
+fn a_spectroradiometer_sees_the_scene_before_the_lens() {
+    let read = |formation: &str| {
+        let text = format!(
+            "format = 1\nbase = \"flat-patch\"\nunset = [\"analysis\", \"lens\"]\nrender = {{ width_px = 24, height_px = 18, samples_per_pixel = 256 }}\n\
+             camera = {{ horizontal_field_deg = \"from_lens\", position_mm = [0.0, 0.0, 60.0] }}\n\
+             sensor = {{ columns = 320, rows = 240, pixel_size_um = 14.0 }}\n\
+             lens = {{ type = \"traced\", prescription = \"wide_3_5mm\", f_number = 5.6, image_formation = \"{formation}\" }}\n\
+             [[spectroradiometer]]\nname = \"corner\"\ncapture = \"blue\"\naim = [0.1, 0.1]\nacceptance_deg = 8.0\nnoise_floor_w_per_sr_m2_nm = 0.0\n"
+        );
+        let study = resolve(&parse(&text, "corner", Path::new("."), &[]).unwrap()).unwrap().study;
+        let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
+        let image = render(&study.scene, &study.render, &control).unwrap();
+        let reading = &read_spectroradiometers(&study, &image).unwrap()[0].reading;
+        reading.expected.iter().sum::<f64>()
+    };
+    let (rendered, spread) = (read("rendered"), read("point_spread"));
+    // 256 samples on some ten pixels through a pupil of which half is cut off there: 2 %
+    assert!((rendered / spread - 1.0).abs() < 0.05, "{rendered} {spread}");
 }

@@ -79,9 +79,11 @@ impl SurfacePoint {
     ) {
         let project = |v: Vec3| (v - self.shading * v.dot(self.shading)).try_normalize();
         let Some(u) = project(along_u) else { return };
+        // Seen from behind, the normal of the map points away, and its opposite is that of this side
+        let side = if self.front { 1.0 } else { -1.0 };
         let across = self.shading.cross(u);
         let v = if across.dot(along_v) < 0.0 { -across } else { across };
-        let turned = (u * normal.x + v * normal.y + self.shading * normal.z).normalize();
+        let turned = (side * (u * normal.x + v * normal.y) + self.shading * normal.z).normalize();
         if turned.dot(outgoing) > 1e-3 {
             self.shading = turned;
             self.tangents = warp::tangents(turned);
@@ -270,6 +272,12 @@ mod tests {
                 (axis / 0.1, (turned.shading.length() - 1.0).abs())
             };
             let ((u, u_length), (v, v_length)) = (axis(Vec3::X), axis(Vec3::Y));
+            // From behind the surface is the same, and its normal the opposite
+            let behind = compiled.surface(corners[0] - normal * 1e-3, normal, &hit).unwrap();
+            let [front, behind] = [point, behind].map(|mut point| {
+                point.apply_normal_map((Vec3::Z + 0.1 * Vec3::X).normalize(), directions, point.shading);
+                point.shading
+            });
             let error = [
                 u_length,
                 v_length,
@@ -279,6 +287,7 @@ mod tests {
                 v.dot(point.shading).abs(),
                 u.distance(wanted_u.as_vec3()),
                 v.distance(wanted_v.as_vec3()),
+                front.distance(-behind),
             ]
             .into_iter()
             .fold(0.0_f32, |worst, error| if error > worst || error.is_nan() { error } else { worst });

@@ -38,6 +38,14 @@ impl Camera {
         })
     }
 
+    /// Transmittance of the lens for the light of the viewing filters themselves: 1 where they stand behind it.
+    pub fn lens_before_filters(&self) -> Curve {
+        match &self.lens {
+            Some(lens) if !self.view_filter.stack.behind_lens => lens.equation.transmittance.clone(),
+            _ => Curve::constant(1.0),
+        }
+    }
+
     /// The rays of a traced lens.
     pub fn traced_lens(&self) -> Option<&Arc<CameraLens>> {
         self.lens.as_ref()?.traced.as_ref()

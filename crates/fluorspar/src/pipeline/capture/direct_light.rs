@@ -2,7 +2,7 @@
 
 use crate::analysis::{PixelSelection, SceneOnSensor};
 use crate::geometry::OrientedPoint;
-use crate::scene::irradiance::{self, direct_irradiance, sum_of_spectra};
+use crate::scene::irradiance::{self, direct_irradiance};
 use crate::sensor::CaptureFrame;
 use crate::spectral::Curve;
 use crate::study::{Capture, Study};
@@ -26,7 +26,7 @@ pub(crate) fn irradiance_on(study: &Study, capture: &Capture, points: &[Oriented
         .into_iter()
         .map(|part| (part.spectrum, part.factor * drive(part.group)))
         .filter(|(_, weight)| *weight > 0.0);
-    sum_of_spectra(parts)
+    Curve::weighted_sum(parts)
 }
 
 /// Spectrum of the irradiance of one light group on a surface point, up to a factor: the irradiance where the camera's

@@ -72,10 +72,12 @@ fn add_veil(
         None => filter.on_grid(grid),
     };
     let veil = own.veil_radiance(&arriving, passed.values(), grid);
+    let glass = study.camera.lens_before_filters().bin_averages(grid);
     let solid_angle = lens.axial_solid_angle_sr();
-    for pixel in irradiance.data_mut().chunks_exact_mut(veil.values().len()) {
-        for (value, l) in pixel.iter_mut().zip(veil.values()) {
-            *value += (solid_angle * l) as f32;
+    let veil: Vec<f64> = veil.values().iter().zip(glass).map(|(l, t)| solid_angle * l * t).collect();
+    for pixel in irradiance.data_mut().chunks_exact_mut(veil.len()) {
+        for (value, e) in pixel.iter_mut().zip(&veil) {
+            *value += *e as f32;
         }
     }
 }

@@ -69,6 +69,8 @@ struct Veil {
     own: FilterAutofluorescence,
     /// Projected solid angle of the field, sr.
     field_sr: f64,
+    /// Transmittance of the lens for it, by band.
+    glass: Vec<f64>,
 }
 
 /// What one row of a component gives.
@@ -112,6 +114,7 @@ impl FilmResponse {
         let half_width = tan_half_width(study, components);
         let traced = study.camera.traced_lens().filter(|_| study.scene.camera.lens.is_none());
         let own = study.camera.view_filter.stack.autofluorescence.clone();
+        let glass = study.camera.lens_before_filters().bin_averages(&grid);
         let half_height = half_width * components.height as f64 / components.width as f64;
         let mut response = Self {
             size: [components.width, components.height],
@@ -121,7 +124,11 @@ impl FilmResponse {
             shapes,
             heights_mm,
             spread: traced.map(|lens| Spread { lens: lens.clone(), tan_half_width: half_width }),
-            veil: own.map(|own| Veil { own, field_sr: projected_solid_angle(half_width, half_height) }),
+            veil: own.map(|own| Veil {
+                own,
+                field_sr: projected_solid_angle(half_width, half_height),
+                glass,
+            }),
             grid,
             simd: Simd::detect(),
             lens,
@@ -408,7 +415,8 @@ impl FilmResponse {
             let passed = &self.shapes[self.shape_of[component]].passed;
             let radiance = veil.own.veil_radiance(&arriving, passed, &self.grid);
             for (channel, weights) in self.sensor.iter().enumerate() {
-                let rate: f64 = weights.iter().zip(radiance.values()).map(|(w, l)| w * l).sum();
+                let light = radiance.values().iter().zip(&veil.glass).map(|(l, t)| l * t);
+                let rate: f64 = weights.iter().zip(light).map(|(w, l)| w * l).sum();
                 let rate = (self.lens.axial_solid_angle_sr() * rate) as f32;
                 planes.plane_mut(component, channel).iter_mut().for_each(|value| *value += rate);
             }
@@ -441,8 +449,8 @@ impl FilmResponse {
             let film = (lens.film_width_mm(), lens.film_height_mm(), lens.groups().len());
             blocks.push(format!("{:?} {film:?} {tan_half_width:?}", lens.state()).into_bytes());
         }
-        if let Some(Veil { own, field_sr }) = &self.veil {
-            blocks.push(format!("{own:?} {field_sr:?}").into_bytes());
+        if let Some(Veil { own, field_sr, glass }) = &self.veil {
+            blocks.push(format!("{own:?} {field_sr:?} {glass:?}").into_bytes());
         }
         sha256_hex(blocks)
     }

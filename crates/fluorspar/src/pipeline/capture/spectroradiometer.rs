@@ -1,5 +1,6 @@
 //! Readings of the spectroradiometers of a study.
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::light_by_shape::{light_by_shape, transmittance_ratio};
@@ -44,6 +45,7 @@ pub fn read_spectroradiometers(
         let (image, study) = (components.grid.len(), study.scene.grid.len());
         return Err(PipelineError::OtherGrid { image, study });
     }
+    let before_lens = over_illumination(study, components);
     let mut readings = Vec::new();
     for device in &study.spectroradiometers {
         // Weight the pixels of the spot or the parts
@@ -72,7 +74,7 @@ pub fn read_spectroradiometers(
         // Average the radiance behind the instrument's filter
         let mut mean = vec![0.0; grid.len()];
         for light in light_by_shape(study, &device.frame, components) {
-            let part = weighted_mean(&light.radiance, &weights);
+            let part = weighted_mean(&light.radiance, &weights, &before_lens);
             let ratio = transmittance_ratio(&device.instrument.filter, light.shape.as_ref(), grid);
             for (band, sum) in mean.iter_mut().enumerate() {
                 *sum += part.values()[band] * ratio.as_ref().map_or(1.0, |ratio| ratio[band]);
@@ -92,10 +94,31 @@ pub fn read_spectroradiometers(
     Ok(readings)
 }
 
-fn weighted_mean(image: &SpectralImage<Radiance>, weights: &[(usize, f64)]) -> Spectrum<Radiance> {
+/// Radiance before a lens that was rendered over what the image holds of it, by pixel: one over the relative illumination. Empty without such a
+/// lens.
+fn over_illumination(study: &Study, components: &ComponentImage) -> Vec<f64> {
+    let (width, height) = (components.width, components.height);
+    let Some(lens) = study.camera.traced_lens().filter(|_| study.scene.camera.lens.is_some()) else {
+        return Vec::new();
+    };
+    let pitch_mm = lens.film_width_mm() / width as f64;
+    let from_middle = |at: usize, count: usize| at as f64 + 0.5 - 0.5 * count as f64;
+    let height_mm =
+        |pixel: usize| pitch_mm * from_middle(pixel % width, width).hypot(from_middle(pixel / width, height));
+    let illumination = |pixel: usize| lens.relative_illumination(height_mm(pixel));
+    (0..width * height).into_par_iter().map(|pixel| 1.0 / illumination(pixel).max(1e-3)).collect()
+}
+
+/// Mean over pixels with their weights, each times its factor; without factors these are 1.
+fn weighted_mean(
+    image: &SpectralImage<Radiance>,
+    weights: &[(usize, f64)],
+    factors: &[f64],
+) -> Spectrum<Radiance> {
     let bands = image.bands();
     let mut sums = vec![0.0; bands];
     for &(pixel, weight) in weights {
+        let weight = weight * factors.get(pixel).copied().unwrap_or(1.0);
         for (sum, value) in sums.iter_mut().zip(&image.data()[pixel * bands..]) {
             *sum += weight * f64::from(*value);
         }
