@@ -327,7 +327,7 @@ impl Reader<'_, '_> {
         Ok(regions)
     }
 
-    /// A light as a design takes it: the spectrum of the first of its group, its power in a scene, and its irradiance of flat regions, which
+    /// A light as a design takes it: the spectrum of its group, the power of the first in a scene, and its irradiance of flat regions, which
     /// lie where the camera looks.
     fn light_choice(&self, setup: &Setup, group: &str, choice: &Choice) -> Option<LightChoice> {
         let group = setup.light_groups.iter().position(|known| known.name == group)?;
@@ -341,9 +341,22 @@ impl Reader<'_, '_> {
             _ => 0.0,
         };
         let power_w = first.total();
-        let spectrum = trimmed(&first.scaled(1.0 / power_w));
+        let light: f64 = of_group().map(irradiance).sum();
+        let share = |light: &Light, nm: f64| light.whole_spectrum().at(nm) / light.whole_spectrum().total();
+        let is_alike = |light: &Light| {
+            let most = first.max() / power_w;
+            first
+                .wavelengths_nm()
+                .iter()
+                .all(|nm| (share(light, *nm) - first.at(*nm) / power_w).abs() < 1e-9 * most)
+        };
+        // Lights of several colors count by what they give of the light there
+        let mixed = (light > 0.0 && !of_group().all(is_alike)).then(|| {
+            let weight = |one: &Light| irradiance(one) / light / one.whole_spectrum().total();
+            Curve::weighted_sum(of_group().map(|one| (one.whole_spectrum(), weight(one))))
+        });
+        let spectrum = trimmed(&mixed.flatten().unwrap_or_else(|| first.scaled(1.0 / power_w)));
         let peak_nm = spectrum.peak_nm();
-        let light = of_group().map(irradiance).sum();
         Some(LightChoice { name: choice.name.clone(), peak_nm, spectrum, light, power_w, cost: choice.cost })
     }
 
@@ -384,8 +397,14 @@ impl Reader<'_, '_> {
 
     fn lenses(&mut self) -> Resolved<Vec<LensChoice>> {
         let mut choices = Vec::new();
+        let mut filter = None;
         for choice in self.variables.along(Axis::Aperture, "") {
             let setup = self.base.setup(self.context, Axis::Aperture, &choice)?;
+            if *filter.get_or_insert_with(|| setup.camera.view_filter.clone()) != setup.camera.view_filter {
+                let message = "\"lens\" gives each f-number filters of its own, and all share those of a search; give angle_deg, or search each \
+                               f-number by itself";
+                return self.context.fail(&steps!["view_filter", "angles"], message);
+            }
             choices.extend(setup.camera.lens.map(|Lens { equation, .. }| LensChoice {
                 f_number: equation.f_number,
                 solid_angle_sr: equation.axial_solid_angle_sr(),
@@ -407,6 +426,14 @@ impl Reader<'_, '_> {
         for choice in self.variables.along(Axis::Sensor, "sensor") {
             let setup = self.base.setup(self.context, Axis::Sensor, &choice)?;
             let (Some(sensor), Some(lens)) = (&setup.camera.sensor, &setup.camera.lens) else { continue };
+            if sensor.model().strobe.is_some() {
+                let message = "a search chooses exposure times, of which a strobe lights a part; remove it";
+                return self.context.fail(&steps!["sensor", "strobe"], message);
+            }
+            if setup.camera.view_filter.stack.autofluorescence.is_some() {
+                let message = "a search knows no fluorescence of filters; remove it";
+                return self.context.fail(&steps!["view_filter", "autofluorescence"], message);
+            }
             let glass = &lens.equation.transmittance;
             let mut camera = DesignCamera::new(&choice.name, sensor, 1.0, glass, &bands);
             if let Some(behind) = camera.behind_wheel(&wheel, &bands) {

@@ -29,7 +29,7 @@ use fluorspar::spectral::{
     Curve, Fluorophore, MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, TOOLBOX_SAMPLES, TOOLBOX_START_NM,
     TOOLBOX_STEP_NM, ToolboxEem, WavelengthGrid,
 };
-use fluorspar::study::{Camera, FlatSample, FluorescenceModel};
+use fluorspar::study::{Camera, FlatSample, FluorescenceModel, ViewFilter};
 use fluorspar::warning::Warning;
 use fluorspar_format::read_toml;
 use serde::de::IgnoredAny;
@@ -369,9 +369,20 @@ pub(crate) fn material(
 /// The porphyrin of layered tissue, whose share is estimated.
 const TISSUE_PORPHYRIN: &str = "biofilm_porphyrin";
 
+fn refuse_own_light(context: &Context<'_>, filter: &ViewFilter) -> Resolved<()> {
+    match filter.stack.autofluorescence {
+        None => Ok(()),
+        Some(_) => context.fail(
+            &steps!["view_filter", "autofluorescence"],
+            "a filter is excited by a whole scene, and a flat sample is none; remove it",
+        ),
+    }
+}
+
 /// Lens, filters and sensor before a sample.
 fn camera(context: &mut Context<'_>, file: &SampleFile, grid: &WavelengthGrid) -> Resolved<Camera> {
     let view_filter = device::view_filter(context, &file.view_filter, grid)?;
+    refuse_own_light(context, &view_filter)?;
     let lens = match &file.lens {
         Some(section) => {
             if section.image_formation().is_some() {

@@ -379,6 +379,59 @@ fn flat_regions_lie_where_the_camera_looks() {
     }
 }
 
+/// A flat region under two lights of one group, with further lines and lights.
+fn under_two_lights(lights: [&str; 2], more: &str) -> String {
+    let light = |name: &str, spectrum: &str| {
+        format!(
+            "[[light]]\nname = \"{name}\"\ngroup = \"blue\"\ntype = \"distant\"\naim.direction = [0.0, 0.0, -1.0]\nspectrum = \"{spectrum}\"\n\
+             filters = []\nstrength.irradiance_w_per_m2 = 10.0\n"
+        )
+    };
+    format!(
+        "format = 2\nbase = \"flat-patch\"\nunset = [\"light\"]\nsensor.preset = \"multispectral_3x3\"\n{more}{}{}\
+         [[region]]\nname = \"tongue\"\nmaterial = {{ reflectance = \"gray_18\", concentrations = {{ fad = 1.0 }} }}\n\
+         [[vary]]\nfield = \"lens.f_number\"\nvalues = [4.0, 1.4]\n[exposure]\ncounts = [1]\ntotal.ms = 60.0\n",
+        light("first", lights[0]),
+        light("second", lights[1])
+    )
+}
+
+/// Lights of a group count by what each gives of the irradiance, whichever stands first.
+#[test]
+fn lights_of_a_group_count_together() {
+    let electrons = |lights| {
+        let problem =
+            parse_design(&under_two_lights(lights, ""), "group", Path::new("."), &[]).unwrap().problem;
+        let space = DesignSpace::new(problem).unwrap();
+        space.evaluate(&space.design(0)).regions[0].electrons[0].clone()
+    };
+    let [short, long] = ["led_385", "led_450"];
+    let [both, turned] = [electrons([short, long]), electrons([long, short])];
+    // Each alone gives twice its part of both
+    let [one, other] = [electrons([short, short]), electrons([long, long])];
+    for k in 0..both.len() {
+        assert!((both[k] / turned[k] - 1.0).abs() < 1e-9, "{both:?} {turned:?}");
+        let expected = 0.5 * (one[k] + other[k]);
+        assert!((both[k] / expected - 1.0).abs() < 0.01, "{k}: {} {expected}", both[k]);
+    }
+}
+
+/// What a search can't take into account is refused.
+#[test]
+fn what_a_search_does_not_know_is_refused() {
+    let cone = "view_filter = { filters = [\"long_pass_475\"], angles = \"lens\", effective_index = 1.5 }\n";
+    let glow =
+        "view_filter = { filters = [], autofluorescence = { photon_yield = 0.5, spectrum = \"led_450\" } }\n";
+    let strobe = "sensor.strobe = { duration_ms = 1.0 }\n";
+    for (more, words) in
+        [(cone, "search each f-number"), (glow, "no fluorescence of filters"), (strobe, "strobe")]
+    {
+        let text = under_two_lights(["led_385", "led_450"], more);
+        let error = parse_design(&text, "unknown", Path::new("."), &[]).unwrap_err().to_string();
+        assert!(error.contains(words), "{more}: {error}");
+    }
+}
+
 /// Values that change nothing a design looks at, fields that it does not have, and sections that it leaves alone are told.
 #[test]
 fn what_has_no_effect_is_refused() {

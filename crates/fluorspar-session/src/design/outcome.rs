@@ -73,17 +73,8 @@ pub(super) fn estimate(problem: &PreparedProblem, judged: &mut JudgedDesign) -> 
     let is_asked =
         p.contrasts.iter().any(|contrast| contrast.part.iter().any(|name| Analyte::names_porphyrin(name)));
     let (Some(Some(prior)), true) = (problem.resolved.priors.first(), is_asked) else { return Ok(()) };
-    let (Some(region), Some(light)) = (p.regions_of(judged.design.geometry).next(), &judged.fluorescence)
-    else {
-        return Ok(());
-    };
-    let parts = region.response.fluorescence.iter().zip(&light.shares);
-    let share: f64 =
-        parts.filter(|(part, _)| Analyte::names_porphyrin(&part.name)).map(|(_, share)| share).sum();
-    if share > 0.0 && share < 1.0 {
-        let found = design_estimate(space, &judged.design, (0, share), prior);
-        judged.estimate = found.map_err(|error| Error::Input(error.to_string()))?;
-    }
+    let found = design_estimate(space, &judged.design, 0, Analyte::names_porphyrin, prior);
+    judged.estimate = found.map_err(|error| Error::Input(error.to_string()))?;
     Ok(())
 }
 
@@ -345,7 +336,7 @@ fn finite(value: f64) -> Value {
 fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
     let p = space.problem();
     let mut head: Vec<String> =
-        ["number", "lights", "view_filter", "sensor", "f_number", "drive", "geometry", "loss"]
+        ["number", "lights", "times_ms", "view_filter", "sensor", "f_number", "drive", "geometry", "loss"]
             .map(String::from)
             .into();
     for region in p.regions_of(0) {
@@ -375,6 +366,7 @@ fn table_csv(space: &DesignSpace, designs: &[JudgedDesign]) -> String {
         let mut row = vec![
             space.number(design).map_or_else(String::new, |number| number.to_string()),
             lights.join(" + "),
+            merits.times_s.iter().map(|s| number((1e6 * s).round() / 1e3)).collect::<Vec<_>>().join(" + "),
             p.filters[design.filter].name.clone(),
             p.cameras[design.camera].name.clone(),
             number(p.lenses[design.lens].f_number),

@@ -488,6 +488,15 @@ fn a_working_distance_changes_the_solid_angle_and_the_pixels_of_a_region() {
     let at = |geometry: usize| space.evaluate(&Design { geometry, ..space.design(7) });
     let [near, far, same] = [0, 1, 2].map(at);
     assert_eq!(near, same);
+    // Without tolerances the worst case is the design, whichever aperture is its
+    let none = Tolerances { light_nm: 0.0, filter_nm: 0.0, angle_deg: 0.0, effective_index: 1.8 };
+    let mut two = space.problem().clone();
+    two.lenses.push(LensChoice { f_number: 8.0, ..two.lenses[0].clone() });
+    let of_second = Design { geometry: 1, lens: two.lenses.len() - 1, ..space.design(7) };
+    two.geometries[1].lens_sr.resize(two.lenses.len(), 0.01);
+    let as_meant = DesignSpace::new(two.clone()).unwrap().evaluate(&of_second).loss;
+    let worst = worst_case(&two, &of_second, &none).unwrap().loss;
+    assert!((worst / as_meant - 1.0).abs() < 1e-6, "{worst} {as_meant}");
     assert!((far.electrons / near.electrons - 0.04 / 0.05).abs() < 1e-9);
     // Photon noise alone: the variance of a mean goes with 1 / (electrons pixels)
     let ratio = far.regions[0].weights[0] / near.regions[0].weights[0];

@@ -8,7 +8,7 @@ use crate::spectral::Curve;
 
 use super::design_space::{Design, DesignError, DesignSpace};
 use super::merits::{LimitExcess, Merits};
-use super::problem::{Budget, DesignProblem, LongPassEdge};
+use super::problem::{Budget, DesignProblem, GeometryChoice, LongPassEdge};
 use super::region_model::RegionModel;
 
 /// Factors on each assumed number: a quarter more, a quarter less.
@@ -272,7 +272,11 @@ fn as_made(
     made.lenses = vec![problem.lenses[design.lens].clone()];
     made.drives = vec![problem.drives[design.drive]];
     made.splits = vec![problem.splits[design.split].clone()];
-    made.geometries = problem.geometries.get(design.geometry).into_iter().cloned().collect();
+    let of_lens = |geometry: &GeometryChoice| GeometryChoice {
+        lens_sr: geometry.lens_sr.get(design.lens).copied().into_iter().collect(),
+        ..geometry.clone()
+    };
+    made.geometries = problem.geometries.get(design.geometry).map(of_lens).into_iter().collect();
     made.exposures = vec![design.lights.len()];
     made
 }

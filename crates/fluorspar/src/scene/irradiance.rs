@@ -70,21 +70,7 @@ pub(crate) fn group_spectrum(parts: &[DirectIrradiance<'_>], group: usize) -> Op
     let shining: Vec<_> = parts.iter().filter(|p| p.group == group && p.spectrum.total() > 0.0).collect();
     let dark = shining.iter().all(|part| part.factor <= 0.0);
     let weight = |part: &DirectIrradiance<'_>| if dark { 1.0 / part.spectrum.total() } else { part.factor };
-    sum_of_spectra(
+    Curve::weighted_sum(
         shining.into_iter().map(|part| (part.spectrum.clone(), weight(part))).filter(|(_, w)| *w > 0.0),
     )
-}
-
-/// Sum of spectra, each with its weight; `None` for no spectra.
-pub(crate) fn sum_of_spectra<'a>(parts: impl Iterator<Item = (Cow<'a, Curve>, f64)>) -> Option<Curve> {
-    let parts: Vec<(Cow<'a, Curve>, f64)> = parts.collect();
-    match parts.as_slice() {
-        [] => None,
-        [(spectrum, weight)] => Some(spectrum.scaled(*weight)),
-        _ => {
-            let first = parts.iter().map(|(s, _)| s.range_nm().0).fold(f64::INFINITY, f64::min);
-            let last = parts.iter().map(|(s, _)| s.range_nm().1).fold(f64::NEG_INFINITY, f64::max);
-            Some(Curve::from_fn(first, last, |nm| parts.iter().map(|(s, w)| w * s.at(nm)).sum()))
-        }
-    }
 }

@@ -1,5 +1,6 @@
 //! Functions of wavelength on their own, fine samples.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::sync::{Arc, LazyLock};
 
@@ -328,6 +329,20 @@ impl Curve {
         wavelength_nm.push(end);
         let value = wavelength_nm.iter().map(|&nm| self.at(nm)).collect();
         Self { wavelength_nm: wavelength_nm.into(), value }
+    }
+
+    /// Sum of curves, each with its weight, sampled every [`FINE_STEP_NM`] where there are several; `None` for no curves.
+    pub fn weighted_sum<'a>(parts: impl Iterator<Item = (Cow<'a, Self>, f64)>) -> Option<Self> {
+        let parts: Vec<(Cow<'a, Self>, f64)> = parts.collect();
+        match parts.as_slice() {
+            [] => None,
+            [(curve, weight)] => Some(curve.scaled(*weight)),
+            _ => {
+                let first = parts.iter().map(|(s, _)| s.range_nm().0).fold(f64::INFINITY, f64::min);
+                let last = parts.iter().map(|(s, _)| s.range_nm().1).fold(f64::NEG_INFINITY, f64::max);
+                Some(Self::from_fn(first, last, |nm| parts.iter().map(|(s, w)| w * s.at(nm)).sum()))
+            }
+        }
     }
 
     /// Pointwise product on the union of both samplings, refined to at most [`FINE_STEP_NM`]; zero where either is.

@@ -22,15 +22,16 @@ pub struct DesignEstimate {
     pub visible: VisibleShare,
 }
 
-/// The estimate of a region of a design, by its number, that holds a share of porphyrin: the function by which frames are analyzed.
-/// White frames have no part in it. `None` where the camera sees nothing of the region.
+/// The estimate of a region of a design, by its number: the function by which frames are analyzed. White frames have no part in it. `None`
+/// where the camera sees nothing of the region, or no porphyrin beside other light, which `is_porphyrin` tells by name.
 ///
 /// # Errors
 /// Those of [`tissue_family`].
 pub fn design_estimate(
     space: &DesignSpace,
     design: &Design,
-    (region, share): (usize, f64),
+    region: usize,
+    is_porphyrin: impl Fn(&str) -> bool,
     prior: &TissuePrior,
 ) -> Result<Option<DesignEstimate>, TissueError> {
     let Some(model) = space.problem().regions_of(design.geometry).nth(region) else { return Ok(None) };
@@ -47,6 +48,23 @@ pub fn design_estimate(
         }
     };
     let frames: Vec<FamilyFrame> = exposures.iter().map(frame).collect();
+    let (Some(first), Some(lit)) = (frames.first(), exposures.first()) else { return Ok(None) };
+    // The share is that of the first frame, in the channels that count there
+    let counted = first.camera.rgb().map_or_else(|| first.channels.clone(), |rgb| rgb.to_vec());
+    let electrons = |light: &[f64]| -> f64 {
+        counted.iter().map(|channel| first.camera.channel_electrons(*channel, light, first.time_s)).sum()
+    };
+    let parts = model.response.fluorescence.iter().zip(model.response.fluorescence_under(&lit.irradiance));
+    let (mut porphyrin, mut all) = (0.0, 0.0);
+    for (part, light) in parts {
+        let electrons = electrons(&light);
+        all += electrons;
+        porphyrin += if is_porphyrin(&part.name) { electrons } else { 0.0 };
+    }
+    let share = porphyrin / all;
+    if !(share > 0.0 && share < 1.0) {
+        return Ok(None);
+    }
     let family = tissue_family(prior, &frames, &model.response.grid)?;
     let of_data = |of: &dyn Fn(&LitExposure) -> &Vec<f64>| -> Vec<f64> {
         let seen = exposures.iter().zip(&frames);
