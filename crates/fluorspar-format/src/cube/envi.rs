@@ -232,6 +232,10 @@ impl<'a> Header<'a> {
     /// Turns stored values `[pixel][band]` into light by the gains and offsets of the bands and the factor of the unit. Values that are
     /// to be ignored are refused.
     fn scale(&self, values: &mut [f32], bands: usize, factor: f64) -> Result<(), FormatError> {
+        if self.get("reflectance scale factor").is_some() {
+            let what = "it has a reflectance scale factor, and holds reflectances by that".to_owned();
+            return self.malformed(what, "Give radiance, and leave that line out");
+        }
         if let Some(ignored) = self.numbers("data ignore value")?.and_then(|numbers| numbers.first().copied())
             && let Some(place) = values.iter().position(|value| *value == ignored as f32)
         {

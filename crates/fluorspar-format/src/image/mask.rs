@@ -59,9 +59,10 @@ pub fn read_mask(path: &Path) -> Result<MaskImage, FormatError> {
 }
 
 /// Whether a pixel of some samples is inside: the last one of `colors + 1` is its opacity.
-fn is_inside<T: Copy + PartialEq + Default>(pixel: &[T], colors: usize) -> bool {
-    let zero = T::default();
-    pixel[..colors].iter().any(|value| *value != zero) && pixel.get(colors).is_none_or(|alpha| *alpha != zero)
+fn is_inside<T: Copy + PartialOrd + Default>(pixel: &[T], colors: usize) -> bool {
+    // What is no number is outside
+    let is_some = |value: &T| *value < T::default() || *value > T::default();
+    pixel[..colors].iter().any(is_some) && pixel.get(colors).is_none_or(is_some)
 }
 
 /// A mask as viewers show it, as frames are.
@@ -93,7 +94,7 @@ fn npy_mask(path: &Path) -> Result<MaskImage, FormatError> {
         return Err(FormatError::unsupported(path, what, "Save a[:, :, 0], for instance"));
     };
     check_image_size(path, *width, *height, 4, MAX_IMAGE_BYTES)?;
-    let inside = values.iter().map(|value| *value != 0.0).collect();
+    let inside = values.iter().map(|value| is_inside(&[*value], 1)).collect();
     Ok(MaskImage { width: *width as usize, height: *height as usize, inside })
 }
 
@@ -120,7 +121,7 @@ fn tiff_mask(path: &Path, file: File, length: u64) -> Result<MaskImage, FormatEr
         let pixel_bytes = u64::from(bits / 8) * samples as u64;
         check_image_size(path, u64::from(width), u64::from(height), pixel_bytes, MAX_IMAGE_BYTES)?;
         check_packing(path, pixel_bytes * u64::from(width) * u64::from(height), length)?;
-        fn marked<T: Copy + PartialEq + Default>(values: &[T], samples: usize, colors: usize) -> Vec<bool> {
+        fn marked<T: Copy + PartialOrd + Default>(values: &[T], samples: usize, colors: usize) -> Vec<bool> {
             values.chunks_exact(samples).map(|pixel| is_inside(pixel, colors)).collect()
         }
         let inside = match decoder.read_image().map_err(damaged)? {

@@ -47,6 +47,8 @@ pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
             }
         }
     }
+    // A plate has flat sides in air, too: the first counts
+    surfaces.iter_mut().filter(|surface| surface.is_stop).skip(1).for_each(|flat| flat.is_stop = false);
     if !surfaces.iter().any(|surface| surface.is_stop) {
         let message = "no surface is the stop; it is the one with the radius 0 and an index of 0 or 1";
         return Err(Fault::anywhere(message));

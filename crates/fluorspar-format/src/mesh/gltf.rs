@@ -8,6 +8,7 @@ use std::sync::Arc;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD_PAD_INDIFFERENT;
 use glam::{Affine3, Affine3A, Mat4, Quat, Vec2, Vec3};
+use percent_encoding::percent_decode_str;
 use serde_json::{Value, json};
 
 use super::mesh_set::{self, NamedMesh, check};
@@ -228,6 +229,7 @@ fn buffer(
             None => Err(broken(path, format!("buffer {number} is a data URI without base64"))),
         };
     }
+    let uri = &*percent_decode_str(uri).decode_utf8_lossy();
     if uri.contains("..") || uri.starts_with(['/', '\\']) || uri.contains(':') {
         let shown = excerpt(uri);
         return Err(broken(path, format!("the file \"{shown}\" of buffer {number} is not next to the file")));
@@ -240,6 +242,30 @@ fn buffer(
         ),
         false => error,
     })
+}
+
+/// Modes of primitives that are surfaces: triangles, and two ways of sharing their corners.
+const TRIANGLES: u64 = 4;
+const STRIP: u64 = 5;
+const FAN: u64 = 6;
+
+fn mode_of(primitive: &Value) -> u64 {
+    primitive["mode"].as_u64().unwrap_or(TRIANGLES)
+}
+
+/// Triangles of a primitive: glTF 2.0, section 3.7.2.1.
+fn triangles_of(mode: u64, indices: &[u32]) -> Vec<[u32; 3]> {
+    match mode {
+        STRIP => {
+            let turned = |(number, t): (usize, &[u32])| match number % 2 {
+                0 => [t[0], t[1], t[2]],
+                _ => [t[0], t[2], t[1]],
+            };
+            indices.windows(3).enumerate().map(turned).collect()
+        }
+        FAN => indices.get(1..).unwrap_or_default().windows(2).map(|t| [t[0], t[1], indices[0]]).collect(),
+        _ => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+    }
 }
 
 struct Reader<'a> {
@@ -321,8 +347,8 @@ impl Reader<'_> {
     /// Parts of a mesh.
     fn mesh(&self, number: usize) -> Result<Vec<TriangleMesh>, FormatError> {
         let primitives = self.document["meshes"][number]["primitives"].as_array();
-        // 4: triangles. Points and lines have no surface.
-        let is_surface = |primitive: &&Value| primitive["mode"].as_u64().unwrap_or(4) == 4;
+        // Points and lines have no surface
+        let is_surface = |primitive: &&Value| mode_of(primitive) >= TRIANGLES;
         let mut parts = Vec::new();
         for primitive in primitives.into_iter().flatten().filter(is_surface) {
             let part = self.primitive(primitive)?;
@@ -349,7 +375,7 @@ impl Reader<'_> {
             Some(accessor) => self.whole_numbers(accessor)?,
             None => (0..positions.len() as u32).collect(),
         };
-        let triangles = indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+        let triangles = triangles_of(mode_of(primitive), &indices);
         Ok(TriangleMesh { positions, normals, uvs, triangles })
     }
 
@@ -357,6 +383,14 @@ impl Reader<'_> {
     fn elements(&self, accessor: u64, size: usize) -> Result<(Vec<&[u8]>, u64), FormatError> {
         let damaged = || broken(self.path, format!("accessor {accessor} is damaged or compressed"));
         let entry = &self.document["accessors"][accessor as usize];
+        if entry["sparse"].is_object() {
+            let what = format!("accessor {accessor} is sparse");
+            return Err(FormatError::unsupported(
+                self.path,
+                what,
+                "Export the mesh without sparse accessors",
+            ));
+        }
         let view = &self.document["bufferViews"][entry["bufferView"].as_u64().ok_or_else(damaged)? as usize];
         let kind = entry["componentType"].as_u64().ok_or_else(damaged)?;
         let width = size
@@ -395,12 +429,16 @@ impl Reader<'_> {
 
     fn floats(&self, accessor: u64, size: usize) -> Result<Vec<f32>, FormatError> {
         let (elements, kind) = self.elements(accessor, size)?;
+        // Whole numbers are parts of the largest, or themselves: KHR_mesh_quantization
+        let is_normalized =
+            self.document["accessors"][accessor as usize]["normalized"].as_bool() == Some(true);
+        let of = |value: f32, most: f32| if is_normalized { (value / most).max(-1.0) } else { value };
         let number = |bytes: &[u8]| match kind {
             5126 => f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
-            5120 => (f32::from(bytes[0].cast_signed()) / 127.0).max(-1.0),
-            5121 => f32::from(bytes[0]) / 255.0,
-            5122 => (f32::from(i16::from_le_bytes([bytes[0], bytes[1]])) / 32767.0).max(-1.0),
-            5123 => f32::from(u16::from_le_bytes([bytes[0], bytes[1]])) / 65535.0,
+            5120 => of(f32::from(bytes[0].cast_signed()), 127.0),
+            5121 => of(f32::from(bytes[0]), 255.0),
+            5122 => of(f32::from(i16::from_le_bytes([bytes[0], bytes[1]])), 32767.0),
+            5123 => of(f32::from(u16::from_le_bytes([bytes[0], bytes[1]])), 65535.0),
             _ => f32::NAN,
         };
         Ok(elements.iter().flat_map(|e| e.chunks_exact(e.len() / size)).map(number).collect())

@@ -17,7 +17,7 @@ use fluorspar::geometry::TriangleMesh;
 /// # Errors
 /// Anything that is not such a file, with the line where known.
 pub fn read_obj(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
-    let bytes = read_file(path, MAX_MESH_BYTES)?;
+    let bytes = one_line_each(read_file(path, MAX_MESH_BYTES)?);
     if let Some(line) = line_of_wild_index(&bytes) {
         let what = "not a valid OBJ file: face vertex index out of bounds";
         return Err(FormatError::at_line(path, line, what, "Export the mesh again"));
@@ -65,6 +65,23 @@ pub fn read_obj(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
         mesh.append(&part);
     }
     finish_mesh(path, mesh, unit_m)
+}
+
+/// The bytes with lines that a backslash continues in one; as many line ends follow, so that lines keep their numbers.
+fn one_line_each(mut bytes: Vec<u8>) -> Vec<u8> {
+    let mut open = 0;
+    for at in 0..bytes.len() {
+        if bytes[at] != b'\n' {
+            continue;
+        }
+        let end = if bytes[..at].ends_with(b"\r") { at - 1 } else { at };
+        if bytes[..end].ends_with(b"\\") {
+            bytes[end - 1..=at].fill(b' ');
+            open += 1;
+        }
+    }
+    bytes.extend(std::iter::repeat_n(b'\n', open));
+    bytes
 }
 
 /// The first face, line or point, by its line from 1, with an index that the decoder would compute with before it compares

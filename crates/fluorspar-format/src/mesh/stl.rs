@@ -32,7 +32,8 @@ pub fn read_stl(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
         });
         if binary {
             Ok(bytes[HEADER..].chunks_exact(TRIANGLE).flat_map(binary_triangle).collect())
-        } else if bytes.trim_ascii_start().starts_with(b"solid") {
+        } else if bytes.trim_ascii_start().get(..5).is_some_and(|start| start.eq_ignore_ascii_case(b"solid"))
+        {
             text_corners(path, &bytes)
         } else {
             Err(FormatError::malformed(
@@ -69,22 +70,31 @@ fn binary_triangle(record: &[u8]) -> [Vec3; 3] {
 fn text_corners(path: &Path, bytes: &[u8]) -> Result<Vec<Vec3>, FormatError> {
     let text = String::from_utf8_lossy(bytes);
     let mut corners = Vec::new();
-    for (index, line) in text.lines().enumerate() {
-        let Some(rest) = line.trim_start().strip_prefix("vertex") else { continue };
-        let numbers: Vec<f32> = rest.split_whitespace().map_while(|word| word.parse().ok()).collect();
-        let [x, y, z] = numbers[..] else {
+    // Words, however they are put into lines; a name of a solid may be any word
+    let of_line = |(index, line)| str::split_whitespace(line).map(move |word| (index, line, word));
+    let mut words = text.lines().enumerate().flat_map(of_line);
+    let mut before = "";
+    while let Some((index, line, word)) = words.next() {
+        let is_vertex = word.eq_ignore_ascii_case("vertex");
+        let is_in_loop = ["loop", "vertex"].iter().any(|other| before.eq_ignore_ascii_case(other));
+        before = word;
+        if !(is_vertex && is_in_loop) {
+            continue;
+        }
+        let mut number = || words.next().and_then(|(.., word)| word.parse::<f32>().ok());
+        let (Some(x), Some(y), Some(z)) = (number(), number(), number()) else {
             let what = format!("\"{}\" is not a vertex", excerpt(line.trim()));
             let hint = "A vertex has three numbers: export the mesh again";
             return Err(FormatError::at_line(path, index as u64 + 1, what, hint));
         };
         corners.push(Vec3::new(x, y, z));
     }
-    if corners.len() % 3 != 0 {
-        return Err(FormatError::malformed(
+    match corners.len() % 3 {
+        0 => Ok(corners),
+        _ => Err(FormatError::malformed(
             path,
             format!("{} corners do not make triangles", corners.len()),
             "Copy the file again, or export the mesh again",
-        ));
+        )),
     }
-    Ok(corners)
 }

@@ -12,8 +12,8 @@ use super::axis::check_axis;
 use super::csv_table::{Negative, Table, comments_of};
 use super::eem_layout::{EemLayout, no_samples};
 use super::eem_scatter::{ScatterCut, refuse_scattered_light};
-use super::instrument_text::is_missing;
-use crate::store::file::{MAX_TEXT_BYTES, as_text, read_file};
+use super::instrument_text::{instrument_text, is_missing};
+use crate::store::file::{MAX_TEXT_BYTES, read_file};
 use crate::{Defect, FormatError};
 
 /// An excitation-emission matrix as stored in a file: neither normalized nor converted.
@@ -118,7 +118,7 @@ pub fn eem_csv(excitation_nm: &[f64], emission_nm: &[f64], values: &[f64]) -> St
 /// Anything that is not such a table, with file and line.
 pub fn read_eem_csv(path: &Path, options: &CsvEemOptions) -> Result<MeasuredEem, FormatError> {
     let bytes = read_file(path, MAX_TEXT_BYTES)?;
-    let text = as_text(path, &bytes)?;
+    let text = &*instrument_text(path, &bytes)?;
     let layout = EemLayout::of(path, text, options.sample.as_deref()).map_err(|wrong| {
         // The unit first, whose option a front adds
         match unit(path, &comments_of(text), options.unit) {

@@ -341,9 +341,14 @@ impl SpectrumReader<'_> {
         {
             return Ok(named);
         }
-        if let Some(named) =
-            headers.iter().position(|header| AxisUnit::named(header).is_some() && !is_index(header))
-        {
+        // Values per nm name it, too
+        let is_per = |header: &str| {
+            let lower = header.to_lowercase();
+            ["/nm", "nm-1", "nm^-1", "nm⁻¹", "per nm", "/ev", "ev-1"].iter().any(|unit| lower.contains(unit))
+        };
+        let names_unit =
+            |header: &String| AxisUnit::named(header).is_some() && !is_index(header) && !is_per(header);
+        if let Some(named) = headers.iter().position(names_unit) {
             return Ok(named);
         }
         let stated = self.axis_unit_above();
@@ -655,6 +660,24 @@ impl SpectrumReader<'_> {
         }
     }
 
+    /// Refuses a column whose header names what is no transmittance or reflectance, where one of these is wanted.
+    fn refuse_other_quantity(&self, column: usize) -> Result<(), FormatError> {
+        const OTHERS: [&str; 6] = ["absorptance", "absorptivity", "absorption", "extinction", "k/s", "1-r"];
+        let header = self.headers()[column].to_lowercase();
+        let is_fraction = self.options.quantity == SpectrumQuantity::Fraction;
+        match OTHERS.iter().find(|other| is_fraction && header.trim_start().starts_with(**other)) {
+            None => Ok(()),
+            Some(other) => Err(FormatError::unit(
+                self.path,
+                format!(
+                    "column {} is of {other}, not of what passes or comes back",
+                    self.table.column_name(column)
+                ),
+                "Export the transmittance or reflectance",
+            )),
+        }
+    }
+
     /// The unit of a column: as given, or as the file says.
     fn unit(&self, column: usize) -> Result<Option<ValueUnit>, FormatError> {
         if self.options.quantity == SpectrumQuantity::Stored {
@@ -663,6 +686,7 @@ impl SpectrumReader<'_> {
         if self.options.unit.is_some() {
             return Ok(self.options.unit);
         }
+        self.refuse_other_quantity(column)?;
         match stated_unit(self.words_of_unit(column)) {
             StatedUnit::Known(unit) => Ok(Some(unit)),
             StatedUnit::Unstated => Ok(None),

@@ -172,6 +172,11 @@ fn unit_in(lower: &str) -> StatedUnit {
     if let Some(logarithm) = logarithm {
         return StatedUnit::Unknown((*logarithm).to_owned());
     }
+    // Of an energy or a wave number, which falls where the wavelength rises
+    const OTHER_STEPS: [&str; 7] = ["/ev", " ev-1", " ev^-1", "per ev", "/cm-1", "/cm^-1", "(cm-1)-1"];
+    if let Some(step) = OTHER_STEPS.iter().find(|step| lower.contains(**step)) {
+        return StatedUnit::Unknown(format!("{} of {}", lower.trim(), step.trim()));
+    }
     let percents = ["percent", "prozent", "procent", "pourcent", "porcent"];
     if lower.contains('%') || lower.contains("per cent") || starts(&percents) || has(&["pct"]) {
         return known(ValueUnit::Percent);

@@ -645,3 +645,32 @@ fn times_shifts_and_cells_with_units_are_refused() {
         assert!(said.contains(message), "{said}");
     }
 }
+
+/// Wavelengths in another language stand before values whose unit names nanometers.
+#[test]
+fn values_per_nanometer_are_no_wavelengths() {
+    for header in
+        ["Longitud de onda;Irradiancia (mW m-2 nm-1)", "x;W m-2 nm-1", "\u{6ce2}\u{957f};E (mW/m2/nm)"]
+    {
+        let rows: String = (40..50).map(|tens| format!("{tens}0;{}\n", 300 + tens % 7)).collect();
+        let (nm, _, _) = one("led.csv", format!("{header}\n{rows}"), SpectrumQuantity::SpectralPower);
+        assert_eq!((nm[0], nm.len()), (400.0, 10), "{header}");
+    }
+}
+
+#[test]
+fn what_is_per_energy_or_absorbed_is_refused() {
+    for (header, quantity, word) in [
+        ("Photon energy (eV),Spectral irradiance (W/m2/eV)", SpectrumQuantity::SpectralPower, "of /ev"),
+        ("Wavenumber (cm-1),W m-2 (cm-1)-1", SpectrumQuantity::SpectralPower, "of (cm-1)-1"),
+        ("Wavelength (nm),Absorptance (%)", SpectrumQuantity::Fraction, "is of absorptance"),
+        ("Wavelength (nm),1-R", SpectrumQuantity::Fraction, "is of 1-r"),
+    ] {
+        let rows =
+            if header.contains("eV") { "2.0,1\n2.5,1\n3.0,1\n" } else { "16000,1\n20000,1\n24000,1\n" };
+        let rows = if header.contains("nm") { "400,0.1\n500,0.2\n600,0.3\n" } else { rows };
+        let refused = read_bytes("s.csv", format!("{header}\n{rows}").as_bytes(), &as_quantity(quantity));
+        let refused = refused.expect_err(header);
+        assert!(refused.contains(word), "{header}: {refused}");
+    }
+}

@@ -203,3 +203,64 @@ fn a_link_to_an_endless_device_is_refused() {
     assert!(complaint(&link("t.png"), |path| read_texture_png(path, Transfer::Linear)).ends_with(refused));
     assert!(read_lens(&link("l.dat")).unwrap_err().to_string().ends_with(refused));
 }
+
+/// The bounds and the area of a glTF file of four whole-number corners of a unit square, with fields of accessor and primitive.
+fn square(accessor: &str, primitive: &str) -> Result<(f32, f32), FormatError> {
+    let folder = folder();
+    let corners: Vec<u8> = [[0u16, 0, 0], [2, 0, 0], [0, 2, 0], [2, 2, 0]]
+        .iter()
+        .flat_map(|corner| corner.iter().flat_map(|value| value.to_le_bytes()).chain([0, 0]))
+        .collect();
+    std::fs::write(folder.path().join("my mesh.bin"), corners).unwrap();
+    let text = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"scale":[0.5,0.5,0.5]}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}{primitive}}}]}}],
+        "accessors":[{{"bufferView":0,"componentType":5123,"count":4,"type":"VEC3"{accessor}}}],
+        "bufferViews":[{{"buffer":0,"byteLength":32,"byteStride":8}}],"buffers":[{{"byteLength":32,"uri":"my%20mesh.bin"}}]}}"#
+    );
+    let mesh = read_gltf(&file(&folder, "m.gltf", text), 1.0)?;
+    let corner = |index: u32| mesh.positions[index as usize];
+    let area = |t: &[u32; 3]| 0.5 * (corner(t[1]) - corner(t[0])).cross(corner(t[2]) - corner(t[0])).z;
+    let most = mesh.positions.iter().fold(0.0f32, |most, p| most.max(p.max_element()));
+    Ok((most, mesh.triangles.iter().map(area).sum()))
+}
+
+/// Whole numbers are themselves unless they are said to be parts of the largest; strips and fans share corners; both face one way.
+#[test]
+fn gltf_shares_corners_and_keeps_whole_numbers() {
+    assert_eq!(square("", r#","mode":5"#).unwrap(), (1.0, 1.0));
+    // A fan over these corners goes over the square and back over half of it
+    assert_eq!(square("", r#","mode":6"#).unwrap(), (1.0, 0.0));
+    let (most, area) = square(r#","normalized":true"#, r#","mode":5"#).unwrap();
+    assert!((most * 65535.0 - 1.0).abs() < 1e-3 && area > 0.0, "{most} {area}");
+    let sparse = square(r#","sparse":{"count":1}"#, "").unwrap_err().to_string();
+    assert!(sparse.contains("accessor 0 is sparse"), "{sparse}");
+}
+
+/// Words of a text STL lie in lines as they like, in any case; a name is any word.
+#[test]
+fn words_of_stl_lie_in_any_line() {
+    let text = "SOLID vertex of mine\nfacet normal 0 0 1 outer loop vertex 0 0 0\nVERTEX 1 0\n0 vertex 0 1 0 endloop endfacet ENDSOLID vertex\n";
+    let mesh = fluorspar_format::read_stl(&file(&folder(), "m.stl", text), 1.0).unwrap();
+    assert_eq!((mesh.triangles.len(), mesh.positions[1].to_array()), (1, [1.0, 0.0, 0.0]));
+}
+
+#[test]
+fn a_backslash_continues_a_line_of_obj() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 \\\r\n 2 \\\n 3\n";
+    let mesh = fluorspar_format::read_obj(&file(&folder(), "m.obj", text), 1.0).unwrap();
+    assert_eq!(mesh.triangles, [[0, 1, 2]]);
+}
+
+#[test]
+fn what_is_no_number_is_outside_of_a_mask() {
+    let folder = folder();
+    let path = folder.path().join("m.npy");
+    let mut bytes =
+        b"\x93NUMPY\x01\x00\x76\x00{'descr': '<f4', 'fortran_order': False, 'shape': (1, 2), }".to_vec();
+    bytes.resize(127, b' ');
+    bytes.push(b'\n');
+    bytes.extend([f32::NAN, 1.0].iter().flat_map(|value| value.to_le_bytes()));
+    std::fs::write(&path, bytes).unwrap();
+    assert_eq!(fluorspar_format::read_mask(&path).unwrap().inside, [false, true]);
+}

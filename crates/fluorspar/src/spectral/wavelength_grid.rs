@@ -114,7 +114,8 @@ impl WavelengthGrid {
         Self::from_edges(&edges)
     }
 
-    /// Bins whose centers are the given wavelengths: edges lie half-way between neighbors.
+    /// Bins whose centers are the given wavelengths, the first as near as can be to half-way to the second. Where no bins have these centers
+    /// edges lie half-way between neighbors, and centers off them.
     ///
     /// # Errors
     /// As [`WavelengthGrid::from_edges`]; one wavelength alone has no width.
@@ -127,7 +128,10 @@ impl WavelengthGrid {
         edges.push(1.5 * centers_nm[0] - 0.5 * centers_nm[1]);
         edges.extend(centers_nm.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])));
         edges.push(1.5 * centers_nm[n - 1] - 0.5 * centers_nm[n - 2]);
-        Self::from_edges(&edges)
+        let is_off =
+            |(pair, center): (&[f64], &f64)| (0.5 * (pair[0] + pair[1]) - center).abs() > 1e-6 * center;
+        let is_uneven = edges.windows(2).zip(centers_nm).any(is_off);
+        Self::from_edges(&edges_about(centers_nm).filter(|_| is_uneven).unwrap_or(edges))
     }
 
     /// Number of bins.
@@ -205,9 +209,50 @@ impl From<WavelengthGrid> for Vec<f64> {
     }
 }
 
+/// Edges of bins with these centers: each lies as far above a center as that before it lies below, so that the first decides. `None` where one would
+/// not lie between its neighbors.
+fn edges_about(centers_nm: &[f64]) -> Option<Vec<f64>> {
+    // Edge k is t_k + first for even k, t_k - first for odd ones, and lies between the centers beside it
+    let (mut offset, mut least, mut most) = (0.0, f64::NEG_INFINITY, centers_nm[0]);
+    for (k, pair) in centers_nm.windows(2).enumerate() {
+        offset = 2.0 * pair[0] - offset;
+        let ends = match k % 2 {
+            0 => [offset - pair[1], offset - pair[0]],
+            _ => [pair[0] - offset, pair[1] - offset],
+        };
+        (least, most) = (f64::max(least, ends[0]), f64::min(most, ends[1]));
+    }
+    let wanted = 1.5 * centers_nm[0] - 0.5 * centers_nm[1];
+    let margin = 1e-3 * (most - least);
+    let first = if wanted > least && wanted < most {
+        wanted
+    } else {
+        wanted.clamp(least + margin, (most - margin).max(least + margin))
+    };
+    let mut edges = vec![first];
+    for center in centers_nm {
+        edges.push(2.0 * center - edges[edges.len() - 1]);
+    }
+    (most > least && edges.windows(2).all(|pair| pair[0] < pair[1])).then_some(edges)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Bands of a camera at uneven steps keep their wavelengths, where bins have them; 400, 410, 500, 510 have none.
+    #[test]
+    fn bins_about_uneven_wavelengths_have_these_as_centers() {
+        for centers in
+            [&[450.0, 500.0, 550.0, 650.0, 850.0][..], &[400.0, 410.0, 425.0, 440.0], &[500.0, 700.0]]
+        {
+            let grid = WavelengthGrid::from_centers(centers).unwrap();
+            let found = grid.centers_nm();
+            assert!(found.iter().zip(centers).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?} {centers:?}");
+        }
+        let off = WavelengthGrid::from_centers(&[400.0, 410.0, 500.0, 510.0]).unwrap();
+        assert_eq!(off.edges_nm(), [395.0, 405.0, 455.0, 505.0, 515.0]);
+    }
 
     #[test]
     fn the_default_has_81_bins_on_round_numbers() {
