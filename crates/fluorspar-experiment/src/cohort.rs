@@ -121,6 +121,10 @@ pub fn parse_cohort(
             let message = "views are placed in the frame of the mouth itself; remove the transform";
             return context.fail(&steps!["mouth", "transform"], message);
         }
+        Some(mouth) if mouth.person.is_some() => {
+            let message = "the people of a cohort are drawn, people.first is the first of them; remove it";
+            return context.fail(&steps!["mouth", "person"], message);
+        }
         Some(_) => {}
     }
     if file.render.time_limit_s.is_some() {
@@ -159,6 +163,17 @@ impl CohortStudy {
     #[must_use]
     pub fn lesions(&self) -> &[LesionSection] {
         self.experiment.file.mouth.as_ref().map_or(&[], |mouth| &mouth.lesion)
+    }
+
+    /// The shape of a person: as it is drawn, but for what the file gives otherwise than the typical mouth has it.
+    #[must_use]
+    pub fn shape_of(&self, person: u32) -> MouthParameters {
+        let drawn = sample_person(person);
+        self.experiment
+            .file
+            .mouth
+            .as_ref()
+            .map_or(drawn.clone(), |mouth| drawn.with_shape_of(&mouth.parameters))
     }
 
     /// The experiment of a person and a view: the mouth and the tissues of the person in the pose of the view, and the camera at its
@@ -211,7 +226,7 @@ impl CohortStudy {
             // Their tissues are drawn above
             mouth.person = None;
             let detail = mouth.parameters.detail;
-            mouth.parameters = MouthParameters { detail, ..view.pose(&sample_person(person)) };
+            mouth.parameters = MouthParameters { detail, ..view.pose(&self.shape_of(person)) };
             for lesion in &mut mouth.lesion {
                 if !has_lesion(lesion) {
                     *lesion = without_change(lesion);
@@ -305,6 +320,20 @@ mod tests {
         assert!(many.numbers().take(6).all(|person| of_lesion(person) == usize::from(ill.contains(&person))));
     }
 
+    /// What a file gives of teeth holds for all people; the rest is theirs.
+    #[test]
+    fn what_the_file_gives_of_a_shape_is_that_of_all_people() {
+        let plain = cohort("").unwrap();
+        let given = cohort("[mouth]\nmissing_teeth = [11, 21]\nplaque = 0.0\ndetail = 0.5\n").unwrap();
+        for person in [1, 2] {
+            let (drawn, shape) = (sample_person(person), given.shape_of(person));
+            assert_eq!(plain.shape_of(person), drawn);
+            let MouthParameters { missing_teeth, plaque, .. } =
+                given.experiment.file.mouth.clone().unwrap().parameters;
+            assert_eq!(shape, MouthParameters { missing_teeth, plaque, ..drawn });
+        }
+    }
+
     #[test]
     fn what_is_wrong_with_a_cohort_is_told_with_its_place() {
         for (text, told) in [
@@ -316,6 +345,7 @@ mod tests {
             ("[people]\nseed = 2\n", "seed"),
             ("unset = [\"analysis\"]\n", "add [analysis]"),
             ("[mouth.transform]\ntranslate_mm = [1.0, 0.0, 0.0]\n", "remove the transform"),
+            ("[mouth]\nperson = 7\n", "the people of a cohort are drawn"),
         ] {
             let error = cohort(text).unwrap_err().to_string();
             assert!(error.contains(told) && error.starts_with("cohort.toml"), "{text}: {error}");

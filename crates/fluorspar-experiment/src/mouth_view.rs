@@ -2,7 +2,7 @@
 //! files are merged.
 
 use crate::document::tree::{Content, Node, Origin};
-use fluorspar_anatomy::{ExaminationView, MouthParameters, sample_person};
+use fluorspar_anatomy::{ExaminationView, MouthParameters, POSE_FIELDS, sample_person};
 
 /// The view that a tree names, if there is one of this name.
 pub(crate) fn view_of(root: &Node) -> Option<&'static ExaminationView> {
@@ -35,24 +35,13 @@ pub(crate) fn change_person(root: &mut Node) {
     put_person(root, person_of(root).map(sample_person).unwrap_or_default(), view, true);
 }
 
-/// What of the parameters of a mouth is no shape: its pose, and how finely it is meshed.
-const POSE: [&str; 7] = [
-    "jaw_opening_mm",
-    "tongue_protrusion_mm",
-    "tongue_shift_mm",
-    "tongue_elevation_mm",
-    "tongue_curl",
-    "lip_retraction_mm",
-    "detail",
-];
-
 /// Writes the shape of a person into a tree, over what is there or beside it.
 fn put_person(root: &mut Node, mut person: MouthParameters, view: Option<&ExaminationView>, replaces: bool) {
     person.lip_opening_width_mm =
         view.map_or(person.lip_opening_width_mm, |view| view.pose(&person).lip_opening_width_mm);
     let origin = origin_of(root, "person");
     let Ok(toml::Value::Table(fields)) = toml::Value::try_from(&person) else { return };
-    for (field, value) in fields.into_iter().filter(|(field, _)| !POSE.contains(&field.as_str())) {
+    for (field, value) in fields.into_iter().filter(|(field, _)| !POSE_FIELDS.contains(&field.as_str())) {
         let content = match value {
             toml::Value::Array(list) => {
                 let node = |value| Node { content: Content::Leaf(value), origin };

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use fluorspar::sampling::random::Key;
 use fluorspar::tissue::{Population, TissueError};
-use fluorspar_anatomy::{MouthParameters, sample_person};
+use fluorspar_anatomy::{MouthParameters, POSE_FIELDS, sample_person};
 use serde::Serialize;
 
 use crate::preset::{self, PresetError};
@@ -41,13 +41,15 @@ impl Person {
 }
 
 /// A table of people, a line each: number, shape, ratio of the widths of their teeth, parameters of their tissues. All are of one
-/// experiment.
+/// experiment. `is_posed` adds pose and detail of their mouths.
 ///
 /// # Errors
 /// None that is known: parameters that have no JSON.
-pub fn people_csv(people: &[Person]) -> Result<String, serde_json::Error> {
+pub fn people_csv(people: &[Person], is_posed: bool) -> Result<String, serde_json::Error> {
     let fields = serde_json::to_value(MouthParameters::default())?;
-    let names: Vec<&String> = fields.as_object().map(|fields| fields.keys().collect()).unwrap_or_default();
+    let is_told = |name: &&String| is_posed || !POSE_FIELDS.contains(&name.as_str());
+    let names: Vec<&String> =
+        fields.as_object().map(|fields| fields.keys().filter(is_told).collect()).unwrap_or_default();
     let shape: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
     let tissues =
         people.first().map(|person| person.of_tissues().map(|(name, _)| format!(",{name}")).collect());

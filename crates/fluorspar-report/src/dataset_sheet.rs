@@ -118,7 +118,7 @@ pub fn dataset_sheet(facts: &DatasetFacts, experiment: &ResolvedExperiment) -> S
          - `masks/*.png`: 8 bits with palette; numbers are ids of categories, 0 is nothing\n\
          - `truth/*_depth_m.npy`, `[row, col]`: distance from the entrance pupil along the ray, m; 0 where nothing is\n\
          - `truth/*_normal.npy`, `[row, col, 3]`: unit normals toward right, down and forward of the camera\n\
-         - `truth/*_electrons.npy`, `[light, row, col]`: electrons of capture \"{analyzed}\" without noise, all channels together, by where \
+         - `truth/*_electrons.npy`, `[light, row, col]`: electrons of capture \"{analyzed}\" without noise of the sensor, all channels together, by where \
          the light comes from; `electrons` of an image names them\n\
          {share}{spectra}\
          - `images.csv`: a line for each image; its share is that in the first part of the view. `people.csv`: shape and tissues of each person\n\n\

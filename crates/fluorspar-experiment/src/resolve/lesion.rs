@@ -105,6 +105,10 @@ pub(super) fn lesions(
                 );
                 return context.fail(&at.field("reflectance"), message);
             }
+            if blood_um > 0.0 && !materials.list[object.material].fluorophores.is_empty() {
+                let message = "darkens what the surface reflects, and not its fluorescence; a mouth of layered tissue has both";
+                context.warn(&at.field("blood_um"), message);
+            }
             let material = with_spot(
                 &materials.list[object.material],
                 &lesion.name,

@@ -275,7 +275,7 @@ pub struct LesionSection {
     pub mask: Option<FilePath>,
     /// Reflectance inside. Default: that of the part.
     pub reflectance: Option<SpectrumReference>,
-    /// Extra blood above the reflecting layer, as a layer of whole blood of this thickness, µm, 0 to 200. Default 0.
+    /// Extra blood above the reflecting layer, as a layer of whole blood of this thickness, µm, 0 to 200; fluorescence stays. Default 0.
     #[serde(default)]
     pub blood_um: f64,
     /// States of layered tissue inside, for instance "dysplasia_moderate". Default: none.

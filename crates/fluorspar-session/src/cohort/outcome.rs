@@ -42,7 +42,7 @@ impl CohortOutcome {
         let people = work.people()?;
         let mut files = vec![
             ("results.json".to_owned(), serde_json::to_vec_pretty(&self)?),
-            ("people.csv".into(), people_csv(&people)?.into_bytes()),
+            ("people.csv".into(), people_csv(&people, false)?.into_bytes()),
             ("cohort.csv".into(), self.table().into_bytes()),
             ("ranges.csv".into(), self.ranges().into_bytes()),
             ("report.html".into(), cohort_report(&self.0).to_html().into_bytes()),

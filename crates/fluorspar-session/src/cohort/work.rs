@@ -183,7 +183,11 @@ impl CohortWork {
     /// A site or a state of a tissue that does not exist.
     pub(crate) fn people(&self) -> Result<Vec<Person>> {
         let file = &self.cohort.experiment.file;
-        Ok(self.cohort.numbers().map(|number| Person::draw(file, number)).collect::<Result<_, _>>()?)
+        let draw = |number| {
+            let mouth = self.cohort.shape_of(number);
+            Ok(Person { mouth, ..Person::draw(file, number)? })
+        };
+        self.cohort.numbers().map(draw).collect()
     }
 
     /// The file with everything that it rests on.

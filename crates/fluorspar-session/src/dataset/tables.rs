@@ -152,7 +152,7 @@ impl Tables<'_> {
             files.push((format!("annotations_{split}.json"), serde_json::to_string(&coco)? + "\n"));
         }
         files.push(("images.csv".into(), self.table()));
-        files.push(("people.csv".into(), people_csv(&self.work.people()?)?));
+        files.push(("people.csv".into(), people_csv(&self.work.people()?, false)?));
         Ok(files)
     }
 

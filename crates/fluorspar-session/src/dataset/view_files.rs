@@ -270,7 +270,7 @@ fn write_electrons(
     let frame = study.analyzed_capture().zip(study.camera.sensor.as_ref());
     let Some((capture, sensor)) = frame else { return Ok((Vec::new(), None)) };
     let exposure = frames.iter().find(|frame| frame.raw.label == capture.frame.label);
-    let exposure_s = exposure.map_or(0.0, |frame| frame.raw.exposure_s);
+    let light_s = exposure.map_or(0.0, |frame| sensor.frame_light_s(frame.raw.exposure_s));
     let mut lights: Vec<&LightPath> = Vec::new();
     for component in &seen.image.components {
         if !lights.contains(&&component.light) {
@@ -285,7 +285,7 @@ fn write_electrons(
         let pixels = rates.width * rates.height;
         let sum =
             |pixel: usize| (0..channels).map(|n| f64::from(rates.data[n * pixels + pixel])).sum::<f64>();
-        behind.iter().map(|pixel| pixel.map_or(0.0, |pixel| (exposure_s * sum(pixel)) as f32)).collect()
+        behind.iter().map(|pixel| pixel.map_or(0.0, |pixel| (light_s * sum(pixel)) as f32)).collect()
     };
     let maps: Vec<Vec<f32>> = lights.iter().map(map).collect();
     files.map("electrons", [Some(lights.len()), None], &maps.concat())?;
@@ -307,7 +307,8 @@ fn write_electrons(
             sums[0] += if name == wanted { f64::from(*value) } else { 0.0 };
         }
     }
-    let share = |[of, all]: [f64; 2]| of / all;
+    // The noise of few paths may leave less than no light
+    let share = |[of, all]: [f64; 2]| if of >= 0.0 && all > 0.0 && of <= all { of / all } else { f64::NAN };
     let values: Vec<f32> = sums.iter().map(|sums| share(*sums) as f32).collect();
     files.map("share", [None; 2], &values)?;
     let of_wanted = sums.iter().enumerate().filter(|(pixel, _)| is_wanted(*pixel));

@@ -64,7 +64,7 @@ fn write_people(options: &Options, people: &[Person], folder: &Path) -> Result<(
             writeln!(writer, "format = 1\nbase = {base}\ntitle = \"Person {number}\"\n\n{}", text.trim_end())
         })?;
     }
-    let table = people_csv(people)?;
+    let table = people_csv(people, true)?;
     write_atomically(&folder.join("people.csv"), |writer| writer.write_all(table.as_bytes()))?;
     Ok(())
 }
