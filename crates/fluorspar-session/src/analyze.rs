@@ -158,7 +158,7 @@ pub fn analyze(options: &AnalyzeOptions, job: &Job) -> Result<Analyzed> {
 
 /// Where the regions of frames lie.
 pub(crate) struct Regions<'a> {
-    /// In place of the region of `[analysis]`.
+    /// In place of the region of `[analysis]`: the first of those beside it.
     pub(crate) main: Option<&'a RegionOption>,
     /// Beside it.
     pub(crate) beside: &'a [RegionOption],
@@ -221,10 +221,7 @@ pub(crate) fn analyze_frames(
     let image = opened.transpose()?;
     let inputs = inputs(options);
     let out = options.out.as_ref().map(|out| OutputFolder::prepare(out, &inputs, OUT_BYTES)).transpose()?;
-    let all = |components: Option<&SeenComponents<'_>>| -> Result<_> {
-        let main = analyze_seen(study, components, &frames)?;
-        Ok((main, analyze_regions(study, components, &frames)?))
-    };
+    let all = |components: Option<&_>| analyze_all(study, components, &frames, regions.main.is_some());
     let (main, others) = match &image {
         None => all(None)?,
         Some(image) => {
@@ -273,6 +270,21 @@ pub(crate) fn analyze_frames(
     let place = write_maps(options, out, &analyzed, &others)?;
     job.status(format!("Open {}", place.join("report.html").display()));
     Ok(found(experiment, analyzed, others))
+}
+
+/// The region of `[analysis]` and those beside it, the first of which may stand for it.
+fn analyze_all(
+    study: &Study,
+    components: Option<&SeenComponents<'_>>,
+    frames: &[CapturedFrame],
+    is_first: bool,
+) -> Result<(Option<AnalyzedFrame>, Vec<AnalyzedRegion>)> {
+    let others = analyze_regions(study, components, frames)?;
+    let main = match others.first().filter(|_| is_first).and_then(AnalyzedRegion::in_view) {
+        Some(first) => Some(first.clone()),
+        None => analyze_seen(study, components, frames)?,
+    };
+    Ok((main, others))
 }
 
 /// Refuses parts as regions of frames alone.

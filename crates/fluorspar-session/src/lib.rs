@@ -83,7 +83,7 @@ pub use live_render::{LiveRender, LiveStudy, Shapes};
 pub use options::{TaskOption, TaskOptions};
 pub use photographs::{
     AnalyzedPhotographs, FailedPhotograph, IntervalKind, PatientEstimate, Photograph, PhotographCamera,
-    PhotographRow, RegionEstimate, estimate_photograph, find_photographs, photograph_pictures,
+    PhotographRow, RegionEstimate, UNCONFIRMED, estimate_photograph, find_photographs, photograph_pictures,
     photographs_csv, read_photographs, region_mask, region_with_mask,
 };
 pub use plane_cache::Wanted;
@@ -97,5 +97,5 @@ pub use resource_needs::{
 };
 pub use run::{FinishedExperiment, RunOptions, check_memory, check_nothing_painted, run};
 pub use shard::WorkShard;
-pub use source::{ExperimentSource, read_text};
+pub use source::{ExperimentSource, files_named, read_text};
 pub use surroundings::use_surroundings;

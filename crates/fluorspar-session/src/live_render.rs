@@ -35,6 +35,8 @@ pub struct LiveRender {
     render: FinishedRender,
     name: String,
     text: String,
+    /// The same with the size and samples that the user has, where the render was made with fewer.
+    own_text: String,
     base_dir: PathBuf,
     /// The size of a coarse render, as changes after all others; none of one as large as its experiment says.
     coarse: Vec<String>,
@@ -94,16 +96,19 @@ impl LiveRender {
         Ok(Self::new(render, name, text, PathBuf::from(".")))
     }
 
-    /// A render that was just made from an experiment with its surfaces, on top of which changes come. `coarse` is the size of one that is
-    /// smaller than the experiment says, as changes.
+    /// A render that was just made from an experiment with its surfaces, on top of which changes come. `own_text` is the experiment as the
+    /// user has it, with other numbers of pixels and samples. `coarse` is the size of one that is smaller than the experiment says, as
+    /// changes.
     pub fn of_render(
         render: FinishedRender,
         source: ExperimentSource,
+        own_text: String,
         surfaces: (Experiment, ResolvedExperiment),
         coarse: Vec<String>,
     ) -> Self {
         let ExperimentSource { name, text, base_dir, .. } = source;
-        Self { coarse, surfaces: OnceLock::from(surfaces), ..Self::new(render, name, text, base_dir) }
+        let surfaces = OnceLock::from(surfaces);
+        Self { coarse, surfaces, own_text, ..Self::new(render, name, text, base_dir) }
     }
 
     /// An experiment that is resolved already and has the surfaces of another one, where there is one.
@@ -116,15 +121,20 @@ impl LiveRender {
 
     fn new(render: FinishedRender, name: String, text: String, base_dir: PathBuf) -> Self {
         let (seen, surfaces, shapes) = (Mutex::default(), OnceLock::new(), Mutex::default());
-        let (coarse, analyzed) = (Vec::new(), Mutex::default());
-        Self { render, name, text, base_dir, coarse, seen, surfaces, shapes, analyzed }
+        let (coarse, analyzed, own_text) = (Vec::new(), Mutex::default(), text.clone());
+        Self { render, name, text, own_text, base_dir, coarse, seen, surfaces, shapes, analyzed }
     }
 
     /// Another render, of the same experiment with changes: these still come on top of the same text. `coarse` is the size of one that is
     /// smaller than these say, as changes.
     #[must_use]
     pub fn with_render(&self, render: FinishedRender, coarse: Vec<String>) -> Self {
-        Self { coarse, ..Self::new(render, self.name.clone(), self.text.clone(), self.base_dir.clone()) }
+        let own_text = self.own_text.clone();
+        Self {
+            coarse,
+            own_text,
+            ..Self::new(render, self.name.clone(), self.text.clone(), self.base_dir.clone())
+        }
     }
 
     /// Names of the fluorophores whose light the render holds, each once.
@@ -197,19 +207,23 @@ impl LiveRender {
         Ok(parsed.map_err(|error| as_typed(error, &overrides))?)
     }
 
-    /// The text of the experiment with changes written into it, comments and order kept; with a region of an analysis, as `NAME=WHERE` of
-    /// [`crate::AnalyzeOptions::named_region`], where one is given.
+    /// The text of the user's experiment with changes written into it, comments and order kept; with a region of an analysis, as `NAME=WHERE`
+    /// of [`crate::AnalyzeOptions::named_region`], where one is given.
     ///
     /// # Errors
     /// A change that can't be made.
     pub fn text_with(&self, changes: &Changes, region: Option<&str>) -> Result<String> {
+        self.edited(&self.own_text, changes, region)
+    }
+
+    fn edited(&self, text: &str, changes: &Changes, region: Option<&str>) -> Result<String> {
         let mut overrides = changes.overrides();
         if let Some(region) = drawn(region)? {
             overrides.extend(region.overrides(&self.experiment(changes)?));
         }
         let read = |one: &Override| SceneChange::read(&one.set);
         let list: Vec<SceneChange> = overrides.iter().map(read).collect::<Result<_, _>>()?;
-        let edited = edit_experiment(&self.text, &self.name, &self.base_dir, &list);
+        let edited = edit_experiment(text, &self.name, &self.base_dir, &list);
         Ok(edited.map_err(|error| as_typed(error, &overrides))?)
     }
 
@@ -225,12 +239,12 @@ impl LiveRender {
         Ok(LiveStudy { live: self, parsed, overrides, experiment, changes })
     }
 
-    /// What `capture --report` writes of the experiment that [`Self::text_with`] gives, without links to files beside it.
+    /// What `capture --report` writes of the experiment with changes, as it was rendered, without links to files beside it.
     ///
     /// # Errors
     /// A change that can't be made; one that only a new render can show; frames that can't be analyzed.
     pub fn report(&self, changes: &Changes, region: Option<&str>) -> Result<ReportData> {
-        let text = self.text_with(changes, region)?;
+        let text = self.edited(&self.text, changes, region)?;
         let parsed = parse(&text, &self.name, &self.base_dir, &[])?;
         let shown = self.render.shown_whole(&parsed)?;
         let study = &shown.experiment.study;

@@ -7,7 +7,7 @@ use fluorspar_experiment::{
     DEFAULT_DESIGN, DEFAULT_EXPERIMENT, DEFAULT_SAMPLE, Experiment, FileRecord, ResolvedExperiment,
     ResolvedSample, is_experiment, is_sample, parse, parse_sample, resolve,
 };
-use fluorspar_format::{read_bounded, read_start, read_text_bounded};
+use fluorspar_format::{read_bounded, read_start, read_text_bounded, read_toml};
 use fluorspar_report::extract_experiment;
 
 use crate::values::{Override, as_typed, sets};
@@ -184,4 +184,40 @@ fn is_pbrt(path: &Path) -> bool {
 /// Reads a text file of bearable size.
 pub fn read_text(path: &Path) -> Result<String> {
     Ok(read_text_bounded(path, LARGEST_BYTES)?)
+}
+
+/// An experiment, and the files that it and the experiments among them name, as seen from a folder.
+///
+/// # Errors
+/// An experiment that can't be read.
+pub fn files_named(folder: &Path, experiment: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = vec![experiment.to_path_buf()];
+    let mut next = 0;
+    while next < files.len() {
+        let file = files[next].clone();
+        next += 1;
+        if file.extension().is_none_or(|ending| ending != "toml") {
+            continue;
+        }
+        let Ok(table) = read_toml::<toml::Table>(&read_text(&folder.join(&file))?) else { continue };
+        let mut names = Vec::new();
+        strings_of(&toml::Value::Table(table), &mut names);
+        for name in names {
+            let named = file.parent().unwrap_or(Path::new("")).join(name);
+            if folder.join(&named).is_file() && !files.contains(&named) {
+                files.push(named);
+            }
+        }
+    }
+    Ok(files)
+}
+
+/// Every string of a table.
+fn strings_of(value: &toml::Value, found: &mut Vec<String>) {
+    match value {
+        toml::Value::String(text) => found.push(text.clone()),
+        toml::Value::Array(values) => values.iter().for_each(|value| strings_of(value, found)),
+        toml::Value::Table(table) => table.values().for_each(|value| strings_of(value, found)),
+        _ => {}
+    }
 }

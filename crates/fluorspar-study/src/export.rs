@@ -108,7 +108,7 @@ pub fn export(options: &ExportOptions, job: &Job) -> Result<ExportedStudy> {
         export.write_frames(job)?;
     }
     if options.dicom {
-        export.write_pictures(job)?;
+        export.write_pictures(options.no_frames, job)?;
     }
     let numbers = numbers(&study, &people, &secret)?;
     let tables = if options.parquet {
@@ -248,22 +248,23 @@ impl Export<'_> {
         Ok(())
     }
 
-    /// Writes how the frames look.
-    fn write_pictures(&mut self, job: &Job) -> Result<()> {
+    /// Writes how the frames look. `warns` of faces where no frames leave, which are warned of themselves.
+    fn write_pictures(&mut self, warns: bool, job: &Job) -> Result<()> {
         let mut all = wanted(self.study)?;
         all.sort_by_key(|photograph| self.people.get(&photograph.subject).map(|person| &person.code));
         let share_done = job.listener.begin("Developing pictures", "the export", Left::Nothing);
         for (done, photograph) in all.iter().enumerate() {
             stopped(job)?;
             if let Some(person) = self.people.get(&photograph.subject) {
-                self.write_pictures_of(photograph, person)?;
+                self.write_pictures_of(photograph, person, warns.then_some(job))?;
             }
             share_done((done + 1) as f64 / all.len() as f64);
         }
         Ok(())
     }
 
-    fn write_pictures_of(&mut self, of: &Wanted, person: &Outside) -> Result<()> {
+    /// Faces are warned of where there is a job.
+    fn write_pictures_of(&mut self, of: &Wanted, person: &Outside, job: Option<&Job>) -> Result<()> {
         let (stem, number) = self.stem(person, &of.session, &of.photograph);
         let photograph = photograph_of(self.study, of)?;
         let frame = &photograph.frames[0].1;
@@ -271,7 +272,8 @@ impl Export<'_> {
             Ok(pictures) => pictures,
             Err(error) => return self.keep(frame, &of.photograph, stem, Err(error)),
         };
-        for (at, (capture, picture)) in pictures.iter().enumerate() {
+        for (at, (capture, picture, face)) in pictures.iter().enumerate() {
+            job.iter().for_each(|job| job.warn(face.as_slice()));
             let label = self.label(capture);
             let to = self.name(&stem, &label, "photo.dcm");
             let (code, sex, visit) = (person.code.as_str(), person.sex.as_str(), person.visit(&of.session));

@@ -90,7 +90,7 @@ pub struct NormReport {
     pub norm: NormFile,
     /// Range of each site, at 20, 50 and 80 years where it is adjusted for age.
     pub ranges: Vec<NormRange>,
-    /// People without a number, who are left out.
+    /// People with visits that have an upper limit and no number; such visits are left out.
     pub without_value: usize,
     /// Numbers of regions that are guesses, which are left out.
     pub guesses: usize,
@@ -216,6 +216,12 @@ pub(crate) fn read_norm(path: &Path) -> Result<NormFile> {
 /// # Errors
 /// Fewer than ten people, numbers of several analyses, norms of other numbers.
 pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
+    if options.by_age && options.study.is_none() {
+        return Err(Error::Input(
+            "⟨by_age⟩ is of a study: cohorts and pooled norms are adjusted for age or not; leave it out"
+                .into(),
+        ));
+    }
     let read: Vec<PathBuf> = options.cohort.iter().chain(&options.pool).cloned().collect();
     let set = options
         .out
@@ -226,7 +232,7 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
         match (&options.study, &options.cohort, &options.pool[..]) {
             (Some(study), ..) => of_study(options, study)?,
             (None, Some(cohort), _) => of_cohort(options, cohort)?,
-            (None, None, [first, rest @ ..]) => (pooled(first, rest)?, LeftOut::default()),
+            (None, None, [first, rest @ ..]) => (pooled(options, first, rest)?, LeftOut::default()),
             (None, None, []) => {
                 return Err(Error::Input("give a study, ⟨cohort=FILE⟩ or norms with ⟨pool=FILE⟩".into()));
             }
@@ -259,7 +265,7 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
 #[derive(Default)]
 struct LeftOut {
     without_value: usize,
-    /// People whose numbers are all at the ends of their range.
+    /// People with numbers at the ends of their range.
     at_ends: usize,
     guesses: usize,
     without_age: usize,
@@ -295,7 +301,8 @@ fn outside_of_others(norm: &NormSums, people: &BTreeMap<String, NormPerson>) -> 
     }
     let is_outside = |person: &NormPerson| {
         let others = norm.without(person).fit().ok()?;
-        let mean = person.values.iter().sum::<f64>() / person.values.len() as f64;
+        let counted = || person.values.iter().filter(|value| norm.range.straightened(**value).is_some());
+        let mean = counted().sum::<f64>() / counted().count() as f64;
         Some(others.place([mean; 2], person.age, &person.site).ok()?.standing == Standing::Outside)
     };
     let outside = people.iter().filter(|(_, person)| is_outside(person) == Some(true));
@@ -306,8 +313,8 @@ fn outside_of_others(norm: &NormSums, people: &BTreeMap<String, NormPerson>) -> 
 fn warn([without_value, at_ends, guesses, without_age]: [usize; 4], job: &Job) {
     if at_ends > 0 {
         let text = format!(
-            "{at_ends} people have a number at an end of what is possible, as a share of 0, where nothing is normal; they are left out, which moves \
-             the norm"
+            "{at_ends} people have a number at an end of what is possible, as a share of 0, where nothing is normal; such numbers are left out, \
+             which moves the norm"
         );
         job.warn(&[text.into()]);
     }
@@ -315,7 +322,7 @@ fn warn([without_value, at_ends, guesses, without_age]: [usize; 4], job: &Job) {
         job.warn(&[format!("{without_age} people have no age; they are left out of a norm by age").into()]);
     }
     if without_value > 0 {
-        job.warn(&[format!("{without_value} people have an upper limit and no number; they are left out, which moves the norm up").into()]);
+        job.warn(&[format!("{without_value} people have a visit with an upper limit and no number; it is left out, which moves the norm up").into()]);
     }
     if guesses > 0 {
         let text = format!(
@@ -362,7 +369,7 @@ pub(crate) struct NormPeople {
     pub(crate) people: BTreeMap<String, NormPerson>,
     /// Their rows.
     rows: Vec<QueriedRow>,
-    /// How many of them have no number.
+    /// How many have a visit without a number.
     without_value: usize,
     /// People who withdrew or refuse, and others with a lesion.
     refused: BTreeSet<String>,
@@ -403,14 +410,15 @@ pub(crate) fn people_of(
         }
     }
     set_errors(&mut people, errors);
+    let empty: BTreeSet<&str> =
+        of_visit.iter().filter(|(_, of)| of.is_empty()).map(|(key, _)| key[0]).collect();
+    let without_value = empty.len();
     // Several photographs of a visit are one measurement of it
     for ([subject, _], values) in of_visit.into_iter().filter(|(_, values)| !values.is_empty()) {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         people.entry(subject.into()).and_modify(|person| person.values.push(mean));
     }
-    let before = people.len();
     people.retain(|_, person| !person.values.is_empty());
-    let without_value = before - people.len();
     Ok(NormPeople { people, rows: all, without_value, refused, with_lesion })
 }
 
@@ -492,10 +500,10 @@ fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, LeftOut)>
     Ok((norm, left_out))
 }
 
-/// People whose numbers are all at the ends of their range.
+/// People with numbers at the ends of their range.
 fn at_ends(people: &[NormPerson], range: ValueRange) -> usize {
     let is_at_end = |value: &f64| range.straightened(*value).is_none();
-    people.iter().filter(|person| person.values.iter().all(is_at_end)).count()
+    people.iter().filter(|person| person.values.iter().any(is_at_end)).count()
 }
 
 /// The range by order statistics of people of one site.
@@ -597,10 +605,12 @@ fn check_alike(all: &NormFile, other: &NormFile, path: &Path) -> Result<()> {
     }
     let same_site =
         || other.sums.sites.iter().any(|site| all.sums.sites.iter().any(|of| of.site == site.site));
-    if all.analysis[0] != other.analysis[0] || (all.analysis != other.analysis && same_site()) {
+    // Of which site a further camera is no norm tells
+    let one_camera = || all.analysis == other.analysis && all.cameras.is_empty() && other.cameras.is_empty();
+    if all.analysis[0] != other.analysis[0] || (!one_camera() && same_site()) {
         return Err(Error::Input(format!(
             "{shown}: its numbers are of another version of the program, or of another camera.toml at the same site; sites with cameras of their own \
-             need names of their own (`fluorspar study init --site`)"
+             need names of their own (`fluorspar study init --site`), and norms of one site are pooled before those of others"
         )));
     }
     let shares = |all: &[String], other: &[String]| other.iter().any(|of| all.contains(of));
@@ -612,8 +622,25 @@ fn check_alike(all: &NormFile, other: &NormFile, path: &Path) -> Result<()> {
     Ok(())
 }
 
-fn pooled(first: &Path, rest: &[PathBuf]) -> Result<NormFile> {
+/// Refuses a norm of another region or number than is asked for.
+fn check_asked(options: &NormOptions, norm: &NormFile, path: &Path) -> Result<()> {
+    let own = NormOptions::default();
+    let asked =
+        [(&options.region, &own.region, &norm.region), (&options.quantity, &own.quantity, &norm.quantity)];
+    if let Some((asked, _, known)) =
+        asked.into_iter().find(|(asked, own, known)| asked != own && asked != known)
+    {
+        let shown = path.display();
+        return Err(Error::Input(format!(
+            "{shown}: this norm is of {known}, not of {asked}; pool norms of {asked}"
+        )));
+    }
+    Ok(())
+}
+
+fn pooled(options: &NormOptions, first: &Path, rest: &[PathBuf]) -> Result<NormFile> {
     let mut all = read_norm(first)?;
+    check_asked(options, &all, first)?;
     if rest.is_empty() {
         return Err(Error::Input("one norm is not pooled; give ⟨pool⟩ twice or more".into()));
     }
@@ -656,6 +683,29 @@ mod tests {
         let told = |people| read(people, "\"value\":1,\"value_value\":1").map(drop);
         assert!(told(1_000_000).is_ok());
         assert!(told(1_000_001).unwrap_err().to_string().contains("it claims 1000001 people"));
+    }
+
+    /// Which site a further camera is of no norm tells: a mean of numbers of two cameras is refused in any order.
+    #[test]
+    fn numbers_of_two_cameras_at_one_site_are_refused_in_any_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let written = |(name, site, camera): (&str, &str, &str)| {
+            let mut norm = read(10, "\"value\":1,\"value_value\":1").unwrap();
+            norm.sums.sites[0].site = site.into();
+            norm.analysis[1] = camera.into();
+            (norm.studies, norm.logs) = (vec![name.into()], vec![name.into()]);
+            let path = folder.path().join(name);
+            std::fs::write(&path, serde_json::to_string(&norm).unwrap()).unwrap();
+            path
+        };
+        let [a, b, c] = [("a", "north", "X"), ("b", "south", "Y"), ("c", "south", "X")].map(written);
+        let options = NormOptions::default();
+        for [first, second, third] in [[&a, &b, &c], [&b, &a, &c], [&c, &a, &b], [&b, &c, &a]] {
+            let error = pooled(&options, first, &[second.clone(), third.clone()]).unwrap_err();
+            assert!(error.to_string().contains("another camera.toml at the same site"), "{error}");
+        }
+        assert_eq!(pooled(&options, &a, &[b]).unwrap().cameras, ["Y"]);
+        assert_eq!(pooled(&options, &a, &[c]).unwrap().sums.people(), 20);
     }
 
     /// Such a norm would say that NaN is normal.

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
-use fluorspar_session::Result;
+use fluorspar_session::{Result, UNCONFIRMED};
 use serde::{Deserialize, Serialize};
 
 use crate::index::Index;
@@ -101,7 +101,11 @@ const COLUMNS: &str = "p.subject, p.session, e.region, e.quantity, e.channel, e.
 pub(crate) fn warnings_of(index: &Index, row: &QueriedRow) -> Result<Vec<String>> {
     let sql = "SELECT w.warning FROM region r JOIN warning w ON w.region_sha256 = r.region_sha256
         WHERE r.photograph = ? AND r.region = ? AND r.current = 1 AND w.analysis = ? AND w.version = ?";
-    index.rows(sql, [&row.photograph, &row.region, &row.analysis, &row.version], |row| row.get(0))
+    let mut all: Vec<String> =
+        index.rows(sql, [&row.photograph, &row.region, &row.analysis, &row.version], |row| row.get(0))?;
+    // Somebody may have looked at it since
+    all.retain(|warning| row.is_guess() || warning != UNCONFIRMED);
+    Ok(all)
 }
 
 /// Which of the numbers of a region count, least first: those of the camera of now, and the last.

@@ -6,10 +6,8 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use fluorspar::digest::sha256_hex;
-use fluorspar_format::{
-    digest_bounded, read_bounded, read_toml, sync_together, write_atomically, write_unsynced,
-};
-use fluorspar_session::{AnalyzeOptions, Error, ExperimentSource, Job, Result, read_text};
+use fluorspar_format::{digest_bounded, read_bounded, sync_together, write_atomically, write_unsynced};
+use fluorspar_session::{AnalyzeOptions, Error, ExperimentSource, Job, Result, files_named, read_text};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -124,39 +122,6 @@ fn camera_of(options: &InitOptions) -> Result<String> {
     Ok(text)
 }
 
-/// `camera.toml`, and the files below the folder that it and the experiments among them name.
-fn camera_files(folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut files = vec![PathBuf::from(CAMERA)];
-    let mut next = 0;
-    while next < files.len() {
-        let file = files[next].clone();
-        next += 1;
-        if file.extension().is_none_or(|ending| ending != "toml") {
-            continue;
-        }
-        let Ok(table) = read_toml::<toml::Table>(&read_text(&folder.join(&file))?) else { continue };
-        let mut names = Vec::new();
-        strings_of(&toml::Value::Table(table), &mut names);
-        for name in names {
-            let named = file.parent().unwrap_or(Path::new("")).join(name);
-            if folder.join(&named).is_file() && !files.contains(&named) {
-                files.push(named);
-            }
-        }
-    }
-    Ok(files)
-}
-
-/// Every string of a table.
-fn strings_of(value: &toml::Value, found: &mut Vec<String>) {
-    match value {
-        toml::Value::String(text) => found.push(text.clone()),
-        toml::Value::Array(values) => values.iter().for_each(|value| strings_of(value, found)),
-        toml::Value::Table(table) => table.values().for_each(|value| strings_of(value, found)),
-        _ => {}
-    }
-}
-
 /// Writes a file that is not there yet, or with these bytes.
 fn write_new(path: &Path, bytes: &[u8]) -> Result<()> {
     if path.exists() && read_bounded(path, LARGEST_BYTES)? != bytes {
@@ -251,7 +216,7 @@ impl Study {
     /// # Errors
     /// A camera that can't be read.
     pub(crate) fn setup(&self) -> Result<Event> {
-        let camera = camera_files(&self.folder)?;
+        let camera = files_named(&self.folder, Path::new(CAMERA))?;
         let whole = |path: &Path| {
             let sha256 = digest_bounded(&self.path(path), LARGEST_BYTES)?;
             Ok(StoredFile { role: "setup".into(), path: path.into(), sha256 })

@@ -25,6 +25,8 @@ export class Changes {
     this.last = { what: "", time: 0 };
     /** @type {(what: "set" | "place") => void} */
     this.onchange = () => {};
+    /** Hears that the part of a region was found. */
+    this.onsettled = () => {};
     /** Makes the part that a pixel shows the region. @type {(place: number[]) => void} */
     this.pick = () => {};
   }
@@ -70,7 +72,9 @@ export class Changes {
 
   /** Keeps the part that the server found for a region: no step of its own. @param {string} part */
   settle(part) {
-    if (this.now.place && this.now.place.part === undefined) this.now = { ...this.now, place: { ...this.now.place, part } };
+    if (!this.now.place || this.now.place.part !== undefined) return;
+    this.now = { ...this.now, place: { ...this.now.place, part } };
+    this.onsettled();
   }
 
   /** The region as the server takes it. */

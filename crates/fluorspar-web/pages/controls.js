@@ -66,10 +66,22 @@ function numberControl(control, changes, drag) {
     if (!Number.isFinite(value)) return;
     changes.set(control.path, control.template ? control.template.replace("$", toml(control, value)) : toml(control, value));
   };
-  slider.addEventListener("pointerdown", () => drag.begin());
-  slider.addEventListener("keydown", () => changes.remember(control.path));
-  slider.addEventListener("input", () => write(fromSlider(control, Number(slider.value))));
-  slider.addEventListener("change", () => drag.end());
+  let isDragged = false;
+  const end = () => {
+    if (isDragged) drag.end();
+    isDragged = false;
+  };
+  slider.addEventListener("pointerdown", () => {
+    isDragged = true;
+    drag.begin();
+    for (const event of ["pointerup", "pointercancel"]) window.addEventListener(event, end, { once: true });
+  });
+  slider.addEventListener("input", () => {
+    // Keys move it, too
+    if (!isDragged) changes.remember(control.path);
+    write(fromSlider(control, Number(slider.value)));
+  });
+  slider.addEventListener("change", end);
   field.addEventListener("change", () => {
     changes.remember();
     write(Math.min(Math.max(Number(field.value), control.is_log ? Number.MIN_VALUE : low), control.is_whole ? MOST_WHOLE : 1e6));

@@ -164,6 +164,10 @@ function begin(subject) {
     findings.refresh();
   }
   changes.onchange = changed;
+  changes.onsettled = () => {
+    if (changes.shown.view === "porphyrin") picture.refresh();
+    findings.refresh();
+  };
   window.addEventListener("hashchange", () => {
     if (location.hash.slice(1) === changes.fragment()) return;
     changes.remember();

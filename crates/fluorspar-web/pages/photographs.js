@@ -182,6 +182,7 @@ export class Photographs {
       }
     }
     const first = this.all.find(({ capture }) => capture === this.about.analyzed) ?? this.all[0];
+    this.forget();
     this.choose(this.shown ?? first ?? null);
   }
 
@@ -306,7 +307,7 @@ export class Photographs {
     let own = wanted;
     for (let number = 2; taken(own); number++) own = `${wanted} ${number}`;
     const parts = this.about.parts;
-    const part = parts.find((/** @type {string} */ known) => known.includes(wanted)) ?? parts[0] ?? "";
+    const part = parts.find((/** @type {string} */ known) => known.includes(wanted)) ?? "";
     this.region = { name: own, place: { part }, verdict: "" };
     this.shown.regions.push(this.region);
     this.listRegions();
@@ -323,10 +324,22 @@ export class Photographs {
     this.estimate(region);
   }
 
-  /** Frames may belong to others now: estimates the open region again. */
+  /** Frames may belong to others now, or to another camera: what was estimated holds no more. */
+  forget() {
+    this.serial++;
+    for (const { regions } of this.all) for (const region of regions) region.told = undefined;
+  }
+
   again() {
-    for (const region of this.regions()) region.told = undefined;
-    if (this.region) this.estimate(this.region);
+    this.forget();
+    this.listRegions();
+    this.estimateNext();
+  }
+
+  /** Estimates the regions that are shown, that which is open first. */
+  estimateNext() {
+    const next = [this.region, ...this.regions()].find((region) => region && !region.told && isDrawn(region.place));
+    if (next) this.estimate(next);
   }
 
   /** @param {PhotoRegion} region */
@@ -339,15 +352,19 @@ export class Photographs {
     await new Promise((resolve) => setTimeout(resolve, REST));
     if (serial !== this.serial) return;
     const visit = this.all.filter((other) => other.patient === photo.patient && other.visit === photo.visit && (other === photo || other.capture !== photo.capture));
+    let told;
     const frames = visit.filter((other, at) => other === photo || visit.findIndex(({ capture }) => capture === other.capture) === at).map(({ id, capture }) => [capture, id]);
     try {
-      region.told = await (await ask("/api/photographs/estimate", { experiment: this.about.experiment, id: photo.id, frames, size: photo.size, place: region.place })).json();
+      told = await (await ask("/api/photographs/estimate", { experiment: this.about.experiment, id: photo.id, frames, size: photo.size, name: region.name, place: region.place })).json();
     } catch (error) {
-      region.told = { error: /** @type {Error} */ (error).message };
+      told = { error: /** @type {Error} */ (error).message };
     }
+    if (serial !== this.serial) return;
+    region.told = told;
     if (photo !== this.shown) return;
     this.listRegions();
     if (this.view === "porphyrin") this.show();
+    else this.estimateNext();
   }
 
   async show() {
@@ -365,6 +382,7 @@ export class Photographs {
         + (facts.legend ? `. ${facts.legend.label}: dark ${facts.legend.ends[0]}, yellow ${facts.legend.ends[1]}; ${facts.legend.note}` : "");
       this.layOut();
       if (byId("photo-message").textContent.startsWith("Reading")) this.tell("");
+      this.estimateNext();
     } catch (error) {
       this.tell(/** @type {Error} */ (error).message);
     }

@@ -47,8 +47,8 @@ pub(crate) struct Photographs {
     guessed: Mutex<BTreeMap<(String, usize), [String; 3]>>,
     /// The last photograph that was developed, as which capture of which experiment.
     developed: Mutex<Option<(Key, Arc<Developed>)>>,
-    /// The last region that was asked about, with its photograph.
-    analyzed: Mutex<Option<(usize, Arc<AnalyzedFrame>)>>,
+    /// The last region that was asked about, with its photograph as one of a capture of an experiment.
+    analyzed: Mutex<Option<(Key, Arc<AnalyzedFrame>)>>,
     /// Files that were written here, with their digests: as long as they are as they were, they may be written anew.
     written: Mutex<BTreeMap<PathBuf, String>>,
 }
@@ -98,6 +98,8 @@ pub(crate) struct EstimateRequest {
     /// Captures and photographs of the visit.
     frames: Vec<(String, usize)>,
     size: [usize; 2],
+    /// Name of the region.
+    name: String,
     place: Place,
 }
 
@@ -207,11 +209,12 @@ impl Photographs {
             return Err(Error::Input(format!("{name:?} is no name of a file; rename it")));
         }
         let path = self.folder.path().join(name);
-        let is_taken = lock(&self.files).iter().any(|given| given.path == path);
+        // Another description would change a frame that was looked at
+        let is_of = |given: &Given| given.path == path || description_path(&given.path) == path;
+        let is_taken = lock(&self.files).iter().any(is_of);
         if is_taken && read_bounded(&path, MOST_BYTES).is_ok_and(|known| known != bytes) {
-            return Err(Error::Input(format!(
-                "another {name} is here already; rename one of them, and drop it again"
-            )));
+            let text = format!("another {name} is here already; rename one of them, and drop it again");
+            return Err(Error::Input(text));
         }
         write_atomically(&path, |file| file.write_all(bytes))?;
         if name.ends_with(".json") {
@@ -269,8 +272,9 @@ impl Photographs {
     /// # Errors
     /// A photograph that can't be developed.
     pub(crate) fn picture(&self, asked: &PhotographRequest) -> Result<(Value, Preview)> {
-        let developed = self.developed((asked.experiment.clone(), asked.id, asked.capture.clone()))?;
-        let analyzed = lock(&self.analyzed).clone().filter(|(id, _)| *id == asked.id).map(|(_, found)| found);
+        let key: Key = (asked.experiment.clone(), asked.id, asked.capture.clone());
+        let developed = self.developed(key.clone())?;
+        let analyzed = lock(&self.analyzed).clone().filter(|(of, _)| *of == key).map(|(_, found)| found);
         of_photograph(&developed.0, &developed.1, asked.view, analyzed.as_deref())
     }
 
@@ -279,6 +283,7 @@ impl Photographs {
     /// # Errors
     /// Frames that can't be analyzed; a region without pixels.
     pub(crate) fn estimate(&self, asked: &EstimateRequest) -> Result<EstimateAnswer> {
+        check_name(&asked.name)?;
         let files = |(capture, id): &(String, usize)| Ok((capture.clone(), self.given(*id)?.path));
         let frames: Vec<(String, PathBuf)> = asked.frames.iter().map(files).collect::<Result<_>>()?;
         let mask = self.folder.path().join(SCRATCH_MASK);
@@ -288,7 +293,7 @@ impl Photographs {
         let heard = Arc::new(Heard::default());
         let job = Job::new(Arc::default(), heard.clone());
         let place = asked.place.fields(&mask.display().to_string());
-        let analyzed = self.camera(&asked.experiment)?.estimate(&frames, &place, &job)?;
+        let analyzed = self.camera(&asked.experiment)?.estimate(&frames, asked.name.trim(), &place, &job)?;
         let analysis = &analyzed.analysis;
         let own = analysis.warnings.iter().map(|warning| warning.text().to_owned());
         let mut warnings: Vec<String> = heard.warnings().into_iter().chain(own).collect();
@@ -298,7 +303,9 @@ impl Photographs {
             warnings: warnings.iter().map(|text| said(&Error::Input(text.clone()))).collect(),
             has_map: analyzed.porphyrin.is_some(),
         };
-        *lock(&self.analyzed) = Some((asked.id, Arc::new(analyzed)));
+        let capture = asked.frames.iter().find(|(_, id)| *id == asked.id).map(|(capture, _)| capture.clone());
+        let key = (asked.experiment.clone(), asked.id, capture.unwrap_or_default());
+        *lock(&self.analyzed) = Some((key, Arc::new(analyzed)));
         Ok(answer)
     }
 
@@ -354,9 +361,12 @@ impl Photographs {
             rows.push(row.clone());
         }
         for region in &frame.regions {
-            let is_name = !region.name.trim().is_empty() && !region.name.contains(['"', '=', '\n', '\r']);
-            if !is_name || !["", "right", "wrong"].contains(&region.verdict.as_str()) {
-                return Err(Error::Input(format!("{:?} is no name of a region; rename it", region.name)));
+            check_name(&region.name)?;
+            if !["", "right", "wrong"].contains(&region.verdict.as_str()) {
+                return Err(Error::Input(format!(
+                    "{:?} is no verdict; take \"right\" or \"wrong\"",
+                    region.verdict
+                )));
             }
             let mask = mask_name(&given.name, &region.name);
             if let Some(runs) = &region.place.mask_runs {
@@ -423,6 +433,14 @@ impl Content {
             }
         }
         Ok(())
+    }
+}
+
+/// Refuses what can't name a region.
+fn check_name(name: &str) -> Result<()> {
+    match name.trim().is_empty() || name.contains(['"', '=', '\n', '\r']) {
+        true => Err(Error::Input(format!("{name:?} is no name of a region; rename it"))),
+        false => Ok(()),
     }
 }
 

@@ -37,7 +37,8 @@ pub(crate) struct Subject {
 
 /// What is there after some work.
 enum Waiting {
-    Experiment(ExperimentSource),
+    /// What is rendered, and the text of the user's experiment.
+    Experiment(ExperimentSource, String),
     /// The folder of a search of designs.
     Designs(PathBuf),
 }
@@ -102,13 +103,10 @@ impl Subject {
             return Ok(subject(Stage::Ready(Arc::new(live)), None, set.clone()));
         }
         let source = ExperimentSource::find(options.subject.as_deref())?;
-        let text = first_text(&source, options)?;
+        let (text, own_text) = first_texts(&source, options)?;
         // What the render is made with is no difference to it any more
-        Ok(subject(
-            Stage::Rendering,
-            Some(Waiting::Experiment(ExperimentSource { text, ..source })),
-            Vec::new(),
-        ))
+        let waiting = Waiting::Experiment(ExperimentSource { text, ..source }, own_text);
+        Ok(subject(Stage::Rendering, Some(waiting), Vec::new()))
     }
 
     /// How far it is.
@@ -132,7 +130,7 @@ impl Subject {
         let (subject, job) = (Arc::clone(self), Job::new(lock(&self.stop).clone(), self.progress.clone()));
         thread::spawn(move || {
             let work = || match waiting {
-                Waiting::Experiment(source) => Ok(Stage::Ready(Arc::new(of_source(source, &job)?))),
+                Waiting::Experiment(source, own) => Ok(Stage::Ready(Arc::new(of_source(source, own, &job)?))),
                 Waiting::Designs(folder) => Ok(Stage::Designs(Arc::new(FoundDesigns::open(&folder, &job)?))),
             };
             let stage = in_own_threads(&job, work).unwrap_or_else(|error| Stage::Failed(said(&error)));
@@ -189,8 +187,8 @@ fn image_of(subject: Option<&str>) -> Result<Option<PathBuf>> {
     Ok(matches!(ending.as_deref(), Some("exr" | "npy")).then(|| path.to_path_buf()))
 }
 
-/// The text of an experiment with its changes, and with fewer pixels and samples, where these do not set them.
-fn first_text(source: &ExperimentSource, options: &WorkbenchOptions) -> Result<String> {
+/// The text of an experiment with its changes and with fewer pixels and samples, where these do not set them; and that with the changes alone.
+fn first_texts(source: &ExperimentSource, options: &WorkbenchOptions) -> Result<(String, String)> {
     let typed = options.changes.overrides();
     let parsed = source.parse(&typed)?;
     check_settings(&parsed).map_err(|error| as_typed(error, &typed))?;
@@ -212,14 +210,17 @@ fn first_text(source: &ExperimentSource, options: &WorkbenchOptions) -> Result<S
     let spp = Override::of_option("render.samples_per_pixel", options.spp, format!("⟨spp={}⟩", options.spp));
     let quick =
         [part("render.width_px", render.width_px), part("render.height_px", render.height_px), Some(spp)];
-    let all: Vec<Override> = quick.into_iter().flatten().chain(typed).collect();
-    let changes = all.iter().map(|one| SceneChange::read(&one.set)).collect::<Result<Vec<_>, _>>()?;
-    let edited = edit_experiment(&source.text, &source.name, &source.base_dir, &changes);
-    Ok(edited.map_err(|error| as_typed(error, &all))?)
+    let text_with = |all: &[Override]| -> Result<String> {
+        let changes = all.iter().map(|one| SceneChange::read(&one.set)).collect::<Result<Vec<_>, _>>()?;
+        let edited = edit_experiment(&source.text, &source.name, &source.base_dir, &changes);
+        Ok(edited.map_err(|error| as_typed(error, all))?)
+    };
+    let all: Vec<Override> = quick.into_iter().flatten().chain(typed.iter().cloned()).collect();
+    Ok((text_with(&all)?, text_with(&typed)?))
 }
 
 /// The render of an experiment that is soon there: a coarse one of what would take longer.
-fn of_source(source: ExperimentSource, job: &Job) -> Result<LiveRender> {
+fn of_source(source: ExperimentSource, own_text: String, job: &Job) -> Result<LiveRender> {
     job.listener.status("Preparing the scene");
     let parsed = source.parse(&[])?;
     let resolved = source.resolve(&[])?;
@@ -227,7 +228,7 @@ fn of_source(source: ExperimentSource, job: &Job) -> Result<LiveRender> {
     check_memory(&resolved.study, "or give the folder of a finished run")?;
     let Some(part) = parts(&resolved.study.scene.camera).into_iter().next() else {
         let render = rendered(&resolved.study, parsed.clone(), job)?;
-        return Ok(LiveRender::of_render(render, source, (parsed, resolved), Vec::new()));
+        return Ok(LiveRender::of_render(render, source, own_text, (parsed, resolved), Vec::new()));
     };
     let further = Changes { set: part.changes().collect(), unset: Vec::new() };
     let coarse = source.parse(&further.overrides())?;
@@ -236,7 +237,7 @@ fn of_source(source: ExperimentSource, job: &Job) -> Result<LiveRender> {
         None => source.resolve(&further.overrides())?.study,
     };
     let render = rendered(&study, coarse, job)?;
-    Ok(LiveRender::of_render(render, source, (parsed, resolved), part.size))
+    Ok(LiveRender::of_render(render, source, own_text, (parsed, resolved), part.size))
 }
 
 /// An error as the page says it: options are changes there.

@@ -65,7 +65,7 @@ fn a_killed_sweep_goes_on_without_losing_or_repeating_work() {
         assert!(folder.path().join("a").join(name).is_file(), "{name}");
     }
     let csv = fs::read_to_string(folder.path().join("a/designs.csv")).unwrap();
-    assert!(csv.starts_with("number,lights,view_filter,") && csv.lines().count() == 51, "{csv}");
+    assert!(csv.starts_with("number,lights,times_ms,view_filter,") && csv.lines().count() == 51, "{csv}");
     let html = fs::read_to_string(folder.path().join("a/report.html")).unwrap();
     for part in [
         "The recommended design",

@@ -95,6 +95,15 @@ fn what_fails_is_told_and_the_rest_is_analyzed_once() {
     assert_eq!(lines.lines().count(), 3);
     assert_eq!(analyze(folder, &region).code, Some(2));
     assert_eq!((journal(), fs::read_to_string(folder.join("out/patients.csv")).unwrap()), (lines, table));
+    // What the experiment names decides, too
+    fs::write(folder.join("lab.toml"), "format = 1\nbase = \"violet.toml\"\n").unwrap();
+    let by_lab =
+        ["analyze", "photos", "--experiment", "lab.toml", "--named-region", "spot=disc.png", "--out", "lab"];
+    assert!(fluorspar(folder, by_lab).stderr.contains("2 photographs have no answer"));
+    fs::write(folder.join("violet.toml"), format!("{VIOLET}\n[nosuch]\n")).unwrap();
+    let said = fluorspar(folder, by_lab);
+    assert!(said.code == Some(2) && said.stderr.contains("nosuch"), "{said:?}");
+    fs::write(folder.join("violet.toml"), VIOLET).unwrap();
     // Where none has an answer nothing is written
     fs::create_dir(folder.join("pictures")).unwrap();
     fs::copy(folder.join("disc.png"), folder.join("pictures/P5_violet.dng")).unwrap();
@@ -120,10 +129,13 @@ fn a_table_says_whose_regions_lie_where_and_which_are_wrong() {
     let table = "patient,visit,capture,frame,region,where,verdict\n\
                  anna,2,violet,P1_violet.dng,spot,disc.png,right\n\
                  anna,2,violet,P1_violet.dng,rest,\"[[22,12],[39,12],[39,29]]\",guess\n\
-                 bert,1,,P2_violet.dng,spot,\"22,12,17,17\",wrong\n";
+                 bert,1,,P2_violet.dng,spot,\"22,12,17,17\",wrong\n\
+                 bert,1,violet,P2_violet.dng,rest,\"22,12,17,17\",right\n";
     fs::write(folder.join("photos/photographs.csv"), table).unwrap();
-    let found = analyze(folder, &["--json"]).json();
-    assert_eq!(found["photographs"], 1);
+    let said = analyze(folder, &["--json"]);
+    assert!(said.stderr.contains("rest: 1 of these regions are guesses"), "{}", said.stderr);
+    let found = said.json();
+    assert_eq!(found["photographs"], 2);
     let of = |region: &str| {
         let all = found["estimates"].as_array().unwrap().iter();
         all.filter(|e| e["region"] == region && e["patient"] == "anna" && e["visit"] == "2")

@@ -60,6 +60,11 @@ fn people_become_a_norm_and_stand_in_it() {
     study(folder, &later).well();
     let pooled = fluorspar(folder, ["study", "norm", "--pool", "norm.json", "--pool", "later.json"]);
     assert!(pooled.stderr.contains("people must not count twice"), "{}", pooled.stderr);
+    for (option, word) in [("--by-age", "--by-age is of a study"), ("--region-name=lips", "not of lips")] {
+        let said =
+            fluorspar(folder, ["study", "norm", "--pool", "norm.json", "--pool", "later.json", option]);
+        assert!(said.code == Some(2) && said.stderr.contains(word), "{said:?}");
+    }
     study(folder, &["withdraw", "P02"]).well();
     // An empty cell says nothing, and neither does a column that is missing
     let people = [
@@ -275,13 +280,11 @@ fn an_export_warns_of_skin_that_fills_a_frame() {
         fluorspar(folder, ["study", "init", &st, "--experiment", &file]).well();
         let photos = photos.to_string_lossy();
         fluorspar(folder, ["study", "import", &st, &photos, "--subjects", "people.csv"]).well();
-        let said = fluorspar(folder, ["study", "export", &st, "--out", &share]).well();
-        assert_eq!(
-            said.stderr.contains("skin around the mouth takes"),
-            is_warned,
-            "{color}: {}",
-            said.stderr
-        );
+        for more in [&[][..], &["--dicom"], &["--dicom", "--no-frames"]] {
+            let said = fluorspar(folder, [&["study", "export", &st, "--out", &share], more].concat()).well();
+            let warnings = said.stderr.matches("skin around the mouth takes").count();
+            assert_eq!(warnings, usize::from(is_warned), "{color} {more:?}: {}", said.stderr);
+        }
     }
 }
 

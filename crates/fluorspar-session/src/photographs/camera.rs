@@ -12,6 +12,7 @@ use fluorspar::spectral::Curve;
 use fluorspar::study::Study;
 use fluorspar_experiment::{Experiment, Warning, preset, resolve, resolve_captures};
 
+use super::estimate::site_of_region;
 use super::known;
 use super::pairing::{KnownCapture, capture_of, person_told};
 use crate::analyze::{Regions, analyze_frames, read_raw};
@@ -25,9 +26,6 @@ pub struct PhotographCamera {
     parsed: Experiment,
     study: Study,
 }
-
-/// Name of the region whose estimate is asked for.
-const DRAWN: &str = "drawn";
 
 /// The camera, lights and captures of an experiment, without its surfaces where these are not needed.
 ///
@@ -185,7 +183,7 @@ impl PhotographCamera {
         ))
     }
 
-    /// What the pixels of a region say, as `analyze --named-region` has it. `frames` are the captures and files of one visit, `place` is
+    /// What the pixels of a named region say, as a table of photographs has it. `frames` are the captures and files of one visit, `place` is
     /// where the region lies, as fields of `[analysis]`.
     ///
     /// # Errors
@@ -193,11 +191,14 @@ impl PhotographCamera {
     pub fn estimate(
         &self,
         frames: &[(String, PathBuf)],
+        name: &str,
         place: &[(&str, String)],
         job: &Job,
     ) -> Result<AnalyzedFrame> {
         let fields: Vec<String> = place.iter().map(|(field, value)| format!("{field} = {value}")).collect();
-        let regions = region_options(&[format!("{DRAWN}={{ {} }}", fields.join(", "))])?;
+        let regions = region_options(&[format!("{name}={{ {} }}", fields.join(", "))])?;
+        let site = site_of_region(name, &self.parsed);
+        let regions: Vec<_> = regions.into_iter().map(|region| region.of_site(site.as_deref())).collect();
         let options = AnalyzeOptions {
             frame: frames.iter().map(|(capture, file)| format!("{capture}={}", file.display())).collect(),
             experiment: Some(self.name.clone()),
@@ -205,10 +206,10 @@ impl PhotographCamera {
         };
         let mut found = None;
         let see = |_: &Study, _: &[CapturedFrame], seen: &[(&str, &AnalyzedFrame)]| {
-            found = seen.first().map(|(_, analyzed)| (*analyzed).clone());
+            found = seen.last().map(|(_, analyzed)| (*analyzed).clone());
             Ok(())
         };
-        analyze_frames(&options, &Regions { main: regions.first(), beside: &[] }, job, see)?;
+        analyze_frames(&options, &Regions { main: regions.first(), beside: &regions }, job, see)?;
         found
             .ok_or_else(|| Error::Input(format!("{} has no [analysis] section; add one", quoted(&self.name))))
     }

@@ -22,7 +22,7 @@ use crate::region_option::{RegionOption, region_options};
 use crate::{AnalyzeOptions, Error, Job, Left, Listener, Result};
 
 /// Largest file that is read as a frame or a mask.
-const LARGEST_BYTES: u64 = 4 << 30;
+pub(super) const LARGEST_BYTES: u64 = 4 << 30;
 /// Columns of the pictures of a page.
 pub(super) const PICTURE_COLUMNS: usize = 320;
 /// Verdict of a region that nobody looked at.
@@ -156,7 +156,7 @@ pub(super) fn regions_of(
 }
 
 /// The tissue of a region that is called as a site is: "none" for teeth; nothing where no tissue is assumed at all.
-fn site_of_region(name: &str, experiment: &Experiment) -> Option<String> {
+pub(super) fn site_of_region(name: &str, experiment: &Experiment) -> Option<String> {
     let analysis = experiment.file.analysis.as_ref()?;
     let is_of_tissue = experiment.file.mouth.is_some() || analysis.tissue.is_some();
     if !is_of_tissue || analysis.tissue.as_deref() == Some("none") {
@@ -228,13 +228,16 @@ pub(super) fn shown(study: &Study, frames: &[CapturedFrame], label: &str) -> Opt
     Some(preview(&frame.developed, &ColorRendering::of_frame(study, study.capture(label)?)))
 }
 
+/// What is said of a region of the verdict `guess`.
+pub const UNCONFIRMED: &str = "The region is a guess that nobody confirmed";
+
 fn estimates_of(photograph: &Photograph, region: &str, analyzed: &AnalyzedFrame) -> Vec<PatientEstimate> {
     let analysis = &analyzed.analysis;
     let (capture, frame) = photograph.frames[0].clone();
     let mut warnings: Vec<String> =
         analysis.warnings.iter().map(|warning| warning.summary().to_owned()).collect();
     if photograph.regions.iter().any(|[name, _, verdict]| name == region && verdict == GUESS) {
-        warnings.push("The region is a guess that nobody confirmed".into());
+        warnings.push(UNCONFIRMED.into());
     }
     let is_wanted = |finding: &Finding| {
         WANTED.contains(&finding.id) && finding.frame.as_ref().is_none_or(|of| *of == capture)

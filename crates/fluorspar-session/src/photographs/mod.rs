@@ -9,7 +9,7 @@ mod table;
 
 pub use camera::PhotographCamera;
 pub(crate) use camera::camera_study;
-pub use estimate::{IntervalKind, PatientEstimate, RegionEstimate};
+pub use estimate::{IntervalKind, PatientEstimate, RegionEstimate, UNCONFIRMED};
 pub use pairing::Photograph;
 pub(crate) use pairing::files_below;
 pub(crate) use proposal::path_from;
@@ -23,11 +23,11 @@ use fluorspar::digest::sha256_hex;
 use fluorspar::units::counted;
 use fluorspar_experiment::Experiment;
 use fluorspar_experiment::schema::ExposureTime;
-use fluorspar_format::{Journal, OutputFolder};
+use fluorspar_format::{Journal, OutputFolder, digest_bounded};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use self::estimate::{EstimatedPhotograph, estimate, key_of, regions_of};
+use self::estimate::{EstimatedPhotograph, LARGEST_BYTES, estimate, key_of, regions_of};
 use self::outcome::{mark_apart, write_estimates, write_proposal};
 use self::pairing::{
     KnownCapture, LeftOut, completed, holds_captures, holds_photographs, photographs_of, rows_of_folder,
@@ -36,6 +36,7 @@ use self::proposal::propose;
 use self::table::WRONG;
 use crate::region_option::{RegionOption, region_options};
 use crate::shard::journal_beside;
+use crate::source::files_named;
 use crate::{AnalyzeOptions, Error, ErrorKind, ExperimentSource, Job, Left, Result};
 
 /// Name of the table of a folder of photographs.
@@ -297,10 +298,17 @@ impl<'a> PhotographWork<'a> {
         let count = self.photographs.len();
         let folder = OutputFolder::prepare(&self.folder, &self.inputs(), PHOTOGRAPH_BYTES * count as u64)?;
         let changes = self.options.changes.overrides();
+        let named = match &self.source.file {
+            Some(file) => files_named(Path::new(""), file)?,
+            None => Vec::new(),
+        };
+        let named: Vec<String> =
+            named.iter().map(|file| digest_bounded(file, LARGEST_BYTES)).collect::<Result<_, _>>()?;
         let sha256 = sha256_hex([
             self.source.text.clone(),
             format!("{changes:?}"),
             self.source.base_dir.display().to_string(),
+            named.concat(),
         ]);
         let head = json!({ "photographs_sha256": sha256, "version": env!("CARGO_PKG_VERSION") });
         let path = journal_beside(&self.folder, &sha256, "");

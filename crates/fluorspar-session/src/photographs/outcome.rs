@@ -10,7 +10,7 @@ use fluorspar_report::{
     PhotographResults, PlacedNumber, ReportPicture, photographs_report, warnings_by_kind,
 };
 
-use super::estimate::{EstimatedPhotograph, IntervalKind, PatientEstimate, picture_of};
+use super::estimate::{EstimatedPhotograph, GUESS, IntervalKind, PatientEstimate, picture_of};
 use super::pairing::Photograph;
 use super::proposal::Proposed;
 use super::table::{MISSING, PhotographRow, photographs_csv};
@@ -41,6 +41,22 @@ pub(super) fn mark_apart(done: &mut [(&Photograph, EstimatedPhotograph)]) {
     }
 }
 
+/// Says of which regions some are guesses and others were placed.
+fn mixed_regions(done: &[(&Photograph, EstimatedPhotograph)]) -> Vec<Warning> {
+    let mut counts: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
+    for [name, _, verdict] in done.iter().flat_map(|(photograph, _)| &photograph.regions) {
+        counts.entry(name).or_default()[usize::from(verdict == GUESS)] += 1;
+    }
+    let is_mixed = |(name, [placed, guessed]): (&str, [usize; 2])| {
+        let text = format!(
+            "{name}: {guessed} of these regions are guesses, which end elsewhere than the {placed} that were placed or confirmed; compare numbers of \
+             regions that are placed alike"
+        );
+        (placed > 0 && guessed > 0).then(|| text.into())
+    };
+    counts.into_iter().filter_map(is_mixed).collect()
+}
+
 /// Writes the table of estimates and the page.
 pub(super) fn write_estimates(
     work: &PhotographWork<'_>,
@@ -49,6 +65,7 @@ pub(super) fn write_estimates(
     failures: Vec<FailedPhotograph>,
     job: &Job,
 ) -> Result<AnalyzedPhotographs> {
+    job.warn(&mixed_regions(done));
     let estimates: Vec<PatientEstimate> =
         done.iter().flat_map(|(_, found)| found.estimates.clone()).collect();
     let apart =

@@ -1,13 +1,14 @@
 //! Photographs whose regions nobody placed yet: pictures to place them on, and guesses to confirm.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fluorspar::analysis::{GuessedRegion, PixelSelection, guess_mouth};
 use fluorspar::pipeline::{CapturedFrame, Preview};
 use fluorspar::study::Study;
-use fluorspar_experiment::resolve;
-use fluorspar_format::{OutputFolder, write_label_png, write_rgb_png};
+use fluorspar_experiment::{Warning, resolve};
+use fluorspar_format::{OutputFolder, write_atomically, write_label_png};
 use fluorspar_report::{ReportPicture, outlined_preview};
 
 use super::camera::face_warning;
@@ -67,17 +68,20 @@ fn developed_frames(
     Ok((experiment.study, frames))
 }
 
-/// How the frames of a photograph look, by capture.
+/// How the frames of a photograph look, by capture, and what is said of those that show a face.
 ///
 /// # Errors
 /// Frames that can't be read.
 pub fn photograph_pictures(
     options: &AnalyzeOptions,
     photograph: &Photograph,
-) -> Result<Vec<(String, Preview)>> {
+) -> Result<Vec<(String, Preview, Option<Warning>)>> {
     let (study, frames) = developed_frames(options, photograph)?;
-    let picture =
-        |(capture, _): &(String, PathBuf)| Some((capture.clone(), shown(&study, &frames, capture)?));
+    let picture = |(capture, path): &(String, PathBuf)| {
+        let frame = frames.iter().find(|of| of.raw.label == *capture)?;
+        let warning = face_warning(&study, path, &frame.developed);
+        Some((capture.clone(), shown(&study, &frames, capture)?, warning))
+    };
     Ok(photograph.frames.iter().filter_map(picture).collect())
 }
 
@@ -93,14 +97,11 @@ fn propose_one(
     let image = shown(&study, &frames, capture)
         .ok_or_else(|| crate::Error::Failed(format!("{}: the frame has no picture", frame.display())))?;
     let stem = format!("{:03}_{}", number + 1, frame.file_stem().unwrap_or_default().to_string_lossy());
-    write_rgb_png(
-        &made(folder, "previews")?.join(format!("{stem}.png")),
-        image.width,
-        image.height,
-        &image.rgb,
-    )?;
     let own = frames.iter().find(|of| of.raw.label == *capture);
     let guesses = own.map_or_else(Vec::new, |of| guess_mouth(&of.developed));
+    let selections: Vec<&PixelSelection> = guesses.iter().map(|guess| &guess.selection).collect();
+    let png = outlined_preview(&image, &selections, image.width).unwrap_or_default();
+    write_atomically(&made(folder, "previews")?.join(format!("{stem}.png")), |file| file.write_all(&png))?;
     for (capture, path) in &photograph.frames {
         let shown = frames.iter().find(|of| of.raw.label == *capture);
         job.warn(shown.and_then(|of| face_warning(&study, path, &of.developed)).as_slice());

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use fluorspar::findings::region_findings;
 use fluorspar::pipeline::{frame_radiance, radiance_preview};
+use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::{parse, resolve};
 use fluorspar_format::read_component_image;
 use fluorspar_report::finding_lines;
@@ -351,6 +352,13 @@ fn an_experiment_is_rendered_first() {
             .to_vec();
     let served = Served::of(&options);
     assert_eq!(ready(&served)["render_px"], json!([16, 12]));
+    // Fewer samples are the page's, not the experiment's
+    let toml = served.post("/api/toml", &json!({ "set": ["capture.blue.gain=2"] })).json();
+    let read = |text: &str| fluorspar_format::read_toml::<Value>(text).unwrap();
+    let saved = read(toml["toml"].as_str().unwrap());
+    let plain = read(preset::text(PresetKind::Experiment, "flat-patch").unwrap());
+    assert_eq!(saved["render"]["samples_per_pixel"], plain["render"]["samples_per_pixel"]);
+    assert_eq!(saved["render"]["width_px"], json!(16));
     let (facts, _) = picture(&served, &json!({ "capture": "blue", "view": "developed" }));
     assert_eq!(facts["frame_px"], json!([32, 24]));
 }

@@ -33,7 +33,7 @@ fn with_frames() -> Served {
 /// A region of the first photograph with its answer.
 fn estimate(served: &Served, place: &Value) -> Answer {
     let body = json!({ "experiment": "flat-patch", "id": 0, "frames": [["blue", 0], ["ambient", 1]],
-        "size": [64, 48], "place": place });
+        "size": [64, 48], "name": "x", "place": place });
     served.post("/api/photographs/estimate", &body)
 }
 
@@ -62,6 +62,11 @@ fn estimates_of_photographs_are_those_of_analyze() {
             "[[10.0, 10.0], [50.5, 12.0], [40.0, 40.0]]".into(),
         ),
         (json!({ "mask_runs": mask }), "mask", format!("{:?}", painted.display().to_string())),
+        (
+            json!({ "rectangle_px": [8, 8, 40, 30], "part": "patch" }),
+            "rectangle_px",
+            "[8, 8, 40, 30], parts = [\"patch\"]".into(),
+        ),
     ] {
         let told = estimate(&served, &place).json();
         let file = |name: &str| format!("{name}={}", run_folder().join(format!("raw_{name}.tiff")).display());
@@ -71,11 +76,11 @@ fn estimates_of_photographs_are_those_of_analyze() {
             named_region: vec![format!("x={{ {shape} = {value} }}")],
             ..Default::default()
         };
-        options.changes.set = vec![format!("analysis.{shape}={value}")];
+        options.changes.set = vec!["analysis.rectangle_px=[8, 8, 40, 30]".into()];
         let Analyzed::Frames(analyzed) = analyze(&options, &job()).unwrap() else {
             panic!("frames of one photograph")
         };
-        let analysis = &analyzed.analysis;
+        let analysis = &analyzed.regions[0].in_view().unwrap().analysis;
         let lines = finding_lines(&region_findings(analysis), &analysis.analyte, false);
         assert!(lines.len() > 2 && told["lines"] == json!(lines), "{shape}: {told}");
     }
@@ -97,6 +102,13 @@ fn what_is_no_raw_frame_is_refused_with_the_reason() {
     let other = fs::read(run_folder().join("raw_ambient.tiff")).unwrap();
     let refused = dropped(&served, "raw_blue.tiff", &other);
     assert!(refused.status == 422 && refused.text().contains("another raw_blue.tiff"), "{}", refused.text());
+    let described = fs::read(run_folder().join("raw_ambient.tiff.json")).unwrap();
+    let refused = dropped(&served, "raw_blue.tiff.json", &described);
+    assert!(
+        refused.status == 422 && refused.text().contains("another raw_blue.tiff.json"),
+        "{}",
+        refused.text()
+    );
     let jpeg = dropped(&served, "photo.jpg", b"\xff\xd8\xff\xe0\0\x10JFIF\0 and more");
     let text = jpeg.text();
     assert!(
