@@ -34,6 +34,7 @@ CASES = [
     (lambda: fs.filters("view_475_700").show(), ["catalog", "show", "filter", "view_475_700"]),
     (lambda: fs.safety("oraleye-2021-surface"), ["safety", "oraleye-2021-surface"]),
     (lambda: fs.catalog(), ["catalog", "list"]),
+    (lambda: fs.lens("wide_3_5mm").trace(wavelength_nm=np.float64(550.0)), ["lens", "report", "wide_3_5mm", "--wavelength-nm", "550"]),
 ]
 
 

@@ -21,6 +21,8 @@ def _words(options: Mapping[str, Any]) -> list[str]:
     words: list[str] = []
     for name, value in options.items():
         option = "--" + name.rstrip("_").replace("_", "-")
+        # Arrays and numbers of NumPy
+        value = value.tolist() if hasattr(value, "tolist") else value
         if value is None or value is False:
             continue
         if value is True:
@@ -35,7 +37,7 @@ def _words(options: Mapping[str, Any]) -> list[str]:
 
 
 def _word(value: Any) -> str:
-    return os.fspath(value) if isinstance(value, os.PathLike) else repr(value) if isinstance(value, float) else str(value)
+    return os.fspath(value) if isinstance(value, os.PathLike) else repr(float(value)) if isinstance(value, float) else str(value)
 
 
 @contextmanager
