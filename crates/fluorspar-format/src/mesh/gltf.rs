@@ -229,7 +229,8 @@ fn buffer(
             None => Err(broken(path, format!("buffer {number} is a data URI without base64"))),
         };
     }
-    let uri = &*percent_decode_str(uri).decode_utf8_lossy();
+    let decoded = percent_decode_str(uri).decode_utf8_lossy();
+    let uri = if path.with_file_name(uri).is_file() { uri } else { &*decoded };
     if uri.contains("..") || uri.starts_with(['/', '\\']) || uri.contains(':') {
         let shown = excerpt(uri);
         return Err(broken(path, format!("the file \"{shown}\" of buffer {number} is not next to the file")));

@@ -67,21 +67,30 @@ pub fn read_obj(path: &Path, unit_m: f64) -> Result<TriangleMesh, FormatError> {
     finish_mesh(path, mesh, unit_m)
 }
 
-/// The bytes with lines that a backslash continues in one; as many line ends follow, so that lines keep their numbers.
-fn one_line_each(mut bytes: Vec<u8>) -> Vec<u8> {
-    let mut open = 0;
-    for at in 0..bytes.len() {
-        if bytes[at] != b'\n' {
-            continue;
-        }
-        let end = if bytes[..at].ends_with(b"\r") { at - 1 } else { at };
-        if bytes[..end].ends_with(b"\\") {
-            bytes[end - 1..=at].fill(b' ');
-            open += 1;
+/// The bytes with lines that a backslash continues in one, followed by as many line ends: those behind keep their numbers. Comments end where their
+/// lines do.
+fn one_line_each(bytes: Vec<u8>) -> Vec<u8> {
+    if !bytes.contains(&b'\\') {
+        return bytes;
+    }
+    let (mut joined, mut owed, mut is_comment) = (Vec::with_capacity(bytes.len()), 0, false);
+    for line in bytes.split(|&byte| byte == b'\n') {
+        let line = line.strip_suffix(b"\r").unwrap_or(line);
+        is_comment = if owed == 0 { line.trim_ascii_start().starts_with(b"#") } else { is_comment };
+        match line.strip_suffix(b"\\").filter(|_| !is_comment) {
+            Some(part) => {
+                joined.extend_from_slice(part);
+                joined.push(b' ');
+                owed += 1;
+            }
+            None => {
+                joined.extend_from_slice(line);
+                joined.extend(std::iter::repeat_n(b'\n', 1 + owed));
+                owed = 0;
+            }
         }
     }
-    bytes.extend(std::iter::repeat_n(b'\n', open));
-    bytes
+    joined
 }
 
 /// The first face, line or point, by its line from 1, with an index that the decoder would compute with before it compares

@@ -71,18 +71,23 @@ fn text_corners(path: &Path, bytes: &[u8]) -> Result<Vec<Vec3>, FormatError> {
     let text = String::from_utf8_lossy(bytes);
     let mut corners = Vec::new();
     // Words, however they are put into lines; a name of a solid may be any word
-    let of_line = |(index, line)| str::split_whitespace(line).map(move |word| (index, line, word));
-    let mut words = text.lines().enumerate().flat_map(of_line);
+    let of_line = |(index, line)| {
+        let words = str::split_whitespace(line).enumerate();
+        words.map(move |(place, word)| (index, line, place == 0, word))
+    };
+    let mut words = text.lines().enumerate().flat_map(of_line).peekable();
     let mut before = "";
-    while let Some((index, line, word)) = words.next() {
+    while let Some((index, line, is_first, word)) = words.next() {
         let is_vertex = word.eq_ignore_ascii_case("vertex");
         let is_in_loop = ["loop", "vertex"].iter().any(|other| before.eq_ignore_ascii_case(other));
         before = word;
-        if !(is_vertex && is_in_loop) {
+        if !(is_vertex && (is_in_loop || is_first)) {
             continue;
         }
         let mut number = || words.next().and_then(|(.., word)| word.parse::<f32>().ok());
-        let (Some(x), Some(y), Some(z)) = (number(), number(), number()) else {
+        let corner = [number(), number(), number()];
+        let is_more = words.peek().is_some_and(|(.., word)| word.parse::<f32>().is_ok());
+        let [Some(x), Some(y), Some(z)] = corner.map(|number| number.filter(|_| !is_more)) else {
             let what = format!("\"{}\" is not a vertex", excerpt(line.trim()));
             let hint = "A vertex has three numbers: export the mesh again";
             return Err(FormatError::at_line(path, index as u64 + 1, what, hint));

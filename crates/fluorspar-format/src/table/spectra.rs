@@ -344,7 +344,7 @@ impl SpectrumReader<'_> {
         // Values per nm name it, too
         let is_per = |header: &str| {
             let lower = header.to_lowercase();
-            ["/nm", "nm-1", "nm^-1", "nm⁻¹", "per nm", "/ev", "ev-1"].iter().any(|unit| lower.contains(unit))
+            ["/nm", "nm-1", "nm^-1", "nm⁻¹", "per nm"].iter().any(|unit| lower.contains(unit))
         };
         let names_unit =
             |header: &String| AxisUnit::named(header).is_some() && !is_index(header) && !is_per(header);
@@ -664,8 +664,12 @@ impl SpectrumReader<'_> {
     fn refuse_other_quantity(&self, column: usize) -> Result<(), FormatError> {
         const OTHERS: [&str; 6] = ["absorptance", "absorptivity", "absorption", "extinction", "k/s", "1-r"];
         let header = self.headers()[column].to_lowercase();
-        let is_fraction = self.options.quantity == SpectrumQuantity::Fraction;
-        match OTHERS.iter().find(|other| is_fraction && header.trim_start().starts_with(**other)) {
+        let mut words = header.split(|c: char| c.is_whitespace() || "([,".contains(c));
+        let first = words.next().unwrap_or_default();
+        let states =
+            |word: &str| ["t", "r"].contains(&word) || word.starts_with("trans") || word.starts_with("refl");
+        let is_asked = self.options.quantity == SpectrumQuantity::Fraction && !words.any(states);
+        match OTHERS.iter().find(|other| is_asked && first == **other) {
             None => Ok(()),
             Some(other) => Err(FormatError::unit(
                 self.path,

@@ -674,3 +674,14 @@ fn what_is_per_energy_or_absorbed_is_refused() {
         assert!(refused.contains(word), "{header}: {refused}");
     }
 }
+
+/// Names that begin as another quantity, and axes in the form of ISO 80000.
+#[test]
+fn names_of_filters_and_axes_are_no_quantities() {
+    let fraction = SpectrumQuantity::Fraction;
+    let (_, values, _) =
+        one("f.csv", "Wavelength (nm),Absorption filter BG39 T (%)\n400,10\n500,20\n600,30\n", fraction);
+    assert_near(&values, &[0.1, 0.2, 0.3], "filter");
+    let (nm, _, _) = one("f.csv", "Energy/eV,T\n3,0.1\n2.5,0.2\n2,0.3\n", fraction);
+    assert!((nm[0] - 1_239.841_984 / 3.0).abs() < 1e-6 && nm.len() == 3, "{nm:?}");
+}

@@ -243,6 +243,12 @@ fn words_of_stl_lie_in_any_line() {
     let text = "SOLID vertex of mine\nfacet normal 0 0 1 outer loop vertex 0 0 0\nVERTEX 1 0\n0 vertex 0 1 0 endloop endfacet ENDSOLID vertex\n";
     let mesh = fluorspar_format::read_stl(&file(&folder(), "m.stl", text), 1.0).unwrap();
     assert_eq!((mesh.triangles.len(), mesh.positions[1].to_array()), (1, [1.0, 0.0, 0.0]));
+    let plain = "solid\nfacet normal 0 0 1\nvertex 0 0 0 # first\nvertex 1 0 0\nvertex 0 1 0\nendfacet\n";
+    let mesh = fluorspar_format::read_stl(&file(&folder(), "m.stl", plain), 1.0).unwrap();
+    assert_eq!(mesh.triangles.len(), 1);
+    let folder = folder();
+    let colored = file(&folder, "m.stl", plain.replace("1 0 0", "1 0 0 0.5 0.5 0.5"));
+    assert!(complaint(&colored, |path| fluorspar_format::read_stl(path, 1.0)).contains("is not a vertex"));
 }
 
 #[test]
@@ -250,6 +256,11 @@ fn a_backslash_continues_a_line_of_obj() {
     let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 \\\r\n 2 \\\n 3\n";
     let mesh = fluorspar_format::read_obj(&file(&folder(), "m.obj", text), 1.0).unwrap();
     assert_eq!(mesh.triangles, [[0, 1, 2]]);
+    // A comment ends with its line, and lines behind keep their numbers
+    let text = "# from C:\\scans\\\nv 5 5 5\nv 1 0 0\nv 0 1 0\nf 1 \\\n2 3\nf 1 x 3\n";
+    let folder = folder();
+    let path = file(&folder, "m.obj", text);
+    assert!(complaint(&path, |path| fluorspar_format::read_obj(path, 1.0)).starts_with("m.obj:7:"));
 }
 
 #[test]

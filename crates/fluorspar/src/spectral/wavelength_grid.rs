@@ -131,7 +131,7 @@ impl WavelengthGrid {
         let is_off =
             |(pair, center): (&[f64], &f64)| (0.5 * (pair[0] + pair[1]) - center).abs() > 1e-6 * center;
         let is_uneven = edges.windows(2).zip(centers_nm).any(is_off);
-        Self::from_edges(&edges_about(centers_nm).filter(|_| is_uneven).unwrap_or(edges))
+        Self::from_edges(&edges_about(centers_nm, &edges).filter(|_| is_uneven).unwrap_or(edges))
     }
 
     /// Number of bins.
@@ -209,9 +209,12 @@ impl From<WavelengthGrid> for Vec<f64> {
     }
 }
 
-/// Edges of bins with these centers: each lies as far above a center as that before it lies below, so that the first decides. `None` where one would
-/// not lie between its neighbors.
-fn edges_about(centers_nm: &[f64]) -> Option<Vec<f64>> {
+/// Most by which bins about uneven centers differ in width from those that end half-way to their neighbors.
+const MOST_WIDTH_RATIO: f64 = 2.0;
+
+/// Edges of bins with these centers: each lies as far above a center as that before it lies below, so that the first decides. `None` where one
+/// would not lie between its neighbors, or bins become much wider or narrower than `half_way` ones.
+fn edges_about(centers_nm: &[f64], half_way: &[f64]) -> Option<Vec<f64>> {
     // Edge k is t_k + first for even k, t_k - first for odd ones, and lies between the centers beside it
     let (mut offset, mut least, mut most) = (0.0, f64::NEG_INFINITY, centers_nm[0]);
     for (k, pair) in centers_nm.windows(2).enumerate() {
@@ -222,18 +225,17 @@ fn edges_about(centers_nm: &[f64]) -> Option<Vec<f64>> {
         };
         (least, most) = (f64::max(least, ends[0]), f64::min(most, ends[1]));
     }
-    let wanted = 1.5 * centers_nm[0] - 0.5 * centers_nm[1];
-    let margin = 1e-3 * (most - least);
-    let first = if wanted > least && wanted < most {
-        wanted
-    } else {
-        wanted.clamp(least + margin, (most - margin).max(least + margin))
-    };
+    let wanted = half_way[0];
+    let first = if wanted > least && wanted < most { wanted } else { 0.5 * (least + most) };
     let mut edges = vec![first];
     for center in centers_nm {
         edges.push(2.0 * center - edges[edges.len() - 1]);
     }
-    (most > least && edges.windows(2).all(|pair| pair[0] < pair[1])).then_some(edges)
+    let widths = |edges: &[f64]| edges.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>();
+    let is_alike =
+        |(width, other): (f64, f64)| width < MOST_WIDTH_RATIO * other && other < MOST_WIDTH_RATIO * width;
+    let are_taken = edges.iter().all(|edge| (MIN_WAVELENGTH_NM..=MAX_WAVELENGTH_NM).contains(edge));
+    (are_taken && widths(&edges).into_iter().zip(widths(half_way)).all(is_alike)).then_some(edges)
 }
 
 #[cfg(test)]
@@ -243,13 +245,15 @@ mod tests {
     /// Bands of a camera at uneven steps keep their wavelengths, where bins have them; 400, 410, 500, 510 have none.
     #[test]
     fn bins_about_uneven_wavelengths_have_these_as_centers() {
-        for centers in
-            [&[450.0, 500.0, 550.0, 650.0, 850.0][..], &[400.0, 410.0, 425.0, 440.0], &[500.0, 700.0]]
-        {
+        for centers in [&[450.0, 500.0, 550.0, 650.0, 850.0][..], &[400.0, 410.0, 425.0, 440.0]] {
             let grid = WavelengthGrid::from_centers(centers).unwrap();
             let found = grid.centers_nm();
             assert!(found.iter().zip(centers).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?} {centers:?}");
         }
+        // Bands of a camera, whose 717 nm would become 0.05 nm wide
+        let camera = WavelengthGrid::from_centers(&[475.0, 560.0, 668.0, 717.0, 840.0]).unwrap();
+        assert_eq!(camera.edges_nm(), [432.5, 517.5, 614.0, 692.5, 778.5, 901.5]);
+        assert!(WavelengthGrid::from_centers(&[600.0, 700.0, 1000.0]).is_ok());
         let off = WavelengthGrid::from_centers(&[400.0, 410.0, 500.0, 510.0]).unwrap();
         assert_eq!(off.edges_nm(), [395.0, 405.0, 455.0, 505.0, 515.0]);
     }
