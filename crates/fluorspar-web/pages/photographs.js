@@ -131,6 +131,10 @@ export class Photographs {
     this.facts = null;
     this.about = null;
     this.serial = 0;
+    /** The region that is asked about, and that which was last. @type {PhotoRegion | null} */
+    this.asking = null;
+    /** @type {PhotoRegion | null} */
+    this.mapped = null;
     this.now = { place: null };
     this.painting = new Painting(this, this, byId("photo-drawing"), () => this.region);
     byId("photo-files").addEventListener("change", () => this.add(byId("photo-files").files));
@@ -267,6 +271,7 @@ export class Photographs {
       open.addEventListener("click", () => {
         this.region = region;
         this.listRegions();
+        this.estimateOpen();
       });
       const part = make("select", {}, [make("option", { value: "", textContent: "no known tissue" }),
         ...this.about.parts.map((/** @type {string} */ name) => make("option", { value: name, textContent: name.replaceAll("_", " ") }))]);
@@ -289,7 +294,7 @@ export class Photographs {
         this.painting.redraw();
       });
       const lines = region.told?.lines ?? [];
-      const text = region.told?.error ?? lines[0]?.trim() ?? (isDrawn(region.place) ? "Estimating …" : "Draw it on the photograph.");
+      const text = region.told?.error ?? lines[0]?.trim() ?? (!isDrawn(region.place) ? "Draw it on the photograph." : region === this.region ? "Estimating …" : "Choose it for the estimate.");
       const further = make("details", { hidden: !lines.length }, [make("summary", { textContent: "All findings" }),
         make("ul", {}, [...lines.slice(1), ...(region.told?.warnings ?? []).map((/** @type {string} */ note) => `Note: ${note}`)].map((/** @type {string} */ line) => make("li", { textContent: line.trim() })))]);
       return make("li", {}, [make("div", { className: "row" }, [open, part, verdict, gone]), make("p", { className: "verdict", textContent: text }), further]);
@@ -327,19 +332,21 @@ export class Photographs {
   /** Frames may belong to others now, or to another camera: what was estimated holds no more. */
   forget() {
     this.serial++;
+    this.asking = null;
     for (const { regions } of this.all) for (const region of regions) region.told = undefined;
   }
 
   again() {
     this.forget();
     this.listRegions();
-    this.estimateNext();
+    this.estimateOpen();
   }
 
-  /** Estimates the regions that are shown, that which is open first. */
-  estimateNext() {
-    const next = [this.region, ...this.regions()].find((region) => region && !region.told && isDrawn(region.place));
-    if (next) this.estimate(next);
+  /** Estimates the open region where it is not told; for a map, where another one was asked about since. */
+  estimateOpen() {
+    const region = this.region;
+    if (!region || !isDrawn(region.place) || region === this.asking) return;
+    if (!region.told || (this.view === "porphyrin" && region !== this.mapped && !region.told.error)) this.estimate(region);
   }
 
   /** @param {PhotoRegion} region */
@@ -347,6 +354,7 @@ export class Photographs {
     const photo = this.shown;
     if (!photo?.size || !isDrawn(region.place)) return;
     const serial = ++this.serial;
+    this.asking = region;
     region.told = undefined;
     this.listRegions();
     await new Promise((resolve) => setTimeout(resolve, REST));
@@ -360,11 +368,11 @@ export class Photographs {
       told = { error: /** @type {Error} */ (error).message };
     }
     if (serial !== this.serial) return;
-    region.told = told;
+    this.asking = null;
+    [region.told, this.mapped] = [told, region];
     if (photo !== this.shown) return;
     this.listRegions();
     if (this.view === "porphyrin") this.show();
-    else this.estimateNext();
   }
 
   async show() {
@@ -382,11 +390,11 @@ export class Photographs {
         + (facts.legend ? `. ${facts.legend.label}: dark ${facts.legend.ends[0]}, yellow ${facts.legend.ends[1]}; ${facts.legend.note}` : "");
       this.layOut();
       if (byId("photo-message").textContent.startsWith("Reading")) this.tell("");
-      this.estimateNext();
     } catch (error) {
       this.tell(/** @type {Error} */ (error).message);
     }
     byId("photo-viewport").setAttribute("aria-busy", "false");
+    this.estimateOpen();
   }
 
   layOut() {
