@@ -80,6 +80,15 @@ impl CohortWork {
         let overrides = args.changes.overrides();
         let cohort = parse_cohort(&source.text, &source.name, &source.base_dir, &sets(&overrides))
             .map_err(|error| as_typed(error, &overrides))?;
+        for person in cohort.numbers() {
+            // What the file gives may not fit what is drawn
+            cohort.shape_of(person).validate().map_err(|error| {
+                Error::Input(format!(
+                    "{}: with what [mouth] gives person {person} can't be: {error}; give less of the shape",
+                    source.name
+                ))
+            })?;
+        }
         let first = Examination::prepare(&cohort, cohort.people.first, cohort.views[0])
             .map_err(|error| Error::from(as_typed(error, &overrides)))?;
         job.warn(&warnings_before_run(&first.experiment));
