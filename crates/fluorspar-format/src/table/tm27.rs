@@ -13,14 +13,15 @@ pub(crate) fn tm27_table(path: &Path, text: &str) -> Result<TextTable, FormatErr
     let named =
         |name: &'static str| document.descendants().filter(move |node| node.tag_name().name() == name);
     let quantity = named("SpectralQuantity").next().and_then(|node| node.text()).unwrap_or_default();
-    let line = |node: &roxmltree::Node| u64::from(document.text_pos_at(node.range().start).row);
+    // Counted on from node to node: each anew would take the square of their number
+    let (mut line, mut counted) = (1, 0);
     let mut rows = Vec::new();
     for node in named("SpectralData") {
         let Some(nm) = node.attribute("wavelength") else { continue };
-        rows.push((
-            line(&node),
-            vec![nm.trim().to_string(), node.text().unwrap_or_default().trim().to_string()],
-        ));
+        let start = node.range().start.max(counted);
+        line += text.as_bytes()[counted..start].iter().filter(|byte| **byte == b'\n').count() as u64;
+        counted = start;
+        rows.push((line, vec![nm.trim().to_string(), node.text().unwrap_or_default().trim().to_string()]));
     }
     let Some(first) = rows.first() else {
         return Err(FormatError::unsupported(

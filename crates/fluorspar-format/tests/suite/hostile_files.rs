@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use fluorspar_format::{
-    FormatError, SpectrumOptions, Transfer, read_gltf, read_gltf_instances, read_lens, read_obj,
-    read_spectra, read_texture_png,
+    FormatError, SpectrumColumns, SpectrumOptions, Transfer, read_gltf, read_gltf_instances, read_lens,
+    read_obj, read_spectra, read_texture_png,
 };
 
 fn folder() -> tempfile::TempDir {
@@ -274,4 +274,22 @@ fn what_is_no_number_is_outside_of_a_mask() {
     bytes.extend([f32::NAN, 1.0].iter().flat_map(|value| value.to_le_bytes()));
     std::fs::write(&path, bytes).unwrap();
     assert_eq!(fluorspar_format::read_mask(&path).unwrap().inside, [false, true]);
+}
+
+/// A megabyte of TM-27 in one line took half a minute: its line was counted anew for each sample.
+#[test]
+fn a_long_line_of_tm_27_is_counted_once() {
+    let samples: String = (0..40_000)
+        .map(|k| format!("<SpectralData wavelength=\"{}\">0.5</SpectralData>", 400.0 + 0.01 * f64::from(k)))
+        .collect();
+    let text = format!(
+        "<?xml version=\"1.0\"?>\n<IESTM2714 xmlns=\"iestm2714\" version=\"1.0\"><SpectralDistribution>\
+         <SpectralQuantity>irradiance</SpectralQuantity>{samples}</SpectralDistribution></IESTM2714>"
+    );
+    let folder = folder();
+    let begun = Instant::now();
+    let options = SpectrumOptions { columns: SpectrumColumns::One, ..SpectrumOptions::default() };
+    let read = read_spectra(&file(&folder, "s.spdx", text), &options).unwrap();
+    assert_eq!(read.curves[0].curve.values().len(), 40_000);
+    assert!(begun.elapsed() < Duration::from_secs(60), "{:?}", begun.elapsed());
 }
