@@ -1576,7 +1576,8 @@ class LesionSection(TypedDict, total=False):
     reflectance: SpectrumReference
     """Reflectance inside. Default: that of the part."""
     blood_um: float
-    """Extra blood above the reflecting layer, as a layer of whole blood of this thickness, µm, 0 to 200. Default 0."""
+    """Extra blood above the reflecting layer, as a layer of whole blood of this thickness, µm, 0 to 200; fluorescence stays.
+    Default 0."""
     states: list[str]
     """States of layered tissue inside, for instance "dysplasia_moderate". Default: none."""
     tissue: dict[str, float]
