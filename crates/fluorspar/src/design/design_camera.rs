@@ -159,3 +159,35 @@ pub struct FilteredCamera {
     /// `[channel][fine bin]`, for light as steep as the filter.
     pub(super) fine: Vec<Vec<f64>>,
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "these are tests")]
+mod tests {
+    use super::*;
+    use crate::sensor::SpectralQe;
+
+    /// Four pixels as one hold four times the electrons: with one read noise where charges are added, with four where numbers are.
+    #[test]
+    fn joined_pixels_have_the_electrons_of_all_and_the_reads_of_their_kind() {
+        let grid = WavelengthGrid::from_edges(&[500.0, 510.0]).unwrap();
+        let camera = |kind: Option<BinningKind>| {
+            let binning = kind.map(|kind| Binning { kind, columns: 2, rows: 2, well_capacity_e: None });
+            let model = SensorModel { binning, mosaic: vec![vec!["mono".into()]], ..SensorModel::default() };
+            let qe = SpectralQe::from_curves([("mono", Curve::constant(0.6))]).unwrap();
+            let sensor = Sensor::new(model, qe).unwrap();
+            DesignCamera::new("camera", &sensor, 1.0, &Curve::constant(1.0), &FineBands::of(&grid))
+        };
+        let plain = camera(None);
+        for (kind, reads) in
+            [(BinningKind::Charge, 1.0), (BinningKind::DigitalSum, 4.0), (BinningKind::DigitalAverage, 4.0)]
+        {
+            let joined = camera(Some(kind));
+            let near = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-12, "{kind:?}: {a} {b}");
+            near(joined.weights[0][0], 4.0 * plain.weights[0][0]);
+            near(joined.dark_e_per_s, 4.0 * plain.dark_e_per_s);
+            near(joined.dark_variance_e2, reads * plain.dark_variance_e2);
+            near(joined.prnu, 0.5 * plain.prnu);
+            assert!(joined.full_e <= 4.0 * plain.full_e && joined.full_e >= plain.full_e, "{kind:?}");
+        }
+    }
+}

@@ -1,6 +1,5 @@
 //! Readings of the spectroradiometers of a study.
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::light_by_shape::{light_by_shape, transmittance_ratio};
@@ -8,7 +7,7 @@ use crate::analysis::{AnalysisError, RegionOfInterest, SceneOnSensor};
 use crate::image::{ComponentImage, SpectralImage};
 use crate::pipeline::PipelineError;
 use crate::sensor::SpectralReading;
-use crate::spectral::{Radiance, Spectrum};
+use crate::spectral::{Radiance, Spectrum, WavelengthGrid};
 use crate::study::{SpectroradiometerTarget, Study};
 
 /// One reading and how it was taken.
@@ -97,16 +96,14 @@ pub fn read_spectroradiometers(
 /// Radiance before a lens that was rendered over what the image holds of it, by pixel: one over the relative illumination. Empty without such a
 /// lens.
 fn over_illumination(study: &Study, components: &ComponentImage) -> Vec<f64> {
-    let (width, height) = (components.width, components.height);
-    let Some(lens) = study.camera.traced_lens().filter(|_| study.scene.camera.lens.is_some()) else {
+    let lens = study.camera.traced_lens().filter(|_| study.scene.camera.lens.is_some());
+    let (Some(lens), Ok(band)) = (lens, WavelengthGrid::from_edges(&[500.0, 501.0])) else {
         return Vec::new();
     };
-    let pitch_mm = lens.film_width_mm() / width as f64;
-    let from_middle = |at: usize, count: usize| at as f64 + 0.5 - 0.5 * count as f64;
-    let height_mm =
-        |pixel: usize| pitch_mm * from_middle(pixel % width, width).hypot(from_middle(pixel / width, height));
-    let illumination = |pixel: usize| lens.relative_illumination(height_mm(pixel));
-    (0..width * height).into_par_iter().map(|pixel| 1.0 / illumination(pixel).max(1e-3)).collect()
+    let mut even = SpectralImage::<Radiance>::zeros(band, components.width, components.height);
+    even.data_mut().fill(1.0);
+    lens.darken(&mut even, lens.film_width_mm());
+    even.data().iter().map(|illumination| 1.0 / f64::from(*illumination).max(1e-3)).collect()
 }
 
 /// Mean over pixels with their weights, each times its factor; without factors these are 1.
