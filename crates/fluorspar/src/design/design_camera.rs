@@ -161,7 +161,6 @@ pub struct FilteredCamera {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "these are tests")]
 mod tests {
     use super::*;
     use crate::sensor::SpectralQe;
