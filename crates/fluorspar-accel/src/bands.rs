@@ -136,21 +136,17 @@ pub fn weighted_squares<L: Lanes>(lanes: L, weight: &[BandBlock], v: &[BandBlock
         let weighted = lanes.mul(lanes.load(weight), lanes.load(v));
         sums = lanes.add(sums, lanes.mul(weighted, weighted));
     }
-    let mut lanes_of = BandBlock::ZERO;
-    lanes.store(sums, &mut lanes_of);
-    lanes_of.0.iter().sum()
+    sum_of_lanes(lanes, sums)
 }
 
-/// Sum of `a * b` over all bands: lane by lane first, then the lanes in order.
+/// Sum of `a * b` over all bands: lane by lane first, then the lanes by doubling.
 #[inline(always)]
 pub fn dot<L: Lanes>(lanes: L, a: &[BandBlock], b: &[BandBlock]) -> f32 {
     let mut sums = lanes.splat(0.0);
     for (a, b) in a.iter().zip(b) {
         sums = lanes.add(sums, lanes.mul(lanes.load(a), lanes.load(b)));
     }
-    let mut lanes_of = BandBlock::ZERO;
-    lanes.store(sums, &mut lanes_of);
-    lanes_of.0.iter().sum()
+    sum_of_lanes(lanes, sums)
 }
 
 /// `sum += v`, then `v *= factor`, band by band.
@@ -377,6 +373,17 @@ impl OuterProduct {
         Self { diagonal: Some(diagonal), on_diagonal, ..Self::new(excitation, emission) }
     }
 
+    /// Blocks that a product reads or writes, about in proportion to its time.
+    pub fn blocks(&self) -> usize {
+        /// A masked block sums up its lanes.
+        const MASKED: usize = 3;
+        let len = |(first, end): (usize, usize)| end - first;
+        match self.diagonal {
+            None => len(self.excited) + len(self.emitting),
+            Some(_) => MASKED * (len(self.excited).max(len(self.on_diagonal)) + len(self.emitting)),
+        }
+    }
+
     /// `out += factor * M v`, in time proportional to the number of bands.
     #[inline(always)]
     pub fn add_product<L: Lanes>(&self, lanes: L, factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {
@@ -432,6 +439,14 @@ fn trimmed(values: &[f32]) -> (Vec<BandBlock>, (usize, usize)) {
     let first = blocks.iter().position(used).unwrap_or(0);
     let end = blocks.iter().rposition(used).map_or(0, |last| last + 1);
     (blocks, (first, end))
+}
+
+/// Sum of all lanes.
+#[inline(always)]
+fn sum_of_lanes<L: Lanes>(lanes: L, x: L::Vector) -> f32 {
+    let mut sums = BandBlock::ZERO;
+    lanes.store(running_sum(lanes, x), &mut sums);
+    sums.0[BLOCK - 1]
 }
 
 /// Sums up to and including each lane, by doubling (Hillis and Steele 1986).

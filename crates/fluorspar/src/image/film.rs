@@ -364,10 +364,17 @@ fn joined(a: u64, b: u64) -> u64 {
     sum as u64
 }
 
+/// The largest integer that is not larger. The conversion saturates: what is too large (or infinite) stays at the end of the range.
+/// Baseline processors have no instruction for `f64::floor`.
+#[inline(always)]
+fn floored(value: f64) -> i64 {
+    let whole = value as i64;
+    whole.saturating_sub(i64::from(whole as f64 > value))
+}
+
 fn add(sums: &mut [u64], values: impl Iterator<Item = f64>, per_unit: &[f64], sign: BlockSign) {
     for ((sum, value), per_unit) in sums.iter_mut().zip(values).zip(per_unit) {
-        // The conversion saturates: what is too large (or infinite) stays at the end of the range.
-        let units = (value * per_unit + 0.5).floor() as i64;
+        let units = floored(value * per_unit + 0.5);
         *sum = match (sign, *sum as i64) {
             (BlockSign::Add, _) => joined(*sum, units as u64),
             (BlockSign::Remove, i64::MAX | i64::MIN) => *sum,
@@ -746,6 +753,14 @@ mod tests {
             height: 2,
             statistics,
             scene_digest: "a".into(),
+        }
+    }
+
+    #[test]
+    fn numbers_are_floored_as_the_standard_library_does() {
+        let values = [0.0, -0.0, 0.5, -0.5, 3.0, -3.0, 1e15 + 0.5, -1e15 - 0.5, 1e300, -1e300];
+        for value in values.into_iter().chain([f64::INFINITY, f64::NEG_INFINITY, f64::NAN]) {
+            assert_eq!(floored(value), value.floor() as i64, "{value}");
         }
     }
 

@@ -220,19 +220,28 @@ impl CoatedBsdf<'_> {
         }
     }
 
-    /// About [`Self::evaluate`] over a base of some reflectance: without shadows among facets, and with a coat that passes all light.
+    /// About [`Self::evaluate`] over a base of some reflectance: without shadows among facets, with a coat that passes all light, and
+    /// with Schlick's reflectance (1994).
     #[inline]
     pub(super) fn estimate(&self, incident: Vec3, reflectance: f32) -> f32 {
         if incident.z <= 0.0 {
             return 0.0;
         }
-        let half = (self.outgoing + self.film.to_film(incident)).normalize_or_zero();
+        let base = reflectance * cosine_lobe(incident);
+        let half = self.outgoing + self.film.to_film(incident);
+        let length2 = half.length_squared();
         if half.z <= 0.0 {
-            return reflectance * cosine_lobe(incident);
+            return base;
         }
-        let mirrored = dielectric_fresnel(self.outgoing.dot(half), self.table.refractive_index())
-            * distribution(half, self.alpha);
-        reflectance * cosine_lobe(incident) + mirrored / (4.0 * self.outgoing.z.max(self.alpha))
+        // D of the half vector whatever its length, which is twice the cosine with either direction
+        let a2 = self.alpha * self.alpha;
+        let t = (half.x * half.x + half.y * half.y) + half.z * half.z * a2;
+        let facets = a2 * length2 * length2 / (std::f32::consts::PI * t * t);
+        let grazing = (1.0 - 0.5 * length2.sqrt()).max(0.0);
+        let index = self.table.refractive_index();
+        let normal = ((index - 1.0) / (index + 1.0)).powi(2);
+        let fresnel = normal + (1.0 - normal) * grazing.powi(5);
+        base + fresnel * facets / (4.0 * self.outgoing.z.max(self.alpha))
     }
 
     /// Draws a direction from the coat's lobe or by the cosine; `None` ends the path. A mirrored direction that points

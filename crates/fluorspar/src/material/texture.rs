@@ -113,13 +113,11 @@ impl ImageTexture {
     pub fn at(&self, uv: Vec2) -> f32 {
         let x = uv.x * self.width as f32 - 0.5;
         let y = (1.0 - uv.y) * self.height as f32 - 0.5;
-        let (x0, y0) = (x.floor(), y.floor());
-        let (fx, fy) = (x - x0, y - y0);
-        let wrap = |i: f32, n: usize| (i as i64).rem_euclid(n as i64) as usize;
-        let pixel =
-            |dx: f32, dy: f32| self.data[wrap(y0 + dy, self.height) * self.width + wrap(x0 + dx, self.width)];
-        let top = pixel(0.0, 0.0) * (1.0 - fx) + pixel(1.0, 0.0) * fx;
-        let bottom = pixel(0.0, 1.0) * (1.0 - fx) + pixel(1.0, 1.0) * fx;
+        let ([left, right], fx) = neighbors(x, self.width);
+        let ([above, below], fy) = neighbors(y, self.height);
+        let pixel = |row: usize, column: usize| self.data[row * self.width + column];
+        let top = pixel(above, left) * (1.0 - fx) + pixel(above, right) * fx;
+        let bottom = pixel(below, left) * (1.0 - fx) + pixel(below, right) * fx;
         top * (1.0 - fy) + bottom * fy
     }
 
@@ -132,6 +130,19 @@ impl ImageTexture {
     pub fn max(&self) -> f32 {
         self.range[1]
     }
+}
+
+/// The pixels before and after a place along an axis of so many that repeats, and the share of the way between them.
+#[inline(always)]
+fn neighbors(x: f32, count: usize) -> ([usize; 2], f32) {
+    // Within the image nothing need be rounded or divided
+    if (0.0..(count - 1) as f32).contains(&x) {
+        let first = x as usize;
+        return ([first, first + 1], x - first as f32);
+    }
+    let floor = x.floor();
+    let wrap = |i: f32| (i as i64).rem_euclid(count as i64) as usize;
+    ([wrap(floor), wrap(floor + 1.0)], x - floor)
 }
 
 impl ScalarTexture {

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use fluorspar_accel::bands::BandBlock;
-use fluorspar_accel::{Simd, TriangleBvh};
+use fluorspar_accel::bands::{self, BandBlock, to_blocks};
+use fluorspar_accel::{Lanes, Simd, TriangleBvh};
 use glam::{Vec2, Vec3};
 
 use super::excitation::Excitation;
@@ -95,18 +95,45 @@ pub(super) struct Emitter {
     pub(super) number: usize,
 }
 
-/// Where each band lies among [`EMITTED_NM`]: the wavelength below, and the share of the way to the next.
+/// Interpolation from [`EMITTED_NM`] to the bands: what each wavelength counts for in them, from the first block on that it reaches.
 #[derive(Debug)]
-pub(super) struct EmissionBands(pub(super) Vec<(usize, f32)>);
+pub(super) struct EmissionBands(Vec<(usize, Vec<BandBlock>)>);
 
 impl EmissionBands {
     pub(super) fn new(grid: &WavelengthGrid) -> Self {
+        let last = EMITTED_NM.len() - 1;
         let place = |band: usize| {
-            let nm = grid.center_nm(band).clamp(EMITTED_NM[0], EMITTED_NM[EMITTED_NM.len() - 1]);
-            let low = EMITTED_NM.partition_point(|known| *known <= nm).clamp(1, EMITTED_NM.len() - 1) - 1;
+            let nm = grid.center_nm(band).clamp(EMITTED_NM[0], EMITTED_NM[last]);
+            let low = EMITTED_NM.partition_point(|known| *known <= nm).clamp(1, last) - 1;
             (low, ((nm - EMITTED_NM[low]) / (EMITTED_NM[low + 1] - EMITTED_NM[low])) as f32)
         };
-        Self((0..grid.len()).map(place).collect())
+        let mut counts = vec![vec![0.0; grid.len()]; EMITTED_NM.len()];
+        for (band, (low, share)) in (0..grid.len()).map(place).enumerate() {
+            counts[low][band] = 1.0 - share;
+            counts[low + 1][band] = share;
+        }
+        let of_one = |counts: &Vec<f32>| {
+            let blocks = to_blocks(counts);
+            let counts_in = |block: &BandBlock| *block != BandBlock::ZERO;
+            let first = blocks.iter().position(counts_in).unwrap_or(0);
+            let end = blocks.iter().rposition(counts_in).map_or(first, |last| last + 1);
+            (first, blocks[first..end].to_vec())
+        };
+        Self(counts.iter().map(of_one).collect())
+    }
+
+    /// Sets the bands to values known at [`EMITTED_NM`], linear between them and level beyond.
+    #[inline(always)]
+    pub(super) fn interpolate<L: Lanes>(
+        &self,
+        lanes: L,
+        known: &[f32; EMITTED_NM.len()],
+        out: &mut [BandBlock],
+    ) {
+        bands::clear(lanes, out);
+        for (value, (first, counts)) in known.iter().zip(&self.0) {
+            bands::add_scaled(lanes, *value, counts, &mut out[*first..first + counts.len()]);
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 //! Light that was reflected is the spectrum of a light source times a few reflectances of the scene. Such products lie near a space
 //! of few dimensions, so what their basis excites is tabulated for every matrix. What the basis leaves out excites by the
 //! operators themselves, at random with a probability in proportion to its share, divided by that probability: the estimate stays
-//! unbiased whatever the basis is.
+//! unbiased whatever the basis is. Where the operators of a vertex are no more work than the basis is, they take the light as it is.
 
 use fluorspar_accel::Lanes;
 use fluorspar_accel::bands::{self, BLOCK, BandBlock, to_blocks};
@@ -61,6 +61,8 @@ pub(super) struct Excitation {
     exitance: Vec<BandBlock>,
     /// Blocks of each matrix in which it emits: first and one past the last.
     emitting: Vec<(usize, usize)>,
+    /// Blocks of bands that each matrix takes by its operator, and by the table.
+    blocks: Vec<[usize; 2]>,
 }
 
 /// Light on the basis.
@@ -104,6 +106,10 @@ impl Excitation {
             emitting.push((first, (first..blocks).rfind(is_lit).map_or(first, |last| last + 1)));
             exitance.extend((0..blocks).flat_map(|block| of_spectra.iter().map(move |blocks| blocks[block])));
         }
+        let work = |(operator, (first, end)): (&FluorescenceOperator, &(usize, usize))| {
+            [operator.blocks(), rank * (end - first)]
+        };
+        let work = operators.iter().zip(&emitting).map(work).collect();
         let single: Vec<f32> = response.iter().map(|value| *value as f32).collect();
         let first = excited.first().map_or(0, |band| band / BLOCK);
         Self {
@@ -115,7 +121,31 @@ impl Excitation {
             duals: duals.iter().flat_map(|values| to_blocks(values)).collect(),
             exitance,
             emitting,
+            blocks: work,
         }
+    }
+
+    /// Whether the operators of matrices are no more work than the basis is.
+    #[inline(always)]
+    pub(super) fn is_direct(&self, matrices: impl Iterator<Item = usize>) -> bool {
+        let [direct, tabulated] = matrices.fold([0; 2], |[direct, tabulated], matrix| {
+            let [by_operator, by_table] = self.blocks[matrix];
+            [direct + by_operator, tabulated + by_table]
+        });
+        direct <= tabulated + (self.rank + 1) * (self.lit.1 - self.lit.0)
+    }
+
+    /// Adds what light excites through a matrix: `out += factor F light`.
+    #[inline(always)]
+    pub(super) fn add_product<L: Lanes>(
+        &self,
+        lanes: L,
+        matrix: usize,
+        factor: f32,
+        light: &[BandBlock],
+        out: &mut [BandBlock],
+    ) {
+        self.operators[matrix].add_product(lanes, factor, light, out);
     }
 
     /// Takes apart light that arrives. Where the choice falls on it, `rest` is what the basis leaves out.

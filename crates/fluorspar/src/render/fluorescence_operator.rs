@@ -41,6 +41,14 @@ impl FluorescenceOperator {
         self.bands
     }
 
+    /// Blocks of bands that [`Self::add_product`] reads or writes, about in proportion to its time.
+    pub(super) fn blocks(&self) -> usize {
+        match &self.form {
+            Form::Separable(terms) => terms.iter().map(OuterProduct::blocks).sum(),
+            Form::Dense(_) => self.bands * self.bands.div_ceil(bands::BLOCK),
+        }
+    }
+
     /// `out += factor * F v`. Both slices hold one value per band, padded to whole blocks.
     #[inline(always)]
     pub fn add_product<L: Lanes>(&self, lanes: L, factor: f32, v: &[BandBlock], out: &mut [BandBlock]) {

@@ -33,6 +33,8 @@ pub(super) struct LightSample {
 const KNOWN_WEIGHTS: usize = 16;
 /// Most lights of a scene that are weighted by what a surface scatters.
 pub(super) const WEIGHTED_LIGHTS: usize = 32;
+/// Fewest lights of a group that are: among two, irradiance alone draws 3 % more noise in a glossy cavity and takes a tenth less time.
+pub(super) const RING_LIGHTS: usize = 4;
 /// Share of the choice by irradiance alone, which fluorescence follows: no light's share falls below half of that.
 const BY_IRRADIANCE: f32 = 0.5;
 /// A floor on the weight of any light, so that none is ever left out.
@@ -107,7 +109,8 @@ impl CompiledScene {
     }
 
     /// Probabilities of all lights at a surface that scatters the share `scattered(direction)`, 1/sr, of the light from a
-    /// direction: half by irradiance, half by irradiance times that. `None` where the lights are too many.
+    /// direction: half by irradiance, half by irradiance times that. `None` where the lights are too many, or fewer than `fewest` in each
+    /// group.
     ///
     /// Few lights of a ring are mirrored by a wet surface, and those that are count for most of its light.
     pub(super) fn light_probabilities(
@@ -115,8 +118,10 @@ impl CompiledScene {
         position: Vec3,
         normal: Vec3,
         scattered: impl Fn(Vec3) -> f32,
+        fewest: usize,
     ) -> LightProbabilities {
-        if self.lights.len() > WEIGHTED_LIGHTS || self.group_lights.iter().all(|lights| lights.len() < 2) {
+        if self.lights.len() > WEIGHTED_LIGHTS || self.group_lights.iter().all(|lights| lights.len() < fewest)
+        {
             return None;
         }
         let (mut irradiances, mut products) = ([0.0; WEIGHTED_LIGHTS], [0.0; WEIGHTED_LIGHTS]);
@@ -332,7 +337,8 @@ mod tests {
     fn check(scene: &Scene, position: Vec3, normal: Vec3, is_glossy: bool, tests: usize) {
         let compiled = CompiledScene::new(scene, &RenderSettings::default()).unwrap();
         let lobe = |direction: Vec3| direction.dot(Vec3::new(0.6, 0.0, 0.8)).max(0.0).powi(20);
-        let probabilities = is_glossy.then(|| compiled.light_probabilities(position, normal, lobe)).flatten();
+        let probabilities =
+            is_glossy.then(|| compiled.light_probabilities(position, normal, lobe, RING_LIGHTS)).flatten();
         let point = LitPoint { position, normal, probabilities: &probabilities };
         chi_square_over_sphere(
             20_000,
@@ -385,6 +391,13 @@ mod tests {
         };
         let sky = EnvironmentMap::new(8, 4, vec![layer], 20.0).unwrap();
         let sky = Emitter::EnvironmentMap(std::sync::Arc::new(sky));
+        // None before another one
+        let around = |light: usize| {
+            let (sin, cos) = (light as f32).sin_cos();
+            let (center, normal) = (Vec3::new(1.5 * cos, 1.5 * sin, 2.0), Vec3::NEG_Z);
+            Emitter::Disc(DiscEmitter { center, normal, radius_m: 0.4, exponent: 1.0 })
+        };
+        let ring = |count: usize| (0..count).map(around).collect::<Vec<_>>();
         let cases = vec![
             scene(vec![disc(Vec3::new(0.0, 0.0, 2.0), 1.0)], vec![]),
             scene(vec![disc(Vec3::new(0.5, 1.0, 2.0), 6.0)], vec![]),
@@ -406,7 +419,8 @@ mod tests {
             scene(vec![], vec![Shape::Mesh(std::sync::Arc::new(quad))]),
             scene(vec![disc(Vec3::new(0.0, 0.0, 2.0), 1.0), disc(Vec3::new(3.0, 0.0, 0.5), 2.0)], vec![]),
             scene(vec![sky.clone()], vec![]),
-            scene(vec![sky, disc(Vec3::new(0.0, 0.5, 2.0), 1.0)], vec![]),
+            scene([vec![sky], ring(3)].concat(), vec![]),
+            scene(ring(RING_LIGHTS), vec![]),
         ];
         for (case, is_glossy) in cases.iter().flat_map(|case| [(case, false), (case, true)]) {
             let normal = Vec3::new(0.2, 0.3, 1.0).normalize();
@@ -426,15 +440,15 @@ mod tests {
             })
         };
         let compiled = CompiledScene::new(
-            &scene(vec![disc(-1.0), disc(0.0), disc(1.0)], vec![]),
+            &scene([-1.0, 0.0, 1.0, -2.0].map(disc).to_vec(), vec![]),
             &RenderSettings::default(),
         )
         .unwrap();
         // Nothing but light from the right is mirrored
         let mirrored = |direction: Vec3| if direction.x > 0.3 { 1.0 } else { 0.0 };
-        let chosen = compiled.light_probabilities(Vec3::ZERO, Vec3::Z, mirrored).unwrap();
-        let plain = compiled.light_probabilities(Vec3::ZERO, Vec3::Z, |_| 0.0).unwrap();
-        for light in 0..3 {
+        let chosen = compiled.light_probabilities(Vec3::ZERO, Vec3::Z, mirrored, RING_LIGHTS).unwrap();
+        let plain = compiled.light_probabilities(Vec3::ZERO, Vec3::Z, |_| 0.0, RING_LIGHTS).unwrap();
+        for light in 0..RING_LIGHTS {
             let expected = 0.5 * plain[light] + if light == 2 { 0.5 } else { 0.0 };
             assert!((chosen[light] - expected).abs() < 1e-6, "{light}: {} {expected}", chosen[light]);
         }

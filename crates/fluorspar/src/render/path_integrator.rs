@@ -11,7 +11,7 @@ use glam::Vec3;
 
 use super::compiled_scene::{CompiledScene, MaterialSpectra};
 use super::intersect::TraceBuffers;
-use super::light_sampling::{LightProbabilities, LightSample, LitPoint};
+use super::light_sampling::{LightProbabilities, LightSample, LitPoint, RING_LIGHTS};
 use super::path::Path;
 use super::settings::Estimator;
 use super::surface::{Intersection, SurfacePoint};
@@ -115,6 +115,20 @@ struct PathState {
 }
 
 impl PathState {
+    fn new(stream: SampleStream) -> Self {
+        Self {
+            path: Path::default(),
+            stream,
+            samples: VertexSamples::default(),
+            throughput: CoarseThroughput::CAMERA,
+            origin: Vec3::ZERO,
+            direction: Vec3::Z,
+            scattered: None,
+            least_alpha: 0.0,
+            light_probabilities: None,
+        }
+    }
+
     /// Where the lights that its next ray meets would have been chosen.
     fn lit_point(&self) -> LitPoint<'_> {
         let (position, normal) =
@@ -178,27 +192,20 @@ impl PathBatch {
 
     /// Adds a path that starts at the camera. `direction` is a unit vector.
     pub(super) fn start(&mut self, origin: Vec3, direction: Vec3, stream: SampleStream) {
-        let choices = stream.word();
-        let state = PathState {
-            path: Path::default(),
-            stream,
-            samples: VertexSamples::default(),
-            throughput: CoarseThroughput::CAMERA,
-            origin,
-            direction,
-            scattered: None,
-            least_alpha: 0.0,
-            light_probabilities: None,
-        };
-        match self.states.get_mut(self.len) {
-            Some(old) => {
-                let mut path = std::mem::take(&mut old.path);
-                path.clear();
-                *old = PathState { path, ..state };
-            }
-            None => self.states.push(state),
+        if self.states.len() == self.len {
+            self.states.push(PathState::new(stream.clone()));
         }
-        self.states[self.len].path.choices = choices;
+        // The lists of an earlier path stay where they are
+        let state = &mut self.states[self.len];
+        state.path.clear();
+        state.path.choices = stream.word();
+        state.stream = stream;
+        state.samples = VertexSamples::default();
+        state.throughput = CoarseThroughput::CAMERA;
+        (state.origin, state.direction) = (origin, direction);
+        state.scattered = None;
+        state.least_alpha = 0.0;
+        state.light_probabilities = None;
         self.len += 1;
     }
 
@@ -444,8 +451,10 @@ impl CompiledScene {
         if arrival == Arrival::Here && depth < MIRRORING_VERTICES && bsdf.has_gloss() {
             let reflectance = vertex.coarse_spectrum.iter().sum::<f32>() / BINS as f32;
             let scattered = |direction: Vec3| bsdf.estimate(point.to_local(direction), reflectance);
+            let has_entry = depth == 0 && state.path.spread.is_some();
+            let fewest = if has_entry { 2 } else { RING_LIGHTS };
             state.light_probabilities =
-                self.light_probabilities(point.position, vertex.light_normal, scattered);
+                self.light_probabilities(point.position, vertex.light_normal, scattered, fewest);
         }
         let lit = LitPoint {
             position: point.position,

@@ -10,7 +10,7 @@ use crate::scene::Scene;
 
 /// Number of the way in which paths are drawn: one more whenever the same scene and seed come to give other samples, so that
 /// films of before are not continued with samples that do not fit theirs.
-const SAMPLING: u32 = 6;
+const SAMPLING: u32 = 7;
 
 /// SHA-256 of everything that decides the value of a sample: the scene with all its numbers, seed, depth, estimator,
 /// the version of the program and of its sampling. Lower-case hexadecimal.

@@ -130,7 +130,17 @@ impl SpectralState {
                 }
             }
             // Excite the fluorophores with light that did not fluoresce yet
-            if fluoresces && self.lit[base] {
+            let matrices = emitters.iter().map(|(emitter, _)| emitter.matrix);
+            if fluoresces && self.lit[base] && excitation.is_direct(matrices) {
+                for (emitter, concentration) in emitters {
+                    let component = base + 1 + emitter.fluorophore;
+                    self.light_up(lanes, component);
+                    let (arriving, emitted) = self.values.split_at_mut(component * blocks);
+                    let arriving = &arriving[base * blocks..(base + 1) * blocks];
+                    let factor = vertex.fluorescent * concentration;
+                    excitation.add_product(lanes, emitter.matrix, factor, arriving, &mut emitted[..blocks]);
+                }
+            } else if fluoresces && self.lit[base] {
                 let mut rest = std::mem::take(&mut self.rest);
                 let arriving = &self.values[base * blocks..(base + 1) * blocks];
                 let light = excitation.project(lanes, arriving, choices, &mut rest);

@@ -1,7 +1,7 @@
 //! Spectra of direct light that leaves translucent tissue elsewhere than it entered: `t` of `translucency`, by wavelength.
 
 use fluorspar_accel::Lanes;
-use fluorspar_accel::bands::{self, BLOCK, BandBlock};
+use fluorspar_accel::bands::{self, BandBlock};
 
 use super::compiled_scene::{CompiledScene, Emitter, MaterialSpectra};
 use super::material_spread::MaterialSpread;
@@ -48,7 +48,7 @@ impl SpreadSpectra {
         for of_one in path.emitters(vertex).chunk_by(|(a, _), (b, _)| a.fluorophore == b.fluorophore) {
             let state = chosen_state(of_one, spread.choice);
             let factors = &mut self.emitted[state.fluorophore * blocks..(state.fluorophore + 1) * blocks];
-            set_emitted(scene, profiles, state, spread, factors);
+            set_emitted(lanes, scene, profiles, state, spread, factors);
         }
         true
     }
@@ -62,7 +62,9 @@ impl SpreadSpectra {
 }
 
 /// Sets `t` of what a fluorophore emits. Light of one that lies on the surface leaves where it enters: 1 times the light there.
-fn set_emitted(
+#[inline(always)]
+fn set_emitted<L: Lanes>(
+    lanes: L,
     scene: &CompiledScene,
     profiles: &MaterialSpread,
     state: Emitter,
@@ -76,9 +78,7 @@ fn set_emitted(
     };
     let known: [f32; COUNT] =
         std::array::from_fn(|nm| spread.inverse_density * (low[nm] + spread.fraction * (high[nm] - low[nm])));
-    for (band, &(below, share)) in scene.emission_bands.0.iter().enumerate() {
-        factors[band / BLOCK].0[band % BLOCK] = known[below] + share * (known[below + 1] - known[below]);
-    }
+    scene.emission_bands.interpolate(lanes, &known, factors);
 }
 
 /// The state whose profile the light of a fluorophore follows: one of those of the point, by their shares.
