@@ -204,7 +204,8 @@ pub(crate) enum Command {
 }
 
 impl Command {
-    /// Whether the command renders images or holds whole films: such memory is large, and its parts follow each other.
+    /// Whether the command renders images or holds whole films: such memory is large, and its parts follow each other. The workbench asks for
+    /// what it gave back with each picture.
     pub(crate) fn renders(&self) -> bool {
         matches!(
             self,
@@ -217,7 +218,6 @@ impl Command {
                 | Self::Design(_)
                 | Self::Cohort(_)
                 | Self::Dataset(_)
-                | Self::Workbench(_)
         )
     }
 }

@@ -96,8 +96,9 @@ impl FinishedRender {
         if let Spectra::File(file, read) = &self.spectra
             && read.get().is_none()
         {
-            let image = read_component_image(Path::new(&self.name))?.image;
+            let mut image = read_component_image(Path::new(&self.name))?.image;
             file.check_unchanged()?;
+            image.round_as_stored();
             read.get_or_init(|| Box::new(image));
         }
         Ok(())
@@ -513,6 +514,13 @@ impl ComponentRows for Spectra {
         match self {
             Self::File(file, _) => file.basis(component),
             Self::Memory(image) => image.basis(component),
+        }
+    }
+
+    fn are_rounded(&self) -> bool {
+        match self {
+            Self::File(_, read) => read.get().is_some(),
+            Self::Memory(_) => false,
         }
     }
 

@@ -7,8 +7,8 @@ use fluorspar::analysis::PixelSelection;
 use fluorspar::image::{LightPath, SpectralImage};
 use fluorspar::interruption::end_if_interrupted;
 use fluorspar::pipeline::{
-    AnalyzedFrame, CapturedFrame, LiveView, PipelineError, RegionRadiance, analyze_regions, analyze_seen,
-    capture_from_planes, check_captures, depth_range_m, frame_radiance, on_sensor,
+    AnalyzedFrame, CapturedFrame, LiveView, PipelineError, RecentExposures, RegionRadiance, analyze_regions,
+    analyze_seen, capture_from_planes, capture_one, check_captures, depth_range_m, frame_radiance, on_sensor,
 };
 use fluorspar::render::visible_surfaces;
 use fluorspar::scene::Scene;
@@ -42,6 +42,8 @@ pub struct LiveRender {
     coarse: Vec<String>,
     /// What captures saw of late, the last first.
     seen: Mutex<Vec<KeptView>>,
+    /// What frames subtract, exposed of late.
+    exposed: RecentExposures,
     /// The rendered experiment with its surfaces, once a change of the lights asked for them.
     surfaces: OnceLock<(Experiment, ResolvedExperiment)>,
     /// The shapes that were asked for last.
@@ -122,7 +124,8 @@ impl LiveRender {
     fn new(render: FinishedRender, name: String, text: String, base_dir: PathBuf) -> Self {
         let (seen, surfaces, shapes) = (Mutex::default(), OnceLock::new(), Mutex::default());
         let (coarse, analyzed, own_text) = (Vec::new(), Mutex::default(), text.clone());
-        Self { render, name, text, own_text, base_dir, coarse, seen, surfaces, shapes, analyzed }
+        let exposed = RecentExposures::default();
+        Self { exposed, render, name, text, own_text, base_dir, coarse, seen, surfaces, shapes, analyzed }
     }
 
     /// Another render, of the same experiment with changes: these still come on top of the same text. `coarse` is the size of one that is
@@ -424,10 +427,9 @@ impl LiveStudy<'_> {
         let study = Study { captures: self.needed(capture)?, ..self.study().clone() };
         let view = self.view(&study.captures)?;
         end_if_interrupted();
-        let frames = capture_from_planes(&study, &view.components(&self.live.render))?;
+        let frame = capture_one(&study, &view.components(&self.live.render), capture, &self.live.exposed)?;
         end_if_interrupted();
-        let frame = frames.into_iter().find(|frame| frame.raw.label == capture);
-        frame.ok_or_else(|| self.no_capture(capture))
+        Ok(frame)
     }
 
     fn no_capture(&self, wanted: &str) -> Error {

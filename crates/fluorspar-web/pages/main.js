@@ -104,7 +104,7 @@ function begin(subject) {
     lastExposure: null,
     begin: () => {
       changes.remember();
-      picture.isHeld = true;
+      [picture.isHeld, picture.isCoarse] = [true, false];
     },
     end: () => {
       picture.isHeld = false;
@@ -149,10 +149,14 @@ function begin(subject) {
     // A region belongs to the frame on which it was drawn
     if (what === "place" && picture.facts) changes.fit({ px: picture.facts.frame_px, mm: picture.facts.sensor_mm });
     updateControls();
+    byId("undo").disabled = !changes.canUndo;
+    region.refresh();
+    findings.refresh();
+    // While a control is dragged the picture follows, and the rest at its end
+    if (picture.isHeld && picture.isBusy) return picture.refresh();
     markCapture(changes.shown.capture);
     markView(changes.shown.view);
     listChanges(changes);
-    byId("undo").disabled = !changes.canUndo;
     byId("redo").disabled = changes.future.length === 0;
     byId("reset").disabled = changes.list().length === 0 && !changes.now.place;
     byId("copy").disabled = false;
@@ -160,8 +164,6 @@ function begin(subject) {
     if (what === "set" || changes.shown.view === "porphyrin") picture.refresh();
     drawing.redraw();
     if (orbit.isOn) orbit.refresh();
-    region.refresh();
-    findings.refresh();
   }
   changes.onchange = changed;
   changes.onsettled = () => {

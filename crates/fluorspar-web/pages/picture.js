@@ -31,8 +31,9 @@ export async function draw(body, canvas, path = "/api/picture", signal) {
   return facts;
 }
 
-/** Time from which a picture that nobody wants any more is taken back, ms. */
+/** Time from which a picture that nobody wants any more is taken back, and that which a whole one may take while a control is dragged, ms. */
 const SLOW = 250;
+const SOON = 60;
 /** Height of a page beside the frame, and the least of a frame, px. */
 const OTHER_HEIGHT = 300;
 const LEAST_HEIGHT = 300;
@@ -53,6 +54,8 @@ export class Picture {
     this.facts = null;
     this.tones = "";
     this.serial = 0;
+    /** Whether the pictures of a drag are coarse: once a whole one took too long. */
+    this.isCoarse = false;
     /** When the picture in the making was asked for, and what takes it back. */
     this.asked = 0;
     this.taken = new AbortController();
@@ -103,11 +106,13 @@ export class Picture {
     const tones = `${capture} ${view}`;
     const white = this.isHeld && this.facts && this.tones === tones ? this.facts.white : null;
     [this.asked, this.taken] = [performance.now(), new AbortController()];
-    const body = { set: this.changes.list(), capture, view, white, place: this.changes.place() };
+    const isHeld = this.isHeld;
+    const body = { set: this.changes.list(), capture, view, white, place: this.changes.place(), is_coarse: isHeld && this.isCoarse };
     const facts = await draw(body, this.canvas, "/api/picture", this.taken.signal);
     this.changes.fit({ px: facts.frame_px, mm: facts.sensor_mm });
     [this.facts, this.tones] = [facts, tones];
     this.canvas.dataset.serial = String(++this.serial);
+    this.isCoarse ||= isHeld && performance.now() - this.asked > SOON;
     byId("viewport").classList.remove("stale");
     this.tell(capture, view);
     this.layOut();

@@ -28,6 +28,9 @@ pub(crate) struct PictureRequest {
     white: Option<f64>,
     /// Region of the map, where it is not that of the analysis.
     place: Option<Place>,
+    /// Whether half the width and height will do.
+    #[serde(default)]
+    is_coarse: bool,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -147,8 +150,9 @@ pub(crate) fn picture(shown: &Shown, request: &PictureRequest) -> Result<(Pictur
             (if request.view == View::Clip { striped(developed, &frame) } else { developed }, white, None)
         }
     };
-    let png = png_of(&shrunk(picture))?;
-    let mut facts = facts(live, &study, &frame, white)?;
+    let (png, facts) =
+        rayon::join(|| png_of(&shrunk(picture, request.is_coarse)), || facts(live, &study, &frame, white));
+    let (png, mut facts) = (png?, facts?);
     (facts.legend, facts.milliseconds) = (legend, 1e3 * begun.elapsed().as_secs_f64());
     Ok((facts, png))
 }
@@ -187,7 +191,7 @@ pub(crate) fn of_photograph(
         "white_level_dn": mosaic.white_level,
         "legend": legend,
     });
-    Ok((facts, shrunk(shown)))
+    Ok((facts, shrunk(shown, false)))
 }
 
 fn clipped_percent(developed: &ChannelImage) -> f64 {
@@ -363,10 +367,11 @@ fn laid_out(
     Ok(Preview { width, height, rgb: (0..width * height).flat_map(color).collect() })
 }
 
-/// A picture that is not wider than what a page shows.
-fn shrunk(shown: Preview) -> Preview {
-    let block = shown.width.max(shown.height).div_ceil(WIDEST);
-    if block > 1 { shown.fitted([shown.width / block, shown.height / block]) } else { shown }
+/// A picture that is not wider than what a page shows, at half of that where it `is_coarse`.
+fn shrunk(shown: Preview, is_coarse: bool) -> Preview {
+    let block = shown.width.max(shown.height).div_ceil(WIDEST) << u32::from(is_coarse);
+    let size = [shown.width, shown.height].map(|side| (side / block).max(1));
+    if block > 1 { shown.fitted(size) } else { shown }
 }
 
 /// The picture as PNG: the fastest way to pack it, since it goes nowhere.

@@ -88,8 +88,14 @@ fn pictures_are_those_of_capture() {
             // A white that is held is the one that was told
             let held = json!({ "set": set, "capture": name, "view": "developed", "white": facts["white"] });
             assert!(picture(&served, &held).1 == shown, "{set:?} {name}");
+            let coarse = json!({ "set": set, "capture": name, "view": "developed", "is_coarse": true });
+            let (_, (width, height, _)) = picture(&served, &coarse);
+            assert_eq!([width, height], [shown.0 / 2, shown.1 / 2], "{set:?} {name}");
         }
     }
+    // A line has no half
+    let line = json!({ "set": ["sensor.columns=1700", "sensor.rows=2"], "capture": "blue", "view": "developed", "is_coarse": true });
+    assert_eq!(picture(&served, &line).1.1, 1);
 }
 
 #[test]

@@ -17,6 +17,11 @@ pub trait ComponentRows: Sync {
     /// The basis of a component whose rows hold its coefficients.
     fn basis(&self, component: usize) -> Option<&SpectralBasis>;
 
+    /// Whether all rows are rounded as files of runs have them ([`ComponentImage::round_as_stored`]).
+    fn are_rounded(&self) -> bool {
+        false
+    }
+
     /// Calls `visit` for every row of the components that are `wanted`, in any order and from several threads, with the
     /// number of the component, the row, and its radiance `[band][col]`, W/(sr m² nm), or coefficients where [`Self::basis`] gives a basis. Returns
     /// what it returned, with component and row.
@@ -109,12 +114,15 @@ impl<R: ComponentRows> ComponentRows for PreparedRows<'_, R> {
         wanted: impl Fn(usize) -> bool + Sync,
         visit: impl Fn(usize, usize, &[f32]) -> T + Sync,
     ) -> Result<Vec<(usize, usize, T)>, R::Error> {
+        let are_rounded = self.rows.are_rounded();
         self.rows.map_rows(wanted, |component, row, lines| {
             let mut lines = lines.to_vec();
-            if let Some(basis) = self.basis(component) {
+            if let Some(basis) = self.basis(component).filter(|_| !are_rounded) {
                 basis.round(&mut lines, self.width);
             }
-            round_to_24_bits(&mut lines);
+            if !are_rounded {
+                round_to_24_bits(&mut lines);
+            }
             self.factors.scale_row(component, row, self.width, &mut lines);
             visit(component, row, &lines)
         })

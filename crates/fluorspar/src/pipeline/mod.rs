@@ -41,12 +41,13 @@ mod safety;
 
 pub use capture::{
     BandPlanes, BandStore, BandedRender, BitFit, Calibration, CapturePlanes, CaptureResponses, CapturedFrame,
-    ChannelLight, FilmResponse, FinishedBands, IncompleteRaw, MultipleUncertainty, RawExposures, RelitImage,
-    RowBandError, SeenComponents, SpectroradiometerReading, bracket_label, capture, capture_from_planes,
-    capture_irradiance, channel_light, check_captures, check_same_scene, columns_per_column_to_render,
-    columns_per_render_column, complete_raw, concentration_factors, develop_frames, frame_radiance,
-    image_and_basis, on_sensor, read_spectroradiometers, relight_with_basis, render_row_bands,
-    render_with_basis, row_bands, scale_multiple, subtract_what_is_given, tile_rows_at_once, turned_alike,
+    ChannelLight, FilmResponse, FinishedBands, IncompleteRaw, MultipleUncertainty, RawExposures,
+    RecentExposures, RelitImage, RowBandError, SeenComponents, SpectroradiometerReading, bracket_label,
+    capture, capture_from_planes, capture_irradiance, capture_one, channel_light, check_captures,
+    check_same_scene, columns_per_column_to_render, columns_per_render_column, complete_raw,
+    concentration_factors, develop_frames, frame_radiance, image_and_basis, on_sensor,
+    read_spectroradiometers, relight_with_basis, render_row_bands, render_with_basis, row_bands,
+    scale_multiple, subtract_what_is_given, tile_rows_at_once, turned_alike,
 };
 pub use display::{
     CameraColor, ColorRendering, DenoiseError, DenoiseSettings, DisplayImage, LiveCapture, LivePlane,

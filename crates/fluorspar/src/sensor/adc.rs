@@ -11,7 +11,8 @@ impl Adc {
     /// `clamp(round(dn), 0, max_code)`; halves round away from zero.
     #[inline]
     pub(super) fn code(self, dn: f64) -> u16 {
-        dn.round().clamp(0.0, f64::from(self.max_code)) as u16
+        // What is below 0 clips, so that halves may round up; baseline processors have no instruction for `f64::round`
+        (dn.clamp(0.0, f64::from(self.max_code)) + 0.5) as u16
     }
 }
 
@@ -25,7 +26,11 @@ mod tests {
     #[test]
     fn codes_are_rounded_and_clipped() {
         let adc = Adc { max_code: 4095 };
-        assert_eq!([-3.0, 0.49, 0.5, 4094.5, 1e9].map(|dn| adc.code(dn)), [0, 0, 1, 4095, 4095]);
+        assert_eq!(
+            [-3.0, 0.49, 0.5, 4094.49, 4094.5, 1e9].map(|dn| adc.code(dn)),
+            [0, 0, 1, 4094, 4095, 4095]
+        );
+        assert_eq!(adc.code(f64::NAN), 0);
         assert!((QUANTIZATION_NOISE_DN - (1.0f64 / 12.0).sqrt()).abs() < 1e-16);
     }
 }

@@ -1,6 +1,7 @@
 //! From a component image to raw and developed frames.
 
 use std::borrow::Cow;
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -178,18 +179,91 @@ pub fn capture_from_planes(
     study: &Study,
     seen: &SeenComponents<'_>,
 ) -> Result<Vec<CapturedFrame>, PipelineError> {
+    capture_some(study, seen, |_| true, None)
+}
+
+/// [`capture_from_planes`], of one capture of the study. The exposures that it needs of the others are taken from `recent` where they
+/// would be the same.
+///
+/// # Errors
+/// Those of [`capture`]; a capture that is not there.
+pub fn capture_one(
+    study: &Study,
+    seen: &SeenComponents<'_>,
+    label: &str,
+    recent: &RecentExposures,
+) -> Result<CapturedFrame, PipelineError> {
+    let frame = capture_some(study, seen, |other| other == label, Some(recent))?.pop();
+    frame.ok_or_else(|| {
+        let known = study.captures.iter().map(|capture| capture.frame.label.as_str());
+        PipelineError::NoFrame { wanted: label.into(), known: known.collect::<Vec<_>>().join(", ") }
+    })
+}
+
+/// Exposures that frames of late needed beside their own: those that they subtract.
+#[derive(Debug, Default)]
+pub struct RecentExposures(Mutex<Vec<(Exposed, RawExposures)>>);
+
+/// All that the exposures of a capture come from where nothing moves.
+#[derive(Clone, Debug, PartialEq)]
+struct Exposed {
+    sensor: Sensor,
+    capture: Capture,
+    film: FilmExtent,
+    seed: u64,
+    rates: FilmRates,
+}
+
+impl RecentExposures {
+    /// Captures whose exposures are kept: most experiments have fewer beside the one that is shown.
+    const MOST: usize = 4;
+
+    /// The exposures of a capture, taken unless they are known.
+    fn or_taken(
+        &self,
+        exposed: Exposed,
+        take: impl FnOnce(&FilmRates) -> Result<RawExposures, PipelineError>,
+    ) -> Result<RawExposures, PipelineError> {
+        let lock = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, known)) = lock().iter().find(|(of, _)| *of == exposed) {
+            return Ok(known.clone());
+        }
+        let taken = take(&exposed.rates)?;
+        let mut kept = lock();
+        kept.insert(0, (exposed, taken.clone()));
+        kept.truncate(Self::MOST);
+        Ok(taken)
+    }
+}
+
+/// The frames of some captures of a study.
+fn capture_some(
+    study: &Study,
+    seen: &SeenComponents<'_>,
+    is_wanted: impl Fn(&str) -> bool,
+    recent: Option<&RecentExposures>,
+) -> Result<Vec<CapturedFrame>, PipelineError> {
     check_captures(study, seen.image)?;
     let sensor = study.camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
     // Expose each capture in sequence
     let mut path = MotionPath::new(study);
     let mut exposures = Vec::with_capacity(study.captures.len());
     for capture in &study.captures {
+        let (film, seed) = (seen.planes.film, study.render.seed);
         let rates = seen.film_rates(capture, |component| capture.frame.drive(&component.light_group));
-        exposures.push(expose_capture(study, sensor, capture, &rates, seen.planes.film, &mut path)?);
+        let mut take = |rates: &FilmRates| expose_capture(study, sensor, capture, rates, film, &mut path);
+        let is_beside = study.motion.is_none() && !is_wanted(&capture.frame.label);
+        exposures.push(match recent.filter(|_| is_beside) {
+            None => take(&rates)?,
+            Some(recent) => {
+                let exposed = Exposed { sensor: sensor.clone(), capture: capture.clone(), film, seed, rates };
+                recent.or_taken(exposed, take)?
+            }
+        });
     }
     // Develop with calibration frames of the same exposures
     let calibration = Calibration::of_study(study, exposures.iter().flat_map(RawExposures::all))?;
-    develop_frames(study, exposures, &calibration)
+    develop_some(study, exposures, &calibration, is_wanted)
 }
 
 /// Checks that a study has all that captures need, and that a component image fits it.
@@ -327,6 +401,16 @@ pub fn develop_frames(
     exposures: Vec<RawExposures>,
     calibration: &Calibration,
 ) -> Result<Vec<CapturedFrame>, PipelineError> {
+    develop_some(study, exposures, calibration, |_| true)
+}
+
+/// [`develop_frames`], of those that are wanted.
+fn develop_some(
+    study: &Study,
+    exposures: Vec<RawExposures>,
+    calibration: &Calibration,
+    is_wanted: impl Fn(&str) -> bool,
+) -> Result<Vec<CapturedFrame>, PipelineError> {
     // Calibrate and merge the exposures of each frame
     let merge = |frame: &RawExposures| {
         let all: Vec<&SensorImage> = frame.all().collect();
@@ -343,9 +427,11 @@ pub fn develop_frames(
             }
         })
     };
-    let developed: Vec<ChannelImage> = linear.par_iter().map(develop).collect::<Result<_, _>>()?;
+    let wanted: Vec<&LinearMosaic> = linear.iter().filter(|frame| is_wanted(&frame.label)).collect();
+    let developed: Vec<ChannelImage> = wanted.into_par_iter().map(develop).collect::<Result<_, _>>()?;
     Ok(exposures
         .into_iter()
+        .filter(|frame| is_wanted(&frame.raw.label))
         .zip(developed)
         .map(|(frame, developed)| CapturedFrame { raw: frame.raw, bracket: frame.bracket, developed })
         .collect())

@@ -18,8 +18,9 @@ mod spectroradiometer;
 pub use calibration::Calibration;
 pub use capture_planes::{CapturePlanes, CaptureResponses, SeenComponents};
 pub use captured_frame::{
-    BitFit, CapturedFrame, IncompleteRaw, RawExposures, bracket_label, capture, capture_from_planes,
-    check_captures, complete_raw, develop_frames, frame_radiance, subtract_what_is_given, turned_alike,
+    BitFit, CapturedFrame, IncompleteRaw, RawExposures, RecentExposures, bracket_label, capture,
+    capture_from_planes, capture_one, check_captures, complete_raw, develop_frames, frame_radiance,
+    subtract_what_is_given, turned_alike,
 };
 pub use channel_light::{ChannelLight, channel_light};
 pub use concentration::{MultipleUncertainty, concentration_factors, scale_multiple};
