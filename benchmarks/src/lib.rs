@@ -16,4 +16,4 @@ mod meshes;
 mod scenes;
 
 pub use cpu_time::cpu_seconds;
-pub use scenes::{BenchmarkScene, SceneOptions};
+pub use scenes::{BenchmarkScene, MOST_DYES, SceneOptions};

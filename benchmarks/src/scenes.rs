@@ -41,7 +41,7 @@ pub enum BenchmarkScene {
 pub struct SceneOptions {
     /// Wavelength bins.
     pub grid: WavelengthGrid,
-    /// Separable fluorophores, 0 to 5; tissue has its own.
+    /// Separable fluorophores, 0 to [`MOST_DYES`]; tissue has its own.
     pub fluorophores: usize,
     /// Columns and rows of the image.
     pub side: usize,
@@ -110,14 +110,19 @@ fn gaussian(center_nm: f64, sd_nm: f64, height: f64) -> Curve {
     Curve::from_fn(250.0, 850.0, |nm| height * (-0.5 * ((nm - center_nm) / sd_nm).powi(2)).exp())
 }
 
+/// Most dyes of a scene.
+pub const MOST_DYES: usize = 16;
+
 /// Separable dyes with one term each.
 fn dyes(count: usize) -> Vec<Fluorophore> {
     const PEAKS_NM: [(f64, f64); 5] =
         [(380.0, 460.0), (405.0, 635.0), (450.0, 530.0), (365.0, 420.0), (430.0, 590.0)];
-    PEAKS_NM[..count.min(5)]
-        .iter()
-        .enumerate()
-        .map(|(index, &(excitation_nm, emission_nm))| {
+    // Each round lies a little further
+    (0..count.min(MOST_DYES))
+        .map(|index| {
+            let further_nm = 8.0 * (index / PEAKS_NM.len()) as f64;
+            let (excitation_nm, emission_nm) = PEAKS_NM[index % PEAKS_NM.len()];
+            let (excitation_nm, emission_nm) = (excitation_nm + further_nm, emission_nm + further_nm);
             let term = SeparableTerm {
                 excitation: gaussian(excitation_nm, 30.0, 0.1),
                 emission: gaussian(emission_nm, 22.0, 1.0 / (22.0 * (2.0 * PI).sqrt())),
@@ -134,9 +139,11 @@ fn dyes(count: usize) -> Vec<Fluorophore> {
         .collect()
 }
 
-fn amounts(fluorophores: impl Iterator<Item = usize>) -> Vec<FluorophoreAmount> {
+/// Fluorophores of a material: of many each is less, so that a surface gives no more photons than it gets.
+fn amounts(fluorophores: impl ExactSizeIterator<Item = usize>) -> Vec<FluorophoreAmount> {
+    let amount = 0.5 * (5.0 / fluorophores.len().max(1) as f32).min(1.0);
     fluorophores
-        .map(|fluorophore| FluorophoreAmount::new(fluorophore, ScalarTexture::Constant(0.5)))
+        .map(|fluorophore| FluorophoreAmount::new(fluorophore, ScalarTexture::Constant(amount)))
         .collect()
 }
 
@@ -169,7 +176,8 @@ fn cornell_box(options: &SceneOptions) -> Scene {
     let dull = white.scaled(0.75);
     for (name, fluorophores) in [("floor", 0..1), ("block", 1..2)] {
         let mut material = Material::lambertian(name, dull.clone());
-        material.fluorophores = amounts(fluorophores.filter(|&f| f < options.fluorophores));
+        material.fluorophores =
+            amounts(fluorophores.start.min(options.fluorophores)..fluorophores.end.min(options.fluorophores));
         scene.materials.push(material);
     }
     let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);

@@ -23,7 +23,7 @@ use fluorspar::render::{RenderControl, RenderSettings, render};
 use fluorspar::scene::Scene;
 use fluorspar::spectral::WavelengthGrid;
 use fluorspar_accel::Allocator;
-use fluorspar_benchmarks::{BenchmarkScene, SceneOptions, cpu_seconds, export};
+use fluorspar_benchmarks::{BenchmarkScene, MOST_DYES, SceneOptions, cpu_seconds, export};
 use serde_json::{Value, json};
 
 #[global_allocator]
@@ -66,8 +66,10 @@ fn parse() -> Result<Arguments, Box<dyn Error>> {
             _ => return Err(format!("there is no option {word}").into()),
         }
     }
-    if bands == 0 || side == 0 || samples < 2 || runs == 0 || fluorophores > 5 {
-        return Err("bands, side and runs start at 1, spp at 2; there are 5 fluorophores".into());
+    if bands == 0 || side == 0 || samples < 2 || runs == 0 || fluorophores > MOST_DYES {
+        return Err(
+            format!("bands, side and runs start at 1, spp at 2; there are {MOST_DYES} fluorophores").into()
+        );
     }
     let grid = match bands {
         31 => WavelengthGrid::uniform(400.0, 700.0, 10.0)?,
