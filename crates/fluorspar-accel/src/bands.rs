@@ -375,7 +375,7 @@ impl OuterProduct {
 
     /// Blocks that a product reads or writes, about in proportion to its time.
     pub fn blocks(&self) -> usize {
-        /// A masked block sums up its lanes.
+        /// Work of a masked block, which sums up its lanes, by that of a plain one: an estimate, by which only time changes.
         const MASKED: usize = 3;
         let len = |(first, end): (usize, usize)| end - first;
         match self.diagonal {

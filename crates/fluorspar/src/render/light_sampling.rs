@@ -33,7 +33,8 @@ pub(super) struct LightSample {
 const KNOWN_WEIGHTS: usize = 16;
 /// Most lights of a scene that are weighted by what a surface scatters.
 pub(super) const WEIGHTED_LIGHTS: usize = 32;
-/// Fewest lights of a group that are: among two, irradiance alone draws 3 % more noise in a glossy cavity and takes a tenth less time.
+/// Fewest lights of a group that are, chosen: in a glossy cavity with two the relative variance falls by 3 %, and weighing them takes 4 % of
+/// the time by a profile.
 pub(super) const RING_LIGHTS: usize = 4;
 /// Share of the choice by irradiance alone, which fluorescence follows: no light's share falls below half of that.
 const BY_IRRADIANCE: f32 = 0.5;
