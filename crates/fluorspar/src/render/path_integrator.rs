@@ -576,7 +576,15 @@ fn power_heuristic(own: f32, other: f32) -> f32 {
         return 1.0;
     }
     let (a, b) = (own * own, other * other);
-    if a + b > 0.0 { a / (a + b) } else { 0.0 }
+    let sum = a + b;
+    if sum.is_normal() {
+        a / sum
+    } else if own > 0.0 {
+        // Squares that leave the range of numbers: light that grazes has densities of 1e20
+        1.0 / (1.0 + (other / own).powi(2))
+    } else {
+        0.0
+    }
 }
 
 #[cfg(test)]
@@ -593,6 +601,17 @@ mod tests {
     use crate::render::RenderSettings;
     use crate::scene::{Object, Scene, Shape};
     use crate::spectral::{Curve, WavelengthGrid};
+
+    #[test]
+    fn the_power_heuristic_holds_where_squares_leave_the_range_of_numbers() {
+        for scale in [1.0, 1e-25, 1e25] {
+            assert!((power_heuristic(scale, scale) - 0.5).abs() < 1e-6, "{scale}");
+            assert!((power_heuristic(2.0 * scale, scale) - 0.8).abs() < 1e-6, "{scale}");
+        }
+        assert_eq!([power_heuristic(1.0, 1e30), power_heuristic(1e30, 1.0)], [0.0, 1.0]);
+        assert_eq!([power_heuristic(0.0, 1.0), power_heuristic(0.0, 0.0)], [0.0; 2]);
+        assert_eq!([power_heuristic(f32::INFINITY, 1.0), power_heuristic(1.0, f32::INFINITY)], [1.0, 0.0]);
+    }
 
     /// A closed room with wavy walls of 20 thousand triangles, glossy, with two lights.
     fn room() -> Scene {
