@@ -72,7 +72,7 @@ pub struct CaptureSection {
     /// Analog gain, 0.01 to 1000. Default 1.
     #[serde(default = "unity")]
     pub gain: f64,
-    /// Filters in front of the sensor in this capture only, multiplied: a place of a filter wheel. Default: none.
+    /// Filters in front of the sensor in this capture only, at normal incidence, multiplied: a place of a filter wheel. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub filters: Vec<SpectrumReference>,
     /// Name of an earlier capture whose image is subtracted, scaled by exposure time: ambient light. Default: none.

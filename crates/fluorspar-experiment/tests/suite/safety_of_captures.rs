@@ -120,3 +120,28 @@ fn too_bright_a_lamp_allows_no_capture() {
     assert_eq!(report.program[0].sequences_per_day, Some(0));
     assert_eq!(report.risk_group, Some(RiskGroup::High));
 }
+
+/// Rows that begin one after the other need the lamp for longer, pulses for less.
+#[test]
+fn lamps_are_on_for_the_pulse_or_until_the_last_row_ends() {
+    let lit = |more: &str| {
+        let report = assess_safety(&ring(more), &[]).unwrap();
+        let capture = report.captures.into_iter().find(|capture| !capture.viewers.is_empty()).unwrap();
+        (capture.light_on_s, capture.light_on_from)
+    };
+    let near = |more: &str, seconds: f64, from: &str| {
+        let (got, source) = lit(more);
+        assert!((got - seconds).abs() < 1e-9 && source == from, "{more}: {got} {source}");
+    };
+    near("", 0.03, "exposure time");
+    let rolling =
+        "[sensor]\ncolumns = 320\nrows = 240\nshutter = { type = \"rolling\", row_time_us = 400.0 }\n";
+    near(rolling, 0.03 + 239.0 * 4e-4, "exposure time, first row to last");
+    near(&format!("{rolling}strobe = {{ duration_ms = 2.0 }}"), 0.002, "strobe");
+    near(
+        &format!("{rolling}strobe = {{ duration_ms = 10.0, frequency_hz = 1e3, duty = 0.1 }}"),
+        0.001,
+        "strobe",
+    );
+    near(&format!("{rolling}strobe = {{ delay_ms = 20.0 }}"), 0.01 + 239.0 * 4e-4, "strobe");
+}

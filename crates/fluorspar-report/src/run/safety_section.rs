@@ -268,7 +268,7 @@ pub(super) fn safety_section(report: &SafetyReport) -> Option<Section> {
                 "Risk group",
                 group.name(),
                 "IEC 62471",
-                "of the lights of the brightest capture at 200 mm from the camera, as if they shone continuously; see below",
+                "of the lights at 200 mm from the camera, as if they shone continuously, the worst of all captures; see below",
             )
         }))
         .collect();

@@ -15,6 +15,7 @@ use crate::safety::{
 };
 use crate::scene::Shape;
 use crate::scene::irradiance::emission_factor;
+use crate::sensor::ShutterKind;
 use crate::spectral::Curve;
 use crate::study::{Capture, SafetyPlan, Study};
 
@@ -103,9 +104,9 @@ pub struct SafetyReport {
     pub captures: Vec<CaptureSafety>,
     /// All of them together.
     pub program: Vec<ProgramSafety>,
-    /// Risk group of the lights of the brightest capture at 200 mm, in continuous operation; null when nothing shines.
+    /// Risk group of the lights at 200 mm, in continuous operation, the worst of all captures; null when nothing shines.
     pub risk_group: Option<RiskGroup>,
-    /// The quantities that it comes from.
+    /// The quantities that it comes from, each of the capture in which it is worst.
     pub risk_quantities: Vec<RiskQuantity>,
 }
 
@@ -133,18 +134,14 @@ pub fn assess_safety(study: &Study, frames: &[CapturedFrame]) -> Option<SafetyRe
     let settings = study.safety.as_ref()?;
     let mucosa_mm = settings.mucosa_distance_mm;
     let mut captures = Vec::new();
-    let mut brightest: Option<(f64, Illumination)> = None;
+    let mut lamps = Vec::new();
     for capture in &study.captures {
         // Assess each viewer of a capture
-        let (light_on_s, light_on_from) = light_on(capture, frames);
+        let (light_on_s, light_on_from) = light_on(study, capture, frames);
         let at_mucosa = illumination(study, capture, axis_point(study, mucosa_mm));
         let mut viewers = Vec::new();
         if !at_mucosa.sources.is_empty() {
-            let source = illumination(study, capture, axis_point(study, CLASSIFICATION_MM));
-            let level = source.total_irradiance();
-            if brightest.as_ref().is_none_or(|(most, _)| level > *most) {
-                brightest = Some((level, source));
-            }
+            lamps.push(illumination(study, capture, axis_point(study, CLASSIFICATION_MM)));
             let observer = if settings.aphakic { RetinalObserver::Aphakic } else { RetinalObserver::Normal };
             viewers.push(match settings.patient_eye_distance_mm {
                 None => refused(Viewer::PatientEye, "safety.patient_eye_distance_mm"),
@@ -171,14 +168,8 @@ pub fn assess_safety(study: &Study, frames: &[CapturedFrame]) -> Option<SafetyRe
             viewers,
         });
     }
-    // Classify the brightest capture as continuous light
-    let (risk_group, risk_quantities) = match brightest {
-        Some((_, source)) => {
-            let (group, list) = risk_group(&source);
-            (Some(group), list)
-        }
-        None => (None, Vec::new()),
-    };
+    // Classify the lamps of each capture as continuous light
+    let (risk_group, risk_quantities) = risk_group(&lamps).unzip();
     let program = program(&captures);
     Some(SafetyReport {
         standard: STANDARD,
@@ -188,7 +179,7 @@ pub fn assess_safety(study: &Study, frames: &[CapturedFrame]) -> Option<SafetyRe
         captures,
         program,
         risk_group,
-        risk_quantities,
+        risk_quantities: risk_quantities.unwrap_or_default(),
     })
 }
 
@@ -277,23 +268,33 @@ fn viewer(
 }
 
 /// Time that the lights of a capture are on.
-fn light_on(capture: &Capture, frames: &[CapturedFrame]) -> (f64, String) {
+fn light_on(study: &Study, capture: &Capture, frames: &[CapturedFrame]) -> (f64, String) {
     if let Some(ms) = capture.light_on_ms {
         return (ms * 1e-3, "light_on_ms".into());
     }
-    let label = &capture.frame.label;
-    if let Some(frame) = frames.iter().find(|frame| frame.raw.label == *label) {
-        let sum = frame.raw.exposure_s + frame.bracket.iter().map(|raw| raw.exposure_s).sum::<f64>();
-        return (sum, "exposure time".into());
-    }
-    let bracket: f64 = 1.0 + capture.bracket_ev.iter().map(|stops| stops.exp2()).sum::<f64>();
-    match (capture.frame.exposure_ms, &capture.frame.auto_exposure) {
-        (Some(ms), _) => (ms * 1e-3 * bracket, "exposure time".into()),
-        (None, rule) => {
-            let longest = rule.unwrap_or_default().max_exposure_ms;
-            (longest * 1e-3 * bracket, "longest time of the automatic exposure".into())
+    // Exposures of the capture, of which the first is the frame's
+    let stops = std::iter::once(1.0).chain(capture.bracket_ev.iter().map(|stops| stops.exp2()));
+    let taken = frames.iter().find(|frame| frame.raw.label == capture.frame.label);
+    let (exposures_s, from): (Vec<f64>, _) = match (taken, capture.frame.exposure_ms) {
+        (Some(frame), _) => {
+            let all = std::iter::once(&frame.raw).chain(&frame.bracket);
+            (all.map(|raw| raw.exposure_s).collect(), "exposure time")
         }
-    }
+        (None, Some(ms)) => (stops.map(|factor| ms * 1e-3 * factor).collect(), "exposure time"),
+        (None, None) => {
+            let longest = capture.frame.auto_exposure.unwrap_or_default().max_exposure_ms;
+            let all = stops.map(|factor| longest * 1e-3 * factor);
+            (all.collect(), "longest time of the automatic exposure")
+        }
+    };
+    let Some(sensor) = &study.camera.sensor else { return (exposures_s.iter().sum(), from.into()) };
+    let shutter = sensor.model().shutter;
+    let source = match shutter.kind {
+        _ if sensor.model().strobe.is_some() => "strobe".into(),
+        ShutterKind::Rolling if shutter.row_time_us > 0.0 => format!("{from}, first row to last"),
+        _ => from.into(),
+    };
+    (exposures_s.iter().map(|exposure_s| sensor.lamp_on_s(*exposure_s)).sum(), source)
 }
 
 fn axis_point(study: &Study, distance_mm: f64) -> OrientedPoint {

@@ -72,9 +72,7 @@ pub struct Assessment {
 
 /// A day of work, 8 hours, over which doses are counted, s (IEC 62471:2006, 4.3).
 pub const DAY_S: f64 = 8.0 * 3600.0;
-/// Subtenses beyond this count as this, rad: IEC 62471:2006, 4.2.1.
-const LARGEST_SUBTENSE_RAD: f64 = 0.1;
-/// Sources below it are small, rad.
+/// What is smaller as a whole is a small source, rad.
 const SMALL_SUBTENSE_RAD: f64 = 0.011;
 /// Luminance below which a source is not a strong visual stimulus is 10 cd/m²; this share of the radiant power below 780 nm
 /// stands for it.
@@ -142,10 +140,9 @@ fn retina(light: &Illumination, duration_s: f64, observer: RetinalObserver) -> V
         RetinalObserver::Normal => ActionSpectrum::BlueLight,
         RetinalObserver::Aphakic => ActionSpectrum::AphakicBlueLight,
     };
-    let subtense = light.largest_subtense_rad();
     let radiance = light.averaged_radiance(weight, blue_light_field_rad(duration_s));
     let mut list = vec![dose(Hazard::BlueLight, "L_B t", radiance, duration_s, 1e6, 1e4, 100.0, "J/(m² sr)")];
-    if subtense < SMALL_SUBTENSE_RAD {
+    if light.extent_rad() < SMALL_SUBTENSE_RAD {
         let irradiance = light.irradiance(weight);
         list.push(dose(
             Hazard::BlueLightSmallSource,
@@ -165,14 +162,13 @@ fn retina(light: &Illumination, duration_s: f64, observer: RetinalObserver) -> V
 /// The retina as it is heated, by light that is seen and by infrared without it.
 fn retina_thermal(light: &Illumination, duration_s: f64) -> Vec<Assessment> {
     let field = thermal_field_rad(duration_s);
-    let alpha = light.largest_subtense_rad().clamp(field, LARGEST_SUBTENSE_RAD);
-    let thermal = light.averaged_radiance(ActionSpectrum::RetinalThermal, field);
+    let (thermal, alpha) = light.hottest(ActionSpectrum::RetinalThermal, field);
     let limit = 5e4 / (alpha * duration_s.clamp(1e-5, 10.0).powf(0.25));
     let mut list = vec![rate(Hazard::RetinalThermal, "L_R", thermal, limit, "W/(m² sr)")];
     let infrared = light.irradiance(ActionSpectrum::RetinalInfrared);
     let all = light.total_irradiance();
     if duration_s > 10.0 && infrared > 0.0 && all - infrared < WEAK_STIMULUS_SHARE * all {
-        let radiance = light.averaged_radiance(ActionSpectrum::RetinalInfrared, field);
+        let (radiance, alpha) = light.hottest(ActionSpectrum::RetinalInfrared, field);
         list.push(rate(Hazard::RetinalThermalWeakStimulus, "L_IR", radiance, 6000.0 / alpha, "W/(m² sr)"));
     }
     list

@@ -40,6 +40,11 @@ pub(super) fn thermal_field_rad(duration_s: f64) -> f64 {
     (0.0017 * (duration_s / 0.25).max(1.0).sqrt()).min(0.011)
 }
 
+/// Subtenses beyond this count as this, rad: IEC 62471:2006, 4.2.1.
+const LARGEST_SUBTENSE_RAD: f64 = 0.1;
+/// Relative distance of the fields that are tried around a source.
+const FIELD_STEP: f64 = 0.01;
+
 impl Illumination {
     /// Weighted irradiance from all sources, W/m².
     pub fn irradiance(&self, weight: ActionSpectrum) -> f64 {
@@ -64,19 +69,60 @@ impl Illumination {
     /// radiance, for a smaller one `E / (pi field² / 4)`.
     pub fn averaged_radiance(&self, weight: ActionSpectrum, field_rad: f64) -> f64 {
         let irradiance = self.weighted(weight);
+        (0..irradiance.len()).map(|i| self.radiance_around(i, &irradiance, field_rad)).fold(0.0, f64::max)
+    }
+
+    /// The same of the field around one source.
+    fn radiance_around(&self, middle: usize, irradiance: &[f64], field_rad: f64) -> f64 {
         let field_sr = 0.25 * PI * field_rad * field_rad;
-        let inside = |i: usize, j: usize| {
-            let cosine: f64 =
-                (0..3).map(|k| self.sources[i].direction[k] * self.sources[j].direction[k]).sum();
-            i == j || cosine >= (0.5 * field_rad).cos()
-        };
         let share = |j: usize| (field_sr / self.sources[j].solid_angle_sr.max(field_sr)).min(1.0);
-        (0..irradiance.len())
-            .map(|i| {
-                let seen = (0..irradiance.len()).filter(|&j| inside(i, j));
-                seen.map(|j| irradiance[j] * share(j)).sum::<f64>() / field_sr
-            })
-            .fold(0.0, f64::max)
+        let within = (0.5 * field_rad).cos();
+        let seen = (0..irradiance.len()).filter(|&j| middle == j || self.cosine(middle, j) >= within);
+        seen.map(|j| irradiance[j] * share(j)).sum::<f64>() / field_sr
+    }
+
+    fn cosine(&self, i: usize, j: usize) -> f64 {
+        (0..3).map(|k| self.sources[i].direction[k] * self.sources[j].direction[k]).sum()
+    }
+
+    /// Mean radiance, W/(sr m²), and subtense, rad, whose product is the largest: what heats the retina most. Candidates are each source,
+    /// with its radiance in the smallest field, and all that lies in a wider field around one of them, up to
+    /// [`LARGEST_SUBTENSE_RAD`]: an array of small emitters is as large as it looks (ICNIRP 2013; IEC 60825-1:2014, 4.3 d).
+    pub(super) fn hottest(&self, weight: ActionSpectrum, smallest_rad: f64) -> (f64, f64) {
+        let irradiance = self.weighted(weight);
+        let mut hottest = (0.0, smallest_rad);
+        for middle in 0..irradiance.len() {
+            let alone = self.sources[middle].subtense_rad.clamp(smallest_rad, LARGEST_SUBTENSE_RAD);
+            let mut candidates = vec![(self.radiance_around(middle, &irradiance, smallest_rad), alone)];
+            // Fields that reach just to another source, a percent apart at least
+            let mut fields: Vec<f64> = (0..irradiance.len())
+                .map(|j| 2.0 * self.cosine(middle, j).clamp(-1.0, 1.0).acos() * (1.0 + FIELD_STEP))
+                .filter(|field| (smallest_rad..=LARGEST_SUBTENSE_RAD).contains(field))
+                .collect();
+            fields.sort_by(f64::total_cmp);
+            fields.dedup_by(|next, kept| *next < *kept * (1.0 + FIELD_STEP));
+            fields.push(LARGEST_SUBTENSE_RAD);
+            candidates.extend(
+                fields.into_iter().map(|field| (self.radiance_around(middle, &irradiance, field), field)),
+            );
+            for candidate in candidates {
+                if candidate.0 * candidate.1 > hottest.0 * hottest.1 {
+                    hottest = candidate;
+                }
+            }
+        }
+        hottest
+    }
+
+    /// Angle between the outermost edges of all sources, rad.
+    pub(super) fn extent_rad(&self) -> f64 {
+        let size = |i: usize| 0.5 * self.sources[i].subtense_rad;
+        let apart = |i: usize, j: usize| {
+            let angle = if i == j { 0.0 } else { self.cosine(i, j).clamp(-1.0, 1.0).acos() };
+            angle + size(i) + size(j)
+        };
+        let count = self.sources.len();
+        (0..count).flat_map(|i| (i..count).map(move |j| apart(i, j))).fold(0.0, f64::max)
     }
 
     /// Largest subtense of a single source, rad.
@@ -115,6 +161,35 @@ mod tests {
         // Two small ones, apart and together.
         near(at(vec![source(0.0, 0.001), source(0.02, 0.001)], 0.011), 1.0 / disc(0.011));
         near(at(vec![source(0.0, 0.001), source(0.02, 0.001)], 0.110), 2.0 / disc(0.110));
+    }
+
+    #[test]
+    fn an_array_of_small_sources_heats_as_a_disc_of_its_size() {
+        // 7 x 7 chips 10.5 mrad apart; a square of 73.5 mrad is a disc of 82.9
+        let chip = |i: i32, j: i32| {
+            let [x, y] = [i, j].map(|k| 0.0105 * f64::from(k));
+            let z = (1.0 - x * x - y * y).sqrt();
+            ApparentSource { direction: [x, y, z], ..source(0.0, 0.0113) }
+        };
+        let chips = (-3..=3).flat_map(|i| (-3..=3).map(move |j| chip(i, j))).collect();
+        let line = Curve::new(vec![599.0, 600.0, 601.0], vec![0.0, 1.0, 0.0]).unwrap();
+        let lit = |sources| Illumination { spectra: vec![line.clone()], sources };
+        let heat = |light: &Illumination| {
+            let (radiance, alpha) = light.hottest(ActionSpectrum::RetinalThermal, 0.0017);
+            radiance * alpha
+        };
+        let (array, disc) =
+            (lit(chips), lit(vec![ApparentSource { irradiance_factor: 49.0, ..source(0.0, 0.0829) }]));
+        let ratio = heat(&array) / heat(&disc);
+        assert!((0.9..1.1).contains(&ratio), "{ratio}");
+        assert!(
+            (array.extent_rad() - (0.063 * 2_f64.sqrt() * 1.0 + 0.0113)).abs() < 1e-3,
+            "{}",
+            array.extent_rad()
+        );
+        // Far apart each counts for itself
+        let [two, one] = [vec![source(0.0, 0.02), source(0.5, 0.02)], vec![source(0.0, 0.02)]].map(lit);
+        assert!((heat(&two) / heat(&one) - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -83,12 +83,25 @@ impl RiskQuantity {
 }
 
 /// The group of a lamp, the worst of its quantities, from the light at the distance of the test (200 mm for lamps that
-/// are not for general lighting).
-pub fn risk_group(light: &Illumination) -> (RiskGroup, Vec<RiskQuantity>) {
+/// are not for general lighting). Of several ways to drive it each quantity is that of the worst; `None` without any.
+pub fn risk_group(lights: &[Illumination]) -> Option<(RiskGroup, Vec<RiskQuantity>)> {
+    let list = lights.iter().map(quantities).reduce(|worst, next| {
+        let worse = |(a, b): (RiskQuantity, RiskQuantity)| {
+            // Limits of heat are those of its own subtense
+            let share = |q: &RiskQuantity| q.value / q.group_limits[0];
+            if (b.group, share(&b)) > (a.group, share(&a)) { b } else { a }
+        };
+        worst.into_iter().zip(next).map(worse).collect()
+    })?;
+    Some((list.iter().map(|q| q.group).max()?, list))
+}
+
+/// Every quantity of one light.
+fn quantities(light: &Illumination) -> Vec<RiskQuantity> {
     // Times of the groups for heat: 10, 10 and 0.25 s, each with its field, below which no source counts as smaller.
     let fields = [10.0, 10.0, 0.25].map(thermal_field_rad);
-    let thermal_levels = fields.map(|field| light.averaged_radiance(ActionSpectrum::RetinalThermal, field));
-    let [low, _, moderate] = fields.map(|field| light.largest_subtense_rad().clamp(field, 0.1));
+    let thermal = fields.map(|field| light.hottest(ActionSpectrum::RetinalThermal, field));
+    let (thermal_levels, [low, _, moderate]) = (thermal.map(|hot| hot.0), thermal.map(|hot| hot.1));
     // Times of the groups for blue light: 1e4, 100 and 0.25 s, each with its field.
     let blue = |seconds| light.averaged_radiance(ActionSpectrum::BlueLight, blue_light_field_rad(seconds));
     let blue_levels = [blue(1e4), blue(100.0), blue(0.25)];
@@ -119,8 +132,7 @@ pub fn risk_group(light: &Illumination) -> (RiskGroup, Vec<RiskQuantity>) {
         group_limits,
         group: group(blue_levels, group_limits),
     });
-    let worst = list.iter().map(|q| q.group).max().unwrap_or(RiskGroup::Exempt);
-    (worst, list)
+    list
 }
 
 fn group(values: [f64; 3], limits: [f64; 3]) -> RiskGroup {
@@ -146,7 +158,7 @@ mod tests {
                 subtense_rad: 0.05,
                 solid_angle_sr: 0.0025,
             };
-            risk_group(&Illumination { spectra: vec![spectrum], sources: vec![source] })
+            risk_group(&[Illumination { spectra: vec![spectrum], sources: vec![source] }]).unwrap()
         };
         for (irradiance, expected) in [
             (9.0, RiskGroup::Exempt),
@@ -178,12 +190,35 @@ mod tests {
             subtense_rad: 0.002,
             solid_angle_sr: std::f64::consts::PI * 1e-6,
         };
-        let (_, list) = risk_group(&Illumination { spectra: vec![spectrum], sources: vec![source] });
+        let light = Illumination { spectra: vec![spectrum], sources: vec![source] };
+        let (_, list) = risk_group(std::slice::from_ref(&light)).unwrap();
         let heat = list.iter().find(|q| q.quantity == "L_R").unwrap();
         let field = thermal_field_rad(10.0);
         let expected = 500.0 / (std::f64::consts::FRAC_PI_4 * field * field);
         assert!((heat.value / expected - 1.0).abs() < 1e-3, "{heat:?} {expected}");
         assert!((heat.group_limits[0] * field / 28_000.0 - 1.0).abs() < 1e-9, "{heat:?}");
         assert_eq!(heat.group, RiskGroup::High);
+    }
+
+    #[test]
+    fn each_quantity_is_that_of_the_worst_way_to_drive_a_lamp() {
+        let light = |nm: f64, irradiance: f64| {
+            let spectrum = Curve::new(vec![nm - 0.1, nm, nm + 0.1], vec![0.0, 10.0, 0.0]).unwrap();
+            let source = ApparentSource {
+                spectrum: 0,
+                irradiance_factor: irradiance,
+                direction: [0.0, 0.0, 1.0],
+                subtense_rad: 0.05,
+                solid_angle_sr: 0.0025,
+            };
+            Illumination { spectra: vec![spectrum], sources: vec![source] }
+        };
+        let (violet, white) = (light(385.0, 194.0), light(550.0, 1000.0));
+        for lights in [[violet.clone(), white.clone()], [white, violet]] {
+            let (worst, list) = risk_group(&lights).unwrap();
+            assert_eq!(worst, RiskGroup::High);
+            assert!((list.iter().find(|q| q.quantity == "E_UVA").unwrap().value / 194.0 - 1.0).abs() < 1e-6);
+        }
+        assert_eq!(risk_group(&[]), None);
     }
 }

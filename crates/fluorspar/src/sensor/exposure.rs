@@ -12,7 +12,7 @@ use super::pixel_integration::{FilmExtent, dot};
 use super::readout::Readout;
 use super::relative_illumination::RelativeIllumination;
 use super::shutter::Timing;
-use super::{BinningKind, SensorMode, SensorModel, SensorProblem, SpectralQe};
+use super::{BinningKind, SensorMode, SensorModel, SensorProblem, ShutterKind, SpectralQe};
 use crate::image::{Mosaic, SensorImage, SpectralImage};
 use crate::spectral::{Curve, Irradiance, WavelengthGrid};
 
@@ -222,6 +222,18 @@ impl Sensor {
     /// Time of an exposure in which light falls on a pixel, s: what a strobe leaves of it, in the first row.
     pub fn light_s(&self, exposure_s: f64) -> f64 {
         Timing { shutter: self.model.shutter, strobe: self.model.strobe }.light_s(0, exposure_s)
+    }
+
+    /// Time that lamps are on for an exposure, s: the pulse of a strobe, else from the first row's exposure to the end of the last one's.
+    pub fn lamp_on_s(&self, exposure_s: f64) -> f64 {
+        let binned = self.readout.binning.map_or(1, |binning| binning.rows);
+        let last_row = (self.readout.rows * binned).saturating_sub(1);
+        let rolling_s = match self.model.shutter.kind {
+            ShutterKind::Global => 0.0,
+            ShutterKind::Rolling => last_row as f64 * self.model.shutter.row_time_us * 1e-6,
+        };
+        let frame_s = exposure_s + rolling_s;
+        self.model.strobe.map_or(frame_s, |strobe| strobe.pulse_s(frame_s))
     }
 
     /// Electrons behind a value of a frame for each electron per second in a pixel, s: [`Self::light_s`] times the pixels that are joined.

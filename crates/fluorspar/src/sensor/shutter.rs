@@ -88,6 +88,12 @@ impl Strobe {
         Ok(())
     }
 
+    /// Time that the light is on in a frame that takes so long, s: a pulse of its own length, or one until the end of the frame.
+    pub(super) fn pulse_s(&self, frame_s: f64) -> f64 {
+        let start_s = self.delay_ms * 1e-3;
+        self.on_time_s(start_s, self.duration_ms.map_or(frame_s, |ms| start_s + ms * 1e-3))
+    }
+
     /// Time that the light is on between two times, s.
     fn on_time_s(&self, from_s: f64, to_s: f64) -> f64 {
         let start = self.delay_ms * 1e-3;
