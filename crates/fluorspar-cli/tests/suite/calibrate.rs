@@ -162,6 +162,9 @@ fn the_template_finds_a_camera_that_differs_from_its_data_sheet() {
     let set = 0.8 * 0.7 / 0.9;
     assert!((value - set).abs() < 3.5 * (high - low) / 3.92 && high - low < 0.12 * set, "{of_reference:#}");
     assert_eq!(of_reference["scales"]["leaks"].as_array().map(Vec::len), Some(0));
+    // One light in two captures; without a known radiance it is the sensor that is less sensitive
+    let text = fs::read_to_string(out.join("camera.toml")).unwrap();
+    assert_eq!(text.matches("blue = 1.0\n").count(), 2, "{text}");
     // Commands take the camera
     let camera = out.join("camera.toml").display().to_string();
     let sensor = fluorspar(folder, ["catalog", "show", "sensor", &camera, "--json"]).json();

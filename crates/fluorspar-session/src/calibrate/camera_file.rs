@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use fluorspar::pipeline::CameraScales;
+use fluorspar::pipeline::{CameraScales, LightScale};
 use fluorspar::sensor::{Emva1288, FrameCalibration, SensorModel};
-use fluorspar::study::Study;
+use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::schema::SensorSection;
 use fluorspar_experiment::{Experiment, parse};
 use fluorspar_report::calibration_rows;
@@ -58,7 +58,7 @@ pub(super) fn camera_toml(
             Table::from_iter([("filters".to_owned(), Value::from(vec![filter]))]).into(),
         );
     }
-    let captures: Vec<Value> = scales.lights.iter().filter_map(|light| capture(study, light)).collect();
+    let captures: Vec<Value> = study.captures.iter().filter_map(|of| capture(of, study, scales)).collect();
     if !captures.is_empty() {
         file.insert("capture".into(), captures.into());
     }
@@ -102,13 +102,14 @@ fn sensor(
         });
         sensor.insert("relative_illumination".into(), Table::from_iter(shading).into());
     }
+    let common = of_efficiency(scales);
     let known = study.camera.sensor.iter().flat_map(|sensor| sensor.qe().channels());
     let scaled = known.map(|channel| {
         let scale = scales.efficiencies.iter().find(|scale| scale.channel == channel.name);
-        let curve = channel.curve.scaled(scale.map_or(1.0, |scale| scale.factor.value));
+        let curve = channel.curve.scaled(common * scale.map_or(1.0, |scale| scale.factor.value));
         (channel.name.clone(), table(|nm| curve.at(nm)))
     });
-    if !scales.efficiencies.is_empty() {
+    if !scales.efficiencies.is_empty() || common != 1.0 {
         sensor.insert("quantum_efficiency".into(), Table::from_iter(scaled).into());
     }
     Ok(sensor)
@@ -146,13 +147,33 @@ fn leaking_filter(study: &Study, scales: &CameraScales) -> Option<Value> {
     Some(table(|nm| transmittance.at(nm).max(floor)))
 }
 
-/// A capture whose lights are as strong as they were measured.
-fn capture(study: &Study, light: &fluorspar::pipeline::LightScale) -> Option<Value> {
-    let capture = study.capture(&light.capture)?;
-    let drives =
-        capture.frame.lights.iter().map(|(group, drive)| (group.clone(), float(drive * light.factor.value)));
+/// What of the measured strengths goes to the quantum efficiency. Where light and efficiency are not told apart, the strongest light is as
+/// described and the sensor less sensitive: no light is taken for weaker, and so for safer, than it may be.
+fn of_efficiency(scales: &CameraScales) -> f64 {
+    let unknown = scales.lights.iter().filter(|light| !light.is_absolute);
+    let strongest = unknown.map(|light| light.factor.value).fold(0.0, f64::max);
+    if strongest > 0.0 { strongest.min(1.0) } else { 1.0 }
+}
+
+/// A capture whose lights are as strong as they were measured: in it, or else in another capture that drives them.
+fn capture(capture: &Capture, study: &Study, scales: &CameraScales) -> Option<Value> {
+    let common = of_efficiency(scales);
+    let own = scales.lights.iter().find(|light| light.capture == capture.frame.label);
+    let of_group = |group: &str| {
+        let drives = |light: &&LightScale| {
+            study.capture(&light.capture).is_some_and(|other| other.frame.drive(group) > 0.0)
+        };
+        let light = own.or_else(|| scales.lights.iter().find(drives))?;
+        Some(light.factor.value / if light.is_absolute { 1.0 } else { common })
+    };
+    let lights = capture.frame.lights.iter();
+    let factors: Vec<Option<f64>> = lights.clone().map(|(group, _)| of_group(group)).collect();
+    factors.iter().flatten().next()?;
+    let drives = lights
+        .zip(factors)
+        .map(|((group, drive), factor)| (group.clone(), float(drive * factor.unwrap_or(1.0))));
     let section = [
-        ("name".to_owned(), Value::from(light.capture.clone())),
+        ("name".to_owned(), Value::from(capture.frame.label.clone())),
         ("light_groups".to_owned(), Table::from_iter(drives).into()),
     ];
     Some(Table::from_iter(section).into())

@@ -10,7 +10,7 @@ use clap::ValueHint;
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{CameraScales, KnownTarget, RecordedTarget, target_rates};
 use fluorspar::sensor::{FrameCalibration, FrameStack, calibrate_frames};
-use fluorspar::study::Study;
+use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::Warning;
 use fluorspar_format::{OutputFolder, read_described_frame};
 use fluorspar_report::{CalibrationResults, calibration_report};
@@ -138,6 +138,7 @@ fn measured(
     });
     let scales = CameraScales::of(&targets, camera.gain_dn_per_e);
     warnings.extend(unknown_scale(&scales));
+    warnings.extend(unmeasured(study, &scales));
     Ok((CalibratedCamera { folder: PathBuf::new(), camera, scales, warnings }, darks[0].gain))
 }
 
@@ -164,8 +165,23 @@ fn unknown_scale(scales: &CameraScales) -> Option<Warning> {
             "The absolute quantum efficiency is not measured: it takes a source of known radiance";
         Warning::explained(
             statement,
-            "That of the experiment counts, and what it is wrong by is part of the lights' strength.",
+            "The strongest light counts as described, and the sensor as less sensitive where less was measured.",
         )
+    })
+}
+
+/// Captures whose lights no target tells of.
+fn unmeasured(study: &Study, scales: &CameraScales) -> Option<Warning> {
+    let measured: Vec<&Capture> =
+        scales.lights.iter().filter_map(|light| study.capture(&light.capture)).collect();
+    let is_open = |capture: &&Capture| {
+        let mut on = capture.frame.lights.iter().filter(|(_, drive)| **drive > 0.0);
+        on.any(|(group, _)| !measured.iter().any(|other| other.frame.drive(group) > 0.0))
+    };
+    let open: Vec<&str> = study.captures.iter().filter(is_open).map(|of| of.frame.label.as_str()).collect();
+    (!measured.is_empty() && !open.is_empty()).then(|| {
+        let statement = format!("The lights of {} are not measured, and stay as described", open.join(", "));
+        Warning::explained(statement, "Take a target in that capture.")
     })
 }
 

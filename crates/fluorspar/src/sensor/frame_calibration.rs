@@ -437,7 +437,10 @@ impl Frames<'_> {
         if lit.is_empty() {
             return Err(CalibrationProblem::NoPair);
         }
-        let points: Vec<Point> = self.darks.iter().flat_map(of_stack).chain(lit).collect();
+        // What quantization hides is no point (EMVA 1288, section 6), where light tells enough
+        let is_seen = |p: &Point| lit.len() < 2 || p.1 >= LEAST_DARK_VARIANCE_DN2;
+        let darks: Vec<Point> = self.darks.iter().flat_map(of_stack).filter(is_seen).collect();
+        let points: Vec<Point> = darks.into_iter().chain(lit).collect();
         let weighted = |line: Option<&Line>| {
             let weight = |p: &Point| p.2 / line.map_or(p.1, |line| line.at(p.0).max(0.1 * p.1)).powi(2);
             Line::through(points.iter().map(|p| (p.0, p.1, weight(p))).collect::<Vec<_>>().into_iter())
@@ -521,9 +524,8 @@ impl Frames<'_> {
     fn dark_noise(&self, transfer: &Transfer, warnings: &mut Vec<Warning>) -> MeasuredNumber {
         let (variance, error) = self.dark_variance(transfer, warnings);
         if variance < LEAST_DARK_VARIANCE_DN2 {
-            let gain = transfer.gain.value;
-            warnings.push(quantization_warning(variance.max(0.0), gain));
-            let most = (LEAST_DARK_VARIANCE_DN2 - QUANTIZATION_NOISE_DN.powi(2)).sqrt() / gain;
+            warnings.push(quantization_warning(variance.max(0.0), transfer.gain.value));
+            let most = hidden_e(transfer);
             return MeasuredNumber { value: 0.5 * most, low: 0.0, high: most };
         }
         root_over(variance - QUANTIZATION_NOISE_DN.powi(2), error, transfer.gain)
@@ -563,7 +565,12 @@ impl Frames<'_> {
         };
         let error = error.hypot(of_noise);
         let square = all - noise / master.frames as f64;
-        (Some(root_over(square, error, transfer.gain)), (stripes.0 + stripes.1) / square.max(1e-12), hot)
+        let mut found = root_over(square, error, transfer.gain);
+        if noise < LEAST_DARK_VARIANCE_DN2 {
+            // Steps of the converter hide patterns, too
+            found = MeasuredNumber { high: found.high.max(hidden_e(transfer)), low: 0.0, ..found };
+        }
+        (Some(found), (stripes.0 + stripes.1) / square.max(1e-12), hot)
     }
 
     /// The flat that tells most of the responses of pixels: the most light below saturation.
@@ -714,6 +721,11 @@ impl Frames<'_> {
 }
 
 /// A root of a variance in digital numbers, in electrons.
+/// Most that steps of the converter hide of noise or pattern, e-.
+fn hidden_e(transfer: &Transfer) -> f64 {
+    (LEAST_DARK_VARIANCE_DN2 - QUANTIZATION_NOISE_DN.powi(2)).sqrt() / transfer.gain.value
+}
+
 fn root_over(square: f64, error: f64, gain: MeasuredNumber) -> MeasuredNumber {
     let squared = gain.value * gain.value;
     let of_gain = 2.0 * square * gain.error() / gain.value;

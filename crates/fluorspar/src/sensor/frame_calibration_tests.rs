@@ -268,7 +268,8 @@ fn dark_frames_that_are_cut_or_single_leave_the_noise_to_the_flats() {
 fn light_that_flickers_and_frames_that_are_developed_are_told() {
     let mut camera = Camera { times_s: vec![0.008, 0.03, 0.06], ..Camera::drawn(5) };
     let steady = calibrate_frames(&camera.darks(), &camera.flats()).unwrap();
-    let levels = [1.0, 0.9, 1.1, 1.05];
+    // A lamp that warms up
+    let levels = [1.15, 1.0, 0.95, 0.95];
     let flats = camera.times_s.clone().into_iter().map(|time_s| {
         let frames = levels.iter().enumerate().map(|(frame, level)| {
             camera.light[0] *= level;
@@ -301,6 +302,32 @@ fn light_that_flickers_and_frames_that_are_developed_are_told() {
         Err(error) => *error == CalibrationProblem::NoRise,
     };
     assert!(is_told, "{problem:?}");
+}
+
+/// Dark frames whose noise the steps of the converter hide tell nothing of the gain, and no lower limit of a pattern.
+#[test]
+fn noise_below_the_steps_of_the_converter_bends_nothing() {
+    for (number, dsnu_e) in [(5, 2.0), (11, 10.0)] {
+        let drawn = Camera::drawn(number);
+        let model = SensorModel {
+            voltage_swing_v: 1e-4 * 256.0 / 0.02,
+            bit_depth: 8,
+            well_capacity_e: 1e6,
+            read_noise_e: Some(3.0),
+            dsnu_e: Some(dsnu_e),
+            dark_current_e_per_s: Some(1.0),
+            black_level_dn: 8.3,
+            ..drawn.sensor.model().clone()
+        };
+        let sensor = Sensor::new(model, drawn.sensor.qe().clone()).unwrap();
+        let camera = Camera { sensor, light: vec![1e5], frames: 8, ..drawn };
+        let found = calibrate_frames(&camera.darks(), &camera.flats()).unwrap();
+        let (gain, dsnu) = (found.gain_dn_per_e, found.dsnu_e.unwrap());
+        assert!((gain.value - 0.02).abs() < 3.0 * gain.error() && gain.error() < 6e-4, "{gain:?}");
+        assert!((dsnu.low..=dsnu.high).contains(&dsnu_e), "{dsnu:?}");
+        let texts: Vec<&str> = found.warnings.iter().map(|warning| warning.text()).collect();
+        assert!(!texts.iter().any(|text| text.contains("in proportion")), "{texts:?}");
+    }
 }
 
 /// A camera whose channels have black levels of their own is the same camera otherwise.

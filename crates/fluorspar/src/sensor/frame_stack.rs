@@ -50,6 +50,8 @@ struct Sums {
     squares: Vec<f64>,
     empty: Vec<f64>,
     levels: Vec<f64>,
+    /// Whether frames are scaled to the level of the first.
+    is_scaled: bool,
     black: f64,
     gain: f64,
     bits: (u16, u8),
@@ -75,6 +77,7 @@ impl Sums {
             true => (1.0, first - level),
             false => ((first - black) / (level - black), 0.0),
         };
+        self.is_scaled |= scale != 1.0;
         for (value, (&dn, &origin)) in frame.data.iter().zip(&self.origin).enumerate() {
             let difference = (f64::from(dn) - black) * scale + shift + black - f64::from(origin);
             self.sums[value] += difference;
@@ -118,6 +121,11 @@ impl Sums {
             fourth += of_value * of_value;
         }
         let count = f64::max(count, 1.0);
+        // Noise at the mean level, which is that of the mean
+        let level = self.levels.iter().sum::<f64>() / frames;
+        let to_mean = if self.is_scaled { (level - self.black) / (self.levels[0] - self.black) } else { 1.0 };
+        variance *= to_mean.powi(2);
+        fourth *= to_mean.powi(4);
         StackNoise {
             mean_dn: mean / count,
             variance_dn2: variance / count,
