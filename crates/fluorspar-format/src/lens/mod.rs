@@ -280,6 +280,24 @@ mod tests {
     }
 
     #[test]
+    fn the_aperture_of_a_zemax_file_is_that_of_its_system_and_surfaces() {
+        let read = |from: &str, to: &str| {
+            let lens = parse_lens(&ZMX.replace(from, to), "zmx", "x").unwrap();
+            lens.with_glasses(|_| Ok(Dispersion::Constant { index: 1.5 })).ok().unwrap()
+        };
+        let opening = |from: &str, to: &str| read(from, to).surfaces[0].semi_diameter_mm;
+        // The stop is the first surface: its pupil is as large as it is
+        assert_eq!(opening("PWAV 1", "PWAV 1\nENPD 12"), 6.0);
+        assert_eq!(opening("UNIT MM X W X CM MR CPMM\n", "UNIT IN\nENPD 0.5\n"), 6.35);
+        assert_eq!(opening("PWAV 1", "PWAV 1\nENPD 50"), 10.0, "the rim of the stop stays");
+        let f = Paraxial::new(&read("", ""), D_LINE_NM).focal_length_mm;
+        assert!((opening("PWAV 1", "PWAV 1\nFNUM 5 0") - f / 10.0).abs() < 1e-9);
+        assert_eq!(opening("  CONI -0.5", "  CONI -0.5\n  CLAP 0 3.0 0"), 3.0);
+        assert!(fault(&ZMX.replace("  CONI -0.5", "  OBSC 0 3.0 0"), "zmx").contains("not round"));
+        assert!(fault(&ZMX.replace("PWAV 1", "OBNA 0.1 0"), "zmx").contains("f-number"));
+    }
+
+    #[test]
     fn what_a_zemax_file_may_not_hold_is_named() {
         assert!(fault(&ZMX.replace("MODE SEQ", "MODE NSC"), "zmx").contains("non-sequential"));
         let mirror = ZMX.replace("GLAS N-BK7", "GLAS MIRROR");

@@ -180,6 +180,7 @@ impl LensFile {
             } else {
                 FocusMechanism::Gaps(self.focus.clone())
             },
+            aperture: None,
         };
         Ok(if self.scale == 1.0 { lens } else { lens.scaled(self.scale) })
     }

@@ -1,7 +1,7 @@
 //! The sequential, centered, refracting subset of Zemax files: standard and even aspheric surfaces.
 
 use super::{Fault, number, put_into_curvature};
-use fluorspar::optics::{Dispersion, LensPrescription, LensSurface, Medium};
+use fluorspar::optics::{Dispersion, LensPrescription, LensSurface, Medium, SystemAperture};
 use fluorspar::quote::excerpt;
 
 struct ZemaxSurface {
@@ -9,6 +9,8 @@ struct ZemaxSurface {
     surface: LensSurface,
     /// Terms `a2, a4, ...`.
     terms: Vec<f64>,
+    /// Radius of its own aperture, in which light passes.
+    clear_mm: f64,
 }
 
 /// The entries of a file.
@@ -20,6 +22,7 @@ struct ZemaxFile {
     /// Number of the design wavelength.
     primary: usize,
     surfaces: Vec<ZemaxSurface>,
+    aperture: Option<SystemAperture>,
 }
 
 impl Default for ZemaxFile {
@@ -30,6 +33,7 @@ impl Default for ZemaxFile {
             wavelengths_um: Vec::new(),
             primary: 1,
             surfaces: Vec::new(),
+            aperture: None,
         }
     }
 }
@@ -56,11 +60,21 @@ impl ZemaxFile {
             ("WAVM", _) => {
                 self.wavelengths_um.push((value(0, "number")? as usize, value(1, "wavelength")?));
             }
+            ("ENPD", _) => {
+                self.aperture =
+                    Some(SystemAperture::EntrancePupilMm(value(0, "diameter of the entrance pupil")?));
+            }
+            ("FNUM", _) => self.aperture = Some(SystemAperture::FNumber(value(0, "f-number")?)),
+            ("OBNA", _) => {
+                let message = "its aperture is a numerical aperture of the object; set it as an entrance pupil or an f-number";
+                return Err(Fault::at(at, message));
+            }
             ("PWAV", _) => self.primary = value(0, "number")? as usize,
             ("SURF", _) => self.surfaces.push(ZemaxSurface {
                 line: at,
                 surface: LensSurface::spherical(0.0, 0.0, 0.0),
                 terms: Vec::new(),
+                clear_mm: f64::INFINITY,
             }),
             ("STOP", Some(current)) => current.surface.is_stop = true,
             ("TYPE", Some(_)) => {
@@ -87,6 +101,13 @@ impl ZemaxFile {
                     if rest.first() == Some(&"INFINITY") { f64::INFINITY } else { value(0, "thickness")? };
             }
             ("DIAM", Some(current)) => current.surface.semi_diameter_mm = value(0, "semi-diameter")?,
+            ("CLAP", Some(current)) => current.clear_mm = value(1, "largest radius of its aperture")?,
+            ("SQAP" | "ELAP" | "OBSC" | "OBSR" | "OBEL" | "UDAD" | "UDOB", Some(_)) => {
+                return Err(Fault::at(
+                    at,
+                    "an aperture that is not round and open; only round ones are read (CLAP)",
+                ));
+            }
             ("GLAS", Some(current)) => current.surface.medium = glass(&rest, value, at)?,
             _ => {}
         }
@@ -133,7 +154,8 @@ fn glass(
 impl ZemaxSurface {
     /// Checks a surface whose entries are all read, and puts the `r²` term into its curvature.
     fn finish(&mut self) -> Result<(), Fault> {
-        let Self { line, surface, terms } = self;
+        let Self { line, surface, terms, clear_mm } = self;
+        surface.semi_diameter_mm = surface.semi_diameter_mm.min(*clear_mm);
         if surface.semi_diameter_mm <= 0.0 {
             return Err(Fault::at(*line, "the surface has no DIAM; write its semi-diameter into the file"));
         }
@@ -154,7 +176,7 @@ pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
         file.read_line(line, index + 1)?;
     }
 
-    let ZemaxFile { title, unit_mm, wavelengths_um, primary, surfaces } = file;
+    let ZemaxFile { title, unit_mm, wavelengths_um, primary, surfaces, aperture } = file;
     let surfaces = between_object_and_image(surfaces)?;
 
     // Set title, design wavelength and unit
@@ -163,6 +185,7 @@ pub(super) fn parse(text: &str, name: &str) -> Result<LensPrescription, Fault> {
     if let Some((_, um)) = wavelengths_um.iter().find(|(number, _)| *number == primary) {
         lens.design_wavelength_nm = (um * 1e7).round() / 1e4;
     }
+    lens.aperture = aperture;
     Ok(if unit_mm == 1.0 { lens } else { lens.scaled(unit_mm) })
 }
 

@@ -43,7 +43,7 @@ pub use paraxial::Paraxial;
 pub use perspective::{Aperture, CameraRay, PerspectiveCamera};
 pub use prescription::{
     FocusGap, FocusMechanism, LensPrescription, LensSurface, MOST_ASPHERIC_TERMS, MOST_SURFACES, Medium,
-    PrescriptionError,
+    PrescriptionError, SystemAperture,
 };
 pub use sequential_trace::{Blocked, LensRay, SequentialTrace};
 pub use traced_lens::{ChiefRay, FilmSample, LensSetting, LensState, TracedLens};

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::glass::{D_LINE_NM, Dispersion};
+use super::paraxial::Paraxial;
 use crate::units::number_text;
 
 /// The material behind a surface.
@@ -70,6 +71,17 @@ pub struct LensPrescription {
     pub surfaces: Vec<LensSurface>,
     /// Parts that move to focus.
     pub focus: FocusMechanism,
+    /// How wide its stop is, until its glasses are looked up; `None`: as its surface says.
+    pub aperture: Option<SystemAperture>,
+}
+
+/// What the aperture stop lets through, where a file says it otherwise than by the size of the stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SystemAperture {
+    /// Diameter of the entrance pupil, mm.
+    EntrancePupilMm(f64),
+    /// F-number at infinity: focal length over the diameter of the entrance pupil.
+    FNumber(f64),
 }
 
 /// A lens that can't be used: where and why.
@@ -224,6 +236,7 @@ impl LensPrescription {
             design_wavelength_nm: D_LINE_NM,
             surfaces,
             focus: FocusMechanism::Film,
+            aperture: None,
         }
     }
 
@@ -232,7 +245,7 @@ impl LensPrescription {
         self.surfaces.iter().position(|surface| surface.is_stop).unwrap_or(0)
     }
 
-    /// The lens with every named glass looked up.
+    /// The lens with every named glass looked up, and its stop as wide as [`Self::aperture`] says.
     ///
     /// # Errors
     /// The first glass that `find` does not know, with what it has to say about it.
@@ -246,6 +259,16 @@ impl LensPrescription {
                 surface.medium =
                     Medium::Known(find(name).map_err(|message| PrescriptionError::new(place, message))?);
             }
+        }
+        if let Some(aperture) = self.aperture.take() {
+            let paraxial = Paraxial::new(&self, self.design_wavelength_nm);
+            let pupil_mm = match aperture {
+                SystemAperture::EntrancePupilMm(diameter) => diameter,
+                SystemAperture::FNumber(number) => (paraxial.focal_length_mm / number).abs(),
+            };
+            let stop = self.stop();
+            let opening_mm = 0.5 * pupil_mm / paraxial.entrance_pupil_scale.abs();
+            self.surfaces[stop].semi_diameter_mm = self.surfaces[stop].semi_diameter_mm.min(opening_mm);
         }
         Ok(self)
     }
@@ -276,6 +299,9 @@ impl LensPrescription {
         }
         if let FocusMechanism::Gaps(gaps) = &mut self.focus {
             gaps.iter_mut().for_each(|gap| gap.change_mm *= factor);
+        }
+        if let Some(SystemAperture::EntrancePupilMm(diameter)) = &mut self.aperture {
+            *diameter *= factor;
         }
         self
     }
