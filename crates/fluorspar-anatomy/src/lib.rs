@@ -30,6 +30,7 @@ mod parameters;
 mod penetration;
 mod people;
 mod porphyrin_ramp;
+mod restoration;
 mod surface;
 mod teeth;
 #[cfg(test)]
@@ -46,4 +47,5 @@ pub use parameters::{MouthParameters, POSE_FIELDS, ParameterError};
 pub use penetration::Penetration;
 pub use people::{BOLTON_RANGE, sample_person};
 pub use porphyrin_ramp::PorphyrinRamp;
+pub use restoration::{RestoredSurfaces, restored};
 pub use views::{EXAMINATION_VIEWS, ExaminationView, POSES};

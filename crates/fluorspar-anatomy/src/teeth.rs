@@ -185,8 +185,8 @@ fn relief(tooth: &Tooth, form: &Form, m: f64, b: f64) -> f64 {
 
 /// Texture coordinate of the neck and of the rim of the biting surface; below the neck is root, above the rim the biting
 /// surface with its middle at 1.
-const NECK_V: f64 = 0.03;
-const RIM_V: f64 = 0.9;
+pub(super) const NECK_V: f64 = 0.03;
+pub(super) const RIM_V: f64 = 0.9;
 /// How far the edge of a front tooth is rounded, mm.
 const ROUNDING_MM: f64 = 0.22;
 

@@ -14,7 +14,7 @@ use crate::error::{ExperimentError, Step};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ScenePart {
     pub(crate) name: String,
-    /// What it is: an object, a scan, or the tissue of a part of the mouth.
+    /// What it is: an object, a scan, a restoration, or the tissue of a part of the mouth.
     pub(crate) kind: String,
     /// Its section, where it has one: parts that the parameters of the mouth make have none.
     pub(crate) section: Option<Vec<Step>>,
@@ -90,6 +90,10 @@ fn mouth_parts(section: &Node) -> Result<Vec<ScenePart>, String> {
         let at = vec![Step::from("mouth"), Step::from("scan"), Step::from(number)];
         parts.extend(of_section(scan, at, "scan".into()));
     }
+    for (number, restoration) in entries(section, "restoration").iter().enumerate() {
+        let at = vec![Step::from("mouth"), Step::from("restoration"), Step::from(number)];
+        parts.extend(of_section(restoration, at, "restoration".into()));
+    }
     Ok(parts)
 }
 
@@ -106,7 +110,7 @@ fn is_replaced(part: &ScenePart, scan: &Node) -> bool {
 fn mouth_parameters(section: &Node) -> Result<MouthParameters, String> {
     let mut value = section.to_value();
     if let toml::Value::Table(table) = &mut value {
-        for other in ["materials", "lesion", "scan", "transform"] {
+        for other in ["materials", "lesion", "scan", "restoration", "transform"] {
             table.remove(other);
         }
     }

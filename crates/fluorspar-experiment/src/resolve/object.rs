@@ -25,7 +25,7 @@ use fluorspar::names::did_you_mean;
 use fluorspar::quote::excerpt;
 use fluorspar::scene::{Object, Shape, SurfaceEmission};
 use fluorspar::spectral::{MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM, WavelengthGrid};
-use fluorspar_anatomy::{TOOTH_KINDS, Tissue, tooth_kind};
+use fluorspar_anatomy::{RestoredSurfaces, TOOTH_KINDS, Tissue, restored, tooth_kind};
 use fluorspar_format::{read_gltf, read_gltf_instances, read_obj, read_placements, read_ply, read_stl};
 
 /// All surfaces: parts of the mouth first, then the objects. With them what the lesions left behind.
@@ -54,6 +54,7 @@ pub(super) fn objects(
     if let Some(section) = &file.mouth {
         let mut parts = mouth(context, section, &materials.list)?;
         scans(context, section, &materials.list, &mut parts)?;
+        restorations(context, section, &materials.list, &mut parts)?;
         left = lesion::lesions(context, file, section, grid, materials, fluorophores, &mut parts)?;
         for object in &objects {
             if parts.iter().any(|part| part.name == object.name) {
@@ -641,6 +642,40 @@ fn scans(
             material,
             emission: None,
         });
+    }
+    Ok(())
+}
+
+/// Cuts fillings and crowns out of the teeth.
+fn restorations(
+    context: &Context<'_>,
+    section: &MouthSection,
+    materials: &[Material],
+    parts: &mut Vec<Object>,
+) -> Resolved<()> {
+    for (index, restoration) in section.restoration.iter().enumerate() {
+        let at = steps!["mouth", "restoration", index];
+        let (name, number) = (&restoration.name, restoration.tooth);
+        context.unique_name(&at, name, parts.iter().map(|part| part.name.as_str()))?;
+        let tooth = parts.iter_mut().find(|part| part.name == format!("tooth_{number}"));
+        let Some(Object { shape: Shape::Mesh(mesh), .. }) = tooth else {
+            let message =
+                format!("the mouth has no tooth {number}; give the FDI number of one that is there");
+            return context.fail(&at.field("tooth"), message);
+        };
+        let Some(surfaces) = RestoredSurfaces::parse(&restoration.surfaces) else {
+            let message = "give letters of surfaces, each once: m, o or i, d, b or f, l or p";
+            return context.fail(&at.field("surfaces"), message);
+        };
+        let material = material_index(context, &at.field("material"), &restoration.material, materials)?;
+        let [rest, covered] = restored(mesh, number, surfaces);
+        if covered.triangles.is_empty() {
+            let message = "restorations before it cover these surfaces of the tooth already; remove one";
+            return context.fail(&at.field("surfaces"), message);
+        }
+        *mesh = Arc::new(rest);
+        let shape = Shape::Mesh(Arc::new(covered));
+        parts.push(Object { name: name.clone(), shape, material, emission: None });
     }
     Ok(())
 }

@@ -56,8 +56,8 @@ pub use material::{
 };
 pub use object::{
     BoxShape, DiscShape, DisplacementSection, EmissionSection, EmissionSides, InstanceSection, LesionSection,
-    MeshShape, MouthSection, ObjectSection, PlacesSection, QuadShape, ScanSection, ShapeSection, SphereShape,
-    TransformSection,
+    MeshShape, MouthSection, ObjectSection, PlacesSection, QuadShape, RestorationSection, ScanSection,
+    ShapeSection, SphereShape, TransformSection,
 };
 pub(crate) use path::is_file_name;
 pub use path::{FilePath, NameOrFile, NameOrTable};

@@ -316,6 +316,21 @@ pub struct ScanSection {
     pub transform: Option<TransformSection>,
 }
 
+/// A filling or an artificial crown on a tooth, a part of its own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RestorationSection {
+    /// Name of the new part.
+    pub name: String,
+    /// FDI number of the tooth.
+    pub tooth: u8,
+    /// Its surfaces that are restored, by their letters: m mesial, o occlusal (i incisal), d distal, b buccal (f facial), l lingual (p
+    /// palatal); "mobdl" is a crown.
+    pub surfaces: String,
+    /// Name of its material.
+    pub material: String,
+}
+
 /// A parametric mouth. Its frame: origin between the incisors, +z out of the mouth, +y up, +x to the patient's left.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -330,6 +345,9 @@ pub struct MouthSection {
     /// Own scans in place of parts. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scan: Vec<ScanSection>,
+    /// Fillings and artificial crowns. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub restoration: Vec<RestorationSection>,
     /// Placement of the mouth. Default: in its own frame.
     pub transform: Option<TransformSection>,
     /// Name of a view of `fluorspar mouth view --list`, such as "tongue-out": pose of jaw, tongue and lips (drawn apart as by
