@@ -165,7 +165,7 @@ impl PbrtWriter<'_> {
     }
 
     /// Light of an absolute spectrum. Version 4 scales every spectrum to an integral of 1 with the luminous efficiency: it is given so, and
-    /// `scale` undoes it, in whatever way the file is read.
+    /// `scale` undoes it.
     fn emitted(&mut self, name: &str, curve: &Curve) -> String {
         let seen = luminance(curve) / LUMINOUS_EFFICACY_LM_PER_W;
         if !self.is_v4 || seen <= 0.0 {

@@ -136,7 +136,7 @@ pub(super) fn number(word: &str, what: &str, line: usize) -> Result<f64, Fault> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fluorspar::optics::{D_LINE_NM, FocusMechanism, LensSurface, Medium, Paraxial};
+    use fluorspar::optics::{D_LINE_NM, Dispersion, FocusMechanism, LensSurface, Medium, Paraxial};
 
     fn fault(text: &str, ending: &str) -> String {
         let fault = parse_lens(text, ending, "test").map(|lens| format!("{lens:?}")).unwrap_err();

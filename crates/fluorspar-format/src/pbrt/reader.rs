@@ -146,6 +146,16 @@ struct State {
     is_start_active: bool,
     /// Parameters that `Attribute` gives to all that follows, by the kind of directive.
     defaults: BTreeMap<&'static str, Vec<PbrtParameter>>,
+    /// What the block redefined, and what it was before: in version 3 textures and named materials belong to the block, and version 4
+    /// redefines none.
+    redefined: Vec<Redefined>,
+}
+
+/// A name that a block gave to something else.
+#[derive(Clone, Debug)]
+enum Redefined {
+    Texture(String, [Option<usize>; 2]),
+    Material(String, usize),
 }
 
 impl Default for State {
@@ -158,6 +168,7 @@ impl Default for State {
             is_reversed: false,
             is_start_active: true,
             defaults: BTreeMap::new(),
+            redefined: Vec::new(),
         }
     }
 }
@@ -471,6 +482,9 @@ impl Reader {
             return Err(line.fault(format!("more than {MAX_BLOCK_DEPTH} blocks within blocks are not read")));
         }
         self.blocks.push((block, self.state.clone(), line.at));
+        if block != Block::Transform {
+            self.state.redefined.clear();
+        }
         Ok(())
     }
 
@@ -481,7 +495,16 @@ impl Reader {
             Some((Block::Transform, state, _)) if block == Block::Transform => {
                 self.state.to_world = state.to_world
             }
-            Some((open, state, _)) if open == block => self.state = state,
+            Some((open, state, _)) if open == block => {
+                for redefined in std::mem::replace(&mut self.state, state).redefined.into_iter().rev() {
+                    match redefined {
+                        Redefined::Texture(name, before) => drop(self.textures.insert(name, before)),
+                        Redefined::Material(name, before) => {
+                            self.scene.named_materials.insert(name, before);
+                        }
+                    }
+                }
+            }
             Some((open, _, at)) => {
                 let message = format!(
                     "{name}End closes the {}Begin of line {}; add {0}End before it",
@@ -644,8 +667,11 @@ impl Reader {
             }
         };
         let entity = self.entity(line, Some("texture"))?;
-        self.textures.entry(name.clone()).or_default()[usize::from(of_spectra)] =
-            Some(self.scene.textures.len());
+        let known = self.textures.entry(name.clone()).or_default();
+        if known[usize::from(of_spectra)].is_some() {
+            self.state.redefined.push(Redefined::Texture(name.clone(), *known));
+        }
+        known[usize::from(of_spectra)] = Some(self.scene.textures.len());
         self.scene.textures.push(PbrtTexture { name, of_spectra, entity });
         Ok(())
     }
@@ -663,7 +689,8 @@ impl Reader {
         }
         entity.parameters.retain(|parameter| parameter.name != "type");
         let entity = self.complete(entity, Some("material"));
-        self.scene.named_materials.insert(name.clone(), self.scene.materials.len());
+        let before = self.scene.named_materials.insert(name.clone(), self.scene.materials.len());
+        self.state.redefined.extend(before.map(|before| Redefined::Material(name.clone(), before)));
         self.scene.materials.push(PbrtMaterial { name: Some(name), entity });
         Ok(())
     }

@@ -83,6 +83,26 @@ fn materials_lights_and_textures_follow_the_attributes() {
 }
 
 #[test]
+fn a_block_redefines_textures_and_materials_for_itself() {
+    let texture =
+        |nm: u32| format!("Texture \"t\" \"spectrum\" \"constant\" \"spectrum value\" [{nm} 1 800 1]\n");
+    let material = |class: &str| format!("MakeNamedMaterial \"m\" \"string type\" \"{class}\"\n");
+    let textured = "Material \"matte\" \"texture Kd\" \"t\" Shape \"sphere\"\n";
+    let named = "NamedMaterial \"m\" Shape \"disk\"\n";
+    let scene = scene(&format!(
+        "WorldBegin\n{}{}AttributeBegin\nTransformBegin\n{}TransformEnd\n{}{textured}{named}AttributeEnd\n{textured}{named}WorldEnd",
+        texture(300),
+        material("matte"),
+        texture(400),
+        material("glass")
+    ));
+    let of = |shape: usize| scene.shapes[shape].material.unwrap();
+    let texture_of = |shape: usize| scene.materials[of(shape)].entity.find("Kd").unwrap().texture[1];
+    assert_eq!([texture_of(0), texture_of(2)], [Some(1), Some(0)]);
+    assert_eq!([of(1), of(3)].map(|m| scene.materials[m].entity.class.as_str()), ["glass", "matte"]);
+}
+
+#[test]
 fn version_4_gives_parameters_to_what_follows_and_names_later_materials() {
     let scene = scene(
         "ColorSpace \"srgb\" Option \"bool disablepixeljitter\" true\nWorldBegin\nAttributeBegin\nAttribute \"shape\" \"float radius\" 3\n\
