@@ -10,7 +10,7 @@ use fluorspar_session::{
 use serde::{Deserialize, Serialize};
 
 use crate::event::{Event, LoggedEstimate};
-use crate::store::{Study, StudyArgs};
+use crate::store::{Study, StudyArgs, check_unchanged};
 
 /// What is estimated.
 #[derive(Clone, Debug, Default, Deserialize, clap::Args)]
@@ -146,7 +146,8 @@ fn estimate_one(
     job: &Job,
 ) -> Result<()> {
     let photograph = photograph_of(study, wanted)?;
-    let found = match estimate_photograph(&study.analysis(), &photograph, job) {
+    let unchanged = check_files(study, &wanted.photograph);
+    let found = match unchanged.and_then(|()| estimate_photograph(&study.analysis(), &photograph, job)) {
         Ok(found) => found,
         Err(error) if error.kind() != ErrorKind::Input => return Err(error),
         Err(error) => {
@@ -168,6 +169,14 @@ fn estimate_one(
     };
     done.regions += wanted.regions.len();
     study.commit("analyze", found.into_iter().map(event).collect())
+}
+
+/// Refuses a photograph of which a file is not as it was taken in: numbers would be those of something else.
+pub(crate) fn check_files(study: &Study, photograph: &str) -> Result<()> {
+    let sql = "SELECT path, sha256 FROM file WHERE photograph = ?";
+    let files: Vec<[String; 2]> =
+        study.index.rows(sql, [photograph], |row| Ok([row.get(0)?, row.get(1)?]))?;
+    files.iter().try_for_each(|[path, sha256]| check_unchanged(&study.path(Path::new(path)), sha256))
 }
 
 /// A photograph with its files as the working folder has them.

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::index::Index;
 use crate::norm::{NormFile, NormOptions, outcomes, people_of, read_norm, widened_by, wrong};
-use crate::query::{QueriedRow, QueryOptions, rows, warnings_of};
+use crate::query::{QueriedRow, QueryOptions, person as known_person, rows, warnings_of};
 use crate::store::{Study, StudyArgs, write};
 
 /// Half width of the interval of an area that a study should reach.
@@ -99,6 +99,7 @@ pub fn compare(options: &AgainstNormOptions, job: &Job) -> Result<ComparedPeople
         .map(|out| Outputs::new().and(Output::file("--out", out)).reading(&options.norm).declare())
         .transpose()?;
     let (index, _) = Study::asked(&options.args.study)?;
+    let subject = options.subject.as_deref().map(|written| known_person(&index, written)).transpose()?;
     let mut compared = ComparedPeople { people: Vec::new(), left_out: Vec::new(), separations: Vec::new() };
     let (mut held_numbers, mut warnings, mut doubts) = (Vec::new(), Vec::new(), Vec::new());
     for path in &options.norm {
@@ -109,7 +110,7 @@ pub fn compare(options: &AgainstNormOptions, job: &Job) -> Result<ComparedPeople
         warn_of_withdrawn(&index, held.keys(), path, job)?;
         let mut of_others = BTreeMap::new();
         let query = QueryOptions {
-            subject: options.subject.clone(),
+            subject: subject.clone(),
             region: (norm.origin == "measured").then(|| norm.region.clone()),
             quantity: Some(norm.quantity.clone()),
             ..QueryOptions::default()
@@ -118,7 +119,10 @@ pub fn compare(options: &AgainstNormOptions, job: &Job) -> Result<ComparedPeople
             rows(&index, &query)?.into_iter().filter(|row| !row.withdrawn && row.channel == norm.channel);
         for row in own.filter(|row| region_of(&norm, &row.region)) {
             let others = held.get(&row.subject).map(|own| {
-                of_others.entry(row.subject.clone()).or_insert_with(|| norm.sums.without(own).fit()).as_ref()
+                of_others
+                    .entry(row.subject.clone())
+                    .or_insert_with(|| norm.sums.without(own).fit_of_others())
+                    .as_ref()
             });
             let fitted = others.unwrap_or(Ok(&fitted));
             match fitted.map_err(wrong).and_then(|fitted| person(&norm, fitted, &row)) {
@@ -258,8 +262,8 @@ fn warn_of_withdrawn<'a>(
 /// Which numbers a norm is of.
 fn numbers_of(norm: &NormFile) -> NormOptions {
     NormOptions {
-        region: norm.region.clone(),
-        quantity: norm.quantity.clone(),
+        region: Some(norm.region.clone()),
+        quantity: Some(norm.quantity.clone()),
         channel: Some(norm.channel.clone()),
         ..NormOptions::default()
     }

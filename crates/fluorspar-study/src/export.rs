@@ -10,13 +10,13 @@ use fluorspar_format::OutputFolder;
 use fluorspar_session::{Error, ErrorKind, Job, Left, PhotographCamera, Result, photograph_pictures};
 use serde::{Deserialize, Serialize};
 
-use crate::analyze::{Wanted, photograph_of, wanted};
+use crate::analyze::{Wanted, check_files, photograph_of, wanted};
 use crate::deidentify::{
     Deidentified, DeidentifiedFile, code, developed_actions, listed, write_frame, write_mask,
 };
 use crate::dicom::{Shown, write_picture};
 use crate::outside::{Outside, numbers, numbers_csv, numbers_parquet, people};
-use crate::store::{CAMERA, LARGEST_BYTES, Study, StudyArgs};
+use crate::store::{CAMERA, Study, StudyArgs, check_unchanged};
 
 /// Where the export goes.
 #[derive(Clone, Debug, Default, Deserialize, clap::Args)]
@@ -214,7 +214,8 @@ impl Export<'_> {
 
     fn write_frames(&mut self, job: &Job) -> Result<()> {
         let sql = "SELECT p.subject, p.session, f.role, f.path, f.sha256, p.photograph FROM file f JOIN photograph p ON p.photograph = f.photograph
-                   WHERE f.role <> 'description' ORDER BY p.subject, p.session, p.photograph, f.path";
+                   WHERE f.role <> 'description' AND (f.role <> 'mask' OR EXISTS (SELECT 1 FROM region r
+                       WHERE r.photograph = f.photograph AND r.current = 1 AND instr(r.place, f.path) > 0)) ORDER BY p.subject, p.session, p.photograph, f.path";
         let mut all: Vec<[String; 6]> = self.study.index.rows(sql, [], |row| {
             Ok([row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?, row.get(4)?, row.get(5)?])
         })?;
@@ -230,12 +231,7 @@ impl Export<'_> {
             let to = self.name(&stem, &label, ending);
             let place = self.place(&to)?;
             let from = self.study.path(Path::new(path));
-            if fluorspar_format::digest_bounded(&from, LARGEST_BYTES)? != *sha256 {
-                return Err(Error::Input(format!(
-                    "{}: its bytes were changed; see `fluorspar study verify`",
-                    from.display()
-                )));
-            }
+            check_unchanged(&from, sha256)?;
             let written =
                 if is_mask { write_mask(&from, &place) } else { write_frame(&from, &place, &label) };
             // Frames of the camera are no capture
@@ -266,6 +262,7 @@ impl Export<'_> {
     /// Faces are warned of where there is a job.
     fn write_pictures_of(&mut self, of: &Wanted, person: &Outside, job: Option<&Job>) -> Result<()> {
         let (stem, number) = self.stem(person, &of.session, &of.photograph);
+        check_files(self.study, &of.photograph)?;
         let photograph = photograph_of(self.study, of)?;
         let frame = &photograph.frames[0].1;
         let pictures = match photograph_pictures(&self.study.analysis(), &photograph) {

@@ -1,11 +1,12 @@
 //! Takes photographs, people and outcomes into a study.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::ValueHint;
-use csv::{ReaderBuilder, Trim};
+use csv::{ReaderBuilder, StringRecord, Trim};
+use fluorspar::quote::excerpt;
 use fluorspar_format::{description_path, digest_bounded, read_bounded, read_sensor_image};
 use fluorspar_session::{
     Error, ErrorKind, FailedPhotograph, Job, Left, Photograph, Result, find_photographs, region_mask,
@@ -18,7 +19,7 @@ use crate::event::{Event, Region, StoredFile, Subject};
 use crate::store::{LARGEST_BYTES, Study, StudyArgs};
 
 /// What a label is of.
-const PATIENT: &str = "patient";
+pub(crate) const PATIENT: &str = "patient";
 const VISIT: &str = "visit";
 /// Verdict of a region that does not count.
 const WRONG: &str = "wrong";
@@ -125,11 +126,17 @@ pub fn import(options: &ImportOptions, job: &Job) -> Result<ImportedStudy> {
 }
 
 /// What is wrong with a line, without the words of the reader.
-fn why(error: &csv::Error) -> String {
+fn why(error: &csv::Error, heads: &StringRecord, cells: &StringRecord) -> String {
     let csv::ErrorKind::Deserialize { err, .. } = error.kind() else { return error.to_string() };
     let text = err.kind().to_string();
-    let column = text.strip_prefix("missing field `").and_then(|rest| rest.split('`').next());
-    column.map_or(text.clone(), |column| format!("the table has no column \"{column}\""))
+    if let Some(column) = text.strip_prefix("missing field `").and_then(|rest| rest.split('`').next()) {
+        return format!("the table has no column \"{column}\"");
+    }
+    let at = err.field().and_then(|field| usize::try_from(field).ok());
+    match at.and_then(|field| Some((heads.get(field)?, cells.get(field)?))) {
+        Some((head, cell)) => format!("{head} is \"{}\": {text}", excerpt(cell)),
+        None => text,
+    }
 }
 
 /// Reads a table of comma-, semicolon- or tab-separated lines.
@@ -139,14 +146,17 @@ fn table<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
     let delimiter = [b'\t', b';'].into_iter().find(|byte| first.contains(byte)).unwrap_or(b',');
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
     let mut reader = ReaderBuilder::new().trim(Trim::All).delimiter(delimiter).from_reader(text);
-    let rows = reader.deserialize().enumerate().map(|(number, row)| {
-        row.map_err(|error| Error::Input(format!("{}: line {}: {}", path.display(), number + 2, why(&error))))
+    let wrong = |line: usize, why: String| Error::Input(format!("{}: line {line}: {why}", path.display()));
+    let heads = reader.headers().map_err(|error| wrong(1, error.to_string()))?.clone();
+    let rows = reader.records().enumerate().map(|(number, cells)| {
+        let cells = cells.map_err(|error| wrong(number + 2, error.to_string()))?;
+        cells.deserialize(Some(&heads)).map_err(|error| wrong(number + 2, why(&error, &heads, &cells)))
     });
     rows.collect()
 }
 
 /// A person (`patient`) or a visit as BIDS has it: letters and digits.
-fn label_of(what: &str, text: &str) -> Result<String> {
+pub(crate) fn label_of(what: &str, text: &str) -> Result<String> {
     let is_between = |c: char| ['_', '-', '.'].contains(&c);
     let label: String = text.chars().filter(|c| !is_between(*c)).collect();
     let is_label = |c: char| c.is_ascii_alphanumeric();
@@ -219,8 +229,10 @@ fn import_subjects(study: &mut Study, path: &Path) -> Result<usize> {
         _ => None,
     });
     let mut known: BTreeMap<String, Subject> = of_log.collect();
+    let mut told = BTreeSet::new();
     for row in table::<SubjectRow>(path)? {
         let label = labels.person(&row.subject)?;
+        let is_told = !told.insert(label.clone());
         let before = known.get(&label);
         let written = Some(row.subject.clone());
         let new = || Subject { subject: label.clone(), written, ..Subject::default() };
@@ -241,6 +253,12 @@ fn import_subjects(study: &mut Study, path: &Path) -> Result<usize> {
             )));
         }
         if before != Some(&subject) {
+            if is_told {
+                return Err(Error::Input(format!(
+                    "{}: {label} stands in it twice, with other cells; strike one of the lines",
+                    path.display()
+                )));
+            }
             known.insert(label, subject.clone());
             events.push(Event::Subject(subject));
         }
@@ -337,6 +355,13 @@ fn import_one(study: &mut Study, photograph: &Photograph, imported: &mut Importe
         return Err(Error::Input(format!(
             "{}: its tags say that it is mirrored, so left and right are exchanged; turn mirroring off in the camera, or write the frame anew \
              without the tag",
+            main.display()
+        )));
+    }
+    let is_out = "SELECT withdrawn FROM subject WHERE subject = ?";
+    if study.index.rows(is_out, [&subject], |row| row.get::<_, bool>(0))?.contains(&true) {
+        return Err(Error::Input(format!(
+            "{}: {subject} withdrew, and nothing new of this person is taken in",
             main.display()
         )));
     }
@@ -467,8 +492,15 @@ fn new_regions(
     let mut regions = Vec::new();
     let has_other =
         |name: &str| photograph.regions.iter().any(|[of, _, verdict]| of == name && verdict != WRONG);
-    for of in &photograph.regions {
+    for (number, of) in photograph.regions.iter().enumerate() {
         let [name, place, verdict] = of;
+        let is_again = |[other, at, by]: &[String; 3]| other == name && by != WRONG && at != place;
+        if verdict != WRONG && photograph.regions[..number].iter().any(is_again) {
+            return Err(Error::Input(format!(
+                "{}: there are two regions \"{name}\" of this photograph; rename one",
+                photograph.frames[0].1.display()
+            )));
+        }
         if verdict == WRONG && has_other(name) {
             continue;
         }

@@ -21,18 +21,18 @@ use crate::secret::public_id;
 use crate::store::{Study, write};
 
 /// What becomes a norm.
-#[derive(Clone, Debug, Deserialize, clap::Args)]
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
 #[serde(default)]
 pub struct NormOptions {
     /// Folder of the study whose people without a lesion are taken.
     #[arg(value_name = "STUDY", value_hint = ValueHint::DirPath)]
     pub study: Option<PathBuf>,
-    /// Name of the regions whose numbers are taken.
-    #[arg(long = "region-name", value_name = "NAME", default_value_t = Self::default().region)]
-    pub region: String,
-    /// Number that is taken, as patients.csv calls it: red_share, chromaticity_r, ...
-    #[arg(long, value_name = "NAME", default_value_t = Self::default().quantity)]
-    pub quantity: String,
+    /// Name of the regions whose numbers are taken [default: tongue].
+    #[arg(long = "region-name", value_name = "NAME")]
+    pub region: Option<String>,
+    /// Number that is taken, as patients.csv calls it: chromaticity_r, ... [default: red_share].
+    #[arg(long, value_name = "NAME")]
+    pub quantity: Option<String>,
     /// The channel of a signal.
     #[arg(long, value_name = "NAME")]
     pub channel: Option<String>,
@@ -113,15 +113,15 @@ pub struct NormRange {
     pub range: [f64; 2],
 }
 
-impl Default for NormOptions {
-    fn default() -> Self {
-        let (region, quantity) = ("tongue".into(), "red_share".into());
-        let (study, channel, cohort, out) = (None, None, None, None);
-        Self { study, region, quantity, channel, by_age: false, cohort, pool: Vec::new(), out }
-    }
-}
-
 impl NormOptions {
+    fn region(&self) -> &str {
+        self.region.as_deref().unwrap_or("tongue")
+    }
+
+    fn quantity(&self) -> &str {
+        self.quantity.as_deref().unwrap_or("red_share")
+    }
+
     pub(crate) fn channel(&self) -> &str {
         self.channel.as_deref().unwrap_or_default()
     }
@@ -357,8 +357,8 @@ pub(crate) fn outcomes(index: &Index) -> Result<BTreeMap<String, bool>> {
 /// The numbers of a norm, of all people or of one.
 fn query_of(options: &NormOptions, subject: Option<&str>) -> QueryOptions {
     QueryOptions {
-        region: Some(options.region.clone()),
-        quantity: Some(options.quantity.clone()),
+        region: Some(options.region().to_owned()),
+        quantity: Some(options.quantity().to_owned()),
         subject: subject.map(str::to_owned),
         ..QueryOptions::default()
     }
@@ -449,7 +449,7 @@ fn one_analysis(index: &Index, options: &NormOptions, rows: &[QueriedRow]) -> Re
                 [],
                 |row| row.get::<_, String>(0),
             )?;
-            let (quantity, region) = (&options.quantity, &options.region);
+            let (quantity, region) = (options.quantity(), options.region());
             Err(Error::Input(format!(
                 "the study has no {quantity} of a region \"{region}\"; it has {}",
                 if known.is_empty() { "no estimate yet: `fluorspar study analyze STUDY` makes them".into() } else { known.join(", ") }
@@ -468,7 +468,7 @@ fn one_analysis(index: &Index, options: &NormOptions, rows: &[QueriedRow]) -> Re
 /// The norm of a study, and who is left out.
 fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, LeftOut)> {
     let (index, secret) = Study::asked(folder)?;
-    let range = range_of(&options.quantity)?;
+    let range = range_of(options.quantity())?;
     let of = people_of(&index, options, None, false)?;
     let analysis = one_analysis(&index, options, &of.rows)?;
     let subjects = of.people;
@@ -477,8 +477,8 @@ fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, LeftOut)>
         program: "fluorspar".into(),
         format: NormFile::FORMAT,
         origin: "measured".into(),
-        region: options.region.clone(),
-        quantity: options.quantity.clone(),
+        region: options.region().to_owned(),
+        quantity: options.quantity().to_owned(),
         channel: options.channel().to_owned(),
         analysis,
         cameras: Vec::new(),
@@ -545,13 +545,13 @@ fn rows_of_cohort(text: &str, path: &Path) -> Result<Vec<CohortRow>> {
 }
 
 fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> {
-    let range = range_of(&options.quantity)?;
+    let range = range_of(options.quantity())?;
     let text = read_text(path)?;
     let mut views: BTreeMap<u32, BTreeMap<String, Vec<f64>>> = BTreeMap::new();
     let mut errors: BTreeMap<_, Vec<_>> = BTreeMap::new();
     for row in rows_of_cohort(&text, path)? {
-        let is_wanted = row.part == options.region
-            && row.quantity == options.quantity
+        let is_wanted = row.part == options.region()
+            && row.quantity == options.quantity()
             && row.channel == options.channel()
             && row.name.is_empty()
             && row.has_lesion_here == 0;
@@ -577,8 +577,8 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> 
         program: "fluorspar".into(),
         format: NormFile::FORMAT,
         origin: "simulated".into(),
-        region: options.region.clone(),
-        quantity: options.quantity.clone(),
+        region: options.region().to_owned(),
+        quantity: options.quantity().to_owned(),
         channel: options.channel().to_owned(),
         analysis: [env!("CARGO_PKG_VERSION").into(), sha256.clone()],
         cameras: Vec::new(),
@@ -624,12 +624,14 @@ fn check_alike(all: &NormFile, other: &NormFile, path: &Path) -> Result<()> {
 
 /// Refuses a norm of another region or number than is asked for.
 fn check_asked(options: &NormOptions, norm: &NormFile, path: &Path) -> Result<()> {
-    let own = NormOptions::default();
-    let asked =
-        [(&options.region, &own.region, &norm.region), (&options.quantity, &own.quantity, &norm.quantity)];
-    if let Some((asked, _, known)) =
-        asked.into_iter().find(|(asked, own, known)| asked != own && asked != known)
-    {
+    let asked = [
+        (&options.region, &norm.region),
+        (&options.quantity, &norm.quantity),
+        (&options.channel, &norm.channel),
+    ];
+    let other =
+        asked.into_iter().find_map(|(asked, known)| Some((asked.as_ref()?, known)).filter(|(a, b)| a != b));
+    if let Some((asked, known)) = other {
         let shown = path.display();
         return Err(Error::Input(format!(
             "{shown}: this norm is of {known}, not of {asked}; pool norms of {asked}"
@@ -718,7 +720,7 @@ mod tests {
             .collect();
         let heads = "person,part,channel,name,quantity,has_lesion_here,value,low,high";
         std::fs::write(&path, format!("{heads}\n{rows}")).unwrap();
-        let options = NormOptions { region: "tongue_dorsum".into(), ..NormOptions::default() };
+        let options = NormOptions { region: Some("tongue_dorsum".into()), ..NormOptions::default() };
         let site = &of_cohort(&options, &path).unwrap().0.sums.sites[0];
         assert_eq!((site.people, site.with_error, site.error[0]), (3, 3, 0.0));
         assert!((site.error[1] - 0.03).abs() < 1e-12, "{site:?}");
@@ -740,8 +742,8 @@ mod tests {
         }
         std::fs::write(&path, text).unwrap();
         let options = NormOptions {
-            region: "tongue_dorsum".into(),
-            quantity: "chromaticity_r".into(),
+            region: Some("tongue_dorsum".into()),
+            quantity: Some("chromaticity_r".into()),
             ..NormOptions::default()
         };
         let site = &of_cohort(&options, &path).unwrap().0.sums.sites[0];

@@ -3,9 +3,11 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
-use fluorspar_session::{Result, UNCONFIRMED};
+use fluorspar::quote::excerpt;
+use fluorspar_session::{Error, Result, UNCONFIRMED};
 use serde::{Deserialize, Serialize};
 
+use crate::import::{PATIENT, label_of};
 use crate::index::Index;
 use crate::store::{Study, StudyArgs};
 
@@ -85,7 +87,23 @@ impl QueriedRow {
 /// # Errors
 /// A study that can't be opened.
 pub fn query(options: &QueryOptions, _: &fluorspar_session::Job) -> Result<Vec<QueriedRow>> {
-    rows(&Study::asked(&options.args.study)?.0, options)
+    let (index, _) = Study::asked(&options.args.study)?;
+    let subject = options.subject.as_deref().map(|written| person(&index, written)).transpose()?;
+    rows(&index, &QueryOptions { subject, ..options.clone() })
+}
+
+/// The label of a person as tables write it.
+///
+/// # Errors
+/// A person whom the study does not have.
+pub(crate) fn person(index: &Index, written: &str) -> Result<String> {
+    let label = label_of(PATIENT, written)?;
+    let known: Vec<String> =
+        index.rows("SELECT subject FROM subject WHERE subject = ?", [&label], |row| row.get(0))?;
+    if known.is_empty() {
+        return Err(Error::Input(format!("the study has no person {}", excerpt(written))));
+    }
+    Ok(label)
 }
 
 /// What numbers are looked up by: a person, or what they are. The order of the tables is the order in which they are read.

@@ -140,6 +140,15 @@ pub(crate) struct Study {
     unsynced: Vec<PathBuf>,
 }
 
+/// Refuses a file whose bytes are not those that were taken in.
+pub(crate) fn check_unchanged(file: &Path, sha256: &str) -> Result<()> {
+    if digest_bounded(file, LARGEST_BYTES)? == sha256 {
+        return Ok(());
+    }
+    let shown = file.display();
+    Err(Error::Input(format!("{shown}: its bytes were changed; see `fluorspar study verify`")))
+}
+
 impl Study {
     /// Opens a study, and brings its index up to its log.
     pub(crate) fn open(folder: &Path) -> Result<Self> {

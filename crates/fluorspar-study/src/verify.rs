@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::event::Event;
 use crate::index::Index;
+use crate::query::person;
 use crate::store::{CAMERA, LARGEST_BYTES, Study, StudyArgs};
 
 /// What was checked.
@@ -91,14 +92,13 @@ pub struct WithdrawOptions {
 /// A person whom the study does not have.
 pub fn withdraw(options: &WithdrawOptions, job: &Job) -> Result<String> {
     let mut study = Study::open(&options.args.study)?;
-    let subject = options.subject.clone();
+    let subject = person(&study.index, &options.subject)?;
     let sql = "SELECT withdrawn FROM subject WHERE subject = ?";
     let known: Vec<bool> = study.index.rows(sql, [&subject], |row| row.get(0))?;
-    match known.first() {
-        None => return Err(Error::Input(format!("the study has no person {subject}"))),
-        Some(true) => return Ok(subject),
-        Some(false) => study.commit("withdraw", vec![Event::Withdrawal { subject: subject.clone() }])?,
+    if known.contains(&true) {
+        return Ok(subject);
     }
+    study.commit("withdraw", vec![Event::Withdrawal { subject: subject.clone() }])?;
     let folder = study.path(Path::new(&format!("sub-{subject}")));
     job.status(format!(
         "{subject} is in no later norm and no later export. Norms that were made before still hold the person: make them anew. The photographs are \

@@ -54,6 +54,10 @@ fn people_become_a_norm_and_stand_in_it() {
     assert!(people.iter().all(|person| person["standing"] != "outside" && person["has_error"] == false));
     let inside = people.iter().filter(|person| person["standing"] == "inside").count();
     assert!((6..12).contains(&inside), "of twelve it can't be told of those at the ends: {people:?}");
+    // Options that name another norm than those that are pooled
+    let pool = ["norm", "--pool", "norm.json", "--pool", "norm.json", "--quantity", "red_share"];
+    let pooled = fluorspar(folder, ["study"].iter().chain(&pool));
+    assert!(pooled.stderr.contains("this norm is of chromaticity_r, not of red_share"), "{pooled:?}");
     // Two withdraw, one refuses: nine are no norm
     study(folder, &["withdraw", "P01"]).well();
     let later = ["norm", "--quantity", "chromaticity_r", "--out", "later.json"];
@@ -192,6 +196,15 @@ fn every_changed_byte_is_found_and_named() {
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     fs::write(&photo, bytes).unwrap();
+    // Nothing is estimated from it
+    let camera = fs::read_to_string(folder.join("st/camera.toml")).unwrap();
+    fs::write(folder.join("st/camera.toml"), format!("{camera}noise_threshold = 20.0\n")).unwrap();
+    let again = study(folder, &["analyze", "--missing", "--json"]);
+    assert!(
+        again.stdout.contains("its bytes were changed") && again.stdout.contains("\"regions\": 1"),
+        "{again:?}"
+    );
+    fs::write(folder.join("st/camera.toml"), camera).unwrap();
     // Files of no photograph, too
     for name in ["camera.toml", "dataset_description.json", ".bidsignore"] {
         let path = folder.join("st").join(name);
@@ -375,6 +388,24 @@ fn traps_of_names_are_told() {
     assert!(visits.contains("visit of P01: \"1.2\" and \"12\" differ"), "{visits}");
     let visit = told("patient,visit,frame\nP01,März,second_violet.dng\n");
     assert!(visit.contains("is no label of a visit"), "{visit}");
+    let twice = "frame,patient,region,where\nP01_violet.dng,P01,lip,\"1,2,9,9\"\nP01_violet.dng,P01,lip,\"3,2,9,9\"\n";
+    assert!(told(twice).contains("two regions \"lip\" of this photograph; rename one"));
+    // People: a cell that is no number, a line that contradicts another, one who is unknown or gone
+    let subjects = |table: &str| {
+        fs::write(folder.join("people.csv"), table).unwrap();
+        study(folder, &["import", "--subjects", "people.csv"]).stderr
+    };
+    let comma = subjects("subject;age\nP01;41,5\n");
+    assert!(comma.contains("line 2: age is \"41,5\": invalid float"), "{comma}");
+    let both = subjects("subject,consent\nP_8,no\nP_8,yes\n");
+    assert!(both.contains("P8 stands in it twice, with other cells"), "{both}");
+    subjects("subject,consent\nP_8,yes\n");
+    let nobody = study(folder, &["query", "--subject", "P99"]);
+    assert!(nobody.code == Some(2) && nobody.stderr.contains("no person P99"), "{nobody:?}");
+    study(folder, &["query", "--subject", "P_8"]).well();
+    study(folder, &["withdraw", "P_8"]).well();
+    let gone = told("patient,frame\nP_8,second_violet.dng\n");
+    assert!(gone.contains("P8 withdrew, and nothing new"), "{gone}");
     // The same name on two cards is two photographs
     fs::create_dir_all(folder.join("cards/a")).unwrap();
     fs::create_dir_all(folder.join("cards/b")).unwrap();

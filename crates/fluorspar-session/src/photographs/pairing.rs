@@ -67,7 +67,8 @@ pub(crate) fn files_below(folder: &Path) -> Vec<PathBuf> {
     while let Some((folder, depth)) = open.pop() {
         for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
             let hidden = entry.file_name().to_string_lossy().starts_with('.');
-            match entry.file_type() {
+            // Links are followed
+            match fs::metadata(entry.path()) {
                 Ok(kind) if kind.is_dir() && !hidden && depth < DEEPEST => {
                     open.push((entry.path(), depth + 1))
                 }

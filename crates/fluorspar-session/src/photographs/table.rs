@@ -4,15 +4,19 @@ use std::path::{Path, PathBuf};
 
 use csv::{ReaderBuilder, StringRecord, Trim, Writer};
 use fluorspar::names::nearest_name;
+use fluorspar::quote::excerpt;
 use fluorspar_format::read_bounded;
 use serde::{Deserialize, Serialize};
 
+use super::estimate::GUESS;
 use crate::{Error, Result};
 
 /// Verdict of a line that does not count.
 pub(super) const WRONG: &str = "wrong";
 /// Verdict of a line whose region nobody placed yet.
 pub(super) const MISSING: &str = "missing";
+/// What a line may say as verdict.
+const VERDICTS: [&str; 6] = ["", "right", "ok", GUESS, WRONG, MISSING];
 /// Largest table that is read.
 const LARGEST_BYTES: u64 = 64 << 20;
 
@@ -64,6 +68,14 @@ pub fn read_photographs(path: &Path) -> Result<Vec<PhotographRow>> {
     for (number, row) in reader.deserialize::<PhotographRow>().enumerate() {
         let at = |why: &str| wrong(format!("line {}: {why}", number + 2));
         let mut row = row.map_err(|error| at(&error.to_string()))?;
+        row.verdict = row.verdict.to_lowercase();
+        if !VERDICTS.contains(&row.verdict.as_str()) {
+            let known = VERDICTS[1..].join(", ");
+            return Err(at(&format!(
+                "\"{}\" is no verdict; write one of {known}, or nothing",
+                excerpt(&row.verdict)
+            )));
+        }
         if row.verdict == MISSING {
             if !row.place.is_empty() {
                 return Err(at("its region has a place: write \"right\" as verdict"));
@@ -127,6 +139,8 @@ mod tests {
         assert_eq!((rows[0].place.as_str(), rows[0].frame.as_path()), ("1,2,30,40", Path::new("a.dng")));
         std::fs::write(&path, photographs_csv(&rows).unwrap()).unwrap();
         assert_eq!(read_photographs(&path).unwrap(), rows);
+        let capital = told("frame,region,where,verdict\na.dng,tongue,\"1,2,3,4\",Wrong\n").unwrap();
+        assert_eq!(capital[0].verdict, WRONG, "as spreadsheets capitalize it");
         assert_eq!(told("frame;patient\nb.dng;P2\n").unwrap()[0].patient, "P2");
         let missing = told("frame,region,where,verdict\na.dng,tongue,,missing\n").unwrap();
         assert_eq!((missing[0].region.as_str(), missing[0].verdict.as_str()), ("", ""));
@@ -140,6 +154,10 @@ mod tests {
             ("frame,patient\n,P1\n", "line 2: \"frame\""),
             ("frame,region\na.dng,tongue\n", "line 2: \"region\" and \"where\""),
             ("frame,patient\na.dng\n", "line 2: "),
+            (
+                "frame,region,where,verdict\na.dng,tongue,\"1,2,3,4\",worng\n",
+                "line 2: \"worng\" is no verdict; write one of right,",
+            ),
         ] {
             let error = told(text).unwrap_err().to_string();
             assert!(error.contains(why), "{error}");

@@ -234,12 +234,23 @@ impl NormSums {
     /// # Errors
     /// Too few people, or people who are all alike.
     pub fn fit(&self) -> Result<Norm, NormError> {
-        let few =
-            |site: &str, found: u64| NormError::FewPeople { site: site.into(), found, least: Self::LEAST };
+        self.fitted(Self::LEAST)
+    }
+
+    /// The same of the others of a norm, [`Self::without`] one of its people.
+    ///
+    /// # Errors
+    /// As [`Self::fit`].
+    pub fn fit_of_others(&self) -> Result<Norm, NormError> {
+        self.fitted(Self::LEAST - 1)
+    }
+
+    fn fitted(&self, least: u64) -> Result<Norm, NormError> {
+        let few = |site: &str, found: u64| NormError::FewPeople { site: site.into(), found, least };
         if self.sites.is_empty() {
             return Err(few("", 0));
         }
-        if let Some(site) = self.sites.iter().find(|site| site.people < Self::LEAST) {
+        if let Some(site) = self.sites.iter().find(|site| site.people < least) {
             return Err(few(&site.site, site.people));
         }
         let total = |of: &dyn Fn(&SiteSums) -> f64| self.sites.iter().map(of).sum::<f64>();
