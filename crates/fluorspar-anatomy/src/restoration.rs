@@ -53,39 +53,64 @@ impl RestoredSurfaces {
 
     /// Above zero where the restoration covers the crown, at texture coordinates of [`super::teeth::tooth_mesh`].
     fn cover(self, is_front: bool, uv: [f64; 2]) -> f64 {
-        let height = (uv[1] - NECK_V) / (RIM_V - NECK_V);
+        let place = Place::of(uv);
         if self == (Self { mesial: true, occlusal: true, distal: true, buccal: true, lingual: true }) {
-            return height;
+            return place.height;
         }
-        // Place on the crown seen from above: mesial and outward, 1 at the rim and on the wall
-        let (sine, cosine) = sin_cos(2.0 * PI * uv[0]);
-        let radius = ((1.0 - uv[1]) / (1.0 - RIM_V)).min(1.0);
-        let (along, outward) = (radius * sine, -radius * cosine);
-        let below = (1.0 - height).max(0.0);
-        let within = |x: f64, y: f64| 1.0 - x.powi(SQUARENESS) - y.powi(SQUARENESS);
-        let side = |along: f64| {
-            let end = (BOX_END - along).max(0.0) / BOX_END;
-            within(outward / HALF_WIDTH, below / BOX_DEPTH + end)
-        };
-        let neck = |outward: f64| {
-            let [middle, half_height, half_width] = NECK_FILLING;
-            let facing = if outward > 0.0 { along / half_width } else { f64::INFINITY };
-            within(facing, (height - middle) / half_height)
-        };
         let biting = match (is_front, f64::from(self.mesial) - f64::from(self.distal)) {
-            (false, _) => within(along / HALF_LENGTH, outward / HALF_WIDTH),
-            (true, 0.0) => EDGE_DEPTH - below,
+            (false, _) => within(place.along / HALF_LENGTH, place.outward / HALF_WIDTH),
+            (true, 0.0) => EDGE_DEPTH - place.below(),
             // With one side it is that corner
-            (true, side) => (EDGE_DEPTH - below).min(side * along),
+            (true, side) => (EDGE_DEPTH - place.below()).min(side * place.along),
         };
         let all = [
-            (self.mesial, side(along)),
-            (self.distal, side(-along)),
+            (self.mesial, place.on_side(1.0)),
+            (self.distal, place.on_side(-1.0)),
             (self.occlusal, biting),
-            (self.buccal, neck(outward)),
-            (self.lingual, neck(-outward)),
+            (self.buccal, place.at_neck(1.0)),
+            (self.lingual, place.at_neck(-1.0)),
         ];
         all.into_iter().filter(|(is_there, _)| *is_there).map(|(_, cover)| cover).fold(-1.0, f64::max)
+    }
+}
+
+/// Above zero within a rectangle with round corners, of half sides of 1.
+fn within(x: f64, y: f64) -> f64 {
+    1.0 - x.powi(SQUARENESS) - y.powi(SQUARENESS)
+}
+
+/// A place on a crown.
+struct Place {
+    /// Over the height of the crown: 0 at the neck, 1 at the rim and beyond it on the biting surface.
+    height: f64,
+    /// Seen from above, mesial and outward: 1 at the rim and on the wall, 0 in the middle.
+    along: f64,
+    outward: f64,
+}
+
+impl Place {
+    fn of([u, v]: [f64; 2]) -> Self {
+        let (sine, cosine) = sin_cos(2.0 * PI * u);
+        let radius = ((1.0 - v) / (1.0 - RIM_V)).min(1.0);
+        Self { height: (v - NECK_V) / (RIM_V - NECK_V), along: radius * sine, outward: -radius * cosine }
+    }
+
+    /// How far it is below the rim, over the height of the crown.
+    fn below(&self) -> f64 {
+        (1.0 - self.height).max(0.0)
+    }
+
+    /// A filling of the mesial (1) or distal (-1) side, with its end on the biting surface.
+    fn on_side(&self, sign: f64) -> f64 {
+        let end = (BOX_END - sign * self.along).max(0.0) / BOX_END;
+        within(self.outward / HALF_WIDTH, self.below() / BOX_DEPTH + end)
+    }
+
+    /// A filling at the neck of the outer (1) or inner (-1) face.
+    fn at_neck(&self, sign: f64) -> f64 {
+        let [middle, half_height, half_width] = NECK_FILLING;
+        let facing = if sign * self.outward > 0.0 { self.along / half_width } else { f64::INFINITY };
+        within(facing, (self.height - middle) / half_height)
     }
 }
 

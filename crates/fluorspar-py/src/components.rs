@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 
 use crate::error::failed;
 use crate::experiment::Experiment;
-use crate::process::work_through;
+use crate::process::{work_through, write_new};
 use crate::view::view;
 
 /// The result of a render: radiance of every light group, reflected and by fluorophore, `[component, row, col, band]`.
@@ -161,18 +161,16 @@ impl Components {
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let (image, provenance) = (self.image.clone(), self.provenance.clone());
         let is_npy = path.extension().is_some_and(|ending| ending == "npy");
-        let written = work_through(py, None, move || match is_npy {
-            true => write_component_npy(&path, &image, provenance.as_ref()),
-            false => {
-                let (compression, provenance) = (ExrCompression::Rounded24, provenance.as_ref());
-                write_component_exr(
-                    &path,
-                    &image,
-                    &ExrOptions { compression, provenance, ..Default::default() },
-                )
-            }
-        })?;
-        written.map_err(failed)
+        work_through(py, None, move || {
+            write_new(&path, &["exr", "npy"], || match is_npy {
+                true => write_component_npy(&path, &image, provenance.as_ref()),
+                false => {
+                    let (compression, provenance) = (ExrCompression::Rounded24, provenance.as_ref());
+                    let options = ExrOptions { compression, provenance, ..Default::default() };
+                    write_component_exr(&path, &image, &options)
+                }
+            })
+        })?
     }
 }
 

@@ -1,6 +1,8 @@
 //! Errors as exceptions.
 
+use std::error::Error as _;
 use std::fmt::Display;
+use std::io;
 
 use fluorspar_experiment::ExperimentError;
 use fluorspar_session::{Error, ErrorKind, worded};
@@ -65,10 +67,28 @@ pub(crate) fn of_session(py: Python<'_>, error: Error) -> PyErr {
     };
     let raised = match error {
         Error::Experiment(error) => of_experiment(py, &error),
+        other if is_missing(&other) => missing(py, as_arguments(&other.to_string())),
         other => failed(as_arguments(&other.to_string())),
     };
     match raised.value(py).setattr(intern!(py, "code"), code) {
         Ok(()) => raised,
+        Err(other) => other,
+    }
+}
+
+/// Whether a file is not there.
+fn is_missing(error: &Error) -> bool {
+    let sources = std::iter::successors(error.source(), |source| (*source).source());
+    sources
+        .filter_map(|source| source.downcast_ref::<io::Error>())
+        .any(|source| source.kind() == io::ErrorKind::NotFound)
+}
+
+/// `fluorspar.MissingFile`, which is a FileNotFoundError, too.
+fn missing(py: Python<'_>, message: String) -> PyErr {
+    let class = py.import("fluorspar._given").and_then(|module| module.getattr("MissingFile"));
+    match class.and_then(|class| class.call1((message,))) {
+        Ok(error) => PyErr::from_value(error),
         Err(other) => other,
     }
 }

@@ -209,8 +209,7 @@ impl Experiment {
     /// What is odd about the experiment, whatever is done with it.
     #[getter]
     fn warnings(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        let resolved = self.resolved(py, None)?;
-        Ok(resolved.record.warnings.iter().map(|warning| warning.text().to_string()).collect())
+        self.check(py)
     }
 
     /// The whole experiment as a file: base, changes and defaults written out, paths absolute.

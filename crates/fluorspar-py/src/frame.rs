@@ -21,7 +21,7 @@ use pyo3::types::PyBytes;
 use crate::components::Components;
 use crate::error::{failed, of_session};
 use crate::experiment::Experiment;
-use crate::process::work_through;
+use crate::process::{work_through, write_new};
 use crate::view::view;
 
 /// A frame: raw digital numbers on the mosaic, and linear channels.
@@ -142,7 +142,7 @@ impl Frame {
 
     /// Writes the raw frame as TIFF with its description beside it.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        py.detach(|| write_sensor_tiff(&path, &self.raw, None)).map_err(failed)
+        py.detach(|| write_new(&path, &["tiff", "tif"], || write_sensor_tiff(&path, &self.raw, None)))
     }
 }
 

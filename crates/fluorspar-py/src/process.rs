@@ -2,13 +2,13 @@
 
 use std::num::NonZeroUsize;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use fluorspar::interruption::{Interrupted, listen_to};
-use fluorspar_format::count_as_program;
+use fluorspar_format::{FormatError, Output, Outputs, count_as_program, description_path};
 use fluorspar_session::use_surroundings;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -18,6 +18,26 @@ use crate::error::failed;
 
 /// The process that imported the module.
 static IMPORTED_BY: OnceLock<u32> = OnceLock::new();
+
+/// Writes a file under a name that ends as it must, in place of one that this program wrote at most.
+pub(crate) fn write_new(
+    path: &Path,
+    endings: &[&str],
+    write: impl FnOnce() -> Result<(), FormatError>,
+) -> PyResult<()> {
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    if !endings.contains(&ending.as_str()) {
+        let known = endings.iter().map(|ending| format!(".{ending}")).collect::<Vec<_>>().join(" or ");
+        return Err(failed(format!("{}: end the name in {known}", path.display())));
+    }
+    let beside = description_path(path);
+    let mut all = Outputs::new().and(Output::file("path", path));
+    if beside.exists() && ending != "npy" {
+        all = all.and(Output::file("path", &beside));
+    }
+    let set = all.declare().map_err(failed)?;
+    write().and_then(|()| set.finish()).map_err(failed)
+}
 
 /// How often Ctrl-C is looked for, and progress told.
 const PERIOD: Duration = Duration::from_millis(20);

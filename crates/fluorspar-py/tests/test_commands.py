@@ -210,3 +210,19 @@ def test_arguments_are_named_as_they_are_given() -> None:
     assert plain(one) == plain(several)
     changed = lip.solve(set={"superficial_blood_fraction": 0.01})
     assert plain(changed) == plain(lip.solve(set=["superficial_blood_fraction=0.01"]))
+
+
+@pytest.mark.parametrize("call", [
+    lambda: fs.cube("no.exr", out="a.zarr"), lambda: fs.calibrate("no.toml"), lambda: fs.design("no.toml"), lambda: fs.cohort("no.toml"),
+    lambda: fs.dataset("no.toml", out="images"), lambda: fs.compare("no-a", "no-b"), lambda: fs.fit_spectra("no.csv"),
+    lambda: fs.light(Path("no.csv")).show(),
+])
+def test_files_that_are_not_there_are_missing(call, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FileNotFoundError, match="no"):
+        call()
+
+
+def test_a_run_wants_an_experiment() -> None:
+    with pytest.raises(TypeError, match="source: give an Experiment"):
+        fs.run(None, "out")

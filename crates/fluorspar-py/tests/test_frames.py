@@ -285,3 +285,33 @@ def test_previews_start_no_threads(mouth, components) -> None:
     while not threads() <= before and time.monotonic() < end:
         time.sleep(0.01)
     assert threads() <= before
+
+
+def test_files_of_others_stay_and_endings_tell_the_form(mouth, components, tmp_path) -> None:
+    frame = fs.capture(mouth, components)["blue"]
+    photo, notes, image = tmp_path / "photo.tiff", tmp_path / "notes.tiff.json", tmp_path / "my.exr"
+    for path in (photo, notes, image):
+        path.write_text("mine")
+    for write in (lambda: frame.write(photo), lambda: frame.write(tmp_path / "notes.tiff"), lambda: components.write(image)):
+        with pytest.raises(fs.FluorsparError, match="was not written by fluorspar"):
+            write()
+    assert all(path.read_text() == "mine" for path in (photo, notes, image))
+    for write in (lambda: frame.write(tmp_path / "a.png"), lambda: components.write(tmp_path / "a.tiff")):
+        with pytest.raises(fs.FluorsparError, match="end the name in"):
+            write()
+    for _ in range(2):
+        frame.write(tmp_path / "own.tiff")
+        components.write(tmp_path / "own.npy")
+    assert fs.Frame.read(tmp_path / "own.tiff").raw.shape == frame.raw.shape
+
+
+def test_a_sweep_holds_the_truth_values_that_are_asked_for(mouth, components) -> None:
+    result = lambda found: {"foreign": found.porphyrin.foreign, "flags": [True, np.bool_(False)]}
+    found = fs.sweep(mouth, {"capture.blue.exposure_ms": [5]}, components=components, result=result)
+    assert [float(found[name][0]) for name in ("flags[0]", "flags[1]")] == [1.0, 0.0] and "foreign" in found
+
+
+def test_long_results_are_printed_short(mouth, components) -> None:
+    analysis = fs.analyze(mouth, fs.capture(mouth, components), components=components)
+    assert len(repr(analysis)) < 4000 and "entries>" in repr(analysis)
+    assert analysis.budget.terms[0].source

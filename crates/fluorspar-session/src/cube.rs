@@ -225,7 +225,10 @@ fn write_components(options: &CubeOptions, form: CubeForm, overrides: &[Override
     check_plain(options, overrides)?;
     let loaded = read_component_image(&options.image)?;
     let ComponentImage { width, height, grid, features, samples_per_pixel, .. } = &loaded.image;
+    let render = FinishedRender::open(&options.image)?;
+    let title = render.experiment()?.map(|experiment| experiment.file.title.clone()).unwrap_or_default();
     let facts = CubeFacts {
+        title,
         samples_per_pixel: Some(*samples_per_pixel),
         provenance: loaded.provenance,
         ..CubeFacts::of_maps(features.clone(), [*width, *height])

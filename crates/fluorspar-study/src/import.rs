@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 
 use clap::ValueHint;
 use csv::{ReaderBuilder, StringRecord, Trim};
-use fluorspar::quote::excerpt;
 use fluorspar_format::{description_path, digest_bounded, read_bounded, read_sensor_image};
 use fluorspar_session::{
     Error, ErrorKind, FailedPhotograph, Job, Left, Photograph, Result, find_photographs, region_mask,
@@ -134,7 +133,7 @@ fn why(error: &csv::Error, heads: &StringRecord, cells: &StringRecord) -> String
     }
     let at = err.field().and_then(|field| usize::try_from(field).ok());
     match at.and_then(|field| Some((heads.get(field)?, cells.get(field)?))) {
-        Some((head, cell)) => format!("{head} is \"{}\": {text}", excerpt(cell)),
+        Some((head, cell)) => format!("{head} is \"{cell}\": {text}"),
         None => text,
     }
 }

@@ -3,7 +3,6 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
-use fluorspar::quote::excerpt;
 use fluorspar_session::{Error, Result, UNCONFIRMED};
 use serde::{Deserialize, Serialize};
 
@@ -101,7 +100,7 @@ pub(crate) fn person(index: &Index, written: &str) -> Result<String> {
     let known: Vec<String> =
         index.rows("SELECT subject FROM subject WHERE subject = ?", [&label], |row| row.get(0))?;
     if known.is_empty() {
-        return Err(Error::Input(format!("the study has no person {}", excerpt(written))));
+        return Err(Error::Input(format!("the study has no person {written}")));
     }
     Ok(label)
 }

@@ -103,7 +103,7 @@ fn the_groove_of_one_tissue_reads_its_truth_or_warns() {
         let budget = found.budget.as_ref().unwrap();
         let [low, high] = budget.total_interval;
         assert_eq!(truth > 0.05, amount > 0.0, "{truth}");
-        let indirect = budget.items.iter().find(|item| item.source == "indirect light").unwrap();
+        let indirect = budget.terms.iter().find(|item| item.source == "indirect light").unwrap();
         assert!(indirect.change.abs() > 0.002, "a groove without indirect light: {budget:?}");
         let is_held = low <= truth && truth <= high;
         assert!(is_held || is_warned(&found), "{truth}, {budget:?}, {:?}", found.warnings);

@@ -201,7 +201,8 @@ impl<'a> Header<'a> {
             Some(edges) => WavelengthGrid::from_edges(&edges),
             None => WavelengthGrid::from_centers(&centers),
         };
-        grid.or_else(|error| self.malformed(error.to_string(), "Leave out the bands that are not taken"))
+        let hint = "Leave out the bands that are not taken, or say where each begins and ends by `wavelength edges = { ... }`, nm";
+        grid.or_else(|error| self.malformed(error.to_string(), hint))
     }
 
     /// Whether the values are radiance, and what they are multiplied with.
@@ -261,7 +262,8 @@ impl<'a> Header<'a> {
     fn values(&self) -> Result<PathBuf, FormatError> {
         let bare = self.path.with_extension("");
         let ends = ["dat", "img", "raw", "bip", "bil", "bsq"];
-        let named = ends.iter().map(|end| self.path.with_extension(end));
+        let named = ends.iter().flat_map(|end| [(*end).to_owned(), end.to_uppercase()]);
+        let named = named.map(|end| self.path.with_extension(end));
         let found = named.chain([bare]).find(|path| path.is_file());
         let hint = "Keep it beside the header, named .dat, .img, .raw, .bip, .bil, .bsq or without an end";
         found.ok_or_else(|| FormatError::malformed(self.path, "the file with the values is missing", hint))

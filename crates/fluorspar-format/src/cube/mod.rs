@@ -157,7 +157,7 @@ impl CubeForm {
     }
 }
 
-/// Reads a cube: ENVI, a scene or an optical image of ISETCam, radiance as OpenEXR or NumPy.
+/// Reads a cube: ENVI, a scene or an optical image of ISETCam, radiance or irradiance as OpenEXR or NumPy.
 ///
 /// # Errors
 /// Another form; no wavelengths or no unit; a damaged file.
@@ -166,9 +166,18 @@ pub fn read_cube(path: &Path) -> Result<Cube, FormatError> {
         Some(CubeForm::Envi) => envi::read_envi(path),
         Some(CubeForm::Iset) => iset::read_iset(path),
         Some(CubeForm::Exr | CubeForm::Npy) => {
-            let loaded = read_spectral_image::<Radiance>(path)?;
-            let facts = CubeFacts { provenance: loaded.provenance, ..CubeFacts::default() };
-            Ok(Cube { light: CubeLight::Radiance(loaded.image), facts })
+            let of = |provenance| CubeFacts { provenance, ..CubeFacts::default() };
+            match read_spectral_image::<Radiance>(path) {
+                Ok(loaded) => {
+                    Ok(Cube { light: CubeLight::Radiance(loaded.image), facts: of(loaded.provenance) })
+                }
+                Err(error) => match read_spectral_image::<Irradiance>(path) {
+                    Ok(film) => {
+                        Ok(Cube { light: CubeLight::Irradiance(film.image), facts: of(film.provenance) })
+                    }
+                    Err(_) => Err(error),
+                },
+            }
         }
         _ => Err(FormatError::unsupported(
             path,

@@ -276,6 +276,8 @@ def plot(path: str | os.PathLike[str], **options: Any) -> Record:
 
 def run(source: Experiment | str | os.PathLike[str], out: str | os.PathLike[str], **options: Any) -> Record:
     """From scene to report in a folder, as ``fluorspar run``; returns the numbers that the folder keeps in results.json."""
+    if source is None:
+        raise _given.wrong_type("source", "an Experiment, the name of one, or the path of a file", source)
     with _file_of(source) as words:
         return _done(_fluorspar.run, experiment=words[0], out=_given.path(out, "out"), **options)
 
@@ -303,7 +305,7 @@ def compare(a: str | os.PathLike[str], b: str | os.PathLike[str], **options: Any
     ``compare("fluorspar-out/a", "fluorspar-out/b", out="two")``: folders of ``run``, ``capture`` or ``analyze``; ``out`` is a folder for a page
     with the frames. Designs that nobody has run are compared by :func:`design`.
     """
-    return _done(_fluorspar.compare, a=_given.path(a, "a"), b=_given.path(b, "b"), **options)
+    return _done(_fluorspar.compare, a=_given.file(a, "a"), b=_given.file(b, "b"), **options)
 
 
 def calibrate(file: str | os.PathLike[str], **options: Any) -> Record:
@@ -312,7 +314,7 @@ def calibrate(file: str | os.PathLike[str], **options: Any) -> Record:
     ``calibrate("calibration.toml", out="camera-7").camera.gain_dn_per_e``; writes ``camera.toml``, an experiment, and a page.
     ``fluorspar new calibration`` writes a file to start from; options are those of ``fluorspar calibrate``.
     """
-    return _done(_fluorspar.calibrate, file=_given.path(file, "file"), **options)
+    return _done(_fluorspar.calibrate, file=_given.file(file, "file"), **options)
 
 
 def cohort(source: str | os.PathLike[str] | None = None, **options: Any) -> Record:
@@ -336,7 +338,7 @@ def cube(image: str | os.PathLike[str], **options: Any) -> Record:
 
     ``cube("fluorspar-out/a", out="a.zarr")`` writes what ``xarray.open_zarr`` opens; options are those of ``fluorspar cube``.
     """
-    return _done(_fluorspar.cube, image=_given.path(image, "image"), **options)
+    return _done(_fluorspar.cube, image=_given.file(image, "image"), **options)
 
 
 def fit_spectra(spectra: str | os.PathLike[str], **options: Any) -> Record:
@@ -345,7 +347,7 @@ def fit_spectra(spectra: str | os.PathLike[str], **options: Any) -> Record:
     ``fit_spectra("measured.csv", fluorophore=["fad", "protoporphyrin_ix"], light="led_405", relative=True).spectra[0].fit``; arguments are the options
     of ``fluorspar fluorophore fit``.
     """
-    found: Record = _done_in_arrays(_fluorspar.fit_spectra, spectra=_given.path(spectra, "spectra", "the path of a file"), **options)
+    found: Record = _done_in_arrays(_fluorspar.fit_spectra, spectra=_given.file(spectra, "spectra"), **options)
     return found
 
 

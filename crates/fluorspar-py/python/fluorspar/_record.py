@@ -25,6 +25,12 @@ class Record(dict[str, Any]):
         """The value of a JSON text, every object a record."""
         return json.loads(text, object_hook=cls)
 
+    def __repr__(self) -> str:
+        whole = super().__repr__()
+        if len(whole) <= _LONGEST:
+            return whole
+        return "{" + ", ".join(f"{key!r}: {_short(value)}" for key, value in self.items()) + "}"
+
     def _repr_html_(self) -> str:
         return _table(self)
 
@@ -42,6 +48,18 @@ def with_arrays(value: Any) -> Any:
         array.flags.writeable = False
         return array
     return [with_arrays(inner) for inner in value]
+
+
+#: Longest result that is printed whole, characters.
+_LONGEST = 400
+
+
+def _short(value: Any) -> str:
+    """A result in a line: what is large by its size."""
+    if isinstance(value, (dict, list)) and len(repr(value)) > _LONGEST // 4:
+        of = "entries" if isinstance(value, dict) else "items"
+        return f"<{len(value)} {of}>"
+    return repr(value)
 
 
 #: Entries of a list that a table shows.

@@ -115,7 +115,7 @@ class Components:
         col]``, float32, at the rendered powers and concentrations: a read-only view.
 
         Lens, filters and quantum efficiency are in them, so that drives, concentrations and exposures are factors: for one's own
-        optimizers. Rows and columns are those of the render, electrons those of one pixel of the sensor. With ``lit`` the planes of
+        optimizers. Rows and columns are those of the render, electrons those of one pixel of the sensor, before any are binned. With ``lit`` the planes of
         components under light groups that the capture leaves dark are zero and take no time: half of it where a render has two groups.
         """
         native = native_of(experiment)

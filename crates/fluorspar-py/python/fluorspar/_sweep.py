@@ -35,7 +35,7 @@ def _numbers_of(
         raise _given.wrong_type("what `result` returns", 'a dictionary of numbers by name, such as {"share": 0.1}', found)
     for name, value in found.items():
         _check_result(_given.text(name, "a name that `result` returns"), value)
-    return dict(_numbers(found, ""))
+    return dict(_numbers(found, "", has_flags=True))
 
 
 def _check_result(path: str, value: Any) -> None:
@@ -51,16 +51,17 @@ def _check_result(path: str, value: Any) -> None:
         raise _given.wrong_type(f"`result`, {path}", "a number, None, or a list or dictionary of them", value)
 
 
-def _numbers(value: Any, path: str) -> Iterable[tuple[str, float]]:
-    """The numbers of nested results by path, as one writes it to reach them: ``channels[1].statistics.mean``."""
+def _numbers(value: Any, path: str, *, has_flags: bool = False) -> Iterable[tuple[str, float]]:
+    """The numbers of nested results by path, as one writes it to reach them: ``channels[1].statistics.mean``; with ``has_flags`` truth
+    values, too."""
     value = value.tolist() if hasattr(value, "tolist") else value
     if isinstance(value, Mapping):
         for key, inner in value.items():
-            yield from _numbers(inner, f"{path}.{key}" if path else str(key))
+            yield from _numbers(inner, f"{path}.{key}" if path else str(key), has_flags=has_flags)
     elif isinstance(value, (list, tuple)):
         for index, inner in enumerate(value):
-            yield from _numbers(inner, f"{path}[{index}]")
-    elif isinstance(value, numbers.Real) and not isinstance(value, bool):
+            yield from _numbers(inner, f"{path}[{index}]", has_flags=has_flags)
+    elif isinstance(value, numbers.Real) and (has_flags or not isinstance(value, bool)):
         yield path, float(value)
 
 
@@ -139,7 +140,7 @@ def sweep(
     ``"long_pass_475, ir_cut_700"``, an empty one ``"none"``. Its variables are float64, with the units of the analysis (DN, electrons,
     shares from 0 to 1): all numbers of it, named as one writes them to reach them (``mixture.region.estimate.position``,
     ``channels[1].statistics.mean``, ``posterior.interval[0]``), or those that ``result`` returns by name, a list of numbers as ``name[0]``,
-    ``name[1]``. What is ``None`` or missing at some point is NaN there. ``client`` is a Dask client: what a worker that dies has not
+    ``name[1]``, ``True`` as 1. What is ``None`` or missing at some point is NaN there. ``client`` is a Dask client: what a worker that dies has not
     finished is done by another. An error at a point has a note that names it.
     """
     import numpy as np

@@ -295,7 +295,7 @@ fn line_budget(analysis: &Analysis) -> Contributions {
         return Contributions::default();
     };
     let mut parts: Vec<(String, f64)> =
-        budget.items.iter().map(|item| (item.source.clone(), item.change)).collect();
+        budget.terms.iter().map(|item| (item.source.clone(), item.change)).collect();
     parts.push(("sensor noise, half of 95 %".into(), budget.sensor_noise));
     parts.retain(|(_, change)| change.abs() >= LEAST_CHANGE);
     let text = |change: f64| format!("{:+.2} %", 100.0 * change).replace('-', "−");

@@ -186,9 +186,10 @@ impl ViewWriter<'_> {
         for (frame, capture) in frames.iter().zip(&study.captures) {
             for raw in std::iter::once(&frame.raw).chain(&frame.bracket) {
                 // The experiment is in the file of the data set: once for all frames
-                files.put("images", &format!("{}.tiff", raw.label), |path| {
-                    write_sensor_tiff(path, raw, None)
-                })?;
+                let name = format!("{}.tiff", raw.label);
+                files.put("images", &name, |path| write_sensor_tiff(path, raw, None))?;
+                // Its description was written with it
+                files.put("images", &format!("{name}.json"), |_| Ok(()))?;
             }
             if !is_lit(capture) {
                 continue;

@@ -26,7 +26,8 @@ pub struct ErrorBudget {
     /// Half of the 95 % interval that the sensor's noise leaves.
     pub sensor_noise: f64,
     /// Everything else: leaked light, light of other parts, light that fluoresced twice, indirect light, the rim of the region.
-    pub items: Vec<BudgetItem>,
+    #[serde(alias = "items")]
+    pub terms: Vec<BudgetItem>,
     /// The estimate and the root of the summed squares of the sensor's noise and of all changes, either way. It may reach below
     /// zero. Errors of the library of spectra and the variety of tissue are not in it.
     pub total_interval: [f64; 2],
@@ -35,7 +36,7 @@ pub struct ErrorBudget {
     /// The estimate if the same light came without that of the porphyrin.
     pub blank: f64,
     /// Smallest share that is told from the blank, counted from it, with errors of 5 % either way by the sensor's noise. Bias of
-    /// the line is not in it: see [`Self::items`].
+    /// the line is not in it: see [`Self::terms`].
     pub detection_limit: f64,
 }
 
@@ -93,11 +94,11 @@ impl ErrorBudget {
             let &[red, green, blue] = electrons else { return None };
             Some(left_of(&light.all(), [red, green, blue], mean_rgb_dn))
         };
-        let mut items = Vec::new();
+        let mut terms = Vec::new();
         let mut item = |source: &str, other: Option<LineEstimate>| {
             if let Some(other) = other {
                 let (without, change) = (other.position, here.position - other.position);
-                items.push(BudgetItem { source: source.into(), without, change });
+                terms.push(BudgetItem { source: source.into(), without, change });
             }
         };
         let estimate_without = |electrons: &[f64]| without(electrons).and_then(estimate);
@@ -108,14 +109,14 @@ impl ErrorBudget {
         item("rim of the region", input.inner_rgb_dn.and_then(estimate));
 
         let sensor_noise = Z_95 * here.position_standard_error;
-        let squares: f64 = items.iter().map(|item| item.change * item.change).sum();
+        let squares: f64 = terms.iter().map(|item| item.change * item.change).sum();
         let half = sensor_noise.hypot(squares.sqrt());
         let total_interval = [here.position - half, here.position + half];
         let blank = estimate_without(&light.porphyrin)?;
         Some(Self {
             share: here.position,
             sensor_noise,
-            items,
+            terms,
             total_interval,
             fraction_total_interval: total_interval.map(|share| line.fraction(share.clamp(0.0, 1.0)).0),
             blank: blank.position,
@@ -155,7 +156,7 @@ mod tests {
             noise: ChannelNoise { floor_dn: 1.0, dn_per_electron: 0.5, gain_spread: 0.0 },
         };
         let budget = ErrorBudget::new(&input).unwrap();
-        let item = |name: &str| budget.items.iter().find(|item| item.source == name).unwrap();
+        let item = |name: &str| budget.terms.iter().find(|item| item.source == name).unwrap();
         assert!((item("leaked light").without - 10.0 / 110.0).abs() < 1e-12);
         assert!(item("indirect light").without > budget.share + 0.01);
         assert_eq!(item("light of other parts").change, 0.0);

@@ -258,7 +258,7 @@ fn budget_findings(budget: &ErrorBudget) -> Vec<Finding> {
         Finding::new(FindingId::LineChange, item.change).named(&item.source).judged_by(item.without)
     };
     let mut all = vec![Finding::new(FindingId::LineNoise, budget.sensor_noise)];
-    all.extend(budget.items.iter().map(change));
+    all.extend(budget.terms.iter().map(change));
     all.push(Finding::new(FindingId::LineBlank, budget.blank));
     all
 }

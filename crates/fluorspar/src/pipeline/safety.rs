@@ -272,21 +272,7 @@ fn light_on(study: &Study, capture: &Capture, frames: &[CapturedFrame]) -> (f64,
     if let Some(ms) = capture.light_on_ms {
         return (ms * 1e-3, "light_on_ms".into());
     }
-    // Exposures of the capture, of which the first is the frame's
-    let stops = std::iter::once(1.0).chain(capture.bracket_ev.iter().map(|stops| stops.exp2()));
-    let taken = frames.iter().find(|frame| frame.raw.label == capture.frame.label);
-    let (exposures_s, from): (Vec<f64>, _) = match (taken, capture.frame.exposure_ms) {
-        (Some(frame), _) => {
-            let all = std::iter::once(&frame.raw).chain(&frame.bracket);
-            (all.map(|raw| raw.exposure_s).collect(), "exposure time")
-        }
-        (None, Some(ms)) => (stops.map(|factor| ms * 1e-3 * factor).collect(), "exposure time"),
-        (None, None) => {
-            let longest = capture.frame.auto_exposure.unwrap_or_default().max_exposure_ms;
-            let all = stops.map(|factor| longest * 1e-3 * factor);
-            (all.collect(), "longest time of the automatic exposure")
-        }
-    };
+    let (exposures_s, from) = exposures(capture, frames);
     let Some(sensor) = &study.camera.sensor else { return (exposures_s.iter().sum(), from.into()) };
     let shutter = sensor.model().shutter;
     let source = match shutter.kind {
@@ -295,6 +281,23 @@ fn light_on(study: &Study, capture: &Capture, frames: &[CapturedFrame]) -> (f64,
         _ => from.into(),
     };
     (exposures_s.iter().map(|exposure_s| sensor.lamp_on_s(*exposure_s)).sum(), source)
+}
+
+/// Exposure times of a capture, that of its frame and those of its bracket, s, and where they come from.
+fn exposures(capture: &Capture, frames: &[CapturedFrame]) -> (Vec<f64>, &'static str) {
+    if let Some(frame) = frames.iter().find(|frame| frame.raw.label == capture.frame.label) {
+        let all = std::iter::once(&frame.raw).chain(&frame.bracket);
+        return (all.map(|raw| raw.exposure_s).collect(), "exposure time");
+    }
+    let (first_ms, from) = match capture.frame.exposure_ms {
+        Some(ms) => (ms, "exposure time"),
+        None => {
+            let rule = capture.frame.auto_exposure.unwrap_or_default();
+            (rule.max_exposure_ms, "longest time of the automatic exposure")
+        }
+    };
+    let factors = std::iter::once(1.0).chain(capture.bracket_ev.iter().map(|stops| stops.exp2()));
+    (factors.map(|factor| first_ms * 1e-3 * factor).collect(), from)
 }
 
 fn axis_point(study: &Study, distance_mm: f64) -> OrientedPoint {

@@ -63,6 +63,19 @@ pub enum GridError {
         text = number_text(*.0)
     )]
     BadStep(f64),
+    /// Wavelengths that no bins side by side have as centers.
+    #[error(
+        "bands lie side by side, and none at these steps have these centers: band {index} at {} nm would lie at {} nm",
+        number_text(*center), number_text(*nearest)
+    )]
+    Apart {
+        /// Number of a band, from 1.
+        index: usize,
+        /// Its center, nm.
+        center: f64,
+        /// The center that half-way edges would give it, nm.
+        nearest: f64,
+    },
 }
 
 impl WavelengthGrid {
@@ -114,11 +127,10 @@ impl WavelengthGrid {
         Self::from_edges(&edges)
     }
 
-    /// Bins whose centers are the given wavelengths, the first as near as can be to half-way to the second. Where no bins have these centers
-    /// edges lie half-way between neighbors, and centers off them.
+    /// Bins whose centers are the given wavelengths, the first as near as can be to half-way to the second.
     ///
     /// # Errors
-    /// As [`WavelengthGrid::from_edges`]; one wavelength alone has no width.
+    /// As [`WavelengthGrid::from_edges`]; one wavelength alone has no width; no bins side by side have these centers.
     pub fn from_centers(centers_nm: &[f64]) -> Result<Self, GridError> {
         if centers_nm.len() < 2 {
             return Err(GridError::TooFew(centers_nm.len()));
@@ -128,10 +140,15 @@ impl WavelengthGrid {
         edges.push(1.5 * centers_nm[0] - 0.5 * centers_nm[1]);
         edges.extend(centers_nm.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])));
         edges.push(1.5 * centers_nm[n - 1] - 0.5 * centers_nm[n - 2]);
-        let is_off =
-            |(pair, center): (&[f64], &f64)| (0.5 * (pair[0] + pair[1]) - center).abs() > 1e-6 * center;
-        let is_uneven = edges.windows(2).zip(centers_nm).any(is_off);
-        Self::from_edges(&edges_about(centers_nm, &edges).filter(|_| is_uneven).unwrap_or(edges))
+        let half_way = Self::from_edges(&edges)?;
+        let mut both = centers_nm.iter().copied().zip(half_way.centers_nm()).enumerate();
+        match both.find(|(_, (center, found))| (center - found).abs() > 1e-6 * center) {
+            None => Ok(half_way),
+            Some((band, (center, nearest))) => match edges_about(centers_nm, &edges) {
+                Some(edges) => Self::from_edges(&edges),
+                None => Err(GridError::Apart { index: band + 1, center, nearest }),
+            },
+        }
     }
 
     /// Number of bins.
@@ -250,12 +267,11 @@ mod tests {
             let found = grid.centers_nm();
             assert!(found.iter().zip(centers).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?} {centers:?}");
         }
-        // Bands of a camera, whose 717 nm would become 0.05 nm wide
-        let camera = WavelengthGrid::from_centers(&[475.0, 560.0, 668.0, 717.0, 840.0]).unwrap();
-        assert_eq!(camera.edges_nm(), [432.5, 517.5, 614.0, 692.5, 778.5, 901.5]);
-        assert!(WavelengthGrid::from_centers(&[600.0, 700.0, 1000.0]).is_ok());
-        let off = WavelengthGrid::from_centers(&[400.0, 410.0, 500.0, 510.0]).unwrap();
-        assert_eq!(off.edges_nm(), [395.0, 405.0, 455.0, 505.0, 515.0]);
+        // Bands of a camera, whose 717 nm would become 0.05 nm wide, and bands with a gap
+        let camera = WavelengthGrid::from_centers(&[475.0, 560.0, 668.0, 717.0, 840.0]);
+        assert_eq!(camera, Err(GridError::Apart { index: 2, center: 560.0, nearest: 565.75 }));
+        let gap = WavelengthGrid::from_centers(&[400.0, 410.0, 500.0, 510.0]);
+        assert_eq!(gap, Err(GridError::Apart { index: 2, center: 410.0, nearest: 430.0 }));
     }
 
     #[test]

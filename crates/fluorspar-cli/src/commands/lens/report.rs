@@ -48,7 +48,7 @@ pub(crate) struct Options {
     #[arg(long)]
     json: bool,
     /// Print the lens itself as a lens file (.toml), whatever program it comes from, and trace nothing.
-    #[arg(long, conflicts_with_all = ["json", "out"])]
+    #[arg(long, conflicts_with_all = ["json", "out", "f_number", "focus_distance_mm", "film_shift_mm", "image_height_mm", "wavelength_nm", "frequency"])]
     toml: bool,
 }
 
