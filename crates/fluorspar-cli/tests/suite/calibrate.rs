@@ -195,7 +195,7 @@ fn what_frames_do_not_tell_is_refused_by_name() {
     };
     refused("dark = \"dark\"", "dark = \"drak\"", "dark: there is no file or folder drak");
     refused("flat = \"flat\"", "flat = \"flat/raw_flat_2_0.tiff\"", "twice or more");
-    refused("flat = \"flat\"", "flat = \"dark\"", "does not rise with the light");
+    refused("flat = \"flat\"", "flat = \"dark\"", "light an even white surface that fills the frame");
     refused("\"green_band\" # of", "\"green_bnad\" # of", "did you mean \"green_band\"?");
     refused("reflectance = 0.95 #", "reflectance = 95 #", "reflectance = 95 is outside");
     refused("reflectance = 0.95 #", "# ", "give what is known of it");
