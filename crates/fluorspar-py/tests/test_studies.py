@@ -28,8 +28,10 @@ def test_a_table_has_the_rows_of_the_program(study, program) -> None:
     values = np.array([np.nan if row["value"] is None else row["value"] for row in said])
     assert np.array_equal(table["value"], values, equal_nan=True) and not table["value"].flags.writeable
     assert np.array_equal(table["low"], [row["interval"][0] if row["interval"] else np.nan for row in said], equal_nan=True)
-    none = study.query(subject="P99")
+    none = study.query(region="nowhere")
     assert none.rows == 0 and list(none) == list(table)
+    with pytest.raises(fs.FluorsparError, match="no person P99"):
+        study.query(subject="P99")
     with pytest.raises(fs.UnknownName, match="there is no column 'mean'; there are subject, "):
         table["mean"]
 
@@ -42,7 +44,7 @@ def test_tables_become_those_of_pandas_and_arrow(study) -> None:
     pytest.importorskip("pyarrow")
     arrow = table.to_arrow()
     assert arrow["value"].to_pylist() == table["value"].tolist() and arrow["subject"].to_pylist() == table["subject"].tolist()
-    assert study.query(subject="P99").to_arrow().schema == arrow.schema
+    assert study.query(region="nowhere").to_arrow().schema == arrow.schema
 
 
 def test_people_stand_in_a_norm(study, program, tmp_path) -> None:

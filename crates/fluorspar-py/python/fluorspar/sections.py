@@ -114,6 +114,7 @@ FluorophoreName: TypeAlias = Literal[
     'biofilm_porphyrin',
     'chlorophyll_a',
     'collagen',
+    'dental_composite',
     'dentin',
     'egfp',
     'elastin',
@@ -224,6 +225,8 @@ QuantumEfficiencyName: TypeAlias = Literal[
 ReflectanceName: TypeAlias = Literal[
     'black',
     'cheek',
+    'dental_amalgam',
+    'dental_composite',
     'dentin',
     'enamel',
     'floor_of_mouth',
@@ -1468,6 +1471,8 @@ class MouthSection(TypedDict, total=False):
     """Spots, sores and stains on the parts. Default: none."""
     scan: list[ScanSection]
     """Own scans in place of parts. Default: none."""
+    restoration: list[RestorationSection]
+    """Fillings and artificial crowns. Default: none."""
     transform: TransformSection
     """Placement of the mouth. Default: in its own frame."""
     view: str
@@ -1619,6 +1624,20 @@ class TransformSection(TypedDict, total=False):
     """Factor on all lengths, above 0. Default 1."""
 
 
+class RestorationSection(TypedDict, total=False):
+    """A filling or an artificial crown on a tooth, a part of its own."""
+
+    name: str
+    """Name of the new part."""
+    tooth: int
+    """FDI number of the tooth."""
+    surfaces: str
+    """Its surfaces that are restored, by their letters: m mesial, o occlusal (i incisal), d distal, b buccal (f facial), l
+    lingual (p palatal); "mobdl" is a crown."""
+    material: str
+    """Name of its material."""
+
+
 class ObjectSection(TypedDict, total=False):
     """A named surface."""
 
@@ -1731,7 +1750,8 @@ class CaptureSection(TypedDict, total=False):
     gain: float
     """Analog gain, 0.01 to 1000. Default 1."""
     filters: list[SpectrumReference]
-    """Filters in front of the sensor in this capture only, multiplied: a place of a filter wheel. Default: none."""
+    """Filters in front of the sensor in this capture only, at normal incidence, multiplied: a place of a filter wheel.
+    Default: none."""
     subtract: str
     """Name of an earlier capture whose image is subtracted, scaled by exposure time: ambient light. Default: none."""
     bracket_ev: list[float]
