@@ -160,7 +160,7 @@ impl Components {
     /// Writes the image: `.exr` (24 bits a value) or `.npy` with a description beside it.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let (image, provenance) = (self.image.clone(), self.provenance.clone());
-        let is_npy = path.extension().is_some_and(|ending| ending == "npy");
+        let is_npy = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npy"));
         work_through(py, None, move || {
             write_new(&path, &["exr", "npy"], || match is_npy {
                 true => write_component_npy(&path, &image, provenance.as_ref()),

@@ -32,7 +32,7 @@ pub(crate) fn write_new(
     }
     let beside = description_path(path);
     let mut all = Outputs::new().and(Output::file("path", path));
-    if beside.exists() && ending != "npy" {
+    if beside.exists() && ending.starts_with("tif") {
         all = all.and(Output::file("path", &beside));
     }
     let set = all.declare().map_err(failed)?;

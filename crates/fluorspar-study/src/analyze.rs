@@ -173,7 +173,8 @@ fn estimate_one(
 
 /// Refuses a photograph of which a file is not as it was taken in: numbers would be those of something else.
 pub(crate) fn check_files(study: &Study, photograph: &str) -> Result<()> {
-    let sql = "SELECT path, sha256 FROM file WHERE photograph = ?";
+    let sql = "SELECT path, sha256 FROM file f WHERE photograph = ? AND (role <> 'mask' OR EXISTS (SELECT 1 FROM region r
+               WHERE r.photograph = f.photograph AND r.current = 1 AND instr(r.place, f.path) > 0))";
     let files: Vec<[String; 2]> =
         study.index.rows(sql, [photograph], |row| Ok([row.get(0)?, row.get(1)?]))?;
     files.iter().try_for_each(|[path, sha256]| check_unchanged(&study.path(Path::new(path)), sha256))

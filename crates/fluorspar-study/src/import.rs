@@ -357,13 +357,6 @@ fn import_one(study: &mut Study, photograph: &Photograph, imported: &mut Importe
             main.display()
         )));
     }
-    let is_out = "SELECT withdrawn FROM subject WHERE subject = ?";
-    if study.index.rows(is_out, [&subject], |row| row.get::<_, bool>(0))?.contains(&true) {
-        return Err(Error::Input(format!(
-            "{}: {subject} withdrew, and nothing new of this person is taken in",
-            main.display()
-        )));
-    }
     let sha256 = digest_bounded(main, LARGEST_BYTES)?;
     let of_other = "SELECT subject, session FROM photograph WHERE photograph = ?";
     let known: Vec<[String; 2]> =
@@ -379,6 +372,17 @@ fn import_one(study: &mut Study, photograph: &Photograph, imported: &mut Importe
     let is_wrong = |[_, _, verdict]: &[String; 3]| verdict == WRONG;
     if known.is_empty() && !photograph.regions.is_empty() && photograph.regions.iter().all(is_wrong) {
         return Ok(());
+    }
+    let is_out = "SELECT withdrawn FROM subject WHERE subject = ?";
+    if study.index.rows(is_out, [&subject], |row| row.get::<_, bool>(0))?.contains(&true) {
+        if !known.is_empty() {
+            imported.known += 1;
+            return Ok(());
+        }
+        return Err(Error::Input(format!(
+            "{}: {subject} withdrew, and nothing new of this person is taken in",
+            main.display()
+        )));
     }
     let regions = new_regions(study, photograph, [&subject, &session], &sha256)?;
     let mut events = Vec::new();

@@ -7,7 +7,7 @@ images=${IMAGES:-$root/docs/images}
 fluorspar=${FLUORSPAR:-$root/target/release/fluorspar}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-[ $# -gt 0 ] || set -- main views lesions masks scan gallery
+[ $# -gt 0 ] || set -- main views lesions restorations masks scan gallery
 
 # Frames of an experiment as NAME_white.png and NAME_blue.png in the folder of work: EXPERIMENT NAME SAMPLES
 frames() {
@@ -46,6 +46,10 @@ for name in "$@"; do
         frames "$here/lesions.toml" lesions 24
         cp "$work/lesions_white.png" "$work/lesions_blue.png" "$images"
         ;;
+    restorations)
+        frames "$here/restorations.toml" restorations 24
+        cp "$work/restorations_white.png" "$work/restorations_blue.png" "$images"
+        ;;
     masks)
         cp "$here/masks.toml" "$work"
         python3 "$here/paint_masks.py" "$work"
@@ -83,7 +87,7 @@ for name in "$@"; do
         cp "$work"/gallery_*.png "$work/gallery_lens.svg" "$images"
         ;;
     *)
-        echo "no pictures named $name; there are: main views lesions masks scan gallery" >&2
+        echo "no pictures named $name; there are: main views lesions restorations masks scan gallery" >&2
         exit 2
         ;;
     esac

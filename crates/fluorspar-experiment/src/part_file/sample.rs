@@ -428,9 +428,13 @@ fn exposure(context: &Context<'_>, file: &SampleFile) -> Resolved<CaptureFrame> 
 
 fn irradiance(context: &mut Context<'_>, light: &SampleLight, grid: &WavelengthGrid) -> Resolved<Curve> {
     let role = match light.strength {
-        SampleStrength::Measured { .. } => Role::Absolute,
+        SampleStrength::Measured { .. } => Role::AbsolutePower,
         SampleStrength::Irradiance { .. } => Role::Light,
     };
+    if role == Role::AbsolutePower && light.spectrum.catalogue_name().is_some() {
+        let message = "spectra of the catalogue are relative; give strength.irradiance_w_per_m2, or a measured spectrum";
+        return context.fail(&steps!["light", "spectrum"], message);
+    }
     let mut curve = context.spectrum(&steps!["light", "spectrum"], &light.spectrum, role, 0.0, grid)?;
     let angle_deg = light.filter_angle_deg;
     context.within(&steps!["light", "filter_angle_deg"], angle_deg, [0.0, 60.0], "degrees")?;

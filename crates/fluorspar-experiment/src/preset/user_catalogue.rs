@@ -138,7 +138,9 @@ fn text_of_table(kind: PresetKind, name: &str, path: &Path) -> Result<String, Pr
         let scale = if kind == PresetKind::Light { 1.0 / curve.max().max(f64::MIN_POSITIVE) } else { 1.0 };
         let value = curve.values().iter().map(|value| value * scale).collect();
         let model = CurveModel::Table { wavelength_nm: curve.wavelengths_nm().to_vec(), value };
-        models.insert(column.name.clone(), toml::Value::try_from(model).map_err(failed)?);
+        // Channels are called without the unit of their column, "R (%)"
+        let channel = column.name.split(['(', '[']).next().unwrap_or_default().trim();
+        models.insert(channel.into(), toml::Value::try_from(model).map_err(failed)?);
     }
     let first = models.values().next().cloned().filter(|_| !is_qe);
     let entry = SpectraPreset {

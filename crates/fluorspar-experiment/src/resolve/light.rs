@@ -444,7 +444,7 @@ fn absolute_spectrum(
     grid: &WavelengthGrid,
 ) -> Resolved<Curve> {
     // A map of spectral radiances is multiplied as it is; all others are scaled to what the section states.
-    let role = if strength == Strength::OfMap { Role::Absolute } else { Role::Light };
+    let role = if strength == Strength::OfMap { Role::AbsolutePower } else { Role::Light };
     let bare = context.spectrum(&at.field("spectrum"), &section.spectrum, role, 0.0, grid)?;
     context.within(&at.field("filter_angle_deg"), section.filter_angle_deg, [0.0, 60.0], "degrees")?;
     let mut filtered = bare.clone();

@@ -415,7 +415,7 @@ fn coefficients(
             "the catalogue has no spectra of coefficients; give a number, a CSV file or an equation, in 1/mm";
         return context.fail(at, message);
     }
-    context.spectrum(at, reference, Role::Absolute, 0.0, grid)
+    context.spectrum(at, reference, Role::Coefficient, 0.0, grid)
 }
 
 fn absorption(

@@ -646,6 +646,9 @@ fn scans(
     Ok(())
 }
 
+/// Area of a restoration below which others before it have left slivers alone: the smallest filling has several mm².
+const LEAST_RESTORATION_M2: f32 = 1e-6;
+
 /// Cuts fillings and crowns out of the teeth.
 fn restorations(
     context: &Context<'_>,
@@ -657,7 +660,11 @@ fn restorations(
         let at = steps!["mouth", "restoration", index];
         let (name, number) = (&restoration.name, restoration.tooth);
         context.unique_name(&at, name, parts.iter().map(|part| part.name.as_str()))?;
-        let tooth = parts.iter_mut().find(|part| part.name == format!("tooth_{number}"));
+        let of_tooth = format!("tooth_{number}");
+        if section.scan.iter().any(|scan| scan.name == of_tooth) {
+            return context.fail(&at.field("tooth"), "this tooth is a scan, whose surfaces nothing names");
+        }
+        let tooth = parts.iter_mut().find(|part| part.name == of_tooth);
         let Some(Object { shape: Shape::Mesh(mesh), .. }) = tooth else {
             let message =
                 format!("the mouth has no tooth {number}; give the FDI number of one that is there");
@@ -669,7 +676,8 @@ fn restorations(
         };
         let material = material_index(context, &at.field("material"), &restoration.material, materials)?;
         let [rest, covered] = restored(mesh, number, surfaces);
-        if covered.triangles.is_empty() {
+        let double_m2: f32 = covered.triangles.iter().map(|t| covered.triangle_cross(t).length()).sum();
+        if double_m2 < 2.0 * LEAST_RESTORATION_M2 {
             let message = "restorations before it cover these surfaces of the tooth already; remove one";
             return context.fail(&at.field("surfaces"), message);
         }

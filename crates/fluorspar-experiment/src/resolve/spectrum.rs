@@ -34,6 +34,10 @@ pub(crate) enum Role {
     QuantumEfficiency,
     /// Values with a unit of their own: anything from 0 up.
     Absolute,
+    /// Radiance or irradiance, W/(sr m² nm) or W/(m² nm).
+    AbsolutePower,
+    /// Coefficients, 1/mm.
+    Coefficient,
 }
 
 impl Role {
@@ -48,12 +52,16 @@ impl Role {
             Self::Filter | Self::Reflectance => SpectrumQuantity::Fraction,
             Self::QuantumEfficiency => SpectrumQuantity::QuantumEfficiency,
             Self::Absolute => SpectrumQuantity::Stored,
+            Self::AbsolutePower => SpectrumQuantity::AbsolutePower,
+            Self::Coefficient => SpectrumQuantity::Coefficient,
         }
     }
 
     fn preset(self, name: &str) -> Result<CurvePreset, preset::PresetError> {
         match self {
-            Self::Light | Self::Absolute => preset::light_spectrum(name),
+            Self::Light | Self::Absolute | Self::AbsolutePower | Self::Coefficient => {
+                preset::light_spectrum(name)
+            }
             Self::Filter | Self::QuantumEfficiency => preset::filter(name),
             Self::Reflectance => preset::reflectance(name),
         }
@@ -226,13 +234,11 @@ impl Context<'_> {
             Role::Filter | Role::Reflectance => 1.0,
             Role::QuantumEfficiency => 2.0,
             Role::Light => LARGEST_RELATIVE,
-            Role::Absolute => STRENGTH[1],
+            Role::Absolute | Role::AbsolutePower | Role::Coefficient => STRENGTH[1],
         };
         let bad = |value: &f64| !(0.0..=most).contains(value);
         let Some(index) = curve.values().iter().position(bad) else {
-            if matches!(role, Role::Light | Role::Absolute)
-                && curve.integral(MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM) <= 0.0
-            {
+            if !role.is_fraction() && curve.integral(MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM) <= 0.0 {
                 let message = "the spectrum is zero from 200 to 1200 nm; are its wavelengths in nanometers?";
                 return self.fail(at, message);
             }

@@ -51,7 +51,7 @@ pub fn scene_nodes(experiment: &Experiment) -> Result<Vec<SceneNode>, Experiment
             nodes.push(SceneNode { path: key.into(), kind: key.into(), summary: summary(section) });
         }
         if key == "mouth" {
-            for list in ["lesion", "scan"] {
+            for list in ["lesion", "scan", "restoration"] {
                 let inner = root.get(key).and_then(|mouth| mouth.get(list));
                 nodes.extend(
                     inner.into_iter().flat_map(|inner| entries(inner, list, &format!("mouth.{list}"))),

@@ -96,6 +96,9 @@ fn a_stigmatic_lens_out_of_focus_has_the_mtf_of_its_disc() {
     assert!(sharp.spots[0].rms_radius_mm.unwrap() < 1e-8);
     assert!(sharp.mtf.fields[0].sagittal.iter().all(|mtf| (mtf - 1.0).abs() < 1e-9));
     assert!(sharp.mtf.best_axial_focus_mm.abs() < 1e-12 && sharp.field[0].distortion_percent == Some(0.0));
+    // Out of focus an image is larger, and not distorted: near the axis both have none
+    let [moved, still] = [&report, &sharp].map(|report| report.field[1].distortion_percent.unwrap());
+    assert!((moved - still).abs() < 1e-3, "{moved} {still}");
 }
 
 #[test]

@@ -295,6 +295,8 @@ mod tests {
         assert_eq!(opening("  CONI -0.5", "  CONI -0.5\n  CLAP 0 3.0 0"), 3.0);
         assert!(fault(&ZMX.replace("  CONI -0.5", "  OBSC 0 3.0 0"), "zmx").contains("not round"));
         assert!(fault(&ZMX.replace("PWAV 1", "OBNA 0.1 0"), "zmx").contains("f-number"));
+        assert!(fault(&ZMX.replace("PWAV 1", "FNUM -5 0"), "zmx").contains("not above 0"));
+        assert!(fault(&ZMX.replace("  CONI -0.5", "  CLAP 3 6 0"), "zmx").contains("not round"));
     }
 
     #[test]

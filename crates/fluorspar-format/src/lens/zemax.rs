@@ -44,6 +44,10 @@ impl ZemaxFile {
         let mut words = line.split_whitespace();
         let Some(key) = words.next() else { return Ok(()) };
         let rest: Vec<&str> = words.collect();
+        let positive = |number: f64| match number > 0.0 {
+            true => Ok(number),
+            false => Err(Fault::at(at, format!("{key} {number} is not above 0"))),
+        };
         let value = |number_of: usize, what: &str| -> Result<f64, Fault> {
             let word = rest.get(number_of).copied();
             number(word.ok_or_else(|| Fault::at(at, format!("{key} has no {what}")))?, what, at)
@@ -61,10 +65,12 @@ impl ZemaxFile {
                 self.wavelengths_um.push((value(0, "number")? as usize, value(1, "wavelength")?));
             }
             ("ENPD", _) => {
-                self.aperture =
-                    Some(SystemAperture::EntrancePupilMm(value(0, "diameter of the entrance pupil")?));
+                self.aperture = Some(SystemAperture::EntrancePupilMm(positive(value(
+                    0,
+                    "diameter of the entrance pupil",
+                )?)?));
             }
-            ("FNUM", _) => self.aperture = Some(SystemAperture::FNumber(value(0, "f-number")?)),
+            ("FNUM", _) => self.aperture = Some(SystemAperture::FNumber(positive(value(0, "f-number")?)?)),
             ("OBNA", _) => {
                 let message = "its aperture is a numerical aperture of the object; set it as an entrance pupil or an f-number";
                 return Err(Fault::at(at, message));
@@ -101,8 +107,10 @@ impl ZemaxFile {
                     if rest.first() == Some(&"INFINITY") { f64::INFINITY } else { value(0, "thickness")? };
             }
             ("DIAM", Some(current)) => current.surface.semi_diameter_mm = value(0, "semi-diameter")?,
-            ("CLAP", Some(current)) => current.clear_mm = value(1, "largest radius of its aperture")?,
-            ("SQAP" | "ELAP" | "OBSC" | "OBSR" | "OBEL" | "UDAD" | "UDOB", Some(_)) => {
+            ("CLAP", Some(current)) if value(0, "smallest radius of its aperture")? <= 0.0 => {
+                current.clear_mm = value(1, "largest radius of its aperture")?;
+            }
+            ("CLAP" | "SQAP" | "ELAP" | "OBSC" | "OBSR" | "OBEL" | "UDAD" | "UDOB", Some(_)) => {
                 return Err(Fault::at(
                     at,
                     "an aperture that is not round and open; only round ones are read (CLAP)",

@@ -441,11 +441,11 @@ fn check_corner(path: &Path, corner: &str, line: u64) -> Result<(), FormatError>
     Err(FormatError::at_line(path, line, what, hint))
 }
 
-fn unit(
+/// The unit that a comment `# unit: photons` states; `None` within where it says that it is unknown.
+pub(super) fn stated_unit_of(
     path: &Path,
     comments: &[(u64, String)],
-    given: Option<YieldUnit>,
-) -> Result<Option<YieldUnit>, FormatError> {
+) -> Result<Option<Option<YieldUnit>>, FormatError> {
     let mut stated = None;
     for (line, comment) in comments {
         let lower = comment.to_lowercase();
@@ -466,7 +466,15 @@ fn unit(
             }
         });
     }
-    match (stated, given) {
+    Ok(stated)
+}
+
+fn unit(
+    path: &Path,
+    comments: &[(u64, String)],
+    given: Option<YieldUnit>,
+) -> Result<Option<YieldUnit>, FormatError> {
+    match (stated_unit_of(path, comments)?, given) {
         (Some(Some(stated)), Some(given)) if stated != given => Err(FormatError::unit(
             path,
             format!(

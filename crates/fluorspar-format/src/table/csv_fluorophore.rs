@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
+use super::csv_eem::stated_unit_of;
 use super::csv_table::Negative;
 use super::eem_layout::{Axis, names_spectrum, no_samples, no_such_sample, sample_of};
 use super::spectra::{SpectrumColumns, SpectrumOptions, headers_of, read_spectra};
+use super::value_unit::{StatedUnit, ValueUnit, stated_unit};
 use crate::{Defect, FormatError};
-use fluorspar::spectral::Curve;
+use fluorspar::spectral::{Curve, YieldUnit};
 
 /// Excitation and emission spectra of a fluorophore, as stored: neither normalized nor converted.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +19,8 @@ pub struct CsvFluorophore {
     pub emission: Curve,
     /// The excitation is the same everywhere: it was never measured and only the emission means anything.
     pub emission_only: bool,
+    /// What the emission counts, where a comment `# unit: energy` or its header says so.
+    pub stated: Option<YieldUnit>,
 }
 
 /// Reads a table with the columns `wavelength_nm`, `excitation` and `emission`, or as databases of dyes write them, `EGFP ex` and `EGFP em`; of
@@ -30,9 +34,15 @@ pub fn read_fluorophore_csv(
     negative: Negative,
     sample: Option<&str>,
 ) -> Result<CsvFluorophore, FormatError> {
-    let (line, headers) = headers_of(path)?;
+    let (line, headers, comments) = headers_of(path)?;
+    let names = columns(path, line, &headers, sample)?;
+    let of_header = names.get(1).and_then(|name| match stated_unit(name) {
+        StatedUnit::Known(ValueUnit::Energy) => Some(YieldUnit::Energy),
+        StatedUnit::Known(ValueUnit::Photons | ValueUnit::Counts) => Some(YieldUnit::Photons),
+        _ => None,
+    });
     let options = SpectrumOptions {
-        columns: SpectrumColumns::Named(columns(path, line, &headers, sample)?),
+        columns: SpectrumColumns::Named(names),
         negative,
         skip_empty_cells: true,
         ..SpectrumOptions::default()
@@ -42,7 +52,8 @@ pub fn read_fluorophore_csv(
         return Err(FormatError::malformed(path, "columns are missing", "Give excitation and emission"));
     };
     let emission_only = is_constant(excitation.values());
-    Ok(CsvFluorophore { excitation, emission, emission_only })
+    let stated = stated_unit_of(path, &comments)?.flatten().or(of_header);
+    Ok(CsvFluorophore { excitation, emission, emission_only, stated })
 }
 
 /// Whether cells of a header name columns of excitation and of emission.

@@ -108,9 +108,9 @@ pub fn read_spectra(path: &Path, options: &SpectrumOptions) -> Result<MeasuredSp
 }
 
 /// Line and cells of the header of a table in a text file.
-pub(crate) fn headers_of(path: &Path) -> Result<(u64, Vec<String>), FormatError> {
-    let Header { line, cells } = text_table(path)?.0.header;
-    Ok((line, cells))
+pub(crate) fn headers_of(path: &Path) -> Result<(u64, Vec<String>, Vec<(u64, String)>), FormatError> {
+    let Table { header: Header { line, cells }, comments, .. } = text_table(path)?.0;
+    Ok((line, cells, comments))
 }
 
 /// The table of a text file, what it has otherwise than a plain one, and the lines above it.
@@ -687,8 +687,17 @@ impl SpectrumReader<'_> {
         if self.options.quantity == SpectrumQuantity::Stored {
             return Ok(None);
         }
-        if self.options.unit.is_some() {
-            return Ok(self.options.unit);
+        if let Some(unit) = self.options.unit {
+            return match self.options.quantity.absolute_factor("") {
+                Ok(Some(_)) if unit != ValueUnit::Energy => Err(self.not_absolute(column, unit.name())),
+                _ => Ok(Some(unit)),
+            };
+        }
+        if let Some(factor) = self.options.quantity.absolute_factor(self.words_of_unit(column)).transpose() {
+            return match factor {
+                Ok(_) => Ok(None),
+                Err(stated) => Err(self.not_absolute(column, &stated)),
+            };
         }
         self.refuse_other_quantity(column)?;
         match stated_unit(self.words_of_unit(column)) {
@@ -706,6 +715,18 @@ impl SpectrumReader<'_> {
         }
     }
 
+    /// A column of another unit than the absolute one that is wanted.
+    fn not_absolute(&self, column: usize, stated: &str) -> FormatError {
+        let wanted = self.options.quantity.absolute_unit();
+        FormatError::unit(
+            self.path,
+            format!("column {} is in \"{}\"", self.table.column_name(column), excerpt(stated)),
+            format!(
+                "Values are taken as they are: convert them to {wanted}, or give their factor as `scale`"
+            ),
+        )
+    }
+
     fn read_column(&mut self, axes: Axes, column: ValueColumn) -> Result<NamedCurve, FormatError> {
         self.say(column.start.map(|_| match self.options.quantity {
             SpectrumQuantity::SpectralPower => {
@@ -716,7 +737,12 @@ impl SpectrumReader<'_> {
         let (mut unit, lines) = self.ratio(column)?;
         let mut samples = self.samples(axes, column, lines)?;
         let is_converted = self.options.quantity != SpectrumQuantity::Stored && self.options.unit.is_none();
-        let factor = if is_converted { factor_of(self.words_of_unit(column.values)) } else { 1.0 };
+        let words = self.words_of_unit(column.values);
+        let factor = match self.options.quantity.absolute_factor(words) {
+            Ok(Some(factor)) => factor,
+            _ if is_converted => factor_of(words),
+            _ => 1.0,
+        };
         if factor != 1.0 {
             self.say(Some(format!("values times {factor}")));
             samples.iter_mut().for_each(|sample| {
@@ -878,21 +904,24 @@ impl SpectrumReader<'_> {
             return;
         }
         samples.sort_by(|a, b| a.nm.total_cmp(&b.nm));
-        samples.dedup_by(|b, a| a.nm == b.nm && a.value == b.value);
-        let count = samples.len();
-        let doubled = samples.windows(2).filter(|pair| pair[0].nm == pair[1].nm).count();
+        // Readings that differ; a line that stands in twice is one
+        let differing = |run: &&[Sample]| run.iter().any(|sample| sample.value != run[0].value);
+        let by_wavelength = || samples.chunk_by(|a, b| a.nm == b.nm);
+        let count = by_wavelength().count();
+        let doubled: usize = by_wavelength().filter(differing).map(|run| run.len() - 1).sum();
         self.say((!falls && doubled < count).then(|| "lines sorted by wavelength".to_string()));
-        if doubled == 0 || doubled as f64 > MOST_DOUBLED * count as f64 {
+        if doubled as f64 > MOST_DOUBLED * count as f64 {
+            samples.dedup_by(|b, a| a.nm == b.nm && a.value == b.value);
             return;
         }
-        let runs: Vec<usize> = samples.chunk_by(|a, b| a.nm == b.nm).map(<[Sample]>::len).collect();
-        let mut place = 0;
-        for run in runs {
-            let same = &mut samples[place..place + run];
-            same[0].value = same.iter().map(|sample| sample.value).sum::<f64>() / run as f64;
-            place += run;
-        }
+        let means: Vec<f64> = by_wavelength()
+            .map(|run| run.iter().map(|sample| sample.value).sum::<f64>() / run.len() as f64)
+            .collect();
         samples.dedup_by(|b, a| a.nm == b.nm);
+        samples.iter_mut().zip(means).for_each(|(sample, mean)| sample.value = mean);
+        if doubled == 0 {
+            return;
+        }
         let words = counted(doubled, "wavelength", "wavelengths");
         self.say(Some(format!("{words} given twice: the mean of the values")));
     }

@@ -15,6 +15,82 @@ pub enum SpectrumQuantity {
     SpectralPower,
     /// Electrons per photon.
     QuantumEfficiency,
+    /// Power on or from an area per nm: W/(m² nm) or W/(sr m² nm).
+    AbsolutePower,
+    /// Coefficients, 1/mm.
+    Coefficient,
+}
+
+impl SpectrumQuantity {
+    /// What values of a column with this header are multiplied by, where they are absolute; otherwise `None`.
+    ///
+    /// # Errors
+    /// The unit, where it is none of this quantity.
+    pub(crate) fn absolute_factor(self, header: &str) -> Result<Option<f64>, String> {
+        let stated = stated_unit(header);
+        let factor = match self {
+            Self::AbsolutePower => match stated {
+                StatedUnit::Unstated => Some(1.0),
+                StatedUnit::Known(ValueUnit::Energy) => power_factor(header),
+                _ => None,
+            },
+            Self::Coefficient => match bracketed(&header.to_lowercase()) {
+                Some(unit) if NO_UNIT.contains(&unit) => Some(1.0),
+                Some(unit) => LENGTHS_MM.iter().find_map(|(length, mm)| {
+                    let spellings = ["1/", "/", "per "].map(|before| format!("{before}{length}"));
+                    let behind = ["-1", "^-1", "⁻¹"].map(|behind| format!("{length}{behind}"));
+                    spellings.iter().chain(&behind).any(|spelling| *spelling == unit).then_some(1.0 / mm)
+                }),
+                None if stated == StatedUnit::Unstated => Some(1.0),
+                None => None,
+            },
+            _ => return Ok(None),
+        };
+        factor.map(Some).ok_or_else(|| match stated {
+            StatedUnit::Known(unit) => unit.in_words(Self::Stored).unwrap_or("fractions").to_owned(),
+            StatedUnit::Unknown(unit) => unit,
+            StatedUnit::Unstated => header.to_owned(),
+        })
+    }
+
+    /// The unit that absolute values become.
+    pub(crate) fn absolute_unit(self) -> &'static str {
+        if self == Self::Coefficient { "1/mm" } else { "W/(m² nm), of radiance W/(sr m² nm)" }
+    }
+}
+
+/// Lengths in mm.
+const LENGTHS_MM: [(&str, f64); 6] =
+    [("mm", 1.0), ("cm", 10.0), ("m", 1000.0), ("µm", 1e-3), ("μm", 1e-3), ("um", 1e-3)];
+
+/// What powers in the unit of a header are multiplied by to be in W/(m² nm); `None` of energies.
+fn power_factor(header: &str) -> Option<f64> {
+    let lower = header.to_lowercase();
+    let words: Vec<&str> = lower
+        .split(|c: char| !(c.is_alphabetic() || "µμ".contains(c)))
+        .filter(|word| !word.is_empty())
+        .collect();
+    let has = |names: &[&str]| words.iter().any(|word| names.contains(word));
+    if has(&["j", "mj", "uj", "µj", "μj", "joule", "joules", "energy", "ev"]) {
+        return None;
+    }
+    let prefixes: [(&[&str], f64); 5] = [
+        (&["kw"], 1e3),
+        (&["mw", "mwatt"], 1e-3),
+        (&["µw", "μw", "uw", "µwatt", "uwatt"], 1e-6),
+        (&["nw"], 1e-9),
+        (&["w", "watt", "watts"], 1.0),
+    ];
+    let power = prefixes.into_iter().find(|(names, _)| has(names)).map_or(1.0, |(_, factor)| factor);
+    let area = if has(&["cm"]) {
+        1e4
+    } else if has(&["mm"]) {
+        1e6
+    } else {
+        1.0
+    };
+    let step = if has(&["µm", "μm", "um"]) { 1e-3 } else { 1.0 };
+    Some(power * area * step)
 }
 
 /// Unit of the values of a spectrum.
@@ -178,7 +254,12 @@ fn unit_in(lower: &str) -> StatedUnit {
         return StatedUnit::Unknown(format!("{} of {}", lower.trim(), step.trim()));
     }
     let percents = ["percent", "prozent", "procent", "pourcent", "porcent"];
-    if lower.contains('%') || lower.contains("per cent") || starts(&percents) || has(&["pct"]) {
+    // The concentration in the name of a sample, "Intralipid 1%", is no unit
+    let is_percent = lower.match_indices('%').any(|(at, _)| {
+        let before = lower[..at].trim_end();
+        !(before.ends_with(|c: char| c.is_ascii_digit()) && before.starts_with(char::is_alphabetic))
+    });
+    if is_percent || lower.contains("per cent") || starts(&percents) || has(&["pct"]) {
         return known(ValueUnit::Percent);
     }
     if RESPONSIVITY.iter().any(|unit| prefix(lower, unit).is_some()) || starts(&["ampere"]) {
@@ -246,6 +327,7 @@ impl Conversion {
     pub(crate) fn new(unit: ValueUnit, quantity: SpectrumQuantity, is_loss: bool) -> Result<Self, String> {
         let fits = match (quantity, unit) {
             (SpectrumQuantity::Stored, _) | (_, ValueUnit::Percent | ValueUnit::Fraction) => true,
+            (SpectrumQuantity::AbsolutePower | SpectrumQuantity::Coefficient, _) => true,
             (SpectrumQuantity::Fraction, unit) => {
                 matches!(unit, ValueUnit::OpticalDensity | ValueUnit::Decibel)
             }
@@ -255,7 +337,9 @@ impl Conversion {
             (SpectrumQuantity::QuantumEfficiency, unit) => unit == ValueUnit::AmperesPerWatt,
         };
         let wanted = match quantity {
-            SpectrumQuantity::Stored => "any",
+            SpectrumQuantity::Stored | SpectrumQuantity::AbsolutePower | SpectrumQuantity::Coefficient => {
+                "any"
+            }
             SpectrumQuantity::Fraction => "a transmittance or reflectance",
             SpectrumQuantity::SpectralPower => "the spectrum of a light",
             SpectrumQuantity::QuantumEfficiency => "a quantum efficiency",
@@ -307,6 +391,37 @@ impl Conversion {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn absolute_values_are_in_one_unit_or_refused() {
+        use SpectrumQuantity::{AbsolutePower, Coefficient};
+        for (quantity, header, factor) in [
+            (AbsolutePower, "irradiance", 1.0),
+            (AbsolutePower, "W/(m2 nm)", 1.0),
+            (AbsolutePower, "irradiance (µW/cm²/nm)", 1e-2),
+            (AbsolutePower, "irradiance (mW/m2/nm)", 1e-3),
+            (AbsolutePower, "radiance (W m-2 sr-1 um-1)", 1e-3),
+            (AbsolutePower, "E [W/cm^2/nm]", 1e4),
+            (Coefficient, "mua", 1.0),
+            (Coefficient, "mua (1/mm)", 1.0),
+            (Coefficient, "mua (cm-1)", 0.1),
+            (Coefficient, "absorption [1/m]", 1e-3),
+        ] {
+            let found = quantity.absolute_factor(header).unwrap().unwrap();
+            assert!((found / factor - 1.0).abs() < 1e-12, "{header}: {found}");
+        }
+        for (quantity, header) in [
+            (AbsolutePower, "photon flux (µmol m-2 s-1 nm-1)"),
+            (AbsolutePower, "counts"),
+            (AbsolutePower, "T (%)"),
+            (AbsolutePower, "dose (mJ/cm2)"),
+            (Coefficient, "absorbance"),
+            (Coefficient, "epsilon (1/(mol cm))"),
+        ] {
+            assert!(quantity.absolute_factor(header).is_err(), "{header}");
+        }
+        assert_eq!(SpectrumQuantity::Fraction.absolute_factor("T (%)"), Ok(None));
+    }
 
     #[test]
     fn units_are_read_from_words() {

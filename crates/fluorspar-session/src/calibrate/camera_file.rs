@@ -147,8 +147,9 @@ fn leaking_filter(study: &Study, scales: &CameraScales) -> Option<Value> {
     Some(table(|nm| transmittance.at(nm).max(floor)))
 }
 
-/// What of the measured strengths goes to the quantum efficiency. Where light and efficiency are not told apart, the strongest light is as
-/// described and the sensor less sensitive: no light is taken for weaker, and so for safer, than it may be.
+/// What of the measured strengths goes to the quantum efficiency. Where light and efficiency are not told apart, and less was
+/// measured than is described, the strongest light is as described and the sensor less sensitive: it is not taken for weaker, and so for safer,
+/// than it may be.
 fn of_efficiency(scales: &CameraScales) -> f64 {
     let unknown = scales.lights.iter().filter(|light| !light.is_absolute);
     let strongest = unknown.map(|light| light.factor.value).fold(0.0, f64::max);

@@ -165,7 +165,7 @@ fn unknown_scale(scales: &CameraScales) -> Option<Warning> {
             "The absolute quantum efficiency is not measured: it takes a source of known radiance";
         Warning::explained(
             statement,
-            "The strongest light counts as described, and the sensor as less sensitive where less was measured.",
+            "Where less was measured than is described, the strongest light counts as described and the sensor as less sensitive; where more, the light as stronger.",
         )
     })
 }

@@ -8,7 +8,7 @@ use crate::options::defaults;
 use crate::values;
 
 /// How a file is read.
-#[derive(Clone, Debug, Deserialize, clap::Args)]
+#[derive(Clone, Debug, Default, Deserialize, clap::Args)]
 #[serde(default = "defaults")]
 pub struct FileOptions {
     /// Which of several samples or dyes in one file.

@@ -223,19 +223,23 @@ impl FitOptions {
         Error::Input(format!("{}{column}: {error}{fix}", self.spectra.display()))
     }
 
+    /// What the spectra are: radiances, where the irradiance is told.
+    pub(super) fn quantity(&self) -> SpectrumQuantity {
+        if self.irradiance.is_some() {
+            SpectrumQuantity::AbsolutePower
+        } else {
+            SpectrumQuantity::SpectralPower
+        }
+    }
+
     fn read(&self, path: &Path, job: &Job) -> Result<Vec<NamedCurve>> {
         let columns = match self.column.is_empty() {
             true => SpectrumColumns::All,
             false => SpectrumColumns::Named(self.column.clone()),
         };
-        // Absolute spectra are radiances, whatever their header
-        let quantity = match self.irradiance {
-            Some(_) => SpectrumQuantity::Stored,
-            None => SpectrumQuantity::SpectralPower,
-        };
         let options = SpectrumOptions {
             columns,
-            quantity,
+            quantity: self.quantity(),
             negative: Negative::Keep,
             skip_empty_cells: true,
             unit: None,

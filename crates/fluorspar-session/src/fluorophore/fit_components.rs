@@ -8,8 +8,9 @@ use fluorspar::tissue::fit::Viewing;
 use fluorspar::tissue::{CachedSolutions, Site};
 use fluorspar_format::{NamedCurve, Negative, SpectrumOptions, read_spectra};
 
+use super::file_options::FileOptions;
 use super::fit::FitOptions;
-use super::loading::load;
+use super::loading::{is_measured_file, load};
 use crate::{Error, Job, Result, named_spectra, tissue};
 
 /// Largest optical density of blood that is looked for.
@@ -36,21 +37,34 @@ pub(super) struct Components<'a> {
 impl<'a> Components<'a> {
     pub(super) fn read(options: &'a FitOptions, job: &Job) -> Result<Self> {
         let place = match &options.tissue {
-            Some(name) => Place::Tissue {
-                site: Box::new(tissue::site_named(name)?),
-                names: options.fluorophore.clone(),
-            },
+            Some(name) => {
+                if let Some(option) = options.file.first_given() {
+                    let why = "applies to files of fluorophores, and ⟨tissue⟩ holds those of the catalogue; leave it out";
+                    return Err(Error::Input(format!("{option}: {why}")));
+                }
+                let names = options.fluorophore.clone();
+                Place::Tissue { site: Box::new(tissue::site_named(name)?), names }
+            }
             None => {
+                // Options of files are for those among them
+                let (no_options, has_files) =
+                    (FileOptions::default(), options.fluorophore.iter().any(|name| is_measured_file(name)));
                 let mut all = Vec::new();
                 for name in &options.fluorophore {
-                    all.extend(load(name, &options.file)?.into_iter().map(|loaded| loaded.fluorophore));
+                    let of_it =
+                        if has_files && !is_measured_file(name) { &no_options } else { &options.file };
+                    all.extend(load(name, of_it)?.into_iter().map(|loaded| loaded.fluorophore));
                 }
                 Place::Open(all)
             }
         };
         let light = options.light.as_deref().map(|name| irradiance(options, name, job)).transpose()?;
-        let strict =
-            SpectrumOptions { negative: Negative::Keep, skip_empty_cells: true, ..Default::default() };
+        let strict = SpectrumOptions {
+            quantity: options.quantity(),
+            negative: Negative::Keep,
+            skip_empty_cells: true,
+            ..Default::default()
+        };
         let mut besides = Vec::new();
         for path in &options.component {
             besides.extend(read_spectra(path, &strict)?.curves);

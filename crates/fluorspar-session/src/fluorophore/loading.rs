@@ -57,14 +57,20 @@ pub fn section_toml(section: &FluorophoreSection) -> Result<String> {
         .map_err(|error| Error::Failed(format!("the section can't be written: {error}")))
 }
 
+/// Whether a name is that of a file of measured values.
+pub(super) fn is_measured_file(name: &str) -> bool {
+    let path = Path::new(name);
+    let is_toml = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
+    !is_toml && (path.extension().is_some() || name.contains(['/', '\\']) || path.is_file())
+}
+
 /// By name of the catalogue, or from a file: one that holds measured values, or all of the `[[fluorophore]]` sections of a TOML file.
 pub fn load(name: &str, options: &FileOptions) -> Result<Vec<LoadedFluorophore>> {
     let path = Path::new(name);
-    let looks_like_file = path.extension().is_some() || name.contains(['/', '\\']) || path.is_file();
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
         return from_toml(path, options);
     }
-    if looks_like_file {
+    if is_measured_file(name) {
         let (section, measured) = from_file(path, None, options)?;
         let fluorophore = checked(path, &section)?;
         return Ok(vec![LoadedFluorophore { fluorophore, preset: None, measured: Some(measured) }]);

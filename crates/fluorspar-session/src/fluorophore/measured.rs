@@ -387,7 +387,17 @@ fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured> {
     if read.emission_only {
         return Err(emission_only(path));
     }
-    let unit = options.yield_unit.unwrap_or(YieldUnit::Photons);
+    if let (Some(stated), Some(given)) = (read.stated, options.yield_unit)
+        && stated != given
+    {
+        return Err(Error::Input(format!(
+            "{}: it says that its emission counts {}, and ⟨yield_unit={}⟩ was given; leave that out, or correct the file",
+            path.display(),
+            stated.name(),
+            given.name()
+        )));
+    }
+    let unit = options.yield_unit.or(read.stated).unwrap_or(YieldUnit::Photons);
     let mut findings = vec![("content".into(), "excitation and emission spectra".to_string())];
     let range = |(first, last): (f64, f64)| format!("{first} to {last} nm");
     for (name, curve) in [("excitation", &read.excitation), ("emission", &read.emission)] {
@@ -402,7 +412,8 @@ fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured> {
         );
         findings.push((name.into(), text));
     }
-    findings.push(("unit of emission".into(), taken_as(unit, options.yield_unit.is_some())));
+    let is_given = options.yield_unit.or(read.stated).is_some();
+    findings.push(("unit of emission".into(), taken_as(unit, is_given)));
     Ok(Measured::as_it_is(Kind::SpectraCsv, None, unit, findings))
 }
 

@@ -1,6 +1,6 @@
 //! Which files of a folder are frames of one photograph: by their names, their folders and their tags.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
@@ -64,10 +64,14 @@ pub(super) fn holds_captures(folder: &Path) -> bool {
 pub(crate) fn files_below(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut open = vec![(folder.to_path_buf(), 0)];
+    // Links are followed, into each folder once
+    let mut entered = BTreeSet::new();
     while let Some((folder, depth)) = open.pop() {
+        if !entered.insert(folder.canonicalize().unwrap_or_else(|_| folder.clone())) {
+            continue;
+        }
         for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
             let hidden = entry.file_name().to_string_lossy().starts_with('.');
-            // Links are followed
             match fs::metadata(entry.path()) {
                 Ok(kind) if kind.is_dir() && !hidden && depth < DEEPEST => {
                     open.push((entry.path(), depth + 1))

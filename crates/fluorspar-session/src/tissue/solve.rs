@@ -10,6 +10,7 @@ use fluorspar::tissue::{
     Site, TissueError,
 };
 use fluorspar::units::number_text;
+use fluorspar::warning::Warning;
 use fluorspar_experiment::NamedTissue;
 use fluorspar_format::OutputFolder;
 use rayon::prelude::*;
@@ -176,12 +177,24 @@ pub fn solve(options: &SolveOptions, job: &Job) -> Result<SolvedTissue> {
     Ok(found)
 }
 
+/// Share of the energy of a light below which it is told that the rest is left out.
+const LEAST_SHARE: f64 = 0.98;
+
 impl SolveOptions {
     /// Names and spectra of the lights.
     fn lights(&self, job: &Job) -> Result<Vec<(String, Viewing)>> {
         let named = |name: &String| {
-            let light = named_spectra::light(name, job)?;
-            Ok((named_spectra::label(name), Viewing::new(&light, Curve::constant(1.0))?))
+            let (light, label) = (named_spectra::light(name, job)?, named_spectra::label(name));
+            let viewing = Viewing::new(&light, Curve::constant(1.0))?;
+            let share = light.integral(self.from_nm, self.to_nm) / light.total();
+            if share < LEAST_SHARE {
+                let (from, to) = (number_text(self.from_nm), number_text(self.to_nm));
+                let percent = number_text((100.0 * share).round());
+                job.warn(&[Warning::from(format!(
+                    "{label}: {percent} % of its energy lies from {from} to {to} nm, where the tissue is solved: numbers are of that part alone"
+                ))]);
+            }
+            Ok((label, viewing))
         };
         let line = |nm: &f64| Ok((format!("{nm} nm"), line_viewing(*nm)?));
         let default = ["led_405", "led_450"].map(String::from);

@@ -145,7 +145,7 @@ fn folder_of(path: &Path) -> &Path {
 /// A file, if the text names one.
 fn file_of(text: &str) -> Option<PathBuf> {
     let path = Path::new(text);
-    let is_file = path.extension().is_some() || text.contains(['/', '\\']) || path.exists();
+    let is_file = path.extension().is_some() || text.contains(['/', '\\']) || path.is_file();
     is_file.then(|| path.to_path_buf())
 }
 

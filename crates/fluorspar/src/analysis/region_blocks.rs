@@ -34,6 +34,9 @@ const SCALED: usize = 128;
 const ALIKE: [f64; 3] = [0.9, 0.1, 0.23];
 /// Fewest blocks that say anything about a pattern.
 pub const LEAST_BLOCKS: usize = 8;
+/// Share from which on blocks that nearly all hold as much say nothing that the mean of the region does not: patterns have few shares so large,
+/// and between them they would take the light for another bulk.
+const LARGEST_EVEN: f64 = 0.2;
 /// Chlorophyll looks like porphyrin where this share of it moves the colors that porphyrin leaves alone by less than so many standard
 /// deviations of a place. \[assumed\]
 const LOOKS_ALIKE: [f64; 2] = [0.05, 2.0];
@@ -441,6 +444,12 @@ impl BlockFamily {
         let (scale, scatter_of_scale) = (scale[0], scatter_of_scale[(0, 0)]);
 
         let amplitudes: Vec<f64> = off.iter().map(|off| weights.dot(off)).collect();
+        let of_bulk = regression.dot(&mean_rest);
+        let mut sorted = amplitudes.clone();
+        sorted.sort_by(f64::total_cmp);
+        if (sorted[sorted.len() / 10] - of_bulk) / (1.0 - of_bulk) > LARGEST_EVEN {
+            return None;
+        }
         let noise_along: Vec<f64> = noise.iter().map(|n| weights.dot(&(n * &weights))).collect();
         let place_variance = (weights.transpose() * &self.of_places * &weights)[(0, 0)];
         let mean = |of: &[f64]| of.iter().zip(&light).map(|(value, weight)| value * weight).sum::<f64>();
@@ -456,7 +465,7 @@ impl BlockFamily {
             place_variance,
             place_evidence: place_evidence(blocks, &rests, &noise, &remainder, &self.of_places),
             chlorophyll_evidence,
-            bulk_mean: [regression.dot(&mean_rest), slope],
+            bulk_mean: [of_bulk, slope],
             scale_variance: scatter_of_scale / (scale * scale),
             bulk_variance: bulk_variance.max(1e-12),
             chlorophyll: self.of_chlorophyll.as_ref().map(|color| [self.chlorophyll, weights.dot(color)]),

@@ -246,6 +246,10 @@ fn field_point(state: &LensState, lens: &TracedLens, axial_sr: f64, height_mm: f
         } else {
             (state.paraxial.focal_length_mm * chief.object_tangent).abs()
         };
+        // On a film that is moved the image is larger as seen from the exit pupil, and no other shape
+        let to_film = state.film_mm - state.paraxial.exit_pupil_mm;
+        let moved = to_film / (to_film - state.setting.film_shift_mm);
+        let ideal = if to_film.is_finite() { ideal * moved } else { ideal };
         if height_mm == 0.0 { Some(0.0) } else { (ideal > 0.0).then(|| 100.0 * (height_mm / ideal - 1.0)) }
     });
     FieldPoint {

@@ -2,6 +2,8 @@
 
 use std::f64::consts::PI;
 
+use glam::{DVec2, DVec3};
+
 use super::ActionSpectrum;
 use crate::spectral::Curve;
 
@@ -42,8 +44,28 @@ pub(super) fn thermal_field_rad(duration_s: f64) -> f64 {
 
 /// Subtenses beyond this count as this, rad: IEC 62471:2006, 4.2.1.
 const LARGEST_SUBTENSE_RAD: f64 = 0.1;
-/// Relative distance of the fields that are tried around a source.
-const FIELD_STEP: f64 = 0.01;
+/// Sources between whose pairs the middles of groups are looked for.
+const MOST_PAIRED: usize = 64;
+
+/// Sides of the rectangle around round things at these places with these diameters, along the axes of their spread.
+fn sides(places: &[(DVec2, f64)]) -> [f64; 2] {
+    let count = places.len() as f64;
+    let mean = places.iter().map(|(place, _)| *place).sum::<DVec2>() / count;
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for (place, _) in places {
+        let off = *place - mean;
+        (xx, xy, yy) = (xx + off.x * off.x, xy + off.x * off.y, yy + off.y * off.y);
+    }
+    let axis = DVec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy));
+    let side = |axis: DVec2| {
+        let ends = places.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], (place, size)| {
+            let at = place.dot(axis);
+            [low.min(at - 0.5 * size), high.max(at + 0.5 * size)]
+        });
+        ends[1] - ends[0]
+    };
+    [axis, axis.perp()].map(side)
+}
 
 impl Illumination {
     /// Weighted irradiance from all sources, W/m².
@@ -86,32 +108,57 @@ impl Illumination {
     }
 
     /// Mean radiance, W/(sr m²), and subtense, rad, whose product is the largest: what heats the retina most. Candidates are each source,
-    /// with its radiance in the smallest field, and all that lies in a wider field around one of them, up to
-    /// [`LARGEST_SUBTENSE_RAD`]: an array of small emitters is as large as it looks (ICNIRP 2013; IEC 60825-1:2014, 4.3 d).
+    /// with its radiance in the smallest field, and sources that lie together, whose subtense is the mean of the sides of the rectangle
+    /// around them, up to [`LARGEST_SUBTENSE_RAD`]: an array of small emitters is as large as it looks (ICNIRP 2013; IEC 60825-1:2014, 4.3 d).
     pub(super) fn hottest(&self, weight: ActionSpectrum, smallest_rad: f64) -> (f64, f64) {
         let irradiance = self.weighted(weight);
-        let mut hottest = (0.0, smallest_rad);
-        for middle in 0..irradiance.len() {
-            let alone = self.sources[middle].subtense_rad.clamp(smallest_rad, LARGEST_SUBTENSE_RAD);
-            let mut candidates = vec![(self.radiance_around(middle, &irradiance, smallest_rad), alone)];
-            // Fields that reach just to another source, a percent apart at least
-            let mut fields: Vec<f64> = (0..irradiance.len())
-                .map(|j| 2.0 * self.cosine(middle, j).clamp(-1.0, 1.0).acos() * (1.0 + FIELD_STEP))
-                .filter(|field| (smallest_rad..=LARGEST_SUBTENSE_RAD).contains(field))
-                .collect();
-            fields.sort_by(f64::total_cmp);
-            fields.dedup_by(|next, kept| *next < *kept * (1.0 + FIELD_STEP));
-            fields.push(LARGEST_SUBTENSE_RAD);
-            candidates.extend(
-                fields.into_iter().map(|field| (self.radiance_around(middle, &irradiance, field), field)),
-            );
-            for candidate in candidates {
-                if candidate.0 * candidate.1 > hottest.0 * hottest.1 {
-                    hottest = candidate;
-                }
+        let count = irradiance.len();
+        let alone = (0..count).map(|i| {
+            let subtense = self.sources[i].subtense_rad.clamp(smallest_rad, LARGEST_SUBTENSE_RAD);
+            (self.radiance_around(i, &irradiance, smallest_rad), subtense)
+        });
+        let direction = |i: usize| DVec3::from(self.sources[i].direction);
+        let pairs = (0..count.min(MOST_PAIRED)).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        let middles =
+            pairs.map(|(i, j)| direction(i) + direction(j)).chain((MOST_PAIRED..count).map(direction));
+        let all: DVec3 = (0..count).map(direction).sum();
+        let together = middles.chain([all]).filter_map(DVec3::try_normalize).flat_map(|middle| {
+            let mut near: Vec<usize> = (0..count).collect();
+            near.sort_by(|i, j| direction(*j).dot(middle).total_cmp(&direction(*i).dot(middle)));
+            self.groups_around(middle, &near, &irradiance, smallest_rad)
+        });
+        let hotter = |a: (f64, f64), b: (f64, f64)| if b.0 * b.1 > a.0 * a.1 { b } else { a };
+        alone.chain(together).fold((0.0, smallest_rad), hotter)
+    }
+
+    /// Mean radiance and subtense of the nearest sources of a direction, one more each time, as far as they are seen as one. `near` are all of
+    /// them in their order.
+    fn groups_around(
+        &self,
+        middle: DVec3,
+        near: &[usize],
+        irradiance: &[f64],
+        smallest_rad: f64,
+    ) -> Vec<(f64, f64)> {
+        let (across, up) = middle.any_orthonormal_pair();
+        let place = |i: usize| {
+            let direction = DVec3::from(self.sources[i].direction);
+            DVec2::new(direction.dot(across), direction.dot(up)) / direction.dot(middle)
+        };
+        let is_ahead = |i: &&usize| DVec3::from(self.sources[**i].direction).dot(middle) > 0.5;
+        let mut groups = Vec::new();
+        let (mut places, mut total) = (Vec::new(), 0.0);
+        for &source in near.iter().take_while(is_ahead) {
+            places.push((place(source), self.sources[source].subtense_rad));
+            total += irradiance[source];
+            let sides = sides(&places);
+            if sides.iter().any(|side| *side > LARGEST_SUBTENSE_RAD) {
+                break;
             }
+            let subtense = 0.5 * sides.iter().map(|side| side.max(smallest_rad)).sum::<f64>();
+            groups.push((total / (0.25 * PI * subtense * subtense), subtense));
         }
-        hottest
+        groups
     }
 
     /// Angle between the outermost edges of all sources, rad.
@@ -164,32 +211,40 @@ mod tests {
     }
 
     #[test]
-    fn an_array_of_small_sources_heats_as_a_disc_of_its_size() {
-        // 7 x 7 chips 10.5 mrad apart; a square of 73.5 mrad is a disc of 82.9
-        let chip = |i: i32, j: i32| {
-            let [x, y] = [i, j].map(|k| 0.0105 * f64::from(k));
-            let z = (1.0 - x * x - y * y).sqrt();
-            ApparentSource { direction: [x, y, z], ..source(0.0, 0.0113) }
-        };
-        let chips = (-3..=3).flat_map(|i| (-3..=3).map(move |j| chip(i, j))).collect();
+    fn an_array_of_small_sources_heats_as_one_of_its_size() {
         let line = Curve::new(vec![599.0, 600.0, 601.0], vec![0.0, 1.0, 0.0]).unwrap();
-        let lit = |sources| Illumination { spectra: vec![line.clone()], sources };
-        let heat = |light: &Illumination| {
-            let (radiance, alpha) = light.hottest(ActionSpectrum::RetinalThermal, 0.0017);
+        let at = |x: f64, y: f64, subtense: f64| {
+            let z = (1.0 - x * x - y * y).sqrt();
+            ApparentSource { direction: [x, y, z], ..source(0.0, subtense) }
+        };
+        let heat = |sources: Vec<ApparentSource>, smallest: f64| {
+            let light = Illumination { spectra: vec![line.clone()], sources };
+            let (radiance, alpha) = light.hottest(ActionSpectrum::RetinalThermal, smallest);
             radiance * alpha
         };
-        let (array, disc) =
-            (lit(chips), lit(vec![ApparentSource { irradiance_factor: 49.0, ..source(0.0, 0.0829) }]));
-        let ratio = heat(&array) / heat(&disc);
-        assert!((0.9..1.1).contains(&ratio), "{ratio}");
-        assert!(
-            (array.extent_rad() - (0.063 * 2_f64.sqrt() * 1.0 + 0.0113)).abs() < 1e-3,
-            "{}",
-            array.extent_rad()
-        );
+        // N / (pi/4 alpha) for N sources of 1 W/m², alpha the mean of the sides
+        let near = |sources: Vec<ApparentSource>, smallest: f64, alpha: f64| {
+            let expected = sources.len() as f64 / (0.25 * PI * alpha);
+            let got = heat(sources, smallest);
+            assert!((got / expected - 1.0).abs() < 0.02, "{got} {expected}");
+        };
+        let grid = |count: i32, pitch: f64, size: f64| -> Vec<ApparentSource> {
+            let place = |k: i32| pitch * (f64::from(k) - 0.5 * f64::from(count - 1));
+            (0..count).flat_map(|i| (0..count).map(move |j| at(place(i), place(j), size))).collect()
+        };
+        near(grid(7, 0.0105, 0.0113), 0.0017, 0.063 + 0.0113);
+        near(grid(2, 0.02, 0.02), 0.0017, 0.04);
+        let ring = (0..16).map(|k| f64::from(k) * PI / 8.0);
+        near(ring.map(|a| at(0.03 * a.cos(), 0.03 * a.sin(), 0.003)).collect(), 0.011, 0.063);
+        // A row in any direction: 91 by 11 mrad
+        let row = (-4..=4).map(|k| 0.01 * f64::from(k));
+        near(row.map(|x| at(0.6 * x, 0.8 * x, 0.011)).collect(), 0.011, 0.5 * (0.091 + 0.011));
         // Far apart each counts for itself
-        let [two, one] = [vec![source(0.0, 0.02), source(0.5, 0.02)], vec![source(0.0, 0.02)]].map(lit);
-        assert!((heat(&two) / heat(&one) - 1.0).abs() < 1e-12);
+        let apart = heat(vec![source(0.0, 0.02), source(0.5, 0.02)], 0.0017);
+        assert!((apart / heat(vec![source(0.0, 0.02)], 0.0017) - 1.0).abs() < 1e-12);
+        let two =
+            Illumination { spectra: Vec::new(), sources: vec![source(0.0, 0.002), source(0.02, 0.004)] };
+        assert!((two.extent_rad() - 0.023).abs() < 1e-12);
     }
 
     #[test]

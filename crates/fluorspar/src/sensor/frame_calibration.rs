@@ -720,12 +720,12 @@ impl Frames<'_> {
     }
 }
 
-/// A root of a variance in digital numbers, in electrons.
 /// Most that steps of the converter hide of noise or pattern, e-.
 fn hidden_e(transfer: &Transfer) -> f64 {
     (LEAST_DARK_VARIANCE_DN2 - QUANTIZATION_NOISE_DN.powi(2)).sqrt() / transfer.gain.value
 }
 
+/// A root of a variance in digital numbers, in electrons.
 fn root_over(square: f64, error: f64, gain: MeasuredNumber) -> MeasuredNumber {
     let squared = gain.value * gain.value;
     let of_gain = 2.0 * square * gain.error() / gain.value;

@@ -141,13 +141,22 @@ impl WavelengthGrid {
         edges.extend(centers_nm.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])));
         edges.push(1.5 * centers_nm[n - 1] - 0.5 * centers_nm[n - 2]);
         let half_way = Self::from_edges(&edges)?;
-        let mut both = centers_nm.iter().copied().zip(half_way.centers_nm()).enumerate();
-        match both.find(|(_, (center, found))| (center - found).abs() > 1e-6 * center) {
+        let off = |band: usize| (centers_nm[band] - half_way.center_nm(band)).abs();
+        if (0..n).all(|band| off(band) <= 1e-6 * centers_nm[band]) {
+            return Ok(half_way);
+        }
+        if let Some(edges) = edges_about(centers_nm, &edges) {
+            return Self::from_edges(&edges);
+        }
+        // Wavelengths may be rounded
+        let widths = half_way.widths_nm();
+        match (0..n).find(|band| off(*band) > f64::max(ROUNDED_NM, ROUNDED_WIDTH * widths[*band])) {
             None => Ok(half_way),
-            Some((band, (center, nearest))) => match edges_about(centers_nm, &edges) {
-                Some(edges) => Self::from_edges(&edges),
-                None => Err(GridError::Apart { index: band + 1, center, nearest }),
-            },
+            Some(band) => Err(GridError::Apart {
+                index: band + 1,
+                center: centers_nm[band],
+                nearest: half_way.center_nm(band),
+            }),
         }
     }
 
@@ -226,6 +235,9 @@ impl From<WavelengthGrid> for Vec<f64> {
     }
 }
 
+/// By how much centers may lie off their bins, nm, and over the width of a bin.
+const ROUNDED_NM: f64 = 0.5;
+const ROUNDED_WIDTH: f64 = 0.1;
 /// Most by which bins about uneven centers differ in width from those that end half-way to their neighbors.
 const MOST_WIDTH_RATIO: f64 = 2.0;
 
@@ -272,6 +284,10 @@ mod tests {
         assert_eq!(camera, Err(GridError::Apart { index: 2, center: 560.0, nearest: 565.75 }));
         let gap = WavelengthGrid::from_centers(&[400.0, 410.0, 500.0, 510.0]);
         assert_eq!(gap, Err(GridError::Apart { index: 2, center: 410.0, nearest: 430.0 }));
+        // Even steps of 3.3 nm, rounded
+        let rounded: Vec<f64> = (0..60).map(|k| (400.0 + 3.3 * f64::from(k)).round()).collect();
+        let grid = WavelengthGrid::from_centers(&rounded).unwrap();
+        assert!(grid.centers_nm().iter().zip(&rounded).all(|(a, b)| (a - b).abs() <= 0.5));
     }
 
     #[test]
