@@ -649,6 +649,10 @@ fn scans(
 /// Area of a restoration below which others before it have left slivers alone: the smallest filling has several mm².
 const LEAST_RESTORATION_M2: f32 = 1e-6;
 
+fn area_m2(mesh: &TriangleMesh) -> f32 {
+    0.5 * mesh.triangles.iter().map(|triangle| mesh.triangle_cross(triangle).length()).sum::<f32>()
+}
+
 /// Cuts fillings and crowns out of the teeth.
 fn restorations(
     context: &Context<'_>,
@@ -676,8 +680,7 @@ fn restorations(
         };
         let material = material_index(context, &at.field("material"), &restoration.material, materials)?;
         let [rest, covered] = restored(mesh, number, surfaces);
-        let double_m2: f32 = covered.triangles.iter().map(|t| covered.triangle_cross(t).length()).sum();
-        if double_m2 < 2.0 * LEAST_RESTORATION_M2 {
+        if area_m2(&covered) < LEAST_RESTORATION_M2 {
             let message = "restorations before it cover these surfaces of the tooth already; remove one";
             return context.fail(&at.field("surfaces"), message);
         }

@@ -34,16 +34,7 @@ impl SpectrumQuantity {
                 StatedUnit::Known(ValueUnit::Energy) => power_factor(header),
                 _ => None,
             },
-            Self::Coefficient => match bracketed(&header.to_lowercase()) {
-                Some(unit) if NO_UNIT.contains(&unit) => Some(1.0),
-                Some(unit) => LENGTHS_MM.iter().find_map(|(length, mm)| {
-                    let spellings = ["1/", "/", "per "].map(|before| format!("{before}{length}"));
-                    let behind = ["-1", "^-1", "⁻¹"].map(|behind| format!("{length}{behind}"));
-                    spellings.iter().chain(&behind).any(|spelling| *spelling == unit).then_some(1.0 / mm)
-                }),
-                None if stated == StatedUnit::Unstated => Some(1.0),
-                None => None,
-            },
+            Self::Coefficient => coefficient_factor(&header.to_lowercase(), &stated),
             _ => return Ok(None),
         };
         factor.map(Some).ok_or_else(|| match stated {
@@ -62,6 +53,19 @@ impl SpectrumQuantity {
 /// Lengths in mm.
 const LENGTHS_MM: [(&str, f64); 6] =
     [("mm", 1.0), ("cm", 10.0), ("m", 1000.0), ("µm", 1e-3), ("μm", 1e-3), ("um", 1e-3)];
+
+/// What coefficients in the unit of a header are multiplied by to be in 1/mm; `None` of other quantities.
+fn coefficient_factor(lower: &str, stated: &StatedUnit) -> Option<f64> {
+    let Some(unit) = bracketed(lower) else { return (*stated == StatedUnit::Unstated).then_some(1.0) };
+    if NO_UNIT.contains(&unit) {
+        return Some(1.0);
+    }
+    LENGTHS_MM.iter().find_map(|(length, mm)| {
+        let before = ["1/", "/", "per "].map(|before| format!("{before}{length}"));
+        let behind = ["-1", "^-1", "⁻¹"].map(|behind| format!("{length}{behind}"));
+        before.iter().chain(&behind).any(|spelling| spelling == unit).then_some(1.0 / mm)
+    })
+}
 
 /// What powers in the unit of a header are multiplied by to be in W/(m² nm); `None` of energies.
 fn power_factor(header: &str) -> Option<f64> {

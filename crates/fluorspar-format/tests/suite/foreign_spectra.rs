@@ -146,6 +146,33 @@ const LAYOUTS: &[Layout] = &[
         &[500.0, 501.0, 502.0],
         &[0.01, 0.1, 1.0],
     ),
+    (
+        "three readings at one wavelength, and a line that stands in twice",
+        "nm,R\n550,0.3\n550,0.3\n550,0.9\n560,0.4\n570,0.5\n580,0.5\n590,0.5\n600,0.5\n610,0.5\n620,0.5\n620,0.5\n630,0.5\n640,0.5\n650,0.5\n660,0.5\n670,0.5\n680,0.5\n690,0.5\n700,0.5\n710,0.5\n720,0.5\n730,0.5\n740,0.5\n750,0.5\n",
+        SpectrumQuantity::Fraction,
+        &[
+            550.0, 560.0, 570.0, 580.0, 590.0, 600.0, 610.0, 620.0, 630.0, 640.0, 650.0, 660.0, 670.0, 680.0,
+            690.0, 700.0, 710.0, 720.0, 730.0, 740.0, 750.0,
+        ],
+        &[
+            0.5, 0.4, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5,
+            0.5, 0.5,
+        ],
+    ),
+    (
+        "the concentration in the name of a sample",
+        "wavelength_nm,Intralipid 1%\n400,0.2\n500,0.35\n600,0.5\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 500.0, 600.0],
+        &[0.2, 0.35, 0.5],
+    ),
+    (
+        "absolute irradiance in another unit",
+        "nm,irradiance (\u{b5}W/cm\u{b2}/nm)\n400,100\n500,50\n600,0\n",
+        SpectrumQuantity::AbsolutePower,
+        &[400.0, 500.0, 600.0],
+        &[1.0, 0.5, 0.0],
+    ),
     ("old line ends", "nm,T\r400,0.5\r410,0.25\r", SpectrumQuantity::Fraction, &[400.0, 410.0], &[0.5, 0.25]),
     (
         "wavenumbers",

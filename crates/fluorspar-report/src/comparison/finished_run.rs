@@ -64,9 +64,16 @@ pub struct FinishedFrame {
     pub saturated_fraction: f64,
 }
 
+fn is_true() -> bool {
+    true
+}
+
 /// Safety of the captures of a finished run.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct FinishedSafety {
+    /// Whether the lights shine into a mouth.
+    #[serde(default = "is_true")]
+    pub is_mouth: bool,
     /// Each capture.
     pub captures: Vec<FinishedCapture>,
     /// Whole sequences of captures, for each viewer.

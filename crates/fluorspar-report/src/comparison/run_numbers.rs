@@ -87,7 +87,7 @@ pub(super) fn run_numbers(run: &FinishedRun, label: &dyn Fn(&str) -> String) -> 
             per_day: fewest(capture.viewers.iter().map(|viewer| (viewer.captures_per_day, viewer.viewer))),
         });
         let sequences = fewest(safety.program.iter().map(|line| (line.sequences_per_day, line.viewer)));
-        findings.extend(safety_findings(&captures.collect::<Vec<_>>(), sequences));
+        findings.extend(safety_findings(&captures.collect::<Vec<_>>(), sequences, safety.is_mouth));
     }
     let mut numbers = numbers_of(&findings, &run.target, label);
     for region in &run.regions {

@@ -382,22 +382,29 @@ fn negative_cells((count, lowest): (usize, f64), peak: f64) -> String {
     )
 }
 
+/// What a file or the option says that the emission counts.
+fn unit_of_emission(
+    path: &Path,
+    stated: Option<YieldUnit>,
+    given: Option<YieldUnit>,
+) -> Result<Option<YieldUnit>> {
+    match (stated, given) {
+        (Some(stated), Some(given)) if stated != given => Err(Error::Input(format!(
+            "{}: it says that its emission counts {}, and ⟨yield_unit={}⟩ was given; leave that out, or correct the file",
+            path.display(),
+            stated.name(),
+            given.name()
+        ))),
+        _ => Ok(given.or(stated)),
+    }
+}
+
 fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured> {
     let read = read_fluorophore_csv(path, negative(options), options.sample.as_deref())?;
     if read.emission_only {
         return Err(emission_only(path));
     }
-    if let (Some(stated), Some(given)) = (read.stated, options.yield_unit)
-        && stated != given
-    {
-        return Err(Error::Input(format!(
-            "{}: it says that its emission counts {}, and ⟨yield_unit={}⟩ was given; leave that out, or correct the file",
-            path.display(),
-            stated.name(),
-            given.name()
-        )));
-    }
-    let unit = options.yield_unit.or(read.stated).unwrap_or(YieldUnit::Photons);
+    let unit = unit_of_emission(path, read.stated, options.yield_unit)?;
     let mut findings = vec![("content".into(), "excitation and emission spectra".to_string())];
     let range = |(first, last): (f64, f64)| format!("{first} to {last} nm");
     for (name, curve) in [("excitation", &read.excitation), ("emission", &read.emission)] {
@@ -412,8 +419,8 @@ fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured> {
         );
         findings.push((name.into(), text));
     }
-    let is_given = options.yield_unit.or(read.stated).is_some();
-    findings.push(("unit of emission".into(), taken_as(unit, is_given)));
+    findings.push(("unit of emission".into(), taken_as(unit.unwrap_or(YieldUnit::Photons), unit.is_some())));
+    let unit = unit.unwrap_or(YieldUnit::Photons);
     Ok(Measured::as_it_is(Kind::SpectraCsv, None, unit, findings))
 }
 

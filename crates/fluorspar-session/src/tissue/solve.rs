@@ -10,8 +10,7 @@ use fluorspar::tissue::{
     Site, TissueError,
 };
 use fluorspar::units::number_text;
-use fluorspar::warning::Warning;
-use fluorspar_experiment::NamedTissue;
+use fluorspar_experiment::{NamedTissue, Warning};
 use fluorspar_format::OutputFolder;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -186,14 +185,7 @@ impl SolveOptions {
         let named = |name: &String| {
             let (light, label) = (named_spectra::light(name, job)?, named_spectra::label(name));
             let viewing = Viewing::new(&light, Curve::constant(1.0))?;
-            let share = light.integral(self.from_nm, self.to_nm) / light.total();
-            if share < LEAST_SHARE {
-                let (from, to) = (number_text(self.from_nm), number_text(self.to_nm));
-                let percent = number_text((100.0 * share).round());
-                job.warn(&[Warning::from(format!(
-                    "{label}: {percent} % of its energy lies from {from} to {to} nm, where the tissue is solved: numbers are of that part alone"
-                ))]);
-            }
+            job.warn(self.left_out(&label, &light).as_slice());
             Ok((label, viewing))
         };
         let line = |nm: &f64| Ok((format!("{nm} nm"), line_viewing(*nm)?));
@@ -201,6 +193,18 @@ impl SolveOptions {
         let chosen: &[String] =
             if self.light.is_empty() && self.excitation_nm.is_empty() { &default } else { &self.light };
         chosen.iter().map(named).chain(self.excitation_nm.iter().map(line)).collect()
+    }
+
+    /// What is said of a light that lies in part where the tissue is not solved.
+    fn left_out(&self, label: &str, light: &Curve) -> Option<Warning> {
+        let share = light.integral(self.from_nm, self.to_nm) / light.total();
+        (share < LEAST_SHARE).then(|| {
+            let (from, to) = (number_text(self.from_nm), number_text(self.to_nm));
+            let percent = number_text((100.0 * share).round());
+            Warning::from(format!(
+                "{label}: {percent} % of its energy lies from {from} to {to} nm, where the tissue is solved: numbers are of that part alone"
+            ))
+        })
     }
 
     fn wavelengths(&self) -> Vec<f64> {

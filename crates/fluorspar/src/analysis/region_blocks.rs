@@ -445,9 +445,7 @@ impl BlockFamily {
 
         let amplitudes: Vec<f64> = off.iter().map(|off| weights.dot(off)).collect();
         let of_bulk = regression.dot(&mean_rest);
-        let mut sorted = amplitudes.clone();
-        sorted.sort_by(f64::total_cmp);
-        if (sorted[sorted.len() / 10] - of_bulk) / (1.0 - of_bulk) > LARGEST_EVEN {
+        if are_all_red(&amplitudes, of_bulk) {
             return None;
         }
         let noise_along: Vec<f64> = noise.iter().map(|n| weights.dot(&(n * &weights))).collect();
@@ -474,6 +472,13 @@ impl BlockFamily {
             looks_like_chlorophyll,
         })
     }
+}
+
+/// Whether nearly all blocks hold more than [`LARGEST_EVEN`] beside a bulk.
+fn are_all_red(amplitudes: &[f64], bulk: f64) -> bool {
+    let mut sorted = amplitudes.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    (sorted[sorted.len() / 10] - bulk) / (1.0 - bulk) > LARGEST_EVEN
 }
 
 /// Logarithm of the likelihood of each of [`PLACE_FACTORS`] by how the rests of the blocks scatter, each principal direction by

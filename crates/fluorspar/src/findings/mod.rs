@@ -54,7 +54,7 @@ pub fn findings(evaluation: &Evaluation) -> Vec<Finding> {
             per_day: fewest(capture.viewers.iter().map(|viewer| (viewer.captures_per_day, viewer.viewer))),
         });
         let sequences = fewest(safety.program.iter().map(|line| (line.sequences_per_day, line.viewer)));
-        all.extend(safety_findings(&captures.collect::<Vec<_>>(), sequences));
+        all.extend(safety_findings(&captures.collect::<Vec<_>>(), sequences, safety.is_mouth));
     }
     for region in &evaluation.regions {
         let Some(analyzed) = region.in_view() else { continue };
@@ -144,6 +144,9 @@ fn share_findings(analysis: &Analysis) -> Vec<Finding> {
     all
 }
 
+/// Share of red light from which on people see it at once.
+const PLAINLY_RED: f64 = 0.1;
+
 /// The share if the region is tissue of which a family is known.
 fn posterior_findings(posterior: &SharePosterior, known: Option<&PorphyrinTruth>) -> Vec<Finding> {
     let truth = known.map(|truth| truth.share);
@@ -162,7 +165,10 @@ fn posterior_findings(posterior: &SharePosterior, known: Option<&PorphyrinTruth>
     if posterior.frames.len() > 1 {
         share.caveats.push(Caveat::FromFrames(posterior.frames.clone()));
     }
-    let looks_alike = posterior.blocks.as_ref().is_some_and(|blocks| blocks.looks_like_chlorophyll);
+    // Much red light that may still be no porphyrin is that of something that looks like it
+    let is_plain = posterior.red.is_some_and(|red| red.interval[0] > PLAINLY_RED);
+    let looks_alike = posterior.blocks.as_ref().is_some_and(|blocks| blocks.looks_like_chlorophyll)
+        || (is_plain && !posterior.excludes_none());
     let alike = || looks_alike.then_some(Caveat::LooksLike("plant pigment"));
     let mut all = Vec::new();
     if let Some(red) = posterior.red.filter(|_| !posterior.is_no_estimate()) {
@@ -513,9 +519,13 @@ pub fn fewest(counts: impl Iterator<Item = (Option<u64>, Viewer)>) -> Option<(u6
     counts.filter_map(|(count, viewer)| Some((count?, viewer))).min_by_key(|(count, _)| *count)
 }
 
-/// What eyes and tissue bear in a day: captures of each kind, and whole sequences of them.
+/// What eyes and tissue bear in a day: captures of each kind, and whole sequences of them; in a mouth, or before anything else.
 #[must_use]
-pub fn safety_findings(captures: &[SafeCaptures], sequences: Option<(u64, Viewer)>) -> Vec<Finding> {
+pub fn safety_findings(
+    captures: &[SafeCaptures],
+    sequences: Option<(u64, Viewer)>,
+    is_mouth: bool,
+) -> Vec<Finding> {
     // Counts for an eye and for tissue do not compare
     let number = |id, (count, viewer): (u64, Viewer), light_on_s: f64| {
         let finding = match (count as f64 + 1.0) * light_on_s > DAY_S {
@@ -523,7 +533,7 @@ pub fn safety_findings(captures: &[SafeCaptures], sequences: Option<(u64, Viewer
             true => Finding::new(id, None).with(Caveat::Unbounded),
             false => Finding::new(id, count as f64),
         };
-        finding.named(viewer.name(true))
+        finding.named(viewer.name(is_mouth))
     };
     let of_capture = |capture: &SafeCaptures| {
         let count = number(FindingId::SafeCaptures, capture.per_day?, capture.light_on_s);

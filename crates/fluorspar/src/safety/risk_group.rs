@@ -42,12 +42,12 @@ impl RiskGroup {
             }
             Self::Moderate => {
                 "moderate risk: no hazard as long as people turn away from glare or heat. Ultraviolet neither dazzles \
-                 nor feels hot, so let the lamp shine no longer than the frames need, and warn of it"
+                 nor feels hot: let the lamp shine for the frames only, and warn of it"
             }
             Self::High => {
                 "high risk: a hazard even for a short look when the lamp shines continuously. Let it shine for the frames only, \
-                 with hardware that ends a pulse when the software does not, lower the power or put the lamp farther away, and \
-                 have eyes covered where it may stay on. What counts in use are the margins of the captures"
+                 with hardware that ends each pulse, lower its power, put it farther away, or have eyes covered. What counts in \
+                 use are the margins of the captures"
             }
         }
     }

@@ -65,7 +65,7 @@ pub enum GridError {
     BadStep(f64),
     /// Wavelengths that no bins side by side have as centers.
     #[error(
-        "bands lie side by side, and none at these steps have these centers: band {index} at {} nm would lie at {} nm",
+        "no adjacent bands have these centers: band {index} at {} nm would be at {} nm",
         number_text(*center), number_text(*nearest)
     )]
     Apart {
@@ -132,14 +132,8 @@ impl WavelengthGrid {
     /// # Errors
     /// As [`WavelengthGrid::from_edges`]; one wavelength alone has no width; no bins side by side have these centers.
     pub fn from_centers(centers_nm: &[f64]) -> Result<Self, GridError> {
-        if centers_nm.len() < 2 {
-            return Err(GridError::TooFew(centers_nm.len()));
-        }
         let n = centers_nm.len();
-        let mut edges = Vec::with_capacity(n + 1);
-        edges.push(1.5 * centers_nm[0] - 0.5 * centers_nm[1]);
-        edges.extend(centers_nm.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])));
-        edges.push(1.5 * centers_nm[n - 1] - 0.5 * centers_nm[n - 2]);
+        let edges = half_way_edges(centers_nm).ok_or(GridError::TooFew(n))?;
         let half_way = Self::from_edges(&edges)?;
         let off = |band: usize| (centers_nm[band] - half_way.center_nm(band)).abs();
         if (0..n).all(|band| off(band) <= 1e-6 * centers_nm[band]) {
@@ -235,6 +229,14 @@ impl From<WavelengthGrid> for Vec<f64> {
     }
 }
 
+/// Edges half-way between wavelengths, the outermost as far out as the next are in; `None` of fewer than two.
+fn half_way_edges(centers_nm: &[f64]) -> Option<Vec<f64>> {
+    let ([first, second, ..], [.., last_but_one, last]) = (centers_nm, centers_nm) else { return None };
+    let inner = centers_nm.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
+    let outer = [1.5 * first - 0.5 * second, 1.5 * last - 0.5 * last_but_one];
+    Some(std::iter::once(outer[0]).chain(inner).chain([outer[1]]).collect())
+}
+
 /// By how much centers may lie off their bins, nm, and over the width of a bin.
 const ROUNDED_NM: f64 = 0.5;
 const ROUNDED_WIDTH: f64 = 0.1;
@@ -281,7 +283,7 @@ mod tests {
         }
         // Bands of a camera, whose 717 nm would become 0.05 nm wide, and bands with a gap
         let camera = WavelengthGrid::from_centers(&[475.0, 560.0, 668.0, 717.0, 840.0]);
-        assert_eq!(camera, Err(GridError::Apart { index: 2, center: 560.0, nearest: 565.75 }));
+        assert_eq!(camera, Err(GridError::Apart { index: 3, center: 668.0, nearest: 653.25 }));
         let gap = WavelengthGrid::from_centers(&[400.0, 410.0, 500.0, 510.0]);
         assert_eq!(gap, Err(GridError::Apart { index: 2, center: 410.0, nearest: 430.0 }));
         // Even steps of 3.3 nm, rounded
