@@ -136,7 +136,7 @@ fn lamps_are_on_for_the_pulse_or_until_the_last_row_ends() {
     near("", 0.03, "exposure time");
     let rolling =
         "[sensor]\ncolumns = 320\nrows = 240\nshutter = { type = \"rolling\", row_time_us = 400.0 }\n";
-    near(rolling, 0.03 + 239.0 * 4e-4, "exposure time, first row to last");
+    near(rolling, 0.03 + 239.0 * 4e-4, "exposure time, all rows");
     near(&format!("{rolling}strobe = {{ duration_ms = 2.0 }}"), 0.002, "strobe");
     near(
         &format!("{rolling}strobe = {{ duration_ms = 10.0, frequency_hz = 1e3, duty = 0.1 }}"),

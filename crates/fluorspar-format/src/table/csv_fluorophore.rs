@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::csv_eem::stated_unit_of;
-use super::csv_table::Negative;
+use super::csv_table::{Header, Negative};
 use super::eem_layout::{Axis, names_spectrum, no_samples, no_such_sample, sample_of};
 use super::spectra::{SpectrumColumns, SpectrumOptions, headers_of, read_spectra};
 use super::value_unit::{StatedUnit, ValueUnit, stated_unit};
@@ -34,8 +34,8 @@ pub fn read_fluorophore_csv(
     negative: Negative,
     sample: Option<&str>,
 ) -> Result<CsvFluorophore, FormatError> {
-    let (line, headers, comments) = headers_of(path)?;
-    let names = columns(path, line, &headers, sample)?;
+    let (Header { line, cells }, comments) = headers_of(path)?;
+    let names = columns(path, line, &cells, sample)?;
     let of_header = names.get(1).and_then(|name| match stated_unit(name) {
         StatedUnit::Known(ValueUnit::Energy) => Some(YieldUnit::Energy),
         StatedUnit::Known(ValueUnit::Photons | ValueUnit::Counts) => Some(YieldUnit::Photons),

@@ -108,9 +108,9 @@ pub fn read_spectra(path: &Path, options: &SpectrumOptions) -> Result<MeasuredSp
 }
 
 /// Line and cells of the header of a table in a text file.
-pub(crate) fn headers_of(path: &Path) -> Result<(u64, Vec<String>, Vec<(u64, String)>), FormatError> {
-    let Table { header: Header { line, cells }, comments, .. } = text_table(path)?.0;
-    Ok((line, cells, comments))
+pub(crate) fn headers_of(path: &Path) -> Result<(Header, Vec<(u64, String)>), FormatError> {
+    let Table { header, comments, .. } = text_table(path)?.0;
+    Ok((header, comments))
 }
 
 /// The table of a text file, what it has otherwise than a plain one, and the lines above it.

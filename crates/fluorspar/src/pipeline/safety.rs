@@ -277,7 +277,7 @@ fn light_on(study: &Study, capture: &Capture, frames: &[CapturedFrame]) -> (f64,
     let shutter = sensor.model().shutter;
     let source = match shutter.kind {
         _ if sensor.model().strobe.is_some() => "strobe".into(),
-        ShutterKind::Rolling if shutter.row_time_us > 0.0 => format!("{from}, first row to last"),
+        ShutterKind::Rolling if shutter.row_time_us > 0.0 => format!("{from}, all rows"),
         _ => from.into(),
     };
     (exposures_s.iter().map(|exposure_s| sensor.lamp_on_s(*exposure_s)).sum(), source)

@@ -46,8 +46,8 @@ impl RiskGroup {
             }
             Self::High => {
                 "high risk: a hazard even for a short look when the lamp shines continuously. Let it shine for the frames only, \
-                 with hardware that ends each pulse, lower its power, put it farther away, or have eyes covered. What counts in \
-                 use are the margins of the captures"
+                 with hardware that ends each pulse, lower its power, put it farther away, or have eyes covered. In use the \
+                 margins of captures count"
             }
         }
     }
