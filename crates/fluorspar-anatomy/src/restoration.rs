@@ -27,6 +27,8 @@ const BOX_DEPTH: f64 = 0.55;
 const EDGE_DEPTH: f64 = 0.25;
 /// Middle and half height of a filling at the neck of the outer or inner face, over the height of the crown, and sine of half its width.
 const NECK_FILLING: [f64; 3] = [0.2, 0.16, 0.6];
+/// Triangles of a crown that are fine enough to be cut.
+const LEAST_TRIANGLES: usize = 3000;
 /// Where the border is no longer looked for, in half sides of a filling.
 const FAR: f64 = 8.0;
 
@@ -119,12 +121,17 @@ impl Place {
 /// the tooth.
 pub fn restored(tooth: &TriangleMesh, number: u8, surfaces: RestoredSurfaces) -> [TriangleMesh; 2] {
     let is_front = matches!(number % 10, 1..=3);
+    // A filling may lie between the rows of a coarse mesh
+    let mut tooth = tooth.clone();
+    while tooth.triangles.len() < LEAST_TRIANGLES {
+        tooth.subdivide(1);
+    }
     let cover: Vec<f64> = tooth
         .uvs
         .iter()
         .map(|uv| surfaces.cover(is_front, [f64::from(uv.x), f64::from(uv.y)]).clamp(-FAR, FAR))
         .collect();
-    let cut = |sign: f64| Half::of(tooth, cover.iter().map(|value| sign * value).collect()).cut();
+    let cut = |sign: f64| Half::of(&tooth, cover.iter().map(|value| sign * value).collect()).cut();
     [cut(-1.0), cut(1.0)]
 }
 
@@ -192,7 +199,7 @@ mod tests {
 
     #[test]
     fn a_crown_is_cut_into_two_meshes_of_its_area() {
-        let mouth = generate_mouth(&MouthParameters { detail: 0.5, ..MouthParameters::default() }).unwrap();
+        let mouth = generate_mouth(&MouthParameters { detail: 0.25, ..MouthParameters::default() }).unwrap();
         let fine = generate_mouth(&MouthParameters { detail: 2.0, ..MouthParameters::default() }).unwrap();
         // Least and greatest share of the area of crown and root
         let cases = [
