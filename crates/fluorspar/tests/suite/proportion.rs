@@ -17,7 +17,7 @@ const UNPUBLISHED: [&str; 1] = ["fluorspar-testkit"];
 
 const MOST_LINES_OF_CODE: usize = 133_150;
 const MOST_PERCENT_OF_SHELL: f64 = 60.2;
-const MOST_WORDS_OF_DOCUMENTS: usize = 61_450;
+const MOST_WORDS_OF_DOCUMENTS: usize = 61_490;
 /// Words in string literals of the physics: it holds numbers, and the fronts word them.
 const MOST_WORDS_IN_PHYSICS: usize = 8_000;
 
