@@ -209,7 +209,8 @@ impl Experiment {
     /// What is odd about the experiment, whatever is done with it.
     #[getter]
     fn warnings(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        self.check(py)
+        let resolved = self.resolved(py, None)?;
+        Ok(resolved.record.warnings.iter().map(|warning| warning.text().to_string()).collect())
     }
 
     /// The whole experiment as a file: base, changes and defaults written out, paths absolute.

@@ -213,7 +213,7 @@ def capture(experiment: Experiment, components: Components, *, threads: int | No
     ``changes`` are values below ``capture``, with that word or without: ``capture(e, c, **{"blue.exposure_ms": 60})``; more than one
     count as one change. Lens, filters, sensor, drives, exposures, concentrations may differ from those of the render, and so may the
     samples and limits that it was rendered with; what only a new render can show raises :class:`FluorsparError`. What frames may be
-    mistaken for (hardly any light, a render that is coarser than the sensor) is a :class:`FluorsparWarning`.
+    mistaken for (hardly any light, a sensor finer than the render was made for) is a :class:`FluorsparWarning`.
     """
     native, rendered = native_of(experiment), native_components(components)
     if changes:
