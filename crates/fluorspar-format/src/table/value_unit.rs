@@ -74,28 +74,40 @@ fn power_factor(header: &str) -> Option<f64> {
         .split(|c: char| !(c.is_alphabetic() || "µμ".contains(c)))
         .filter(|word| !word.is_empty())
         .collect();
-    let has = |names: &[&str]| words.iter().any(|word| names.contains(word));
-    if has(&["j", "mj", "uj", "µj", "μj", "joule", "joules", "energy", "ev"]) {
+    let is_energy = |word: &&str| ["j", "mj", "uj", "µj", "μj", "joule", "joules"].contains(word);
+    if words.iter().any(is_energy) {
         return None;
     }
-    let prefixes: [(&[&str], f64); 5] = [
-        (&["kw"], 1e3),
-        (&["mw", "mwatt"], 1e-3),
-        (&["µw", "μw", "uw", "µwatt", "uwatt"], 1e-6),
-        (&["nw"], 1e-9),
-        (&["w", "watt", "watts"], 1.0),
-    ];
-    let power = prefixes.into_iter().find(|(names, _)| has(names)).map_or(1.0, |(_, factor)| factor);
-    let area = if has(&["cm"]) {
-        1e4
-    } else if has(&["mm"]) {
-        1e6
-    } else {
-        1.0
-    };
+    let of_power = |word: &&str| POWERS_W.iter().find(|(name, _)| name == word).map(|(_, watts)| *watts);
+    let Some(place) = words.iter().position(|word| of_power(word).is_some()) else { return Some(1.0) };
+    // What stands behind it as far as these are units: "irradiance at 10 cm" says nothing of an area
+    let per: Vec<&str> =
+        words[place + 1..].iter().copied().take_while(|word| UNITS_BEHIND.contains(word)).collect();
+    let has = |names: &[&str]| per.iter().any(|word| names.contains(word));
+    let per_area = [(["cm", "sqcm"], 1e4), (["mm", "sqmm"], 1e6)];
+    let area = per_area.into_iter().find(|(names, _)| has(names)).map_or(1.0, |(_, factor)| factor);
     let step = if has(&["µm", "μm", "um"]) { 1e-3 } else { 1.0 };
-    Some(power * area * step)
+    Some(of_power(&words[place]).unwrap_or(1.0) * area * step)
 }
+
+/// Powers in W.
+const POWERS_W: [(&str, f64); 12] = [
+    ("w", 1.0),
+    ("watt", 1.0),
+    ("watts", 1.0),
+    ("kw", 1e3),
+    ("mw", 1e-3),
+    ("mwatt", 1e-3),
+    ("µw", 1e-6),
+    ("μw", 1e-6),
+    ("uw", 1e-6),
+    ("µwatt", 1e-6),
+    ("uwatt", 1e-6),
+    ("nw", 1e-9),
+];
+/// What a power may be per.
+const UNITS_BEHIND: [&str; 13] =
+    ["per", "m", "cm", "mm", "sqm", "sqcm", "sqmm", "nm", "µm", "μm", "um", "sr", "steradian"];
 
 /// Unit of the values of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -406,6 +418,9 @@ mod tests {
             (AbsolutePower, "irradiance (mW/m2/nm)", 1e-3),
             (AbsolutePower, "radiance (W m-2 sr-1 um-1)", 1e-3),
             (AbsolutePower, "E [W/cm^2/nm]", 1e4),
+            (AbsolutePower, "irradiance at 10 cm (mW/m2/nm)", 1e-3),
+            (AbsolutePower, "irradiance in W/m2/nm at 5 mm", 1.0),
+            (AbsolutePower, "energy", 1.0),
             (Coefficient, "mua", 1.0),
             (Coefficient, "mua (1/mm)", 1.0),
             (Coefficient, "mua (cm-1)", 0.1),

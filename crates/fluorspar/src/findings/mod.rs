@@ -144,7 +144,7 @@ fn share_findings(analysis: &Analysis) -> Vec<Finding> {
     all
 }
 
-/// Share of red light from which on people see it at once.
+/// Share of red light that is more than the pigments of ordinary tissue give. \[assumed\]
 const PLAINLY_RED: f64 = 0.1;
 
 /// The share if the region is tissue of which a family is known.

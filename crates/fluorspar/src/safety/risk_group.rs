@@ -147,19 +147,22 @@ mod tests {
     use crate::safety::ApparentSource;
     use crate::spectral::Curve;
 
+    /// Practically one wavelength, from 50 mrad.
+    fn lamp(nm: f64, irradiance: f64) -> Illumination {
+        let spectrum = Curve::new(vec![nm - 0.1, nm, nm + 0.1], vec![0.0, 10.0, 0.0]).unwrap();
+        let source = ApparentSource {
+            spectrum: 0,
+            irradiance_factor: irradiance,
+            direction: [0.0, 0.0, 1.0],
+            subtense_rad: 0.05,
+            solid_angle_sr: 0.0025,
+        };
+        Illumination { spectra: vec![spectrum], sources: vec![source] }
+    }
+
     #[test]
     fn uva_decides_the_group_of_a_385_nm_lamp() {
-        let at = |irradiance: f64| {
-            let spectrum = Curve::new(vec![384.9, 385.0, 385.1], vec![0.0, 10.0, 0.0]).unwrap();
-            let source = ApparentSource {
-                spectrum: 0,
-                irradiance_factor: irradiance,
-                direction: [0.0, 0.0, 1.0],
-                subtense_rad: 0.05,
-                solid_angle_sr: 0.0025,
-            };
-            risk_group(&[Illumination { spectra: vec![spectrum], sources: vec![source] }]).unwrap()
-        };
+        let at = |irradiance: f64| risk_group(&[lamp(385.0, irradiance)]).unwrap();
         for (irradiance, expected) in [
             (9.0, RiskGroup::Exempt),
             (20.0, RiskGroup::Low),
@@ -202,18 +205,7 @@ mod tests {
 
     #[test]
     fn each_quantity_is_that_of_the_worst_way_to_drive_a_lamp() {
-        let light = |nm: f64, irradiance: f64| {
-            let spectrum = Curve::new(vec![nm - 0.1, nm, nm + 0.1], vec![0.0, 10.0, 0.0]).unwrap();
-            let source = ApparentSource {
-                spectrum: 0,
-                irradiance_factor: irradiance,
-                direction: [0.0, 0.0, 1.0],
-                subtense_rad: 0.05,
-                solid_angle_sr: 0.0025,
-            };
-            Illumination { spectra: vec![spectrum], sources: vec![source] }
-        };
-        let (violet, white) = (light(385.0, 194.0), light(550.0, 1000.0));
+        let (violet, white) = (lamp(385.0, 194.0), lamp(550.0, 1000.0));
         for lights in [[violet.clone(), white.clone()], [white, violet]] {
             let (worst, list) = risk_group(&lights).unwrap();
             assert_eq!(worst, RiskGroup::High);
