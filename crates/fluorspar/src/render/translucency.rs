@@ -2,9 +2,9 @@
 //!
 //! The exitance at `o` is that of all entries `i`, `integral P(|i - o|) E(i) |n_o . n_i| dA(i)`, with the radial profile `P` of the
 //! tissue: on a plane the flat reflectance or fluorescence, and symmetric in both points. One entry is drawn for all bands, from the
-//! mean profile in the tangent plane, by a probe along the normal (Christensen, An Approximate Reflectance Profile for Efficient
-//! Subsurface Scattering, SIGGRAPH Talks 2015; King et al., BSSRDF Importance Sampling, SIGGRAPH Talks 2013). The projection onto the
-//! plane takes up `|n_o . n_i|`, so that weights `t = P / density` are bounded.
+//! root mean square of the profiles in the tangent plane, by a probe along the normal (Christensen, An Approximate Reflectance Profile
+//! for Efficient Subsurface Scattering, SIGGRAPH Talks 2015; King et al., BSSRDF Importance Sampling, SIGGRAPH Talks 2013). The
+//! projection onto the plane takes up `|n_o . n_i|`, so that weights `t = P / density` are bounded.
 //!
 //! With `E` the direct light, `R (E(o) + t (E(i) - E(o)))` has the same mean, since `t` is 1 on average, and no noise of `t` where light
 //! is even: both points sample the same place on the same light. Indirect light hardly changes over a millimeter, and leaves where it
