@@ -360,12 +360,12 @@ fn entered_more(path: &Path, group: &BasisGroup) -> [f32; 2] {
 fn reflect<L: Lanes>(lanes: L, group: &BasisGroup, even: &[BandBlock], components: &mut Components<'_>) {
     for (number, node) in group.nodes.iter().enumerate() {
         let light = |band: usize| even[band / bands::BLOCK].0[band % bands::BLOCK];
-        if node.bands.clone().all(|band| light(band) == 0.0) {
+        if node.reflected_bands.clone().all(|band| light(band) == 0.0) {
             continue;
         }
         let component = (group.first + number) * components.kinds;
         let reflected = components.light_up(lanes, component);
-        for (band, hat) in node.bands.clone().zip(&node.hat) {
+        for (band, hat) in node.reflected_bands.clone().zip(&node.reflected) {
             reflected[band / bands::BLOCK].0[band % bands::BLOCK] += hat * light(band);
         }
     }

@@ -46,8 +46,9 @@ pub(super) struct BasisGroup {
 pub(super) struct BasisNode {
     /// Bands in which it is not dark.
     pub(super) bands: Range<usize>,
-    /// Its averages over them.
-    pub(super) hat: Vec<f32>,
+    /// Bands of which it keeps reflected light, those outside the nodes as well, and what it keeps in each.
+    pub(super) reflected_bands: Range<usize>,
+    pub(super) reflected: Vec<f32>,
     /// Fluorescent exitance per unit concentration under what each of its bands holds of the hat, `[matrix][band of the hat][block]`.
     pub(super) columns: Vec<Vec<BandBlock>>,
 }

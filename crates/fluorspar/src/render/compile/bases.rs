@@ -48,12 +48,26 @@ fn basis_nodes(grid: &WavelengthGrid, matrices: &[&PhotonEem], nodes: &Excitatio
         weights.iter().zip(&averages).zip(&lit).map(of_node).collect()
     };
     let mut found: Vec<Vec<Vec<BandBlock>>> = matrices.par_iter().map(of_matrix).collect();
-    let node = |(number, (averages, bands)): (usize, (&Vec<f64>, &Range<usize>))| {
+    let node = |(number, bands): (usize, &Range<usize>)| {
         let columns = found.iter_mut().map(|of_matrix| std::mem::take(&mut of_matrix[number])).collect();
-        let hat = averages[bands.clone()].iter().map(|value| *value as f32).collect();
-        BasisNode { bands: bands.clone(), hat, columns }
+        let reflected_bands = reflected_bands(number, &lit, grid.len());
+        let reflected = reflected_bands.clone().map(|band| reflected_share(&averages, number, bands, band));
+        BasisNode { bands: bands.clone(), reflected: reflected.collect(), reflected_bands, columns }
     };
-    averages.iter().zip(&lit).enumerate().map(node).collect()
+    lit.iter().enumerate().map(node).collect()
+}
+
+/// Bands in which a node keeps reflected light: the first and the last one keep that outside the nodes as well.
+fn reflected_bands(number: usize, lit: &[Range<usize>], bands: usize) -> Range<usize> {
+    let start = if number == 0 { 0 } else { lit[number].start };
+    start..if number + 1 == lit.len() { bands } else { lit[number].end }
+}
+
+/// What a node keeps of reflected light in one of these bands: the average of its hat, and at the ends what all hats lack.
+fn reflected_share(averages: &[Vec<f64>], number: usize, lit: &Range<usize>, band: usize) -> f32 {
+    let is_end = number == 0 && band < lit.end || number + 1 == averages.len() && band >= lit.start;
+    let of_all: f64 = averages.iter().map(|of_node| of_node[band]).sum();
+    (averages[number][band] + if is_end { 1.0 - of_all } else { 0.0 }) as f32
 }
 
 /// Bands in which a hat is not dark.
