@@ -128,6 +128,13 @@ pub fn compare(options: &CompareOptions, job: &Job) -> Result<Comparison> {
     };
     let numbers = compared_numbers(&a.run, &b.run);
     let runs = [&a.run, &b.run];
+    let mut warnings = comparison_remarks(runs[0], runs[1]);
+    if settings.as_ref().is_ok_and(Vec::is_empty) && a.run.experiment_sha256 != b.run.experiment_sha256 {
+        warnings.push(
+            "No setting differs, but what they name does: entries of the catalogue or files are others."
+                .into(),
+        );
+    }
     let comparison = Comparison {
         format: FileFormat::RESULTS.version(),
         program: "fluorspar",
@@ -138,7 +145,7 @@ pub fn compare(options: &CompareOptions, job: &Job) -> Result<Comparison> {
         settings: settings.ok(),
         numbers,
         judged: HOW_JUDGED,
-        warnings: comparison_remarks(runs[0], runs[1]),
+        warnings,
     };
     if let Some(folder) = folder {
         write_folder(&folder, &comparison, runs, &frame_pairs(a, b))

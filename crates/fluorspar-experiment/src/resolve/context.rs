@@ -40,6 +40,20 @@ pub(crate) struct KnownFluorophore {
     pub(super) sha256: String,
 }
 
+/// Sections whose files decide frames, not the image that is rendered: a finished render takes others.
+const OF_FRAMES: [&str; 10] = [
+    "analysis",
+    "capture",
+    "concentration",
+    "develop",
+    "lens",
+    "safety",
+    "sensor",
+    "spectroradiometer",
+    "target",
+    "view_filter",
+];
+
 /// Share of a light's power that may lie beyond the data of a viewing filter: fluorescence is about as much.
 const UNKNOWN_SHARE: f64 = 1e-3;
 
@@ -57,6 +71,10 @@ pub(crate) struct Context<'a> {
     /// Viewing filters of files, and the range that their data cover, nm.
     filter_data: Vec<(Place, [f64; 2])>,
     pub(crate) inputs: Vec<InputFile>,
+    /// Digests that the experiment holds of files.
+    pub(super) known_files: BTreeMap<String, String>,
+    /// Digests of those that decide a render, by their paths.
+    pub(super) render_files: BTreeMap<String, String>,
     /// Entries of the catalogue in use, with the digest of their files.
     pub(crate) presets: BTreeMap<String, String>,
     /// The mouth, for maps of its anatomy.
@@ -80,6 +98,8 @@ impl<'a> Context<'a> {
             exceeded: Vec::new(),
             filter_data: Vec::new(),
             inputs: Vec::new(),
+            known_files: BTreeMap::new(),
+            render_files: BTreeMap::new(),
             presets: BTreeMap::new(),
         }
     }
@@ -184,6 +204,7 @@ impl<'a> Context<'a> {
     pub(crate) fn absorb(&mut self, other: Context<'_>) {
         let is_new = |input: &InputFile| !self.inputs.iter().any(|known| known.path == input.path);
         self.inputs.extend(other.inputs.into_iter().filter(is_new).collect::<Vec<_>>());
+        self.render_files.extend(other.render_files);
         self.presets.extend(other.presets);
         for exceeded in other.exceeded {
             if !self.exceeded.contains(&exceeded) {
@@ -277,7 +298,25 @@ impl<'a> Context<'a> {
             }
             Err(error) => return self.fail(at, error.problem().to_string()),
         };
+        self.note_render_file(at, file, &sha256)?;
         self.inputs.push(InputFile { path: file.into(), sha256 });
+        Ok(())
+    }
+
+    /// Notes the digest of a file that decides a render, and refuses one that has changed since results were made from it.
+    fn note_render_file(&mut self, at: &[Step], file: &Path, sha256: &str) -> Resolved<()> {
+        if matches!(at.first(), Some(Step::Key(section)) if OF_FRAMES.contains(&section.as_str())) {
+            return Ok(());
+        }
+        if self.known_files.iter().any(|(path, known)| file.ends_with(path) && known != sha256) {
+            let name = excerpt_to(&file.to_string_lossy(), 400);
+            let message = format!(
+                "{name} has changed since: this was made from another one. Bring that back, or take the new one with --unset files \
+                 and render anew"
+            );
+            return self.fail(at, message);
+        }
+        self.render_files.insert(file.to_string_lossy().into_owned(), sha256.into());
         Ok(())
     }
 

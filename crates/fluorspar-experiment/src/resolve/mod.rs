@@ -329,6 +329,7 @@ pub fn show_the_same_scene(rendered: &Experiment, now: &Experiment) -> bool {
     other.safety.clone_from(&now.safety);
     other.analysis.clone_from(&now.analysis);
     other.target.clone_from(&now.target);
+    other.files.clone_from(&now.files);
     other == now
 }
 
@@ -482,6 +483,7 @@ pub(crate) struct Setup {
 
 /// Resolves wavelengths, lights and camera.
 pub(crate) fn setup(context: &mut Context<'_>, file: &ExperimentFile) -> Resolved<Setup> {
+    context.known_files.clone_from(&file.files);
     let grid = device::grid(context, &file.spectral)?;
     device::check_camera(context, &file.camera)?;
     let (camera, view) = camera(context, file, &grid)?;
@@ -623,11 +625,14 @@ fn warn_unused(
 
 /// The resolved file and its digest.
 fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(ExperimentFile, String, String)> {
-    let complete = complete(file);
+    let mut complete = complete(file);
+    complete.files.extend(context.render_files.clone());
     let (text, digest) = context.write_out(complete.clone(), |decisive| {
         decisive.title.clear();
         decisive.description.clear();
         decisive.output = super::schema::OutputSection::default();
+        // They count by their content where they are named
+        decisive.files.clear();
     })?;
     Ok((complete, text, digest))
 }

@@ -149,6 +149,10 @@ pub struct ExperimentFile {
     /// Where results go.
     #[serde(default)]
     pub output: OutputSection,
+    /// SHA-256 of files that decide a render, by their paths: a file with other content is refused. Results hold those that they were
+    /// made from. Default: none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub files: BTreeMap<String, String>,
 }
 
 /// Version of the form of a file; there is one.

@@ -918,3 +918,28 @@ fn a_scan_in_a_wrong_unit_and_a_mask_in_colors_are_warned_of() {
     let gray = of(&[255, 255, 255, 0, 0, 0]);
     assert_eq!(warnings_with(&gray, "mean of red").len(), 0, "{gray:?}");
 }
+
+/// Results carry the digests of what they were made from: they are not taken for those of another file of the same name.
+#[test]
+fn files_that_have_changed_since_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |file: &str, content: &str| fs::write(folder.path().join(file), content).unwrap();
+    let lamp = |peak: f64| format!("wavelength_nm,power\n490,0\n500,{peak}\n510,0\n");
+    write("lamp.csv", &lamp(1.0));
+    write("filter.csv", "wavelength_nm,transmittance\n300,0.5\n900,0.5\n");
+    let text = SPHERE.replace(
+        "{ type = \"led\", peak_nm = 500.0, fwhm_short_nm = 20.0, fwhm_long_nm = 20.0 }",
+        "\"lamp.csv\"",
+    ) + "[view_filter]\nfilters = [\"filter.csv\"]\n";
+    let open = |text: &str, sets: &[String]| parse(text, "test.toml", folder.path(), sets);
+    let first = resolve(&open(&text, &[]).unwrap()).unwrap().record;
+    let again = resolve(&open(&first.resolved_toml, &[]).unwrap()).unwrap().record;
+    assert_eq!((&again.sha256, &again.resolved_toml), (&first.sha256, &first.resolved_toml));
+    // A viewing filter decides frames alone
+    write("filter.csv", "wavelength_nm,transmittance\n300,0.4\n900,0.5\n");
+    resolve(&open(&first.resolved_toml, &[]).unwrap()).unwrap();
+    write("lamp.csv", &lamp(2.0));
+    let error = resolve(&open(&first.resolved_toml, &[]).unwrap()).unwrap_err().to_string();
+    assert!(error.contains("lamp.csv has changed since") && error.contains("--unset files"), "{error}");
+    assert!(resolve(&open(&text, &[]).unwrap()).unwrap().record.sha256 != first.sha256);
+}
