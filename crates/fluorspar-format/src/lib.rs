@@ -63,8 +63,8 @@ pub use frame::row_packing::RawPacking;
 pub use image::coco_mask::{CocoMask, CocoRuns};
 pub use image::dicom::{DicomElement, DicomValue, write_dicom};
 pub use image::exr::{
-    ComponentFile, ExrCompression, ExrOptions, read_component_exr, read_spectral_exr, write_component_exr,
-    write_spectral_exr,
+    ComponentFile, ExrCompression, ExrOptions, is_component_exr, read_component_exr, read_spectral_exr,
+    write_component_exr, write_spectral_exr,
 };
 pub use image::mask::{MaskImage, read_mask};
 pub use image::npy::{

@@ -1,6 +1,6 @@
 //! Spectral cubes for other programs, and from them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use fluorspar::image::ComponentImage;
@@ -9,8 +9,8 @@ use fluorspar::spectral::{Irradiance, Quantity, Radiance};
 use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{
-    Cube, CubeFacts, CubeForm, CubeLight, Output, OutputFolder, Outputs, Provenance, read_component_image,
-    read_cube, write_component_zarr,
+    Cube, CubeFacts, CubeForm, CubeLight, Output, OutputFolder, Outputs, Provenance, is_component_exr,
+    read_component_image, read_cube, write_component_zarr,
 };
 use serde::{Deserialize, Serialize};
 
@@ -89,7 +89,7 @@ pub fn cube(options: &CubeOptions, job: &Job) -> Result<WrittenCube> {
         Ok(render) => cube_of(&render, &options, &overrides, job)?,
         Err(error) => {
             let cube =
-                read_cube(&options.image).map_err(|of_cube| match form_holds_components(&options) {
+                read_cube(&options.image).map_err(|of_cube| match may_hold_components(&options.image) {
                     true => error,
                     false => of_cube.into(),
                 })?;
@@ -101,9 +101,13 @@ pub fn cube(options: &CubeOptions, job: &Job) -> Result<WrittenCube> {
     write(&options, form, &cube)
 }
 
-/// Whether the source is of a form of component images.
-fn form_holds_components(options: &CubeOptions) -> bool {
-    !matches!(CubeForm::of(&options.image), Some(CubeForm::Envi | CubeForm::Iset))
+/// Whether the source may be a component image, by its form, or what an OpenEXR file has.
+fn may_hold_components(image: &Path) -> bool {
+    match CubeForm::of(image) {
+        Some(CubeForm::Envi | CubeForm::Iset) => false,
+        Some(CubeForm::Exr) => is_component_exr(image),
+        _ => true,
+    }
 }
 
 /// Refuses what only a component image has.
@@ -274,4 +278,28 @@ fn write(options: &CubeOptions, form: CubeForm, cube: &Cube) -> Result<WrittenCu
         capture: cube.facts.capture.clone(),
         mm_per_pixel: cube.facts.mm_per_pixel,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use fluorspar::image::{Component, LightPath, SpectralImage};
+    use fluorspar::spectral::{Reflectance, WavelengthGrid};
+    use fluorspar_format::{ExrOptions, write_component_exr, write_spectral_exr};
+
+    use super::*;
+
+    /// Of other images the reader of cubes tells what is wrong.
+    #[test]
+    fn only_images_with_components_are_refused_as_such() {
+        let folder = tempfile::tempdir().unwrap();
+        let image = folder.path().join("i.exr");
+        let grid = WavelengthGrid::uniform(400.0, 410.0, 5.0).unwrap();
+        let reflectance = SpectralImage::<Reflectance>::zeros(grid.clone(), 2, 2);
+        write_spectral_exr(&image, &reflectance, &ExrOptions::default()).unwrap();
+        assert!(!may_hold_components(&image));
+        let labels = vec![Component::of_group("blue", LightPath::Reflected)];
+        let components = ComponentImage::zeros(grid, 2, 2, labels);
+        write_component_exr(&image, &components, &ExrOptions::default()).unwrap();
+        assert!(may_hold_components(&image));
+    }
 }

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use super::{Cube, CubeFacts, CubeLight, image_of};
 use crate::FormatError;
+use crate::error::shortened_list;
 use crate::store::file::{MAX_IMAGE_BYTES, MAX_TEXT_BYTES, as_text, check_image_size, read_file};
-use crate::store::input::read_bounded;
+use crate::store::input::{open_plain, read_bounded};
 use crate::store::output::{WRITTEN_BY, write_atomically};
 use crate::table::axis::check_axis;
 use fluorspar::quote::excerpt;
@@ -201,7 +202,7 @@ impl<'a> Header<'a> {
             Some(edges) => WavelengthGrid::from_edges(&edges),
             None => WavelengthGrid::from_centers(&centers),
         };
-        let hint = "Leave out the bands that are not taken, or say where each begins and ends by `wavelength edges = { ... }`, nm";
+        let hint = "Leave the bands that are not taken out of both header and values, or say where each begins and ends by `wavelength edges = { ... }`, nm";
         grid.or_else(|error| self.malformed(error.to_string(), hint))
     }
 
@@ -242,6 +243,15 @@ impl<'a> Header<'a> {
         {
             let what = format!("value number {} is {ignored}, the data ignore value", place + 1);
             return self.malformed(what, "Put 0 in the place of all of them, and leave that line out");
+        }
+        let marks = self.numbers("bbl")?.unwrap_or_default();
+        let bad = marks.iter().zip(1..).filter(|(mark, _)| **mark == 0.0);
+        let bad: Vec<String> = bad.map(|(_, band)| band.to_string()).collect();
+        if !bad.is_empty() {
+            let what = format!("bands {} are bad by its list of bad bands (bbl)", shortened_list(&bad));
+            let hint =
+                "Leave them out of both header and values, or put 0 in their place, and leave that line out";
+            return self.malformed(what, hint);
         }
         let of_bands = |name: &str, without: f64| match self.numbers(name)? {
             None => Ok(vec![without; bands]),
@@ -326,15 +336,19 @@ pub(super) fn read_envi(path: &Path) -> Result<Cube, FormatError> {
 
 /// So many bytes of the file with the values, behind others.
 fn read_stored(file: &Path, offset: u64, needed: usize) -> Result<Vec<u8>, FormatError> {
-    let most = offset.saturating_add(needed as u64).saturating_add(1 << 20);
-    let mut content = read_bounded(file, most)?;
-    let start = usize::try_from(offset).unwrap_or(usize::MAX).min(content.len());
-    content.drain(..start);
-    if content.len() < needed {
-        let what = format!("it is shorter than the {needed} bytes that its header tells");
-        return Err(FormatError::malformed(file, what, "Copy both files again"));
+    let told = offset.saturating_add(needed as u64);
+    let (_, length) = open_plain(file)?;
+    if length != told {
+        let what = format!("it has {length} bytes, and its header tells of {told}");
+        let hint = match length < told {
+            true => "Copy both files again",
+            // Its spectra would be torn apart
+            false => "Give samples, lines, bands, data type and header offset as the values have them",
+        };
+        return Err(FormatError::malformed(file, what, hint));
     }
-    content.truncate(needed);
+    let mut content = read_bounded(file, told)?;
+    content.drain(..content.len().saturating_sub(needed));
     Ok(content)
 }
 

@@ -171,7 +171,7 @@ fn judged(
     };
     let wrong = |what: String| FormatError::malformed(said_in, what, cure);
     let StoredFrame { width, height, mut data, black_offsets, tags } = stored;
-    let FrameTags { orientation, whites, factors, mut remarks, has_levels } = tags;
+    let FrameTags { orientation, whites, factors, mut remarks, has_levels, .. } = tags;
     match align(&mut data, d).map_err(wrong)? {
         Some(remark) => remarks.push(remark),
         None if has_levels || d.program.is_some() => {}

@@ -6,7 +6,7 @@ use std::path::Path;
 use flate2::read::ZlibDecoder;
 use rayon::prelude::*;
 
-use super::lossless_jpeg::decode_lossless_jpeg;
+use super::lossless_jpeg::{LOSSY, decode_lossless_jpeg};
 use super::tiff_directory::{Directory, TiffBytes};
 use super::tiff_image::compression_name;
 use crate::FormatError;
@@ -25,6 +25,9 @@ pub(crate) struct DngPixels {
     /// `[row, col, sample]`.
     pub(crate) data: Vec<u16>,
 }
+
+/// What to do about other compressions.
+const LOSSLESS: &str = "Convert the raw file of the camera to an uncompressed or losslessly compressed DNG";
 
 /// How the values of a directory are stored.
 struct Layout {
@@ -75,7 +78,10 @@ pub(crate) fn read_dng_pixels(
         let row = index / across * layout.block[1];
         let bytes = bytes.ok_or_else(|| damaged(format!("rows from {row} on are not in the file")))?;
         let rows = if is_tiled { layout.block[1] } else { layout.block[1].min(layout.height - row) };
-        decode_block(&layout, rows, bytes).map_err(|what| damaged(format!("rows from {row} on: {what}")))
+        decode_block(&layout, rows, bytes).map_err(|what| match what.as_str() {
+            LOSSY => FormatError::unsupported(path, what, LOSSLESS),
+            _ => damaged(format!("rows from {row} on: {what}")),
+        })
     };
     let blocks = (0..across * down).into_par_iter().map(block_of).collect::<Result<Vec<Vec<u16>>, _>>()?;
     let mut data = vec![0; layout.width * layout.height * layout.samples];
@@ -94,9 +100,7 @@ pub(crate) fn read_dng_pixels(
 }
 
 fn layout(path: &Path, tiff: &TiffBytes<'_>, raw: &Directory<'_>) -> Result<Layout, FormatError> {
-    let unsupported = |what: String| {
-        FormatError::unsupported(path, what, "Convert it to an uncompressed or losslessly compressed DNG")
-    };
+    let unsupported = |what: String| FormatError::unsupported(path, what, LOSSLESS);
     let (width, height) = (raw.first(256).unwrap_or(0), raw.first(257).unwrap_or(0));
     let samples = raw.samples();
     if ![1, 3].contains(&samples) {

@@ -217,10 +217,11 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
     let mut facts = Facts { given, said: Vec::new() };
     let (mut description, stored) = if magic.starts_with(b"\x89PNG") {
         let StoredFrame { width, height, data, tags, .. } = read_frame_png(path)?;
-        let bits = if data.iter().all(|&value| value < 256) { 8 } else { 16 };
+        let is_narrow = tags.bits.is_none_or(|bits| bits <= 8) && data.iter().all(|&value| value < 256);
+        let bits = if is_narrow { 8 } else { 16 };
         let samples = data.len() / (width * height).max(1);
         let pixels = TiffPixels { width, height, samples, bits, data };
-        let description = facts.of_pixels(path, &pixels, None)?;
+        let description = facts.of_pixels(path, &pixels, None, tags.bits)?;
         (description, StoredFrame { width, height, data: pixels.data, tags, ..StoredFrame::default() })
     } else if magic.starts_with(b"II") || magic.starts_with(b"MM") {
         let bytes = read_file(path, MAX_IMAGE_BYTES)?;
@@ -235,7 +236,7 @@ pub fn describe_frame(path: &Path, given: &FrameFacts) -> Result<FrameDescriptio
             refuse_camera_raw(path, &bytes)?;
             let (file, _) = open_plain(path)?;
             let pixels = read_tiff_pixels(path, file, &bytes)?;
-            let description = facts.of_pixels(path, &pixels, TiffBytes::new(&bytes).as_ref())?;
+            let description = facts.of_pixels(path, &pixels, TiffBytes::new(&bytes).as_ref(), None)?;
             let TiffPixels { width, height, data, .. } = pixels;
             let tags = tiff_tags(&bytes);
             (description, StoredFrame { width, height, data, tags, ..StoredFrame::default() })
@@ -379,6 +380,7 @@ impl Facts<'_> {
         path: &Path,
         pixels: &TiffPixels,
         tags: Option<&TiffBytes<'_>>,
+        significant_bits: Option<u8>,
     ) -> Result<Description, FormatError> {
         let given = self.given;
         let directories = tags.map(TiffBytes::directories).unwrap_or_default();
@@ -389,7 +391,10 @@ impl Facts<'_> {
         self.say_label(&mut label);
         let (mosaic, samples) = self.mosaic_of(path, pixels, first);
         let of_white = in_first(50_717).map(|white| bits_of(white.clamp(1.0, 65_535.0) as u16));
-        let (bits, left_shift) = self.bits_of_pixels(path, pixels, of_white)?;
+        // Larger values are scaled to all bits of the file
+        let holds = |bits: u8| pixels.data.iter().all(|&value| bits_of(value) <= bits);
+        let told = significant_bits.map(|bits| if holds(bits) { bits } else { pixels.bits });
+        let (bits, left_shift) = self.bits_of_pixels(path, pixels, of_white.or(told))?;
         let black_level =
             self.number("black_level", [given.black_level, in_first(50_714)], (0.0, OTHER_BLACK_LEVEL));
         let remark = format!("the largest number of {bits} bits; --white-level gives another");

@@ -19,6 +19,8 @@ pub(crate) struct FrameRemark {
 #[derive(Debug, Default)]
 pub(crate) struct FrameTags {
     pub(crate) orientation: Orientation,
+    /// Bits of the converter, where a PNG tells them.
+    pub(crate) bits: Option<u8>,
     /// White level of each channel, as stored; empty where one is for all.
     pub(crate) whites: Vec<u16>,
     pub(crate) factors: Vec<f32>,

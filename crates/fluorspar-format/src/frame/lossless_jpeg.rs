@@ -2,6 +2,8 @@
 
 /// Most components of a scan.
 const MOST_COMPONENTS: usize = 4;
+/// What is said of JPEG of another kind.
+pub(crate) const LOSSY: &str = "the pixels are compressed with loss";
 /// Longest code, bits.
 const CODE_BITS: u32 = 16;
 
@@ -41,7 +43,7 @@ pub(crate) fn decode_lossless_jpeg(bytes: &[u8], samples: usize) -> Result<Vec<u
             0xc4 => header.read_tables(segment).ok_or("a Huffman table of a JPEG tile is damaged")?,
             0xdd => header.restart_interval = usize::from(word(segment).ok_or("a JPEG tile is damaged")?),
             0xda => break,
-            0xc0..=0xc2 | 0xc5..=0xcf => return Err("the pixels are compressed with loss".into()),
+            0xc0..=0xc2 | 0xc5..=0xcf => return Err(LOSSY.into()),
             _ => {}
         }
     }

@@ -159,6 +159,7 @@ pub(crate) fn read_frame_png(path: &Path) -> Result<StoredFrame, FormatError> {
         }
         _ => raw.bytes.iter().map(|&byte| u16::from(byte)).collect(),
     };
-    let tags = FrameTags { orientation: raw.orientation, ..FrameTags::default() };
+    let (orientation, bits) = (raw.orientation, raw.significant_bits);
+    let tags = FrameTags { orientation, bits, ..FrameTags::default() };
     Ok(StoredFrame { width: raw.width, height: raw.height, data, tags, ..StoredFrame::default() })
 }

@@ -225,6 +225,7 @@ pub(crate) fn check_single_page(
     path: &Path,
     decoder: &mut Decoder<BufReader<File>>,
 ) -> Result<(), FormatError> {
+    let stacked = stacked_images(decoder);
     let mut pages = 1;
     while decoder.more_images() && pages < MOST_PAGES {
         let before = decoder.ifd_pointer();
@@ -237,12 +238,20 @@ pub(crate) fn check_single_page(
         let is_smaller = kind.ok().flatten().is_some_and(|kind| kind & 5 != 0);
         pages += usize::from(!is_smaller && (is_read || !is_exif_thumbnail(decoder)));
     }
+    let pages = pages.max(stacked);
     if pages == 1 {
         return Ok(());
     }
     let what = format!("it holds {pages} images (pages), and nothing says which one is meant");
     let hint = "Save the one as a file of its own; frames of a series each as one, colors on pages of their own as one RGB image";
     Err(FormatError::unsupported(path, what, hint))
+}
+
+/// Images of a stack of ImageJ, which tells their number in its description and may have a directory for the first alone.
+fn stacked_images(decoder: &mut Decoder<BufReader<File>>) -> usize {
+    let text = decoder.get_tag_ascii_string(Tag::ImageDescription).unwrap_or_default();
+    let mut lines = text.lines().filter(|_| text.starts_with("ImageJ="));
+    lines.find_map(|line| line.strip_prefix("images=")?.trim().parse().ok()).unwrap_or(1)
 }
 
 /// Whether the present directory is the thumbnail that Exif has: a JPEG without a size of its own.

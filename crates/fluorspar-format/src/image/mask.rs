@@ -30,10 +30,10 @@ pub struct MaskImage {
 }
 
 /// Reads a mask from a PNG, a TIFF (8 to 32 bits, gray or color) or a NumPy array `[row, col]`. A pixel is inside where any color is not
-/// zero and it is not wholly transparent.
+/// stored as zero and it is not wholly transparent.
 ///
 /// # Errors
-/// Other files, damaged ones, and masks in which nothing is inside.
+/// Other files, damaged ones, and masks in which nothing or everything is inside.
 pub fn read_mask(path: &Path) -> Result<MaskImage, FormatError> {
     let failed = |source| FormatError::io(path, "read", source);
     let (mut file, length) = open_plain(path)?;
@@ -51,11 +51,18 @@ pub fn read_mask(path: &Path) -> Result<MaskImage, FormatError> {
         let what = "a mask is a PNG, a TIFF or a NumPy array, and this is none of them";
         return Err(FormatError::unsupported(path, what, "Save it as .png, .tiff or .npy"));
     };
-    if mask.inside.contains(&true) {
-        return Ok(mask);
-    }
-    let what = "every pixel of the mask is zero: it selects nothing";
-    Err(FormatError::malformed(path, what, "Paint the region white on black"))
+    let (what, hint) = match [true, false].map(|side| mask.inside.contains(&side)) {
+        [true, true] => return Ok(mask),
+        [false, _] => {
+            ("every pixel of the mask is zero: it selects nothing", "Paint the region white on black")
+        }
+        // A picture that was painted upon, or a white ground
+        _ => (
+            "no pixel of the mask is zero: it selects the whole image",
+            "Paint the region on black; the whole image is a rectangle",
+        ),
+    };
+    Err(FormatError::malformed(path, what, hint))
 }
 
 /// Whether a pixel of some samples is inside: the last one of `colors + 1` is its opacity.
@@ -72,7 +79,10 @@ fn turned(orientation: Orientation, size: [usize; 2], stored: Vec<bool>) -> Mask
 }
 
 fn png_mask(path: &Path) -> Result<MaskImage, FormatError> {
-    let raw = read_png(path, 1)?;
+    let mut raw = read_png(path, 1)?;
+    if raw.is_inverted {
+        raw.bytes.iter_mut().for_each(|byte| *byte = !*byte);
+    }
     let samples = raw.color.samples();
     let has_alpha = matches!(raw.color, ColorType::GrayscaleAlpha | ColorType::Rgba);
     let colors = samples - usize::from(has_alpha);
@@ -98,6 +108,36 @@ fn npy_mask(path: &Path) -> Result<MaskImage, FormatError> {
     Ok(MaskImage { width: *width as usize, height: *height as usize, inside })
 }
 
+/// The numbers of a TIFF whose zero is white, which the decoder turns around: ImageJ stores 255 for what is selected, however it is shown.
+fn as_stored(decoded: DecodingResult) -> DecodingResult {
+    match decoded {
+        DecodingResult::U8(values) => DecodingResult::U8(values.into_iter().map(|value| !value).collect()),
+        DecodingResult::U16(values) => DecodingResult::U16(values.into_iter().map(|value| !value).collect()),
+        DecodingResult::U32(values) => DecodingResult::U32(values.into_iter().map(|value| !value).collect()),
+        DecodingResult::F32(values) => {
+            DecodingResult::F32(values.into_iter().map(|value| 1.0 - value).collect())
+        }
+        other => other,
+    }
+}
+
+/// Which pixels are inside; `None` of other kinds of numbers.
+fn marked(image: &DecodingResult, samples: usize, colors: usize) -> Option<Vec<bool>> {
+    fn of<T: Copy + PartialOrd + Default>(values: &[T], samples: usize, colors: usize) -> Vec<bool> {
+        values.chunks_exact(samples).map(|pixel| is_inside(pixel, colors)).collect()
+    }
+    Some(match image {
+        DecodingResult::U8(values) => of(values, samples, colors),
+        DecodingResult::U16(values) => of(values, samples, colors),
+        DecodingResult::U32(values) => of(values, samples, colors),
+        DecodingResult::F32(values) => of(values, samples, colors),
+        DecodingResult::I8(values) => of(values, samples, colors),
+        DecodingResult::I16(values) => of(values, samples, colors),
+        DecodingResult::I32(values) => of(values, samples, colors),
+        _ => return None,
+    })
+}
+
 fn tiff_mask(path: &Path, file: File, length: u64) -> Result<MaskImage, FormatError> {
     guarded(path, "TIFF", || {
         check_kind(path, &read_file(path, MAX_IMAGE_BYTES)?, false)?;
@@ -105,6 +145,7 @@ fn tiff_mask(path: &Path, file: File, length: u64) -> Result<MaskImage, FormatEr
         let mut decoder = bounded_decoder(path, BufReader::new(file), length)?;
         let orientation = decoder.find_tag_unsigned::<u16>(Tag::Orientation).ok().flatten();
         let orientation = orientation.and_then(|tag| Orientation::of_tag(u64::from(tag))).unwrap_or_default();
+        let photometric = decoder.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation).ok().flatten();
         let (width, height) = decoder.dimensions().map_err(damaged)?;
         let color = decoder.colortype().map_err(damaged)?;
         let (colors, samples, bits) = match color {
@@ -121,25 +162,14 @@ fn tiff_mask(path: &Path, file: File, length: u64) -> Result<MaskImage, FormatEr
         let pixel_bytes = u64::from(bits / 8) * samples as u64;
         check_image_size(path, u64::from(width), u64::from(height), pixel_bytes, MAX_IMAGE_BYTES)?;
         check_packing(path, pixel_bytes * u64::from(width) * u64::from(height), length)?;
-        fn marked<T: Copy + PartialOrd + Default>(values: &[T], samples: usize, colors: usize) -> Vec<bool> {
-            values.chunks_exact(samples).map(|pixel| is_inside(pixel, colors)).collect()
+        let mut image = decoder.read_image().map_err(damaged)?;
+        if photometric == Some(0) {
+            image = as_stored(image);
         }
-        let inside = match decoder.read_image().map_err(damaged)? {
-            DecodingResult::U8(values) => marked(&values, samples, colors),
-            DecodingResult::U16(values) => marked(&values, samples, colors),
-            DecodingResult::U32(values) => marked(&values, samples, colors),
-            DecodingResult::F32(values) => marked(&values, samples, colors),
-            DecodingResult::I8(values) => marked(&values, samples, colors),
-            DecodingResult::I16(values) => marked(&values, samples, colors),
-            DecodingResult::I32(values) => marked(&values, samples, colors),
-            _ => {
-                return Err(FormatError::unsupported(
-                    path,
-                    "its numbers are of another kind",
-                    "Save it as an 8-bit gray image",
-                ));
-            }
-        };
+        let inside = marked(&image, samples, colors).ok_or_else(|| {
+            let what = "its numbers are of another kind";
+            FormatError::unsupported(path, what, "Save it as an 8-bit gray image")
+        })?;
         check_single_page(path, &mut decoder)?;
         if inside.len() != width as usize * height as usize {
             return Err(FormatError::malformed(path, "rows of the image are missing", "Copy the file again"));

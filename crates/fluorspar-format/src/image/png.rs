@@ -168,6 +168,10 @@ pub(crate) struct RawPng {
     pub(crate) tone_curve: Option<&'static str>,
     /// How the image is to be shown.
     pub(crate) orientation: Orientation,
+    /// Significant bits of a sample (sBIT), where these are fewer than it has.
+    pub(crate) significant_bits: Option<u8>,
+    /// Whether it shows 0 as white and 255 as black by a palette, as ImageJ may.
+    pub(crate) is_inverted: bool,
 }
 
 /// Bytes of memory that the pixels of any PNG may take, whatever the size of its file.
@@ -209,6 +213,7 @@ pub(crate) fn read_png(path: &Path, value_bytes: u64) -> Result<RawPng, FormatEr
         let (width, height) = reader.info().size();
         let (color, depth) = reader.output_color_type();
         let tone_curve = tone_curve(path, reader.info());
+        let (significant_bits, is_inverted) = (significant_bits(reader.info()), is_inverted(reader.info()));
         let samples = color.samples() as u64;
         let bytes_per_pixel = samples * if depth == BitDepth::Sixteen { 2 } else { 1 };
         check_memory(path, width, height, bytes_per_pixel + samples * value_bytes, length)?;
@@ -221,7 +226,17 @@ pub(crate) fn read_png(path: &Path, value_bytes: u64) -> Result<RawPng, FormatEr
         bytes.truncate(frame.buffer_size());
         let orientation = orientation(path);
         let (width, height) = (width as usize, height as usize);
-        Ok(RawPng { width, height, color, depth, bytes, tone_curve, orientation })
+        Ok(RawPng {
+            width,
+            height,
+            color,
+            depth,
+            bytes,
+            tone_curve,
+            orientation,
+            significant_bits,
+            is_inverted,
+        })
     })
 }
 
@@ -246,6 +261,22 @@ fn chunk(path: &Path, name: &[u8; 4]) -> Option<Vec<u8>> {
         // The check sum follows
         file.seek_relative(i64::from(length) + 4).ok()?;
     }
+}
+
+/// Bits of a sample that count, where the file has more.
+fn significant_bits(info: &png::Info<'_>) -> Option<u8> {
+    let most = info.sbit.as_ref()?.iter().copied().max();
+    most.filter(|bits| *bits < info.bit_depth as u8)
+}
+
+/// Whether a palette shows 0 as white and 255 as black.
+fn is_inverted(info: &png::Info<'_>) -> bool {
+    let falls = |(of, code): (&[u8], u8)| of.iter().all(|value| *value == u8::MAX - code);
+    info.trns.is_none()
+        && info
+            .palette
+            .as_ref()
+            .is_some_and(|colors| colors.len() == 768 && colors.chunks_exact(3).zip(0..=u8::MAX).all(falls))
 }
 
 /// What says that the numbers of an image lie on a curve: code points (cICP) before all others.

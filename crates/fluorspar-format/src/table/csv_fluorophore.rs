@@ -5,6 +5,7 @@ use std::path::Path;
 use super::csv_eem::stated_unit_of;
 use super::csv_table::{Header, Negative};
 use super::eem_layout::{Axis, names_spectrum, no_samples, no_such_sample, sample_of};
+use super::instrument_text::names_wavelengths;
 use super::spectra::{SpectrumColumns, SpectrumOptions, headers_of, read_spectra};
 use super::value_unit::{StatedUnit, ValueUnit, stated_unit};
 use crate::{Defect, FormatError};
@@ -79,6 +80,14 @@ fn columns(
         of_axis.iter().find(|header| sample_of(header) == name).map(|header| header.to_string())
     };
     let both = |name: &str| Some(vec![header_of(name, &excitation)?, header_of(name, &emission)?]);
+    let are_wavelengths = |of: &Vec<&String>| !of.is_empty() && of.iter().all(|name| names_wavelengths(name));
+    if [&excitation, &emission].into_iter().all(are_wavelengths) {
+        let what =
+            "the columns are wavelengths of excitation and emission: single values in a list, no spectra";
+        let hint =
+            "Put values side by side, below a line \"em_nm\\ex_nm,350,360\" of excitation wavelengths in nm";
+        return Err(FormatError::at_line(path, line, what, hint));
+    }
     let mut names: Vec<&str> = Vec::new();
     for name in excitation.iter().map(|header| sample_of(header)) {
         if both(name).is_some() && !names.contains(&name) {

@@ -122,7 +122,7 @@ impl Form {
     /// A cell with a decimal point, or empty where there is no value.
     fn plain(self, cell: &str) -> String {
         match self.number(cell) {
-            Some(value) if self.has_decimal_commas || cell.ends_with("nm") => value.to_string(),
+            Some(_) => cell.trim_end_matches("nm").trim_end().replace(',', "."),
             None if is_missing(cell) => String::new(),
             _ => cell.to_string(),
         }
@@ -149,6 +149,61 @@ pub(crate) struct TextTable {
     pub(crate) preamble: Vec<String>,
     /// What the file has otherwise than a plain table, in words.
     pub(crate) read_as: Vec<String>,
+}
+
+/// What is said of a table of them.
+const DECIMAL_COMMAS: &str = "decimal commas";
+/// Numbers from which a comma before three digits may part thousands.
+const THOUSANDS_FROM: f64 = 100.0;
+
+impl TextTable {
+    /// Refuses commas that may part cells and decimals alike, or thousands as well as decimals.
+    ///
+    /// # Errors
+    /// Rows of more cells than are named, a second of several columns without a name that holds nothing but 0, and what looks like thousands.
+    pub(crate) fn refuse_doubtful_commas(&self, path: &Path) -> Result<(), FormatError> {
+        const AS_IF: &str = "as where commas stand for decimals, too";
+        let columns = self.header.len();
+        let Some((line, first)) = self.rows.first() else { return Ok(()) };
+        let hint = "Export decimals with a point, or semicolons between cells; otherwise name all columns in a header line";
+        let is_zero = |cell: &String| cell.parse() == Ok(0.0);
+        if self.rows.iter().all(|(_, row)| row.len() > columns) {
+            let cells = first.len();
+            let what = format!("this line has {cells} cells but the header has {columns}, {AS_IF}");
+            return Err(FormatError::at_line(path, *line, what, hint));
+        }
+        if columns > 2
+            && self.header.iter().all(String::is_empty)
+            && self.rows.iter().all(|(_, row)| is_zero(&row[1]))
+        {
+            let what = format!("the second column holds nothing but 0, {AS_IF}");
+            return Err(FormatError::at_line(path, *line, what, hint));
+        }
+        let has_commas = self.read_as.iter().any(|said| said == DECIMAL_COMMAS);
+        let doubtful = (0..columns).filter(|_| has_commas).find_map(|column| self.thousands(column));
+        doubtful.map_or(Ok(()), |(line, cell, other)| {
+            let what =
+                format!("{cell} stands in a column with {other}: its comma may part thousands or decimals");
+            let hint = "Write thousands without a comma, or all decimals of the column alike";
+            Err(FormatError::at_line(path, line, what, hint))
+        })
+    }
+
+    /// A cell of a column whose commas look like those of thousands, with its line, and one without a comma.
+    fn thousands(&self, column: usize) -> Option<(u64, String, &str)> {
+        let cells = self.rows.iter().map(|(line, row)| (*line, row[column].as_str()));
+        let (with, without): (Vec<_>, Vec<_>) =
+            cells.filter(|(_, cell)| !cell.is_empty()).partition(|(_, cell)| cell.contains('.'));
+        let is_like_thousands = |(_, cell): &(u64, &str)| {
+            cell.split_once('.').is_some_and(|(before, behind)| {
+                !before.starts_with(['0', '-']) && before.len() <= 3 && behind.len() == 3
+            })
+        };
+        let is_large = |(_, cell): &(u64, &str)| cell.parse::<f64>().is_ok_and(|n| n >= THOUSANDS_FROM);
+        let is_doubtful = with.iter().all(is_like_thousands) && without.iter().all(is_large);
+        let ((line, cell), (_, other)) = with.first().zip(without.first()).filter(|_| is_doubtful)?;
+        Some((*line, cell.replace('.', ","), other))
+    }
 }
 
 /// Words for a wavelength in headers.
@@ -198,7 +253,7 @@ pub(crate) fn find_table(text: &str) -> Option<TextTable> {
     let above_run: Vec<(u64, &str)> =
         all.iter().copied().filter(|(number, _)| *number < first_line).collect();
     let lengths = || cells[run.clone()].iter().map(Vec::len);
-    // Rows may be shorter than the header, not longer
+    // Rows may be shorter than the header
     let widest = lengths().max()?;
     let mut counts = std::collections::BTreeMap::new();
     lengths().for_each(|length| *counts.entry(length).or_insert(0) += 1);
@@ -220,7 +275,7 @@ pub(crate) fn find_table(text: &str) -> Option<TextTable> {
     });
     let read_as = [
         (left_out > 0).then(|| format!("without {left_out} lines beside the table")),
-        form.has_decimal_commas.then(|| "decimal commas".to_string()),
+        form.has_decimal_commas.then(|| DECIMAL_COMMAS.to_string()),
     ];
     Some(TextTable {
         header_line,
@@ -321,7 +376,9 @@ fn header(form: Form, above: &[(u64, &str)], width: usize) -> Option<(u64, Vec<S
         let other = || {
             let mut cells = form.cells(line);
             let is_header = cells.len() > 1 && names_wavelengths(cells[0]);
-            cells.resize(width, "");
+            // Where commas part cells, more of them in a row may be decimal ones
+            let places = if form.mark == Some(',') { line.split(',').count() } else { width };
+            cells.resize(width.min(places), "");
             is_header.then_some(cells)
         };
         found.or_else(other).map(|cells| cells.into_iter().map(String::from).collect())

@@ -153,7 +153,12 @@ fn push(
             by_blanks
         };
         let numbers: Option<Vec<f64>> = cells.iter().map(|cell| number(cell)).collect();
-        match numbers.as_deref() {
+        // A comma within each pair, blanks between them
+        let parted = || {
+            let halves = cells.iter().map(|cell| cell.split_once(',')).collect::<Option<Vec<_>>>()?;
+            halves.into_iter().flat_map(|(x, y)| [x, y]).map(|half| half.parse().ok()).collect()
+        };
+        match numbers.or_else(parted).as_deref() {
             Some(pairs) if !pairs.is_empty() && pairs.len().is_multiple_of(2) => {
                 pairs.chunks(2).for_each(|pair| add(pair[0], pair[1]));
             }

@@ -13,7 +13,9 @@ use super::jcamp::jcamp_table;
 use super::mat::read_mat_spectra;
 use super::spectrometer::{PLAUSIBLE, RawColumns, RawRow, ratio, without_noisy_ends};
 use super::tm27::tm27_table;
-use super::value_unit::{Conversion, SpectrumQuantity, StatedUnit, ValueUnit, factor_of, stated_unit};
+use super::value_unit::{
+    Conversion, SpectrumQuantity, StatedUnit, ValueUnit, factor_of, is_relative, stated_unit,
+};
 use crate::FormatError;
 use crate::error::shortened_list;
 use crate::store::file::{MAX_TEXT_BYTES, read_file};
@@ -156,7 +158,9 @@ fn foreign_table(path: &Path, text: &str) -> Result<Option<TextTable>, FormatErr
             ));
         }
     }
-    Ok(find_table(text))
+    let table = find_table(text);
+    table.as_ref().map_or(Ok(()), |table| table.refuse_doubtful_commas(path))?;
+    Ok(table)
 }
 
 fn text_starts_with(text: &str, mark: &str) -> bool {
@@ -780,6 +784,9 @@ impl SpectrumReader<'_> {
         let converted =
             |sample: &Sample| convert.map_or(sample.value, |convert| convert.of(sample.nm, sample.value));
         self.say(convert.and_then(Conversion::in_words).map(String::from));
+        let is_efficiency = self.options.quantity == SpectrumQuantity::QuantumEfficiency;
+        let is_doubtful = is_efficiency && self.options.unit.is_none() && is_relative(&name);
+        self.say(is_doubtful.then(|| "relative values, taken for electrons per photon".into()));
         let mut values: Vec<f64> = samples.iter().map(converted).collect();
         self.check_values(column.values, unit, &samples, &mut values)?;
         let errors = samples.iter().map(|sample| {

@@ -57,7 +57,7 @@ const LENGTHS_MM: [(&str, f64); 6] =
 /// What coefficients in the unit of a header are multiplied by to be in 1/mm; `None` of other quantities.
 fn coefficient_factor(lower: &str, stated: &StatedUnit) -> Option<f64> {
     let Some(unit) = bracketed(lower) else { return (*stated == StatedUnit::Unstated).then_some(1.0) };
-    if NO_UNIT.contains(&unit) {
+    if NO_UNIT.contains(&unit) || RELATIVE.contains(&unit) {
         return Some(1.0);
     }
     LENGTHS_MM.iter().find_map(|(length, mm)| {
@@ -191,13 +191,10 @@ pub(crate) enum StatedUnit {
 }
 
 /// Words in brackets that state no unit.
-const NO_UNIT: [&str; 22] = [
-    "dimensionless",
-    "unitless",
-    "0-1",
-    "0..1",
-    "0 to 1",
-    "",
+const NO_UNIT: [&str; 7] = ["dimensionless", "unitless", "0-1", "0..1", "0 to 1", "", "nm"];
+
+/// Words in brackets for values of any scale.
+const RELATIVE: [&str; 15] = [
     "a.u.",
     "a. u.",
     "au",
@@ -213,8 +210,12 @@ const NO_UNIT: [&str; 22] = [
     "relative",
     "normalized",
     "norm.",
-    "nm",
 ];
+
+/// Whether a header says that its values are of any scale.
+pub(crate) fn is_relative(header: &str) -> bool {
+    bracketed(&header.to_lowercase()).is_some_and(|unit| RELATIVE.contains(&unit))
+}
 
 /// Spellings of amperes per watt.
 const RESPONSIVITY: [&str; 8] = ["a/w", "a / w", "a w-1", "a w^-1", "a w⁻¹", "a·w-1", "a·w^-1", "a·w⁻¹"];
@@ -312,9 +313,8 @@ fn unit_in(lower: &str) -> StatedUnit {
         return known(ValueUnit::Fraction);
     }
     match bracketed(lower) {
-        Some(unit) if !NO_UNIT.contains(&unit) && unit.parse::<f64>().is_err() && unit != "-" => {
-            StatedUnit::Unknown(unit.to_owned())
-        }
+        Some(unit) if NO_UNIT.contains(&unit) || RELATIVE.contains(&unit) => StatedUnit::Unstated,
+        Some(unit) if unit.parse::<f64>().is_err() && unit != "-" => StatedUnit::Unknown(unit.to_owned()),
         _ => StatedUnit::Unstated,
     }
 }

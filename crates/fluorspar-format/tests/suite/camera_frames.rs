@@ -59,6 +59,19 @@ fn a_deflated_dng_on_a_curve_is_read_to_the_pixel() {
     assert_eq!((image.black_level, image.white_level), (10.0, 3007));
 }
 
+/// A frame of baseline JPEG is whole: to copy it again mends nothing.
+#[test]
+fn a_lossy_dng_is_of_another_kind() {
+    let (_folder, path) = copied("bggr_jpeg.dng");
+    let mut bytes = fs::read(&path).unwrap();
+    let starts: Vec<usize> =
+        (0..bytes.len() - 4).filter(|at| bytes[*at..].starts_with(&[0xff, 0xc3, 0])).collect();
+    starts.iter().for_each(|at| bytes[at + 1] = 0xc0);
+    fs::write(&path, bytes).unwrap();
+    let said = read_sensor_image(&path).unwrap_err().to_string();
+    assert!(said.contains("the pixels are compressed with loss. Convert the raw file"), "{said}");
+}
+
 /// Every byte in turn changed, and the file cut anywhere: an error or another image, never a panic.
 #[test]
 fn damaged_compressed_frames_are_survived() {
@@ -807,7 +820,13 @@ fn a_tiff_of_several_pages_is_refused_with_their_number() {
     pages(&path, None, &[(8, 0), (4, 1)], 1);
     describe_frame(&path, &FrameFacts::default()).unwrap().write().unwrap();
     assert_eq!(read_sensor_image(&path).unwrap().image.data, [500; 64]);
-    read_mask(&path).unwrap();
+    assert!(read_mask(&path).unwrap_err().to_string().contains("selects the whole image"));
+    // A stack of ImageJ may have one directory for all of its images
+    let stack = b"ImageJ=1.53t\nimages=5\nslices=5\n\0".to_vec();
+    fs::write(&path, tagged_tiff((270, 2, stack.len() as u32, stack))).unwrap();
+    for said in [read_mask(&path).unwrap_err(), describe_frame(&path, &FrameFacts::default()).unwrap_err()] {
+        assert!(said.to_string().contains("it holds 5 images (pages)"), "{said}");
+    }
 }
 
 /// A preview for the screen is no frame.
@@ -984,6 +1003,23 @@ fn png_frames_and_masks_are_turned_too() {
 }
 
 #[test]
+fn a_png_tells_the_bits_of_its_converter() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.png");
+    let described = |values: &[u16], bits: u8| {
+        fs::write(&path, png_with(values, b"sBIT", &[bits], false)).unwrap();
+        let found = describe_frame(&path, &FrameFacts::default()).unwrap();
+        (fact(&found, "bit_depth"), fact(&found, "white_level").0)
+    };
+    let values: Vec<u16> = (0..32).map(|i| 70 + 3 * i).collect();
+    assert_eq!(described(&values, 14), (("14".into(), FactSource::Tag), "16383 DN".into()));
+    assert_eq!(described(&values, 16).0.1, FactSource::Assumed);
+    // Scaled to all bits of the file
+    let scaled: Vec<u16> = values.iter().map(|value| value << 6 | 1).collect();
+    assert_eq!(described(&scaled, 10).0, ("16".into(), FactSource::Tag));
+}
+
+#[test]
 fn a_mask_is_the_same_in_every_form() {
     let inside: Vec<bool> =
         (0..40 * 48).map(|pixel: i32| (pixel / 48 - 20).pow(2) + (pixel % 48 - 30).pow(2) < 64).collect();
@@ -993,9 +1029,23 @@ fn a_mask_is_the_same_in_every_form() {
         assert_eq!(mask.inside, inside, "{name}");
     }
     let folder = tempfile::tempdir().unwrap();
+    // ImageJ stores 255 for what is selected, and may show it black
+    let inverted = folder.path().join("inverted.tif");
+    let mut encoder = tiff::encoder::TiffEncoder::new(fs::File::create(&inverted).unwrap()).unwrap();
+    let mut image = encoder.new_image::<tiff::encoder::colortype::Gray8>(48, 40).unwrap();
+    image.encoder().write_tag(tiff::tags::Tag::PhotometricInterpretation, 0_u16).unwrap();
+    image.write_data(&inside.iter().map(|is_in| if *is_in { 255 } else { 0 }).collect::<Vec<u8>>()).unwrap();
+    assert_eq!(read_mask(&inverted).unwrap().inside, inside);
+    let labels: Vec<u8> = inside.iter().map(|is_in| u8::from(*is_in)).collect();
+    let inverted = folder.path().join("inverted.png");
+    let palette: Vec<[u8; 3]> = (0..=255).rev().map(|code| [code; 3]).collect();
+    fluorspar_format::write_indexed_png(&inverted, 48, 40, &labels, &palette).unwrap();
+    assert_eq!(read_mask(&inverted).unwrap().inside, inside);
     let empty = folder.path().join("empty.png");
     fluorspar_format::write_gray_png(&empty, 4, 4, &[0.0; 16]).unwrap();
     assert!(read_mask(&empty).unwrap_err().to_string().contains("selects nothing"));
+    fluorspar_format::write_gray_png(&empty, 4, 4, &[0.5; 16]).unwrap();
+    assert!(read_mask(&empty).unwrap_err().to_string().contains("selects the whole image"));
     fs::write(&empty, "no image at all").unwrap();
     assert!(read_mask(&empty).unwrap_err().to_string().contains("none of them"));
     assert!(read_mask(&folder.path().join("none.png")).is_err());

@@ -130,6 +130,9 @@ fn gains_and_offsets_of_bands_are_applied_and_ignored_values_refused() {
     assert!(write(&ignoring, [1, 2, 3, 4]).is_ok());
     let said = write(&ignoring, [1, 2, -9999, 4]).unwrap_err().to_string();
     assert!(said.contains("value number 3 is -9999, the data ignore value. Put 0"), "{said}");
+    assert!(write(&format!("{header}bbl = {{1, 1}}\n"), [1, 2, 3, 4]).is_ok());
+    let said = write(&format!("{header}bbl = {{1,\n0}}\n"), [1, 2, 3, 4]).unwrap_err().to_string();
+    assert!(said.contains("bands 2 are bad by its list of bad bands (bbl). Leave them out"), "{said}");
     let said = write(&header.replace("{0.01, 0.02}", "{0.01}"), [0; 4]).unwrap_err().to_string();
     assert!(said.contains("data gain values holds 1 numbers for 2 bands"), "{said}");
 }
@@ -169,7 +172,9 @@ fn what_is_wrong_with_a_cube_is_told() {
         assert!(said.starts_with(wanted), "{said}\n{wanted}");
     }
     fs::write(path.with_extension("dat"), [0; 7]).unwrap();
-    assert!(said(good).contains("it is shorter than the 8 bytes that its header tells"));
+    assert!(said(good).contains("it has 7 bytes, and its header tells of 8. Copy both files again"));
+    fs::write(path.with_extension("dat"), [0; 12]).unwrap();
+    assert!(said(good).contains("it has 12 bytes, and its header tells of 8. Give samples"));
     let path = folder.path().join("c.zarr");
     assert!(
         read_cube(&path).unwrap_err().to_string().contains("Read are ENVI (.hdr), scenes of ISETCam (.mat)")

@@ -290,6 +290,8 @@ fn jcamp_and_tm_27_are_read() {
     let pairs = "##TITLE= a\n##XUNITS= NANOMETERS\n##YUNITS= TRANSMITTANCE\n##XFACTOR= 1.0\n##YFACTOR= 0.5\n##XYPOINTS= (XY..XY)\n\
                  400.0, 1.0\n410.0, 0.5\n##END=\n";
     assert_eq!(one("t.jdx", pairs, SpectrumQuantity::Fraction).1, [0.5, 0.25]);
+    let in_a_line = pairs.replace("400.0, 1.0\n410.0, 0.5", "400,1.0 410,0.5");
+    assert_eq!(one("t.jdx", in_a_line, SpectrumQuantity::Fraction).1, [0.5, 0.25]);
     let even = "##TITLE= a\n##XUNITS= MICROMETERS\n##YUNITS= REFLECTANCE\n##FIRSTX= 0.4\n##LASTX= 0.43\n##NPOINTS= 4\n\
                 ##XFACTOR= 1\n##YFACTOR= 1\n##XYDATA= (X++(Y..Y))\n0.4 0.1 0.2\n0.42 0.3 0.4\n##END=\n";
     let (nm, values, _) = one("t.dx", even, SpectrumQuantity::Fraction);
@@ -711,4 +713,38 @@ fn names_of_filters_and_axes_are_no_quantities() {
     assert_near(&values, &[0.1, 0.2, 0.3], "filter");
     let (nm, _, _) = one("f.csv", "Energy/eV,T\n3,0.1\n2.5,0.2\n2,0.3\n", fraction);
     assert!((nm[0] - 1_239.841_984 / 3.0).abs() < 1e-6 && nm.len() == 3, "{nm:?}");
+}
+
+/// Commas between cells, decimals or thousands: what is not sure is asked.
+#[test]
+fn doubtful_commas_are_refused() {
+    let power = SpectrumQuantity::SpectralPower;
+    for (text, wanted) in [
+        ("Wavelength,T\n400,0,50000\n405,0,60000\n", "t.csv:2: this line has 3 cells but the header has 2"),
+        ("wavelength_nm,power\n400,17,1234.5\n405,18,1235.5\n", "t.csv:2: this line has 3 cells"),
+        ("400,000000,0,500000\n405,000000,0,600000\n", "t.csv:1: the second column holds nothing but 0"),
+        (
+            "nm\tpower\n400\t987\n405\t\"1,052\"\n410\t\"1,100\"\n",
+            "t.csv:3: 1,052 stands in a column with 987",
+        ),
+    ] {
+        let error = read_bytes("t.csv", text.as_bytes(), &as_quantity(power)).unwrap_err();
+        assert!(error.starts_with(wanted), "{error}");
+    }
+    for text in ["nm\tpower\n400\t0,987\n405\t1,052\n410\t1,1\n", "nm;power\n400;100\n405;99,5\n410;101,25\n"]
+    {
+        assert!(read_bytes("t.csv", text.as_bytes(), &as_quantity(power)).is_ok(), "{text}");
+    }
+    // A last column without a name
+    let (_, values, _) = one("t.csv", "nm,power,\n400,1,7\n405,2,7\n", power);
+    assert_near(&values, &[1.0, 2.0], "unnamed");
+}
+
+#[test]
+fn relative_efficiencies_are_told() {
+    let rows = "400,0.5\n500,1\n600,0.7\n";
+    let read_as =
+        |header: &str| one("qe.csv", format!("{header}\n{rows}"), SpectrumQuantity::QuantumEfficiency).2;
+    assert_eq!(read_as("nm,R (relative)"), "relative values, taken for electrons per photon");
+    assert_eq!(read_as("nm,R"), "");
 }

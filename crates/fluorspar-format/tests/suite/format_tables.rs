@@ -823,6 +823,8 @@ fn excitation_and_emission_are_found_by_the_name_of_the_dye() {
     );
     let said = complaint(two.as_bytes(), read(Some("GFP")));
     assert!(said.contains("there is no sample \"GFP\""), "{said}");
+    let list = "Excitation Wavelength,Emission Wavelength,Intensity\n350,400,1\n350,410,2\n360,400,1\n";
+    assert!(complaint(list.as_bytes(), read(None)).contains("single values in a list, no spectra"));
     let plain = "wavelength_nm,excitation,emission\n400,1,0\n410,0.5,1\n";
     assert!(complaint(plain.as_bytes(), read(Some("GFP"))).contains("the columns name no samples"));
 }

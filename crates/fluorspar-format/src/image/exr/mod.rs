@@ -8,7 +8,7 @@ mod write;
 
 pub use component_file::ComponentFile;
 pub(crate) use read::read_texture_exr;
-pub use read::{read_component_exr, read_spectral_exr};
+pub use read::{is_component_exr, read_component_exr, read_spectral_exr};
 pub use write::{ExrCompression, ExrOptions, write_component_exr, write_spectral_exr};
 pub(crate) use write::{write_spooled_component_exr, write_spooled_spectral_exr};
 

@@ -60,6 +60,12 @@ pub fn read_spectral_exr<Q: Quantity>(path: &Path) -> Result<Loaded<SpectralImag
     })
 }
 
+/// Whether a file is an OpenEXR image with components of a render.
+pub fn is_component_exr(path: &Path) -> bool {
+    let has_component = |header: &Header| attribute(header, COMPONENT).is_some();
+    guarded(path, "OpenEXR", || headers(path)).is_ok_and(|headers| headers.iter().any(has_component))
+}
+
 /// Reads a component image written by [`write_component_exr`](super::write_component_exr).
 ///
 /// # Errors
