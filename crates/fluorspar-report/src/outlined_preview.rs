@@ -7,6 +7,8 @@ use crate::Raster;
 
 /// Colors of outlines, by number of the region.
 const COLORS: [[u8; 3]; 4] = [[255, 214, 0], [0, 190, 255], [255, 90, 160], [120, 230, 90]];
+/// What people call them.
+pub const OUTLINE_COLORS: [&str; 4] = ["yellow", "blue", "pink", "green"];
 
 /// A picture of a frame, at most so many columns wide, with the outlines of regions, as PNG. `None` without pixels.
 #[must_use]

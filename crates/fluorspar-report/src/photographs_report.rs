@@ -82,7 +82,7 @@ pub fn photographs_report(found: &PhotographResults<'_>) -> ReportData {
     if !found.pictures.is_empty() {
         let text = if found.is_proposal {
             "Guessed from color and place alone. The percentage is the chance that a pixel of the region is told from its surroundings, not that \
-             the name is right. In photographs.csv a line with the verdict \"wrong\" is left out; \"guess\" is analyzed with a warning."
+             the name is right. In photographs.csv \"right\" as the verdict of a line confirms it, \"wrong\" leaves it out; \"guess\" is analyzed with a warning."
         } else {
             "Outlined is what was analyzed; photographs with a number that lies apart come first."
         };

@@ -21,24 +21,27 @@ pub(crate) struct RegionOption {
 
 /// Reads the regions of the command line.
 pub(crate) fn region_options(texts: &[String]) -> Result<Vec<RegionOption>> {
+    regions_called(texts, |text| format!("⟨named_region={text}⟩"))
+}
+
+/// Reads regions, and what each is called in messages.
+pub(crate) fn regions_called(texts: &[String], called: impl Fn(&str) -> String) -> Result<Vec<RegionOption>> {
     let mut regions: Vec<RegionOption> = Vec::with_capacity(texts.len());
     for text in texts {
-        let region = region_option(text)?;
+        let region = region_option(text, called(text))?;
         if regions.iter().any(|other| other.name == region.name) {
-            let name = &region.name;
-            return Err(Error::Input(format!(
-                "⟨named_region={text}⟩: there are two regions \"{name}\"; rename one"
-            )));
+            let RegionOption { name, typed, .. } = &region;
+            return Err(Error::Input(format!("{typed}: there are two regions \"{name}\"; rename one")));
         }
         regions.push(region);
     }
     Ok(regions)
 }
 
-fn region_option(text: &str) -> Result<RegionOption> {
+fn region_option(text: &str, typed: String) -> Result<RegionOption> {
     let wrong = |why: &str| {
         Error::Input(format!(
-            "⟨named_region={text}⟩: {why}; write a name and parts, a rectangle (column, row, width, height), a polygon, a mask or fields of [analysis]: \
+            "{typed}: {why}; write a name and parts, a rectangle (column, row, width, height), a polygon, a mask or fields of [analysis]: \
              lip=lower_lip, lip=430,350,100,80, 'lip=[[430,350],[530,350],[480,450]]', lip=mask.png, 'lip={{parts=[\"lower_lip\"], inset_px=3}}'"
         ))
     };
@@ -74,7 +77,7 @@ fn region_option(text: &str) -> Result<RegionOption> {
     if let Some((field, _)) = fields.iter().find(|(field, _)| field == "frame" || field == "compared_px") {
         return Err(wrong(&format!("{field} is of the whole analysis, not of a region")));
     }
-    Ok(RegionOption { name: name.into(), typed: format!("⟨named_region={text}⟩"), fields })
+    Ok(RegionOption { name: name.into(), typed, fields })
 }
 
 /// The fields of an inline table.
@@ -181,7 +184,8 @@ mod tests {
 
     #[test]
     fn places_are_told_by_their_form() {
-        let fields = |text: &str| region_option(text).unwrap().fields;
+        let read = |text: &str| region_options(&[text.to_owned()]).map(|mut all| all.remove(0));
+        let fields = |text: &str| read(text).unwrap().fields;
         let one = |field: &str, value: &str| vec![(field.to_owned(), value.to_owned())];
         assert_eq!(fields("lip=lower_lip, upper_lip"), one("parts", "[\"lower_lip\", \"upper_lip\"]"));
         assert_eq!(fields("a=1,2,30,40"), one("rectangle_px", "[1,2,30,40]"));
@@ -191,12 +195,18 @@ mod tests {
         assert_eq!(fields("a={mask=\"mask.png\"}"), one("mask", "\"mask.png\""));
         assert_eq!(fields("a={parts=[\"x\"], inset_px=3}").len(), 2);
         for text in ["lip", "=lip", "lip=", "a={parts=", "a={frame=\"white\"}", "a\"b=lip"] {
-            let error = region_option(text).unwrap_err().to_string();
+            let error = read(text).unwrap_err().to_string();
             assert!(
                 error.contains(&format!("⟨named_region={text}⟩: ")) && error.contains("lip=lower_lip"),
                 "{error}"
             );
         }
         assert!(region_options(&["a=b".into(), "a=c".into()]).is_err());
+        let called = |text: &str| format!("t.csv: region {text} of patient P1, visit 1");
+        let error = regions_called(&["a=b".into(), "a=c".into()], called).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "t.csv: region a=c of patient P1, visit 1: there are two regions \"a\"; rename one"
+        );
     }
 }

@@ -148,6 +148,13 @@ fn a_table_says_whose_regions_lie_where_and_which_are_wrong() {
         warnings.contains("a guess that nobody confirmed")
             && !of("spot")[0]["warnings"].to_string().contains("a guess")
     );
+    // A region twice is of one photograph
+    let doubled = table.replace("rest,\"[[22,12],[39,12],[39,29]]\",guess", "spot,\"1,1,9,9\",right");
+    fs::write(folder.join("photos/photographs.csv"), doubled).unwrap();
+    let said = analyze(folder, &[]);
+    assert!(said.code == Some(2) && said.stdout.starts_with("1 photographs, "), "{said:?}");
+    let told = "photos/photographs.csv: region spot=1,1,9,9 of patient anna, visit 2: there are two regions";
+    assert!(said.stderr.contains(told), "{}", said.stderr);
     fs::write(folder.join("photos/photographs.csv"), "frame,capture\nP1_violet.dng,green\n").unwrap();
     let said = analyze(folder, &["--named-region=spot=22,12,17,17"]);
     assert_eq!(said.code, Some(2));

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::pairing::Photograph;
 use crate::analyze::{Regions, analyze_frames};
-use crate::region_option::{RegionOption, region_options};
+use crate::region_option::{RegionOption, region_options, regions_called};
 use crate::{AnalyzeOptions, Error, Job, Left, Listener, Result};
 
 /// Largest file that is read as a frame or a mask.
@@ -152,7 +152,11 @@ pub(super) fn regions_of(
     let texts: Vec<String> =
         photograph.regions.iter().map(|[name, place, _]| format!("{name}={place}")).collect();
     let folder = table.and_then(Path::parent).unwrap_or(Path::new(""));
-    Ok(region_options(&texts)?.into_iter().map(|region| of_site(region.below(folder))).collect())
+    let called = |text: &str| {
+        let place = table.map_or_else(String::new, |table| format!("{}: ", table.display()));
+        format!("{place}region {text} of patient {}, visit {}", photograph.patient, photograph.visit)
+    };
+    Ok(regions_called(&texts, called)?.into_iter().map(|region| of_site(region.below(folder))).collect())
 }
 
 /// The tissue of a region that is called as a site is: "none" for teeth; nothing where no tissue is assumed at all.

@@ -34,7 +34,7 @@ use self::pairing::{
 };
 use self::proposal::propose;
 use self::table::WRONG;
-use crate::region_option::{RegionOption, region_options};
+use crate::region_option::{RegionOption, regions_called};
 use crate::shard::journal_beside;
 use crate::source::files_named;
 use crate::{AnalyzeOptions, Error, ErrorKind, ExperimentSource, Job, Left, Result};
@@ -125,8 +125,7 @@ pub(crate) fn analyze_photographs(
 ) -> Result<AnalyzedPhotographs> {
     let mut work = PhotographWork::prepare(options, path)?;
     work.leave_wrong_out(path)?;
-    let regions: Vec<Vec<RegionOption>> =
-        work.photographs.iter().map(|photograph| work.regions(photograph)).collect::<Result<_>>()?;
+    let regions = work.regions()?;
     let is_placed = |regions: &Vec<RegionOption>| !regions.is_empty();
     if work.has_place() || regions.iter().any(is_placed) {
         work.estimate(&regions, job)
@@ -170,7 +169,7 @@ pub fn find_photographs(
 /// # Errors
 /// A region that can't be read.
 pub fn region_mask([name, place, _]: &[String; 3]) -> Result<Option<PathBuf>> {
-    Ok(region_options(&[format!("{name}={place}")])?.remove(0).masks().next().map(PathBuf::from))
+    Ok(region_of(name, place)?.masks().next().map(PathBuf::from))
 }
 
 /// The place of a region (name, place and verdict) with its mask, where it has one, at another path.
@@ -178,13 +177,17 @@ pub fn region_mask([name, place, _]: &[String; 3]) -> Result<Option<PathBuf>> {
 /// # Errors
 /// A region that can't be read.
 pub fn region_with_mask([name, place, _]: &[String; 3], mask: &Path) -> Result<String> {
-    let region = region_options(&[format!("{name}={place}")])?.remove(0);
+    let region = region_of(name, place)?;
     let has_mask = region.masks().next().is_some();
     Ok(match place.trim_start().starts_with('{') {
         _ if !has_mask => place.clone(),
         true => region.masked(mask).table(),
         false => mask.to_string_lossy().into_owned(),
     })
+}
+
+fn region_of(name: &str, place: &str) -> Result<RegionOption> {
+    Ok(regions_called(&[format!("{name}={place}")], |text| format!("region {text}"))?.remove(0))
 }
 
 /// The estimates of one photograph, whose regions have masks as the working folder has them.
@@ -269,8 +272,24 @@ impl<'a> PhotographWork<'a> {
         Ok(())
     }
 
-    fn regions(&self, photograph: &Photograph) -> Result<Vec<RegionOption>> {
-        regions_of(photograph, self.options, self.table.as_deref(), &self.experiment)
+    /// The regions of each photograph. Leaves those out whose own can't be read.
+    fn regions(&mut self) -> Result<Vec<Vec<RegionOption>>> {
+        let (mut placed, mut regions) = (Vec::new(), Vec::new());
+        for photograph in std::mem::take(&mut self.photographs) {
+            match regions_of(&photograph, self.options, self.table.as_deref(), &self.experiment) {
+                Ok(found) => {
+                    regions.push(found);
+                    placed.push(photograph);
+                }
+                Err(error) if photograph.regions.is_empty() => return Err(error),
+                Err(error) => self.left_out.push((photograph.frames[0].1.clone(), error.to_string())),
+            }
+        }
+        self.photographs = placed;
+        if self.photographs.is_empty() {
+            return Err(Error::Input(FailedPhotograph::list(&self.failures())));
+        }
+        Ok(regions)
     }
 
     /// Whether the experiment itself says where the region lies.

@@ -208,6 +208,19 @@ fn without_visit(name: &str) -> (String, Option<String>) {
     (name.into(), None)
 }
 
+/// Whether a name begins with known words and has no others but numbers: `dark_blue_2`.
+fn tells_nobody(name: &str, known: [&str; 2]) -> bool {
+    let words = |text: &str| -> Vec<String> {
+        let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
+        words.map(str::to_lowercase).collect()
+    };
+    let known: Vec<String> = known.into_iter().flat_map(words).collect();
+    let is_known = |word: &String| known.contains(word);
+    let words = words(name);
+    let is_number = |word: &String| word.starts_with(|c: char| c.is_ascii_digit());
+    words.first().is_some_and(is_known) && words.iter().all(|word| is_known(word) || is_number(word))
+}
+
 /// The lines that the files of a folder are by themselves, and the files that are none.
 pub(super) fn rows_of_folder(
     folder: &Path,
@@ -217,11 +230,22 @@ pub(super) fn rows_of_folder(
     for path in files_below(folder) {
         let name = stem(&path);
         let by_name = capture_by_name(&path, captures).map(str::to_owned);
-        let of_camera = [("dark", &mut dark), ("flat", &mut flat)]
-            .into_iter()
-            .find_map(|(word, list)| (by_name.is_none() && word_in(&name, word).is_some()).then_some(list));
-        if let Some(list) = of_camera {
-            list.push(path);
+        // Unless captures are called so
+        let is_of_camera = |word: &str| {
+            word_in(&name, word).is_some() && captures.iter().all(|of| word_in(&of.name, word).is_none())
+        };
+        let of_camera = [("dark", &mut dark), ("flat", &mut flat)];
+        if let Some((word, list)) = of_camera.into_iter().find(|(word, _)| is_of_camera(word)) {
+            match by_name.filter(|capture| !tells_nobody(&name, [word, capture])) {
+                None => list.push(path),
+                Some(capture) => {
+                    let why = format!(
+                        "its name tells a person and a {word} frame of the camera; call it {word}_{capture}, which serves all photographs, or \
+                         name it in the column {word} of a table photographs.csv"
+                    );
+                    left_out.push((path, why));
+                }
+            }
             continue;
         }
         match by_name.map_or_else(|| capture_by_tags(&path, captures), Ok) {
@@ -423,6 +447,26 @@ mod tests {
         assert_eq!(person("photos/IMG_1.dng"), None);
         assert_eq!(person("photos/P03_visit1_violet.dng"), Some(["P03".to_owned(), "1".to_owned()]));
         assert_eq!(person("photos/P2/IMG_1.dng"), Some(["P2".to_owned(), "1".to_owned()]));
+    }
+
+    #[test]
+    fn frames_of_the_camera_may_name_their_capture() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = ["P1_blue", "dark_blue", "blue-dark-2", "flat_blue", "P2_flat_blue", "IMG_7_dark"];
+        for name in names {
+            fs::write(folder.path().join(format!("{name}.dng")), b"").unwrap();
+        }
+        let found = |captures: &[&str]| {
+            let known = captures.iter().map(|name| KnownCapture { name: (*name).into(), exposure_s: None });
+            let (rows, dark, flat, left) = rows_of_folder(folder.path(), &known.collect::<Vec<_>>());
+            let patients = rows.into_iter().map(|row| row.patient).collect::<Vec<_>>();
+            (patients, dark.len(), flat.len(), left)
+        };
+        let (patients, dark, flat, left) = found(&["blue"]);
+        assert_eq!((patients, dark, flat), (vec!["P1".to_owned()], 3, 1));
+        assert!(left.len() == 1 && left[0].1.contains("call it flat_blue, which serves all"), "{left:?}");
+        let (patients, dark, ..) = found(&["blue", "flat_blue"]);
+        assert_eq!((patients, dark), (["P1", "P2", ""].map(str::to_owned).to_vec(), 3));
     }
 
     /// Two views of a visit have frames of their own names; an ambient frame that stands alone serves both.

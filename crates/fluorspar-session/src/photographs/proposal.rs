@@ -9,7 +9,7 @@ use fluorspar::pipeline::{CapturedFrame, Preview};
 use fluorspar::study::Study;
 use fluorspar_experiment::{Warning, resolve};
 use fluorspar_format::{OutputFolder, write_atomically, write_label_png};
-use fluorspar_report::{ReportPicture, outlined_preview};
+use fluorspar_report::{OUTLINE_COLORS, ReportPicture, outlined_preview};
 
 use super::camera::face_warning;
 use super::estimate::{GUESS, PICTURE_COLUMNS, options_of, shown};
@@ -176,8 +176,10 @@ fn without_links(path: &Path) -> PathBuf {
 
 fn picture(photograph: &Photograph, image: &Preview, guesses: &[GuessedRegion]) -> ReportPicture {
     let selections: Vec<&PixelSelection> = guesses.iter().map(|guess| &guess.selection).collect();
-    let told: Vec<String> =
-        guesses.iter().map(|guess| format!("{} {:.0} %", guess.name, 100.0 * guess.sureness)).collect();
+    let tell = |(guess, color): (&GuessedRegion, &str)| {
+        format!("{} ({color}) {:.0} %", guess.name, 100.0 * guess.sureness)
+    };
+    let told: Vec<String> = guesses.iter().zip(OUTLINE_COLORS).map(tell).collect();
     ReportPicture {
         png: outlined_preview(image, &selections, PICTURE_COLUMNS).unwrap_or_default(),
         title: format!("{}, visit {}", photograph.patient, photograph.visit),
