@@ -140,23 +140,23 @@ impl Default for MouthParameters {
 }
 
 impl MouthParameters {
-    /// This mouth with the shape of another one, as far as that differs from the typical mouth. Seed, pose and the distance between the corners
-    /// of the mouth, which a pose changes, stay.
+    /// This mouth with those fields of the shape of another one that a function takes. Seed, pose and the distance between the corners of the
+    /// mouth, which a pose changes, stay.
     #[must_use]
-    pub fn with_shape_of(&self, given: &Self) -> Self {
+    pub fn with_shape_of(&self, given: &Self, takes: impl Fn(&str) -> bool) -> Self {
         let fields = |mouth: &Self| match serde_json::to_value(mouth) {
             Ok(serde_json::Value::Object(fields)) => fields,
             _ => serde_json::Map::new(),
         };
-        let (typical, mut differing) = (fields(&Self::default()), fields(given));
+        let mut taken = fields(given);
         let stays =
             |field: &str| POSE_FIELDS.contains(&field) || ["seed", "lip_opening_width_mm"].contains(&field);
-        differing.retain(|field, value| !stays(field) && typical.get(field) != Some(value));
-        if differing.is_empty() {
+        taken.retain(|field, _| !stays(field) && takes(field));
+        if taken.is_empty() {
             return self.clone();
         }
         let mut shape = fields(self);
-        shape.extend(differing);
+        shape.extend(taken);
         serde_json::from_value(serde_json::Value::Object(shape)).unwrap_or_else(|_| self.clone())
     }
 

@@ -9,14 +9,18 @@ use super::parameters::MouthParameters;
 /// first molar to first molar (populations: 92.3 to 93.4 %, Smith and others 2000).
 pub const BOLTON_RANGE: (f64, f64) = (0.89, 0.96);
 
-/// Standard normal number, cut at 2.2 standard deviations, of a person and a quantity.
+/// Standard deviation of a standard normal number that is cut at [`CUT`].
+const OF_CUT: f64 = 0.91622;
+const CUT: f64 = 2.2;
+
+/// Normal number of mean 0 and standard deviation 1 of a person and a quantity, cut at 2.4.
 fn normal(seed: u32, quantity: u32) -> f64 {
     for attempt in 0..16 {
         let number = |channel: u32| lattice(seed, quantity as i32, attempt, 900 + channel);
         let (radius, angle) = ((-2.0 * ln(number(0).max(1e-12))).sqrt(), number(1));
         let value = radius * sin_cos(2.0 * std::f64::consts::PI * angle).1;
-        if value.abs() < 2.2 {
-            return value;
+        if value.abs() < CUT {
+            return value / OF_CUT;
         }
     }
     0.0
@@ -86,4 +90,16 @@ pub fn sample_person(seed: u32) -> MouthParameters {
         }
     }
     p
+}
+
+#[cfg(test)]
+mod tests {
+    use super::normal;
+
+    /// To four standard errors, `1 / sqrt(2 n)`.
+    #[test]
+    fn cut_numbers_have_a_standard_deviation_of_1() {
+        let squares: f64 = (1..=20_000).map(|seed| normal(seed, 3).powi(2)).sum();
+        assert!(((squares / 2e4).sqrt() - 1.0).abs() < 0.02, "{squares}");
+    }
 }

@@ -1,20 +1,25 @@
 //! Cohorts: an experiment with a mouth, for many people and views of an examination.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use fluorspar::sampling::random::Key;
-use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, MouthParameters, sample_person};
+use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, MouthParameters, POSE_FIELDS, sample_person};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::change::scene_change::SceneChange;
+use crate::document::tree::{Content, Document};
 use crate::error::{ExperimentError, steps};
+use crate::file_text::file_text;
 use crate::people::give_tissues_of;
 use crate::read::{
     Experiment, change_document, experiment_schema, finish_document, read_merged, schema_of, typed,
 };
 use crate::resolve::context::{Context, Resolved};
-use crate::schema::{AnalysisRegionSection, ExperimentFile, LesionSection, SensorRegionSection};
+use crate::schema::{
+    AnalysisRegionSection, ExperimentFile, LesionSection, MouthSection, SensorRegionSection,
+};
 
 /// The file of a cohort: an experiment with a mouth, and the people whose mouths take its place.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -43,7 +48,7 @@ pub struct PeopleSection {
     pub count: u32,
     /// Number of the first person, 1 to 4 000 000 000; the others follow, as in `mouth sample --seed`. Default 1.
     pub first: u32,
-    /// Views, by the names of `mouth view --list`. Default: the nine of an examination.
+    /// Views: names among the nine of an examination in `mouth view --list`. Default: all nine.
     pub views: Vec<String>,
     /// Share of the people that have each `[[mouth.lesion]]`, 0 to 1. Default 0.5.
     pub prevalence: f64,
@@ -69,6 +74,8 @@ pub struct CohortStudy {
     pub views: Vec<&'static ExaminationView>,
     /// The experiment that all share.
     pub experiment: Experiment,
+    /// Keys of `[mouth]` that the file or its bases give.
+    given: BTreeSet<String>,
 }
 
 /// Reads the file of a cohort: an experiment with a mouth and an analysis, and a section `[people]`. Overrides and paths are as for an
@@ -109,6 +116,7 @@ pub fn parse_cohort(
     }
 
     document.root.retain(|key| key != "people");
+    let given = keys_of_mouth(&document, |_| true);
     finish_document(&mut document, experiment_schema())?;
     let file: ExperimentFile = typed(&mut document, experiment_schema())?;
     let context = Context::new(&document);
@@ -125,6 +133,10 @@ pub fn parse_cohort(
             let message = "the people of a cohort are drawn, people.first is the first of them; remove it";
             return context.fail(&steps!["mouth", "person"], message);
         }
+        Some(mouth) if mouth.view.is_some() => {
+            let message = "people.views names the views of a cohort, which give pose and camera; remove it";
+            return context.fail(&steps!["mouth", "view"], message);
+        }
         Some(_) => {}
     }
     if file.render.time_limit_s.is_some() {
@@ -136,7 +148,15 @@ pub fn parse_cohort(
             "a cohort is what an analysis finds in many people; add [analysis], or a base that has one";
         return context.fail(&steps!["analysis"], message);
     }
-    Ok(CohortStudy { people, views, experiment: Experiment { file, document } })
+    Ok(CohortStudy { people, views, experiment: Experiment { file, document }, given })
+}
+
+/// Keys of `[mouth]` in a document, of the sources with numbers that a function keeps.
+fn keys_of_mouth(document: &Document, is_of: impl Fn(usize) -> bool) -> BTreeSet<String> {
+    let Some(Content::Table(fields)) = document.root.get("mouth").map(|mouth| &mouth.content) else {
+        return BTreeSet::new();
+    };
+    fields.iter().filter(|(_, node)| is_of(node.origin.source)).map(|(key, _)| key.clone()).collect()
 }
 
 impl CohortStudy {
@@ -145,11 +165,28 @@ impl CohortStudy {
         self.people.first..=self.people.first.saturating_add(self.people.count - 1)
     }
 
-    /// Whether a person has a lesion of the file. It depends on the number of the person and the name of the lesion alone.
+    /// Whether a person has a lesion of the file, and the tooth that it is on. It depends on the number of the person and the name of the
+    /// lesion alone.
     #[must_use]
     pub fn has_lesion(&self, person: u32, lesion: &LesionSection) -> bool {
+        self.draws_lesion(person, lesion)
+            && self
+                .tooth_under(&lesion.part)
+                .is_none_or(|tooth| !self.shape_of(person).missing_teeth.contains(&tooth))
+    }
+
+    fn draws_lesion(&self, person: u32, lesion: &LesionSection) -> bool {
         let key = Key::new(u64::from(person)).with_text("lesion").with_text(&lesion.name);
         unit(key) < self.people.prevalence
+    }
+
+    /// The tooth that a part is, or a filling of it; `None` of other parts, and of teeth that are scans, which everybody has.
+    fn tooth_under(&self, part: &str) -> Option<u8> {
+        let mouth = self.experiment.file.mouth.as_ref()?;
+        let filling = mouth.restoration.iter().find(|restoration| restoration.name == part);
+        let of_name = || part.strip_prefix("tooth_")?.parse::<u8>().ok();
+        let tooth = filling.map(|filling| filling.tooth).or_else(of_name)?;
+        mouth.scan.iter().all(|scan| scan.name != format!("tooth_{tooth}")).then_some(tooth)
     }
 
     /// A number below 1 by which a data set is split. It depends on the seed of the file and the number of the person alone: more people
@@ -165,15 +202,54 @@ impl CohortStudy {
         self.experiment.file.mouth.as_ref().map_or(&[], |mouth| &mouth.lesion)
     }
 
-    /// The shape of a person: as it is drawn, but for what the file gives otherwise than the typical mouth has it.
+    /// The shape of a person: as it is drawn, but for what the file gives.
     #[must_use]
     pub fn shape_of(&self, person: u32) -> MouthParameters {
-        let drawn = sample_person(person);
-        self.experiment
-            .file
-            .mouth
-            .as_ref()
-            .map_or(drawn.clone(), |mouth| drawn.with_shape_of(&mouth.parameters))
+        self.with_given_shape(&sample_person(person))
+    }
+
+    fn with_given_shape(&self, mouth: &MouthParameters) -> MouthParameters {
+        let given = self.experiment.file.mouth.as_ref().map(|section| &section.parameters);
+        given.map_or_else(
+            || mouth.clone(),
+            |given| mouth.with_shape_of(given, |field| self.given.contains(field)),
+        )
+    }
+
+    /// What the file says of all people beside what [`Self::experiment_of`] shows of each, which may happen to be the same in one of them:
+    /// the keys of the mouth and the shape that they give, and the typical tissues.
+    ///
+    /// # Errors
+    /// None that is known: sections that have no JSON.
+    pub fn of_all_people(&self) -> Result<String, serde_json::Error> {
+        let is_shape = |key: &&String| !POSE_FIELDS.contains(&key.as_str());
+        let given: Vec<&String> = self.given.iter().filter(is_shape).collect();
+        let shape = self.with_given_shape(&MouthParameters::default());
+        serde_json::to_string(&(given, shape, &self.experiment.file.tissue))
+    }
+
+    /// The pose that the text or an override gives, which that of each view replaces.
+    #[must_use]
+    pub fn given_pose(&self) -> Vec<&'static str> {
+        let document = &self.experiment.document;
+        let is_own = |source: usize| source == 0 || document.sources[source].overriding.is_some();
+        let own = keys_of_mouth(document, is_own);
+        POSE_FIELDS.into_iter().filter(|field| *field != "detail" && own.contains(*field)).collect()
+    }
+
+    /// The file with everything that it rests on. Of the mouth it has what is given, and no pose: the rest is that of each person and view.
+    ///
+    /// # Errors
+    /// Sections that have no TOML: none is known.
+    pub fn text(&self) -> Result<String, toml::ser::Error> {
+        let (experiment, people) = (self.experiment.file.clone(), self.people.clone());
+        let question = CohortQuestion { people };
+        let mut file = toml::Table::try_from(&CohortFile { experiment, question })?;
+        if let Some(toml::Value::Table(mouth)) = file.get_mut("mouth") {
+            let is_pose = |key: &str| key != "detail" && POSE_FIELDS.contains(&key);
+            mouth.retain(|key, _| self.given.contains(key) && !is_pose(key));
+        }
+        file_text(&file)
     }
 
     /// The experiment of a person and a view: the mouth and the tissues of the person in the pose of the view, and the camera at its
@@ -184,10 +260,11 @@ impl CohortStudy {
     /// # Errors
     /// A site or a state of a tissue that does not exist.
     pub fn experiment_of(&self, person: u32, view: &ExaminationView) -> Result<Experiment, ExperimentError> {
-        self.experiment_with(person, view, |lesion| self.has_lesion(person, lesion))
+        let shape = self.shape_of(person);
+        self.experiment_with(person, view, &shape, |lesion| self.draws_lesion(person, lesion))
     }
 
-    /// The same of a person who has every lesion of the file.
+    /// The same of a person who has every lesion of the file, and the teeth that lesions and restorations are on.
     ///
     /// # Errors
     /// As [`Self::experiment_of`].
@@ -196,13 +273,31 @@ impl CohortStudy {
         person: u32,
         view: &ExaminationView,
     ) -> Result<Experiment, ExperimentError> {
-        self.experiment_with(person, view, |_| true)
+        let mut shape = self.shape_of(person);
+        if let Some(mouth) = &self.experiment.file.mouth {
+            let of_lesions = mouth.lesion.iter().filter_map(|lesion| self.tooth_under(&lesion.part));
+            let of_restorations = mouth.restoration.iter().map(|restoration| restoration.tooth);
+            let wanted: Vec<u8> = of_lesions.chain(of_restorations).collect();
+            shape.missing_teeth.retain(|tooth| !wanted.contains(tooth));
+        }
+        self.experiment_with(person, view, &shape, |_| true)
+    }
+
+    /// Takes what lies on teeth that a person lacks out of a mouth.
+    fn without_missing(&self, mouth: &mut MouthSection, missing: &[u8]) {
+        let is_there = |part: &str| self.tooth_under(part).is_none_or(|tooth| !missing.contains(&tooth));
+        mouth.lesion.retain(|lesion| is_there(&lesion.part));
+        mouth.restoration.retain(|restoration| is_there(&restoration.name));
+        for scan in &mut mouth.scan {
+            scan.replaces.retain(|part| missing.iter().all(|tooth| *part != format!("tooth_{tooth}")));
+        }
     }
 
     fn experiment_with(
         &self,
         person: u32,
         view: &ExaminationView,
+        shape: &MouthParameters,
         has_lesion: impl Fn(&LesionSection) -> bool,
     ) -> Result<Experiment, ExperimentError> {
         let mut experiment = self.experiment.clone();
@@ -226,7 +321,8 @@ impl CohortStudy {
             // Their tissues are drawn above
             mouth.person = None;
             let detail = mouth.parameters.detail;
-            mouth.parameters = MouthParameters { detail, ..view.pose(&self.shape_of(person)) };
+            mouth.parameters = MouthParameters { detail, ..view.pose(shape) };
+            self.without_missing(mouth, &shape.missing_teeth);
             for lesion in &mut mouth.lesion {
                 if !has_lesion(lesion) {
                     *lesion = without_change(lesion);
@@ -324,14 +420,43 @@ mod tests {
     #[test]
     fn what_the_file_gives_of_a_shape_is_that_of_all_people() {
         let plain = cohort("").unwrap();
-        let given = cohort("[mouth]\nmissing_teeth = [11, 21]\nplaque = 0.0\ndetail = 0.5\n").unwrap();
+        let given = cohort(
+            "[mouth]\nmissing_teeth = [11, 21]\ntooth_scale = 1.0\ndetail = 0.5\njaw_opening_mm = 20.0\n",
+        );
+        let given = given.unwrap();
+        // What is written of a cohort is the same cohort
+        let again = parse_cohort(&given.text().unwrap(), "again", Path::new("."), &[]).unwrap();
         for person in [1, 2] {
             let (drawn, shape) = (sample_person(person), given.shape_of(person));
             assert_eq!(plain.shape_of(person), drawn);
-            let MouthParameters { missing_teeth, plaque, .. } =
-                given.experiment.file.mouth.clone().unwrap().parameters;
-            assert_eq!(shape, MouthParameters { missing_teeth, plaque, ..drawn });
+            // Also where it is as in the typical mouth
+            let wanted = MouthParameters { missing_teeth: vec![11, 21], tooth_scale: 1.0, ..drawn };
+            assert_eq!((&shape, again.shape_of(person)), (&wanted, wanted.clone()));
         }
+        assert_eq!((plain.given_pose(), given.given_pose()), (vec![], vec!["jaw_opening_mm"]));
+        let of_all = |cohort: &CohortStudy| cohort.of_all_people().unwrap();
+        assert!(of_all(&given) == of_all(&again) && of_all(&given) != of_all(&plain));
+    }
+
+    /// Somebody without a tooth has neither its filling nor its lesion; who lacks it is measured nowhere.
+    #[test]
+    fn what_lies_on_a_tooth_is_in_those_who_have_it() {
+        let text = "[people]\nprevalence = 1.0\n[[mouth.restoration]]\nname = \"filling\"\ntooth = 46\nsurfaces = \"o\"\n\
+                    material = \"tooth\"\n[[mouth.lesion]]\nname = \"spot\"\npart = \"tooth_46\"\n\
+                    [[mouth.lesion]]\nname = \"rim\"\npart = \"filling\"\n\
+                    [[mouth.scan]]\nname = \"arch\"\nmesh = \"arch.ply\"\nmaterial = \"tooth\"\nreplaces = [\"tooth_46\", \"tooth_2*\"]\n";
+        let study = cohort(text).unwrap();
+        let lacks = |person: &u32| sample_person(*person).missing_teeth.contains(&46);
+        let (without, with) =
+            ((1..200).find(lacks).unwrap(), (1..200).find(|person| !lacks(person)).unwrap());
+        let on_tooth = |person: u32| {
+            let mouth = study.experiment_of(person, study.views[0]).unwrap().file.mouth.unwrap();
+            let held = study.lesions().iter().filter(|lesion| study.has_lesion(person, lesion)).count();
+            (mouth.lesion.len(), mouth.restoration.len(), mouth.scan[0].replaces.len(), held)
+        };
+        assert_eq!((on_tooth(without), on_tooth(with)), ((0, 0, 1, 0), (2, 1, 2, 2)));
+        let all = study.experiment_with_all_lesions(without, study.views[0]).unwrap().file.mouth.unwrap();
+        assert!(all.lesion.len() == 2 && !all.parameters.missing_teeth.contains(&46));
     }
 
     #[test]
@@ -346,6 +471,7 @@ mod tests {
             ("unset = [\"analysis\"]\n", "add [analysis]"),
             ("[mouth.transform]\ntranslate_mm = [1.0, 0.0, 0.0]\n", "remove the transform"),
             ("[mouth]\nperson = 7\n", "the people of a cohort are drawn"),
+            ("[mouth]\nview = \"throat\"\n", "people.views names the views"),
         ] {
             let error = cohort(text).unwrap_err().to_string();
             assert!(error.contains(told) && error.starts_with("cohort.toml"), "{text}: {error}");

@@ -113,12 +113,12 @@ pub fn cohort_report(found: &CohortResults) -> ReportData {
 fn people(found: &CohortResults) -> String {
     let people = &found.cohort.people;
     let last = people.first.saturating_add(people.count - 1);
-    format!(
-        "{} drawn people, numbers {} to {last}, in {} views",
-        people.count,
-        people.first,
-        found.cohort.views.len()
-    )
+    let drawn = match people.count {
+        1 => format!("One drawn person, number {last}"),
+        count => format!("{count} drawn people, numbers {} to {last}", people.first),
+    };
+    let views = found.cohort.views.len();
+    format!("{drawn}, in {views} view{}", if views == 1 { "" } else { "s" })
 }
 
 /// The range of a number of a part in the analyzed frame.
@@ -156,8 +156,10 @@ fn verdict(found: &CohortResults) -> Vec<String> {
                 )
             },
         );
+        let people =
+            if found.cohort.lesions().is_empty() { "these people" } else { "those without a lesion" };
         lead.push(format!(
-            "The {} has r from {} to {} (5 to 95 % of these people). {of_all}",
+            "The {} has r from {} to {} (5 to 95 % of {people}). {of_all}",
             part_name(part),
             number(seen.p05),
             number(seen.p95)

@@ -56,6 +56,25 @@ fn people_of_a_table_are_those_of_their_number() {
     assert!(folder.path().join("people/person_000008.toml").exists());
 }
 
+/// The files of people can be opened where they lie, and are the mouths that `mouth.person` gives: in the pose of their base.
+#[test]
+fn people_of_a_base_are_those_of_its_pose() {
+    let folder = tempfile::tempdir().unwrap();
+    let base = "format = 1\nbase = \"oraleye-2021\"\n[mouth]\nview = \"right-cheek\"\njaw_opening_mm = 41.0\n";
+    fs::write(folder.path().join("own.toml"), base).unwrap();
+    let args = ["mouth", "sample", "--count=1", "--seed=7", "--base=own.toml", "--out=people"];
+    fluorspar(folder.path(), args).well();
+    let mouth = |words: [&str; 2]| {
+        let paths = ["jaw_opening_mm", "lip_opening_width_mm", "tongue_width_mm", "seed"];
+        let paths = paths.map(|field| format!("mouth.{field}"));
+        let words = ["scene", "get"].into_iter().chain(words).chain(paths.iter().map(String::as_str));
+        fluorspar(folder.path(), words).well().stdout
+    };
+    let one = mouth(["people/person_000007.toml", "--quiet"]);
+    assert!(one.contains("mouth.jaw_opening_mm = 41.0"), "{one}");
+    assert_eq!(one, mouth(["own.toml", "--set=mouth.person=7"]));
+}
+
 #[test]
 fn a_contact_sheet_has_a_name_above_every_image() {
     let folder = tempfile::tempdir().unwrap();

@@ -49,6 +49,11 @@ pub(super) fn lesions(
             return context.fail(&at.field("part"), "this part has no mesh");
         };
         context.within(&at.field("blood_um"), lesion.blood_um, [0.0, 200.0], "µm")?;
+        if mesh.uvs.is_empty() {
+            let message =
+                "this part has no texture coordinates, which tell where on it; export them with its mesh";
+            return context.fail(&at.field("part"), message);
+        }
         let spot = Spot::new(context, &at, lesion, mesh)?;
         let reflectance = match &lesion.reflectance {
             Some(reference) => {
@@ -65,7 +70,8 @@ pub(super) fn lesions(
         let mut reached = Vec::new();
         for object in parts.iter_mut() {
             let Some(unfold) = continuation(&lesion.part, &object.name) else { continue };
-            let Some(mask) = spot.bake(unfold) else { continue };
+            let Shape::Mesh(mesh) = &object.shape else { continue };
+            let Some(mask) = spot.bake(mesh, unfold) else { continue };
             // The shares are numbers between 0 and 1.
             reached.extend(
                 ImageTexture::new(SIDE, SIDE, mask.clone()).map(|map| (object.name.clone(), Arc::new(map))),

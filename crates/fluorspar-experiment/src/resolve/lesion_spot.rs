@@ -1,7 +1,11 @@
 //! Where a lesion is: its share on the map of a part.
 
+mod unrolled;
+
 use glam::{Vec2, Vec3};
 
+pub(super) use self::unrolled::{SIDE, pixel_center};
+use self::unrolled::{Start, Unrolled, triangle_at};
 use super::context::{Context, Resolved};
 use crate::error::Place;
 use crate::schema::LesionSection;
@@ -9,9 +13,6 @@ use fluorspar::geometry::TriangleMesh;
 use fluorspar::material::ImageTexture;
 use fluorspar::sampling::random::Key;
 use fluorspar_format::{Transfer, read_texture_png};
-
-/// Pixels of the baked textures along each side.
-pub(super) const SIDE: usize = 512;
 
 /// Shortest and longest axis of an ellipse, mm: from less than a pixel of the textures to more than any part is long.
 const SIZE_MM: [f64; 2] = [0.1, 200.0];
@@ -33,21 +34,25 @@ pub(super) enum Unfold {
     AcrossBorder,
 }
 
-/// Texture coordinates of a pixel, rows from the top.
-pub(super) fn pixel_center(i: usize) -> Vec2 {
-    let (column, row) = (i % SIDE, i / SIDE);
-    Vec2::new((column as f32 + 0.5) / SIDE as f32, 1.0 - (row as f32 + 0.5) / SIDE as f32)
-}
-
-/// Weight of a lesion at texture coordinates.
-pub(super) enum Spot {
-    Painted(ImageTexture),
-    Ellipse {
+/// How lengths on a part are measured from the middle of a lesion.
+pub(super) enum Lengths {
+    /// By the map of tongue or cheek, which spreads evenly over them.
+    OfMap {
         center: Vec2,
         /// Lengths on the surface per texture coordinate near the middle, m, and the cosine between the two directions:
         /// u and v need not be at right angles there.
         lengths: [f32; 2],
         lean: f32,
+    },
+    /// Along the surface itself: maps of other parts close around them, have poles, or are stretched.
+    OfSurface(Unrolled),
+}
+
+/// Weight of a lesion on a part.
+pub(super) enum Spot {
+    Painted(ImageTexture),
+    Ellipse {
+        lengths: Lengths,
         /// Half axes and edge, m; cosine and sine of the turn.
         axes: [f32; 2],
         edge: f32,
@@ -184,7 +189,11 @@ impl Spot {
         let count = lesion.satellites.unwrap_or(0);
         context.whole_within(&at.field("satellites"), count.into(), [0, 50])?;
         let center = Vec2::new(lesion.center[0] as f32, lesion.center[1] as f32);
-        let Some((along_u, along_v)) = stretch(mesh, center) else {
+        let surface = triangle_at(mesh, center);
+        let windows = [0.04, 0.08, 0.16, 0.32, 1.0].into_iter();
+        let stretched =
+            surface.and_then(|_| windows.clone().find_map(|window| stretch(mesh, center, window)));
+        let (Some(surface), Some((along_u, along_v))) = (surface, stretched) else {
             let [low, high] = uv_bounds(mesh);
             let message = format!(
                 "the part has no surface at these texture coordinates; its surface lies between [{:.2}, {:.2}] and [{:.2}, {:.2}]. \
@@ -197,29 +206,36 @@ impl Spot {
         let (length_u, length_v) = (along_u.length(), along_v.length());
         let key = Key::new(lesion.seed.unwrap_or(0)).with_text(&lesion.name);
         let axes = lesion.size_mm.map(|size| 0.5e-3 * size as f32);
+        let edge = 1e-3 * lesion.edge_mm as f32;
         let border = Border::new(irregularity, key.with_text("border"));
+        let lengths = if ["tongue_", "cheek_"].iter().any(|start| lesion.part.starts_with(start)) {
+            let lean = along_u.dot(along_v) / (length_u * length_v).max(1e-20);
+            Lengths::OfMap { center, lengths: [length_u, length_v], lean }
+        } else {
+            let farthest = if count > 0 { SATELLITE_DISTANCES[1] + SATELLITE_RADII[1] } else { 1.0 };
+            let reach = farthest * border.limits[1] * axes[0].max(axes[1]) + edge;
+            let radii = [(axes[0] * axes[1]).sqrt(), reach];
+            let start = Start { corners: surface, along: [along_u, along_v], radii };
+            Lengths::OfSurface(Unrolled::new(mesh, &start))
+        };
         Ok(Self::Ellipse {
-            center,
-            lengths: [length_u, length_v],
-            lean: along_u.dot(along_v) / (length_u * length_v).max(1e-20),
+            lengths,
             axes,
-            edge: 1e-3 * lesion.edge_mm as f32,
+            edge,
             turn: [cosine, sine],
             satellites: satellites(count, axes, &border, key.with_text("satellites")),
             border,
         })
     }
 
-    /// The share of the lesion, 0 to 1.
-    fn at(&self, uv: Vec2) -> f32 {
-        let Self::Ellipse { center, lengths, lean, axes, edge, turn: [cosine, sine], border, satellites } =
-            self
-        else {
-            return if let Self::Painted(image) = self { image.at(uv).min(1.0) } else { 0.0 };
+    /// The share of an ellipse, 0 to 1, at a place on the surface, m from its middle.
+    fn of_ellipse(&self, Vec2 { x, y }: Vec2) -> f32 {
+        let Self::Ellipse { axes, edge, turn: [cosine, sine], border, satellites, .. } = self else {
+            return 0.0;
         };
-        let d = uv - *center;
-        let upright = (1.0 - lean * lean).max(0.0).sqrt();
-        let (x, y) = (d.x * lengths[0] + d.y * lengths[1] * lean, d.y * lengths[1] * upright);
+        if !(x.is_finite() && y.is_finite()) {
+            return 0.0;
+        }
         let (p, q) = (x * cosine + y * sine, y * cosine - x * sine);
         let point = Vec2::new(p / axes[0], q / axes[1]);
         let r = point.length();
@@ -232,21 +248,28 @@ impl Spot {
         around.fold(faded(beyond, *edge), f32::max)
     }
 
-    /// The share at every pixel of a part; `None` where the lesion does not reach it. What is painted stays on its map.
-    pub(super) fn bake(&self, unfold: Unfold) -> Option<Vec<f32>> {
-        let nearer = match (self, unfold) {
-            (_, Unfold::Same) => None,
+    /// The share at every pixel of a part of this mesh; `None` where the lesion does not reach it. What is painted stays on its map.
+    pub(super) fn bake(&self, mesh: &TriangleMesh, unfold: Unfold) -> Option<Vec<f32>> {
+        let pixels = (0..SIDE * SIDE).map(pixel_center);
+        let mask: Vec<f32> = match (self, unfold) {
+            (Self::Painted(image), Unfold::Same) => pixels.map(|uv| image.at(uv).min(1.0)).collect(),
             (Self::Painted(_), Unfold::AcrossBorder) => return None,
-            (Self::Ellipse { center, .. }, Unfold::AcrossBorder) => {
-                Some(if center.x > 0.5 { 2.0 } else { 0.0 })
+            (Self::Ellipse { lengths: Lengths::OfSurface(surface), .. }, _) => {
+                surface.bake(mesh, |place| self.of_ellipse(place))
+            }
+            (Self::Ellipse { lengths: Lengths::OfMap { center, lengths, lean }, .. }, _) => {
+                let twice_border = if center.x > 0.5 { 2.0 } else { 0.0 };
+                let upright = (1.0 - lean * lean).max(0.0).sqrt();
+                let place = |uv: Vec2| {
+                    let d = match unfold {
+                        Unfold::Same => uv,
+                        Unfold::AcrossBorder => Vec2::new(twice_border - uv.x, uv.y),
+                    } - *center;
+                    Vec2::new(d.x * lengths[0] + d.y * lengths[1] * lean, d.y * lengths[1] * upright)
+                };
+                pixels.map(|uv| self.of_ellipse(place(uv))).collect()
             }
         };
-        let mask: Vec<f32> = (0..SIDE * SIDE)
-            .map(|i| {
-                let uv = pixel_center(i);
-                self.at(nearer.map_or(uv, |twice_border| Vec2::new(twice_border - uv.x, uv.y)))
-            })
-            .collect();
         mask.iter().any(|&m| m > 0.0).then_some(mask)
     }
 }
@@ -257,13 +280,13 @@ fn uv_bounds(mesh: &TriangleMesh) -> [Vec2; 2] {
     mesh.uvs.iter().fold([first, first], |[low, high], uv| [low.min(*uv), high.max(*uv)])
 }
 
-/// Change of position per texture coordinate around a point, m.
-fn stretch(mesh: &TriangleMesh, at: Vec2) -> Option<(Vec3, Vec3)> {
+/// Change of position per texture coordinate around a point, m: the mean over triangles whose middles are in a window.
+fn stretch(mesh: &TriangleMesh, at: Vec2, window: f32) -> Option<(Vec3, Vec3)> {
     let mut sums = (Vec3::ZERO, Vec3::ZERO, 0.0_f32);
     for triangle in &mesh.triangles {
         let [a, b, c] = triangle.map(|v| mesh.uvs[v as usize]);
         let middle = (a + b + c) / 3.0;
-        if (middle - at).abs().max_element() > 0.04 {
+        if (middle - at).abs().max_element() > window {
             continue;
         }
         let [p, q, r] = triangle.map(|v| mesh.positions[v as usize]);
@@ -283,14 +306,15 @@ fn stretch(mesh: &TriangleMesh, at: Vec2) -> Option<(Vec3, Vec3)> {
 
 #[cfg(test)]
 mod tests {
+    use fluorspar_anatomy::{Mouth, MouthParameters, generate_mouth};
+
     use super::*;
+    use crate::error::steps;
 
     /// An ellipse of 12 by 6 mm on a map that is 60 mm wide and 80 mm long, its middle 1.8 mm from the left border.
     fn spot() -> Spot {
         Spot::Ellipse {
-            center: Vec2::new(0.97, 0.3),
-            lengths: [0.06, 0.08],
-            lean: 0.0,
+            lengths: Lengths::OfMap { center: Vec2::new(0.97, 0.3), lengths: [0.06, 0.08], lean: 0.0 },
             axes: [3e-3, 6e-3],
             edge: 1e-3,
             turn: [1.0, 0.0],
@@ -301,7 +325,8 @@ mod tests {
 
     #[test]
     fn a_spot_on_the_border_of_the_tongue_goes_on_underneath() {
-        let (back, under) = (spot().bake(Unfold::Same).unwrap(), spot().bake(Unfold::AcrossBorder).unwrap());
+        let [back, under] = [Unfold::Same, Unfold::AcrossBorder]
+            .map(|unfold| spot().bake(&TriangleMesh::default(), unfold).unwrap());
         let row = (0.7 * SIDE as f64) as usize;
         let at = |mask: &[f32], column: usize| mask[row * SIDE + column];
         // The same on both sides of the border, less and less away from the middle of the spot, nothing far from it.
@@ -342,5 +367,52 @@ mod tests {
         // Of forty borders with sixteen normal numbers each
         let deviation = (deviations.iter().sum::<f32>() / 40.0).sqrt();
         assert!((deviation / 0.2 - 1.0).abs() < 0.15, "{deviation}");
+    }
+
+    fn lesion(part: &str, center: [f64; 2], size_mm: [f64; 2]) -> LesionSection {
+        let text = format!("name = \"spot\"\npart = \"{part}\"\ncenter = {center:?}\nsize_mm = {size_mm:?}");
+        toml::from_str(&text).unwrap()
+    }
+
+    /// Area of a lesion on a part over that of its ellipse.
+    fn relative_area(mouth: &Mouth, part: &str, center: [f64; 2], size_mm: [f64; 2]) -> f32 {
+        let mesh = &mouth.part(part).unwrap().mesh;
+        let text = "format = 1\nbase = \"oraleye-2021\"\n";
+        let experiment = crate::parse(text, "x", std::path::Path::new("."), &[]).unwrap();
+        let mut context = Context::new(&experiment.document);
+        let lesion = lesion(part, center, size_mm);
+        let spot = Spot::new(&mut context, &steps!["lesion"], &lesion, mesh).unwrap();
+        let map = ImageTexture::new(SIDE, SIDE, spot.bake(mesh, Unfold::Same).unwrap()).unwrap();
+        let on_triangle = |triangle: &[u32; 3]| {
+            let [a, b, c] = triangle.map(|vertex| mesh.uvs[vertex as usize]);
+            let places = (0..36).map(|i| [(i % 6) as f32 + 0.5, (i / 6) as f32 + 0.5].map(|x| x / 6.0));
+            // The upper half of the square is turned over onto the lower one
+            let places = places.map(|[s, t]| if s + t > 1.0 { [1.0 - s, 1.0 - t] } else { [s, t] });
+            let mean = places.map(|[s, t]| map.at(a + s * (b - a) + t * (c - a))).sum::<f32>() / 36.0;
+            0.5 * mesh.triangle_cross(triangle).length() * mean
+        };
+        let area: f32 = mesh.triangles.iter().map(on_triangle).sum();
+        1e6 * area / (std::f32::consts::FRAC_PI_4 * (size_mm[0] * size_mm[1]) as f32)
+    }
+
+    /// Across the seams of closed parts, at the pole of a biting surface, on meshes of few triangles; cusps have more surface than lies under
+    /// them.
+    #[test]
+    fn a_lesion_has_its_area_on_every_part() {
+        let mouth = generate_mouth(&MouthParameters { detail: 0.4, ..MouthParameters::default() }).unwrap();
+        for (part, center, size_mm) in [
+            ("cheek_right", [0.5, 0.56], [10.0, 7.0]),
+            ("lower_lip", [0.1, 0.5], [8.0, 6.0]),
+            ("tooth_11", [0.0, 0.5], [3.0, 3.0]),
+            ("tooth_46", [0.5, 0.5], [3.0, 2.0]),
+            ("uvula", [0.0, 0.5], [4.0, 4.0]),
+            ("tonsil_left", [0.5, 0.5], [8.0, 6.0]),
+            ("frenulum", [0.5, 0.5], [3.0, 3.0]),
+        ] {
+            let ratio = relative_area(&mouth, part, center, size_mm);
+            assert!((0.85..1.15).contains(&ratio), "{part}: {ratio}");
+        }
+        let bite = relative_area(&mouth, "tooth_46", [0.25, 1.0], [3.0, 3.0]);
+        assert!((0.9..1.4).contains(&bite), "{bite}");
     }
 }

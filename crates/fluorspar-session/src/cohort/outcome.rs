@@ -1,8 +1,11 @@
 //! What a cohort says: tables, JSON and a page.
 
+use std::collections::BTreeMap;
+
 use fluorspar::analysis::Analyte;
-use fluorspar::findings::{CohortQuantity, PersonFinding, cohort_findings};
-use fluorspar_experiment::{CohortStudy, people_csv};
+use fluorspar::findings::{CohortQuantity, FindingId, PersonFinding, cohort_findings};
+use fluorspar_experiment::schema::LesionSection;
+use fluorspar_experiment::{CohortStudy, Warning, people_csv};
 use fluorspar_format::{FileFormat, OutputFolder, csv_cell};
 use fluorspar_report::{CohortResults, cohort_figures, cohort_report};
 use serde::{Serialize, Serializer};
@@ -23,6 +26,22 @@ pub(super) fn room_bytes(cohort: &CohortStudy) -> u64 {
     (64 << 20) + people * (4096 + (32 << 10) * cohort.views.len() as u64)
 }
 
+/// Warns of lesions that are measured in nobody.
+pub(super) fn unseen(lesions: &[LesionSection], findings: &[(u32, PersonFinding)]) -> Vec<Warning> {
+    let is_seen = |lesion: &LesionSection| {
+        let of = |(_, finding): &(u32, PersonFinding)| {
+            let quantity = &finding.quantity;
+            quantity.id == FindingId::TargetContrast && quantity.name.as_ref() == Some(&lesion.name)
+        };
+        findings.iter().any(of)
+    };
+    let warn = |lesion: &LesionSection| {
+        let statement = format!("Lesion \"{}\" is measured in nobody", lesion.name);
+        Warning::explained(statement, "No view shows enough of it; people.views names the views")
+    };
+    lesions.iter().filter(|lesion| !is_seen(lesion)).map(warn).collect()
+}
+
 impl CohortOutcome {
     pub(super) fn of(work: &CohortWork, findings: Vec<(u32, PersonFinding)>) -> Result<Self> {
         let all: Vec<PersonFinding> = findings.iter().map(|(_, finding)| finding.clone()).collect();
@@ -40,6 +59,7 @@ impl CohortOutcome {
     /// Writes the folder.
     pub(super) fn write(self, work: &CohortWork, folder: OutputFolder, job: &Job) -> Result<Self> {
         let people = work.people()?;
+        job.warn(&unseen(self.0.cohort.lesions(), &self.0.findings));
         let mut files = vec![
             ("results.json".to_owned(), serde_json::to_vec_pretty(&self)?),
             ("people.csv".into(), people_csv(&people, false)?.into_bytes()),
@@ -62,6 +82,8 @@ impl CohortOutcome {
             let held = lesions.iter().filter(|lesion| self.0.cohort.has_lesion(person, lesion));
             held.map(|lesion| lesion.name.as_str()).collect::<Vec<_>>().join(" ")
         };
+        let with: BTreeMap<u32, String> =
+            self.0.cohort.numbers().map(|person| (person, with(person))).collect();
         let row = |(person, finding): &(u32, PersonFinding)| {
             let [low, high] = finding.interval.unwrap_or_default();
             let numbers = [finding.value, low, high, finding.reference].map(number);
@@ -70,7 +92,7 @@ impl CohortOutcome {
                 "{person},{},{lesion},{},{}",
                 names(&finding.quantity),
                 numbers.join(","),
-                csv_cell(&with(*person))
+                csv_cell(&with[person])
             )
         };
         let heads = format!("person,{NAMES},has_lesion_here,value,low,high,reference,lesions");

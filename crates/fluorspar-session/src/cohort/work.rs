@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
 use fluorspar::digest::sha256_hex;
+use fluorspar_experiment::schema::SensorRegionSection;
 use fluorspar_experiment::{
-    CohortFile, CohortQuestion, CohortStudy, ExaminationView, Person, file_text, parse_cohort, resolve,
+    CohortStudy, EXAMINATION_VIEWS, ExaminationView, Person, Warning, parse_cohort, resolve,
 };
 use fluorspar_format::Journal;
 use serde::{Deserialize, Serialize};
@@ -21,7 +22,7 @@ use crate::{Changes, Error, ExperimentSource, Job, Result, warnings_before_run};
 #[derive(Clone, Debug, Default, Deserialize, clap::Args)]
 #[serde(default)]
 pub struct CohortArgs {
-    /// CohortStudy file (.toml): an experiment with a mouth and a section `[people]`. An experiment of the catalogue has 100 people in nine
+    /// Cohort file (.toml): an experiment with a mouth and a section `[people]`. An experiment of the catalogue has 100 people in nine
     /// views [default: oraleye-2021].
     #[arg(value_name = "COHORT", value_hint = ValueHint::FilePath)]
     pub cohort: Option<String>,
@@ -64,6 +65,36 @@ pub(crate) struct CohortWork {
     head: Value,
 }
 
+/// Warns of what an experiment measures at places that the views of a cohort do not have, and of the pose that they replace.
+fn left_out(cohort: &CohortStudy) -> Vec<Warning> {
+    let file = &cohort.experiment.file;
+    let analysis = file.analysis.as_ref();
+    let regions = analysis.is_some_and(|analysis| !analysis.region.is_empty());
+    let is_of_a_view = |place: &SensorRegionSection| {
+        let alone = SensorRegionSection { parts: place.parts.clone(), ..SensorRegionSection::default() };
+        let is_seen =
+            |part: &String| EXAMINATION_VIEWS.iter().any(|view| view.parts.contains(&part.as_str()));
+        *place == alone && place.parts.iter().any(is_seen)
+    };
+    let is_elsewhere = analysis.is_some_and(|analysis| !is_of_a_view(&analysis.place));
+    let sections = [
+        (!file.target.is_empty(), "[[target]]"),
+        (!file.spectroradiometer.is_empty(), "[[spectroradiometer]]"),
+        (is_elsewhere, "The place of [analysis]"),
+        (regions, "[[analysis.region]]"),
+    ];
+    let warn = |section: &str, why: &str| {
+        Warning::explained(
+            format!("{section} is left out of cohorts"),
+            format!("{why}; people.views names the views"),
+        )
+    };
+    let places = sections.into_iter().filter(|(is_given, _)| *is_given);
+    let places = places.map(|(_, section)| warn(section, "Each view measures its own parts"));
+    let pose = cohort.given_pose().into_iter();
+    places.chain(pose.map(|field| warn(&format!("mouth.{field}"), "Each view has its own pose"))).collect()
+}
+
 impl CohortWork {
     /// Reads a cohort for a kind of results, and prepares its first view, which stands for all: what is wrong with the file or odd about
     /// it is known before the work. Without a folder the results go to one of that kind.
@@ -92,8 +123,12 @@ impl CohortWork {
         let first = Examination::prepare(&cohort, cohort.people.first, cohort.views[0])
             .map_err(|error| Error::from(as_typed(error, &overrides)))?;
         job.warn(&warnings_before_run(&first.experiment));
-        // The first person may lack lesions, and its view may leave out what the analysis says: both belong to all
-        let all_lesions = if cohort.lesions().is_empty() {
+        job.warn(&left_out(&cohort));
+        // The first person may lack lesions and teeth, and its view may leave out what the analysis says: both belong to all
+        let file = &cohort.experiment.file;
+        let mouth = file.mouth.as_ref();
+        let all_lesions = if mouth.is_none_or(|mouth| mouth.lesion.is_empty() && mouth.restoration.is_empty())
+        {
             String::new()
         } else {
             cohort
@@ -103,10 +138,11 @@ impl CohortWork {
                 .record
                 .sha256
         };
-        let analysis = json!(cohort.experiment.file.analysis).to_string();
+        let analysis = json!(file.analysis).to_string();
         let names: Vec<&str> = cohort.views.iter().map(|view| view.name).collect();
         let people = json!([cohort.people.prevalence, cohort.people.first, names]).to_string();
-        let sha256 = sha256_hex([first.experiment.record.sha256.clone(), all_lesions, analysis, people]);
+        let of_first = first.experiment.record.sha256.clone();
+        let sha256 = sha256_hex([of_first, all_lesions, analysis, people, cohort.of_all_people()?]);
         let folder = out.map(Path::to_path_buf).unwrap_or_else(|| {
             let usual = format!("fluorspar-out/{kind}-{}", source.stem);
             PathBuf::from(if overrides.is_empty() { usual } else { format!("{usual}-{}", &sha256[..8]) })
@@ -204,11 +240,7 @@ impl CohortWork {
     /// # Errors
     /// Sections that have no TOML: none is known.
     pub(crate) fn toml(&self) -> Result<String> {
-        let file = CohortFile {
-            experiment: self.cohort.experiment.file.clone(),
-            question: CohortQuestion { people: self.cohort.people.clone() },
-        };
-        file_text(&file).map_err(|error| {
+        self.cohort.text().map_err(|error| {
             Error::Failed(format!("{}: the file can't be written out: {error}", self.source.name))
         })
     }
@@ -217,5 +249,33 @@ impl CohortWork {
     pub(crate) fn title(&self) -> &str {
         let title = &self.cohort.experiment.file.title;
         if title.is_empty() { &self.source.stem } else { title }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_views_do_not_measure_is_said() {
+        let of = |more: &str| {
+            let text = format!("format = 1\nbase = \"oraleye-2021\"\n{more}");
+            left_out(&parse_cohort(&text, "cohort.toml", Path::new("."), &[]).unwrap())
+        };
+        assert!(of("").is_empty());
+        let region = "[[analysis.region]]\nname = \"lip\"\nparts = [\"lower_lip\"]\n";
+        let said = of(region);
+        assert_eq!(said.len(), 1);
+        assert!(said[0].to_string().starts_with("[[analysis.region]] is left out of cohorts. Each view"));
+        for (text, what) in [
+            ("[analysis]\nparts = [\"tooth_11\"]\n", "The place of [analysis] is left out"),
+            (
+                "[mouth]\ntongue_curl = 0.5\n",
+                "mouth.tongue_curl is left out of cohorts. Each view has its own pose",
+            ),
+        ] {
+            let said: Vec<String> = of(text).iter().map(ToString::to_string).collect();
+            assert!(said.len() == 1 && said[0].starts_with(what), "{said:?}");
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! `fluorspar mouth sample`: people, shape and tissue.
 
 use clap::ValueHint;
+use fluorspar_anatomy::{ExaminationView, POSE_FIELDS};
 use fluorspar_experiment::{Person, people_csv};
 use fluorspar_format::{OutputFolder, write_atomically};
 use std::io::Write;
@@ -41,12 +42,26 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         )));
     };
     // A base that can't be used is found before anything is written.
-    let base = fluorspar_session::ExperimentSource::find(Some(&options.base))?.parse(&[])?;
-    let person =
-        |number| Person::draw(&base.file, number).map_err(|error| CliError::Input(error.to_string()));
-    let people: Vec<Person> = (options.seed..=last).map(person).collect::<Result<_, CliError>>()?;
+    let source = fluorspar_session::ExperimentSource::find(Some(&options.base))?;
+    let base = source.parse(&[])?;
+    let Some(mouth) = &base.file.mouth else {
+        let name = &options.base;
+        return Err(CliError::Input(format!("--base {name}: has no [mouth]; choose an experiment with one")));
+    };
+    let view = mouth.view.as_deref().and_then(ExaminationView::find);
+    let draw = |number| -> Result<Person, CliError> {
+        let drawn = Person::draw(&base.file, number).map_err(|error| CliError::Input(error.to_string()))?;
+        let mouth = view.map_or(drawn.mouth.clone(), |view| view.pose(&drawn.mouth));
+        Ok(Person { mouth, ..drawn })
+    };
+    let people: Vec<Person> = (options.seed..=last).map(draw).collect::<Result<_, CliError>>()?;
+    // The files of the people lie elsewhere
+    let base = match &source.file {
+        Some(file) => std::path::absolute(file).unwrap_or_else(|_| file.clone()).display().to_string(),
+        None => options.base.clone(),
+    };
     let folder = OutputFolder::prepare(&options.out, &[], PERSON_BYTES * u64::from(options.count))?;
-    write_people(options, &people, folder.path()).map_err(|error| error.at_its_place(&folder))?;
+    write_people(&base, &people, folder.path()).map_err(|error| error.at_its_place(&folder))?;
     folder.finish()?;
     Messages::default().status(format!("Wrote {} people to {}", people.len(), options.out.display()));
     Ok(())
@@ -55,12 +70,16 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
 /// Room that a person takes, bytes: a file of a few blocks, and a line of the table.
 const PERSON_BYTES: u64 = 16 << 10;
 
-/// Writes one experiment file for each person, and the table.
-fn write_people(options: &Options, people: &[Person], folder: &Path) -> Result<(), CliError> {
+/// Writes one experiment file for each person, in the pose of the base, and the table.
+fn write_people(base: &str, people: &[Person], folder: &Path) -> Result<(), CliError> {
     for person in people {
-        let (number, text) = (person.mouth.seed, toml::to_string(person).unwrap_or_default());
+        let mut sections = toml::Table::try_from(person).unwrap_or_default();
+        if let Some(toml::Value::Table(mouth)) = sections.get_mut("mouth") {
+            mouth.retain(|field, _| !POSE_FIELDS.contains(&field));
+        }
+        let (number, text) = (person.mouth.seed, toml::to_string(&sections).unwrap_or_default());
         write_atomically(&folder.join(format!("person_{number:06}.toml")), |writer| {
-            let base = crate::commands::quoted(&options.base);
+            let base = crate::commands::quoted(base);
             writeln!(writer, "format = 1\nbase = {base}\ntitle = \"Person {number}\"\n\n{}", text.trim_end())
         })?;
     }
