@@ -211,6 +211,12 @@ fn what_frames_do_not_tell_is_refused_by_name() {
     other["gain"] = 4.0.into();
     fs::write(&gained, other.to_string()).unwrap();
     refused("flat = \"flat\"", "flat = \"flat\" ", "calibrate each gain (ISO) by itself");
+    // A lamp that was made stronger from frame to frame
+    let longer = fs::read_to_string(folder.join("flat/raw_flat_2_0.tiff.json")).unwrap();
+    let mut other: Value = serde_json::from_str(&described).unwrap();
+    other["exposure_s"] = serde_json::from_str::<Value>(&longer).unwrap()["exposure_s"].clone();
+    fs::write(&gained, other.to_string()).unwrap();
+    refused("flat = \"flat\"", "flat = \"flat\"  ", "leave the light alone and vary the exposure time");
     fs::write(&gained, described).unwrap();
     fluorspar(folder, ["capture", "shoot.exr", "--set", "sensor.columns=64", "--out", "small", "-q"]).well();
     let small = "flat = [\"flat\", \"small/raw_flat_1_0.tiff\"]";

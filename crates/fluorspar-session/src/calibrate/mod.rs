@@ -3,7 +3,7 @@
 mod calibration_file;
 mod camera_file;
 
-use std::cell::Cell;
+use std::cell::{Cell, OnceCell};
 use std::path::{Path, PathBuf};
 
 use clap::ValueHint;
@@ -63,6 +63,26 @@ struct Frames<'a> {
     job: &'a Job,
     /// Called after each of them.
     done: &'a dyn Fn(),
+    /// The first one without its pixels: all are turned as it is, and moved to its black level.
+    first: OnceCell<SensorImage>,
+}
+
+/// Change of the light from frame to frame of one exposure time, relative, from which it was another light.
+const LARGEST_FLICKER: f64 = 0.2;
+
+/// A frame as if its black level had been that of another one. What is saturated stays so.
+fn at_black_of(mut frame: SensorImage, first: &SensorImage) -> SensorImage {
+    let is_same = frame.black_level == first.black_level && frame.black_offsets == first.black_offsets;
+    if is_same || frame.black_level <= 0.0 || first.black_level <= 0.0 {
+        return frame;
+    }
+    for value in 0..frame.data.len() {
+        if !frame.is_saturated(value) {
+            let moved = f64::from(frame.data[value]) + first.black_of(value) - frame.black_of(value);
+            frame.data[value] = moved.round().clamp(0.0, f64::from(u16::MAX)) as u16;
+        }
+    }
+    SensorImage { black_level: first.black_level, black_offsets: first.black_offsets.clone(), ..frame }
 }
 
 /// Calibrates a camera from its frames, and writes it as an experiment, a page and numbers.
@@ -122,7 +142,7 @@ fn measured(
         read.set(read.get() + 1.0);
         share_done(read.get() / all);
     };
-    let frames = Frames { job, done: &done };
+    let frames = Frames { job, done: &done, first: OnceCell::new() };
     let about = |why: &dyn std::fmt::Display| Error::Input(format!("{}: {why}", path.display()));
     let darks = frames.stacks(&file.dark, true)?;
     let flats = frames.stacks(&file.flat, false)?;
@@ -234,18 +254,22 @@ impl Frames<'_> {
     }
 
     fn stack(&self, files: &[PathBuf], is_dark: bool) -> Result<FrameStack> {
-        let mut first: Option<SensorImage> = None;
         let frames = files.iter().map(|file| {
             let frame = self.read(file)?;
             (self.done)();
-            let turned = match &first {
-                Some(first) => frame.turned_as(first).0,
-                None => frame,
-            };
-            first.get_or_insert_with(|| SensorImage { data: Vec::new(), ..turned.clone() });
-            Ok::<_, Error>(turned)
+            let first = self.first.get_or_init(|| SensorImage { data: Vec::new(), ..frame.clone() });
+            Ok::<_, Error>(at_black_of(frame.turned_as(first).0, first))
         });
-        FrameStack::of(frames, is_dark)
+        let stack = FrameStack::of(frames, is_dark)?;
+        if stack.flicker > LARGEST_FLICKER {
+            return Err(Error::Input(format!(
+                "{} and others of {} s: their light differs by {:.0} %; leave the light alone and vary the exposure time",
+                files[0].display(),
+                stack.exposure_s(),
+                100.0 * stack.flicker
+            )));
+        }
+        Ok(stack)
     }
 
     /// A target beside what the experiment says of it.
@@ -305,5 +329,40 @@ impl Frames<'_> {
             has_filters: target.has_filters,
             channels: channels.collect(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fluorspar::image::{Mosaic, Orientation};
+
+    use super::*;
+
+    #[test]
+    fn frames_of_another_black_level_move_to_that_of_the_first() {
+        let frame = |data: [u16; 2], black_level: f64| SensorImage {
+            width: 2,
+            height: 1,
+            data: data.to_vec(),
+            mosaic: Mosaic::default(),
+            black_level,
+            black_offsets: Vec::new(),
+            white_level: 1000,
+            white_levels: Vec::new(),
+            factors: Vec::new(),
+            orientation: Orientation::default(),
+            bit_depth: 12,
+            exposure_s: 0.01,
+            gain: 1.0,
+            dn_per_electron: 1.0,
+            gain_is_assumed: false,
+            read_noise_dn: 0.0,
+            seed: 0,
+            label: String::new(),
+        };
+        let moved = at_black_of(frame([64, 1000], 60.0), &frame([0, 0], 64.0));
+        assert_eq!((moved.data, moved.black_level), (vec![68, 1000], 64.0));
+        // What no file tells is not known to have moved
+        assert_eq!(at_black_of(frame([64, 5], 0.0), &frame([0, 0], 64.0)).data, [64, 5]);
     }
 }
