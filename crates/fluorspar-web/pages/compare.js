@@ -49,7 +49,7 @@ export class Compare {
     this.asked = asked;
     try {
       const facts = await draw(body, byId("kept"));
-      if (facts.white_level_dn !== this.picture.facts.white_level_dn) await draw({ ...body, white: null }, byId("kept"));
+      if (facts.full_scale_dn !== this.picture.facts.full_scale_dn) await draw({ ...body, white: null }, byId("kept"));
     } catch (error) {
       this.asked = "";
       this.say(/** @type {Error} */ (error).message);

@@ -23,7 +23,7 @@ export function make(name, properties = {}, children = []) {
 /** A number as TOML wants it: with a point, unless it is whole. @param {Control} control @param {number} value */
 function toml(control, value) {
   if (control.is_whole) return String(Math.round(value));
-  const text = String(Number(value.toPrecision(4)));
+  const text = String(Number(value.toPrecision(9)));
   return /[.e]/.test(text) ? text : `${text}.0`;
 }
 
@@ -83,6 +83,7 @@ function numberControl(control, changes, drag) {
   });
   slider.addEventListener("change", end);
   field.addEventListener("change", () => {
+    if (field.value === "") return update();
     changes.remember();
     write(Math.min(Math.max(Number(field.value), control.is_log ? Number.MIN_VALUE : low), control.is_whole ? MOST_WHOLE : 1e6));
   });
@@ -103,7 +104,7 @@ function numberControl(control, changes, drag) {
     if (value !== null) {
       if (document.activeElement !== slider || Math.abs(fromSlider(control, Number(slider.value)) - value) > 1e-3 * Math.abs(value))
         slider.value = String(toSlider(control, value));
-      field.value = control.is_whole ? String(value) : String(Number(value.toPrecision(4)));
+      field.value = control.is_whole ? String(value) : String(Number(value.toPrecision(6)));
       slider.setAttribute("aria-valuetext", `${shortNumber(value)} ${control.unit}`);
     } else {
       field.value = "";

@@ -46,7 +46,7 @@ async function wait() {
     byId("subject").textContent = subject.title || subject.name || "";
     if (["ready", "photographs", "designs"].includes(subject.stage)) return subject;
     if (subject.error) throw new Error(subject.error);
-    turnTo("waiting");
+    if (byId("photographs").hidden) turnTo("waiting");
     byId("said").textContent = subject.said;
     byId("share").value = subject.share;
     await new Promise((resolve) => setTimeout(resolve, LOOK));
@@ -84,14 +84,17 @@ function begin(subject) {
     return;
   }
   byId("go-simulation").addEventListener("click", () => turnTo("bench"));
-  turnTo("bench");
+  if (byId("photographs").hidden) turnTo("bench");
   const changes = new Changes();
   changes.read(location.hash);
   if (!location.hash) {
     for (const text of subject.set) changes.now.set[text.slice(0, text.indexOf("="))] = text.slice(text.indexOf("=") + 1);
   }
-  if (!subject.captures.includes(changes.shown.capture)) changes.shown.capture = subject.analyzed ?? subject.captures.at(-1);
-  if (!VIEWS.some(([view]) => view === changes.shown.view)) changes.shown.view = "developed";
+  const complete = () => {
+    if (!subject.captures.includes(changes.shown.capture)) changes.shown.capture = subject.analyzed ?? subject.captures.at(-1);
+    if (!VIEWS.some(([view]) => view === changes.shown.view)) changes.shown.view = "developed";
+  };
+  complete();
 
   const picture = new Picture(changes, say);
   const drawing = new Drawing(picture, changes);
@@ -174,6 +177,7 @@ function begin(subject) {
     if (location.hash.slice(1) === changes.fragment()) return;
     changes.remember();
     changes.read(location.hash);
+    complete();
     changed("set");
   });
   buttons(changes);
@@ -211,6 +215,14 @@ async function makeReport(changes) {
   }
 }
 
+// The address holds the changes: the way to the controls leaves it alone
+document.querySelector(".skip")?.addEventListener("click", (event) => {
+  event.preventDefault();
+  const place = ["controls", "photographs", "designs"].map(byId).find((found) => !found.closest("[hidden]"));
+  place.tabIndex = -1;
+  place.focus();
+});
+
 /** @param {Changes} changes */
 function buttons(changes) {
   byId("undo").addEventListener("click", () => changes.undo());
@@ -219,7 +231,7 @@ function buttons(changes) {
   byId("reset").addEventListener("click", () => changes.reset());
   document.addEventListener("keydown", (event) => {
     const isText = event.target instanceof HTMLElement && event.target.matches("input[type=number], input:not([type]), textarea");
-    if (isText || !(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z") return;
+    if (isText || byId("bench").hidden || !(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z") return;
     event.preventDefault();
     if (event.shiftKey) changes.redo();
     else changes.undo();

@@ -32,6 +32,7 @@ export class Orbit {
     this.held = null;
     this.moved = 0;
     this.serial = 0;
+    this.failed = false;
     /** Until when a sharp picture waits; 0 where none does. */
     this.timer = 0;
     this.canvas.addEventListener("pointerdown", (event) => this.press(event));
@@ -48,7 +49,8 @@ export class Orbit {
 
   /** Shows the shapes in place of the frame, or the frame again. @param {boolean} isOn */
   use(isOn) {
-    this.isOn = isOn;
+    this.isOn = this.picture.isTurned = isOn;
+    if (!isOn) this.picture.drawLegend(this.picture.facts?.legend);
     byId("layers").hidden = isOn;
     byId("orbited").hidden = !isOn;
     if (isOn) this.refresh();
@@ -111,8 +113,11 @@ export class Orbit {
       this.picture.drawLegend(facts.legend);
       if (at) byId("picked").textContent = facts.picked ? `${facts.picked.part.replaceAll("_", " ")} · ${facts.picked.material} · ${facts.picked.distance_mm.toFixed(1)} mm away` : "Nothing is there.";
       this.canvas.dataset.serial = String(++this.serial);
-      this.say("");
+      // Other messages stay
+      if (this.failed) this.say("");
+      this.failed = false;
     } catch (error) {
+      this.failed = true;
       this.say(/** @type {Error} */ (error).message);
     }
   }

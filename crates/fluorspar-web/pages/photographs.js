@@ -34,6 +34,8 @@ class Painting extends Drawing {
     super(picture, changes, canvas);
     this.region = region;
     this.isPainting = false;
+    /** Where the stroke was last. */
+    this.last = [0, 0];
   }
 
   get paints() {
@@ -43,14 +45,17 @@ class Painting extends Drawing {
   /** @param {PointerEvent} event */
   press(event) {
     if (!this.paints) return super.press(event);
+    if (!this.picture.facts || event.button !== 0) return;
+    if (!this.region()) this.picture.addRegion("lesion");
     const region = this.region();
-    if (!region || !this.picture.facts || event.button !== 0) return;
+    if (!region) return;
     event.preventDefault();
     this.canvas.setPointerCapture(event.pointerId);
     const [width, height] = this.picture.facts.frame_px;
     region.mask ??= new Uint8Array(width * height);
     region.place = { part: region.place.part, mask_runs: [] };
     this.isPainting = true;
+    this.last = this.place(event);
     this.stroke(event);
   }
 
@@ -71,16 +76,28 @@ class Painting extends Drawing {
 
   /** @param {PointerEvent} event */
   stroke(event) {
-    const [x, y] = this.place(event);
     const [width, height] = this.picture.facts.frame_px;
     const mask = /** @type {Uint8Array} */ (this.region()?.mask);
     const radius = (Number(byId("brush-size").value) / 200) * Math.min(width, height);
     const value = this.tool === "brush" ? 1 : 0;
+    // A quick stroke has few places
+    const [from, to] = [this.last, this.place(event)];
+    const steps = Math.max(Math.ceil((2 * Math.hypot(to[0] - from[0], to[1] - from[1])) / Math.max(radius, 1)), 1);
+    for (let step = 1; step <= steps; step++) {
+      const [x, y] = [0, 1].map((axis) => from[axis] + ((to[axis] - from[axis]) * step) / steps);
+      this.disc(mask, [x, y], radius, value);
+    }
+    this.last = to;
+    this.redraw();
+  }
+
+  /** @param {Uint8Array} mask @param {number[]} middle @param {number} radius @param {number} value */
+  disc(mask, [x, y], radius, value) {
+    const [width, height] = this.picture.facts.frame_px;
     for (let row = Math.max(Math.ceil(y - radius), 0); row < Math.min(y + radius, height); row++) {
       const half = Math.sqrt(Math.max(radius ** 2 - (row + 0.5 - y) ** 2, 0));
       mask.fill(value, row * width + Math.max(Math.round(x - half), 0), row * width + Math.min(Math.round(x + half), width));
     }
-    this.redraw();
   }
 
   /** All regions of the photograph, that which is open in front. */
@@ -136,6 +153,10 @@ export class Photographs {
     /** @type {PhotoRegion | null} */
     this.mapped = null;
     this.now = { place: null };
+    /** Tells this page from others that save. */
+    this.page = crypto.randomUUID();
+    this.isSaved = true;
+    window.addEventListener("beforeunload", (event) => this.isSaved || event.preventDefault());
     this.painting = new Painting(this, this, byId("photo-drawing"), () => this.region);
     byId("photo-files").addEventListener("change", () => this.add(byId("photo-files").files));
     document.addEventListener("dragover", (event) => event.preventDefault());
@@ -204,7 +225,9 @@ export class Photographs {
       this.tell(`Reading ${file.name} …`);
       try {
         const response = await fetch(`/api/photographs/file/${encodeURIComponent(file.name)}`, { method: "POST", headers: { "Content-Type": "application/octet-stream" }, body: file });
-        const told = JSON.parse(await response.text());
+        const text = await response.text();
+        if (!response.ok && !text.startsWith("{")) throw new Error(text);
+        const told = JSON.parse(text);
         if (!response.ok) doubts.push(told.error);
         doubts.push(...(told.doubts ?? []));
       } catch (error) {
@@ -219,6 +242,12 @@ export class Photographs {
 
   /** @param {Photo | null} photo */
   choose(photo) {
+    // Nothing is drawn on a picture that is not there yet
+    if (photo !== this.shown) {
+      this.facts = null;
+      this.painting.cancel();
+      for (const id of ["photo-picture", "photo-drawing"]) byId(id).getContext("2d").clearRect(0, 0, byId(id).width, byId(id).height);
+    }
     this.shown = photo;
     this.region = photo?.regions[0] ?? null;
     byId("photo-empty").hidden = Boolean(photo);
@@ -242,6 +271,7 @@ export class Photographs {
         input.addEventListener("change", () => {
           photo[key] = input.value;
           photo.is_edited = true;
+          this.isSaved = false;
           this.again();
         });
         return input;
@@ -284,12 +314,16 @@ export class Photographs {
       const verdict = make("select", {}, [["", "not judged"], ["right", "right"], ["wrong", "wrong"]].map(([value, textContent]) => make("option", { value, textContent })));
       verdict.value = region.verdict;
       verdict.setAttribute("aria-label", `verdict on ${region.name}`);
-      verdict.addEventListener("change", () => (region.verdict = verdict.value));
+      verdict.addEventListener("change", () => {
+        region.verdict = verdict.value;
+        this.isSaved = false;
+      });
       const gone = make("button", { type: "button", className: "back", textContent: "✕" });
       gone.setAttribute("aria-label", `Remove ${region.name}`);
       gone.addEventListener("click", () => {
         if (this.shown) this.shown.regions = this.regions().filter((other) => other !== region);
         if (this.region === region) this.region = null;
+        this.isSaved = false;
         this.listRegions();
         this.painting.redraw();
       });
@@ -325,6 +359,7 @@ export class Photographs {
     if (!region) return;
     if (!place.mask_runs) region.mask = undefined;
     region.place = { ...place, part: region.place.part };
+    this.isSaved = false;
     this.painting.redraw();
     this.estimate(region);
   }
@@ -386,7 +421,7 @@ export class Photographs {
       this.facts = facts;
       photo.size = facts.frame_px;
       byId("photo-picture").setAttribute("aria-label", `Photograph ${photo.name}, ${this.view}, ${facts.frame_px.join(" by ")} pixels`);
-      byId("photo-facts").textContent = `${facts.frame_px.join(" × ")} px, ${shortNumber(facts.exposure_ms)} ms, ${facts.clipped_percent.toFixed(1)} % clipped, bright pixels ${shortNumber(facts.bright_dn)} of ${facts.white_level_dn} DN`
+      byId("photo-facts").textContent = `${facts.frame_px.join(" × ")} px, ${shortNumber(facts.exposure_ms)} ms, ${facts.clipped_percent.toFixed(1)} % clipped, bright pixels ${shortNumber(facts.bright_dn)} of ${shortNumber(facts.full_scale_dn)} DN above black`
         + (facts.legend ? `. ${facts.legend.label}: dark ${facts.legend.ends[0]}, yellow ${facts.legend.ends[1]}; ${facts.legend.note}` : "");
       this.layOut();
       if (byId("photo-message").textContent.startsWith("Reading")) this.tell("");
@@ -409,12 +444,15 @@ export class Photographs {
   }
 
   async save() {
-    const frames = this.all.filter(({ size, regions }) => size || !regions.length).map(({ id, patient, visit, capture, size, regions }) => ({
+    const unread = this.all.find(({ size, regions }) => !size && regions.some(({ place }) => isDrawn(place)));
+    if (unread) return this.tell(`${unread.name} can't be read, so its regions can't be saved. Remove them, or bring the file back.`);
+    const frames = this.all.map(({ id, patient, visit, capture, size, regions }) => ({
       id, patient, visit, capture, size: size ?? [0, 0],
       regions: regions.filter(({ place }) => isDrawn(place)).map(({ name, place, verdict }) => ({ name, place, verdict })),
     }));
     try {
-      const told = await (await ask("/api/photographs/save", { folder: byId("photo-folder").value.trim(), frames })).json();
+      const told = await (await ask("/api/photographs/save", { folder: byId("photo-folder").value.trim(), page: this.page, frames })).json();
+      this.isSaved = true;
       this.tell(`Saved in ${told.folder}: ${told.files.join(", ")}\nAll estimates as a table: fluorspar analyze "${told.folder}" --experiment ${this.about.experiment}`);
     } catch (error) {
       this.tell(/** @type {Error} */ (error).message);

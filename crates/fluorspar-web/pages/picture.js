@@ -127,7 +127,7 @@ export class Picture {
       ["Exposure", `${shortNumber(facts.exposure_ms)} ms`],
       ["Gain", `${shortNumber(facts.gain)} ×`],
       ["Clipped", `${facts.clipped_percent.toFixed(facts.clipped_percent < 1 ? 2 : 1)} %`],
-      ["Bright pixels", `${shortNumber(facts.bright_dn)} of ${facts.white_level_dn} DN`],
+      ["Bright pixels", `${shortNumber(facts.bright_dn)} of ${shortNumber(facts.full_scale_dn)} DN above black`],
       ["Dark noise", `${shortNumber(facts.noise_dn)} DN`],
       ["Frame", `${width} × ${height} px`],
       ["Answered in", `${Math.round(facts.milliseconds)} ms`],
@@ -136,7 +136,7 @@ export class Picture {
       make("div", { className: i < 3 ? "" : "more" }, [make("dt", { textContent: name }), make("dd", { textContent: value })])));
     byId("size").textContent = ` · ${facts.render_px.join(" × ")} px, ${facts.samples_per_pixel} samples per pixel`;
     byId("remarks").replaceChildren(...facts.remarks.map((/** @type {string} */ text) => make("li", { textContent: text })));
-    this.drawLegend(facts.legend);
+    if (!this.isTurned) this.drawLegend(facts.legend);
   }
 
   /** @param {{label: string, ends: string[], note: string, colors: number[][]} | undefined} legend */
@@ -177,6 +177,8 @@ export class Picture {
 
   /** @type {Drawing | undefined} */
   drawing;
+  /** Whether the turned shapes are shown in place of the frame. */
+  isTurned = false;
 }
 
 /** Regions by hand: a rectangle is dragged, corners of a polygon are clicked. */

@@ -34,8 +34,13 @@ export class Region {
     changes.pick = async ([column, row]) => {
       const frame_px = this.picture.facts.frame_px;
       const at_px = [Math.min(column, frame_px[0] - 1), Math.min(row, frame_px[1] - 1)];
-      const { part } = await (await ask("/api/part", { set: changes.list(), frame_px, at_px })).json();
-      if (part) changes.draw({ part });
+      try {
+        const { part } = await (await ask("/api/part", { set: changes.list(), frame_px, at_px })).json();
+        if (part) changes.draw({ part });
+        else this.picture.say("No part is there.");
+      } catch (error) {
+        this.picture.say(/** @type {Error} */ (error).message);
+      }
     };
     byId("part").addEventListener("change", () => changes.draw({ ...changes.now.place, part: byId("part").value }));
   }

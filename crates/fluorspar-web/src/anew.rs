@@ -59,6 +59,14 @@ pub(crate) struct Stand {
     error: Option<String>,
 }
 
+impl Stand {
+    /// Of a scene in whose place another page had another one rendered.
+    fn given_up() -> Self {
+        let error = "Another page had another scene rendered; choose Render to have this one.".into();
+        Self { is_over: true, error: Some(error), ..Self::default() }
+    }
+}
+
 /// Parts of width and height that are rendered one after the other before the whole, and their samples per pixel.
 const PARTS: [usize; 2] = [4, 2];
 const COARSE_SAMPLES: u32 = 2;
@@ -122,7 +130,11 @@ impl Anew {
             (seen.is_some() || lock(&work.told.0).error.is_none() && !work.stop.load(Ordering::SeqCst))
                 && show_the_same_scene(&work.experiment, &experiment)
         };
-        if !work.as_ref().is_some_and(is_same) {
+        let is_of_page = work.as_ref().is_some_and(is_same);
+        if seen.is_some() && !is_of_page {
+            return Ok(Stand::given_up());
+        }
+        if !is_of_page {
             check_settings(&experiment).map_err(|error| as_typed(error, &changes.overrides()))?;
             let before = work.take();
             *work = Some(self.begin(first, changes.clone(), experiment, before));

@@ -70,12 +70,13 @@ const MOST_CONCENTRATION: f64 = 4.0;
 /// Width of an LED that the catalogue does not have, nm.
 const LED_WIDTH_NM: f64 = 12.0;
 
-/// All controls of a render. What they say is that of the experiment without changes.
+/// All controls of a render. What they say is that of the experiment without changes, but for a view, which poses the mouth.
 ///
 /// # Errors
 /// A render whose experiment can't be read any more.
-pub(crate) fn controls(live: &LiveRender) -> Result<Vec<ControlGroup>> {
-    let experiment = &live.experiment(&Changes::default())?;
+pub(crate) fn controls(live: &LiveRender, changes: &Changes) -> Result<Vec<ControlGroup>> {
+    let poses = changes.set.iter().filter(|set| set.starts_with("mouth.view")).cloned().collect();
+    let experiment = &live.experiment(&Changes { set: poses, ..Changes::default() })?;
     let groups = live.render().labels().light_groups();
     let captures = experiment.file.capture.iter().map(|capture| ControlGroup {
         title: format!("Capture \"{}\"", capture.name),

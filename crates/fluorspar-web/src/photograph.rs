@@ -49,8 +49,9 @@ pub(crate) struct Photographs {
     developed: Mutex<Option<(Key, Arc<Developed>)>>,
     /// The last region that was asked about, with its photograph as one of a capture of an experiment.
     analyzed: Mutex<Option<(Key, Arc<AnalyzedFrame>)>>,
-    /// Files that were written here, with their digests: as long as they are as they were, they may be written anew.
-    written: Mutex<BTreeMap<PathBuf, String>>,
+    /// Files that were written here, with their digests and the page that had them written: as long as they are as they were, that page may
+    /// have them written anew.
+    written: Mutex<BTreeMap<PathBuf, (String, String)>>,
 }
 
 type Key = (String, usize, String);
@@ -108,6 +109,8 @@ pub(crate) struct EstimateRequest {
 #[serde(deny_unknown_fields)]
 pub(crate) struct SaveRequest {
     folder: String,
+    /// Tells the page that saves from others, and from itself before it was loaded anew.
+    page: String,
     frames: Vec<SavedFrame>,
 }
 
@@ -326,10 +329,11 @@ impl Photographs {
             self.save_frame(&folder, frame, &mut files, &mut rows)?;
         }
         files.push((folder.join(TABLE), Content::Bytes(photographs_csv(&rows)?)));
-        self.check_free(&files)?;
+        self.check_free(&files, &asked.page)?;
         for (path, content) in &files {
             content.write(path)?;
-            lock(&self.written).insert(path.clone(), digest_bounded(path, MOST_BYTES)?);
+            let written = (digest_bounded(path, MOST_BYTES)?, asked.page.clone());
+            lock(&self.written).insert(path.clone(), written);
         }
         let names: Vec<String> = files.iter().map(|(path, _)| file_name(path)).collect();
         Ok(json!({ "folder": folder, "files": names }))
@@ -360,6 +364,7 @@ impl Photographs {
         if frame.regions.is_empty() {
             rows.push(row.clone());
         }
+        let mut masks: Vec<String> = Vec::new();
         for region in &frame.regions {
             check_name(&region.name)?;
             if !["", "right", "wrong"].contains(&region.verdict.as_str()) {
@@ -368,9 +373,15 @@ impl Photographs {
                     region.verdict
                 )));
             }
-            let mask = mask_name(&given.name, &region.name);
+            let mut mask = mask_name(&given.name, &region.name);
             if let Some(runs) = &region.place.mask_runs {
+                let is_of_frame = masks.contains(&mask);
+                masks.push(mask.clone());
+                // Cameras number the files of all patients alike
                 if files.iter().any(|(path, _)| file_name(path) == mask) {
+                    mask = mask_name(&format!("{}_{}", frame.id, given.name), &region.name);
+                }
+                if is_of_frame {
                     return Err(Error::Input(format!(
                         "two regions {:?} of {} are the same; rename one",
                         region.name, given.name
@@ -395,14 +406,14 @@ impl Photographs {
     }
 
     /// Refuses files that somebody else wrote; copies of the same content may be there.
-    fn check_free(&self, files: &[(PathBuf, Content)]) -> Result<()> {
+    fn check_free(&self, files: &[(PathBuf, Content)], page: &str) -> Result<()> {
         let written = lock(&self.written).clone();
         for (path, content) in files {
             let of = |path: &Path| read_bounded(path, MOST_BYTES).ok();
             let is_same = |source: &PathBuf| of(source).is_some_and(|own| of(path) == Some(own));
-            let is_as_written = written
-                .get(path)
-                .is_some_and(|written| digest_bounded(path, MOST_BYTES).is_ok_and(|now| now == *written));
+            let is_as_written = written.get(path).filter(|(_, of)| of == page).is_some_and(|(written, _)| {
+                digest_bounded(path, MOST_BYTES).is_ok_and(|now| now == *written)
+            });
             let is_own = is_as_written || matches!(content, Content::Copy(source) if is_same(source));
             if path.exists() && !is_own {
                 return Err(Error::Input(format!(

@@ -61,7 +61,8 @@ pub(crate) struct PictureFacts {
     /// Level of the brightest half percent, and that of noise, DN.
     bright_dn: f64,
     noise_dn: f64,
-    white_level_dn: u16,
+    /// Digital numbers between black and saturation.
+    full_scale_dn: f64,
     /// Columns, rows and samples per pixel of the render, and whether a finer one is in the making.
     render_px: [usize; 2],
     samples_per_pixel: u32,
@@ -188,7 +189,7 @@ pub(crate) fn of_photograph(
         "gain": mosaic.gain,
         "clipped_percent": clipped_percent(developed),
         "bright_dn": bright_level_dn(developed),
-        "white_level_dn": mosaic.white_level,
+        "full_scale_dn": developed.full_scale_dn,
         "legend": legend,
     });
     Ok((facts, shrunk(shown, false)))
@@ -218,7 +219,7 @@ fn facts(
         clipped_percent: clipped_percent(developed),
         bright_dn: bright_level_dn(developed),
         noise_dn: developed.noise_floor_dn,
-        white_level_dn: raw.white_level,
+        full_scale_dn: developed.full_scale_dn,
         render_px: [labels.width, labels.height],
         samples_per_pixel: labels.samples_per_pixel,
         is_coarse: live.is_coarse(),

@@ -281,7 +281,7 @@ fn about(subject: &Subject, stage: &Stage) -> Result<Value> {
         "parts": file.analysis.as_ref().map(|analysis| &analysis.place.parts),
         "render_px": [labels.width, labels.height],
         "samples_per_pixel": labels.samples_per_pixel,
-        "groups": controls(live)?,
+        "groups": controls(live, &Changes::default())?,
     }))
 }
 
@@ -429,7 +429,8 @@ struct ControlsRequest {
 
 /// What can be changed of the render that shows the experiment with changes.
 async fn controls_of(State(server): Shared, asked: Asked<ControlsRequest>) -> Response {
-    let work = |shown: &Shown, _: &ControlsRequest| Ok(Json(controls(&shown.live)?).into_response());
+    let work =
+        |shown: &Shown, _: &ControlsRequest| Ok(Json(controls(&shown.live, &shown.changes)?).into_response());
     answer(server, Kind::Picture, asked, work).await
 }
 

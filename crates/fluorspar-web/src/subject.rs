@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
 use fluorspar::pipeline::PipelineError;
+use fluorspar_experiment::schema::ExperimentFile;
 use fluorspar_experiment::{SceneChange, Warning, check_settings, edit_experiment, resolve_rendered};
 use fluorspar_format::read_toml;
 use fluorspar_session::design::FoundDesigns;
@@ -187,25 +188,31 @@ fn image_of(subject: Option<&str>) -> Result<Option<PathBuf>> {
     Ok(matches!(ending.as_deref(), Some("exr" | "npy")).then(|| path.to_path_buf()))
 }
 
-/// The text of an experiment with its changes and with fewer pixels and samples, where these do not set them; and that with the changes alone.
-fn first_texts(source: &ExperimentSource, options: &WorkbenchOptions) -> Result<(String, String)> {
-    let typed = options.changes.overrides();
-    let parsed = source.parse(&typed)?;
-    check_settings(&parsed).map_err(|error| as_typed(error, &typed))?;
-    let file = parsed.file;
+/// Refuses scenes without a camera.
+fn check_has_camera(file: &ExperimentFile) -> Result<()> {
     let has = [
         (file.lens.is_some(), "lens"),
         (file.sensor.is_some(), "sensor"),
         (!file.capture.is_empty(), "captures"),
     ];
-    if let Some((_, missing)) = has.into_iter().find(|(is_there, _)| !is_there) {
-        return Err(PipelineError::Missing(missing).into());
-    }
-    let render = file.render;
-    let is_set = |path: &str| options.changes.set.iter().any(|set| set.trim_start().starts_with(path));
+    let missing = has.into_iter().find(|(is_there, _)| !is_there);
+    missing.map_or(Ok(()), |(_, missing)| Err(PipelineError::Missing(missing).into()))
+}
+
+/// The text of an experiment with its changes and with fewer pixels and samples, where these do not set them; and that with the changes alone.
+fn first_texts(source: &ExperimentSource, options: &WorkbenchOptions) -> Result<(String, String)> {
+    let typed = options.changes.overrides();
+    let parsed = source.parse(&typed)?;
+    check_settings(&parsed).map_err(|error| as_typed(error, &typed))?;
+    check_has_camera(&parsed.file)?;
+    let render = parsed.file.render;
+    // Who sets one of the two has the other one in mind
+    let sizes = ["render.width_px", "render.height_px"];
+    let is_sized =
+        options.changes.set.iter().any(|set| sizes.iter().any(|path| set.trim_start().starts_with(path)));
     let part = |path: &str, value: u32| {
         let value = (value * QUICK[0] / QUICK[1]).max(1);
-        (!is_set(path)).then(|| Override::of_option(path, value, "⟨spp⟩".into()))
+        (!is_sized).then(|| Override::of_option(path, value, "⟨spp⟩".into()))
     };
     let spp = Override::of_option("render.samples_per_pixel", options.spp, format!("⟨spp={}⟩", options.spp));
     let quick =

@@ -187,6 +187,10 @@ def test_a_region_is_drawn_and_stays_in_the_address(bench: Bench) -> None:
     bench.picture(after=0)
     assert bench.pixels() == shown and len(bench.changes()) == 1
     page.wait_for_function("() => document.querySelector('#place').textContent.startsWith('A rectangle')", timeout=WAIT)
+    # The way to the controls for keyboards leaves changes and address alone
+    page.locator(".skip").focus()
+    page.keyboard.press("Enter")
+    assert page.evaluate("() => document.activeElement.id") == "controls" and page.url == address and len(bench.changes()) == 1
     assert before and drawn
 
 
@@ -264,6 +268,8 @@ def test_a_photograph_is_dropped_drawn_upon_and_saved(bench: Bench) -> None:
     page.mouse.move(box["x"] + 0.45 * box["width"], box["y"] + 0.65 * box["height"])
     page.mouse.down()
     page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.66 * box["height"], steps=4)
+    # A quick stroke has no gaps
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.66 * box["height"])
     page.mouse.up()
     page.get_by_label("verdict on lesion").select_option("wrong")
     found = [one for one in Axe().run(page).response["violations"] if one["impact"] not in BEARABLE]

@@ -143,13 +143,20 @@ fn what_is_no_raw_frame_is_refused_with_the_reason() {
 
 /// What is saved of the two photographs.
 fn saved(served: &Served, folder: &Path) -> Answer {
+    saved_by("one page", served, folder)
+}
+
+fn saved_by(page: &str, served: &Served, folder: &Path) -> Answer {
     let regions = json!([
         { "name": "tongue", "place": { "rectangle_px": [1, 2, 30, 40], "part": "patch" }, "verdict": "right" },
         { "name": "le, sion", "place": { "mask_runs": [100, 20] }, "verdict": "wrong" },
     ]);
     let frame = |id: u32, capture: &str, regions: &Value| json!({ "id": id, "patient": "P1", "visit": "2", "capture": capture, "size": [64, 48], "regions": regions });
     let frames = [frame(0, "blue", &regions), frame(1, "ambient", &json!([]))];
-    served.post("/api/photographs/save", &json!({ "folder": folder.display().to_string(), "frames": frames }))
+    served.post(
+        "/api/photographs/save",
+        &json!({ "folder": folder.display().to_string(), "page": page, "frames": frames }),
+    )
 }
 
 #[test]
@@ -178,7 +185,10 @@ fn what_was_drawn_is_saved_and_nothing_is_overwritten() {
     assert!(same("raw_blue.tiff") && same("raw_blue.tiff.json") && names.len() == 6, "{names:?}");
     // Its own files are written anew, those of others stay
     assert_eq!(saved(&served, folder.path()).status, 200);
-    // But for what somebody has edited since
+    // But for another page, which knows nothing of what was drawn on this one
+    assert_eq!(saved_by("another page", &served, folder.path()).status, 422);
+    assert_eq!(fs::read_to_string(folder.path().join("photographs.csv")).unwrap(), table);
+    // And for what somebody has edited since
     fs::write(folder.path().join("photographs.csv"), format!("{table}P2,,,,,,,,\n")).unwrap();
     assert_eq!(saved(&served, folder.path()).status, 422);
     let other = tempfile::tempdir().unwrap();
