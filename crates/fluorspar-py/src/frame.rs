@@ -13,7 +13,7 @@ use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::{ResolvedExperiment, cached_analysis};
 use fluorspar_format::{DescribedFrame, read_described_frame, write_sensor_tiff};
 use fluorspar_report::dark_frames;
-use fluorspar_session::{CaptureView, Error, FinishedRender, ShownExperiment, Wanted, coarse_image};
+use fluorspar_session::{CaptureView, Error, FinishedRender, ShownExperiment, Wanted, image_warnings};
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -258,8 +258,8 @@ impl View {
             warnings.push("the component image is denoised: its frames are for display only".into());
         }
         let rendered = self.render.experiment()?.map(Arc::as_ref);
-        warnings
-            .extend(coarse_image(self.render.labels(), rendered, study).map(|warning| warning.to_string()));
+        let of_image = image_warnings(self.render.labels(), rendered, &self.experiment);
+        warnings.extend(of_image.iter().map(ToString::to_string));
         warnings.extend(dark_frames(&self.experiment, &frames));
         let frame = |(captured, settings): (CapturedFrame, &Capture)| Frame {
             colors: Some(ColorRendering::of_frame(study, settings)),

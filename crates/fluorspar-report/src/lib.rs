@@ -50,7 +50,7 @@ pub use figure::{
 };
 pub use findings::{ASSUMED_GAIN, finding_lines};
 pub use norm_report::{HeldNumber, HeldNumbers, norm_report, percentile_of, verdict_of};
-pub use outlined_preview::outlined_preview;
+pub use outlined_preview::{OUTLINE_COLORS, outlined_preview};
 pub use page::{
     Answer, Contribution, Contributions, FrameView, MapOverlay, Number, NumberMatrix, NumberTable, Origin,
     Overview, ReportData, ReportItem, ReportPicture, Section, analysis_section, close_page, escape,
@@ -60,5 +60,5 @@ pub use photographs_report::{PhotographResults, PlacedNumber, photographs_report
 pub use run::{
     FrameOrigin, LEAKING, NamedFigure, RunFolderError, RunReport, RunResults, analysis_json, dark_frames,
     evaluation_json, exceeded_limits, leaking_frames, region_warnings, regions_matrix, run_report,
-    write_frame_report, write_run_components, write_run_folder,
+    stopped_early, write_frame_report, write_run_components, write_run_folder,
 };

@@ -15,7 +15,7 @@ use fluorspar::quote::shell_word;
 use fluorspar::study::{AnalysisPlan, Capture, RegionPlan, Study};
 use fluorspar::units::number_text;
 use fluorspar_experiment::{
-    CachedAnalysis, Experiment, ResolvedExperiment, Warning, cached_analysis, resolve,
+    CachedAnalysis, Experiment, ResolvedExperiment, Warning, cached_analysis, resolve, setting_differences,
 };
 use fluorspar_format::{
     DescribedFrame, FrameFact, OutputFolder, black_level_doubt, read_described_frame, read_sensor_image,
@@ -140,6 +140,20 @@ fn check_folder(options: &AnalyzeOptions) -> Result<()> {
     Ok(())
 }
 
+/// Refuses changes of what frames were taken of and with, which they do not follow.
+fn check_taken(taken: &Experiment, now: &Experiment) -> Result<()> {
+    const FREE: [&str; 6] = ["analysis", "develop", "safety", "target", "spectroradiometer", "output"];
+    let is_free = |path: &str| FREE.iter().any(|section| path.split('.').next() == Some(section));
+    match setting_differences(taken, now).into_iter().find(|difference| !is_free(&difference.path)) {
+        None => Ok(()),
+        Some(difference) => Err(Error::Input(format!(
+            "{} is what these frames were taken with, and they stay as they are. Take others: fluorspar capture COMPONENTS --report ⟨set⟩ \
+             {}=...; or analyze them as those of another camera: ⟨experiment⟩",
+            difference.path, difference.path
+        ))),
+    }
+}
+
 /// Analyzes frames, and writes a report and maps into the folder of the options.
 ///
 /// # Errors
@@ -176,6 +190,9 @@ pub(crate) fn analyze_frames(
     let name = options.experiment.clone().or(default).unwrap_or_default();
     let source = ExperimentSource::find(Some(&name))?;
     let (plain, overrides) = parsed_for_frames(options, &source)?;
+    if options.experiment.is_none() && options.frame.is_empty() {
+        check_taken(&source.parse(&[])?, &plain)?;
+    }
     let (parsed, overrides) = with_regions(&source, (&plain, &overrides), regions)?;
     let image = options
         .component_image

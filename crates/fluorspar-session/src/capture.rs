@@ -27,7 +27,7 @@ use crate::options::defaults;
 use crate::values::{Override, as_typed};
 use crate::{
     Changes, ExperimentSource, FinishedRender, Job, Result, Seed, ShownExperiment, Wanted,
-    as_typed_in_session, coarse_image, experiment_of, frame_bytes, say_uncertainty, warn_of_denoised,
+    as_typed_in_session, experiment_of, frame_bytes, image_warnings, say_uncertainty, warn_of_denoised,
 };
 
 /// Which component image is captured, by which experiment.
@@ -168,12 +168,10 @@ pub fn capture(options: &CaptureOptions, job: &Job) -> Result<CapturedFolder> {
         }
     };
     let ShownExperiment { mut experiment, changes } = shown;
-    if let Some(warning) =
-        coarse_image(image.labels(), image.experiment().ok().flatten().map(Arc::as_ref), &experiment.study)
-    {
-        job.warn(std::slice::from_ref(&warning));
-        experiment.record.warnings.push(warning);
-    }
+    let rendered = image.experiment().ok().flatten().map(Arc::as_ref);
+    let warnings = image_warnings(image.labels(), rendered, &experiment);
+    job.warn(&warnings);
+    experiment.record.warnings.extend(warnings);
     let ResolvedExperiment { study, record } = &experiment;
     inputs.extend(record.inputs.iter().map(|input| input.path.clone()));
     check_captures(study, image.labels())?;

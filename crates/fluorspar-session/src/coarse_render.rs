@@ -1,9 +1,12 @@
-//! Renders that are coarser than the sensor that looks at them.
+//! Renders that are coarser than the sensor that looks at them, or of another lens.
+
+use std::cell::LazyCell;
 
 use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar::pipeline::{columns_per_column_to_render, columns_per_render_column};
 use fluorspar::study::Study;
 use fluorspar_experiment::{Experiment, ResolvedExperiment, Warning, resolve_captures};
+use fluorspar_report::stopped_early;
 
 /// Columns of the sensor that one of a render may cover before its pixels are seen as blocks.
 const MOST_COLUMNS: f64 = 2.0;
@@ -23,30 +26,62 @@ fn coarse_render(study: &Study) -> Option<Warning> {
     is_seen.then(|| warning(study, covered, study.scene.camera.width, MOST_COLUMNS_OF_RUN))
 }
 
-/// Warns of a render that is coarser than a sensor, unless it was as coarse for the sensor that it was made for. `labels` is the image,
-/// of which only size, place and labels count, `rendered` the experiment that it was rendered from, where it is known.
-pub fn coarse_image(
+/// What frames of an image may be mistaken for. `labels` is the image, of which only size, place and labels count, `rendered` the
+/// experiment that it was rendered from, where it is known.
+pub fn image_warnings(
     labels: &ComponentImage,
     rendered: Option<&Experiment>,
+    experiment: &ResolvedExperiment,
+) -> Vec<Warning> {
+    let of_render = LazyCell::new(|| captures_of(labels, rendered?));
+    let coarse = coarse_image(labels, &of_render, &experiment.study);
+    let has_lens_of_render =
+        experiment.record.experiment.as_deref().zip(rendered).is_none_or(|(now, then)| {
+            (&now.lens, now.camera.aperture_mm) == (&then.file.lens, then.file.camera.aperture_mm)
+        });
+    let blurred = if has_lens_of_render { None } else { kept_blur(of_render.as_ref(), &experiment.study) };
+    coarse.into_iter().chain(blurred).chain(stopped_early(labels, &experiment.study)).collect()
+}
+
+/// The captures of the experiment that an image was rendered from.
+fn captures_of(labels: &ComponentImage, rendered: &Experiment) -> Option<Study> {
+    let held = labels.components.iter().filter_map(|component| match &component.light {
+        LightPath::Fluorescence(name) => Some(name.as_str()),
+        _ => None,
+    });
+    Some(resolve_captures(rendered, rendered, &held.collect::<Vec<_>>()).ok()??.study)
+}
+
+/// Warns of another f-number or focus than those of the render, whose blur frames keep.
+fn kept_blur(rendered: Option<&Study>, now: &Study) -> Option<Warning> {
+    /// Share by which apertures or distances differ that can be seen.
+    const SEEN: f32 = 0.01;
+    let [then, now] = [rendered?, now].map(|study| study.scene.camera.aperture.as_ref());
+    let (then, now) = then.zip(now)?;
+    let differ = |a: f32, b: f32| (a / b - 1.0).abs() > SEEN;
+    if !differ(then.radius(), now.radius()) && !differ(then.focus(), now.focus()) {
+        return None;
+    }
+    let text = |radius: f32, focus: f32| format!("{:.2} mm in focus at {:.0} mm", 2e3 * radius, 1e3 * focus);
+    let [of_render, of_now] = [text(then.radius(), then.focus()), text(now.radius(), now.focus())];
+    Some(Warning::explained(
+        "frames keep the blur of the render, not that of the new f-number or focus",
+        format!("It has an aperture of {of_render}; render anew to see that of {of_now}"),
+    ))
+}
+
+/// Warns of a render that is coarser than a sensor, unless it was as coarse for the sensor that it was made for.
+fn coarse_image(
+    labels: &ComponentImage,
+    of_render: &LazyCell<Option<Study>, impl FnOnce() -> Option<Study>>,
     study: &Study,
 ) -> Option<Warning> {
     let covered = columns_per_render_column(study, labels)?;
     if covered <= MOST_COLUMNS {
         return None;
     }
-    let held: Vec<&str> = labels
-        .components
-        .iter()
-        .filter_map(|component| match &component.light {
-            LightPath::Fluorescence(name) => Some(name.as_str()),
-            _ => None,
-        })
-        .collect();
-    let made_for = rendered
-        .and_then(|experiment| resolve_captures(experiment, experiment, &held).ok()?)
-        .and_then(|found| columns_per_render_column(&found.study, labels))
-        .unwrap_or(0.0);
-    if !is_beyond(covered, MOST_COLUMNS.max(1.01 * made_for)) {
+    let made_for = of_render.as_ref().and_then(|found| columns_per_render_column(found, labels));
+    if !is_beyond(covered, MOST_COLUMNS.max(1.01 * made_for.unwrap_or(0.0))) {
         return None;
     }
     // What is rendered for this sensor is judged as `run` judges it

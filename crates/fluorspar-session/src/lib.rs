@@ -70,7 +70,7 @@ pub use capture::{CaptureOptions, CapturedFolder, RawForm, capture};
 pub use changes::{Changes, ExperimentArgs, RenderOptions, Seed};
 pub use check::{CameraView, CheckOptions, CheckedExperiment, CheckedFile, CheckedSample, check};
 pub use cite::{Citations, CiteOptions, CitedSource, cite};
-pub use coarse_render::{coarse_image, warnings_before_run};
+pub use coarse_render::{image_warnings, warnings_before_run};
 pub use cohort::{CohortArgs, CohortOptions, CohortOutcome, ExaminedCohort, FinishedShard, cohort};
 pub use compare::{CompareOptions, ComparedRun, ComparedRuns, Comparison, compare};
 pub use cube::{CubeOptions, WrittenCube, cube};

@@ -130,6 +130,16 @@ pub fn light(name: &str, job: &Job) -> Result<Curve> {
     Err(Error::Input(format!("{name}: the light is dark: all its values are zero")))
 }
 
+/// Quantum efficiencies of the channels of a sensor, by their names: of a file each column is one.
+pub fn quantum_efficiency(name: &str, job: &Job) -> Result<Vec<(String, Curve)>> {
+    if !is_file(name) {
+        return Ok(preset::quantum_efficiency(name)?.channels()?);
+    }
+    let quantity = SpectrumQuantity::QuantumEfficiency;
+    let spectra = of_file(name, SpectrumColumns::All, quantity, Negative::ClipToZero, job)?;
+    Ok(spectra.curves.into_iter().map(|column| (column.name, column.curve)).collect())
+}
+
 /// Transmittance of filters one behind the other.
 pub fn filters(names: &[String], job: &Job) -> Result<Curve> {
     names.iter().try_fold(Curve::constant(1.0), |product, name| {

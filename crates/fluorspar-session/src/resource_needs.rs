@@ -17,6 +17,8 @@ use crate::{Error, Job, Result};
 
 /// Memory of the program itself with its catalogue, bytes, as measured.
 const PROGRAM_BYTES: u64 = 50 << 20;
+/// Memory of page and figures, bytes, as measured.
+const REPORT_BYTES: u64 = 48 << 20;
 /// Spectra of a component among which its bands are searched, as measured.
 const SEARCHED_SPECTRA: usize = 5200;
 /// Memory that an image takes besides its film while it is made of it, bytes, at most.
@@ -81,7 +83,9 @@ impl ResourceNeeds {
 
     /// Of a run, from scene to report.
     pub fn of_run(study: &Study) -> Self {
-        Self { disk: run_bytes(study), ..Self::of_render(study, true, false) }
+        let render = Self::of_render(study, true, false);
+        let memory = render.memory.max(render.surfaces + PROGRAM_BYTES + REPORT_BYTES);
+        Self { memory, disk: run_bytes(study), ..render }
     }
 
     /// Refuses a job that would take more than the user grants.

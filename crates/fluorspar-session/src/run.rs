@@ -94,8 +94,8 @@ pub fn run(options: &RunOptions, job: &Job) -> Result<FinishedExperiment> {
     let source = ExperimentSource::find(options.experiment.experiment.as_deref())?;
     let quick = if options.quick { quick_overrides(&source)? } else { Vec::new() };
     let changes = [quick, options.experiment.overrides()].concat();
-    let limits = options.limits.overrides().into_iter().collect();
-    let mut experiment = source.resolve(&[changes.clone(), limits].concat())?;
+    let changes = [changes, options.limits.overrides().into_iter().collect()].concat();
+    let mut experiment = source.resolve(&changes)?;
     experiment.record.warnings = warnings_before_run(&experiment);
     let study = &experiment.study;
     check_nothing_painted(study)?;

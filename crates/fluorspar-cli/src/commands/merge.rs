@@ -3,6 +3,7 @@
 use clap::ValueHint;
 use fluorspar::image::Film;
 use fluorspar::pipeline::image_and_basis;
+use fluorspar::render::FIRST_ERROR_CHECK;
 use fluorspar_format::{Output, Provenance, check_room, read_film, write_film};
 use std::path::PathBuf;
 
@@ -42,8 +43,10 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         outputs = outputs.and(Output::file("--film", path));
     }
     let set = outputs.declare()?;
+    let mut wanted = 0;
     for path in &films {
         let next = read_film(path)?;
+        wanted = next.provenance.iter().map(|of| of.samples_per_pixel).fold(wanted, u32::max);
         match &mut merged {
             None => merged = Some((next.image, next.provenance)),
             Some((film, _)) => film
@@ -57,7 +60,7 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let light = options.light.of_film(&provenance)?;
     light.check_sums(options.output.sums())?;
     if !options.incomplete {
-        check_complete(&film, &provenance, &films)?;
+        check_complete(&film, (&provenance, wanted), &films)?;
     }
     let has_basis = film.layout().components.iter().any(|c| c.node_nm.is_some());
     if has_basis {
@@ -83,12 +86,16 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Every tile must hold samples from the first one on, without a gap, and as many as were wanted unless an error target
-/// decided.
-fn check_complete(film: &Film, provenance: &Provenance, paths: &[PathBuf]) -> Result<(), CliError> {
+/// Every tile must hold samples from the first one on, without a gap, and as many as were wanted of any film unless an error target
+/// decided, which it does from some samples on.
+fn check_complete(
+    film: &Film,
+    (provenance, wanted): (&Provenance, u32),
+    paths: &[PathBuf],
+) -> Result<(), CliError> {
     let experiment = experiment_of_film(provenance)?;
     let adaptive = experiment.is_some_and(|experiment| experiment.file.render.relative_error.is_some());
-    let wanted = if adaptive { 1 } else { provenance.samples_per_pixel };
+    let wanted = if adaptive { wanted.min(FIRST_ERROR_CHECK) } else { wanted };
     for (tile, _) in film.tiles() {
         let what = match tile.samples.as_slice() {
             [] => "holds no samples".into(),

@@ -30,8 +30,8 @@ pub(crate) struct Options {
     /// Filter in front of the lens. May be repeated.
     #[arg(long, value_name = "NAME|CSV")]
     view_filter: Vec<String>,
-    /// Quantum efficiency of the sensor, a name of the catalogue.
-    #[arg(long, value_name = "NAME")]
+    /// Quantum efficiency of the sensor, a name of the catalogue or a CSV file with a column for each channel.
+    #[arg(long, value_name = "NAME|CSV")]
     qe: Option<String>,
     /// File of the figure, .svg or .png.
     #[arg(long, value_name = "FILE", default_value = "chain.svg", value_hint = ValueHint::FilePath)]
@@ -65,6 +65,7 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         .iter()
         .chain(&options.light_filter)
         .chain(&options.view_filter)
+        .chain(&options.qe)
         .map(PathBuf::from)
         .collect();
     let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&inputs).declare()?;
@@ -103,12 +104,12 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         .iter()
         .map(|f| plot_curve(f.title.clone(), &emission(f, first), range_nm))
         .collect::<Vec<_>>();
-    let mut efficiency = Vec::new();
-    if let Some(name) = &options.qe {
-        for (channel, curve) in preset::quantum_efficiency(name)?.channels()? {
-            efficiency.push(plot_curve(channel, &curve, range_nm));
-        }
-    }
+    let channels = match &options.qe {
+        Some(name) => named_spectra::quantum_efficiency(name, job)?,
+        None => Vec::new(),
+    };
+    let efficiency: Vec<PlotCurve> =
+        channels.iter().map(|(channel, curve)| plot_curve(channel.clone(), curve, range_nm)).collect();
     if light_curves.is_empty() && filter_curves.is_empty() && excitation.is_empty() && efficiency.is_empty() {
         return Err(CliError::Input(
             "there is nothing to draw; name a --light, --light-filter, --fluorophore, --view-filter or --qe"
@@ -122,7 +123,7 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         &chain(&light_curves, &filter_curves, &excitation, &emission, &efficiency),
     )?;
     set.finish()?;
-    let kept = kept_by_filters(options, &fluorophores, &lights)?;
+    let kept = kept_by_filters(options, &fluorophores, &lights, &channels)?;
     if options.answer.json {
         let names = ["lights", "filters", "excitation", "emission", "quantum_efficiency"];
         let list = |curves: &Vec<PlotCurve>| -> serde_json::Value {
@@ -170,9 +171,15 @@ fn kept_by_filters(
     options: &Options,
     fluorophores: &[Fluorophore],
     lights: &[(&String, Curve)],
+    channels: &[(String, Curve)],
 ) -> Result<Vec<Kept>, CliError> {
     let light = lights.first().map(|(_, curve)| curve);
-    let efficiency = options.qe.as_deref().map_or(Ok(Curve::constant(1.0)), efficiency_of_all)?;
+    // Of all channels of the sensor together
+    let of_all = |nm: f64| channels.iter().map(|(_, curve)| curve.at(nm)).sum::<f64>();
+    let efficiency = match channels {
+        [] => Curve::constant(1.0),
+        _ => Curve::from_fn(COUNTED_NM[0], COUNTED_NM[1], of_all),
+    };
     let share = |photons: &Curve, filter: &Curve| {
         let sum = |curve: &Curve| curve.integral(COUNTED_NM[0], COUNTED_NM[1]);
         let seen = photons.times(&efficiency);
@@ -198,13 +205,6 @@ fn kept_by_filters(
         }));
     }
     Ok(kept)
-}
-
-/// Quantum efficiency of all channels of a sensor together.
-fn efficiency_of_all(name: &str) -> Result<Curve, CliError> {
-    let channels = preset::quantum_efficiency(name)?.channels()?;
-    let of_all = |nm: f64| channels.iter().map(|(_, curve)| curve.at(nm)).sum::<f64>();
-    Ok(Curve::from_fn(COUNTED_NM[0], COUNTED_NM[1], of_all))
 }
 
 /// Wavelengths over which photons are counted, nm.

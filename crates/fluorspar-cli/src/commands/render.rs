@@ -95,6 +95,17 @@ enum ShardBy {
     Samples,
 }
 
+/// Refuses a film that holds more samples than are asked for: they can't be taken away.
+fn check_has_fewer(path: &Path, held: u32, wanted: u32) -> Result<(), CliError> {
+    if held <= wanted {
+        return Ok(());
+    }
+    Err(CliError::Input(format!(
+        "--film {}: it holds {held} samples per pixel, more than the {wanted} that are asked for; ask for {held} or more, or name another film",
+        path.display()
+    )))
+}
+
 impl Options {
     fn share(&self) -> Share {
         match (self.shard, self.shard_by) {
@@ -206,6 +217,7 @@ pub(crate) fn run(options: &Options) -> Result<ExitCode, CliError> {
             renderer
                 .check(&film)
                 .map_err(|error| CliError::Input(format!("--film {}: {error}", path.display())))?;
+            check_has_fewer(path, film.least_samples(), settings.samples_per_pixel)?;
             film
         }
         None => renderer.new_film(),

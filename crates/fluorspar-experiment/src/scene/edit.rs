@@ -9,6 +9,7 @@ use crate::document::shape::{Schema, Shape};
 use crate::document::tree::{Content, Document, Node, TextSource};
 use crate::error::{ExperimentError, Step, step_text};
 use crate::read::{change_document, experiment_schema, parse, read_merged};
+use crate::resolve::check_settings;
 use fluorspar_format::read_toml_document;
 
 /// The text of an experiment file after some changes. Everything that they do not touch stays as it was typed. Files of base
@@ -30,10 +31,13 @@ pub fn edit_experiment(
     change_document(&mut document, schema, changes, base_dir)?;
     Writer { schema }.table(edited.as_table_mut(), Some(schema.root()), &before, &document.root);
     remove_from_bases(&mut edited, schema, source_name, base_dir, &document)?;
-    let text = edited.to_string();
-    check_same(schema, &text, source_name, base_dir, &document)?;
-    parse(&text, source_name, base_dir, &[])?;
-    Ok(text)
+    let edited = edited.to_string();
+    check_same(schema, &edited, source_name, base_dir, &document)?;
+    // A scene that is not whole yet may be built step by step
+    let was_sound =
+        parse(text, source_name, base_dir, &[]).is_ok_and(|before| check_settings(&before).is_ok());
+    let now = parse(&edited, source_name, base_dir, &[])?;
+    if was_sound { check_settings(&now).map(|()| edited) } else { Ok(edited) }
 }
 
 /// The text as a document that keeps what was typed.

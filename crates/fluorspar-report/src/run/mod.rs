@@ -20,7 +20,7 @@ pub use folder::{
     RunFolderError, analysis_json, evaluation_json, write_frame_report, write_run_components,
     write_run_folder,
 };
-pub use report::{NamedFigure, RunReport, run_report};
+pub use report::{NamedFigure, RunReport, run_report, stopped_early};
 pub use safety_section::exceeded_limits;
 
 use fluorspar::image::ComponentImage;

@@ -6,7 +6,7 @@ use fluorspar::pipeline::{AnalyzedFrame, CapturedFrame, FrameLeak, RegionRadianc
 use fluorspar::scene::Scene;
 use fluorspar::sensor::{SensorModel, SpectralQe};
 use fluorspar::spectral::{Curve, Fluorophore};
-use fluorspar::study::{Camera, Lens};
+use fluorspar::study::{Camera, Lens, Study};
 use fluorspar_experiment::preset::{self, PresetKind};
 use fluorspar_experiment::schema::{ExperimentFile, SpectrumReference};
 use fluorspar_experiment::{ResolvedExperiment, Warning};
@@ -67,6 +67,16 @@ impl Builder {
     }
 }
 
+/// Warns of an image with fewer samples than were wanted. `labels` is the image, of which only samples count.
+#[must_use]
+pub fn stopped_early(labels: &ComponentImage, study: &Study) -> Option<Warning> {
+    let (held, wanted) = (labels.samples_per_pixel, study.render.samples_per_pixel);
+    // An error that is small enough is no early end
+    let ended_by_error = study.render.error_target.is_some() && study.time_limit_s.is_none();
+    let text = format!("The render was stopped early: {held} of {wanted} samples per pixel.");
+    (held < wanted && !ended_by_error).then(|| text.into())
+}
+
 /// Builds the page of a run and its figures.
 pub fn run_report(run: &RunResults<'_>) -> RunReport {
     let mut builder = Builder { figures: Vec::new() };
@@ -79,14 +89,8 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
         let all = analyzed.analysis.warnings.iter().chain(&of_regions);
         warnings.extend(all.cloned());
     }
-    let wanted = run.experiment.study.render.samples_per_pixel;
-    if let Some(components) = run.components.filter(|c| c.samples_per_pixel < wanted) {
-        let text = format!(
-            "The render was stopped early: {} of {wanted} samples per pixel.",
-            components.samples_per_pixel
-        );
-        warnings.push(text.into());
-    }
+    let stopped = |components: &ComponentImage| stopped_early(components, &run.experiment.study);
+    warnings.extend(run.components.and_then(stopped));
     let safety = run.evaluation.safety.iter();
     warnings.extend(safety.clone().flat_map(exceeded_limits).map(Warning::from));
     warnings.extend(safety.filter_map(risk_group_warning).map(Warning::from));

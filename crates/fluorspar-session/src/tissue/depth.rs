@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use clap::ValueHint;
 use fluorspar::spectral::Curve;
 use fluorspar::tissue::{DepthProfile, DiscreteOrdinates, EffectiveTissue};
-use fluorspar_experiment::preset;
 use fluorspar_format::{Output, Outputs, write_atomically};
 use fluorspar_report::figures::light_sources_by_depth;
 use serde::{Deserialize, Serialize};
@@ -38,8 +37,8 @@ pub struct DepthOptions {
     /// Filter before the sensor: a name of the catalogue or a CSV file. May be repeated.
     #[arg(long, alias = "filter", value_name = "NAME|CSV")]
     pub view_filter: Vec<String>,
-    /// Quantum efficiency of the sensor, a name of the catalogue: one result for each channel.
-    #[arg(long, value_name = "NAME", default_value = "consumer_rgb_cmos")]
+    /// Quantum efficiency of the sensor, a name of the catalogue or a CSV file with a column for each channel: one result for each.
+    #[arg(long, value_name = "NAME|CSV", default_value = "consumer_rgb_cmos")]
     pub qe: String,
     /// Light of one wavelength instead, nm.
     #[arg(long, value_name = "NM", conflicts_with = "light", value_parser = values::number, allow_negative_numbers = true)]
@@ -164,7 +163,7 @@ impl DepthOptions {
             return self.emission_nm.iter().map(|nm| Ok((format!("{nm} nm"), line(*nm)?))).collect();
         }
         let filter = named_spectra::filters(&self.view_filter, job)?;
-        let channels = preset::quantum_efficiency(&self.qe)?.channels()?;
+        let channels = named_spectra::quantum_efficiency(&self.qe, job)?;
         Ok(channels.into_iter().map(|(name, qe)| (name, qe.times(&filter))).collect())
     }
 }

@@ -16,7 +16,7 @@ use crate::image::FilmLayout;
 use crate::image::film::{FilmScale, FilmTile};
 
 /// Samples at which a tile is checked first; then at every doubling.
-const FIRST_CHECK: u32 = 32;
+pub const FIRST_ERROR_CHECK: u32 = 32;
 /// Tiles darker than this share of the image need no smaller absolute error than a tile at this share.
 const DARK: f64 = 0.01;
 
@@ -150,7 +150,7 @@ impl TileError {
     /// Whether a tile is done.
     pub(super) fn is_met(&self, scale: &FilmScale, tile: &FilmTile, sums: &[u64]) -> bool {
         let count = tile.count();
-        let is_checked = count >= FIRST_CHECK && count.is_power_of_two() && tile.samples.len() == 1;
+        let is_checked = count >= FIRST_ERROR_CHECK && count.is_power_of_two() && tile.samples.len() == 1;
         if self.channels.is_empty() || !is_checked {
             return false;
         }

@@ -70,7 +70,7 @@ mod translucency;
 mod translucency_tests;
 mod visible_surfaces;
 
-pub use adaptive::{ErrorChannel, ErrorTarget, ErrorTargetError};
+pub use adaptive::{ErrorChannel, ErrorTarget, ErrorTargetError, FIRST_ERROR_CHECK};
 pub use choose_basis::{BasisError, choose_basis};
 pub(crate) use choose_basis::{are_in_proportion, excitation_responses};
 pub use error::RenderError;

@@ -4,6 +4,7 @@ use std::fmt::Display;
 
 use crate::light::Light;
 use crate::pipeline::PipelineError;
+use crate::render::RenderSettings;
 use crate::study::{Capture, Study};
 use crate::units::number_text;
 
@@ -126,6 +127,16 @@ fn difference(rendered: &Study, wanted: &Study) -> Option<String> {
     }
     if a.max_depth != b.max_depth {
         return Some("render.max_depth".into());
+    }
+    let relative_error = |of: &RenderSettings| of.error_target.as_ref().map(|target| target.relative_error);
+    if relative_error(a) != relative_error(b) {
+        return Some("render.relative_error".into());
+    }
+    if a.statistics != b.statistics {
+        return Some("render.statistics".into());
+    }
+    if a.component_bands != b.component_bands {
+        return Some("render.component_bands".into());
     }
     if a.regularize != b.regularize {
         return Some("render.regularize".into());
