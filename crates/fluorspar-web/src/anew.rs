@@ -139,11 +139,8 @@ impl Anew {
             let before = work.take();
             *work = Some(self.begin(first, changes.clone(), experiment, before));
         }
-        let Some((told, progress)) =
-            work.as_ref().map(|work| (Arc::clone(&work.told), Arc::clone(&work.progress)))
-        else {
-            return Ok(Stand::default());
-        };
+        let of_work = |work: &Work| (Arc::clone(&work.told), Arc::clone(&work.progress));
+        let Some((told, progress)) = work.as_ref().map(of_work) else { return Ok(Stand::default()) };
         drop(work);
         let stand = told.beyond(seen.unwrap_or(0));
         let (share, said) = progress.told();

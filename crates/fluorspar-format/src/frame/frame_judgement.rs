@@ -220,11 +220,8 @@ pub(crate) fn high_black_level(image: &SensorImage) -> Option<FrameRemark> {
         let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / count;
         let square = values.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / count;
         let middle = values.len() / 2;
-        let median = match values.is_empty() {
-            true => 0.0,
-            false => f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1),
-        };
-        median + 0.5 < -DEVIATIONS * (square / count).sqrt()
+        let mut median = || f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1);
+        middle > 0 && median() + 0.5 < -DEVIATIONS * (square / count).sqrt()
     };
     let names: Vec<&str> = (0..image.mosaic.channels.len().max(1))
         .filter(|channel| is_high(*channel))

@@ -67,8 +67,10 @@ struct Frames<'a> {
     first: OnceCell<SensorImage>,
 }
 
-/// Change of the light from frame to frame of one exposure time, relative, from which it was another light.
+/// Change of the light from frame to frame of one exposure time, relative, from which it was another light, and share of the full scale
+/// from which there is light.
 const LARGEST_FLICKER: f64 = 0.2;
+const LEAST_LIT: f64 = 0.01;
 
 /// A frame as if its black level had been that of another one. What is saturated stays so.
 fn at_black_of(mut frame: SensorImage, first: &SensorImage) -> SensorImage {
@@ -261,7 +263,8 @@ impl Frames<'_> {
             Ok::<_, Error>(at_black_of(frame.turned_as(first).0, first))
         });
         let stack = FrameStack::of(frames, is_dark)?;
-        if stack.flicker > LARGEST_FLICKER {
+        let is_lit = stack.level_dn > stack.master.black_level + LEAST_LIT * f64::from(stack.white_level);
+        if is_lit && stack.flicker > LARGEST_FLICKER {
             return Err(Error::Input(format!(
                 "{} and others of {} s: their light differs by {:.0} %; leave the light alone and vary the exposure time",
                 files[0].display(),

@@ -238,11 +238,10 @@ pub const UNCONFIRMED: &str = "The region is a guess that nobody confirmed";
 fn estimates_of(photograph: &Photograph, region: &str, analyzed: &AnalyzedFrame) -> Vec<PatientEstimate> {
     let analysis = &analyzed.analysis;
     let (capture, frame) = photograph.frames[0].clone();
-    let mut warnings: Vec<String> =
-        analysis.warnings.iter().map(|warning| warning.summary().to_owned()).collect();
-    if photograph.regions.iter().any(|[name, _, verdict]| name == region && verdict == GUESS) {
-        warnings.push(UNCONFIRMED.into());
-    }
+    let is_guess = photograph.regions.iter().any(|[name, _, verdict]| name == region && verdict == GUESS);
+    let unconfirmed = is_guess.then(|| UNCONFIRMED.to_owned());
+    let warnings = analysis.warnings.iter().map(|warning| warning.summary().to_owned());
+    let warnings: Vec<String> = warnings.chain(unconfirmed).collect();
     let is_wanted = |finding: &Finding| {
         WANTED.contains(&finding.id) && finding.frame.as_ref().is_none_or(|of| *of == capture)
     };

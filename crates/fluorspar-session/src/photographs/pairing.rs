@@ -82,6 +82,11 @@ pub(crate) fn files_below(folder: &Path) -> Vec<PathBuf> {
         }
     }
     found.sort();
+    frames_among(&found)
+}
+
+/// Those of some files that are frames, or may be taken for frames.
+fn frames_among(found: &[PathBuf]) -> Vec<PathBuf> {
     let ending =
         |path: &Path| path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let is_frame = |path: &Path| {

@@ -32,15 +32,20 @@ pub(crate) struct Options {
     out: PathBuf,
 }
 
-pub(crate) fn run(options: &Options) -> Result<(), CliError> {
-    let Some(last) = options.seed.checked_add(options.count - 1) else {
-        return Err(CliError::Input(format!(
+/// Number of the last person.
+fn last_person(options: &Options) -> Result<u32, CliError> {
+    options.seed.checked_add(options.count - 1).ok_or_else(|| {
+        CliError::Input(format!(
             "--seed {}: must be between 1 and {} for {} people",
             options.seed,
             u32::MAX - (options.count - 1),
             options.count
-        )));
-    };
+        ))
+    })
+}
+
+pub(crate) fn run(options: &Options) -> Result<(), CliError> {
+    let last = last_person(options)?;
     // A base that can't be used is found before anything is written.
     let source = fluorspar_session::ExperimentSource::find(Some(&options.base))?;
     let base = source.parse(&[])?;

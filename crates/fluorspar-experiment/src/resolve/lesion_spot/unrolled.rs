@@ -63,6 +63,13 @@ pub(in crate::resolve) struct Unrolled {
     ways: Vec<Vec2>,
 }
 
+/// Unit vectors along a surface of this normal, the first along the first of two directions, the second to the side of the other one.
+fn axes(normal: Vec3, [along_u, along_v]: [Vec3; 2]) -> (Vec3, Vec3) {
+    let along = along_u.reject_from_normalized(normal).normalize_or(normal.any_orthonormal_vector());
+    let across = normal.cross(along);
+    (along, if across.dot(along_v) < 0.0 { -across } else { across })
+}
+
 impl Unrolled {
     /// Lays a mesh flat around a point, as far as its vertices are connected within the wanted ways. A way has the direction of the straight
     /// line on the mean surface near the point, and the length of an arc that turns as much as the normals do.
@@ -73,11 +80,7 @@ impl Unrolled {
         let middle = (0..3).map(|i| mesh.positions[corners[i]] * shares[i]).sum::<Vec3>();
         let normal = (0..3).map(|i| normals[corners[i]] * shares[i]).sum::<Vec3>();
         let normal = mean_normal(mesh, middle, start.radii[0], normal);
-        let [along_u, along_v] = start.along;
-        let along = along_u.reject_from_normalized(normal);
-        let along = along.normalize_or(normal.any_orthonormal_vector());
-        let across = normal.cross(along);
-        let across = if across.dot(along_v) < 0.0 { -across } else { across };
+        let (along, across) = axes(normal, start.along);
         let way = |vertex: usize| {
             let line = mesh.positions[vertex] - middle;
             let half_turn = 0.5 * normals[vertex].angle_between(normal);
