@@ -131,7 +131,7 @@ impl Anew {
                 && show_the_same_scene(&work.experiment, &experiment)
         };
         let is_of_page = work.as_ref().is_some_and(is_same);
-        if seen.is_some() && !is_of_page {
+        if seen.is_some() && work.is_some() && !is_of_page {
             return Ok(Stand::given_up());
         }
         if !is_of_page {

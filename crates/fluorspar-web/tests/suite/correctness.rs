@@ -435,6 +435,9 @@ fn what_needs_a_render_is_rendered_coarse_first_and_ends_as_that_of_run() {
         }
     }
     assert!(sizes[0]["is_coarse"] == true && sizes[0]["render_px"][0].as_u64().unwrap() < 200, "{sizes:?}");
+    // A page whose render gave way to that of another page does not take it away again
+    let other = rendering(&served, &["render.seed=99"], Some(1));
+    assert!(other["is_over"] == true && other["error"].as_str().unwrap().contains("Another page"), "{other}");
     let last = sizes.last().unwrap();
     assert_eq!((&last["is_coarse"], &last["render_px"]), (&json!(false), &json!([200, 150])));
 
