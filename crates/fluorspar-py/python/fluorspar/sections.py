@@ -2066,3 +2066,6 @@ class Experiment(TypedDict, total=False):
     """What shall be seen: how well the frames tell it from what lies around it."""
     output: OutputSection
     """Where results go."""
+    files: dict[str, str]
+    """SHA-256 of files that decide a render, by their paths: a file with other content is refused. Results hold those that
+    they were made from. Default: none."""
