@@ -66,7 +66,7 @@ pub fn dataset_in_short(facts: &DatasetFacts) -> String {
     let with = sum(|split| split.with_lesion);
     let of_splits: Vec<String> =
         facts.splits.iter().map(|split| format!("{} for {}", split.images, split.name)).collect();
-    format!("{images} images of {people} people, {with} of them with a lesion: {}.", of_splits.join(", "))
+    format!("{images} images of {people} people, a lesion in {with} of the images: {}.", of_splits.join(", "))
 }
 
 /// The data sheet, as Markdown. The experiment is that of any of its images.

@@ -16,7 +16,7 @@ pub(super) struct Categories {
 }
 
 impl Categories {
-    /// Lesions of the file, surfaces of a view of anybody, and every tooth, which only some may have.
+    /// Lesions of the file, surfaces of a view of anybody, and what only some may have: every tooth and its restorations.
     ///
     /// # Errors
     /// More than masks have numbers for.
@@ -24,7 +24,10 @@ impl Categories {
         let lesions: Vec<String> = work.cohort.lesions().iter().map(|lesion| lesion.name.clone()).collect();
         let teeth = (1..=4).flat_map(|quadrant| (1..=8).map(move |n| format!("tooth_{quadrant}{n}")));
         let names = experiment.study.scene.objects.iter().map(|object| object.name.clone());
-        let parts: Vec<String> = names.chain(teeth).collect::<BTreeSet<_>>().into_iter().collect();
+        let mouth = work.cohort.experiment.file.mouth.iter();
+        let restorations = mouth.flat_map(|mouth| &mouth.restoration).map(|one| one.name.clone());
+        let parts: Vec<String> =
+            names.chain(teeth).chain(restorations).collect::<BTreeSet<_>>().into_iter().collect();
         let all = lesions.len() + parts.len();
         if all > usize::from(u8::MAX) {
             return Err(Error::Input(format!(
