@@ -116,9 +116,12 @@ pub fn parse_cohort(
     }
 
     document.root.retain(|key| key != "people");
-    let given = keys_of_mouth(&document, |_| true);
+    let own = keys_of_mouth(&document, |source| is_own(&document, source));
+    let mut given = keys_of_mouth(&document, |_| true);
     finish_document(&mut document, experiment_schema())?;
     let file: ExperimentFile = typed(&mut document, experiment_schema())?;
+    // Results write out all of a mouth: what a base has of the typical one is not given
+    given.retain(|key| own.contains(key) || file.mouth.as_ref().is_some_and(|mouth| is_other(mouth, key)));
     let context = Context::new(&document);
     match &file.mouth {
         None => {
@@ -149,6 +152,19 @@ pub fn parse_cohort(
         return context.fail(&steps!["analysis"], message);
     }
     Ok(CohortStudy { people, views, experiment: Experiment { file, document }, given })
+}
+
+/// Whether a source is the file itself or a change of it, and no base.
+fn is_own(document: &Document, source: usize) -> bool {
+    source == 0 || document.sources[source].overriding.is_some()
+}
+
+/// Whether a mouth has another value of a field than the typical one.
+fn is_other(mouth: &MouthSection, key: &str) -> bool {
+    let value =
+        |parameters: &MouthParameters| Some(toml::Value::try_from(parameters).ok()?.get(key)?.clone());
+    let (own, typical) = (value(&mouth.parameters), value(&MouthParameters::default()));
+    own.is_none() || own != typical
 }
 
 /// Keys of `[mouth]` in a document, of the sources with numbers that a function keeps.
@@ -232,8 +248,7 @@ impl CohortStudy {
     #[must_use]
     pub fn given_pose(&self) -> Vec<&'static str> {
         let document = &self.experiment.document;
-        let is_own = |source: usize| source == 0 || document.sources[source].overriding.is_some();
-        let own = keys_of_mouth(document, is_own);
+        let own = keys_of_mouth(document, |source| is_own(document, source));
         POSE_FIELDS.into_iter().filter(|field| *field != "detail" && own.contains(*field)).collect()
     }
 
@@ -434,6 +449,13 @@ mod tests {
             assert_eq!((&shape, again.shape_of(person)), (&wanted, wanted.clone()));
         }
         assert_eq!((plain.given_pose(), given.given_pose()), (vec![], vec!["jaw_opening_mm"]));
+        // A base that writes out all of a mouth, as results do, gives what it has otherwise than the typical one
+        let folder = tempfile::tempdir().unwrap();
+        let base = "format = 1\nbase = \"oraleye-2021\"\n[mouth]\noverjet_mm = 2.5\ntooth_scale = 1.2\n";
+        std::fs::write(folder.path().join("base.toml"), base).unwrap();
+        let text = "format = 1\nbase = \"base.toml\"\n[people]\ncount = 2\n";
+        let shape = parse_cohort(text, "c", folder.path(), &[]).unwrap().shape_of(1);
+        assert_eq!((shape.tooth_scale, shape.overjet_mm), (1.2, sample_person(1).overjet_mm));
         let of_all = |cohort: &CohortStudy| cohort.of_all_people().unwrap();
         assert!(of_all(&given) == of_all(&again) && of_all(&given) != of_all(&plain));
     }

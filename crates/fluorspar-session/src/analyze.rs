@@ -142,8 +142,13 @@ fn check_folder(options: &AnalyzeOptions) -> Result<()> {
 
 /// Refuses changes of what frames were taken of and with, which they do not follow.
 fn check_taken(taken: &Experiment, now: &Experiment) -> Result<()> {
-    const FREE: [&str; 6] = ["analysis", "develop", "safety", "target", "spectroradiometer", "output"];
-    let is_free = |path: &str| FREE.iter().any(|section| path.split('.').next() == Some(section));
+    const FREE: [&str; 7] =
+        ["analysis", "develop", "safety", "target", "spectroradiometer", "output", "files"];
+    let is_free = |path: &str| {
+        FREE.iter().any(|section| path.split('.').next() == Some(section))
+            || path.starts_with("capture.") && path.ends_with(".subtract")
+            || path == "render.time_limit_s"
+    };
     match setting_differences(taken, now).into_iter().find(|difference| !is_free(&difference.path)) {
         None => Ok(()),
         Some(difference) => Err(Error::Input(format!(

@@ -5,6 +5,7 @@ use std::cell::LazyCell;
 use fluorspar::image::{ComponentImage, LightPath};
 use fluorspar::pipeline::{columns_per_column_to_render, columns_per_render_column};
 use fluorspar::study::Study;
+use fluorspar_experiment::schema::ExperimentFile;
 use fluorspar_experiment::{Experiment, ResolvedExperiment, Warning, resolve_captures};
 use fluorspar_report::stopped_early;
 
@@ -40,7 +41,20 @@ pub fn image_warnings(
             (&now.lens, now.camera.aperture_mm) == (&then.file.lens, then.file.camera.aperture_mm)
         });
     let blurred = if has_lens_of_render { None } else { kept_blur(of_render.as_ref(), &experiment.study) };
-    coarse.into_iter().chain(blurred).chain(stopped_early(labels, &experiment.study)).collect()
+    let other =
+        rendered.zip(experiment.record.experiment.as_deref()).and_then(|(then, now)| other_file(then, now));
+    coarse.into_iter().chain(blurred).chain(other).chain(stopped_early(labels, &experiment.study)).collect()
+}
+
+/// Warns of a file that has changed since the render, where the digests that it held were taken away.
+fn other_file(rendered: &Experiment, now: &ExperimentFile) -> Option<Warning> {
+    let then = &rendered.file.files;
+    let (path, _) =
+        then.iter().find(|(path, known)| now.files.get(*path).is_some_and(|now| now != *known))?;
+    Some(Warning::explained(
+        format!("{path} has changed since the render, which shows the old one"),
+        "What is told of lights and surfaces is that of the new one; render anew",
+    ))
 }
 
 /// The captures of the experiment that an image was rendered from.

@@ -60,7 +60,8 @@ fn people_of_a_table_are_those_of_their_number() {
 #[test]
 fn people_of_a_base_are_those_of_its_pose() {
     let folder = tempfile::tempdir().unwrap();
-    let base = "format = 1\nbase = \"oraleye-2021\"\n[mouth]\nview = \"right-cheek\"\njaw_opening_mm = 41.0\n";
+    let base =
+        "format = 1\nbase = \"oraleye-2021\"\n[mouth]\nview = \"right-cheek\"\njaw_opening_mm = 41.0\n";
     fs::write(folder.path().join("own.toml"), base).unwrap();
     let args = ["mouth", "sample", "--count=1", "--seed=7", "--base=own.toml", "--out=people"];
     fluorspar(folder.path(), args).well();

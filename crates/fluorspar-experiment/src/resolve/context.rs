@@ -308,7 +308,12 @@ impl<'a> Context<'a> {
         if matches!(at.first(), Some(Step::Key(section)) if OF_FRAMES.contains(&section.as_str())) {
             return Ok(());
         }
-        if self.known_files.iter().any(|(path, known)| file.ends_with(path) && known != sha256) {
+        let folders: Vec<&Path> =
+            self.document.sources.iter().filter_map(|of| of.folder.as_deref()).collect();
+        let is_it = |path: &Path| {
+            path == file || path.is_relative() && folders.iter().any(|folder| folder.join(path) == file)
+        };
+        if self.known_files.iter().any(|(path, known)| is_it(Path::new(path)) && known != sha256) {
             let name = excerpt_to(&file.to_string_lossy(), 400);
             let message = format!(
                 "{name} has changed since: this was made from another one. Bring that back, or take the new one with --unset files \

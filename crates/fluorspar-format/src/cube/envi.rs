@@ -317,7 +317,8 @@ pub(super) fn read_envi(path: &Path) -> Result<Cube, FormatError> {
     let is_big = header.get("byte order") == Some("1");
     let place = interleaved(&header, [width, height, bands])?;
 
-    let stored = read_stored(&header.values()?, offset, width * height * bands * size)?;
+    let stored =
+        read_stored(&header.values()?, offset, width * height * bands * size, width.max(height).max(bands))?;
     let mut values = decoded(&stored, (size, is_big), decode, place)
         .map_err(|what| FormatError::malformed(path, what, "Put 0 in its place"))?;
     header.scale(&mut values, bands, factor)?;
@@ -334,11 +335,12 @@ pub(super) fn read_envi(path: &Path) -> Result<Cube, FormatError> {
     Ok(Cube { light, facts })
 }
 
-/// So many bytes of the file with the values, behind others.
-fn read_stored(file: &Path, offset: u64, needed: usize) -> Result<Vec<u8>, FormatError> {
+/// So many bytes of the file with the values, behind others. `longest` are the columns, lines or bands, which are most.
+fn read_stored(file: &Path, offset: u64, needed: usize, longest: usize) -> Result<Vec<u8>, FormatError> {
     let told = offset.saturating_add(needed as u64);
     let (_, length) = open_plain(file)?;
-    if length != told {
+    // Less than a column, a line or a band more is padding
+    if length < told || (length - told) as usize >= (needed / longest.max(1)).max(1) {
         let what = format!("it has {length} bytes, and its header tells of {told}");
         let hint = match length < told {
             true => "Copy both files again",

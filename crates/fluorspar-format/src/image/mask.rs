@@ -145,6 +145,8 @@ fn tiff_mask(path: &Path, file: File, length: u64) -> Result<MaskImage, FormatEr
         let mut decoder = bounded_decoder(path, BufReader::new(file), length)?;
         let orientation = decoder.find_tag_unsigned::<u16>(Tag::Orientation).ok().flatten();
         let orientation = orientation.and_then(|tag| Orientation::of_tag(u64::from(tag))).unwrap_or_default();
+        let described = decoder.get_tag_ascii_string(Tag::ImageDescription).unwrap_or_default();
+        let is_of_imagej = described.starts_with("ImageJ=");
         let photometric = decoder.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation).ok().flatten();
         let (width, height) = decoder.dimensions().map_err(damaged)?;
         let color = decoder.colortype().map_err(damaged)?;
@@ -163,7 +165,7 @@ fn tiff_mask(path: &Path, file: File, length: u64) -> Result<MaskImage, FormatEr
         check_image_size(path, u64::from(width), u64::from(height), pixel_bytes, MAX_IMAGE_BYTES)?;
         check_packing(path, pixel_bytes * u64::from(width) * u64::from(height), length)?;
         let mut image = decoder.read_image().map_err(damaged)?;
-        if photometric == Some(0) {
+        if photometric == Some(0) && is_of_imagej {
             image = as_stored(image);
         }
         let inside = marked(&image, samples, colors).ok_or_else(|| {

@@ -174,7 +174,7 @@ impl TextTable {
         }
         if columns > 2
             && self.header.iter().all(String::is_empty)
-            && self.rows.iter().all(|(_, row)| is_zero(&row[1]))
+            && self.rows.iter().all(|(_, row)| is_zero(&row[1]) && row.iter().all(|cell| !cell.contains('.')))
         {
             let what = format!("the second column holds nothing but 0, {AS_IF}");
             return Err(FormatError::at_line(path, *line, what, hint));
@@ -191,6 +191,11 @@ impl TextTable {
 
     /// A cell of a column whose commas look like those of thousands, with its line, and one without a comma.
     fn thousands(&self, column: usize) -> Option<(u64, String, &str)> {
+        // Wavelengths in steps of a third, which rise or fall with decimals alone
+        let values = self.rows.iter().filter_map(|(_, row)| row[column].parse::<f64>().ok());
+        if values.clone().is_sorted() || values.map(|value| -value).is_sorted() {
+            return None;
+        }
         let cells = self.rows.iter().map(|(line, row)| (*line, row[column].as_str()));
         let (with, without): (Vec<_>, Vec<_>) =
             cells.filter(|(_, cell)| !cell.is_empty()).partition(|(_, cell)| cell.contains('.'));

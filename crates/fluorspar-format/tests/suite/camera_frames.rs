@@ -1034,6 +1034,7 @@ fn a_mask_is_the_same_in_every_form() {
     let mut encoder = tiff::encoder::TiffEncoder::new(fs::File::create(&inverted).unwrap()).unwrap();
     let mut image = encoder.new_image::<tiff::encoder::colortype::Gray8>(48, 40).unwrap();
     image.encoder().write_tag(tiff::tags::Tag::PhotometricInterpretation, 0_u16).unwrap();
+    image.encoder().write_tag(tiff::tags::Tag::ImageDescription, "ImageJ=1.53t\n").unwrap();
     image.write_data(&inside.iter().map(|is_in| if *is_in { 255 } else { 0 }).collect::<Vec<u8>>()).unwrap();
     assert_eq!(read_mask(&inverted).unwrap().inside, inside);
     let labels: Vec<u8> = inside.iter().map(|is_in| u8::from(*is_in)).collect();

@@ -731,8 +731,12 @@ fn doubtful_commas_are_refused() {
         let error = read_bytes("t.csv", text.as_bytes(), &as_quantity(power)).unwrap_err();
         assert!(error.starts_with(wanted), "{error}");
     }
-    for text in ["nm\tpower\n400\t0,987\n405\t1,052\n410\t1,1\n", "nm;power\n400;100\n405;99,5\n410;101,25\n"]
-    {
+    for text in [
+        "nm\tpower\n400\t0,987\n405\t1,052\n410\t1,1\n",
+        "nm;power\n400;100\n405;99,5\n410;101,25\n",
+        // Wavelengths in steps of a third of ten
+        "nm;power\n380;1,0\n383,333;1,1\n386,667;1,2\n390;1,3\n",
+    ] {
         assert!(read_bytes("t.csv", text.as_bytes(), &as_quantity(power)).is_ok(), "{text}");
     }
     // A last column without a name
