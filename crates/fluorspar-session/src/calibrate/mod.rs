@@ -67,8 +67,8 @@ struct Frames<'a> {
     first: OnceCell<SensorImage>,
 }
 
-/// Change of the light from frame to frame of one exposure time, relative, from which it was another light, and share of the full scale
-/// from which there is light.
+/// Change of the light from frame to frame of one exposure time, relative, from which it was another light: the variance of frames that are
+/// scaled to one level is off by its square, here 4 %. Share of the full scale from which there is light.
 const LARGEST_FLICKER: f64 = 0.2;
 const LEAST_LIT: f64 = 0.01;
 
