@@ -198,6 +198,42 @@ fn a_slanted_edge_is_the_same_rendered_and_computed() {
     assert!(width[0] > 1.0 && width[1] / width[0] < 1.4 && width[1] / width[0] > 0.9, "{width:?}");
 }
 
+/// Bars of four pixels far from the axis keep their contrast wherever distortion moves them by half a pixel.
+#[test]
+fn fine_bars_are_the_same_rendered_and_computed() {
+    let pixels = [128, 6];
+    let camera = camera("wide_3_5mm", close_up(None), 0.8, pixels, 1);
+    // Where the middle of the film of the plane in focus is 13 mm wide, so a pixel 1/128 of it
+    let width_m = 2.0 * camera.tan_half_width * camera.position.z;
+    let bar_m = width_m / 64.0;
+    let bars = (0..34).map(|k| {
+        let x = (2.0 * k as f32 - 34.0) * bar_m;
+        let corners = [[x, -1.0], [x, 1.0], [x + bar_m, 1.0], [x + bar_m, -1.0]];
+        let mesh = TriangleMesh {
+            positions: corners.map(|[x, y]| Vec3::new(x, y, 0.0)).to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..TriangleMesh::default()
+        };
+        emitter(&format!("bar {k}"), Shape::Mesh(Arc::new(mesh)), 1.0)
+    });
+    let bars: Vec<Object> = bars.collect();
+    let computed = by_point_spread(&camera, bars.clone(), 256);
+    let image = run(&scene(camera, bars), 512);
+    let contrast = |value: &dyn Fn(usize) -> f64, first: usize| {
+        let [sine, cosine, mean] = (first..first + 16).fold([0.0; 3], |sum, col| {
+            let (sin, cos) = (std::f64::consts::FRAC_PI_2 * col as f64).sin_cos();
+            [sum[0] + sin * value(col), sum[1] + cos * value(col), sum[2] + value(col)]
+        });
+        2.0 * sine.hypot(cosine) / mean
+    };
+    for first in [4, 24, 44, 64, 84, 104] {
+        let rendered = contrast(&|col| band(&image, 3, col, 2), first);
+        let ratio = contrast(&|col| computed[3 * 128 + col], first) / rendered;
+        println!("{first}: {rendered:.3}, {ratio:.3}");
+        assert!(rendered > 0.7 && (0.8..1.05).contains(&ratio), "{first}: {rendered} {ratio}");
+    }
+}
+
 #[test]
 fn the_image_is_upright_and_where_the_pinhole_sees_it() {
     // A small disc up and to the right of the middle, in focus.
@@ -218,7 +254,16 @@ fn the_image_is_upright_and_where_the_pinhole_sees_it() {
         [x / sum - 30.0, 22.5 - y / sum]
     };
     let lens = Arc::clone(camera.lens.as_ref().unwrap());
-    let through = center(&run(&scene(camera, vec![spot.clone()]), 256));
+    let image = run(&scene(camera, vec![spot.clone()]), 256);
+    let through = center(&image);
+    // Its part lies where its light does
+    let mut of_part = [0.0; 3];
+    for (pixel, _) in image.features.part.iter().enumerate().filter(|(_, part)| **part > 0) {
+        let at = [(pixel % 60) as f64 - 29.5, 22.0 - (pixel / 60) as f64];
+        of_part = [of_part[0] + at[0], of_part[1] + at[1], of_part[2] + 1.0];
+    }
+    let off = [0, 1].map(|axis| of_part[axis] / of_part[2] - through[axis]);
+    assert!(off[0].hypot(off[1]) < 0.15, "{off:?}");
     let seen = center(&run(&scene(pinhole, vec![spot]), 64));
     assert!(through[0] > 0.0 && through[1] > 0.0, "{through:?}");
     // Pinhole pixels become film by tan, film by the chief rays: compare tangents.

@@ -8,6 +8,7 @@ use thiserror::Error;
 use super::{PixelMask, Polygon};
 use crate::image::ComponentImage;
 use crate::names::{nearest_name, suggestion};
+use crate::optics::CameraLens;
 
 /// A rectangle in sensor pixels, counted from 0 at the top left corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -254,7 +255,6 @@ impl RegionOfInterest {
     /// The pixels of the region in a sensor image of `width` columns and `height` rows.
     ///
     /// Parts are looked up in the part map of the rendered scene: a sensor pixel takes the part at its own center.
-    /// Lens distortion is not followed.
     ///
     /// # Errors
     /// An unknown part, a rectangle or polygon that leaves the image, a mask of another size, or a region that no pixel belongs to.
@@ -276,7 +276,6 @@ impl RegionOfInterest {
         let is_drawn = |row: usize, col: usize| drawn.as_ref().is_none_or(|drawn| drawn[row * width + col]);
         // Collect the pixels that show the parts
         let wanted = self.part_numbers(scene.map(|s| s.components))?;
-        let behind = scene.map(|scene| scene.pixels_behind(width, height));
         // By the number that the map of parts gives a pixel, of which 0 is no part
         let mut is_wanted = vec![false; 1 << u16::BITS];
         for part in wanted.iter().flatten() {
@@ -284,16 +283,13 @@ impl RegionOfInterest {
                 *is_wanted = true;
             }
         }
-        let shows = |row: usize, col: usize| match (&wanted, scene, &behind) {
-            (Some(_), Some(scene), Some([rows, cols])) => match (rows[row], cols[col]) {
-                (Some(row), Some(col)) => {
-                    let part = scene.components.features.part[row * scene.components.width + col];
-                    is_wanted[usize::from(part)]
-                }
-                _ => false,
-            },
-            _ => true,
-        };
+        let shown: Option<Vec<bool>> = wanted.as_ref().and(scene).map(|scene| {
+            let parts = &scene.components.features.part;
+            let shows = |pixel: usize| scene.scene_pixel(pixel / width, pixel % width, width, height);
+            let is_part = |pixel| shows(pixel).is_some_and(|behind| is_wanted[usize::from(parts[behind])]);
+            (0..width * height).map(is_part).collect()
+        });
+        let shows = |row: usize, col: usize| shown.as_ref().is_none_or(|shown| shown[row * width + col]);
         let pixels = |inset: usize| -> Vec<usize> {
             let inside = |row: usize, col: usize| {
                 let rows = row.saturating_sub(inset)..=(row + inset).min(height - 1);
@@ -374,12 +370,15 @@ pub struct SceneOnSensor<'a> {
     pub components: &'a ComponentImage,
     /// Width and height of the rendered image on the film over those of the sensor. Both are centered on the axis.
     pub film_over_sensor: [f64; 2],
+    /// The lens that images what a pinhole rendered, and the tangent of half the width of the pinhole's image; none where the render
+    /// went through its lens.
+    pub lens: Option<(&'a CameraLens, f64)>,
 }
 
 impl<'a> SceneOnSensor<'a> {
     /// An image that fills the sensor.
     pub fn filling(components: &'a ComponentImage) -> Self {
-        Self { components, film_over_sensor: [1.0; 2] }
+        Self { components, film_over_sensor: [1.0; 2], lens: None }
     }
 
     /// Pixel of the rendered image behind the center of a pixel of a sensor of `width` columns and `height` rows; none
@@ -387,19 +386,19 @@ impl<'a> SceneOnSensor<'a> {
     pub fn scene_pixel(&self, row: usize, col: usize, width: usize, height: usize) -> Option<usize> {
         let scene = self.components;
         let [film_width, film_height] = self.film_over_sensor;
-        let row = place_behind(row, height, scene.height, film_height)?;
-        let col = place_behind(col, width, scene.width, film_width)?;
-        Some(row * scene.width + col)
-    }
-
-    /// Rows and columns of the rendered image behind all rows and columns of such a sensor.
-    fn pixels_behind(&self, width: usize, height: usize) -> [Vec<Option<usize>>; 2] {
-        let scene = self.components;
-        let [film_width, film_height] = self.film_over_sensor;
-        [
-            (0..height).map(|row| place_behind(row, height, scene.height, film_height)).collect(),
-            (0..width).map(|col| place_behind(col, width, scene.width, film_width)).collect(),
-        ]
+        // From the middle of the film to the right and down, in its widths and heights
+        let x = ((col as f64 + 0.5) / width as f64 - 0.5) / film_width;
+        let y = ((row as f64 + 0.5) / height as f64 - 0.5) / film_height;
+        let [x, y] = self.lens.map_or([x, y], |(lens, tan_half_width)| {
+            let seen = lens.chief_tangents(x * lens.film_width_mm(), -y * lens.film_height_mm());
+            let [right, up] = seen.map(|tangent| 0.5 * tangent / tan_half_width);
+            [right, -up * scene.width as f64 / scene.height as f64]
+        });
+        let place = |at: f64, count: usize| {
+            let place = ((at + 0.5) * count as f64).floor();
+            (place >= 0.0 && place < count as f64).then_some(place as usize)
+        };
+        Some(place(y, scene.height)? * scene.width + place(x, scene.width)?)
     }
 
     /// Pixels of the rendered image behind a region of the sensor, each once, in order.
@@ -412,13 +411,6 @@ impl<'a> SceneOnSensor<'a> {
         pixels.dedup();
         pixels
     }
-}
-
-/// Row or column of a scene behind the middle of one of a sensor, of which there are so many.
-fn place_behind(index: usize, sensor: usize, scene: usize, film_over_sensor: f64) -> Option<usize> {
-    let from_center = (index as f64 + 0.5) / sensor as f64 - 0.5;
-    let place = ((from_center / film_over_sensor + 0.5) * scene as f64).floor();
-    (place >= 0.0 && place < scene as f64).then_some(place as usize)
 }
 
 fn visible_parts(scene: &ComponentImage) -> Vec<String> {
@@ -541,12 +533,12 @@ mod tests {
         let scene = scene();
         let tongue = RegionOfInterest::of_parts(["tongue"]);
         // Twice the film: the sensor sees the middle two columns, and the middle of both rows.
-        let larger = SceneOnSensor { components: &scene, film_over_sensor: [2.0; 2] };
+        let larger = SceneOnSensor { components: &scene, film_over_sensor: [2.0; 2], lens: None };
         assert_eq!(tongue.select(2, 2, Some(larger)).unwrap().pixels, [0, 1, 2, 3]);
         let teeth = RegionOfInterest::of_parts(["upper_teeth"]);
         assert!(teeth.select(2, 2, Some(larger)).is_err());
         // Half of the film: it lies in the middle of the sensor, and around it nothing is seen.
-        let smaller = SceneOnSensor { components: &scene, film_over_sensor: [0.5; 2] };
+        let smaller = SceneOnSensor { components: &scene, film_over_sensor: [0.5; 2], lens: None };
         let selection = teeth.select(8, 4, Some(smaller)).unwrap();
         assert_eq!(selection.pixels, [8 + 5]);
         assert_eq!(smaller.scene_pixels(&selection), [3]);

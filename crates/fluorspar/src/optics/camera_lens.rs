@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::DVec2;
 
+use super::by_height::ByHeight;
 use super::filter::AngleDistribution;
 use super::traced_lens::{FilmSample, LensState, TracedLens};
 use crate::spectral::WavelengthGrid;
@@ -24,6 +25,8 @@ pub struct CameraLens {
     film_height_mm: f64,
     groups: Vec<(Range<usize>, TracedLens)>,
     axial_solid_angle_sr: f64,
+    /// Tangents of chief rays of the middle group.
+    tangents: ByHeight,
 }
 
 /// A ray of a film point in the frame of the camera (right, up, forward; origin in the entrance pupil; mm).
@@ -60,7 +63,8 @@ impl CameraLens {
             })
             .collect();
         let axial_solid_angle_sr = state.axial_solid_angle_sr(state.lens.design_wavelength_nm);
-        Self { axial_solid_angle_sr, state, film_width_mm, film_height_mm, groups }
+        let tangents = groups[groups.len() / 2].1.object_tangents(radius_mm);
+        Self { axial_solid_angle_sr, state, film_width_mm, film_height_mm, groups, tangents }
     }
 
     /// The setting of the lens.
@@ -105,6 +109,12 @@ impl CameraLens {
             direction: [ray.direction.x, ray.direction.y, -ray.direction.z],
             weight: weight_sr / self.axial_solid_angle_sr,
         })
+    }
+
+    /// Where the chief ray of a point of the upright image goes (mm right of and above its middle): tangents to the axis, to the right and
+    /// up. NaN where it misses the lens.
+    pub fn chief_tangents(&self, right_mm: f64, up_mm: f64) -> [f64; 2] {
+        self.tangents.along(DVec2::new(right_mm, up_mm)).to_array()
     }
 
     /// Relative illumination of a uniform field at a height on the film: the mean weight of all samples there.

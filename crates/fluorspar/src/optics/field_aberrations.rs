@@ -8,6 +8,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::airy::Airy;
+use super::by_height::ByHeight;
 use super::camera_lens::CameraLens;
 use super::sequential_trace::LensRay;
 use super::traced_lens::TracedLens;
@@ -88,26 +89,6 @@ impl PointSpread {
     }
 }
 
-/// A function of the height on the film, linear between even nodes.
-struct ByHeight {
-    step_mm: f64,
-    values: Vec<f64>,
-}
-
-impl ByHeight {
-    fn new(radius_mm: f64, nodes: usize, f: impl Fn(f64) -> f64 + Sync) -> Self {
-        let step_mm = radius_mm / (nodes - 1) as f64;
-        Self { step_mm, values: (0..nodes).into_par_iter().map(|i| f(i as f64 * step_mm)).collect() }
-    }
-
-    fn at(&self, height_mm: f64) -> f64 {
-        let position = (height_mm / self.step_mm).min((self.values.len() - 1) as f64);
-        let left = (position as usize).min(self.values.len() - 2);
-        let t = position - left as f64;
-        self.values[left] * (1.0 - t) + self.values[left + 1] * t
-    }
-}
-
 /// Some of the values of each pixel of an image, `[row, col, value]`.
 struct Interleaved<'a> {
     data: &'a [f32],
@@ -177,9 +158,7 @@ impl CameraLens {
         let radius_mm = 0.5 * self.film_width_mm().hypot(self.film_height_mm());
         let illumination = ByHeight::new(radius_mm, 33, |height_mm| self.relative_illumination(height_mm));
         // Look pixels up where their chief rays go
-        let tangent = ByHeight::new(radius_mm, 65, |height_mm| {
-            lens.chief_ray(height_mm).map_or(f64::NAN, |chief| chief.object_tangent)
-        });
+        let tangent = lens.object_tangents(radius_mm);
         let ideal = self.undistorted(pinhole, tan_half_width, &tangent);
         // Convolve traced point spreads with the Airy pattern
         let airy = Airy::new();
@@ -220,39 +199,32 @@ impl CameraLens {
         DVec2::new(col as f64 + 0.5 - 0.5 * width as f64, 0.5 * height as f64 - row as f64 - 0.5) * pitch_mm
     }
 
-    /// The pinhole's image where chief rays put it, `[row, col, band of the range]`.
+    /// The pinhole's image where chief rays put it, `[row, col, band of the range]`: between pixels by Lanczos' kernel, as a line between
+    /// two of them would lose half of the contrast of fine bars wherever distortion moves them by half a pixel.
     fn undistorted(&self, pinhole: &Interleaved<'_>, tan_half_width: f64, tangent: &ByHeight) -> Vec<f32> {
         let ([width, height], range) = (pinhole.size, &pinhole.range);
         let mut ideal = vec![0.0_f32; width * height * range.len()];
         ideal.par_chunks_exact_mut(width * range.len()).enumerate().for_each(|(row, out)| {
             for (col, out) in out.chunks_exact_mut(range.len()).enumerate() {
-                let place = self.place_mm(row, col, width, height);
-                let radius = place.length();
-                let direction = if radius > 0.0 { place / radius } else { DVec2::ZERO };
-                let seen = direction * tangent.at(radius) / tan_half_width;
-                if !seen.is_finite() {
-                    continue;
-                }
-                // Pixel coordinates of the pinhole, whose pixels are square in tangent.
+                let seen = tangent.along(self.place_mm(row, col, width, height)) / tan_half_width;
+                // Pixel coordinates of the pinhole, whose pixels are square in tangent
                 let x = 0.5 * width as f64 * (1.0 + seen.x) - 0.5;
                 let y = 0.5 * height as f64 - 0.5 * width as f64 * seen.y - 0.5;
-                // Beyond what the pinhole saw it is dark; half a pixel is the way from the last middle to the border.
+                // Beyond what the pinhole saw it is dark; half a pixel is the way from the last middle to the border
                 let inside = |at: f64, size: usize| (-0.75..=size as f64 - 0.25).contains(&at);
                 if !(inside(x, width) && inside(y, height)) {
                     continue;
                 }
                 let (x, y) = (x.clamp(0.0, (width - 1) as f64), y.clamp(0.0, (height - 1) as f64));
-                let (c, r) = (x as usize, y as usize);
-                let (tx, ty) = ((x - c as f64) as f32, (y - r as f64) as f32);
-                let (c1, r1) = ((c + 1).min(width - 1), (r + 1).min(height - 1));
-                for (row, col, weight) in [
-                    (r, c, (1.0 - tx) * (1.0 - ty)),
-                    (r, c1, tx * (1.0 - ty)),
-                    (r1, c, (1.0 - tx) * ty),
-                    (r1, c1, tx * ty),
-                ] {
-                    for (sum, value) in out.iter_mut().zip(pinhole.pixel(row, col)) {
-                        *sum += weight * value;
+                let [(left, across), (top, down)] = [x, y].map(|at| (at.floor(), lanczos(at - at.floor())));
+                for (k, weight_down) in down.iter().enumerate() {
+                    let row = within(top as i32 + k as i32 - 2, height);
+                    for (k, weight_across) in across.iter().enumerate() {
+                        let (col, weight) =
+                            (within(left as i32 + k as i32 - 2, width), weight_across * weight_down);
+                        for (sum, value) in out.iter_mut().zip(pinhole.pixel(row, col)) {
+                            *sum += weight * value;
+                        }
                     }
                 }
             }
@@ -294,8 +266,7 @@ impl CameraLens {
                 // Gather the ideal image, darkened by the relative illumination
                 let brightness = illumination.at(at) as f32 / kernel.total.max(f32::MIN_POSITIVE);
                 for (dx, dy, weight) in kernel.entries() {
-                    let c = (col as i32 + dx).clamp(0, width as i32 - 1) as usize;
-                    let r = (row as i32 + dy).clamp(0, height as i32 - 1) as usize;
+                    let (r, c) = (within(row as i32 + dy, height), within(col as i32 + dx, width));
                     let start = (r * width + c) * range.len();
                     let factor = weight * brightness;
                     for (sum, value) in out[range.clone()].iter_mut().zip(&ideal[start..start + range.len()])
@@ -306,6 +277,27 @@ impl CameraLens {
             }
         });
     }
+}
+
+/// The nearest of so many places.
+fn within(at: i32, count: usize) -> usize {
+    at.clamp(0, count as i32 - 1) as usize
+}
+
+/// Weights of the six samples around a point that lies `t` behind the third: Lanczos' kernel, `sinc x sinc(x / 3)`, adding up to 1.
+fn lanczos(t: f64) -> [f32; 6] {
+    let sinc = |x: f64| if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
+    let weights = [2.0, 1.0, 0.0, -1.0, -2.0, -3.0].map(|k| sinc(k + t) * sinc((k + t) / 3.0));
+    let total: f64 = weights.iter().sum();
+    weights.map(|weight| (weight / total) as f32)
+}
+
+/// Weights of the four samples around a point that lies `t` behind the second, whose mean and variance are those of the point: Keys' cubic
+/// kernel (IEEE Trans. Acoust. 29, 1153, 1981).
+fn cubic(t: f64) -> [f32; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    let weights = [2.0 * t2 - t - t3, 2.0 - 5.0 * t2 + 3.0 * t3, t + 4.0 * t2 - 3.0 * t3, t3 - t2];
+    weights.map(|weight| (0.5 * weight) as f32)
 }
 
 /// Weights on whole pixels around one pixel.
@@ -335,26 +327,19 @@ impl Kernel {
         (self.reach, self.total) = (0, 0.0);
     }
 
-    /// Spreads a weight over the four pixels around a point.
+    /// Spreads a weight over the pixels around a point, as [`cubic`] does: a spread keeps its place and width.
     fn add(&mut self, x: f64, y: f64, weight: f64) {
-        let limit = f64::from(LARGEST_REACH) - 1e-6;
+        let limit = f64::from(LARGEST_REACH - 2);
         let (x, y) = (x.clamp(-limit, limit), y.clamp(-limit, limit));
-        let (left, top) = (x.floor(), y.floor());
-        let (tx, ty) = (x - left, y - top);
-        let (left, top) = (left as i32, top as i32);
-        for (dx, dy, share) in [
-            (left, top, (1.0 - tx) * (1.0 - ty)),
-            (left + 1, top, tx * (1.0 - ty)),
-            (left, top + 1, (1.0 - tx) * ty),
-            (left + 1, top + 1, tx * ty),
-        ] {
-            let value = (share * weight) as f32;
-            if value > 0.0 {
-                self.weights[Self::index(dx, dy)] += value;
-                self.total += value;
-                self.reach = self.reach.max(dx.abs()).max(dy.abs());
+        let [(left, across), (top, down)] = [x, y].map(|at| (at.floor() as i32, cubic(at - at.floor())));
+        for (k, weight_down) in down.iter().enumerate() {
+            let start = Self::index(left - 1, top + k as i32 - 1);
+            for (sum, weight_across) in self.weights[start..start + 4].iter_mut().zip(across) {
+                *sum += weight as f32 * weight_down * weight_across;
             }
         }
+        self.total += weight as f32;
+        self.reach = self.reach.max(left.abs().max(top.abs()) + 2);
     }
 
     fn entries(&self) -> impl Iterator<Item = (i32, i32, f32)> + '_ {
@@ -362,7 +347,7 @@ impl Kernel {
             .flat_map(move |dy| {
                 (-self.reach..=self.reach).map(move |dx| (dx, dy, self.weights[Self::index(dx, dy)]))
             })
-            .filter(|entry| entry.2 > 0.0)
+            .filter(|entry| entry.2 != 0.0)
     }
 }
 
@@ -378,9 +363,8 @@ mod tests {
         let sums = kernel
             .entries()
             .fold([0.0; 3], |s, (dx, dy, w)| [s[0] + w, s[1] + w * dx as f32, s[2] + w * dy as f32]);
-        assert!(
-            (sums[0] - 2.0).abs() < 1e-6 && (sums[1] + 2.75).abs() < 1e-6 && (sums[2] - 0.5).abs() < 1e-6
-        );
+        assert!((sums[0] - 2.0).abs() < 1e-6, "{sums:?}");
+        assert!((sums[1] + 2.75).abs() < 1e-6 && (sums[2] - 0.5).abs() < 1e-6, "{sums:?}");
         kernel.clear();
         assert_eq!(kernel.entries().count(), 0);
         kernel.add(1e9, 0.0, 1.0);

@@ -15,6 +15,7 @@
 //! | `exit_pupil`, `traced_lens` | aperture, focus, rays from the film into the scene with weights |
 
 mod airy;
+mod by_height;
 mod camera_lens;
 mod exit_pupil;
 mod field_aberrations;

@@ -12,7 +12,7 @@ use crate::sampling::warp;
 /// A camera: a pinhole, or film behind a traced lens whose entrance pupil is where the pinhole would be.
 ///
 /// The pinhole records radiance. The film records lens radiance, see [`CameraLens`]; its field of view is that of the lens,
-/// and the pinhole serves for the feature maps only.
+/// and the pinhole, whose rays go where its chief rays do, serves for the feature maps only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PerspectiveCamera {
     /// Position of the entrance pupil, m.
@@ -138,8 +138,16 @@ impl PerspectiveCamera {
         })
     }
 
-    /// Origin and unit direction through image coordinates in pixels: x from the left, y from the top.
+    /// Origin and unit direction through image coordinates in pixels: x from the left, y from the top. Of a lens, along its chief ray
+    /// from the middle of its entrance pupil.
     pub fn ray(&self, x: f32, y: f32) -> (Vec3, Vec3) {
+        if let Some(lens) = &self.lens {
+            let [right_mm, up_mm] = self.film_place_mm(lens, x, y);
+            let [right, up] = lens.chief_tangents(right_mm, up_mm).map(|tangent| tangent as f32);
+            if right.is_finite() && up.is_finite() {
+                return (self.position, (self.forward + self.right * right + self.up * up).normalize());
+            }
+        }
         let half = self.parallel_half_width_m.unwrap_or(self.tan_half_width);
         let scale = 2.0 * half / self.width as f32;
         let dx = (x - 0.5 * self.width as f32) * scale + self.center.x * half;
@@ -183,9 +191,7 @@ impl PerspectiveCamera {
             };
             return CameraRay { origin, direction, weight: 1.0 };
         };
-        let pitch_mm = lens.film_width_mm() / self.width as f64;
-        let right_mm = (f64::from(x) - 0.5 * self.width as f64) * pitch_mm;
-        let up_mm = (0.5 * self.height as f64 - f64::from(y)) * pitch_mm;
+        let [right_mm, up_mm] = self.film_place_mm(lens, x, y);
         let world = |[right, up, forward]: [f64; 3]| {
             self.right * right as f32 + self.up * up as f32 + self.forward * forward as f32
         };
@@ -197,6 +203,13 @@ impl PerspectiveCamera {
             },
             None => CameraRay { origin: self.position, direction: self.forward, weight: 0.0 },
         }
+    }
+
+    /// A point of the film of a lens, mm to the right of and above its middle.
+    fn film_place_mm(&self, lens: &CameraLens, x: f32, y: f32) -> [f64; 2] {
+        let pitch_mm = lens.film_width_mm() / self.width as f64;
+        [f64::from(x) - 0.5 * self.width as f64, 0.5 * self.height as f64 - f64::from(y)]
+            .map(|px| px * pitch_mm)
     }
 
     /// A ray from a point `u` of an aperture to the point in focus, after diffraction by numbers `v`.

@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
 
+use super::by_height::ByHeight;
 use super::exit_pupil::{Circle, PupilBounds};
 use super::paraxial::Paraxial;
 use super::prescription::{FocusMechanism, LensPrescription, PrescriptionError};
@@ -111,6 +112,13 @@ impl LensState {
         PI * low * low / (1.0 + low * low)
     }
 
+    /// [`Self::f_number`] at another wavelength than the design's.
+    pub fn f_number_at(&self, wavelength_nm: f64) -> f64 {
+        let lens = self.lens.clone().with_focus_travel(-self.focus_travel);
+        let trace = SequentialTrace::new(&lens, wavelength_nm, self.stop_semi_diameter_mm);
+        Paraxial::new(&lens, wavelength_nm).focal_length_mm / (2.0 * axial_beam_mm(&lens, &trace))
+    }
+
     /// Rays at a wavelength.
     pub fn trace(&self, wavelength_nm: f64) -> SequentialTrace {
         SequentialTrace::new(&self.lens, wavelength_nm, self.stop_semi_diameter_mm)
@@ -130,6 +138,21 @@ fn check_collects(lens: &Paraxial) -> Result<(), PrescriptionError> {
     Err(PrescriptionError::new("surfaces", message))
 }
 
+/// A ray parallel to the axis at a height, mm.
+fn parallel_ray(height: f64) -> LensRay {
+    LensRay { origin: DVec3::new(height, 0.0, -1.0), direction: DVec3::Z }
+}
+
+/// Largest height at which a ray parallel to the axis passes, mm.
+fn axial_beam_mm(lens: &LensPrescription, trace: &SequentialTrace) -> f64 {
+    let (mut low, mut high) = (0.0, lens.surfaces[0].semi_diameter_mm * 1.01);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if trace.forward(parallel_ray(middle)).is_ok() { low = middle } else { high = middle }
+    }
+    low
+}
+
 /// Radius of the stop and f-number: focal length over diameter of the axial beam that a distant object sends through the
 /// lens, traced, not paraxial: in fast lenses the two differ by percents.
 fn aperture(
@@ -137,18 +160,10 @@ fn aperture(
     at_infinity: &Paraxial,
     wanted: Option<f64>,
 ) -> Result<(f64, f64), PrescriptionError> {
-    let nm = lens.design_wavelength_nm;
     let focal_length_mm = at_infinity.focal_length_mm;
     let widest = lens.surfaces[lens.stop()].semi_diameter_mm;
-    let open = SequentialTrace::new(lens, nm, widest);
-    let parallel = |height: f64| LensRay { origin: DVec3::new(height, 0.0, -1.0), direction: DVec3::Z };
-    let passes = |height: f64| open.forward(parallel(height)).is_ok();
-    // Bisect the largest height at which a parallel ray passes
-    let (mut low, mut high) = (0.0, lens.surfaces[0].semi_diameter_mm * 1.01);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if passes(middle) { low = middle } else { high = middle }
-    }
+    let open = SequentialTrace::new(lens, lens.design_wavelength_nm, widest);
+    let low = axial_beam_mm(lens, &open);
     let fastest = focal_length_mm / (2.0 * low);
     if !(low > 1e-9 && fastest.is_finite()) {
         let message =
@@ -156,7 +171,7 @@ fn aperture(
         return Err(PrescriptionError::new("semi_diameter_mm", message));
     }
     // Set the stop for the wanted f-number
-    let stop_at = |height: f64| open.to_stop(parallel(height)).map_or(widest, |point| point.x.abs());
+    let stop_at = |height: f64| open.to_stop(parallel_ray(height)).map_or(widest, |point| point.x.abs());
     match wanted {
         None => Ok((stop_at(low).min(widest), fastest)),
         Some(wanted) if wanted > 1e3 => {
@@ -337,6 +352,12 @@ impl TracedLens {
     /// Irradiance per radiance of a uniform field at a height on the film, sr, losses at surfaces left out.
     pub fn solid_angle_sr(&self, height_mm: f64) -> f64 {
         self.pupil_rays(height_mm, PUPIL_SAMPLES).iter().map(|sample| sample.weight_sr).sum()
+    }
+
+    /// Tangents of chief rays to the axis in front of the lens, up to a height on the film; NaN where they miss it.
+    pub(super) fn object_tangents(&self, radius_mm: f64) -> ByHeight {
+        let tangent = |height_mm| self.chief_ray(height_mm).map_or(f64::NAN, |chief| chief.object_tangent);
+        ByHeight::new(radius_mm, 65, tangent)
     }
 
     /// The ray from a film point at a height through the middle of the stop; `None` where it misses a surface.

@@ -41,7 +41,7 @@ const MODULES: &[(&str, &[&str])] = &[
         ],
     ),
     ("sensor", &["units", "warning", "spectral", "image", "sampling"]),
-    ("analysis", &["units", "names", "warning", "spectral", "image", "sampling"]),
+    ("analysis", &["units", "names", "warning", "spectral", "image", "sampling", "optics"]),
     (
         "study",
         &[

@@ -128,11 +128,13 @@ pub(in crate::pipeline) fn behind_filter<'a>(lens: &'a IdealLens, capture: &Capt
 }
 
 /// The image on the film, relative to the sensor. `None` without lens or sensor.
-pub fn on_sensor<'a>(study: &Study, components: &'a ComponentImage) -> Option<SceneOnSensor<'a>> {
+pub fn on_sensor<'a>(study: &'a Study, components: &'a ComponentImage) -> Option<SceneOnSensor<'a>> {
     let film = film_extent(study, components, &study.camera.lens.as_ref()?.equation);
     let sensor = study.camera.sensor.as_ref()?.film_extent();
     let film_over_sensor = [film.width_mm / sensor.width_mm, film.height_mm / sensor.height_mm];
-    Some(SceneOnSensor { components, film_over_sensor })
+    let lens = study.camera.traced_lens().filter(|_| study.scene.camera.lens.is_none());
+    let lens = lens.map(|lens| (&**lens, tan_half_width(study, components)));
+    Some(SceneOnSensor { components, film_over_sensor, lens })
 }
 
 /// Columns of the frames for each column of a rendered image. Of the image only size and place count. `None` without lens or sensor.
