@@ -7,8 +7,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use fluorspar::analysis::{
-    Analysis, AnalysisSettings, Analyte, ChannelNoise, ChromaticityMap, FluorophoreResponse, MixtureLine,
-    MixtureModel, PorphyrinMap, Rectangle, RegionOfInterest, analyze_region,
+    Analysis, AnalysisSettings, Analyte, ChannelNoise, ChromaticityMap, FluorophoreResponse, LineNoise,
+    MixtureLine, MixtureModel, PorphyrinMap, Rectangle, RegionOfInterest, analyze_region,
 };
 use fluorspar::image::ChannelImage;
 use fluorspar_report::figures::{
@@ -46,7 +46,7 @@ fn figures_of(report: &ReportData) -> impl Iterator<Item = &Figure> {
 }
 
 fn noise() -> ChannelNoise {
-    ChannelNoise { floor_dn: 6.3, dn_per_electron: 0.45, gain_spread: 0.0229 }
+    ChannelNoise { floor_dn: 6.3, dn_per_electron: 0.45, gain_spread: 0.0229, lines: LineNoise::default() }
 }
 
 fn curve(name: &str, f: impl Fn(f64) -> f64) -> PlotCurve {

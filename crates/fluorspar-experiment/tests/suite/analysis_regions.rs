@@ -89,6 +89,35 @@ fn a_region_is_its_own_analysis_to_the_last_bit() {
     assert!(share(seen(1)).is_some() && share(seen(2)).is_none());
 }
 
+/// A line of a mosaic may hold no pixel of a channel: its truth is that of the interpolated frame around it. So is the crosstalk of a
+/// region that of its place.
+#[test]
+fn the_truth_of_a_region_is_of_all_channels_and_its_place() {
+    let study = |changes: &[&str]| study("", &[&["analysis.parts=[\"patch\"]"][..], changes].concat());
+    let image = rendered(&study(&[]));
+    let share = |rectangle: &str| {
+        let rectangle = format!("analysis.rectangle_px={rectangle}");
+        let analyzed = evaluate(&study(&[&rectangle]), &image).unwrap().analysis.unwrap();
+        analyzed.analysis.truth.unwrap().share
+    };
+    let wanted = share("[8, 8, 16, 32]");
+    for few in ["[8, 8, 1, 32]", "[9, 8, 1, 32]", "[8, 8, 16, 1]", "[8, 8, 1, 1]"] {
+        assert!((share(few) / wanted - 1.0).abs() < 0.05, "{few}: {} for {wanted}", share(few));
+    }
+    // The corner of a sensor has three times the optical crosstalk of its center
+    let off = |factor: f64| {
+        let edge = format!("sensor.crosstalk.optical_edge_factor={factor}");
+        let size = ["sensor.preset=\"rgb_nir_3um\"", "sensor.columns=64", "sensor.rows=48"];
+        let place = ["sensor.mode={ type = \"noise_free\" }", "analysis.rectangle_px=[2, 2, 8, 8]"];
+        let study = study(&[&size[..], &place, &[&edge]].concat());
+        let analysis = evaluate(&study, &image).unwrap().analysis.unwrap().analysis;
+        let terms = analysis.signals.unwrap().unmixing.unwrap().terms;
+        let porphyrin = terms.iter().find(|term| term.fluorophores == ["protoporphyrin_ix"]).unwrap();
+        porphyrin.share / porphyrin.true_share.unwrap()
+    };
+    assert!((off(3.0) / off(1.0) - 1.0).abs() < 0.01, "{} {}", off(3.0), off(1.0));
+}
+
 /// A spot behind the patch is hidden, and one of no more than its rim is not within it: the others are as without them.
 #[test]
 fn a_region_out_of_view_leaves_the_others_as_they_are() {

@@ -144,7 +144,7 @@ pub(crate) fn render_noise_words(target: &TargetDetection) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use fluorspar::analysis::{AnalysisSettings, ChannelNoise, RegionOfInterest, analyze_region};
+    use fluorspar::analysis::{AnalysisSettings, ChannelNoise, LineNoise, RegionOfInterest, analyze_region};
     use fluorspar::image::ChannelImage;
 
     use super::*;
@@ -165,7 +165,12 @@ mod tests {
             calibration: None,
             label: "dark".into(),
         };
-        let noise = ChannelNoise { floor_dn: 2.0, dn_per_electron: 0.5, gain_spread: 0.0 };
+        let noise = ChannelNoise {
+            floor_dn: 2.0,
+            dn_per_electron: 0.5,
+            gain_spread: 0.0,
+            lines: LineNoise::default(),
+        };
         let settings = AnalysisSettings::new(RegionOfInterest::default(), noise);
         let (analysis, ..) = analyze_region(&image, None, None, None, &settings).unwrap();
         let section = analysis_section(&analysis, Vec::new(), FrameOrigin::Given);

@@ -1,5 +1,7 @@
 //! How uncertain one developed channel value is.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::image::ChannelImage;
@@ -22,11 +24,54 @@ pub struct ChannelNoise {
     pub dn_per_electron: f64,
     /// Relative pixel gain spread (0.0229 in Table 1 of the paper); 0 where a flat field was divided out.
     pub gain_spread: f64,
+    /// What rows and columns share.
+    #[serde(default, skip_serializing_if = "LineNoise::is_none")]
+    pub lines: LineNoise,
+}
+
+/// Noise that all pixels of a line share: it averages over the lines of a region, not over its pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LineNoise {
+    /// Standard deviation of the offset of a row, DN.
+    pub row_dn: f64,
+    /// Standard deviation of the offset of a column, DN.
+    pub column_dn: f64,
+    /// Relative spread of the gains of columns.
+    pub column_gain: f64,
+}
+
+impl LineNoise {
+    /// Whether there is none.
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Variance of a mean of `mean_dn` over pixels of an image of `width` columns, DN²: `s_r² sum over rows (sum of w)²`, and the same of
+    /// columns. `weights` are pixels with their weights in the mean.
+    pub(super) fn variance_of_mean(
+        &self,
+        weights: impl Iterator<Item = (usize, f64)>,
+        width: usize,
+        mean_dn: f64,
+    ) -> f64 {
+        if self.is_none() {
+            return 0.0;
+        }
+        let mut of_lines = [BTreeMap::new(), BTreeMap::new()];
+        for (pixel, weight) in weights {
+            for (lines, line) in of_lines.iter_mut().zip([pixel / width, pixel % width]) {
+                *lines.entry(line).or_insert(0.0) += weight;
+            }
+        }
+        let [rows, columns] = of_lines.map(|lines| lines.values().map(|weight| weight * weight).sum::<f64>());
+        let column_dn = self.column_dn.hypot(self.column_gain * mean_dn);
+        rows * self.row_dn.powi(2) + columns * column_dn.powi(2)
+    }
 }
 
 impl ChannelNoise {
     /// The noise of a developed image: its own dark noise, with the conversion factor and the gain spread of its sensor.
-    /// `dark_spread_dn` is the dark signal non-uniformity; it counts where no frame was subtracted that holds it, too.
+    /// `dark_spread_dn` is the dark signal non-uniformity; it counts where no frame was subtracted that holds it, too. Lines have none.
     pub fn of_image(
         image: &ChannelImage,
         dn_per_electron: f64,
@@ -34,7 +79,12 @@ impl ChannelNoise {
         dark_spread_dn: f64,
     ) -> Self {
         let pattern = if image.subtracted.is_some() { 0.0 } else { dark_spread_dn };
-        Self { floor_dn: image.noise_floor_dn.hypot(pattern), dn_per_electron, gain_spread }
+        Self {
+            floor_dn: image.noise_floor_dn.hypot(pattern),
+            dn_per_electron,
+            gain_spread,
+            lines: LineNoise::default(),
+        }
     }
 
     /// Variance of a value from which nothing was subtracted, DN². Values below zero count as dark.
@@ -91,7 +141,12 @@ mod tests {
     #[test]
     fn the_table_1_sensor_has_the_variance_worked_out_by_hand() {
         // 1000 electrons at 0.4496 DN per electron: 6.25² + 0.4496 * 449.6 + (0.0229 * 449.6)².
-        let noise = ChannelNoise { floor_dn: 6.25, dn_per_electron: 0.4496, gain_spread: 0.0229 };
+        let noise = ChannelNoise {
+            floor_dn: 6.25,
+            dn_per_electron: 0.4496,
+            gain_spread: 0.0229,
+            lines: LineNoise::default(),
+        };
         let expected = 39.0625 + 202.140_16 + 106.004_177;
         assert!((noise.variance(449.6) - expected).abs() < 1e-3, "{}", noise.variance(449.6));
         assert_eq!(noise.variance(-3.0), 39.0625);
@@ -100,8 +155,12 @@ mod tests {
     #[test]
     fn subtracted_light_leaves_its_shot_noise() {
         // 100 DN over 1000 DN of ambient light, both frames with the same exposure and 6.25 DN of dark noise.
-        let noise =
-            ChannelNoise { floor_dn: 6.25 * 2f64.sqrt(), dn_per_electron: 0.455, gain_spread: 0.0229 };
+        let noise = ChannelNoise {
+            floor_dn: 6.25 * 2f64.sqrt(),
+            dn_per_electron: 0.455,
+            gain_spread: 0.0229,
+            lines: LineNoise::default(),
+        };
         let expected = 2.0 * 39.0625 + 0.455 * (1100.0 + 1000.0) + (2.29f64).powi(2);
         assert!((noise.variance_over(100.0, 1000.0, 1.0) - expected).abs() < 1e-9);
     }

@@ -128,6 +128,7 @@ impl ErrorBudget {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::analysis::LineNoise;
 
     /// A mixture with known parts: each is taken away exactly.
     #[test]
@@ -153,7 +154,12 @@ mod tests {
             inner_rgb_dn: None,
             light: &light,
             subtracted: ([0.0; 3], 0.0),
-            noise: ChannelNoise { floor_dn: 1.0, dn_per_electron: 0.5, gain_spread: 0.0 },
+            noise: ChannelNoise {
+                floor_dn: 1.0,
+                dn_per_electron: 0.5,
+                gain_spread: 0.0,
+                lines: LineNoise::default(),
+            },
         };
         let budget = ErrorBudget::new(&input).unwrap();
         let item = |name: &str| budget.terms.iter().find(|item| item.source == name).unwrap();

@@ -63,7 +63,7 @@ mod visible_share;
 
 pub use agreement::{Agreement, EstimateOfTruth};
 pub use analyte::Analyte;
-pub use channel_noise::ChannelNoise;
+pub use channel_noise::{ChannelNoise, LineNoise};
 pub use channel_signals::{
     ChannelSignal, OtherLight, SignalRatio, SignalSummary, UnmixedTerm, Unmixing, UnmixingTerm,
 };

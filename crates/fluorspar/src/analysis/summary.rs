@@ -479,7 +479,7 @@ mod tests {
     use rand_distr::StandardNormal;
 
     use super::*;
-    use crate::analysis::Rectangle;
+    use crate::analysis::{LineNoise, Rectangle};
     use crate::sampling::Z_95;
     use crate::sampling::random::Key;
 
@@ -499,7 +499,12 @@ mod tests {
     }
 
     fn settings() -> AnalysisSettings {
-        let noise = ChannelNoise { floor_dn: 2.0, dn_per_electron: 0.45, gain_spread: 0.0 };
+        let noise = ChannelNoise {
+            floor_dn: 2.0,
+            dn_per_electron: 0.45,
+            gain_spread: 0.0,
+            lines: LineNoise::default(),
+        };
         AnalysisSettings::new(RegionOfInterest::default(), noise)
     }
 

@@ -522,6 +522,7 @@ fn without_empty(ring: &[Option<usize>]) -> Vec<Option<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::analysis::LineNoise;
     use crate::image::CalibrationNoise;
     use crate::sampling::random::Key;
     use rand::RngExt;
@@ -581,7 +582,12 @@ mod tests {
     }
 
     fn found(difference: f64, sigma: f64, box_px: usize, radius: f64, wanted: f64) -> TargetDetection {
-        let noise = ChannelNoise { floor_dn: sigma, dn_per_electron: 0.0, gain_spread: 0.0 };
+        let noise = ChannelNoise {
+            floor_dn: sigma,
+            dn_per_electron: 0.0,
+            gain_spread: 0.0,
+            lines: LineNoise::default(),
+        };
         let [disc, ring] = disc_and_ring(radius);
         let image = image(difference, sigma, box_px, radius);
         TargetDetection::new("disc", &image, &noise, [&disc, &ring], wanted, None).unwrap()
@@ -601,7 +607,12 @@ mod tests {
         for (pixel, value) in image.data.iter_mut().enumerate() {
             *value += coarse[pixel / SIDE / 3 * 40 + pixel % SIDE / 3] as f32;
         }
-        let noise = ChannelNoise { floor_dn: sigma, dn_per_electron: 0.0, gain_spread: 0.0 };
+        let noise = ChannelNoise {
+            floor_dn: sigma,
+            dn_per_electron: 0.0,
+            gain_spread: 0.0,
+            lines: LineNoise::default(),
+        };
         let render = RenderNoise {
             covariance_dn2: vec![vec![16.0 * sigma * sigma]],
             frame_per_render: [3.0; 2],
@@ -677,7 +688,12 @@ mod tests {
             has_dark: false,
             has_flat: true,
         });
-        let noise = ChannelNoise { floor_dn: 5.0, dn_per_electron: 0.0, gain_spread: 0.0 };
+        let noise = ChannelNoise {
+            floor_dn: 5.0,
+            dn_per_electron: 0.0,
+            gain_spread: 0.0,
+            lines: LineNoise::default(),
+        };
         let measure =
             |wanted| TargetDetection::new("disc", &image, &noise, [&disc, &ring], wanted, None).unwrap();
         let told = measure(7.0);
@@ -718,7 +734,12 @@ mod tests {
 
     #[test]
     fn too_little_to_measure_is_no_measurement() {
-        let noise = ChannelNoise { floor_dn: 1.0, dn_per_electron: 0.0, gain_spread: 0.0 };
+        let noise = ChannelNoise {
+            floor_dn: 1.0,
+            dn_per_electron: 0.0,
+            gain_spread: 0.0,
+            lines: LineNoise::default(),
+        };
         let [disc, ring] = disc_and_ring(10.0);
         let nothing = PixelSelection { pixels: Vec::new(), ..disc.clone() };
         let image = image(10.0, 1.0, 1, 10.0);

@@ -90,6 +90,17 @@ impl Crosstalk {
         Ok(())
     }
 
+    /// The same with the optical crosstalk everywhere of a place whose squared distance from the center is `radius2` of that of a corner.
+    pub(super) fn at(&self, radius2: f64) -> Self {
+        let factor = 1.0 + (self.optical_edge_factor - 1.0) * radius2;
+        Self {
+            optical_side_percent: factor * self.optical_side_percent,
+            optical_corner_percent: factor * self.optical_corner_percent,
+            optical_edge_factor: 1.0,
+            ..self.clone()
+        }
+    }
+
     /// Electrical share of one side neighbor as a curve, if there is any.
     pub(super) fn electrical_share(&self) -> Option<Curve> {
         let pairs = &self.electrical_side_percent;

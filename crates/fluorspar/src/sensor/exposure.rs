@@ -200,12 +200,14 @@ impl Chain {
 
 /// Bits that the numbers of a raw image need.
 fn bits_of(sensor: &Sensor) -> u8 {
-    match &sensor.model.binning {
+    let model = &sensor.model;
+    match &model.binning {
         Some(binning) if binning.kind == BinningKind::DigitalSum => {
-            let largest = u32::from(sensor.model.max_code()) * binning.pixels() as u32;
+            let largest = u32::from(model.max_code()) * binning.pixels() as u32;
             (u32::BITS - largest.leading_zeros()) as u8
         }
-        _ => sensor.model.bit_depth,
+        // ISETCam's converter has one code more than its bits count
+        _ => model.bit_depth + u8::from(matches!(model.mode, SensorMode::Isetcam { .. })),
     }
 }
 
@@ -296,6 +298,29 @@ impl Sensor {
             Some(crosstalk) => crosstalk.mixed(&self.qe, &self.mosaic),
             None => self.qe.clone(),
         }
+    }
+
+    /// The same sensor with the optical crosstalk everywhere that pixels of its raw images have on average.
+    #[must_use]
+    pub fn as_pixels_see(&self, pixels: &[usize]) -> Cow<'_, Self> {
+        let Some(crosstalk) = self.model.crosstalk.as_ref().filter(|it| it.optical_edge_factor != 1.0) else {
+            return Cow::Borrowed(self);
+        };
+        let (model, readout) = (&self.model, &self.readout);
+        let joined = readout.binning.map_or([1, 1], |binning| [binning.columns, binning.rows]);
+        let first = [readout.first_column, readout.first_row];
+        let from_center = |at: usize, axis: usize| {
+            let size = [model.columns, model.rows][axis] as f64;
+            first[axis] as f64 + (at as f64 + 0.5) * joined[axis] as f64 - 0.5 * size
+        };
+        let radius2 = |pixel: &usize| {
+            from_center(pixel % readout.columns, 0).powi(2) + from_center(pixel / readout.columns, 1).powi(2)
+        };
+        let corner2 = 0.25 * ((model.columns * model.columns + model.rows * model.rows) as f64);
+        let mean = pixels.iter().map(radius2).sum::<f64>() / (corner2 * pixels.len().max(1) as f64);
+        let mut sensor = self.clone();
+        sensor.model.crosstalk = Some(crosstalk.at(mean));
+        Cow::Owned(sensor)
     }
 
     /// The quantum efficiency.

@@ -262,8 +262,13 @@ impl SensorModel {
         self.rows as f64 * self.pixel_size_um * 1e-3
     }
 
+    /// Electrons behind a voltage before the gain, mV.
+    pub fn electrons_of_mv(&self, millivolts: f64) -> f64 {
+        millivolts * 1e-3 / self.conversion_gain_v_per_e()
+    }
+
     fn in_electrons(&self, electrons: Option<f64>, millivolts: Option<f64>, default_mv: f64) -> f64 {
-        electrons.unwrap_or_else(|| millivolts.unwrap_or(default_mv) * 1e-3 / self.conversion_gain_v_per_e())
+        electrons.unwrap_or_else(|| self.electrons_of_mv(millivolts.unwrap_or(default_mv)))
     }
 
     /// Temporal noise before the gain, e- rms.
@@ -274,11 +279,10 @@ impl SensorModel {
     /// Temporal dark noise of one pixel at an exposure's gain, e- rms: noise before and after the gain, of rows and of
     /// columns. Shot noise of the dark current and quantization excluded.
     pub fn dark_noise_electrons(&self, gain: f64) -> f64 {
-        let electrons = |mv: f64| mv * 1e-3 / self.conversion_gain_v_per_e();
         let after_gain_dn = self.post_gain_noise_mv * 1e-3 / self.volts_per_dn();
         self.read_noise_electrons()
             .hypot(after_gain_dn / (self.base_dn_per_electron() * self.analog_gain * gain))
-            .hypot(electrons(self.row_noise_mv).hypot(electrons(self.column_noise_mv)))
+            .hypot(self.electrons_of_mv(self.row_noise_mv).hypot(self.electrons_of_mv(self.column_noise_mv)))
     }
 
     /// Saturation capacity of EMVA 1288 at an exposure's gain, e-: the mean signal of the largest temporal variance, where a well that fills

@@ -158,7 +158,7 @@ impl PhysicalChain {
         let random = model.mode != SensorMode::NoiseFree;
         let gain = model.analog_gain * exposure.gain;
         let (device, frame) = (Key::new(model.device_seed), frame_key(exposure));
-        let electrons = |mv: f64| mv * 1e-3 / model.conversion_gain_v_per_e();
+        let electrons = |mv: f64| model.electrons_of_mv(mv);
         let lines = |count: usize, key: Key, source, sigma: f64| -> Vec<f64> {
             let sigma = if random { sigma } else { 0.0 };
             (0..count).map(|line| term(sigma, line_key(key, line), source)).collect()

@@ -1,20 +1,28 @@
 //! Means of regions of interpolated frames: their variance in closed form against the scatter of many frames.
 #![allow(clippy::unwrap_used)]
 
-use fluorspar::analysis::{ChannelNoise, mean_of_pixels};
+use fluorspar::analysis::{ChannelNoise, LineNoise, mean_of_pixels};
 use fluorspar::image::{ChannelImage, Mosaic, SensorImage};
 use fluorspar::sampling::random::Key;
 use fluorspar::sensor::{Demosaicing, Development};
 
 const SIZE: [usize; 2] = [16, 12];
 
-/// A frame of even light with Gaussian noise of variance 100 DN², and of nothing but a constant where `seed` is none.
+/// What rows and columns share, DN.
+const LINES: LineNoise = LineNoise { row_dn: 7.0, column_dn: 4.0, column_gain: 0.0 };
+
+/// A frame of even light with Gaussian noise of variance 100 DN² and that of lines, and of nothing but a constant where `seed` is none.
 fn developed(seed: Option<u64>, how: Demosaicing) -> ChannelImage {
-    let value = |pixel: usize| {
-        let key = Key::new(3).with(seed.unwrap_or(0)).with(pixel as u64);
+    let normal = |of: u64, number: usize| {
+        let key = Key::new(of).with(seed.unwrap_or(0)).with(number as u64);
         let uniform = |id: u64| (key.with(id).value() >> 11) as f64 / (1u64 << 53) as f64;
-        let normal = (-2.0 * (1.0 - uniform(0)).ln()).sqrt() * (std::f64::consts::TAU * uniform(1)).cos();
-        (1000.0 + if seed.is_some() { 10.0 * normal } else { 0.0 }).round() as u16
+        (-2.0 * (1.0 - uniform(0)).ln()).sqrt() * (std::f64::consts::TAU * uniform(1)).cos()
+    };
+    let value = |pixel: usize| {
+        let of_lines =
+            LINES.row_dn * normal(4, pixel / SIZE[0]) + LINES.column_dn * normal(5, pixel % SIZE[0]);
+        let noise = if seed.is_some() { 10.0 * normal(3, pixel) + of_lines } else { 0.0 };
+        (1000.0 + noise).round() as u16
     };
     let raw = SensorImage {
         width: SIZE[0],
@@ -59,8 +67,12 @@ fn regions() -> Vec<Vec<usize>> {
 fn the_variance_of_a_mean_is_exact_at_rims() {
     const FRAMES: u64 = 3000;
     // Rounding to whole numbers adds 1/12
-    let noise =
-        ChannelNoise { floor_dn: (100.0f64 + 1.0 / 12.0).sqrt(), dn_per_electron: 0.0, gain_spread: 0.0 };
+    let noise = ChannelNoise {
+        floor_dn: (100.0f64 + 1.0 / 12.0).sqrt(),
+        dn_per_electron: 0.0,
+        gain_spread: 0.0,
+        lines: LINES,
+    };
     for how in [Demosaicing::Bilinear, Demosaicing::GradientCorrected] {
         let regions = regions();
         let mut sums = vec![[[0.0; 2]; 3]; regions.len()];

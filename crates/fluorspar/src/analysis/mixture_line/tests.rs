@@ -3,6 +3,7 @@ use rand_distr::{Distribution, Normal, Poisson};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use super::*;
+use crate::analysis::LineNoise;
 use crate::spectral::WavelengthGrid;
 
 /// Chromaticities of elastin and porphyrins behind a 425 nm long-pass, porphyrin three times as bright per amount.
@@ -117,7 +118,12 @@ fn coverage(line: &MixtureLine, amounts: [f64; 2], noise: ChannelNoise, draws: u
 fn intervals_of_95_percent_hold_the_truth_93_to_97_times_in_100() {
     // The intervals are of first order, so the band of 2 % is for the model. Chance adds sqrt(0.95 * 0.05 / 20 000) =
     // 0.15 % to it: the band is 13 standard errors wide, and no seed will cross it.
-    let noise = ChannelNoise { floor_dn: 6.25, dn_per_electron: 0.4496, gain_spread: 0.0229 };
+    let noise = ChannelNoise {
+        floor_dn: 6.25,
+        dn_per_electron: 0.4496,
+        gain_spread: 0.0229,
+        lines: LineNoise::default(),
+    };
     for (seed, amounts) in [[2000.0, 100.0], [800.0, 300.0], [400.0, 20.0], [100.0, 900.0]].iter().enumerate()
     {
         let covered = coverage(&line(), *amounts, noise, 20_000, 41 + seed as u64);
@@ -182,7 +188,8 @@ fn known_reflected_light_is_subtracted() {
         calibration: None,
         label: "blue".into(),
     };
-    let noise = ChannelNoise { floor_dn: 1.0, dn_per_electron: 0.5, gain_spread: 0.0 };
+    let noise =
+        ChannelNoise { floor_dn: 1.0, dn_per_electron: 0.5, gain_spread: 0.0, lines: LineNoise::default() };
     let region = PixelSelection { width: 1, height: 1, pixels: vec![0] };
     let sum = image(std::array::from_fn(|c| rgb[c] + leak[c]));
     let fraction = |reflected: Option<&ChannelImage>| {

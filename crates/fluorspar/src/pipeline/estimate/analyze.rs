@@ -142,13 +142,14 @@ fn analyzed(
     let region =
         analysis_settings.region.select(image.width, image.height, scene).map_err(AnalysisError::from)?;
     let on_region = scene.map(|scene| (scene, &region));
+    let of_region = sensor.as_pixels_see(&region.pixels);
     let chromaticity = ChromaticityMap::of(image, settings.noise_threshold);
     // What is known of the region's light is known of the pixels that the estimate rests on: the others may be brighter or redder
     let measured = PixelSelection { pixels: chromaticity.measured(&region.pixels).collect(), ..region };
     // On the line that mixtures follow
     let by_line = || -> Result<_, PipelineError> {
         let light = frame_light(study, capture, on_region);
-        let mut model = mixture_model(study, sensor, capture, light.as_ref(), settings);
+        let mut model = mixture_model(study, &of_region, capture, light.as_ref(), settings);
         let emitted = match (components, &settings.porphyrin) {
             (Some(components), Some(porphyrin)) => {
                 region_light(study, components, capture, porphyrin, frame, &measured)?
@@ -176,7 +177,7 @@ fn analyzed(
     analysis.exposure_s = Some(frame.raw.exposure_s);
     analysis.gain_is_assumed = frames.iter().any(|frame| frame.raw.gain_is_assumed);
     if rgb_channels(image).is_err() || image.channels.len() != 3 {
-        let (plan, region) = (settings, &region);
+        let (sensor, plan, region) = (&*of_region, settings, &region);
         let signals = channel_analysis(&Measured { study, sensor, plan, frames, region, scene, components })?;
         analysis.warnings.extend(signals.warnings());
         analysis.signals = Some(signals);

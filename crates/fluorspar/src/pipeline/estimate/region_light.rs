@@ -43,7 +43,8 @@ impl<'a> RegionOnMosaic<'a> {
     /// The pixels behind a region of a frame whose colors were interpolated, each with the weight that it has in the mean of the region.
     ///
     /// Pixels of one color alone stand for places that lie up to half a pixel beside the region as a whole: where light falls off across
-    /// it, their plain mean would not be that of the frame. Pixels beyond the region have no weight, though they enter at its rim.
+    /// it, their plain mean would not be that of the frame. Pixels beyond the region have no weight, though they enter at its rim, unless
+    /// it holds none of a channel.
     fn interpolated(sensor: &'a Sensor, region: &PixelSelection, taps: &InterpolationTaps) -> Self {
         let model = sensor.model();
         let (columns, rows) = (model.columns, model.rows);
@@ -54,11 +55,14 @@ impl<'a> RegionOnMosaic<'a> {
         let mut is_inside = vec![false; width * height];
         region.pixels.iter().for_each(|&pixel| is_inside[pixel] = true);
         let mut weights = vec![0.0; columns * rows];
-        for &pixel in &region.pixels {
-            for channel in 0..taps.mosaic().channels.len() {
+        for channel in 0..taps.mosaic().channels.len() {
+            let holds_it = region.pixels.iter().any(|&pixel| taps.channel_of(pixel, width) == channel);
+            for &pixel in &region.pixels {
                 let own = || {
                     let entering = taps.entering([pixel / width, pixel % width], channel, [width, height]);
-                    entering.filter(|(raw, _)| is_inside[*raw] && taps.channel_of(*raw, width) == channel)
+                    entering.filter(|(raw, _)| {
+                        (is_inside[*raw] || !holds_it) && taps.channel_of(*raw, width) == channel
+                    })
                 };
                 let total: f32 = own().map(|(_, weight)| weight).sum();
                 for (raw, weight) in own().filter(|_| total > 0.0) {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use crate::analysis::{
-    AnalysisError, ChannelNoise, PixelSelection, RenderNoise, SceneOnSensor, TargetDetection,
+    AnalysisError, ChannelNoise, LineNoise, PixelSelection, RenderNoise, SceneOnSensor, TargetDetection,
 };
 use crate::image::{CalibrationNoise, ChannelImage};
 use crate::material::ImageTexture;
@@ -44,7 +44,22 @@ pub fn noise_of(image: &ChannelImage, dn_per_electron: f64, sensor: &Sensor) -> 
     let prnu = if is_calibrated(|by| by.has_flat) { 0.0 } else { model.image_prnu_percent() / 100.0 };
     let dsnu =
         if is_calibrated(|by| by.has_dark) { 0.0 } else { dn_per_electron * model.image_dsnu_electrons() };
-    ChannelNoise::of_image(image, dn_per_electron, prnu, dsnu)
+    // So does a frame that is subtracted with the offsets of lines, but for what its exposure scales
+    let (again, left) = image
+        .subtracted
+        .as_ref()
+        .map_or((1.0, 1.0), |light| (light.exposure_ratio.hypot(1.0), (1.0 - light.exposure_ratio).abs()));
+    let left = if is_calibrated(|by| by.has_dark) { 0.0 } else { left };
+    let line_dn = |noise_mv: f64, offset_mv: f64| {
+        dn_per_electron
+            * model.electrons_of_mv(again * noise_mv).hypot(model.electrons_of_mv(left * offset_mv))
+    };
+    let lines = LineNoise {
+        row_dn: line_dn(model.row_noise_mv, model.row_offset_mv),
+        column_dn: line_dn(model.column_noise_mv, model.column_offset_mv),
+        column_gain: if is_calibrated(|by| by.has_flat) { 0.0 } else { model.column_gain_percent / 100.0 },
+    };
+    ChannelNoise { lines, ..ChannelNoise::of_image(image, dn_per_electron, prnu, dsnu) }
 }
 
 /// What the frames tell of the targets of a study.
