@@ -80,15 +80,19 @@ fn unit_of(field: &str) -> &'static str {
 /// the same name. Titles and descriptions are left out. Empty where both set the same.
 #[must_use]
 pub fn setting_differences(a: &Experiment, b: &Experiment) -> Vec<SettingDifference> {
-    let complete = |experiment: &Experiment| {
+    let names = [a, b].map(sensor_name);
+    // A sensor without a name is told by its fields alone: one of the catalogue with another number in one is no other sensor
+    let are_named = names.iter().all(Option::is_some);
+    let complete = |experiment: &Experiment, name: Option<String>| {
         let mut file = Value::try_from(&experiment.file).ok()?;
-        if let (Some(name), Some(sensor)) = (sensor_name(experiment), file.get_mut("sensor")) {
+        if let (Some(name), Some(sensor)) = (name.filter(|_| are_named), file.get_mut("sensor")) {
             name_first(sensor, &name);
         }
         Some(file)
     };
     let mut found = Vec::new();
-    let (a, b) = (complete(a), complete(b));
+    let [of_a, of_b] = names;
+    let (a, b) = (complete(a, of_a), complete(b, of_b));
     differences(String::new(), "", (a.as_ref(), b.as_ref()), &mut found);
     found.retain(|difference| !TEXTS.contains(&difference.path.as_str()));
     found
@@ -205,6 +209,9 @@ mod tests {
         // A sensor of which one number is another has no name
         let changed = patch(&["sensor.preset=monochrome_3_45um", "sensor.read_noise_e=5"]);
         assert_eq!(sensor_name(&changed), None);
+        // Nor is it another sensor
+        let found = setting_differences(&a, &patch(&["sensor.prnu_percent=3"]));
+        assert!(matches!(&found[..], [only] if only.path == "sensor.prnu_percent"), "{found:?}");
         assert_eq!(
             sensor_name(&patch(&["sensor.preset=lyu_2021_table_1"])).as_deref(),
             Some("lyu_2021_table_1")

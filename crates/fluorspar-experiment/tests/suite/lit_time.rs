@@ -5,7 +5,8 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use fluorspar::analysis::Unmixing;
+use fluorspar::analysis::{Analysis, Unmixing};
+use fluorspar::findings::{FindingId, region_findings};
 use fluorspar::pipeline::{evaluate, predict};
 use fluorspar::render::{RenderControl, render};
 use fluorspar_experiment::{parse, parse_sample, resolve};
@@ -41,12 +42,16 @@ porphyrin = "protoporphyrin_ix"
 bulk = "patch"
 "#;
 
-fn unmixed(changes: &[&str]) -> (Unmixing, f64) {
+fn analyzed(changes: &[&str]) -> Analysis {
     let changes: Vec<String> = changes.iter().map(|change| (*change).to_owned()).collect();
     let study = resolve(&parse(TWO_FRAMES, "two", Path::new("."), &changes).unwrap()).unwrap().study;
     let control = RenderControl { stop: &AtomicBool::new(false), progress: &|_| {} };
     let image = render(&study.scene, &study.render, &control).unwrap();
-    let summary = evaluate(&study, &image).unwrap().analysis.unwrap().analysis.signals.unwrap();
+    evaluate(&study, &image).unwrap().analysis.unwrap().analysis
+}
+
+fn unmixed(changes: &[&str]) -> (Unmixing, f64) {
+    let summary = analyzed(changes).signals.unwrap();
     (summary.unmixing.unwrap(), summary.ratios[0].ratio)
 }
 
@@ -66,23 +71,38 @@ fn amounts_are_those_of_the_time_in_which_light_fell() {
     }
 }
 
+/// The share of all signals, and not that of the analyzed frame, stands beside what is estimated from all of them.
 #[test]
-fn parts_of_a_prediction_add_up_under_a_strobe() {
-    let sample = |exposure_ms: f64, strobe: &str| {
+fn the_truth_beside_an_unmixed_share_is_that_of_all_signals() {
+    let analysis = analyzed(&[]);
+    let findings = region_findings(&analysis);
+    let last = |id| findings.iter().rfind(|finding| finding.id == id).unwrap();
+    let truth = last(FindingId::TrueShare).value.unwrap();
+    assert_eq!(last(FindingId::UnmixedShare).reference, Some(truth));
+    assert!(analysis.truth.unwrap().share > 1.2 * truth, "{truth}");
+}
+
+#[test]
+fn parts_of_a_prediction_add_up_under_a_strobe_and_where_pixels_are_joined() {
+    let sample = |exposure_ms: f64, more: &str| {
         let text = format!(
             "format = 1\nlight = {{ spectrum = \"led_385\", strength.irradiance_w_per_m2 = 100.0 }}\n\
              sample = {{ reflectance = 0.2, concentrations = {{ fad = 0.1, protoporphyrin_ix = 0.05 }} }}\n\
-             view_filter.filters = [\"view_475_700\"]\nlens.f_number = 4.0\nsensor = {{ preset = \"lyu_2021_table_1\"{strobe} }}\n\
+             view_filter.filters = [\"view_475_700\"]\nlens.f_number = 4.0\nsensor = {{ preset = \"lyu_2021_table_1\"{more} }}\n\
              exposure.exposure_ms = {exposure_ms:.1}\n"
         );
         predict(&parse_sample(&text, "sample", Path::new("."), &[]).unwrap().sample).unwrap()
     };
     let (lit, plain) = (sample(30.0, ", strobe = { duration_ms = 6.0 }"), sample(6.0, ""));
-    for (name, channel) in &lit.channels {
-        let parts = channel.electrons_reflected + channel.electrons_fluorescence.values().sum::<f64>();
-        assert!((parts / channel.electrons - 1.0).abs() < 1e-3, "{name}: {channel:?}");
-        let other = plain.channels[name].electrons;
-        assert!((channel.electrons / other - 1.0).abs() < 1e-9, "{name}: {channel:?} {other}");
+    let joined = sample(6.0, ", binning = { type = \"digital_sum\", columns = 2, rows = 2 }");
+    for (found, pixels) in [(&lit, 1.0), (&joined, 4.0)] {
+        for (name, channel) in &found.channels {
+            let parts = channel.electrons_reflected + channel.electrons_fluorescence.values().sum::<f64>();
+            assert!((parts / channel.electrons - 1.0).abs() < 1e-3, "{name}: {channel:?}");
+            let other = &plain.channels[name];
+            let alone = pixels * other.electrons;
+            assert!((channel.electrons / alone - 1.0).abs() < 1e-9, "{name}: {channel:?} {other:?}");
+        }
     }
     assert_eq!((lit.exposure_s, lit.porphyrin), (Some(0.03), plain.porphyrin));
 }

@@ -777,6 +777,25 @@ fn patches_are_told_by_two_lights_and_by_near_infrared() {
     }
 }
 
+/// Blocks tell porphyrin along a way that pigment goes little: what is red goes along with what they find, and is more than it.
+#[test]
+fn all_red_light_is_more_than_the_porphyrin_in_it() {
+    let frames = [frame_of("led_385", "rgb_nir_3um", &["view_475_700"])];
+    let family = tissue_family(&prior("dorsal_tongue", TissuePrior::WIDTH), &frames, &grid()).unwrap();
+    let mut by_blocks = 0;
+    for number in 0..4 {
+        let (blocks, [electrons, variance], _) =
+            tongue(&family, 0.1, PorphyrinSpread::Patches, Key::new(77).with(number));
+        let average = FamilyAverage::certain(&family);
+        let found = average.posterior_of_blocks(&electrons, &variance, &blocks, 24).unwrap();
+        let red = found.red.unwrap();
+        by_blocks += usize::from(found.of_mean.is_some());
+        let is_more = red.interval[0] >= found.interval[0] && red.interval[1] >= found.interval[1];
+        assert!(red.median > found.median && is_more, "{red:?} {} {:?}", found.median, found.interval);
+    }
+    assert!(by_blocks > 1, "{by_blocks}");
+}
+
 /// What a design foretells is what drawn tongues show: the interval of a share, and the share from which on none is excluded.
 #[test]
 fn the_visible_share_is_that_of_drawn_tongues() {

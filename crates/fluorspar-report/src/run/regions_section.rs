@@ -143,7 +143,9 @@ fn row(name: &str, analysis: &Analysis) -> Vec<String> {
         let texts: Vec<String> = findings.iter().filter(is_its).map(alone).collect();
         if texts.is_empty() { NOTHING.into() } else { texts.join(", ") }
     };
-    let truth = analysis.truth.as_ref().map_or_else(|| NOTHING.into(), |truth| number(100.0 * truth.share));
+    let truth =
+        findings.iter().find(|finding| finding.id == FindingId::TrueShare).and_then(|truth| truth.value);
+    let truth = truth.map_or_else(|| NOTHING.into(), |share| number(100.0 * share));
     let saturated = analysis.counts.saturated_share();
     let saturated =
         saturated.map_or_else(String::new, |share| format!(" ({:.0} % saturated)", 100.0 * share));

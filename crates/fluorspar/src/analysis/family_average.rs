@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::light_family::{LightFamily, NuisanceGroup};
-use super::red_pattern::RedPattern;
+use super::red_pattern::{PatternPosterior, RedPattern};
 use super::region_blocks::{BlockFamily, BlockShares, DrawnTissues, LEAST_BLOCKS, RegionBlock};
 use super::share_posterior::{
     FamilyFit, IntervalWithout, Mixture, RedShare, ShareInterval, ShareOfMean, SharePosterior, largest_misfit,
@@ -207,10 +207,8 @@ impl Measured<'_> {
 struct ByBlocks {
     /// The share, averaged over the families.
     all: Mixture,
-    /// The share if the tissue is the named one for certain; `None` where its blocks say nothing.
-    named: Option<Mixture>,
-    /// The share of all red emission, averaged over the families.
-    red: Mixture,
+    /// What each family says; `None` where its blocks say nothing.
+    found: Vec<Option<(RedPattern, PatternPosterior)>>,
     /// The blocks, as the most probable family has them.
     shares: BlockShares,
 }
@@ -245,20 +243,26 @@ impl Compared {
         Some(Self { fits, numbers, probabilities })
     }
 
-    /// The posterior of the share.
+    /// The posterior of the share: what families say, each by its probability.
     fn average(&self) -> Mixture {
-        self.averaged(|fit| &fit.mixture)
-    }
-
-    /// The posterior of the share of all red emission; tissue without plant pigment has none but that of porphyrin.
-    fn average_of_red(&self) -> Mixture {
-        self.averaged(FamilyFit::red)
-    }
-
-    /// What families say, each by its probability.
-    fn averaged<'a>(&'a self, of: impl Fn(&'a FamilyFit) -> &'a Mixture) -> Mixture {
         let mut all = Mixture { none: 0.0, terms: Vec::new() };
-        self.fits.iter().zip(&self.probabilities).for_each(|(fit, weight)| all.add(*weight, of(fit)));
+        self.fits.iter().zip(&self.probabilities).for_each(|(fit, weight)| all.add(*weight, &fit.mixture));
+        all
+    }
+
+    /// The posterior of the share of all red emission, by blocks where these answer; tissue without plant pigment has none but that of
+    /// porphyrin.
+    fn average_of_red(&self, by_blocks: Option<&ByBlocks>) -> Mixture {
+        let mut all = Mixture { none: 0.0, terms: Vec::new() };
+        for (number, (fit, weight)) in self.fits.iter().zip(&self.probabilities).enumerate() {
+            match by_blocks.and_then(|blocks| blocks.found[number].as_ref()) {
+                Some((_, found)) if fit.red.is_none() => all.add(*weight, &found.share),
+                Some((pattern, found)) if pattern.looks_like_chlorophyll => all.add(*weight, &found.red),
+                // Blocks along a way that pigment does not go say nothing of it
+                Some((_, found)) => all.add(*weight, &fit.red_given(&found.share)),
+                None => all.add(*weight, fit.red()),
+            }
+        }
         all
     }
 
@@ -270,7 +274,7 @@ impl Compared {
         blocks: &[RegionBlock],
         side_px: usize,
     ) -> Option<ByBlocks> {
-        let mut found: Vec<_> = (0..self.fits.len())
+        let found: Vec<_> = (0..self.fits.len())
             .into_par_iter()
             .map(|fit| {
                 let has_part = fit == 0 || self.probabilities[fit] > NEGLIGIBLE_IN_BLOCKS;
@@ -284,17 +288,11 @@ impl Compared {
             (0..found.len()).max_by(|a, b| self.probabilities[*a].total_cmp(&self.probabilities[*b]))?;
         let (pattern, posterior) = found[best].as_ref()?;
         let shares = BlockShares::new(blocks, side_px, (pattern, posterior));
-        let [mut all, mut red] = [(); 2].map(|()| Mixture { none: 0.0, terms: Vec::new() });
+        let mut all = Mixture { none: 0.0, terms: Vec::new() };
         for ((fit, found), weight) in self.fits.iter().zip(&found).zip(&self.probabilities) {
-            let (share, of_red) = match found {
-                Some((_, found)) if fit.red.is_some() => (&found.share, &found.red),
-                Some((_, found)) => (&found.share, &found.share),
-                None => (&fit.mixture, fit.red()),
-            };
-            all.add(*weight, share);
-            red.add(*weight, of_red);
+            all.add(*weight, found.as_ref().map_or(&fit.mixture, |(_, found)| &found.share));
         }
-        Some(ByBlocks { all, named: found.swap_remove(0).map(|(_, found)| found.share), red, shares })
+        Some(ByBlocks { all, found, shares })
     }
 
     /// Evidence of a fit over that of the named family.
@@ -365,12 +363,12 @@ impl<'a> FamilyAverage<'a> {
         let parts = (0..compared.fits.len()).filter(has_part).map(|fit| families[compared.numbers[fit]]);
         let measured = Measured { electrons, variance, blocks };
         let Changed { mut without, twice_as_wide, visible } = measured.changed(&parts.collect::<Vec<_>>());
-        let red = named.red.as_ref().map(|_| match by_blocks.as_ref().filter(|_| is_by_blocks) {
-            // Blocks along a way that pigment does not go say nothing of it
-            Some(found) if found.shares.looks_like_chlorophyll => RedShare::of(&found.red),
-            _ => RedShare::of(&compared.average_of_red()),
+        let median = mixture.quantile(0.5);
+        let red = named.red.as_ref().map(|_| {
+            let red = compared.average_of_red(by_blocks.as_ref().filter(|_| is_by_blocks));
+            RedShare::of(&red).at_least(median, interval)
         });
-        let of_named = by_blocks.as_ref().and_then(|found| found.named.as_ref());
+        let of_named = by_blocks.as_ref().and_then(|found| Some(&found.found[0].as_ref()?.1.share));
         let doubt = self.doubt(&compared, answer(&named.mixture, of_named));
         if let Some(doubt) = &doubt {
             without.push(IntervalWithout {
@@ -382,7 +380,7 @@ impl<'a> FamilyAverage<'a> {
         Some(SharePosterior {
             frames: self.named.frames.clone(),
             prior: self.named.prior.clone(),
-            median: mixture.quantile(0.5),
+            median,
             interval,
             upper_limit: if interval[0] > 0.0 { mixture.quantile(0.95) } else { interval[1] },
             probability_of_none: mixture.none,

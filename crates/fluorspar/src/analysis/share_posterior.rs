@@ -202,6 +202,8 @@ pub(super) struct FamilyFit {
     pub(super) mixture: Mixture,
     /// The share of all red emission, porphyrin and plant pigment, in tissue that holds such pigment.
     pub(super) red: Option<Mixture>,
+    /// Covariance of the log odds of both shares in each term.
+    red_along: Vec<f64>,
     /// Logarithm of the probability density of the data with all unknowns integrated out, up to a term that all families share.
     pub(super) log_evidence: f64,
     /// How far the data are from the family.
@@ -229,6 +231,12 @@ impl RedShare {
         let [median, low, high] = [0.5, 0.025, 0.975].map(|probability| mixture.quantile(probability));
         Self { median, interval: [low, high] }
     }
+
+    /// No less than the share of porphyrin, which is a part of it.
+    pub(super) fn at_least(self, median: f64, [low, high]: [f64; 2]) -> Self {
+        let Self { median: own, interval: [own_low, own_high] } = self;
+        Self { median: own.max(median), interval: [own_low.max(low), own_high.max(high)] }
+    }
 }
 
 impl FamilyFit {
@@ -250,6 +258,40 @@ impl FamilyFit {
     /// The share of all red emission, which is that of porphyrin in tissue without plant pigment.
     pub(super) fn red(&self) -> &Mixture {
         self.red.as_ref().unwrap_or(&self.mixture)
+    }
+
+    /// The share of all red emission where more than the mean of the region tells that of porphyrin: what goes along with each share of
+    /// porphyrin stays as the mean has it (Jeffrey's rule).
+    pub(super) fn red_given(&self, share: &Mixture) -> Mixture {
+        /// Steps over the log odds of the share, and the probability beyond either end.
+        const STEPS: usize = 64;
+        const BEYOND: f64 = 1e-4;
+        let log_odds = |share: f64| (share / (1.0 - share)).max(1e-6).ln();
+        let [from, to] = [BEYOND, 1.0 - BEYOND].map(|probability| log_odds(share.quantile(probability)));
+        let red = &self.red().terms;
+        let of_none = red.last().map(|[_, mean, sd]| [share.none, *mean, *sd]);
+        let (mut terms, mut below) = (Vec::from_iter(of_none), share.none);
+        for step in 1..=STEPS {
+            let end = from + (to - from) * step as f64 / STEPS as f64;
+            let at = end - 0.5 * (to - from) / STEPS as f64;
+            let up_to = if step == STEPS { 1.0 } else { share.below(end)[0] };
+            let log = |[weight, mean, sd]: &[f64; 3]| {
+                (weight / sd).max(f64::MIN_POSITIVE).ln() - 0.5 * ((at - mean) / sd).powi(2)
+            };
+            let logs: Vec<f64> = self.mixture.terms.iter().map(log).collect();
+            let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let total: f64 = logs.iter().map(|log| (log - best).exp()).sum();
+            let of_share = self.mixture.terms.iter().zip(&self.red_along).zip(logs);
+            terms.extend(red.iter().zip(of_share).map(
+                |([_, red, red_sd], (([_, mean, sd], along), log))| {
+                    let slope = along / (sd * sd);
+                    let rest = (red_sd * red_sd - slope * along).max(1e-12).sqrt();
+                    [(up_to - below) * (log - best).exp() / total, red + slope * (at - mean), rest]
+                },
+            ));
+            below = up_to;
+        }
+        Mixture { none: 0.0, terms }
     }
 }
 
@@ -397,6 +439,10 @@ impl LightFamily {
             terms.push([of_none, mean, sd]);
             Mixture { none: 0.0, terms }
         });
+        let along = |(_, mode): &(f64, Mode)| {
+            mode.covariance(&mode.point.log_odds_slopes, &mode.point.red_log_odds_slopes)
+        };
+        let red_along = red.iter().flat_map(|_| modes.iter().map(along)).collect();
         let best = (0..modes.len()).max_by(|a, b| log_weights[*a].total_cmp(&log_weights[*b]))?;
         let misfit =
             modes.iter().map(|(log_prior, mode)| mode.misfit - 2.0 * log_prior).fold(none.misfit, f64::min);
@@ -406,6 +452,7 @@ impl LightFamily {
             prior_of_none: self.probability_of_none,
             mixture: Mixture { none: of_none, terms: weighted(&Mode::log_odds) },
             red,
+            red_along,
             log_evidence: largest + total.ln() - sd.iter().map(|sd| sd.ln()).sum::<f64>(),
             misfit,
             best: modes.swap_remove(best).1,
@@ -587,7 +634,10 @@ impl Mode {
 
     /// Standard deviation of what has some slopes by the nuisances.
     fn deviation_of(&self, slopes: &DVector<f64>) -> f64 {
-        let seen = self.slopes.tr_mul(slopes);
-        (slopes.norm_squared() - seen.dot(&self.factor.solve(&seen))).max(0.0).sqrt().max(1e-6)
+        self.covariance(slopes, slopes).max(0.0).sqrt().max(1e-6)
+    }
+
+    fn covariance(&self, a: &DVector<f64>, b: &DVector<f64>) -> f64 {
+        a.dot(b) - self.slopes.tr_mul(a).dot(&self.factor.solve(&self.slopes.tr_mul(b)))
     }
 }

@@ -49,11 +49,13 @@ pub struct DesignCamera {
     pub shares: Vec<f64>,
     /// Variance of a read without light, e-²: noise of the readout and rounding of the converter.
     pub dark_variance_e2: f64,
+    /// The same of what a row or a column shares.
+    pub line_variance_e2: f64,
     /// Dark current, e-/s.
     pub dark_e_per_s: f64,
     /// Photo-response non-uniformity, relative.
     pub prnu: f64,
-    /// Electrons of one pixel at which its well or the converter is full.
+    /// Electrons of one pixel, dark ones included, at which its well or the converter is full.
     pub full_e: f64,
     /// Price, in any unit.
     pub cost: f64,
@@ -61,10 +63,13 @@ pub struct DesignCamera {
     weights: Vec<Vec<f64>>,
 }
 
-/// Pixels that are joined count as one, which holds the electrons of all; digital numbers have a read noise each.
+/// Pixels that are joined count as one, which holds the electrons of all; digital numbers have a read noise each, which those of a line
+/// share in part.
 struct Joined {
     pixels: f64,
     reads: f64,
+    /// Factors on the variances of a row and of a column.
+    lines: [f64; 2],
     full_e: f64,
 }
 
@@ -72,14 +77,18 @@ impl Joined {
     /// Of a sensor whose converter is full at so many electrons.
     fn of(model: &SensorModel, converter_e: f64) -> Self {
         let pixels = model.binning.map_or(1.0, |binning| binning.pixels() as f64);
-        let (reads, full_e) = match model.binning {
+        match model.binning {
             Some(Binning { kind: BinningKind::Charge, well_capacity_e, .. }) => {
                 let node_e = well_capacity_e.unwrap_or(pixels * model.well_capacity_e);
-                (1.0, (pixels * model.well_capacity_e).min(node_e).min(converter_e))
+                let full_e = (pixels * model.well_capacity_e).min(node_e).min(converter_e);
+                Self { pixels, reads: 1.0, lines: [1.0; 2], full_e }
             }
-            _ => (pixels, pixels * model.well_capacity_e.min(converter_e)),
-        };
-        Self { pixels, reads, full_e }
+            binning => {
+                let lines =
+                    binning.map_or([1.0; 2], |of| [of.columns, of.rows].map(|side| pixels * side as f64));
+                Self { pixels, reads: pixels, lines, full_e: pixels * model.well_capacity_e.min(converter_e) }
+            }
+        }
     }
 }
 
@@ -95,15 +104,20 @@ impl DesignCamera {
         let model = sensor.model();
         let dn_per_e = model.base_dn_per_electron() * model.analog_gain * gain;
         let behind_lens = sensor.behind(lens_transmittance);
-        let converter_e = (f64::from(model.max_code()) - model.black_level_dn) / dn_per_e;
-        let Joined { pixels: joined, reads, full_e } = Joined::of(model, converter_e);
-        let of_read_e2 = model.dark_noise_electrons(gain).powi(2) + ROUNDING_DN2 / (dn_per_e * dn_per_e);
+        let black_dn = model.black_level_dn + model.analog_offset_mv * 1e-3 / model.volts_per_dn();
+        let converter_e = (f64::from(model.max_code()) - black_dn) / dn_per_e;
+        let Joined { pixels: joined, reads, lines, full_e } = Joined::of(model, converter_e);
+        let of_lines_e2 =
+            [model.row_noise_mv, model.column_noise_mv].map(|mv| model.electrons_of_mv(mv).powi(2));
+        let of_pixel_e2 = model.dark_noise_electrons(gain).powi(2) - of_lines_e2.iter().sum::<f64>();
+        let of_read_e2 = of_pixel_e2 + ROUNDING_DN2 / (dn_per_e * dn_per_e);
         let of_pixels = |weights: Vec<f64>| weights.into_iter().map(|weight| joined * weight).collect();
         Self {
             name: name.into(),
             channels: sensor.mosaic().channels.clone(),
             shares: sensor.mosaic().shares(),
             dark_variance_e2: reads * of_read_e2,
+            line_variance_e2: lines[0] * of_lines_e2[0] + lines[1] * of_lines_e2[1],
             dark_e_per_s: joined * model.dark_electrons_per_s(),
             prnu: model.image_prnu_percent() / 100.0,
             full_e,
@@ -169,22 +183,38 @@ mod tests {
     #[test]
     fn joined_pixels_have_the_electrons_of_all_and_the_reads_of_their_kind() {
         let grid = WavelengthGrid::from_edges(&[500.0, 510.0]).unwrap();
-        let camera = |kind: Option<BinningKind>| {
+        let camera = |kind: Option<BinningKind>, analog_offset_mv: f64| {
             let binning = kind.map(|kind| Binning { kind, columns: 2, rows: 2, well_capacity_e: None });
-            let model = SensorModel { binning, mosaic: vec![vec!["mono".into()]], ..SensorModel::default() };
+            let (row_noise_mv, column_noise_mv) = (0.3, 0.4);
+            let mosaic = vec![vec!["mono".into()]];
+            let model = SensorModel {
+                binning,
+                mosaic,
+                analog_offset_mv,
+                row_noise_mv,
+                column_noise_mv,
+                ..Default::default()
+            };
             let qe = SpectralQe::from_curves([("mono", Curve::constant(0.6))]).unwrap();
             let sensor = Sensor::new(model, qe).unwrap();
             DesignCamera::new("camera", &sensor, 1.0, &Curve::constant(1.0), &FineBands::of(&grid))
         };
-        let plain = camera(None);
-        for (kind, reads) in
-            [(BinningKind::Charge, 1.0), (BinningKind::DigitalSum, 4.0), (BinningKind::DigitalAverage, 4.0)]
-        {
-            let joined = camera(Some(kind));
+        let plain = camera(None, 0.0);
+        // The converter is full before the well, and an offset takes of its room
+        let taken_e = plain.full_e - camera(None, 10.0).full_e;
+        assert!((taken_e / SensorModel::default().electrons_of_mv(10.0) - 1.0).abs() < 1e-9, "{taken_e}");
+        // Two reads of a row are in its sum: their common noise counts twice
+        for (kind, reads, lines) in [
+            (BinningKind::Charge, 1.0, 1.0),
+            (BinningKind::DigitalSum, 4.0, 8.0),
+            (BinningKind::DigitalAverage, 4.0, 8.0),
+        ] {
+            let joined = camera(Some(kind), 0.0);
             let near = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-12, "{kind:?}: {a} {b}");
             near(joined.weights[0][0], 4.0 * plain.weights[0][0]);
             near(joined.dark_e_per_s, 4.0 * plain.dark_e_per_s);
             near(joined.dark_variance_e2, reads * plain.dark_variance_e2);
+            near(joined.line_variance_e2, lines * plain.line_variance_e2);
             near(joined.prnu, 0.5 * plain.prnu);
             assert!(joined.full_e <= 4.0 * plain.full_e && joined.full_e >= plain.full_e, "{kind:?}");
         }

@@ -79,12 +79,18 @@ impl DesignExposure<'_> {
         self.factor() * (rates.fluorescence[channel].iter().sum::<f64>() + rates.leak[channel])
     }
 
-    /// Variance of the mean of a channel over the region.
+    /// Mean dark electrons of one pixel.
+    fn dark_electrons(&self) -> f64 {
+        self.camera.dark_e_per_s * self.time_s
+    }
+
+    /// Variance of the mean of a channel over the region. Of a region as wide as high the root of the number of pixels is that of its lines.
     pub(super) fn variance(&self, channel: usize, mean_e: f64, pixels: f64) -> f64 {
         let camera = self.camera;
         let spread = camera.prnu * mean_e;
-        let of_pixel = mean_e + camera.dark_e_per_s * self.time_s + camera.dark_variance_e2 + spread * spread;
-        of_pixel / (pixels * camera.shares[channel]).max(1.0)
+        let of_pixel = mean_e + self.dark_electrons() + camera.dark_variance_e2 + spread * spread;
+        let pixels = (pixels * camera.shares[channel]).max(1.0);
+        of_pixel / pixels + camera.line_variance_e2 / pixels.sqrt()
     }
 }
 
@@ -105,7 +111,7 @@ pub struct RegionMerits {
     pub signal_to_noise: Vec<Vec<f64>>,
     /// Largest ratio of reflected to fluorescent electrons of an exposure through a filter; infinite where it sees no fluorescence.
     pub leak: f64,
-    /// Electrons of the brightest pixel over what it holds.
+    /// Electrons of the brightest pixel, dark ones included, over what it holds.
     pub saturation: f64,
     /// The bound itself.
     #[serde(skip)]
@@ -148,7 +154,7 @@ pub fn evaluate_region(
             reflected += leaked;
             let brightest =
                 signal * assumptions.brightest_fluorescence + leaked * assumptions.brightest_reflection;
-            saturation = saturation.max(brightest / exposure.camera.full_e);
+            saturation = saturation.max((brightest + exposure.dark_electrons()) / exposure.camera.full_e);
         }
         if !is_white[k] {
             let leak = if fluorescent > 0.0 { reflected / fluorescent } else { f64::INFINITY };
@@ -227,9 +233,9 @@ pub(super) fn sample_pixels(
     pixels: usize,
     key: Key,
 ) -> Vec<f64> {
-    let dark_e = exposure.camera.dark_e_per_s * exposure.time_s;
+    let dark_e = exposure.dark_electrons();
     let mean_e = exposure.channel_electrons(channel, rates);
-    let read_e = exposure.camera.dark_variance_e2.sqrt();
+    let read_e = (exposure.camera.dark_variance_e2 + exposure.camera.line_variance_e2).sqrt();
     let draw = |pixel: usize| {
         let mut rng = key.with(channel as u64).with(pixel as u64).rng();
         let shot = Poisson::new((mean_e + dark_e).max(1e-12)).map_or(mean_e + dark_e, |p| p.sample(&mut rng));
@@ -383,6 +389,23 @@ mod tests {
         let dim = rates(3.0, 1.0);
         assert!((apart(&dim, &b) / apart(&b, &dim) - 1.0).abs() < 1e-9 && apart(&dim, &b) < apart(&a, &b));
         assert!((apart(&a, &b) / expected - 1.0).abs() < 1e-6);
+    }
+
+    /// Dark electrons fill pixels as others do, and what lines share averages over the lines of a region alone.
+    #[test]
+    fn dark_electrons_saturate_and_lines_average_by_themselves() {
+        let mut camera = camera();
+        camera.dark_e_per_s = 4000.0;
+        let merits = |camera: &DesignCamera| {
+            // 10 000 pixels of each channel
+            let known = Assumptions { pixels: 2e4, ..Assumptions::default() };
+            evaluate_region(&[&rates(300.0, 100.0)], &[exposure(camera)], &[false], (&[], &known), &[])
+        };
+        let plain = merits(&camera);
+        assert!((plain.saturation * camera.full_e - 4300.0).abs() < 1e-9, "{plain:?}");
+        camera.line_variance_e2 = 100.0;
+        let variance = |merits: RegionMerits| (300.0 / merits.signal_to_noise[0][0]).powi(2);
+        assert!((variance(merits(&camera)) - variance(plain) - 1.0).abs() < 1e-9);
     }
 
     /// People whose signals are independent normals of standard deviation 20 e- in both channels, shifted by 40 and 0: `d'` 2. Of 400

@@ -43,7 +43,7 @@ pub struct Merits {
     pub cost: f64,
     /// Largest ratio of reflected to fluorescent electrons.
     pub leak: f64,
-    /// Electrons of the brightest pixel over what it holds.
+    /// Electrons of the brightest pixel, dark ones included, over what it holds.
     pub saturation: f64,
     /// Photobiological margin of the tissue under all exposures together; null where it was not wanted, or nothing counts.
     pub tissue_margin: Option<f64>,
@@ -136,7 +136,8 @@ impl DesignSpace {
         let brightest = (0..rates.leak.len())
             .map(|c| rates.leak[c] + rates.fluorescence[c].iter().sum::<f64>())
             .fold(0.0, f64::max);
-        exposure.time_s = white.level * camera.full_e / (brightest * exposure.light * lens_sr).max(1e-300);
+        let per_second = brightest * exposure.light * lens_sr + camera.dark_e_per_s;
+        exposure.time_s = white.level * camera.full_e / per_second.max(1e-300);
         Some(exposure)
     }
 

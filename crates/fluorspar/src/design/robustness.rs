@@ -107,7 +107,11 @@ fn changes(problem: &DesignProblem, best: &Design, factor: f64) -> Vec<(String, 
         };
     });
     let camera = best.camera;
-    add("read noise".into(), true, &|p| p.cameras[camera].dark_variance_e2 *= factor * factor);
+    add("read noise".into(), true, &|p| {
+        let camera = &mut p.cameras[camera];
+        camera.dark_variance_e2 *= factor * factor;
+        camera.line_variance_e2 *= factor * factor;
+    });
     let uneven = problem.cameras[camera].prnu > 0.0;
     add("non-uniformity of pixels".into(), uneven, &|p| p.cameras[camera].prnu *= factor);
     for &light in &best.lights {

@@ -109,7 +109,16 @@ fn share_findings(analysis: &Analysis) -> Vec<Finding> {
     if let Some(mixture) = &analysis.mixture {
         all.extend(line_findings(mixture, analysis, truth));
     }
-    if let Some(truth) = &analysis.truth {
+    // Of channels without a mixture line the share is unmixed from all signals, and so is its truth; the analyte is the last term
+    let unmixed =
+        match analysis.signals.as_ref().and_then(|signals| Some(&signals.unmixing.as_ref()?.terms[..])) {
+            Some([.., _, analyte]) if truth.is_some() => Some(analyte),
+            _ => None,
+        };
+    let answers = |finding: &Finding| matches!(finding.id, FindingId::Share | FindingId::LineShare);
+    let of_signals = unmixed.and_then(|of| of.true_share).filter(|_| !all.iter().any(answers));
+    all.extend(of_signals.map(|share| Finding::new(FindingId::TrueShare, share)));
+    if let (Some(truth), None) = (&analysis.truth, of_signals) {
         let twice = truth.share_with_light_that_fluoresced_twice;
         let share = Finding::new(FindingId::TrueShare, truth.share).of_frame(&analysis.frame);
         all.push(share.within(twice).with(Caveat::FluorescedTwice));
@@ -122,11 +131,9 @@ fn share_findings(analysis: &Analysis) -> Vec<Finding> {
         all.push(Finding::new(FindingId::DetectionLimit, limit).with(Caveat::SensorNoiseAlone));
         all.extend(there.map(|there| percent(FindingId::LimitOverTruth, limit, there)));
     } else if there.is_some()
-        && let Some([.., _, analyte]) =
-            analysis.signals.as_ref().and_then(|s| Some(&s.unmixing.as_ref()?.terms[..]))
+        && let Some(analyte) = unmixed
         && let Some(there) = analyte.true_share.filter(|share| *share > 0.0)
     {
-        // Of channels without a mixture line: the share unmixed from all signals, of which the analyte is the last term
         let [low, high] = analyte.share_interval;
         // A share at its end has no width that tells anything
         if high > low {

@@ -25,7 +25,8 @@ pub struct RadianceSplit {
 /// Mean response of one channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ChannelPrediction {
-    /// Mean photo-electrons, e-, as the light frees them: where the well is full, more than it holds.
+    /// Mean photo-electrons of a pixel, those that are joined together, e-, as the light frees them: where the well is full, more than it
+    /// holds.
     pub electrons: f64,
     /// The part from reflected light, e-.
     pub electrons_reflected: f64,
@@ -139,9 +140,11 @@ pub fn predict(sample: &FlatSample) -> Result<Prediction, PredictError> {
     let mut prediction = without_sensor(sample, &parts, light.as_ref());
     let exposure = exposure(sample, &parts)?;
     if let (Some(sensor), Some(lens), Some(light)) = (&sample.camera.sensor, &sample.camera.lens, &light) {
-        let response = sensor.flat_response(light, &exposure)?;
+        let mut response = sensor.flat_response(light, &exposure)?;
+        let joined = sensor.model().binning.map_or(1.0, |binning| binning.pixels() as f64);
+        response.electrons.iter_mut().for_each(|electrons| *electrons *= joined);
         let camera = CameraResponse::new(&lens.equation, sensor, &sample.grid, None);
-        let light_s = sensor.light_s(exposure.time_s);
+        let light_s = sensor.frame_light_s(exposure.time_s);
         respond(&mut prediction, &camera, &parts, light_s, &response);
         prediction.exposure_s = Some(exposure.time_s);
         if !response.saturated.contains(&true) {
